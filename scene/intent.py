@@ -1,0 +1,55 @@
+"""What the sentence asks for: support, size and mass of the object, orientation and region in words."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True, slots=True)
+class OrientationRequest:
+    """What the prompt says about orientation."""
+
+    pose: str
+    """upright | upside_down | on_side | lying | standing | any (nothing said)."""
+    facing: str
+    """Id of an instance or 'part:NAME' or 'wall' | 'door' | 'viewer' to face; empty: nothing said."""
+    words: str
+    """The words it was read from."""
+
+
+@dataclass(frozen=True, slots=True)
+class RegionRequest:
+    """What the prompt says about where on the support."""
+
+    part: str
+    """Part name asked for, or empty."""
+    names: tuple[str, ...]
+    """Among: center, left, right, front, back, head, foot, edge, corner, near, next_to, between, middle, any; combined ('left', 'front')."""
+    references: tuple[str, ...]
+    """Instance ids or 'part:NAME' that near / next_to / between refer to."""
+    words: str
+    """The words it was read from."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Intent:
+    """One answer to one question."""
+
+    base_id: str
+    base_label: str
+    object_name: str
+    """Category of the object: ball, mug, plush toy ..."""
+    size: NDArray[np.float64]
+    """Size prior, extents sorted descending [m], shape (3,)."""
+    mass: float
+    """Mass prior [kg]."""
+    hollow: bool
+    """Its mass is not density times the volume of its closed mesh."""
+    scale: float
+    """Isotropic factor applied to the object mesh (median over axes, clamped)."""
+    orientation: OrientationRequest
+    region: RegionRequest
+    not_understood: tuple[str, ...]
+    """Words that were left over."""
+    notes: tuple[str, ...]

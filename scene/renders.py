@@ -1,0 +1,22 @@
+"""The pictures of one placement."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Renders:
+    """RGB images and what they show."""
+
+    clean: NDArray[np.uint8]
+    """The scene before, (h, w, 3)."""
+    settled: NDArray[np.uint8]
+    """The scene with the object at rest, same camera, (h, w, 3)."""
+    closeup: NDArray[np.uint8]
+    """The contact from nearby, (h, w, 3)."""
+    visible_fraction: float
+    """Share of the object's pixels not hidden by the scene in the settled view, 0..1."""
+    camera_position: NDArray[np.float64]
+    camera_target: NDArray[np.float64]

@@ -1,0 +1,53 @@
+"""What the mesh stage returns: one coloured mesh and what its source said about it."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scene.box import OrientedBox
+from scene.mesh import Mesh
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class LabelBox:
+    """A labelled instance box as annotated in the source (InteriorGS labels.json)."""
+
+    id: str
+    label: str
+    box: OrientedBox
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Room:
+    """A floor polygon."""
+
+    kind: str
+    profile: NDArray[np.float64]
+    """Corners [m], shape (k, 2)."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Scan:
+    """A scene or an object, in metres, right-handed, z up."""
+
+    mesh: Mesh
+    face_node: NDArray[np.int32]
+    """Index into `node_names` for each face, -1 where the source names nothing, shape (m,)."""
+    node_names: tuple[str, ...]
+    """Names of the nodes, groups or components of the source."""
+    boxes: tuple[LabelBox, ...]
+    """Annotated instances; empty when the source has none."""
+    rooms: tuple[Room, ...]
+    label: str
+    """What the whole mesh is (option --label, or the file's stem); empty for a labelled scene."""
+    world_from_file: NDArray[np.float64]
+    """Maps the file's own coordinates to ours, shape (4, 4)."""
+    up: str
+    """Up axis found in the file: x, y or z."""
+    unit_metres: float
+    """Length of the file's unit [m]."""
+    unit_source: str
+    """Who said so: option, format or estimate."""
+    notes: tuple[str, ...]
+    """What was repaired, assumed or ignored on reading, one sentence each."""
