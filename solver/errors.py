@@ -1,0 +1,13 @@
+"""Errors of the solver: broken promises, never expected outcomes."""
+
+
+class SolverError(Exception):
+    """Root of the solver's errors."""
+
+
+class ModelError(SolverError):
+    """The input cannot be simulated; names the body, the value and the bound."""
+
+
+class UnstableStep(SolverError):
+    """A step broke (inverted map, non-finite state, no descent); names time, body, value and bound."""
