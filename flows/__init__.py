@@ -1,0 +1,1 @@
+"""What a person starts: one placement, a benchmark, the command line."""

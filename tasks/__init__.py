@@ -1,0 +1,1 @@
+"""The stages: one module each, pure functions made into cached tasks."""
