@@ -231,7 +231,8 @@ HEADER_END = b"end_header\n"
 def mesh_to_ply(mesh: Mesh) -> bytes:
     """Binary little-endian PLY with double positions, so that nothing is lost."""
     header = (
-        f"ply\nformat binary_little_endian 1.0\ncomment metres, right-handed, z up\nelement vertex {len(mesh.vertices)}\n"
+        "ply\nformat binary_little_endian 1.0\ncomment metres, right-handed, z up\n"
+        f"element vertex {len(mesh.vertices)}\n"
         "property double x\nproperty double y\nproperty double z\n"
         "property uchar red\nproperty uchar green\nproperty uchar blue\n"
         f"element face {len(mesh.faces)}\nproperty list uchar int vertex_indices\n"

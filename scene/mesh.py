@@ -67,7 +67,8 @@ class Mesh:
     @property
     def face_areas(self) -> NDArray[np.float64]:
         """Areas [m^2], shape (m,)."""
-        return 0.5 * np.linalg.norm(self.face_normals, axis=1)
+        areas: NDArray[np.float64] = 0.5 * np.linalg.norm(self.face_normals, axis=1)
+        return areas
 
     def transformed(self, world_from_mesh: NDArray[np.float64]) -> Self:
         """The mesh under a 4x4 affine map; faces are turned around if the map mirrors."""

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import TypeVar
+from typing import TypeAlias, TypeVar
 
 
 class Reason(StrEnum):
@@ -32,4 +32,4 @@ class Infeasible:
 
 Value = TypeVar("Value")
 
-Outcome = Value | Infeasible
+Outcome: TypeAlias = Value | Infeasible

@@ -14,7 +14,8 @@ class Part:
     """A named piece of one instance; parts of an instance cover it without overlap."""
 
     name: str
-    """Semantic name in lower case: mattress, frame, headboard, pillow, blanket, seat cushion, back, arm, top, leg, shade, pole, base, body ..."""
+    """Semantic name in lower case: mattress, frame, headboard, pillow, blanket, seat cushion, back, arm, top, leg, shade,
+    pole, base, body ..."""
     box: OrientedBox
     """Oriented box in the world frame."""
     confidence: float
@@ -32,7 +33,7 @@ class Instance:
     parts: tuple[Part, ...]
     """At least one."""
     front: NDArray[np.float64] | None
-    """Horizontal unit vector out of the front (away from headboard, backrest or wall), None if it has none, shape (3,)."""
+    """Horizontal unit vector out of the front (away from headboard, backrest or wall), None if none, shape (3,)."""
     structure: bool = False
     """True for walls, floor, ceiling: never a movable thing, may still be a support (floor)."""
 

@@ -1,11 +1,11 @@
 """Which files make up a foreign scene or mesh: the file itself and what it names.
 
-A folder gives all its files; an OBJ brings its MTL files and their textures, a glTF its buffers and pictures. Only what lies in
-the file's own folder counts, and ground truth never does. Absurd inputs are refused before anything is read whole.
+A folder gives all its files; an OBJ brings its MTL files and their textures, a glTF its buffers and pictures. Only what
+lies in the file's own folder counts, and ground truth never does. Absurd inputs are refused before anything is read.
 """
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from urllib.parse import unquote
 
@@ -37,11 +37,11 @@ def source_files(path: Path) -> tuple[str, dict[str, Path]]:
     return path.name, checked(path, files.items())
 
 
-def checked(path: Path, files: "Iterator[tuple[str, Path]] | object") -> dict[str, Path]:
+def checked(path: Path, files: Iterable[tuple[str, Path]]) -> dict[str, Path]:
     """The files by name, if they are neither too many nor too large nor none."""
     found: dict[str, Path] = {}
     total = 0
-    for name, file in files:  # type: ignore[attr-defined]
+    for name, file in files:
         found[name] = file
         total += file.stat().st_size
         check_size(path, total)
@@ -55,7 +55,8 @@ def checked(path: Path, files: "Iterator[tuple[str, Path]] | object") -> dict[st
 def check_size(path: Path, size: int) -> None:
     """Refuse what cannot be a sensible input."""
     if size > MOST_BYTES:
-        raise InputError(f"{path}: {size / 2**30:.1f} GiB > {MOST_BYTES / 2**30:.0f} GiB; decimate the mesh or give one scene")
+        limit = MOST_BYTES / 2**30
+        raise InputError(f"{path}: {size / 2**30:.1f} GiB > {limit:.0f} GiB; decimate the mesh or give one scene")
     if size == 0 and path.is_file():
         raise InputError(f"{path}: an empty file")
 

@@ -1,11 +1,12 @@
 """The artifact store: values and foreign files by the digest of their content.
 
-An artifact is a folder `objects/KIND/aa/SHA256` of plain files (scene/codec.py says which); its digest covers the names and
-bytes of all of them. Guaranteed: an artifact appears whole or not at all (written beside, then renamed), equal values get
-the same digest and the same bytes, and what `load` returns was read from bytes that match the digest.
+An artifact is a folder `objects/KIND/aa/SHA256` of plain files (scene/codec.py says which); its digest covers the names
+and bytes of all of them. Guaranteed: an artifact appears whole or not at all (written beside, then renamed), equal
+values get the same digest and the same bytes, and what `load` returns was read from bytes that match the digest.
 """
 
 import hashlib
+import json
 import os
 import shutil
 import threading
@@ -20,7 +21,6 @@ from scene.settings import cache_root
 from scene.source_files import source_files
 
 FILES_FOLDER = "files"
-CHUNK = 1 << 20
 
 
 @dataclass(frozen=True, slots=True, order=True)
@@ -72,7 +72,7 @@ class Store:
     def save(self, value: object) -> Ref:
         """Write a value; an artifact that is there and sound is left alone."""
         files = encode(value)
-        ref = Ref(type(value).__name__, digest_of({name: hashlib.sha256(data).hexdigest() for name, data in files.items()}))
+        ref = Ref(type(value).__name__, digest_of_bytes(files))
         if not self.has(ref):
             with self._building(ref) as folder:
                 for name, data in files.items():
@@ -88,14 +88,14 @@ class Store:
             files = {path.name: path.read_bytes() for path in sorted(folder.iterdir())}
         except OSError as error:
             raise MissingArtifactError(f"{ref.kind} {ref.sha256[:12]} cannot be read: {error}") from error
-        if digest_of({name: hashlib.sha256(data).hexdigest() for name, data in files.items()}) != ref.sha256:
+        if digest_of_bytes(files) != ref.sha256:
             raise MissingArtifactError(f"{ref.kind} {ref.sha256[:12]} in {folder} does not match its digest")
         return decode(files)
 
     def has(self, ref: Ref) -> bool:
         """Whether the artifact is there and every byte matches its digest.
 
-        Bytes are read once per process; after that an unchanged size and modification time of each file is taken as proof.
+        Bytes are read once per process; after that unchanged sizes and modification times are taken as proof.
         """
         folder = self.folder(ref)
         stamp = stamps(folder)
@@ -204,6 +204,11 @@ def digest_of(digests: Mapping[str, str]) -> str:
     return hashlib.sha256(lines.encode()).hexdigest()
 
 
+def digest_of_bytes(files: Mapping[str, bytes]) -> str:
+    """Digest of an artifact whose files are in memory."""
+    return digest_of({name: hashlib.sha256(data).hexdigest() for name, data in files.items()})
+
+
 def digest_of_file(path: Path) -> str:
     """SHA-256 of one file's bytes."""
     with path.open("rb") as file:
@@ -234,8 +239,6 @@ def walk(folder: Path) -> list[Path]:
 
 def json_file(path: Path) -> dict[str, object]:
     """A JSON object from a file."""
-    import json
-
     tree = json.loads(path.read_bytes())
     if not isinstance(tree, dict):
         raise StoreError(f"{path} does not hold a JSON object")
