@@ -49,5 +49,6 @@ class OrientedBox:
 
     def contains(self, points: NDArray[np.float64], *, margin: float = 0.0) -> NDArray[np.bool_]:
         """Which world points (n, 3) lie inside the box grown by `margin` [m], shape (n,)."""
-        inside: NDArray[np.bool_] = (np.abs(self.to_local(points)) <= self.half_extents + margin).all(axis=1)
+        within = np.abs(self.to_local(points)) <= self.half_extents + margin
+        inside: NDArray[np.bool_] = np.logical_and.reduce(within, axis=1)
         return inside

@@ -25,7 +25,8 @@ class RegionRequest:
     part: str
     """Part name asked for, or empty."""
     names: tuple[str, ...]
-    """Among: center, left, right, front, back, head, foot, edge, corner, near, next_to, between, middle, any; combined ('left', 'front')."""
+    """Among: center, left, right, front, back, head, foot, edge, corner, near, next_to, between, middle, any; combined
+    ('left', 'front')."""
     references: tuple[str, ...]
     """Instance ids or 'part:NAME' that near / next_to / between refer to."""
     words: str

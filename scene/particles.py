@@ -58,8 +58,8 @@ class SimulationBody:
     grid_y: NDArray[np.float64]
     grid_z: NDArray[np.float64]
     node_held: NDArray[np.int8]
-    """0: free; 1: held by something fixed (frame below, crop cut); 2: belongs to the body's own rigid core (moves rigidly with
-    the free body), shape (kx, ky, kz)."""
+    """0: free; 1: held by something fixed (frame below, crop cut); 2: belongs to the body's own rigid core (moves
+    rigidly with the free body), shape (kx, ky, kz)."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)

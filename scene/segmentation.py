@@ -14,8 +14,8 @@ class Part:
     """A named piece of one instance; parts of an instance cover it without overlap."""
 
     name: str
-    """Semantic name in lower case: mattress, frame, headboard, pillow, blanket, seat cushion, back, arm, top, leg, shade,
-    pole, base, body ..."""
+    """Semantic name in lower case: mattress, frame, headboard, pillow, blanket, seat cushion, back, arm, top, leg,
+    shade, pole, base, body ..."""
     box: OrientedBox
     """Oriented box in the world frame."""
     confidence: float
