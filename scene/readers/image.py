@@ -1,0 +1,23 @@
+"""Texture images: decoded to sRGB bytes, with a limit on their size."""
+
+import io
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image, UnidentifiedImageError
+
+from scene.errors import FormatError
+
+MAX_PIXELS = 16384 * 16384
+"""Largest texture [pixels]: the largest that graphics hardware accepts."""
+
+
+def read_image(data: bytes, where: str) -> NDArray[np.uint8]:
+    """An encoded image as RGB bytes, first row on top, shape (h, w, 3); transparency is ignored."""
+    try:
+        with Image.open(io.BytesIO(data)) as image:
+            if image.width * image.height > MAX_PIXELS:
+                raise FormatError(f"{where}: a texture of {image.width} x {image.height} pixels; reduce it first")
+            return np.asarray(image.convert("RGB"), dtype=np.uint8)
+    except (UnidentifiedImageError, OSError, Image.DecompressionBombError, SyntaxError, ValueError) as error:
+        raise FormatError(f"{where}: the image cannot be decoded ({error})") from None

@@ -1,0 +1,207 @@
+"""Wavefront OBJ meshes: any polygons, negative indices, vertex colours, objects, groups, MTL colours and textures.
+
+Every index is checked; polygons are kept whole until `polygons.triangulate` cuts them, so quads are never lost.
+"""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scene.errors import FormatError, InputError
+from scene.readers.mtl import Material, read_mtl
+from scene.readers.polygons import triangulate
+from scene.readers.raw import Paint, RawMesh, check_face_count, read_bytes
+
+
+@dataclass
+class Lines:
+    """The file's lines by kind, in file order, without their keyword."""
+
+    vertex: list[bytes] = field(default_factory=list)
+    texture: list[bytes] = field(default_factory=list)
+    face: list[bytes] = field(default_factory=list)
+    face_line: list[int] = field(default_factory=list)
+    """Line number of each face, for messages."""
+    seen: list[tuple[int, int]] = field(default_factory=list)
+    """Vertices and texture coordinates read before each face (negative indices count from there)."""
+    switches: dict[str, list[tuple[int, str]]] = field(default_factory=lambda: {"o": [], "g": [], "usemtl": []})
+    """(first face, name) of every object, group and material."""
+    libraries: list[str] = field(default_factory=list)
+
+
+def read_obj(path: Path) -> RawMesh:
+    """Read an OBJ file and the MTL and images beside it."""
+    lines = _sort_lines(read_bytes(path))
+    check_face_count(path, len(lines.face))
+    numbers = _numbers(path, lines.vertex, "v", (3, 4, 6, 7))
+    vertices = numbers[:, :3].copy()
+    if not len(vertices) or not lines.face:
+        raise InputError(f"{path}: no faces ({len(vertices)} vertices): nothing to place on or to place")
+    uv = _numbers(path, lines.texture, "vt", (1, 2, 3))
+    faces, face_uv, owner = _faces(path, lines, vertices, len(uv))
+    named = lines.switches["o"] or lines.switches["g"]
+    face_node, names = _spread(named, len(lines.face))
+    notes: list[str] = []
+    paint = _paint(path, lines, uv, face_uv, owner, notes)
+    return RawMesh(
+        path=path, vertices=vertices, faces=faces, colors=_vertex_colors(numbers), paint=paint,
+        face_node=face_node[owner], node_names=names, up="", unit_metres=0.0, notes=tuple(notes),
+    )  # fmt: skip
+
+
+def _sort_lines(data: bytes) -> Lines:
+    """Split the text and sort its lines by keyword."""
+    lines = Lines()
+    text = data.replace(b"\r\n", b"\n").replace(b"\r", b"\n").replace(b"\\\n", b" ")
+    for number, line in enumerate(text.split(b"\n"), start=1):
+        key, _, rest = line.strip().replace(b"\t", b" ").partition(b" ")
+        if key == b"v":
+            lines.vertex.append(rest)
+        elif key == b"vt":
+            lines.texture.append(rest)
+        elif key == b"f":
+            lines.face.append(rest)
+            lines.face_line.append(number)
+            lines.seen.append((len(lines.vertex), len(lines.texture)))
+        elif key in (b"o", b"g", b"usemtl"):
+            lines.switches[key.decode()].append((len(lines.face), rest.strip().decode("utf-8", "replace")))
+        elif key == b"mtllib":
+            lines.libraries.append(rest.strip().decode("utf-8", "replace"))
+    return lines
+
+
+def _numbers(path: Path, rows: list[bytes], keyword: str, widths: tuple[int, ...]) -> NDArray[np.float64]:
+    """Rows of numbers as one array; rows of unequal length are cut to the shortest."""
+    if not rows:
+        return np.zeros((0, widths[0]))
+    counts = [len(row.split()) for row in rows]
+    width = min(counts)
+    if width < widths[0]:
+        raise FormatError(
+            f"{path}: '{keyword}' number {counts.index(width) + 1} has {width} values, expected {widths[0]}"
+        )
+    try:
+        if width == max(counts):
+            return np.array(b" ".join(rows).split(), dtype=np.float64).reshape(-1, width)
+        return np.array([row.split()[:width] for row in rows], dtype=np.float64)
+    except ValueError as error:
+        raise FormatError(f"{path}: {error} in a '{keyword}' line") from None
+
+
+def _vertex_colors(numbers: NDArray[np.float64]) -> NDArray[np.uint8] | None:
+    """Colours written after the position, 0..1 or 0..255."""
+    if numbers.shape[1] < 6:
+        return None
+    values = numbers[:, -3:]
+    return np.clip(np.rint(values * (255.0 if np.nanmax(values) <= 1.0 else 1.0)), 0, 255).astype(np.uint8)
+
+
+def _faces(
+    path: Path, lines: Lines, vertices: NDArray[np.float64], uv_count: int
+) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
+    """Triangles (t, 3), their texture coordinate indices (t, 3; -1 for none) and their face line (t,)."""
+    corners = np.array([len(row.split()) for row in lines.face])
+    if corners.min() < 3:
+        bad = int(np.argmin(corners))
+        raise FormatError(f"{path}: line {lines.face_line[bad]}: a face of {corners[bad]} corners")
+    parts: list[tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]] = []
+    for count in np.unique(corners):
+        numbers = np.flatnonzero(corners == count)
+        index = _indices(path, lines, numbers, int(count))
+        position = _resolve(path, lines, numbers, index[..., 0], len(vertices), 0)
+        texture = _resolve(path, lines, numbers, index[..., 1], uv_count, 1)
+        triples, polygon = triangulate(vertices, position)
+        position, texture = (np.take_along_axis(of[polygon], triples, axis=1) for of in (position, texture))
+        parts.append((position, texture, numbers[polygon]))
+    owner = np.concatenate([part[2] for part in parts])
+    order = np.argsort(owner, kind="stable")
+    return np.concatenate([p[0] for p in parts])[order], np.concatenate([p[1] for p in parts])[order], owner[order]
+
+
+def _indices(path: Path, lines: Lines, numbers: NDArray[np.int64], count: int) -> NDArray[np.int64]:
+    """Position and texture indices as written (0: absent), shape (faces, count, 2)."""
+    rows = [lines.face[i] for i in numbers]
+    text = b" ".join(rows)
+    tokens = text.split()
+    slashes = tokens[0].count(b"/")
+    same = text.count(b"/") == slashes * len(tokens) and all(t.count(b"/") == slashes for t in tokens[:64])
+    try:
+        if same and b"/ " not in text + b" ":
+            flat = np.array(text.replace(b"//", b"/0/").replace(b"/", b" ").split(), dtype=np.int64)
+            table = flat.reshape(len(rows), count, slashes + 1)
+            return table[..., :2] if slashes else np.concatenate([table, np.zeros_like(table)], axis=-1)
+        pairs = [[int(word or 0) for word in [*t.split(b"/"), b""][:2]] for t in tokens]
+        return np.array(pairs, dtype=np.int64).reshape(len(rows), count, 2)
+    except ValueError:
+        bad = next(i for i in numbers if not _readable(lines.face[i]))
+        raise FormatError(
+            f"{path}: line {lines.face_line[bad]}: face {lines.face[bad].decode('latin-1')!r} is not understood"
+        ) from None
+
+
+def _readable(row: bytes) -> bool:
+    """Whether a face line consists of whole numbers and slashes."""
+    return all(part.lstrip(b"-").isdigit() for token in row.split() for part in token.split(b"/") if part)
+
+
+def _resolve(
+    path: Path, lines: Lines, numbers: NDArray[np.int64], index: NDArray[np.int64], count: int, kind: int
+) -> NDArray[np.int64]:
+    """1-based and negative indices to 0-based ones; 0 (absent) becomes -1 for texture coordinates."""
+    resolved = index - 1
+    if (index < 0).any():
+        seen = np.array([lines.seen[i][kind] for i in numbers])[:, None]
+        resolved = np.where(index < 0, seen + index, resolved)
+    wrong = (resolved >= count) | ((resolved < 0) & ((index != 0) | (kind == 0)))
+    if kind == 1:
+        return np.where(wrong, -1, resolved)
+    if wrong.any():
+        row = int(np.flatnonzero(wrong.any(axis=1))[0])
+        value = index[row][wrong[row]][0]
+        raise FormatError(
+            f"{path}: line {lines.face_line[numbers[row]]}: a face uses vertex {value}, the file has {count}"
+        )
+    return resolved
+
+
+def _spread(switches: list[tuple[int, str]], count: int) -> tuple[NDArray[np.int32], tuple[str, ...]]:
+    """Name index per face (-1 before the first switch) and the names in order of appearance."""
+    names = tuple(dict.fromkeys(name for start, name in switches if name))
+    index = np.full(count, -1, dtype=np.int32)
+    for start, name in switches:
+        index[start:] = names.index(name) if name else -1
+    return index, names
+
+
+def _paint(
+    path: Path,
+    lines: Lines,
+    uv: NDArray[np.float64],
+    face_uv: NDArray[np.int64],
+    owner: NDArray[np.int64],
+    notes: list[str],
+) -> Paint | None:
+    """Material colours and textures of the faces; None where the file names no material that exists."""
+    material_index, names = _spread(lines.switches["usemtl"], len(lines.face))
+    library: dict[str, Material] = {}
+    for name in lines.libraries:
+        library |= read_mtl(path.parent / name, notes)
+    if not names or not library:
+        return None
+    plain = Material()
+    materials = [library.get(name, plain) for name in names] + [plain]
+    textures = tuple(m.texture for m in materials if m.texture is not None)
+    numbers = np.cumsum([m.texture is not None for m in materials]) - 1
+    slot = np.array(
+        [n if m.texture is not None else -1 for n, m in zip(numbers, materials, strict=True)], dtype=np.int32
+    )
+    face_material = material_index[owner]
+    has_uv = (face_uv >= 0).all(axis=1) & (uv.shape[1] >= 2)
+    return Paint(
+        face_color=np.array([m.color for m in materials], dtype=np.uint8)[face_material],
+        face_texture=np.where(has_uv, slot[face_material], -1).astype(np.int32),
+        corner_uv=uv[face_uv, :2] if uv.shape[1] >= 2 and len(uv) else np.zeros((len(face_uv), 3, 2)),
+        textures=textures,
+    )

@@ -1,0 +1,99 @@
+"""What a mesh file says, before units, axes and colours are settled.
+
+`RawMesh` is what every format reader returns; `scene.readers.paint` bakes its textures and `scene.readers.frame`
+brings it to metres and z up. Invariant: finite vertices, indices in range, at least one face.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scene.errors import FormatError, InputError
+
+MAX_FACES = 20_000_000
+"""Faces that a file may hold [-]; beyond it a 4 GiB machine cannot work with the mesh."""
+
+MAX_FILE_BYTES = 4 * 1024**3
+"""Largest file that is opened at all [bytes]."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Paint:
+    """Colours that belong to faces and textures rather than to vertices."""
+
+    face_color: NDArray[np.uint8]
+    """Material colour (sRGB) that multiplies the texture, shape (m, 3)."""
+    face_texture: NDArray[np.int32]
+    """Index into `textures`, -1 for none, shape (m,)."""
+    corner_uv: NDArray[np.float64]
+    """Texture coordinates, origin at the lower left, shape (m, 3, 2)."""
+    textures: tuple[NDArray[np.uint8], ...]
+    """sRGB images, first row on top, each (h, w, 3)."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class RawMesh:
+    """Triangles in the file's own units and axes."""
+
+    path: Path
+    """The file, for messages."""
+    vertices: NDArray[np.float64]
+    """Positions [file units], shape (n, 3)."""
+    faces: NDArray[np.int64]
+    """Counter-clockwise vertex indices, shape (m, 3)."""
+    colors: NDArray[np.uint8] | None
+    """sRGB vertex colours, shape (n, 3)."""
+    paint: Paint | None
+    face_node: NDArray[np.int32]
+    """Index into `node_names`, -1 for none, shape (m,)."""
+    node_names: tuple[str, ...]
+    """Names; an ancestor and its descendant are joined by '/'."""
+    up: str
+    """Up axis by the format's standard: y or z; empty if the format has none."""
+    unit_metres: float
+    """Length unit by the format's standard [m]; 0 if the format has none."""
+    notes: tuple[str, ...]
+
+    def __post_init__(self) -> None:
+        if not len(self.vertices) or not len(self.faces):
+            raise InputError(f"{self.path}: no faces ({len(self.vertices)} vertices): nothing to place on or to place")
+        if not np.isfinite(self.vertices).all():
+            bad = int(np.flatnonzero(~np.isfinite(self.vertices).all(axis=1))[0])
+            raise FormatError(f"{self.path}: vertex {bad} is not finite: {self.vertices[bad].tolist()}")
+        low, high = int(self.faces.min()), int(self.faces.max())
+        if low < 0 or high >= len(self.vertices):
+            raise FormatError(
+                f"{self.path}: a face uses vertex {low if low < 0 else high}, the file has {len(self.vertices)}"
+            )
+        self._check_area()
+
+    def _check_area(self) -> None:
+        """Refuse a mesh without any surface: the sign of a decoder that gave up."""
+        a, b, c = (self.vertices[self.faces[:, i]] for i in range(3))
+        twice_area = np.linalg.norm(np.cross(b - a, c - a), axis=1)
+        extent = float(np.ptp(self.vertices, axis=0).max())
+        # A sliver of relative area 1e-14 is below the rounding of float64 coordinates.
+        if not (twice_area > 1e-14 * extent * extent).any():
+            raise FormatError(f"{self.path}: all {len(self.faces)} faces have zero area")
+
+
+def read_bytes(path: Path) -> bytes:
+    """The whole file; a missing, empty or absurdly large one is refused with one line."""
+    if not path.is_file():
+        raise InputError(f"{path}: no such file")
+    size = path.stat().st_size
+    if size == 0:
+        raise FormatError(f"{path}: the file is empty")
+    if size > MAX_FILE_BYTES:
+        raise InputError(
+            f"{path}: {size / 1024**3:.1f} GiB > {MAX_FILE_BYTES / 1024**3:.0f} GiB; decimate the mesh first"
+        )
+    return path.read_bytes()
+
+
+def check_face_count(path: Path, count: int) -> None:
+    """Refuse more faces than we can work with, before they are allocated."""
+    if count > MAX_FACES:
+        raise InputError(f"{path}: {count} faces > {MAX_FACES}; decimate the mesh first")

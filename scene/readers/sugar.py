@@ -1,0 +1,82 @@
+"""Where a folder keeps its mesh: SuGaR's output names first, then any single mesh.
+
+Source: SuGaR repository, sugar_extractors/: refined `sugarfine_*.obj` (with texture), coarse `sugarmesh_*.ply`.
+"""
+
+import re
+from pathlib import Path
+
+from scene.errors import InputError
+
+MESH_SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".stl")
+
+STORE_FOLDER = "files"
+"""Folder in which the store keeps a source: its name says nothing about the thing."""
+
+GENERIC_STEMS = {
+    "textured",
+    "model",
+    "mesh",
+    "scene",
+    "object",
+    "untitled",
+    "output",
+    "export",
+    "nontextured",
+    "geometry",
+}
+"""File stems that say nothing about the thing: the folder's name says more."""
+
+
+def find_mesh(folder: Path) -> tuple[Path, tuple[str, ...]]:
+    """The mesh of a scene folder and notes on the choice."""
+    for pattern in ("*.obj", "refined_mesh/**/*.obj", "output/refined_mesh/**/*.obj"):
+        found = sorted(folder.glob(pattern))
+        if found:
+            return _choose(folder, found)
+    for pattern in ("sugarmesh_*.ply", "coarse_mesh/**/sugarmesh_*.ply", "output/coarse_mesh/**/sugarmesh_*.ply"):
+        found = sorted(folder.glob(pattern))
+        if found:
+            return _choose(folder, found)
+    meshes = sorted(p for p in folder.iterdir() if p.suffix.lower() in MESH_SUFFIXES and not is_splats(p))
+    if len(meshes) == 1:
+        return meshes[0], ()
+    if meshes:
+        raise InputError(f"{folder}: {len(meshes)} meshes ({', '.join(p.name for p in meshes)}); name one of them")
+    if any(is_splats(p) for p in folder.glob("*.ply")):
+        raise InputError(
+            f"{folder}: only Gaussian splats, no mesh; surface extraction from splats is not available yet: "
+            "run SuGaR and put its mesh (*.obj or sugarmesh_*.ply) into the folder"
+        )
+    raise InputError(
+        f"{folder}: no mesh in this folder (looked for {', '.join(MESH_SUFFIXES)} and SuGaR's output folders)"
+    )
+
+
+def _choose(folder: Path, found: list[Path]) -> tuple[Path, tuple[str, ...]]:
+    """Post-processed before raw, then the most triangles by name, then the first by name."""
+    ranked = sorted(found, key=lambda p: ("postprocessed" not in p.stem, -_number(p, "decim"), str(p)))
+    if len(ranked) == 1:
+        return ranked[0], ()
+    others = ", ".join(str(p.relative_to(folder)) for p in ranked[1:4])
+    return ranked[0], (f"{ranked[0].name} chosen among {len(ranked)} meshes (others: {others})",)
+
+
+def _number(path: Path, key: str) -> int:
+    match = re.search(rf"{key}(\d+)", path.stem)
+    return int(match.group(1)) if match else 0
+
+
+def is_splats(path: Path) -> bool:
+    """Whether a PLY holds Gaussian splats (by its header)."""
+    if path.suffix.lower() != ".ply" or not path.is_file():
+        return False
+    with path.open("rb") as stream:
+        header = stream.read(8192)
+    return b"packed_position" in header or (b"f_dc_0" in header and b"opacity" in header)
+
+
+def describe(path: Path) -> str:
+    """What a mesh is, by its name: the file's stem, or the folder's where the stem says nothing."""
+    parent = "" if path.parent.name == STORE_FOLDER else path.parent.name
+    return parent or path.stem if path.stem.lower() in GENERIC_STEMS else path.stem

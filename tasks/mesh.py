@@ -1,0 +1,91 @@
+"""Stage mesh: a foreign file or folder in, one clean coloured mesh in metres and z up out.
+
+Cleaning is light, so that a scan's surface stays what it is: faces without area and repeated faces go, equal vertices
+of equal colour become one. What was done is said in the notes.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel, PositiveFloat, PositiveInt
+
+from scene.errors import FormatError
+from scene.mesh import Mesh
+from scene.readers.frame import Role
+from scene.readers.source import read_scan
+from scene.sample import SourceOptions
+from scene.scan import Scan
+from scene.store import Source
+from tasks.stage import stage
+
+
+class MeshConfig(BaseModel, frozen=True, extra="forbid"):
+    """What the mesh is used as, and how it is cleaned."""
+
+    role: Role = Role.SCENE
+    """Scene or object: decides which sizes are plausible and which option a message names."""
+    weld_fraction: PositiveFloat = 1e-7
+    """Vertices closer than this share of the largest extent are one [-]; float32 files cannot tell them apart."""
+    color_levels: PositiveInt = 16
+    """Vertices whose colours fall into the same of this many levels per channel may be welded [-]."""
+
+
+def mesh(source: Source, options: SourceOptions, config: MeshConfig) -> Scan:
+    """Read the source and clean it."""
+    return cleaned(read_scan(source.path, options, config.role), config)
+
+
+mesh_task = stage(mesh)
+
+
+def cleaned(scan: Scan, config: MeshConfig) -> Scan:
+    """Weld equal vertices, drop faces without area and faces that repeat another one."""
+    before = scan.mesh
+    place = _place_index(before, config.weld_fraction)
+    faces = place[before.faces]
+    kept = np.flatnonzero(_has_area(before, faces) & _first_of_its_kind(faces))
+    if not len(kept):
+        raise FormatError(f"{scan.label or 'mesh'}: all {len(before.faces)} faces have zero area")
+    after = _welded(before, place, kept, config.color_levels)
+    notes = scan.notes
+    if len(kept) < len(before.faces):
+        notes += (
+            f"{len(before.faces) - len(kept)} of {len(before.faces)} faces were degenerate or repeated and are dropped",
+        )
+    return replace(scan, mesh=after, face_node=scan.face_node[kept], notes=notes)
+
+
+def _place_index(mesh: Mesh, fraction: float) -> NDArray[np.int64]:
+    """Vertices at the same place get the same number, shape (n,)."""
+    step = fraction * max(float(np.ptp(mesh.bounds, axis=0).max()), 1e-12)
+    return np.unique(np.rint(mesh.vertices / step), axis=0, return_inverse=True)[1].reshape(-1)
+
+
+def _has_area(mesh: Mesh, faces: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Faces with three different corners and an area above rounding, shape (m,)."""
+    a, b, c = faces.T
+    extent = float(np.ptp(mesh.bounds, axis=0).max())
+    # float64 products of coordinates of size `extent` round at 1e-16 extent^2; 1e-14 is safely above.
+    return np.asarray((a != b) & (b != c) & (c != a) & (mesh.face_areas > 1e-14 * extent * extent))
+
+
+def _first_of_its_kind(faces: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """False for a face with the same three corners as an earlier one, either way round, shape (m,)."""
+    first = np.unique(np.sort(faces, axis=1), axis=0, return_index=True)[1]
+    mask = np.zeros(len(faces), dtype=bool)
+    mask[first] = True
+    return mask
+
+
+def _welded(mesh: Mesh, place: NDArray[np.int64], kept: NDArray[np.int64], levels: int) -> Mesh:
+    """The kept faces over one vertex per place and colour level; its colour is the mean."""
+    level = mesh.colors.astype(np.int64) * levels // 256
+    key = ((place * levels + level[:, 0]) * levels + level[:, 1]) * levels + level[:, 2]
+    used = np.unique(mesh.faces[kept])
+    _, first, inverse = np.unique(key[used], return_index=True, return_inverse=True)
+    number = np.zeros(len(mesh.vertices), dtype=np.int32)
+    number[used] = inverse
+    size = np.bincount(inverse)
+    colors = np.stack([np.bincount(inverse, mesh.colors[used, i]) / size for i in range(3)], axis=1)
+    return Mesh(mesh.vertices[used[first]], number[mesh.faces[kept]], np.rint(colors).astype(np.uint8))
