@@ -19,7 +19,9 @@ def graded_planes(
     Returns increasing coordinates, shape (k,), k >= 2, first = low, last = high. Raises ModelError for an empty interval.
     """
     if not (high > low and cell > 0.0 and growth >= 1.0):
-        raise ModelError(f"grid planes need high > low, cell > 0 and growth >= 1; got [{low}, {high}], {cell}, {growth}")
+        raise ModelError(
+            f"grid planes need high > low, cell > 0 and growth >= 1; got [{low}, {high}], {cell}, {growth}"
+        )
     inner_low, inner_high = np.clip([fine_low, fine_high], low, high)
     if inner_high - inner_low < cell:
         middle = np.clip(0.5 * (inner_low + inner_high), low + 0.5 * cell, max(high - 0.5 * cell, low + 0.5 * cell))

@@ -1,0 +1,180 @@
+"""What is measured at every step, and what is certified at the end: every number with its threshold."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solver.contact import ContactQuery, Contacts
+from solver.model import Model
+from solver.soft import SoftSystem
+from solver.state import State
+from solver.step import StepReport
+
+LOADED_SHARE = 0.01  # gap and penetration are judged over points that carry more than this share of the peak pressure
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Signals:
+    """Solver-native signals after one step."""
+
+    time: float
+    linear_speed: float
+    """Largest speed of a free body's centre of mass [m/s]."""
+    angular_speed: float
+    """Largest angular speed of a free rigid body [rad/s]."""
+    particle_speed: float
+    """Largest speed of a soft node [m/s]."""
+    center: NDArray[np.float64]
+    """Centre of mass of all free bodies [m], shape (3,)."""
+    box: NDArray[np.float64]
+    """Joint axis-aligned box of the free bodies [m], shape (6,)."""
+    force_residual: float
+    """Unbalanced force on the worst free body over its weight [-]."""
+    torque_residual: float
+    """Unbalanced torque about its centre over weight times half its size [-]."""
+    newton: int
+    linear: int
+
+    SERIES: ClassVar[tuple[str, ...]] = (
+        "time", "linear_speed", "angular_speed", "particle_speed", "force_residual", "torque_residual", "newton", "linear",
+    )  # fmt: skip
+
+    @property
+    def speed(self) -> float:
+        """Largest of all linear speeds [m/s]."""
+        return max(self.linear_speed, self.particle_speed)
+
+
+def measure(
+    model: Model,
+    soft: SoftSystem,
+    query: ContactQuery,
+    free: list[int],
+    mass: dict[int, float],
+    state: State,
+    report: StepReport,
+) -> Signals:
+    """All signals of one accepted step."""
+    gravity = model.gravity
+    soft_of = query.soft_of
+    linear = angular = force_worst = torque_worst = 0.0
+    centers, surfaces = [], []
+    for i in free:
+        if i in soft_of:
+            nodes = soft_of[i].nodes
+            m = soft.mass[nodes]
+            center, velocity = m @ state.x[nodes] / m.sum(), m @ state.v[nodes] / m.sum()
+        else:
+            center, velocity = state.center[i], state.velocity[i]
+            angular = max(angular, float(np.linalg.norm(state.angular_velocity[i])))
+        linear = max(linear, float(np.linalg.norm(velocity)))
+        force, torque = total_wrench(report.contacts, i, center)
+        weight = mass[i] * max(float(np.linalg.norm(gravity)), 1e-12)
+        force_worst = max(force_worst, float(np.linalg.norm(force + mass[i] * gravity)) / weight)
+        torque_worst = max(torque_worst, float(np.linalg.norm(torque)) / (weight * 0.5 * model.bodies[i].size))
+        centers.append(mass[i] * center)
+        surfaces.append(query.surface(state, i))
+    points = np.concatenate(surfaces) if surfaces else np.zeros((1, 3))
+    return Signals(
+        state.time,
+        linear,
+        angular,
+        float(np.sqrt((state.v**2).sum(axis=1).max())) if len(state.v) else 0.0,
+        np.sum(centers, axis=0) / sum(mass.values()) if centers else np.zeros(3),
+        np.concatenate([points.min(axis=0), points.max(axis=0)]),
+        force_worst,
+        torque_worst,
+        report.newton,
+        report.linear,
+    )
+
+
+def total_wrench(
+    contacts: Contacts, index: int, center: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Sum of the contact forces [N] and torques about `center` [N m] on a body."""
+    force, torque = np.zeros(3), np.zeros(3)
+    for which, sign in ((contacts.a, 1.0), (contacts.b, -1.0)):
+        points = which == index
+        f = sign * contacts.force[points]
+        force += f.sum(axis=0)
+        torque += np.cross(contacts.position[points] - center, f).sum(axis=0)
+    for r in contacts.rolling:
+        torque += r.torque if r.a == index else (-r.torque if r.b == index else 0.0)
+    return force, torque
+
+
+def contact_table(model: Model, contacts: Contacts) -> tuple[dict[str, object], ...]:
+    """One row per touching pair of bodies, both point sets together; forces on the first named body."""
+    rows: list[dict[str, object]] = []
+    keys = sorted({(min(t.pair.a, t.pair.b), max(t.pair.a, t.pair.b)) for t in contacts.touching})
+    for a, b in keys:
+        sides = [t for t in contacts.touching if {t.pair.a, t.pair.b} == {a, b}]
+        total = sum((s.force.sum(axis=0) * (1.0 if s.pair.a == a else -1.0) for s in sides), np.zeros(3))
+        normal = sum((_normal_sum(s) * (1.0 if s.pair.a == a else -1.0) for s in sides), np.zeros(3))
+        loaded = [s.normal_force > LOADED_SHARE * s.normal_force.max() for s in sides]
+        rows.append(
+            {
+                "a": model.bodies[a].name,
+                "b": model.bodies[b].name,
+                "area_m2": float(max(s.pair.area[s.point].sum() for s in sides)),
+                "normal_force_n": float(np.linalg.norm(normal)),
+                "tangential_force_n": float(np.linalg.norm(total - normal)),
+                "max_penetration_m": float(max(-s.gap[m].min() for s, m in zip(sides, loaded, strict=True))),
+                "max_gap_m": 0.0,
+                "points": int(sum(len(s.point) for s in sides)),
+                "sliding_points": int(sum(s.sliding.sum() for s in sides)),
+            }
+        )
+    return tuple(rows)
+
+
+def _normal_sum(touching: object) -> NDArray[np.float64]:
+    t = touching
+    return np.asarray((t.normal_force[:, None] * t.normal).sum(axis=0))  # type: ignore[attr-defined]
+
+
+def friction_margin(contacts: Contacts) -> float:
+    """Smallest share of the static friction cone that is left over the touching pairs [-]; 0: at the cone."""
+    margins = [1.0]
+    for t in contacts.touching:
+        normal = t.normal_force
+        tangential = np.linalg.norm(t.force - normal[:, None] * t.normal, axis=1)
+        if t.pair.static_friction > 0.0 and normal.sum() > 0.0:
+            margins.append(1.0 - float(tangential.sum() / (t.pair.static_friction * normal.sum())))
+    return min(margins)
+
+
+def certificate(
+    model: Model,
+    rows: dict[str, dict[str, float]],
+    kick: dict[str, object],
+    report: StepReport,
+    damping: float,
+    weight: float,
+    length: float,
+) -> dict[str, object]:
+    """Everything that the verdict rests on."""
+    return {
+        "signals": rows,
+        "kick": kick,
+        "free_weight_n": weight,
+        "length_m": length,
+        "newton_residual": report.residual,
+        "friction_cone_margin": friction_margin(report.contacts),
+        "inverted_particles": report.inverted,
+        "material_damping_s": damping,
+        "rolling_resistance": [
+            {
+                "a": model.bodies[r.a].name,
+                "b": model.bodies[r.b].name,
+                "torque_n_m": float(np.linalg.norm(r.torque)),
+                "limit_length_m": float(
+                    np.sqrt(model.bodies[r.a].rolling_resistance * model.bodies[r.b].rolling_resistance)
+                ),
+            }
+            for r in report.contacts.rolling
+        ],
+    }

@@ -1,0 +1,67 @@
+"""Settings of the solver with units and reasons."""
+
+from pydantic import BaseModel, NonNegativeFloat, PositiveFloat, PositiveInt
+
+
+class SolverConfig(BaseModel, frozen=True, extra="forbid"):
+    """Everything that may change a result; budgets count steps, never seconds."""
+
+    threads: int = 0
+    """Worker threads, 0: all cores. Results do not depend on it."""
+    seed: int = 0
+    """Seed of the verification kick."""
+
+    step_seconds: PositiveFloat = 4e-3
+    """First step [s]: a fall of 1 cm takes 45 ms, so about ten steps resolve it."""
+    step_distance: PositiveFloat = 2e-3
+    """Steps are short enough that no free body moves farther than this [m] in one."""
+    longest_step_seconds: PositiveFloat = 16e-3
+    """Longest step [s] on the way to rest: a tenth of the time in which a 0.2 m tall object topples."""
+    shortest_step_seconds: PositiveFloat = 2.5e-4
+    """A step that does not converge is halved down to this, then UnstableStep."""
+
+    newton_limit: PositiveInt = 8
+    """Newton iterations in a step before it counts as not converged."""
+    newton_tolerance: PositiveFloat = 1e-3
+    """Force residual over the free bodies' weight at which a step at rest is solved: a fifth of what the certificate allows."""
+    moving_tolerance: PositiveFloat = 1e-2
+    """The same while a free body is faster than moving_speed."""
+    moving_speed: PositiveFloat = 0.02
+    """Speed over sqrt(g L) above which the looser tolerance is enough [-]."""
+    acceptable_residual: PositiveFloat = 0.1
+    """A step that ends above this after newton_limit iterations is taken back and halved."""
+    linear_tolerance: PositiveFloat = 5e-2
+    """Reduction of the preconditioned residual per Newton step: inexact Newton, tighter buys nothing."""
+    linear_limit: PositiveInt = 400
+    """Conjugate gradient iterations per Newton step."""
+    tangent_refresh: NonNegativeFloat = 0.05
+    """The elastic tangent is rebuilt when a node has moved by this share of the smallest cell since it was built."""
+    longest_move: PositiveFloat = 0.01
+    """Longest move of any point per Newton iteration [m]."""
+
+    penetration_target: PositiveFloat = 5e-5
+    """Load-weighted mean penetration [m] that the contact stiffness aims at: invisible in any picture."""
+    damping_ratio: NonNegativeFloat = 1.0
+    """Damping of the predicted bounce of the object on soft supports, relative to critical."""
+
+    step_limit: PositiveInt = 600
+    """Steps before the verdict is no_equilibrium."""
+    rest_steps: PositiveInt = 12
+    """Consecutive quiet steps that count as rest (K)."""
+    rest_speed: PositiveFloat = 5e-4
+    """Largest speed at rest over sqrt(g L), L the object's size [-]."""
+    rest_drift: PositiveFloat = 1e-4
+    """Largest change of centre of mass and of the joint box over the rest window, over L [-]."""
+    rest_residual: PositiveFloat = 5e-3
+    """Unbalanced force over the free bodies' weight (torque: over weight times half the size) [-]."""
+
+    kick_speed: NonNegativeFloat = 1e-3
+    """Verification kick [m/s]."""
+    kick_angular_speed: NonNegativeFloat = 1e-2
+    """Verification kick [rad/s]."""
+    kick_seconds: PositiveFloat = 0.5
+    """How long the kicked state is followed [s]."""
+    kick_distance: PositiveFloat = 5e-3
+    """How far the kicked state may end from the rest state, over L [-]."""
+    kick_angle: PositiveFloat = 0.0174533
+    """How far it may turn [rad]: one degree."""

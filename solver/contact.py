@@ -1,0 +1,318 @@
+"""Contact between the surface points of one body and the signed distance of another.
+
+Normal force: a penalty spring per point; taken implicitly on both sides. Friction: a tangential spring whose anchor is remembered
+from step to step, with a Coulomb return map (mu_s to break, mu_d while sliding) [W06, Ch. 5]. Rolling and torsional resistance: the
+same with the relative rotation of a pair, limited by b * N.
+
+[W06] Wriggers: Computational Contact Mechanics, 2nd ed., Springer 2006.
+"""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+
+from solver.kernels import query
+from solver.model import Body, Model
+from solver.soft import SoftBody, SoftSystem
+from solver.state import State, turn_between
+
+SEARCH_MARGIN = 0.02  # points within this distance [m] of the other body's box are queried: more than one step's motion
+TANGENTIAL_SHARE = 0.5  # tangential over normal stiffness: Mindlin's ratio 2 (1 - nu) / (2 - nu) lies between 0.67 and 1; softer is safe
+
+
+@dataclass(eq=False, slots=True)
+class Pair:
+    """Points of body `a` against the field of body `b`, with what the points remember."""
+
+    a: int
+    b: int
+    static_friction: float
+    dynamic_friction: float
+    stiffness: NDArray[np.float64]
+    """Normal stiffness per point [N/m], shape (n,)."""
+    area: NDArray[np.float64]
+    """Surface area that a point stands for [m^2], shape (n,)."""
+    anchor: NDArray[np.float64]
+    """Elastic tangential displacement of each point [m], world axes, shape (n, 3)."""
+    sliding: NDArray[np.bool_]
+    """Points that slid at the end of the last step, shape (n,)."""
+    guess: NDArray[np.float64]
+    """Material point of b nearest to each point at the last query [m], shape (n, 3)."""
+
+
+@dataclass(eq=False, slots=True)
+class Touching:
+    """The active points of one pair at one state."""
+
+    pair: Pair
+    point: NDArray[np.int64]
+    """Indices of the active points of body a, shape (k,)."""
+    position: NDArray[np.float64]
+    """[m], shape (k, 3)."""
+    gap: NDArray[np.float64]
+    """[m], negative: penetration, shape (k,)."""
+    normal: NDArray[np.float64]
+    """Out of b, shape (k, 3)."""
+    force: NDArray[np.float64]
+    """On a [N], shape (k, 3)."""
+    tangent: NDArray[np.float64]
+    """-d force / d relative displacement [N/m], shape (k, 3, 3)."""
+    anchor: NDArray[np.float64]
+    """New anchors, shape (k, 3)."""
+    sliding: NDArray[np.bool_]
+    node: NDArray[np.int64]
+    """Nodes that move the point minus nodes that move the material point of b, shape (k, 16)."""
+    weight: NDArray[np.float64]
+    """Signed shape values, zero for rigid sides, shape (k, 16)."""
+
+    @property
+    def normal_force(self) -> NDArray[np.float64]:
+        """Normal part [N], shape (k,)."""
+        return np.asarray(np.einsum("ki,ki->k", self.force, self.normal))
+
+
+@dataclass(eq=False, slots=True)
+class Contacts:
+    """All active points of all pairs as linear maps."""
+
+    touching: list[Touching]
+    gather: sparse.csr_matrix
+    """Relative displacement per point from node displacements, shape (k, n)."""
+    force: NDArray[np.float64]
+    tangent: NDArray[np.float64]
+    position: NDArray[np.float64]
+    a: NDArray[np.int64]
+    b: NDArray[np.int64]
+    rolling: list["Rolling"] = field(default_factory=list)
+
+
+@dataclass(eq=False, slots=True)
+class Rolling:
+    """Resistance to relative rotation of two bodies, of which at least one has a moving frame."""
+
+    a: int
+    b: int
+    torque: NDArray[np.float64]
+    """On a [N m], shape (3,)."""
+    tangent: NDArray[np.float64]
+    """[N m/rad], shape (3, 3)."""
+    anchor: NDArray[np.float64]
+
+
+def vertex_areas(body: Body) -> NDArray[np.float64]:
+    """A third of the adjacent triangle areas per vertex [m^2], shape (n,)."""
+    corner = body.vertices[body.faces]
+    area = 0.5 * np.linalg.norm(np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]), axis=1)
+    return np.bincount(body.faces.ravel(), weights=np.repeat(area / 3.0, 3), minlength=len(body.vertices))
+
+
+class ContactQuery:
+    """Finds the active contacts of a state; owns the pairs and their memory."""
+
+    def __init__(self, model: Model, soft: SoftSystem, pairs: list[Pair]) -> None:
+        self.model = model
+        self.soft = soft
+        self.pairs = pairs
+        self.soft_of: dict[int, SoftBody] = {s.index: s for s in soft.bodies}
+        self.rolling_anchor: dict[tuple[int, int], NDArray[np.float64]] = {}
+        self.smooth = np.zeros((len(soft.rest), 9))
+
+    def surface(self, state: State, index: int) -> NDArray[np.float64]:
+        """World positions of the body's surface points [m], shape (n, 3)."""
+        body = self.model.bodies[index]
+        if index in self.soft_of:
+            one = self.soft_of[index]
+            return np.asarray(np.einsum("na,nai->ni", one.surface_weight, state.x[one.surface_node]))
+        return (body.vertices - body.center_of_mass) @ state.rotation[index].T + state.center[index]
+
+    def find(self, state: State, before: State) -> Contacts:
+        """Active points, forces and tangents at `state`, with friction measured from the start of the step `before`."""
+        surfaces = {i: self.surface(state, i) for i in {p.a for p in self.pairs} | {p.b for p in self.pairs}}
+        earlier = {i: self.surface(before, i) for i in {p.a for p in self.pairs}}
+        for index in sorted({p.b for p in self.pairs} & set(self.soft_of)):
+            query.average_deformation(
+                self.soft_of[index].near_surface, state.x, self.soft.cell_node, self.soft.cell_size, self.soft.node_cell,
+                self.smooth,
+            )  # fmt: skip
+        touching = [t for p in self.pairs if (t := self._touch(p, state, before, surfaces, earlier)) is not None]
+        return self._collect(touching, state, before)
+
+    def _touch(
+        self,
+        pair: Pair,
+        state: State,
+        before: State,
+        surfaces: dict[int, NDArray[np.float64]],
+        earlier: dict[int, NDArray[np.float64]],
+    ) -> Touching | None:
+        points = surfaces[pair.a]
+        box = surfaces[pair.b]
+        low, high = box.min(axis=0) - SEARCH_MARGIN, box.max(axis=0) + SEARCH_MARGIN
+        near = np.flatnonzero(((points >= low) & (points <= high)).all(axis=1)).astype(np.int32)
+        if len(near) == 0:
+            return None
+        material, gap, normal, node, weight = self._query(pair, state, points, near)
+        active = np.flatnonzero(gap < 0.0)
+        pair.guess[near] = material
+        if len(active) == 0:
+            return None
+        index = near[active].astype(np.int64)
+        slip = (points[index] - earlier[pair.a][index]) - self._motion(
+            pair.b, material[active], node[active], weight[active], state, before
+        )
+        force, tangent, anchor, sliding = point_forces(
+            pair, index, gap[active], normal[active], slip
+        )  # fmt: skip
+        nodes = np.zeros((len(active), 16), dtype=np.int64)
+        weights = np.zeros((len(active), 16))
+        if pair.a in self.soft_of:
+            nodes[:, :8] = self.soft_of[pair.a].surface_node[index]
+            weights[:, :8] = self.soft_of[pair.a].surface_weight[index]
+        nodes[:, 8:], weights[:, 8:] = node[active], -weight[active]
+        return Touching(
+            pair, index, points[index], gap[active], normal[active], force, tangent, anchor, sliding, nodes, weights
+        )  # fmt: skip
+
+    def _query(
+        self, pair: Pair, state: State, points: NDArray[np.float64], near: NDArray[np.int32]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.int64], NDArray[np.float64]]:
+        body = self.model.bodies[pair.b]
+        count = len(near)
+        gap, normal = np.full(count, query.FAR), np.zeros((count, 3))
+        node, weight = np.zeros((count, 8), dtype=np.int64), np.zeros((count, 8))
+        grid = body.distance
+        if pair.b not in self.soft_of:
+            material = np.zeros((count, 3))
+            query.query_rigid(
+                points, near, state.rotation[pair.b], state.center[pair.b], body.center_of_mass, grid.origin,
+                grid.spacing, grid.values, material, gap, normal,
+            )  # fmt: skip
+            return material, gap, normal, node, weight
+        one = self.soft_of[pair.b]
+        material = pair.guess[near].copy()
+        cell = np.full(count, -1, dtype=np.int32)
+        query.query_soft(
+            points, near, state.x, *one.planes, one.cell_id, self.soft.cell_node, self.smooth, grid.origin, grid.spacing,
+            grid.values, material, gap, normal, cell, weight,
+        )  # fmt: skip
+        found = cell >= 0
+        node[found] = self.soft.cell_node[cell[found]]
+        weight[~found] = 0.0
+        return material, gap, normal, node, weight
+
+    def _motion(
+        self,
+        index: int,
+        material: NDArray[np.float64],
+        node: NDArray[np.int64],
+        weight: NDArray[np.float64],
+        state: State,
+        before: State,
+    ) -> NDArray[np.float64]:
+        """Displacement since the start of the step of the given material points of a body, shape (k, 3)."""
+        if index in self.soft_of:
+            return np.asarray(np.einsum("ka,kai->ki", weight, state.x[node] - before.x[node]))
+        arm = material - self.model.bodies[index].center_of_mass
+        now = arm @ state.rotation[index].T + state.center[index]
+        return np.asarray(now - arm @ before.rotation[index].T - before.center[index])
+
+    def _collect(self, touching: list[Touching], state: State, before: State) -> Contacts:
+        count = len(self.soft.rest)
+        if not touching:
+            none = np.zeros(0, dtype=np.int64)
+            return Contacts(
+                [], sparse.csr_matrix((0, count)), np.zeros((0, 3)), np.zeros((0, 3, 3)), np.zeros((0, 3)), none, none
+            )
+        node = np.concatenate([t.node for t in touching])
+        weight = np.concatenate([t.weight for t in touching])
+        rows = np.repeat(np.arange(len(node)), 16)
+        used = weight.ravel() != 0.0
+        gather = sparse.csr_matrix(
+            (weight.ravel()[used], (rows[used], node.ravel()[used])), shape=(len(node), max(count, 1))
+        )
+        return Contacts(
+            touching,
+            gather,
+            np.concatenate([t.force for t in touching]),
+            np.concatenate([t.tangent for t in touching]),
+            np.concatenate([t.position for t in touching]),
+            np.concatenate([np.full(len(t.point), t.pair.a) for t in touching]),
+            np.concatenate([np.full(len(t.point), t.pair.b) for t in touching]),
+            self._rolling(touching, state, before),
+        )
+
+    def _rolling(self, touching: list[Touching], state: State, before: State) -> list[Rolling]:
+        """One torque per touching pair of bodies, for rigid rotation against the partner."""
+        load: dict[tuple[int, int], float] = {}
+        for t in touching:
+            key = (min(t.pair.a, t.pair.b), max(t.pair.a, t.pair.b))
+            load[key] = load.get(key, 0.0) + float(t.normal_force.sum())
+        out = []
+        for (a, b), normal_force in load.items():
+            if all(i in self.soft_of or self.model.bodies[i].fixed for i in (a, b)):
+                continue
+            one, two = self.model.bodies[a], self.model.bodies[b]
+            length = float(np.sqrt(one.rolling_resistance * two.rolling_resistance))
+            if length > 0.0:
+                out.append(self._rolling_pair(a, b, length * normal_force, state, before))
+        return out
+
+    def _rolling_pair(self, a: int, b: int, limit: float, state: State, before: State) -> Rolling:
+        turn = np.zeros(3)
+        for index, sign in ((a, 1.0), (b, -1.0)):
+            if index not in self.soft_of:
+                turn += sign * turn_between(before.rotation[index], state.rotation[index])
+        trial = self.rolling_anchor.get((a, b), np.zeros(3)) + turn
+        stiffness = limit / ROLLING_ANGLE
+        size = float(np.linalg.norm(trial))
+        if size <= ROLLING_ANGLE:
+            return Rolling(a, b, -stiffness * trial, stiffness * np.eye(3), trial)
+        direction = trial / size
+        tangent = limit / size * (np.eye(3) - np.outer(direction, direction))
+        return Rolling(a, b, -limit * direction, tangent, ROLLING_ANGLE * direction)
+
+    def remember(self, contacts: Contacts) -> None:
+        """Accept a step: store anchors of touching points, forget the others."""
+        for pair in self.pairs:
+            pair_points = [t for t in contacts.touching if t.pair is pair]
+            anchor, sliding = np.zeros_like(pair.anchor), np.zeros_like(pair.sliding)
+            for t in pair_points:
+                anchor[t.point], sliding[t.point] = t.anchor, t.sliding
+            pair.anchor, pair.sliding = anchor, sliding
+        self.rolling_anchor = {(r.a, r.b): r.anchor for r in contacts.rolling}
+
+
+ROLLING_ANGLE = 1e-3  # rotation [rad] at which the rolling spring yields: below what a picture shows
+
+
+def point_forces(
+    pair: Pair,
+    index: NDArray[np.int64],
+    gap: NDArray[np.float64],
+    normal: NDArray[np.float64],
+    slip: NDArray[np.float64],
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]:
+    """Force on a (k, 3), its negative derivative (k, 3, 3), new anchors (k, 3) and sliding flags (k,) of penetrating points.
+
+    A point that slid at the end of the last step feels mu_d, any other mu_s; the choice is fixed within a step, so that the force
+    is a continuous function of the step's motion and Newton can converge.
+    """
+    stiffness = pair.stiffness[index]
+    load = -stiffness * gap
+    outer = normal[:, :, None] * normal[:, None, :]
+    plane = np.eye(3) - outer
+    trial = np.einsum("kij,kj->ki", plane, pair.anchor[index] + slip)
+    size = np.linalg.norm(trial, axis=1)
+    tangential = TANGENTIAL_SHARE * stiffness
+    coefficient = np.where(pair.sliding[index], pair.dynamic_friction, pair.static_friction)
+    limit = coefficient * load
+    slides = tangential * size > limit
+    direction = np.divide(trial, size[:, None], out=np.zeros_like(trial), where=size[:, None] > 0.0)
+    reach = np.where(slides, limit / tangential, size)
+    force = load[:, None] * normal - (tangential * reach)[:, None] * direction
+    ratio = np.where(slides, np.divide(reach, size, out=np.ones_like(size), where=size > 0.0), 1.0)
+    stuck = plane - np.where(slides, 1.0, 0.0)[:, None, None] * direction[:, :, None] * direction[:, None, :]
+    tangent = stiffness[:, None, None] * outer + (tangential * ratio)[:, None, None] * stuck
+    return force, tangent, reach[:, None] * direction, slides

@@ -1,0 +1,228 @@
+"""Elastic forces and their tangent on trilinear cells whose quadrature points are the particles.
+
+Symbols: x node positions, X reference positions, F deformation gradient, R its rotation (polar), J = det F, P first
+Piola-Kirchhoff stress, V particle volume, g_a reference gradient of the shape function of local node a.
+
+Fixed-corotated energy [S12, Eq. 3.2]: psi = mu |F - R|^2 + lambda / 2 (J - 1)^2, P = 2 mu (F - R) + lambda (J - 1) cof F.
+The tangent is the positive semi-definite part that warped stiffness keeps [M04]: rotation frozen in the shear term, cof F in the
+volume term. It is exact at F = R.
+
+[S12] Stomakhin, Howes, Schroeder, Teran: Energetically consistent invertible elasticity. SCA 2012.
+[M04] Mueller, Gross: Interactive virtual materials. Graphics Interface 2004.
+[M16] Mueller, Bender, Chentanez, Macklin: A robust method to extract the rotational part of deformations. MIG 2016.
+[H86] Higham: Computing the polar decomposition, with applications. SIAM J. Sci. Stat. Comput. 7(4), 1986.
+"""
+
+import taichi as ti
+
+vec3 = ti.types.vector(3, ti.f64)
+mat3 = ti.types.matrix(3, 3, ti.f64)
+
+POLAR_TOLERANCE = 1e-12  # relative change at which Newton's polar iteration stops: float64 rounding of a 3x3 product
+POLAR_ITERATIONS = 20  # Newton converges quadratically: 6 suffice up to a stretch of 10
+INVERTED = 1e-6  # below this J the Newton iteration is ill-conditioned; the warm-started iteration [M16] takes over
+
+
+@ti.func
+def shape_gradient(a: ti.i32, xi: vec3, h: vec3) -> vec3:
+    """Reference gradient [1/m] of the trilinear shape function of local node a = 4 i + 2 j + k at xi in [0, 1]^3."""
+    i, j, k = a // 4, (a // 2) % 2, a % 2
+    nx = xi[0] if i == 1 else 1.0 - xi[0]
+    ny = xi[1] if j == 1 else 1.0 - xi[1]
+    nz = xi[2] if k == 1 else 1.0 - xi[2]
+    sx = (2.0 * i - 1.0) / h[0]
+    sy = (2.0 * j - 1.0) / h[1]
+    sz = (2.0 * k - 1.0) / h[2]
+    return vec3(sx * ny * nz, nx * sy * nz, nx * ny * sz)
+
+
+@ti.func
+def cofactor(F: mat3) -> mat3:
+    """cof F = J F^-T, from cross products of the columns, defined for singular F too."""
+    c0 = vec3(F[0, 0], F[1, 0], F[2, 0])
+    c1 = vec3(F[0, 1], F[1, 1], F[2, 1])
+    c2 = vec3(F[0, 2], F[1, 2], F[2, 2])
+    a, b, c = c1.cross(c2), c2.cross(c0), c0.cross(c1)
+    return mat3([[a[0], b[0], c[0]], [a[1], b[1], c[1]], [a[2], b[2], c[2]]])
+
+
+@ti.func
+def rotation_by_newton(F: mat3) -> mat3:
+    """Polar rotation of F, J > 0: R <- (R + R^-T) / 2 [H86]."""
+    R = F
+    change = 1.0
+    count = 0
+    while change > POLAR_TOLERANCE and count < POLAR_ITERATIONS:
+        C = cofactor(R)
+        J = R[0, 0] * C[0, 0] + R[1, 0] * C[1, 0] + R[2, 0] * C[2, 0]
+        N = 0.5 * (R + C / J)
+        change = (N - R).norm_sqr()
+        R = N
+        count += 1
+    return R
+
+
+@ti.func
+def rotation_by_torque(F: mat3, R0: mat3) -> mat3:
+    """Rotation nearest to F for any sign of J, warm-started at R0 [M16, Alg. 1]."""
+    R = R0
+    for _ in range(POLAR_ITERATIONS):
+        axis = vec3(0.0, 0.0, 0.0)
+        scale = 1e-12
+        for c in ti.static(range(3)):
+            r = vec3(R[0, c], R[1, c], R[2, c])
+            f = vec3(F[0, c], F[1, c], F[2, c])
+            axis += r.cross(f)
+            scale += r.dot(f)
+        omega = axis / ti.abs(scale)
+        angle = omega.norm()
+        if angle > 1e-12:
+            n = omega / angle
+            K = mat3([[0.0, -n[2], n[1]], [n[2], 0.0, -n[0]], [-n[1], n[0], 0.0]])
+            R = (ti.Matrix.identity(ti.f64, 3) + ti.sin(angle) * K + (1.0 - ti.cos(angle)) * (K @ K)) @ R
+    return R
+
+
+@ti.func
+def load3(A: ti.template(), p: ti.i32) -> mat3:
+    """Row-major 3x3 block p of A, shape (n, 9)."""
+    return mat3([[A[p, 0], A[p, 1], A[p, 2]], [A[p, 3], A[p, 4], A[p, 5]], [A[p, 6], A[p, 7], A[p, 8]]])
+
+
+@ti.kernel
+def cell_forces(
+    x: ti.types.ndarray(),
+    cell_node: ti.types.ndarray(),
+    cell_size: ti.types.ndarray(),
+    cell_start: ti.types.ndarray(),
+    xi: ti.types.ndarray(),
+    V: ti.types.ndarray(),
+    mu: ti.types.ndarray(),
+    lam: ti.types.ndarray(),
+    R: ti.types.ndarray(),
+    F_out: ti.types.ndarray(),
+    J_out: ti.types.ndarray(),
+    psi: ti.types.ndarray(),
+    force: ti.types.ndarray(),
+):
+    """Per cell: deformation, rotation and energy of its particles, and the forces -V P g_a on its 8 nodes."""
+    for c in range(cell_node.shape[0]):
+        h = vec3(cell_size[c, 0], cell_size[c, 1], cell_size[c, 2])
+        for a in range(8):
+            for d in ti.static(range(3)):
+                force[c, a, d] = 0.0
+        for p in range(cell_start[c], cell_start[c + 1]):
+            s = vec3(xi[p, 0], xi[p, 1], xi[p, 2])
+            F = ti.Matrix.zero(ti.f64, 3, 3)
+            for a in range(8):
+                n = cell_node[c, a]
+                F += vec3(x[n, 0], x[n, 1], x[n, 2]).outer_product(shape_gradient(a, s, h))
+            C = cofactor(F)
+            J = F[0, 0] * C[0, 0] + F[1, 0] * C[1, 0] + F[2, 0] * C[2, 0]
+            Q = load3(R, p)
+            if J > INVERTED:
+                Q = rotation_by_newton(F)
+            else:
+                Q = rotation_by_torque(F, Q)
+            D = F - Q
+            P = V[p] * (2.0 * mu[p] * D + lam[p] * (J - 1.0) * C)
+            psi[p] = V[p] * (mu[p] * D.norm_sqr() + 0.5 * lam[p] * (J - 1.0) ** 2)
+            J_out[p] = J
+            for i in ti.static(range(3)):
+                for j in ti.static(range(3)):
+                    R[p, 3 * i + j] = Q[i, j]
+                    F_out[p, 3 * i + j] = F[i, j]
+            for a in range(8):
+                f = P @ shape_gradient(a, s, h)
+                for d in ti.static(range(3)):
+                    force[c, a, d] -= f[d]
+
+
+@ti.kernel
+def gather_forces(node_cell: ti.types.ndarray(), force: ti.types.ndarray(), f: ti.types.ndarray()):
+    """Node force = sum over its (up to) 8 cells; slot o of a node is the cell in which it is local node 7 - o."""
+    for n in range(node_cell.shape[0]):
+        total = vec3(0.0, 0.0, 0.0)
+        for o in range(8):
+            c = node_cell[n, o]
+            if c >= 0:
+                total += vec3(force[c, 7 - o, 0], force[c, 7 - o, 1], force[c, 7 - o, 2])
+        for d in ti.static(range(3)):
+            f[n, d] = total[d]
+
+
+@ti.kernel
+def cell_tangents(
+    cell_size: ti.types.ndarray(),
+    cell_start: ti.types.ndarray(),
+    xi: ti.types.ndarray(),
+    V: ti.types.ndarray(),
+    mu: ti.types.ndarray(),
+    lam: ti.types.ndarray(),
+    R: ti.types.ndarray(),
+    F: ti.types.ndarray(),
+    K: ti.types.ndarray(),
+):
+    """Per cell the 8 x 8 blocks K_ab = sum V [mu (g_a . g_b) I + mu (R g_b)(R g_a)^T + lambda (C g_a)(C g_b)^T], C = cof F."""
+    for c in range(cell_size.shape[0]):
+        h = vec3(cell_size[c, 0], cell_size[c, 1], cell_size[c, 2])
+        for a in range(8):
+            for b in range(8):
+                for d in range(9):
+                    K[c, a, b, d] = ti.cast(0.0, ti.f32)
+        for p in range(cell_start[c], cell_start[c + 1]):
+            s = vec3(xi[p, 0], xi[p, 1], xi[p, 2])
+            Q = load3(R, p)
+            C = cofactor(load3(F, p))
+            m, la = V[p] * mu[p], V[p] * lam[p]
+            for a in range(8):
+                ga = shape_gradient(a, s, h)
+                ra, ca = m * (Q @ ga), la * (C @ ga)
+                for b in range(a + 1):
+                    gb = shape_gradient(b, s, h)
+                    rb, cb = Q @ gb, C @ gb
+                    dot = m * ga.dot(gb)
+                    for i in ti.static(range(3)):
+                        for j in ti.static(range(3)):
+                            v = rb[i] * ra[j] + ca[i] * cb[j]
+                            if ti.static(i == j):
+                                v += dot
+                            K[c, a, b, 3 * i + j] += ti.cast(v, ti.f32)
+        for a in range(8):
+            for b in range(a):
+                for i in ti.static(range(3)):
+                    for j in ti.static(range(3)):
+                        K[c, b, a, 3 * j + i] = K[c, a, b, 3 * i + j]
+
+
+@ti.kernel
+def gather_tangents(node_cell: ti.types.ndarray(), K: ti.types.ndarray(), A: ti.types.ndarray()):
+    """Rows of the global tangent on the 27-point stencil: A[n, slot] sums the cell blocks that couple node n to that neighbour."""
+    for n in range(node_cell.shape[0]):
+        for s in range(27):
+            for d in range(9):
+                A[n, s, d] = ti.cast(0.0, ti.f32)
+        for o in range(8):
+            c = node_cell[n, o]
+            if c >= 0:
+                a = 7 - o
+                for b in range(8):
+                    slot = 9 * (b // 4 - a // 4 + 1) + 3 * ((b // 2) % 2 - (a // 2) % 2 + 1) + (b % 2 - a % 2 + 1)
+                    for d in range(9):
+                        A[n, slot, d] += K[c, a, b, d]
+
+
+@ti.kernel
+def multiply(neighbour: ti.types.ndarray(), A: ti.types.ndarray(), p: ti.types.ndarray(), q: ti.types.ndarray()):
+    """q = A p over the 27-point stencil; absent neighbours are -1."""
+    for n in range(neighbour.shape[0]):
+        total = vec3(0.0, 0.0, 0.0)
+        for s in range(27):
+            m = neighbour[n, s]
+            if m >= 0:
+                p0, p1, p2 = p[m, 0], p[m, 1], p[m, 2]
+                total[0] += A[n, s, 0] * p0 + A[n, s, 1] * p1 + A[n, s, 2] * p2
+                total[1] += A[n, s, 3] * p0 + A[n, s, 4] * p1 + A[n, s, 5] * p2
+                total[2] += A[n, s, 6] * p0 + A[n, s, 7] * p1 + A[n, s, 8] * p2
+        for d in ti.static(range(3)):
+            q[n, d] = total[d]

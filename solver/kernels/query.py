@@ -1,0 +1,238 @@
+"""One contact query for rigid and soft bodies: where is a world point in a body's start pose, and how far from its surface.
+
+The signed distance is read from grid samples with quadratic B-splines, which makes the gap and its normal continuous; a plane is
+reproduced exactly, a curved surface is offset by spacing^2 / 8 times the sum of its principal curvatures [U99, uniform B-spline smoothing].
+For a soft body the deformation map is inverted by Newton on its trilinear grid map, warm-started where the point was before.
+
+[U99] Unser: Splines, a perfect fit for signal and image processing. IEEE Signal Processing Magazine 16(6), 1999.
+"""
+
+import taichi as ti
+
+from solver.kernels.elastic import cofactor, load3, mat3, shape_gradient, vec3
+
+FAR = 1e9  # gap [m] that says: outside of the sampled region, no contact possible
+INVERSION_STEPS = 20  # Newton on a piecewise trilinear map: 3 to 5 inside one cell, one more per cell face crossed
+INVERSION_TOLERANCE = 1e-8  # [m], far below any gap that matters
+
+
+@ti.func
+def distance_at(X: vec3, origin: vec3, spacing: ti.f64, values: ti.template()):
+    """Signed distance [m] and its gradient at X; FAR outside the samples."""
+    gap = FAR
+    normal = vec3(0.0, 0.0, 0.0)
+    q = (X - origin) / spacing
+    base = ti.Vector(
+        [
+            ti.cast(ti.floor(q[0] + 0.5), ti.i32),
+            ti.cast(ti.floor(q[1] + 0.5), ti.i32),
+            ti.cast(ti.floor(q[2] + 0.5), ti.i32),
+        ]
+    )
+    inside = True
+    for d in ti.static(range(3)):
+        if base[d] < 1 or base[d] > values.shape[d] - 2:
+            inside = False
+    if inside:
+        gap = 0.0
+        w = ti.Matrix.zero(ti.f64, 3, 3)
+        g = ti.Matrix.zero(ti.f64, 3, 3)
+        for d in ti.static(range(3)):
+            t = q[d] - base[d]
+            w[d, 0], w[d, 1], w[d, 2] = 0.5 * (0.5 - t) ** 2, 0.75 - t * t, 0.5 * (0.5 + t) ** 2
+            g[d, 0], g[d, 1], g[d, 2] = t - 0.5, -2.0 * t, t + 0.5
+        for i in ti.static(range(3)):
+            for j in ti.static(range(3)):
+                for k in ti.static(range(3)):
+                    v = ti.cast(values[base[0] + i - 1, base[1] + j - 1, base[2] + k - 1], ti.f64)
+                    gap += w[0, i] * w[1, j] * w[2, k] * v
+                    normal += v * vec3(
+                        g[0, i] * w[1, j] * w[2, k], w[0, i] * g[1, j] * w[2, k], w[0, i] * w[1, j] * g[2, k]
+                    )
+        normal /= spacing
+    return gap, normal
+
+
+@ti.func
+def plane_interval(planes: ti.template(), value: ti.f64) -> ti.i32:
+    """Index i with planes[i] <= value < planes[i + 1], clamped to the valid range."""
+    low, high = 0, planes.shape[0] - 2
+    while low < high:
+        middle = (low + high + 1) // 2
+        if planes[middle] <= value:
+            low = middle
+        else:
+            high = middle - 1
+    return low
+
+
+@ti.kernel
+def query_rigid(
+    points: ti.types.ndarray(),
+    candidates: ti.types.ndarray(),
+    rotation: ti.types.ndarray(),
+    center: ti.types.ndarray(),
+    start_center: ti.types.ndarray(),
+    origin: ti.types.ndarray(),
+    spacing: ti.f64,
+    values: ti.types.ndarray(),
+    material_point: ti.types.ndarray(),
+    gap: ti.types.ndarray(),
+    normal: ti.types.ndarray(),
+):
+    """Gap and outward world normal of a rigid body at the candidate points; material_point is the point in its start pose."""
+    Q = mat3(0.0)
+    c, c0, o = vec3(0.0), vec3(0.0), vec3(0.0)
+    for i in ti.static(range(3)):
+        c[i], c0[i], o[i] = center[i], start_center[i], origin[i]
+        for j in ti.static(range(3)):
+            Q[i, j] = rotation[i, j]
+    for m in range(candidates.shape[0]):
+        p = candidates[m]
+        x = vec3(points[p, 0], points[p, 1], points[p, 2])
+        X = Q.transpose() @ (x - c) + c0
+        phi, N = distance_at(X, o, spacing, values)
+        gap[m] = FAR
+        if phi < FAR and N.norm() > 1e-6:
+            n = (Q @ N).normalized()
+            gap[m] = phi / N.norm()
+            for d in ti.static(range(3)):
+                normal[m, d] = n[d]
+        for d in ti.static(range(3)):
+            material_point[m, d] = X[d]
+
+
+@ti.kernel
+def average_deformation(
+    nodes: ti.types.ndarray(),
+    x: ti.types.ndarray(),
+    cell_node: ti.types.ndarray(),
+    cell_size: ti.types.ndarray(),
+    node_cell: ti.types.ndarray(),
+    F_out: ti.types.ndarray(),
+):
+    """Deformation gradient at the listed nodes, averaged over the cells around each: continuous when interpolated.
+
+    The gradient itself jumps at cell faces; a contact normal pushed forward with it would jump too and Newton would cycle.
+    """
+    for m in range(nodes.shape[0]):
+        node = nodes[m]
+        F = ti.Matrix.zero(ti.f64, 3, 3)
+        count = 0.0
+        for o in range(8):
+            c = node_cell[node, o]
+            if c >= 0:
+                local = 7 - o
+                s = vec3(ti.cast(local // 4, ti.f64), ti.cast((local // 2) % 2, ti.f64), ti.cast(local % 2, ti.f64))
+                h = vec3(cell_size[c, 0], cell_size[c, 1], cell_size[c, 2])
+                count += 1.0
+                for a in range(8):
+                    n = cell_node[c, a]
+                    F += vec3(x[n, 0], x[n, 1], x[n, 2]).outer_product(shape_gradient(a, s, h))
+        for i in ti.static(range(3)):
+            for j in ti.static(range(3)):
+                F_out[node, 3 * i + j] = F[i, j] / count
+
+
+@ti.kernel
+def query_soft(
+    points: ti.types.ndarray(),
+    candidates: ti.types.ndarray(),
+    x: ti.types.ndarray(),
+    planes_x: ti.types.ndarray(),
+    planes_y: ti.types.ndarray(),
+    planes_z: ti.types.ndarray(),
+    cell_id: ti.types.ndarray(),
+    cell_node: ti.types.ndarray(),
+    smooth: ti.types.ndarray(),
+    origin: ti.types.ndarray(),
+    spacing: ti.f64,
+    values: ti.types.ndarray(),
+    material_point: ti.types.ndarray(),
+    gap: ti.types.ndarray(),
+    normal: ti.types.ndarray(),
+    cell: ti.types.ndarray(),
+    weight: ti.types.ndarray(),
+):
+    """The same for a soft body: invert x(X) from the given guess, push the normal forward with F^-T, rescale the gap by 1 / |F^-T N|.
+
+    cell[m] is the global cell that holds the material point (-1: the map could not be inverted there), weight its 8 shape values.
+    """
+    o = vec3(0.0)
+    for d in ti.static(range(3)):
+        o[d] = origin[d]
+    for m in range(candidates.shape[0]):
+        p = candidates[m]
+        target = vec3(points[p, 0], points[p, 1], points[p, 2])
+        X = vec3(material_point[m, 0], material_point[m, 1], material_point[m, 2])
+        found = -1
+        F = ti.Matrix.identity(ti.f64, 3)
+        s = vec3(0.0)
+        count = 0
+        running = True
+        while running and count < INVERSION_STEPS:
+            count += 1
+            i, j, k = plane_interval(planes_x, X[0]), plane_interval(planes_y, X[1]), plane_interval(planes_z, X[2])
+            low = vec3(planes_x[i], planes_y[j], planes_z[k])
+            h = vec3(planes_x[i + 1], planes_y[j + 1], planes_z[k + 1]) - low
+            s = (X - low) / h
+            c = cell_id[i, j, k]
+            found = -1
+            outside = False
+            for d in ti.static(range(3)):
+                if s[d] < -1e-6 or s[d] > 1.0 + 1e-6:
+                    outside = True
+            if c < 0:
+                running = False
+            else:
+                here = vec3(0.0)
+                F = ti.Matrix.zero(ti.f64, 3, 3)
+                for a in range(8):
+                    n = cell_node[c, a]
+                    xa = vec3(x[n, 0], x[n, 1], x[n, 2])
+                    ia, ja, ka = a // 4, (a // 2) % 2, a % 2
+                    w = (
+                        (s[0] if ia == 1 else 1.0 - s[0])
+                        * (s[1] if ja == 1 else 1.0 - s[1])
+                        * (s[2] if ka == 1 else 1.0 - s[2])
+                    )
+                    here += w * xa
+                    F += xa.outer_product(shape_gradient(a, s, h))
+                J = F.determinant()
+                if J < 1e-3:
+                    running = False
+                else:
+                    r = target - here
+                    if r.norm() < INVERSION_TOLERANCE:
+                        running = False
+                        if not outside:
+                            found = c
+                    else:
+                        step = cofactor(F).transpose() @ r / J
+                        longest = 1.5 * h.max()
+                        if step.norm() > longest:
+                            step *= longest / step.norm()
+                        X += step
+        cell[m] = found
+        gap[m] = FAR
+        for d in ti.static(range(3)):
+            material_point[m, d] = X[d]
+        if found >= 0:
+            G = ti.Matrix.zero(ti.f64, 3, 3)
+            for a in range(8):
+                ia, ja, ka = a // 4, (a // 2) % 2, a % 2
+                w = (
+                    (s[0] if ia == 1 else 1.0 - s[0])
+                    * (s[1] if ja == 1 else 1.0 - s[1])
+                    * (s[2] if ka == 1 else 1.0 - s[2])
+                )
+                weight[m, a] = w
+                G += w * load3(smooth, cell_node[found, a])
+            phi, N = distance_at(X, o, spacing, values)
+            J = G.determinant()
+            if phi < FAR and N.norm() > 1e-6 and J > 1e-3:
+                n = cofactor(G) @ N / J
+                gap[m] = phi / n.norm()
+                n = n.normalized()
+                for d in ti.static(range(3)):
+                    normal[m, d] = n[d]

@@ -1,0 +1,205 @@
+"""The linear system of one Newton step, matrix-free, and its conjugate gradient solver.
+
+Unknowns: node displacements (n, 3) and frame motions (b, 6: translation, rotation vector about the frame's centre). Held nodes do
+not move; core nodes move with their frame. The matrix is symmetric positive semi-definite:
+
+    (1 + beta / dt) K + M / dt^2 + contact tangents.
+
+[S94] Shewchuk: An introduction to the conjugate gradient method without the agonizing pain. 1994.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solver.contact import Contacts
+from solver.kernels import elastic
+from solver.soft import SoftSystem
+
+Vector = tuple[NDArray[np.float64], NDArray[np.float64]]
+
+
+@dataclass(eq=False, slots=True)
+class Frames:
+    """The moving frames of a model at one state."""
+
+    index: list[int]
+    """Model index of each frame's body."""
+    center: NDArray[np.float64]
+    """Reference points [m], shape (b, 3)."""
+    mass: NDArray[np.float64]
+    """Own masses [kg] (zero for cores, whose mass sits in their nodes), shape (b,)."""
+    inertia: NDArray[np.float64]
+    """Own inertia, world axes [kg m^2], shape (b, 3, 3)."""
+    tied: list[NDArray[np.int64]]
+    """Core nodes of each frame."""
+    arm: list[NDArray[np.float64]]
+    """Positions of the core nodes relative to the frame's centre [m]."""
+
+
+def cross_matrix(arm: NDArray[np.float64]) -> NDArray[np.float64]:
+    """[r]x with [r]x w = r x w for arms (k, 3), shape (k, 3, 3)."""
+    out = np.zeros((len(arm), 3, 3))
+    out[:, 0, 1], out[:, 0, 2], out[:, 1, 2] = -arm[:, 2], arm[:, 1], -arm[:, 0]
+    return out - out.transpose(0, 2, 1)
+
+
+class TangentSystem:
+    """Applies the matrix and its block-diagonal inverse."""
+
+    def __init__(
+        self,
+        soft: SoftSystem,
+        stencil: NDArray[np.float32],
+        contacts: Contacts,
+        frames: Frames,
+        dt: float,
+        damping: float,
+    ) -> None:
+        self.soft = soft
+        self.stencil = stencil
+        self.contacts = contacts
+        self.frames = frames
+        self.stiffness_scale = 1.0 + damping / dt
+        self.node_inertia = (soft.mass / dt**2)[:, None]
+        self.free = ~(soft.held | (soft.core >= 0))[:, None]
+        self.frame_inertia = self._frame_inertia(dt)
+        self.sides = self._sides()
+        self._product = np.empty_like(soft.rest)
+        self.node_inverse, self.frame_inverse = self._preconditioner()
+
+    def _frame_inertia(self, dt: float) -> NDArray[np.float64]:
+        out = np.zeros((len(self.frames.index), 6, 6))
+        out[:, :3, :3] = self.frames.mass[:, None, None] * np.eye(3) / dt**2
+        out[:, 3:, 3:] = self.frames.inertia / dt**2
+        return out
+
+    def _sides(self) -> list[tuple[int, NDArray[np.int64], NDArray[np.float64], float]]:
+        """Per frame and side: which contact points it moves rigidly, their arms and the sign."""
+        out = []
+        soft_bodies = {s.index for s in self.soft.bodies}
+        for f, body in enumerate(self.frames.index):
+            if body in soft_bodies:
+                continue
+            for which, sign in ((self.contacts.a, 1.0), (self.contacts.b, -1.0)):
+                points = np.flatnonzero(which == body)
+                if len(points):
+                    out.append((f, points, self.contacts.position[points] - self.frames.center[f], sign))
+        return out
+
+    def expand(self, nodes: NDArray[np.float64], frames: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Node displacements with the core nodes filled in from their frames."""
+        for f, tied in enumerate(self.frames.tied):
+            if len(tied):
+                nodes[tied] = frames[f, :3] + np.cross(frames[f, 3:], self.frames.arm[f])
+        return nodes
+
+    def reduce(self, nodes: NDArray[np.float64], frames: NDArray[np.float64]) -> Vector:
+        """Node forces with those of the core nodes moved to their frames; held nodes drop out."""
+        for f, tied in enumerate(self.frames.tied):
+            if len(tied):
+                frames[f, :3] += nodes[tied].sum(axis=0)
+                frames[f, 3:] += np.cross(self.frames.arm[f], nodes[tied]).sum(axis=0)
+        return nodes * self.free, frames
+
+    def contact_forces(self, force: NDArray[np.float64]) -> Vector:
+        """Point forces (k, 3) on side a as node forces and frame wrenches, before `reduce`."""
+        nodes = np.asarray(self.contacts.gather.T @ force)[: len(self.soft.rest)]
+        frames = np.zeros((len(self.frames.index), 6))
+        for f, points, arm, sign in self.sides:
+            frames[f, :3] += sign * force[points].sum(axis=0)
+            frames[f, 3:] += sign * np.cross(arm, force[points]).sum(axis=0)
+        return nodes, frames
+
+    def multiply(self, direction: Vector) -> Vector:
+        """Matrix times vector."""
+        p = self.expand(direction[0].copy(), direction[1])
+        if len(p):
+            elastic.multiply(self.soft.neighbour, self.stencil, p, self._product)
+        nodes = self.stiffness_scale * self._product + self.node_inertia * p
+        frames = np.einsum("bij,bj->bi", self.frame_inertia, direction[1])
+        if len(self.contacts.a):
+            relative = np.asarray(self.contacts.gather @ p) if len(p) else np.zeros((len(self.contacts.a), 3))
+            for f, points, arm, sign in self.sides:
+                relative[points] += sign * (direction[1][f, :3] + np.cross(direction[1][f, 3:], arm))
+            node_part, frame_part = self.contact_forces(np.einsum("kij,kj->ki", self.contacts.tangent, relative))
+            nodes += node_part
+            frames += frame_part
+            frames[:, 3:] += self._rolling(direction[1][:, 3:])
+        return self.reduce(nodes, frames)
+
+    def _rolling(self, turn: NDArray[np.float64]) -> NDArray[np.float64]:
+        out = np.zeros_like(turn)
+        place = {body: f for f, body in enumerate(self.frames.index)}
+        for r in self.contacts.rolling:
+            sides = [(place[i], sign) for i, sign in ((r.a, 1.0), (r.b, -1.0)) if i in place]
+            torque = r.tangent @ sum((sign * turn[f] for f, sign in sides), np.zeros(3))
+            for f, sign in sides:
+                out[f] += sign * torque
+        return out
+
+    def _preconditioner(self) -> Vector:
+        """Inverses of the 3x3 node blocks and 6x6 frame blocks."""
+        blocks = self.stiffness_scale * self.stencil[:, 13].reshape(-1, 3, 3).astype(np.float64)
+        blocks += self.node_inertia[:, :, None] * np.eye(3)
+        frames = self.frame_inertia.copy()
+        if len(self.contacts.a):
+            if len(blocks):
+                squared = self.contacts.gather.multiply(self.contacts.gather).T
+                blocks += np.asarray(squared @ self.contacts.tangent.reshape(-1, 9))[: len(blocks)].reshape(-1, 3, 3)
+            for f, points, arm, _ in self.sides:
+                frames[f] += _wrench_block(self.contacts.tangent[points], arm)
+            for r in self.contacts.rolling:
+                for f, body in enumerate(self.frames.index):
+                    if body in (r.a, r.b):
+                        frames[f, 3:, 3:] += r.tangent
+        for f, tied in enumerate(self.frames.tied):
+            if len(tied):
+                frames[f] += _wrench_block(blocks[tied], self.frames.arm[f])
+        blocks[~self.free[:, 0]] = np.eye(3)
+        return np.linalg.inv(blocks), np.linalg.inv(frames)
+
+    def precondition(self, residual: Vector) -> Vector:
+        """Block-Jacobi."""
+        return (
+            np.einsum("nij,nj->ni", self.node_inverse, residual[0]) * self.free,
+            np.einsum("bij,bj->bi", self.frame_inverse, residual[1]),
+        )
+
+
+def _wrench_block(tangent: NDArray[np.float64], arm: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Sum of J^T K J over points, J = [I, -[arm]x], shape (6, 6)."""
+    jacobian = np.concatenate([np.broadcast_to(np.eye(3), (len(arm), 3, 3)), -cross_matrix(arm)], axis=2)
+    return np.asarray(np.einsum("kia,kij,kjb->ab", jacobian, tangent, jacobian))
+
+
+def dot(a: Vector, b: Vector) -> float:
+    """Inner product; numpy's pairwise summation runs in a fixed order on one thread."""
+    return float((a[0] * b[0]).sum() + (a[1] * b[1]).sum())
+
+
+def conjugate_gradient(system: TangentSystem, right: Vector, tolerance: float, limit: int) -> tuple[Vector, int]:
+    """Solve system @ y = right until the preconditioned residual norm falls by `tolerance` [S94, B3]; returns (y, iterations)."""
+    y = (np.zeros_like(right[0]), np.zeros_like(right[1]))
+    r = (right[0].copy(), right[1].copy())
+    z = system.precondition(r)
+    p = (z[0].copy(), z[1].copy())
+    rho = start = dot(r, z)
+    count = 0
+    while count < limit and rho > tolerance**2 * start and rho > 0.0:
+        q = system.multiply(p)
+        curvature = dot(p, q)
+        if curvature <= 0.0:
+            break
+        alpha = rho / curvature
+        for k in (0, 1):
+            y[k][...] += alpha * p[k]
+            r[k][...] -= alpha * q[k]
+        z = system.precondition(r)
+        rho, previous = dot(r, z), rho
+        for k in (0, 1):
+            p[k][...] *= rho / previous
+            p[k][...] += z[k]
+        count += 1
+    return y, count

@@ -1,0 +1,169 @@
+"""The constant part of a simulation: bodies as arrays, checked once at the border.
+
+Every body is given in its start pose in the world frame: metres, z up. A rigid body is a surface, a signed distance and mass
+properties; a soft body adds particles (the quadrature points) and the node planes of its background grid.
+"""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solver.errors import ModelError
+
+FREE, HELD, CORE = 0, 1, 2  # node states: free, held by the world, moving with the body's own rigid core
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class SignedDistance:
+    """Samples of a signed distance, negative inside."""
+
+    origin: NDArray[np.float64]
+    """Position of sample (0, 0, 0) [m], shape (3,)."""
+    spacing: float
+    """Distance of neighbouring samples [m]."""
+    values: NDArray[np.float32]
+    """Signed distances [m], shape (nx, ny, nz), each side at least 3."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class SoftParts:
+    """What makes a body soft."""
+
+    position: NDArray[np.float64]
+    """Particle rest positions X_p [m], shape (p, 3)."""
+    volume: NDArray[np.float64]
+    """Particle rest volumes V_p [m^3], shape (p,)."""
+    density: NDArray[np.float64]
+    """Mass densities [kg/m^3], shape (p,)."""
+    youngs_modulus: NDArray[np.float64]
+    """Young's moduli E [Pa], shape (p,)."""
+    poisson_ratio: NDArray[np.float64]
+    """Poisson ratios nu [-], shape (p,)."""
+    planes: tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
+    """Node planes along x, y, z [m]."""
+    node_state: NDArray[np.int8]
+    """FREE, HELD or CORE per grid node, shape (kx, ky, kz)."""
+    loaded: bool
+    """True: the given shape is already in balance with the body's own weight (a scan at rest)."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Body:
+    """One rigid or soft body."""
+
+    name: str
+    fixed: bool
+    """Does not move as a whole: a rigid one stands still, a soft one is clamped at its HELD nodes."""
+    vertices: NDArray[np.float64]
+    """Surface points [m], shape (n, 3)."""
+    faces: NDArray[np.int32]
+    """Triangles, counter-clockwise from outside, shape (m, 3)."""
+    distance: SignedDistance
+    mass: float
+    """[kg]; > 0 for a free body."""
+    center_of_mass: NDArray[np.float64]
+    """[m], shape (3,)."""
+    inertia: NDArray[np.float64]
+    """About the centre of mass, world axes [kg m^2], shape (3, 3); used for rigid bodies."""
+    static_friction: float
+    dynamic_friction: float
+    rolling_resistance: float
+    """Length b of the resisting torque b * N [m]."""
+    soft: SoftParts | None = None
+    """None: rigid."""
+    velocity: NDArray[np.float64] = field(default_factory=lambda: np.zeros(3))
+    """Start velocity [m/s], shape (3,)."""
+    angular_velocity: NDArray[np.float64] = field(default_factory=lambda: np.zeros(3))
+    """Start angular velocity [rad/s], shape (3,)."""
+
+    def __post_init__(self) -> None:
+        _check_surface(self)
+        if not self.fixed and not self.mass > 0.0:
+            raise ModelError(f"body {self.name!r}: mass is {self.mass} kg; a free body needs a positive mass")
+        if not (0.0 <= self.dynamic_friction <= self.static_friction):
+            raise ModelError(
+                f"body {self.name!r}: friction static {self.static_friction}, dynamic {self.dynamic_friction}; "
+                "need 0 <= dynamic <= static"
+            )
+        if self.rolling_resistance < 0.0:
+            raise ModelError(
+                f"body {self.name!r}: rolling_resistance is {self.rolling_resistance} m, must not be negative"
+            )
+        if self.soft is not None:
+            _check_soft(self.name, self.fixed, self.soft)
+        elif not self.fixed and np.linalg.eigvalsh(self.inertia).min() <= 0.0:
+            raise ModelError(f"body {self.name!r}: inertia is not positive definite: {self.inertia.tolist()}")
+
+    @property
+    def size(self) -> float:
+        """Diagonal of the start box [m]."""
+        return float(np.linalg.norm(np.ptp(self.vertices, axis=0)))
+
+
+def _check_surface(body: Body) -> None:
+    for name in ("vertices", "center_of_mass", "inertia", "velocity", "angular_velocity"):
+        if not np.isfinite(getattr(body, name)).all():
+            raise ModelError(f"body {body.name!r}: {name} holds values that are not finite")
+    if len(body.vertices) < 3 or len(body.faces) < 1:
+        raise ModelError(f"body {body.name!r}: empty surface ({len(body.vertices)} vertices, {len(body.faces)} faces)")
+    if body.faces.min() < 0 or body.faces.max() >= len(body.vertices):
+        raise ModelError(f"body {body.name!r}: face index {int(body.faces.max())} for {len(body.vertices)} vertices")
+    if min(body.distance.values.shape) < 3 or not np.isfinite(body.distance.values).all():
+        raise ModelError(f"body {body.name!r}: signed distance needs at least 3 finite samples per axis")
+
+
+def _check_soft(name: str, fixed: bool, soft: SoftParts) -> None:
+    if len(soft.position) == 0:
+        raise ModelError(f"body {name!r}: soft but without particles; its grid cells are larger than the body")
+    for field_name, low, high in (
+        ("volume", 0.0, np.inf),
+        ("density", 0.0, np.inf),
+        ("youngs_modulus", 0.0, np.inf),
+        ("poisson_ratio", -1.0, 0.5),
+    ):
+        values = getattr(soft, field_name)
+        bad = np.flatnonzero(~((values > low) & (values < high)))
+        if len(bad):
+            raise ModelError(f"body {name!r}: {field_name} is {values[bad[0]]}, must lie between {low} and {high}")
+    expected = tuple(len(p) for p in soft.planes)
+    if soft.node_state.shape != expected:
+        raise ModelError(f"body {name!r}: node_state has shape {soft.node_state.shape}, the grid has {expected} nodes")
+    if any((np.diff(p) <= 0).any() for p in soft.planes):
+        raise ModelError(f"body {name!r}: node planes must increase")
+    if fixed and not (soft.node_state == HELD).any():
+        raise ModelError(f"body {name!r}: fixed and soft, but nothing holds it: give it a clamp")
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Model:
+    """All bodies and what acts on them."""
+
+    bodies: tuple[Body, ...]
+    gravity: NDArray[np.float64]
+    """[m/s^2], shape (3,)."""
+    friction_pairs: tuple[tuple[str, str, float, float], ...] = ()
+    """(body, body, mu_s, mu_d) where the pair differs from the geometric mean of the two."""
+
+    def __post_init__(self) -> None:
+        names = [b.name for b in self.bodies]
+        if len(set(names)) != len(names):
+            raise ModelError(f"body names must differ: {names}")
+        for a, b, mu_s, mu_d in self.friction_pairs:
+            for one in (a, b):
+                if one not in names:
+                    raise ModelError(f"friction pair names body {one!r}; there is {names}")
+            if not 0.0 <= mu_d <= mu_s:
+                raise ModelError(
+                    f"friction pair {a!r}, {b!r}: static {mu_s}, dynamic {mu_d}; need 0 <= dynamic <= static"
+                )
+
+    def friction(self, a: Body, b: Body) -> tuple[float, float]:
+        """(mu_s, mu_d) of a pair: as given, else the geometric means."""
+        for one, two, mu_s, mu_d in self.friction_pairs:
+            if {one, two} == {a.name, b.name}:
+                return mu_s, mu_d
+        return (
+            float(np.sqrt(a.static_friction * b.static_friction)),
+            float(np.sqrt(a.dynamic_friction * b.dynamic_friction)),
+        )

@@ -1,0 +1,14 @@
+"""The one place that starts Taichi: once per process, because a second start kills every field and array made before."""
+
+import taichi as ti
+
+_started: dict[str, int] = {}
+
+
+def start(threads: int = 0) -> None:
+    """Start Taichi on the CPU with `threads` worker threads (0: all cores); later calls in the same process do nothing."""
+    if _started:
+        return
+    options = {"cpu_max_num_threads": threads} if threads > 0 else {}
+    ti.init(arch=ti.cpu, default_fp=ti.f64, default_ip=ti.i32, offline_cache=True, log_level=ti.ERROR, **options)
+    _started["threads"] = threads

@@ -1,0 +1,376 @@
+"""Drop to rest: steps until quiet, then a kick to see whether the rest is stable, then the certificate."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solver import soft as soft_system
+from solver.certificate import Signals, certificate, contact_table, measure
+from solver.config import SolverConfig
+from solver.contact import ContactQuery, Contacts, Pair, vertex_areas
+from solver.errors import UnstableStep
+from solver.model import Body, Model
+from solver.runtime import start
+from solver.soft import SoftSystem
+from solver.state import State, best_rigid_motion, start_state
+from solver.step import Stepper, StepReport
+
+Progress = Callable[[int, float, Signals], None]
+
+AT_REST, LEFT_TARGET, NO_EQUILIBRIUM = "at_rest", "left_target", "no_equilibrium"
+CELL_STIFFNESS = (
+    4.0  # first guess of the contact stiffness per area, in E / cell size; then adapted to the penetration target
+)
+STEP_GROWTH = 1.25  # growth of the step when Newton converges easily
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class RestBody:
+    """One body at the end."""
+
+    name: str
+    vertices: NDArray[np.float64]
+    """Surface points [m], shape (n, 3)."""
+    rotation: NDArray[np.float64]
+    """World-from-start rotation, best fit for soft bodies, shape (3, 3)."""
+    translation: NDArray[np.float64]
+    """World-from-start translation [m], shape (3,): x = rotation @ X + translation."""
+    speed: float
+    """Largest speed of any of its points at the end [m/s]."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Result:
+    """The outcome of a drop."""
+
+    verdict: str
+    """at_rest, left_target or no_equilibrium."""
+    bodies: tuple[RestBody, ...]
+    contacts: tuple[dict[str, object], ...]
+    """Per touching pair: a, b, area_m2, normal_force_n, tangential_force_n, max_penetration_m, max_gap_m."""
+    contact_points: dict[str, NDArray[np.float64]]
+    """Per free body the positions of its active contact points [m], shape (k, 3)."""
+    certificate: dict[str, object]
+    history: dict[str, NDArray[np.float64]]
+    steps: int
+    simulated_seconds: float
+    particles: int
+    warnings: tuple[str, ...]
+
+
+def settle(model: Model, config: SolverConfig, progress: Progress | None = None) -> Result:
+    """Let the free bodies of `model` come to rest.
+
+    Returns the rest state with its certificate, or the last state with the verdict that says why it is none. Raises ModelError for
+    input that cannot be simulated and UnstableStep when a step breaks. Same model and config: the same bytes for any thread count.
+    """
+    start(config.threads)
+    return Drop(model, config).run(progress)
+
+
+class Drop:
+    """One simulation from start to verdict."""
+
+    def __init__(self, model: Model, config: SolverConfig) -> None:
+        self.model = model
+        self.config = config
+        self.soft = soft_system.build(model)
+        self.free = [i for i, b in enumerate(model.bodies) if not b.fixed]
+        self.mass = {i: self._mass(i) for i in self.free}
+        self.gravity = float(np.linalg.norm(model.gravity))
+        moving = self.free or range(len(model.bodies))
+        self.length = max(model.bodies[i].size for i in moving)
+        own = float((self.soft.mass * self.soft.gravity_share).sum())
+        self.weight = max(sum(self.mass.values()), own) * max(self.gravity, 1e-12)
+        self.query = ContactQuery(model, self.soft, contact_pairs(model, self.soft, config, self.gravity))
+        self.stepper = Stepper(model, self.soft, self.query, config, self.weight)
+        self.stepper.damping = predicted_damping(model, self.soft, config, self.mass, self.gravity)
+        self.history: list[Signals] = []
+        self.warnings: list[str] = []
+
+    def _mass(self, index: int) -> float:
+        for s in self.soft.bodies:
+            if s.index == index:
+                return float(self.soft.mass[s.nodes].sum())
+        return self.model.bodies[index].mass
+
+    def run(self, progress: Progress | None) -> Result:
+        """Approach, rest, kick, verdict."""
+        state = start_state(self.model, self.soft)
+        verdict, state, report = self._approach(state, progress)
+        kick: dict[str, object] = {"done": False}
+        if verdict == AT_REST and self.free:
+            stable, kick = self._verify(state, progress)
+            if not stable:
+                verdict, state, report = self._after_failed_kick(progress)
+        return self._result(verdict, state, report, kick)
+
+    def _approach(
+        self, state: State, progress: Progress | None, dt: float | None = None
+    ) -> tuple[str, State, StepReport]:
+        dt = dt or self.config.step_seconds
+        while True:
+            state, report, dt = self._step(state, dt)
+            signals = self._record(state, report, progress)
+            if self._left(state):
+                return LEFT_TARGET, state, report
+            if self._quiet():
+                return AT_REST, state, report
+            if len(self.history) >= self.config.step_limit:
+                return NO_EQUILIBRIUM, state, report
+            self._adapt(report.contacts, signals)
+
+    def _step(self, state: State, dt: float) -> tuple[State, StepReport, float]:
+        """One accepted step and the proposal for the next."""
+        speed = self.history[-1].speed if self.history else 0.0
+        dt = min(
+            dt,
+            self.config.longest_step_seconds,
+            max(self.config.step_distance / max(speed, 1e-12), self.config.shortest_step_seconds),
+        )
+        moving = speed > self.config.moving_speed * np.sqrt(self.gravity * self.length)
+        tolerance = self.config.moving_tolerance if moving else self.config.newton_tolerance
+        while True:
+            after, report = self.stepper.advance(state, dt, tolerance)
+            if report.residual <= self.config.acceptable_residual:
+                break
+            if dt <= self.config.shortest_step_seconds:
+                raise UnstableStep(
+                    f"t = {state.time:.4f} s: step of {dt:.1e} s ends with {report.residual:.2g} of the free weight unbalanced "
+                    f"after {report.newton} Newton iterations (bound acceptable_residual = {self.config.acceptable_residual}); "
+                    f"{report.inverted} inverted particles"
+                )
+            dt = max(0.5 * dt, self.config.shortest_step_seconds)
+        self.query.remember(report.contacts)
+        easy = report.newton <= self.config.newton_limit // 2 and len(report.contacts.a) > 0
+        return after, report, dt * (STEP_GROWTH if easy else 1.0)
+
+    def _record(self, state: State, report: StepReport, progress: Progress | None) -> Signals:
+        signals = measure(self.model, self.soft, self.query, self.free, self.mass, state, report)
+        self.history.append(signals)
+        if progress is not None:
+            progress(len(self.history), state.time, signals)
+        return signals
+
+    def _quiet(self) -> bool:
+        """All signals below their thresholds over the whole window."""
+        window = self.history[-self.config.rest_steps :]
+        if len(window) < self.config.rest_steps:
+            return False
+        return all(row["value"] <= row["threshold"] for row in self._rows(window).values())
+
+    def _rows(self, window: list[Signals]) -> dict[str, dict[str, float]]:
+        """Value and threshold of every rest signal over a window of steps."""
+        speed = self.config.rest_speed * float(np.sqrt(self.gravity * self.length))
+        drift = self.config.rest_drift * self.length
+        centers = np.array([s.center for s in window])
+        boxes = np.array([s.box for s in window])
+        values = {
+            "linear_speed": (max(s.linear_speed for s in window), speed),
+            "angular_speed": (max(s.angular_speed for s in window), speed / (0.5 * self.length)),
+            "particle_speed": (max(s.particle_speed for s in window), speed),
+            "center_drift": (float(np.abs(np.ptp(centers, axis=0)).max()), drift),
+            "box_change": (float(np.abs(np.ptp(boxes, axis=0)).max()), drift),
+            "force_residual": (max(s.force_residual for s in window), self.config.rest_residual),
+            "torque_residual": (max(s.torque_residual for s in window), self.config.rest_residual),
+        }
+        return {k: {"value": v, "threshold": t, "margin": 1.0 - v / t} for k, (v, t) in values.items()}
+
+    def _left(self, state: State) -> bool:
+        """A free body lies wholly below everything fixed, or wholly beside it."""
+        fixed = [b.vertices for b in self.model.bodies if b.fixed]
+        if not fixed:
+            return False
+        low = np.min([v.min(axis=0) for v in fixed], axis=0)
+        high = np.max([v.max(axis=0) for v in fixed], axis=0)
+        for i in self.free:
+            surface = self.query.surface(state, i)
+            if surface[:, 2].max() < low[2]:
+                return True
+            apart = (surface.max(axis=0)[:2] < low[:2]) | (surface.min(axis=0)[:2] > high[:2])
+            if apart.any():
+                return True
+        return False
+
+    def _adapt(self, contacts: Contacts, signals: Signals) -> None:
+        """Stiffen pairs that penetrate more than asked for; only near rest, where the load is the weight."""
+        if signals.speed > self.config.moving_speed * np.sqrt(self.gravity * self.length):
+            return
+        for t in contacts.touching:
+            load = t.normal_force
+            if load.sum() <= 0.0:
+                continue
+            depth = float(-(t.gap * load).sum() / load.sum())
+            if depth > 1.25 * self.config.penetration_target:
+                factor = min(4.0, depth / self.config.penetration_target)
+                t.pair.stiffness *= factor
+                t.pair.anchor /= factor
+
+    def _verify(self, rest: State, progress: Progress | None) -> tuple[bool, dict[str, object]]:
+        """Kick the rest state and follow it; stable if it stays near and comes to rest again."""
+        c = self.config
+        random = np.random.default_rng(c.seed)
+        state = rest.copy()
+        state.v[:] = 0.0
+        state.velocity[:] = 0.0
+        state.angular_velocity[:] = 0.0
+        for i in self.free:
+            direction, axis = (d / np.linalg.norm(d) for d in random.normal(size=(2, 3)))
+            state.velocity[i] = c.kick_speed * direction
+            state.angular_velocity[i] = c.kick_angular_speed * axis
+            for s in self.soft.bodies:
+                if s.index == i:
+                    arm = state.x[s.nodes] - self._center(state, i)
+                    state.v[s.nodes] = state.velocity[i] + np.cross(state.angular_velocity[i], arm)
+        begin, farthest = len(self.history), 0.0
+        dt = 0.5 * c.longest_step_seconds
+        while state.time < rest.time + c.kick_seconds - 1e-9:
+            state, report, dt = self._step(state, min(dt, rest.time + c.kick_seconds - state.time))
+            self._record(state, report, progress)
+            farthest = max(farthest, self._distance(rest, state)[0])
+        distance, angle = self._distance(rest, state)
+        rows = self._rows(self.history[-3:])
+        quiet = all(
+            rows[k]["value"] <= rows[k]["threshold"] for k in ("linear_speed", "angular_speed", "particle_speed")
+        )
+        stable = quiet and distance <= c.kick_distance * self.length and angle <= c.kick_angle
+        self._kicked = state
+        return stable, {
+            "done": True, "stable": stable, "speed_m_s": c.kick_speed, "angular_speed_rad_s": c.kick_angular_speed,
+            "seconds": c.kick_seconds, "steps": len(self.history) - begin, "quiet_again": quiet,
+            "distance_m": {"value": distance, "threshold": c.kick_distance * self.length, "largest": farthest},
+            "angle_rad": {"value": angle, "threshold": c.kick_angle},
+        }  # fmt: skip
+
+    def _after_failed_kick(self, progress: Progress | None) -> tuple[str, State, StepReport]:
+        """The rest was not stable: follow the motion that the kick started to its end; a second rest is verified in its turn."""
+        verdict, state, report = self._approach(self._kicked, progress)
+        if verdict == AT_REST:
+            stable, _ = self._verify(state, progress)
+            if stable:
+                self.warnings.append("the first rest state was unstable under the kick; this is the one it fell into")
+                return verdict, state, report
+            verdict = NO_EQUILIBRIUM
+        return verdict, state, report
+
+    def _center(self, state: State, index: int) -> NDArray[np.float64]:
+        for s in self.soft.bodies:
+            if s.index == index:
+                m = self.soft.mass[s.nodes]
+                return np.asarray(m @ state.x[s.nodes] / m.sum())
+        return state.center[index]
+
+    def _distance(self, rest: State, state: State) -> tuple[float, float]:
+        """Largest distance of a centre of mass [m] and largest turn [rad] of any free body between two states."""
+        distance = max(float(np.linalg.norm(self._center(state, i) - self._center(rest, i))) for i in self.free)
+        angle = 0.0
+        for i in self.free:
+            a, b = self._motion(rest, i)[0], self._motion(state, i)[0]
+            angle = max(angle, float(np.arccos(np.clip((np.trace(b @ a.T) - 1.0) / 2.0, -1.0, 1.0))))
+        return distance, angle
+
+    def _motion(self, state: State, index: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        for s in self.soft.bodies:
+            if s.index == index and not self.model.bodies[index].fixed:
+                return best_rigid_motion(self.soft.rest[s.nodes], state.x[s.nodes], self.soft.mass[s.nodes])
+        rotation = state.rotation[index]
+        return rotation, state.center[index] - rotation @ self.model.bodies[index].center_of_mass
+
+    def _result(self, verdict: str, state: State, report: StepReport, kick: dict[str, object]) -> Result:
+        rows = self._rows(self.history[-self.config.rest_steps :])
+        bodies = []
+        for i, body in enumerate(self.model.bodies):
+            rotation, translation = self._motion(state, i)
+            bodies.append(
+                RestBody(body.name, self.query.surface(state, i), rotation, translation, self._speed(state, i))
+            )
+        if report.inverted:
+            self.warnings.append(f"{report.inverted} particles are inverted in the last state")
+        patch = {
+            self.model.bodies[i].name: np.concatenate(
+                [t.position for t in report.contacts.touching if i in (t.pair.a, t.pair.b)] or [np.zeros((0, 3))]
+            )
+            for i in self.free
+        }
+        return Result(
+            verdict,
+            tuple(bodies),
+            contact_table(self.model, report.contacts),
+            patch,
+            certificate(self.model, rows, kick, report, self.stepper.damping, self.weight, self.length),
+            {k: np.array([getattr(s, k) for s in self.history]) for k in Signals.SERIES},
+            len(self.history),
+            state.time,
+            int(self.soft.real.sum()),
+            tuple(self.warnings),
+        )
+
+    def _speed(self, state: State, index: int) -> float:
+        for s in self.soft.bodies:
+            if s.index == index:
+                return float(np.linalg.norm(state.v[s.nodes], axis=1).max())
+        reach = 0.5 * self.model.bodies[index].size
+        return float(np.linalg.norm(state.velocity[index]) + reach * np.linalg.norm(state.angular_velocity[index]))
+
+
+def contact_pairs(model: Model, soft: SoftSystem, config: SolverConfig, gravity: float) -> list[Pair]:
+    """Every ordered pair of bodies that can push each other, with its first contact stiffness per point."""
+    pairs = []
+    for a, one in enumerate(model.bodies):
+        for b, two in enumerate(model.bodies):
+            if a == b or (one.fixed and two.fixed):
+                continue
+            area = vertex_areas(one)
+            if one.soft is None and two.soft is None:
+                load = max(body.mass for body in (one, two) if not body.fixed) * max(gravity, 1.0)
+                stiffness = np.full(len(area), load / (3.0 * config.penetration_target))
+            else:
+                cell, modulus = softest(one, two)
+                area = np.minimum(area, cell**2)
+                stiffness = CELL_STIFFNESS * modulus / cell * area
+            mu_s, mu_d = model.friction(one, two)
+            points = len(one.vertices)
+            pairs.append(
+                Pair(
+                    a,
+                    b,
+                    mu_s,
+                    mu_d,
+                    stiffness,
+                    area,
+                    np.zeros((points, 3)),
+                    np.zeros(points, dtype=bool),
+                    one.vertices.copy(),
+                )
+            )
+    return pairs
+
+
+def softest(one: Body, two: Body) -> tuple[float, float]:
+    """Smallest cell [m] and smallest Young's modulus [Pa] of a pair of which at least one is soft."""
+    parts = [b.soft for b in (one, two) if b.soft is not None]
+    cell = min(float(np.diff(p).min()) for s in parts for p in s.planes)
+    return cell, min(float(s.youngs_modulus.min()) for s in parts)
+
+
+def predicted_damping(
+    model: Model, soft: SoftSystem, config: SolverConfig, mass: dict[int, float], gravity: float
+) -> float:
+    """Stiffness-proportional damping beta [s] that damps the bounce of the free bodies on their soft partners.
+
+    A body that sinks by d under its weight bounces with omega = sqrt(g / d); beta = 2 zeta / omega. d is estimated from the mean
+    stress of the weight on the body's footprint over the softest modulus and the body's size.
+    """
+    moduli = [float(b.soft.youngs_modulus.min()) for b in model.bodies if b.soft is not None]
+    if not moduli or not mass or gravity == 0.0:
+        return 0.0
+    heaviest = max(mass, key=lambda i: mass[i])
+    body = model.bodies[heaviest]
+    extent = np.ptp(body.vertices, axis=0)
+    radius = 0.25 * float(extent[0] + extent[1])
+    from solver.predict import contact_stiffness
+
+    stiffness = contact_stiffness(mass[heaviest] * gravity, radius, min(moduli), 0.3)
+    return 2.0 * config.damping_ratio / float(np.sqrt(stiffness / mass[heaviest]))

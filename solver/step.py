@@ -1,0 +1,201 @@
+"""One implicit step: backward Euler in true time with true masses, solved by Newton and conjugate gradients.
+
+    M (v' - v) / dt = f(x') ,  x' = x + dt v'
+
+Soft and rigid bodies, contact on both sides and friction are one system, so no side of a contact can outrun the other. Backward
+Euler damps elastic vibration strongly and leaves slow rigid motion nearly untouched, which is what a path to rest needs; stiffness-
+proportional damping beta K (Kelvin-Voigt) stands for the loss of real foams [B96, Sec. 9.3.3].
+
+[B96] Bathe: Finite Element Procedures, Prentice Hall 1996.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solver.config import SolverConfig
+from solver.contact import ContactQuery, Contacts
+from solver.errors import UnstableStep
+from solver.kernels import elastic
+from solver.linear import Frames, TangentSystem, Vector, conjugate_gradient
+from solver.model import Model
+from solver.soft import SoftSystem
+from solver.state import State, rotate, turn_between
+
+
+@dataclass(eq=False, slots=True)
+class StepReport:
+    """What one step cost and how well it was solved."""
+
+    newton: int
+    linear: int
+    residual: float
+    """Force residual over the free bodies' weight [-]."""
+    contacts: Contacts
+    frame_residual: NDArray[np.float64]
+    inverted: int
+    """Particles of material with det F <= 0."""
+
+
+class Stepper:
+    """Work arrays of one simulation; `advance` moves a state by one step."""
+
+    def __init__(
+        self, model: Model, soft: SoftSystem, query: ContactQuery, config: SolverConfig, weight: float
+    ) -> None:
+        self.model = model
+        self.soft = soft
+        self.query = query
+        self.config = config
+        self.weight = weight
+        self.damping = 0.0
+        cells, nodes, particles = len(soft.cell_node), len(soft.rest), len(soft.volume)
+        self.cell_force = np.zeros((cells, 8, 3))
+        self.cell_tangent = np.zeros((cells, 8, 8, 9), dtype=np.float32)
+        self.stencil = np.zeros((nodes, 27, 9), dtype=np.float32)
+        self.deformation = np.zeros((particles, 9))
+        self.volume_ratio = np.ones(particles)
+        self.energy = np.zeros(particles)
+        self.stencil_rest: NDArray[np.float64] | None = None
+        self.frame_bodies = [
+            i for i, b in enumerate(model.bodies) if not b.fixed and (b.soft is None or (soft.core == i).any())
+        ]
+        self.tied = [np.flatnonzero(soft.core == i) for i in self.frame_bodies]
+
+    def frames(self, state: State) -> Frames:
+        """The moving frames at a state."""
+        rigid = [self.model.bodies[i].soft is None for i in self.frame_bodies]
+        turned = [state.rotation[i] @ self.model.bodies[i].inertia @ state.rotation[i].T for i in self.frame_bodies]
+        return Frames(
+            self.frame_bodies,
+            state.center[self.frame_bodies],
+            np.array([self.model.bodies[i].mass if r else 0.0 for i, r in zip(self.frame_bodies, rigid, strict=True)]),
+            np.array([t if r else np.zeros((3, 3)) for t, r in zip(turned, rigid, strict=True)]).reshape(-1, 3, 3),
+            self.tied,
+            [state.x[t] - state.center[i] for t, i in zip(self.tied, self.frame_bodies, strict=True)],
+        )
+
+    def elastic_forces(self, state: State) -> NDArray[np.float64]:
+        """Elastic node forces [N], shape (n, 3); updates the particles' deformation, rotation and energy."""
+        f = np.zeros_like(state.x)
+        if len(f):
+            s = self.soft
+            elastic.cell_forces(
+                state.x, s.cell_node, s.cell_size, s.cell_start, s.local, s.volume, s.mu, s.lam, state.polar,
+                self.deformation, self.volume_ratio, self.energy, self.cell_force,
+            )  # fmt: skip
+            elastic.gather_forces(s.node_cell, self.cell_force, f)
+        return f
+
+    def refresh_stencil(self, state: State) -> None:
+        """Rebuild the elastic tangent where the field has moved enough since the last time."""
+        if len(state.x) == 0:
+            return
+        if self.stencil_rest is not None:
+            moved = np.abs(state.x - self.stencil_rest).max()
+            if moved < self.config.tangent_refresh * self.soft.cell_size.min():
+                return
+        s = self.soft
+        elastic.cell_tangents(
+            s.cell_size, s.cell_start, s.local, s.volume, s.mu, s.lam, state.polar, self.deformation, self.cell_tangent
+        )
+        elastic.gather_tangents(s.node_cell, self.cell_tangent, self.stencil)
+        self.stencil_rest = state.x.copy()
+
+    def advance(self, state: State, dt: float, tolerance: float) -> tuple[State, StepReport]:
+        """The state after `dt` [s], solved to `tolerance` of the weight; raises UnstableStep for a state that is not finite."""
+        before = state.copy()
+        after = self._predict(state, dt)
+        total, residual, contacts = 0, np.inf, None
+        for count in range(self.config.newton_limit + 1):
+            force = self.elastic_forces(after)
+            self.refresh_stencil(after)
+            contacts = self.query.find(after, before)
+            system = TangentSystem(self.soft, self.stencil, contacts, self.frames(after), dt, self.damping)
+            right = self._residual(system, after, before, force, dt)
+            residual = self._size(right)
+            if not np.isfinite(residual):
+                raise UnstableStep(self._story(after, dt, residual))
+            if residual <= tolerance or count == self.config.newton_limit:
+                break
+            move, iterations = conjugate_gradient(system, right, self.config.linear_tolerance, self.config.linear_limit)
+            total += iterations
+            after = self._move(after, system, move)
+        self._finish(after, before, dt)
+        inverted = int((self.volume_ratio[self.soft.real] <= 0.0).sum())
+        assert contacts is not None
+        return after, StepReport(count, total, residual, contacts, right[1], inverted)
+
+    def _predict(self, state: State, dt: float) -> State:
+        after = state.copy()
+        after.x = state.x + dt * state.v
+        for i in self.frame_bodies:
+            after.center[i] = state.center[i] + dt * state.velocity[i]
+            after.rotation[i] = rotate(state.rotation[i], dt * state.angular_velocity[i])
+        return self._tie(after)
+
+    def _tie(self, state: State) -> State:
+        """Put core nodes where their frame says, held nodes where they were."""
+        for i, tied in zip(self.frame_bodies, self.tied, strict=True):
+            if len(tied):
+                arm = self.soft.rest[tied] - self.model.bodies[i].center_of_mass
+                state.x[tied] = arm @ state.rotation[i].T + state.center[i]
+        state.x[self.soft.held] = self.soft.rest[self.soft.held]
+        return state
+
+    def _residual(
+        self, system: TangentSystem, after: State, before: State, elastic_force: NDArray[np.float64], dt: float
+    ) -> Vector:
+        """Force minus inertia on every degree of freedom."""
+        gravity = self.model.gravity
+        velocity = (after.x - before.x) / dt
+        nodes, frames = system.contact_forces(system.contacts.force)
+        nodes += elastic_force + (self.soft.mass * self.soft.gravity_share)[:, None] * gravity
+        nodes -= self.soft.mass[:, None] * (velocity - before.v) / dt
+        if self.damping > 0.0 and len(nodes):
+            drag = np.empty_like(nodes)
+            elastic.multiply(self.soft.neighbour, self.stencil, velocity, drag)
+            nodes -= self.damping * drag
+        for f, i in enumerate(self.frame_bodies):
+            linear = (after.center[i] - before.center[i]) / dt
+            angular = turn_between(before.rotation[i], after.rotation[i]) / dt
+            frames[f, :3] += system.frames.mass[f] * (gravity - (linear - before.velocity[i]) / dt)
+            frames[f, 3:] -= system.frames.inertia[f] @ (angular - before.angular_velocity[i]) / dt
+            for r in system.contacts.rolling:
+                frames[f, 3:] += r.torque if r.a == i else (-r.torque if r.b == i else 0.0)
+        return system.reduce(nodes, frames)
+
+    def _size(self, residual: Vector) -> float:
+        """Largest of the node residual (2-norm) and the frames' force and torque residuals, over the weight."""
+        parts = [float(np.sqrt((residual[0] ** 2).sum()))]
+        for f, i in enumerate(self.frame_bodies):
+            parts.append(float(np.linalg.norm(residual[1][f, :3])))
+            parts.append(float(np.linalg.norm(residual[1][f, 3:])) / (0.5 * self.model.bodies[i].size))
+        return max(parts) / self.weight
+
+    def _move(self, state: State, system: TangentSystem, move: Vector) -> State:
+        """Apply a Newton step, shortened so that no point jumps past a contact."""
+        nodes, frames = system.expand(move[0], move[1]), move[1]
+        reach = [float(np.abs(nodes).max())] if len(nodes) else []
+        for f, i in enumerate(self.frame_bodies):
+            reach.append(
+                float(np.linalg.norm(frames[f, :3]) + 0.5 * self.model.bodies[i].size * np.linalg.norm(frames[f, 3:]))
+            )
+        share = min(1.0, self.config.longest_move / max([*reach, 1e-30]))
+        after = state.copy()
+        after.x = state.x + share * nodes
+        for f, i in enumerate(self.frame_bodies):
+            after.center[i] = state.center[i] + share * frames[f, :3]
+            after.rotation[i] = rotate(state.rotation[i], share * frames[f, 3:])
+        return self._tie(after)
+
+    def _finish(self, after: State, before: State, dt: float) -> None:
+        after.v = (after.x - before.x) / dt
+        for i in self.frame_bodies:
+            after.velocity[i] = (after.center[i] - before.center[i]) / dt
+            after.angular_velocity[i] = turn_between(before.rotation[i], after.rotation[i]) / dt
+        after.time = before.time + dt
+
+    def _story(self, state: State, dt: float, residual: float) -> str:
+        return f"step at t = {state.time:.4f} s, dt = {dt:.2e} s: residual is {residual} of the free weight {self.weight:.3g} N"
