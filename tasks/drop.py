@@ -1,0 +1,164 @@
+"""Stage 8, drop: from bodies and a pre-drop pose to the state at rest, or to the reason why there is none.
+
+In: particles (bodies as arrays), the anchor (what was asked) and the intent. Out: `Settled` with verdict `at_rest`, its contacts and
+certificate, or `Infeasible` with the drop's reason code and the same certificate as evidence.
+"""
+
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel, NonNegativeFloat, NonNegativeInt, PositiveFloat
+from scipy.spatial.transform import Rotation
+
+from scene.anchor import Anchor
+from scene.intent import Intent
+from scene.mesh import Mesh
+from scene.outcome import Infeasible, Reason
+from scene.particles import Particles, SimulationBody
+from scene.settled import Settled, SettledBody
+from solver.config import SolverConfig
+from solver.errors import UnstableStep
+from solver.model import Body, Model, SignedDistance, SoftParts
+from solver.settle import AT_REST, Result, settle
+from tasks.stage import stage
+
+GRAVITY = (0.0, 0.0, -9.81)  # standard gravity [m/s^2], as in the paper's section 4.3
+
+
+class DropConfig(BaseModel, frozen=True, extra="forbid"):
+    """How the drop is simulated and judged."""
+
+    solver: SolverConfig = SolverConfig()
+    threads: NonNegativeInt = 0
+    """Worker threads, 0: all cores; never changes a result."""
+    topple_angle: PositiveFloat = 0.7854
+    """Turn of the object's own vertical from its pre-drop direction [rad] that counts as toppled when an orientation was asked."""
+    object_share: NonNegativeFloat = 0.5
+    """Share of the object's weight that the base must carry for the object to be on it [-]."""
+
+
+def drop(particles: Particles, anchor: Anchor, intent: Intent, seed: int, config: DropConfig) -> Settled | Infeasible:
+    """Settle the object and judge the outcome against what was asked."""
+    model = model_of(particles)
+    solver = config.solver.model_copy(update={"threads": config.threads, "seed": seed})
+    try:
+        result = settle(model, solver)
+    except UnstableStep as error:
+        return Infeasible(Reason.UNSTABLE_STEP, str(error), {})
+    settled = settled_of(particles, result)
+    if result.verdict != AT_REST:
+        return Infeasible(Reason(result.verdict), _story(result), evidence(settled))
+    return judge(settled, particles, anchor, intent, config)
+
+
+def model_of(particles: Particles) -> Model:
+    """The solver's model of the simulation bodies."""
+    return Model(tuple(_body(b) for b in particles.bodies), np.array(GRAVITY), particles.friction_pairs)
+
+
+def _body(body: SimulationBody) -> Body:
+    soft = None
+    if not body.rigid:
+        soft = SoftParts(
+            body.particle_position,
+            body.particle_volume,
+            body.particle_density,
+            body.particle_youngs_modulus,
+            body.particle_poisson_ratio,
+            (body.grid_x, body.grid_y, body.grid_z),
+            body.node_held,
+            loaded=body.fixed,
+        )
+    distance = SignedDistance(body.distance.origin, body.distance.spacing, body.distance.values)
+    return Body(
+        body.name, body.fixed, body.surface.vertices, body.surface.faces, distance, body.mass, body.center_of_mass,
+        body.inertia, body.static_friction, body.dynamic_friction, body.rolling_resistance, soft,
+    )  # fmt: skip
+
+
+def settled_of(particles: Particles, result: Result) -> Settled:
+    """The solver's result in the words of the pipeline."""
+    bodies = []
+    for body, rest in zip(particles.bodies, result.bodies, strict=True):
+        surface = Mesh(rest.vertices, body.surface.faces, body.surface.colors)
+        bodies.append(
+            SettledBody(
+                body.name, surface, rest.translation, quaternion(rest.rotation), rest.vertices - body.surface.vertices
+            )
+        )
+    name = particles.bodies[0].name
+    return Settled(
+        result.verdict, tuple(bodies), result.contacts, result.contact_points[name], result.certificate, result.history,
+        result.steps, result.simulated_seconds, result.warnings + particles.notes,
+    )  # fmt: skip
+
+
+def quaternion(rotation: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(w, x, y, z) of a rotation matrix, w >= 0."""
+    return np.asarray(Rotation.from_matrix(rotation).as_quat(canonical=True, scalar_first=True))
+
+
+def judge(
+    settled: Settled, particles: Particles, anchor: Anchor, intent: Intent, config: DropConfig
+) -> Settled | Infeasible:
+    """At rest, but is it on the base and as asked?"""
+    carried = carried_share(settled, particles, anchor.base_id)
+    if carried < config.object_share:
+        message = f"the object rests, but {anchor.base_id} carries only {carried:.0%} of its weight"
+        return Infeasible(Reason.LEFT_TARGET, message, evidence(settled) | {"carried_share": carried})
+    tilt = tilt_of(settled.bodies[0].quaternion)
+    asked = intent.orientation.pose != "any"
+    if asked and tilt > config.topple_angle:
+        message = (
+            f"the object came to rest {np.degrees(tilt):.0f} degrees from the asked pose ({intent.orientation.pose}; "
+            f"bound {np.degrees(config.topple_angle):.0f})"
+        )
+        return Infeasible(Reason.TOPPLED, message, evidence(settled) | {"tilt_rad": tilt})
+    return settled
+
+
+def carried_share(settled: Settled, particles: Particles, base_id: str) -> float:
+    """Normal force between the object and the base's bodies over all normal force on the object [-]."""
+    own = particles.bodies[0].name
+    of_base = {b.name for b in particles.bodies if b.instance == base_id}
+    total = on_base = 0.0
+    for row in settled.contacts:
+        partner = str(row["b"] if row["a"] == own else row["a"])
+        if own in (row["a"], row["b"]):
+            force = float(str(row["normal_force_n"]))
+            total += force
+            on_base += force if partner in of_base else 0.0
+    return on_base / total if total > 0.0 else 0.0
+
+
+def tilt_of(quaternion_wxyz: NDArray[np.float64]) -> float:
+    """Angle [rad] between the vertical and where a rotation takes it."""
+    w, x, y, z = quaternion_wxyz
+    return float(np.arccos(np.clip(1.0 - 2.0 * (x**2 + y**2), -1.0, 1.0)))
+
+
+def evidence(settled: Settled) -> dict[str, object]:
+    """What an infeasible outcome keeps of the last state."""
+    own = settled.bodies[0]
+    return {
+        "certificate": settled.certificate,
+        "contacts": list(settled.contacts),
+        "position": own.position.tolist(),
+        "quaternion": own.quaternion.tolist(),
+        "steps": settled.steps,
+        "simulated_s": settled.simulated_seconds,
+        "warnings": list(settled.warnings),
+    }
+
+
+def _story(result: Result) -> str:
+    """One sentence about a drop that did not come to rest."""
+    if result.verdict == "left_target":
+        return f"the object left its support after {result.simulated_seconds:.2f} s"
+    signals = result.certificate["signals"]
+    assert isinstance(signals, dict)
+    loud = [f"{k} {row['value']:.2g} > {row['threshold']:.2g}" for k, row in signals.items() if row["margin"] < 0.0]
+    return f"no equilibrium after {result.steps} steps ({result.simulated_seconds:.2f} s): {', '.join(loud) or 'the kick moved it'}"
+
+
+drop_task = stage(drop, process=True)
