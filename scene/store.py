@@ -56,6 +56,7 @@ class Store:
     def __init__(self, root: Path) -> None:
         self.root = root
         self._verified: dict[Ref, tuple[tuple[str, int, int], ...]] = {}
+        self._sources: dict[str, Path] = {}
         self._lock = threading.Lock()
 
     @classmethod
@@ -119,9 +120,9 @@ class Store:
         for folder in sorted((self.root / "objects").glob("*/??/*")):
             yield Ref(folder.parent.parent.name, folder.name)
 
-    def add_source(self, path: Path) -> Ref:
+    def add_source(self, given: str | Path) -> Ref:
         """Take a foreign file or folder in, with the files that it names (MTL, textures, buffers)."""
-        path = Path(path)
+        path = Path(given)
         main, files = source_files(path)
         about = canonical_json({"$type": Source.__name__, "main": main}, indent=1)
         digests = {VALUE_FILE: hashlib.sha256(about).hexdigest()}
@@ -136,7 +137,14 @@ class Store:
                     shutil.copyfile(file, target)
             if not self.has(ref):
                 raise InputError(f"{path}: changed while it was read; try again when nothing writes to it")
+        with self._lock:
+            self._sources[str(given)] = self.folder(ref) / FILES_FOLDER / main
         return ref
+
+    def source_path(self, given: str | Path) -> Path | None:
+        """Where `add_source` of this process put a path, to turn messages about it back."""
+        with self._lock:
+            return self._sources.get(str(given))
 
     def _load_source(self, ref: Ref) -> Source:
         folder = self.folder(ref)

@@ -1,8 +1,8 @@
 """What a stage has computed before: keys, records, and the reason why a record does not fit.
 
 A record lies at `records/KEY` as Prefect's result file. KEY is the digest of everything that decides the result: stage,
-code reachable by import, configuration, inputs and libraries. A record counts only while its artifact is sound; if it is
-not, the next name is used (KEY, KEY-r1, KEY-r2, ...), so nothing is ever deleted on the way.
+code reachable by import, configuration, inputs and libraries. A record counts only while its artifact is sound; if it
+is not, the next name is used (KEY, KEY-r1, KEY-r2, ...), so nothing is ever deleted on the way.
 """
 
 import hashlib

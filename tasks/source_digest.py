@@ -1,8 +1,8 @@
 """Digest of the code that decides what a stage returns: everything of ours that its module reaches by import.
 
-In: the file of a module. Out: one digest per reachable source file, and the third-party packages met on the way. Comments,
-docstrings and layout do not count (the syntax tree is hashed); imports inside functions do. A data file that reachable
-code names by a string (`materials.csv`, the folder `prompts`) counts with its bytes.
+In: the file of a module. Out: one digest per reachable source file, and the third-party packages met on the way.
+Comments, docstrings and layout do not count (the syntax tree is hashed); imports inside functions do. A data file that
+reachable code names by a string (`materials.csv`, the folder `prompts`) counts with its bytes.
 """
 
 import ast

@@ -2,7 +2,7 @@
 
 In: a job as JSON on standard input (module, function, inputs, configuration). Out: JSON lines on standard output,
 `{"progress": ...}` while it works and `{"done": ...}` or `{"error": ...}` at the end. The process leads its own
-session, dies with its parent, and is killed with everything it started when the parent is interrupted or the time is up.
+session, dies with its parent, and is killed with all that it started when the parent is interrupted or the time is up.
 """
 
 import ctypes

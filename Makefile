@@ -1,0 +1,61 @@
+# Everything a person types. `make help` lists it.
+
+SHELL := /bin/bash
+PYTHON ?= $(shell command -v python3.11 || command -v python3.12 || command -v python3)
+BIN := .venv/bin
+READY := .venv/.ready
+OUT ?= data/runs/demo
+
+.DEFAULT_GOAL := help
+.PHONY: setup test check benchmark demo ui perf clean help lock system-libraries
+
+help: ## this list
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "make %-18s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
+
+setup: $(READY) ## create .venv from the lock file, with dcap and all development tools
+
+$(READY): requirements.lock pyproject.toml
+	@$(MAKE) --no-print-directory system-libraries
+	@$(PYTHON) -c 'import sys; sys.exit(not (3, 11) <= sys.version_info < (3, 13))' \
+		|| { echo "dcap needs Python 3.11 or 3.12, found $$($(PYTHON) --version 2>&1); run: make setup PYTHON=/path/to/python3.11"; exit 1; }
+	@test -x $(BIN)/python || $(PYTHON) -m venv .venv \
+		|| { rm -rf .venv; echo "cannot create .venv; on Debian: apt-get install python3-venv"; exit 1; }
+	$(BIN)/python -m pip install --quiet --require-hashes -r requirements.lock
+	$(BIN)/python -m pip install --quiet --no-deps --no-build-isolation --editable .
+	@touch $(READY)
+
+system-libraries: ## install the few system libraries that Open3D loads, or print the command
+	@.ci/system-libraries
+
+test: $(READY) ## all tests
+	$(BIN)/pytest
+
+check: $(READY) ## format, lint, types, imports and fast tests; about a minute
+	$(BIN)/ruff format --check .
+	$(BIN)/ruff check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+	$(BIN)/pytest -m "not slow and not third_party and not gpu"
+
+benchmark: $(READY) ## place every sample of the embedded dataset; tables, pictures, HTML report
+	$(BIN)/dcap benchmark
+
+demo: $(READY) ## one placement: a ball at the centre of a bed
+	$(BIN)/dcap dataset make
+	$(BIN)/dcap place data/rooms/bedroom_01 data/objects/ball.glb "put the ball at the centre of the bed" --out $(OUT)
+
+ui: $(READY) ## Prefect's pages over all runs, on http://127.0.0.1:4200
+	$(BIN)/dcap ui
+
+perf: $(READY) ## measure the parts that take the time
+	$(BIN)/python -m perf
+
+clean: ## remove what can be computed again, but not the runs
+	rm -rf data/cache build dist .mypy_cache .ruff_cache .pytest_cache .import_linter_cache .hypothesis *.egg-info
+	find . -name __pycache__ -not -path './.venv/*' -prune -exec rm -rf {} +
+
+lock: $(READY) ## renew requirements.lock from pyproject.toml
+	$(BIN)/python -m pip install --quiet pip-tools
+	echo 'setuptools>=77' | $(BIN)/pip-compile --quiet --generate-hashes --allow-unsafe --strip-extras --extra dev --no-header \
+		--no-annotate --no-emit-index-url --no-emit-find-links --no-emit-trusted-host --output-file .lock.tmp pyproject.toml -
+	{ head -2 requirements.lock; grep -v '^#' .lock.tmp; } > .lock.new && mv .lock.new requirements.lock && rm .lock.tmp

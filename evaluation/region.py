@@ -1,0 +1,31 @@
+"""Whether an object rests in the region that the sentence asked for."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+TOLERANCE_M = 0.02
+"""Regions are stated by words; a finger's breadth outside is still inside [m]."""
+
+
+def region_missed(point: NDArray[np.float64], polygon: NDArray[np.float64]) -> bool:
+    """Whether a point (2,) lies outside a counter-clockwise convex or concave polygon (k, 2) by more than the tolerance."""
+    if len(polygon) < 3:
+        return False
+    return not inside(point, polygon) and distance_to_edges(point, polygon) > TOLERANCE_M
+
+
+def inside(point: NDArray[np.float64], polygon: NDArray[np.float64]) -> bool:
+    """Even-odd rule: a ray along +x crosses the outline an odd number of times."""
+    start, end = polygon, np.roll(polygon, -1, axis=0)
+    spans = (start[:, 1] > point[1]) != (end[:, 1] > point[1])
+    height = np.where(spans, end[:, 1] - start[:, 1], 1.0)
+    crossing = start[:, 0] + (point[1] - start[:, 1]) / height * (end[:, 0] - start[:, 0])
+    return bool(np.count_nonzero(spans & (point[0] < crossing)) % 2)
+
+
+def distance_to_edges(point: NDArray[np.float64], polygon: NDArray[np.float64]) -> float:
+    """Distance from a point to the outline [m]."""
+    start, edge = polygon, np.roll(polygon, -1, axis=0) - polygon
+    length = np.maximum((edge**2).sum(axis=1), np.finfo(float).tiny)
+    share = np.clip(((point - start) * edge).sum(axis=1) / length, 0.0, 1.0)
+    return float(np.linalg.norm(start + share[:, None] * edge - point, axis=1).min())

@@ -1,0 +1,277 @@
+"""Writes what a placement returned into a folder: placement.json, object.ply, scene.glb and pictures."""
+
+import json
+import os
+import shutil
+import tempfile
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TypeVar
+
+import numpy as np
+import trimesh
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation as Turn
+
+from evaluation.region import region_missed
+from flows.sample_run import FinishedSample
+from scene.anchor import Anchor
+from scene.codec import canonical_json, mesh_to_ply, to_tree
+from scene.intent import Intent
+from scene.materials import PartMaterials
+from scene.mesh import Mesh
+from scene.outcome import Infeasible
+from scene.particles import Particles
+from scene.renders import Renders
+from scene.scan import Scan
+from scene.segmentation import Segmentation
+from scene.settled import Settled, SettledBody
+from scene.store import Ref, Store
+
+AT_REST = "at_rest"
+PICTURES = ("clean", "settled", "closeup")
+GLTF_FROM_WORLD = np.array([[1.0, 0, 0, 0], [0, 0, 1.0, 0], [0, -1.0, 0, 0], [0, 0, 0, 1.0]])
+"""glTF wants y up."""
+
+Kind = TypeVar("Kind")
+
+
+@dataclass(frozen=True, slots=True)
+class Values:
+    """What the stages returned, as far as they got."""
+
+    scan: Scan | None
+    scene: Segmentation | None
+    intent: Intent | None
+    anchor: Anchor | None
+    materials: PartMaterials | None
+    particles: Particles | None
+    settled: Settled | None
+    renders: Renders | None
+    infeasible: Infeasible | None
+
+
+def load_values(finished: FinishedSample, store: Store) -> Values:
+    """Load the values behind a placement's references."""
+    placement = finished.placement
+    return Values(
+        scan=load(store, placement.scene_scan, Scan),
+        scene=load(store, placement.scene, Segmentation),
+        intent=load(store, placement.intent, Intent),
+        anchor=load(store, placement.anchor, Anchor),
+        materials=load(store, placement.materials, PartMaterials),
+        particles=load(store, placement.particles, Particles),
+        settled=load(store, placement.settled, Settled),
+        renders=load(store, placement.renders, Renders),
+        infeasible=load(store, placement.renders, Infeasible),
+    )
+
+
+def load(store: Store, ref: Ref, kind: type[Kind]) -> Kind | None:
+    """The value of a reference if it is of this kind."""
+    if ref.kind != kind.__name__:
+        return None
+    value = store.load(ref)
+    assert isinstance(value, kind)
+    return value
+
+
+def write_placement(finished: FinishedSample, out: Path) -> dict[str, object]:
+    """Write all files of a placement into `out` and return what placement.json holds.
+
+    The files are written beside and moved in, placement.json last: whoever sees it sees everything.
+    """
+    store = Store.default()
+    values = load_values(finished, store)
+    out.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(dir=out, prefix=".writing-") as draft_name:
+        draft = Path(draft_name)
+        artifacts = write_geometry(values, draft) | copy_pictures(finished.placement.renders, store, draft)
+        tree = placement_tree(finished, values, artifacts)
+        for name in artifacts.values():
+            os.replace(draft / name, out / name)
+        (draft / "placement.json").write_bytes(readable_json(tree))
+        os.replace(draft / "placement.json", out / "placement.json")
+    return tree
+
+
+def readable_json(tree: object) -> bytes:
+    """JSON in the given order of keys, for people."""
+    return (json.dumps(tree, indent=2, allow_nan=False, ensure_ascii=False) + "\n").encode()
+
+
+def placement_tree(finished: FinishedSample, values: Values, artifacts: Mapping[str, str]) -> dict[str, object]:
+    """The content of placement.json."""
+    intent, anchor, settled = values.intent, values.anchor, values.settled
+    body = object_body(settled)
+    verdict, reason = verdict_of(values)
+    tree: dict[str, object] = {
+        "verdict": verdict,
+        "reason": reason,
+        "message": values.infeasible.message if values.infeasible else None,
+        "prompt": finished.sample.prompt,
+        "base": {"id": intent.base_id, "label": intent.base_label} if intent else None,
+        "part": anchor.part if anchor else None,
+        "region": anchor.region if anchor else None,
+        "region_missed": region_missed(support_point(settled, body), anchor.region_polygon)
+        if anchor and settled and body
+        else None,
+        "scale": intent.scale if intent else None,
+        "mass": intent.mass if intent else None,
+        "world_from_file": values.scan.world_from_file.tolist() if values.scan else None,
+        "pre_drop": pose_of(anchor.world_from_object) if anchor else None,
+        "pose": pose_of(world_from_start(body) @ anchor.world_from_object) if anchor and body else None,
+        "object_aabb": body.surface.bounds.tolist() if body else None,
+        "contacts": list(settled.contacts) if settled else [],
+        "materials": [material_row(row) for row in values.materials.rows] if values.materials else [],
+        "certificate": certificate_of(values),
+        "visible_fraction": values.renders.visible_fraction if values.renders else None,
+        "warnings": warnings_of(values),
+        "timings": timings_of(finished),
+        "artifacts": dict(artifacts),
+    }
+    plain = to_tree(tree, "", {})
+    assert isinstance(plain, dict)
+    return plain
+
+
+def verdict_of(values: Values) -> tuple[str, str | None]:
+    """Contract verdict and reason code."""
+    if values.infeasible is not None:
+        return "infeasible", str(values.infeasible.reason)
+    assert values.settled is not None
+    if values.settled.verdict == AT_REST:
+        return AT_REST, None
+    return "infeasible", values.settled.verdict
+
+
+def certificate_of(values: Values) -> dict[str, object] | None:
+    """The solver's certificate, or the evidence of the stage that found no way."""
+    if values.settled is not None:
+        return dict(values.settled.certificate)
+    return dict(values.infeasible.evidence) if values.infeasible else None
+
+
+def warnings_of(values: Values) -> list[str]:
+    """What a reader should know, in the order of the stages, each once."""
+    found: list[str] = list(values.scan.notes) if values.scan else []
+    if values.intent:
+        found += values.intent.notes
+        if values.intent.not_understood:
+            found.append(f"not understood: {', '.join(values.intent.not_understood)}")
+    found += values.particles.notes if values.particles else ()
+    found += values.settled.warnings if values.settled else ()
+    return list(dict.fromkeys(found))
+
+
+def timings_of(finished: FinishedSample) -> dict[str, float]:
+    """Seconds that each stage took when it was computed; repeated stages are summed."""
+    seconds: dict[str, float] = {}
+    for stage, record, _ in finished.records:
+        seconds[stage] = round(seconds.get(stage, 0.0) + record.seconds, 3)
+    return seconds
+
+
+def material_row(row: object) -> dict[str, object]:
+    """One row of `materials`."""
+    from scene.materials import PartMaterial
+
+    assert isinstance(row, PartMaterial)
+    return {
+        "body": row.body,
+        "part": row.part,
+        "material": row.material.id,
+        "model": str(row.model),
+        "reason": row.reason,
+        "density": row.material.density,
+        "youngs_modulus": row.material.youngs_modulus,
+        "poisson_ratio": row.material.poisson_ratio,
+        "static_friction": row.material.static_friction,
+        "dynamic_friction": row.material.dynamic_friction,
+    }
+
+
+def object_body(settled: Settled | None) -> SettledBody | None:
+    """The placed object among the settled bodies."""
+    return next((one for one in settled.bodies if one.name == "object"), None) if settled else None
+
+
+def world_from_start(body: SettledBody) -> NDArray[np.float64]:
+    """Rigid map from the start of the drop to rest, shape (4, 4)."""
+    matrix = np.eye(4)
+    matrix[:3, :3] = Turn.from_quat(body.quaternion, scalar_first=True).as_matrix()
+    matrix[:3, 3] = body.position
+    return matrix
+
+
+def pose_of(world_from_object: NDArray[np.float64]) -> dict[str, object]:
+    """Position of the object's origin [m] and its quaternion (w, x, y, z with w >= 0); the scale is left out."""
+    linear = world_from_object[:3, :3]
+    turn = Turn.from_matrix(linear / np.cbrt(np.linalg.det(linear)))
+    return {
+        "position": world_from_object[:3, 3].tolist(),
+        "quaternion": turn.as_quat(canonical=True, scalar_first=True).tolist(),
+    }
+
+
+def support_point(settled: Settled, body: SettledBody) -> NDArray[np.float64]:
+    """Middle of the contact patch seen from above [m], of the object's box if nothing touches, shape (2,)."""
+    points = settled.contact_points if len(settled.contact_points) else body.surface.bounds
+    middle: NDArray[np.float64] = 0.5 * (points.min(axis=0) + points.max(axis=0))
+    return middle[:2]
+
+
+def write_geometry(values: Values, folder: Path) -> dict[str, str]:
+    """object.ply and scene.glb, as far as there is something to write."""
+    if values.scene is None:
+        return {}
+    bodies = values.settled.bodies if values.settled else ()
+    written = {"scene": "scene.glb"}
+    (folder / "scene.glb").write_bytes(scene_glb(values.scene, bodies, values.particles))
+    for body in bodies:
+        if body.name == "object":
+            (folder / "object.ply").write_bytes(mesh_to_ply(body.surface))
+            written = {"object": "object.ply"} | written
+    return written
+
+
+def scene_glb(scene: Segmentation, bodies: Sequence[SettledBody], particles: Particles | None) -> bytes:
+    """The scene with every settled body as a node of its own, y up as glTF wants it."""
+    glb = trimesh.Scene()
+    add_node(glb, "scene", scene.mesh)
+    for body in bodies:
+        add_node(glb, body.name, body.surface)
+    data = glb.export(file_type="glb")
+    assert isinstance(data, bytes)
+    return data
+
+
+def add_node(glb: trimesh.Scene, name: str, mesh: Mesh) -> None:
+    """One named mesh with vertex colours."""
+    if len(mesh.faces):
+        shape = trimesh.Trimesh(mesh.vertices, mesh.faces, vertex_colors=mesh.colors, process=False)
+        glb.add_geometry(shape, node_name=name, geom_name=name, transform=GLTF_FROM_WORLD)
+
+
+def copy_pictures(renders: Ref, store: Store, folder: Path) -> dict[str, str]:
+    """The pictures as they lie in the store."""
+    if renders.kind != Renders.__name__:
+        return {}
+    for name in PICTURES:
+        shutil.copyfile(store.folder(renders) / f"{name}.png", folder / f"{name}.png")
+    return {name: f"{name}.png" for name in PICTURES}
+
+
+def result_line(tree: Mapping[str, object]) -> str:
+    """One line for a person."""
+    base = tree["base"]
+    where = f" on {base['label']} ({tree['part']})" if isinstance(base, Mapping) else ""
+    if tree["verdict"] == AT_REST:
+        return f"at rest{where}"
+    return f"infeasible: {tree['reason']}{where}; {tree['message'] or ''}".rstrip("; ")
+
+
+def placement_bytes(tree: Mapping[str, object]) -> bytes:
+    """Canonical bytes, to compare two placements."""
+    return canonical_json({key: value for key, value in tree.items() if key != "timings"})

@@ -1,0 +1,169 @@
+"""Runs the stages of one sample: first a look at what is there, then a Prefect flow if anything is missing."""
+
+import traceback
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache
+from typing import TYPE_CHECKING
+
+from flows.place import PlaceConfig, Placement, place
+from scene.errors import DcapError
+from scene.sample import Sample
+from scene.store import Store
+from tasks.records import Record, why_not_cached
+from tasks.stage import Conduct, Event, NotCachedError, StageEvent, conducting
+
+if TYPE_CHECKING:
+    from prefect import Flow
+
+STAGES = (
+    "mesh",
+    "mesh",
+    "segment",
+    "segment_object",
+    "intent",
+    "rotation",
+    "anchor",
+    "materials",
+    "particles",
+    "drop",
+    "render",
+)
+"""Stages in the order of flows/place.py."""
+
+OnEvent = Callable[[StageEvent], None]
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """What placing a sample would take."""
+
+    sample: Sample
+    cached: tuple[str, ...]
+    """Stages whose results are there."""
+    missing: str
+    """First stage that would run; empty if none."""
+    why: str
+    """Why it would run."""
+    finished: "FinishedSample | None"
+    """The result, if nothing would run."""
+    error: str = ""
+    """What is wrong with the sample's input; empty if nothing is."""
+
+    @property
+    def later(self) -> tuple[str, ...]:
+        """Stages after the first missing one; they run if their inputs change."""
+        return STAGES[len(self.cached) + 1 :] if self.missing else ()
+
+
+@dataclass(frozen=True, slots=True)
+class FinishedSample:
+    """A sample whose stages have all returned."""
+
+    sample: Sample
+    placement: Placement
+    records: tuple[tuple[str, Record, bool], ...]
+    """(stage, record, computed now) in order."""
+
+
+@dataclass(frozen=True, slots=True)
+class FailedSample:
+    """A sample that did not get through."""
+
+    sample: Sample
+    message: str
+    """One line."""
+    exit_code: int
+    details: str
+    """Traceback for an unexpected failure, else empty."""
+
+
+class Diary:
+    """Notes what the stages of one sample did and passes events on."""
+
+    def __init__(self, listener: OnEvent | None = None) -> None:
+        self.records: list[tuple[str, Record, bool]] = []
+        self.listener = listener
+
+    def __call__(self, event: StageEvent) -> None:
+        """One event."""
+        if event.record is not None:
+            self.records.append((event.stage, event.record, event.event is Event.FINISHED))
+        if self.listener is not None:
+            self.listener(event)
+
+
+def plan_sample(sample: Sample, config: PlaceConfig) -> Plan:
+    """Look every stage up without running any."""
+    diary = Diary()
+    try:
+        with conducting(Conduct(lookup_only=True, on_event=diary)):
+            placement = place(sample, config)
+    except NotCachedError as missing:
+        why = why_not_cached(missing.deciders, Store.default())
+        return Plan(sample, stages_of(diary), missing.deciders.stage, why, None)
+    except DcapError as error:
+        return Plan(sample, stages_of(diary), "mesh", "input", None, in_users_words(str(error), sample))
+    return Plan(sample, stages_of(diary), "", "", FinishedSample(sample, placement, tuple(diary.records)))
+
+
+def stages_of(diary: Diary) -> tuple[str, ...]:
+    """Names of the stages in a diary."""
+    return tuple(stage for stage, _, _ in diary.records)
+
+
+def run_sample(
+    sample: Sample,
+    config: PlaceConfig,
+    *,
+    refresh: frozenset[str] = frozenset(),
+    listener: OnEvent | None = None,
+) -> FinishedSample:
+    """Run the stages of a sample as one Prefect flow; needs a server."""
+    diary = Diary(listener)
+    flow = place_flow().with_options(flow_run_name=sample.id.replace("{", "(").replace("}", ")"))
+    try:
+        with conducting(Conduct(refresh=refresh, on_event=diary)):
+            placement = flow(sample, config)
+    except DcapError as error:
+        raise type(error)(in_users_words(str(error), sample)) from error
+    return FinishedSample(sample, placement, tuple(diary.records))
+
+
+def try_sample(
+    sample: Sample,
+    config: PlaceConfig,
+    *,
+    refresh: frozenset[str] = frozenset(),
+    listener: OnEvent | None = None,
+) -> FinishedSample | FailedSample:
+    """As `run_sample`, but a failure of this sample is a value: the others go on."""
+    try:
+        return run_sample(sample, config, refresh=refresh, listener=listener)
+    except DcapError as error:
+        return FailedSample(sample, one_line(str(error)), error.exit_code, "")
+    except Exception as error:  # the border between samples: reported in full, never hidden
+        return FailedSample(sample, one_line(f"{type(error).__name__}: {error}"), 1, traceback.format_exc())
+
+
+@cache
+def place_flow() -> "Flow[[Sample, PlaceConfig], Placement]":
+    """`place` as a Prefect flow; Prefect is imported here, after the server's address is known."""
+    from prefect import Flow
+
+    return Flow(place, name="place", validate_parameters=False, persist_result=False)
+
+
+def in_users_words(message: str, sample: Sample) -> str:
+    """A message with the user's paths instead of the store's."""
+    store = Store.default()
+    for given in (sample.scene, sample.object):
+        inside = store.source_path(given)
+        if inside is not None:
+            message = message.replace(str(inside), given)
+    return message
+
+
+def one_line(message: str) -> str:
+    """A message without line breaks."""
+    return " ".join(message.split())

@@ -1,0 +1,150 @@
+"""A real local Prefect server for as long as work runs: Prefect's built-in temporary one loses history.
+
+The server keeps its database in the cache, listens on a free port of this machine only, and is stopped by process id by
+whoever started it. A server that already runs on the same database (from `make ui`, say) is used and left alone, and so
+is one that $PREFECT_API_URL names.
+"""
+
+import fcntl
+import json
+import os
+import signal
+import socket
+import subprocess
+import sys
+import time
+import tomllib
+import urllib.error
+import urllib.request
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from scene.errors import DcapError
+from scene.settings import PROJECT_ROOT, cache_root
+
+START_SECONDS = 90.0
+"""A first start creates the database, which takes 8 s on two idle cores."""
+STOP_SECONDS = 10.0
+
+
+@contextmanager
+def prefect_server(port: int | None = None) -> Iterator[str]:
+    """URL of a healthy server, also in $PREFECT_API_URL; enter before Prefect is imported."""
+    apply_settings()
+    given = os.environ.get("PREFECT_API_URL")
+    if given:
+        if not is_healthy(given):
+            raise DcapError(f"PREFECT_API_URL={given}: no server answers there; start it or unset the variable")
+        yield given
+        return
+    folder = cache_root() / "prefect"
+    folder.mkdir(parents=True, exist_ok=True)
+    with only_one_starts(folder):
+        url = running_url(folder)
+        process = None if url else start(folder, port or free_port())
+        url = url or running_url(folder)
+    os.environ["PREFECT_API_URL"] = url
+    try:
+        yield url
+    finally:
+        os.environ.pop("PREFECT_API_URL", None)
+        if process is not None:
+            stop(process, folder)
+
+
+def apply_settings() -> None:
+    """Put the project's prefect.toml into the environment, wherever the program was started."""
+    tree = tomllib.loads((PROJECT_ROOT / "prefect.toml").read_text())
+    for name, value in flattened(tree, "PREFECT"):
+        os.environ.setdefault(name, value)
+    os.environ.setdefault("DO_NOT_TRACK", "1")
+    os.environ.setdefault("PREFECT_HOME", str(cache_root() / "prefect"))
+    # runs report to the server; the terminal belongs to our own lines
+    os.environ.setdefault("PREFECT_LOGGING_HANDLERS_CONSOLE_LEVEL", "CRITICAL")
+
+
+def flattened(tree: dict[str, object], prefix: str) -> Iterator[tuple[str, str]]:
+    """`[server] analytics_enabled = false` as PREFECT_SERVER_ANALYTICS_ENABLED=false."""
+    for key, value in tree.items():
+        name = f"{prefix}_{key.upper()}"
+        if isinstance(value, dict):
+            yield from flattened(value, name)
+        else:
+            yield name, str(value).lower() if isinstance(value, bool) else str(value)
+
+
+@contextmanager
+def only_one_starts(folder: Path) -> Iterator[None]:
+    """Two programs that start at once share one server."""
+    with (folder / "server.lock").open("w") as file:
+        fcntl.flock(file, fcntl.LOCK_EX)
+        yield
+
+
+def running_url(folder: Path) -> str:
+    """URL of the healthy server on this database; empty if there is none."""
+    try:
+        url = str(json.loads((folder / "server.json").read_text())["url"])
+    except (OSError, ValueError, KeyError):
+        return ""
+    return url if is_healthy(url) else ""
+
+
+def is_healthy(url: str) -> bool:
+    """Whether a server answers."""
+    try:
+        with urllib.request.urlopen(f"{url}/health", timeout=2) as answer:
+            return bool(answer.status == 200)
+    except (urllib.error.URLError, OSError, ValueError):
+        return False
+
+
+def free_port() -> int:
+    """A port of this machine that nobody listens on now."""
+    with socket.socket() as one:
+        one.bind(("127.0.0.1", 0))
+        return int(one.getsockname()[1])
+
+
+def start(folder: Path, port: int) -> "subprocess.Popen[bytes]":
+    """Start a server and wait until it is healthy."""
+    url = f"http://127.0.0.1:{port}/api"
+    environment = os.environ | {
+        "PREFECT_API_DATABASE_CONNECTION_URL": f"sqlite+aiosqlite:///{folder / 'prefect.db'}",
+        "PREFECT_SERVER_API_PORT": str(port),
+        "PREFECT_UI_API_URL": url,
+    }
+    log_path = folder / "server.log"
+    with log_path.open("wb") as log:
+        process = subprocess.Popen(
+            [sys.executable, "-m", "prefect", "server", "start", "--host", "127.0.0.1", "--port", str(port)],
+            env=environment,
+            stdin=subprocess.DEVNULL,
+            stdout=log,
+            stderr=log,
+            start_new_session=True,
+        )
+    (folder / "server.json").write_text(json.dumps({"url": url, "pid": process.pid}))
+    deadline = time.monotonic() + START_SECONDS
+    while not is_healthy(url):
+        if process.poll() is not None or time.monotonic() > deadline:
+            stop(process, folder)
+            raise DcapError(f"the Prefect server on port {port} did not start; its log is {log_path}")
+        time.sleep(0.2)
+    return process
+
+
+def stop(process: "subprocess.Popen[bytes]", folder: Path) -> None:
+    """Stop the server that we started, with its helpers."""
+    (folder / "server.json").unlink(missing_ok=True)
+    for kind, patience in ((signal.SIGINT, STOP_SECONDS), (signal.SIGKILL, STOP_SECONDS)):
+        try:
+            os.killpg(process.pid, kind)
+            process.wait(patience)
+        except ProcessLookupError:
+            return
+        except subprocess.TimeoutExpired:
+            continue
+        else:
+            return
