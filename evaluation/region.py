@@ -8,7 +8,7 @@ TOLERANCE_M = 0.02
 
 
 def region_missed(point: NDArray[np.float64], polygon: NDArray[np.float64]) -> bool:
-    """Whether a point (2,) lies outside a counter-clockwise convex or concave polygon (k, 2) by more than the tolerance."""
+    """Whether a point (2,) lies outside a polygon (k, 2) by more than the tolerance."""
     if len(polygon) < 3:
         return False
     return not inside(point, polygon) and distance_to_edges(point, polygon) > TOLERANCE_M

@@ -36,6 +36,8 @@ if TYPE_CHECKING:
     from prefect.cache_policies import CachePolicy
 
 OnProgress = Callable[[float, str], None]
+NOT_DECIDING = {"threads"}
+"""Settings of any stage that change how long it takes, never what it returns."""
 
 
 class Event(StrEnum):
@@ -116,40 +118,40 @@ class Stage:
         for value in inputs.values():
             if isinstance(value, Ref) and value.kind == Infeasible.__name__:
                 return value
-        record = self._record(self.deciders(inputs, config))
-        return record.ref
+        if config is None and "config" in self.signature.parameters:
+            config = self.hints["config"]()
+        return self._record(self.deciders(inputs, config), config).ref
 
     def deciders(self, inputs: dict[str, Any], config: BaseModel | None) -> Deciders:
         """Everything that decides the result."""
-        if config is None and "config" in self.signature.parameters:
-            config = self.hints["config"]()
         return Deciders(
             stage=self.name,
             code=source_digests(self.module_path, PROJECT_ROOT) | {"function": self.function.__name__},
-            config=None if config is None else config.model_dump(mode="json"),
+            config=None if config is None else config.model_dump(mode="json", exclude=NOT_DECIDING),
             inputs={name: plain_input(name, value) for name, value in inputs.items()},
             libraries=libraries(self.module_path, PROJECT_ROOT),
         )
 
-    def _record(self, deciders: Deciders) -> Record:
+    def _record(self, deciders: Deciders, config: BaseModel | None) -> Record:
         conduct = current.get(None) or Conduct()
         if conduct.lookup_only:
             _, record = usable_key(deciders.key, Store.default())
             if record is None:
                 raise NotCachedError(deciders)
         else:
-            record = self._run(deciders, conduct)
+            record = self._run(deciders, config, conduct)
         conduct.on_event(StageEvent(self.name, Event.FINISHED if conduct.ran else Event.CACHED, 1.0, record=record))
         return record
 
-    def _run(self, deciders: Deciders, conduct: Conduct) -> Record:
+    def _run(self, deciders: Deciders, config: BaseModel | None, conduct: Conduct) -> Record:
         conduct.ran = False
+        settings = None if config is None else config.model_dump(mode="json")
         with conducting(conduct):
             task = self.task.with_options(refresh_cache=True) if self.name in conduct.refresh else self.task
-            return Record.from_json(task(deciders.key, deciders.to_json()))
+            return Record.from_json(task(deciders.key, deciders.to_json(), settings))
 
     @cached_property
-    def task(self) -> "Task[[str, dict[str, object]], dict[str, object]]":
+    def task(self) -> "Task[[str, dict[str, object], object], dict[str, object]]":
         """The Prefect task behind this stage."""
         from prefect import Task
 
@@ -164,7 +166,7 @@ class Stage:
             cache_result_in_memory=False,
         )
 
-    def _body(self, key: str, deciders: dict[str, Any]) -> dict[str, object]:
+    def _body(self, key: str, deciders: dict[str, Any], config: object) -> dict[str, object]:
         """What Prefect runs when no record fits."""
         from prefect.logging import get_run_logger
 
@@ -173,7 +175,7 @@ class Stage:
         conduct.ran = True
         conduct.on_event(StageEvent(self.name, Event.STARTED))
         begin = time.perf_counter()
-        done = self._compute_anywhere(deciders["inputs"], deciders["config"], progress_to(log, conduct, self.name))
+        done = self._compute_anywhere(deciders["inputs"], config, progress_to(log, conduct, self.name))
         log.info(
             "%s: %s %s, %.2f s (%.2f s with loading and saving), %.1f KiB",
             self.name,

@@ -1,0 +1,274 @@
+"""The command line: `dcap place|benchmark|plan|rerun|drop|report|dataset|cache|ui`.
+
+Results go to standard output, everything else to standard error. Exit codes: 0 at rest or done, 2 bad input, 3 understood
+but infeasible, 4 some samples of a benchmark failed. An error that a user can mend is one line without a traceback.
+"""
+
+import json
+import os
+import signal
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from scene.errors import DcapError, InputError
+from scene.sample import Sample, SourceOptions
+
+INFEASIBLE = 3
+SOME_FAILED = 4
+INTERRUPTED = 130
+
+app = typer.Typer(
+    name="dcap",
+    help="Deformable, contact-aware placement: an object at rest in a scene, from a sentence.",
+    no_args_is_help=True,
+    add_completion=False,
+    rich_markup_mode=None,
+    pretty_exceptions_enable=False,
+)
+dataset_app = typer.Typer(help="The embedded dataset.", no_args_is_help=True, rich_markup_mode=None)
+cache_app = typer.Typer(help="What has been computed.", no_args_is_help=True, rich_markup_mode=None)
+app.add_typer(dataset_app, name="dataset")
+app.add_typer(cache_app, name="cache")
+
+Json = Annotated[bool, typer.Option("--json", help="Print the result as JSON on standard output.")]
+Workers = Annotated[int, typer.Option(min=1, max=64, help="Samples at a time.")]
+Dataset = Annotated[Path | None, typer.Option(help="YAML list of samples; default: the embedded rooms.")]
+Limit = Annotated[int | None, typer.Option(min=1, help="Only the first so many samples.")]
+Language = Annotated[str, typer.Option(help="Who reads the sentence: offline, anthropic or replay.")]
+Solver = Annotated[str | None, typer.Option(help="tl or mls.")]
+Resolution = Annotated[float | None, typer.Option(help="Cell size at the contact [m]; default: from the physics.")]
+Threads = Annotated[int, typer.Option(min=0, help="Threads of the solver, 0: all cores; never changes a result.")]
+
+
+@app.command()
+def place(
+    scene: Annotated[str, typer.Argument(help="Folder (InteriorGS, SuGaR) or mesh (GLB, OBJ, PLY, STL).")],
+    object: Annotated[str, typer.Argument(help="Mesh of the object.")],  # noqa: A002 the contract's name
+    prompt: Annotated[str, typer.Argument(help='What to do: "put the ball at the centre of the bed".')],
+    out: Annotated[Path | None, typer.Option(help="Folder for the results; default: data/runs/place.")] = None,
+    language: Language = "offline",
+    label: Annotated[str, typer.Option(help="What the scene mesh, or its unnamed nodes, shows: table.")] = "",
+    up: Annotated[str, typer.Option(help="Up axis of the scene file: z, y or auto.")] = "auto",
+    unit: Annotated[str, typer.Option(help="Length unit of the scene file: m, cm, mm, in or auto.")] = "auto",
+    object_label: Annotated[str, typer.Option(help="What the object is: mug.")] = "",
+    object_up: Annotated[str, typer.Option(help="Up axis of the object file.")] = "auto",
+    object_unit: Annotated[str, typer.Option(help="Length unit of the object file.")] = "auto",
+    mass: Annotated[float | None, typer.Option(help="Mass of the object [kg]; default: a prior for its kind.")] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of everything random.")] = 0,
+    resolution: Resolution = None,
+    threads: Threads = 0,
+    solver: Solver = None,
+    as_json: Json = False,
+) -> int:
+    """Place one object in one scene."""
+    from flows.configure import configured
+    from flows.output import result_line, write_placement
+    from flows.place_one import place_one
+    from scene.settings import runs_root
+
+    if not prompt.strip():
+        raise InputError('PROMPT is empty; say what to do, for example "put the ball at the centre of the bed"')
+    if mass is not None and not 0 < mass < float("inf"):
+        raise InputError(f"--mass {mass} is not a positive number of kilograms")
+    sample = Sample(
+        id=f"{Path(object).stem} in {Path(scene).name}",
+        scene=scene,
+        object=object,
+        prompt=prompt,
+        scene_options=SourceOptions(choice("--up", up, UPS), choice("--unit", unit, UNITS), label),
+        object_options=SourceOptions(
+            choice("--object-up", object_up, UPS), choice("--object-unit", object_unit, UNITS), object_label
+        ),
+        mass=mass,
+        seed=seed,
+    )
+    config = configured(language=language, resolution=resolution, threads=threads, solver=solver)
+    folder = out or runs_root() / "place"
+    check_out(folder)
+    tree = write_placement(place_one(sample, config, quiet=as_json), folder)
+    print(json.dumps(tree, indent=2, ensure_ascii=False) if as_json else f"{result_line(tree)}\nresults: {folder}")
+    return 0 if tree["verdict"] == "at_rest" else INFEASIBLE
+
+
+@app.command()
+def drop(
+    case: Annotated[Path, typer.Argument(help="Case file: bodies, shapes, materials.")],
+    out: Annotated[Path, typer.Option(help="Folder for the results.")],
+    solver: Solver = None,
+    resolution: Resolution = None,
+    threads: Threads = 0,
+    as_json: Json = False,
+) -> int:
+    """Physics only: settle the bodies of a case file."""
+    from tasks.case import run_case
+
+    if not case.is_file():
+        raise InputError(f"{case}: no such file")
+    check_out(out)
+    tree = run_case(case, out, solver=solver or "tl", resolution=resolution, threads=threads)
+    print(json.dumps(tree, indent=2, ensure_ascii=False) if as_json else f"{tree['verdict']}\nresults: {out}")
+    return 0 if tree["verdict"] == "at_rest" else INFEASIBLE
+
+
+@app.command()
+def benchmark(
+    dataset: Dataset = None,
+    methods: Annotated[str, typer.Option(help="Comma-separated methods; there is one so far: dcap.")] = "dcap",
+    limit: Limit = None,
+    workers: Workers = 2,
+    only_failed: Annotated[bool, typer.Option("--only-failed", help="Only what failed in the last run.")] = False,
+    language: Language = "offline",
+    as_json: Json = False,
+) -> int:
+    """Place every sample of a dataset and report."""
+    from flows.benchmark import run_benchmark
+    from flows.configure import configured
+
+    for method in methods.split(","):
+        choice("--methods", method.strip(), ("dcap",))
+    run = run_benchmark(dataset, configured(language=language), limit=limit, workers=workers, only_failed=only_failed)
+    if as_json:
+        print(json.dumps(run.summary, indent=2, ensure_ascii=False))
+    return SOME_FAILED if run.failed else 0
+
+
+@app.command()
+def plan(
+    dataset: Dataset = None,
+    limit: Limit = None,
+    language: Language = "offline",
+    as_json: Json = False,
+) -> int:
+    """Show what a benchmark would run and why, without running anything."""
+    from flows.benchmark import plan_benchmark
+    from flows.configure import configured
+
+    rows = plan_benchmark(dataset, configured(language=language), limit=limit)
+    if as_json:
+        print(json.dumps(rows, indent=2, ensure_ascii=False))
+    return 0
+
+
+@app.command()
+def rerun(
+    run: Annotated[str, typer.Argument(help="Name or folder of a run, or 'last'.")],
+    sample: Annotated[str, typer.Argument(help="Id of a sample.")],
+    stage: Annotated[str, typer.Option(help="Stage to compute again.")],
+    as_json: Json = False,
+) -> int:
+    """Compute one stage of one sample again; later stages only where their inputs changed."""
+    from flows.benchmark import rerun_sample
+
+    tree = rerun_sample(run, sample, stage)
+    if as_json:
+        print(json.dumps(tree, indent=2, ensure_ascii=False))
+    return 0 if tree["verdict"] == "at_rest" else INFEASIBLE
+
+
+@app.command()
+def report(run: Annotated[str, typer.Argument(help="Name or folder of a run, or 'last'.")]) -> int:
+    """Write a run's HTML report again."""
+    from flows.benchmark import rewrite_report
+
+    print(rewrite_report(run))
+    return 0
+
+
+@app.command()
+def ui(port: Annotated[int, typer.Option(min=1, max=65535, help="Port on this machine.")] = 4200) -> int:
+    """Serve Prefect's pages over all runs until interrupted."""
+    from flows.server import prefect_server
+
+    with prefect_server(port) as url:
+        print(f"{url.removesuffix('/api')}  (stop with Ctrl-C)", flush=True)
+        signal.pause()
+    return 0
+
+
+@dataset_app.command("make")
+def dataset_make(
+    folder: Annotated[Path | None, typer.Option(help="Where to; default: data/.")] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of rooms and objects.")] = 0,
+) -> int:
+    """Generate the embedded rooms and objects where they are missing."""
+    from flows.benchmark import ensure_dataset
+    from scene.settings import data_root
+
+    print(ensure_dataset(folder or data_root(), seed))
+    return 0
+
+
+@cache_app.command("ls")
+def cache_ls(as_json: Json = False) -> int:
+    """List what has been computed, by kind."""
+    from flows.cache_report import cache_listing
+
+    return cache_listing(as_json=as_json)
+
+
+@cache_app.command("verify")
+def cache_verify(as_json: Json = False) -> int:
+    """Read every artifact and compare it with its digest; damaged ones are computed again when needed."""
+    from flows.cache_report import cache_verification
+
+    return cache_verification(as_json=as_json)
+
+
+UPS = ("auto", "y", "z")
+UNITS = ("auto", "m", "cm", "mm", "in")
+
+
+def choice(option: str, value: str, allowed: tuple[str, ...]) -> str:
+    """A value from a closed list."""
+    if value not in allowed:
+        raise InputError(f"{option} {value!r} is not one of {', '.join(allowed)}")
+    return value
+
+
+def check_out(folder: Path) -> None:
+    """Refuse a result folder that cannot be one before anything is computed."""
+    if folder.exists() and not folder.is_dir():
+        raise InputError(f"--out {folder} is a file; give a folder")
+    nearest = next(one for one in (folder, *folder.absolute().parents) if one.exists())
+    if not os.access(nearest, os.W_OK):
+        raise InputError(f"--out {folder}: {nearest} is not writable")
+
+
+def complain(message: str) -> None:
+    """One line on standard error."""
+    print(f"dcap: {' '.join(message.split())}", file=sys.stderr)
+
+
+def main() -> None:
+    """Run the command line and exit with the contract's code."""
+    sys.exit(run_command(sys.argv[1:]))
+
+
+def run_command(arguments: list[str]) -> int:
+    """Exit code of a command line."""
+    from tasks.stage_process import kill_all
+
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(INTERRUPTED))
+    try:
+        result = typer.main.get_command(app).main(arguments, prog_name="dcap", standalone_mode=False)
+        return int(result or 0)
+    except typer.Exit as finished:
+        return finished.exit_code
+    except typer.TyperException as error:
+        complain(error.format_message())
+        return 2
+    except DcapError as error:
+        complain(str(error))
+        return error.exit_code
+    except (KeyboardInterrupt, typer.Abort):
+        complain("interrupted")
+        return INTERRUPTED
+    finally:
+        kill_all()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,42 @@
+"""One placement for a person: says what is cached, starts a server only if something must run, shows the stages."""
+
+import sys
+
+from rich.console import Console
+
+from flows.place import PlaceConfig
+from flows.sample_run import STAGES, FinishedSample, plan_sample, run_sample
+from flows.server import prefect_server
+from scene.errors import InputError
+from scene.sample import Sample
+from tasks.stage import Event, StageEvent
+
+
+def place_one(sample: Sample, config: PlaceConfig, *, quiet: bool) -> FinishedSample:
+    """Place one sample; stage lines go to standard error unless `quiet`."""
+    console = Console(file=sys.stderr, quiet=quiet, highlight=False)
+    plan = plan_sample(sample, config)
+    if plan.error:
+        raise InputError(plan.error)
+    if plan.finished is not None:
+        console.print(f"all {len(plan.cached)} stages cached")
+        return plan.finished
+    with console.status("starting") as status, prefect_server():
+
+        def show(event: StageEvent) -> None:
+            if event.event is Event.STARTED:
+                status.update(event.stage)
+            elif event.event is Event.PROGRESS:
+                status.update(f"{event.stage} {event.part:4.0%} {event.text}")
+            else:
+                console.print(stage_line(event))
+
+        return run_sample(sample, config, listener=show)
+
+
+def stage_line(event: StageEvent) -> str:
+    """A finished stage in a line."""
+    assert event.record is not None
+    width = max(len(name) for name in STAGES)
+    took = "cached" if event.event is Event.CACHED else f"{event.record.seconds:.2f} s"
+    return f"{event.stage:<{width}}  {took:>9}  {event.record.size / 1024:9.0f} KiB  {event.record.ref.kind}"

@@ -1,0 +1,106 @@
+"""Reads a dataset: a YAML list of samples, each with the names or paths of a scene and an object and a prompt.
+
+Keys of a sample: `id`, `room` (or `scene`), `object`, `prompt`, and optionally `seed`, `mass`, `label`, `up`, `unit`,
+`object_label`, `object_up`, `object_unit`. A name is looked up beside the file, then in the folders `rooms/` and `objects/`.
+"""
+
+import difflib
+from collections.abc import Mapping
+from dataclasses import fields
+from pathlib import Path
+
+from ruamel.yaml import YAML
+from ruamel.yaml.error import YAMLError
+
+from scene.errors import InputError
+from scene.sample import Sample, SourceOptions
+from scene.settings import PROJECT_ROOT, data_root
+
+EMBEDDED = PROJECT_ROOT / "data" / "rooms.yaml"
+"""The dataset that the project makes itself."""
+TRUTH = "truth.yaml"
+"""Intended outcomes of a dataset's samples, beside it; read after a run, never by a stage."""
+REQUIRED = ("id", "object", "prompt")
+OPTIONAL = ("room", "scene", "seed", "mass", "label", "up", "unit", "object_label", "object_up", "object_unit")
+MESH_SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".stl")
+
+
+def load_samples(path: Path) -> list[Sample]:
+    """The samples of a dataset file, in its order."""
+    rows = load_yaml(path)
+    if not isinstance(rows, list) or not rows:
+        raise InputError(f"{path}: expected a list of samples, found {type(rows).__name__}")
+    samples = [sample_of(row, f"{path}: sample {index}", path.parent) for index, row in enumerate(rows)]
+    seen: set[str] = set()
+    for sample in samples:
+        if sample.id in seen:
+            raise InputError(f"{path}: two samples have the id {sample.id!r}")
+        seen.add(sample.id)
+    return samples
+
+
+def load_yaml(path: Path) -> object:
+    """The tree of a YAML 1.2 file."""
+    try:
+        return YAML(typ="safe", pure=True).load(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise InputError(f"{path}: no such file; --dataset takes a YAML file") from None
+    except (OSError, UnicodeDecodeError, YAMLError) as error:
+        raise InputError(f"{path}: cannot be read as YAML: {error}") from error
+
+
+def sample_of(row: object, where: str, folder: Path) -> Sample:
+    """One sample; unknown keys are errors with the nearest known name."""
+    if not isinstance(row, Mapping):
+        raise InputError(f"{where}: expected keys and values, found {row!r}")
+    known = (*REQUIRED, *OPTIONAL)
+    for key in row:
+        if key not in known:
+            near = difflib.get_close_matches(str(key), known, 1)
+            raise InputError(f"{where}: unknown key {key!r}" + (f"; did you mean {near[0]!r}?" if near else ""))
+    for key in REQUIRED:
+        if key not in row:
+            raise InputError(f"{where}: key {key!r} is missing")
+    if ("room" in row) == ("scene" in row):
+        raise InputError(f"{where}: give either 'room' or 'scene'")
+    return Sample(
+        id=str(row["id"]),
+        scene=find(str(row.get("room", row.get("scene"))), folder, "rooms"),
+        object=find(str(row["object"]), folder, "objects"),
+        prompt=str(row["prompt"]),
+        scene_options=options_of(row, ""),
+        object_options=options_of(row, "object_"),
+        mass=None if row.get("mass") is None else number(row, "mass", where),
+        seed=int(number(row, "seed", where)) if "seed" in row else 0,
+    )
+
+
+def number(row: Mapping[str, object], key: str, where: str) -> float:
+    """A number of a row."""
+    value = row[key]
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise InputError(f"{where}: {key} is {value!r}, expected a number")
+    return float(value)
+
+
+def options_of(row: Mapping[str, object], prefix: str) -> SourceOptions:
+    """How to read the scene (no prefix) or the object."""
+    given = {one.name: str(row[prefix + one.name]) for one in fields(SourceOptions) if prefix + one.name in row}
+    return SourceOptions(**given)
+
+
+def find(name: str, folder: Path, kind: str) -> str:
+    """Path of a scene or object by path or name; the name itself where nothing is found, for the reader to report."""
+    for place in (folder / name, folder / kind / name, data_root() / kind / name):
+        if place.exists():
+            return shortest(place)
+        for suffix in MESH_SUFFIXES:
+            if place.with_name(place.name + suffix).is_file():
+                return shortest(place.with_name(place.name + suffix))
+    return name
+
+
+def shortest(path: Path) -> str:
+    """The path relative to the working directory if it lies below it: easier to read."""
+    resolved = path.resolve()
+    return str(resolved.relative_to(Path.cwd())) if resolved.is_relative_to(Path.cwd()) else str(resolved)
