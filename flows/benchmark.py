@@ -1,0 +1,294 @@
+"""A dataset run: plan, run what is missing, keep going, and report.
+
+A run is a folder `data/runs/NAME` with one folder per sample (placement.json, object.ply, scene.glb, pictures), `run.json`
+(what was asked), `results.parquet` (one row per sample) and `report.html`. Intended outcomes are read only after the last
+sample has finished, and only for the report.
+"""
+
+import json
+import os
+import time
+from collections.abc import Mapping, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor, as_completed
+from dataclasses import asdict, dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from evaluation.outcome_table import Row, Truth, read_truth, row_of, totals
+from evaluation.report import write_report
+from flows.display import Display, print_plan, print_table
+from flows.output import readable_json, write_placement
+from flows.place import PlaceConfig
+from flows.sample_run import STAGES, FailedSample, FinishedSample, Plan, plan_sample, try_sample
+from flows.samples import EMBEDDED, TRUTH, load_samples, load_yaml
+from flows.server import prefect_server
+from scene.errors import InputError
+from scene.sample import Sample, SourceOptions
+from scene.settings import data_root, runs_root
+
+DATASET_SEED = 0
+SAMPLES_FOLDER = "samples"
+
+
+@dataclass(frozen=True, slots=True)
+class Run:
+    """A finished benchmark run."""
+
+    folder: Path
+    rows: tuple[Row, ...]
+    summary: dict[str, object]
+
+    @property
+    def failed(self) -> int:
+        """Number of samples that did not get through."""
+        return sum(row.error != "" for row in self.rows)
+
+
+def run_benchmark(
+    dataset: Path | None,
+    config: PlaceConfig,
+    *,
+    limit: int | None = None,
+    workers: int = 2,
+    only_failed: bool = False,
+) -> Run:
+    """Place the samples of a dataset and write the run's folder."""
+    begin = time.monotonic()
+    path, samples = dataset_samples(dataset, limit)
+    if only_failed:
+        samples = failed_before(samples)
+    folder = new_run_folder(path, samples, config)
+    with Display(samples) as display:
+        plans = plan_all(samples, config, display)
+        results = run_all(plans, config, folder, workers, display)
+    rows = tuple(
+        row_of(sample, tree, error, truth)
+        for (sample, (tree, error)), truth in zip(results.items(), truths_of(path, list(results)), strict=True)
+    )
+    run = finish(folder, rows, time.monotonic() - begin)
+    print_table(rows, run.summary, folder)
+    return run
+
+
+def dataset_samples(dataset: Path | None, limit: int | None) -> tuple[Path, list[Sample]]:
+    """The dataset's file and its samples; the embedded rooms are generated if they are missing."""
+    path = dataset or EMBEDDED
+    if dataset is None:
+        ensure_dataset(data_root(), DATASET_SEED)
+    return path, load_samples(path)[:limit]
+
+
+def ensure_dataset(folder: Path, seed: int) -> Path:
+    """Generate rooms and objects if this seed's are not there whole."""
+    from flows.dataset import make_dataset
+
+    mark = folder / "rooms" / ".complete.json"
+    wanted = json.dumps({"seed": seed})
+    if not (mark.is_file() and mark.read_text() == wanted):
+        make_dataset(folder, seed)
+        mark.write_text(wanted)
+    return folder
+
+
+def plan_all(samples: Sequence[Sample], config: PlaceConfig, display: Display) -> list[Plan]:
+    """Plans of all samples."""
+    plans = []
+    for sample in samples:
+        plans.append(plan_sample(sample, config))
+        display.planned(plans[-1])
+    return plans
+
+
+def run_all(
+    plans: Sequence[Plan], config: PlaceConfig, folder: Path, workers: int, display: Display
+) -> dict[Sample, tuple[dict[str, object] | None, str]]:
+    """placement.json and error message of every sample; Prefect starts only if some sample has work to do."""
+    results: dict[Sample, tuple[dict[str, object] | None, str]] = {plan.sample: (None, plan.error) for plan in plans}
+    for plan in plans:
+        if plan.error:
+            write_failure(folder, FailedSample(plan.sample, plan.error, 2, ""))
+            display.failed(plan.sample, plan.error)
+        if plan.finished is not None:
+            results[plan.sample] = (keep(folder, plan.finished), "")
+            display.finished(plan.sample)
+    waiting = [plan.sample for plan in plans if plan.finished is None and not plan.error]
+    if not waiting:
+        return results
+    with prefect_server() as url, ThreadPoolExecutor(workers) as pool:
+        display.serving(url)
+        futures: dict[Future[FinishedSample | FailedSample], Sample] = {
+            pool.submit(try_sample, sample, config, listener=display.listener(sample)): sample for sample in waiting
+        }
+        try:
+            for future in as_completed(futures):
+                results[futures[future]] = settle_result(folder, future.result(), display)
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)
+            raise
+    return results
+
+
+def settle_result(
+    folder: Path, result: FinishedSample | FailedSample, display: Display
+) -> tuple[dict[str, object] | None, str]:
+    """Keep what a sample returned, good or bad."""
+    if isinstance(result, FailedSample):
+        write_failure(folder, result)
+        display.failed(result.sample, result.message)
+        return None, result.message
+    display.finished(result.sample)
+    return keep(folder, result), ""
+
+
+def keep(folder: Path, finished: FinishedSample) -> dict[str, object]:
+    """Write a sample's results into the run."""
+    out = sample_folder(folder, finished.sample.id)
+    (out / "error.txt").unlink(missing_ok=True)
+    return write_placement(finished, out)
+
+
+def write_failure(folder: Path, failed: FailedSample) -> None:
+    """Write why a sample failed into the run."""
+    out = sample_folder(folder, failed.sample.id)
+    out.mkdir(parents=True, exist_ok=True)
+    (out / "error.txt").write_text(f"{failed.message}\n\n{failed.details}".rstrip() + "\n")
+
+
+def sample_folder(folder: Path, sample_id: str) -> Path:
+    """Folder of one sample in a run."""
+    safe = "".join(c if c.isalnum() or c in "-_." else "_" for c in sample_id)
+    return folder / SAMPLES_FOLDER / safe
+
+
+def new_run_folder(dataset: Path, samples: Sequence[Sample], config: PlaceConfig) -> Path:
+    """A new folder that says what was asked; `runs/last` points at it."""
+    name = f"{dataset.stem}-{datetime.now(UTC):%Y%m%d-%H%M%S}"
+    folder = runs_root() / name
+    suffix = 2
+    while folder.exists():
+        folder = runs_root() / f"{name}-{suffix}"
+        suffix += 1
+    folder.mkdir(parents=True)
+    asked = {
+        "dataset": str(dataset),
+        "started": datetime.now(UTC).isoformat(timespec="seconds"),
+        "config": config.model_dump(mode="json"),
+        "samples": [asdict(sample) for sample in samples],
+    }
+    (folder / "run.json").write_bytes(readable_json(asked))
+    draft = runs_root() / f".last-{os.getpid()}"
+    draft.symlink_to(folder.name)
+    os.replace(draft, runs_root() / "last")
+    return folder
+
+
+def finish(folder: Path, rows: Sequence[Row], seconds: float) -> Run:
+    """Write table, summary and report."""
+    pq.write_table(pa.Table.from_pylist([asdict(row) for row in rows]), folder / "results.parquet")
+    summary: dict[str, object] = {"run": str(folder), **totals(rows), "wall_s": round(seconds, 1)}
+    (folder / "summary.json").write_bytes(readable_json(summary))
+    write_report(folder, rows, summary)
+    return Run(folder, tuple(rows), summary)
+
+
+def truths_of(dataset: Path, samples: Sequence[Sample]) -> list[Truth | None]:
+    """Intended outcomes beside the dataset, None where there are none."""
+    path = dataset.parent / TRUTH
+    known = read_truth(load_yaml(path), str(path)) if path.is_file() else {}
+    return [known.get(sample.id) for sample in samples]
+
+
+def plan_benchmark(dataset: Path | None, config: PlaceConfig, *, limit: int | None = None) -> list[dict[str, object]]:
+    """Print what would run and why."""
+    _, samples = dataset_samples(dataset, limit)
+    plans = [plan_sample(sample, config) for sample in samples]
+    print_plan(plans)
+    return [
+        {
+            "sample": plan.sample.id,
+            "cached": list(plan.cached),
+            "runs": plan.missing or None,
+            "why": plan.error or plan.why or None,
+            "may_run": list(plan.later),
+        }
+        for plan in plans
+    ]
+
+
+def rerun_sample(run: str, sample_id: str, stage: str) -> dict[str, object]:
+    """Compute one stage of one sample again, write its results and the run's report."""
+    if stage not in STAGES:
+        raise InputError(f"--stage {stage!r} is not one of {', '.join(dict.fromkeys(STAGES))}")
+    folder = find_run(run)
+    asked = json.loads((folder / "run.json").read_text())
+    samples = {one["id"]: sample_from_json(one) for one in asked["samples"]}
+    if sample_id not in samples:
+        raise InputError(f"{sample_id!r} is not a sample of {folder.name}; it has {', '.join(sorted(samples))}")
+    config = PlaceConfig.model_validate(asked["config"])
+    with Display([samples[sample_id]]) as display, prefect_server() as url:
+        display.serving(url)
+        result = try_sample(
+            samples[sample_id],
+            config,
+            refresh=frozenset({stage}),
+            listener=display.listener(samples[sample_id]),
+        )
+        tree, error = settle_result(folder, result, display)
+    rewrite_report(run)
+    if tree is None:
+        raise InputError(f"{sample_id}: {error}")
+    return tree
+
+
+def rewrite_report(run: str) -> Path:
+    """Read a run's folder again and write its table and report."""
+    folder = find_run(run)
+    asked = json.loads((folder / "run.json").read_text())
+    samples = [sample_from_json(one) for one in asked["samples"]]
+    rows = [
+        row_of(sample, *read_result(sample_folder(folder, sample.id)), truth)
+        for sample, truth in zip(samples, truths_of(Path(asked["dataset"]), samples), strict=True)
+    ]
+    before = json.loads((folder / "summary.json").read_text()) if (folder / "summary.json").is_file() else {}
+    finish(folder, rows, float(before.get("wall_s", 0.0)))
+    return folder / "report.html"
+
+
+def read_result(folder: Path) -> tuple[dict[str, object] | None, str]:
+    """placement.json or the error of a sample's folder."""
+    if (folder / "error.txt").is_file():
+        return None, (folder / "error.txt").read_text().splitlines()[0]
+    if (folder / "placement.json").is_file():
+        return json.loads((folder / "placement.json").read_text()), ""
+    return None, "did not finish"
+
+
+def find_run(run: str) -> Path:
+    """Folder of a run by name, path or `last`."""
+    for folder in (runs_root() / run, Path(run)):
+        if (folder / "run.json").is_file():
+            return folder.resolve()
+    known = sorted(path.parent.name for path in runs_root().glob("*/run.json"))
+    raise InputError(f"{run!r} is not a run; there are {', '.join(known) or 'none'} in {runs_root()}")
+
+
+def failed_before(samples: Sequence[Sample]) -> list[Sample]:
+    """The samples that failed or did not finish in the last run."""
+    folder = find_run("last")
+    left = [sample for sample in samples if read_result(sample_folder(folder, sample.id))[0] is None]
+    if not left:
+        raise InputError(f"nothing failed in {folder.name}; run without --only-failed")
+    return left
+
+
+def sample_from_json(tree: Mapping[str, object]) -> Sample:
+    """The sample that `asdict` wrote."""
+    values = dict(tree)
+    for name in ("scene_options", "object_options"):
+        options = values[name]
+        assert isinstance(options, dict)
+        values[name] = SourceOptions(**options)
+    return Sample(**values)  # type: ignore[arg-type]

@@ -1,0 +1,154 @@
+"""What a benchmark shows while it runs, and the tables it ends with; all on standard error."""
+
+import sys
+import threading
+import time
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+from rich.console import Console, Group, RenderableType
+from rich.live import Live
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+from rich.table import Table
+from rich.text import Text
+
+from evaluation.outcome_table import Row
+from flows.sample_run import STAGES, OnEvent, Plan
+from scene.sample import Sample
+from tasks.stage import Event, StageEvent
+
+SHOWN_WIDTH = 46
+
+
+class Display:
+    """Live progress: samples done, the stages at work, and the time left."""
+
+    def __init__(self, samples: Sequence[Sample]) -> None:
+        self.console = Console(file=sys.stderr, highlight=False)
+        self.progress = Progress(
+            SpinnerColumn(),
+            TextColumn("{task.description}"),
+            BarColumn(),
+            MofNCompleteColumn(),
+            TimeElapsedColumn(),
+            TextColumn("{task.fields[left]}"),
+            console=self.console,
+        )
+        self.bar = self.progress.add_task("planning", total=len(samples), left="")
+        self.begin = time.monotonic()
+        self.to_run = 0
+        self.ran = 0
+        self.at_work: dict[str, tuple[str, str, float]] = {}
+        self.stage_seconds: Counter[str] = Counter()
+        self.lock = threading.Lock()
+        self.live = Live(console=self.console, refresh_per_second=4, get_renderable=self.rendered)
+
+    def __enter__(self) -> Self:
+        self.live.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.live.stop()
+
+    def rendered(self) -> RenderableType:
+        """The bar and one line per sample at work."""
+        with self.lock:
+            lines = [
+                Text(
+                    f"  {sample[:SHOWN_WIDTH]:<{SHOWN_WIDTH}} {stage:<14} {time.monotonic() - since:5.0f} s  {text[:40]}"
+                )
+                for sample, (stage, text, since) in self.at_work.items()
+            ]
+        return Group(self.progress, *lines)
+
+    def planned(self, plan: Plan) -> None:
+        """One sample has been looked up."""
+        self.to_run += plan.finished is None and not plan.error
+        self.progress.advance(self.bar)
+
+    def serving(self, url: str) -> None:
+        """Work begins; the runs can be watched at `url`."""
+        self.console.print(f"Prefect: {url.removesuffix('/api')}")
+        self.begin = time.monotonic()
+
+    def listener(self, sample: Sample) -> OnEvent:
+        """Where the stages of one sample report."""
+
+        def on_event(event: StageEvent) -> None:
+            with self.lock:
+                if event.event in (Event.STARTED, Event.PROGRESS):
+                    since = self.at_work.get(sample.id, ("", "", 0.0))
+                    begun = since[2] if since[0] == event.stage else time.monotonic()
+                    self.at_work[sample.id] = (event.stage, event.text, begun)
+                elif event.event is Event.FINISHED and event.record is not None:
+                    self.stage_seconds[event.stage] += event.record.seconds
+
+        return on_event
+
+    def finished(self, sample: Sample) -> None:
+        """A sample is done."""
+        self.count(sample)
+
+    def failed(self, sample: Sample, message: str) -> None:
+        """A sample did not get through."""
+        self.console.print(f"[red]failed[/red] {sample.id}: ", end="")
+        self.console.print(message, markup=False)
+        self.count(sample)
+
+    def count(self, sample: Sample) -> None:
+        """Move the bar; the planning of cached samples has moved it already."""
+        with self.lock:
+            at_work = self.at_work.pop(sample.id, None) is not None
+            self.ran += at_work
+            if at_work and self.ran == 1:
+                self.progress.reset(self.bar, total=self.to_run, description="placing", left="")
+            left = (time.monotonic() - self.begin) / max(self.ran, 1) * max(self.to_run - self.ran, 0)
+        if at_work:
+            self.progress.update(
+                self.bar, completed=self.ran, left=f"about {left / 60:.0f} min left" if left > 60 else ""
+            )
+
+
+def print_plan(plans: Sequence[Plan]) -> None:
+    """What would run, per sample, and a line of totals."""
+    console = Console(file=sys.stderr, highlight=False)
+    table = Table("sample", "cached", "would run", "why", box=None)
+    for plan in plans:
+        count = "all" if plan.finished else f"{len(plan.cached)} of {len(STAGES)}"
+        table.add_row(plan.sample.id, count, plan.missing or "-", plan.error or plan.why or "")
+    console.print(table)
+    console.print(f"{sum(plan.finished is not None for plan in plans)} of {len(plans)} samples are cached")
+
+
+def print_table(rows: Sequence[Row], summary: Mapping[str, object], folder: Path) -> None:
+    """The results of a run."""
+    console = Console(file=sys.stderr, highlight=False)
+    table = Table("sample", "verdict", "on", "expected", "", "s", box=None)
+    for row in rows:
+        verdict = row.verdict if not row.reason else f"{row.verdict}: {row.reason}"
+        mark = "" if row.as_expected is None else ("yes" if row.as_expected else "NO")
+        on = f"{row.base} {row.part}".strip() + (" (region missed)" if row.region_missed else "")
+        style = "red" if row.error else ("yellow" if row.as_expected is False else "")
+        table.add_row(row.sample, row.error[:60] or verdict, on, row.expected, mark, f"{row.seconds:.1f}", style=style)
+    console.print(table)
+    console.print(summary_line(summary))
+    console.print(f"report: {folder / 'report.html'}")
+
+
+def summary_line(summary: Mapping[str, object]) -> str:
+    """The counts in a sentence."""
+    line = (
+        f"{summary['samples']} samples: {summary['at_rest']} at rest, {summary['infeasible']} infeasible, "
+        f"{summary['failed']} failed"
+    )
+    if summary["feasible_intended"] or summary["infeasible_intended"]:
+        line += (
+            f"; as intended {summary['feasible_as_intended']} of {summary['feasible_intended']} feasible and "
+            f"{summary['infeasible_with_right_reason']} of {summary['infeasible_intended']} infeasible"
+        )
+    return f"{line}; {summary['wall_s']} s"
