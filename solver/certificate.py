@@ -51,17 +51,17 @@ def measure(
     model: Model,
     soft: SoftSystem,
     query: ContactQuery,
-    free: list[int],
+    watched: list[int],
     mass: dict[int, float],
     state: State,
     report: StepReport,
 ) -> Signals:
-    """All signals of one accepted step."""
+    """All signals of one accepted step; `watched` are the free bodies, or the soft ones where nothing is free."""
     gravity = model.gravity
     soft_of = query.soft_of
     linear = angular = force_worst = torque_worst = 0.0
     centers, surfaces = [], []
-    for i in free:
+    for i in watched:
         if i in soft_of:
             nodes = soft_of[i].nodes
             m = soft.mass[nodes]
@@ -70,12 +70,14 @@ def measure(
             center, velocity = state.center[i], state.velocity[i]
             angular = max(angular, float(np.linalg.norm(state.angular_velocity[i])))
         linear = max(linear, float(np.linalg.norm(velocity)))
+        centers.append(mass[i] * center)
+        surfaces.append(query.surface(state, i))
+        if model.bodies[i].fixed:
+            continue
         force, torque = total_wrench(report.contacts, i, center)
         weight = mass[i] * max(float(np.linalg.norm(gravity)), 1e-12)
         force_worst = max(force_worst, float(np.linalg.norm(force + mass[i] * gravity)) / weight)
         torque_worst = max(torque_worst, float(np.linalg.norm(torque)) / (weight * 0.5 * model.bodies[i].size))
-        centers.append(mass[i] * center)
-        surfaces.append(query.surface(state, i))
     points = np.concatenate(surfaces) if surfaces else np.zeros((1, 3))
     return Signals(
         state.time,

@@ -1,5 +1,8 @@
 """The one place that starts Taichi: once per process, because a second start kills every field and array made before."""
 
+import contextlib
+import sys
+
 import solver.kernels  # noqa: F401  silences the banner that Taichi prints when imported
 import taichi as ti
 
@@ -11,5 +14,6 @@ def start(threads: int = 0) -> None:
     if _started:
         return
     options = {"cpu_max_num_threads": threads} if threads > 0 else {}
-    ti.init(arch=ti.cpu, default_fp=ti.f64, default_ip=ti.i32, offline_cache=True, log_level=ti.ERROR, verbose=False, **options)
+    with contextlib.redirect_stdout(sys.stderr):  # it greets on standard output, which belongs to results
+        ti.init(arch=ti.cpu, default_fp=ti.f64, default_ip=ti.i32, offline_cache=True, log_level=ti.ERROR, verbose=False, **options)
     _started["threads"] = threads

@@ -10,8 +10,9 @@ from solver import soft as soft_system
 from solver.certificate import Signals, certificate, contact_table, measure
 from solver.config import SolverConfig
 from solver.contact import ContactQuery, Contacts, Pair, vertex_areas
-from solver.errors import UnstableStep
+from solver.errors import ModelError, UnstableStep
 from solver.model import Body, Model
+from solver.predict import contact_stiffness
 from solver.runtime import start
 from solver.soft import SoftSystem
 from solver.state import State, best_rigid_motion, start_state
@@ -78,15 +79,16 @@ class Drop:
         self.config = config
         self.soft = soft_system.build(model)
         self.free = [i for i, b in enumerate(model.bodies) if not b.fixed]
-        self.mass = {i: self._mass(i) for i in self.free}
+        self.watched = self.free or [s.index for s in self.soft.bodies]
+        self.mass = {i: self._mass(i) for i in self.watched}
         self.gravity = float(np.linalg.norm(model.gravity))
-        moving = self.free or range(len(model.bodies))
-        self.length = max(model.bodies[i].size for i in moving)
-        own = float((self.soft.mass * self.soft.gravity_share).sum())
-        self.weight = max(sum(self.mass.values()), own) * max(self.gravity, 1e-12)
+        if not self.watched:
+            raise ModelError("nothing can move: every body is rigid and fixed")
+        self.length = max(model.bodies[i].size for i in self.watched)
+        self.weight = sum(self.mass.values()) * max(self.gravity, 1e-12)
         self.query = ContactQuery(model, self.soft, contact_pairs(model, self.soft, config, self.gravity))
         self.stepper = Stepper(model, self.soft, self.query, config, self.weight)
-        self.stepper.damping = predicted_damping(model, self.soft, config, self.mass, self.gravity)
+        self.stepper.damping = predicted_damping(model, config, {i: self.mass[i] for i in self.free}, self.gravity)
         self.history: list[Signals] = []
         self.warnings: list[str] = []
 
@@ -99,13 +101,26 @@ class Drop:
     def run(self, progress: Progress | None) -> Result:
         """Approach, rest, kick, verdict."""
         state = start_state(self.model, self.soft)
+        self._refuse_overlap(state)
         verdict, state, report = self._approach(state, progress)
         kick: dict[str, object] = {"done": False}
+        rows = self._rows(self.history[-self.config.rest_steps :])
         if verdict == AT_REST and self.free:
             stable, kick = self._verify(state, progress)
             if not stable:
-                verdict, state, report = self._after_failed_kick(progress)
-        return self._result(verdict, state, report, kick)
+                verdict, state, report, rows, kick = self._after_failed_kick(kick, progress)
+        return self._result(verdict, state, report, rows, kick)
+
+    def _refuse_overlap(self, state: State) -> None:
+        for t in self.query.find(state, state).touching:
+            depth = float(-t.gap.min())
+            if depth > self.config.start_overlap:
+                a, b = self.model.bodies[t.pair.a].name, self.model.bodies[t.pair.b].name
+                raise ModelError(
+                    f"bodies {a!r} and {b!r} start {1e3 * depth:.1f} mm inside each other near "
+                    f"{np.round(t.position[int(np.argmin(t.gap))], 3).tolist()} (bound start_overlap = "
+                    f"{1e3 * self.config.start_overlap:.1f} mm); move one of them"
+                )
 
     def _approach(
         self, state: State, progress: Progress | None, dt: float | None = None
@@ -144,11 +159,11 @@ class Drop:
                 )
             dt = max(0.5 * dt, self.config.shortest_step_seconds)
         self.query.remember(report.contacts)
-        easy = report.newton <= self.config.newton_limit // 2 and len(report.contacts.a) > 0
+        easy = report.newton <= self.config.newton_limit // 2 and (len(report.contacts.a) > 0 or not self.free)
         return after, report, dt * (STEP_GROWTH if easy else 1.0)
 
     def _record(self, state: State, report: StepReport, progress: Progress | None) -> Signals:
-        signals = measure(self.model, self.soft, self.query, self.free, self.mass, state, report)
+        signals = measure(self.model, self.soft, self.query, self.watched, self.mass, state, report)
         self.history.append(signals)
         if progress is not None:
             progress(len(self.history), state.time, signals)
@@ -244,16 +259,19 @@ class Drop:
             "angle_rad": {"value": angle, "threshold": c.kick_angle},
         }  # fmt: skip
 
-    def _after_failed_kick(self, progress: Progress | None) -> tuple[str, State, StepReport]:
+    def _after_failed_kick(
+        self, first: dict[str, object], progress: Progress | None
+    ) -> tuple[str, State, StepReport, dict[str, dict[str, float]], dict[str, object]]:
         """The rest was not stable: follow the motion that the kick started to its end; a second rest is verified in its turn."""
+        begin = len(self.history)
         verdict, state, report = self._approach(self._kicked, progress)
-        if verdict == AT_REST:
-            stable, _ = self._verify(state, progress)
-            if stable:
-                self.warnings.append("the first rest state was unstable under the kick; this is the one it fell into")
-                return verdict, state, report
-            verdict = NO_EQUILIBRIUM
-        return verdict, state, report
+        rows = self._rows(self.history[begin:][-self.config.rest_steps :])
+        if verdict != AT_REST:
+            return verdict, state, report, rows, first
+        stable, kick = self._verify(state, progress)
+        if stable:
+            self.warnings.append("the first rest state was unstable under the kick; this is the one it fell into")
+        return (AT_REST if stable else NO_EQUILIBRIUM), state, report, rows, kick
 
     def _center(self, state: State, index: int) -> NDArray[np.float64]:
         for s in self.soft.bodies:
@@ -278,8 +296,14 @@ class Drop:
         rotation = state.rotation[index]
         return rotation, state.center[index] - rotation @ self.model.bodies[index].center_of_mass
 
-    def _result(self, verdict: str, state: State, report: StepReport, kick: dict[str, object]) -> Result:
-        rows = self._rows(self.history[-self.config.rest_steps :])
+    def _result(
+        self,
+        verdict: str,
+        state: State,
+        report: StepReport,
+        rows: dict[str, dict[str, float]],
+        kick: dict[str, object],
+    ) -> Result:
         bodies = []
         for i, body in enumerate(self.model.bodies):
             rotation, translation = self._motion(state, i)
@@ -355,9 +379,7 @@ def softest(one: Body, two: Body) -> tuple[float, float]:
     return cell, min(float(s.youngs_modulus.min()) for s in parts)
 
 
-def predicted_damping(
-    model: Model, soft: SoftSystem, config: SolverConfig, mass: dict[int, float], gravity: float
-) -> float:
+def predicted_damping(model: Model, config: SolverConfig, mass: dict[int, float], gravity: float) -> float:
     """Stiffness-proportional damping beta [s] that damps the bounce of the free bodies on their soft partners.
 
     A body that sinks by d under its weight bounces with omega = sqrt(g / d); beta = 2 zeta / omega. d is estimated from the mean
@@ -370,7 +392,5 @@ def predicted_damping(
     body = model.bodies[heaviest]
     extent = np.ptp(body.vertices, axis=0)
     radius = 0.25 * float(extent[0] + extent[1])
-    from solver.predict import contact_stiffness
-
     stiffness = contact_stiffness(mass[heaviest] * gravity, radius, min(moduli), 0.3)
     return 2.0 * config.damping_ratio / float(np.sqrt(stiffness / mass[heaviest]))
