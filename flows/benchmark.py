@@ -1,8 +1,8 @@
 """A dataset run: plan, run what is missing, keep going, and report.
 
-A run is a folder `data/runs/NAME` with one folder per sample (placement.json, object.ply, scene.glb, pictures), `run.json`
-(what was asked), `results.parquet` (one row per sample) and `report.html`. Intended outcomes are read only after the last
-sample has finished, and only for the report.
+A run is a folder `data/runs/NAME` with one folder per sample (placement.json, object.ply, scene.glb, pictures),
+`run.json` (what was asked), `results.parquet` (one row per sample) and `report.html`. Intended outcomes are read only
+after the last sample has finished, and only for the report.
 """
 
 import json

@@ -1,7 +1,7 @@
 """The command line: `dcap place|benchmark|plan|rerun|drop|report|dataset|cache|ui`.
 
-Results go to standard output, everything else to standard error. Exit codes: 0 at rest or done, 2 bad input, 3 understood
-but infeasible, 4 some samples of a benchmark failed. An error that a user can mend is one line without a traceback.
+Results go to standard output, everything else to standard error. Exit codes: 0 at rest or done, 2 bad input, 3
+understood but infeasible, 4 some samples of a benchmark failed. An error that a user can mend is one line.
 """
 
 import json
@@ -238,7 +238,10 @@ def check_out(folder: Path) -> None:
 
 
 def complain(message: str) -> None:
-    """One line on standard error."""
+    """One line on standard error; help stays as it is."""
+    if message.startswith("Usage:"):
+        print(message, file=sys.stderr)
+        return
     print(f"dcap: {' '.join(message.split())}", file=sys.stderr)
 
 

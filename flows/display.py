@@ -58,12 +58,7 @@ class Display:
     def rendered(self) -> RenderableType:
         """The bar and one line per sample at work."""
         with self.lock:
-            lines = [
-                Text(
-                    f"  {sample[:SHOWN_WIDTH]:<{SHOWN_WIDTH}} {stage:<14} {time.monotonic() - since:5.0f} s  {text[:40]}"
-                )
-                for sample, (stage, text, since) in self.at_work.items()
-            ]
+            lines = [Text(work_line(sample, *work)) for sample, work in self.at_work.items()]
         return Group(self.progress, *lines)
 
     def planned(self, plan: Plan) -> None:
@@ -112,6 +107,12 @@ class Display:
             self.progress.update(
                 self.bar, completed=self.ran, left=f"about {left / 60:.0f} min left" if left > 60 else ""
             )
+
+
+def work_line(sample: str, stage: str, text: str, since: float) -> str:
+    """A sample at work in a line."""
+    seconds = time.monotonic() - since
+    return f"  {sample[:SHOWN_WIDTH]:<{SHOWN_WIDTH}} {stage:<14} {seconds:5.0f} s  {text[:40]}"
 
 
 def print_plan(plans: Sequence[Plan]) -> None:

@@ -1,7 +1,7 @@
 """Reads a dataset: a YAML list of samples, each with the names or paths of a scene and an object and a prompt.
 
 Keys of a sample: `id`, `room` (or `scene`), `object`, `prompt`, and optionally `seed`, `mass`, `label`, `up`, `unit`,
-`object_label`, `object_up`, `object_unit`. A name is looked up beside the file, then in the folders `rooms/` and `objects/`.
+`object_label`, `object_up`, `object_unit`. A name is looked up beside the file, then in `rooms/` and `objects/`.
 """
 
 import difflib

@@ -26,6 +26,7 @@ from scene.settings import PROJECT_ROOT, cache_root
 START_SECONDS = 90.0
 """A first start creates the database, which takes 8 s on two idle cores."""
 STOP_SECONDS = 10.0
+DELIVER_SECONDS = 15.0
 
 
 @contextmanager
@@ -48,9 +49,21 @@ def prefect_server(port: int | None = None) -> Iterator[str]:
     try:
         yield url
     finally:
+        deliver_reports()
         os.environ.pop("PREFECT_API_URL", None)
         if process is not None:
             stop(process, folder)
+
+
+def deliver_reports() -> None:
+    """Wait until logs and states of finished runs have reached the server."""
+    if "prefect" not in sys.modules:
+        return
+    from prefect.events.worker import EventsWorker
+    from prefect.logging.handlers import APILogWorker
+
+    for worker in (EventsWorker, APILogWorker):
+        worker.drain_all(timeout=DELIVER_SECONDS)
 
 
 def apply_settings() -> None:

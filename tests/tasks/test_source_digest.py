@@ -1,0 +1,88 @@
+"""What counts as the code behind a stage."""
+
+from pathlib import Path
+
+import pytest
+
+from tasks.source_digest import libraries, source_digests
+
+FILES = {
+    "tasks/__init__.py": "",
+    "tasks/fill.py": '"""Doc."""\nfrom geometry.grid import cells\nfrom tasks.stage import stage\n\ndef fill(x): return cells(x)\n',
+    "tasks/stage.py": "def stage(f): return f\n",
+    "geometry/__init__.py": "",
+    "geometry/grid.py": "import numpy as np\nfrom scene import box\n\ndef cells(x):\n    return np.floor(x)\n",
+    "geometry/other.py": "def unused(): return 1\n",
+    "scene/__init__.py": "",
+    "scene/box.py": 'TABLE = "materials.csv"\n\ndef size():\n    from scene.late import late\n    return late()\n',
+    "scene/late.py": "def late(): return 3\n",
+    "materials.csv": "foam,30\n",
+}  # fmt: skip
+
+
+@pytest.fixture
+def root(tmp_path: Path) -> Path:
+    """A small project."""
+    for name, text in FILES.items():
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text(text)
+    return tmp_path
+
+
+def digests(root: Path) -> dict[str, str]:
+    """Digests of the code behind the stage `fill`."""
+    return source_digests(root / "tasks" / "fill.py", root)
+
+
+def test_reachable_files(root: Path) -> None:
+    """Imports count through modules, packages, functions and named data files; the machinery of stages does not."""
+    assert set(digests(root)) == {
+        "tasks/fill.py", "geometry/__init__.py", "geometry/grid.py", "scene/__init__.py", "scene/box.py",
+        "scene/late.py", "materials.csv",
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("name", "old", "new"),
+    [
+        ("geometry/grid.py", "floor", "ceil"),
+        ("scene/late.py", "3", "4"),
+        ("materials.csv", "30", "31"),
+        ("geometry/__init__.py", "", "FLAG = 1\n"),
+    ],
+)
+def test_a_reachable_change_counts(root: Path, name: str, old: str, new: str) -> None:
+    """Changing one reachable line changes the digest of that file and of no other."""
+    before = digests(root)
+    path = root / name
+    path.write_text(path.read_text().replace(old, new) if old else new)
+    after = digests(root)
+    assert [key for key in before if before[key] != after[key]] == [name]
+
+
+@pytest.mark.parametrize(
+    ("name", "old", "new"),
+    [
+        ("geometry/other.py", "1", "2"),
+        ("tasks/stage.py", "return f", "return None"),
+        ("tasks/fill.py", "Doc.", "Another docstring."),
+        ("geometry/grid.py", "    return", "    # a comment\n    return"),
+        ("geometry/grid.py", "def cells(x):\n", 'def cells(x):\n    """Doc."""\n'),
+    ],
+)
+def test_other_changes_do_not_count(root: Path, name: str, old: str, new: str) -> None:
+    """Unreachable code, docstrings and comments leave every digest as it was."""
+    before = digests(root)
+    path = root / name
+    assert old in path.read_text()
+    path.write_text(path.read_text().replace(old, new))
+    assert digests(root) == before
+
+
+def test_libraries_that_decide(root: Path) -> None:
+    """Only third-party packages that reachable code imports are named, with their versions."""
+    import numpy as np
+
+    found = libraries(root / "tasks" / "fill.py", root)
+    assert found.keys() == {"python", "numpy"}
+    assert found["numpy"] == np.__version__

@@ -1,0 +1,293 @@
+"""Stages run once per set of deciders, notice damage, and hand an Infeasible through."""
+
+import os
+import subprocess
+import sys
+import textwrap
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+import pytest
+
+from scene.errors import GeometryError
+from scene.mesh import Mesh
+from scene.outcome import Infeasible, Reason
+from scene.store import Ref, Store
+from tasks.file_lock import FileLocks
+from tasks.records import read_record, records_root, usable_key, why_not_cached
+from tasks.stage import Conduct, Event, NotCachedError, StageEvent, conducting
+from tasks.stage_process import StageProcessError, run_in_process
+
+STAGES = """
+import logging, os, sys
+import numpy as np
+from pydantic import BaseModel
+from scene.errors import GeometryError
+from scene.mesh import Mesh
+from scene.sample import SourceOptions
+from tasks.stage import stage
+
+class MakeConfig(BaseModel, frozen=True, extra="forbid"):
+    size: float = 1.0
+    threads: int = 0
+
+def make(seed: int, options: SourceOptions, config: MakeConfig) -> Mesh:
+    return Mesh.of(np.random.default_rng(seed).random((30, 3)) * config.size, [[0, 1, 2]])
+
+def double(mesh: Mesh) -> Mesh:
+    print("noise on standard output")
+    logging.getLogger("geometry.double").info("half way", extra={"progress": 0.5})
+    return mesh.transformed(np.diag([2.0, 2.0, 2.0, 1.0]))
+
+def fail(mesh: Mesh) -> Mesh:
+    raise GeometryError("mesh has 30 vertices > 10; lower the knob")
+
+def die(mesh: Mesh) -> Mesh:
+    print("last words", file=sys.stderr)
+    os.abort()
+
+make_task = stage(make)
+double_task = stage(double, process=True)
+fail_task = stage(fail, process=True)
+die_task = stage(die, process=True)
+"""
+
+
+@pytest.fixture(scope="module")
+def data(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    """A data folder of this module's own, and the fake stages on the path of child processes."""
+    folder = tmp_path_factory.mktemp("data")
+    (folder / "fake_stages.py").write_text(STAGES)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("DCAP_DATA", str(folder))
+        patch.setenv("PYTHONPATH", str(folder))
+        patch.syspath_prepend(str(folder))
+        yield folder
+
+
+@pytest.fixture(scope="module")
+def fake(data: Path) -> ModuleType:
+    """The fake stages."""
+    import importlib
+
+    return importlib.import_module("fake_stages")
+
+
+@pytest.fixture(scope="module")
+def server(data: Path) -> Iterator[str]:
+    """A Prefect server for this module."""
+    from flows.server import prefect_server
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.delenv("PREFECT_API_URL", raising=False)
+        with prefect_server() as url:
+            yield url
+
+
+def run(fake: ModuleType, seed: int, **conduct: object) -> tuple[Ref, list[tuple[str, Event]]]:
+    """make, then double, as a flow; what was returned and what happened."""
+    from prefect import Flow
+
+    from scene.sample import SourceOptions
+
+    events: list[tuple[str, Event]] = []
+
+    def note(event: StageEvent) -> None:
+        events.append((event.stage, event.event))
+
+    def chain() -> Ref:
+        return fake.double_task(fake.make_task(seed, SourceOptions()))
+
+    with conducting(Conduct(on_event=note, **conduct)):  # type: ignore[arg-type]
+        return Flow(chain, name="chain")(), events
+
+
+def outcome(events: list[tuple[str, Event]]) -> dict[str, Event]:
+    """How each stage ended."""
+    return {stage: event for stage, event in events if event in (Event.FINISHED, Event.CACHED)}
+
+
+def test_infeasible_passes_through(fake: ModuleType) -> None:
+    """A stage that is given an Infeasible returns that same reference and runs nothing."""
+    ref = Store.default().save(Infeasible(Reason.NO_SUPPORT_HIT, "the ray met nothing", {}))
+    assert fake.double_task(ref) == ref
+
+
+def test_looking_up_runs_nothing(fake: ModuleType) -> None:
+    """With lookup_only, a stage without a record raises and says what it would be made from."""
+    from scene.sample import SourceOptions
+
+    with conducting(Conduct(lookup_only=True)), pytest.raises(NotCachedError) as caught:
+        fake.make_task(77, SourceOptions())
+    assert caught.value.deciders.stage == "make"
+    assert why_not_cached(caught.value.deciders, Store.default()) in ("never computed", "new inputs")
+
+
+def test_the_key_holds_what_decides(fake: ModuleType) -> None:
+    """Seed, options and settings change the key; the number of threads does not."""
+    from scene.sample import SourceOptions
+
+    def key(seed: int, options: SourceOptions, **config: object) -> str:
+        inputs = {"seed": seed, "options": options}
+        return fake.make_task.deciders(inputs, fake.MakeConfig(**config)).key
+
+    base = key(0, SourceOptions())
+    assert base == key(0, SourceOptions(), threads=7)
+    others = {key(1, SourceOptions()), key(0, SourceOptions(up="y")), key(0, SourceOptions(), size=2.0)}
+    assert len(others - {base}) == 3
+
+
+@pytest.mark.slow
+def test_second_run_is_cached(server: str, fake: ModuleType) -> None:
+    """The first run computes both stages, the second none, and both return the same."""
+    first, events = run(fake, 1)
+    assert outcome(events) == {"make": Event.FINISHED, "double": Event.FINISHED}
+    assert ("double", Event.PROGRESS) in events
+    second, events = run(fake, 1)
+    assert outcome(events) == {"make": Event.CACHED, "double": Event.CACHED}
+    assert second == first
+    mesh = Store.default().load(second)
+    assert isinstance(mesh, Mesh)
+    np.testing.assert_array_equal(mesh.vertices, 2.0 * np.random.default_rng(1).random((30, 3)))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("damaged", ["make", "double"])
+@pytest.mark.parametrize("how", ["delete", "flip"])
+def test_damage_recomputes_just_that_stage(server: str, fake: ModuleType, damaged: str, how: str) -> None:
+    """A deleted or corrupted artifact is computed again, the other stage stays cached, the result is the same."""
+    seed = 10 + 2 * (damaged == "make") + (how == "flip")
+    first, _ = run(fake, seed)
+    store = Store.default()
+    keys = {path.name.split("-")[0]: path for path in newest_records()}
+    record = read_record(keys[damaged])
+    assert record is not None
+    file = next(store.folder(record.ref).glob("*.ply"))
+    if how == "delete":
+        file.unlink()
+    else:
+        data = bytearray(file.read_bytes())
+        data[-1] ^= 1
+        file.write_bytes(data)
+    again, events = run(fake, seed)
+    assert again == first
+    expected = {"make": Event.CACHED, "double": Event.CACHED} | {damaged: Event.FINISHED}
+    assert outcome(events) == expected
+    assert outcome(run(fake, seed)[1]) == {"make": Event.CACHED, "double": Event.CACHED}
+
+
+def newest_records() -> list[Path]:
+    """Records, newest last."""
+    return sorted(records_root().iterdir(), key=lambda path: path.stat().st_mtime_ns)
+
+
+@pytest.mark.slow
+def test_a_damaged_record_is_passed_over(server: str, fake: ModuleType) -> None:
+    """A record that is cut short counts as no record: the stage runs again under the next name."""
+    first, _ = run(fake, 30)
+    path = newest_records()[-1]
+    path.write_bytes(path.read_bytes()[:40])
+    assert usable_key(path.name, Store.default()) == (f"{path.name}-r1", None)
+    again, events = run(fake, 30)
+    assert again == first
+    assert outcome(events) == {"make": Event.CACHED, "double": Event.FINISHED}
+
+
+@pytest.mark.slow
+def test_refresh_computes_one_stage_again(server: str, fake: ModuleType) -> None:
+    """A refreshed stage runs; what follows stays cached because the new bytes are equal."""
+    first, _ = run(fake, 40)
+    again, events = run(fake, 40, refresh=frozenset({"make"}))
+    assert again == first
+    assert outcome(events) == {"make": Event.FINISHED, "double": Event.CACHED}
+
+
+def job(function: str, data: Path) -> dict[str, object]:
+    """A job for a child process."""
+    ref = Store.default().save(Mesh.of(np.zeros((3, 3)), [[0, 1, 2]]))
+    return {
+        "module": "fake_stages",
+        "function": function,
+        "inputs": {"mesh": {"ref": ref.to_json()}},
+        "config": None,
+    }
+
+
+def test_a_child_reports_result_and_progress(data: Path) -> None:
+    """A stage in its own process returns a reference and passes on what our code logs, not what libraries print."""
+    heard: list[tuple[float, str]] = []
+    done = run_in_process(job("double", data), lambda part, text: heard.append((part, text)))
+    assert done["ref"]["kind"] == "Mesh"
+    assert heard == [(0.5, "half way")]
+
+
+def test_a_childs_error_keeps_its_type(data: Path) -> None:
+    """An error on purpose crosses the process border under its own type and with its message."""
+    with pytest.raises(GeometryError, match="30 vertices > 10"):
+        run_in_process(job("fail", data), lambda part, text: None)
+
+
+def test_a_crash_stays_in_the_child(data: Path) -> None:
+    """A child that aborts is an error here that names the signal and its last words."""
+    with pytest.raises(StageProcessError, match=r"SIGABRT(.|\n)*last words"):
+        run_in_process(job("die", data), lambda part, text: None)
+
+
+def test_a_child_dies_with_its_parent(tmp_path: Path) -> None:
+    """Killing the parent with SIGKILL ends the stage's process at once."""
+    (tmp_path / "fake_sleep.py").write_text(
+        textwrap.dedent("""
+        import os, time, pathlib
+        def nap(path: str) -> str:
+            pathlib.Path(path).write_text(str(os.getpid()))
+            time.sleep(60)
+        """)
+    )
+    mark = tmp_path / "pid"
+    work = {"module": "fake_sleep", "function": "nap", "inputs": {"path": {"value": str(mark)}}, "config": None}
+    program = f"from tasks.stage_process import run_in_process; run_in_process({work!r}, print)"
+    root = str(Path(__file__).parents[2])
+    environment = os.environ | {"PYTHONPATH": f"{root}{os.pathsep}{tmp_path}", "DCAP_DATA": str(tmp_path)}
+    parent = subprocess.Popen([sys.executable, "-c", program], env=environment)
+    wait_until(lambda: mark.exists() and mark.read_text() != "")
+    parent.kill()
+    parent.wait()
+    wait_until(lambda: not alive(int(mark.read_text())))
+
+
+def alive(pid: int) -> bool:
+    """Whether a process runs (a dead one that nobody has waited for does not)."""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().split(")")[1].split()[0] != "Z"
+    except FileNotFoundError:
+        return False
+
+
+def wait_until(condition: "object", seconds: float = 20.0) -> None:
+    """Wait for a condition; fail if it never comes."""
+    deadline = time.monotonic() + seconds
+    while not condition():  # type: ignore[operator]
+        assert time.monotonic() < deadline, "waited in vain"
+        time.sleep(0.05)
+
+
+def test_locks_exclude_and_let_go(tmp_path: Path) -> None:
+    """One holder at a time; the lock of a killed process is free."""
+    locks = FileLocks(tmp_path)
+    assert locks.acquire_lock("a", "one")
+    assert locks.is_locked("a")
+    assert locks.is_lock_holder("a", "one")
+    assert not locks.acquire_lock("a", "two", acquire_timeout=0)
+    locks.release_lock("a", "one")
+    assert locks.acquire_lock("a", "two", acquire_timeout=0)
+    locks.release_lock("a", "two")
+    program = (
+        f"import os; from pathlib import Path; from tasks.file_lock import FileLocks;"
+        f"FileLocks(Path({str(tmp_path)!r})).acquire_lock('b', 'x'); os.kill(os.getpid(), 9)"
+    )
+    root = str(Path(__file__).parents[2])
+    subprocess.run([sys.executable, "-c", program], env=os.environ | {"PYTHONPATH": root}, check=False)
+    assert locks.acquire_lock("b", "one", acquire_timeout=0)
