@@ -1,0 +1,1 @@
+"""Instances and named parts of a mesh by shape, colour, annotated boxes and node names."""

@@ -1,0 +1,146 @@
+"""One instance in the frame of its own box: the view that part rules work in.
+
+x and y run along the box's horizontal axes from its middle, z from its bottom; all in metres. A `Piece` is a connected
+patch of faces with its extents. Rules assign names to pieces where a piece is one part, and to faces where a fused scan
+makes one piece of several parts.
+"""
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from geometry.segmentation.faces import FaceTable, renumbered
+from geometry.segmentation.regions import color_regions, merged_crumbs
+from scene.box import OrientedBox
+
+UPWARD = 0.75
+"""A face with a normal of at least this z looks up: within 41 degrees, so that noise of a scan does not matter [-]."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Piece:
+    """A connected patch of an instance."""
+
+    index: int
+    faces: NDArray[np.int64]
+    """Face numbers within the body."""
+    low: NDArray[np.float64]
+    """Lower extent [m], shape (3,)."""
+    high: NDArray[np.float64]
+    """Upper extent [m], shape (3,)."""
+    area: float
+    """[m^2]."""
+    up_area: float
+    """Area that looks up [m^2]."""
+
+    @property
+    def size(self) -> NDArray[np.float64]:
+        """Extents [m], shape (3,)."""
+        return self.high - self.low
+
+    @property
+    def middle(self) -> NDArray[np.float64]:
+        """Centre of the extents [m], shape (3,)."""
+        return 0.5 * (self.low + self.high)
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Body:
+    """The faces of one instance in its box frame."""
+
+    corners: NDArray[np.float64]
+    """Shape (k, 3, 3) [m]."""
+    center: NDArray[np.float64]
+    """Shape (k, 3) [m]."""
+    normal: NDArray[np.float64]
+    area: NDArray[np.float64]
+    lab: NDArray[np.float64]
+    pairs: NDArray[np.int64]
+    """Neighbouring faces, numbers within the body, shape (e, 2)."""
+    piece: NDArray[np.int64]
+    """Piece of each face, shape (k,)."""
+    size: NDArray[np.float64]
+    """Extents of the body [m], shape (3,)."""
+    frame: OrientedBox
+    """The box whose frame this is."""
+
+    @property
+    def up(self) -> NDArray[np.bool_]:
+        """Faces that look up, shape (k,)."""
+        return np.asarray(self.normal[:, 2] > UPWARD)
+
+    @property
+    def down(self) -> NDArray[np.bool_]:
+        """Faces that look down, shape (k,)."""
+        return np.asarray(self.normal[:, 2] < -UPWARD)
+
+    def pieces(self) -> list[Piece]:
+        """All pieces with their extents, largest area first."""
+        order = np.argsort(self.piece, kind="stable")
+        starts = np.searchsorted(self.piece[order], np.arange(int(self.piece.max(initial=-1)) + 2))
+        found = [self._piece(i, order[a:b]) for i, (a, b) in enumerate(pairwise(starts))]
+        return sorted(found, key=lambda p: -p.area)
+
+    def _piece(self, index: int, faces: NDArray[np.int64]) -> Piece:
+        points = self.corners[faces].reshape(-1, 3)
+        # Spikes of a scan: the outermost half per cent of many corners says nothing.
+        low, high = np.percentile(points, [0.5, 99.5], axis=0) if len(faces) > 200 else (points.min(0), points.max(0))
+        up_area = float(self.area[faces][self.up[faces]].sum())
+        return Piece(index, faces, low, high, float(self.area[faces].sum()), up_area)
+
+    def with_pieces(self, piece: NDArray[np.int64]) -> "Body":
+        """The same body cut differently."""
+        return Body(
+            self.corners,
+            self.center,
+            self.normal,
+            self.area,
+            self.lab,
+            self.pairs,
+            renumbered(piece),
+            self.size,
+            self.frame,
+        )
+
+    def split_by_color(self, faces: NDArray[np.int64], *, smallest: float = 0.01) -> "Body":
+        """The same body with the given faces cut into patches of one colour each."""
+        inside = np.full(len(self.area), -1)
+        inside[faces] = np.arange(len(faces))
+        pairs = inside[self.pairs]
+        pairs = pairs[(pairs >= 0).all(axis=1)]
+        region = color_regions(self.lab[faces], self.area[faces], pairs, smallest=smallest)
+        piece = self.piece.copy()
+        piece[faces] = int(self.piece.max()) + 1 + region
+        return self.with_pieces(piece)
+
+
+def make_body(table: FaceTable, faces: NDArray[np.int64], box: OrientedBox) -> Body:
+    """The given faces in the frame of `box`; pieces are connected components, crumbs of noise joined to neighbours."""
+    inside = np.full(len(table.area), -1)
+    inside[faces] = np.arange(len(faces))
+    pairs = inside[table.pairs]
+    pairs = pairs[(pairs >= 0).all(axis=1)]
+    corners = box.to_local(table.corners[faces].reshape(-1, 3))
+    corners[:, 2] += box.half_extents[2]
+    corners = corners.reshape(-1, 3, 3)
+    area = table.area[faces]
+    piece = merged_crumbs(renumbered(table.component[faces]), area, pairs, smallest=1e-4)
+    return Body(
+        corners=corners, center=corners.mean(axis=1), normal=table.normal[faces] @ box.axes, area=area,
+        lab=table.lab[faces], pairs=pairs, piece=piece, size=2.0 * box.half_extents, frame=box,
+    )  # fmt: skip
+
+
+def level_of(height: NDArray[np.float64], weight: NDArray[np.float64], width: float) -> float:
+    """The height at which most weight lies within `width` [m]: the mean of the heaviest window; nan without weight."""
+    if not len(height) or weight.sum() <= 0:
+        return float("nan")
+    order = np.argsort(height, kind="stable")
+    sorted_height, total = height[order], np.cumsum(weight[order])
+    end = np.searchsorted(sorted_height, sorted_height + width, side="right") - 1
+    inside = total[end] - total + weight[order]
+    best = int(np.argmax(inside))
+    window = order[best : int(end[best]) + 1]
+    return float(np.average(height[window], weights=weight[window]))

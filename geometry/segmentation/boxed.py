@@ -1,0 +1,124 @@
+"""Instances of an annotated scene: which face belongs to which labelled box.
+
+A connected component that lies in a box belongs to it as a whole, to the smallest such box: the lamp on the table is
+not the table. Components that no box holds are the shell of the room or several things fused by the scan; their faces
+go to floor, ceiling and walls by level and plane first, then to the smallest box around them.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from geometry.segmentation.faces import FaceTable
+from geometry.segmentation.labels import Category, category_of, words_of
+from geometry.segmentation.structure import ceiling_faces, find_levels, floor_faces, wall_number
+from scene.box import OrientedBox
+from scene.scan import LabelBox
+
+MARGIN = 0.03
+"""Boxes are grown by this when asked what they hold: annotations and scans are no better [m]."""
+
+HELD = 0.75
+"""Share of a component's area that a box must hold to own it as a whole [-]."""
+
+NEAR_BEST = 0.12
+"""A smaller box wins over a larger one that holds this much more of a component [-]."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Group:
+    """A labelled set of faces before its parts are known."""
+
+    id: str
+    label: str
+    faces: NDArray[np.int64]
+    axes: NDArray[np.float64] | None
+    """Annotated orientation, shape (3, 3)."""
+
+
+def is_opening(label: str) -> bool:
+    """Windows and doors live in walls."""
+    return bool({"window", "door", "opening", "windows", "doors"} & set(words_of(label)))
+
+
+def boxed_groups(table: FaceTable, boxes: tuple[LabelBox, ...]) -> list[Group]:
+    """Labelled things, then floor, ceiling and walls; boxes that hold no face are left out."""
+    things = [b for b in boxes if category_of(b.label) is not Category.STRUCTURE]
+    owner = _whole_components(table, things)
+    shell = owner < 0
+    levels = find_levels(table)
+    walls = [b for b in boxes if "wall" in words_of(b.label)]
+    floor = shell & floor_faces(table, levels)
+    ceiling = shell & ceiling_faces(table, levels) & ~floor
+    wall = wall_number(table, [b.box for b in walls], shell & ~floor & ~ceiling, levels)
+    loose = shell & ~floor & ~ceiling & (wall < 0)
+    owner = np.where(loose, _smallest_box(table, things, loose), owner)
+    groups = [Group(b.id, b.label, np.flatnonzero(owner == i), b.box.axes) for i, b in enumerate(things)]
+    groups += _structure_groups(boxes, walls, floor, ceiling, wall)
+    return [group for group in groups if len(group.faces)]
+
+
+def _structure_groups(
+    boxes: tuple[LabelBox, ...],
+    walls: list[LabelBox],
+    floor: NDArray[np.bool_],
+    ceiling: NDArray[np.bool_],
+    wall: NDArray[np.int64],
+) -> list[Group]:
+    """Floor, ceiling and walls under their annotated ids, or under plain ones."""
+    taken = {b.id for b in boxes}
+    groups = [
+        Group(_id_of(boxes, name), name, np.flatnonzero(mask), None)
+        for name, mask in (("floor", floor), ("ceiling", ceiling))
+    ]
+    for number in range(int(wall.max(initial=-1)) + 1):
+        name = walls[number].id if walls else next(n for n in _numbered("wall", number) if n not in taken)
+        groups.append(Group(name, "wall", np.flatnonzero(wall == number), walls[number].box.axes if walls else None))
+    return groups
+
+
+def _numbered(name: str, number: int) -> tuple[str, str]:
+    return f"{name}_{number}", f"{name}_found_{number}"
+
+
+def _id_of(boxes: tuple[LabelBox, ...], name: str) -> str:
+    return next((b.id for b in boxes if name in words_of(b.label)), name)
+
+
+def _volume(box: OrientedBox) -> float:
+    return float(np.prod(box.half_extents))
+
+
+def _inside(table: FaceTable, box: OrientedBox, margin: float) -> NDArray[np.int64]:
+    """Faces whose centre lies in a box grown by `margin`; first sieved by its axis-aligned hull."""
+    low, high = box.corners.min(axis=0) - margin, box.corners.max(axis=0) + margin
+    near = np.flatnonzero(((table.center >= low) & (table.center <= high)).all(axis=1))
+    return near[box.contains(table.center[near], margin=margin)]
+
+
+def _whole_components(table: FaceTable, things: list[LabelBox]) -> NDArray[np.int64]:
+    """The box that owns the component of each face, -1 for none, shape (m,)."""
+    count = int(table.component.max(initial=-1)) + 1
+    total = np.bincount(table.component, table.area, count)
+    best_share = np.zeros(count)
+    shares: list[tuple[int, NDArray[np.float64]]] = []
+    for i, thing in enumerate(things):
+        inside = _inside(table, thing.box, MARGIN)
+        share = np.bincount(table.component[inside], table.area[inside], count) / np.maximum(total, 1e-12)
+        shares.append((i, share))
+        np.maximum(best_share, share, out=best_share)
+    owner = np.full(count, -1, dtype=np.int64)
+    for i, share in sorted(shares, key=lambda s: -_volume(things[s[0]].box)):
+        owner[(share >= HELD) & (share >= best_share - NEAR_BEST)] = i
+    return np.asarray(owner[table.component])
+
+
+def _smallest_box(table: FaceTable, things: list[LabelBox], loose: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """The smallest box around each loose face, -1 for none, shape (m,)."""
+    owner = np.full(len(table.area), -1, dtype=np.int64)
+    for i in sorted(range(len(things)), key=lambda i: -_volume(things[i].box)):
+        if not is_opening(things[i].label):
+            inside = _inside(table, things[i].box, MARGIN)
+            owner[inside[loose[inside]]] = i
+    return owner

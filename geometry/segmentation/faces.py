@@ -1,0 +1,100 @@
+"""Per-face quantities of a mesh and the graph of faces that share an edge."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+
+from scene.mesh import Mesh
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class FaceTable:
+    """What segmentation needs to know of every face."""
+
+    corners: NDArray[np.float64]
+    """Corner positions [m], shape (m, 3, 3)."""
+    center: NDArray[np.float64]
+    """[m], shape (m, 3)."""
+    normal: NDArray[np.float64]
+    """Unit normals (zero for faces without area), shape (m, 3)."""
+    area: NDArray[np.float64]
+    """[m^2], shape (m,)."""
+    lab: NDArray[np.float64]
+    """Mean colour in CIELAB, shape (m, 3)."""
+    pairs: NDArray[np.int64]
+    """Faces that share an edge, shape (e, 2)."""
+    component: NDArray[np.int64]
+    """Connected component by shared vertices, shape (m,)."""
+
+    @classmethod
+    def of(cls, mesh: Mesh) -> "FaceTable":
+        """Measure a mesh."""
+        corners = mesh.triangles
+        weighted = mesh.face_normals
+        length = np.linalg.norm(weighted, axis=1)
+        place = welded_index(mesh.vertices)[mesh.faces]
+        return cls(
+            corners=corners,
+            center=corners.mean(axis=1),
+            normal=weighted / np.maximum(length, 1e-30)[:, None],
+            area=0.5 * length,
+            lab=lab_from_srgb(mesh.colors[mesh.faces].mean(axis=1)),
+            pairs=shared_edges(place),
+            component=components_of(place),
+        )
+
+
+def welded_index(vertices: NDArray[np.float64]) -> NDArray[np.int64]:
+    """A number per place: vertices split for colour or texture count as one, shape (n,)."""
+    step = 1e-6 * max(float(np.ptp(vertices, axis=0).max()), 1e-9)
+    keys = np.rint((vertices - vertices.min(axis=0)) / step).astype(np.int64)
+    # One number per place: 2^21 > 1e6 steps per axis.
+    packed = (keys[:, 0] << 42) | (keys[:, 1] << 21) | keys[:, 2]
+    return np.asarray(np.unique(packed, return_inverse=True)[1]).reshape(-1)
+
+
+def shared_edges(faces: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Pairs of faces that share an edge; where more than two meet, each with the next, shape (e, 2)."""
+    sides = np.sort(faces[:, [[0, 1], [1, 2], [2, 0]]], axis=2).reshape(-1, 2)
+    key = sides[:, 0] * (int(faces.max(initial=0)) + 1) + sides[:, 1]
+    order = np.argsort(key, kind="stable")
+    same = key[order][1:] == key[order][:-1]
+    owner = order // 3
+    return np.stack([owner[:-1][same], owner[1:][same]], axis=1)
+
+
+def components_of(faces: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Number of the connected component of each face, by shared vertices, shape (m,)."""
+    count = int(faces.max(initial=-1)) + 1
+    rows, columns = np.r_[faces[:, 0], faces[:, 1]], np.r_[faces[:, 1], faces[:, 2]]
+    graph = coo_matrix((np.ones(len(rows), dtype=np.int8), (rows, columns)), shape=(count, count))
+    vertex_component = connected_components(graph, directed=False)[1]
+    return renumbered(vertex_component[faces[:, 0]])
+
+
+def connected_regions(count: int, pairs: NDArray[np.int64], joined: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """Regions of faces when only the `joined` pairs connect, shape (count,)."""
+    a, b = pairs[joined].T
+    graph = coo_matrix((np.ones(len(a), dtype=np.int8), (a, b)), shape=(count, count))
+    return np.asarray(connected_components(graph, directed=False)[1], dtype=np.int64)
+
+
+def renumbered(labels: NDArray[np.integer]) -> NDArray[np.int64]:
+    """The same partition numbered 0, 1, 2 ... in order of value."""
+    return np.asarray(np.unique(labels, return_inverse=True)[1], dtype=np.int64).reshape(-1)
+
+
+def lab_from_srgb(srgb: NDArray[np.floating]) -> NDArray[np.float64]:
+    """CIELAB (D65) of sRGB colours 0..255, shape (..., 3). Source: IEC 61966-2-1 and CIE 15."""
+    value = np.asarray(srgb, dtype=np.float64) / 255.0
+    linear = np.where(value <= 0.04045, value / 12.92, ((value + 0.055) / 1.055) ** 2.4)
+    xyz_from_rgb = np.array(
+        [[0.4124564, 0.3575761, 0.1804375], [0.2126729, 0.7151522, 0.0721750], [0.0193339, 0.1191920, 0.9503041]]
+    )
+    xyz = linear @ xyz_from_rgb.T / np.array([0.95047, 1.0, 1.08883])
+    root = np.where(xyz > (6 / 29) ** 3, np.cbrt(xyz), xyz / (3 * (6 / 29) ** 2) + 4 / 29)
+    x, y, z = np.moveaxis(root, -1, 0)
+    return np.stack([116 * y - 16, 500 * (x - y), 200 * (y - z)], axis=-1)

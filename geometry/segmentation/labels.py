@@ -1,0 +1,119 @@
+"""What a label means for segmentation: the category whose parts it has, and which names say nothing."""
+
+import re
+import unicodedata
+from enum import StrEnum
+
+
+class Category(StrEnum):
+    """Kinds of things whose parts we know."""
+
+    BED = "bed"
+    SOFA = "sofa"
+    CHAIR = "chair"
+    STOOL = "stool"
+    TABLE = "table"
+    CABINET = "cabinet"
+    SHELF = "shelf"
+    LAMP = "lamp"
+    BATHTUB = "bathtub"
+    FLAT = "flat"
+    STRUCTURE = "structure"
+    DUMBBELL = "dumbbell"
+    SHOE = "shoe"
+    LAPTOP = "laptop"
+    PLUSH = "plush"
+    OTHER = "other"
+
+
+TEXT = {
+    Category.STRUCTURE: "wall walls floor ceiling room",
+    Category.LAMP: "lamp lamps lantern torchiere",
+    Category.STOOL: "stool ottoman pouf footstool",
+    Category.SHELF: "shelf shelves bookshelf bookcase bookshelves rack etagere",
+    Category.CABINET: "nightstand bedside cabinet wardrobe dresser chest drawer drawers sideboard closet refrigerator "
+    "freezer oven washer dishwasher commode vanity box crate trunk counter",
+    Category.BED: "bed beds crib cot bunk daybed mattress",
+    Category.SOFA: "sofa sofas couch loveseat settee armchair recliner futon",
+    Category.CHAIR: "chair chairs seat bench highchair",
+    Category.TABLE: "table tables desk teatable workbench desktop console",
+    Category.BATHTUB: "bathtub tub bath",
+    Category.FLAT: "rug carpet mat curtain mirror picture painting poster towel",
+    Category.DUMBBELL: "dumbbell dumbell barbell",
+    Category.SHOE: "shoe sneaker boot sandal slipper shoes trainer",
+    Category.LAPTOP: "laptop notebook",
+    Category.PLUSH: "plush teddy bear koala bunny rabbit doll",
+}
+"""Words of a label that mean a category, in order of precedence ("bedside table" is a cabinet)."""
+
+WORDS = {category: frozenset(text.split()) for category, text in TEXT.items()}
+
+LEADING = (Category.LAMP, Category.STOOL, Category.SHELF, Category.CABINET)
+"""These win wherever their word stands: 'lamp_table' is a lamp, a 'bed stool' a stool."""
+
+TOOL_WORDS = """
+cube sphere cylinder cone plane mesh object obj node group root scene geometry model material default solid body part
+component primitive box polygon surface shape untitled world empty armature sketchfab gltf rootnode unnamed circle
+icosphere torus none textured
+"""
+
+GENERIC = frozenset(TOOL_WORDS.split())
+"""Words that modelling tools put in by themselves."""
+
+NOISE = re.compile(r"^(\d+k?|[a-z]|lod\d*|v\d+|\d+x\d+|low|high|res|resolution|poly|lowpoly|highpoly|final|copy|new)$")
+"""Name pieces that carry no meaning: counters, letters, levels of detail."""
+
+SYNONYMS = {
+    "mattress": "mattress", "frame": "frame bedframe footboard", "headboard": "headboard", "pillow": "pillow pillows",
+    "blanket": "blanket duvet quilt comforter sheet", "seat cushion": "cushion cushions", "back": "back backrest",
+    "arm": "arm arms armrest armrests", "seat": "seat", "leg": "leg legs foot feet", "top": "top tabletop",
+    "board": "board boards", "side": "side sides", "shade": "shade lampshade", "pole": "pole stem", "base": "base",
+    "rim": "rim", "shell": "shell", "head": "head heads", "handle": "handle", "sole": "sole", "upper": "upper",
+    "screen": "screen", "eye": "eye eyes nose", "body": "body drawer drawers",
+}  # fmt: skip
+
+PART_WORDS = {word: part for part, text in SYNONYMS.items() for word in text.split()}
+"""Part names in node names and the common name of each."""
+
+
+def words_of(name: str) -> list[str]:
+    """Lower-case words of a label or node name: 'BedDouble_A.001' -> ['bed', 'double']."""
+    plain = unicodedata.normalize("NFKC", name)
+    spaced = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", plain)
+    pieces = re.split(r"[^\w]+|_+", spaced.lower())
+    return [w for piece in pieces for w in [piece.rstrip("0123456789") or piece] if w and not NOISE.match(w)]
+
+
+def readable(name: str) -> str:
+    """A name for people: its words, or the name itself where nothing is left."""
+    return " ".join(words_of(name)) or " ".join(name.lower().replace("_", " ").split())
+
+
+def says_something(name: str) -> bool:
+    """Whether a name tells more than that there is a mesh."""
+    return any(word not in GENERIC for word in words_of(name))
+
+
+def category_of(label: str) -> Category:
+    """The category of a label: leading words decide wherever they stand, else the last word that is known.
+
+    Structure must come last: a 'wall clock' is no wall.
+    """
+    words = words_of(label)
+    if words and words[-1] in WORDS[Category.STRUCTURE]:
+        return Category.STRUCTURE
+    for category in LEADING:
+        if WORDS[category] & set(words):
+            return category
+    others = [c for c in WORDS if c is not Category.STRUCTURE]
+    return next((c for word in reversed(words) for c in others if word in WORDS[c]), Category.OTHER)
+
+
+def plain_structure(label: str) -> str:
+    """The common name of a structure: 'World Floor' -> 'floor', 'Walls' -> 'wall'."""
+    return words_of(label)[-1].removesuffix("s")
+
+
+def part_word(name: str) -> str:
+    """The part that a node name means ('Left_Leg' -> 'leg'); empty if it means none."""
+    return next((PART_WORDS[word] for word in reversed(words_of(name)) if word in PART_WORDS), "")

@@ -1,0 +1,75 @@
+"""Stage segment: a scan in, instances with named parts out; for scenes and for the object to be placed.
+
+A scene is divided by its annotated boxes, else by node names or one label, else by shape. Every instance is then
+divided into parts that cover it without overlap.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel, PositiveInt
+
+from geometry.segmentation.boxed import boxed_groups
+from geometry.segmentation.faces import FaceTable
+from geometry.segmentation.front import facing_away_from_wall
+from geometry.segmentation.labels import readable
+from geometry.segmentation.named import named_groups
+from geometry.segmentation.parts import find_parts, make_instance, node_words
+from scene.scan import Scan
+from scene.segmentation import Instance, Segmentation
+from tasks.stage import stage
+
+
+class SegmentConfig(BaseModel, frozen=True, extra="forbid"):
+    """How small a thing may be."""
+
+    min_faces: PositiveInt = 2
+    """Instances with fewer faces are left out [-]: a stray triangle is noise, two make a floor."""
+
+
+def segment(scan: Scan, config: SegmentConfig) -> Segmentation:
+    """Divide a scene into instances and parts."""
+    table = FaceTable.of(scan.mesh)
+    groups = boxed_groups(table, scan.boxes) if scan.boxes else named_groups(table, scan)
+    groups = [g for g in groups if len(g.faces) >= min(config.min_faces, len(scan.mesh.faces))]
+    face_instance = np.full(len(scan.mesh.faces), -1, dtype=np.int32)
+    face_part = np.full(len(scan.mesh.faces), -1, dtype=np.int32)
+    instances = []
+    for index, group in enumerate(groups):
+        instance, part = make_instance(
+            group.id, group.label, table, group.faces, group.axes, _words(scan, group.faces)
+        )  # fmt: skip
+        instances.append(instance)
+        face_instance[group.faces] = index
+        face_part[group.faces] = part
+    return Segmentation(scan.mesh, _with_fronts(instances), face_instance, face_part)
+
+
+segment_task = stage(segment)
+
+
+def segment_object(scan: Scan, config: SegmentConfig) -> Segmentation:
+    """The object as one instance with id 'object'."""
+    table = FaceTable.of(scan.mesh)
+    faces = np.arange(len(scan.mesh.faces))
+    label = readable(scan.label)
+    part, parts, box, front = find_parts(table, faces, label, None, _words(scan, faces), as_object=True)
+    instance = Instance("object", label, box, parts, front)
+    return Segmentation(scan.mesh, (instance,), np.zeros(len(faces), dtype=np.int32), part)
+
+
+segment_object_task = stage(segment_object)
+
+
+def _words(scan: Scan, faces: NDArray[np.int64]) -> list[str]:
+    """Part words of the nodes of the given faces; nothing where the source names no node."""
+    return node_words(scan.node_names, scan.face_node, faces) if scan.node_names else []
+
+
+def _with_fronts(instances: list[Instance]) -> tuple[Instance, ...]:
+    """Things without a front of their own face away from the wall behind them."""
+    walls = [one for one in instances if one.structure and one.label == "wall"]
+    return tuple(
+        one if one.front is not None else replace(one, front=facing_away_from_wall(one, walls)) for one in instances
+    )
