@@ -92,9 +92,7 @@ def distance_grid(mesh: Mesh, low: NDArray[np.float64], high: NDArray[np.float64
     return sampled(MeshDistance(mesh), low, high, spacing)
 
 
-def sampled(
-    distance: Distance, low: NDArray[np.float64], high: NDArray[np.float64], spacing: float
-) -> DistanceGrid:
+def sampled(distance: Distance, low: NDArray[np.float64], high: NDArray[np.float64], spacing: float) -> DistanceGrid:
     """Samples of a signed distance over a box: exact within BAND samples of the surface, interpolated farther away."""
     low, high = np.asarray(low, dtype=np.float64), np.asarray(high, dtype=np.float64)
     if not (spacing > 0.0 and (high > low).all()):
@@ -103,7 +101,9 @@ def sampled(
     blocks = np.maximum(np.ceil((high - low) / (COARSE * spacing) - 1e-9).astype(int), 1)
     shape = COARSE * blocks + 1
     if np.prod(shape.astype(float)) > MOST_SAMPLES:
-        raise GeometryError(f"a distance grid of {shape.tolist()} samples > {MOST_SAMPLES}; raise its spacing ({spacing} m)")
+        raise GeometryError(
+            f"a distance grid of {shape.tolist()} samples > {MOST_SAMPLES}; raise its spacing ({spacing} m)"
+        )
     coarse = distance(lattice(low, COARSE * spacing, blocks + 1)).reshape(blocks + 1)
     values = upsampled(coarse)
     # an interpolated value is off by at most one coarse diagonal: everything that may lie in the band is computed

@@ -1,57 +1,64 @@
-"""Fill a solid with particles: two per axis and grid cell, each with the share of its octant that lies inside.
+"""Particles for a background grid: quadrature points that carry the volume of a solid, also where it is thin.
 
-In: node planes of a background grid and a signed distance. Out: positions and volumes. The sum of the volumes is the solid's
-volume up to the sub-sampling error (about 1 % of a cut cell), a cell outside of the solid gets no particle.
+In: node planes and a signed distance. Out: at most 2 x 2 x 2 particles per cell, one per octant, at the centroid of the octant's
+share inside, with that share's volume. The share comes from sub-samples whose own cut is smooth, so that volume varies smoothly
+with the surface.
 """
-
-from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
-Distance = Callable[[FloatArray], FloatArray]
-"""Signed distance [m] of points (n, 3), negative inside."""
+from geometry.distance import Distance
 
-SUBSAMPLES = 4  # per axis and octant of a cut cell
-LEAST_SHARE = 0.02  # octants with less material than this are left out: below the sub-sampling error
+SAMPLES = 4  # sub-samples per octant and axis in octants that the surface cuts
+SMALLEST_SHARE = 1e-3  # octants with less than this share inside carry nothing worth a particle
+BLOCK = 200_000  # sub-samples evaluated at once: bounds the memory
+
+__all__ = ["Distance", "fill", "octants"]
 
 
-def fill(planes: Sequence[FloatArray], distance: Distance) -> tuple[FloatArray, FloatArray]:
-    """Particles of the solid where `distance` is negative: positions [m] (p, 3) and volumes [m^3] (p,), in cell order."""
-    low = np.stack(np.meshgrid(*[p[:-1] for p in planes], indexing="ij"), axis=-1).reshape(-1, 3)
-    size = np.stack(np.meshgrid(*[np.diff(p) for p in planes], indexing="ij"), axis=-1).reshape(-1, 3)
-    middle = distance(low + 0.5 * size)
+def fill(
+    planes: tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]], distance: Distance
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Positions [m], shape (p, 3), and volumes [m^3], shape (p,), of the particles inside, in the order of the cells."""
+    center, size = octants(planes)
+    value = distance(center)
     half_diagonal = 0.5 * np.linalg.norm(size, axis=1)
-    whole = np.flatnonzero(middle <= -half_diagonal)
-    cut = np.flatnonzero(np.abs(middle) < half_diagonal)
-    corner = np.array(list(np.ndindex(2, 2, 2)), dtype=np.float64)
-    full_position = low[whole, None] + (0.25 + 0.5 * corner) * size[whole, None]
-    full_volume = np.repeat(size[whole].prod(axis=1) / 8.0, 8).reshape(-1, 8)
-    cut_position, cut_volume = _cut(low[cut], size[cut], corner, distance)
-    order = np.argsort(np.concatenate([whole, cut]), kind="stable")
-    position = np.concatenate([full_position, cut_position])[order].reshape(-1, 3)
-    volume = np.concatenate([full_volume, cut_volume])[order].reshape(-1)
-    kept = volume > 0.0
-    return position[kept], volume[kept]
+    share = np.where(value < 0.0, 1.0, 0.0)
+    position = center.copy()
+    cut = np.flatnonzero(np.abs(value) < half_diagonal)
+    for start in range(0, len(cut), BLOCK // SAMPLES**3):
+        index = cut[start : start + BLOCK // SAMPLES**3]
+        share[index], position[index] = cut_octants(center[index], size[index], distance)
+    keep = share > SMALLEST_SHARE
+    return position[keep], (share * size.prod(axis=1))[keep]
 
 
-def _cut(low: FloatArray, size: FloatArray, corner: FloatArray, distance: Distance) -> tuple[FloatArray, FloatArray]:
-    """Positions (k, 8, 3) at the centroids and volumes (k, 8) of the inside shares of the octants."""
-    ticks = (np.arange(SUBSAMPLES) + 0.5) / SUBSAMPLES
-    sub = np.stack(np.meshgrid(ticks, ticks, ticks, indexing="ij"), axis=-1).reshape(-1, 3)
-    local = 0.5 * (corner[:, None] + sub)  # (8, s, 3) in 0..1
-    position, volume = np.empty((len(low), 8, 3)), np.empty((len(low), 8))
-    for begin in range(0, len(low), CHUNK):
-        at = slice(begin, begin + CHUNK)
-        points = low[at, None, None] + local * size[at, None, None]
-        step = 0.5 * size[at].max(axis=1) / SUBSAMPLES
-        inside = np.clip(0.5 - distance(points.reshape(-1, 3)).reshape(points.shape[:3]) / step[:, None, None], 0.0, 1.0)
-        share = inside.mean(axis=2)
-        centroid = (inside[..., None] * points).sum(axis=2) / np.maximum(inside.sum(axis=2), 1e-12)[..., None]
-        position[at] = centroid
-        volume[at] = np.where(share > LEAST_SHARE, share, 0.0) * (size[at].prod(axis=1) / 8.0)[:, None]
-    return position, volume
+def octants(
+    planes: tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]],
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Centres and sizes [m] of the eight octants of each cell, cells in C order, each of shape (8 c, 3)."""
+    middle, width = [], []
+    for plane in planes:
+        step = np.diff(plane)
+        middle.append(np.stack([plane[:-1] + 0.25 * step, plane[:-1] + 0.75 * step], axis=1))
+        width.append(0.5 * step)
+    count = [len(w) for w in width]
+    i, j, k, a, b, c = (m.ravel() for m in np.indices((*count, 2, 2, 2)))
+    center = np.stack([middle[0][i, a], middle[1][j, b], middle[2][k, c]], axis=1)
+    return center, np.stack([width[0][i], width[1][j], width[2][k]], axis=1)
 
 
-CHUNK = 500  # cut cells at a time: 500 x 8 x 64 points keep the memory of a distance query small
+def cut_octants(
+    center: NDArray[np.float64], size: NDArray[np.float64], distance: Distance
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Share inside, shape (n,), and centroid of that share, shape (n, 3), of octants that the surface may cut."""
+    offset = (np.stack(np.indices((SAMPLES,) * 3), axis=-1).reshape(-1, 3) + 0.5) / SAMPLES - 0.5
+    points = center[:, None] + offset * size[:, None]
+    value = distance(points.reshape(-1, 3)).reshape(len(center), -1)
+    width = size.mean(axis=1, keepdims=True) / SAMPLES
+    inside = np.clip(0.5 - value / width, 0.0, 1.0)
+    total = inside.sum(axis=1)
+    weight = np.divide(inside, total[:, None], out=np.zeros_like(inside), where=total[:, None] > 0.0)
+    shift = weight @ offset
+    return total / SAMPLES**3, center + np.where(total[:, None] > 0.0, shift * size, 0.0)
