@@ -15,6 +15,7 @@ import typer
 
 from scene.errors import DcapError, InputError
 from scene.sample import Sample, SourceOptions
+from scene.settings import runs_root
 
 INFEASIBLE = 3
 SOME_FAILED = 4
@@ -38,7 +39,7 @@ Workers = Annotated[int, typer.Option(min=1, max=64, help="Samples at a time.")]
 Dataset = Annotated[Path | None, typer.Option(help="YAML list of samples; default: the embedded rooms.")]
 Limit = Annotated[int | None, typer.Option(min=1, help="Only the first so many samples.")]
 Language = Annotated[str, typer.Option(help="Who reads the sentence: offline, anthropic or replay.")]
-Solver = Annotated[str | None, typer.Option(help="tl or mls.")]
+Solver = Annotated[str | None, typer.Option(help="Method of the solver: tl.")]
 Resolution = Annotated[float | None, typer.Option(help="Cell size at the contact [m]; default: from the physics.")]
 Threads = Annotated[int, typer.Option(min=0, help="Threads of the solver, 0: all cores; never changes a result.")]
 
@@ -64,11 +65,6 @@ def place(
     as_json: Json = False,
 ) -> int:
     """Place one object in one scene."""
-    from flows.configure import configured
-    from flows.output import result_line, write_placement
-    from flows.place_one import place_one
-    from scene.settings import runs_root
-
     if not prompt.strip():
         raise InputError('PROMPT is empty; say what to do, for example "put the ball at the centre of the bed"')
     if mass is not None and not 0 < mass < float("inf"):
@@ -85,9 +81,15 @@ def place(
         mass=mass,
         seed=seed,
     )
-    config = configured(language=language, resolution=resolution, threads=threads, solver=solver)
+    check_physics(resolution, solver)
     folder = out or runs_root() / "place"
     check_out(folder)
+
+    from flows.configure import configured  # after the checks: the stages bring heavy libraries
+    from flows.output import result_line, write_placement
+    from flows.place_one import place_one
+
+    config = configured(language=language, resolution=resolution, threads=threads)
     tree = write_placement(place_one(sample, config, quiet=as_json), folder)
     print(json.dumps(tree, indent=2, ensure_ascii=False) if as_json else f"{result_line(tree)}\nresults: {folder}")
     return 0 if tree["verdict"] == "at_rest" else INFEASIBLE
@@ -103,11 +105,13 @@ def drop(
     as_json: Json = False,
 ) -> int:
     """Physics only: settle the bodies of a case file."""
-    from tasks.case import run_case
-
     if not case.is_file():
         raise InputError(f"{case}: no such file")
+    check_physics(resolution, solver)
     check_out(out)
+
+    from tasks.case import run_case
+
     tree = run_case(case, out, solver=solver or "tl", resolution=resolution, threads=threads)
     print(json.dumps(tree, indent=2, ensure_ascii=False) if as_json else f"{tree['verdict']}\nresults: {out}")
     return 0 if tree["verdict"] == "at_rest" else INFEASIBLE
@@ -124,11 +128,12 @@ def benchmark(
     as_json: Json = False,
 ) -> int:
     """Place every sample of a dataset and report."""
+    for method in methods.split(","):
+        choice("--methods", method.strip(), ("dcap",))
+
     from flows.benchmark import run_benchmark
     from flows.configure import configured
 
-    for method in methods.split(","):
-        choice("--methods", method.strip(), ("dcap",))
     run = run_benchmark(dataset, configured(language=language), limit=limit, workers=workers, only_failed=only_failed)
     if as_json:
         print(json.dumps(run.summary, indent=2, ensure_ascii=False))
@@ -217,6 +222,9 @@ def cache_verify(as_json: Json = False) -> int:
     return cache_verification(as_json=as_json)
 
 
+LARGEST_RESOLUTION_M = 1.0
+"""A cell larger than this resolves nothing that can be placed in a room [m]."""
+SOLVERS = ("tl",)
 UPS = ("auto", "y", "z")
 UNITS = ("auto", "m", "cm", "mm", "in")
 
@@ -226,6 +234,14 @@ def choice(option: str, value: str, allowed: tuple[str, ...]) -> str:
     if value not in allowed:
         raise InputError(f"{option} {value!r} is not one of {', '.join(allowed)}")
     return value
+
+
+def check_physics(resolution: float | None, solver: str | None) -> None:
+    """Refuse options of the solver that cannot be right."""
+    if resolution is not None and not 0 < resolution < LARGEST_RESOLUTION_M:
+        raise InputError(f"--resolution {resolution} is not a cell size between 0 and {LARGEST_RESOLUTION_M} m")
+    if solver is not None:
+        choice("--solver", solver, SOLVERS)
 
 
 def check_out(folder: Path) -> None:

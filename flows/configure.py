@@ -6,18 +6,13 @@ from flows.place import PlaceConfig
 from scene.errors import InputError
 
 LANGUAGES = ("offline", "anthropic", "replay")
-SOLVERS = ("tl", "mls")
 
 
-def configured(
-    *, language: str = "offline", resolution: float | None = None, threads: int = 0, solver: str | None = None
-) -> PlaceConfig:
+def configured(*, language: str = "offline", resolution: float | None = None, threads: int = 0) -> PlaceConfig:
     """The default configuration with the user's choices in it."""
     config = PlaceConfig()
     if language not in LANGUAGES:
         raise InputError(f"--language {language!r} is not one of {', '.join(LANGUAGES)}")
-    if solver is not None and solver not in SOLVERS:
-        raise InputError(f"--solver {solver!r} is not one of {', '.join(SOLVERS)}")
     for stage in ("intent", "rotation", "anchor", "materials"):
         config = with_setting(config, stage, {"client": language}, f"--language {language}")
     if resolution is not None:

@@ -3,7 +3,6 @@
 import sys
 import threading
 import time
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
@@ -42,7 +41,7 @@ class Display:
         self.to_run = 0
         self.ran = 0
         self.at_work: dict[str, tuple[str, str, float]] = {}
-        self.stage_seconds: Counter[str] = Counter()
+        self.stages_done = 0
         self.lock = threading.Lock()
         self.live = Live(console=self.console, refresh_per_second=4, get_renderable=self.rendered)
 
@@ -58,12 +57,17 @@ class Display:
     def rendered(self) -> RenderableType:
         """The bar and one line per sample at work."""
         with self.lock:
-            lines = [Text(work_line(sample, *work)) for sample, work in self.at_work.items()]
+            stages = (
+                Text(f"  {self.stages_done} of {self.to_run * len(STAGES)} stages")
+                if self.ran or self.at_work
+                else Text()
+            )
+            lines = [stages] + [Text(work_line(sample, *work)) for sample, work in self.at_work.items()]
         return Group(self.progress, *lines)
 
     def planned(self, plan: Plan) -> None:
         """One sample has been looked up."""
-        self.to_run += plan.finished is None and not plan.error
+        self.to_run += int(plan.finished is None and not plan.error)
         self.progress.advance(self.bar)
 
     def serving(self, url: str) -> None:
@@ -80,8 +84,8 @@ class Display:
                     since = self.at_work.get(sample.id, ("", "", 0.0))
                     begun = since[2] if since[0] == event.stage else time.monotonic()
                     self.at_work[sample.id] = (event.stage, event.text, begun)
-                elif event.event is Event.FINISHED and event.record is not None:
-                    self.stage_seconds[event.stage] += event.record.seconds
+                else:
+                    self.stages_done += 1
 
         return on_event
 

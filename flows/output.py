@@ -242,7 +242,7 @@ def scene_glb(scene: Segmentation, bodies: Sequence[SettledBody], particles: Par
     add_node(glb, "scene", scene.mesh)
     for body in bodies:
         add_node(glb, body.name, body.surface)
-    data = glb.export(file_type="glb")
+    data = glb.export(file_type="glb")  # type: ignore[no-untyped-call]
     assert isinstance(data, bytes)
     return data
 

@@ -127,7 +127,7 @@ class Stage:
         return Deciders(
             stage=self.name,
             code=source_digests(self.module_path, PROJECT_ROOT) | {"function": self.function.__name__},
-            config=None if config is None else config.model_dump(mode="json", exclude=NOT_DECIDING),
+            config=None if config is None else deciding(config.model_dump(mode="json")),
             inputs={name: plain_input(name, value) for name, value in inputs.items()},
             libraries=libraries(self.module_path, PROJECT_ROOT),
         )
@@ -220,6 +220,13 @@ class Stage:
 def stage(function: Callable[..., Any], *, process: bool = False, name: str | None = None) -> Stage:
     """The task of a pure function; `process` gives each run a fresh process of its own."""
     return Stage(function, process=process, name=name or function.__name__)
+
+
+def deciding(tree: Any) -> Any:
+    """Settings as JSON without those that never change a result, at any depth."""
+    if isinstance(tree, dict):
+        return {key: deciding(value) for key, value in tree.items() if key not in NOT_DECIDING}
+    return [deciding(value) for value in tree] if isinstance(tree, list) else tree
 
 
 def plain_input(name: str, value: Any) -> dict[str, object]:

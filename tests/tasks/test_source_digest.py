@@ -8,7 +8,9 @@ from tasks.source_digest import libraries, source_digests
 
 FILES = {
     "tasks/__init__.py": "",
-    "tasks/fill.py": '"""Doc."""\nfrom geometry.grid import cells\nfrom tasks.stage import stage\n\ndef fill(x): return cells(x)\n',
+    "tasks/fill.py": (
+        '"""Doc."""\nfrom geometry.grid import cells\nfrom tasks.stage import stage\n\ndef fill(x): return cells(x)\n'
+    ),
     "tasks/stage.py": "def stage(f): return f\n",
     "geometry/__init__.py": "",
     "geometry/grid.py": "import numpy as np\nfrom scene import box\n\ndef cells(x):\n    return np.floor(x)\n",

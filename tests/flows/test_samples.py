@@ -1,0 +1,57 @@
+"""Datasets are read strictly: whoever mistypes a key is told so."""
+
+from pathlib import Path
+
+import pytest
+
+from flows.samples import load_samples
+from scene.errors import InputError
+
+
+def written(folder: Path, text: str) -> Path:
+    """A dataset file."""
+    path = folder / "set.yaml"
+    path.write_text(text)
+    return path
+
+
+def test_names_and_paths_are_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A room or object is looked up beside the file, then in rooms/ and objects/ of the data folder."""
+    monkeypatch.setenv("DCAP_DATA", str(tmp_path / "data"))
+    (tmp_path / "data" / "rooms" / "bedroom_01").mkdir(parents=True)
+    (tmp_path / "data" / "objects").mkdir()
+    (tmp_path / "data" / "objects" / "ball.glb").touch()
+    (tmp_path / "mug.obj").touch()
+    text = "- {id: a, room: bedroom_01, object: ball, prompt: put it, seed: 3, mass: 2.0e-1}\n"
+    text += "- {id: b, scene: bedroom_01, object: mug.obj, prompt: put it, object_unit: mm, label: bed}\n"
+    first, second = load_samples(written(tmp_path, text))
+    assert first.scene == str(tmp_path / "data" / "rooms" / "bedroom_01")
+    assert first.object == str(tmp_path / "data" / "objects" / "ball.glb")
+    assert (first.seed, first.mass) == (3, 0.2)
+    assert second.object == str(tmp_path / "mug.obj")
+    assert second.object_options.unit == "mm"
+    assert second.scene_options.label == "bed"
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("- {id: a, room: r, object: o, promt: x}", "unknown key 'promt'; did you mean 'prompt'"),
+        ("- {id: a, room: r, prompt: x}", "key 'object' is missing"),
+        ("- {id: a, object: o, prompt: x}", "either 'room' or 'scene'"),
+        ("- {id: a, room: r, object: o, prompt: x, mass: heavy}", "mass is 'heavy'"),
+        ("- {id: a, room: r, object: o, prompt: x}\n- {id: a, room: r, object: o, prompt: x}", "two samples"),
+        ("a: b", "expected a list"),
+        ("[1, 2", "cannot be read as YAML"),
+    ],
+)
+def test_mistakes_are_named(tmp_path: Path, text: str, message: str) -> None:
+    """A wrong dataset is an error that says where and what."""
+    with pytest.raises(InputError, match=message):
+        load_samples(written(tmp_path, text))
+
+
+def test_a_missing_dataset_is_named(tmp_path: Path) -> None:
+    """A dataset file that is not there is an error with its path."""
+    with pytest.raises(InputError, match=r"nothing\.yaml: no such file"):
+        load_samples(tmp_path / "nothing.yaml")
