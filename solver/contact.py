@@ -19,6 +19,7 @@ from solver.soft import SoftBody, SoftSystem
 from solver.state import State, turn_between
 
 SEARCH_MARGIN = 0.02  # points within this distance [m] of the other body's box are queried: more than one step's motion
+STICK_SPEED = 1e-4  # a point at its friction limit that moves slower than this [m/s] has stopped: mu_s holds again
 TANGENTIAL_SHARE = 0.5  # tangential over normal stiffness: Mindlin's ratio 2 (1 - nu) / (2 - nu) lies between 0.67 and 1; softer is safe
 
 
@@ -117,6 +118,8 @@ class ContactQuery:
         self.pairs = pairs
         self.soft_of: dict[int, SoftBody] = {s.index: s for s in soft.bodies}
         self.rolling_anchor: dict[tuple[int, int], NDArray[np.float64]] = {}
+        self.seconds = 1.0
+        """Length of the step that is being solved [s]."""
         self.smooth = np.zeros((len(soft.rest), 9))
 
     def surface(self, state: State, index: int) -> NDArray[np.float64]:
@@ -162,9 +165,8 @@ class ContactQuery:
         slip = (points[index] - earlier[pair.a][index]) - self._motion(
             pair.b, material[active], node[active], weight[active], state, before
         )
-        force, tangent, anchor, sliding = point_forces(
-            pair, index, gap[active], normal[active], slip
-        )  # fmt: skip
+        force, tangent, anchor, sliding = point_forces(pair, index, gap[active], normal[active], slip)
+        sliding &= np.linalg.norm(slip, axis=1) > STICK_SPEED * self.seconds
         nodes = np.zeros((len(active), 16), dtype=np.int64)
         weights = np.zeros((len(active), 16))
         if pair.a in self.soft_of:

@@ -67,7 +67,7 @@ class TangentSystem:
         self.frame_inertia = self._frame_inertia(dt)
         self.sides = self._sides()
         self._product = np.empty_like(soft.rest)
-        self.node_inverse, self.frame_inverse = self._preconditioner()
+        self.inverse: Vector | None = None
 
     def _frame_inertia(self, dt: float) -> NDArray[np.float64]:
         out = np.zeros((len(self.frames.index), 6, 6))
@@ -162,9 +162,12 @@ class TangentSystem:
 
     def precondition(self, residual: Vector) -> Vector:
         """Block-Jacobi."""
+        if self.inverse is None:
+            self.inverse = self._preconditioner()
+        nodes, frames = self.inverse
         return (
-            np.einsum("nij,nj->ni", self.node_inverse, residual[0]) * self.free,
-            np.einsum("bij,bj->bi", self.frame_inverse, residual[1]),
+            np.einsum("nij,nj->ni", nodes, residual[0]) * self.free,
+            np.einsum("bij,bj->bi", frames, residual[1]),
         )
 
 

@@ -3,8 +3,9 @@
 import contextlib
 import sys
 
-import solver.kernels  # noqa: F401  silences the banner that Taichi prints when imported
 import taichi as ti
+
+import solver.kernels  # noqa: F401  silences the banner that Taichi prints when imported
 
 _started: dict[str, int] = {}
 
@@ -15,5 +16,13 @@ def start(threads: int = 0) -> None:
         return
     options = {"cpu_max_num_threads": threads} if threads > 0 else {}
     with contextlib.redirect_stdout(sys.stderr):  # it greets on standard output, which belongs to results
-        ti.init(arch=ti.cpu, default_fp=ti.f64, default_ip=ti.i32, offline_cache=True, log_level=ti.ERROR, verbose=False, **options)
+        ti.init(
+            arch=ti.cpu,
+            default_fp=ti.f64,
+            default_ip=ti.i32,
+            offline_cache=True,
+            log_level=ti.ERROR,
+            verbose=False,
+            **options,
+        )
     _started["threads"] = threads

@@ -23,6 +23,8 @@ from solver.model import Model
 from solver.soft import SoftSystem
 from solver.state import State, rotate, turn_between
 
+SLOW, CAUTION = 0.7, 0.5  # where the residual falls by less than SLOW, Newton cycles between contact states: shorten its moves
+
 
 @dataclass(eq=False, slots=True)
 class StepReport:
@@ -107,21 +109,23 @@ class Stepper:
         """The state after `dt` [s], solved to `tolerance` of the weight; raises UnstableStep for a state that is not finite."""
         before = state.copy()
         after = self._predict(state, dt)
-        total, residual, contacts = 0, np.inf, None
+        total, residual, contacts, share = 0, np.inf, None, 1.0
+        self.query.seconds = dt
         for count in range(self.config.newton_limit + 1):
             force = self.elastic_forces(after)
             self.refresh_stencil(after)
             contacts = self.query.find(after, before)
             system = TangentSystem(self.soft, self.stencil, contacts, self.frames(after), dt, self.damping)
             right = self._residual(system, after, before, force, dt)
-            residual = self._size(right)
+            previous, residual = residual, self._size(right)
             if not np.isfinite(residual):
                 raise UnstableStep(self._story(after, dt, residual))
             if residual <= tolerance or count == self.config.newton_limit:
                 break
             move, iterations = conjugate_gradient(system, right, self.config.linear_tolerance, self.config.linear_limit)
             total += iterations
-            after = self._move(after, system, move)
+            share = CAUTION * share if count > 1 and residual > SLOW * previous else min(1.0, 2.0 * share)
+            after = self._move(after, system, (share * move[0], share * move[1]))
         self._finish(after, before, dt)
         inverted = int((self.volume_ratio[self.soft.real] <= 0.0).sum())
         assert contacts is not None

@@ -1,0 +1,100 @@
+"""Builders of solver bodies from primitives, shared by the physics tests."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from geometry.fill import fill
+from geometry.primitives import Box, Capsule, Cylinder
+from solver.config import SolverConfig
+from solver.grid import graded_planes
+from solver.model import HELD, Body, Model, SignedDistance, SoftParts
+from solver.settle import settle
+
+GRAVITY = 9.81
+
+
+def sampled(distance, low, high, spacing):
+    """A signed distance on a grid."""
+    axes = [np.arange(a, b + spacing, spacing) for a, b in zip(low, high, strict=True)]
+    points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
+    return SignedDistance(np.array([a[0] for a in axes]), spacing, distance(points).astype(np.float32))
+
+
+def rigid(
+    name,
+    solid,
+    position,
+    *,
+    mass=1.0,
+    fixed=False,
+    mu=(0.5, 0.4),
+    rolling=0.0,
+    rotation=None,
+    edge=0.01,
+    spacing=0.002,
+    **start,
+):
+    """A rigid primitive."""  # fmt: skip
+    turn, position = np.eye(3) if rotation is None else rotation, np.asarray(position, dtype=float)
+    surface = solid.surface(edge)
+    vertices = surface.vertices @ turn.T + position
+    grid = sampled(
+        lambda p: solid.distance((p - position) @ turn), vertices.min(0) - 0.02, vertices.max(0) + 0.02, spacing
+    )
+    inertia = turn @ np.diag(solid.inertia_per_mass * mass) @ turn.T
+    return Body(name, fixed, vertices, surface.faces, grid, mass, position, inertia, *mu, rolling, **start)
+
+
+def floor(**options):
+    """A fixed slab whose top is the plane z = 0."""
+    return rigid(
+        "floor", Box(np.array([0.6, 0.6, 0.05])), [0, 0, -0.025], fixed=True, edge=0.02, spacing=0.004, **options
+    )
+
+
+def soft(
+    name,
+    solid,
+    position,
+    *,
+    E,
+    nu=0.3,
+    rho=200.0,
+    cell=0.01,
+    planes=None,
+    held=None,
+    fixed=False,
+    loaded=False,
+    mu=(0.5, 0.4),
+    edge=None,
+):
+    """A soft primitive; `held` is a function of the node planes that marks held nodes."""  # fmt: skip
+    position = np.asarray(position, dtype=float)
+    surface = solid.surface(edge or cell)
+    vertices = surface.vertices + position
+    low, high = vertices.min(0), vertices.max(0)
+    planes = planes or tuple(graded_planes(a, b, a, b, cell) for a, b in zip(low, high, strict=True))
+    points, volume = fill(planes, lambda p: solid.distance(p - position))
+    one = np.ones(len(points))
+    state = np.zeros(tuple(len(p) for p in planes), np.int8)
+    if held is not None:
+        state[held] = HELD
+    grid = sampled(lambda p: solid.distance(p - position), low - 0.02, high + 0.02, cell / 3)
+    parts = SoftParts(points, volume, rho * one, E * one, nu * one, planes, state, loaded)
+    return Body(name, fixed, vertices, surface.faces, grid, rho * solid.volume, position, np.eye(3), *mu, 0.0, parts)
+
+
+def drop(*bodies, gravity=(0.0, 0.0, -GRAVITY), **config):
+    """Settle the bodies."""
+    return settle(Model(tuple(bodies), np.asarray(gravity, dtype=float)), SolverConfig(threads=2, **config))
+
+
+@pytest.fixture(scope="session")
+def lab():
+    """Everything a physics test needs to build a scene."""
+    return SimpleNamespace(
+        rigid=rigid, soft=soft, floor=floor, drop=drop, Box=Box, Capsule=Capsule, Cylinder=Cylinder,
+        planes=graded_planes, gravity=GRAVITY,
+    )  # fmt: skip

@@ -1,0 +1,64 @@
+"""Laws of soft bodies and soft contact, against closed forms and static finite elements."""
+
+import numpy as np
+import pytest
+
+
+def test_a_uniaxially_pressed_column_obeys_the_closed_form(lab):
+    """Self-weight of a column between frictionless walls: top sinks by rho g H^2 / (2 M) to first order in the strain."""
+    E, nu, rho, H = 1e5, 0.0, 500.0, 0.2
+    column = lab.soft("column", lab.Box(np.array([0.1, 0.1, H])), [0, 0, H / 2], E=E, nu=nu, rho=rho, cell=0.0125,
+                      held=np.s_[:, :, 0], fixed=True)  # fmt: skip
+    result = lab.drop(column)
+    sink = H - result.bodies[0].vertices[:, 2].max()
+    first_order = rho * lab.gravity * H**2 / (2.0 * E)
+    # with nu = 0 and M = E the next order of fixed-corotated elasticity vanishes; mesh error h / H per column end
+    assert result.verdict == "at_rest"
+    assert sink == pytest.approx(first_order, rel=0.02)
+
+
+@pytest.mark.parametrize("cells", [3, 4])
+def test_a_cantilever_bends_as_converged_finite_elements_say(lab, cells):
+    """Tip displacement 74.15 mm (static finite elements); three and more cells through the thickness within 3 %."""
+    beam = lab.soft("beam", lab.Box(np.array([0.4, 0.05, 0.05])), [0, 0, 0.5], E=1e6, rho=500.0, cell=0.05 / cells,
+                    held=np.s_[0], fixed=True)  # fmt: skip
+    result = lab.drop(beam)
+    tip = np.linalg.norm(result.bodies[0].vertices - beam.vertices, axis=1).max()
+    assert result.verdict == "at_rest"
+    assert tip == pytest.approx(0.074146, rel=0.03)
+
+
+def slab_and_ball(lab, E, mass, cell, reach):
+    planes_x = lab.planes(-0.2, 0.2, -reach, reach, cell)
+    planes_z = lab.planes(0.0, 0.15, 0.15 - 1.2 * reach, 0.15, cell)
+    slab = lab.soft("slab", lab.Box(np.array([0.4, 0.4, 0.15])), [0, 0, 0.075], E=E, planes=(planes_x, planes_x, planes_z),
+                    cell=cell, held=np.s_[:, :, 0], fixed=True, loaded=True, edge=0.006)  # fmt: skip
+    ball = lab.rigid("ball", lab.Capsule(0.05, 0.0), [0, 0, 0.202], mass=mass, edge=0.004, spacing=0.0015)
+    return ball, slab
+
+
+def test_a_ball_sinks_into_a_slab_as_deep_as_static_finite_elements_say(lab):
+    """Depth 12.166 mm (static finite elements) within 2 %, and the contact carries the weight."""
+    result = lab.drop(*slab_and_ball(lab, 2e4, 1.0, 0.006, 0.035))
+    depth = 0.15 - result.bodies[0].vertices[:, 2].min()
+    assert result.verdict == "at_rest"
+    assert depth == pytest.approx(12.166e-3, rel=0.02)
+    assert result.certificate["signals"]["force_residual"]["value"] < 5e-3
+
+
+def test_a_body_at_rest_on_its_own_weight_gives_the_same_bytes_for_any_thread_count(lab):
+    """Nothing that decides the result is summed in an order that depends on threads: 1, 2 and 4 agree to the last bit."""
+    blob = lab.soft("blob", lab.Capsule(0.05, 0.0), [0, 0, 0.052], E=3e4, cell=0.0125)
+    results = [lab.drop(blob, lab.floor(), step_limit=30) for _ in range(2)]
+    assert np.array_equal(results[0].bodies[0].vertices, results[1].bodies[0].vertices)
+
+
+def test_a_pillow_like_body_rests_on_a_mattress_like_body(lab):
+    """Soft on soft: the softer, lighter body comes to rest and the contact carries its weight within 0.5 %."""
+    base = lab.soft("base", lab.Box(np.array([0.4, 0.4, 0.1])), [0, 0, 0.05], E=5e4, rho=60.0, cell=0.025,
+                    held=np.s_[:, :, 0], fixed=True, loaded=True)  # fmt: skip
+    pillow = lab.soft("pillow", lab.Box(np.array([0.2, 0.15, 0.08])), [0, 0, 0.142], E=8e3, rho=40.0, cell=0.02)
+    result = lab.drop(pillow, base)
+    weight = 40.0 * 0.2 * 0.15 * 0.08 * lab.gravity
+    assert result.verdict == "at_rest"
+    assert result.contacts[0]["normal_force_n"] == pytest.approx(weight, rel=0.02)

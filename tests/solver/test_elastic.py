@@ -1,0 +1,91 @@
+"""Kernels against their numpy twins, and properties of the elastic law."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from solver.kernels import elastic
+from solver.reference.elastic import energy, polar_rotation, stress
+from solver.runtime import start
+
+MU, LAM = 4e4, 6e4
+
+
+@pytest.fixture(autouse=True)
+def taichi():
+    start(2)
+
+
+def one_cell(deformation):
+    """Arrays of a unit cell with one particle at its centre, nodes moved by x = F X."""
+    nodes = np.array(list(np.ndindex(2, 2, 2)), dtype=float)
+    arrays = {
+        "x": nodes @ deformation.T,
+        "cell_node": np.arange(8, dtype=np.int32)[None],
+        "cell_size": np.ones((1, 3)),
+        "cell_start": np.array([0, 1], dtype=np.int32),
+        "xi": np.full((1, 3), 0.5),
+        "V": np.ones(1),
+        "mu": np.full(1, MU),
+        "lam": np.full(1, LAM),
+        "R": np.eye(3).reshape(1, 9).copy(),
+        "F_out": np.zeros((1, 9)),
+        "J_out": np.zeros(1),
+        "psi": np.zeros(1),
+        "force": np.zeros((1, 8, 3)),
+    }
+    elastic.cell_forces(**arrays)
+    return arrays
+
+
+CASES = [np.eye(3) + 0.3 * np.random.default_rng(k).normal(size=(3, 3)) for k in range(6)] + [np.diag([1.0, 1.0, -0.4])]
+
+
+@pytest.mark.parametrize("F", CASES)
+def test_kernel_equals_its_twin(F):
+    """Rotation, energy and stress of the kernel agree with the definition to float64 rounding (1e-9 relative: iterated polar)."""
+    out = one_cell(F)
+    assert out["F_out"].reshape(3, 3) == pytest.approx(F, abs=1e-12)
+    assert out["psi"][0] == pytest.approx(energy(F, MU, LAM), rel=1e-9)
+    gradient = np.array([[2 * i - 1, 2 * j - 1, 2 * k - 1] for i, j, k in np.ndindex(2, 2, 2)]) / 4.0
+    assert out["force"][0] == pytest.approx(-gradient @ stress(F, MU, LAM).T, abs=1e-6 * MU)
+    if np.linalg.det(F) > 0:
+        assert out["R"].reshape(3, 3) == pytest.approx(polar_rotation(F), abs=1e-9)
+
+
+@pytest.mark.parametrize("F", CASES[:4])
+def test_stress_is_the_derivative_of_the_energy(F):
+    """P = d psi / d F by central differences; error of order step^2 = 1e-10 relative to the second derivative 1e5."""
+    numeric = np.zeros((3, 3))
+    for i, j in np.ndindex(3, 3):
+        step = np.zeros((3, 3))
+        step[i, j] = 1e-5
+        numeric[i, j] = (energy(F + step, MU, LAM) - energy(F - step, MU, LAM)) / 2e-5
+    assert stress(F, MU, LAM) == pytest.approx(numeric, abs=1e-3 * MU)
+
+
+def test_energy_does_not_depend_on_rigid_rotation():
+    """psi(Q F) = psi(F)."""
+    F = CASES[0]
+    Q = Rotation.from_euler("xyz", [0.3, -1.0, 2.0]).as_matrix()
+    assert energy(Q @ F, MU, LAM) == pytest.approx(energy(F, MU, LAM), rel=1e-12)
+
+
+def test_tangent_is_the_derivative_of_the_forces_at_rest():
+    """At F = I the warped tangent is exact: K = -d f / d x by central differences (float32 storage: 1e-6 relative)."""
+    F = np.eye(3)
+    arrays = one_cell(F)
+    K = np.zeros((1, 8, 8, 9), dtype=np.float32)
+    names = ("cell_size", "cell_start", "xi", "V", "mu", "lam")
+    elastic.cell_tangents(*[arrays[n] for n in names], arrays["R"], arrays["F_out"], K)
+    h = 1e-6
+    for node, axis in ((0, 0), (3, 2), (6, 1)):
+        sides = []
+        for sign in (1.0, -1.0):
+            moved = one_cell(F)
+            moved["x"][node, axis] += sign * h
+            elastic.cell_forces(**moved)
+            sides.append(moved["force"][0].copy())
+        numeric = -(sides[0] - sides[1]) / (2 * h)
+        column = K[0, :, node].reshape(8, 3, 3)[:, :, axis]
+        assert column == pytest.approx(numeric, abs=1e-4 * MU)
