@@ -1,0 +1,1 @@
+"""Procedural furniture, objects and furnished rooms, reproducible from a seed."""
