@@ -20,13 +20,19 @@ from scene.sample import Sample
 from tasks.stage import Event, StageEvent
 
 SHOWN_WIDTH = 46
+WIDTH = 160
+
+
+def console_on_stderr() -> Console:
+    """A console that does not break lines where nobody looks at a terminal."""
+    return Console(file=sys.stderr, highlight=False, width=None if sys.stderr.isatty() else WIDTH)
 
 
 class Display:
     """Live progress: samples done, the stages at work, and the time left."""
 
     def __init__(self, samples: Sequence[Sample]) -> None:
-        self.console = Console(file=sys.stderr, highlight=False)
+        self.console = console_on_stderr()
         self.progress = Progress(
             SpinnerColumn(),
             TextColumn("{task.description}"),
@@ -121,7 +127,7 @@ def work_line(sample: str, stage: str, text: str, since: float) -> str:
 
 def print_plan(plans: Sequence[Plan]) -> None:
     """What would run, per sample, and a line of totals."""
-    console = Console(file=sys.stderr, highlight=False)
+    console = console_on_stderr()
     table = Table("sample", "cached", "would run", "why", box=None)
     for plan in plans:
         count = "all" if plan.finished else f"{len(plan.cached)} of {len(STAGES)}"
@@ -132,7 +138,7 @@ def print_plan(plans: Sequence[Plan]) -> None:
 
 def print_table(rows: Sequence[Row], summary: Mapping[str, object], folder: Path) -> None:
     """The results of a run."""
-    console = Console(file=sys.stderr, highlight=False)
+    console = console_on_stderr()
     table = Table("sample", "verdict", "on", "expected", "", "s", box=None)
     for row in rows:
         verdict = row.verdict if not row.reason else f"{row.verdict}: {row.reason}"

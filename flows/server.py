@@ -31,7 +31,7 @@ DELIVER_SECONDS = 15.0
 
 @contextmanager
 def prefect_server(port: int | None = None) -> Iterator[str]:
-    """URL of a healthy server, also in $PREFECT_API_URL; enter before Prefect is imported."""
+    """URL of a healthy server, also in $PREFECT_API_URL, as long as the block runs."""
     apply_settings()
     given = os.environ.get("PREFECT_API_URL")
     if given:
@@ -46,6 +46,7 @@ def prefect_server(port: int | None = None) -> Iterator[str]:
         process = None if url else start(folder, port or free_port())
         url = url or running_url(folder)
     os.environ["PREFECT_API_URL"] = url
+    notice_settings()
     try:
         yield url
     finally:
@@ -53,6 +54,14 @@ def prefect_server(port: int | None = None) -> Iterator[str]:
         os.environ.pop("PREFECT_API_URL", None)
         if process is not None:
             stop(process, folder)
+
+
+def notice_settings() -> None:
+    """Let a Prefect that was imported for an earlier server see the new address."""
+    if "prefect" in sys.modules:
+        from prefect.context import refresh_global_settings_context
+
+        refresh_global_settings_context()
 
 
 def deliver_reports() -> None:

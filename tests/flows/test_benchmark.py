@@ -1,0 +1,160 @@
+"""A dataset run plans first, computes only what is missing, keeps going, and tells the truth."""
+
+import importlib
+import json
+from collections.abc import Iterator
+from pathlib import Path
+
+import pyarrow.parquet as pq
+import pytest
+
+from flows.cli import run_command
+from scene.store import Store
+
+PIPELINE = """
+import numpy as np
+from pydantic import BaseModel
+from flows.place import Placement
+from scene.anchor import Anchor
+from scene.box import OrientedBox
+from scene.errors import GeometryError
+from scene.intent import Intent, OrientationRequest, RegionRequest
+from scene.materials import Material, Model, PartMaterial, PartMaterials
+from scene.mesh import Mesh
+from scene.outcome import Infeasible, Reason
+from scene.particles import Particles
+from scene.renders import Renders
+from scene.rotation import Rotation
+from scene.scan import Scan
+from scene.segmentation import Instance, Part, Segmentation
+from scene.settled import Settled, SettledBody
+from scene.store import Source, Store
+from tasks.stage import stage
+
+MESH = Mesh.of(np.random.default_rng(0).random((30, 3)), np.arange(30).reshape(10, 3))
+BOX = OrientedBox(np.zeros(3), np.eye(3), np.ones(3))
+DOWN = np.array([[1.0, 0, 0, 0], [0, 1.0, 0, 0], [0, 0, 1.0, 2.0], [0, 0, 0, 1.0]])
+
+def mesh(source: Source) -> Scan:
+    if source.path.read_text() == "broken":
+        raise GeometryError(f"{source.path}: broken on purpose")
+    return Scan(MESH, np.zeros(10, np.int32), (), (), (), "", np.eye(4), "z", 1.0, "format", ("welded",))
+
+def segment(scan: Scan) -> Segmentation:
+    one = Instance("7", "table", BOX, (Part("top", BOX, 1.0),), None)
+    return Segmentation(scan.mesh, (one,), np.zeros(10, np.int32), np.zeros(10, np.int32))
+
+def intent(scene: Segmentation, prompt: str) -> Intent | Infeasible:
+    if "piano" in prompt:
+        return Infeasible(Reason.TARGET_NOT_FOUND, "no piano; there is table", {"found": ["table"]})
+    region = RegionRequest("", ("center",), (), "")
+    return Intent("7", "table", "ball", np.ones(3), 0.5, False, 1.0, OrientationRequest("any", "", ""), region, (), ())
+
+def anchor(intent: Intent) -> Anchor:
+    square = np.array([[-5.0, -5], [5, -5], [5, 5], [-5, 5]])
+    return Anchor("7", "top", 0, "center", np.zeros(2), np.zeros(3), DOWN, 0.01, square, "")
+
+def drop(anchor: Anchor, seed: int) -> Settled:
+    body = SettledBody("object", MESH, np.array([0, 0, -1.0]), np.array([1.0, 0, 0, 0]), np.zeros((30, 3)))
+    return Settled("at_rest", (body,), (), np.zeros((0, 3)), {"speed": {"value": seed}}, {}, 10, 0.5, ())
+
+def render(settled: Settled) -> Renders:
+    picture = np.full((8, 8, 3), 100, np.uint8)
+    return Renders(picture, picture, picture, 0.5, np.zeros(3), np.zeros(3))
+
+stages = [stage(one) for one in (mesh, segment, intent, anchor, drop, render)]
+
+def place(sample, config):
+    read, divide, understand, aim, settle, paint = stages
+    scan = read(Store.default().add_source(sample.scene))
+    scene = divide(scan)
+    wish = understand(scene, sample.prompt)
+    target = aim(wish)
+    settled = settle(target, sample.seed)
+    pictures = paint(settled)
+    return Placement(scan, scan, scene, scene, wish, wish, target, wish, settled, settled, pictures)
+"""
+DATASET = """
+- {id: good, scene: fine.ply, object: fine.ply, prompt: put the ball on the table, seed: 1}
+- {id: none, scene: fine.ply, object: fine.ply, prompt: put the ball on the piano}
+- {id: bad, scene: broken.ply, object: fine.ply, prompt: put the ball on the table}
+- {id: "gone: {x}", scene: gone.ply, object: fine.ply, prompt: put the ball on the table}
+"""
+TRUTH = """
+good: {base: table, part: top, feasible: true}
+none: {feasible: false, reason: target_not_found}
+bad: {base: table, part: top, feasible: true}
+"""
+
+
+@pytest.fixture(scope="module")
+def dataset(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    """A dataset of four samples on a fake pipeline: feasible, infeasible, failing, and with a missing scene."""
+    folder = tmp_path_factory.mktemp("benchmark")
+    (folder / "fake_pipeline.py").write_text(PIPELINE)
+    (folder / "fine.ply").write_text("fine")
+    (folder / "broken.ply").write_text("broken")
+    (folder / "truth.yaml").write_text(TRUTH)
+    (folder / "set.yaml").write_text(DATASET)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("DCAP_DATA", str(folder / "data"))
+        patch.delenv("PREFECT_API_URL", raising=False)
+        patch.syspath_prepend(str(folder))
+        patch.setattr("flows.sample_run.place", importlib.import_module("fake_pipeline").place)
+        yield folder / "set.yaml"
+
+
+@pytest.mark.slow
+def test_a_benchmark_from_cold_to_warm(
+    dataset: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Cold: two samples get through, two fail and are kept as such. Warm: no server is needed for what is cached.
+    After mending, only what failed runs. One stage can be computed again."""
+    folder = dataset.parent
+    assert run_command(["plan", "--dataset", str(dataset), "--json"]) == 0
+    plan = json.loads(capsys.readouterr().out)
+    assert [row["runs"] for row in plan] == ["mesh", "mesh", "mesh", "mesh"]
+    assert "gone.ply: no such file" in plan[3]["why"]
+
+    assert run_command(["benchmark", "--dataset", str(dataset), "--json"]) == 4
+    counts = json.loads(capsys.readouterr().out)
+    assert (counts["samples"], counts["at_rest"], counts["infeasible"], counts["failed"]) == (4, 1, 1, 2)
+    assert (counts["feasible_as_intended"], counts["feasible_intended"]) == (1, 2)
+    assert counts["infeasible_with_right_reason"] == 1
+    run = Path(counts["run"])
+    assert run == (folder / "data" / "runs" / "last").resolve()
+    assert (run / "report.html").is_file()
+    assert pq.read_table(run / "results.parquet")["sample"].to_pylist() == ["good", "none", "bad", "gone: {x}"]
+    assert f"{folder / 'broken.ply'}: broken on purpose" in (run / "samples" / "bad" / "error.txt").read_text()
+    placement = json.loads((run / "samples" / "good" / "placement.json").read_text())
+    assert placement["pose"] == {"position": [0.0, 0.0, 1.0], "quaternion": [1.0, 0.0, 0.0, 0.0]}
+    assert {path.name for path in (run / "samples" / "good").iterdir()} == {
+        "placement.json", "object.ply", "scene.glb", "clean.png", "settled.png", "closeup.png",
+    }  # fmt: skip
+
+    def refuse() -> None:
+        raise AssertionError("a cached sample must not start a server")
+
+    with monkeypatch.context() as patch:
+        patch.setattr("flows.benchmark.prefect_server", refuse)
+        assert run_command(["benchmark", "--dataset", str(dataset), "--limit", "2"]) == 0
+
+    (folder / "gone.ply").write_text("fine")
+    (folder / "broken.ply").write_text("mended")
+    assert run_command(["benchmark", "--dataset", str(dataset)]) == 0
+    capsys.readouterr()
+    assert run_command(["benchmark", "--dataset", str(dataset), "--only-failed"]) == 2
+    assert "nothing failed" in capsys.readouterr().err
+
+    assert run_command(["rerun", "last", "good", "--stage", "drop", "--json"]) == 0
+    again = json.loads(capsys.readouterr().out)
+    assert {**again, "timings": 0} == {**placement, "timings": 0}
+    assert run_command(["rerun", "last", "none", "--stage", "drop"]) == 3
+    assert run_command(["rerun", "last", "nobody", "--stage", "drop"]) == 2
+    assert run_command(["rerun", "last", "good", "--stage", "cook"]) == 2
+    assert run_command(["cache", "verify"]) == 0
+
+    ref = next(ref for ref in Store.default().refs() if ref.kind == "Settled")
+    next(Store.default().folder(ref).glob("*.ply")).unlink()
+    assert run_command(["cache", "verify"]) == 4
+    assert run_command(["report", "last"]) == 0
