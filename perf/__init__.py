@@ -1,0 +1,1 @@
+"""What `make perf` measures: ratios within one run, so that machines can be compared."""

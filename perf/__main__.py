@@ -1,0 +1,97 @@
+"""Prints how long the parts take that every placement uses, against a plain reference on the same machine."""
+
+import hashlib
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+
+from geometry.raycast import Raycaster
+from scene.mesh import Mesh
+from scene.settings import PROJECT_ROOT
+from scene.store import Store
+from tasks.source_digest import libraries, parsed, source_digests
+
+REPEATS = 5
+GRID = 700
+"""Side of the test mesh: about a million triangles, the size of a scanned room."""
+
+
+def best(action: Callable[[], object]) -> float:
+    """Shortest of a few runs [s]."""
+    times = []
+    for _ in range(REPEATS):
+        begin = time.perf_counter()
+        action()
+        times.append(time.perf_counter() - begin)
+    return min(times)
+
+
+def sheet() -> Mesh:
+    """A wavy sheet of 2 * 699^2 triangles, 4 m wide."""
+    x, y = np.meshgrid(np.linspace(-2, 2, GRID), np.linspace(-2, 2, GRID), indexing="ij")
+    corner = np.arange(GRID * GRID).reshape(GRID, GRID)
+    a, b, c, d = corner[:-1, :-1], corner[1:, :-1], corner[1:, 1:], corner[:-1, 1:]
+    faces = np.concatenate([np.stack(t, axis=-1).reshape(-1, 3) for t in ((a, b, c), (a, c, d))])
+    return Mesh.of(np.stack([x, y, 0.1 * np.sin(3 * x) * np.cos(2 * y)], axis=-1).reshape(-1, 3), faces)
+
+
+def store_rows(mesh: Mesh) -> list[tuple[str, float, str, float]]:
+    """Saving and loading against hashing the same number of bytes."""
+    with tempfile.TemporaryDirectory() as folder:
+        store = Store(Path(folder))
+        ref = store.save(mesh)
+        data = bytes(store.size(ref))
+        digest = best(lambda: hashlib.sha256(data))
+        return [
+            ("load a million triangles", best(lambda: store.load(ref)), "SHA-256 of the bytes", digest),
+            ("verify them", best(lambda: Store(store.root).has(ref)), "SHA-256 of the bytes", digest),
+        ]
+
+
+def ray_rows(mesh: Mesh) -> list[tuple[str, float, str, float]]:
+    """A picture's worth of rays against sorting as many numbers."""
+    caster = Raycaster(mesh)
+    count = 1024 * 1024
+    origins = np.random.default_rng(0).uniform([-2, -2, 2], [2, 2, 3], (count, 3))
+    down = np.broadcast_to([0.0, 0.0, -1.0], (count, 3)).copy()
+    return [
+        (
+            "cast a million rays",
+            best(lambda: caster.cast(origins, down)),
+            "sort a million numbers",
+            best(origins[:, 0].copy().argsort),
+        ),
+    ]
+
+
+def digest_rows() -> list[tuple[str, float, str, float]]:
+    """Finding out whether code has changed against reading it."""
+    path = PROJECT_ROOT / "tasks" / "drop.py"
+
+    def fresh() -> None:
+        parsed.cache_clear()
+        source_digests(path, PROJECT_ROOT)
+        libraries(path, PROJECT_ROOT)
+
+    def read() -> list[bytes]:
+        return [(PROJECT_ROOT / name).read_bytes() for name in source_digests(path, PROJECT_ROOT)]
+
+    return [("digest a stage's code", best(fresh), "read it", best(read))]
+
+
+def main() -> None:
+    """Measure and print."""
+    mesh = sheet()
+    table = Table("what", "s", "against", "s", "ratio", box=None)
+    for what, seconds, against, reference in [*store_rows(mesh), *ray_rows(mesh), *digest_rows()]:
+        table.add_row(what, f"{seconds:.4f}", against, f"{reference:.4f}", f"{seconds / reference:.1f}")
+    Console(highlight=False, width=120).print(table)
+
+
+if __name__ == "__main__":
+    main()
