@@ -42,6 +42,7 @@ class MeshDistance:
         if len(mesh.faces) == 0:
             raise GeometryError("signed distance to a mesh without faces; give a part that has a surface")
         inner = sides if sides is not None else mesh
+        self.mesh = mesh
         # single precision counts from the middle of the mesh, not from the corner of the room
         self.shift = mesh.bounds.mean(axis=0)
         self._scene = open3d.t.geometry.RaycastingScene()
@@ -61,6 +62,13 @@ class MeshDistance:
             return np.zeros(0)
         found = self._scene.compute_distance(tensor(points - self.shift, np.float32))
         return np.asarray(found.numpy(), dtype=np.float64)
+
+    def nearest_face(self, points: NDArray[np.float64]) -> NDArray[np.int64]:
+        """Index of the face nearest to each point (n, 3), shape (n,)."""
+        if len(points) == 0:
+            return np.zeros(0, dtype=np.int64)
+        found = self._scene.compute_closest_points(tensor(points - self.shift, np.float32))
+        return np.asarray(found["primitive_ids"].numpy(), dtype=np.int64)
 
     def winding(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """Generalised winding number, about 1 inside and 0 outside, shape (n,)."""

@@ -7,10 +7,11 @@ The boundary of a mesh is taken as the directed edges whose opposite is missing:
 from dataclasses import replace
 
 import numpy as np
+import open3d
 from numpy.typing import NDArray
 
 from geometry.distance import MeshDistance, lattice, signed_volume
-from geometry.normals import welded
+from geometry.normals import WELD, welded
 from scene.errors import GeometryError
 from scene.mesh import Mesh
 
@@ -255,6 +256,20 @@ def filled_moments(mesh: Mesh) -> tuple[float, FloatArray, FloatArray]:
     cell = spacing**3
     second = cell * (np.einsum("i,ij,ik->jk", share, arm, arm) + total * spacing**2 / 12.0 * np.eye(3))
     return cell * total, center, second
+
+
+def simplified(mesh: Mesh, most_vertices: int) -> Mesh:
+    """The mesh with about `most_vertices` vertices by quadric edge collapse, itself if it has no more."""
+    if len(mesh.vertices) <= most_vertices:
+        return mesh
+    dense = open3d.geometry.TriangleMesh(
+        open3d.utility.Vector3dVector(mesh.vertices), open3d.utility.Vector3iVector(mesh.faces)
+    )
+    dense.vertex_colors = open3d.utility.Vector3dVector(mesh.colors / 255.0)
+    dense.merge_close_vertices(WELD)
+    coarse = dense.simplify_quadric_decimation(2 * most_vertices)
+    colors = np.round(255.0 * np.asarray(coarse.vertex_colors)).astype(np.uint8)
+    return Mesh.of(np.asarray(coarse.vertices), np.asarray(coarse.triangles), colors)
 
 
 def without_empty_faces(mesh: Mesh) -> Mesh:

@@ -1,0 +1,101 @@
+"""The solid of a support whose surface was seen from above only.
+
+A scan shows a mattress from above and from the sides, never from below. Its solid is what lies under the visible surface, down to
+the bottom of its part's box; a part that is closed keeps its own shape. In: faces with a bottom height each. Out: a signed distance
+whose sign is that of the solid and whose zero is the visible surface, its walls and its bottom.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+
+from geometry.distance import MeshDistance
+from geometry.normals import welded
+from geometry.repair import outer_faces, small_holes_capped, solid_under, without_empty_faces
+from scene.box import OrientedBox
+from scene.mesh import Mesh
+
+COVERED = 0.5  # share of a part's plan that must lie over another part for it to be the one that carries it
+TOUCHING = 0.06  # gap [m] up to which boxes of parts count as lying on each other: boxes of noisy parts are loose
+
+
+def support_solid(mesh: Mesh, bottom: NDArray[np.float64], hole_perimeter: float) -> MeshDistance:
+    """Signed distance to the solid under the faces, each down to its own `bottom` [m], shape (m,).
+
+    Holes of at most `hole_perimeter` [m] are closed first, so that a crack in a scan is no shaft.
+    """
+    groups = [small_holes_capped(mesh.submesh(np.flatnonzero(bottom == b)), hole_perimeter) for b in np.unique(bottom)]
+    heights = np.repeat(np.unique(bottom), [len(g.faces) for g in groups])
+    closed = upright(without_empty_faces(solid_under(without_empty_faces(Mesh.concatenate(groups)), heights)))
+    hull = outer_faces(closed)
+    return MeshDistance(closed.submesh(hull) if len(hull) else mesh, sides=closed)
+
+
+def upright(mesh: Mesh) -> Mesh:
+    """The mesh, turned inside out if its faces were wound the wrong way round."""
+    center = mesh.bounds.mean(axis=0)
+    a, b, c = (mesh.triangles - center).transpose(1, 0, 2)
+    enclosed = float(np.einsum("ij,ij->", a, np.cross(b, c)))
+    return mesh if enclosed >= 0.0 else Mesh(mesh.vertices, mesh.faces[:, ::-1].copy(), mesh.colors)
+
+
+def components(mesh: Mesh) -> NDArray[np.int64]:
+    """Number of the connected piece of each face, shape (m,); faces that share a vertex position are connected."""
+    corner = welded(mesh.vertices)[mesh.faces]
+    count = int(corner.max(initial=0)) + 1
+    start, end = corner[:, [0, 1]].ravel(), corner[:, [1, 2]].ravel()
+    graph = coo_matrix((np.ones(len(start), dtype=np.int8), (start, end)), shape=(count, count))
+    return np.asarray(connected_components(graph, directed=False)[1][corner[:, 0]], dtype=np.int64)
+
+
+def shell_bottoms(mesh: Mesh, part_bottom: NDArray[np.float64], depth: float) -> NDArray[np.float64]:
+    """Bottom of the solid under each face of rigid parts [m], shape (m,).
+
+    Down to the bottom of the face's part, but at most `depth` [m] below its connected piece, and a sheet without thickness is
+    `depth` thick: a shelf's board seen from above is a board, neither a block nor nothing. Closed pieces are not changed by it.
+    """
+    piece = components(mesh)
+    lowest, highest = mesh.triangles[:, :, 2].min(axis=1), mesh.triangles[:, :, 2].max(axis=1)
+    piece_low = np.full(int(piece.max(initial=0)) + 1, np.inf)
+    np.minimum.at(piece_low, piece, lowest)
+    bottom = np.maximum(part_bottom, piece_low[piece] - depth)
+    _, group = np.unique(np.stack([piece, part_bottom]), axis=1, return_inverse=True)
+    group = group.reshape(-1)
+    low, high = np.full(group.max(initial=0) + 1, np.inf), np.full(group.max(initial=0) + 1, -np.inf)
+    np.minimum.at(low, group, lowest)
+    np.maximum.at(high, group, highest)
+    return np.where(high[group] - bottom < depth, low[group] - depth, bottom)
+
+
+def carried_bottoms(boxes: Sequence[OrientedBox]) -> NDArray[np.float64]:
+    """Bottom of the material under each part [m]: its own, or that of the part that carries it, shape (n,).
+
+    What lies under a pillow on a mattress is mattress, although no face says so.
+    """
+    own = np.array([b.bottom for b in boxes])
+    bottom = own.copy()
+    for _ in boxes:  # a chain of parts on parts is at most as long as their number
+        previous = bottom.copy()
+        for upper, box in enumerate(boxes):
+            plan = plan_samples(box)
+            for lower, other in enumerate(boxes):
+                below = own[lower] < own[upper] and other.top > own[upper] - TOUCHING
+                if upper != lower and below and over(plan, other) > COVERED:
+                    bottom[upper] = min(bottom[upper], previous[lower])
+    return bottom
+
+
+def plan_samples(box: OrientedBox) -> NDArray[np.float64]:
+    """A grid of points over a box's plan [m], shape (49, 3)."""
+    side = np.linspace(-0.9, 0.9, 7)
+    grid = np.stack(np.meshgrid(side, side, [0.0], indexing="ij"), axis=-1).reshape(-1, 3)
+    return box.to_world(grid * box.half_extents)
+
+
+def over(points: NDArray[np.float64], box: OrientedBox) -> float:
+    """Share of points that lie over or in a box as seen from above."""
+    local = np.abs(box.to_local(points))[:, :2]
+    return float((local <= box.half_extents[:2]).all(axis=1).mean())
