@@ -34,7 +34,7 @@ check: $(READY) ## format, lint, types, imports and fast tests; about a minute
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/mypy
-	$(BIN)/lint-imports
+	$(BIN)/lint-imports --no-logo
 	$(BIN)/pytest -m "not slow and not third_party and not gpu"
 
 benchmark: $(READY) ## place every sample of the embedded dataset; tables, pictures, HTML report

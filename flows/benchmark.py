@@ -28,6 +28,7 @@ from flows.server import prefect_server
 from scene.errors import InputError
 from scene.sample import Sample, SourceOptions
 from scene.settings import data_root, runs_root
+from tasks.stage_process import kill_all
 
 DATASET_SEED = 0
 SAMPLES_FOLDER = "samples"
@@ -127,6 +128,7 @@ def run_all(
                 results[futures[future]] = settle_result(folder, future.result(), display)
         except BaseException:
             pool.shutdown(wait=False, cancel_futures=True)
+            kill_all()  # the threads wait for these processes
             raise
     return results
 
