@@ -71,8 +71,13 @@ def _has_area(mesh: Mesh, faces: NDArray[np.int64]) -> NDArray[np.bool_]:
 
 
 def _first_of_its_kind(faces: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """False for a face with the same three corners as an earlier one, either way round, shape (m,)."""
-    first = np.unique(np.sort(faces, axis=1), axis=0, return_index=True)[1]
+    """False for a face with the same three corners in the same sense as an earlier one, shape (m,).
+
+    A face turned the other way stays: it may belong to another solid that touches the first.
+    """
+    start = np.argmin(faces, axis=1)[:, None]
+    turned = np.take_along_axis(faces, (start + np.arange(3)) % 3, axis=1)
+    first = np.unique(turned, axis=0, return_index=True)[1]
     mask = np.zeros(len(faces), dtype=bool)
     mask[first] = True
     return mask

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from geometry.segmentation.body import Body, Piece, level_of
+from geometry.segmentation.faces import connected_regions
 from geometry.segmentation.partmap import SIDES, PartMap
 
 USUAL_LENGTH = 2.0
@@ -33,10 +34,11 @@ def bed_parts(body: Body) -> PartMap:
     for piece in pieces:
         parts.names[piece.faces] = _piece_name(body, piece, mattress, level, head, scale)
     if mattress is None:
-        _cut_by_height(body, parts, level, head, scale)
+        _cut_by_height(body, parts, level, scale)
     else:
         parts.names[mattress.faces] = "mattress"
-        _cut_mattress_overhang(body, parts, mattress, level, head, scale)
+        _cut_bumps(body, parts, mattress, level, scale)
+    _cut_headboard(body, parts, level, head, scale)
     parts.confidence = 0.85 if mattress is not None else 0.55
     parts.front = None if head is None else -head
     return parts
@@ -49,7 +51,7 @@ def _middle(body: Body, share: float) -> NDArray[np.bool_]:
 
 def _sleeping_level(body: Body, scale: float) -> float:
     """Height of the lying surface [m]."""
-    chosen = body.up & _middle(body, 0.8) & (body.center[:, 2] > 0.15 * body.size[2])
+    chosen = body.open_up & _middle(body, 0.8) & (body.center[:, 2] > 0.15 * body.size[2])
     return level_of(body.center[chosen, 2], body.area[chosen], 0.06 * scale)
 
 
@@ -151,11 +153,11 @@ def _piece_name(
         return "pillow" if piece.size[2] > 0.045 * scale else "blanket"
     across = int(np.argmin(body.size[:2])) if head is None else 1 - int(np.argmax(np.abs(head)))
     broad = piece.size[across] > 0.6 * body.size[across] and piece.size[1 - across] > 0.2 * body.size[1 - across]
-    if broad and piece.low[2] > 0.6 * level and piece.size[2] < 0.4 * scale and piece.high[2] <= level + 0.05 * scale:
-        return "mattress"
     covers = mattress is not None and top > _top_level(body, mattress, scale) - 0.03 * scale
     if covers and piece.size[across] > 0.5 * body.size[across] and piece.high[2] < level + 0.2 * scale:
         return "blanket"
+    if broad and piece.low[2] > 0.6 * level and piece.size[2] < 0.4 * scale and piece.high[2] <= level + 0.05 * scale:
+        return "mattress"
     return "frame"
 
 
@@ -177,26 +179,38 @@ def _inset(body: Body, piece: Piece, head: NDArray[np.float64]) -> float:
     return float(0.5 * body.size[axis] - max(piece.low @ head, piece.high @ head))
 
 
-def _cut_mattress_overhang(
-    body: Body, parts: PartMap, mattress: Piece, level: float, head: NDArray[np.float64] | None, scale: float
-) -> None:
-    """A patch of the mattress's colour that rises far above the level is a headboard or a pillow of the same cloth."""
+def _cut_headboard(body: Body, parts: PartMap, level: float, head: NDArray[np.float64] | None, scale: float) -> None:
+    """What rises high at the head end is headboard, also where it is of one piece with the frame or the mattress."""
     if head is None:
         return
     axis = int(np.argmax(np.abs(head)))
-    faces = mattress.faces
-    at_end = body.center[faces] @ head > 0.5 * body.size[axis] - 0.12 * body.size[axis]
-    risen = body.center[faces, 2] > level + 0.15 * scale
-    parts.names[faces[at_end & risen]] = "headboard"
+    at_end = body.center @ head > 0.5 * body.size[axis] - 0.12 * body.size[axis]
+    risen = body.center[:, 2] > level + 0.12 * scale
+    fused = (parts.names == "frame") | (parts.names == "mattress")
+    if not (fused & at_end & risen).any():
+        return
+    inner = float((body.center[fused & at_end & risen] @ head).min()) - 0.01 * scale
+    column = (body.center @ head > inner) & (body.center[:, 2] > 0.5 * level)
+    parts.names[fused & column] = "headboard"
 
 
-def _cut_by_height(body: Body, parts: PartMap, level: float, head: NDArray[np.float64] | None, scale: float) -> None:
-    """One piece for everything: bands of height, the head end apart."""
+def _cut_bumps(body: Body, parts: PartMap, mattress: Piece, level: float, scale: float) -> None:
+    """Small patches of the mattress's piece that rise above the level are pillows of the same cloth."""
+    risen = np.zeros(len(body.area), dtype=bool)
+    risen[mattress.faces] = body.center[mattress.faces, 2] > level + 0.04 * scale
+    a, b = body.pairs.T
+    patch = connected_regions(len(risen), body.pairs, risen[a] & risen[b])
+    size = np.bincount(patch, np.where(risen, body.area, 0.0))
+    top = np.zeros(len(size))
+    np.maximum.at(top, patch, body.center[:, 2])
+    footprint = float(np.prod(body.size[:2]))
+    bump = (size > 0.02 * footprint) & (size < 0.5 * footprint) & (top > level + 0.08 * scale)
+    parts.names[risen & bump[patch]] = "pillow"
+
+
+def _cut_by_height(body: Body, parts: PartMap, level: float, scale: float) -> None:
+    """One piece for everything: a band of height is the mattress, what lies on it pillow or blanket."""
     z = body.center[:, 2]
     bottom = level - min(MATTRESS_THICKNESS * scale, 0.55 * level)
     open_name = parts.names == "frame"
-    parts.names[open_name & (z >= bottom) & (z <= level + 0.15 * scale)] = "mattress"
-    if head is not None:
-        axis = int(np.argmax(np.abs(head)))
-        end = body.center @ head > 0.5 * body.size[axis] - 0.07 * body.size[axis]
-        parts.names[end & (z > level + 0.03 * scale)] = "headboard"
+    parts.names[open_name & (z >= bottom) & (z <= level + 0.3 * scale)] = "mattress"

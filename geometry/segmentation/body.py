@@ -5,18 +5,22 @@ patch of faces with its extents. Rules assign names to pieces where a piece is o
 makes one piece of several parts.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
-from geometry.segmentation.faces import FaceTable, renumbered
+from geometry.segmentation.faces import FaceTable, renumbered, surface_points
 from geometry.segmentation.regions import color_regions, merged_crumbs
 from scene.box import OrientedBox
 
 UPWARD = 0.75
 """A face with a normal of at least this z looks up: within 41 degrees, so that noise of a scan does not matter [-]."""
+
+
+MAP_CELLS = 64
+"""Cells of the height map along the longer side of a body [-]."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -65,6 +69,8 @@ class Body:
     """Extents of the body [m], shape (3,)."""
     frame: OrientedBox
     """The box whose frame this is."""
+    open_up: NDArray[np.bool_]
+    """Faces that look up and have nothing of the body above them, shape (k,)."""
 
     @property
     def up(self) -> NDArray[np.bool_]:
@@ -92,17 +98,7 @@ class Body:
 
     def with_pieces(self, piece: NDArray[np.int64]) -> "Body":
         """The same body cut differently."""
-        return Body(
-            self.corners,
-            self.center,
-            self.normal,
-            self.area,
-            self.lab,
-            self.pairs,
-            renumbered(piece),
-            self.size,
-            self.frame,
-        )
+        return replace(self, piece=renumbered(piece))
 
     def split_by_color(self, faces: NDArray[np.int64], *, smallest: float = 0.01) -> "Body":
         """The same body with the given faces cut into patches of one colour each."""
@@ -130,7 +126,25 @@ def make_body(table: FaceTable, faces: NDArray[np.int64], box: OrientedBox) -> B
     return Body(
         corners=corners, center=corners.mean(axis=1), normal=table.normal[faces] @ box.axes, area=area,
         lab=table.lab[faces], pairs=pairs, piece=piece, size=2.0 * box.half_extents, frame=box,
+        open_up=(table.normal[faces, 2] > UPWARD) & _open_above(corners, area),
     )  # fmt: skip
+
+
+def _open_above(corners: NDArray[np.float64], area: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Faces most of which are the highest thing at their place, shape (k,).
+
+    A height map: points on all faces, their highest per cell of a grid. A face is open if half its points come within
+    a cell's width of the map.
+    """
+    low, size = corners.reshape(-1, 3).min(axis=0), np.ptp(corners.reshape(-1, 3), axis=0)
+    cell = max(float(size[:2].max()) / MAP_CELLS, 1e-9)
+    points, owner = surface_points(corners, area, 0.5 * cell)
+    column = np.floor((points[:, :2] - low[:2]) / cell).astype(np.int64)
+    number = column[:, 0] * (MAP_CELLS + 2) + column[:, 1]
+    highest = np.full((MAP_CELLS + 2) ** 2, -np.inf)
+    np.maximum.at(highest, number, points[:, 2])
+    is_open = points[:, 2] > highest[number] - cell
+    return np.asarray(np.bincount(owner, is_open, len(area)) >= 0.5 * np.bincount(owner, minlength=len(area)))
 
 
 def level_of(height: NDArray[np.float64], weight: NDArray[np.float64], width: float) -> float:

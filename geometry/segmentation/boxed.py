@@ -51,12 +51,32 @@ def boxed_groups(table: FaceTable, boxes: tuple[LabelBox, ...]) -> list[Group]:
     walls = [b for b in boxes if "wall" in words_of(b.label)]
     floor = shell & floor_faces(table, levels)
     ceiling = shell & ceiling_faces(table, levels) & ~floor
-    wall = wall_number(table, [b.box for b in walls], shell & ~floor & ~ceiling, levels)
+    in_box = _smallest_box(table, things, shell)
+    wall = wall_number(table, [b.box for b in walls], shell & ~floor & ~ceiling, in_box >= 0)
     loose = shell & ~floor & ~ceiling & (wall < 0)
-    owner = np.where(loose, _smallest_box(table, things, loose), owner)
+    owner = np.where(loose, in_box, owner)
+    floor, ceiling, wall = _completed(table, floor, ceiling, wall, loose & (in_box < 0))
     groups = [Group(b.id, b.label, np.flatnonzero(owner == i), b.box.axes) for i, b in enumerate(things)]
     groups += _structure_groups(boxes, walls, floor, ceiling, wall)
     return [group for group in groups if len(group.faces)]
+
+
+def _completed(
+    table: FaceTable,
+    floor: NDArray[np.bool_],
+    ceiling: NDArray[np.bool_],
+    wall: NDArray[np.int64],
+    rest: NDArray[np.bool_],
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_], NDArray[np.int64]]:
+    """The rims of walls and slabs go with the rest of their component, if most of that is structure."""
+    code = np.where(floor, 1, np.where(ceiling, 2, np.where(wall >= 0, wall + 3, 0)))
+    kinds = int(code.max()) + 1
+    key = table.component * kinds + code
+    votes = np.bincount(key, table.area, (int(table.component.max()) + 1) * kinds).reshape(-1, kinds)
+    mostly = votes[:, 0] < 0.5 * votes.sum(axis=1)
+    best = np.where(mostly, 1 + np.argmax(votes[:, 1:], axis=1), 0) if kinds > 1 else np.zeros(len(votes), dtype=int)
+    code = np.where(rest, best[table.component], code)
+    return code == 1, code == 2, np.where(code >= 3, code - 3, -1)
 
 
 def _structure_groups(

@@ -9,6 +9,9 @@ from scipy.sparse.csgraph import connected_components
 
 from scene.mesh import Mesh
 
+MAX_POINTS = 400_000
+"""Most points that `surface_points` lays; beyond it they lie farther apart [-]."""
+
 
 @dataclass(frozen=True, eq=False, slots=True)
 class FaceTable:
@@ -27,7 +30,7 @@ class FaceTable:
     pairs: NDArray[np.int64]
     """Faces that share an edge, shape (e, 2)."""
     component: NDArray[np.int64]
-    """Connected component by shared vertices, shape (m,)."""
+    """Connected component by shared edges, shape (m,)."""
 
     @classmethod
     def of(cls, mesh: Mesh) -> "FaceTable":
@@ -35,15 +38,15 @@ class FaceTable:
         corners = mesh.triangles
         weighted = mesh.face_normals
         length = np.linalg.norm(weighted, axis=1)
-        place = welded_index(mesh.vertices)[mesh.faces]
+        pairs = shared_edges(welded_index(mesh.vertices)[mesh.faces])
         return cls(
             corners=corners,
             center=corners.mean(axis=1),
             normal=weighted / np.maximum(length, 1e-30)[:, None],
             area=0.5 * length,
             lab=lab_from_srgb(mesh.colors[mesh.faces].mean(axis=1)),
-            pairs=shared_edges(place),
-            component=components_of(place),
+            pairs=pairs,
+            component=connected_regions(len(corners), pairs, np.ones(len(pairs), dtype=bool)),
         )
 
 
@@ -57,22 +60,18 @@ def welded_index(vertices: NDArray[np.float64]) -> NDArray[np.int64]:
 
 
 def shared_edges(faces: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Pairs of faces that share an edge; where more than two meet, each with the next, shape (e, 2)."""
+    """Pairs of faces that share an edge, shape (e, 2).
+
+    An edge of more than two faces is where separate solids touch (a mattress on its frame): it joins nothing.
+    """
     sides = np.sort(faces[:, [[0, 1], [1, 2], [2, 0]]], axis=2).reshape(-1, 2)
     key = sides[:, 0] * (int(faces.max(initial=0)) + 1) + sides[:, 1]
     order = np.argsort(key, kind="stable")
     same = key[order][1:] == key[order][:-1]
+    alone = np.r_[True, ~same]
+    only_two = same & alone[:-1] & np.r_[~same[1:], True]
     owner = order // 3
-    return np.stack([owner[:-1][same], owner[1:][same]], axis=1)
-
-
-def components_of(faces: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Number of the connected component of each face, by shared vertices, shape (m,)."""
-    count = int(faces.max(initial=-1)) + 1
-    rows, columns = np.r_[faces[:, 0], faces[:, 1]], np.r_[faces[:, 1], faces[:, 2]]
-    graph = coo_matrix((np.ones(len(rows), dtype=np.int8), (rows, columns)), shape=(count, count))
-    vertex_component = connected_components(graph, directed=False)[1]
-    return renumbered(vertex_component[faces[:, 0]])
+    return np.stack([owner[:-1][only_two], owner[1:][only_two]], axis=1)
 
 
 def connected_regions(count: int, pairs: NDArray[np.int64], joined: NDArray[np.bool_]) -> NDArray[np.int64]:
@@ -80,6 +79,23 @@ def connected_regions(count: int, pairs: NDArray[np.int64], joined: NDArray[np.b
     a, b = pairs[joined].T
     graph = coo_matrix((np.ones(len(a), dtype=np.int8), (a, b)), shape=(count, count))
     return np.asarray(connected_components(graph, directed=False)[1], dtype=np.int64)
+
+
+def surface_points(
+    corners: NDArray[np.float64], area: NDArray[np.float64], spacing: float
+) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Points about `spacing` apart on every face, its middle at least, and the face of each."""
+    spacing = max(spacing, float(np.sqrt(area.sum() / MAX_POINTS)))
+    count = 1 + (area / spacing**2).astype(np.int64)
+    owner = np.repeat(np.arange(len(area)), count)
+    number = np.arange(len(owner)) - np.repeat(np.cumsum(count) - count, count)
+    # R2 sequence (M. Roberts, 2018): even and without a random generator.
+    u = (0.5 + 0.7548776662466927 * number) % 1.0
+    v = (0.5 + 0.5698402909980532 * number) % 1.0
+    beyond = u + v > 1.0
+    u, v = np.where(beyond, 1.0 - u, u), np.where(beyond, 1.0 - v, v)
+    a, b, c = corners[owner].transpose(1, 0, 2)
+    return a + u[:, None] * (b - a) + v[:, None] * (c - a), owner
 
 
 def renumbered(labels: NDArray[np.integer]) -> NDArray[np.int64]:

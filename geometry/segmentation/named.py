@@ -8,16 +8,13 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
 from geometry.segmentation.boxed import Group
-from geometry.segmentation.faces import FaceTable, renumbered
+from geometry.segmentation.faces import FaceTable, renumbered, surface_points
 from geometry.segmentation.labels import Category, category_of, part_word, plain_structure, readable, says_something
 from geometry.segmentation.structure import ceiling_faces, find_levels, floor_faces, wall_number
 from scene.scan import Scan
 
 TOUCHING = 0.02
 """Components about this close belong to one thing [m]."""
-
-MAX_POINTS = 400_000
-"""Points on all surfaces when asking what touches; beyond it they lie farther apart [-]."""
 
 ROOM_SIZE = 3.2
 """A room is at least this long [m]."""
@@ -48,7 +45,7 @@ def _named_group(table: FaceTable, faces: NDArray[np.int64], name: str) -> list[
         return [Group("", label, faces, None)]
     inside = np.zeros(len(table.area), dtype=bool)
     inside[faces] = True
-    number = wall_number(table, [], inside, find_levels(table))
+    number = wall_number(table, [], inside, np.zeros_like(inside))
     number = np.where(inside & (number < 0), int(number.max()) + 1, number)
     return [Group("", label, np.flatnonzero(inside & (number == i)), None) for i in np.unique(number[faces])]
 
@@ -79,7 +76,7 @@ def _unnamed_groups(table: FaceTable, faces: NDArray[np.int64], label: str) -> l
     levels = find_levels(table)
     floor = inside & floor_faces(table, levels)
     ceiling = inside & ceiling_faces(table, levels) & ~floor
-    wall = wall_number(table, [], inside & ~floor & ~ceiling, levels)
+    wall = wall_number(table, [], inside & ~floor & ~ceiling, np.zeros_like(inside))
     groups = [Group("", name, np.flatnonzero(mask), None) for name, mask in (("floor", floor), ("ceiling", ceiling))]
     groups += [Group("", "wall", np.flatnonzero(wall == i), None) for i in range(int(wall.max(initial=-1)) + 1)]
     rest = np.flatnonzero(inside & ~floor & ~ceiling & (wall < 0))
@@ -105,27 +102,10 @@ def _clusters(table: FaceTable, faces: NDArray[np.int64]) -> list[NDArray[np.int
     if not len(faces):
         return []
     component = renumbered(table.component[faces])
-    points, owner = _surface_points(table.corners[faces], table.area[faces], TOUCHING)
+    points, owner = surface_points(table.corners[faces], table.area[faces], TOUCHING)
     group = _joined(points, component[owner], int(component.max()) + 1)[component]
     area = np.bincount(group, table.area[faces])
     return [faces[group == i] for i in np.argsort(-area, kind="stable") if area[i] > 1e-3]
-
-
-def _surface_points(
-    corners: NDArray[np.float64], area: NDArray[np.float64], spacing: float
-) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Points about `spacing` apart on every face, its middle at least, and the face of each."""
-    spacing = max(spacing, float(np.sqrt(area.sum() / MAX_POINTS)))
-    count = 1 + (area / spacing**2).astype(np.int64)
-    owner = np.repeat(np.arange(len(area)), count)
-    number = np.arange(len(owner)) - np.repeat(np.cumsum(count) - count, count)
-    # R2 sequence (M. Roberts, 2018): even and without a random generator.
-    u = (0.5 + 0.7548776662466927 * number) % 1.0
-    v = (0.5 + 0.5698402909980532 * number) % 1.0
-    beyond = u + v > 1.0
-    u, v = np.where(beyond, 1.0 - u, u), np.where(beyond, 1.0 - v, v)
-    a, b, c = corners[owner].transpose(1, 0, 2)
-    return a + u[:, None] * (b - a) + v[:, None] * (c - a), owner
 
 
 def _joined(points: NDArray[np.float64], component: NDArray[np.int64], count: int) -> NDArray[np.int64]:

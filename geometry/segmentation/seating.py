@@ -15,7 +15,7 @@ def _seat_level(body: Body) -> float:
     """Height of the sitting surface [m]."""
     middle = (np.abs(body.center[:, :2]) < 0.3 * body.size[:2]).all(axis=1)
     z = body.center[:, 2]
-    chosen = body.up & middle & (z > 0.15 * body.size[2]) & (z < 0.95 * body.size[2])
+    chosen = body.open_up & middle & (z > 0.15 * body.size[2]) & (z < 0.95 * body.size[2])
     return level_of(z[chosen], body.area[chosen], 0.06 * float(body.size[2]))
 
 
@@ -122,7 +122,7 @@ def _arm_top(center: NDArray[np.float64], arm: NDArray[np.bool_], height: float)
 def _inner_edges(body: Body, level: float, axis: int, back: NDArray[np.float64]) -> tuple[float, float]:
     """Where the arms begin, from the middle sideways, and where the back begins, rearward [m]."""
     height, width, depth = float(body.size[2]), float(body.size[1 - axis]), float(body.size[axis])
-    seat = body.up & (np.abs(body.center[:, 2] - level) < 0.06 * height)
+    seat = body.open_up & (np.abs(body.center[:, 2] - level) < 0.06 * height)
     points = body.corners[seat].reshape(-1, 3)
     sideways = float(np.percentile(np.abs(points[:, 1 - axis]), 98))
     rearward = float(np.percentile(points @ back, 97))
@@ -160,7 +160,7 @@ def stool_parts(body: Body) -> PartMap:
     """Name the faces of a stool: its top is the seat."""
     parts = PartMap.filled(len(body.area), "leg")
     z, height = body.center[:, 2], float(body.size[2])
-    chosen = body.up & (z > 0.5 * height)
+    chosen = body.open_up & (z > 0.5 * height)
     level = level_of(z[chosen], body.area[chosen], 0.08 * height)
     if np.isnan(level):
         return PartMap.filled(len(body.area), "seat")

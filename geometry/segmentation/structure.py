@@ -16,7 +16,13 @@ PLANE_BAND = 0.05
 """A wall's faces lie within this distance of its plane or annotated box [m]."""
 
 WALL_AREA = 1.2
-"""Least area of a vertical plane that is a wall [m^2]: more than the side of a wardrobe that hides it."""
+"""Least area of a vertical plane that is a wall [m^2]."""
+
+WALL_SHARE = 0.25
+"""... and least share of the largest wall's area: the front of a wardrobe is smaller [-]."""
+
+MAX_WALLS = 40
+"""Planes that are tried [-]."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -64,13 +70,15 @@ def ceiling_faces(table: FaceTable, levels: Levels) -> NDArray[np.bool_]:
 
 
 def wall_number(
-    table: FaceTable, walls: list[OrientedBox], chosen: NDArray[np.bool_], levels: Levels
+    table: FaceTable, walls: list[OrientedBox], chosen: NDArray[np.bool_], inside_things: NDArray[np.bool_]
 ) -> NDArray[np.int64]:
-    """Number of the wall of each face, -1 for none: by annotated boxes if there are any, else by planes, shape (m,)."""
-    upright = chosen & (np.abs(table.normal[:, 2]) < 0.6)
+    """Number of the wall of each chosen face, -1 for none: by annotated boxes if there are any, else by planes, (m,).
+
+    Planes are found on faces that are not `inside_things`, so that the front of a wardrobe is none.
+    """
     if walls:
         return _walls_by_box(table, walls, chosen)
-    return _walls_by_plane(table, upright, levels)
+    return _walls_by_plane(table, chosen & (np.abs(table.normal[:, 2]) < 0.6), inside_things)
 
 
 def _walls_by_box(table: FaceTable, walls: list[OrientedBox], chosen: NDArray[np.bool_]) -> NDArray[np.int64]:
@@ -87,13 +95,16 @@ def _walls_by_box(table: FaceTable, walls: list[OrientedBox], chosen: NDArray[np
     return number
 
 
-def _walls_by_plane(table: FaceTable, upright: NDArray[np.bool_], levels: Levels) -> NDArray[np.int64]:
+def _walls_by_plane(
+    table: FaceTable, upright: NDArray[np.bool_], inside_things: NDArray[np.bool_]
+) -> NDArray[np.int64]:
     """Greedy vertical planes, largest first, as long as they are large and nearly room-high."""
     number = np.full(len(table.area), -1, dtype=np.int64)
     height = float(np.ptp(table.center[:, 2]))
     angle = np.degrees(np.arctan2(table.normal[:, 1], table.normal[:, 0]))
-    left = upright.copy()
-    for wall in range(24):
+    left = upright & ~inside_things
+    largest = 0.0
+    for wall in range(MAX_WALLS):
         index = np.flatnonzero(left)
         if not len(index) or table.area[index].sum() < WALL_AREA:
             break
@@ -104,9 +115,12 @@ def _walls_by_plane(table: FaceTable, upright: NDArray[np.bool_], levels: Levels
         direction /= np.linalg.norm(direction)
         offset = table.center[:, :2] @ direction
         level = level_of(offset[index], table.area[index], PLANE_BAND)
-        near = left & (np.abs(offset - level) < PLANE_BAND) & (table.normal[:, :2] @ direction > 0.8)
-        left[index if not near.any() else near] = False
-        tall = near.any() and np.ptp(table.center[near, 2]) > 0.5 * height
-        if tall and table.area[near].sum() > max(WALL_AREA, 0.2 * height * height):
-            number[near] = wall
-    return np.asarray(np.where(number < 0, -1, number))
+        plane = (np.abs(offset - level) < PLANE_BAND) & (table.normal[:, :2] @ direction > 0.8)
+        near = left & plane
+        left[near if near.any() else index] = False
+        area = float(table.area[near].sum())
+        largest = max(largest, area)
+        tall = near.any() and np.ptp(table.corners[near][..., 2]) > 0.5 * height
+        if tall and area > max(WALL_AREA, WALL_SHARE * largest):
+            number[upright & plane & (number < 0)] = wall
+    return number

@@ -19,13 +19,13 @@ def _top_level(body: Body) -> float:
     footprint = float(np.prod(body.size[:2]))
     best = float("nan")
     for low in np.arange(0.35, 1.0, 0.05):
-        chosen = body.up & (z > low * height)
+        chosen = body.open_up & (z > low * height)
         level = level_of(z[chosen], body.area[chosen], width)
         near = chosen & (np.abs(z - level) < width)
         if body.area[near].sum() > 0.3 * footprint:
             best = level
     if np.isnan(best):
-        chosen = body.up & (z > 0.35 * height)
+        chosen = body.open_up & (z > 0.35 * height)
         best = level_of(z[chosen], body.area[chosen], width)
     return best
 

@@ -83,12 +83,12 @@ def dumbbell_parts(body: Body) -> PartMap:
     np.maximum.at(thickest, slice_of, reach)
     is_head = thickest > 0.6 * thickest.max()
     parts = PartMap.filled(len(body.area), "handle")
-    parts.names[is_head[slice_of]] = "head"
+    radius = 0.5 * float(np.delete(body.size, axis).max())
     for piece in body.pieces():
-        share = float(body.area[piece.faces][parts.names[piece.faces] == "head"].sum()) / max(piece.area, 1e-12)
-        thick = float(np.delete(piece.size, axis).max()) > 0.6 * float(np.delete(body.size, axis).max())
-        if piece.size[axis] < 0.5 * body.size[axis]:
-            parts.names[piece.faces] = "head" if thick and share > 0.3 else "handle"
+        if 0.5 * float(np.delete(piece.size, axis).max()) < 0.6 * radius:
+            continue
+        through = piece.size[axis] > 0.6 * body.size[axis]
+        parts.names[piece.faces] = np.where(is_head[slice_of[piece.faces]] | (not through), "head", "handle")
     parts.confidence = 0.8
     return parts
 

@@ -42,7 +42,7 @@ class Limits:
 
 
 LIMITS = {
-    Role.SCENE: Limits(smallest=0.02, largest=200.0, metres_up_to=40.0, centimetres_up_to=600.0),
+    Role.SCENE: Limits(smallest=0.005, largest=200.0, metres_up_to=40.0, centimetres_up_to=600.0),
     Role.OBJECT: Limits(smallest=0.001, largest=20.0, metres_up_to=3.0, centimetres_up_to=60.0),
 }
 """A scene is anything from a mug to a hall; an object is something that a person puts down."""

@@ -1,0 +1,383 @@
+"""Mesh files: what is read equals what was written; what is broken is refused with one line before it costs memory."""
+
+import json
+import struct
+import tracemalloc
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+from PIL import Image
+
+from scene.errors import FormatError, InputError
+from scene.mesh import Mesh
+from scene.readers.frame import Role
+from scene.readers.source import read_scan
+from scene.sample import SourceOptions
+from scene.scan import Scan
+
+CUBE = np.array([[x, y, z] for x in (0.0, 1.0) for y in (0.0, 1.0) for z in (0.0, 1.0)]) - [0.5, 0.5, 0.0]
+QUADS = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
+"""A closed unit cube standing on z = 0, outward quads: area 6, volume 1."""
+
+
+def scan_of(path: Path, role: Role = Role.SCENE, **options: str) -> Scan:
+    """Read with options."""
+    return read_scan(path, SourceOptions(**options), role)
+
+
+def refusal(path: Path, role: Role = Role.SCENE, **options: str) -> str:
+    """The one line with which a source is refused."""
+    with pytest.raises(InputError) as caught:
+        scan_of(path, role, **options)
+    assert "\n" not in str(caught.value)
+    return str(caught.value)
+
+
+def volume(mesh: Mesh) -> float:
+    """Signed volume by the divergence theorem [m^3]."""
+    a, b, c = mesh.triangles.transpose(1, 0, 2)
+    return float(np.einsum("ij,ij->i", a, np.cross(b, c)).sum() / 6.0)
+
+
+def write_ply(
+    path: Path, order: str, vertices: NDArray[np.float64], polygons: list[list[int]], promised: int = 0
+) -> Path:
+    """A PLY file with vertex colours; `promised` overstates the vertex count."""
+    name = {"a": "ascii", "<": "binary_little_endian", ">": "binary_big_endian"}[order]
+    head = (
+        f"ply\nformat {name} 1.0\ncomment made by a test\nelement vertex {promised or len(vertices)}\n"
+        "property float x\nproperty float y\nproperty float z\nproperty uchar red\nproperty uchar green\n"
+        f"property uchar blue\nelement face {len(polygons)}\nproperty list uchar int vertex_indices\nend_header\n"
+    )
+    if order == "a":
+        rows = [" ".join(map(repr, map(float, v))) + " 10 20 30" for v in vertices]
+        rows += [" ".join(map(str, [len(p), *p])) for p in polygons]
+        path.write_text(head + "\n".join(rows))
+    else:
+        body = b"".join(struct.pack(order + "fffBBB", *v, 10, 20, 30) for v in vertices)
+        body += b"".join(struct.pack(f"{order}B{len(p)}i", len(p), *p) for p in polygons)
+        path.write_bytes(head.encode() + body)
+    return path
+
+
+def write_obj(path: Path, vertices: NDArray[np.float64], polygons: list[list[int]]) -> Path:
+    """A plain OBJ file."""
+    lines = [f"v {x!r} {y!r} {z!r}" for x, y, z in vertices.tolist()]
+    path.write_text("\n".join(lines + ["f " + " ".join(str(i + 1) for i in p) for p in polygons]))
+    return path
+
+
+def glb(document: dict[str, object], binary: bytes) -> bytes:
+    """A GLB container."""
+    text = json.dumps(document).encode()
+    text += b" " * (-len(text) % 4)
+    binary += b"\0" * (-len(binary) % 4)
+    body = struct.pack("<II", len(text), 0x4E4F534A) + text + struct.pack("<II", len(binary), 0x004E4942) + binary
+    return struct.pack("<4sII", b"glTF", 2, 12 + len(body)) + body
+
+
+def cube_document(scale: float = 1.0, **extra: object) -> tuple[dict[str, object], bytes]:
+    """A cube as glTF: y up, one named node."""
+    triangles = np.array([t for q in QUADS for t in ([q[0], q[1], q[2]], [q[0], q[2], q[3]])], dtype="<u2")
+    points = (CUBE[:, [0, 2, 1]] * [1, 1, -1] * scale).astype("<f4")
+    binary = points.tobytes() + triangles.tobytes()
+    document: dict[str, object] = {
+        "asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}],
+        "nodes": [{"name": "Crate", "mesh": 0}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "indices": 1}]}],
+        "accessors": [{"bufferView": 0, "componentType": 5126, "count": 8, "type": "VEC3"},
+                      {"bufferView": 1, "componentType": 5123, "count": 36, "type": "SCALAR"}],
+        "bufferViews": [{"buffer": 0, "byteLength": 96}, {"buffer": 0, "byteOffset": 96, "byteLength": 72}],
+        "buffers": [{"byteLength": len(binary)}],
+    }  # fmt: skip
+    return document | extra, binary
+
+
+@pytest.mark.parametrize("order", ["a", "<", ">"])
+def test_ply_keeps_shape_and_colour_in_every_encoding(tmp_path: Path, order: str) -> None:
+    """Ascii, little- and big-endian files of mixed polygons give the same closed cube and its colours."""
+    polygons = [*QUADS[:5], [1, 5, 7], [1, 7, 3]]
+    mesh = scan_of(write_ply(tmp_path / "cube.ply", order, CUBE, polygons)).mesh
+    assert volume(mesh) == pytest.approx(1.0, abs=1e-6)  # float32 corners of size 1
+    assert mesh.face_areas.sum() == pytest.approx(6.0, abs=1e-6)
+    assert (mesh.colors == [10, 20, 30]).all()
+
+
+@given(st.integers(0, 2**32 - 1), st.sampled_from("a<>"))
+@settings(max_examples=20, deadline=None)
+def test_ply_round_trip(tmp_path_factory: pytest.TempPathFactory, seed: int, order: str) -> None:
+    """Any triangles come back in order with float32 positions."""
+    rng = np.random.default_rng(seed)
+    vertices = rng.uniform(-2, 2, (rng.integers(3, 30), 3)).astype(np.float32).astype(np.float64)
+    faces = [rng.permutation(len(vertices))[:3].tolist() for _ in range(rng.integers(1, 40))]
+    path = write_ply(tmp_path_factory.mktemp("ply") / "any.ply", order, vertices, faces)
+    mesh = scan_of(path, up="z", unit="m").mesh
+    np.testing.assert_array_equal(mesh.vertices, vertices)
+    np.testing.assert_array_equal(mesh.faces, faces)
+
+
+@pytest.mark.parametrize("order", ["a", "<"])
+def test_ply_that_promises_too_much_is_refused_without_memory(tmp_path: Path, order: str) -> None:
+    """A header that promises 1e9 vertices over a few bytes is refused before anything of that size is allocated."""
+    path = write_ply(tmp_path / "liar.ply", order, CUBE, QUADS, promised=10**9)
+    tracemalloc.start()
+    line = refusal(path)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert "1000000000" in line
+    assert "truncated" in line
+    assert peak < 5e6  # bytes; the promised vertices would take 15e9
+
+
+@given(st.integers(0, 700))
+@settings(max_examples=40, deadline=None)
+def test_ply_cut_anywhere_is_refused(tmp_path_factory: pytest.TempPathFactory, length: int) -> None:
+    """A binary file that ends too early, wherever it is cut, is a FormatError or InputError, never anything else."""
+    path = write_ply(tmp_path_factory.mktemp("cut") / "cut.ply", "<", CUBE, QUADS)
+    whole = path.read_bytes()
+    path.write_bytes(whole[: min(length, len(whole) - 1)])
+    refusal(path)
+
+
+def test_obj_keeps_quads_and_negative_indices(tmp_path: Path) -> None:
+    """Quads are cut, not dropped, and indices counted from the end mean the same faces."""
+    plain = scan_of(write_obj(tmp_path / "cube.obj", CUBE, QUADS), up="z").mesh
+    text = (tmp_path / "cube.obj").read_text().splitlines()
+    lines = [x if x[0] == "v" else "f " + " ".join(str(int(i) - 9) for i in x.split()[1:]) for x in text]
+    (tmp_path / "negative.obj").write_text("\n".join(lines))
+    negative = scan_of(tmp_path / "negative.obj", up="z").mesh
+    assert volume(plain) == pytest.approx(1.0)
+    np.testing.assert_array_equal(plain.triangles, negative.triangles)
+
+
+@pytest.mark.parametrize("turn", range(6))
+def test_concave_polygons_keep_their_area(tmp_path: Path, turn: int) -> None:
+    """An L of area 3 is cut into triangles of total area 3, wherever its outline begins."""
+    outline = np.roll([[0, 0], [2, 0], [2, 1], [1, 1], [1, 2], [0, 2]], turn, axis=0)
+    vertices = np.c_[outline, np.zeros(6)]
+    mesh = scan_of(write_obj(tmp_path / "l.obj", vertices, [list(range(6))]), up="z").mesh
+    assert len(mesh.faces) == 4
+    assert mesh.face_areas.sum() == pytest.approx(3.0)
+    assert (mesh.face_normals[:, 2] > 0).all()
+
+
+def test_obj_names_its_objects(tmp_path: Path) -> None:
+    """`o` lines become node names of the faces that follow them."""
+    path = write_obj(tmp_path / "two.obj", CUBE, QUADS)
+    lines = path.read_text().splitlines()
+    path.write_text("\n".join([*lines[:8], "o frame", *lines[8:11], "o mattress", *lines[11:]]))
+    scan = scan_of(path)
+    assert scan.node_names == ("frame", "mattress")
+    assert np.bincount(scan.face_node).tolist() == [6, 6]
+
+
+def textured_square(folder: Path) -> Path:
+    """A 1 m square of two triangles whose texture is red on the left and blue on the right half."""
+    pixels = np.zeros((64, 64, 3), dtype=np.uint8)
+    pixels[:, :32], pixels[:, 32:] = (255, 0, 0), (0, 0, 255)
+    Image.fromarray(pixels).save(folder / "halves.png")
+    (folder / "square.mtl").write_text("newmtl cloth\nKd 1 1 1\nmap_Kd halves.png\n")
+    (folder / "square.obj").write_text(
+        "mtllib square.mtl\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\n"
+        "usemtl cloth\nf 1/1 2/2 3/3 4/4\n"
+    )
+    return folder / "square.obj"
+
+
+def test_texture_survives_on_large_faces(tmp_path: Path) -> None:
+    """Faces are cut until the texture's border shows within two target edges, and the area stays."""
+    mesh = scan_of(textured_square(tmp_path), up="z").mesh
+    assert mesh.face_areas.sum() == pytest.approx(1.0)
+    center, color = mesh.triangles.mean(axis=1), mesh.colors[mesh.faces].mean(axis=1)
+    # Edges end between 1 % and 2 % of the size; a face reaches one edge across the border.
+    left, right = center[:, 0] < 0.5 - 0.04, center[:, 0] > 0.5 + 0.04
+    assert (color[left] == [255, 0, 0]).all()
+    assert (color[right] == [0, 0, 255]).all()
+    assert len(mesh.faces) < 20_000
+
+
+def test_cut_faces_stay_joined(tmp_path: Path) -> None:
+    """Cutting for texture leaves no gap: the only open edges are those of the square."""
+    mesh = scan_of(textured_square(tmp_path), up="z").mesh
+    place = np.unique(mesh.vertices, axis=0, return_inverse=True)[1].reshape(-1)[mesh.faces]
+    sides = np.sort(place[:, [[0, 1], [1, 2], [2, 0]]], axis=2).reshape(-1, 2)
+    edges, count = np.unique(sides, axis=0, return_counts=True)
+    points = np.unique(mesh.vertices, axis=0)[edges[count == 1]]
+    on_border = ((points[:, 0] == points[:, 1]) & np.isin(points[:, 0], (0.0, 1.0))).any(axis=1)
+    assert count.max() == 2
+    assert on_border.all()
+
+
+def test_missing_material_is_a_note(tmp_path: Path) -> None:
+    """A missing MTL file costs the colours, not the mesh, and is said."""
+    path = write_obj(tmp_path / "cube.obj", CUBE, QUADS)
+    path.write_text("mtllib gone.mtl\nusemtl x\n" + path.read_text())
+    assert any("gone.mtl" in note for note in scan_of(path).notes)
+
+
+def stl_bytes() -> bytes:
+    """A binary STL cube."""
+    triangles = [CUBE[t] for q in QUADS for t in ([q[0], q[1], q[2]], [q[0], q[2], q[3]])]
+    records = [struct.pack("<12fH", 0, 0, 0, *t.ravel(), 0) for t in triangles]
+    return b"\0" * 80 + struct.pack("<I", 12) + b"".join(records)
+
+
+def test_stl_shares_corners(tmp_path: Path) -> None:
+    """Twelve facets of a cube share eight vertices, in binary and in ascii."""
+    (tmp_path / "binary.stl").write_bytes(stl_bytes())
+    mesh = scan_of(tmp_path / "binary.stl").mesh
+    corners = "\n".join(
+        "facet normal 0 0 0\nouter loop\n" + "\n".join(f"vertex {x} {y} {z}" for x, y, z in t) + "\nendloop\nendfacet"
+        for t in mesh.triangles.tolist()
+    )
+    (tmp_path / "text.stl").write_text(f"solid cube\n{corners}\nendsolid cube\n")
+    for name in ("binary.stl", "text.stl"):
+        mesh = scan_of(tmp_path / name).mesh
+        assert (len(mesh.vertices), len(mesh.faces)) == (8, 12)
+        assert volume(mesh) == pytest.approx(1.0)
+
+
+def test_glb_is_turned_to_z_up(tmp_path: Path) -> None:
+    """glTF's y becomes our z, without mirroring."""
+    (tmp_path / "crate.glb").write_bytes(glb(*cube_document()))
+    scan = scan_of(tmp_path / "crate.glb")
+    assert (scan.up, scan.unit_metres, scan.unit_source, scan.node_names) == ("y", 1.0, "format", ("Crate",))
+    np.testing.assert_allclose(scan.mesh.bounds, [[-0.5, -0.5, 0.0], [0.5, 0.5, 1.0]], atol=1e-6)
+    assert volume(scan.mesh) == pytest.approx(1.0, abs=1e-6)
+
+
+def test_glb_node_tree(tmp_path: Path) -> None:
+    """Parents move and name their children; a mirroring node keeps faces outward."""
+    document, binary = cube_document()
+    document["nodes"] = [
+        {"name": "Bed", "children": [1], "translation": [0, 2, 0]},
+        {"name": "Frame", "mesh": 0, "scale": [-2, 1, 1]},
+    ]
+    (tmp_path / "tree.glb").write_bytes(glb(document, binary))
+    scan = scan_of(tmp_path / "tree.glb", up="y")
+    assert scan.node_names == ("Bed/Frame",)
+    np.testing.assert_allclose(scan.mesh.bounds[:, 2], [2.0, 3.0], atol=1e-6)
+    assert volume(scan.mesh) == pytest.approx(2.0, abs=1e-5)
+
+
+@pytest.mark.parametrize("name", ["KHR_draco_mesh_compression", "EXT_meshopt_compression"])
+def test_compressed_gltf_is_refused_by_name(tmp_path: Path, name: str) -> None:
+    """The refusal names the extension and how to decode it, whatever the buffers hold."""
+    document, _ = cube_document(extensionsUsed=[name], extensionsRequired=[name])
+    (tmp_path / "packed.glb").write_bytes(glb(document, b""))
+    line = refusal(tmp_path / "packed.glb")
+    assert name in line
+    assert "gltf-transform copy" in line
+
+
+def broken_document(change: Callable[[dict[str, object]], None]) -> bytes:
+    """A GLB cube after `change`."""
+    document, binary = cube_document()
+    change(document)
+    return glb(document, binary)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda d: d["accessors"][0].update(count=10**9),
+        lambda d: d["accessors"][0].pop("bufferView") and d["accessors"][0].update(count=10**9),
+        lambda d: d["bufferViews"][0].update(byteLength=10**9),
+        lambda d: d["buffers"][0].update(byteLength=10**9),
+        lambda d: d["meshes"][0]["primitives"][0]["attributes"].pop("POSITION"),
+        lambda d: d["nodes"][0].update(mesh=7),
+        lambda d: d["nodes"][0].update(children=[0]),
+        lambda d: d.update(meshes={}),
+        lambda d: d["accessors"][1].update(type="VEC9"),
+        lambda d: d["scenes"][0].update(nodes=[]),
+        lambda d: d.update(extensionsRequired=["XYZ_unknown"]),
+    ],
+)
+def test_inconsistent_gltf_is_refused(tmp_path: Path, change: Callable[[dict[str, object]], None]) -> None:
+    """Accessors beyond their bytes, missing keys, cycles and unknown requirements are one clear line each."""
+    (tmp_path / "bad.glb").write_bytes(broken_document(change))
+    refusal(tmp_path / "bad.glb")
+
+
+@given(st.integers(0, 2000))
+@settings(max_examples=40, deadline=None)
+def test_glb_cut_anywhere_is_refused(tmp_path_factory: pytest.TempPathFactory, length: int) -> None:
+    """A GLB that ends too early is refused wherever it is cut."""
+    whole = glb(*cube_document())
+    path = tmp_path_factory.mktemp("glb") / "cut.glb"
+    path.write_bytes(whole[: min(length, len(whole) - 5)])
+    refusal(path)
+
+
+def test_bad_input_is_one_line(tmp_path: Path) -> None:
+    """Missing, empty, faceless, not finite, without area, out of range, unknown format: each is refused."""
+    assert "no such file" in refusal(tmp_path / "gone.obj")
+    (tmp_path / "empty.ply").write_bytes(b"")
+    assert "empty" in refusal(tmp_path / "empty.ply")
+    (tmp_path / "scene.xyz").write_text("1 2 3")
+    assert ".glb" in refusal(tmp_path / "scene.xyz")
+    assert "no faces" in refusal(write_ply(tmp_path / "points.ply", "<", CUBE, []))
+    nan = np.where(np.arange(24).reshape(8, 3) == 7, np.nan, CUBE)
+    assert "vertex 2 is not finite" in refusal(write_ply(tmp_path / "nan.ply", "<", nan, QUADS))
+    assert "vertex 2 is not finite" in refusal(write_obj(tmp_path / "nan.obj", nan, QUADS))
+    flat = write_obj(tmp_path / "flat.obj", CUBE, [[0, 1, 1], [2, 3, 2]])
+    assert "zero area" in refusal(flat)
+    assert "line 9" in refusal(write_obj(tmp_path / "far.obj", CUBE, [[0, 1, 99]]))
+    (tmp_path / "words.obj").write_text("v 0 0 x\nf 1 1 1\n")
+    assert "'v'" in refusal(tmp_path / "words.obj")
+    (tmp_path / "short.stl").write_bytes(stl_bytes()[:-60])
+    assert "truncated" in refusal(tmp_path / "short.stl")
+
+
+def test_a_mesh_a_thousand_times_too_large_is_refused(tmp_path: Path) -> None:
+    """A cube of 1 km is refused in every format and role, naming its size and the option that settles it."""
+    (tmp_path / "huge.glb").write_bytes(glb(*cube_document(scale=1000.0)))
+    for path in (tmp_path / "huge.glb", write_obj(tmp_path / "huge.obj", 1000 * CUBE, QUADS)):
+        assert "1000" in refusal(path)
+        assert "--unit" in refusal(path)
+        assert "--object-unit" in refusal(path, Role.OBJECT)
+        assert scan_of(path, unit="mm").mesh.bounds[1, 2] == pytest.approx(1.0, rel=1e-6)
+    assert "--object-unit" in refusal(write_obj(tmp_path / "tiny.obj", 1e-4 * CUBE, QUADS), Role.OBJECT)
+
+
+def test_an_object_in_centimetres_is_recognised(tmp_path: Path) -> None:
+    """Nine units without a stated unit are centimetres for an object, and that is said."""
+    scan = scan_of(write_obj(tmp_path / "toy.obj", 9 * CUBE, QUADS), Role.OBJECT)
+    assert (scan.unit_metres, scan.unit_source) == (0.01, "estimate")
+    assert any("centimetres" in note for note in scan.notes)
+
+
+def test_options_win(tmp_path: Path) -> None:
+    """The user's unit, axis and label override format and estimate; an unknown one is refused."""
+    (tmp_path / "crate.glb").write_bytes(glb(*cube_document()))
+    scan = scan_of(tmp_path / "crate.glb", unit="cm", up="z", label="Tea Table")
+    assert (scan.unit_metres, scan.unit_source, scan.up, scan.label) == (0.01, "option", "z", "tea table")
+    assert "furlong" in refusal(tmp_path / "crate.glb", unit="furlong")
+    assert "--object-up" in refusal(tmp_path / "crate.glb", Role.OBJECT, up="w")
+
+
+@pytest.mark.parametrize(("axis", "up"), [(1, "y"), (2, "z")])
+def test_up_is_the_axis_that_a_mesh_stands_on(tmp_path: Path, axis: int, up: str) -> None:
+    """An OBJ whose lowest coordinate along one axis is zero, and centred along the others, stands on that axis."""
+    centred = CUBE * [1, 1, 2]
+    vertices = centred if axis == 2 else np.stack([centred[:, 0], centred[:, 2], -centred[:, 1]], axis=1)
+    assert scan_of(write_obj(tmp_path / "box.obj", vertices, QUADS), Role.OBJECT).up == up
+
+
+def test_world_from_file_is_what_was_done(tmp_path: Path) -> None:
+    """`world_from_file` maps the file's vertices to ours exactly."""
+    scan = scan_of(write_obj(tmp_path / "cube.obj", CUBE, QUADS), up="y", unit="cm")
+    mapped = np.c_[CUBE, np.ones(8)] @ scan.world_from_file.T
+    np.testing.assert_allclose(scan.mesh.vertices, mapped[:, :3], atol=1e-15)
+
+
+def test_a_broken_number_is_a_format_error(tmp_path: Path) -> None:
+    """FormatError is for files that break their format; it is an InputError too."""
+    (tmp_path / "x.ply").write_text("ply\nformat ascii 1.0\nelement vertex many\nend_header\n")
+    with pytest.raises(FormatError, match="line 3"):
+        scan_of(tmp_path / "x.ply")

@@ -1,0 +1,50 @@
+"""The mesh stage: light cleaning that loses no surface."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from scene.errors import InputError
+from scene.mesh import Mesh
+from scene.sample import SourceOptions
+from scene.store import Source
+from tasks.mesh import MeshConfig, mesh
+
+SQUARE = "v 0 0 0 1 0 0\nv 1 0 0 1 0 0\nv 1 1 0 1 0 0\nv 0 1 0 1 0 0\n"
+
+
+def read(tmp_path: Path, text: str) -> tuple[Mesh, tuple[str, ...]]:
+    """The cleaned mesh of an OBJ text and its notes."""
+    (tmp_path / "x.obj").write_text(text)
+    scan = mesh(Source(tmp_path / "x.obj"), SourceOptions(up="z", unit="m"), MeshConfig())
+    assert len(scan.face_node) == len(scan.mesh.faces)
+    return scan.mesh, scan.notes
+
+
+def test_degenerate_and_repeated_faces_go(tmp_path: Path) -> None:
+    """A face without area and a repeated one are dropped and counted; a face turned the other way stays."""
+    result, notes = read(tmp_path, SQUARE + "f 1 2 3\nf 1 3 4\nf 2 3 1\nf 3 2 1\nf 1 2 2\n")
+    assert len(result.faces) == 3
+    assert result.face_areas.sum() == pytest.approx(1.5)
+    assert any("2 of 5 faces" in note for note in notes)
+
+
+def test_equal_vertices_are_welded_where_colours_agree(tmp_path: Path) -> None:
+    """Doubled corners of one colour become one vertex; a border between two colours keeps both."""
+    again = SQUARE.splitlines()[0] + "\n" + SQUARE.splitlines()[2] + "\n"
+    same, _ = read(tmp_path, SQUARE + again + "f 1 2 3\nf 5 6 4\n")
+    other, _ = read(tmp_path, SQUARE + again.replace("1 0 0\n", "0 0 1\n") + "f 1 2 3\nf 5 6 4\n")
+    assert (len(same.vertices), len(other.vertices)) == (4, 6)
+
+
+def test_vertices_without_faces_go(tmp_path: Path) -> None:
+    """Only vertices that a face uses are kept, so that bounds are those of the surface."""
+    result, _ = read(tmp_path, SQUARE + "v 9 9 9 0 0 0\nf 1 2 3 4\n")
+    np.testing.assert_array_equal(result.bounds[1], [1, 1, 0])
+
+
+def test_a_mesh_of_slivers_is_refused(tmp_path: Path) -> None:
+    """Nothing left after cleaning is bad input."""
+    with pytest.raises(InputError, match="zero area"):
+        read(tmp_path, "v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\n")
