@@ -72,7 +72,9 @@ class Box:
         vertices, faces, offset = [], [], 0
         for axis in range(3):
             u, v = (axis + 1) % 3, (axis + 2) % 3
-            grid_u, grid_v = np.meshgrid(np.linspace(-1, 1, counts[u] + 1), np.linspace(-1, 1, counts[v] + 1), indexing="ij")
+            grid_u, grid_v = np.meshgrid(
+                np.linspace(-1, 1, counts[u] + 1), np.linspace(-1, 1, counts[v] + 1), indexing="ij"
+            )
             corner = np.arange(grid_u.size).reshape(grid_u.shape)
             a, b, c, d = (corner[s].ravel() for s in (np.s_[:-1, :-1], np.s_[1:, :-1], np.s_[1:, 1:], np.s_[:-1, 1:]))
             quads = np.concatenate([np.stack([a, b, c], 1), np.stack([a, c, d], 1)])
@@ -162,7 +164,11 @@ class Cylinder:
         count = 4 * int(np.clip(np.ceil(0.5 * np.pi * self.radius / edge), 4, 60))
         rings = int(np.clip(np.ceil(self.radius / edge), 1, 60))
         levels = int(np.clip(np.ceil(self.height / edge), 1, 160))
-        radii = [*np.linspace(0, self.radius, rings + 1)[1:], *[self.radius] * (levels - 1), *np.linspace(self.radius, 0, rings + 1)[:-1]]
+        radii = [
+            *np.linspace(0, self.radius, rings + 1)[1:],
+            *[self.radius] * (levels - 1),
+            *np.linspace(self.radius, 0, rings + 1)[:-1],
+        ]
         half = 0.5 * self.height
         heights = [*[-half] * rings, *np.linspace(-half, half, levels + 1)[1:-1], *[half] * rings]
         return _lathe(np.array(radii), np.array(heights), half, count)
@@ -199,9 +205,8 @@ def _stretched(ball: trimesh.Trimesh, points: FloatArray, length: float, edge: f
         b = level * count + (np.arange(count) + 1) % count
         side += [np.stack([a, b, b + count], 1), np.stack([a, b + count, a + count], 1)]
     pieces = [(points + lift, top), (points - lift, bottom), (np.concatenate(rings), np.concatenate(side))]
-    merged = trimesh.util.concatenate([trimesh.Trimesh(v, f, process=False) for v, f in pieces])
-    merged.merge_vertices()
-    merged.remove_unreferenced_vertices()
+    joined = Mesh.concatenate([Mesh.of(v, f) for v, f in pieces])
+    merged = trimesh.Trimesh(joined.vertices, joined.faces, process=True)  # welds the rings, drops unused vertices
     return Mesh.of(merged.vertices, merged.faces)
 
 

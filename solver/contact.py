@@ -106,7 +106,8 @@ def vertex_areas(body: Body) -> NDArray[np.float64]:
     """A third of the adjacent triangle areas per vertex [m^2], shape (n,)."""
     corner = body.vertices[body.faces]
     area = 0.5 * np.linalg.norm(np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]), axis=1)
-    return np.bincount(body.faces.ravel(), weights=np.repeat(area / 3.0, 3), minlength=len(body.vertices))
+    weights = np.repeat(area / 3.0, 3)
+    return np.bincount(body.faces.ravel(), weights=weights, minlength=len(body.vertices)).astype(np.float64)
 
 
 class ContactQuery:
@@ -128,7 +129,7 @@ class ContactQuery:
         if index in self.soft_of:
             one = self.soft_of[index]
             return np.asarray(np.einsum("na,nai->ni", one.surface_weight, state.x[one.surface_node]))
-        return (body.vertices - body.center_of_mass) @ state.rotation[index].T + state.center[index]
+        return np.asarray((body.vertices - body.center_of_mass) @ state.rotation[index].T + state.center[index])
 
     def find(self, state: State, before: State) -> Contacts:
         """Active points, forces and tangents at `state`, with friction measured from the start of the step `before`."""

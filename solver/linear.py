@@ -158,7 +158,7 @@ class TangentSystem:
             if len(tied):
                 frames[f] += _wrench_block(blocks[tied], self.frames.arm[f])
         blocks[~self.free[:, 0]] = np.eye(3)
-        return np.linalg.inv(blocks), np.linalg.inv(frames)
+        return np.asarray(np.linalg.inv(blocks), np.float64), np.asarray(np.linalg.inv(frames), np.float64)
 
     def precondition(self, residual: Vector) -> Vector:
         """Block-Jacobi."""

@@ -282,7 +282,7 @@ class Drop:
             if s.index == index:
                 m = self.soft.mass[s.nodes]
                 return np.asarray(m @ state.x[s.nodes] / m.sum())
-        return state.center[index]
+        return np.asarray(state.center[index])
 
     def _distance(self, rest: State, state: State) -> tuple[float, float]:
         """Largest distance of a centre of mass [m] and largest turn [rad] of any free body between two states."""

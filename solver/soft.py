@@ -186,7 +186,8 @@ def locate(
 def shape_values(local: NDArray[np.float64]) -> NDArray[np.float64]:
     """Trilinear shape values at local coordinates (n, 3), local node order 4 i + 2 j + k, shape (n, 8)."""
     low_high = np.stack([1.0 - local, local], axis=2)
-    return np.einsum("ni,nj,nk->nijk", low_high[:, 0], low_high[:, 1], low_high[:, 2]).reshape(-1, 8)
+    product = np.einsum("ni,nj,nk->nijk", low_high[:, 0], low_high[:, 1], low_high[:, 2])
+    return np.asarray(product, dtype=np.float64).reshape(-1, 8)
 
 
 def _nodes(cells: NDArray[np.int64], shape: tuple[int, ...]) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
@@ -288,7 +289,7 @@ def _around(
     columns = []
     for offset in offsets:
         at = grid + offset + shift
-        inside = ((at >= 0) & (at < number.shape)).all(axis=1)
+        inside = np.asarray(((at >= 0) & (at < np.array(number.shape))).all(axis=1))
         found = np.where(inside, number[tuple(np.where(inside[:, None], at, 0).T)], -1)
         columns.append(np.where(found >= 0, found + base, -1))
     return np.stack(columns, axis=1).astype(np.int32)

@@ -23,7 +23,10 @@ from solver.model import Model
 from solver.soft import SoftSystem
 from solver.state import State, rotate, turn_between
 
-SLOW, CAUTION = 0.7, 0.5  # where the residual falls by less than SLOW, Newton cycles between contact states: shorten its moves
+SLOW, CAUTION = (
+    0.7,
+    0.5,
+)  # where the residual falls by less than SLOW, Newton cycles between contact states: shorten its moves
 
 
 @dataclass(eq=False, slots=True)

@@ -10,6 +10,7 @@ import shutil
 import sys
 import tempfile
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -18,7 +19,8 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 from pydantic import BaseModel, Field, NonNegativeFloat, PositiveFloat, ValidationError, model_validator
-from ruamel.yaml import YAML, YAMLError
+from ruamel.yaml import YAML
+from ruamel.yaml.error import YAMLError
 from scipy.spatial.transform import Rotation
 
 from geometry.distance import distance_grid, sampler
@@ -26,11 +28,13 @@ from geometry.fill import Distance, fill
 from geometry.primitives import Box, Capsule, Cylinder, Primitive
 from geometry.repair import mass_properties
 from language.materials import load_materials
+from scene.codec import mesh_to_ply
 from scene.errors import InputError
 from scene.mesh import Mesh
 from scene.particles import DistanceGrid
-from scene.ply import write_ply
-from scene.readers import read_mesh
+from scene.readers.frame import Role
+from scene.readers.source import read_scan
+from scene.sample import SourceOptions
 from solver.certificate import Signals
 from solver.config import SolverConfig
 from solver.errors import ModelError, UnstableStep
@@ -40,6 +44,10 @@ from solver.predict import contact_radius
 from solver.settle import Result, settle
 
 RIGID_ABOVE = 1e9  # Young's modulus [Pa] above which `model: auto` is rigid (the paper's section 3)
+CELLS_PER_RADIUS = 6.0  # cells in a predicted contact radius
+CELLS_THROUGH = 4.0  # least cells through the smallest side of a soft body
+FINE_REACH = 1.3  # half width of the fine zone over the predicted contact radius
+GROWTH = 1.4  # ratio of neighbouring cells outside of the fine zone
 MOST_CELLS = 60_000  # cells of one soft body; more would not fit the time a user expects
 """What a person can raise with --resolution."""
 
@@ -111,7 +119,9 @@ class CaseBody(BaseModel, **Strict):
     velocity: Vector3 = [0.0, 0.0, 0.0]
     angular_velocity: Vector3 = [0.0, 0.0, 0.0]
     motion: Literal["free", "fixed"] = "free"
-    clamp: Literal["x_min", "x_max", "y_min", "y_max", "z_min", "z_max", "bottom", "sides_and_bottom", "none"] = "bottom"
+    clamp: Literal["x_min", "x_max", "y_min", "y_max", "z_min", "z_max", "bottom", "sides_and_bottom", "none"] = (
+        "bottom"
+    )
     rest_shape: Literal["loaded", "unloaded"] | None = None
     material: CaseMaterial | str
     mass: PositiveFloat | None = None
@@ -156,7 +166,9 @@ def read_case(path: Path) -> Case:
         raise InputError(f"{path}: bodies: names must differ, got {names}")
     for body in case.bodies:
         if body.motion == "fixed" and body.clamp == "none" and not is_rigid(body, material_of(body)):
-            raise InputError(f"{path}: bodies.{body.name}.clamp: a fixed soft body with clamp none would fall; name a face")
+            raise InputError(
+                f"{path}: bodies.{body.name}.clamp: a fixed soft body with clamp none would fall; name a face"
+            )
     if case.inertia:
         raise InputError(f"{path}: inertia: true-mass elastodynamics is not available; remove the key")
     if case.bonds:
@@ -240,7 +252,9 @@ def build_bodies(case: Case, folder: Path, resolution: float | None) -> tuple[li
     solids = [Solid(body, folder) for body in case.bodies]
     gravity = float(np.linalg.norm(case.gravity))
     cells = [resolution or s.predicted_cell(solids, gravity) for s in solids]
-    finest = min([c for s, c in zip(solids, cells, strict=True) if not s.rigid] or [min(s.smallest / 40 for s in solids)])
+    finest = min(
+        [c for s, c in zip(solids, cells, strict=True) if not s.rigid] or [min(s.smallest / 40 for s in solids)]
+    )
     return [s.build(c, finest, solids, gravity) for s, c in zip(solids, cells, strict=True)], finest
 
 
@@ -255,27 +269,21 @@ class Solid:
         self.rotation = Rotation.from_quat(np.roll(body.quaternion, -1)).as_matrix()
         self.position = np.asarray(body.position)
         self.primitive = primitive_of(body.shape)
-        self.given = None if self.primitive else read_mesh(folder / str(body.shape.mesh))
-        if self.primitive is not None:
+        self.given = None if self.primitive else given_mesh(folder / str(body.shape.mesh))
+        if isinstance(self.primitive, Capsule):
+            reach = 0.5 * self.primitive.length * np.abs(self.rotation[:, 2]) + self.primitive.radius
+            outline = np.stack([self.position - reach, self.position + reach])
+        elif self.primitive is not None:
             corners = np.array(list(np.ndindex(2, 2, 2))) * 2.0 - 1.0
-            box = self.placed(corners * self.primitive.half_extents)
-            round_shape = isinstance(self.primitive, Capsule)
-            self.low, self.high = (
-                (self._round_box() if round_shape else (box.min(axis=0), box.max(axis=0)))
-            )
+            outline = self.placed(corners * self.primitive.half_extents)
         else:
-            assert self.given is not None
-            world = self.placed(self.given.vertices)
-            self.low, self.high = world.min(axis=0), world.max(axis=0)
+            outline = self.placed(self._given().vertices)
+        self.low: NDArray[np.float64] = outline.min(axis=0)
+        self.high: NDArray[np.float64] = outline.max(axis=0)
 
     def placed(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """Local points in the world."""
-        return points @ self.rotation.T + self.position
-
-    def _round_box(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        assert isinstance(self.primitive, Capsule)
-        reach = 0.5 * self.primitive.length * np.abs(self.rotation[:, 2]) + self.primitive.radius
-        return self.position - reach, self.position + reach
+        return np.asarray(points @ self.rotation.T + self.position)
 
     @property
     def extent(self) -> NDArray[np.float64]:
@@ -301,8 +309,9 @@ class Solid:
 
     def predicted_cell(self, solids: "list[Solid]", gravity: float) -> float:
         """A sixth of the predicted contact radius, at least four cells through the thickness."""
-        radius = self.predicted_radius(solids, gravity)
-        return min(radius / 6.0, self.smallest / 4.0)
+        alone = all(other is self or (self.fixed and other.fixed) for other in solids)
+        thickness = self.smallest / CELLS_THROUGH
+        return thickness if alone else min(self.predicted_radius(solids, gravity) / CELLS_PER_RADIUS, thickness)
 
     def predicted_radius(self, solids: "list[Solid]", gravity: float) -> float:
         """Smallest predicted contact radius with any other body [m]."""
@@ -333,8 +342,7 @@ class Solid:
         soft = None
         if not self.rigid:
             soft = self._soft(cell, solids, gravity, distance)
-            share = mass / float((soft.volume * soft.density).sum())
-            soft = SoftParts(**{**_fields(soft), "density": soft.density * share})
+            soft = replace(soft, density=soft.density * (mass / float((soft.volume * soft.density).sum())))
         m = self.material
         return Body(
             self.body.name, self.fixed, surface.vertices, surface.faces,
@@ -387,7 +395,7 @@ class Solid:
         self, cell: float, solids: "list[Solid]", gravity: float
     ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
         """Graded planes: fine where another body stands over or under this one."""
-        reach = 1.5 * self.predicted_radius(solids, gravity)
+        reach = FINE_REACH * self.predicted_radius(solids, gravity)
         low, high = self.high.copy(), self.low.copy()
         for other in solids:
             if other is self or (self.fixed and other.fixed):
@@ -396,16 +404,17 @@ class Solid:
             low, high = np.minimum(low, middle - reach), np.maximum(high, middle + reach)
         if (low > high).any():
             low, high = self.low, self.high
-        return tuple(
-            graded_planes(float(a), float(b), float(c), float(d), cell)
+        x, y, z = (
+            graded_planes(float(a), float(b), float(c), float(d), cell, GROWTH)
             for a, b, c, d in zip(self.low, self.high, low, high, strict=True)
-        )  # type: ignore[return-value]
+        )
+        return x, y, z
 
     def touch_point(self, other: "Solid") -> NDArray[np.float64]:
         """Where the two boxes come nearest [m]."""
-        return 0.5 * (np.clip(other.position, self.low, self.high) + np.clip(self.position, other.low, other.high)).clip(
-            self.low, self.high
-        )
+        return 0.5 * (
+            np.clip(other.position, self.low, self.high) + np.clip(self.position, other.low, other.high)
+        ).clip(self.low, self.high)
 
     def _held(self, planes: tuple[NDArray[np.float64], ...], cell: float) -> NDArray[np.int8]:
         """Nodes of a fixed body within half a cell of its clamped faces."""
@@ -427,8 +436,9 @@ class Solid:
         return self._given().bounds
 
 
-def _fields(soft: SoftParts) -> dict[str, object]:
-    return {name: getattr(soft, name) for name in soft.__slots__}
+def given_mesh(path: Path) -> Mesh:
+    """The mesh of a case, in metres as it is: no axis or unit is changed."""
+    return read_scan(path, SourceOptions(up="z", unit="m"), Role.OBJECT).mesh
 
 
 def clamped_faces(clamp: str) -> list[str]:
@@ -486,7 +496,7 @@ def write_case(out: Path, summary: dict[str, object], bodies: list[Body], result
     out.parent.mkdir(parents=True, exist_ok=True)
     draft = Path(tempfile.mkdtemp(prefix=f".{out.name}-", dir=out.parent))
     for body, rest in zip(bodies, result.bodies, strict=True):
-        write_ply(draft / f"{body.name}.ply", Mesh.of(rest.vertices, body.faces))
+        (draft / f"{body.name}.ply").write_bytes(mesh_to_ply(Mesh.of(rest.vertices, body.faces)))
     pq.write_table(pa.table({k: pa.array(v) for k, v in result.history.items()}), draft / "history.parquet")
     (draft / "result.json").write_text(json.dumps(summary, indent=2) + "\n")
     if out.exists():

@@ -4,7 +4,6 @@ In: particles (bodies as arrays), the anchor (what was asked) and the intent. Ou
 certificate, or `Infeasible` with the drop's reason code and the same certificate as evidence.
 """
 
-
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, NonNegativeFloat, NonNegativeInt, PositiveFloat
@@ -32,7 +31,7 @@ class DropConfig(BaseModel, frozen=True, extra="forbid"):
     threads: NonNegativeInt = 0
     """Worker threads, 0: all cores; never changes a result."""
     topple_angle: PositiveFloat = 0.7854
-    """Turn of the object's own vertical from its pre-drop direction [rad] that counts as toppled when an orientation was asked."""
+    """Turn of the object's vertical from its pre-drop direction [rad] that is toppling, where an orientation was asked."""
     object_share: NonNegativeFloat = 0.5
     """Share of the object's weight that the base must carry for the object to be on it [-]."""
 
@@ -133,7 +132,7 @@ def carried_share(settled: Settled, particles: Particles, base_id: str) -> float
 
 def tilt_of(quaternion_wxyz: NDArray[np.float64]) -> float:
     """Angle [rad] between the vertical and where a rotation takes it."""
-    w, x, y, z = quaternion_wxyz
+    _, x, y, _ = quaternion_wxyz
     return float(np.arccos(np.clip(1.0 - 2.0 * (x**2 + y**2), -1.0, 1.0)))
 
 
@@ -158,7 +157,8 @@ def _story(result: Result) -> str:
     signals = result.certificate["signals"]
     assert isinstance(signals, dict)
     loud = [f"{k} {row['value']:.2g} > {row['threshold']:.2g}" for k, row in signals.items() if row["margin"] < 0.0]
-    return f"no equilibrium after {result.steps} steps ({result.simulated_seconds:.2f} s): {', '.join(loud) or 'the kick moved it'}"
+    why = ", ".join(loud) or "the kick moved it"
+    return f"no equilibrium after {result.steps} steps ({result.simulated_seconds:.2f} s): {why}"
 
 
 drop_task = stage(drop, process=True)

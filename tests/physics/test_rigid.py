@@ -27,7 +27,7 @@ def test_a_cube_rests_flat_and_its_contact_carries_its_weight(lab, mass):
 
 @pytest.mark.parametrize(("share", "verdict"), [(0.9, "at_rest"), (1.1, "left_target")])
 def test_a_block_slides_iff_the_slope_beats_static_friction(lab, share, verdict):
-    """It stays iff tan(a) <= mu_s = 0.5; mu_d = mu_s, because where the load first builds up some points slip at mu_d."""
+    """It stays iff tan(a) <= mu = 0.5; mu_d = mu_s, since some points slip while the load builds up."""
     angle = np.arctan(0.5 * share)
     result = lab.drop(cube(lab, mu=(0.5, 0.5)), lab.floor(mu=(0.5, 0.5)), gravity=slope(angle))
     assert result.verdict == verdict
