@@ -15,7 +15,7 @@ import igl
 import numpy as np
 import open3d
 from numpy.typing import NDArray
-from scipy.ndimage import map_coordinates
+from scipy.ndimage import label, map_coordinates
 
 from geometry.raycast import tensor
 from scene.errors import GeometryError
@@ -28,6 +28,7 @@ Distance: TypeAlias = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 INSIDE = 0.5  # winding number above which a point is inside: halfway between the 0 and 1 of a closed surface
 BAND = 3  # samples on each side of the surface that are exact: trilinear interpolation and its gradient look one sample far
 COARSE = 4  # spacing of the coarse grid over that of the fine one
+DISAGREEMENT = 0.002  # share of a region's samples on the other side that is put down to rounding at the surface
 MOST_SAMPLES = 40_000_000  # 160 MB; far more than any body here needs
 
 
@@ -117,8 +118,43 @@ def sampled(distance: Distance, low: NDArray[np.float64], high: NDArray[np.float
     # an interpolated value is off by at most one coarse diagonal: everything that may lie in the band is computed
     reach = (BAND + COARSE * np.sqrt(3.0)) * spacing
     near = np.argwhere(np.abs(values) < reach)
-    values[tuple(near.T)] = distance(low + spacing * near)
+    points = low + spacing * near
+    if isinstance(distance, MeshDistance):
+        values[tuple(near.T)] = distance.unsigned(points)
+        inside = regional_sides(distance, values, coarse, near, points, spacing)
+        values[tuple(near.T)] = np.where(inside, -1.0, 1.0) * values[tuple(near.T)]
+    else:
+        values[tuple(near.T)] = distance(points)
     return DistanceGrid(low, float(spacing), values.astype(np.float32))
+
+
+def regional_sides(
+    distance: "MeshDistance",
+    values: NDArray[np.float64],
+    coarse: NDArray[np.float64],
+    near: NDArray[np.int64],
+    points: NDArray[np.float64],
+    spacing: float,
+) -> NDArray[np.bool_]:
+    """Whether the near samples are inside, shape (n,), from one decision per region instead of one per sample.
+
+    Two neighbouring samples that are both farther than half a spacing from the surface lie on the same side of it: connected
+    regions of such samples are decided by the coarse samples in them. Where a region's coarse samples disagree, the surface has a
+    hole there, and every sample is decided on its own.
+    """
+    clear = np.abs(values) > 0.5 * spacing
+    region, count = label(clear)
+    seed = region[::COARSE, ::COARSE, ::COARSE]
+    votes = np.bincount(seed.ravel(), minlength=count + 1)
+    negative = np.bincount(seed.ravel(), weights=(coarse < 0.0).ravel(), minlength=count + 1)
+    share = np.divide(negative, votes, out=np.full(count + 1, 0.5), where=votes > 0)
+    decided = (share < DISAGREEMENT) | (share > 1.0 - DISAGREEMENT)
+    decided[0] = False
+    own = region[tuple(near.T)]
+    inside = share[own] > 0.5
+    open_ = np.flatnonzero(~decided[own])
+    inside[open_] = distance.inside(points[open_])
+    return np.asarray(inside)
 
 
 def lattice(low: NDArray[np.float64], spacing: float, shape: NDArray[np.integer]) -> NDArray[np.float64]:

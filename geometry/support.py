@@ -14,22 +14,29 @@ from scipy.sparse.csgraph import connected_components
 
 from geometry.distance import MeshDistance
 from geometry.normals import welded
-from geometry.repair import outer_faces, small_holes_capped, solid_under, without_empty_faces
+from geometry.repair import outer_faces, small_holes_capped, solid_under, subdivide_near, without_empty_faces
 from scene.box import OrientedBox
 from scene.mesh import Mesh
 
 COVERED = 0.5  # share of a part's plan that must lie over another part for it to be the one that carries it
+PIECE = 0.05  # longest edge [m] of walls and shadows: each piece is kept or dropped as a whole where solids overlap
 TOUCHING = 0.06  # gap [m] up to which boxes of parts count as lying on each other: boxes of noisy parts are loose
 
 
-def support_solid(mesh: Mesh, bottom: NDArray[np.float64], hole_perimeter: float) -> MeshDistance:
+def support_solid(
+    mesh: Mesh, bottom: NDArray[np.float64], region: NDArray[np.float64], hole_perimeter: float
+) -> MeshDistance:
     """Signed distance to the solid under the faces, each down to its own `bottom` [m], shape (m,).
 
-    Holes of at most `hole_perimeter` [m] are closed first, so that a crack in a scan is no shaft.
+    It is accurate within `region` [m], shape (2, 3), horizontally. Holes of at most `hole_perimeter` [m] are closed first, so that a
+    crack in a scan is no shaft.
     """
     groups = [small_holes_capped(mesh.submesh(np.flatnonzero(bottom == b)), hole_perimeter) for b in np.unique(bottom)]
     heights = np.repeat(np.unique(bottom), [len(g.faces) for g in groups])
     closed = upright(without_empty_faces(solid_under(without_empty_faces(Mesh.concatenate(groups)), heights)))
+    low, high = region.copy()
+    low[2], high[2] = -np.inf, np.inf
+    closed = subdivide_near(closed, low, high, PIECE)
     hull = outer_faces(closed)
     return MeshDistance(closed.submesh(hull) if len(hull) else mesh, sides=closed)
 

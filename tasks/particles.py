@@ -369,7 +369,7 @@ def base_bodies(s: Scenario, foot: Footprint) -> Base:
     if stiff.any():
         mesh = s.scene.mesh.submesh(faces[stiff])
         own = np.array([p.box.bottom for p in s.base.parts])[part[stiff]]
-        solid_rigid = support_solid(mesh, shell_bottoms(mesh, own, s.config.shell), s.config.hole_perimeter)
+        solid_rigid = support_solid(mesh, shell_bottoms(mesh, own, s.config.shell), s.crop, s.config.hole_perimeter)
     soft, cell = None, 0.0
     if not stiff.all():
         soft, cell = soft_base(s, foot, rows, faces[~stiff], part[~stiff], solid_rigid)
@@ -428,7 +428,7 @@ def soft_base(
     """All soft parts of the base within the crop as one fixed body, and its cell size at the contact [m]."""
     mesh = s.scene.mesh.submesh(faces)
     bottom = soft_bottoms(s, rows, mesh, part)
-    solid = support_solid(mesh, bottom, s.config.hole_perimeter)
+    solid = support_solid(mesh, bottom, s.crop, s.config.hole_perimeter)
     box, cut = soft_box(s, solid)
     grid = body_grid(solid, box, 2.0 * s.config.finest_cell, 0.01, s.config)
     distance = sampler(grid)
@@ -581,7 +581,7 @@ def neighbours(s: Scenario, foot: Footprint) -> list[SimulationBody]:
         mesh = s.scene.mesh.submesh(wide)
         part = np.clip(s.scene.face_part[wide], 0, None)
         own = np.array([p.box.bottom for p in instance.parts])[part]
-        solid = support_solid(mesh, shell_bottoms(mesh, own, s.config.shell), s.config.hole_perimeter)
+        solid = support_solid(mesh, shell_bottoms(mesh, own, s.config.shell), s.crop, s.config.hole_perimeter)
         rows = [r for r in s.materials.rows if r.body == instance.id]
         base_row = s.materials.of(s.anchor.base_id, s.anchor.part_index)
         row = rows[0] if rows else base_row
