@@ -178,7 +178,8 @@ def read_case(path: Path) -> Case:
 
 def _first_complaint(error: ValidationError) -> str:
     """One line: key, what is wrong, which value, nearest known key."""
-    first = error.errors(include_url=False)[0]
+    complaints = error.errors(include_url=False)
+    first = next((c for c in complaints if c["type"] == "extra_forbidden"), complaints[0])  # a typo explains the rest
     where = ".".join(str(part) for part in first["loc"])
     if first["type"] == "extra_forbidden":
         known = sorted({*Case.model_fields, *CaseBody.model_fields, *CaseMaterial.model_fields, *Shape.model_fields})

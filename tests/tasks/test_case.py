@@ -1,0 +1,85 @@
+"""Case files: what is accepted, what is refused and how, and what is written."""
+
+import json
+
+import pytest
+
+from scene.errors import InputError
+from tasks.case import read_case, run_case
+
+CUBE = """
+bodies:
+  - name: floor
+    shape: {box: {size: [0.4, 0.4, 0.05]}}
+    position: [0, 0, -0.025]
+    motion: fixed
+    material: steel
+  - name: cube
+    shape: {box: {size: [0.1, 0.1, 0.1]}}
+    position: [0, 0, 0.06]
+    mass: 1.0
+    material: {density: 700, youngs_modulus: 1.0e10, poisson_ratio: 0.3, static_friction: 0.5, dynamic_friction: 0.4}
+"""
+
+
+@pytest.fixture
+def case_file(tmp_path):
+    def write(text):
+        path = tmp_path / "case.yaml"
+        path.write_text(text)
+        return path
+
+    return write
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("mass: 1.0", "mas: 1.0", "did you mean 'mass'"),
+        ("mass: 1.0", "mass: -1.0", "greater than 0"),
+        ("poisson_ratio: 0.3", "poisson_ratio: 0.5", "less than 0.5"),
+        ("1.0e10", ".nan", "finite"),
+        ("material: steel", "material: steal", "did you mean 'steel'"),
+        ("name: cube", "name: floor", "must differ"),
+        ("{box: {size: [0.1, 0.1, 0.1]}}", "{box: {size: [0.1, 0.1, 0.1]}, sphere: {radius: 1}}", "exactly one"),
+        ("bodies:", "inertia: true\nbodies:", "inertia"),
+    ],
+)
+def test_bad_input_is_refused_in_one_line_that_names_key_and_value(case_file, tmp_path, old, new, words):
+    """One InputError, one line, and nothing is written."""
+    path = case_file(CUBE.replace(old, new, 1))
+    with pytest.raises(InputError) as caught:
+        run_case(path, tmp_path / "out", quiet=True)
+    assert words in str(caught.value)
+    assert "\n" not in str(caught.value)
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_number_in_scientific_notation_is_a_number(case_file):
+    """YAML 1.2: 1.0e10 is a float, not a string."""
+    assert read_case(case_file(CUBE)).bodies[1].material.youngs_modulus == 1e10
+
+
+def test_a_fixed_soft_body_needs_a_clamp(case_file):
+    """With `clamp: none` it would fall."""
+    text = CUBE.replace("material: steel", "clamp: none\n    model: mpm\n    material: steel", 1)
+    with pytest.raises(InputError, match="clamp"):
+        read_case(case_file(text))
+
+
+def test_bodies_that_start_inside_each_other_are_refused(case_file, tmp_path):
+    """Deep overlap has no honest rest state."""
+    with pytest.raises(InputError, match="inside each other"):
+        run_case(case_file(CUBE.replace("0.06]", "0.03]")), tmp_path / "out", quiet=True)
+
+
+def test_a_case_writes_result_bodies_and_history(case_file, tmp_path):
+    """The contract's keys are there and the cube lies on the floor with its weight carried (0.5 %)."""
+    summary = run_case(case_file(CUBE), tmp_path / "out", quiet=True)
+    written = json.loads((tmp_path / "out" / "result.json").read_text())
+    assert written == json.loads(json.dumps(summary))
+    assert written["verdict"] == "at_rest"
+    # penetration target 0.05 mm
+    assert written["bodies"]["cube"]["position"][2] == pytest.approx(0.05, abs=1e-4)
+    assert written["contacts"][0]["normal_force_n"] == pytest.approx(9.81, rel=5e-3)
+    assert {p.name for p in (tmp_path / "out").iterdir()} == {"result.json", "history.parquet", "floor.ply", "cube.ply"}
