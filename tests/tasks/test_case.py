@@ -5,7 +5,8 @@ import json
 import pytest
 
 from scene.errors import InputError
-from tasks.case import read_case, run_case
+from tasks.case import run_case
+from tasks.case_file import read_case
 
 CUBE = """
 bodies:

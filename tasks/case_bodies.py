@@ -1,0 +1,231 @@
+"""Solver bodies of a physics case: surfaces, signed distances, graded grids and particles at a resolution fit for the contact."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from geometry.distance import distance_grid, sampler
+from geometry.fill import Distance, fill
+from geometry.primitives import Capsule
+from geometry.repair import mass_properties
+from scene.errors import InputError
+from scene.mesh import Mesh
+from scene.particles import DistanceGrid
+from scene.readers.frame import Role
+from scene.readers.source import read_scan
+from scene.sample import SourceOptions
+from solver.grid import graded_planes
+from solver.model import FREE, HELD, Body, SignedDistance, SoftParts
+from solver.predict import contact_radius
+from tasks.case_file import Case, CaseBody, is_rigid, material_of, primitive_of
+
+CELLS_PER_RADIUS = 6.0  # cells in a predicted contact radius
+CELLS_THROUGH = 4.0  # least cells through the smallest side of a soft body
+FINE_REACH = 1.3  # half width of the fine zone over the predicted contact radius
+GROWTH = 1.4  # ratio of neighbouring cells outside of the fine zone
+MOST_CELLS = 60_000  # cells of one soft body; more would not fit the time a user expects
+"""What a person can raise with --resolution."""
+
+
+def build_bodies(case: Case, folder: Path, resolution: float | None) -> tuple[list[Body], float]:
+    """Solver bodies of a case and the smallest cell at a contact [m]."""
+    solids = [Solid(body, folder) for body in case.bodies]
+    gravity = float(np.linalg.norm(case.gravity))
+    cells = [resolution or s.predicted_cell(solids, gravity) for s in solids]
+    finest = min(
+        [c for s, c in zip(solids, cells, strict=True) if not s.rigid] or [min(s.smallest / 40 for s in solids)]
+    )
+    return [s.build(c, finest, solids, gravity) for s, c in zip(solids, cells, strict=True)], finest
+
+
+class Solid:
+    """One body of a case between its description and the solver's arrays."""
+
+    def __init__(self, body: CaseBody, folder: Path) -> None:
+        self.body = body
+        self.material = material_of(body)
+        self.rigid = is_rigid(body, self.material)
+        self.fixed = body.motion == "fixed"
+        self.rotation = Rotation.from_quat(np.roll(body.quaternion, -1)).as_matrix()
+        self.position = np.asarray(body.position)
+        self.primitive = primitive_of(body.shape)
+        self.given = None if self.primitive else given_mesh(folder / str(body.shape.mesh))
+        if isinstance(self.primitive, Capsule):
+            reach = 0.5 * self.primitive.length * np.abs(self.rotation[:, 2]) + self.primitive.radius
+            outline = np.stack([self.position - reach, self.position + reach])
+        elif self.primitive is not None:
+            corners = np.array(list(np.ndindex(2, 2, 2))) * 2.0 - 1.0
+            outline = self.placed(corners * self.primitive.half_extents)
+        else:
+            outline = self.placed(self._given().vertices)
+        self.low: NDArray[np.float64] = outline.min(axis=0)
+        self.high: NDArray[np.float64] = outline.max(axis=0)
+
+    def placed(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Local points in the world."""
+        return np.asarray(points @ self.rotation.T + self.position)
+
+    @property
+    def extent(self) -> NDArray[np.float64]:
+        """Side lengths of the world box [m]."""
+        return np.asarray(self.high - self.low)
+
+    @property
+    def smallest(self) -> float:
+        """Smallest side of the world box [m]."""
+        return float(self.extent.min())
+
+    @property
+    def mass(self) -> float:
+        """[kg]."""
+        if self.body.mass is not None:
+            return self.body.mass
+        volume = self.primitive.volume if self.primitive else mass_properties(self._given(), 1.0)[0]
+        return float(self.material.density * volume)
+
+    def _given(self) -> Mesh:
+        assert self.given is not None
+        return self.given
+
+    def predicted_cell(self, solids: "list[Solid]", gravity: float) -> float:
+        """A sixth of the predicted contact radius, at least four cells through the thickness."""
+        alone = all(other is self or (self.fixed and other.fixed) for other in solids)
+        thickness = self.smallest / CELLS_THROUGH
+        return thickness if alone else min(self.predicted_radius(solids, gravity) / CELLS_PER_RADIUS, thickness)
+
+    def predicted_radius(self, solids: "list[Solid]", gravity: float) -> float:
+        """Smallest predicted contact radius with any other body [m]."""
+        radii = [0.5 * self.smallest]
+        for other in solids:
+            if other is self or (self.fixed and other.fixed):
+                continue
+            weight = min(s.mass for s in (self, other) if not s.fixed) * gravity
+            curvature = min(s.curvature_radius() for s in (self, other))
+            modulus = min(s.material.youngs_modulus for s in (self, other))
+            radii.append(contact_radius(weight, curvature, modulus, self.material.poisson_ratio))
+        return min(radii)
+
+    def curvature_radius(self) -> float:
+        """Radius that stands for the body's underside [m]: its own where round, else half its footprint."""
+        if isinstance(self.primitive, Capsule):
+            return self.primitive.radius
+        return 0.5 * float(self.extent[:2].min())
+
+    def build(self, cell: float, finest: float, solids: "list[Solid]", gravity: float) -> Body:
+        """The solver's body."""
+        edge = max(min(cell if not self.rigid else finest, self.smallest / 8.0), float(self.extent.max()) / 160.0)
+        local = self.primitive.surface(edge) if self.primitive else self._given()
+        surface = Mesh.of(self.placed(local.vertices), local.faces)
+        spacing = max(min(finest / 2.5, self.smallest / 24.0), float(self.extent.max()) / 200.0)
+        distance = self._distance(surface, spacing)
+        mass, center, inertia = self._mass_properties()
+        soft = None
+        if not self.rigid:
+            soft = self._soft(cell, solids, gravity, distance)
+            soft = replace(soft, density=soft.density * (mass / float((soft.volume * soft.density).sum())))
+        m = self.material
+        return Body(
+            self.body.name, self.fixed, surface.vertices, surface.faces,
+            SignedDistance(distance.origin, distance.spacing, distance.values), mass, center, inertia,
+            m.static_friction, m.dynamic_friction, m.rolling_resistance, soft, np.asarray(self.body.velocity),
+            np.asarray(self.body.angular_velocity),
+        )  # fmt: skip
+
+    def _distance(self, surface: Mesh, spacing: float) -> DistanceGrid:
+        margin = max(4.0 * spacing, 0.02)
+        if self.primitive is None:
+            return distance_grid(surface, self.low - margin, self.high + margin, spacing)
+        axes = [np.arange(a, b + spacing, spacing) for a, b in zip(self.low - margin, self.high + margin, strict=True)]
+        points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
+        values = self.primitive.distance((points - self.position) @ self.rotation).astype(np.float32)
+        return DistanceGrid(np.array([a[0] for a in axes]), spacing, values)
+
+    def _mass_properties(self) -> tuple[float, NDArray[np.float64], NDArray[np.float64]]:
+        if self.primitive is not None:
+            inertia = self.rotation @ np.diag(self.primitive.inertia_per_mass * self.mass) @ self.rotation.T
+            return self.mass, self.position, inertia
+        volume, center, unit = mass_properties(self._given(), 1.0)
+        density = self.mass / volume
+        return self.mass, self.placed(center[None])[0], self.rotation @ (unit * density) @ self.rotation.T
+
+    def _soft(self, cell: float, solids: "list[Solid]", gravity: float, distance: DistanceGrid) -> SoftParts:
+        planes = self._planes(cell, solids, gravity)
+        count = int(np.prod([len(p) - 1 for p in planes]))
+        if count > MOST_CELLS:
+            raise InputError(
+                f"body {self.body.name!r}: {count} cells of {1e3 * cell:.2g} mm > {MOST_CELLS}; raise --resolution"
+            )
+        position, volume = fill(planes, self._signed_distance(distance))
+        one = np.ones(len(position))
+        m = self.material
+        loaded = (self.body.rest_shape or ("loaded" if self.fixed else "unloaded")) == "loaded"
+        return SoftParts(
+            position, volume, m.density * one, m.youngs_modulus * one, m.poisson_ratio * one, planes,
+            self._held(planes, cell), loaded,
+        )  # fmt: skip
+
+    def _signed_distance(self, grid: DistanceGrid) -> Distance:
+        """Exact for primitives, interpolated for meshes."""
+        if self.primitive is None:
+            return sampler(grid)
+        primitive = self.primitive
+        return lambda points: primitive.distance((points - self.position) @ self.rotation)
+
+    def _planes(
+        self, cell: float, solids: "list[Solid]", gravity: float
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+        """Graded planes: fine where another body stands over or under this one."""
+        reach = FINE_REACH * self.predicted_radius(solids, gravity)
+        low, high = self.high.copy(), self.low.copy()
+        for other in solids:
+            if other is self or (self.fixed and other.fixed):
+                continue
+            middle = self.touch_point(other)
+            low, high = np.minimum(low, middle - reach), np.maximum(high, middle + reach)
+        if (low > high).any():
+            low, high = self.low, self.high
+        x, y, z = (
+            graded_planes(float(a), float(b), float(c), float(d), cell, GROWTH)
+            for a, b, c, d in zip(self.low, self.high, low, high, strict=True)
+        )
+        return x, y, z
+
+    def touch_point(self, other: "Solid") -> NDArray[np.float64]:
+        """Where the two boxes come nearest [m]."""
+        return 0.5 * (
+            np.clip(other.position, self.low, self.high) + np.clip(self.position, other.low, other.high)
+        ).clip(self.low, self.high)
+
+    def _held(self, planes: tuple[NDArray[np.float64], ...], cell: float) -> NDArray[np.int8]:
+        """Nodes of a fixed body within half a cell of its clamped faces."""
+        shape = tuple(len(p) for p in planes)
+        state = np.full(shape, FREE, dtype=np.int8)
+        if not self.fixed:
+            return state
+        grid = np.stack(np.meshgrid(*planes, indexing="ij"), axis=-1)
+        local = (grid - self.position) @ self.rotation
+        box = self._local_box()
+        for face in clamped_faces(self.body.clamp):
+            axis, side = "xyz".index(face[0]), 0 if face.endswith("min") else 1
+            state[np.abs(local[..., axis] - box[side][axis]) <= 0.5 * cell] = HELD
+        return state
+
+    def _local_box(self) -> NDArray[np.float64]:
+        if self.primitive is not None:
+            return np.stack([-self.primitive.half_extents, self.primitive.half_extents])
+        return self._given().bounds
+
+
+def given_mesh(path: Path) -> Mesh:
+    """The mesh of a case, in metres as it is: no axis or unit is changed."""
+    return read_scan(path, SourceOptions(up="z", unit="m"), Role.OBJECT).mesh
+
+
+def clamped_faces(clamp: str) -> list[str]:
+    """Faces named by a clamp."""
+    if clamp == "sides_and_bottom":
+        return ["x_min", "x_max", "y_min", "y_max", "z_min"]
+    return {"bottom": ["z_min"], "none": []}.get(clamp, [clamp])
