@@ -7,10 +7,14 @@ and failing that by height. Lengths scale with the bed's length over 2 m, so tha
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from geometry.segmentation.body import Body, Piece, level_of
 from geometry.segmentation.faces import connected_regions
 from geometry.segmentation.partmap import SIDES, PartMap
+
+COLOR_LENGTH = 0.002
+"""Ten steps of CIELAB count as two centimetres when the nearest face is sought [m]."""
 
 USUAL_LENGTH = 2.0
 """Length of a bed [m]."""
@@ -33,12 +37,14 @@ def bed_parts(body: Body) -> PartMap:
     mattress = _mattress(body, pieces, level, scale)
     for piece in pieces:
         parts.names[piece.faces] = _piece_name(body, piece, mattress, level, head, scale)
+    _name_head_end(body, parts, pieces, mattress, level, head, scale)
     if mattress is None:
         _cut_by_height(body, parts, level, scale)
     else:
         parts.names[mattress.faces] = "mattress"
         _cut_bumps(body, parts, mattress, level, scale)
     _cut_headboard(body, parts, level, head, scale)
+    _name_scraps(body, parts, pieces, level)
     parts.confidence = 0.85 if mattress is not None else 0.55
     parts.front = None if head is None else -head
     return parts
@@ -137,6 +143,39 @@ def _top_level(body: Body, piece: Piece, scale: float) -> float:
     faces = piece.faces[body.up[piece.faces]]
     level = level_of(body.center[faces, 2], body.area[faces], 0.06 * scale)
     return float(piece.high[2]) if np.isnan(level) else level
+
+
+def _name_head_end(
+    body: Body,
+    parts: PartMap,
+    pieces: list[Piece],
+    mattress: Piece | None,
+    level: float,
+    head: NDArray[np.float64] | None,
+    scale: float,
+) -> None:
+    """What stands behind the mattress is headboard, bars and rails too, if any of it rises above the bedding."""
+    if head is None or mattress is None:
+        return
+    edge = float(max(mattress.low @ head, mattress.high @ head)) - 0.03 * scale
+    behind = [p for p in pieces if p is not mattress and float(min(p.low @ head, p.high @ head)) > edge]
+    if any(p.high[2] > level + 0.12 * scale for p in behind):
+        for piece in behind:
+            parts.names[piece.faces] = "headboard"
+
+
+def _name_scraps(body: Body, parts: PartMap, pieces: list[Piece], level: float) -> None:
+    """Scraps of a scan between blanket and mattress are no frame: they go with the nearest face of like colour."""
+    total = float(body.area.sum())
+    scraps = [
+        p for p in pieces if p.area < 0.02 * total and p.low[2] > 0.6 * level and parts.names[p.faces[0]] == "frame"
+    ]
+    bedding = np.flatnonzero(parts.names != "frame")
+    if not scraps or not len(bedding):
+        return
+    place = np.concatenate([body.center, COLOR_LENGTH * body.lab], axis=1)
+    faces = np.concatenate([p.faces for p in scraps])
+    parts.names[faces] = parts.names[bedding[cKDTree(place[bedding]).query(place[faces])[1]]]
 
 
 def _piece_name(

@@ -10,6 +10,7 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from geometry.segmentation.faces import FaceTable, renumbered, surface_points
 from geometry.segmentation.regions import color_regions, merged_crumbs
@@ -18,6 +19,12 @@ from scene.box import OrientedBox
 UPWARD = 0.75
 """A face with a normal of at least this z looks up: within 41 degrees, so that noise of a scan does not matter [-]."""
 
+
+DENSE_FACES = 2000
+"""A body of at least this many faces is a scan or finely made [-]."""
+
+SPECK_FACES = 16
+"""Loose patches of fewer faces are what a scan tears off, not things [-]."""
 
 MAP_CELLS = 64
 """Cells of the height map along the longer side of a body [-]."""
@@ -123,11 +130,23 @@ def make_body(table: FaceTable, faces: NDArray[np.int64], box: OrientedBox) -> B
     corners = corners.reshape(-1, 3, 3)
     area = table.area[faces]
     piece = merged_crumbs(renumbered(table.component[faces]), area, pairs, smallest=1e-4)
+    piece = _without_specks(piece, corners.mean(axis=1))
     return Body(
         corners=corners, center=corners.mean(axis=1), normal=table.normal[faces] @ box.axes, area=area,
         lab=table.lab[faces], pairs=pairs, piece=piece, size=2.0 * box.half_extents, frame=box,
         open_up=(table.normal[faces, 2] > UPWARD) & _open_above(corners, area),
     )  # fmt: skip
+
+
+def _without_specks(piece: NDArray[np.int64], center: NDArray[np.float64]) -> NDArray[np.int64]:
+    """In a dense scan, loose patches of a few faces belong to the piece that is nearest, shape (k,)."""
+    speck = np.bincount(piece)[piece] < SPECK_FACES
+    if len(piece) < DENSE_FACES or not speck.any() or speck.all():
+        return piece
+    nearest = cKDTree(center[~speck]).query(center[speck])[1]
+    result = piece.copy()
+    result[speck] = piece[~speck][nearest]
+    return renumbered(result)
 
 
 def _open_above(corners: NDArray[np.float64], area: NDArray[np.float64]) -> NDArray[np.bool_]:

@@ -23,12 +23,15 @@ class Category(StrEnum):
     SHOE = "shoe"
     LAPTOP = "laptop"
     PLUSH = "plush"
+    PLANT = "plant"
+    BASIN = "basin"
     OTHER = "other"
 
 
 TEXT = {
     Category.STRUCTURE: "wall walls floor ceiling room",
     Category.LAMP: "lamp lamps lantern torchiere",
+    Category.BASIN: "basin sink washstand washbasin",
     Category.STOOL: "stool ottoman pouf footstool",
     Category.SHELF: "shelf shelves bookshelf bookcase bookshelves rack etagere",
     Category.CABINET: "nightstand bedside cabinet wardrobe dresser chest drawer drawers sideboard closet refrigerator "
@@ -42,13 +45,14 @@ TEXT = {
     Category.DUMBBELL: "dumbbell dumbell barbell",
     Category.SHOE: "shoe sneaker boot sandal slipper shoes trainer",
     Category.LAPTOP: "laptop notebook",
+    Category.PLANT: "plant plants flowerpot tree bush cactus",
     Category.PLUSH: "plush teddy bear koala bunny rabbit doll",
 }
 """Words of a label that mean a category, in order of precedence ("bedside table" is a cabinet)."""
 
 WORDS = {category: frozenset(text.split()) for category, text in TEXT.items()}
 
-LEADING = (Category.LAMP, Category.STOOL, Category.SHELF, Category.CABINET)
+LEADING = (Category.LAMP, Category.BASIN, Category.STOOL, Category.SHELF, Category.CABINET)
 """These win wherever their word stands: 'lamp_table' is a lamp, a 'bed stool' a stool."""
 
 TOOL_WORDS = """

@@ -12,13 +12,14 @@ from geometry.segmentation.labels import Category, category_of, part_word, plain
 from geometry.segmentation.partmap import PartMap
 from geometry.segmentation.regions import merged_crumbs
 from geometry.segmentation.seating import chair_parts, sofa_parts, stool_parts
-from geometry.segmentation.tables import cabinet_parts, shelf_parts, table_parts
+from geometry.segmentation.tables import basin_parts, cabinet_parts, other_parts, shelf_parts, table_parts
 from geometry.segmentation.things import (
     bathtub_parts,
     dumbbell_parts,
     flat_parts,
     lamp_parts,
     laptop_parts,
+    plant_parts,
     plush_parts,
     shoe_parts,
 )
@@ -41,7 +42,9 @@ RULES: dict[Category, Callable[[Body], PartMap]] = {
     Category.SHOE: shoe_parts,
     Category.LAPTOP: laptop_parts,
     Category.PLUSH: plush_parts,
-    Category.OTHER: cabinet_parts,
+    Category.PLANT: plant_parts,
+    Category.BASIN: basin_parts,
+    Category.OTHER: other_parts,
 }
 """The part rule of each category."""
 
@@ -58,7 +61,16 @@ AXES_TIE = 1.06
 """A part's box keeps the instance's axes unless a turned one has a footprint smaller by this factor [-]."""
 
 ONLY_SCENE_THINGS = frozenset(
-    {Category.OTHER, Category.CABINET, Category.TABLE, Category.SHELF, Category.STRUCTURE, Category.BED, Category.SOFA}
+    {
+        Category.OTHER,
+        Category.CABINET,
+        Category.TABLE,
+        Category.SHELF,
+        Category.STRUCTURE,
+        Category.BED,
+        Category.SOFA,
+        Category.BASIN,
+    }
 )
 """Categories whose rules are for furniture: as an object to be placed such a thing is one body."""
 

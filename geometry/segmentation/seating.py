@@ -144,7 +144,8 @@ def chair_parts(body: Body) -> PartMap:
     for piece in body.pieces():
         middle = 0.5 * float(piece.low[2] + piece.high[2])
         holds_seat = seat_area[piece.faces].sum() > 0.25 * seat_area.sum()
-        if holds_seat and piece.size[2] < 0.25 * height:
+        under_pad = (piece.size[:2] > 0.6 * body.size[:2]).all() and 0 < level - piece.high[2] < 0.12 * height
+        if (holds_seat or under_pad) and piece.size[2] < 0.25 * height:
             parts.names[piece.faces] = "seat"
         elif holds_seat or (piece.low[2] < level - 0.12 * height and piece.high[2] > level + 0.12 * height):
             cut = np.where(z[piece.faces] > level + 0.035 * height, "back", "seat" if holds_seat else "leg")
@@ -166,9 +167,11 @@ def stool_parts(body: Body) -> PartMap:
         return PartMap.filled(len(body.area), "seat")
     bottom = underside(body, level, 0.3 * height)
     for piece in body.pieces():
-        if piece.low[2] > bottom - 0.06 * height and piece.high[2] > level - 0.1 * height:
+        wide = bool((piece.size[:2] > 0.6 * body.size[:2]).all())
+        stands_clear = piece.low[2] > (0.15 if wide else 0.7) * height
+        if stands_clear and piece.high[2] > level - 0.1 * height:
             parts.names[piece.faces] = "seat"
-        elif piece.high[2] > level - 0.05 * height:
+        elif wide and piece.high[2] > level - 0.05 * height:
             parts.names[piece.faces] = np.where(z[piece.faces] >= bottom, "seat", "leg")
     parts.confidence = 0.8
     return parts

@@ -41,12 +41,13 @@ def table_parts(body: Body) -> PartMap:
     z = body.center[:, 2]
     for piece in body.pieces():
         wide = bool((piece.size[:2] > 0.5 * body.size[:2]).all())
-        if piece.high[2] > level - 0.03 * body.size[2] and piece.low[2] > bottom - 0.5 * reach and wide:
+        reaches_top = piece.high[2] > level - 0.03 * body.size[2]
+        if wide and piece.low[2] > bottom - (0.5 if reaches_top else 0.1) * reach:
             parts.names[piece.faces] = "top"
-        elif wide and piece.high[2] > level - 0.03 * body.size[2]:
+        elif wide and reaches_top:
             parts.names[piece.faces] = np.where(z[piece.faces] >= bottom, "top", "leg")
-        elif piece.low[2] > level - 0.01 * body.size[2]:
-            parts.names[piece.faces] = "top"
+        elif piece.low[2] > level - 0.02 * body.size[2]:
+            parts.names[piece.faces] = "item"
     parts.confidence = 0.85
     return parts
 
@@ -61,14 +62,33 @@ def cabinet_parts(body: Body) -> PartMap:
     z = body.center[:, 2]
     for piece in body.pieces():
         wide = bool((piece.size[:2] > 0.5 * body.size[:2]).all())
-        if wide and piece.low[2] > level - 2.0 * thickness:
+        at_level = wide and abs(float(piece.high[2]) - level) < 0.5 * thickness
+        if at_level and piece.low[2] > level - 2.0 * thickness:
             parts.names[piece.faces] = "top"
         elif wide and piece.high[2] > level - thickness:
-            lid = body.up[piece.faces] & (z[piece.faces] > level - 0.5 * thickness)
+            lid = body.open_up[piece.faces] & (np.abs(z[piece.faces] - level) < 0.5 * thickness)
             parts.names[piece.faces[lid]] = "top"
         elif piece.low[2] > level - 0.3 * thickness:
-            parts.names[piece.faces] = "top"
+            parts.names[piece.faces] = "item"
     parts.confidence = 0.7
+    return parts
+
+
+def basin_parts(body: Body) -> PartMap:
+    """Name the faces of a washstand: what stands on its top is the basin, or the tap if it is narrow."""
+    parts = cabinet_parts(body)
+    for piece in body.pieces():
+        if (parts.names[piece.faces] == "item").all():
+            parts.names[piece.faces] = "basin" if (piece.size[:2] > 0.25 * body.size[:2].min()).all() else "tap"
+    return parts
+
+
+def other_parts(body: Body) -> PartMap:
+    """A thing of no known kind: a level top if it has one over most of its footprint, and its body."""
+    parts = cabinet_parts(body)
+    top = parts.names == "top"
+    if body.area[top & body.open_up].sum() < 0.6 * float(np.prod(body.size[:2])):
+        return PartMap.filled(len(body.area), "body")
     return parts
 
 

@@ -46,7 +46,7 @@ def _lamp_piece(
         return "shade"
     if reach < 0.3 * radius:
         return "pole" if piece.high[2] > 0.15 * height else "base"
-    if piece.high[2] < 0.5 * height and piece.low[2] < 0.1 * height:
+    if piece.high[2] < 0.65 * height and piece.low[2] < 0.1 * height:
         return "base"
     names = np.full(len(z), "pole", dtype=object)
     wide = np.linalg.norm(body.center[piece.faces, :2], axis=1) > 0.3 * radius
@@ -137,6 +137,18 @@ def plush_parts(body: Body) -> PartMap:
         if piece.size.max() < 0.15 * largest and dark:
             parts.names[piece.faces] = "eye"
     parts.confidence = 0.7
+    return parts
+
+
+def plant_parts(body: Body) -> PartMap:
+    """Name the faces of a potted plant: the pot stands on the ground, the rest are leaves."""
+    parts = PartMap.filled(len(body.area), "leaves")
+    for piece in body.pieces():
+        if piece.low[2] < 0.05 * body.size[2] and piece.high[2] < 0.7 * body.size[2]:
+            parts.names[piece.faces] = "body"
+    if not (parts.names == "body").any():
+        parts.names[:] = "body"
+    parts.confidence = 0.6
     return parts
 
 
