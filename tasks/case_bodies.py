@@ -1,4 +1,4 @@
-"""Solver bodies of a physics case: surfaces, signed distances, graded grids and particles at a resolution fit for the contact."""
+"""Solver bodies of a physics case: surfaces, signed distances, graded grids and particles, fine where contact is expected."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -195,9 +195,8 @@ class Solid:
 
     def touch_point(self, other: "Solid") -> NDArray[np.float64]:
         """Where the two boxes come nearest [m]."""
-        return 0.5 * (
-            np.clip(other.position, self.low, self.high) + np.clip(self.position, other.low, other.high)
-        ).clip(self.low, self.high)
+        middle = 0.5 * (np.clip(other.position, self.low, self.high) + np.clip(self.position, other.low, other.high))
+        return np.asarray(np.clip(middle, self.low, self.high))
 
     def _held(self, planes: tuple[NDArray[np.float64], ...], cell: float) -> NDArray[np.int8]:
         """Nodes of a fixed body within half a cell of its clamped faces."""
