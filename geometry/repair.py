@@ -156,7 +156,7 @@ def subdivide_near(mesh: Mesh, low: FloatArray, high: FloatArray, edge: float) -
         long = near[:, None] & (length > edge * (1.0 + 1e-9))
         if not long.any():
             break
-        mesh = split_edges(mesh, long)
+        mesh, _ = split_edges(mesh, long)
         if len(mesh.faces) > MOST_FACES:
             raise GeometryError(
                 f"refining to {edge} m makes {len(mesh.faces)} faces > {MOST_FACES}; raise the edge length"
@@ -164,8 +164,11 @@ def subdivide_near(mesh: Mesh, low: FloatArray, high: FloatArray, edge: float) -
     return mesh
 
 
-def split_edges(mesh: Mesh, marked: NDArray[np.bool_]) -> Mesh:
-    """Split the marked edges (m, 3) (edge k runs from corner k to k + 1) at their middles, and their faces with them."""
+def split_edges(mesh: Mesh, marked: NDArray[np.bool_]) -> tuple[Mesh, IntArray]:
+    """Split the marked edges (m, 3) (edge k runs from corner k to k + 1) at their middles, and their faces with them.
+
+    Returns the mesh and the face that each of its faces came from.
+    """
     weld = welded(mesh.vertices)
     start, end = mesh.faces.astype(np.int64), np.roll(mesh.faces, -1, axis=1).astype(np.int64)
     count = len(mesh.vertices)
@@ -179,13 +182,14 @@ def split_edges(mesh: Mesh, marked: NDArray[np.bool_]) -> Mesh:
     colors = np.concatenate([mesh.colors, mixed.astype(np.uint8)])
     point = np.full(marked.shape, -1, dtype=np.int64)
     point[marked] = count + middle.reshape(-1)
-    return Mesh(vertices, split_faces(mesh.faces, marked, point, vertices), colors)
+    faces, origin = split_faces(mesh.faces, marked, point, vertices)
+    return Mesh(vertices, faces, colors), origin
 
 
 def split_faces(
     faces: NDArray[np.int32], marked: NDArray[np.bool_], point: IntArray, vertices: FloatArray
-) -> NDArray[np.int32]:
-    """Faces with 0 to 3 new points on their edges as 1 to 4 faces, in the order of the faces they come from."""
+) -> tuple[NDArray[np.int32], IntArray]:
+    """Faces with 0 to 3 new points on their edges as 1 to 4 faces, in the order of the faces they come from; and those."""
     number = marked.sum(axis=1)
     # turn each face so that the odd edge comes first: the only split one, or the only whole one
     turn = np.where(number == 1, np.argmax(marked, axis=1), np.where(number == 2, np.argmin(marked, axis=1), 0))
@@ -205,7 +209,7 @@ def split_faces(
         rows.append((three, np.stack(corners, 1)[three]))
     origin = np.concatenate([r[0] for r in rows])
     order = np.argsort(origin, kind="stable")
-    return np.concatenate([r[1] for r in rows])[order].astype(np.int32)
+    return np.concatenate([r[1] for r in rows])[order].astype(np.int32), origin[order]
 
 
 def mass_properties(mesh: Mesh, density: float) -> tuple[float, FloatArray, FloatArray]:
