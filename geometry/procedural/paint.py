@@ -21,7 +21,7 @@ def painted(mesh: Mesh, painter: Painter | Rgb, *, variation: float = 0.03, seed
     """The mesh coloured by a painter or one colour; `variation` is a soft relative change of brightness."""
     points = mesh.vertices
     base = painter(points) if callable(painter) else np.broadcast_to(np.asarray(painter, float), points.shape)
-    shade = 1 + variation * smooth_noise(points, seed, 0.22) + 0.5 * variation * smooth_noise(points, seed + 1, 0.05)
+    shade = 1 + 0.6 * variation * smooth_noise(points, seed, 0.30) + 0.3 * variation * smooth_noise(points, seed + 1, 0.05)
     return replace(mesh, colors=np.clip(np.rint(base * shade[:, None]), 0, 255).astype(np.uint8))
 
 
@@ -45,14 +45,15 @@ def blend(weight: Array, a: Rgb | Array, b: Rgb | Array) -> Array:
 
 
 def wood(rgb: Rgb, grain: str = "x", seed: int = 0) -> Painter:
-    """Streaks along the axis `grain`."""
+    """Streaks along the axis `grain`; nearly white colours are taken as lacquer and stay calm."""
     along = AXES[grain]
+    contrast = 0.085 if float(np.mean(rgb)) < 200 else 0.015
 
     def paint(points: Array) -> Array:
         stretched = points.copy()
         stretched[:, along] *= 0.12
         streak = smooth_noise(stretched, seed + 11, 0.09) * 0.6 + smooth_noise(stretched, seed + 12, 0.035) * 0.4
-        return np.asarray(rgb, float) * (1 + 0.085 * streak)[:, None]
+        return np.asarray(rgb, float) * (1 + contrast * streak)[:, None]
 
     return paint
 
