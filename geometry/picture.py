@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from geometry.normals import corner_normals
+from geometry.normals import ShadingNormals
 from geometry.raycast import Raycaster
 from geometry.shading import Surface, background, colors_of, gather, shade, visibility
 from scene.errors import GeometryError
@@ -59,10 +59,11 @@ class Camera:
 
     def directions(self, pixels: NDArray[np.floating]) -> Array:
         """Unit world directions of rays through image points (n, 2) = (column, row) [pixels], shape (n, 3)."""
-        local = np.ones((len(pixels), 3))
-        local[:, :2] = (pixels - (0.5 * self.width, 0.5 * self.height)) / self.focal_pixels
-        world = local @ self.world_from_camera.T
-        return np.asarray(world / np.linalg.norm(world, axis=1, keepdims=True), dtype=np.float32)
+        local = (pixels - (0.5 * self.width, 0.5 * self.height)) / self.focal_pixels
+        right, down, forward = self.world_from_camera.T
+        world = local[:, :1] * right + local[:, 1:] * down + forward
+        length = np.sqrt(1.0 + np.einsum("ij,ij->i", local, local))
+        return np.asarray(world / length[:, None], dtype=np.float32)
 
     def project(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """Image points (column, row) [pixels] and depth [m] of world points (n, 3), shape (n, 3)."""
@@ -104,6 +105,15 @@ def picture(meshes: Sequence[Mesh], camera: Camera, *, samples: int = 2, shadows
     )
 
 
+def seen_meshes(meshes: Sequence[Mesh], camera: Camera) -> NDArray[np.int32]:
+    """Index of the mesh seen in the middle of each pixel, -1 where nothing is, shape (h, w)."""
+    owner = np.repeat(np.arange(len(meshes)), [len(m.faces) for m in meshes]).astype(np.int32)
+    direction = camera.directions(pixel_centers(camera))
+    origin = np.broadcast_to(np.asarray(camera.position, dtype=np.float32), direction.shape)
+    face = Raycaster(Mesh.concatenate(list(meshes))).cast(origin, direction).face
+    return np.append(owner, np.int32(-1))[face].reshape(camera.height, camera.width)
+
+
 class World:
     """The meshes as the camera sees them: one acceleration structure, colours, normals and the light."""
 
@@ -121,8 +131,7 @@ class World:
         self.light = np.array([0.62 * flat[0], 0.62 * flat[1], 0.785])
         self.light /= np.linalg.norm(self.light)
         self.reach = float(np.linalg.norm(np.asarray(camera.target) - camera.position))
-        self._corner_normal = np.zeros((0, 3, 3), dtype=np.float32)
-        self._slot = np.full(len(self.mesh.faces), -1, dtype=np.int64)
+        self.normals = ShadingNormals(self.mesh)
 
     def look(self, direction: Array) -> Surface:
         """What rays from the camera meet."""
@@ -132,14 +141,13 @@ class World:
         face, weight = hits.face[seen], hits.barycentric[seen].astype(np.float32)
         flat = hits.normal.astype(np.float32)
         smooth = flat.copy()
-        smooth[seen] = np.einsum("ni,nij->nj", weight, self.corner_normals(face))
+        smooth[seen] = np.einsum("ni,nij->nj", weight, self.normals.of(face))
         away = np.einsum("ij,ij->i", flat, direction) > 0.0
         flat[away] *= -1.0
         smooth[away] *= -1.0
         # a shading normal that points away from the viewer would shade the wrong side: bend it back to the face's own
         smooth = np.where((np.einsum("ij,ij->i", smooth, flat) > 0.1)[:, None], smooth, flat)
-        size = np.linalg.norm(smooth, axis=1, keepdims=True)
-        smooth = np.divide(smooth, size, out=smooth, where=size > 0.0)
+        smooth /= np.maximum(np.sqrt(np.einsum("ij,ij->i", smooth, smooth)), np.float32(1e-12))[:, None]
         color = np.zeros_like(flat)
         color[seen] = np.einsum("ni,nij->nj", weight, self.colors[self.mesh.faces[face]])
         index = np.full(len(direction), -1, dtype=np.int32)
@@ -147,14 +155,6 @@ class World:
         return Surface(
             direction, hits.distance.astype(np.float32), hits.position.astype(np.float32), flat, smooth, color, index
         )
-
-    def corner_normals(self, face: NDArray[np.int32]) -> Array:
-        """Shading normals at the corners of faces (n,), computed once per face, shape (n, 3, 3)."""
-        fresh = np.unique(face[self._slot[face] < 0])
-        if len(fresh):
-            self._slot[fresh] = len(self._corner_normal) + np.arange(len(fresh))
-            self._corner_normal = np.concatenate([self._corner_normal, corner_normals(self.mesh, fresh)])
-        return np.asarray(self._corner_normal[self._slot[face]])
 
     def shaded(self, surface: Surface, light: Array) -> Array:
         """Linear colours of the rays that made the surface, with light (n, 2) = (key, ambient) reaching each, (n, 3)."""

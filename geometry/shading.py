@@ -105,21 +105,18 @@ def key_share(
     caster: Raycaster, origin: Array, normal: Array, tile: NDArray[np.int64], key: NDArray[np.float64], reach: float
 ) -> Array:
     """Share of the key light's disc that is not hidden, shape (n,)."""
-    side, other = (v.astype(np.float32) for v in frame(key[None, :]))
+    side, other = frame(key[None, :])
     share = np.zeros(len(origin), dtype=np.float32)
     for ray in range(KEY_RAYS):
-        u, v = sequence(ray * TILE * TILE + tile)
-        radius, angle = LIGHT_RADIUS * np.sqrt(u), 2.0 * np.pi * v
-        direction = (
-            key.astype(np.float32)
-            + (radius * np.cos(angle))[:, None] * side
-            + (radius * np.sin(angle))[:, None] * other
-        )
-        direction /= np.linalg.norm(direction, axis=1, keepdims=True)
-        toward = np.einsum("ij,ij->i", direction, normal) > 0.0
-        limit = reach * (0.5 + 0.5 * sequence(ray * TILE * TILE + tile + 977)[0])  # fades out instead of ending
-        clear = ~caster.occluded(origin[toward], direction[toward], limit[toward])
-        share[toward] += clear
+        u, v = sequence(ray * TILE * TILE + np.arange(TILE * TILE))
+        radius, angle = LIGHT_RADIUS * np.sqrt(u)[:, None], 2.0 * np.pi * v[:, None]
+        table = key.astype(np.float32) + radius * np.cos(angle) * side + radius * np.sin(angle) * other
+        table /= np.linalg.norm(table, axis=1, keepdims=True)
+        # the reach varies, so that shadows fade out with distance instead of ending
+        limits = reach * (0.5 + 0.5 * sequence(977 + ray * TILE * TILE + np.arange(TILE * TILE))[0])
+        direction = table.astype(np.float32)[tile]
+        toward = np.flatnonzero(np.einsum("ij,ij->i", direction, normal) > 0.0)
+        share[toward] += ~caster.occluded(origin[toward], direction[toward], limits[tile[toward]])
     return share / KEY_RAYS
 
 
@@ -130,15 +127,14 @@ def sky_share(
     side, other = frame(normal)
     share = np.zeros(len(origin), dtype=np.float32)
     for ray in range(SKY_RAYS):
-        u, v = sequence(ray * TILE * TILE + tile + 131)
-        radius, angle = np.sqrt(u), 2.0 * np.pi * v
-        direction = (radius * np.cos(angle))[:, None] * side + (radius * np.sin(angle))[:, None] * other
-        direction += np.sqrt(1.0 - u)[:, None] * normal
+        u, v = sequence(131 + ray * TILE * TILE + np.arange(TILE * TILE))
+        x, y, z = np.sqrt(u) * np.cos(2.0 * np.pi * v), np.sqrt(u) * np.sin(2.0 * np.pi * v), np.sqrt(1.0 - u)
+        limits = reach * sequence(1553 + ray * TILE * TILE + np.arange(TILE * TILE))[1] ** 2
+        direction = x[tile][:, None] * side + y[tile][:, None] * other + z[tile][:, None] * normal
         # mirrored at the face: a shading normal may lean over it
         depth = np.minimum(np.einsum("ij,ij->i", direction, flat), 0.0)
         direction -= 2.0 * depth[:, None] * flat
-        limit = reach * sequence(ray * TILE * TILE + tile + 1553)[1] ** 2
-        share += ~caster.occluded(origin, direction, limit)
+        share += ~caster.occluded(origin, direction, limits[tile])
     return share / SKY_RAYS
 
 

@@ -10,13 +10,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, NonNegativeFloat, PositiveFloat, PositiveInt
-from scipy.ndimage import binary_dilation, binary_erosion
+from scipy.ndimage import binary_closing, binary_erosion
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation as Turn
 
 from geometry.cutaway import cut_faces
 from geometry.deform import displaced
-from geometry.picture import Camera, picture, pixel_centers
+from geometry.picture import Camera, picture, pixel_centers, seen_meshes
 from geometry.raycast import Raycaster
 from scene.anchor import Anchor
 from scene.mesh import Mesh
@@ -31,7 +31,7 @@ Array = NDArray[np.float64]
 RIGID_TOLERANCE = 1e-6  # a surface that is this close [m] to a turned and moved copy of its start did not deform
 SEEN_POINTS = 400  # surface points of the object whose visibility ranks the views
 FRONT_BONUS = 0.25  # preference for the front over the side, in units of visible share
-TINT = np.array([255.0, 122.0, 26.0])
+TINTS = np.array([[255.0, 122.0, 26.0], [0.0, 172.0, 240.0]])
 TINT_SHARE, LINE_SHARE = 0.30, 0.85  # opacity of the contact patch and of its outline
 LEAST_PATCH = 1.5e-3  # a contact point stands for a disc of at least this radius [m]
 STUDIO_COLOR = (214, 212, 209)  # a floor for scenes that have none; close to the backdrop
@@ -223,9 +223,9 @@ def visible_share(caster: Raycaster, points: Array, normals: Array, camera: Arra
 
 def visible_fraction(scene: Segmentation, thing: Mesh, camera: Camera) -> float:
     """Pixels of the object in the scene over its pixels alone."""
-    alone = picture([thing], camera, samples=1, shadows=False).mesh_index == 0
+    alone = seen_meshes([thing], camera) == 0
     meshes = shown(scene, camera)
-    seen = picture([*meshes, thing], camera, samples=1, shadows=False).mesh_index == len(meshes)
+    seen = seen_meshes([*meshes, thing], camera) == len(meshes)
     return float(seen.sum() / alone.sum()) if alone.any() else 0.0
 
 
@@ -274,15 +274,19 @@ def patch_radius(contact: Array) -> float:
         return 4.0 * LEAST_PATCH
     spacing = np.median(cKDTree(contact).query(contact, k=2)[0][:, 1])
     extent = float(np.linalg.norm(np.ptp(contact, axis=0)))
-    return float(np.clip(1.2 * spacing, LEAST_PATCH, max(0.12 * extent, LEAST_PATCH)))
+    return float(np.clip(1.6 * spacing, LEAST_PATCH, max(0.12 * extent, LEAST_PATCH)))
 
 
 def tinted(rgb: NDArray[np.uint8], mask: NDArray[np.bool_]) -> NDArray[np.uint8]:
-    """A picture with the masked pixels tinted and outlined."""
+    """A picture with the masked pixels tinted and outlined, in the colour that differs more from what is there."""
     width = max(1, round(len(rgb) / 512))
-    line = binary_dilation(mask, iterations=width) & ~binary_erosion(mask, iterations=width)
+    mask = binary_closing(np.pad(mask, 8 * width), iterations=4 * width)[8 * width : -8 * width, 8 * width : -8 * width]
+    if not mask.any():
+        return rgb
+    tint = TINTS[int(np.argmax(np.linalg.norm(TINTS - rgb[mask].mean(axis=0), axis=1)))]
+    line = mask & ~binary_erosion(mask, iterations=width)
     share = np.where(line, LINE_SHARE, np.where(mask, TINT_SHARE, 0.0))[..., None]
-    return np.asarray(np.round(rgb * (1.0 - share) + TINT * share), dtype=np.uint8)
+    return np.asarray(np.round(rgb * (1.0 - share) + tint * share), dtype=np.uint8)
 
 
 render_task = stage(render)
