@@ -31,6 +31,8 @@ class RegionRequest:
     """Instance ids or 'part:NAME' that near / next_to / between refer to."""
     words: str
     """The words it was read from."""
+    which: str = ""
+    """Which of several parts of that name: left, right, top, bottom, middle or a number counted from below; or empty."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)

@@ -1,0 +1,178 @@
+"""Where on a surface an object fits, and how high above it it must start.
+
+In: the scene, which of its faces are the support, and the object in its orientation. Out: the spot nearest to a wished point where
+the object's underside is over the support and nothing else is in the way, and the lift that leaves a given clearance.
+
+The object's underside and the scene below it are sampled by vertical rays on one grid, so that overhangs of the object
+(the handle of a mug) may reach over lower neighbours. The final gap is measured from the vertices of both meshes as well.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from geometry.raycast import Raycaster
+from geometry.regions import Region, inside
+from scene.mesh import Mesh
+
+Array = NDArray[np.float64]
+HEADROOM = 0.03
+"""Free height over the object while it is looked for a place [m]: the clearance and some slack."""
+STEPPED = 0.015
+"""Neighbours that lift the object by less than this do not count as being in the way [m]: scan noise, seams."""
+LOWEST = 0.08
+"""The underside that must be supported: what lies within this share of the height over the lowest point [-]."""
+SHARES = (0.97, 0.85, 0.7, 0.5)
+"""Shares of the underside that shall be over the support, best first; with less than half the object tips."""
+SAMPLES = 24
+"""Samples along the object's shorter horizontal side [-]."""
+FINEST, COARSEST = 0.003, 0.025
+"""Limits of the sampling distance [m]."""
+MOST_SAMPLES = 600_000
+"""Rays for one surface; larger ones are sampled more coarsely."""
+BATCH = 256
+
+
+@dataclass(frozen=True, slots=True)
+class Spot:
+    """A place for the object."""
+
+    x: float
+    """Where the object's origin goes [m]."""
+    y: float
+    share: float
+    """Share of the underside over the support [-]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Refusal:
+    """Why there is none."""
+
+    hit: bool
+    """Whether any ray in the region met the support."""
+    best_share: float
+    """Largest supported share of the underside without anything in the way [-]."""
+    blocked: float
+    """Share of the aimed-at spots where something is in the way [-]."""
+
+
+class Landing:
+    """One object over one support: both sampled once, then asked for places."""
+
+    def __init__(self, caster: Raycaster, is_support: NDArray[np.bool_], item: Mesh, low: Array, high: Array) -> None:
+        """`item`: oriented, its origin at the point that goes over the spot. `low`, `high`: the support's bounds [m]."""
+        self.caster, self.is_support = caster, is_support
+        size = np.ptp(item.bounds, axis=0)
+        self.height = float(size[2])
+        area = float(np.prod(high[:2] - low[:2] + 2.0 * size[:2]))
+        cell = float(np.clip(size[:2].min() / SAMPLES, FINEST, COARSEST))
+        self.cell = max(cell, float(np.sqrt(area / MOST_SAMPLES)))
+        self.top = float(high[2]) + self.height + HEADROOM
+        self._sample_item(item)
+        reach = np.abs(item.bounds[:, :2]).max(axis=0) + 2 * self.cell
+        self.origin = low[:2] - reach
+        self.count = np.ceil((high[:2] + reach - self.origin) / self.cell).astype(int) + 1
+
+    def _sample_item(self, item: Mesh) -> None:
+        """Height of the underside over the object's origin on the grid."""
+        low = np.floor(item.bounds[0, :2] / self.cell).astype(int)
+        high = np.ceil(item.bounds[1, :2] / self.cell).astype(int)
+        i, j = (
+            k.ravel()
+            for k in np.meshgrid(*(np.arange(a, b + 1) for a, b in zip(low, high, strict=True)), indexing="ij")
+        )
+        start = np.c_[i * self.cell, j * self.cell, np.full(len(i), item.bounds[0, 2] - 1.0)]
+        hits = Raycaster(item).cast(start, np.tile([0.0, 0.0, 1.0], (len(i), 1)))
+        hit = hits.face >= 0
+        self.offset = np.c_[i[hit], j[hit]]
+        self.under = start[hit, 2] + hits.distance[hit]
+        self.lowest = self.under <= self.under.min() + max(LOWEST * self.height, 0.004)
+
+    @cached_property
+    def surface(self) -> tuple[Array, NDArray[np.bool_]]:
+        """Height under each grid point (inf where blocked, -inf where nothing is) and whether it is the support."""
+        i, j = np.meshgrid(np.arange(self.count[0]), np.arange(self.count[1]), indexing="ij")
+        start = np.c_[self.origin + self.cell * np.c_[i.ravel(), j.ravel()], np.full(i.size, self.top)]
+        hits = self.caster.cast(start, np.tile([0.0, 0.0, -1.0], (i.size, 1)))
+        hit = hits.face >= 0
+        height = np.where(hit, self.top - hits.distance, -np.inf)
+        support = np.zeros(i.size, dtype=bool)
+        support[hit] = self.is_support[hits.face[hit]]
+        upward = hits.normal[:, 2] >= 0
+        # a face seen from behind: the ray began inside something; where the support itself is wound so, nothing is said
+        if support.any() and upward[support].mean() > 0.8:
+            height[hit & ~upward & (hits.normal[:, 2] < -0.1)] = np.inf
+            support &= np.isfinite(height)
+        return height.reshape(i.shape), support.reshape(i.shape)
+
+    def find(self, region: Region, share: float) -> Spot | None:
+        """The spot nearest to the region's target that has this much support and nothing in the way."""
+        for batch in self._batches(region):
+            lift, supported, _ = self._judge(batch)
+            good = np.flatnonzero((lift <= STEPPED) & (supported >= share))
+            if len(good):
+                x, y = self.origin + self.cell * batch[good[0]]
+                return Spot(float(x), float(y), float(supported[good[0]]))
+        return None
+
+    def refusal(self, region: Region) -> Refusal:
+        """Why the region has no spot."""
+        best, blocked, total = 0.0, 0, 0
+        for batch in self._batches(region):
+            lift, supported, _ = self._judge(batch)
+            free = lift <= STEPPED
+            best = max(best, float(supported[free].max(initial=0.0)))
+            blocked, total = blocked + int((~free).sum()), total + len(batch)
+        return Refusal(total > 0, best, blocked / max(total, 1))
+
+    def _batches(self, region: Region) -> Iterator[NDArray[np.int64]]:
+        """Grid points of the region that are over the support, nearest to the target first."""
+        _, support = self.surface
+        index = np.argwhere(support)
+        position = self.origin + self.cell * index
+        keep = inside(region.polygon, position, margin=1e-6)
+        index, position = index[keep], position[keep]
+        reach = self.offset.min(axis=0), self.offset.max(axis=0)
+        fits = ((index + reach[0] >= 0) & (index + reach[1] < self.count)).all(axis=1)
+        index, position = index[fits], position[fits]
+        distance = np.linalg.norm(position - region.target, axis=1)
+        order = np.lexsort((index[:, 1], index[:, 0], np.round(distance, 6)))
+        for begin in range(0, len(order), BATCH):
+            yield index[order[begin : begin + BATCH]]
+
+    def _judge(self, index: NDArray[np.int64]) -> tuple[Array, Array, Array]:
+        """For each grid point: how much others lift the object [m], the supported share, the height of the origin [m]."""
+        height, support = self.surface
+        rows = index[:, :1] + self.offset[:, 0]
+        columns = index[:, 1:] + self.offset[:, 1]
+        below, on = height[rows, columns], support[rows, columns]
+        needed = below - self.under
+        alone = np.where(on, needed, -np.inf).max(axis=1)
+        everything = needed.max(axis=1)
+        with np.errstate(invalid="ignore"):
+            lift = np.where(np.isfinite(alone), everything - alone, np.inf)
+        return lift, on[:, self.lowest].mean(axis=1), everything
+
+    def start_height(self, spot: Spot) -> float:
+        """Height of the origin at which the sampled underside touches [m]."""
+        index = np.rint((np.array([[spot.x, spot.y]]) - self.origin) / self.cell).astype(np.int64)
+        return float(self._judge(index)[2][0])
+
+
+def vertical_gap(item: Mesh, item_caster: Raycaster, scene: Mesh, scene_caster: Raycaster, limit: float) -> float:
+    """Smallest vertical distance from the object down to the scene, from the vertices of both [m]; inf if nothing is below.
+
+    `limit`: scene vertices higher than this are not below the object [m].
+    """
+    down, up = np.array([[0.0, 0.0, -1.0]]), np.array([[0.0, 0.0, 1.0]])
+    used = item.vertices[np.unique(item.faces)]
+    first = scene_caster.cast(used, np.repeat(down, len(used), axis=0)).distance
+    low, high = item.bounds
+    x, y, z = scene.vertices.T
+    beneath = (x >= low[0]) & (x <= high[0]) & (y >= low[1]) & (y <= high[1]) & (z < limit)
+    points = scene.vertices[beneath]
+    second = item_caster.cast(points, np.repeat(up, len(points), axis=0)).distance
+    return float(min(first.min(initial=np.inf), second.min(initial=np.inf)))

@@ -1,0 +1,248 @@
+"""Words such as "left edge" or "next to the pillow" as areas of a horizontal surface.
+
+In: the frame of a part (its box, and the side from which a viewer looks at the furniture's front) and region names. Out: areas with
+a point to aim at, best first. Left and right are the viewer's, front is the viewer's side, back and head are the far side.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scene.box import OrientedBox
+
+Array = NDArray[np.float64]
+CENTER = 0.35
+"""Half width of the central area over the part's half extent [-]."""
+EDGE = 0.35
+"""Depth of an edge area over the part's half extent [-]."""
+END = 0.3
+"""Head and foot begin this far from the middle, over the half extent [-]."""
+NEAR, NEXT = 0.5, 0.15
+"""Near ends this far from the reference's box, next to this far, both plus the object's radius [m]."""
+SIDES = {"left": (-1, 0), "right": (1, 0), "front": (0, 1), "back": (0, -1), "head": (0, -1), "foot": (0, 1)}
+"""Directions (right, front)."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Frame:
+    """A part's rectangle seen by the viewer."""
+
+    center: Array
+    """World xy [m], shape (2,)."""
+    right: Array
+    """Unit vector to the viewer's right, shape (2,)."""
+    front: Array
+    """Unit vector towards the viewer, shape (2,)."""
+    half: Array
+    """Half extents along right and front [m], shape (2,)."""
+
+    def world(self, local: object) -> Array:
+        """Points (..., 2) given as right and front, -1..1, in world xy [m]."""
+        scaled = np.asarray(local, dtype=np.float64) * self.half
+        return np.asarray(self.center + scaled[..., :1] * self.right + scaled[..., 1:] * self.front)
+
+    def local(self, points: Array) -> Array:
+        """World xy points (..., 2) as right and front, -1..1."""
+        offset = np.asarray(points) - self.center
+        both = np.stack([offset @ self.right, offset @ self.front], axis=-1)
+        return np.asarray(both / np.maximum(self.half, 1e-9))
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Region:
+    """An area and where in it to aim."""
+
+    polygon: Array
+    """World xy [m], convex, counter-clockwise, shape (k, 2)."""
+    target: Array
+    """World xy [m], shape (2,)."""
+
+
+def frame_of(box: OrientedBox, front: Array | None, room_center: Array) -> Frame:
+    """The frame of a part: the box side that looks most like the front; without a front the long side towards the room."""
+    axes, half = box.axes[:2, :2], box.half_extents[:2]
+    sides = [(axes[:, k] * sign, k) for k in (0, 1) for sign in (1.0, -1.0)]
+    if front is not None and np.linalg.norm(front[:2]) > 0:
+        direction, axis = max(sides, key=lambda s: float(s[0] @ front[:2]))
+    else:
+        axis = 1 if half[0] >= half[1] else 0
+        direction = axes[:, axis]
+        inward = float(direction @ (room_center[:2] - box.center[:2]))
+        # in the middle of the room neither long side is nearer: the viewer stands towards -y, as on a floor plan
+        away = inward < 0 if abs(inward) > 0.1 else float(direction @ (0.01, 1.0)) > 0
+        direction = -direction if away else direction
+    right = np.array([-direction[1], direction[0]])  # z x front
+    return Frame(box.center[:2].copy(), right, np.asarray(direction), np.array([half[1 - axis], half[axis]]))
+
+
+def regions(frame: Frame, names: Sequence[str], references: Sequence[OrientedBox], radius: float) -> list[Region]:
+    """Areas for the names, best first; the whole part where nothing is asked."""
+    beside = [n for n in names if n in ("near", "next_to", "between", "under")]
+    if beside and references:
+        area = beside_region(frame, beside[0], names, references, radius)
+        return [area] if area is not None else []
+    directions = [SIDES[n] for n in names if n in SIDES]
+    if "corner" in names:
+        return [strip(frame, d, radius) for d in corner_directions(directions)]
+    if "edge" in names:
+        return [strip(frame, d, radius) for d in edge_directions(frame, directions)]
+    if directions:
+        return [half_region(frame, names)]
+    if "center" in names or "middle" in names:
+        return [rectangle(frame, (-CENTER, -CENTER), (CENTER, CENTER), (0.0, 0.0))]
+    return [rectangle(frame, (-1.0, -1.0), (1.0, 1.0), (0.0, 0.0))]
+
+
+def rectangle(frame: Frame, low: Sequence[float], high: Sequence[float], target: Sequence[float]) -> Region:
+    """A rectangle in the part's frame."""
+    ring = [(low[0], low[1]), (high[0], low[1]), (high[0], high[1]), (low[0], high[1])]
+    return Region(counter_clockwise(frame.world(ring)), frame.world(target))
+
+
+def half_region(frame: Frame, names: Sequence[str]) -> Region:
+    """Left half, back half, head, the front left quarter ..."""
+    low, high = np.array([-1.0, -1.0]), np.array([1.0, 1.0])
+    target = np.zeros(2)
+    for name in names:
+        if name not in SIDES:
+            continue
+        axis = 0 if SIDES[name][0] else 1
+        sign = SIDES[name][axis]
+        bound = END if name in ("head", "foot") else 0.0
+        if sign > 0:
+            low[axis] = max(low[axis], bound)
+        else:
+            high[axis] = min(high[axis], -bound)
+        target[axis] = sign * (1.0 + bound) / 2.0
+    if (low >= high).any():  # "left" and "right" at once: what is common to both is the middle
+        return rectangle(frame, (-CENTER, -1.0), (CENTER, 1.0), (0.0, 0.0))
+    return rectangle(frame, low.tolist(), high.tolist(), target.tolist())
+
+
+def corner_directions(directions: Sequence[tuple[int, int]]) -> list[tuple[int, int]]:
+    """The asked corner, or all that fit, those at the viewer's side first."""
+    right = next((d[0] for d in directions if d[0]), 0)
+    front = next((d[1] for d in directions if d[1]), 0)
+    corners = [(1, 1), (-1, 1), (1, -1), (-1, -1)]
+    return [c for c in corners if right in (0, c[0]) and front in (0, c[1])]
+
+
+def edge_directions(frame: Frame, directions: Sequence[tuple[int, int]]) -> list[tuple[int, int]]:
+    """The asked edge, or all four, the viewer's first, then the longer ones."""
+    if directions:
+        return [(sum(d[0] for d in directions), sum(d[1] for d in directions))]
+    sides = [(0, 1), (1, 0), (-1, 0), (0, -1)] if frame.half[0] >= frame.half[1] else [(1, 0), (-1, 0), (0, 1), (0, -1)]
+    return sides
+
+
+def strip(frame: Frame, direction: tuple[int, int], radius: float) -> Region:
+    """The outer strip on one side, or the outer corner on two."""
+    low, high, target = [-1.0, -1.0], [1.0, 1.0], [0.0, 0.0]
+    for axis in (0, 1):
+        depth = min(1.0, max(EDGE, 1.5 * radius / max(float(frame.half[axis]), 1e-9)))
+        if direction[axis] > 0:
+            low[axis], target[axis] = 1.0 - depth, 1.0
+        elif direction[axis] < 0:
+            high[axis], target[axis] = depth - 1.0, -1.0
+    return rectangle(frame, low, high, target)
+
+
+def beside_region(
+    frame: Frame, relation: str, names: Sequence[str], references: Sequence[OrientedBox], radius: float
+) -> Region | None:
+    """Near, next to, between or under other things, cut to the part; None if that leaves nothing."""
+    rings = [box.corners[:4, :2] for box in references]
+    middle = np.mean([box.center[:2] for box in references], axis=0)
+    reach = radius + {"near": NEAR, "next_to": NEXT, "between": 0.0, "under": 0.0}[relation]
+    if relation == "between" and len(references) > 1:
+        polygon = grown(np.array([box.center[:2] for box in references]), max(radius, 0.1))
+    else:
+        polygon = grown(np.concatenate(rings), reach)
+    target = middle
+    for name in names:
+        if name in SIDES and relation in ("near", "next_to"):
+            direction = SIDES[name][0] * frame.right + SIDES[name][1] * frame.front
+            polygon = clipped_half_plane(polygon, middle, -direction)
+            target = target + direction * (float(np.max((rings[0] - middle) @ direction)) + radius)
+    whole = rectangle(frame, (-1.0, -1.0), (1.0, 1.0), (0.0, 0.0)).polygon
+    polygon = clipped(polygon, whole)
+    if len(polygon) < 3:
+        return None
+    return Region(polygon, closest_inside(frame, target))
+
+
+def closest_inside(frame: Frame, point: Array) -> Array:
+    """The point moved on to the part's rectangle [m], shape (2,)."""
+    return frame.world(np.clip(frame.local(point), -1.0, 1.0))
+
+
+# polygons -----------------------------------------------------------------------------------------------------------
+
+
+def counter_clockwise(polygon: Array) -> Array:
+    """The same ring, counter-clockwise."""
+    x, y = polygon.T
+    area = float(np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y))
+    return polygon if area >= 0 else polygon[::-1].copy()
+
+
+def grown(points: Array, distance: float) -> Array:
+    """Convex hull of discs about points, as the hull of 16-gons [m], shape (k, 2)."""
+    angle = 2.0 * np.pi * np.arange(16) / 16
+    circle = max(distance, 1e-3) * np.c_[np.cos(angle), np.sin(angle)]
+    return convex_hull((points[:, None] + circle).reshape(-1, 2))
+
+
+def convex_hull(points: Array) -> Array:
+    """Convex hull, counter-clockwise (Andrew's monotone chain), shape (k, 2)."""
+    order = np.unique(np.round(points, 9), axis=0)
+
+    def chain(sequence: Array) -> list[Array]:
+        hull: list[Array] = []
+        for p in sequence:
+            while len(hull) > 1 and turn(hull[-2], hull[-1], p) <= 0:
+                hull.pop()
+            hull.append(p)
+        return hull[:-1]
+
+    return np.array([*chain(order), *chain(order[::-1])])
+
+
+def turn(a: Array, b: Array, c: Array) -> float:
+    """Twice the signed area of a triangle [m^2]: positive for a left turn."""
+    return float((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]))
+
+
+def clipped(polygon: Array, window: Array) -> Array:
+    """A convex polygon cut to a convex counter-clockwise window (Sutherland and Hodgman 1974), shape (k, 2)."""
+    for a, b in zip(window, np.roll(window, -1, axis=0), strict=True):
+        outward = np.array([b[1] - a[1], a[0] - b[0]])
+        polygon = clipped_half_plane(polygon, a, outward)
+        if len(polygon) == 0:
+            break
+    return polygon
+
+
+def clipped_half_plane(polygon: Array, point: Array, outward: Array) -> Array:
+    """What of a polygon lies behind a line."""
+    distance = (polygon - point) @ outward
+    kept: list[Array] = []
+    for k in range(len(polygon)):
+        following = (k + 1) % len(polygon)
+        if distance[k] <= 0:
+            kept.append(polygon[k])
+        if (distance[k] < 0 < distance[following]) or (distance[following] < 0 < distance[k]):
+            share = distance[k] / (distance[k] - distance[following])
+            kept.append(polygon[k] + share * (polygon[following] - polygon[k]))
+    return np.array(kept).reshape(-1, 2)
+
+
+def inside(polygon: Array, points: Array, *, margin: float = 1e-9) -> NDArray[np.bool_]:
+    """Which points (n, 2) lie in a convex counter-clockwise polygon, shape (n,)."""
+    within = np.ones(len(points), dtype=bool)
+    for a, b in zip(polygon, np.roll(polygon, -1, axis=0), strict=True):
+        edge = b - a
+        within &= edge[0] * (points[:, 1] - a[1]) - edge[1] * (points[:, 0] - a[0]) >= -margin
+    return within

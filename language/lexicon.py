@@ -1,0 +1,193 @@
+"""The words that the offline reader knows: things with sizes and masses, parts, and phrases, from CSV files beside it.
+
+In: `lexicon/*.csv`. Out: frozen rows, and one vocabulary that maps word sequences to what they may mean. Every word that
+means something to the grammar stands in those files; the code knows kinds of words, never the words.
+"""
+
+import csv
+import re
+import unicodedata
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from types import MappingProxyType
+
+from scene.errors import InputError
+
+FOLDER = Path(__file__).resolve().parent
+THINGS = "lexicon/things.csv"
+PARTS = "lexicon/parts.csv"
+PHRASES = "lexicon/phrases.csv"
+DEFAULTS = "lexicon/defaults.csv"
+Words = tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Thing:
+    """A category of household things."""
+
+    id: str
+    parent: str
+    """More general category, or empty."""
+    size: tuple[float, float, float]
+    """Typical extents, largest first [m]."""
+    spread: float
+    """Real ones are between size / spread and size * spread [-]."""
+    mass: float
+    """Typical mass at that size [kg]."""
+    hollow: bool
+    """Its mass is not density times the volume of its closed mesh."""
+    rest: str
+    """How it lies when nothing is said: upright, flat or any."""
+    materials: Mapping[str, str]
+    """Material id by part name."""
+
+
+@dataclass(frozen=True, slots=True)
+class PartWord:
+    """A kind of part."""
+
+    id: str
+    owners: tuple[str, ...]
+    """Things that have it."""
+    material: str
+    """Usual material id."""
+
+
+@dataclass(frozen=True, slots=True, order=True)
+class Meaning:
+    """One thing that a phrase may mean."""
+
+    kind: str
+    """thing, part, verb, relation, region, side, pose, face, ..."""
+    value: str
+    plural: bool = False
+
+
+def rows(name: str) -> Iterator[dict[str, str]]:
+    """Rows of one lexicon file."""
+    with (FOLDER / name).open(newline="", encoding="utf-8") as text:
+        for row in csv.DictReader(text):
+            if None in row or None in row.values():
+                raise InputError(f"{FOLDER / name}: row {next(iter(row.values()))!r} has a wrong number of fields")
+            yield row
+
+
+@cache
+def things() -> Mapping[str, Thing]:
+    """All things by id."""
+    return MappingProxyType({row["id"]: thing_row(row) for row in rows(THINGS)})
+
+
+def thing_row(row: Mapping[str, str]) -> Thing:
+    """One row of things.csv."""
+    size = sorted((float(s) for s in row["size_m"].split("x")), reverse=True)
+    pairs = (entry.split("=") for entry in row["materials"].split("|") if entry)
+    return Thing(
+        id=row["id"],
+        parent=row["parent"],
+        size=(size[0], size[1], size[2]),
+        spread=float(row["spread"]),
+        mass=float(row["mass_kg"]),
+        hollow=row["hollow"] == "1",
+        rest=row["rest"],
+        materials=MappingProxyType({part: material for part, material in pairs}),
+    )
+
+
+@cache
+def part_words() -> Mapping[str, PartWord]:
+    """All kinds of parts by id."""
+    return MappingProxyType(
+        {row["id"]: PartWord(row["id"], tuple(row["owners"].split("|")), row["material"]) for row in rows(PARTS)}
+    )
+
+
+@cache
+def default_parts() -> Mapping[str, tuple[str, ...]]:
+    """Parts of a base that carry things, best first."""
+    return MappingProxyType({row["base"]: tuple(row["parts"].split("|")) for row in rows(DEFAULTS)})
+
+
+@cache
+def inside_parts() -> Mapping[str, str]:
+    """The part that `in` means."""
+    return MappingProxyType({row["base"]: row["inside"] for row in rows(DEFAULTS) if row["inside"]})
+
+
+def lineage(thing_id: str) -> Iterator[str]:
+    """The thing, its parent, its parent's parent ..."""
+    while thing_id:
+        yield thing_id
+        thing_id = things()[thing_id].parent if thing_id in things() else ""
+
+
+def is_a(thing_id: str, ancestor: str) -> bool:
+    """Whether one category is the other or a kind of it."""
+    return ancestor in lineage(thing_id)
+
+
+def plural(word: str) -> str:
+    """Regular English plural of the last word."""
+    if re.search(r"(s|x|z|ch|sh)$", word):
+        return word + "es"
+    if re.search(r"[^aeiou]y$", word):
+        return word[:-1] + "ies"
+    return word + "s"
+
+
+def split_words(text: str) -> list[str]:
+    """Lower-case words; marks that separate clauses come out as `,`."""
+    plain = unicodedata.normalize("NFKC", text).casefold()
+    return [w if w[0].isalnum() else "," for w in re.findall(r"[^\W_]+|[,.;:!?]", plain)]
+
+
+@cache
+def vocabulary() -> Mapping[Words, frozenset[Meaning]]:
+    """What every known phrase may mean."""
+    found: dict[Words, set[Meaning]] = {}
+
+    def add(text: str, kind: str, value: str, *, is_plural: bool = False) -> None:
+        if text:
+            found.setdefault(tuple(split_words(text)), set()).add(Meaning(kind, value, is_plural))
+
+    for kind, file in (("thing", THINGS), ("part", PARTS)):
+        for row in rows(file):
+            names = [row["id"], *(name for name in row["synonyms"].split("|") if name)]
+            for name in names:
+                add(name, kind, row["id"])
+            irregular = row["plural"]
+            add(irregular, kind, row["id"], is_plural=True)
+            for name in names[1 if irregular else 0 :]:
+                if (tuple(split_words(plural(name)))) not in found:
+                    add(plural(name), kind, row["id"], is_plural=True)
+    for row in rows(PHRASES):
+        for text in row["phrases"].split("|"):
+            add(text, row["kind"], row["value"])
+    return MappingProxyType({words: frozenset(meanings) for words, meanings in found.items()})
+
+
+@cache
+def longest_phrase() -> int:
+    """Words in the longest known phrase."""
+    return max(len(words) for words in vocabulary())
+
+
+def label_words(label: str) -> list[str]:
+    """Words of a file stem, node name or label: 'TableLamp_02' -> ['table', 'lamp']."""
+    spaced = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", label)
+    words = split_words(re.sub(r"[\d_]+", " ", spaced))
+    return words[: words.index("with")] if "with" in words[1:] else words
+
+
+def thing_of(label: str) -> Thing | None:
+    """The thing that a label names: its longest known phrase, the last of equals."""
+    words = label_words(label)
+    best: tuple[int, int, str] | None = None
+    for begin in range(len(words)):
+        for end in range(begin + 1, len(words) + 1):
+            for meaning in sorted(vocabulary().get(tuple(words[begin:end]), ())):
+                if meaning.kind == "thing" and (best is None or (end - begin, end) >= best[:2]):
+                    best = (end - begin, end, meaning.value)
+    return things()[best[2]] if best else None

@@ -1,0 +1,140 @@
+"""What a client may answer: validated types that choose only among what the request lists.
+
+Shape and ranges are checked by pydantic; `check` compares with the request and raises ValueError with one sentence that can
+be shown to a model as it is. A reply that fails is no reply.
+"""
+
+import math
+from typing import Literal
+
+from pydantic import BaseModel, Field, PositiveFloat
+
+from language.requests import AnchorRequest, IntentRequest, MaterialsRequest, RotationRequest
+
+Pose = Literal["upright", "upside_down", "on_side", "lying", "standing", "on_back", "on_front", "any"]
+Region = Literal[
+    "center", "left", "right", "front", "back", "head", "foot", "edge", "corner", "near", "next_to", "between", "middle",
+    "under", "any",
+]  # fmt: skip
+SPECIAL_FACINGS = ("wall", "door", "viewer", "room", "left", "right", "front", "back")
+Metres = PositiveFloat
+
+
+class IntentReply(BaseModel, frozen=True, extra="forbid"):
+    """Base, size, mass, orientation and region."""
+
+    base_id: str = Field(description="id of the listed instance that shall carry the object; empty if it is not there")
+    missing: str = Field(default="", description="what the prompt asks for and the scene does not have; else empty")
+    object_name: str = Field(min_length=1, max_length=80, description="category of the object, one to three words")
+    size: tuple[Metres, Metres, Metres] = Field(description="realistic extents of the object, largest first [m]")
+    spread: float = Field(default=1.4, ge=1.0, le=5.0, description="factor by which real ones are larger or smaller")
+    mass: float = Field(gt=0, le=5000, description="realistic mass of the object [kg]")
+    hollow: bool = Field(default=False, description="mass is not density times the volume of its closed mesh")
+    pose: Pose = Field(default="any", description="orientation that the prompt asks for")
+    facing: str = Field(default="", description="listed instance id, part:NAME, wall, door, viewer, room or a side; "
+                                                "away: before it for the opposite; empty if nothing is said")  # fmt: skip
+    orientation_words: str = ""
+    part: str = Field(default="", description="name of a listed part of the base, empty if none is asked for")
+    which: str = Field(default="", description="which of several parts of that name: left, right, top, bottom, middle, "
+                                               "or a number counted from below")  # fmt: skip
+    regions: tuple[Region, ...] = ()
+    references: tuple[str, ...] = Field(default=(), description="listed instance ids or part:NAME of the base")
+    region_words: str = ""
+    not_understood: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+
+    def check(self, request: IntentRequest) -> None:
+        """ValueError if it chooses what is not listed."""
+        by_id = {instance.id: instance for instance in request.instances}
+        if not self.base_id:
+            if not self.missing:
+                raise ValueError("base_id is empty but missing does not say what the scene lacks")
+            return
+        if self.base_id not in by_id:
+            raise ValueError(f"base_id {self.base_id!r} is not one of {', '.join(by_id)}")
+        if not 1e-3 <= max(self.size) <= 20:
+            raise ValueError(f"size {self.size} is not between 1 mm and 20 m")
+        parts = {part.name for part in by_id[self.base_id].parts}
+        if self.part and self.part not in parts:
+            raise ValueError(f"part {self.part!r} is not one of {', '.join(sorted(parts))}")
+        targets = {*by_id, *(f"part:{name}" for name in parts)}
+        for reference in self.references:
+            if reference not in targets:
+                raise ValueError(f"reference {reference!r} is neither a listed instance nor a part of {self.base_id}")
+        facing = self.facing.removeprefix("away:")
+        if facing and facing not in targets and facing not in SPECIAL_FACINGS:
+            raise ValueError(f"facing {self.facing!r} is not listed")
+
+
+class RotationReply(BaseModel, frozen=True, extra="forbid"):
+    """One rotation: a listed pose turned about the vertical, or any rotation as a quaternion."""
+
+    pose_id: str = Field(description="id of a listed pose")
+    facing_id: str = Field(default="aligned", description="id of a listed facing")
+    turn_deg: float = Field(default=0.0, ge=-360, le=360, description="further turn about the vertical [degrees]")
+    quaternion: tuple[float, float, float, float] | None = Field(
+        default=None, description="w, x, y, z from the mesh frame to the world; replaces all of the above if given"
+    )
+    reason: str = ""
+
+    def check(self, request: RotationRequest) -> None:
+        """ValueError if it chooses what is not listed."""
+        poses = [pose.id for pose in request.poses]
+        if self.pose_id not in poses:
+            raise ValueError(f"pose_id {self.pose_id!r} is not one of {', '.join(poses)}")
+        facings = [facing.id for facing in request.facings]
+        if self.facing_id not in facings:
+            raise ValueError(f"facing_id {self.facing_id!r} is not one of {', '.join(facings)}")
+        if self.quaternion is not None and abs(math.hypot(*self.quaternion) - 1.0) > 0.05:
+            raise ValueError(f"quaternion {self.quaternion} has length {math.hypot(*self.quaternion):.3f}, not 1")
+
+
+class AnchorReply(BaseModel, frozen=True, extra="forbid"):
+    """A part and a region on it, or a point."""
+
+    part_index: int = Field(description="index of a listed part")
+    regions: tuple[Region, ...] = ()
+    references: tuple[str, ...] = ()
+    point: tuple[float, float] | None = Field(
+        default=None, description="aim on the part: right and front of its middle, -1..1; empty: the region decides"
+    )
+    reason: str = ""
+
+    def check(self, request: AnchorRequest) -> None:
+        """ValueError if it chooses what is not listed."""
+        indices = [part.index for part in request.parts]
+        if self.part_index not in indices:
+            raise ValueError(f"part_index {self.part_index} is not one of {indices}")
+        unlisted = [r for r in self.references if r not in request.asked_references]
+        if unlisted:
+            raise ValueError(f"reference {unlisted[0]!r} is not one of {', '.join(request.asked_references) or 'none'}")
+        if self.point is not None and max(abs(c) for c in self.point) > 1:
+            raise ValueError(f"point {self.point} is outside -1..1")
+
+
+class MaterialChoice(BaseModel, frozen=True, extra="forbid"):
+    """A library row for one part."""
+
+    body: str
+    part_index: int
+    material: str = Field(description="id of a listed material")
+    reason: str = ""
+
+
+class MaterialsReply(BaseModel, frozen=True, extra="forbid"):
+    """One choice per question."""
+
+    choices: tuple[MaterialChoice, ...]
+
+    def check(self, request: MaterialsRequest) -> None:
+        """ValueError if a question is not answered exactly once or a material is not listed."""
+        asked = [(q.body, q.part.index) for q in request.questions]
+        given = [(c.body, c.part_index) for c in self.choices]
+        if sorted(asked) != sorted(given):
+            raise ValueError(f"choices answer {sorted(given)}, asked were {sorted(asked)}")
+        known = {material.id for material in request.library}
+        for choice in self.choices:
+            if choice.material not in known:
+                raise ValueError(
+                    f"material {choice.material!r} of {choice.body}/{choice.part_index} is not in the library"
+                )

@@ -1,0 +1,167 @@
+"""What a client is asked: everything that any client may need to choose, in plain values and with pictures on demand.
+
+Geometry is computed by the stages; a request lists the choices by id, and a reply can only pick among them. All lengths in
+metres, world frame, z up. Text that came from files or prompts is data for the clients, never an instruction.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scene.materials import Material
+
+Vector = tuple[float, float, float]
+PictureMaker = Callable[[], NDArray[np.uint8]]
+"""Makes an RGB picture, shape (h, w, 3); called only by clients that look."""
+
+
+@dataclass(frozen=True, slots=True)
+class PartView:
+    """A part as a client sees it."""
+
+    index: int
+    name: str
+    center: Vector
+    """[m]."""
+    size: Vector
+    """Extents along its box axes [m]."""
+    support_area: float = 0.0
+    """Upward-facing area [m^2]."""
+    color: Vector = (0.5, 0.5, 0.5)
+    """Mean sRGB colour, 0..1."""
+
+
+@dataclass(frozen=True, slots=True)
+class InstanceView:
+    """An instance as a client sees it."""
+
+    id: str
+    label: str
+    center: Vector
+    size: Vector
+    """Extents along its box axes [m]."""
+    low: Vector
+    """Lowest corner of the axis-aligned bounds of its box [m]."""
+    high: Vector
+    """Highest corner [m]."""
+    front: Vector | None
+    """Unit vector out of its front."""
+    structure: bool
+    color: Vector
+    """Mean sRGB colour, 0..1."""
+    parts: tuple[PartView, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class ObjectView:
+    """The object to place."""
+
+    label: str
+    size: Vector
+    """Extents of the mesh as read, largest first [m]."""
+    parts: tuple[PartView, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class IntentRequest:
+    """Which instance, how big, how heavy, and what the prompt says about orientation and region."""
+
+    prompt: str
+    item: ObjectView
+    instances: tuple[InstanceView, ...]
+    room_center: Vector
+    """Middle of the scene [m]."""
+    pictures: tuple[PictureMaker, ...] = field(default=(), compare=False)
+
+
+@dataclass(frozen=True, slots=True)
+class PoseView:
+    """A way to rest: an orientation before any turn about the vertical."""
+
+    id: str
+    """upright, flip_x, flip_y, flip_z, stable_0 ..."""
+    rotation: tuple[Vector, Vector, Vector]
+    """Rows of the rotation from the mesh frame to the world."""
+    probability: float
+    """Share of directions from which it comes to rest like that; 0 where it is no stable pose."""
+    up: Vector
+    """Where the mesh's own z axis points in the world."""
+    front: Vector
+    """Where the mesh's own front points in the world."""
+    size: Vector
+    """Extents along world x, y, z in that pose [m]."""
+
+
+@dataclass(frozen=True, slots=True)
+class FacingView:
+    """Something that the front may look at, with the turn that achieves it."""
+
+    id: str
+    """`keep`, `aligned`, an instance id, `part:NAME`, `wall`, `viewer` ..."""
+    direction: Vector
+    """Horizontal unit vector from the target place towards it."""
+
+
+@dataclass(frozen=True, slots=True)
+class RotationRequest:
+    """Which rotation."""
+
+    prompt: str
+    """Refined: what is placed where, and what was said about orientation."""
+    object_name: str
+    pose: str
+    """What the prompt says: upright, upside_down ... or any."""
+    facing: str
+    """What the prompt says the front shall look at; empty: nothing."""
+    poses: tuple[PoseView, ...]
+    facings: tuple[FacingView, ...]
+    symmetry: int
+    """Order of the rotational symmetry about the mesh's z axis; 0: any angle, 1: none."""
+    has_front: bool
+    """Whether the shape tells front from back."""
+    pictures: tuple[PictureMaker, ...] = field(default=(), compare=False)
+    """Exactly three: the flips about x, y, z."""
+
+
+@dataclass(frozen=True, slots=True)
+class AnchorRequest:
+    """Which part and where on it."""
+
+    prompt: str
+    object_name: str
+    footprint: tuple[float, float]
+    """Horizontal extents of the object in its pre-drop orientation [m]."""
+    base_label: str
+    parts: tuple[PartView, ...]
+    asked_part: str
+    asked_which: str
+    asked_regions: tuple[str, ...]
+    asked_references: tuple[str, ...]
+    right: Vector
+    """Unit vector to the right of a viewer who looks at the base's front."""
+    front: Vector
+    """Unit vector from the base towards that viewer."""
+    pictures: tuple[PictureMaker, ...] = field(default=(), compare=False)
+
+
+@dataclass(frozen=True, slots=True)
+class MaterialQuestion:
+    """One part whose material is asked."""
+
+    body: str
+    """`object` or an instance id."""
+    label: str
+    """What the whole is."""
+    part: PartView
+
+
+@dataclass(frozen=True, slots=True)
+class MaterialsRequest:
+    """Which row of the library for each part."""
+
+    prompt: str
+    questions: tuple[MaterialQuestion, ...]
+    library: tuple[Material, ...]
+    pictures: tuple[PictureMaker, ...] = field(default=(), compare=False)

@@ -1,0 +1,345 @@
+"""The support, the part and the region that a sentence asks for, in a given scene.
+
+In: a `Reading` and the instances. Out: a `Target`: the base or what is missing, and part, regions and references in the words
+of the reply. The first place that names a thing is the base; later ones narrow it down or say where on it.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+from language.ground import (
+    Found,
+    candidates,
+    carrier,
+    choose,
+    floor_of,
+    gap,
+    inventory,
+    known_thing,
+    label_thing,
+    named,
+    owners,
+    part_of,
+    stands_on,
+)
+from language.lexicon import inside_parts, lineage, part_words
+from language.requests import InstanceView, IntentRequest
+from language.sentence import SUPPORT, Noun, Place, Reading
+from scene.errors import LanguageError
+
+BESIDE = {
+    "near": ("near",),
+    "against": ("near",),
+    "next_to": ("next_to",),
+    "between": ("between",),
+    "under": ("under",),
+    "left_of": ("left", "next_to"),
+    "right_of": ("right", "next_to"),
+    "front_of": ("front", "next_to"),
+    "behind": ("back", "next_to"),
+}
+"""Regions that a relation to another thing asks for."""
+SIDE_REGIONS = {"left": "left", "right": "right", "front": "front", "back": "back", "head": "head", "foot": "foot",
+                "top": "back", "bottom": "front", "middle": "middle"}  # fmt: skip
+"""Sides as regions of a horizontal surface, seen like a page: the top is far away."""
+PART_REGIONS = {"headboard": "head", "footboard": "foot", "back": "back"}
+"""Where a part would be that the segmentation did not find."""
+PLACEABLE = frozenset({"at", *SUPPORT})
+
+
+@dataclass(slots=True)
+class Target:
+    """What was found."""
+
+    base: InstanceView | None = None
+    missing: str = ""
+    part: str = ""
+    which: str = ""
+    regions: list[str] = field(default_factory=list)
+    references: list[str] = field(default_factory=list)
+    words: list[str] = field(default_factory=list)
+    not_understood: list[str] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+
+    def add_regions(self, names: Sequence[str]) -> None:
+        """Regions that are not there yet."""
+        self.regions.extend(name for name in names if name not in self.regions)
+
+    def add_references(self, names: Sequence[str]) -> None:
+        """References that are not there yet."""
+        self.references.extend(name for name in names if name not in self.references)
+
+
+def target_of(reading: Reading, request: IntentRequest) -> Target:
+    """Ground the places of a sentence."""
+    target = Target()
+    support = next((p for p in reading.places if names_base(p)), None)
+    if support is not None:
+        ground_support(target, support, reading, request)
+    else:
+        ground_by_neighbour(target, reading, request)
+    if target.base is None:
+        return target
+    for place in reading.places:
+        if target.missing:
+            break
+        if place is not support and not place.restrict:
+            ground_further(target, place, request)
+    if support is not None and target.base is not None:
+        ground_own_region(target, support, request)
+    return target
+
+
+def base_noun(place: Place) -> Noun:
+    """The noun that names a thing in "on the edge of the bed", "on the bed"."""
+    noun = place.nouns[0]
+    return noun.owner if noun.owner is not None else noun
+
+
+def names_base(place: Place) -> bool:
+    """Whether the place can name the support."""
+    noun = base_noun(place)
+    edge_of = place.relation in ("near", "against") and place.nouns[0].region != "" and place.nouns[0].owner is not None
+    on_it = place.relation in PLACEABLE or edge_of
+    return on_it and not place.restrict and not noun.is_region and noun.pronoun == "" and not bare_region(noun)
+
+
+def bare_region(noun: Noun) -> bool:
+    """A word like "back" or "head" that could be a part but has no thing to belong to."""
+    return bool(noun.sides or noun.region) and not noun.thing and noun.owner is None and not plain_part(noun)
+
+
+def plain_part(noun: Noun) -> bool:
+    """Whether a noun without owner names a part for certain ("mattress", not "back")."""
+    ambiguous = {"back", "top", "side", "head", "base"}
+    return any(part not in ambiguous for part in noun.parts)
+
+
+# the base -----------------------------------------------------------------------------------------------------------
+
+
+def ground_support(target: Target, support: Place, reading: Reading, request: IntentRequest) -> None:
+    """The base from the place that names it."""
+    noun = base_noun(support)
+    found = candidates(noun, request.instances)
+    if noun.thing == "room":
+        floor = floor_of(request.instances)
+        found = (floor,) if floor else ()
+    if not found:
+        target.missing = noun.text
+        target.notes.append(f"the scene has {inventory(request.instances)}")
+        return
+    chosen = choose(found, noun, narrowing(reading, support, found, request), request.instances, request.room_center)
+    target.base = chosen.instances[0]
+    if chosen.note:
+        target.notes.append(f"{noun.text}: {chosen.note}")
+    if noun is support.nouns[0] and not named(noun, request.instances):
+        set_part(target, noun)
+    elif len(found) == 1 and noun.sides and part_of(noun, target.base):
+        set_part(target, noun)
+    elif support.relation == "in" and inside(target.base) and support.nouns[0].owner is None:
+        target.part = inside(target.base)
+
+
+def inside(base: InstanceView) -> str:
+    """The part that "in" means for this base, if it has it."""
+    names = {part.name for part in base.parts}
+    wanted = (inside_parts().get(one, "") for one in lineage(label_thing(base)))
+    return next((part for part in wanted if part in names), "")
+
+
+def narrowing(reading: Reading, support: Place, found: Sequence[InstanceView], request: IntentRequest) -> list[Place]:
+    """Places that say which of several is meant."""
+    if len(found) < 2:
+        return []
+    later = [p for p in reading.places if p is not support]
+    return [p for p in later if p.restrict or says_which(p, found, request)]
+
+
+def says_which(place: Place, found: Sequence[InstanceView], request: IntentRequest) -> bool:
+    """A place that names something apart from the candidates: "the bed near the window", "the tray on the desk"."""
+    noun = base_noun(place)
+    if noun.is_region or bare_region(noun) or place.relation == "between":
+        return False
+    others = [i for i in named(noun, request.instances) if i not in found]
+    return bool(others) and not any(stands_on(other, one) for other in others for one in found)
+
+
+def set_part(target: Target, noun: Noun) -> None:
+    """Ask for the part that the noun names."""
+    assert target.base is not None
+    part = part_of(noun, target.base)
+    if part:
+        target.part = part
+        target.which = " ".join(noun.sides[:1])
+        target.words.append(noun.text)
+
+
+def ground_by_neighbour(target: Target, reading: Reading, request: IntentRequest) -> None:
+    """No support is named: what the thing next to it stands on, or the floor."""
+    for place in reading.places:
+        noun = base_noun(place)
+        if place.relation not in BESIDE or noun.is_region or noun.pronoun:
+            continue
+        if found := named(noun, request.instances):
+            thing = choose(found, noun, (), request.instances, request.room_center).instances[0]
+            target.base = (
+                floor_of(request.instances) if place.relation == "under" else carrier(thing, request.instances)
+            )
+        elif found := owners(noun, request.instances):
+            target.base = choose(found, noun, (), request.instances, request.room_center).instances[0]
+        if target.base is None:
+            target.missing = noun.text if not found else "floor"
+        else:
+            target.notes.append(f"{place.text}: on {target.base.label}, as no support is named")
+        return
+    raise LanguageError(
+        f"the prompt names no support in {', '.join(repr(p.text) for p in reading.places) or 'it'}; "
+        f"say on what to put it, for example: on the {next((i.label for i in request.instances), 'table')}"
+    )
+
+
+# where on it --------------------------------------------------------------------------------------------------------
+
+
+def ground_own_region(target: Target, support: Place, request: IntentRequest) -> None:
+    """The region or part in front of "of the bed"."""
+    noun = support.nouns[0]
+    assert target.base is not None
+    if noun.owner is None:
+        return
+    part = part_of(noun, target.base)
+    if noun.region or (part and noun.sides and support.relation not in SUPPORT):
+        region_words(target, noun)
+    elif part:
+        set_part(target, noun)
+    elif noun.sides:
+        region_words(target, noun)
+    if noun.owner is not None and not target.part and not named(noun.owner, request.instances):
+        set_part(target, noun.owner)
+
+
+def region_words(target: Target, noun: Noun) -> None:
+    """Sides and region of a noun as region names."""
+    names = [SIDE_REGIONS[side] for side in noun.sides if side in SIDE_REGIONS]
+    if noun.region and noun.region != "side":
+        names.append(noun.region)
+    target.add_regions(names)
+    target.words.append(noun.text)
+
+
+def ground_further(target: Target, place: Place, request: IntentRequest) -> None:
+    """A place beside the one that named the base."""
+    noun = place.nouns[0]
+    assert target.base is not None
+    if place.relation in ("away", "which"):
+        target.not_understood.append(place.text)
+    elif place.relation in PLACEABLE:
+        ground_on_again(target, place, request)
+    elif (noun.region or noun.is_region) and (
+        noun.owner is None or noun.region in ("edge", "corner", "center", "middle")
+    ):
+        region_words(target, noun)
+    else:
+        beside(target, place, request)
+
+
+def ground_on_again(target: Target, place: Place, request: IntentRequest) -> None:
+    """ "... on the mattress", "... on the left", "... in the corner"."""
+    noun = place.nouns[0]
+    assert target.base is not None
+    names = {part.name for part in target.base.parts}
+    own = next((part for part in noun.parts if part in names), "")
+    if own and not noun.is_region and not bare_region(noun):
+        set_part(target, noun)
+    elif noun.region or noun.sides:
+        owner = named(noun.owner, request.instances) if noun.owner is not None else ()
+        if owner and target.base not in owner:
+            beside(
+                target, Place(f"{(noun.sides or ('near',))[0]}_of", (noun.owner or noun,), False, place.text), request
+            )
+        else:
+            region_words(target, noun)
+    elif noun.is_unknown:
+        target.not_understood.append(place.text)
+
+
+def beside(target: Target, place: Place, request: IntentRequest) -> None:
+    """Near, next to, between, under: regions with references."""
+    assert target.base is not None
+    references: list[str] = []
+    for noun in place.nouns:
+        found = references_of(noun, target, request, several=place.relation == "between" and len(place.nouns) == 1)
+        if not found:
+            part = next((p for p in noun.parts if p in PART_REGIONS), "")
+            if part and place.relation in ("near", "against", "next_to"):
+                target.add_regions([PART_REGIONS[part]])
+                target.words.append(place.text)
+                return
+            target.missing = noun.text
+            target.base = None
+            target.notes.append(f"the scene has {inventory(request.instances)}")
+            return
+        references.extend(found)
+    if references == [target.base.id]:
+        return
+    target.add_regions(BESIDE.get(place.relation, ("near",)))
+    target.add_references(references)
+    target.words.append(place.text)
+
+
+def references_of(noun: Noun, target: Target, request: IntentRequest, *, several: bool) -> list[str]:
+    """Ids of the things, or `part:NAME`, that a relation speaks of; those nearest to the base."""
+    assert target.base is not None
+    base = target.base
+    found = [i for i in named(noun, request.instances) if i.id != base.id]
+    near_ones = [i for i in found if gap(i, base) < 0.05]
+    part = part_of(noun, base)
+    if part and not near_ones:
+        return [f"part:{part}"]
+    if not found:
+        return []
+    if several:
+        pool = near_ones if len(near_ones) > 1 else found
+        return [i.id for i in sorted(pool, key=lambda i: (gap(i, base), i.id))[:2]]
+    pool = near_ones or found
+    nearest = min(gap(i, base) for i in pool)
+    chosen: Found = choose(
+        [i for i in pool if gap(i, base) <= nearest + 0.05], noun, (), request.instances, request.room_center
+    )
+    return [chosen.instances[0].id]
+
+
+def facing_of(reading: Reading, target: Target, request: IntentRequest) -> tuple[str, tuple[str, ...]]:
+    """What the front shall look at, and what of it was not understood."""
+    facing = reading.facing
+    if facing is None or target.base is None:
+        return "", ()
+    away = "away:" if facing.mode == "away" else ""
+    noun = facing.noun
+    if noun.pronoun == "viewer":
+        return f"{away}viewer", ()
+    if noun.thing == "room" or (noun.owner is not None and noun.owner.thing == "room"):
+        return f"{away}room", ()
+    part = part_of(noun, target.base)
+    if not part or named(noun, request.instances):
+        found = [i for i in named(noun, request.instances)]
+        if found:
+            nearest = min(found, key=lambda i: (gap(i, target.base or i), i.id))
+            return f"{away}{nearest.id}", ()
+    if part:
+        return f"{away}part:{part}", ()
+    if noun.thing in ("wall", "door"):
+        return f"{away}{noun.thing}", ()
+    side = next((s for s in noun.sides if s in ("left", "right", "front", "back")), "")
+    return (f"{away}{side}", ()) if side else ("", (facing.text,))
+
+
+def part_material(name: str) -> str:
+    """Usual material of a part, empty if the part is unknown."""
+    return part_words()[name].material if name in part_words() else ""
+
+
+def is_known(noun: Noun) -> bool:
+    """Whether the lexicon has the noun."""
+    return bool(known_thing(noun) or noun.parts)

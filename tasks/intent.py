@@ -1,0 +1,107 @@
+"""Stage 3, intent: one question about the sentence; its answer fixes base, size, mass, orientation and region.
+
+In: the segmented scene and object, the prompt, a mass where the user gives one. Out: `Intent`, or `target_not_found` with what
+there is. One isotropic factor (median over the sorted axes, clamped) makes the mesh as large as such things are; a mesh of a
+plausible size stays as it is. The mass prior follows the size: with the volume, for hollow things with the surface.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel, PositiveFloat
+
+from language.replies import IntentReply
+from language.requests import IntentRequest
+from language.seam import DEFAULT_MODEL, ClientName, client
+from scene.errors import InputError
+from scene.intent import Intent, OrientationRequest, RegionRequest
+from scene.outcome import Infeasible, Reason
+from scene.segmentation import Segmentation
+from tasks.stage import stage
+from tasks.views import instance_of, instance_views, object_view, room_center, vector
+
+LONGEST_PROMPT = 1000
+"""Characters; more is no instruction to place one object."""
+
+
+class IntentConfig(BaseModel, frozen=True, extra="forbid"):
+    """Who is asked, and how far a mesh may be rescaled."""
+
+    client: ClientName = ClientName.OFFLINE
+    model: str = DEFAULT_MODEL
+    """Only for clients that ask a model."""
+    smallest_scale: PositiveFloat = 1e-3
+    """Lower clamp of the isotropic factor [-]: millimetres read as metres."""
+    largest_scale: PositiveFloat = 1e3
+    """Upper clamp [-]."""
+    mass_factor: PositiveFloat = 5.0
+    """A size far from the prior changes the mass prior by at most this factor [-]."""
+
+
+def intent(
+    scene: Segmentation, item: Segmentation, prompt: str, mass: float | None, config: IntentConfig
+) -> Intent | Infeasible:
+    """Ask once, then turn the priors into a scale and a mass."""
+    if len(prompt) > LONGEST_PROMPT:
+        raise InputError(f"the prompt has {len(prompt)} characters > {LONGEST_PROMPT}")
+    if mass is not None and not (np.isfinite(mass) and mass > 0):
+        raise InputError(f"--mass {mass} is not a positive number of kilograms")
+    request = IntentRequest(prompt, object_view(item), instance_views(scene), vector(room_center(scene)))
+    reply = client(config.client, config.model).intent(request)
+    if not reply.base_id:
+        return not_found(reply, request)
+    scale, scale_note = scale_of(np.array(reply.size), np.array(request.item.size), reply.spread, config)
+    weight, mass_note = mass_of(reply, np.array(request.item.size) * scale, mass, config)
+    return Intent(
+        base_id=reply.base_id,
+        base_label=instance_of(scene, reply.base_id).label,
+        object_name=reply.object_name,
+        size=np.sort(np.array(reply.size))[::-1],
+        mass=weight,
+        hollow=reply.hollow,
+        scale=scale,
+        orientation=OrientationRequest(reply.pose, reply.facing, reply.orientation_words),
+        region=RegionRequest(reply.part, reply.regions, reply.references, reply.region_words, reply.which),
+        not_understood=reply.not_understood,
+        notes=(*reply.notes, scale_note, mass_note),
+    )
+
+
+intent_task = stage(intent)
+
+
+def not_found(reply: IntentReply, request: IntentRequest) -> Infeasible:
+    """The scene has no such thing; name what it has."""
+    present = sorted({i.label for i in request.instances if not i.structure})
+    structure = sorted({i.label for i in request.instances if i.structure})
+    there = ", ".join([*present, *structure]) or "nothing that has a name"
+    return Infeasible(
+        Reason.TARGET_NOT_FOUND,
+        f"the scene has no {reply.missing.removeprefix('the ').removeprefix('a ')}; it has: {there}",
+        {"asked": reply.missing, "present": [*present, *structure], "object": reply.object_name},
+    )
+
+
+def scale_of(
+    prior: NDArray[np.float64], extents: NDArray[np.float64], spread: float, config: IntentConfig
+) -> tuple[float, str]:
+    """Isotropic factor from the mesh's extents to the prior's, both largest first [m], and why."""
+    ratio = float(np.median(prior / np.maximum(extents, 1e-9)))
+    shown = " x ".join(f"{e:.3g}" for e in extents)
+    if 1.0 / spread <= ratio <= spread:
+        return 1.0, f"the mesh of {shown} m is of a plausible size and is not rescaled"
+    scale = float(np.clip(ratio, config.smallest_scale, config.largest_scale))
+    clamped = "" if scale == ratio else f", clamped from {ratio:.3g}"
+    return scale, f"the mesh of {shown} m is scaled by {scale:.4g} (median over axes{clamped})"
+
+
+def mass_of(
+    reply: IntentReply, size: NDArray[np.float64], mass: float | None, config: IntentConfig
+) -> tuple[float, str]:
+    """Mass [kg] for the scaled extents [m], and why."""
+    if mass is not None:
+        return float(mass), f"mass {mass:.3g} kg was given"
+    ratio = float(np.prod(size) / np.prod(reply.size))
+    factor = float(np.clip(ratio ** (2.0 / 3.0) if reply.hollow else ratio, 1 / config.mass_factor, config.mass_factor))
+    weight = reply.mass * factor
+    kind = "hollow, so with the surface" if reply.hollow else "with the volume"
+    return weight, f"mass {weight:.3g} kg: {reply.mass:.3g} kg at the usual size, scaled {kind} by {factor:.3g}"

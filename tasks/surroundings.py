@@ -1,0 +1,95 @@
+"""Where the base's parts lie and what the words of the intent mean there: shared by the stages that orient and aim.
+
+In: scene and intent. Out: the viewer's frame of a part, boxes of references, directions to what shall be faced.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from geometry.regions import Frame, frame_of, regions
+from scene.box import OrientedBox
+from scene.intent import Intent
+from scene.segmentation import Instance, Segmentation
+from tasks.views import room_center
+
+Array = NDArray[np.float64]
+PART = "part:"
+WIDE = 1.2
+"""Things longer than this are faced at their nearest point, smaller ones at their middle [m]: walls, sofas."""
+
+
+def part_frame(scene: Segmentation, base: Instance, box: OrientedBox) -> Frame:
+    """A part's rectangle seen by who looks at the base's front."""
+    return frame_of(box, base.front, room_center(scene))
+
+
+def boxes_of(scene: Segmentation, base: Instance, reference: str) -> list[OrientedBox]:
+    """Boxes of a referenced instance, or of all parts of that name of the base."""
+    if reference.startswith(PART):
+        return [part.box for part in base.parts if part.name == reference.removeprefix(PART)]
+    return [scene.instances[scene.index_of(reference)].box]
+
+
+def reference_boxes(scene: Segmentation, base: Instance, names: tuple[str, ...], near: Array) -> list[OrientedBox]:
+    """Boxes of all references, nearest to a point first; for parts of one name only the nearest, or the two outermost."""
+    found: list[OrientedBox] = []
+    for name in names:
+        boxes = sorted(boxes_of(scene, base, name), key=lambda b: float(np.linalg.norm(b.center[:2] - near[:2])))
+        found.extend(boxes)
+    return found
+
+
+def wished_place(scene: Segmentation, base: Instance, intent: Intent, radius: float) -> Array:
+    """Roughly where the object will go: the aim of the asked region on the asked part, at its top [m], shape (3,)."""
+    box = next((part.box for part in base.parts if part.name == intent.region.part), base.box)
+    frame = part_frame(scene, base, box)
+    references = reference_boxes(scene, base, intent.region.references, box.center)
+    areas = regions(frame, intent.region.names, references, radius)
+    xy = areas[0].target if areas else box.center[:2]
+    return np.array([*xy, box.top])
+
+
+def direction_to(scene: Segmentation, base: Instance, place: Array, facing: str) -> Array | None:
+    """Horizontal unit vector from the place to what shall be faced; None if that is not there, shape (3,)."""
+    if facing.startswith("away:"):
+        opposite = direction_to(scene, base, place, facing.removeprefix("away:"))
+        return None if opposite is None else -opposite
+    frame = part_frame(scene, base, base.box)
+    ways = {
+        "viewer": frame.front,
+        "front": frame.front,
+        "back": -frame.front,
+        "left": -frame.right,
+        "right": frame.right,
+    }
+    if facing in ways:
+        return np.array([*ways[facing], 0.0])
+    if facing == "room":
+        return horizontal(room_center(scene) - place)
+    if facing in ("wall", "door", "window"):
+        named = [i.box for i in scene.instances if facing in i.label]
+    elif facing.startswith(PART) or any(i.id == facing for i in scene.instances):
+        named = boxes_of(scene, base, facing)
+    else:
+        named = []
+    points = [faced_point(box, place) for box in named]
+    if not points:
+        return None
+    if facing.startswith(PART):  # two pillows are faced together
+        return horizontal(np.mean(points, axis=0) - place)
+    return horizontal(min(points, key=lambda p: float(np.linalg.norm(p[:2] - place[:2]))) - place)
+
+
+def faced_point(box: OrientedBox, place: Array) -> Array:
+    """The middle of a small thing, the nearest point of a long one [m], shape (3,)."""
+    if 2.0 * box.half_extents[:2].max() < WIDE:
+        return box.center
+    local = np.clip(box.to_local(place[None])[0], -box.half_extents, box.half_extents)
+    return np.asarray(box.to_world(local[None])[0])
+
+
+def horizontal(vector: Array) -> Array | None:
+    """Its horizontal direction as a unit vector; None if it is vertical, shape (3,)."""
+    flat = np.array([vector[0], vector[1], 0.0])
+    length = float(np.linalg.norm(flat))
+    return None if length < 1e-6 else flat / length
