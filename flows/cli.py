@@ -38,7 +38,7 @@ Json = Annotated[bool, typer.Option("--json", help="Print the result as JSON on 
 Workers = Annotated[int, typer.Option(min=1, max=64, help="Samples at a time.")]
 Dataset = Annotated[Path | None, typer.Option(help="YAML list of samples; default: the embedded rooms.")]
 Limit = Annotated[int | None, typer.Option(min=1, help="Only the first so many samples.")]
-Language = Annotated[str, typer.Option(help="Who reads the sentence: offline, anthropic or replay.")]
+Language = Annotated[str, typer.Option(help="Who reads the sentence: offline or anthropic.")]
 Solver = Annotated[str | None, typer.Option(help="Method of the solver: tl.")]
 Resolution = Annotated[float | None, typer.Option(help="Cell size at the contact [m]; default: from the physics.")]
 Threads = Annotated[int, typer.Option(min=0, help="Threads of the solver, 0: all cores; never changes a result.")]

@@ -5,7 +5,7 @@ from pydantic import BaseModel, ValidationError
 from flows.place import PlaceConfig
 from scene.errors import InputError
 
-LANGUAGES = ("offline", "anthropic", "replay")
+LANGUAGES = ("offline", "anthropic")
 
 
 def configured(*, language: str = "offline", resolution: float | None = None, threads: int = 0) -> PlaceConfig:
@@ -16,7 +16,9 @@ def configured(*, language: str = "offline", resolution: float | None = None, th
     for stage in ("intent", "rotation", "anchor", "materials"):
         config = with_setting(config, stage, {"client": language}, f"--language {language}")
     if resolution is not None:
-        config = with_setting(config, "particles", {"resolution": resolution}, f"--resolution {resolution}")
+        config = with_setting(
+            config, "particles", {"finest_cell": resolution, "coarsest_cell": resolution}, f"--resolution {resolution}"
+        )
     return with_setting(config, "drop", {"threads": threads}, f"--threads {threads}")
 
 

@@ -4,10 +4,10 @@ import json
 import os
 import shutil
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 import trimesh
@@ -17,9 +17,9 @@ from scipy.spatial.transform import Rotation as Turn
 from evaluation.region import region_missed
 from flows.sample_run import FinishedSample
 from scene.anchor import Anchor
-from scene.codec import canonical_json, mesh_to_ply, to_tree
+from scene.codec import mesh_to_ply, to_tree
 from scene.intent import Intent
-from scene.materials import PartMaterials
+from scene.materials import PartMaterial, PartMaterials
 from scene.mesh import Mesh
 from scene.outcome import Infeasible
 from scene.particles import Particles
@@ -28,6 +28,7 @@ from scene.scan import Scan
 from scene.segmentation import Segmentation
 from scene.settled import Settled, SettledBody
 from scene.store import Ref, Store
+from tasks.render import settled_item, settled_scene
 
 AT_REST = "at_rest"
 PICTURES = ("clean", "settled", "closeup")
@@ -43,6 +44,7 @@ class Values:
 
     scan: Scan | None
     scene: Segmentation | None
+    item: Segmentation | None
     intent: Intent | None
     anchor: Anchor | None
     materials: PartMaterials | None
@@ -58,6 +60,7 @@ def load_values(finished: FinishedSample, store: Store) -> Values:
     return Values(
         scan=load(store, placement.scene_scan, Scan),
         scene=load(store, placement.scene, Segmentation),
+        item=load(store, placement.item, Segmentation),
         intent=load(store, placement.intent, Intent),
         anchor=load(store, placement.anchor, Anchor),
         materials=load(store, placement.materials, PartMaterials),
@@ -123,7 +126,7 @@ def placement_tree(finished: FinishedSample, values: Values, artifacts: Mapping[
         "pre_drop": pose_of(anchor.world_from_object) if anchor else None,
         "pose": pose_of(world_from_start(body) @ anchor.world_from_object) if anchor and body else None,
         "object_aabb": body.surface.bounds.tolist() if body else None,
-        "contacts": list(settled.contacts) if settled else [],
+        "contacts": list(settled.contacts) if settled else from_evidence(values, "contacts", []),
         "materials": [material_row(row) for row in values.materials.rows] if values.materials else [],
         "certificate": certificate_of(values),
         "visible_fraction": values.renders.visible_fraction if values.renders else None,
@@ -150,7 +153,12 @@ def certificate_of(values: Values) -> dict[str, object] | None:
     """The solver's certificate, or the evidence of the stage that found no way."""
     if values.settled is not None:
         return dict(values.settled.certificate)
-    return dict(values.infeasible.evidence) if values.infeasible else None
+    return dict(from_evidence(values, "certificate", values.infeasible.evidence)) if values.infeasible else None
+
+
+def from_evidence(values: Values, key: str, otherwise: Any) -> Any:
+    """What an infeasible drop says about its last state; `otherwise` if there is nothing."""
+    return values.infeasible.evidence.get(key, otherwise) if values.infeasible else otherwise
 
 
 def warnings_of(values: Values) -> list[str]:
@@ -161,7 +169,7 @@ def warnings_of(values: Values) -> list[str]:
         if values.intent.not_understood:
             found.append(f"not understood: {', '.join(values.intent.not_understood)}")
     found += values.particles.notes if values.particles else ()
-    found += values.settled.warnings if values.settled else ()
+    found += values.settled.warnings if values.settled else from_evidence(values, "warnings", [])
     return list(dict.fromkeys(found))
 
 
@@ -173,11 +181,8 @@ def timings_of(finished: FinishedSample) -> dict[str, float]:
     return seconds
 
 
-def material_row(row: object) -> dict[str, object]:
+def material_row(row: PartMaterial) -> dict[str, object]:
     """One row of `materials`."""
-    from scene.materials import PartMaterial
-
-    assert isinstance(row, PartMaterial)
     return {
         "body": row.body,
         "part": row.part,
@@ -226,22 +231,21 @@ def write_geometry(values: Values, folder: Path) -> dict[str, str]:
     """object.ply and scene.glb, as far as there is something to write."""
     if values.scene is None:
         return {}
-    bodies = values.settled.bodies if values.settled else ()
-    written = {"scene": "scene.glb"}
-    (folder / "scene.glb").write_bytes(scene_glb(values.scene, bodies, values.particles))
-    for body in bodies:
-        if body.name == "object":
-            (folder / "object.ply").write_bytes(mesh_to_ply(body.surface))
-            written = {"object": "object.ply"} | written
-    return written
+    scene, thing = values.scene.mesh, None
+    if values.settled and values.anchor and values.item and values.settled.bodies:
+        scene = settled_scene(values.scene, values.settled, values.anchor.base_id).mesh
+        thing = settled_item(values.item, values.anchor, values.settled.bodies[0])
+        (folder / "object.ply").write_bytes(mesh_to_ply(thing))
+    (folder / "scene.glb").write_bytes(scene_glb(scene, thing))
+    return ({"object": "object.ply"} if thing else {}) | {"scene": "scene.glb"}
 
 
-def scene_glb(scene: Segmentation, bodies: Sequence[SettledBody], particles: Particles | None) -> bytes:
-    """The scene with every settled body as a node of its own, y up as glTF wants it."""
+def scene_glb(scene: Mesh, thing: Mesh | None) -> bytes:
+    """The scene and the object at rest in it as two nodes, y up as glTF wants it."""
     glb = trimesh.Scene()
-    add_node(glb, "scene", scene.mesh)
-    for body in bodies:
-        add_node(glb, body.name, body.surface)
+    add_node(glb, "scene", scene)
+    if thing is not None:
+        add_node(glb, "object", thing)
     data = glb.export(file_type="glb")  # type: ignore[no-untyped-call]
     assert isinstance(data, bytes)
     return data
@@ -270,8 +274,3 @@ def result_line(tree: Mapping[str, object]) -> str:
     if tree["verdict"] == AT_REST:
         return f"at rest{where}"
     return f"infeasible: {tree['reason']}{where}; {tree['message'] or ''}".rstrip("; ")
-
-
-def placement_bytes(tree: Mapping[str, object]) -> bytes:
-    """Canonical bytes, to compare two placements."""
-    return canonical_json({key: value for key, value in tree.items() if key != "timings"})

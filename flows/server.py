@@ -1,8 +1,8 @@
 """A real local Prefect server for as long as work runs: Prefect's built-in temporary one loses history.
 
-The server keeps its database in the cache, listens on a free port of this machine only, and is stopped by process id by
-whoever started it. A server that already runs on the same database (from `make ui`, say) is used and left alone, and so
-is one that $PREFECT_API_URL names.
+The server keeps its database in the cache and listens on a free port of this machine only. Programs that run at the
+same time share it; the last one to leave stops it by its process id. A server that $PREFECT_API_URL names is used and
+left alone.
 """
 
 import fcntl
@@ -17,7 +17,7 @@ import tomllib
 import urllib.error
 import urllib.request
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from scene.errors import DcapError
@@ -41,10 +41,9 @@ def prefect_server(port: int | None = None) -> Iterator[str]:
         return
     folder = cache_root() / "prefect"
     folder.mkdir(parents=True, exist_ok=True)
-    with only_one_starts(folder):
-        url = running_url(folder)
-        process = None if url else start(folder, port or free_port())
-        url = url or running_url(folder)
+    with one_at_a_time(folder):
+        url = running_url(folder) or start(folder, port or free_port())
+        users = lock_users(folder, fcntl.LOCK_SH)
     os.environ["PREFECT_API_URL"] = url
     notice_settings()
     try:
@@ -52,8 +51,30 @@ def prefect_server(port: int | None = None) -> Iterator[str]:
     finally:
         deliver_reports()
         os.environ.pop("PREFECT_API_URL", None)
-        if process is not None:
-            stop(process, folder)
+        with one_at_a_time(folder):
+            os.close(users)
+            if nobody_uses(folder):
+                stop(folder)
+
+
+def lock_users(folder: Path, kind: int) -> int:
+    """Lock the file that every user of the server holds shared, even if killed only as long as it lives."""
+    descriptor = os.open(folder / "users.lock", os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
+    try:
+        fcntl.flock(descriptor, kind | fcntl.LOCK_NB)
+    except BlockingIOError:
+        os.close(descriptor)
+        raise
+    return descriptor
+
+
+def nobody_uses(folder: Path) -> bool:
+    """Whether no program uses the server any more."""
+    try:
+        os.close(lock_users(folder, fcntl.LOCK_EX))
+    except BlockingIOError:
+        return False
+    return True
 
 
 def notice_settings() -> None:
@@ -97,8 +118,8 @@ def flattened(tree: dict[str, object], prefix: str) -> Iterator[tuple[str, str]]
 
 
 @contextmanager
-def only_one_starts(folder: Path) -> Iterator[None]:
-    """Two programs that start at once share one server."""
+def one_at_a_time(folder: Path) -> Iterator[None]:
+    """Programs that start or stop at the same moment share one server."""
     with (folder / "server.lock").open("w") as file:
         fcntl.flock(file, fcntl.LOCK_EX)
         yield
@@ -129,8 +150,8 @@ def free_port() -> int:
         return int(one.getsockname()[1])
 
 
-def start(folder: Path, port: int) -> "subprocess.Popen[bytes]":
-    """Start a server and wait until it is healthy."""
+def start(folder: Path, port: int) -> str:
+    """Start a server, wait until it is healthy, and return its URL."""
     url = f"http://127.0.0.1:{port}/api"
     environment = os.environ | {
         "PREFECT_API_DATABASE_CONNECTION_URL": f"sqlite+aiosqlite:///{folder / 'prefect.db'}",
@@ -151,22 +172,32 @@ def start(folder: Path, port: int) -> "subprocess.Popen[bytes]":
     deadline = time.monotonic() + START_SECONDS
     while not is_healthy(url):
         if process.poll() is not None or time.monotonic() > deadline:
-            stop(process, folder)
+            stop(folder)
             raise DcapError(f"the Prefect server on port {port} did not start; its log is {log_path}")
         time.sleep(0.2)
-    return process
+    return url
 
 
-def stop(process: "subprocess.Popen[bytes]", folder: Path) -> None:
-    """Stop the server that we started, with its helpers."""
-    (folder / "server.json").unlink(missing_ok=True)
-    for kind, patience in ((signal.SIGINT, STOP_SECONDS), (signal.SIGKILL, STOP_SECONDS)):
-        try:
-            os.killpg(process.pid, kind)
-            process.wait(patience)
-        except ProcessLookupError:
-            return
-        except subprocess.TimeoutExpired:
-            continue
-        else:
-            return
+def stop(folder: Path) -> None:
+    """Stop the server that this project started on this database, with its helpers."""
+    pid = int(json.loads((folder / "server.json").read_text())["pid"])
+    (folder / "server.json").unlink()
+    if not is_server(pid):
+        return
+    for kind in (signal.SIGINT, signal.SIGKILL):
+        with suppress(ProcessLookupError):
+            os.killpg(pid, kind)
+        deadline = time.monotonic() + STOP_SECONDS
+        while is_server(pid) and time.monotonic() < deadline:
+            with suppress(ChildProcessError):  # another program started it and waits for it
+                os.waitpid(pid, os.WNOHANG)
+            time.sleep(0.05)
+
+
+def is_server(pid: int) -> bool:
+    """Whether a process is a Prefect server that still runs: numbers are given again after a restart of the machine."""
+    try:
+        words = Path(f"/proc/{pid}/cmdline").read_bytes().split(b"\0")
+    except OSError:
+        return False
+    return b"prefect" in words and b"server" in words

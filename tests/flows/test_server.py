@@ -1,0 +1,48 @@
+"""Programs that run at the same time share one server, and the last one stops it."""
+
+import json
+import os
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from flows.server import is_healthy, is_server, prefect_server
+from scene.settings import PROJECT_ROOT
+
+OTHER = """
+import sys
+from flows.server import prefect_server
+with prefect_server() as url:
+    print(url, flush=True)
+    sys.stdin.readline()
+"""
+
+
+@pytest.mark.slow
+def test_the_last_user_stops_the_server(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A second program uses the server of the first, keeps it when the first leaves, and stops it in the end."""
+    monkeypatch.setenv("DCAP_DATA", str(tmp_path))
+    monkeypatch.delenv("PREFECT_API_URL", raising=False)
+    monkeypatch.setenv("PREFECT_HOME", str(tmp_path))
+    with prefect_server() as url:
+        environment = {name: value for name, value in os.environ.items() if name != "PREFECT_API_URL"}
+        other = subprocess.Popen(
+            [sys.executable, "-c", OTHER],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+            cwd=PROJECT_ROOT,
+            env=environment,
+        )
+        assert other.stdout is not None
+        assert other.stdout.readline().strip() == url
+        pid = int(json.loads((tmp_path / "cache" / "prefect" / "server.json").read_text())["pid"])
+    assert is_healthy(url)
+    other.communicate("\n", timeout=60)
+    time.sleep(0.1)
+    assert not is_healthy(url)
+    assert not is_server(pid)
+    assert not (tmp_path / "cache" / "prefect" / "server.json").exists()
