@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from geometry.segmentation.faces import FaceTable
-from geometry.segmentation.labels import Category, category_of, words_of
+from geometry.segmentation.labels import Category, category_of, plain_structure, words_of
 from geometry.segmentation.structure import ceiling_faces, find_levels, floor_faces, wall_number
 from scene.box import OrientedBox
 from scene.scan import LabelBox
@@ -48,7 +48,7 @@ def boxed_groups(table: FaceTable, boxes: tuple[LabelBox, ...]) -> list[Group]:
     owner = _whole_components(table, things)
     shell = owner < 0
     levels = find_levels(table)
-    walls = [b for b in boxes if "wall" in words_of(b.label)]
+    walls = [b for b in boxes if category_of(b.label) is Category.STRUCTURE and plain_structure(b.label) == "wall"]
     floor = shell & floor_faces(table, levels)
     ceiling = shell & ceiling_faces(table, levels) & ~floor
     in_box = _smallest_box(table, things, shell)
@@ -103,7 +103,9 @@ def _numbered(name: str, number: int) -> tuple[str, str]:
 
 
 def _id_of(boxes: tuple[LabelBox, ...], name: str) -> str:
-    return next((b.id for b in boxes if name in words_of(b.label)), name)
+    """Id of the box that is annotated as this structure ('floor', not 'floor lamp'), else its plain name."""
+    structures = [b for b in boxes if category_of(b.label) is Category.STRUCTURE]
+    return next((b.id for b in structures if plain_structure(b.label) == name), name)
 
 
 def _volume(box: OrientedBox) -> float:

@@ -10,13 +10,17 @@ from scene.segmentation import Instance
 AGAINST = 0.25
 """A thing stands against a wall that is nearer than this [m]."""
 
-WITHOUT_FRONT = frozenset({Category.LAMP, Category.STOOL, Category.FLAT, Category.STRUCTURE})
+SMALLEST = 0.4
+"""A small thing of no known kind turns no side to the wall [m]."""
+
+WITHOUT_FRONT = frozenset({Category.LAMP, Category.STOOL, Category.FLAT, Category.STRUCTURE, Category.PLANT})
 """Categories that have no front."""
 
 
 def facing_away_from_wall(thing: Instance, walls: list[Instance]) -> NDArray[np.float64] | None:
     """Horizontal unit vector away from the nearest wall, by the longest side that stands against one."""
-    if category_of(thing.label) in WITHOUT_FRONT:
+    small = 2.0 * float(thing.box.half_extents.max()) < SMALLEST
+    if category_of(thing.label) in WITHOUT_FRONT or (small and category_of(thing.label) is Category.OTHER):
         return None
     best, found = 0.0, None
     for side in SIDES:
@@ -24,7 +28,7 @@ def facing_away_from_wall(thing: Instance, walls: list[Instance]) -> NDArray[np.
         outward = thing.box.axes @ side
         middle = thing.box.center + outward * thing.box.half_extents[axis]
         if any(_near(middle, outward, wall) for wall in walls) and thing.box.half_extents[1 - axis] > best:
-            best, found = float(thing.box.half_extents[1 - axis]), -outward
+            best, found = float(thing.box.half_extents[1 - axis]), 0.0 - outward
     return found
 
 

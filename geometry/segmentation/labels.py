@@ -32,13 +32,13 @@ TEXT = {
     Category.STRUCTURE: "wall walls floor ceiling room",
     Category.LAMP: "lamp lamps lantern torchiere",
     Category.BASIN: "basin sink washstand washbasin",
-    Category.STOOL: "stool ottoman pouf footstool",
+    Category.STOOL: "stool ottoman pouf footstool bench",
     Category.SHELF: "shelf shelves bookshelf bookcase bookshelves rack etagere",
     Category.CABINET: "nightstand bedside cabinet wardrobe dresser chest drawer drawers sideboard closet refrigerator "
     "freezer oven washer dishwasher commode vanity box crate trunk counter",
     Category.BED: "bed beds crib cot bunk daybed mattress",
     Category.SOFA: "sofa sofas couch loveseat settee armchair recliner futon",
-    Category.CHAIR: "chair chairs seat bench highchair",
+    Category.CHAIR: "chair chairs seat highchair",
     Category.TABLE: "table tables desk teatable workbench desktop console",
     Category.BATHTUB: "bathtub tub bath",
     Category.FLAT: "rug carpet mat curtain mirror picture painting poster towel",
@@ -54,6 +54,9 @@ WORDS = {category: frozenset(text.split()) for category, text in TEXT.items()}
 
 LEADING = (Category.LAMP, Category.BASIN, Category.STOOL, Category.SHELF, Category.CABINET)
 """These win wherever their word stands: 'lamp_table' is a lamp, a 'bed stool' a stool."""
+
+HANGING = frozenset({"ceiling", "wall", "pendant"})
+"""A lamp that hangs has neither base nor pole: it is one part."""
 
 TOOL_WORDS = """
 cube sphere cylinder cone plane mesh object obj node group root scene geometry model material default solid body part
@@ -104,6 +107,8 @@ def category_of(label: str) -> Category:
     Structure must come last: a 'wall clock' is no wall.
     """
     words = words_of(label)
+    if HANGING & set(words) and WORDS[Category.LAMP] & set(words):
+        return Category.FLAT
     if words and words[-1] in WORDS[Category.STRUCTURE]:
         return Category.STRUCTURE
     for category in LEADING:

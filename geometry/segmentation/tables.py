@@ -84,10 +84,10 @@ def basin_parts(body: Body) -> PartMap:
 
 
 def other_parts(body: Body) -> PartMap:
-    """A thing of no known kind: a level top if it has one over most of its footprint, and its body."""
+    """A thing of no known kind: a level top if that covers most of its footprint, and its body."""
     parts = cabinet_parts(body)
     top = parts.names == "top"
-    if body.area[top & body.open_up].sum() < 0.6 * float(np.prod(body.size[:2])):
+    if body.area[top & body.open_up].sum() < 0.75 * float(np.prod(body.size[:2])):
         return PartMap.filled(len(body.area), "body")
     return parts
 

@@ -41,9 +41,19 @@ def _read_folder(folder: Path, options: SourceOptions, role: Role) -> Scan:
     boxes, label_notes = read_labels(folder)
     rooms, structure = read_structure(folder)
     frame = _interiorgs_frame(raw, options, role)
-    named = {box.id for box in boxes}
-    boxes = boxes + tuple(box for box in structure if box.id not in named)
+    boxes = boxes + tuple(box for box in structure if not any(_same_thing(box, other) for other in boxes))
     return _scan(raw, options, frame, label=options.label, notes=notes + label_notes, boxes=boxes, rooms=rooms)
+
+
+def _same_thing(box: LabelBox, other: LabelBox) -> bool:
+    """Whether a wall or opening of structure.json is annotated in labels.json too."""
+    if box.id == other.id:
+        return True
+    near = (
+        other.box.contains(box.box.center[None], margin=0.1)[0]
+        or box.box.contains(other.box.center[None], margin=0.1)[0]
+    )
+    return bool(near) and box.label in other.label.split()
 
 
 def _interiorgs_frame(raw: RawMesh, options: SourceOptions, role: Role) -> Frame:
