@@ -1,10 +1,12 @@
 """Where on a surface an object fits, and how high above it it must start.
 
-In: the scene, which of its faces are the support, and the object in its orientation. Out: the spot nearest to a wished point where
-the object's underside is over the support and nothing else is in the way, and the lift that leaves a given clearance.
+In: the scene, which of its faces are the support, and the object in its orientation. Out: the spot nearest to a
+wished point where the object's underside is over the support and nothing else is in the way, and the lift that leaves
+a given clearance.
 
-The object's underside and the scene below it are sampled by vertical rays on one grid, so that overhangs of the object
-(the handle of a mug) may reach over lower neighbours. The final gap is measured from the vertices of both meshes as well.
+The object's underside and the scene below it are sampled by vertical rays on one grid, so that overhangs of the
+object (the handle of a mug) may reach over lower neighbours. The final gap is measured from the vertices of both
+meshes as well.
 """
 
 from collections.abc import Iterator
@@ -63,7 +65,7 @@ class Landing:
     """One object over one support: both sampled once, then asked for places."""
 
     def __init__(self, caster: Raycaster, is_support: NDArray[np.bool_], item: Mesh, low: Array, high: Array) -> None:
-        """`item`: oriented, its origin at the point that goes over the spot. `low`, `high`: the support's bounds [m]."""
+        """`item`: oriented, its origin at what goes over the spot. `low`, `high`: the support's bounds [m]."""
         self.caster, self.is_support = caster, is_support
         size = np.ptp(item.bounds, axis=0)
         self.height = float(size[2])
@@ -144,7 +146,7 @@ class Landing:
             yield index[order[begin : begin + BATCH]]
 
     def _judge(self, index: NDArray[np.int64]) -> tuple[Array, Array, Array]:
-        """For each grid point: how much others lift the object [m], the supported share, the height of the origin [m]."""
+        """For each grid point: how much others lift the object [m], the supported share, the origin's height [m]."""
         height, support = self.surface
         rows = index[:, :1] + self.offset[:, 0]
         columns = index[:, 1:] + self.offset[:, 1]
@@ -163,7 +165,7 @@ class Landing:
 
 
 def vertical_gap(item: Mesh, item_caster: Raycaster, scene: Mesh, scene_caster: Raycaster, limit: float) -> float:
-    """Smallest vertical distance from the object down to the scene, from the vertices of both [m]; inf if nothing is below.
+    """Smallest vertical distance from the object down to the scene, from the vertices of both [m]; inf without any.
 
     `limit`: scene vertices higher than this are not below the object [m].
     """

@@ -1,11 +1,11 @@
 """How a thing comes to rest on a plane, how it is symmetric, and where its front is.
 
-In: a mesh. Out: stable poses of its convex hull with the share of directions that lead to each, the order of its rotational
-symmetry about z, and the horizontal direction of its front. Everything is deterministic.
+In: a mesh. Out: stable poses of its convex hull with the share of directions that lead to each, the order of its
+rotational symmetry about z, and the horizontal direction of its front. Everything is deterministic.
 
-A face of the hull is stable if the centre of mass lies above it. From an unstable face the body tips over the edge that the centre's
-projection lies beyond the farthest, on to the neighbour behind it; the solid angles of such faces count for the face where
-the tipping ends [G94].
+A face of the hull is stable if the centre of mass lies above it. From an unstable face the body tips over the edge
+that the centre's projection lies beyond the farthest, on to the neighbour behind it; the solid angles of such faces
+count for the face where the tipping ends [G94].
 
 [G94] Goldberg, Mirtich, Zhuang, Craig, Carlisle, Canny: Part pose statistics, 1999 (quasi-static estimate).
 """
@@ -21,16 +21,20 @@ from scene.mesh import Mesh
 
 Array = NDArray[np.float64]
 MERGE_ANGLE = np.radians(8.0)
-"""Stable faces closer than this are one pose [rad]: the feet of a scanned mug are many faces."""
+"""Stable faces closer than this are one pose [rad]: the foot of a scanned mug is many faces."""
 MOST_POSES = 24
 """More poses than that are those of a ball or a pebble, where one is as good as another [-]."""
 LEAST_SHARE = 0.004
 """Poses with less than this share of all directions are left out [-]."""
 SYMMETRY_SAMPLES = 4000
 SYMMETRY_TOLERANCE = 0.025
-"""Mean distance between surface and turned surface over the radius that counts as equal [-]; scan noise is about 0.01."""
+"""Mean distance between surface and turned surface over the radius that counts as equal [-]; scans have 0.01."""
+DEFAULT_FRONT = np.array([0.0, -1.0, 0.0])
+FRONTS = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
+BEYOND = 0.1
+"""One half must reach beyond the other by this share of the larger horizontal extent to mean a front [-]."""
 FRONT_REACH = 0.06
-"""The lower half must reach out this share of the larger horizontal extent farther than the upper half to be a front [-]."""
+"""So far must the halves' middles lie apart to mean a front, over the larger horizontal extent [-]."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -205,20 +209,32 @@ def surface_points(mesh: Mesh, count: int) -> Array:
 def front_of(mesh: Mesh) -> tuple[Array, bool]:
     """Horizontal unit vector out of the front in the mesh frame, and whether the shape says so.
 
-    The front is where the lower half reaches out farther than the upper half: the toe of a shoe, the keyboard before a
-    screen, the legs of a sitting bear, the seat before a backrest. Where no side does, it is -y, which is the front of a
-    glTF file (its +z) after the change to z up.
+    The front is where the lower half reaches out beyond the upper (a keyboard before its screen, the legs of a sitting
+    bear, the seat before a backrest); else where the upper half overhangs (the head of an animal on four legs); else
+    where the lower half's middle lies before the upper's (the toe of a shoe). Where nothing differs it is -y, which is
+    the front of a glTF file (its +z) after the change to z up.
     """
     points = surface_points(mesh, SYMMETRY_SAMPLES)
     low, high = points.min(axis=0), points.max(axis=0)
     upper = points[:, 2] > 0.5 * (low[2] + high[2])
-    default = np.array([0.0, -1.0, 0.0])
     if upper.sum() < 20 or (~upper).sum() < 20:
-        return default, False
-    reach = points[~upper].mean(axis=0)[:2] - points[upper].mean(axis=0)[:2]
-    axis = int(np.argmax(np.abs(reach)))
-    if abs(reach[axis]) < FRONT_REACH * float(np.max(high[:2] - low[:2])):
-        return default, False
-    front = np.zeros(3)
-    front[axis] = np.sign(reach[axis])
-    return front, True
+        return DEFAULT_FRONT, False
+    size = float(np.max(high[:2] - low[:2]))
+    reach = reaches(points[~upper, :2], points[upper, :2]) / size
+    ahead = int(np.argmax(reach - np.roll(reach, 2)))
+    if reach[ahead] > BEYOND and reach[ahead] - reach[(ahead + 2) % 4] > BEYOND:
+        return FRONTS[ahead], True
+    over = int(np.argmin(reach))
+    if reach[over] < -BEYOND and reach[(over + 2) % 4] > -0.5 * BEYOND:
+        return FRONTS[over], True
+    middle = FRONTS[:, :2] @ (points[~upper, :2].mean(axis=0) - points[upper, :2].mean(axis=0)) / size
+    if middle.max() < FRONT_REACH:
+        return DEFAULT_FRONT, False
+    return FRONTS[int(np.argmax(middle))], True
+
+
+def reaches(lower: Array, upper: Array) -> Array:
+    """How far lower points reach beyond upper ones towards +x, +y, -x, -y [m]; negative: an overhang, shape (4,)."""
+    ways = FRONTS[:, :2]
+    # the outermost two per cent may be an ear, a lace or scan noise
+    return np.asarray(np.quantile(lower @ ways.T, 0.98, axis=0) - np.quantile(upper @ ways.T, 0.98, axis=0))

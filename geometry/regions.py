@@ -1,7 +1,8 @@
 """Words such as "left edge" or "next to the pillow" as areas of a horizontal surface.
 
-In: the frame of a part (its box, and the side from which a viewer looks at the furniture's front) and region names. Out: areas with
-a point to aim at, best first. Left and right are the viewer's, front is the viewer's side, back and head are the far side.
+In: the frame of a part (its box, and the side from which a viewer looks at the furniture's front) and region names.
+Out: areas with a point to aim at, best first. Left and right are the viewer's, front is the viewer's side, back and
+head are the far side.
 """
 
 from collections.abc import Sequence
@@ -61,7 +62,7 @@ class Region:
 
 
 def frame_of(box: OrientedBox, front: Array | None, room_center: Array) -> Frame:
-    """The frame of a part: the box side that looks most like the front; without a front the long side towards the room."""
+    """The frame of a part: the box side nearest to the front; without a front the long side towards the room."""
     axes, half = box.axes[:2, :2], box.half_extents[:2]
     sides = [(axes[:, k] * sign, k) for k in (0, 1) for sign in (1.0, -1.0)]
     if front is not None and np.linalg.norm(front[:2]) > 0:
@@ -133,8 +134,9 @@ def edge_directions(frame: Frame, directions: Sequence[tuple[int, int]]) -> list
     """The asked edge, or all four, the viewer's first, then the longer ones."""
     if directions:
         return [(sum(d[0] for d in directions), sum(d[1] for d in directions))]
-    sides = [(0, 1), (1, 0), (-1, 0), (0, -1)] if frame.half[0] >= frame.half[1] else [(1, 0), (-1, 0), (0, 1), (0, -1)]
-    return sides
+    if frame.half[0] >= frame.half[1]:
+        return [(0, 1), (1, 0), (-1, 0), (0, -1)]
+    return [(1, 0), (-1, 0), (0, 1), (0, -1)]
 
 
 def strip(frame: Frame, direction: tuple[int, int], radius: float) -> Region:

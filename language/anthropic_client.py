@@ -1,9 +1,10 @@
 """The client that asks a model of Anthropic through the official SDK.
 
-In: a request. Out: a reply that passed pydantic and its own `check`. The model must answer with one tool call; an answer that is
-invalid goes back with the reason, a bounded number of times. Text of scenes and prompts travels as JSON inside a data
-block, so it can neither close the block nor pick what is not listed. The key comes from the environment only (the SDK
-reads ANTHROPIC_API_KEY, and ANTHROPIC_BASE_URL where another address is wanted) and is never logged.
+In: a request. Out: a reply that passed pydantic and its own `check`. The model must answer with one tool call; an
+answer that is invalid goes back with the reason, a bounded number of times. Text of scenes and prompts travels as
+JSON inside a data block, so it can neither close the block nor pick what is not listed. The key comes from the
+environment only (the SDK reads ANTHROPIC_API_KEY, and ANTHROPIC_BASE_URL where another address is wanted) and is
+never logged.
 """
 
 import base64

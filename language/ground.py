@@ -1,7 +1,7 @@
 """Nouns tied to the instances of a scene: which bed is "the left bed", what does the lamp stand on.
 
-In: noun phrases and instance views. Out: instances, part names and regions. Boxes decide; the sides of several alike things
-are those of a viewer who looks at their fronts (at things without fronts: along +y, as on a floor plan).
+In: noun phrases and instance views. Out: instances, part names and regions. Boxes decide; the sides of several alike
+things are those of a viewer who looks at their fronts (at things without fronts: along +y, as on a floor plan).
 """
 
 from collections.abc import Callable, Sequence

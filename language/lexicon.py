@@ -1,7 +1,7 @@
 """The words that the offline reader knows: things with sizes and masses, parts, and phrases, from CSV files beside it.
 
-In: `lexicon/*.csv`. Out: frozen rows, and one vocabulary that maps word sequences to what they may mean. Every word that
-means something to the grammar stands in those files; the code knows kinds of words, never the words.
+In: `lexicon/*.csv`. Out: frozen rows, and one vocabulary that maps word sequences to what they may mean. Every word
+that means something to the grammar stands in those files; the code knows kinds of words, never the words.
 """
 
 import csv
@@ -92,7 +92,7 @@ def thing_row(row: Mapping[str, str]) -> Thing:
         mass=float(row["mass_kg"]),
         hollow=row["hollow"] == "1",
         rest=row["rest"],
-        materials=MappingProxyType({part: material for part, material in pairs}),
+        materials=MappingProxyType(dict(pairs)),
     )
 
 
@@ -160,7 +160,8 @@ def vocabulary() -> Mapping[Words, frozenset[Meaning]]:
             irregular = row["plural"]
             add(irregular, kind, row["id"], is_plural=True)
             for name in names[1 if irregular else 0 :]:
-                if (tuple(split_words(plural(name)))) not in found:
+                words = tuple(split_words(plural(name)))
+                if all(meaning.plural for meaning in found.get(words, ())):  # "glasses" stays what it is
                     add(plural(name), kind, row["id"], is_plural=True)
     for row in rows(PHRASES):
         for text in row["phrases"].split("|"):

@@ -1,7 +1,8 @@
 """The library of materials: one row of `materials.csv` per material, checked on reading.
 
-In: the CSV file with SI units in its header. Out: `Material` by id. Guaranteed: every number is finite and physical, dynamic
-friction does not exceed static friction, and each row names its source (`estimate` where nobody measured it for us).
+In: the CSV file with SI units in its header. Out: `Material` by id. Guaranteed: every number is finite and physical,
+dynamic friction does not exceed static friction, and each row names its source (`estimate` where nobody measured it
+for us).
 """
 
 import csv

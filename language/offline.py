@@ -1,6 +1,7 @@
 """The client that needs no model: a transparent reader of sentences and a chooser over the lexicon.
 
-It answers only from the request and the lexicon's files, the same way every time, and says what it did not understand.
+It answers only from the request and the lexicon's files, the same way every time, and says what it did not
+understand.
 """
 
 import numpy as np
@@ -234,7 +235,7 @@ def one_of_a_whole(request: AnchorRequest, part: PartView) -> bool:
 
 
 def which_of(alike: list[PartView], which: str, request: AnchorRequest) -> PartView:
-    """The left, right, top, bottom, middle or n-th of parts with the same name; else the one that fits and carries best."""
+    """The left, right, top, bottom, middle or n-th of parts with the same name; else the one that carries best."""
     word, counted = which.split()[0] if which else "", which.endswith("from top")
     along = sorted(alike, key=lambda p: (round(float(np.dot(p.center, request.right)), 3), p.index))
     upward = sorted(alike, key=lambda p: (round(p.center[2], 3), p.index))

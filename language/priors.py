@@ -1,7 +1,7 @@
 """Size and mass priors of the object by its name.
 
-In: the noun of the prompt and the label of the file. Out: the more specific of the two, with the lexicon's numbers; masses
-follow the size of the mesh. An unknown name keeps the mesh's own size and says so.
+In: the noun of the prompt and the label of the file. Out: the more specific of the two, with the lexicon's numbers;
+masses follow the size of the mesh. An unknown name keeps the mesh's own size and says so.
 """
 
 from dataclasses import dataclass
@@ -46,7 +46,7 @@ def prior_of(theme: Noun | None, label: str, size: tuple[float, float, float]) -
         return Prior(thing.id, thing.size, thing.spread, thing.mass, thing.hollow, mismatch(theme, label, thing))
     name = theme.text.removeprefix("the ").removeprefix("a ") if theme is not None and not theme.pronoun else label
     mass = max(1e-3, UNKNOWN_DENSITY * size[0] * size[1] * size[2])
-    note = f"{name!r} is not in the lexicon: the mesh keeps its size, and {UNKNOWN_DENSITY:g} kg/m^3 of its box are assumed"
+    note = f"{name!r} is not in the lexicon: the mesh keeps its size; {UNKNOWN_DENSITY:g} kg/m^3 of its box are assumed"
     return Prior(name, size, 1.0, mass, True, (note,))
 
 

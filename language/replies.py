@@ -1,7 +1,7 @@
 """What a client may answer: validated types that choose only among what the request lists.
 
-Shape and ranges are checked by pydantic; `check` compares with the request and raises ValueError with one sentence that can
-be shown to a model as it is. A reply that fails is no reply.
+Shape and ranges are checked by pydantic; `check` compares with the request and raises ValueError with one sentence
+that can be shown to a model as it is. A reply that fails is no reply.
 """
 
 import math
@@ -13,8 +13,8 @@ from language.requests import AnchorRequest, IntentRequest, MaterialsRequest, Ro
 
 Pose = Literal["upright", "upside_down", "on_side", "lying", "standing", "on_back", "on_front", "any"]
 Region = Literal[
-    "center", "left", "right", "front", "back", "head", "foot", "edge", "corner", "near", "next_to", "between", "middle",
-    "under", "any",
+    "center", "left", "right", "front", "back", "head", "foot", "edge", "corner", "near", "next_to", "between",
+    "middle", "under", "any",
 ]  # fmt: skip
 SPECIAL_FACINGS = ("wall", "door", "viewer", "room", "left", "right", "front", "back")
 Metres = PositiveFloat
@@ -31,12 +31,18 @@ class IntentReply(BaseModel, frozen=True, extra="forbid"):
     mass: float = Field(gt=0, le=5000, description="realistic mass of the object [kg]")
     hollow: bool = Field(default=False, description="mass is not density times the volume of its closed mesh")
     pose: Pose = Field(default="any", description="orientation that the prompt asks for")
-    facing: str = Field(default="", description="listed instance id, part:NAME, wall, door, viewer, room or a side; "
-                                                "away: before it for the opposite; empty if nothing is said")  # fmt: skip
+    facing: str = Field(
+        default="",
+        description="listed instance id, part:NAME, wall, door, viewer, room or a side; away: before it for the "
+        "opposite; empty if nothing is said",
+    )
     orientation_words: str = ""
     part: str = Field(default="", description="name of a listed part of the base, empty if none is asked for")
-    which: str = Field(default="", description="which of several parts of that name: left, right, top, bottom, middle, "
-                                               "or a number counted from below")  # fmt: skip
+    which: str = Field(
+        default="",
+        description="which of several parts of that name: left, right, top, bottom, middle, or a number counted from "
+        "below",
+    )
     regions: tuple[Region, ...] = ()
     references: tuple[str, ...] = Field(default=(), description="listed instance ids or part:NAME of the base")
     region_words: str = ""

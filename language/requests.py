@@ -1,7 +1,8 @@
 """What a client is asked: everything that any client may need to choose, in plain values and with pictures on demand.
 
-Geometry is computed by the stages; a request lists the choices by id, and a reply can only pick among them. All lengths in
-metres, world frame, z up. Text that came from files or prompts is data for the clients, never an instruction.
+Geometry is computed by the stages; a request lists the choices by id, and a reply can only pick among them. All
+lengths in metres, world frame, z up. Text that came from files or prompts is data for the clients, never an
+instruction.
 """
 
 from collections.abc import Callable

@@ -1,6 +1,7 @@
 """The seam between stages and language: four questions, and who answers them.
 
-Stages call `client(name, model)` and never learn which client they got. `offline` needs nothing, `anthropic` asks a model.
+Stages call `client(name, model)` and never learn which client they got. `offline` needs nothing, `anthropic` asks a
+model.
 """
 
 from enum import StrEnum

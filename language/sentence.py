@@ -1,6 +1,7 @@
 """The grammar of placement sentences: what is moved, and the phrases that say where and how; no scene is needed.
 
-In: a prompt. Out: a `Reading`. Grammar (brackets: optional, braces: any number; words in capitals are kinds of the lexicon):
+In: a prompt. Out: a `Reading`. Grammar (brackets: optional, braces: any number; words in capitals are kinds of the
+lexicon):
 
     sentence  = { FILLER } clause { ("and" | ",") clause }
     clause    = [ VERB ] [ noun ] { place | POSE | FACE noun | noun }
@@ -8,8 +9,9 @@ In: a prompt. Out: a `Reading`. Grammar (brackets: optional, braces: any number;
     noun      = { DET | SIDE | COLOUR | QUALITY | NUMBER } [ { THING | PART | unknown } head ] [ "of" noun ]
     head      = THING | PART | REGION | ONE | PRONOUN | unknown
 
-The first noun of a placing (or picking) clause is what is moved. In "pick A near B and place it on C" only the last placing clause
-says where. What fits nowhere is kept and reported. A sentence that is no placement of one thing raises LanguageError.
+The first noun of a placing (or picking) clause is what is moved. In "pick A near B and place it on C" only the last
+placing clause says where. What fits nowhere is kept and reported. A sentence that is no placement of one thing raises
+LanguageError.
 """
 
 from dataclasses import dataclass, field
@@ -279,7 +281,8 @@ class Reader:
             self.index = back
             return
         raise LanguageError(
-            f"prompt {self.prompt!r} moves more than one thing ({first.text} and {second.text}); place one object at a time"
+            f"prompt {self.prompt!r} moves more than one thing ({first.text} and {second.text}); "
+            "place one object at a time"
         )
 
     # noun phrases --------------------------------------------------------------------------------------------------
@@ -311,7 +314,7 @@ class Reader:
                 continue
             if not self.starts_noun(token) or (token.has("relation") and not token.has("side")):
                 break
-            if token.has("verb") and words and not token.has("side"):
+            if token.has("verb") and words and not token.has("side", *NOUNS):
                 break
             if token.has("det", "pronoun", "number") and any(w.has(*NOUNS) and not w.has("det") for w in words):
                 break

@@ -1,7 +1,7 @@
 """The support, the part and the region that a sentence asks for, in a given scene.
 
-In: a `Reading` and the instances. Out: a `Target`: the base or what is missing, and part, regions and references in the words
-of the reply. The first place that names a thing is the base; later ones narrow it down or say where on it.
+In: a `Reading` and the instances. Out: a `Target`: the base or what is missing, and part, regions and references in
+the words of the reply. The first place that names a thing is the base; later ones narrow it down or say where on it.
 """
 
 from collections.abc import Sequence
@@ -60,6 +60,8 @@ class Target:
     words: list[str] = field(default_factory=list)
     not_understood: list[str] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
+    used: list[Place] = field(default_factory=list)
+    """Places that chose the base and say nothing more."""
 
     def add_regions(self, names: Sequence[str]) -> None:
         """Regions that are not there yet."""
@@ -83,7 +85,7 @@ def target_of(reading: Reading, request: IntentRequest) -> Target:
     for place in reading.places:
         if target.missing:
             break
-        if place is not support and not place.restrict:
+        if place is not support and not place.restrict and place not in target.used:
             ground_further(target, place, request)
     if support is not None and target.base is not None:
         ground_own_region(target, support, request)
@@ -129,13 +131,14 @@ def ground_support(target: Target, support: Place, reading: Reading, request: In
         target.missing = noun.text
         target.notes.append(f"the scene has {inventory(request.instances)}")
         return
-    chosen = choose(found, noun, narrowing(reading, support, found, request), request.instances, request.room_center)
+    target.used = narrowing(reading, support, found, request)
+    chosen = choose(found, noun, target.used, request.instances, request.room_center)
     target.base = chosen.instances[0]
     if chosen.note:
         target.notes.append(f"{noun.text}: {chosen.note}")
-    if noun is support.nouns[0] and not named(noun, request.instances):
-        set_part(target, noun)
-    elif len(found) == 1 and noun.sides and part_of(noun, target.base):
+    only_a_part = noun is support.nouns[0] and not named(noun, request.instances)
+    one_of_its_parts = len(found) == 1 and noun.sides and part_of(noun, target.base)  # "the second shelf"
+    if only_a_part or one_of_its_parts:
         set_part(target, noun)
     elif support.relation == "in" and inside(target.base) and support.nouns[0].owner is None:
         target.part = inside(target.base)
@@ -171,7 +174,7 @@ def set_part(target: Target, noun: Noun) -> None:
     part = part_of(noun, target.base)
     if part:
         target.part = part
-        target.which = " ".join(noun.sides[:1])
+        target.which = " ".join([side for side in noun.sides if side != part][:1])
         target.words.append(noun.text)
 
 
@@ -323,7 +326,7 @@ def facing_of(reading: Reading, target: Target, request: IntentRequest) -> tuple
         return f"{away}room", ()
     part = part_of(noun, target.base)
     if not part or named(noun, request.instances):
-        found = [i for i in named(noun, request.instances)]
+        found = list(named(noun, request.instances))
         if found:
             nearest = min(found, key=lambda i: (gap(i, target.base or i), i.id))
             return f"{away}{nearest.id}", ()

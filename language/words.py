@@ -1,6 +1,7 @@
 """A prompt cut into tokens: known phrases with everything they may mean, and unknown words.
 
-In: text. Out: tokens in order; the longest known phrase at each place wins. Nothing is lost: every word is in some token.
+In: text. Out: tokens in order; the longest known phrase at each place wins. Nothing is lost: every word is in some
+token.
 """
 
 from dataclasses import dataclass

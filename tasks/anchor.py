@@ -1,9 +1,10 @@
 """Stage 5, anchor: the part and the place on it, from which gravity does the rest.
 
-In: scene, object, intent and rotation. Out: `Anchor` with the pre-drop pose, or `no_support_hit`, or `too_large_for_target`. The
-region's aim is tried first, then the spots around it: a ray along gravity must hit the part, the object's underside must be
-over it, and nothing else may be in the way. Faces need not look up. The object's centre of mass goes over the anchor, and its
-lowest points start `clearance` above what lies beneath them, measured between the meshes.
+In: scene, object, intent and rotation. Out: `Anchor` with the pre-drop pose, or `no_support_hit`, or
+`too_large_for_target`. The region's aim is tried first, then the spots around it: a ray along gravity must hit the
+part, the object's underside must be over it, and nothing else may be in the way. Faces need not look up. The object's
+centre of mass goes over the anchor, and its lowest points start `clearance` above what lies beneath them, measured
+between the meshes.
 """
 
 from dataclasses import dataclass, replace
@@ -114,9 +115,9 @@ def choice_of(
     part = base.parts[index]
     frame = part_frame(scene, base, part.box)
     boxes = reference_boxes(scene, base, reply.references, part.box.center)
-    if "between" not in reply.regions:
-        boxes = boxes[:1]
-    areas = regions(frame, reply.regions, boxes, radius_of(mesh))
+    # "near the pillow" with two pillows: the nearer one first; "between" takes all of them together
+    groups = [[box] for box in boxes] if boxes and "between" not in reply.regions else [boxes]
+    areas = [area for group in groups for area in regions(frame, reply.regions, group, radius_of(mesh))]
     if reply.point is not None:
         areas = [replace(area, target=frame.world(np.array(reply.point))) for area in areas]
     return Choice(index, frame, areas)

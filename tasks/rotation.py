@@ -1,9 +1,9 @@
 """Stage 4, rotation: three pictures of the object over its base, one rotation back.
 
-In: scene, object, intent and prompt. Out: `Rotation`: R*, orthonormal, and exactly three pictures, the object flipped by 180
-degrees about x, y and z with the base fixed. Listed to choose from: the pose of the file, the flips, quarter turns and the stable
-poses of the convex hull, each before a turn about the vertical; and directions for the front. The front of an object is
-what `geometry.poses.front_of` says: where its lower half reaches out, else -y of the mesh.
+In: scene, object, intent and prompt. Out: `Rotation`: R*, orthonormal, and exactly three pictures, the object flipped
+by 180 degrees about x, y and z with the base fixed. Listed to choose from: the pose of the file, the flips, quarter
+turns and the stable poses of the convex hull, each before a turn about the vertical; and directions for the front.
+The front of an object is what `geometry.poses.front_of` says: where its lower half reaches out, else -y of the mesh.
 """
 
 from functools import partial
@@ -92,12 +92,13 @@ def refined(prompt: str, intent: Intent) -> str:
 
 
 def pose_views(mesh: Mesh, front: Array) -> tuple[PoseView, ...]:
-    """Everything that can be chosen, the pose of the file first."""
+    """All poses that can be chosen, that of the file first."""
     stable = stable_poses(mesh)
     side = np.cross(front, (0.0, 0.0, 1.0))
     turns = {"upright": np.eye(3)} | {f"flip_{axis}": np.diag(diagonal) for axis, diagonal in FLIPS.items()}
     for name, axis, angle in (
-        ("on_left_side", front, -90.0), ("on_right_side", front, 90.0), ("on_back", side, 90.0), ("on_front", side, -90.0)
+        ("on_left_side", front, -90.0), ("on_right_side", front, 90.0),
+        ("on_back", side, 90.0), ("on_front", side, -90.0),
     ):  # fmt: skip
         turns[name] = Turn.from_rotvec(np.radians(angle) * axis).as_matrix()
     views = [pose_view(name, matrix, probability_of(matrix, stable), mesh, front) for name, matrix in turns.items()]
@@ -121,7 +122,7 @@ def pose_view(name: str, matrix: Array, probability: float, mesh: Mesh, front: A
 
 
 def facings(scene: Segmentation, base: Instance, place: Array, asked: str) -> tuple[FacingView, ...]:
-    """Directions for the front: the asked one, along the support, as in the file, the viewer, the room, things nearby."""
+    """Directions for the front: along the support, as in the file, the asked one, the viewer, things nearby."""
     frame = part_frame(scene, base, base.box)
     ahead: Vector = (float(frame.front[0]), float(frame.front[1]), 0.0)
     found = {"aligned": ahead, "keep": (0.0, 0.0, 0.0)}
@@ -168,7 +169,7 @@ def yaw_between(a: Array, b: Array) -> float:
 
 
 def aligned_yaw(mesh: Mesh, matrix: Array, request: RotationRequest, scene: Segmentation, base: Instance) -> float:
-    """Front to the viewer if it has one; else its long side across the base's front, or along a slender support [rad]."""
+    """Front to the viewer; without a front the long side across the base, or along a slender one [rad]."""
     frame = part_frame(scene, base, base.box)
     pose = next(p for p in request.poses if np.allclose(p.rotation, matrix))
     if request.has_front:
@@ -182,7 +183,7 @@ def aligned_yaw(mesh: Mesh, matrix: Array, request: RotationRequest, scene: Segm
 
 
 def smallest_turn(own: Array, wanted: Array, *, quarter: bool) -> float:
-    """Turn that makes an axis parallel to another, either way round, or also perpendicular where that makes no difference."""
+    """Turn that makes an axis parallel to another, either way round; with `quarter` also perpendicular [rad]."""
     angle = yaw_between(own, np.array([*wanted[:2], 0.0]))
     period = np.pi / 2 if quarter else np.pi
     return float(angle - period * np.round(angle / period))
@@ -198,7 +199,7 @@ def three_flips(
     support = scene.instance_mesh(scene.index_of(base.id))
     middle = mesh.bounds.mean(axis=0)
     extent = float(np.linalg.norm(np.ptp(mesh.bounds, axis=0)))
-    hover = place + (0.0, 0.0, 0.65 * extent)
+    hover = place + np.array([0.0, 0.0, 0.65 * extent])
     camera = camera_for(scene, base, hover, extent, size)
     pictures = []
     for axis, diagonal in FLIPS.items():
@@ -211,9 +212,9 @@ def three_flips(
 
 
 def camera_for(scene: Segmentation, base: Instance, hover: Array, extent: float, size: int) -> Camera:
-    """From the viewer's side, slightly from above and from the right; object and the support below it in the picture."""
+    """From the viewer's side, a little from above and from the right; object and support in the picture."""
     frame = part_frame(scene, base, base.box)
-    reach = max(1.9 * extent, min(0.6 * base.box.diagonal, 3.2 * extent))
+    reach = max(1.8 * extent, min(0.6 * base.box.diagonal, 2.6 * extent))
     direction = np.array([*(0.9 * frame.front + 0.35 * frame.right), 0.5])
     direction /= np.linalg.norm(direction)
     target = hover - (0.0, 0.0, 0.25 * extent)

@@ -10,7 +10,7 @@ from geometry.regions import Frame, frame_of, regions
 from scene.box import OrientedBox
 from scene.intent import Intent
 from scene.segmentation import Instance, Segmentation
-from tasks.views import room_center
+from tasks.views import part_views, room_center
 
 Array = NDArray[np.float64]
 PART = "part:"
@@ -31,7 +31,7 @@ def boxes_of(scene: Segmentation, base: Instance, reference: str) -> list[Orient
 
 
 def reference_boxes(scene: Segmentation, base: Instance, names: tuple[str, ...], near: Array) -> list[OrientedBox]:
-    """Boxes of all references, nearest to a point first; for parts of one name only the nearest, or the two outermost."""
+    """Boxes of all references, those of one name nearest to a point first."""
     found: list[OrientedBox] = []
     for name in names:
         boxes = sorted(boxes_of(scene, base, name), key=lambda b: float(np.linalg.norm(b.center[:2] - near[:2])))
@@ -40,8 +40,10 @@ def reference_boxes(scene: Segmentation, base: Instance, names: tuple[str, ...],
 
 
 def wished_place(scene: Segmentation, base: Instance, intent: Intent, radius: float) -> Array:
-    """Roughly where the object will go: the aim of the asked region on the asked part, at its top [m], shape (3,)."""
-    box = next((part.box for part in base.parts if part.name == intent.region.part), base.box)
+    """Roughly where the object will go: the aim of the asked region on the asked or widest part [m], shape (3,)."""
+    views = part_views(scene, scene.index_of(base.id))
+    widest = max(views, key=lambda view: (view.support_area, -view.index)).index
+    box = next((part.box for part in base.parts if part.name == intent.region.part), base.parts[widest].box)
     frame = part_frame(scene, base, box)
     references = reference_boxes(scene, base, intent.region.references, box.center)
     areas = regions(frame, intent.region.names, references, radius)
