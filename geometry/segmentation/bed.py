@@ -19,6 +19,9 @@ COLOR_LENGTH = 0.002
 USUAL_LENGTH = 2.0
 """Length of a bed [m]."""
 
+THICKEST_MATTRESS = 0.34
+"""A thicker piece is mattress and frame at once [m]."""
+
 MATTRESS_THICKNESS = 0.22
 """Used where neither a ledge nor a colour shows the mattress's underside [m]."""
 
@@ -42,6 +45,7 @@ def bed_parts(body: Body) -> PartMap:
         _cut_by_height(body, parts, level, scale)
     else:
         parts.names[mattress.faces] = "mattress"
+        _cut_frame(body, parts, pieces, mattress, level, scale)
         _cut_bumps(body, parts, mattress, level, scale)
     _cut_headboard(body, parts, level, head, scale)
     _name_scraps(body, parts, pieces, level)
@@ -94,10 +98,10 @@ def _pillow_side(body: Body, level: float, scale: float) -> NDArray[np.float64] 
 
 
 def _is_composite(body: Body, piece: Piece, level: float, scale: float) -> bool:
-    """A piece that is wide and reaches from near the floor to above the lying level holds several parts."""
+    """A wide piece that ends above the lying level and is thicker than any mattress holds several parts."""
     wide = bool((piece.size[:2] > 0.6 * body.size[:2]).all())
-    reaches_floor = piece.low[2] < 0.12 * level
-    return wide and reaches_floor and bool(piece.high[2] > level - 0.03 * scale)
+    thick = bool(piece.size[2] > THICKEST_MATTRESS * scale or piece.low[2] < 0.12 * level)
+    return wide and thick and bool(piece.high[2] > level - 0.03 * scale)
 
 
 def _cut_composites(body: Body, level: float, scale: float) -> Body:
@@ -231,6 +235,16 @@ def _cut_headboard(body: Body, parts: PartMap, level: float, head: NDArray[np.fl
     inner = float((body.center[fused & at_end & risen] @ head).min()) - 0.01 * scale
     column = (body.center @ head > inner) & (body.center[:, 2] > 0.5 * level)
     parts.names[fused & column] = "headboard"
+
+
+def _cut_frame(body: Body, parts: PartMap, pieces: list[Piece], mattress: Piece, level: float, scale: float) -> None:
+    """A mattress fused with a frame of its own colour ends a mattress's thickness below the level."""
+    carried = any(
+        (p.size[:2] > 0.6 * body.size[:2]).all() and p.low[2] < mattress.low[2] - 0.05 * scale for p in pieces
+    )
+    if _is_composite(body, mattress, level, scale) and not carried:
+        low = body.center[mattress.faces, 2] < level - MATTRESS_THICKNESS * scale
+        parts.names[mattress.faces[low]] = "frame"
 
 
 def _cut_bumps(body: Body, parts: PartMap, mattress: Piece, level: float, scale: float) -> None:

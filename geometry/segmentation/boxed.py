@@ -22,6 +22,12 @@ MARGIN = 0.03
 HELD = 0.75
 """Share of a component's area that a box must hold to own it as a whole [-]."""
 
+CLAIM_MARGIN = 0.01
+"""Margin of a small thing's box when it claims faces from what carries it [m]."""
+
+FLAT_THING = 0.06
+"""Thickness below which a box on the floor is a rug [m]."""
+
 NEAR_BEST = 0.12
 """A smaller box wins over a larger one that holds this much more of a component [-]."""
 
@@ -45,7 +51,7 @@ def is_opening(label: str) -> bool:
 def boxed_groups(table: FaceTable, boxes: tuple[LabelBox, ...]) -> list[Group]:
     """Labelled things, then floor, ceiling and walls; boxes that hold no face are left out."""
     things = [b for b in boxes if category_of(b.label) is not Category.STRUCTURE]
-    owner = _whole_components(table, things)
+    owner = _claimed_back(table, things, _whole_components(table, things))
     shell = owner < 0
     levels = find_levels(table)
     walls = [b for b in boxes if category_of(b.label) is Category.STRUCTURE and plain_structure(b.label) == "wall"]
@@ -55,6 +61,8 @@ def boxed_groups(table: FaceTable, boxes: tuple[LabelBox, ...]) -> list[Group]:
     wall = wall_number(table, [b.box for b in walls], shell & ~floor & ~ceiling, in_box >= 0)
     loose = shell & ~floor & ~ceiling & (wall < 0)
     owner = np.where(loose, in_box, owner)
+    owner = _rugs(table, things, owner, floor)
+    floor &= owner < 0
     floor, ceiling, wall = _completed(table, floor, ceiling, wall, loose & (in_box < 0))
     groups = [Group(b.id, b.label, np.flatnonzero(owner == i), b.box.axes) for i, b in enumerate(things)]
     groups += _structure_groups(boxes, walls, floor, ceiling, wall)
@@ -134,6 +142,39 @@ def _whole_components(table: FaceTable, things: list[LabelBox]) -> NDArray[np.in
     for i, share in sorted(shares, key=lambda s: -_volume(things[s[0]].box)):
         owner[(share >= HELD) & (share >= best_share - NEAR_BEST)] = i
     return np.asarray(owner[table.component])
+
+
+def _claimed_back(table: FaceTable, things: list[LabelBox], owner: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Where a scan fused a small thing with what carries it, the small box takes its faces back, shape (m,).
+
+    It does so only if it owns less than half of what lies in it. Upward faces at its foot stay with the carrier.
+    """
+    volume = np.array([_volume(thing.box) for thing in things])
+    result = owner.copy()
+    for i in np.argsort(-volume, kind="stable"):
+        inside = _inside(table, things[i].box, CLAIM_MARGIN)
+        inside = inside[table.center[inside, 2] > things[i].box.bottom + CLAIM_MARGIN]
+        if is_opening(things[i].label) or table.area[inside[owner[inside] == i]].sum() > 0.5 * table.area[inside].sum():
+            continue
+        foot = table.center[inside, 2] < things[i].box.bottom + 2.0 * CLAIM_MARGIN
+        carried = ~(foot & (table.normal[inside, 2] > 0.7))
+        larger = (owner[inside] >= 0) & (volume[owner[inside]] > volume[i])
+        result[inside[carried & larger]] = i
+    return result
+
+
+def _rugs(
+    table: FaceTable, things: list[LabelBox], owner: NDArray[np.int64], floor: NDArray[np.bool_]
+) -> NDArray[np.int64]:
+    """A flat thing that the scan fused with the floor takes the floor's faces in its box, shape (m,)."""
+    result = owner.copy()
+    for i, thing in enumerate(things):
+        footprint = 4.0 * float(np.prod(thing.box.half_extents[:2]))
+        flat = 2.0 * thing.box.half_extents[2] < FLAT_THING
+        if flat and table.area[owner == i].sum() < 0.3 * footprint:
+            inside = _inside(table, thing.box, 0.0)
+            result[inside[floor[inside]]] = i
+    return result
 
 
 def _smallest_box(table: FaceTable, things: list[LabelBox], loose: NDArray[np.bool_]) -> NDArray[np.int64]:

@@ -49,7 +49,7 @@ def _lamp_piece(
     if piece.high[2] < 0.65 * height and piece.low[2] < 0.1 * height:
         return "base"
     names = np.full(len(z), "pole", dtype=object)
-    wide = np.linalg.norm(body.center[piece.faces, :2], axis=1) > 0.3 * radius
+    wide = np.linalg.norm(body.center[piece.faces, :2], axis=1) > 0.15 * radius
     names[(z >= shade_low) & wide] = "shade"
     names[z <= base_high] = "base"
     return names
