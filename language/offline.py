@@ -108,7 +108,11 @@ def chosen_pose(request: RotationRequest, thing: Thing | None) -> tuple[PoseView
     wanted = request.pose
     if wanted == "on_front" and thing is not None and any(is_a(thing.id, c) for c in CONTAINERS):
         wanted = "upside_down"
-    if wanted in ("any", "") or (wanted == "upright" and rest != "flat") or (wanted == "lying" and rest != "upright"):
+    if (
+        wanted in ("any", "")
+        or (wanted == "upright" and rest == "upright")
+        or (wanted == "lying" and rest != "upright")
+    ):
         return default, f"{name}: {why}"
     if wanted in ("upright", "standing"):
         return standing(request, default, rest), f"{name}: stands on end"
@@ -156,13 +160,12 @@ def own_up(pose: PoseView, default: PoseView) -> np.ndarray[tuple[int], np.dtype
 
 
 def standing(request: RotationRequest, default: PoseView, rest: str) -> PoseView:
-    """On end: the default of upright things, else the tallest stable pose, as in the file if that is as tall."""
+    """On end: the default of upright things, else the tallest pose, stable if possible, turned as little as possible."""
     if rest == "upright":
         return default
-    stable = [pose for pose in request.poses if pose.probability > 0] or list(request.poses)
-    tallest = max(pose.size[2] for pose in (*stable, by_id(request, "upright")))
-    fitting = [p for p in (by_id(request, "upright"), *stable) if p.size[2] >= 0.97 * tallest]
-    return fitting[0]
+    tallest = max(pose.size[2] for pose in request.poses)
+    fitting = [pose for pose in request.poses if pose.size[2] >= 0.97 * tallest]
+    return max(fitting, key=lambda pose: (pose.probability > 0, round(trace(pose), 6), pose.probability))
 
 
 def turned_over(request: RotationRequest, default: PoseView) -> PoseView:

@@ -269,7 +269,7 @@ class Reader:
             clause.theme = noun
             if self.here("conj") and self.at_noun(1):
                 self.second_theme(noun)
-        else:
+        elif noun.pronoun != "it" and not (noun.parts and self.here("face")):  # "with its screen facing ..."
             self.left_over.append(noun.text)
 
     def second_theme(self, first: Noun) -> None:

@@ -1,8 +1,8 @@
 """Stage 6, materials: one row of the library for each part, rigid above 1 GPa, everything else soft.
 
-In: scene, object, intent and anchor. Out: `PartMaterials`: the object's parts, the base's, then the neighbours' within reach (those
-only as obstacles). Rows are picked, never mixed. The density of a hollow thing is made to fit the mass prior where its
-particles are filled; the reason says so.
+In: scene, object, intent and anchor. Out: `PartMaterials`: the object's parts, the base's, then the neighbours'
+within reach (those only as obstacles). Rows are picked, never mixed. The density of a hollow thing is made to fit the
+mass prior where its particles are filled; the reason says so.
 """
 
 from dataclasses import replace
@@ -20,7 +20,7 @@ from scene.materials import Material, Model, PartMaterial, PartMaterials
 from scene.outcome import Infeasible
 from scene.segmentation import Segmentation
 from tasks.stage import stage
-from tasks.views import part_views
+from tasks.views import part_views, sums_of
 
 OBJECT = "object"
 
@@ -72,10 +72,11 @@ def base_and_neighbours(
         within = float(np.linalg.norm(np.maximum(apart, 0.0))) <= config.neighbour_distance
         if within and instance.id != anchor.base_id:
             near.append(instance)
+    sums = sums_of(scene)
     return [
         MaterialQuestion(instance.id, instance.label, part)
         for instance in near
-        for part in part_views(scene, scene.index_of(instance.id))
+        for part in part_views(scene, scene.index_of(instance.id), sums)
     ]
 
 

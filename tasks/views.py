@@ -3,11 +3,12 @@
 In: a scene or object. Out: plain views of its instances and parts; nothing is chosen here.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
 from language.requests import InstanceView, ObjectView, PartView, Vector
-from scene.mesh import Mesh
 from scene.segmentation import Instance, Segmentation
 
 LEVEL = 0.5
@@ -20,42 +21,67 @@ def vector(values: NDArray[np.floating]) -> Vector:
     return x, y, z
 
 
-def mean_color(mesh: Mesh, faces: NDArray[np.integer]) -> Vector:
-    """Area-weighted mean sRGB colour of some faces, 0..1."""
-    area = mesh.face_areas[faces]
-    if area.sum() == 0.0:
-        return 0.5, 0.5, 0.5
-    shade = mesh.colors[mesh.faces[faces]].mean(axis=1)
-    return vector(np.average(shade, axis=0, weights=area) / 255.0)
+@dataclass(frozen=True, eq=False, slots=True)
+class Sums:
+    """Sums over the faces of every part, counted through all instances."""
+
+    first: NDArray[np.int64]
+    """Number of each instance's first part, shape (instances + 1,)."""
+    area: NDArray[np.float64]
+    """[m^2], shape (parts,)."""
+    support: NDArray[np.float64]
+    """Area that looks up [m^2], shape (parts,)."""
+    color: NDArray[np.float64]
+    """Area times sRGB colour 0..1, shape (parts, 3)."""
 
 
-def part_views(scene: Segmentation, index: int) -> tuple[PartView, ...]:
+def sums_of(scene: Segmentation) -> Sums:
+    """One pass over all faces."""
+    first = np.cumsum([0, *(len(instance.parts) for instance in scene.instances)])
+    known = (scene.face_instance >= 0) & (scene.face_part >= 0)
+    number = first[scene.face_instance[known]] + scene.face_part[known]
+    normals = scene.mesh.face_normals[known]
+    length = np.linalg.norm(normals, axis=1)
+    up = normals[:, 2] > LEVEL * np.maximum(length, 1e-30)
+    shade = scene.mesh.colors[scene.mesh.faces[known]].mean(axis=1) / 255.0
+    count = int(first[-1])
+    return Sums(
+        first=first,
+        area=np.bincount(number, 0.5 * length, count).astype(np.float64),
+        support=np.bincount(number, 0.5 * length * up, count).astype(np.float64),
+        color=np.stack([np.bincount(number, 0.5 * length * shade[:, k], count) for k in range(3)], axis=1),
+    )
+
+
+def mean_color(color: NDArray[np.float64], area: float) -> Vector:
+    """Mean sRGB colour of an area, 0..1; grey where there is none."""
+    return vector(color / area) if area > 0 else (0.5, 0.5, 0.5)
+
+
+def part_views(scene: Segmentation, index: int, sums: Sums | None = None) -> tuple[PartView, ...]:
     """The parts of one instance."""
-    instance = scene.instances[index]
-    mine = scene.face_instance == index
-    normals = scene.mesh.face_normals
-    length = np.maximum(np.linalg.norm(normals, axis=1), 1e-30)
-    up = normals[:, 2] / length
+    sums = sums_of(scene) if sums is None else sums
     views = []
-    for number, part in enumerate(instance.parts):
-        faces = np.flatnonzero(mine & (scene.face_part == number))
+    for number, part in enumerate(scene.instances[index].parts):
+        row = int(sums.first[index]) + number
         views.append(
             PartView(
                 index=number,
                 name=part.name,
                 center=vector(part.box.center),
                 size=vector(2.0 * part.box.half_extents),
-                support_area=float(0.5 * length[faces][up[faces] > LEVEL].sum()),
-                color=mean_color(scene.mesh, faces),
+                support_area=float(sums.support[row]),
+                color=mean_color(sums.color[row], float(sums.area[row])),
             )
         )
     return tuple(views)
 
 
-def instance_view(scene: Segmentation, index: int) -> InstanceView:
+def instance_view(scene: Segmentation, index: int, sums: Sums) -> InstanceView:
     """One instance."""
     instance = scene.instances[index]
     corners = instance.box.corners
+    mine = slice(int(sums.first[index]), int(sums.first[index + 1]))
     return InstanceView(
         id=instance.id,
         label=instance.label,
@@ -65,14 +91,15 @@ def instance_view(scene: Segmentation, index: int) -> InstanceView:
         high=vector(corners.max(axis=0)),
         front=None if instance.front is None else vector(instance.front),
         structure=instance.structure,
-        color=mean_color(scene.mesh, np.flatnonzero(scene.face_instance == index)),
-        parts=part_views(scene, index),
+        color=mean_color(sums.color[mine].sum(axis=0), float(sums.area[mine].sum())),
+        parts=part_views(scene, index, sums),
     )
 
 
 def instance_views(scene: Segmentation) -> tuple[InstanceView, ...]:
     """All instances."""
-    return tuple(instance_view(scene, index) for index in range(len(scene.instances)))
+    sums = sums_of(scene)
+    return tuple(instance_view(scene, index, sums) for index in range(len(scene.instances)))
 
 
 def object_view(item: Segmentation) -> ObjectView:
