@@ -10,12 +10,12 @@ from geometry.procedural.shapes import (
     Array,
     bar,
     cushioned,
+    grid_surface,
     lens,
     moved,
+    outward,
     rounded_box,
     rounded_nodes,
-    grid_surface,
-    outward,
     turned,
     warped,
 )
@@ -55,7 +55,10 @@ class BedStyle:
 def bed(style: BedStyle, seed: int, label: str = "bed") -> Piece:
     """The whole bed."""
     top = FRAME_TOP - SINK + style.mattress
-    mattress = moved(rounded_box((style.width, style.length, style.mattress), MATTRESS_RADIUS, 0.028), z=FRAME_TOP - SINK + style.mattress / 2)
+    mattress = moved(
+        rounded_box((style.width, style.length, style.mattress), MATTRESS_RADIUS, 0.028),
+        z=FRAME_TOP - SINK + style.mattress / 2,
+    )
     return piece(
         label,
         frame=_frame(style, seed),
@@ -71,7 +74,12 @@ def _frame(style: BedStyle, seed: int) -> list[Mesh]:
     width, length = style.width + 0.01, style.length + 0.02
     platform = moved(rounded_box((width, length, 0.17), 0.012, 0.04), z=FRAME_TOP - 0.085)
     legs = [
-        bar((x * (width / 2 - 0.09), y * (length / 2 - 0.09), 0.0), (x * (width / 2 - 0.09), y * (length / 2 - 0.09), 0.135), 0.022, taper=1.45)
+        bar(
+            (x * (width / 2 - 0.09), y * (length / 2 - 0.09), 0.0),
+            (x * (width / 2 - 0.09), y * (length / 2 - 0.09), 0.135),
+            0.022,
+            taper=1.45,
+        )
         for x in (-1, 1)
         for y in (-1, 1)
     ]
@@ -104,8 +112,14 @@ def _channels(width: float):  # type: ignore[no-untyped-def]
 
 def _bars(style: BedStyle, width: float, y: float, seed: int) -> list[Mesh]:
     posts = [bar((s * (width / 2 - 0.03), y, 0.0), (s * (width / 2 - 0.03), y, 0.95), 0.03) for s in (-1, 1)]
-    rails = [moved(rounded_box((width - 0.03, 0.035, h), 0.01, 0.03), y=y, z=z) for z, h in ((0.30, 0.14), (0.62, 0.05), (0.86, 0.09))]
-    sticks = [bar((x, y, 0.32), (x, y, 0.86), 0.012) for x in np.linspace(-width / 2 + 0.14, width / 2 - 0.14, max(5, round(width / 0.14)))]
+    rails = [
+        moved(rounded_box((width - 0.03, 0.035, h), 0.01, 0.03), y=y, z=z)
+        for z, h in ((0.30, 0.14), (0.62, 0.05), (0.86, 0.09))
+    ]
+    sticks = [
+        bar((x, y, 0.32), (x, y, 0.86), 0.012)
+        for x in np.linspace(-width / 2 + 0.14, width / 2 - 0.14, max(5, round(width / 0.14)))
+    ]
     return [painted(m, wood(style.frame, "x", seed), seed=seed) for m in (*posts, *rails, *sticks)]
 
 

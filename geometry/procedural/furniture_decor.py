@@ -40,16 +40,37 @@ def floor_lamp(fabric: Rgb, metal: Rgb, seed: int) -> Piece:
     shade = moved(_shade(0.06, 0.23, 0.30, fabric, seed), z=1.24)
     spokes = [bar((0, 0, 1.5), (0.057 * np.cos(a), 0.057 * np.sin(a), 1.532), 0.004) for a in np.arange(3) * 2.094]
     stem = bar((0, 0, 1.34), (0, 0, 1.51), 0.008)
-    return piece("floor lamp", base=painted(base, metal), pole=[painted(m, metal) for m in (pole, stem, *spokes)], shade=shade)
+    return piece(
+        "floor lamp", base=painted(base, metal), pole=[painted(m, metal) for m in (pole, stem, *spokes)], shade=shade
+    )
 
 
 def table_lamp(fabric: Rgb, glaze: Rgb, seed: int) -> Piece:
     """A lamp with a turned ceramic foot and a conical shade."""
-    base = lathe([(0, 0), (0.065, 0), (0.068, 0.012), (0.045, 0.03), (0.075, 0.09), (0.06, 0.15), (0.022, 0.19), (0.018, 0.21), (0, 0.21)], 0.014, smooth=1)
+    base = lathe(
+        [
+            (0, 0),
+            (0.065, 0),
+            (0.068, 0.012),
+            (0.045, 0.03),
+            (0.075, 0.09),
+            (0.06, 0.15),
+            (0.022, 0.19),
+            (0.018, 0.21),
+            (0, 0.21),
+        ],
+        0.014,
+        smooth=1,
+    )
     pole = bar((0, 0, 0.20), (0, 0, 0.40), 0.007)
     spokes = [bar((0, 0, 0.395), (0.058 * np.cos(a), 0.058 * np.sin(a), 0.408), 0.0035) for a in np.arange(3) * 2.094]
     shade = moved(_shade(0.06, 0.145, 0.20, fabric, seed), z=0.215)
-    return piece("table lamp", base=painted(base, glaze, variation=0.05, seed=seed), pole=[painted(m, (190, 170, 120)) for m in (pole, *spokes)], shade=shade)
+    return piece(
+        "table lamp",
+        base=painted(base, glaze, variation=0.05, seed=seed),
+        pole=[painted(m, (190, 170, 120)) for m in (pole, *spokes)],
+        shade=shade,
+    )
 
 
 def ceiling_lamp(height: float) -> Piece:
@@ -62,7 +83,18 @@ def plant(seed: int, height: float = 1.1, pot: Rgb = (190, 112, 78)) -> Piece:
     """A potted plant with long bending leaves."""
     rng = np.random.default_rng(seed)
     s = height / 1.1
-    body = lathe([(0, 0), (0.10 * s, 0), (0.145 * s, 0.26 * s), (0.15 * s, 0.28 * s), (0.135 * s, 0.28 * s), (0.125 * s, 0.24 * s), (0, 0.24 * s)], 0.022)
+    body = lathe(
+        [
+            (0, 0),
+            (0.10 * s, 0),
+            (0.145 * s, 0.26 * s),
+            (0.15 * s, 0.28 * s),
+            (0.135 * s, 0.28 * s),
+            (0.125 * s, 0.24 * s),
+            (0, 0.24 * s),
+        ],
+        0.022,
+    )
     soil = (74, 54, 40)
 
     def paint(points: Array) -> Array:
@@ -92,7 +124,16 @@ def _leaf(angle: float, lean: float, length: float, width: float, start: float, 
     return painted(outward(warped(flat, change)), green, variation=0.08, seed=int(rng.integers(1 << 30)))
 
 
-BOOK_COLORS = ((168, 52, 50), (42, 84, 130), (58, 112, 84), (212, 172, 84), (92, 62, 104), (222, 216, 200), (60, 62, 70), (200, 112, 60))
+BOOK_COLORS = (
+    (168, 52, 50),
+    (42, 84, 130),
+    (58, 112, 84),
+    (212, 172, 84),
+    (92, 62, 104),
+    (222, 216, 200),
+    (60, 62, 70),
+    (200, 112, 60),
+)
 
 
 def book_row(length: float, depth: float, room: float, seed: int) -> Piece:
@@ -107,7 +148,14 @@ def book_row(length: float, depth: float, room: float, seed: int) -> Piece:
         size = (thickness, depth * float(rng.uniform(0.6, 0.8)), room * float(rng.uniform(0.62, 0.85)))
         color = np.array(BOOK_COLORS[int(rng.integers(len(BOOK_COLORS)))], float)
         solid = rounded_box(size, 0.004, 0.035)
-        books.append(moved(painted(solid, _spine(color, size[2]), seed=seed), x + thickness / 2, (0.8 * depth - size[1]) / 2, size[2] / 2 - 0.001))
+        books.append(
+            moved(
+                painted(solid, _spine(color, size[2]), seed=seed),
+                x + thickness / 2,
+                (0.8 * depth - size[1]) / 2,
+                size[2] / 2 - 0.001,
+            )
+        )
         x += thickness + 0.0015
 
 
@@ -184,7 +232,10 @@ def picture(width: float, height: float, seed: int) -> Piece:
 def television(width: float = 1.1) -> Piece:
     """A flat television on a small foot."""
     screen = moved(rounded_box((width, 0.035, 0.58 * width), 0.01, 0.05), z=0.05 + 0.29 * width)
-    foot = [moved(rounded_box((0.36, 0.18, 0.014), 0.006, 0.03), z=0.006), moved(rounded_box((0.08, 0.03, 0.10), 0.01, 0.03), z=0.05)]
+    foot = [
+        moved(rounded_box((0.36, 0.18, 0.014), 0.006, 0.03), z=0.006),
+        moved(rounded_box((0.08, 0.03, 0.10), 0.01, 0.03), z=0.05),
+    ]
 
     def paint(points: Array) -> Array:
         glow = (points[:, 1] > 0.014) & (np.abs(points[:, 0]) < 0.48 * width)
@@ -197,12 +248,37 @@ def television(width: float = 1.1) -> Piece:
 def small_vase(glaze: Rgb, seed: int, height: float = 0.24) -> Piece:
     """A slim vase with three dried stems."""
     s = height / 0.24
-    body = lathe([(0, 0), (0.045 * s, 0), (0.07 * s, 0.09 * s), (0.03 * s, 0.19 * s), (0.04 * s, 0.24 * s), (0.033 * s, 0.238 * s), (0.022 * s, 0.19 * s), (0, 0.17 * s)], 0.016, smooth=1)
+    body = lathe(
+        [
+            (0, 0),
+            (0.045 * s, 0),
+            (0.07 * s, 0.09 * s),
+            (0.03 * s, 0.19 * s),
+            (0.04 * s, 0.24 * s),
+            (0.033 * s, 0.238 * s),
+            (0.022 * s, 0.19 * s),
+            (0, 0.17 * s),
+        ],
+        0.016,
+        smooth=1,
+    )
     rng = np.random.default_rng(seed)
     stems: list[Mesh] = []
     for k in range(3):
         tip = np.array([0.10 * np.cos(2.1 * k + 1), 0.10 * np.sin(2.1 * k + 1), height + rng.uniform(0.12, 0.24)])
-        stems.append(painted(tube([(0, 0, 0.8 * height), tuple(0.4 * tip * (1, 1, 0) + (0, 0, 0.6 * tip[2] + 0.4 * height)), tuple(tip)], 0.003), (122, 104, 62)))
+        stems.append(
+            painted(
+                tube(
+                    [
+                        (0, 0, 0.8 * height),
+                        tuple(0.4 * tip * (1, 1, 0) + (0, 0, 0.6 * tip[2] + 0.4 * height)),
+                        tuple(tip),
+                    ],
+                    0.003,
+                ),
+                (122, 104, 62),
+            )
+        )
         stems.append(painted(moved(ellipsoid((0.016, 0.016, 0.03), 0.012), *tip), (214, 178, 112), seed=k))
     return piece("vase", body=[painted(body, glaze, variation=0.05, seed=seed), *stems])
 
@@ -211,13 +287,25 @@ def bathtub(seed: int) -> Piece:
     """A free-standing tub, 1.7 by 0.78 m, 0.58 m high: a hollow shell with a rounded rim; length along x."""
     levels = [(0.10, 0.04, 0.0), (0.35, 0.13, 0.0), (0.60, 0.25, 0.0), (0.68, 0.285, 0.012), (0.74, 0.32, 0.12), (0.80, 0.35, 0.34), (0.823, 0.363, 0.545),
               (0.797, 0.337, 0.545), (0.765, 0.312, 0.36), (0.69, 0.27, 0.16), (0.60, 0.225, 0.095), (0.40, 0.15, 0.085), (0.12, 0.045, 0.08)]  # fmt: skip
-    dense = [tuple(a + (b - a) * t for a, b in zip(p, q, strict=True)) for p, q in zip(levels[:-1], levels[1:], strict=True) for t in np.linspace(0, 1, max(1, int(np.ceil(np.linalg.norm(np.subtract(q, p)) / 0.035))), endpoint=False)]
+    dense = [
+        tuple(a + (b - a) * t for a, b in zip(p, q, strict=True))
+        for p, q in zip(levels[:-1], levels[1:], strict=True)
+        for t in np.linspace(0, 1, max(1, int(np.ceil(np.linalg.norm(np.subtract(q, p)) / 0.035))), endpoint=False)
+    ]
     rings = rounded_rings([*dense, levels[-1]], 120, exponent=3.0)
     shell = loft(rings, np.zeros(3), np.array([0, 0, 0.08]))
     around = np.linspace(0, 2 * np.pi, 14, endpoint=False)
-    edge = rounded_rings([(0.812 + 0.036 * np.cos(a), 0.352 + 0.036 * np.cos(a), 0.552 + 0.026 * np.sin(a)) for a in around], 140, exponent=3.0)
+    edge = rounded_rings(
+        [(0.812 + 0.036 * np.cos(a), 0.352 + 0.036 * np.cos(a), 0.552 + 0.026 * np.sin(a)) for a in around],
+        140,
+        exponent=3.0,
+    )
     rim = loft(edge, None, None)
-    return piece("bathtub", shell=painted(shell, (244, 244, 240), variation=0.012, seed=seed), rim=painted(rim, (250, 250, 247), variation=0.01, seed=seed))
+    return piece(
+        "bathtub",
+        shell=painted(shell, (244, 244, 240), variation=0.012, seed=seed),
+        rim=painted(rim, (250, 250, 247), variation=0.01, seed=seed),
+    )
 
 
 def basin_cabinet(timber: Rgb, seed: int) -> Piece:
@@ -225,19 +313,62 @@ def basin_cabinet(timber: Rgb, seed: int) -> Piece:
     from geometry.procedural.furniture_tables import cabinet
 
     stand = cabinet((1.0, 0.48, 0.82), timber, timber, seed, "basin cabinet", columns=2)
-    top = painted(moved(rounded_box((1.02, 0.50, 0.03), 0.008, 0.026), z=0.829), (226, 222, 214), variation=0.03, seed=seed)
-    bowl = lathe([(0, 0), (0.10, 0), (0.17, 0.05), (0.20, 0.13), (0.192, 0.133), (0.162, 0.06), (0.09, 0.018), (0, 0.014)], 0.02, smooth=1)
+    top = painted(
+        moved(rounded_box((1.02, 0.50, 0.03), 0.008, 0.026), z=0.829), (226, 222, 214), variation=0.03, seed=seed
+    )
+    bowl = lathe(
+        [(0, 0), (0.10, 0), (0.17, 0.05), (0.20, 0.13), (0.192, 0.133), (0.162, 0.06), (0.09, 0.018), (0, 0.014)],
+        0.02,
+        smooth=1,
+    )
     basin = moved(painted(bowl, (250, 250, 248), variation=0.01), -0.24, 0.01, 0.8425)
-    path = [(-0.24, -0.21, 0.84), (-0.24, -0.21, 1.03), (-0.24, -0.18, 1.075), (-0.24, -0.13, 1.075), (-0.24, -0.105, 1.04)]
+    path = [
+        (-0.24, -0.21, 0.84),
+        (-0.24, -0.21, 1.03),
+        (-0.24, -0.18, 1.075),
+        (-0.24, -0.13, 1.075),
+        (-0.24, -0.105, 1.04),
+    ]
     tap = painted(tube(path, 0.012, 0.014), (188, 192, 198), variation=0.02)
-    return piece("basin cabinet", top=top, body=[*stand.parts[1].solids, *stand.parts[0].solids], basin=[basin], tap=[tap])
+    return piece(
+        "basin cabinet", top=top, body=[*stand.parts[1].solids, *stand.parts[0].solids], basin=[basin], tap=[tap]
+    )
 
 
 def toilet(seed: int) -> Piece:
     """A toilet with a cistern against the wall behind it."""
     white = (246, 246, 243)
-    bowl = loft(rounded_rings([(0.09, 0.14, 0.0), (0.11, 0.17, 0.02), (0.10, 0.17, 0.2), (0.17, 0.23, 0.36), (0.18, 0.24, 0.39), (0.16, 0.22, 0.395)], 40, 2.6), np.zeros(3), np.array([0, 0, 0.395]))
-    lid = loft(rounded_rings([(0.10, 0.15, 0.386), (0.185, 0.245, 0.39), (0.185, 0.245, 0.412), (0.17, 0.23, 0.418), (0.09, 0.12, 0.421)], 44, 2.6), np.array([0, 0, 0.386]), np.array([0, 0, 0.421]))
+    bowl = loft(
+        rounded_rings(
+            [
+                (0.09, 0.14, 0.0),
+                (0.11, 0.17, 0.02),
+                (0.10, 0.17, 0.2),
+                (0.17, 0.23, 0.36),
+                (0.18, 0.24, 0.39),
+                (0.16, 0.22, 0.395),
+            ],
+            40,
+            2.6,
+        ),
+        np.zeros(3),
+        np.array([0, 0, 0.395]),
+    )
+    lid = loft(
+        rounded_rings(
+            [
+                (0.10, 0.15, 0.386),
+                (0.185, 0.245, 0.39),
+                (0.185, 0.245, 0.412),
+                (0.17, 0.23, 0.418),
+                (0.09, 0.12, 0.421),
+            ],
+            44,
+            2.6,
+        ),
+        np.array([0, 0, 0.386]),
+        np.array([0, 0, 0.421]),
+    )
     cistern = moved(rounded_box((0.38, 0.18, 0.42), 0.03, 0.035), y=-0.29, z=0.60)
     neck = moved(rounded_box((0.22, 0.24, 0.30), 0.04, 0.035), y=-0.24, z=0.26)
     return piece("toilet", body=[painted(m, white, variation=0.012, seed=seed) for m in (bowl, neck, cistern, lid)])
@@ -264,13 +395,23 @@ def mirror(width: float = 0.7, height: float = 0.8) -> Piece:
     body = moved(rounded_box((width, 0.025, height), 0.01, 0.035), y=0.010)
 
     def paint(points: Array) -> Array:
-        glass = (points[:, 1] > 0.018) & (np.abs(points[:, 0]) < width / 2 - 0.03) & (np.abs(points[:, 2]) < height / 2 - 0.03)
-        return np.where(glass[:, None], np.c_[0 * points[:, 0] + 176, 196 + 20 * points[:, 2], 206 + 20 * points[:, 2]], (150, 120, 80))
+        glass = (
+            (points[:, 1] > 0.018)
+            & (np.abs(points[:, 0]) < width / 2 - 0.03)
+            & (np.abs(points[:, 2]) < height / 2 - 0.03)
+        )
+        return np.where(
+            glass[:, None],
+            np.c_[0 * points[:, 0] + 176, 196 + 20 * points[:, 2], 206 + 20 * points[:, 2]],
+            (150, 120, 80),
+        )
 
     return piece("mirror", body=painted(body, paint, variation=0.0))
 
 
 def cushion_on_slope(painter: Painter | Rgb, tilt_deg: float, seed: int, label: str = "cushion") -> Piece:
     """A throw cushion leaning back by `tilt_deg` from lying, its lower rim on z = 0, its face towards +y."""
-    body = turned(painted(lens(0.21, 0.21, 0.065, 0.06, edge=0.018), painter, variation=0.03, seed=seed), "x", -tilt_deg)
+    body = turned(
+        painted(lens(0.21, 0.21, 0.065, 0.06, edge=0.018), painter, variation=0.03, seed=seed), "x", -tilt_deg
+    )
     return piece(label, body=moved(body, z=-float(body.bounds[0, 2])))

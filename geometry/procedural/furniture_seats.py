@@ -22,7 +22,15 @@ def sofa(seats: int, fabric: Painter | Rgb, accent: Painter | Rgb, seed: int, la
 
     base = cover(moved(rounded_box((width - 0.04, depth - 0.06, 0.20), 0.025, 0.035), y=0.0, z=0.18))
     feet = [
-        painted(bar((x * (width / 2 - 0.10), y * (depth / 2 - 0.10), 0.0), (x * (width / 2 - 0.10), y * (depth / 2 - 0.10), 0.09), 0.018, taper=1.3), (70, 48, 34))
+        painted(
+            bar(
+                (x * (width / 2 - 0.10), y * (depth / 2 - 0.10), 0.0),
+                (x * (width / 2 - 0.10), y * (depth / 2 - 0.10), 0.09),
+                0.018,
+                taper=1.3,
+            ),
+            (70, 48, 34),
+        )
         for x in (-1, 1)
         for y in (-1, 1)
     ]
@@ -31,12 +39,25 @@ def sofa(seats: int, fabric: Painter | Rgb, accent: Painter | Rgb, seed: int, la
         box = cushioned(rounded_box((seat - 0.006, depth - 0.24, 0.16), 0.05, 0.026), 0.022, 0.0)
         x = (index - (seats - 1) / 2) * seat
         cushions.append(painted(moved(box, x, 0.12, 0.28 - SINK + 0.08), accent, variation=0.04, seed=seed + index))
-    back = [cover(moved(turned(rounded_box((inner + 0.03, 0.17, 0.62), 0.06, 0.03), "x", 6), y=-depth / 2 + 0.115, z=0.50), 7)]
+    back = [
+        cover(
+            moved(turned(rounded_box((inner + 0.03, 0.17, 0.62), 0.06, 0.03), "x", 6), y=-depth / 2 + 0.115, z=0.50), 7
+        )
+    ]
     for index in range(seats):
         pad = cushioned(rounded_box((seat - 0.012, 0.40, 0.14), 0.055, 0.026), 0.03, 0.0)
         pad = turned(turned(pad, "x", -90), "x", 14)
-        back.append(painted(moved(pad, (index - (seats - 1) / 2) * seat, -depth / 2 + 0.25, 0.635), accent, variation=0.04, seed=seed + 20 + index))
-    arms = [cover(moved(rounded_box((arm, depth, 0.50), 0.07, 0.03), x=s * (width - arm) / 2, z=0.35), 9) for s in (-1, 1)]
+        back.append(
+            painted(
+                moved(pad, (index - (seats - 1) / 2) * seat, -depth / 2 + 0.25, 0.635),
+                accent,
+                variation=0.04,
+                seed=seed + 20 + index,
+            )
+        )
+    arms = [
+        cover(moved(rounded_box((arm, depth, 0.50), 0.07, 0.03), x=s * (width - arm) / 2, z=0.35), 9) for s in (-1, 1)
+    ]
     return piece(label, base=[base, *feet], seat_cushion=cushions, back=back, arm=arms)
 
 
@@ -54,11 +75,19 @@ def chair(timber: Rgb, pad: Painter | Rgb | None, seed: int, label: str = "chair
         seat.append(painted(body, pad, variation=0.03, seed=seed + 1))
     legs = [_turned_leg((x * 0.185, y * 0.175), (x * 0.205, y * 0.19), 0.43) for x in (-1, 1) for y in (-1, 1)]
     rails = [bar((x * 0.192, -0.18, 0.20), (x * 0.192, 0.18, 0.20), 0.010) for x in (-1, 1)]
-    back = [tube(_lean(np.array([[s * 0.19, -0.195, 0.44], [s * 0.195, -0.215, 0.70], [s * 0.195, -0.25, 0.94]])), 0.016) for s in (-1, 1)]
+    back = [
+        tube(_lean(np.array([[s * 0.19, -0.195, 0.44], [s * 0.195, -0.215, 0.70], [s * 0.195, -0.25, 0.94]])), 0.016)
+        for s in (-1, 1)
+    ]
     for z, height in ((0.885, 0.09), (0.74, 0.05), (0.62, 0.05)):
         y = -0.195 - 0.055 * ((z - 0.44) / 0.50) ** 1.3
         back.append(moved(turned(rounded_box((0.39, 0.020, height), 0.008, 0.024), "x", 8), y=y, z=z))
-    return piece(label, seat=seat, leg=[painted(m, grain, seed=seed) for m in legs + rails], back=[painted(m, grain, seed=seed) for m in back])
+    return piece(
+        label,
+        seat=seat,
+        leg=[painted(m, grain, seed=seed) for m in legs + rails],
+        back=[painted(m, grain, seed=seed) for m in back],
+    )
 
 
 def _lean(points: np.ndarray) -> np.ndarray:  # type: ignore[type-arg]
@@ -83,7 +112,13 @@ def office_chair(fabric: Rgb, seed: int) -> Piece:
     for k in range(5):
         a = 2 * np.pi * k / 5 + 0.3
         legs.append(bar((0, 0, 0.085), (0.26 * np.cos(a), 0.26 * np.sin(a), 0.055), 0.02, taper=0.7))
-        legs.append(moved(lathe([(0, 0), (0.024, 0), (0.028, 0.03), (0.024, 0.06), (0, 0.06)], 0.018), 0.26 * np.cos(a), 0.26 * np.sin(a)))
+        legs.append(
+            moved(
+                lathe([(0, 0), (0.024, 0), (0.028, 0.03), (0.024, 0.06), (0, 0.06)], 0.018),
+                0.26 * np.cos(a),
+                0.26 * np.sin(a),
+            )
+        )
     cover = [painted(m, fabric, variation=0.04, seed=seed) for m in (seat, back)]
     return piece("chair", seat=[cover[0]], back=[cover[1], painted(arm, dark)], leg=[painted(m, dark) for m in legs])
 
@@ -92,13 +127,27 @@ def stool(top: Rgb, timber: Rgb, seed: int, height: float = 0.45, radius: float 
     """A round wooden stool with four splayed legs."""
     seat = lathe([(0, height - 0.035), (radius - 0.012, height - 0.035), (radius, height - 0.022), (radius - 0.004, height - 0.004),
                   (radius - 0.014, height), (0, height)], 0.02)  # fmt: skip
-    legs = [_turned_leg((x * 0.62 * radius, y * 0.62 * radius), (x * 0.82 * radius, y * 0.82 * radius), height - 0.025) for x in (-1, 1) for y in (-1, 1)]
-    return piece("stool", seat=painted(seat, wood(top, "x", seed), seed=seed), leg=[painted(m, wood(timber, "z", seed)) for m in legs])
+    legs = [
+        _turned_leg((x * 0.62 * radius, y * 0.62 * radius), (x * 0.82 * radius, y * 0.82 * radius), height - 0.025)
+        for x in (-1, 1)
+        for y in (-1, 1)
+    ]
+    return piece(
+        "stool",
+        seat=painted(seat, wood(top, "x", seed), seed=seed),
+        leg=[painted(m, wood(timber, "z", seed)) for m in legs],
+    )
 
 
-def ottoman(fabric: Painter | Rgb, seed: int, size: tuple[float, float, float] = (1.1, 0.45, 0.46), label: str = "stool") -> Piece:
+def ottoman(
+    fabric: Painter | Rgb, seed: int, size: tuple[float, float, float] = (1.1, 0.45, 0.46), label: str = "stool"
+) -> Piece:
     """An upholstered bench with short legs."""
-    seat = cushioned(moved(rounded_box((size[0], size[1], size[2] - 0.13), 0.05, 0.026), z=size[2] - (size[2] - 0.13) / 2), 0.014)
+    seat = cushioned(
+        moved(rounded_box((size[0], size[1], size[2] - 0.13), 0.05, 0.026), z=size[2] - (size[2] - 0.13) / 2), 0.014
+    )
     legs = [bar((x * (size[0] / 2 - 0.07), y * (size[1] / 2 - 0.07), 0.0), (x * (size[0] / 2 - 0.07), y * (size[1] / 2 - 0.07), 0.15), 0.016, taper=1.35)
             for x in (-1, 1) for y in (-1, 1)]  # fmt: skip
-    return piece(label, seat=painted(seat, fabric, variation=0.04, seed=seed), leg=[painted(m, (84, 58, 38)) for m in legs])
+    return piece(
+        label, seat=painted(seat, fabric, variation=0.04, seed=seed), leg=[painted(m, (84, 58, 38)) for m in legs]
+    )

@@ -78,7 +78,9 @@ def dumbbell() -> Piece:
     head = lathe(outline, 0.006)
 
     def paint(points: Array) -> Array:
-        cap = np.clip((0.024 - np.hypot(points[:, 0], points[:, 1])) / 0.003, 0, 1) * (np.abs(points[:, 2]) > cap_height)
+        cap = np.clip((0.024 - np.hypot(points[:, 0], points[:, 1])) / 0.003, 0, 1) * (
+            np.abs(points[:, 2]) > cap_height
+        )
         return blend(cap, (46, 48, 54), (196, 60, 48))
 
     heads = [moved(turned(painted(head, paint, variation=0.04), "y", 90), x=s * 0.09, z=0.052) for s in (-1, 1)]
@@ -130,7 +132,12 @@ def book() -> Piece:
     board = painted(rounded_box((0.16, 0.23, 0.004), 0.0015, 0.006), cover, variation=0.015)
     spine = painted(rounded_box((0.012, 0.23, 0.032), 0.0055, 0.006), (28, 58, 100), variation=0.01)
     block = painted(rounded_box((0.151, 0.22, 0.026), 0.001, 0.008), pages, variation=0.0)
-    solids = [moved(board, z=0.002), moved(board, z=0.030), moved(spine, x=-0.0765, z=0.016), moved(block, x=-0.001, z=0.016)]
+    solids = [
+        moved(board, z=0.002),
+        moved(board, z=0.030),
+        moved(spine, x=-0.0765, z=0.016),
+        moved(block, x=-0.001, z=0.016),
+    ]
     return piece("book", body=union(solids))
 
 
@@ -163,8 +170,26 @@ def _display(points: Array) -> Array:
 
 def vase() -> Piece:
     """A hollow glazed vase with a narrow neck, 26 cm high."""
-    outer = [(0, 0), (0.045, 0), (0.062, 0.05), (0.072, 0.11), (0.050, 0.18), (0.028, 0.215), (0.032, 0.245), (0.041, 0.26)]
-    inner = [(0.036, 0.257), (0.026, 0.242), (0.022, 0.215), (0.044, 0.178), (0.066, 0.11), (0.056, 0.05), (0.04, 0.008), (0, 0.008)]
+    outer = [
+        (0, 0),
+        (0.045, 0),
+        (0.062, 0.05),
+        (0.072, 0.11),
+        (0.050, 0.18),
+        (0.028, 0.215),
+        (0.032, 0.245),
+        (0.041, 0.26),
+    ]
+    inner = [
+        (0.036, 0.257),
+        (0.026, 0.242),
+        (0.022, 0.215),
+        (0.044, 0.178),
+        (0.066, 0.11),
+        (0.056, 0.05),
+        (0.04, 0.008),
+        (0, 0.008),
+    ]
 
     def paint(points: Array) -> Array:
         glaze = points[:, 2] + 0.008 * np.sin(5 * np.arctan2(points[:, 1], points[:, 0]))
@@ -191,7 +216,9 @@ def plate() -> Piece:
                (0.117, 0.022), (0.078, 0.010), (0.070, 0.0075), (0, 0.0075)]  # fmt: skip
 
     def paint(points: Array) -> Array:
-        return blend((0.004 - np.abs(np.hypot(points[:, 0], points[:, 1]) - 0.108)) / 0.003, (246, 245, 240), (64, 92, 150))
+        return blend(
+            (0.004 - np.abs(np.hypot(points[:, 0], points[:, 1]) - 0.108)) / 0.003, (246, 245, 240), (64, 92, 150)
+        )
 
     return piece("plate", body=painted(lathe(outline, 0.006), paint, variation=0.01))
 
@@ -203,7 +230,12 @@ def apple() -> Piece:
 
     def paint(points: Array) -> Array:
         angle = np.arctan2(points[:, 1], points[:, 0])
-        streak = 0.25 * np.sin(9 * angle) + 0.2 * np.sin(23 * angle + 1) + (points[:, 2] - 0.045) / 0.05 + 0.4 * np.sin(angle)
+        streak = (
+            0.25 * np.sin(9 * angle)
+            + 0.2 * np.sin(23 * angle + 1)
+            + (points[:, 2] - 0.045) / 0.05
+            + 0.4 * np.sin(angle)
+        )
         skin = blend(0.45 + 0.5 * streak, (196, 34, 38), (222, 150, 62))
         dimple = (np.hypot(points[:, 0], points[:, 1]) < 0.008) & (points[:, 2] > 0.05)
         return np.where(dimple[:, None], (128, 120, 52), skin)
@@ -281,12 +313,16 @@ def toy_block() -> Piece:
         fill = np.array([(208, 62, 54), (58, 122, 190), (244, 196, 64)], float)[axis]
         return np.where((frame > 0.72)[:, None], (232, 208, 166), fill)
 
-    return piece("toy block", body=painted(moved(rounded_box((0.06, 0.06, 0.06), 0.005, 0.0028), z=0.03), paint, variation=0.01))
+    return piece(
+        "toy block", body=painted(moved(rounded_box((0.06, 0.06, 0.06), 0.005, 0.0028), z=0.03), paint, variation=0.01)
+    )
 
 
 def candle() -> Piece:
     """A pillar candle with a wick, 10 cm."""
-    wax = lathe([(0, 0), (0.033, 0), (0.035, 0.002), (0.035, 0.096), (0.032, 0.100), (0.012, 0.0965), (0, 0.096)], 0.005)
+    wax = lathe(
+        [(0, 0), (0.033, 0), (0.035, 0.002), (0.035, 0.096), (0.032, 0.100), (0.012, 0.0965), (0, 0.096)], 0.005
+    )
     wick = tube([(0, 0, 0.094), (0, 0.0005, 0.103), (0.002, 0, 0.110)], 0.0014, 0.002)
     solids = [painted(wax, gradient((216, 170, 130), (248, 230, 204)), variation=0.015), painted(wick, (52, 46, 42))]
     return piece("candle", body=union(solids))
@@ -326,5 +362,8 @@ def cushion_body(size: tuple[float, float, float], radius: float) -> Mesh:
 def globe() -> Piece:
     """A little snow globe: a glassy ball on a wooden foot; used where something tall and round is asked."""
     ball = painted(moved(ellipsoid((0.04, 0.04, 0.04), 0.004), z=0.068), (176, 208, 226), variation=0.03)
-    foot = painted(lathe([(0, 0), (0.042, 0), (0.042, 0.008), (0.034, 0.018), (0.028, 0.036), (0, 0.036)], 0.005), wood((110, 66, 40), "x"))
+    foot = painted(
+        lathe([(0, 0), (0.042, 0), (0.042, 0.008), (0.034, 0.018), (0.028, 0.036), (0, 0.036)], 0.005),
+        wood((110, 66, 40), "x"),
+    )
     return piece("snow globe", body=union([foot, ball]))

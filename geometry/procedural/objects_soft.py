@@ -73,7 +73,10 @@ def plush_bear() -> Piece:
             ((side * 0.058, 0.141, 0.038), (0.028, 0.012, 0.029), pad),
         ]
     body = blended(blobs, spacing=0.0052, softness=0.0035)
-    eyes = [painted(moved(ellipsoid((0.0075, 0.0065, 0.0085), 0.0022), s * 0.026, 0.0612, 0.236), (22, 18, 18)) for s in (-1, 1)]
+    eyes = [
+        painted(moved(ellipsoid((0.0075, 0.0065, 0.0085), 0.0022), s * 0.026, 0.0612, 0.236), (22, 18, 18))
+        for s in (-1, 1)
+    ]
     return _standing(piece("plush toy", body=body, eye=eyes))
 
 
@@ -96,7 +99,10 @@ def plush_rabbit() -> Piece:
             ((side * 0.048, 0.074, 0.026), (0.026, 0.056, 0.026), fur),
         ]
     body = blended(blobs, spacing=0.0048, softness=0.003)
-    eyes = [painted(moved(ellipsoid((0.006, 0.005, 0.007), 0.0018), s * 0.023, 0.0485, 0.203), (24, 20, 24)) for s in (-1, 1)]
+    eyes = [
+        painted(moved(ellipsoid((0.006, 0.005, 0.007), 0.0018), s * 0.023, 0.0485, 0.203), (24, 20, 24))
+        for s in (-1, 1)
+    ]
     return _standing(piece("plush rabbit", body=body, eye=eyes))
 
 
@@ -113,7 +119,12 @@ def pillow() -> Piece:
 
 def cushion() -> Piece:
     """A square throw cushion, 42 cm."""
-    return piece("cushion", body=moved(painted(lens(0.21, 0.21, 0.07, 0.06, edge=0.011), checks((196, 118, 66), (238, 212, 164), 0.105)), z=0.066))
+    return piece(
+        "cushion",
+        body=moved(
+            painted(lens(0.21, 0.21, 0.07, 0.06, edge=0.011), checks((196, 118, 66), (238, 212, 164), 0.105)), z=0.066
+        ),
+    )
 
 
 def _folded(size: tuple[float, float], layer: float, count: int, painter: Painter, seed: int, edge: float) -> Mesh:
@@ -127,7 +138,9 @@ def _folded(size: tuple[float, float], layer: float, count: int, painter: Painte
         shift = rng.uniform(-0.002, 0.002, 2)
         solids.append(moved(slab, float(shift[0]), float(shift[1]), layer / 2 + level * 0.86 * layer))
     fold = rounded_box((0.9 * layer, size[1] * 0.975, layer * (0.86 * (count - 1) + 0.9)), 0.45 * layer, edge)
-    fold = moved(painted(fold, painter, seed=seed), -size[0] / 2 + 0.55 * layer, 0, layer * (0.86 * (count - 1) + 1) / 2)
+    fold = moved(
+        painted(fold, painter, seed=seed), -size[0] / 2 + 0.55 * layer, 0, layer * (0.86 * (count - 1) + 1) / 2
+    )
     return union([*solids, fold])
 
 
@@ -174,7 +187,9 @@ def _sole() -> Mesh:
     def change(points: Array) -> Array:
         s = np.clip((points[:, 1] + 0.14) / 0.28, 0.0, 1.0)
         lift = 0.014 * np.clip((s - 0.72) / 0.28, 0, 1) ** 2
-        return np.c_[points[:, 0] * (_half_width(s) + 0.004 * np.clip(8 * s * (1 - s), 0, 1)), points[:, 1], points[:, 2] + lift]
+        return np.c_[
+            points[:, 0] * (_half_width(s) + 0.004 * np.clip(8 * s * (1 - s), 0, 1)), points[:, 1], points[:, 2] + lift
+        ]
 
     def paint(points: Array) -> Array:
         return np.where((points[:, 2] < -0.004)[:, None], (112, 92, 76), (242, 240, 234))
@@ -194,7 +209,9 @@ def _upper() -> Mesh:
     s = np.linspace(0.012, 0.985, 46)
     width = _half_width(s) * 0.97
     toe = 0.052 * np.clip((1 - s) / 0.06, 0, 1) ** 0.5
-    height = np.minimum(0.026 + toe, 0.098 - 0.062 * np.clip((s - 0.30) / 0.5, 0, 1) ** 0.9 + 0.008 * np.exp(-((s / 0.1) ** 2)))
+    height = np.minimum(
+        0.026 + toe, 0.098 - 0.062 * np.clip((s - 0.30) / 0.5, 0, 1) ** 0.9 + 0.008 * np.exp(-((s / 0.1) ** 2))
+    )
     angle = np.arange(36) * (2 * np.pi / 36)
     x = np.sign(np.cos(angle)) * np.abs(np.cos(angle)) ** 0.8
     z = np.where(np.sin(angle) > 0, np.abs(np.sin(angle)) ** 0.8, -0.10 * np.abs(np.sin(angle)) ** 0.5)
@@ -207,7 +224,14 @@ def _upper() -> Mesh:
         t = (points[:, 1] + 0.14) / 0.28
         laces = (np.abs(points[:, 0]) < 0.020) & (t > 0.44) & (t < 0.72) & (points[:, 2] > 0.05)
         lace = laces & (np.mod(t / 0.055, 1) < 0.5)
-        stripe = (np.abs(np.abs(points[:, 0]) - 0.04) < 0.02) & (np.mod((t * 2.2 + points[:, 2] * 9), 1) < 0.32) & (t > 0.35) & (t < 0.68) & ~laces & (points[:, 2] < 0.062)
+        stripe = (
+            (np.abs(np.abs(points[:, 0]) - 0.04) < 0.02)
+            & (np.mod((t * 2.2 + points[:, 2] * 9), 1) < 0.32)
+            & (t > 0.35)
+            & (t < 0.68)
+            & ~laces
+            & (points[:, 2] < 0.062)
+        )
         color = np.where(laces[:, None], (36, 48, 74), (44, 76, 128))
         color = np.where((stripe | lace)[:, None], (244, 242, 236), color)
         toe_cap = t > 0.86

@@ -21,7 +21,9 @@ def painted(mesh: Mesh, painter: Painter | Rgb, *, variation: float = 0.03, seed
     """The mesh coloured by a painter or one colour; `variation` is a soft relative change of brightness."""
     points = mesh.vertices
     base = painter(points) if callable(painter) else np.broadcast_to(np.asarray(painter, float), points.shape)
-    shade = 1 + 0.6 * variation * smooth_noise(points, seed, 0.30) + 0.3 * variation * smooth_noise(points, seed + 1, 0.05)
+    shade = (
+        1 + 0.6 * variation * smooth_noise(points, seed, 0.30) + 0.3 * variation * smooth_noise(points, seed + 1, 0.05)
+    )
     return replace(mesh, colors=np.clip(np.rint(base * shade[:, None]), 0, 255).astype(np.uint8))
 
 
@@ -29,8 +31,8 @@ def smooth_noise(points: Array, seed: int, wavelength: float, waves: int = 7) ->
     """Smooth pseudo-random field of about unit size at points (n, 3): a sum of plane waves, shape (n,)."""
     rng = np.random.default_rng(seed)
     directions = rng.normal(size=(waves, 3))
-    directions *= (2 * np.pi / wavelength) * rng.uniform(0.6, 1.5, (waves, 1)) / np.linalg.norm(
-        directions, axis=1, keepdims=True
+    directions *= (
+        (2 * np.pi / wavelength) * rng.uniform(0.6, 1.5, (waves, 1)) / np.linalg.norm(directions, axis=1, keepdims=True)
     )
     phases = rng.uniform(0, 2 * np.pi, waves)
     result: Array = np.sin(points @ directions.T + phases).sum(axis=1) * np.sqrt(2.0 / waves)
@@ -91,7 +93,7 @@ def dots(a: Rgb, b: Rgb, period: float = 0.16, radius: float = 0.045) -> Painter
         row = np.floor(points[:, 1] / period)
         x = np.mod(points[:, 0] + 0.5 * period * np.mod(row, 2), period) - period / 2
         y = np.mod(points[:, 1], period) - period / 2
-        return blend((radius - np.hypot(x, y)) / 0.012 + 0.5, a, b)
+        return blend((radius - np.hypot(x, y)) / 0.03 + 0.5, a, b)
 
     return paint
 

@@ -131,7 +131,9 @@ def _floor(room: Room) -> Mesh:
 
 
 def _ceiling(room: Room) -> Mesh:
-    surface = sheet(line(0, room.depth, 0.2), line(0, room.width, 0.2), lambda y, x: np.c_[x, y, np.full_like(x, room.height)])
+    surface = sheet(
+        line(0, room.depth, 0.2), line(0, room.width, 0.2), lambda y, x: np.c_[x, y, np.full_like(x, room.height)]
+    )
     return painted(surface, (247, 246, 242), variation=0.006, seed=room.seed + 1)
 
 
@@ -168,7 +170,9 @@ def _wall(room: Room, wall: str, openings: Sequence[Opening]) -> Mesh:
     centers = flat.triangles.mean(axis=1)
     open_face = np.zeros(len(centers), dtype=bool)
     for o in openings:
-        open_face |= (np.abs(centers[:, 0] - o.at) < o.width / 2) & (np.abs(centers[:, 2] - o.sill - o.height / 2) < o.height / 2)
+        open_face |= (np.abs(centers[:, 0] - o.at) < o.width / 2) & (
+            np.abs(centers[:, 2] - o.sill - o.height / 2) < o.height / 2
+        )
     flat = flat.submesh(np.flatnonzero(~open_face))
     inner = _facing(room, Mesh(to_room(room, wall, flat.vertices), flat.faces, flat.colors), middle)
     colored = painted(inner, room.wall, variation=0.008, seed=room.seed + 2)
@@ -185,7 +189,12 @@ def _reveal(room: Room, o: Opening) -> Mesh:
     low, high = o.sill, o.sill + o.height
     left, right = o.at - o.width / 2, o.at + o.width / 2
     strips = []
-    for start, end in (((left, low), (left, high)), ((right, low), (right, high)), ((left, high), (right, high)), ((left, low), (right, low))):
+    for start, end in (
+        ((left, low), (left, high)),
+        ((right, low), (right, high)),
+        ((left, high), (right, high)),
+        ((left, low), (right, low)),
+    ):
         span = float(np.hypot(end[0] - start[0], end[1] - start[1]))
         t = line(0, 1, 0.13 / span)
 
@@ -216,8 +225,14 @@ def _window(room: Room, o: Opening) -> Piece:
         return np.where(garden[:, None], (150, 186, 140), blend(height, (232, 242, 248), (150, 196, 236)))
 
     pane = painted(moved(rounded_box((o.width, 0.012, o.height), 0.003, 0.06), y=REVEAL), sky, variation=0.0)
-    bars = [moved(rounded_box((o.width + 0.004, 0.05, 0.05), 0.008, 0.05), y=REVEAL - 0.02, z=s * (o.height / 2 - 0.02)) for s in (-1, 1)]
-    bars += [moved(rounded_box((0.05, 0.05, o.height), 0.008, 0.05), x=s * (o.width / 2 - 0.02), y=REVEAL - 0.02) for s in (-1, 1)]
+    bars = [
+        moved(rounded_box((o.width + 0.004, 0.05, 0.05), 0.008, 0.05), y=REVEAL - 0.02, z=s * (o.height / 2 - 0.02))
+        for s in (-1, 1)
+    ]
+    bars += [
+        moved(rounded_box((0.05, 0.05, o.height), 0.008, 0.05), x=s * (o.width / 2 - 0.02), y=REVEAL - 0.02)
+        for s in (-1, 1)
+    ]
     bars.append(moved(rounded_box((0.04, 0.045, o.height - 0.02), 0.008, 0.05), y=REVEAL - 0.02))
     ledge = moved(rounded_box((o.width + 0.10, 0.14, 0.03), 0.010, 0.04), y=0.0, z=-o.height / 2 - 0.012)
     solids = [pane, *(painted(m, (250, 250, 248), variation=0.005) for m in (*bars, ledge))]
@@ -233,10 +248,20 @@ def _door(room: Room, o: Opening) -> Piece:
         return np.where(panel[:, None], (222, 214, 200), (236, 229, 216))
 
     leaf = painted(moved(rounded_box((o.width, 0.04, o.height), 0.006, 0.06), y=0.045), leaf_paint, variation=0.01)
-    casing = [moved(rounded_box((0.08, 0.03, o.height + 0.07), 0.008, 0.06), x=s * (o.width / 2 + 0.03), z=0.035) for s in (-1, 1)]
+    casing = [
+        moved(rounded_box((0.08, 0.03, o.height + 0.07), 0.008, 0.06), x=s * (o.width / 2 + 0.03), z=0.035)
+        for s in (-1, 1)
+    ]
     casing.append(moved(rounded_box((o.width + 0.14, 0.03, 0.08), 0.008, 0.06), z=o.height / 2 + 0.03))
-    handle = [moved(sphere(0.026, 0.014), x=0.40 * o.width, y=-0.012, z=-0.02), moved(rounded_box((0.02, 0.05, 0.02), 0.006, 0.02), x=0.40 * o.width, y=0.01, z=-0.02)]
-    solids = [leaf, *(painted(m, (246, 242, 234), variation=0.005) for m in casing), *(painted(m, (190, 186, 176)) for m in handle)]
+    handle = [
+        moved(sphere(0.026, 0.014), x=0.40 * o.width, y=-0.012, z=-0.02),
+        moved(rounded_box((0.02, 0.05, 0.02), 0.006, 0.02), x=0.40 * o.width, y=0.01, z=-0.02),
+    ]
+    solids = [
+        leaf,
+        *(painted(m, (246, 242, 234), variation=0.005) for m in casing),
+        *(painted(m, (190, 186, 176)) for m in handle),
+    ]
     return piece("door", body=[_in_wall(room, o, m) for m in solids])
 
 

@@ -87,7 +87,7 @@ def build_room(name: str, seed: int) -> BuiltRoom:
         ),
         mesh=scanned.mesh,
     )
-    return BuiltRoom(record, ids, tuple(t.label for t in things), scanned.face_instance, scanned.face_part)
+    return BuiltRoom(record, ids, tuple(t.label.lower() for t in things), scanned.face_instance, scanned.face_part)
 
 
 def _surfaces(room: Room, offset: Array) -> tuple[list[_Thing], list[Surface]]:

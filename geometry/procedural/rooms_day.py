@@ -47,7 +47,13 @@ def living_02(seed: int) -> Room:
     room = Room("living_02", "Living Room", 4.4, 4.0, 2.7, (216, 224, 226), planks((196, 166, 128), 12), seed,
                 (window, Opening("north", 3.6, 0.9, 0.0, 2.1, "DOOR")))  # fmt: skip
     couch = room.against(sofa(2, (92, 112, 142), (104, 126, 156), 1, "sofa", seat=0.72), "west", 2.0, gap=0.05)
-    room.upon(cushion_on_slope(stripes((236, 206, 122), (220, 168, 70), "x", 0.12), 62.0, 2), couch, right=0.52, front=0.02, top=0.447)
+    room.upon(
+        cushion_on_slope(stripes((236, 206, 122), (220, 168, 70), "x", 0.12), 62.0, 2),
+        couch,
+        right=0.52,
+        front=0.02,
+        top=0.447,
+    )
     room.put(round_rug(1.05, (226, 226, 218), (140, 160, 178), 3), 1.95, 2.0)
     room.put(round_table(0.42, 0.44, OAK, 4, "teatable"), 1.85, 2.0)
     side = room.against(cabinet((1.5, 0.42, 0.78), OAK, OAK, 5, "cabinet", columns=3), "east", 2.1)
@@ -55,7 +61,6 @@ def living_02(seed: int) -> Room:
     room.upon(book_stack(3, 7), side, right=0.52)
     room.put(ottoman((222, 178, 92), 8, (0.60, 0.45, 0.44)), 2.1, 3.30, 180.0)
     room.put(plant(seed + 4, 1.4, (228, 226, 220)), 0.55, 0.55)
-    room.put(stool(OAK, WALNUT, 9), 3.45, 0.75)
     room.against(picture(0.9, 0.6, 21), "west", 2.0, gap=0.0, z=1.55)
     room.against(picture(0.6, 0.8, 22), "east", 2.1, gap=0.0, z=1.55)
     curtains(room, window, (206, 212, 216), 10)
@@ -74,7 +79,9 @@ def living_03(seed: int) -> Room:
     for at, number in ((2.75, 4), (3.67, 5)):
         unit = room.against(bookshelf(WALNUT, number), "north", at)
         fill_shelf(room, unit, number + 3, free=(2,) if number == 4 else (1,))
-    room.against(sofa(3, (176, 160, 132), (188, 172, 144), 6, "Multi person sofa", seat=0.60, arm=0.16), "south", 1.45, gap=0.05)
+    room.against(
+        sofa(3, (176, 160, 132), (188, 172, 144), 6, "Multi person sofa", seat=0.60, arm=0.16), "south", 1.45, gap=0.05
+    )
     room.put(table((1.0, 0.55, 0.42), WALNUT, 7, "teatable", "turned"), 1.6, 1.75)
     room.put(floor_lamp((240, 218, 170), (110, 86, 50), 8), 0.38, 3.48)
     room.put(plant(seed + 6, 1.1, (90, 80, 76)), 3.75, 1.75)

@@ -38,7 +38,9 @@ SHELF = (0.90, 0.30, 1.80)
 LINEN = (244, 242, 236)
 
 
-def fill_shelf(room: Room, unit: Placed, seed: int, *, size: tuple[float, float, float] = SHELF, free: tuple[int, ...] = (2,)) -> None:
+def fill_shelf(
+    room: Room, unit: Placed, seed: int, *, size: tuple[float, float, float] = SHELF, free: tuple[int, ...] = (2,)
+) -> None:
     """Books on the left of every board but the free ones and the topmost, which stay empty."""
     levels = shelf_levels(size)
     room_above = levels[1] - levels[0] - 0.03
@@ -66,8 +68,18 @@ def bedroom_01(seed: int) -> Room:
     window = Opening("east", 2.3, 1.5, 0.85, 1.35, "WINDOW")
     room = Room("bedroom_01", "Master Bedroom", 4.2, 4.0, 2.7, (226, 230, 228), planks(OAK, 1), seed,
                 (window, Opening("north", 0.75, 0.9, 0.0, 2.05, "DOOR")))  # fmt: skip
-    style = BedStyle(1.6, 2.0, OAK, "channels", (108, 124, 142), LINEN, stripes((98, 130, 162), (232, 234, 232), "x", 0.30), (240, 240, 236), (250, 249, 245))
-    room.against(bed(style, seed + 1, "bed"), "south", 2.05)
+    style = BedStyle(
+        1.6,
+        2.0,
+        OAK,
+        "channels",
+        (108, 124, 142),
+        LINEN,
+        stripes((98, 130, 162), (232, 234, 232), "x", 0.30),
+        (240, 240, 236),
+        (250, 249, 245),
+    )
+    room.against(bed(style, seed + 1), "south", 2.05)
     left = room.against(bedside_table(OAK, CREAM, 3), "south", 2.95 + 0.22)
     room.against(bedside_table(OAK, CREAM, 4), "south", 1.15 - 0.22)
     room.upon(table_lamp((244, 228, 192), (70, 106, 128), 5), left, front=-0.05)
@@ -86,8 +98,19 @@ def bedroom_02(seed: int) -> Room:
     window = Opening("north", 1.9, 1.3, 0.9, 1.3, "WINDOW")
     room = Room("bedroom_02", "Bedroom", 3.4, 3.8, 2.6, (238, 228, 208), planks(PINE, 2), seed,
                 (window, Opening("south", 2.75, 0.85, 0.0, 2.05, "DOOR")))  # fmt: skip
-    style = BedStyle(1.0, 2.0, PINE, "bars", (0, 0, 0), LINEN, checks((182, 78, 70), (242, 222, 194), 0.22), (240, 226, 206), stripes((246, 244, 238), (206, 140, 128), "x", 0.08, 0.25), 1)
-    room.against(bed(style, seed + 1, "Bed"), "west", 0.75, gap=0.03)
+    style = BedStyle(
+        1.0,
+        2.0,
+        PINE,
+        "bars",
+        (0, 0, 0),
+        LINEN,
+        checks((182, 78, 70), (242, 222, 194), 0.22),
+        (240, 226, 206),
+        stripes((246, 244, 238), (206, 140, 128), "x", 0.08, 0.25),
+        1,
+    )
+    room.against(bed(style, seed + 1), "west", 0.75, gap=0.03)
     table_ = room.against(bedside_table(PINE, PINE, 2), "west", 1.58)
     room.upon(book_stack(2, 3), table_, right=-0.08, front=-0.09)
     worktop = room.against(desk(PINE, CREAM, 4, 1.20, 0.62), "east", 2.55)
@@ -107,8 +130,19 @@ def bedroom_03(seed: int) -> Room:
     window = Opening("south", 3.6, 1.6, 0.8, 1.4, "WINDOW")
     room = Room("bedroom_03", "Master Bedroom", 5.0, 4.4, 2.8, (208, 214, 202), planks(WALNUT, 3), seed,
                 (window, Opening("east", 3.6, 0.9, 0.0, 2.1, "DOOR")))  # fmt: skip
-    style = BedStyle(1.8, 2.1, WALNUT, "panel", (0, 0, 0), (240, 238, 228), lambda p: p * 0 + (104, 124, 96), (222, 218, 196), (244, 242, 232), mattress=0.27)
-    room.against(bed(style, seed + 1, "Bed"), "west", 2.2)
+    style = BedStyle(
+        1.8,
+        2.1,
+        WALNUT,
+        "panel",
+        (0, 0, 0),
+        (240, 238, 228),
+        lambda p: p * 0 + (104, 124, 96),
+        (222, 218, 196),
+        (244, 242, 232),
+        mattress=0.27,
+    )
+    room.against(bed(style, seed + 1), "west", 2.2)
     room.against(bedside_table(WALNUT, WALNUT, 2), "west", 3.42)
     right = room.against(bedside_table(WALNUT, WALNUT, 3), "west", 0.98)
     room.upon(table_lamp((240, 232, 206), (196, 170, 110), 4), right, front=-0.04)
@@ -130,8 +164,19 @@ def guest_01(seed: int) -> Room:
     window = Opening("west", 1.7, 1.2, 0.9, 1.25, "WINDOW")
     room = Room("guest_01", "Guest Room", 3.3, 3.5, 2.6, (232, 220, 222), planks((204, 184, 156), 4), seed,
                 (window, Opening("south", 0.65, 0.85, 0.0, 2.05, "DOOR")))  # fmt: skip
-    style = BedStyle(1.4, 2.0, (224, 218, 208), "channels", (176, 132, 138), LINEN, dots((170, 116, 126), (240, 226, 222), 0.20, 0.05), (238, 224, 222), (250, 248, 244), blanket_start=0.5)
-    room.against(bed(style, seed + 1, "bed"), "north", 1.75)
+    style = BedStyle(
+        1.4,
+        2.0,
+        (224, 218, 208),
+        "channels",
+        (176, 132, 138),
+        LINEN,
+        dots((170, 116, 126), (240, 226, 222), 0.20, 0.05),
+        (238, 224, 222),
+        (250, 248, 244),
+        blanket_start=0.5,
+    )
+    room.against(bed(style, seed + 1), "north", 1.75)
     room.put(stool((206, 166, 112), (176, 132, 84), 2), 0.62, 3.1)
     stand = room.against(bedside_table((224, 218, 208), (236, 230, 222), 3), "north", 2.78)
     room.upon(table_lamp((246, 226, 214), (206, 150, 146), 4), stand)
@@ -148,8 +193,20 @@ def kids_01(seed: int) -> Room:
     window = Opening("east", 1.6, 1.3, 0.9, 1.25, "WINDOW")
     room = Room("kids_01", "Children Room", 3.8, 3.6, 2.6, (206, 224, 234), planks((222, 196, 154), 5), seed,
                 (window, Opening("west", 0.7, 0.85, 0.0, 2.05, "DOOR")))  # fmt: skip
-    style = BedStyle(0.9, 1.9, (244, 240, 230), "panel", (0, 0, 0), (250, 246, 236), dots((84, 150, 190), (250, 220, 110), 0.20, 0.05), (250, 226, 130), dots((250, 250, 246), (226, 110, 96), 0.10, 0.022), 1, mattress=0.20)
-    room.against(bed(style, seed + 1, "Bed"), "north", 2.95)
+    style = BedStyle(
+        0.9,
+        1.9,
+        (244, 240, 230),
+        "panel",
+        (0, 0, 0),
+        (250, 246, 236),
+        dots((84, 150, 190), (250, 220, 110), 0.20, 0.05),
+        (250, 226, 130),
+        dots((250, 250, 246), (226, 110, 96), 0.10, 0.022),
+        1,
+        mattress=0.20,
+    )
+    room.against(bed(style, seed + 1), "north", 2.95)
     play = room.put(table((0.80, 0.58, 0.50), PINE, 2, "table", "square"), 1.35, 1.55)
     room.put(stool((232, 96, 80), PINE, 3, 0.30, 0.14), 1.35, 0.95)
     room.put(stool((96, 160, 190), PINE, 4, 0.30, 0.14), 0.62, 1.60)
@@ -172,8 +229,19 @@ def kids_02(seed: int) -> Room:
     window = Opening("south", 1.3, 1.2, 0.9, 1.3, "WINDOW")
     room = Room("kids_02", "Children Room", 3.6, 3.4, 2.6, (222, 216, 232), planks(OAK, 6), seed,
                 (window, Opening("north", 2.9, 0.85, 0.0, 2.05, "DOOR")))  # fmt: skip
-    style = BedStyle(1.0, 2.0, OAK, "channels", (120, 106, 150), (244, 242, 246), stripes((140, 124, 172), (228, 222, 238), "y", 0.26, 0.4), (236, 232, 244), (206, 198, 226), 1)
-    room.against(bed(style, seed + 1, "bed"), "west", 2.35, gap=0.03)
+    style = BedStyle(
+        1.0,
+        2.0,
+        OAK,
+        "channels",
+        (120, 106, 150),
+        (244, 242, 246),
+        stripes((140, 124, 172), (228, 222, 238), "y", 0.26, 0.4),
+        (236, 232, 244),
+        (206, 198, 226),
+        1,
+    )
+    room.against(bed(style, seed + 1), "west", 2.35, gap=0.03)
     worktop = room.against(desk(OAK, CREAM, 2, 1.25, 0.62), "south", 1.30)
     room.upon(table_lamp((232, 226, 242), (120, 106, 150), 3), worktop, right=-0.46, front=-0.12)
     room.put(chair(OAK, None, 4), 1.20, 0.95, 180.0)

@@ -1,0 +1,89 @@
+"""Makes the embedded dataset: rooms, objects, and their truth, which lies apart because no stage may read it.
+
+FOLDER/rooms/NAME/ (InteriorGS layout), FOLDER/objects/NAME.glb|obj|ply, FOLDER/truth/NAME.parquet (face by face: instance,
+label, part) and FOLDER/truth/recipes/ (what each was made from). What exists whole, made by the same recipe, is kept.
+"""
+
+import hashlib
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+import geometry.procedural
+from geometry.procedural.objects import OBJECTS, build_object
+from geometry.procedural.rooms import ROOMS, build_room
+from geometry.procedural.shapes import joined
+from scene import interiorgs_write, object_write
+from scene.interiorgs_write import write_interiorgs
+from scene.object_write import write_object
+
+Maker = Callable[[], list[Path]]
+
+
+def make_dataset(folder: Path, seed: int = 0) -> None:
+    """Write every room and object that is missing, damaged or made by another recipe."""
+    code = _code_digest()
+    for name in ROOMS:
+        _keep_or_make(folder, f"rooms-{name}", f"{code} {seed}", lambda name=name: _write_room(folder, name, seed))
+    for name in OBJECTS:
+        _keep_or_make(folder, f"objects-{name}", code, lambda name=name: _write_object(folder, name))
+
+
+def _code_digest() -> str:
+    """Digest of the source that decides what is made."""
+    package = Path(str(geometry.procedural.__file__)).parent
+    sources = [
+        *sorted(package.glob("*.py")),
+        Path(interiorgs_write.__file__),
+        Path(object_write.__file__),
+        Path(__file__),
+    ]
+    return hashlib.sha256(b"\0".join(path.read_bytes() for path in sources)).hexdigest()
+
+
+def _keep_or_make(folder: Path, name: str, recipe: str, make: Maker) -> None:
+    """Run a maker unless what it would write is there, whole, from the same recipe."""
+    note = folder / "truth" / "recipes" / f"{name}.json"
+    if _is_whole(folder, note, recipe):
+        return
+    note.unlink(missing_ok=True)
+    files = {path.relative_to(folder).as_posix(): _digest(path) for path in make()}
+    note.parent.mkdir(parents=True, exist_ok=True)
+    note.write_text(json.dumps({"recipe": recipe, "files": files}, indent=1) + "\n", encoding="utf-8")
+
+
+def _is_whole(folder: Path, note: Path, recipe: str) -> bool:
+    try:
+        known = json.loads(note.read_text("utf-8"))
+        return known["recipe"] == recipe and all(_digest(folder / name) == sha for name, sha in known["files"].items())
+    except (OSError, ValueError, KeyError, TypeError, AttributeError):  # absent or damaged: make it again
+        return False
+
+
+def _digest(path: Path) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+def _write_room(folder: Path, name: str, seed: int) -> list[Path]:
+    built = build_room(name, seed)
+    files = write_interiorgs(folder / "rooms" / name, built.record, seed)
+    table = pa.table(
+        {
+            "instance": pa.array([built.instance_ids[i] for i in built.face_instance]).dictionary_encode(),
+            "label": pa.array([built.instance_labels[i] for i in built.face_instance]).dictionary_encode(),
+            "part": pa.array(built.face_part.tolist()).dictionary_encode(),
+        }
+    )
+    truth = folder / "truth" / f"{name}.parquet"
+    truth.parent.mkdir(parents=True, exist_ok=True)
+    pq.write_table(table, truth)
+    return [*files, truth]
+
+
+def _write_object(folder: Path, name: str) -> list[Path]:
+    path = folder / "objects" / f"{name}{OBJECTS[name].suffix}"
+    write_object(path, [(part.name, joined(part.solids)) for part in build_object(name).parts])
+    return [path]

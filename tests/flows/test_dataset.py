@@ -1,0 +1,74 @@
+"""Promises of the embedded dataset."""
+
+from pathlib import Path
+
+import pyarrow.parquet as pq
+import pytest
+
+from evaluation.outcome_table import read_truth
+from flows import dataset
+from flows.samples import EMBEDDED, TRUTH, load_yaml
+from geometry.procedural.objects import OBJECTS
+from geometry.procedural.rooms import ROOMS
+from scene.outcome import Reason
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("data")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(dataset, "ROOMS", {"hall_01": ROOMS["hall_01"]})
+        patch.setattr(
+            dataset, "OBJECTS", {name: OBJECTS[name] for name in ("mug", "apple", "folded_towel", "dumbbell")}
+        )
+        dataset.make_dataset(folder, 0)
+    return folder
+
+
+def test_every_sample_names_a_room_and_an_object_and_has_a_truth() -> None:
+    """rooms.yaml and truth.yaml agree with each other and with the generator."""
+    rows = load_yaml(EMBEDDED)
+    assert isinstance(rows, list)
+    truth = read_truth(load_yaml(EMBEDDED.with_name(TRUTH)), TRUTH)
+    assert len(rows) >= 38
+    assert {row["id"] for row in rows} == set(truth)
+    assert {row["room"] for row in rows} == set(ROOMS)
+    assert {row["object"] for row in rows} <= set(OBJECTS)
+
+
+def test_samples_exercise_what_is_promised() -> None:
+    """At least six infeasible samples with four different reasons; feasible ones name their support."""
+    truth = read_truth(load_yaml(EMBEDDED.with_name(TRUTH)), TRUTH)
+    reasons = [t.reason for t in truth.values() if not t.feasible]
+    assert len(reasons) >= 6
+    assert len(set(reasons)) >= 4
+    assert set(reasons) <= {r.value for r in Reason}
+    assert all(t.base for t in truth.values() if t.feasible)
+    assert all(not t.reason for t in truth.values() if t.feasible)
+
+
+def test_truth_lies_apart_from_what_stages_read(made: Path) -> None:
+    """Nothing in rooms/ or objects/ tells instance or part of a face."""
+    table = pq.read_table(made / "truth" / "hall_01.parquet")
+    assert table.column_names == ["instance", "label", "part"]
+    assert not [p for p in (made / "rooms").rglob("*") if p.suffix == ".parquet"]
+    assert {p.name for p in (made / "objects").iterdir()} == {
+        "mug.glb",
+        "apple.obj",
+        "folded_towel.ply",
+        "dumbbell.glb",
+    }
+
+
+def test_second_run_writes_nothing_and_damage_is_mended(made: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What is whole is kept; a damaged file is made again with the same bytes."""
+    monkeypatch.setattr(dataset, "ROOMS", {"hall_01": ROOMS["hall_01"]})
+    monkeypatch.setattr(
+        dataset, "OBJECTS", {name: OBJECTS[name] for name in ("mug", "apple", "folded_towel", "dumbbell")}
+    )
+    files = {p: (p.stat().st_mtime_ns, p.read_bytes()) for p in made.rglob("*") if p.is_file()}
+    dataset.make_dataset(made, 0)
+    assert {p: p.stat().st_mtime_ns for p in files} == {p: stamp for p, (stamp, _) in files.items()}
+    (made / "objects" / "mug.glb").write_bytes(b"broken")
+    dataset.make_dataset(made, 0)
+    assert {p: p.read_bytes() for p in files} == {p: data for p, (_, data) in files.items()}
