@@ -15,7 +15,7 @@ from geometry.segmentation.faces import FaceTable
 from geometry.segmentation.front import facing_away_from_wall
 from geometry.segmentation.labels import readable
 from geometry.segmentation.named import named_groups
-from geometry.segmentation.parts import find_parts, make_instance, node_words
+from geometry.segmentation.parts import find_parts, make_instance, node_words, object_node_words
 from scene.scan import Scan
 from scene.segmentation import Instance, Segmentation
 from tasks.stage import stage
@@ -54,7 +54,8 @@ def segment_object(scan: Scan, config: SegmentConfig) -> Segmentation:
     table = FaceTable.of(scan.mesh)
     faces = np.arange(len(scan.mesh.faces))
     label = readable(scan.label)
-    part, parts, box, front = find_parts(table, faces, label, None, _words(scan, faces), as_object=True)
+    words = object_node_words(scan.node_names, scan.face_node, faces) if scan.node_names else []
+    part, parts, box, front = find_parts(table, faces, label, None, words, as_object=True)
     instance = Instance("object", label, box, parts, front)
     return Segmentation(scan.mesh, (instance,), np.zeros(len(faces), dtype=np.int32), part)
 

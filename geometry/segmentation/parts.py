@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from geometry.segmentation.bed import bed_parts
 from geometry.segmentation.body import Body, make_body
 from geometry.segmentation.faces import FaceTable, connected_regions, renumbered
-from geometry.segmentation.labels import Category, category_of, part_word, plain_structure
+from geometry.segmentation.labels import Category, category_of, part_word, plain_structure, readable, says_something
 from geometry.segmentation.partmap import PartMap
 from geometry.segmentation.regions import merged_crumbs
 from geometry.segmentation.seating import chair_parts, sofa_parts, stool_parts
@@ -181,7 +181,16 @@ def _box_of(points: NDArray[np.float64], axes: NDArray[np.float64] | None, *, ti
 
 def node_words(names: Sequence[str], face_node: NDArray[np.int32], faces: NDArray[np.int64]) -> list[str]:
     """The part that the node of each face names, '' where it names none."""
-    words = [part_word(name.rsplit("/", 1)[-1]) for name in names]
+    return _spread([part_word(name.rsplit("/", 1)[-1]) for name in names], face_node, faces)
+
+
+def object_node_words(names: Sequence[str], face_node: NDArray[np.int32], faces: NDArray[np.int64]) -> list[str]:
+    """As `node_words`, but any telling name is a part: the nodes of one object can be nothing else."""
+    own = [name.rsplit("/", 1)[-1] for name in names]
+    return _spread([part_word(n) or (readable(n) if says_something(n) else "") for n in own], face_node, faces)
+
+
+def _spread(words: Sequence[str], face_node: NDArray[np.int32], faces: NDArray[np.int64]) -> list[str]:
     return [words[node] if node >= 0 else "" for node in face_node[faces]]
 
 

@@ -353,6 +353,41 @@ def test_segmentation_is_deterministic() -> None:
     np.testing.assert_array_equal(one.face_instance, two.face_instance)
 
 
+def test_the_nodes_of_an_object_are_its_parts() -> None:
+    """Any telling node name is a part of the object; tool names are not."""
+    wheel, hull = block([0, 0, 0], [0.02, 0.02, 0.02]), block([0, 0, 0.02], [0.1, 0.05, 0.05])
+    result = segment_object(named_scan({"Wheel.001": wheel, "Hull": hull}, "car"), SegmentConfig())
+    assert [p.name for p in result.instances[0].parts] == ["hull", "wheel"]
+    result = segment_object(named_scan({"Cube.001": wheel, "Mesh_7": hull}, "car"), SegmentConfig())
+    assert [p.name for p in result.instances[0].parts] == ["body"]
+
+
+def test_what_a_scan_fused_is_taken_apart_by_boxes() -> None:
+    """A box on a table in one skin, and a rug that is only a patch of floor, get the faces in their boxes."""
+    skin, truth = fused(TABLE | {"vase": [([0.1, 0.1, 0.74], [0.2, 0.2, 0.95], BLUE)]})
+    floor = block([-2, -2, -0.1], [2, 2, 0.0], cell=0.1)
+    boxes = (
+        label_box("t", "table", [skin.submesh(np.flatnonzero(truth != "vase"))]),
+        label_box("v", "vase", [block([0.1, 0.1, 0.75], [0.2, 0.2, 0.95])]),
+        label_box("r", "rug", [block([-1.9, -1.9, -0.01], [-1.1, -0.9, 0.01])]),
+    )
+    result = segment(scan_of([skin, floor], "", boxes), SegmentConfig())
+    labels = np.array([*(one.label for one in result.instances), ""])[result.face_instance]
+    area, vase = result.mesh.face_areas, np.r_[truth == "vase", np.zeros(len(floor.faces), dtype=bool)]
+    assert area[vase & (labels == "vase")].sum() / area[vase | (labels == "vase")].sum() > 0.85
+    # A tenth of a metre of floor triangles on either side of the rug's edge may go to either.
+    assert area[labels == "rug"].sum() == pytest.approx(0.8, rel=0.25)
+
+
+def test_a_floor_lamp_is_not_the_floor() -> None:
+    """The floor takes the id of the box that is annotated as floor, never that of a floor lamp."""
+    lamp, _ = built(LAMP)
+    floor = block([-2, -2, -0.1], [2, 2, 0.0], cell=0.1)
+    boxes = (label_box("7", "floor lamp", [lamp]), label_box("9", "Floor", [floor]))
+    result = segment(scan_of([lamp, floor], "", boxes), SegmentConfig())
+    assert {(one.id, one.label) for one in result.instances} == {("7", "floor lamp"), ("9", "floor")}
+
+
 SAMPLES = os.environ.get("DCAP_SAMPLE_DATA", "")
 
 EXPECTED = [
