@@ -1,7 +1,8 @@
 """Carry the displacement of a simulated surface over to the mesh that it was cut from.
 
-In: the whole mesh, which of its faces may follow, and the simulated surface with its displacement. Out: the mesh, finer where it
-bends, with the displacement of the nearest surface point added. Colours and far faces stay as they are.
+In: the whole mesh, which of its faces may follow, and the simulated surface with its displacement. Out: the mesh,
+finer where it bends, with the displacement of the nearest surface point added. Colours and far faces stay as they
+are.
 """
 
 import numpy as np
@@ -23,7 +24,9 @@ MOST_ROUNDS = 10  # halvings of an edge: from a 2 m mattress to 2 mm
 def displaced(
     mesh: Mesh, movable: NDArray[np.bool_], surface: Mesh, displacement: NDArray[np.float64]
 ) -> tuple[Mesh, NDArray[np.int64]]:
-    """The mesh with its movable faces (m,) following the surface, and the face of the given mesh that each face came from."""
+    """The mesh with its movable faces (m,) following the surface, and the face of the given mesh that each face
+    came from.
+    """
     start = Mesh(surface.vertices - displacement, surface.faces, surface.colors)
     moving = np.linalg.norm(displacement, axis=1)[surface.faces].max(axis=1) > NEGLIGIBLE
     if not moving.any():

@@ -1,11 +1,13 @@
 """Signed distance to meshes, negative inside, whether they are closed or not.
 
-In: a mesh and points, or a box to sample. Out: the exact distance to the nearest triangle with the sign of the generalised winding
-number [J13], evaluated fast [B18]: a mesh with holes is closed in the way that its surface suggests, a hollow mug stays hollow. Grids
-are exact in a band around the surface and interpolated from a coarser grid beyond it.
+In: a mesh and points, or a box to sample. Out: the exact distance to the nearest triangle with the sign of the
+generalised winding number [J13], evaluated fast [B18]: a mesh with holes is closed in the way that its surface
+suggests, a hollow mug stays hollow. Grids are exact in a band around the surface and interpolated from a coarser grid
+beyond it.
 
-[J13] Jacobson, Kavan, Sorkine-Hornung: Robust inside-outside segmentation using generalized winding numbers. ACM TOG 32(4), 2013.
-[B18] Barill, Dickson, Schmidt, Levin, Jacobson: Fast winding numbers for soups and clouds. ACM TOG 37(4), 2018.
+[J13] Jacobson, Kavan, Sorkine-Hornung: Robust inside-outside segmentation using generalized winding numbers. ACM TOG
+32(4), 2013. [B18] Barill, Dickson, Schmidt, Levin, Jacobson: Fast winding numbers for soups and clouds. ACM TOG
+37(4), 2018.
 """
 
 from collections.abc import Callable
@@ -26,7 +28,8 @@ Distance: TypeAlias = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 """Signed distance [m] at points (n, 3), shape (n,)."""
 
 INSIDE = 0.5  # winding number above which a point is inside: halfway between the 0 and 1 of a closed surface
-BAND = 3  # samples on each side of the surface that are exact: trilinear interpolation and its gradient look one sample far
+# samples on each side of the surface that are exact: trilinear interpolation and its gradient look one sample far
+BAND = 3
 COARSE = 4  # spacing of the coarse grid over that of the fine one
 DISAGREEMENT = 0.002  # share of a region's samples on the other side that is put down to rounding at the surface
 MOST_SAMPLES = 40_000_000  # 160 MB; far more than any body here needs
@@ -35,8 +38,8 @@ MOST_SAMPLES = 40_000_000  # 160 MB; far more than any body here needs
 class MeshDistance:
     """Signed distance to a mesh, prepared for many points.
 
-    `sides` decides inside and outside where it differs from the surface that distances are measured to (a surface without its
-    closing faces, for example).
+    `sides` decides inside and outside where it differs from the surface that distances are measured to (a surface
+    without its closing faces, for example).
     """
 
     def __init__(self, mesh: Mesh, sides: Mesh | None = None) -> None:
@@ -138,9 +141,9 @@ def regional_sides(
 ) -> NDArray[np.bool_]:
     """Whether the near samples are inside, shape (n,), from one decision per region instead of one per sample.
 
-    Two neighbouring samples that are both farther than half a spacing from the surface lie on the same side of it: connected
-    regions of such samples are decided by the coarse samples in them. Where a region's coarse samples disagree, the surface has a
-    hole there, and every sample is decided on its own.
+    Two neighbouring samples that are both farther than half a spacing from the surface lie on the same side of it:
+    connected regions of such samples are decided by the coarse samples in them. Where a region's coarse samples
+    disagree, the surface has a hole there, and every sample is decided on its own.
     """
     clear = np.abs(values) > 0.5 * spacing
     region, count = label(clear)
@@ -159,7 +162,7 @@ def regional_sides(
 
 def lattice(low: NDArray[np.float64], spacing: float, shape: NDArray[np.integer]) -> NDArray[np.float64]:
     """Points of a regular grid in C order, shape (n, 3)."""
-    return np.asarray(low + spacing * np.stack(np.indices(tuple(shape)), axis=-1).reshape(-1, 3))
+    return np.asarray(low + spacing * np.indices(tuple(shape)).reshape(3, -1).T)
 
 
 def upsampled(coarse: NDArray[np.float64]) -> NDArray[np.float64]:

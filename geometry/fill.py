@@ -1,8 +1,8 @@
 """Particles for a background grid: quadrature points that carry the volume of a solid, also where it is thin.
 
-In: node planes and a signed distance. Out: at most 2 x 2 x 2 particles per cell, one per octant, at the centroid of the octant's
-share inside, with that share's volume. The share comes from sub-samples whose own cut is smooth, so that volume varies smoothly
-with the surface.
+In: node planes and a signed distance. Out: at most 2 x 2 x 2 particles per cell, one per octant, at the centroid of
+the octant's share inside, with that share's volume. The share comes from sub-samples whose own cut is smooth, so that
+volume varies smoothly with the surface.
 """
 
 import numpy as np
@@ -20,7 +20,9 @@ __all__ = ["Distance", "fill", "octants"]
 def fill(
     planes: tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]], distance: Distance
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Positions [m], shape (p, 3), and volumes [m^3], shape (p,), of the particles inside, in the order of the cells."""
+    """Positions [m], shape (p, 3), and volumes [m^3], shape (p,), of the particles inside, in the order of the
+    cells.
+    """
     center, size = octants(planes)
     value = distance(center)
     half_diagonal = 0.5 * np.linalg.norm(size, axis=1)
@@ -53,7 +55,7 @@ def cut_octants(
     center: NDArray[np.float64], size: NDArray[np.float64], distance: Distance
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Share inside, shape (n,), and centroid of that share, shape (n, 3), of octants that the surface may cut."""
-    offset = (np.stack(np.indices((SAMPLES,) * 3), axis=-1).reshape(-1, 3) + 0.5) / SAMPLES - 0.5
+    offset = (np.indices((SAMPLES,) * 3).reshape(3, -1).T + 0.5) / SAMPLES - 0.5
     points = center[:, None] + offset * size[:, None]
     value = distance(points.reshape(-1, 3)).reshape(len(center), -1)
     width = size.mean(axis=1, keepdims=True) / SAMPLES

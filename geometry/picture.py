@@ -1,8 +1,9 @@
 """Pictures of meshes without a display or a graphics card.
 
-In: coloured meshes and a camera (OpenCV convention: x right, y down, z forward). Out: an sRGB picture with soft shadows and
-ambient occlusion, depth and the mesh seen in each pixel. Same input, same bytes: every ray direction comes from a fixed
-low-discrepancy sequence [R18], one subset per pixel of a 4 x 4 tile, and a filter that respects edges gathers the subsets.
+In: coloured meshes and a camera (OpenCV convention: x right, y down, z forward). Out: an sRGB picture with soft
+shadows and ambient occlusion, depth and the mesh seen in each pixel. Same input, same bytes: every ray direction
+comes from a fixed low-discrepancy sequence [R18], one subset per pixel of a 4 x 4 tile, and a filter that respects
+edges gathers the subsets.
 
 [R18] Roberts: The unreasonable effectiveness of quasirandom sequences, 2018 (R2 sequence).
 """
@@ -69,7 +70,8 @@ class Camera:
         """Image points (column, row) [pixels] and depth [m] of world points (n, 3), shape (n, 3)."""
         local = (points - self.position) @ self.world_from_camera
         center = np.array([0.5 * self.width, 0.5 * self.height])
-        return np.c_[local[:, :2] / local[:, 2:] * self.focal_pixels + center, local[:, 2]]
+        image = local[:, :2] / local[:, 2:] * self.focal_pixels + center
+        return np.concatenate([image, local[:, 2:]], axis=1)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -85,7 +87,9 @@ class Picture:
 
 
 def picture(meshes: Sequence[Mesh], camera: Camera, *, samples: int = 2, shadows: bool = True) -> Picture:
-    """Render the meshes; `samples` x `samples` rays smooth each pixel at an edge, `shadows` adds shadows and occlusion."""
+    """Render the meshes; `samples` x `samples` rays smooth each pixel at an edge, `shadows` adds shadows and
+    occlusion.
+    """
     world = World(meshes, camera)
     center = pixel_centers(camera)
     surface = world.look(camera.directions(center))
@@ -94,12 +98,13 @@ def picture(meshes: Sequence[Mesh], camera: Camera, *, samples: int = 2, shadows
     if shadows:
         light = gather(visibility(world.caster, surface, world.light, world.reach, shape), surface, shape)
     linear = world.shaded(surface, light.reshape(-1, 2))
+    shown = compressed(linear)
     if samples > 1:
-        rough = np.flatnonzero(edges(surface, linear, shape))
-        smooth_edges(linear, rough, world, surface, light, samples)
+        rough = np.flatnonzero(edges(surface, shown, shape))
+        shown[rough] = smoothed(rough, world, surface, light, samples)
     depth = surface.distance * (surface.direction @ camera.world_from_camera[:, 2].astype(np.float32))
     return Picture(
-        encoded(linear).reshape(*shape, 3),
+        np.round(255.0 * np.clip(shown, 0.0, 1.0)).astype(np.uint8).reshape(*shape, 3),
         depth.astype(np.float32).reshape(shape),
         surface.mesh_index.reshape(shape),
     )
@@ -157,7 +162,9 @@ class World:
         )
 
     def shaded(self, surface: Surface, light: Array) -> Array:
-        """Linear colours of the rays that made the surface, with light (n, 2) = (key, ambient) reaching each, (n, 3)."""
+        """Linear colours of the rays that made the surface, with light (n, 2) = (key, ambient) reaching each, (n,
+        3).
+        """
         linear = background(surface.direction)
         seen = np.flatnonzero(surface.mesh_index >= 0)
         linear[seen] = shade(surface.take(seen), light[seen], self.light)
@@ -170,15 +177,15 @@ def pixel_centers(camera: Camera) -> NDArray[np.float64]:
     return np.stack([column, row], axis=1) + 0.5
 
 
-def edges(surface: Surface, linear: Array, shape: tuple[int, int]) -> NDArray[np.bool_]:
+def edges(surface: Surface, shown: Array, shape: tuple[int, int]) -> NDArray[np.bool_]:
     """Pixels that differ from a neighbour in mesh, depth or colour, shape (h * w,)."""
     index = surface.mesh_index.reshape(shape)
     inverse = (1.0 / surface.distance).reshape(shape)  # linear over a plane seen in perspective
-    shown = np.power(np.clip(linear, 0.0, 1.0), 1 / 2.2).reshape(*shape, 3)
+    color = shown.reshape(*shape, 3)
     rough = np.zeros(shape, dtype=bool)
     for axis in (0, 1):
         one, two = (slice(None),) * axis + (slice(None, -1),), (slice(None),) * axis + (slice(1, None),)
-        jump = (index[one] != index[two]) | (np.abs(shown[one] - shown[two]).max(axis=-1) > EDGE_COLOR)
+        jump = (index[one] != index[two]) | (np.abs(color[one] - color[two]).max(axis=-1) > EDGE_COLOR)
         rough[one] |= jump
         rough[two] |= jump
         bend = np.abs(np.diff(inverse, n=2, axis=axis))
@@ -187,21 +194,19 @@ def edges(surface: Surface, linear: Array, shape: tuple[int, int]) -> NDArray[np
     return rough.ravel()
 
 
-def smooth_edges(
-    linear: Array, rough: NDArray[np.int64], world: World, surface: Surface, light: Array, samples: int
-) -> None:
-    """Replace the colours of the rough pixels by the mean of samples^2 rays each, in place."""
+def smoothed(pixel: NDArray[np.int64], world: World, surface: Surface, light: Array, samples: int) -> Array:
+    """Displayed colours of pixels as means of samples^2 rays each, shape (n, 3)."""
     camera = world.camera
-    column, row = rough % camera.width, rough // camera.width
-    total = np.zeros((len(rough), 3), dtype=np.float32)
+    column, row = pixel % camera.width, pixel // camera.width
+    total = np.zeros((len(pixel), 3), dtype=np.float32)
     for step in range(samples * samples):
         # a rotated grid: no two samples share a row or a column
         offset = np.array(
             [(step + 0.5) / samples**2, ((step * samples + step // samples) % samples**2 + 0.5) / samples**2]
         )
         seen = world.look(camera.directions(np.stack([column, row], axis=1) + offset))
-        total += compressed(world.shaded(seen, borrowed_light(seen, rough, surface, light)))
-    linear[rough] = expanded(total / samples**2)
+        total += compressed(world.shaded(seen, borrowed_light(seen, pixel, surface, light)))
+    return np.asarray(total / samples**2, dtype=np.float32)
 
 
 def borrowed_light(seen: Surface, pixel: NDArray[np.int64], surface: Surface, light: Array) -> Array:
@@ -225,17 +230,5 @@ def compressed(linear: Array) -> Array:
     knee = np.float32(0.75)
     over = np.maximum(linear - knee, 0.0)
     toned = np.minimum(linear, knee) + (1 - knee) * (1 - np.exp(-over / (1 - knee)))
-    return np.where(toned <= 0.0031308, 12.92 * toned, 1.055 * np.power(np.maximum(toned, 1e-9), 1 / 2.4) - 0.055)
-
-
-def expanded(shown: Array) -> Array:
-    """The linear light that `compressed` shows."""
-    knee = np.float32(0.75)
-    toned = np.where(shown <= 0.04045, shown / 12.92, np.power((shown + 0.055) / 1.055, 2.4))
-    over = np.clip((toned - knee) / (1 - knee), 0.0, 1 - 1e-6)
-    return np.asarray(np.minimum(toned, knee) - (1 - knee) * np.log1p(-over), dtype=np.float32)
-
-
-def encoded(linear: Array) -> NDArray[np.uint8]:
-    """Linear light as 8-bit sRGB."""
-    return np.asarray(np.round(255.0 * np.clip(compressed(linear), 0.0, 1.0)), dtype=np.uint8)
+    curved = 1.055 * np.power(np.maximum(toned, 1e-9), 1 / 2.4) - 0.055
+    return np.asarray(np.where(toned <= 0.0031308, 12.92 * toned, curved), dtype=np.float32)

@@ -1,7 +1,7 @@
 """Rays against a triangle mesh: where they hit first, and whether something is in their way.
 
-In: a mesh and rays in its frame. Out: hits with geometric normals as wound in the mesh. A surface is hit from both sides. Ray
-tracing is Embree's, in single precision: hits are accurate to about 1e-6 of the distance.
+In: a mesh and rays in its frame. Out: hits with geometric normals as wound in the mesh. A surface is hit from both
+sides. Ray tracing is Embree's, in single precision: hits are accurate to about 1e-6 of the distance.
 """
 
 from dataclasses import dataclass

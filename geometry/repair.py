@@ -1,7 +1,8 @@
 """Light repairs: holes, solids under open surfaces, finer faces where they are needed, mass properties.
 
-In: meshes as scanned or modelled, welded or not, closed or not. Out: meshes and numbers fit for simulation. Faces are never moved.
-The boundary of a mesh is taken as the directed edges whose opposite is missing: exact for any set of triangles.
+In: meshes as scanned or modelled, welded or not, closed or not. Out: meshes and numbers fit for simulation. Faces are
+never moved. The boundary of a mesh is taken as the directed edges whose opposite is missing: exact for any set of
+triangles.
 """
 
 from dataclasses import replace
@@ -103,11 +104,12 @@ def small_holes_capped(mesh: Mesh, perimeter: float) -> Mesh:
 
 
 def solid_under(mesh: Mesh, bottom: FloatArray) -> Mesh:
-    """The closed surface of everything that lies under the faces, down to `bottom` [m], one height per face, shape (m,).
+    """The closed surface of everything that lies under the faces, down to `bottom` [m], one height per face, shape
+    (m,).
 
-    Each face is joined with its reversed shadow at its own bottom height, and the open edges with vertical walls. A face that looks
-    down takes away what lies under it, so a closed mesh encloses what it did before; walls and shadows inside cancel in the
-    winding number and `outer_faces` removes them.
+    Each face is joined with its reversed shadow at its own bottom height, and the open edges with vertical walls. A
+    face that looks down takes away what lies under it, so a closed mesh encloses what it did before; walls and
+    shadows inside cancel in the winding number and `outer_faces` removes them.
     """
     pieces = [mesh]
     for height in np.unique(bottom):
@@ -122,14 +124,16 @@ def solid_under(mesh: Mesh, bottom: FloatArray) -> Mesh:
         # the wall passes the open edge against its direction
         corner = np.stack([top[:, 1], top[:, 0], low[:, 0], low[:, 1]], axis=1).reshape(-1, 3)
         quad = 4 * np.arange(len(edge))[:, None]
-        faces = np.concatenate([quad + [0, 1, 2], quad + [0, 2, 3]])
+        faces = np.concatenate([quad + np.array(corners) for corners in ((0, 1, 2), (0, 2, 3))])
         pieces.append(Mesh.of(corner, faces, group.colors[edge[:, [1, 0, 0, 1]].reshape(-1)] if len(edge) else None))
     joined = Mesh.concatenate(pieces)
     return joined.submesh(np.flatnonzero(joined.face_areas > 0.0))
 
 
 def outer_faces(mesh: Mesh, *, step: float = 2e-4) -> IntArray:
-    """Faces with inside on one side and outside on the other somewhere: the surface of the union; `step` [m] off the face."""
+    """Faces with inside on one side and outside on the other somewhere: the surface of the union; `step` [m] off
+    the face.
+    """
     normal = mesh.face_normals
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
     field = MeshDistance(mesh)
@@ -144,14 +148,15 @@ def outer_faces(mesh: Mesh, *, step: float = 2e-4) -> IntArray:
     return np.flatnonzero(outer)
 
 
-def subdivide_near(mesh: Mesh, low: FloatArray, high: FloatArray, edge: float) -> Mesh:
-    """Split faces that reach into the box [low, high] until their edges are at most `edge` [m]; colours are interpolated.
+def subdivide_near(mesh: Mesh, region: FloatArray, edge: float) -> Mesh:
+    """Split faces that reach into a box until their edges are at most `edge` [m]; colours are interpolated.
 
+    `region` is the box's lower and upper corner [m], shape (2, 3).
     Conforming: an edge is split for all its faces or for none, also across duplicated vertices. Faces keep their plane.
     """
     for _ in range(MOST_ROUNDS):
         corner = mesh.triangles
-        near = ((corner.max(axis=1) >= low) & (corner.min(axis=1) <= high)).all(axis=1)
+        near = ((corner.max(axis=1) >= region[0]) & (corner.min(axis=1) <= region[1])).all(axis=1)
         length = np.linalg.norm(corner - np.roll(corner, -1, axis=1), axis=2)
         long = near[:, None] & (length > edge * (1.0 + 1e-9))
         if not long.any():
@@ -189,7 +194,9 @@ def split_edges(mesh: Mesh, marked: NDArray[np.bool_]) -> tuple[Mesh, IntArray]:
 def split_faces(
     faces: NDArray[np.int32], marked: NDArray[np.bool_], point: IntArray, vertices: FloatArray
 ) -> tuple[NDArray[np.int32], IntArray]:
-    """Faces with 0 to 3 new points on their edges as 1 to 4 faces, in the order of the faces they come from; and those."""
+    """Faces with 0 to 3 new points on their edges as 1 to 4 faces, in the order of the faces they come from; and
+    those.
+    """
     number = marked.sum(axis=1)
     # turn each face so that the odd edge comes first: the only split one, or the only whole one
     turn = np.where(number == 1, np.argmax(marked, axis=1), np.where(number == 2, np.argmin(marked, axis=1), 0))
@@ -236,7 +243,8 @@ def closed_moments(mesh: Mesh) -> tuple[float, FloatArray, FloatArray]:
     part = np.einsum("ij,ij->i", a, np.cross(b, c)) / 6.0
     total = float(part.sum())
     center = np.einsum("i,ij->j", part, a + b + c) / (4.0 * total)
-    # integral of x x^T over a tetrahedron with a corner at the origin: V / 20 (sum of corners squared + square of the sum)
+    # integral of x x^T over a tetrahedron with a corner at the origin:
+    # V / 20 (sum of corners squared + square of the sum)
     s = a + b + c
     second = sum(np.einsum("i,ij,ik->jk", part, u, u) for u in (a, b, c, s)) / 20.0
     sign = 1.0 if total > 0.0 else -1.0
@@ -256,7 +264,7 @@ def filled_moments(mesh: Mesh) -> tuple[float, FloatArray, FloatArray]:
     # a sheet is within half a sample of itself everywhere: that is not an inside
     if not (distance < -0.25 * spacing).any():
         raise GeometryError(
-            f"a mesh of {len(mesh.faces)} faces encloses no volume at {1e3 * spacing:.2g} mm; it is a sheet, not a solid"
+            f"a mesh of {len(mesh.faces)} faces encloses no volume at {1e3 * spacing:.2g} mm: a sheet, not a solid"
         )
     total = float(share.sum())
     center = share @ points / total

@@ -117,7 +117,7 @@ def key_share(
         direction = table.astype(np.float32)[tile]
         toward = np.flatnonzero(np.einsum("ij,ij->i", direction, normal) > 0.0)
         share[toward] += ~caster.occluded(origin[toward], direction[toward], limits[tile[toward]])
-    return share / KEY_RAYS
+    return np.asarray(share / KEY_RAYS, dtype=np.float32)
 
 
 def sky_share(
@@ -135,7 +135,7 @@ def sky_share(
         depth = np.minimum(np.einsum("ij,ij->i", direction, flat), 0.0)
         direction -= 2.0 * depth[:, None] * flat
         share += ~caster.occluded(origin, direction, limits[tile])
-    return share / SKY_RAYS
+    return np.asarray(share / SKY_RAYS, dtype=np.float32)
 
 
 def sequence(index: NDArray[np.int64]) -> tuple[Array, Array]:
@@ -167,10 +167,9 @@ def gather(light: Array, surface: Surface, shape: tuple[int, int]) -> Array:
     """Average the light of neighbouring pixels on the same surface, first along rows, then along columns, (h, w, 2)."""
     result = light.reshape(*shape, 2)
     position, normal = surface.position.reshape(*shape, 3), surface.smooth.reshape(*shape, 3)
-    position = np.where(np.isfinite(position), position, np.float32(0.0))
-    tolerance = PLANE_TOLERANCE * np.where(np.isfinite(surface.distance), surface.distance, np.float32(1.0)).reshape(
-        shape
-    )
+    position = np.where(np.isfinite(position), position, 0.0).astype(np.float32)
+    depth = np.where(np.isfinite(surface.distance), surface.distance, 1.0).astype(np.float32)
+    tolerance = PLANE_TOLERANCE * depth.reshape(shape)
     for axis in (1, 0):
         result = gather_axis(result, position, normal, tolerance, axis)
     return result

@@ -1,8 +1,9 @@
 """The solid of a support whose surface was seen from above only.
 
-A scan shows a mattress from above and from the sides, never from below. Its solid is what lies under the visible surface, down to
-the bottom of its part's box; a part that is closed keeps its own shape. In: faces with a bottom height each. Out: a signed distance
-whose sign is that of the solid and whose zero is the visible surface, its walls and its bottom.
+A scan shows a mattress from above and from the sides, never from below. Its solid is what lies under the visible
+surface, down to the bottom of its part's box; a part that is closed keeps its own shape. In: faces with a bottom
+height each. Out: a signed distance whose sign is that of the solid and whose zero is the visible surface, its walls
+and its bottom.
 """
 
 from collections.abc import Sequence
@@ -28,15 +29,15 @@ def support_solid(
 ) -> MeshDistance:
     """Signed distance to the solid under the faces, each down to its own `bottom` [m], shape (m,).
 
-    It is accurate within `region` [m], shape (2, 3), horizontally. Holes of at most `hole_perimeter` [m] are closed first, so that a
-    crack in a scan is no shaft.
+    It is accurate within `region` [m], shape (2, 3), horizontally. Holes of at most `hole_perimeter` [m] are closed
+    first, so that a crack in a scan is no shaft.
     """
     groups = [small_holes_capped(mesh.submesh(np.flatnonzero(bottom == b)), hole_perimeter) for b in np.unique(bottom)]
     heights = np.repeat(np.unique(bottom), [len(g.faces) for g in groups])
     closed = upright(without_empty_faces(solid_under(without_empty_faces(Mesh.concatenate(groups)), heights)))
-    low, high = region.copy()
-    low[2], high[2] = -np.inf, np.inf
-    closed = subdivide_near(closed, low, high, PIECE)
+    column = region.copy()
+    column[:, 2] = -np.inf, np.inf
+    closed = subdivide_near(closed, column, PIECE)
     hull = outer_faces(closed)
     return MeshDistance(closed.submesh(hull) if len(hull) else mesh, sides=closed)
 
@@ -61,8 +62,9 @@ def components(mesh: Mesh) -> NDArray[np.int64]:
 def shell_bottoms(mesh: Mesh, part_bottom: NDArray[np.float64], depth: float) -> NDArray[np.float64]:
     """Bottom of the solid under each face of rigid parts [m], shape (m,).
 
-    Down to the bottom of the face's part, but at most `depth` [m] below its connected piece, and a sheet without thickness is
-    `depth` thick: a shelf's board seen from above is a board, neither a block nor nothing. Closed pieces are not changed by it.
+    Down to the bottom of the face's part, but at most `depth` [m] below its connected piece, and a sheet without
+    thickness is `depth` thick: a shelf's board seen from above is a board, neither a block nor nothing. Closed pieces
+    are not changed by it.
     """
     piece = components(mesh)
     lowest, highest = mesh.triangles[:, :, 2].min(axis=1), mesh.triangles[:, :, 2].max(axis=1)

@@ -1,7 +1,8 @@
 """Where and how wide the object will probably touch: decides cell sizes before anything is simulated.
 
-In: the object at its pre-drop pose, what lies beneath it, weight and elasticity. Out: the footprint at the expected indentation. The
-gap between the object's underside and what lies below it is measured along gravity; the part of it that closes first touches first.
+In: the object at its pre-drop pose, what lies beneath it, weight and elasticity. Out: the footprint at the expected
+indentation. The gap between the object's underside and what lies below it is measured along gravity; the part of it
+that closes first touches first.
 """
 
 from dataclasses import dataclass
@@ -16,7 +17,8 @@ from solver.predict import contact_radius
 
 LEAST_DEPTH, MOST_DEPTH = 5e-4, 0.06  # expected indentation [m]: below it is invisible, above it no formula holds
 ROUNDS = 8  # indentation and footprint decide each other: a few rounds settle within a few per cent
-FLAT = 2.0  # a footprint that grows by less than this factor when the depth grows fourfold is flat (a sphere's grows fourfold)
+# a footprint that grows by less than this factor when the depth grows fourfold is flat (a sphere's grows fourfold)
+FLAT = 2.0
 GRAVITY = 9.81
 
 
@@ -53,7 +55,7 @@ def predicted_footprint(
     `fallback_height` [m] stands for what lies below where a ray meets nothing.
     """
     size = float(np.ptp(item.vertices, axis=0).max())
-    fine = subdivide_near(item, *item.bounds, max(size / 40.0, 1e-3)) if len(item.faces) < 4000 else item
+    fine = subdivide_near(item, item.bounds, max(size / 40.0, 1e-3)) if len(item.faces) < 4000 else item
     normal = fine.face_normals
     under = np.flatnonzero(normal[:, 2] < 0.0)
     if len(under) == 0:  # wound inside out, or a sheet seen from above

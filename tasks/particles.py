@@ -1,8 +1,8 @@
 """Stage 7, particles: from meshes, a pose and materials to everything the drop simulates.
 
-In: the segmented scene and object, the intent (mass), the pre-drop pose and the material of every part. Out: `Particles`: the object,
-the base within a crop around it (its soft parts one bonded body, its rigid parts another) and the neighbours in reach as obstacles. Every
-crop, cap and treatment is named in the notes.
+In: the segmented scene and object, the intent (mass), the pre-drop pose and the material of every part. Out:
+`Particles`: the object, the base within a crop around it (its soft parts one bonded body, its rigid parts another)
+and the neighbours in reach as obstacles. Every crop, cap and treatment is named in the notes.
 """
 
 from dataclasses import dataclass, field, replace
@@ -25,7 +25,7 @@ from scene.outcome import Infeasible
 from scene.particles import DistanceGrid, Particles, SimulationBody
 from scene.segmentation import Instance, Segmentation
 from tasks.footprint import GRAVITY, Footprint, predicted_footprint
-from tasks.soft_cells import Cells, graded_cells, nodes, occupied, thickness, uniform_cells
+from tasks.soft_cells import Cells, graded_cells, nodes, thickness, uniform_cells
 from tasks.stage import stage
 
 Array = NDArray[np.float64]
@@ -61,13 +61,13 @@ class ParticlesConfig(BaseModel, frozen=True, extra="forbid"):
     """Cells through the thinnest dimension of a soft object."""
     least_cells_through: PositiveFloat = 3.0
     """Fewer are named in a note."""
-    object_cells: PositiveInt = 6000
+    object_cells: PositiveInt = 3000
     """Budget of cells of a soft object."""
-    base_cells: PositiveInt = 14000
+    base_cells: PositiveInt = 10000
     """Budget of cells of the base."""
     particle_limit: PositiveInt = 250_000
     """More particles than this are refused."""
-    distance_samples: PositiveInt = 1_500_000
+    distance_samples: PositiveInt = 1_000_000
     """Budget of samples per distance grid."""
     hold_distance: NonNegativeFloat = 2e-3
     """Soft nodes nearer than this to a rigid part of the base are bonded to it [m]."""
@@ -130,8 +130,8 @@ def particles(
     total = sum(len(b.particle_volume) for b in bodies)
     if total > config.particle_limit:
         raise GeometryError(
-            f"{total} particles > {config.particle_limit}; lower ParticlesConfig.object_cells ({config.object_cells}) or "
-            f"base_cells ({config.base_cells}), or raise particle_limit"
+            f"{total} particles > {config.particle_limit}; lower ParticlesConfig.object_cells ({config.object_cells}) "
+            f"or base_cells ({config.base_cells}), or raise particle_limit"
         )
     return Particles(tuple(bodies), (), resolution, tuple(s.notes))
 
@@ -210,7 +210,9 @@ def contact_surface(s: Scenario, foot: Footprint, cell: float) -> Mesh:
             f"object: contact surface simplified from {len(s.mesh.vertices)} to {len(mesh.vertices)} vertices"
         )
     reach = 0.3 * (foot.high - foot.low) + foot.depth
-    return subdivide_near(mesh, foot.low - reach, foot.high + reach, max(cell, foot.small_side / 24.0, 1e-3))
+    return subdivide_near(
+        mesh, np.stack([foot.low - reach, foot.high + reach]), max(cell, foot.small_side / 24.0, 1e-3)
+    )
 
 
 def rigid_mass(
@@ -252,8 +254,8 @@ def moments(position: Array, mass: Array) -> tuple[float, Array, Array]:
 
 def authoritative_mass(s: Scenario, natural: float) -> float:
     """The object's mass [kg]: what was asked for or known of hollow things, else density times volume."""
-    told = s.intent.hollow or any("mass" in note for note in s.intent.notes)
-    if not told:
+    given = any(note.startswith("mass") and note.endswith("was given") for note in s.intent.notes)
+    if not (s.intent.hollow or given):
         if not 1 / 3 < natural / s.intent.mass < 3:
             s.notes.append(f"object: {natural:.3g} kg from its materials, though {s.intent.mass:.3g} kg would be usual")
         return natural
@@ -279,7 +281,7 @@ def soft_object(
     through = float(min(thin[a] / np.diff(cells.planes[a])[0] for a in range(3)))
     if through < s.config.least_cells_through:
         s.notes.append(
-            f"object: only {through:.1f} cells through its thin parts; {cells.count} cells of {1e3 * cells.size:.2g} mm "
+            f"object: only {through:.1f} cells through thin parts; {cells.count} cells of {1e3 * cells.size:.2g} mm "
             f"meet the budget of {s.config.object_cells} (ParticlesConfig.object_cells)"
         )
     position, volume = fill(cells.planes, distance)
@@ -289,7 +291,7 @@ def soft_object(
     density = density * (authoritative_mass(s, natural) / natural)
     mass, center, inertia = moments(position, volume * density)
     surface = subdivide_near(
-        s.mesh, *s.mesh.bounds, max(cells.size, float(np.ptp(s.mesh.vertices, axis=0).max()) / 120.0)
+        s.mesh, s.mesh.bounds, max(cells.size, float(np.ptp(s.mesh.vertices, axis=0).max()) / 120.0)
     )
     body = rigid_body("object", "object", False, surface, grid, touching)
     return replace(
@@ -391,7 +393,7 @@ def near_faces(s: Scenario, instance: int, margin: float) -> NDArray[np.int64]:
     faces = np.flatnonzero(s.scene.face_instance == instance)
     corner = s.scene.mesh.triangles[faces][:, :, :2]
     low, high = s.crop[0, :2] - margin, s.crop[1, :2] + margin
-    return faces[((corner.max(axis=1) >= low) & (corner.min(axis=1) <= high)).all(axis=1)]
+    return np.asarray(faces[((corner.max(axis=1) >= low) & (corner.min(axis=1) <= high)).all(axis=1)])
 
 
 def reach_box(s: Scenario, foot: Footprint) -> Array:
@@ -496,7 +498,7 @@ def base_cells(s: Scenario, foot: Footprint, distance: Distance, box: Array) -> 
     cells = graded_cells(distance, box, fine, wanted, max(coarsest, wanted), s.config.base_cells)
     if cells.size > 1.001 * max(coarsest, wanted):
         s.notes.append(
-            f"{s.anchor.base_id}: cells of {1e3 * cells.size:.2g} mm under the contact instead of {1e3 * wanted:.2g} mm to "
+            f"{s.anchor.base_id}: cells of {1e3 * cells.size:.2g} mm at the contact instead of {1e3 * wanted:.2g} mm to "
             f"meet the budget of {s.config.base_cells} cells (ParticlesConfig.base_cells)"
         )
     return cells
@@ -557,8 +559,8 @@ def base_surface(s: Scenario, foot: Footprint, mesh: Mesh, box: Array, cell: flo
     reach = np.array([0.3, 0.3, 0.0]) * (foot.high - foot.low) + foot.radius
     low, high = foot.low - reach, foot.high + reach
     low[2] = -np.inf
-    mesh = subdivide_near(mesh, *s.crop, max(4.0 * cell, 0.02))
-    mesh = subdivide_near(mesh, low, high, cell)
+    mesh = subdivide_near(mesh, s.crop, max(4.0 * cell, 0.02))
+    mesh = subdivide_near(mesh, np.stack([low, high]), cell)
     inside = ((mesh.vertices[:, :2] >= box[0, :2]) & (mesh.vertices[:, :2] <= box[1, :2])).all(axis=1)
     inside &= (mesh.vertices[:, 2] >= box[0, 2]) & (mesh.vertices[:, 2] <= box[1, 2])
     return mesh.submesh(np.flatnonzero(inside[mesh.faces].all(axis=1)))
@@ -597,7 +599,7 @@ def obstacle(
     box = reach_box(s, foot)
     low, high = np.maximum(mesh.bounds[0], box[0]), np.minimum(mesh.bounds[1], box[1])
     edge = max(foot.small_side / 8.0, 0.01)
-    surface = subdivide_near(mesh, foot.low - foot.radius - edge, foot.high + foot.radius + edge, edge)
+    surface = subdivide_near(mesh, np.stack([foot.low - foot.radius - edge, foot.high + foot.radius + edge]), edge)
     spacing = float(np.linalg.norm(np.ptp(s.mesh.vertices, axis=0))) / 80.0
     grid = body_grid(solid, np.stack([low, high]), spacing, 0.02, s.config)
     return rigid_body(name, instance, True, surface, grid, material)

@@ -1,8 +1,9 @@
 """Stage 9, render: the scene before, the object at rest in it, and its contact from nearby.
 
-In: scene, object, anchor and the settled state. Out: three pictures and the visible share of the object, or `buried` where the scene
-hides it. The camera looks at the contact from the front of the base and above, at 1.5 times the base part's box diagonal (the
-paper's section 4.3), from where it sees most of the object; walls and ceiling in its way are cut away.
+In: scene, object, anchor and the settled state. Out: three pictures and the visible share of the object, or `buried`
+where the scene hides it. The camera looks at the contact from the front of the base and above, at 1.5 times the base
+part's box diagonal (the paper's section 4.3), from where it sees most of the object; walls and ceiling in its way are
+cut away.
 """
 
 from dataclasses import dataclass, replace
@@ -56,7 +57,7 @@ class RenderConfig(BaseModel, frozen=True, extra="forbid"):
     """Heights of the camera over the horizon that are tried [degrees], the preferred one first."""
     azimuths_deg: tuple[float, ...] = (20.0, -20.0, 45.0, -45.0, 70.0, -70.0, 100.0, -100.0, 180.0)
     """Directions off the base's front that are tried [degrees]."""
-    samples: PositiveInt = 3
+    samples: PositiveInt = 2
     """Rays across a pixel at edges."""
     least_visible: NonNegativeFloat = 0.02
     """Share of the object's pixels below which it is buried [-]."""
@@ -84,10 +85,10 @@ def render(
     if fraction < config.least_visible:
         return Infeasible(
             Reason.BURIED,
-            f"only {fraction:.1%} of the object is visible in the scene (RenderConfig.least_visible {config.least_visible})",
+            f"only {fraction:.1%} of the object is visible (RenderConfig.least_visible {config.least_visible})",
             {"visible_fraction": fraction, "camera_position": view.camera.position.tolist()},
         )
-    clean = photograph([*shown(scene, view.camera)], view.camera, config)
+    clean = photograph(shown(scene, view.camera), view.camera, config)
     rest = photograph([*shown(after, view.camera), thing], view.camera, config)
     return Renders(
         clean, rest, closeup(after, things, thing, settled, view, config), fraction, view.camera.position, target
@@ -237,7 +238,7 @@ def closeup(
 ) -> NDArray[np.uint8]:
     """The contact from nearby, its patch tinted as if the object were glass."""
     size = np.ptp(thing.vertices, axis=0)
-    target = np.asarray(view.camera.target) + (0.0, 0.0, 0.22 * size[2])
+    target = np.asarray(view.camera.target) + np.array([0.0, 0.0, 0.22 * size[2]])
     way = view.camera.position - np.asarray(view.camera.target)
     flat = np.array([way[0], way[1], 0.0])
     flat /= np.linalg.norm(flat)

@@ -55,7 +55,9 @@ def uniform_cells(
     through: int,
     budget: int,
 ) -> Cells:
-    """A uniform grid around a free body: `through` cells along the thin chords (3,), at most `contact` [m], at most `budget`."""
+    """A uniform grid around a free body: `through` cells along the thin chords (3,), at most `contact` [m], at most
+    `budget`.
+    """
     wanted = np.minimum(thin / through, contact)
     wanted = np.minimum(wanted, MOST_ASPECT * wanted.min())
     scale = 1.0
@@ -86,7 +88,9 @@ def graded_cells(
     coarsest: float,
     budget: int,
 ) -> Cells:
-    """A grid over `box` (2, 3), fine within `fine` (2, 3): first grows faster away from it, then coarsens, to meet the budget."""
+    """A grid over `box` (2, 3), fine within `fine` (2, 3): first grows faster away from it, then coarsens, to meet
+    the budget.
+    """
     size = cell
     while True:
         for growth in GROWTHS:
@@ -101,12 +105,17 @@ def graded_cells(
 
 def planes_of(box: NDArray[np.float64], fine: NDArray[np.float64], cell: float, growth: float) -> Planes:
     """Graded planes along the three axes."""
-    x, y, z = (graded_planes(*box[:, a].tolist(), *fine[:, a].tolist(), cell, growth) for a in range(3))
+    x, y, z = (
+        graded_planes(float(box[0, a]), float(box[1, a]), float(fine[0, a]), float(fine[1, a]), cell, growth)
+        for a in range(3)
+    )
     return x, y, z
 
 
 def occupied(planes: Planes, distance: Distance) -> int:
-    """Number of cells that may hold material: whose middle is inside or nearer to the surface than half their diagonal."""
+    """Number of cells that may hold material: whose middle is inside or nearer to the surface than half their
+    diagonal.
+    """
     middle = np.stack(np.meshgrid(*[0.5 * (p[:-1] + p[1:]) for p in planes], indexing="ij"), axis=-1).reshape(-1, 3)
     half = 0.5 * np.linalg.norm(
         np.stack(np.meshgrid(*[np.diff(p) for p in planes], indexing="ij"), axis=-1).reshape(-1, 3), axis=1
