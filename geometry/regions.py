@@ -18,6 +18,8 @@ CENTER = 0.35
 """Half width of the central area over the part's half extent [-]."""
 EDGE = 0.35
 """Depth of an edge area over the part's half extent [-]."""
+BRINK = 0.02
+"""Free rim left between the object and the edge that it is put near [m]."""
 END = 0.3
 """Head and foot begin this far from the middle, over the half extent [-]."""
 NEAR, NEXT = 0.5, 0.15
@@ -143,11 +145,13 @@ def strip(frame: Frame, direction: tuple[int, int], radius: float) -> Region:
     """The outer strip on one side, or the outer corner on two."""
     low, high, target = [-1.0, -1.0], [1.0, 1.0], [0.0, 0.0]
     for axis in (0, 1):
-        depth = min(1.0, max(EDGE, 1.5 * radius / max(float(frame.half[axis]), 1e-9)))
+        half = max(float(frame.half[axis]), 1e-9)
+        depth = min(1.0, max(EDGE, 1.5 * radius / half))
+        aim = max(0.0, 1.0 - (radius + BRINK) / half)
         if direction[axis] > 0:
-            low[axis], target[axis] = 1.0 - depth, 1.0
+            low[axis], target[axis] = 1.0 - depth, aim
         elif direction[axis] < 0:
-            high[axis], target[axis] = depth - 1.0, -1.0
+            high[axis], target[axis] = depth - 1.0, -aim
     return rectangle(frame, low, high, target)
 
 
@@ -210,6 +214,28 @@ def convex_hull(points: Array) -> Array:
         return hull[:-1]
 
     return np.array([*chain(order), *chain(order[::-1])])
+
+
+def smallest_rectangle(points: Array) -> tuple[Array, Array]:
+    """Long axis as a unit vector and extents, longer first [m], of the rectangle of least area about points (n, 2)."""
+    ring = convex_hull(points)
+    edges = np.roll(ring, -1, axis=0) - ring
+    length = np.linalg.norm(edges, axis=1)
+    best: tuple[float, Array, Array] | None = None
+    for edge, size in zip(edges, length, strict=True):
+        if size == 0.0:
+            continue
+        along = edge / size
+        across = np.array([-along[1], along[0]])
+        extents = np.array([np.ptp(ring @ along), np.ptp(ring @ across)])
+        area = float(extents.prod())
+        # an area that is smaller by rounding only does not replace the first
+        if best is None or area < best[0] * (1.0 - 1e-6):
+            longer_first = extents[0] >= extents[1]
+            best = (area, along if longer_first else across, np.sort(extents)[::-1])
+    if best is None:
+        return np.array([1.0, 0.0]), np.zeros(2)
+    return best[1], best[2]
 
 
 def turn(a: Array, b: Array, c: Array) -> float:

@@ -160,7 +160,7 @@ def own_up(pose: PoseView, default: PoseView) -> np.ndarray[tuple[int], np.dtype
 
 
 def standing(request: RotationRequest, default: PoseView, rest: str) -> PoseView:
-    """On end: the default of upright things, else the tallest pose, stable if possible, turned as little as possible."""
+    """On end: the default of upright things, else the tallest pose, stable if possible, turned little."""
     if rest == "upright":
         return default
     tallest = max(pose.size[2] for pose in request.poses)

@@ -16,6 +16,7 @@ from scipy.spatial.transform import Rotation as Turn
 
 from geometry.picture import Camera, picture
 from geometry.poses import StablePose, about_z, front_of, stable_poses, symmetry_about_z
+from geometry.regions import smallest_rectangle
 from language.replies import RotationReply
 from language.requests import FacingView, PoseView, RotationRequest, Vector
 from language.seam import DEFAULT_MODEL, ClientName, client
@@ -174,17 +175,16 @@ def aligned_yaw(mesh: Mesh, matrix: Array, request: RotationRequest, scene: Segm
     pose = next(p for p in request.poses if np.allclose(p.rotation, matrix))
     if request.has_front:
         return yaw_between(looking(pose), np.array([*frame.front, 0.0]))
-    size = np.ptp((mesh.vertices @ matrix.T)[:, :2], axis=0)
-    if size.max() < ELONGATED * size.min():
-        return smallest_turn(np.array([1.0, 0.0, 0.0]), frame.right, quarter=True)
-    own = np.array([1.0, 0.0, 0.0]) if size[0] > size[1] else np.array([0.0, 1.0, 0.0])
-    across = 2.0 * frame.half[0] >= size.max() or frame.half[0] >= frame.half[1]
+    own, size = smallest_rectangle((mesh.vertices @ matrix.T)[:, :2])
+    if size[0] < ELONGATED * size[1]:
+        return 0.0 if request.symmetry == 0 else smallest_turn(own, frame.right, quarter=True)
+    across = 2.0 * frame.half[0] >= size[0] or frame.half[0] >= frame.half[1]
     return smallest_turn(own, frame.right if across else frame.front, quarter=False)
 
 
 def smallest_turn(own: Array, wanted: Array, *, quarter: bool) -> float:
     """Turn that makes an axis parallel to another, either way round; with `quarter` also perpendicular [rad]."""
-    angle = yaw_between(own, np.array([*wanted[:2], 0.0]))
+    angle = yaw_between(own, wanted)
     period = np.pi / 2 if quarter else np.pi
     return float(angle - period * np.round(angle / period))
 
