@@ -498,7 +498,7 @@ def base_cells(s: Scenario, foot: Footprint, distance: Distance, box: Array) -> 
     cells = graded_cells(distance, box, fine, wanted, max(coarsest, wanted), s.config.base_cells)
     if cells.size > 1.001 * max(coarsest, wanted):
         s.notes.append(
-            f"{s.anchor.base_id}: cells of {1e3 * cells.size:.2g} mm at the contact instead of {1e3 * wanted:.2g} mm to "
+            f"{s.anchor.base_id}: cells of {1e3 * cells.size:.2g} mm at the contact, not {1e3 * wanted:.2g} mm to "
             f"meet the budget of {s.config.base_cells} cells (ParticlesConfig.base_cells)"
         )
     return cells

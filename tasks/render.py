@@ -49,7 +49,7 @@ class RenderConfig(BaseModel, frozen=True, extra="forbid"):
     """Camera distance over the diagonal of the base part's box [-]."""
     nearest: PositiveFloat = 2.2
     """Smallest camera distance over the object's diagonal [-]."""
-    farthest: PositiveFloat = 18.0
+    farthest: PositiveFloat = 14.0
     """Largest camera distance over the object's diagonal [-]: beyond it the object is too small to judge."""
     closeup_factor: PositiveFloat = 1.35
     """Camera distance of the close-up over the object's diagonal [-]."""
@@ -144,11 +144,15 @@ def shown(scene: Segmentation, camera: Camera) -> list[Mesh]:
 
 
 def studio_floor(mesh: Mesh) -> Mesh:
-    """A wide plate just under a scene without a floor."""
+    """A wide round plate just under a scene without a floor."""
     low, high = mesh.bounds
-    middle, reach = 0.5 * (low + high), 40.0 * float(np.linalg.norm(high - low))
-    corner = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * reach + middle[:2]
-    return Mesh.of(np.c_[corner, np.full(4, low[2] - 1e-3)], [[0, 1, 2], [0, 2, 3]], STUDIO_COLOR)
+    middle, reach = 0.5 * (low + high), 60.0 * float(np.linalg.norm(high - low))
+    angle = np.linspace(0.0, 2.0 * np.pi, 96, endpoint=False)
+    rim = middle[:2] + reach * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    points = np.concatenate([middle[None, :2], rim])
+    index = np.arange(96)
+    faces = np.stack([np.zeros(96, dtype=int), 1 + index, 1 + (index + 1) % 96], axis=1)
+    return Mesh.of(np.concatenate([points, np.full((97, 1), low[2] - 1e-3)], axis=1), faces, STUDIO_COLOR)
 
 
 # --- where the camera stands ------------------------------------------------------------------------------------------
@@ -275,7 +279,7 @@ def patch_radius(contact: Array) -> float:
         return 4.0 * LEAST_PATCH
     spacing = np.median(cKDTree(contact).query(contact, k=2)[0][:, 1])
     extent = float(np.linalg.norm(np.ptp(contact, axis=0)))
-    return float(np.clip(1.6 * spacing, LEAST_PATCH, max(0.12 * extent, LEAST_PATCH)))
+    return float(np.clip(1.6 * spacing, LEAST_PATCH, max(0.05 * extent, LEAST_PATCH)))
 
 
 def tinted(rgb: NDArray[np.uint8], mask: NDArray[np.bool_]) -> NDArray[np.uint8]:
