@@ -15,6 +15,9 @@ from scene.readers.srgb import linear_from_srgb, srgb_from_linear
 EDGE_FRACTION = 0.01
 """Target edge of faces whose texture varies, as a share of the mesh's largest extent [-]."""
 
+LONGEST_SIDE = 2.0
+"""Sides longer than this many target edges are cut, so that the pieces are no shorter than the target [-]."""
+
 MAX_BAKED_FACES = 150_000
 """Cutting stops before the mesh has more faces than this [-]."""
 
@@ -26,6 +29,10 @@ VISIBLE_STEP = 40.0
 
 MAX_ROUNDS = 8
 """Each round halves edges; 2^8 covers an edge as long as the mesh [-]."""
+
+
+LINEAR = linear_from_srgb(np.arange(256)).astype(np.float32)
+"""Linear light of each sRGB byte."""
 
 
 @dataclass
@@ -58,7 +65,7 @@ def bake(raw: RawMesh) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[
         colors = np.full(raw.vertices.shape, 200, dtype=np.uint8) if raw.colors is None else raw.colors
         return raw.vertices, raw.faces, colors, raw.face_node
     surface = _welded(raw, raw.paint)
-    images = tuple(linear_from_srgb(image).astype(np.float32) for image in raw.paint.textures)
+    images = raw.paint.textures
     surface = _refined(surface, images)
     corner_colors = srgb_from_linear(_corner_colors(surface, images)).astype(np.float64)
     vertices, faces, shades = _split_at_borders(surface, corner_colors)
@@ -76,20 +83,21 @@ def _welded(raw: RawMesh, paint: Paint) -> Surface:
     )
 
 
-def _sample(image: NDArray[np.float32], uv: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Bilinear samples of a repeating image, shape (..., 3)."""
+def _sample(image: NDArray[np.uint8], uv: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Bilinear samples of a repeating image in linear light, shape (..., 3)."""
     height, width = image.shape[:2]
     x = (uv[..., 0] % 1.0) * width - 0.5
     y = ((1.0 - uv[..., 1]) % 1.0) * height - 0.5
     x0, y0 = np.floor(x).astype(np.int64), np.floor(y).astype(np.int64)
     fx, fy = (x - x0)[..., None], (y - y0)[..., None]
-    top = image[y0 % height, x0 % width] * (1 - fx) + image[y0 % height, (x0 + 1) % width] * fx
-    low = image[(y0 + 1) % height, x0 % width] * (1 - fx) + image[(y0 + 1) % height, (x0 + 1) % width] * fx
+    rows, columns = (y0 % height, (y0 + 1) % height), (x0 % width, (x0 + 1) % width)
+    top = LINEAR[image[rows[0], columns[0]]] * (1 - fx) + LINEAR[image[rows[0], columns[1]]] * fx
+    low = LINEAR[image[rows[1], columns[0]]] * (1 - fx) + LINEAR[image[rows[1], columns[1]]] * fx
     return np.asarray(top * (1 - fy) + low * fy, dtype=np.float64)
 
 
 def _colors_at(
-    surface: Surface, images: tuple[NDArray[np.float32], ...], weights: NDArray[np.float64]
+    surface: Surface, images: tuple[NDArray[np.uint8], ...], weights: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Linear colours at the barycentric positions `weights` (k, 3) of every face, shape (m, k, 3)."""
     colors: NDArray[np.float64] = np.einsum("kc,mci->mki", weights, surface.corner_tint)
@@ -100,14 +108,14 @@ def _colors_at(
     return colors
 
 
-def _corner_colors(surface: Surface, images: tuple[NDArray[np.float32], ...]) -> NDArray[np.float64]:
+def _corner_colors(surface: Surface, images: tuple[NDArray[np.uint8], ...]) -> NDArray[np.float64]:
     """Linear colour at each corner: the mean of four samples inside the face, so that no other patch bleeds in."""
     near = np.array([[0.9, 0.05, 0.05], [0.7, 0.15, 0.15], [0.75, 0.2, 0.05], [0.75, 0.05, 0.2]])
     corners = [_colors_at(surface, images, near[:, np.roll([0, 1, 2], turn)]).mean(axis=1) for turn in range(3)]
     return np.stack(corners, axis=1)
 
 
-def _varies(surface: Surface, images: tuple[NDArray[np.float32], ...]) -> NDArray[np.bool_]:
+def _varies(surface: Surface, images: tuple[NDArray[np.uint8], ...]) -> NDArray[np.bool_]:
     """Faces whose texture departs visibly from the interpolation of their corners, shape (m,)."""
     steps = 7
     grid = (
@@ -120,20 +128,26 @@ def _varies(surface: Surface, images: tuple[NDArray[np.float32], ...]) -> NDArra
     return np.asarray(np.sqrt(((seen - expected) ** 2).mean(axis=(1, 2))) > VISIBLE_VARIATION)
 
 
-def _refined(surface: Surface, images: tuple[NDArray[np.float32], ...]) -> Surface:
+def _refined(surface: Surface, images: tuple[NDArray[np.uint8], ...]) -> Surface:
     """Cut faces until the texture survives or the edge or face limit is reached."""
     extent = float(np.ptp(surface.points, axis=0).max())
     target = EDGE_FRACTION * extent
     for _ in range(MAX_ROUNDS):
-        textured = np.flatnonzero(surface.texture >= 0)
+        textured = np.flatnonzero((surface.texture >= 0) & (_longest_side(surface) > LONGEST_SIDE * target))
         needy = np.zeros(len(surface.faces), dtype=bool)
         if len(textured):
             needy[textured] = _varies(surface.take(textured), images)
-        marks = _marked_edges(surface, needy, 2.0 * target)
+        marks = _marked_edges(surface, needy, LONGEST_SIDE * target)
         if not marks.any() or len(surface.faces) + int(marks.sum()) > MAX_BAKED_FACES:
             return surface
         surface = _cut(surface, marks)
     return surface
+
+
+def _longest_side(surface: Surface) -> NDArray[np.float64]:
+    """Length of the longest side of each face, shape (m,)."""
+    corners = surface.points[surface.faces]
+    return np.asarray(np.linalg.norm(corners - np.roll(corners, -1, axis=1), axis=2).max(axis=1))
 
 
 def _edge_ids(faces: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
