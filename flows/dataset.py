@@ -1,12 +1,14 @@
 """Makes the embedded dataset: rooms, objects, and their truth, which lies apart because no stage may read it.
 
-FOLDER/rooms/NAME/ (InteriorGS layout), FOLDER/objects/NAME.glb|obj|ply, FOLDER/truth/NAME.parquet (face by face: instance,
-label, part) and FOLDER/truth/recipes/ (what each was made from). What exists whole, made by the same recipe, is kept.
+FOLDER/rooms/NAME/ (InteriorGS layout), FOLDER/objects/NAME.glb|obj|ply, FOLDER/truth/NAME.parquet (face by face:
+instance, label, part) and FOLDER/truth/recipes/ (what each was made from). What exists whole, made by the same recipe,
+is kept.
 """
 
 import hashlib
 import json
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import pyarrow as pa
@@ -27,9 +29,9 @@ def make_dataset(folder: Path, seed: int = 0) -> None:
     """Write every room and object that is missing, damaged or made by another recipe."""
     code = _code_digest()
     for name in ROOMS:
-        _keep_or_make(folder, f"rooms-{name}", f"{code} {seed}", lambda name=name: _write_room(folder, name, seed))
+        _keep_or_make(folder, f"rooms-{name}", f"{code} {seed}", partial(_write_room, folder, name, seed))
     for name in OBJECTS:
-        _keep_or_make(folder, f"objects-{name}", code, lambda name=name: _write_object(folder, name))
+        _keep_or_make(folder, f"objects-{name}", code, partial(_write_object, folder, name))
 
 
 def _code_digest() -> str:

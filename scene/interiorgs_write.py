@@ -123,7 +123,7 @@ def _structure(room: RoomRecord) -> dict[str, object]:
 
 
 def _write_occupancy(folder: Path, room: RoomRecord) -> None:
-    """A map in which columns run against x and rows along y: x = upper_x - column * scale, y = lower_y + row * scale."""
+    """A map whose columns run against x: x = upper_x - column * scale, y = lower_y + row * scale."""
     low, high = room.profile.min(axis=0), room.profile.max(axis=0)
     # More margin on the upper side: with an off-centre room, a reader that forgets the mirror meets unknown ground.
     lower = low - 0.3
@@ -158,7 +158,9 @@ def vertex_normals(mesh: Mesh) -> NDArray[np.float64]:
     weighted = np.repeat(mesh.face_normals, 3, axis=0)
     for axis in range(3):
         normals[:, axis] = np.bincount(mesh.faces.ravel(), weighted[:, axis], len(mesh.vertices))
-    return normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-30)
+    lengths: NDArray[np.float64] = np.linalg.norm(normals, axis=1, keepdims=True)
+    normals /= np.maximum(lengths, 1e-30)
+    return normals
 
 
 def write_ply(path: Path, mesh: Mesh, comments: Sequence[str] = ()) -> None:

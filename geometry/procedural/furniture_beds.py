@@ -1,5 +1,6 @@
-"""Beds with frame, mattress, headboard, pillows and a draped blanket; head end at -y, foot at +y, origin on the floor."""
+"""Beds: frame, mattress, headboard, pillows and a draped blanket; head at -y, foot at +y, origin on the floor."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,6 +10,7 @@ from geometry.procedural.piece import Piece, piece
 from geometry.procedural.shapes import (
     Array,
     bar,
+    columns,
     cushioned,
     grid_surface,
     lens,
@@ -98,14 +100,14 @@ def _headboard(style: BedStyle, seed: int) -> list[Mesh]:
     return [moved(board, y=y, z=0.51)]
 
 
-def _channels(width: float):  # type: ignore[no-untyped-def]
+def _channels(width: float) -> Callable[[Array], Array]:
     """Vertical padded channels on the side towards the bed."""
     count = max(4, round(width / 0.2))
 
     def change(points: Array) -> Array:
         wave = np.abs(np.sin(np.pi * count * (points[:, 0] / width + 0.5)))
         front = np.clip(points[:, 1] / 0.035, 0, 1)
-        return points + np.c_[np.zeros_like(wave), front * (wave - 1.0) * 0.022, np.zeros_like(wave)]
+        return points + columns(np.zeros_like(wave), front * (wave - 1.0) * 0.022, np.zeros_like(wave))
 
     return change
 
@@ -151,7 +153,7 @@ def _blanket(style: BedStyle, top: float, seed: int) -> Mesh:
 
     def paint(_: Array) -> Array:
         strip = sheet[:, 1] < start + 0.22
-        colors = style.blanket(np.c_[sheet, np.zeros(len(sheet))])
+        colors = style.blanket(columns(sheet, np.zeros(len(sheet))))
         return np.where(strip[:, None], np.asarray(style.fold, float), colors)
 
     return painted(outward(warped(flat, change)), paint, variation=0.04, seed=seed)
@@ -171,18 +173,18 @@ def _draped(points: Array, flat: tuple[float, float], top: float, thickness: flo
     over_x, over_y = np.maximum(np.abs(x) - flat[0], 0.0), np.maximum(y - flat[1], 0.0)
     over = (over_x**6 + over_y**6) ** (1 / 6)
     length = np.maximum(np.hypot(over_x, over_y), 1e-12)
-    toward = np.c_[np.sign(x) * over_x / length, over_y / length]
+    toward = columns(np.sign(x) * over_x / length, over_y / length)
     radius = MATTRESS_RADIUS
     angle = np.minimum(over / radius, np.pi / 2)
     down = np.maximum(over - radius * np.pi / 2, 0.0)
     strip = np.exp(-(np.clip((y - start - 0.20) / 0.03, 0, None) ** 2))
     rim = np.clip(np.minimum(y - start, 0.02) / 0.02, 0.0, 1.0)
-    wrinkle = 0.004 * (1 + smooth_noise(np.c_[x, y, 0 * x], seed + 9, 0.32)) * (over <= 0)
+    wrinkle = 0.004 * (1 + smooth_noise(columns(x, y, 0 * x), seed + 9, 0.32)) * (over <= 0)
     height = thickness * (1 + 0.45 * strip) * (0.35 + 0.65 * np.sqrt(rim)) + np.maximum(wrinkle, 0.0)
-    folds = np.clip(down / 0.12, 0, 1) * (0.5 + 0.5 * smooth_noise(np.c_[x + 3 * y, 3 * x - y, 0 * x], seed + 5, 0.7))
+    folds = np.clip(down / 0.12, 0, 1) * (0.5 + 0.5 * smooth_noise(columns(x + 3 * y, 3 * x - y, 0 * x), seed + 5, 0.7))
     offset = -SINK + layer * height + 0.022 * np.maximum(folds, 0.0)
     reach = (radius + offset) * np.sin(angle)
-    hem = 0.008 * smooth_noise(np.c_[x, y, 0 * x], seed + 6, 0.5) * np.clip(down / 0.1, 0, 1)
-    base = np.c_[np.clip(x, -flat[0], flat[0]), np.minimum(y, flat[1])]
+    hem = 0.008 * smooth_noise(columns(x, y, 0 * x), seed + 6, 0.5) * np.clip(down / 0.1, 0, 1)
+    base = columns(np.clip(x, -flat[0], flat[0]), np.minimum(y, flat[1]))
     z = top + 0.004 - radius + (radius + offset) * np.cos(angle) - down + hem
-    return np.c_[base + toward * reach[:, None], z]
+    return columns(base + toward * reach[:, None], z)

@@ -1,4 +1,4 @@
-"""Lamps, plants, books, rugs, curtains, pictures, television, toys and bathroom things; origin below, front towards +y."""
+"""Lamps, plants, books, rugs, curtains, pictures, television, toys; origin below, front towards +y."""
 
 import numpy as np
 
@@ -7,16 +7,15 @@ from geometry.procedural.piece import Piece, piece
 from geometry.procedural.shapes import (
     Array,
     bar,
+    columns,
     ellipsoid,
     grid_surface,
     lathe,
     lens,
     line,
-    loft,
     moved,
     outward,
     rounded_box,
-    rounded_rings,
     sphere,
     tube,
     turned,
@@ -119,7 +118,7 @@ def _leaf(angle: float, lean: float, length: float, width: float, start: float, 
         out = length * lean * (0.45 * t + 0.35 * t**3)
         up = length * (t * np.sqrt(max(1 - lean**2, 0.2)) - 0.55 * lean * t**3)
         x, y, z = out, shape * u, start + up + 0.3 * shape * u**2 + 0.0025 * side
-        return np.c_[x * np.cos(angle) - y * np.sin(angle), x * np.sin(angle) + y * np.cos(angle), z]
+        return columns(x * np.cos(angle) - y * np.sin(angle), x * np.sin(angle) + y * np.cos(angle), z)
 
     return painted(outward(warped(flat, change)), green, variation=0.08, seed=int(rng.integers(1 << 30)))
 
@@ -206,7 +205,7 @@ def curtain(width: float, height: float, fabric: Rgb, seed: int) -> Piece:
     def change(points: Array) -> Array:
         x, z, side = points.T
         fold = 0.028 * np.sin(2 * np.pi * x / 0.115 + 0.6 * np.sin(2.3 * z)) * (0.65 + 0.35 * (1 - z / height))
-        return np.c_[x, 0.07 + fold + 0.005 * side, z]
+        return columns(x, 0.07 + fold + 0.005 * side, z)
 
     cloth = painted(outward(warped(flat, change)), fabric, variation=0.03, seed=seed)
     return piece("curtain", body=cloth)
@@ -222,7 +221,7 @@ def picture(width: float, height: float, seed: int) -> Piece:
         x, y, z = points[:, 0] / width, points[:, 1], points[:, 2] / height
         inside = (np.abs(x) < 0.5 - 0.05 / width) & (np.abs(z) < 0.5 - 0.05 / height) & (y > 0.02)
         mat = inside & ((np.abs(x) > 0.5 - 0.11 / width) | (np.abs(z) > 0.5 - 0.11 / height))
-        hill = z + 0.22 * np.sin(5 * x + seed) * smooth_noise(np.c_[x, 0 * x, 0 * x], seed, 1.2)
+        hill = z + 0.22 * np.sin(5 * x + seed) * smooth_noise(columns(x, 0 * x, 0 * x), seed, 1.2)
         art = blend((hill + 0.15) / 0.1, blend((hill + 0.3) / 0.1, colors[0], colors[1]), colors[2] * 0.5 + 120)
         return np.where(mat[:, None], (244, 240, 230), np.where(inside[:, None], art, (70, 50, 38)))
 
@@ -240,7 +239,7 @@ def television(width: float = 1.1) -> Piece:
     def paint(points: Array) -> Array:
         glow = (points[:, 1] > 0.014) & (np.abs(points[:, 0]) < 0.48 * width)
         shade = 34 + 22 * np.clip(points[:, 2] + 0.4 * points[:, 0], 0, 1)
-        return np.where(glow[:, None], np.c_[shade, shade + 6, shade + 14], (24, 24, 26))
+        return np.where(glow[:, None], columns(shade, shade + 6, shade + 14), (24, 24, 26))
 
     return piece("tv", body=[painted(screen, paint, variation=0.0), *(painted(m, (30, 30, 32)) for m in foot)])
 
@@ -283,97 +282,6 @@ def small_vase(glaze: Rgb, seed: int, height: float = 0.24) -> Piece:
     return piece("vase", body=[painted(body, glaze, variation=0.05, seed=seed), *stems])
 
 
-def bathtub(seed: int) -> Piece:
-    """A free-standing tub, 1.7 by 0.78 m, 0.58 m high: a hollow shell with a rounded rim; length along x."""
-    levels = [(0.10, 0.04, 0.0), (0.35, 0.13, 0.0), (0.60, 0.25, 0.0), (0.68, 0.285, 0.012), (0.74, 0.32, 0.12), (0.80, 0.35, 0.34), (0.823, 0.363, 0.545),
-              (0.797, 0.337, 0.545), (0.765, 0.312, 0.36), (0.69, 0.27, 0.16), (0.60, 0.225, 0.095), (0.40, 0.15, 0.085), (0.12, 0.045, 0.08)]  # fmt: skip
-    dense = [
-        tuple(a + (b - a) * t for a, b in zip(p, q, strict=True))
-        for p, q in zip(levels[:-1], levels[1:], strict=True)
-        for t in np.linspace(0, 1, max(1, int(np.ceil(np.linalg.norm(np.subtract(q, p)) / 0.035))), endpoint=False)
-    ]
-    rings = rounded_rings([*dense, levels[-1]], 120, exponent=3.0)
-    shell = loft(rings, np.zeros(3), np.array([0, 0, 0.08]))
-    around = np.linspace(0, 2 * np.pi, 14, endpoint=False)
-    edge = rounded_rings(
-        [(0.812 + 0.036 * np.cos(a), 0.352 + 0.036 * np.cos(a), 0.552 + 0.026 * np.sin(a)) for a in around],
-        140,
-        exponent=3.0,
-    )
-    rim = loft(edge, None, None)
-    return piece(
-        "bathtub",
-        shell=painted(shell, (244, 244, 240), variation=0.012, seed=seed),
-        rim=painted(rim, (250, 250, 247), variation=0.01, seed=seed),
-    )
-
-
-def basin_cabinet(timber: Rgb, seed: int) -> Piece:
-    """A washstand: cabinet, stone top, a round basin on the left half of it and a tap."""
-    from geometry.procedural.furniture_tables import cabinet
-
-    stand = cabinet((1.0, 0.48, 0.82), timber, timber, seed, "basin cabinet", columns=2)
-    top = painted(
-        moved(rounded_box((1.02, 0.50, 0.03), 0.008, 0.026), z=0.829), (226, 222, 214), variation=0.03, seed=seed
-    )
-    bowl = lathe(
-        [(0, 0), (0.10, 0), (0.17, 0.05), (0.20, 0.13), (0.192, 0.133), (0.162, 0.06), (0.09, 0.018), (0, 0.014)],
-        0.02,
-        smooth=1,
-    )
-    basin = moved(painted(bowl, (250, 250, 248), variation=0.01), -0.24, 0.01, 0.8425)
-    path = [
-        (-0.24, -0.21, 0.84),
-        (-0.24, -0.21, 1.03),
-        (-0.24, -0.18, 1.075),
-        (-0.24, -0.13, 1.075),
-        (-0.24, -0.105, 1.04),
-    ]
-    tap = painted(tube(path, 0.012, 0.014), (188, 192, 198), variation=0.02)
-    return piece(
-        "basin cabinet", top=top, body=[*stand.parts[1].solids, *stand.parts[0].solids], basin=[basin], tap=[tap]
-    )
-
-
-def toilet(seed: int) -> Piece:
-    """A toilet with a cistern against the wall behind it."""
-    white = (246, 246, 243)
-    bowl = loft(
-        rounded_rings(
-            [
-                (0.09, 0.14, 0.0),
-                (0.11, 0.17, 0.02),
-                (0.10, 0.17, 0.2),
-                (0.17, 0.23, 0.36),
-                (0.18, 0.24, 0.39),
-                (0.16, 0.22, 0.395),
-            ],
-            40,
-            2.6,
-        ),
-        np.zeros(3),
-        np.array([0, 0, 0.395]),
-    )
-    lid = loft(
-        rounded_rings(
-            [
-                (0.10, 0.15, 0.386),
-                (0.185, 0.245, 0.39),
-                (0.185, 0.245, 0.412),
-                (0.17, 0.23, 0.418),
-                (0.09, 0.12, 0.421),
-            ],
-            44,
-            2.6,
-        ),
-        np.array([0, 0, 0.386]),
-        np.array([0, 0, 0.421]),
-    )
-    cistern = moved(rounded_box((0.38, 0.18, 0.42), 0.03, 0.035), y=-0.29, z=0.60)
-    neck = moved(rounded_box((0.22, 0.24, 0.30), 0.04, 0.035), y=-0.24, z=0.26)
-    return piece("toilet", body=[painted(m, white, variation=0.012, seed=seed) for m in (bowl, neck, cistern, lid)])
-
-
 def toy_crate(seed: int) -> Piece:
     """A low open wooden box with toy balls and blocks in it."""
     grain = wood((206, 166, 112), "x", seed)
@@ -388,25 +296,6 @@ def toy_crate(seed: int) -> Piece:
         solid = sphere(0.05, 0.02) if k % 3 else rounded_box((0.08, 0.08, 0.08), 0.008, 0.02)
         toys.append(painted(moved(solid, x, y, 0.018 + (0.049 if k % 3 else 0.039)), color))
     return piece("storage box", body=[painted(m, grain, seed=seed) for m in walls], toy=toys)
-
-
-def mirror(width: float = 0.7, height: float = 0.8) -> Piece:
-    """A wall mirror: back at y = 0, middle at z = 0."""
-    body = moved(rounded_box((width, 0.025, height), 0.01, 0.035), y=0.010)
-
-    def paint(points: Array) -> Array:
-        glass = (
-            (points[:, 1] > 0.018)
-            & (np.abs(points[:, 0]) < width / 2 - 0.03)
-            & (np.abs(points[:, 2]) < height / 2 - 0.03)
-        )
-        return np.where(
-            glass[:, None],
-            np.c_[0 * points[:, 0] + 176, 196 + 20 * points[:, 2], 206 + 20 * points[:, 2]],
-            (150, 120, 80),
-        )
-
-    return piece("mirror", body=painted(body, paint, variation=0.0))
 
 
 def cushion_on_slope(painter: Painter | Rgb, tilt_deg: float, seed: int, label: str = "cushion") -> Piece:

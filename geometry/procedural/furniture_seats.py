@@ -11,8 +11,17 @@ SINK = 0.003
 """How far cushions press into what they lie on [m]."""
 
 
-def sofa(seats: int, fabric: Painter | Rgb, accent: Painter | Rgb, seed: int, label: str = "sofa", *, seat: float = 0.64,
-         depth: float = 0.90, arm: float = 0.20) -> Piece:  # fmt: skip
+def sofa(
+    seats: int,
+    fabric: Painter | Rgb,
+    accent: Painter | Rgb,
+    seed: int,
+    label: str = "sofa",
+    *,
+    seat: float = 0.64,
+    depth: float = 0.90,
+    arm: float = 0.20,
+) -> Piece:
     """A sofa with one cushion per seat; `seat`, `depth`, `arm` are widths [m]."""
     inner = seats * seat
     width = inner + 2 * arm
@@ -76,7 +85,10 @@ def chair(timber: Rgb, pad: Painter | Rgb | None, seed: int, label: str = "chair
     legs = [_turned_leg((x * 0.185, y * 0.175), (x * 0.205, y * 0.19), 0.43) for x in (-1, 1) for y in (-1, 1)]
     rails = [bar((x * 0.192, -0.18, 0.20), (x * 0.192, 0.18, 0.20), 0.010) for x in (-1, 1)]
     back = [
-        tube(_lean(np.array([[s * 0.19, -0.195, 0.44], [s * 0.195, -0.215, 0.70], [s * 0.195, -0.25, 0.94]])), 0.016)
+        tube(
+            resampled(np.array([[s * 0.19, -0.195, 0.44], [s * 0.195, -0.215, 0.70], [s * 0.195, -0.25, 0.94]]), 0.03),
+            0.016,
+        )
         for s in (-1, 1)
     ]
     for z, height in ((0.885, 0.09), (0.74, 0.05), (0.62, 0.05)):
@@ -88,10 +100,6 @@ def chair(timber: Rgb, pad: Painter | Rgb | None, seed: int, label: str = "chair
         leg=[painted(m, grain, seed=seed) for m in legs + rails],
         back=[painted(m, grain, seed=seed) for m in back],
     )
-
-
-def _lean(points: np.ndarray) -> np.ndarray:  # type: ignore[type-arg]
-    return resampled(points, 0.03)
 
 
 def _turned_leg(top: tuple[float, float], foot: tuple[float, float], height: float) -> Mesh:
@@ -125,8 +133,17 @@ def office_chair(fabric: Rgb, seed: int) -> Piece:
 
 def stool(top: Rgb, timber: Rgb, seed: int, height: float = 0.45, radius: float = 0.17) -> Piece:
     """A round wooden stool with four splayed legs."""
-    seat = lathe([(0, height - 0.035), (radius - 0.012, height - 0.035), (radius, height - 0.022), (radius - 0.004, height - 0.004),
-                  (radius - 0.014, height), (0, height)], 0.02)  # fmt: skip
+    seat = lathe(
+        [
+            (0, height - 0.035),
+            (radius - 0.012, height - 0.035),
+            (radius, height - 0.022),
+            (radius - 0.004, height - 0.004),
+            (radius - 0.014, height),
+            (0, height),
+        ],
+        0.02,
+    )
     legs = [
         _turned_leg((x * 0.62 * radius, y * 0.62 * radius), (x * 0.82 * radius, y * 0.82 * radius), height - 0.025)
         for x in (-1, 1)
@@ -146,8 +163,16 @@ def ottoman(
     seat = cushioned(
         moved(rounded_box((size[0], size[1], size[2] - 0.13), 0.05, 0.026), z=size[2] - (size[2] - 0.13) / 2), 0.014
     )
-    legs = [bar((x * (size[0] / 2 - 0.07), y * (size[1] / 2 - 0.07), 0.0), (x * (size[0] / 2 - 0.07), y * (size[1] / 2 - 0.07), 0.15), 0.016, taper=1.35)
-            for x in (-1, 1) for y in (-1, 1)]  # fmt: skip
+    legs = [
+        bar(
+            (x * (size[0] / 2 - 0.07), y * (size[1] / 2 - 0.07), 0.0),
+            (x * (size[0] / 2 - 0.07), y * (size[1] / 2 - 0.07), 0.15),
+            0.016,
+            taper=1.35,
+        )
+        for x in (-1, 1)
+        for y in (-1, 1)
+    ]
     return piece(
         label, seat=painted(seat, fabric, variation=0.04, seed=seed), leg=[painted(m, (84, 58, 38)) for m in legs]
     )

@@ -52,11 +52,33 @@ def _leg(kind: str, x: float, y: float, height: float) -> Mesh:
 
 def round_table(radius: float, height: float, timber: Rgb, seed: int, label: str = "teatable") -> Piece:
     """A round top on a turned column with a wide foot."""
-    top = lathe([(0, height - 0.034), (radius - 0.02, height - 0.034), (radius - 0.004, height - 0.022), (radius, height - 0.010),
-                 (radius - 0.008, height), (0, height)], 0.025)  # fmt: skip
+    top = lathe(
+        [
+            (0, height - 0.034),
+            (radius - 0.02, height - 0.034),
+            (radius - 0.004, height - 0.022),
+            (radius, height - 0.010),
+            (radius - 0.008, height),
+            (0, height),
+        ],
+        0.025,
+    )
     foot = 0.62 * radius
-    column = lathe([(0, 0), (foot, 0), (foot, 0.018), (0.05, 0.05), (0.032, 0.12), (0.045, 0.5 * height), (0.03, 0.72 * height),
-                    (0.07, height - 0.03), (0, height - 0.03)], 0.024, smooth=1)  # fmt: skip
+    column = lathe(
+        [
+            (0, 0),
+            (foot, 0),
+            (foot, 0.018),
+            (0.05, 0.05),
+            (0.032, 0.12),
+            (0.045, 0.5 * height),
+            (0.03, 0.72 * height),
+            (0.07, height - 0.03),
+            (0, height - 0.03),
+        ],
+        0.024,
+        smooth=1,
+    )
     return piece(
         label,
         top=painted(top, wood(timber, "x", seed), seed=seed),
@@ -83,14 +105,39 @@ def desk(timber: Rgb, drawers: Rgb, seed: int, width: float = 1.40, depth: float
     return piece("desk", top=top, leg=legs)
 
 
-def cabinet(size: Sequence[float], timber: Rgb, front: Rgb, seed: int, label: str = "cabinet", *, columns: int = 2, rows: int = 1,
-            plinth: float = 0.06) -> Piece:  # fmt: skip
+def cabinet(
+    size: Sequence[float],
+    timber: Rgb,
+    front: Rgb,
+    seed: int,
+    label: str = "cabinet",
+    *,
+    columns: int = 2,
+    rows: int = 1,
+    plinth: float = 0.06,
+) -> Piece:
     """A box with a top board and a grid of doors or drawers."""
     width, depth, height = size
-    body = [painted(moved(rounded_box((width - 0.02, depth - 0.03, height - plinth - 0.01), 0.006, 0.045), z=plinth + (height - plinth - 0.01) / 2),
-                    wood(timber, "z", seed), seed=seed)]  # fmt: skip
-    feet = [moved(rounded_box((0.05, 0.05, plinth + 0.01), 0.008, 0.03), x * (width / 2 - 0.07), y * (depth / 2 - 0.07), (plinth + 0.01) / 2)
-            for x in (-1, 1) for y in (-1, 1)]  # fmt: skip
+    body = [
+        painted(
+            moved(
+                rounded_box((width - 0.02, depth - 0.03, height - plinth - 0.01), 0.006, 0.045),
+                z=plinth + (height - plinth - 0.01) / 2,
+            ),
+            wood(timber, "z", seed),
+            seed=seed,
+        )
+    ]
+    feet = [
+        moved(
+            rounded_box((0.05, 0.05, plinth + 0.01), 0.008, 0.03),
+            x * (width / 2 - 0.07),
+            y * (depth / 2 - 0.07),
+            (plinth + 0.01) / 2,
+        )
+        for x in (-1, 1)
+        for y in (-1, 1)
+    ]
     body += [painted(m, (72, 54, 42)) for m in feet]
     cell_x, cell_z = (width - 0.04) / columns, (height - plinth - 0.05) / rows
     for column in range(columns):

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from geometry.procedural import objects_rigid, objects_soft
+from geometry.procedural import objects_play, objects_rigid, objects_soft
 from geometry.procedural.furniture_seats import sofa
 from geometry.procedural.furniture_tables import wardrobe
 from geometry.procedural.piece import Piece
@@ -42,11 +42,11 @@ def _melted(item: Piece) -> Piece:
 
 
 OBJECTS: dict[str, Recipe] = {
-    "ball": Recipe(objects_rigid.toy_ball, 0.30),
-    "basketball": Recipe(objects_rigid.basketball, 0.62),
-    "soccer_ball": Recipe(objects_rigid.soccer_ball, 0.43),
-    "tennis_ball": Recipe(objects_rigid.tennis_ball, 0.058, unit=0.0335),
-    "dumbbell": Recipe(objects_rigid.dumbbell, 4.0),
+    "ball": Recipe(objects_play.toy_ball, 0.30),
+    "basketball": Recipe(objects_play.basketball, 0.62),
+    "soccer_ball": Recipe(objects_play.soccer_ball, 0.43),
+    "tennis_ball": Recipe(objects_play.tennis_ball, 0.058, unit=0.0335),
+    "dumbbell": Recipe(objects_play.dumbbell, 4.0),
     "mug": Recipe(objects_rigid.mug, 0.34, unit=0.01),
     "cup": Recipe(objects_rigid.cup, 0.02),
     "bowl": Recipe(objects_rigid.bowl, 0.42),
@@ -60,9 +60,9 @@ OBJECTS: dict[str, Recipe] = {
     "remote": Recipe(objects_rigid.remote, 0.12),
     "pencil": Recipe(objects_rigid.pencil, 0.006),
     "pole": Recipe(objects_rigid.pole, 0.19),
-    "toy_block": Recipe(objects_rigid.toy_block, 0.13),
+    "toy_block": Recipe(objects_play.toy_block, 0.13),
     "candle": Recipe(objects_rigid.candle, 0.36),
-    "toy_car": Recipe(objects_rigid.toy_car, 0.2, unit=0.0254),
+    "toy_car": Recipe(objects_play.toy_car, 0.2, unit=0.0254),
     "pillow": Recipe(objects_soft.pillow, 0.8, unit=0.55),
     "cushion": Recipe(objects_soft.cushion, 0.6),
     "plush_bear": Recipe(objects_soft.plush_bear, 0.35),

@@ -1,4 +1,4 @@
-"""Hard or bouncy things to place, standing on z = 0 [m], their front towards +y."""
+"""Household things to place, standing on z = 0 [m], their front towards +y."""
 
 import numpy as np
 
@@ -6,95 +6,33 @@ from geometry.procedural.paint import blend, gradient, painted, wood
 from geometry.procedural.piece import Piece, piece
 from geometry.procedural.shapes import (
     Array,
-    ellipsoid,
+    columns,
     lathe,
     loft,
     moved,
     rounded_box,
     rounded_rings,
-    scaled,
-    sphere,
     tube,
     turned,
     union,
 )
-from scene.mesh import Mesh
-
-
-def toy_ball() -> Piece:
-    """A rubber ball with a coloured belt, 20 cm."""
-
-    def paint(points: Array) -> Array:
-        height = points[:, 2] / 0.1
-        belt = (0.34 - np.abs(height)) / 0.05 + 0.5
-        rim = (0.06 - np.abs(np.abs(height) - 0.40)) / 0.04
-        return blend(rim, blend(belt, (214, 52, 46), (250, 210, 70)), (245, 245, 240))
-
-    return piece("ball", body=moved(painted(sphere(0.10, 0.006), paint, variation=0.01), z=0.10))
-
-
-def basketball() -> Piece:
-    """An orange ball with black seams, 24 cm."""
-
-    def paint(points: Array) -> Array:
-        x, y, z = (points / 0.12).T
-        side = np.abs(np.abs(y) - 0.62 * np.sqrt(np.clip(1 - 0.75 * z**2, 0, 1)))
-        seam = np.minimum.reduce([np.abs(x), np.abs(z), side])
-        return blend((0.03 - seam) / 0.03 + 0.5, (216, 110, 44), (44, 34, 30))
-
-    return piece("basketball", body=moved(painted(sphere(0.12, 0.0055), paint, variation=0.03), z=0.12))
-
-
-def soccer_ball() -> Piece:
-    """A white ball with twelve black pentagons, 22 cm."""
-    golden = (1 + 5**0.5) / 2
-    corners = np.array([[0, a, b * golden] for a in (-1, 1) for b in (-1, 1)], float)
-    axes = np.concatenate([np.roll(corners, k, axis=1) for k in range(3)]) / np.hypot(1, golden)
-
-    def paint(points: Array) -> Array:
-        closeness = np.sort(points / 0.11 @ axes.T, axis=1)[:, ::-1]
-        black = np.clip((closeness[:, 0] - 0.935) / 0.02 + 0.5, 0, 1)
-        seam = np.clip((0.025 - (closeness[:, 0] - closeness[:, 1])) / 0.03, 0, 1) * (1 - black)
-        return blend(np.maximum(black, 0.7 * seam), (244, 244, 240), (30, 30, 34))
-
-    return piece("soccer ball", body=moved(painted(sphere(0.11, 0.005), paint, variation=0.01), z=0.11))
-
-
-def tennis_ball() -> Piece:
-    """A yellow felt ball with its curved white line, 6.7 cm."""
-
-    def paint(points: Array) -> Array:
-        x, y, z = (points / 0.0335).T
-        line = np.abs(z - 0.9 * (x**2 - y**2))
-        return blend((0.16 - line) / 0.12, (206, 222, 66), (240, 242, 232))
-
-    return piece("tennis ball", body=moved(painted(sphere(0.0335, 0.0022), paint, variation=0.03), z=0.0335))
-
-
-def dumbbell() -> Piece:
-    """Two rounded heads and a swelling steel handle, 26 cm long, lying."""
-    outline = [(0, -0.04), (0.044, -0.04), (0.052, -0.032), (0.052, 0.032), (0.044, 0.04), (0, 0.04)]
-    cap_height = 0.0385
-    head = lathe(outline, 0.006)
-
-    def paint(points: Array) -> Array:
-        cap = np.clip((0.024 - np.hypot(points[:, 0], points[:, 1])) / 0.003, 0, 1) * (
-            np.abs(points[:, 2]) > cap_height
-        )
-        return blend(cap, (46, 48, 54), (196, 60, 48))
-
-    heads = [moved(turned(painted(head, paint, variation=0.04), "y", 90), x=s * 0.09, z=0.052) for s in (-1, 1)]
-    grip = [(0, -0.075), (0.013, -0.075), (0.0145, -0.045), (0.0175, 0), (0.0145, 0.045), (0.013, 0.075), (0, 0.075)]
-    handle = painted(lathe(grip, 0.005, smooth=1), (182, 186, 192), variation=0.02)
-    return piece("dumbbell", head=heads, handle=moved(turned(handle, "y", 90), z=0.052))
 
 
 def mug() -> Piece:
     """A hollow mug with a handle that a finger fits through: one closed body of genus one."""
-    outline = [(0, 0), (0.034, 0), (0.040, 0.006), (0.041, 0.09), (0.0388, 0.095), (0.0365, 0.09), (0.0355, 0.012),
-               (0.030, 0.008), (0, 0.008)]  # fmt: skip
+    outline = [
+        (0, 0),
+        (0.034, 0),
+        (0.040, 0.006),
+        (0.041, 0.09),
+        (0.0388, 0.095),
+        (0.0365, 0.09),
+        (0.0355, 0.012),
+        (0.030, 0.008),
+        (0, 0.008),
+    ]
     angle = np.radians(np.linspace(-78, 78, 17))
-    handle = tube(np.c_[0.036 + 0.034 * np.cos(angle), np.zeros(17), 0.048 + 0.030 * np.sin(angle)], 0.006, 0.004)
+    handle = tube(columns(0.036 + 0.034 * np.cos(angle), np.zeros(17), 0.048 + 0.030 * np.sin(angle)), 0.006, 0.004)
 
     def paint(points: Array) -> Array:
         inside = (np.hypot(points[:, 0], points[:, 1]) < 0.0372) & (points[:, 2] > 0.007)
@@ -106,8 +44,18 @@ def mug() -> Piece:
 
 def cup() -> Piece:
     """A hollow paper cup without a handle, 10 cm high."""
-    outline = [(0, 0.004), (0.026, 0.004), (0.027, 0), (0.030, 0), (0.0395, 0.092), (0.0415, 0.0955), (0.040, 0.099),
-               (0.0375, 0.095), (0.0278, 0.008), (0, 0.008)]  # fmt: skip
+    outline = [
+        (0, 0.004),
+        (0.026, 0.004),
+        (0.027, 0),
+        (0.030, 0),
+        (0.0395, 0.092),
+        (0.0415, 0.0955),
+        (0.040, 0.099),
+        (0.0375, 0.095),
+        (0.0278, 0.008),
+        (0, 0.008),
+    ]
 
     def paint(points: Array) -> Array:
         wave = points[:, 2] + 0.006 * np.sin(6 * np.arctan2(points[:, 1], points[:, 0]))
@@ -200,8 +148,20 @@ def vase() -> Piece:
 
 def bowl() -> Piece:
     """A hollow ceramic bowl, 17 cm wide."""
-    outline = [(0, 0.003), (0.034, 0.003), (0.036, 0), (0.042, 0), (0.045, 0.006), (0.068, 0.028), (0.084, 0.064),
-               (0.0835, 0.067), (0.081, 0.066), (0.063, 0.031), (0.040, 0.011), (0, 0.008)]  # fmt: skip
+    outline = [
+        (0, 0.003),
+        (0.034, 0.003),
+        (0.036, 0),
+        (0.042, 0),
+        (0.045, 0.006),
+        (0.068, 0.028),
+        (0.084, 0.064),
+        (0.0835, 0.067),
+        (0.081, 0.066),
+        (0.063, 0.031),
+        (0.040, 0.011),
+        (0, 0.008),
+    ]
 
     def paint(points: Array) -> Array:
         stripe = (0.004 - np.abs(points[:, 2] - 0.052)) / 0.003
@@ -212,8 +172,19 @@ def bowl() -> Piece:
 
 def plate() -> Piece:
     """A flat plate, 24 cm wide."""
-    outline = [(0, 0.003), (0.060, 0.003), (0.063, 0), (0.070, 0), (0.075, 0.004), (0.118, 0.018), (0.120, 0.0205),
-               (0.117, 0.022), (0.078, 0.010), (0.070, 0.0075), (0, 0.0075)]  # fmt: skip
+    outline = [
+        (0, 0.003),
+        (0.060, 0.003),
+        (0.063, 0),
+        (0.070, 0),
+        (0.075, 0.004),
+        (0.118, 0.018),
+        (0.120, 0.0205),
+        (0.117, 0.022),
+        (0.078, 0.010),
+        (0.070, 0.0075),
+        (0, 0.0075),
+    ]
 
     def paint(points: Array) -> Array:
         return blend(
@@ -225,8 +196,17 @@ def plate() -> Piece:
 
 def apple() -> Piece:
     """A red apple with a dimple and a stem, 8 cm."""
-    outline = [(0, 0.006), (0.010, 0.002), (0.020, 0.0), (0.034, 0.016), (0.041, 0.042), (0.037, 0.064), (0.024, 0.076),
-               (0.010, 0.073), (0, 0.062)]  # fmt: skip
+    outline = [
+        (0, 0.006),
+        (0.010, 0.002),
+        (0.020, 0.0),
+        (0.034, 0.016),
+        (0.041, 0.042),
+        (0.037, 0.064),
+        (0.024, 0.076),
+        (0.010, 0.073),
+        (0, 0.062),
+    ]
 
     def paint(points: Array) -> Array:
         angle = np.arctan2(points[:, 1], points[:, 0])
@@ -247,8 +227,15 @@ def apple() -> Piece:
 
 def tray() -> Piece:
     """A wooden serving tray with a raised rim, 42 by 28 cm."""
-    levels = [(0.19, 0.12, 0), (0.198, 0.128, 0.003), (0.209, 0.139, 0.038), (0.2065, 0.1365, 0.0405), (0.203, 0.133, 0.038),
-              (0.194, 0.124, 0.012), (0.188, 0.118, 0.009)]  # fmt: skip
+    levels = [
+        (0.19, 0.12, 0),
+        (0.198, 0.128, 0.003),
+        (0.209, 0.139, 0.038),
+        (0.2065, 0.1365, 0.0405),
+        (0.203, 0.133, 0.038),
+        (0.194, 0.124, 0.012),
+        (0.188, 0.118, 0.009),
+    ]
     inside = [(f * 0.188, f * 0.118, 0.009) for f in (0.85, 0.7, 0.5, 0.3, 0.12)]
     under = [(f * 0.19, f * 0.12, 0.0) for f in (0.12, 0.3, 0.5, 0.7, 0.85)]
     rings = rounded_rings([*under, *levels, *inside], 96, exponent=7.0)
@@ -258,8 +245,20 @@ def tray() -> Piece:
 
 def bottle() -> Piece:
     """A filled water bottle with a cap, 24 cm high."""
-    outline = [(0, 0.004), (0.020, 0), (0.032, 0), (0.034, 0.006), (0.034, 0.15), (0.028, 0.18), (0.0145, 0.205), (0.0145, 0.216),
-               (0.0165, 0.217), (0.0165, 0.236), (0.014, 0.239), (0, 0.239)]  # fmt: skip
+    outline = [
+        (0, 0.004),
+        (0.020, 0),
+        (0.032, 0),
+        (0.034, 0.006),
+        (0.034, 0.15),
+        (0.028, 0.18),
+        (0.0145, 0.205),
+        (0.0145, 0.216),
+        (0.0165, 0.217),
+        (0.0165, 0.236),
+        (0.014, 0.239),
+        (0, 0.239),
+    ]
 
     def paint(points: Array) -> Array:
         z = points[:, 2]
@@ -303,21 +302,6 @@ def pole() -> Piece:
     return piece("pole", body=painted(lathe(outline, 0.008, segments=20), wood((196, 146, 92), "z", 5), variation=0.03))
 
 
-def toy_block() -> Piece:
-    """A painted wooden cube, 6 cm."""
-
-    def paint(points: Array) -> Array:
-        local = np.abs(points - (0, 0, 0.03)) / 0.03
-        frame = np.sort(local, axis=1)[:, 1]
-        axis = np.argmax(local, axis=1)
-        fill = np.array([(208, 62, 54), (58, 122, 190), (244, 196, 64)], float)[axis]
-        return np.where((frame > 0.72)[:, None], (232, 208, 166), fill)
-
-    return piece(
-        "toy block", body=painted(moved(rounded_box((0.06, 0.06, 0.06), 0.005, 0.0028), z=0.03), paint, variation=0.01)
-    )
-
-
 def candle() -> Piece:
     """A pillar candle with a wick, 10 cm."""
     wax = lathe(
@@ -326,44 +310,3 @@ def candle() -> Piece:
     wick = tube([(0, 0, 0.094), (0, 0.0005, 0.103), (0.002, 0, 0.110)], 0.0014, 0.002)
     solids = [painted(wax, gradient((216, 170, 130), (248, 230, 204)), variation=0.015), painted(wick, (52, 46, 42))]
     return piece("candle", body=union(solids))
-
-
-def toy_car() -> Piece:
-    """A small car: a red body with windows, four black wheels."""
-    low = cushion_body((0.14, 0.066, 0.030), 0.012)
-    cabin = moved(scaled(rounded_box((0.078, 0.058, 0.036), 0.014, 0.004), 1, 1, 1), x=-0.006, z=0.050)
-
-    def paint(points: Array) -> Array:
-        x, y, z = points.T
-        glass = (z > 0.048) & (z < 0.063) & ((np.abs(y) > 0.024) | (np.abs(x + 0.006) > 0.03))
-        lamp = (np.abs(x) > 0.064) & (np.abs(np.abs(y) - 0.022) < 0.007) & (np.abs(z - 0.032) < 0.006)
-        color = np.where(glass[:, None], (150, 196, 220), (202, 44, 42))
-        return np.where(lamp[:, None], (250, 240, 180), color)
-
-    body = painted(union([moved(low, z=0.031), cabin]), paint, variation=0.01)
-    tyre = lathe([(0, -0.008), (0.012, -0.008), (0.0165, -0.006), (0.0165, 0.006), (0.012, 0.008), (0, 0.008)], 0.003)
-
-    def rubber(points: Array) -> Array:
-        hub = np.hypot(points[:, 0], points[:, 1]) < 0.008
-        return np.where(hub[:, None], (200, 202, 206), (36, 36, 38))
-
-    wheel = turned(painted(tyre, rubber), "x", 90)
-    wheels = [moved(wheel, x=a * 0.042, y=b * 0.030, z=0.0165) for a in (-1, 1) for b in (-1, 1)]
-    return piece("toy car", body=body, wheel=wheels)
-
-
-def cushion_body(size: tuple[float, float, float], radius: float) -> Mesh:
-    """A rounded box whose top narrows a little."""
-    box = rounded_box(size, radius, 0.004)
-    narrow = 1 - 0.10 * (box.vertices[:, 2:] / size[2] + 0.5)
-    return Mesh(box.vertices * np.c_[narrow, narrow, np.ones_like(narrow)], box.faces, box.colors)
-
-
-def globe() -> Piece:
-    """A little snow globe: a glassy ball on a wooden foot; used where something tall and round is asked."""
-    ball = painted(moved(ellipsoid((0.04, 0.04, 0.04), 0.004), z=0.068), (176, 208, 226), variation=0.03)
-    foot = painted(
-        lathe([(0, 0), (0.042, 0), (0.042, 0.008), (0.034, 0.018), (0.028, 0.036), (0, 0.036)], 0.005),
-        wood((110, 66, 40), "x"),
-    )
-    return piece("snow globe", body=union([foot, ball]))

@@ -1,6 +1,6 @@
 """Soft and mixed things to place, standing or lying on z = 0 [m], their front towards +y."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from skimage.measure import marching_cubes
@@ -9,6 +9,7 @@ from geometry.procedural.paint import Painter, Rgb, blend, checks, painted, smoo
 from geometry.procedural.piece import Piece, piece
 from geometry.procedural.shapes import (
     Array,
+    columns,
     difference,
     ellipsoid,
     lens,
@@ -16,6 +17,7 @@ from geometry.procedural.shapes import (
     moved,
     outward,
     rounded_box,
+    scaled,
     turned,
     union,
     warped,
@@ -34,10 +36,10 @@ def blended(blobs: Sequence[Blob], *, spacing: float, softness: float) -> Mesh:
     centers, radii = np.array([b[0] for b in blobs]), np.array([b[1] for b in blobs])
     low = (centers - radii).min(axis=0) - 3 * spacing
     counts = np.ceil(((centers + radii).max(axis=0) + 3 * spacing - low) / spacing).astype(int) + 1
-    points = low + spacing * np.stack(np.indices(tuple(counts)), axis=-1).reshape(-1, 3)
+    points = low + spacing * np.moveaxis(np.indices(tuple(counts)), 0, -1).reshape(-1, 3)
     distances = np.stack([_ellipsoid_distance(points, c, r) for c, r in zip(centers, radii, strict=True)])
     field = -softness * np.log(np.exp(-np.clip(distances / softness, -60, 60)).sum(axis=0))
-    vertices, faces, _, _ = marching_cubes(field.reshape(tuple(counts)), 0.0, spacing=(spacing,) * 3)
+    vertices, faces, _, _ = marching_cubes(field.reshape(tuple(counts)), 0.0, spacing=(spacing,) * 3)  # type: ignore[no-untyped-call]
     mesh = outward(Mesh.of(vertices + low, faces))
     near = np.stack([_ellipsoid_distance(mesh.vertices, c, r) for c, r in zip(centers, radii, strict=True)])
     share = np.exp(-np.clip((near - near.min(axis=0)) / (0.35 * softness), 0, 60))
@@ -144,9 +146,9 @@ def _folded(size: tuple[float, float], layer: float, count: int, painter: Painte
     return union([*solids, fold])
 
 
-def _wrinkled(seed: int, depth: float):  # type: ignore[no-untyped-def]
+def _wrinkled(seed: int, depth: float) -> Callable[[Array], Array]:
     def change(points: Array) -> Array:
-        return points + depth * np.c_[np.zeros((len(points), 2)), smooth_noise(points, seed, 0.12)]
+        return points + depth * columns(np.zeros((len(points), 2)), smooth_noise(points, seed, 0.12))
 
     return change
 
@@ -182,27 +184,20 @@ def _half_width(s: Array) -> Array:
 
 
 def _sole() -> Mesh:
-    box = rounded_box((2.0, 0.28, 0.026), 0.007, 0.006)
+    flat = rounded_box((0.10, 0.28, 0.026), 0.006, 0.0068)
+    box = scaled(flat, 20.0, 1.0, 1.0)  # x from -1 to 1 across the foot
 
     def change(points: Array) -> Array:
         s = np.clip((points[:, 1] + 0.14) / 0.28, 0.0, 1.0)
         lift = 0.014 * np.clip((s - 0.72) / 0.28, 0, 1) ** 2
-        return np.c_[
+        return columns(
             points[:, 0] * (_half_width(s) + 0.004 * np.clip(8 * s * (1 - s), 0, 1)), points[:, 1], points[:, 2] + lift
-        ]
+        )
 
     def paint(points: Array) -> Array:
         return np.where((points[:, 2] < -0.004)[:, None], (112, 92, 76), (242, 240, 234))
 
-    nodes_x = 2 / 16
-    fine = scaled_grid(box, nodes_x)
-    return moved(painted(outward(warped(fine, change)), paint, variation=0.01), z=0.013)
-
-
-def scaled_grid(_: Mesh, step: float) -> Mesh:
-    """A rounded box in shoe coordinates: x in -1..1, y along the shoe [m], z across the sole [m]."""
-    box = rounded_box((0.10, 0.28, 0.026), 0.006, 0.10 * step / 2 + 0.0005)
-    return Mesh(box.vertices * (1 / 0.05, 1, 1), box.faces, box.colors)
+    return moved(painted(outward(warped(box, change)), paint, variation=0.01), z=0.013)
 
 
 def _upper() -> Mesh:
@@ -216,9 +211,16 @@ def _upper() -> Mesh:
     x = np.sign(np.cos(angle)) * np.abs(np.cos(angle)) ** 0.8
     z = np.where(np.sin(angle) > 0, np.abs(np.sin(angle)) ** 0.8, -0.10 * np.abs(np.sin(angle)) ** 0.5)
     lift = 0.014 * np.clip((s - 0.72) / 0.28, 0, 1) ** 2
-    rings = np.stack([np.c_[w * x * (1 - 0.28 * np.clip(z, 0, 1) ** 2), np.full(36, 0.28 * t - 0.14), 0.022 + up + (h - 0.022) * z]
-                      for w, h, t, up in zip(width, height, s, lift, strict=True)])  # fmt: skip
-    body = loft(rings, rings[0].mean(axis=0) - (0, 0.002, 0), rings[-1].mean(axis=0) + (0, 0.002, 0))
+    rings = np.stack(
+        [
+            columns(
+                w * x * (1 - 0.28 * np.clip(z, 0, 1) ** 2), np.full(36, 0.28 * t - 0.14), 0.022 + up + (h - 0.022) * z
+            )
+            for w, h, t, up in zip(width, height, s, lift, strict=True)
+        ]
+    )
+    tip = np.array([0.0, 0.002, 0.0])
+    body = loft(rings, rings[0].mean(axis=0) - tip, rings[-1].mean(axis=0) + tip)
 
     def paint(points: Array) -> Array:
         t = (points[:, 1] + 0.14) / 0.28

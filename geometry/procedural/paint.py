@@ -11,7 +11,7 @@ import numpy as np
 from geometry.procedural.shapes import Array
 from scene.mesh import Mesh
 
-Rgb = Sequence[float]
+Rgb = Sequence[float] | Array
 Painter = Callable[[Array], Array]
 
 AXES = {"x": 0, "y": 1, "z": 2}
@@ -39,11 +39,20 @@ def smooth_noise(points: Array, seed: int, wavelength: float, waves: int = 7) ->
     return result
 
 
-def blend(weight: Array, a: Rgb | Array, b: Rgb | Array) -> Array:
+def blend(weight: Array, a: Rgb, b: Rgb) -> Array:
     """Colour a where weight is 0, b where it is 1."""
     w = np.clip(weight, 0, 1)[:, None]
     mixed: Array = (1 - w) * np.asarray(a, float) + w * np.asarray(b, float)
     return mixed
+
+
+def plain(rgb: Rgb) -> Painter:
+    """One colour."""
+
+    def paint(points: Array) -> Array:
+        return np.broadcast_to(np.asarray(rgb, float), points.shape)
+
+    return paint
 
 
 def wood(rgb: Rgb, grain: str = "x", seed: int = 0) -> Painter:

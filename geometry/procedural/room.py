@@ -5,12 +5,13 @@ Walls are named by the compass: south y = 0, north y = depth, west x = 0, east x
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 import numpy as np
 
 from geometry.procedural.paint import Painter, Rgb, blend, painted
 from geometry.procedural.piece import Part, Piece, piece
-from geometry.procedural.shapes import Array, line, moved, rotation, rounded_box, sheet, sphere
+from geometry.procedural.shapes import Array, columns, line, moved, rotation, rounded_box, sheet, sphere
 from scene.mesh import Mesh
 
 WALL_THICKNESS = 0.12
@@ -80,6 +81,13 @@ class Room:
         self.things.append(placed)
         return placed
 
+    def stand(self, item: Piece, x: float, y: float) -> Placed:
+        """Set a piece on the floor, moved inwards as far as it needs to clear the walls by 2 cm."""
+        low, high = item.bounds
+        x = float(np.clip(x, 0.02 - low[0], self.width - 0.02 - high[0]))
+        y = float(np.clip(y, 0.02 - low[1], self.depth - 0.02 - high[1]))
+        return self.put(item, x, y)
+
     def against(self, item: Piece, wall: str, at: float, gap: float = 0.02, z: float = 0.0) -> Placed:
         """Set a piece with its back to a wall; `at` runs along x or y [m]."""
         behind = gap - float(item.bounds[0, 1])
@@ -126,13 +134,13 @@ def shell(room: Room) -> Shell:
 
 
 def _floor(room: Room) -> Mesh:
-    surface = sheet(line(0, room.width, 0.04), line(0, room.depth, 0.04), lambda x, y: np.c_[x, y, np.zeros_like(x)])
+    surface = sheet(line(0, room.width, 0.04), line(0, room.depth, 0.04), lambda x, y: columns(x, y, np.zeros_like(x)))
     return painted(surface, room.floor, variation=0.015, seed=room.seed)
 
 
 def _ceiling(room: Room) -> Mesh:
     surface = sheet(
-        line(0, room.depth, 0.2), line(0, room.width, 0.2), lambda y, x: np.c_[x, y, np.full_like(x, room.height)]
+        line(0, room.depth, 0.2), line(0, room.width, 0.2), lambda y, x: columns(x, y, np.full_like(x, room.height))
     )
     return painted(surface, (247, 246, 242), variation=0.006, seed=room.seed + 1)
 
@@ -145,10 +153,10 @@ def to_room(room: Room, wall: str, points: Array) -> Array:
     """Wall coordinates (along, outwards, up) to the room's, shape (n, 3)."""
     along, outwards, up = points.T
     return {
-        "south": np.c_[along, -outwards, up],
-        "north": np.c_[along, room.depth + outwards, up],
-        "west": np.c_[-outwards, along, up],
-        "east": np.c_[room.width + outwards, along, up],
+        "south": columns(along, -outwards, up),
+        "north": columns(along, room.depth + outwards, up),
+        "west": columns(-outwards, along, up),
+        "east": columns(room.width + outwards, along, up),
     }[wall]
 
 
@@ -166,7 +174,7 @@ def _wall(room: Room, wall: str, openings: Sequence[Opening]) -> Mesh:
     cuts_z = [edge for o in openings for edge in (o.sill, o.sill + o.height) if edge > 0]
     u, z = _nodes(_length(room, wall), cuts_u), _nodes(room.height, cuts_z)
     middle = np.array([room.width / 2, room.depth / 2, room.height / 2])
-    flat = sheet(u, z, lambda a, b: np.c_[a, np.zeros_like(a), b])
+    flat = sheet(u, z, lambda a, b: columns(a, np.zeros_like(a), b))
     centers = flat.triangles.mean(axis=1)
     open_face = np.zeros(len(centers), dtype=bool)
     for o in openings:
@@ -181,7 +189,7 @@ def _wall(room: Room, wall: str, openings: Sequence[Opening]) -> Mesh:
 
 def _nodes(length: float, cuts: Sequence[float]) -> Array:
     stops = sorted({0.0, length, *cuts})
-    return np.unique(np.concatenate([line(a, b, 0.13) for a, b in zip(stops[:-1], stops[1:], strict=True)]))
+    return np.unique(np.concatenate([line(a, b, 0.13) for a, b in pairwise(stops)]))
 
 
 def _reveal(room: Room, o: Opening) -> Mesh:
@@ -199,7 +207,7 @@ def _reveal(room: Room, o: Opening) -> Mesh:
         t = line(0, 1, 0.13 / span)
 
         def place(a: Array, b: Array, start: tuple[float, float] = start, end: tuple[float, float] = end) -> Array:
-            return np.c_[start[0] + a * (end[0] - start[0]), b, start[1] + a * (end[1] - start[1])]
+            return columns(start[0] + a * (end[0] - start[0]), b, start[1] + a * (end[1] - start[1]))
 
         strip = sheet(t, np.array([0.0, REVEAL]), place)
         strip = Mesh(to_room(room, o.wall, strip.vertices), strip.faces, strip.colors)

@@ -1,22 +1,19 @@
 """Bedrooms, children's rooms and bathrooms."""
 
+from geometry.procedural.furniture_bath import basin_cabinet, bathtub, mirror, toilet
 from geometry.procedural.furniture_beds import BedStyle, bed
 from geometry.procedural.furniture_decor import (
-    basin_cabinet,
-    bathtub,
     book_row,
     book_stack,
     ceiling_lamp,
     curtain,
     floor_lamp,
-    mirror,
     picture,
     plant,
     round_rug,
     rug,
     small_vase,
     table_lamp,
-    toilet,
     toy_crate,
 )
 from geometry.procedural.furniture_seats import chair, ottoman, sofa, stool
@@ -30,7 +27,7 @@ from geometry.procedural.furniture_tables import (
     table,
     wardrobe,
 )
-from geometry.procedural.paint import Rgb, checks, dots, planks, stripes, tiles
+from geometry.procedural.paint import Rgb, checks, dots, plain, planks, stripes, tiles
 from geometry.procedural.room import Opening, Placed, Room
 
 OAK, WALNUT, PINE, CREAM = (188, 142, 92), (116, 78, 52), (218, 178, 122), (236, 230, 218)
@@ -66,8 +63,17 @@ def light(room: Room) -> None:
 def bedroom_01(seed: int) -> Room:
     """A double bed between two bedside tables, a wardrobe, a bench under the window."""
     window = Opening("east", 2.3, 1.5, 0.85, 1.35, "WINDOW")
-    room = Room("bedroom_01", "Master Bedroom", 4.2, 4.0, 2.7, (226, 230, 228), planks(OAK, 1), seed,
-                (window, Opening("north", 0.75, 0.9, 0.0, 2.05, "DOOR")))  # fmt: skip
+    room = Room(
+        "bedroom_01",
+        "Master Bedroom",
+        4.2,
+        4.0,
+        2.7,
+        (226, 230, 228),
+        planks(OAK, 1),
+        seed,
+        (window, Opening("north", 0.75, 0.9, 0.0, 2.05, "DOOR")),
+    )
     style = BedStyle(
         1.6,
         2.0,
@@ -86,7 +92,7 @@ def bedroom_01(seed: int) -> Room:
     room.against(wardrobe(CREAM, (240, 236, 226), 6), "west", 2.75)
     room.put(rug(2.4, 1.5, stripes((196, 202, 200), (150, 166, 172), "y", 0.5, 0.4), 7), 2.05, 2.2)
     room.against(ottoman((132, 146, 158), 8, (0.95, 0.42, 0.46)), "east", 2.3, gap=0.16)
-    room.put(plant(seed + 9, 1.15), 3.72, 3.5)
+    room.stand(plant(seed + 9, 1.15), 3.72, 3.5)
     room.against(picture(0.9, 0.6, 10), "south", 2.05, gap=0.0, z=1.62)
     curtains(room, window, (196, 204, 208), 11)
     light(room)
@@ -96,8 +102,17 @@ def bedroom_01(seed: int) -> Room:
 def bedroom_02(seed: int) -> Room:
     """A single bed of turned wood, a desk with a chair, a bookshelf."""
     window = Opening("north", 1.9, 1.3, 0.9, 1.3, "WINDOW")
-    room = Room("bedroom_02", "Bedroom", 3.4, 3.8, 2.6, (238, 228, 208), planks(PINE, 2), seed,
-                (window, Opening("south", 2.75, 0.85, 0.0, 2.05, "DOOR")))  # fmt: skip
+    room = Room(
+        "bedroom_02",
+        "Bedroom",
+        3.4,
+        3.8,
+        2.6,
+        (238, 228, 208),
+        planks(PINE, 2),
+        seed,
+        (window, Opening("south", 2.75, 0.85, 0.0, 2.05, "DOOR")),
+    )
     style = BedStyle(
         1.0,
         2.0,
@@ -128,8 +143,17 @@ def bedroom_02(seed: int) -> Room:
 def bedroom_03(seed: int) -> Room:
     """A king bed with a panel headboard, an armchair and a round table in the corner, a floor lamp."""
     window = Opening("south", 3.6, 1.6, 0.8, 1.4, "WINDOW")
-    room = Room("bedroom_03", "Master Bedroom", 5.0, 4.4, 2.8, (208, 214, 202), planks(WALNUT, 3), seed,
-                (window, Opening("east", 3.6, 0.9, 0.0, 2.1, "DOOR")))  # fmt: skip
+    room = Room(
+        "bedroom_03",
+        "Master Bedroom",
+        5.0,
+        4.4,
+        2.8,
+        (208, 214, 202),
+        planks(WALNUT, 3),
+        seed,
+        (window, Opening("east", 3.6, 0.9, 0.0, 2.1, "DOOR")),
+    )
     style = BedStyle(
         1.8,
         2.1,
@@ -137,7 +161,7 @@ def bedroom_03(seed: int) -> Room:
         "panel",
         (0, 0, 0),
         (240, 238, 228),
-        lambda p: p * 0 + (104, 124, 96),
+        plain((104, 124, 96)),
         (222, 218, 196),
         (244, 242, 232),
         mattress=0.27,
@@ -153,7 +177,7 @@ def bedroom_03(seed: int) -> Room:
     low = room.against(cabinet((1.4, 0.42, 0.80), WALNUT, WALNUT, 9, "cabinet", columns=3, rows=2), "north", 2.6)
     room.upon(small_vase((190, 150, 90), 10), low, right=0.45)
     room.against(picture(1.2, 0.7, 14), "west", 2.2, gap=0.0, z=1.75)
-    room.put(plant(seed + 11, 1.3, (120, 120, 116)), 4.5, 2.75)
+    room.stand(plant(seed + 11, 1.3, (120, 120, 116)), 4.5, 2.75)
     curtains(room, window, (214, 206, 184), 12)
     light(room)
     return room
@@ -162,8 +186,17 @@ def bedroom_03(seed: int) -> Room:
 def guest_01(seed: int) -> Room:
     """A guest room: a bed without headroom clutter, a stool as bedside, a wardrobe."""
     window = Opening("west", 1.7, 1.2, 0.9, 1.25, "WINDOW")
-    room = Room("guest_01", "Guest Room", 3.3, 3.5, 2.6, (232, 220, 222), planks((204, 184, 156), 4), seed,
-                (window, Opening("south", 0.65, 0.85, 0.0, 2.05, "DOOR")))  # fmt: skip
+    room = Room(
+        "guest_01",
+        "Guest Room",
+        3.3,
+        3.5,
+        2.6,
+        (232, 220, 222),
+        planks((204, 184, 156), 4),
+        seed,
+        (window, Opening("south", 0.65, 0.85, 0.0, 2.05, "DOOR")),
+    )
     style = BedStyle(
         1.4,
         2.0,
@@ -181,7 +214,7 @@ def guest_01(seed: int) -> Room:
     stand = room.against(bedside_table((224, 218, 208), (236, 230, 222), 3), "north", 2.78)
     room.upon(table_lamp((246, 226, 214), (206, 150, 146), 4), stand)
     room.against(wardrobe((226, 220, 212), (240, 236, 230), 5, (1.0, 0.58, 2.0)), "east", 0.85)
-    room.put(rug(1.6, 1.0, lambda p: p * 0 + (214, 190, 188), 6), 1.5, 0.8)
+    room.put(rug(1.6, 1.0, plain((214, 190, 188)), 6), 1.5, 0.8)
     room.against(picture(0.6, 0.45, 15), "north", 1.75, gap=0.0, z=1.6)
     curtains(room, window, (232, 214, 212), 7)
     light(room)
@@ -191,8 +224,17 @@ def guest_01(seed: int) -> Room:
 def kids_01(seed: int) -> Room:
     """A child's bed with dots, a low play table with two stools, a crate of toys, a low shelf."""
     window = Opening("east", 1.6, 1.3, 0.9, 1.25, "WINDOW")
-    room = Room("kids_01", "Children Room", 3.8, 3.6, 2.6, (206, 224, 234), planks((222, 196, 154), 5), seed,
-                (window, Opening("west", 0.7, 0.85, 0.0, 2.05, "DOOR")))  # fmt: skip
+    room = Room(
+        "kids_01",
+        "Children Room",
+        3.8,
+        3.6,
+        2.6,
+        (206, 224, 234),
+        planks((222, 196, 154), 5),
+        seed,
+        (window, Opening("west", 0.7, 0.85, 0.0, 2.05, "DOOR")),
+    )
     style = BedStyle(
         0.9,
         1.9,
@@ -217,7 +259,7 @@ def kids_01(seed: int) -> Room:
     room.upon(book_row(0.4, 0.26, 0.27, 8), unit, right=0.25, top=shelf_levels(size, 4)[2])
     room.put(round_rug(0.85, (250, 232, 160), (120, 180, 200), 9), 2.35, 1.25)
     room.against(picture(0.7, 0.5, 16), "north", 0.95, gap=0.0, z=1.5)
-    room.put(plant(seed + 2, 0.8, (232, 150, 90)), 2.1, 3.3)
+    room.stand(plant(seed + 2, 0.8, (232, 150, 90)), 2.1, 3.3)
     curtains(room, window, (250, 224, 140), 10)
     light(room)
     _ = play
@@ -227,8 +269,17 @@ def kids_01(seed: int) -> Room:
 def kids_02(seed: int) -> Room:
     """A teenager's room: bed along the wall, desk, an upholstered stool, a bookshelf."""
     window = Opening("south", 1.3, 1.2, 0.9, 1.3, "WINDOW")
-    room = Room("kids_02", "Children Room", 3.6, 3.4, 2.6, (222, 216, 232), planks(OAK, 6), seed,
-                (window, Opening("north", 2.9, 0.85, 0.0, 2.05, "DOOR")))  # fmt: skip
+    room = Room(
+        "kids_02",
+        "Children Room",
+        3.6,
+        3.4,
+        2.6,
+        (222, 216, 232),
+        planks(OAK, 6),
+        seed,
+        (window, Opening("north", 2.9, 0.85, 0.0, 2.05, "DOOR")),
+    )
     style = BedStyle(
         1.0,
         2.0,
@@ -261,8 +312,17 @@ TILE = tiles((214, 222, 222), (168, 178, 178), 0.33)
 def bathroom_01(seed: int) -> Room:
     """A bathtub under the window, a washstand with mirror, a toilet, a wooden stool."""
     window = Opening("north", 1.5, 1.0, 1.25, 0.95, "WINDOW")
-    room = Room("bathroom_01", "Bathroom", 3.0, 2.7, 2.5, (226, 234, 232), TILE, seed,
-                (window, Opening("south", 0.65, 0.8, 0.0, 2.05, "DOOR")))  # fmt: skip
+    room = Room(
+        "bathroom_01",
+        "Bathroom",
+        3.0,
+        2.7,
+        2.5,
+        (226, 234, 232),
+        TILE,
+        seed,
+        (window, Opening("south", 0.65, 0.8, 0.0, 2.05, "DOOR")),
+    )
     room.against(bathtub(1), "north", 1.25, gap=0.12)
     room.against(basin_cabinet(OAK, 2), "east", 1.05)
     room.against(mirror(), "east", 1.05, gap=0.0, z=1.55)
@@ -276,14 +336,23 @@ def bathroom_01(seed: int) -> Room:
 def bathroom_02(seed: int) -> Room:
     """A larger bathroom: tub along the wall, a low cabinet for towels, a stool, a plant."""
     window = Opening("east", 1.6, 1.1, 1.0, 1.2, "WINDOW")
-    room = Room("bathroom_02", "Bathroom", 3.4, 3.2, 2.6, (236, 230, 220), tiles((206, 196, 184), (164, 152, 140), 0.40), seed,
-                (window, Opening("west", 2.5, 0.8, 0.0, 2.05, "DOOR")))  # fmt: skip
+    room = Room(
+        "bathroom_02",
+        "Bathroom",
+        3.4,
+        3.2,
+        2.6,
+        (236, 230, 220),
+        tiles((206, 196, 184), (164, 152, 140), 0.40),
+        seed,
+        (window, Opening("west", 2.5, 0.8, 0.0, 2.05, "DOOR")),
+    )
     room.against(bathtub(6), "south", 2.2, gap=0.16)
     room.against(basin_cabinet(WALNUT, 7), "north", 1.2)
     room.against(mirror(0.8, 0.7), "north", 1.2, gap=0.0, z=1.55)
     room.against(cabinet((0.9, 0.38, 0.70), WALNUT, WALNUT, 8, "storage cabinet", columns=2, rows=2), "west", 1.1)
     room.put(stool(WALNUT, WALNUT, 9, 0.45, 0.17), 2.6, 1.35)
-    room.put(rug(0.9, 0.55, lambda p: p * 0 + (190, 168, 142), 10), 1.9, 1.25)
-    room.put(plant(seed + 3, 1.0, (150, 140, 128)), 3.05, 2.85)
+    room.put(rug(0.9, 0.55, plain((190, 168, 142)), 10), 1.9, 1.25)
+    room.stand(plant(seed + 3, 1.0, (150, 140, 128)), 3.05, 2.85)
     light(room)
     return room

@@ -1,8 +1,8 @@
 """Turns a room of closed solids into what a scan of it looks like: one noisy coloured mesh with holes.
 
-In: surfaces tagged with instance and part. Out: one mesh in which faces hidden inside other solids or lying on the floor
-are absent, displaced by smooth and fine noise of about a millimetre, with a few small holes, its faces in no telling order;
-and beside it the truth, which face belongs to which surface.
+In: surfaces tagged with instance and part. Out: one mesh in which faces hidden inside other solids or lying on the
+floor are absent, displaced by smooth and fine noise of about a millimetre, with a few small holes, its faces in no
+telling order; and beside it the truth, which face belongs to which surface.
 """
 
 from collections.abc import Sequence
@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from geometry.procedural.paint import smooth_noise
 from geometry.procedural.shapes import Array
+from geometry.raycast import tensor
 from scene.interiorgs_write import vertex_normals
 from scene.mesh import Mesh
 
@@ -108,10 +109,8 @@ def _mark_inside(index: int, solid: Mesh, points: list[Array], bounds: Array, hi
 def _inside(solid: Mesh, points: Array) -> NDArray[np.bool_]:
     """Which points (n, 3) lie inside a closed mesh, by ray parity, shape (n,)."""
     caster = open3d.t.geometry.RaycastingScene(nthreads=1)
-    caster.add_triangles(
-        open3d.core.Tensor(solid.vertices.astype(np.float32)), open3d.core.Tensor(solid.faces.astype(np.uint32))
-    )
-    occupied = caster.compute_occupancy(open3d.core.Tensor(points.astype(np.float32)), nthreads=1, nsamples=3)
+    caster.add_triangles(tensor(solid.vertices, np.float32), tensor(solid.faces, np.uint32))
+    occupied = caster.compute_occupancy(tensor(points, np.float32), nthreads=1, nsamples=3)
     return np.asarray(occupied.numpy() > 0.5)
 
 

@@ -7,6 +7,7 @@ of a triangle edge [m].
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from itertools import pairwise
 
 import manifold3d
 import numpy as np
@@ -74,6 +75,11 @@ def joined(meshes: Sequence[Mesh]) -> Mesh:
 
 
 # ---- grids -----------------------------------------------------------------------------------------------------
+
+
+def columns(*parts: Array) -> Array:
+    """Coordinates side by side: (n,) or (n, k) each, shape (n, sum of k)."""
+    return np.column_stack(parts)
 
 
 def line(low: float, high: float, edge: float) -> Array:
@@ -153,7 +159,7 @@ def cushioned(mesh: Mesh, top: float, bottom: float = 0.0) -> Mesh:
         u, v, w = ((points - center) / half).T
         dome = (1 - np.abs(u) ** 2.4) * (1 - np.abs(v) ** 2.4)
         lift = np.where(w > 0, top * np.clip(w, 0, 1), bottom * np.clip(w, -1, 0)) * dome
-        return points + np.c_[np.zeros_like(lift), np.zeros_like(lift), lift]
+        return points + columns(np.zeros_like(lift), np.zeros_like(lift), lift)
 
     return warped(mesh, change)
 
@@ -174,7 +180,7 @@ def lens(half_x: float, half_y: float, upper: float, lower: float, pinch: float 
         x = half_x * u * (1 - pinch * (1 - v**2) * u**2)
         y = half_y * v * (1 - pinch * (1 - u**2) * v**2)
         bulge = 1 + 0.012 * (side == 0)
-        return np.c_[x * bulge, y * bulge, np.where(side == 0, 0.0, height + rim)]
+        return columns(x * bulge, y * bulge, np.where(side == 0, 0.0, height + rim))
 
     return outward(warped(mesh, change))
 
@@ -201,7 +207,7 @@ def loft(rings: Array, start: Array | None, end: Array | None) -> Mesh:
 def resampled(points: Array, edge: float) -> Array:
     """A polyline with extra points so that no piece is longer than `edge`; corners are kept."""
     pieces = [np.linspace(a, b, max(2, int(np.ceil(np.linalg.norm(b - a) / edge - 1e-9)) + 1))[:-1]
-              for a, b in zip(points[:-1], points[1:], strict=True)]  # fmt: skip
+              for a, b in pairwise(points)]  # fmt: skip
     return np.concatenate([*pieces, points[-1:]])
 
 

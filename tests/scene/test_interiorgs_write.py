@@ -54,7 +54,7 @@ def test_boxes_have_eight_corners_of_a_box(folder: Path) -> None:
 
 
 def test_occupancy_is_mirrored_in_its_columns(folder: Path) -> None:
-    """With x = upper - column * scale more free pixels lie in the room's profile than with x = lower + column * scale."""
+    """More free pixels lie in the room's profile with x = upper - column * scale than without the mirror."""
     image = np.asarray(Image.open(folder / "occupancy.png"))
     meta = json.loads((folder / "occupancy.json").read_text())
     low, high = np.array(json.loads((folder / "structure.json").read_text())["rooms"][0]["profile"])[[0, 2]]
