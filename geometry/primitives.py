@@ -1,6 +1,7 @@
 """Boxes, spheres, cylinders and capsules: exact signed distance and a surface mesh with vertices at the extremes.
 
-All are centred on the origin, axes along local z, metres. Signed distances are exact outside and inside, negative inside.
+All are centred on the origin, axes along local z, metres. Signed distances are exact outside and inside, negative
+inside.
 """
 
 from dataclasses import dataclass

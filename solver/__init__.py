@@ -1,1 +1,2 @@
-"""A quasi-static contact solver for soft and rigid bodies: arrays in, arrays out; imports nothing else of this project."""
+"""A quasi-static contact solver for soft and rigid bodies: arrays in, arrays out; imports nothing else of this
+project."""

@@ -38,7 +38,8 @@ class Signals:
     linear: int
 
     SERIES: ClassVar[tuple[str, ...]] = (
-        "time", "linear_speed", "angular_speed", "particle_speed", "force_residual", "torque_residual", "newton", "linear",
+        "time", "linear_speed", "angular_speed", "particle_speed", "force_residual", "torque_residual", "newton",
+        "linear",
     )  # fmt: skip
 
     @property

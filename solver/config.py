@@ -12,7 +12,8 @@ class SolverConfig(BaseModel, frozen=True, extra="forbid"):
     """Seed of the verification kick."""
 
     start_overlap: PositiveFloat = 5e-3
-    """Bodies that start deeper inside each other than this [m] are refused: no rest state can be reached from there honestly."""
+    """Bodies that start deeper inside each other than this [m] are refused: no rest state can be reached from
+    there honestly."""
     step_seconds: PositiveFloat = 4e-3
     """First step [s]: a fall of 1 cm takes 45 ms, so about ten steps resolve it."""
     step_distance: PositiveFloat = 2e-3
@@ -25,7 +26,8 @@ class SolverConfig(BaseModel, frozen=True, extra="forbid"):
     newton_limit: PositiveInt = 8
     """Newton iterations in a step before it counts as not converged."""
     newton_tolerance: PositiveFloat = 1e-3
-    """Force residual over the free bodies' weight at which a step at rest is solved: a fifth of what the certificate allows."""
+    """Force residual over the free bodies' weight at which a step at rest is solved: a fifth of what the
+    certificate allows."""
     moving_tolerance: PositiveFloat = 1e-2
     """The same while a free body is faster than moving_speed."""
     moving_speed: PositiveFloat = 0.02

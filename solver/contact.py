@@ -1,8 +1,8 @@
 """Contact between the surface points of one body and the signed distance of another.
 
-Normal force: a penalty spring per point; taken implicitly on both sides. Friction: a tangential spring whose anchor is remembered
-from step to step, with a Coulomb return map (mu_s to break, mu_d while sliding) [W06, Ch. 5]. Rolling and torsional resistance: the
-same with the relative rotation of a pair, limited by b * N.
+Normal force: a penalty spring per point; taken implicitly on both sides. Friction: a tangential spring whose anchor
+is remembered from step to step, with a Coulomb return map (mu_s to break, mu_d while sliding) [W06, Ch. 5]. Rolling
+and torsional resistance: the same with the relative rotation of a pair, limited by b * N.
 
 [W06] Wriggers: Computational Contact Mechanics, 2nd ed., Springer 2006.
 """
@@ -15,12 +15,14 @@ from scipy import sparse
 
 from solver.kernels import query
 from solver.model import Body, Model
+from solver.rolling import Rolling, Spin, resist
 from solver.soft import SoftBody, SoftSystem
 from solver.state import State, turn_between
 
 SEARCH_MARGIN = 0.02  # points within this distance [m] of the other body's box are queried: more than one step's motion
 STICK_SPEED = 1e-4  # a point at its friction limit that moves slower than this [m/s] has stopped: mu_s holds again
-TANGENTIAL_SHARE = 0.5  # tangential over normal stiffness: Mindlin's ratio 2 (1 - nu) / (2 - nu) lies between 0.67 and 1; softer is safe
+# tangential over normal stiffness: Mindlin's ratio 2 (1 - nu) / (2 - nu) lies between 0.67 and 1; softer is safe
+TANGENTIAL_SHARE = 0.5
 
 
 @dataclass(eq=False, slots=True)
@@ -86,20 +88,9 @@ class Contacts:
     position: NDArray[np.float64]
     a: NDArray[np.int64]
     b: NDArray[np.int64]
-    rolling: list["Rolling"] = field(default_factory=list)
-
-
-@dataclass(eq=False, slots=True)
-class Rolling:
-    """Resistance to relative rotation of two bodies, of which at least one has a moving frame."""
-
-    a: int
-    b: int
-    torque: NDArray[np.float64]
-    """On a [N m], shape (3,)."""
-    tangent: NDArray[np.float64]
-    """[N m/rad], shape (3, 3)."""
-    anchor: NDArray[np.float64]
+    rolling: list[Rolling] = field(default_factory=list)
+    spins: dict[int, Spin] = field(default_factory=dict)
+    """Spins of the free soft bodies in contact, by model index."""
 
 
 def vertex_areas(body: Body) -> NDArray[np.float64]:
@@ -137,7 +128,8 @@ class ContactQuery:
         earlier = {i: self.surface(before, i) for i in {p.a for p in self.pairs}}
         for index in sorted({p.b for p in self.pairs} & set(self.soft_of)):
             query.average_deformation(
-                self.soft_of[index].near_surface, state.x, self.soft.cell_node, self.soft.cell_size, self.soft.node_cell,
+                self.soft_of[index].near_surface, state.x, self.soft.cell_node, self.soft.cell_size,
+                self.soft.node_cell,
                 self.smooth,
             )  # fmt: skip
         touching = [t for p in self.pairs if (t := self._touch(p, state, before, surfaces, earlier)) is not None]
@@ -197,7 +189,8 @@ class ContactQuery:
         material = pair.guess[near].copy()
         cell = np.full(count, -1, dtype=np.int32)
         query.query_soft(
-            points, near, state.x, *one.planes, one.cell_id, self.soft.cell_node, self.smooth, grid.origin, grid.spacing,
+            points, near, state.x, *one.planes, one.cell_id, self.soft.cell_node, self.smooth,
+            grid.origin, grid.spacing,
             grid.values, material, gap, normal, cell, weight,
         )  # fmt: skip
         found = cell >= 0
@@ -228,6 +221,7 @@ class ContactQuery:
             return Contacts(
                 [], sparse.csr_matrix((0, count)), np.zeros((0, 3)), np.zeros((0, 3, 3)), np.zeros((0, 3)), none, none
             )
+        spins = self._spins(touching, state)
         node = np.concatenate([t.node for t in touching])
         weight = np.concatenate([t.weight for t in touching])
         rows = np.repeat(np.arange(len(node)), 16)
@@ -243,38 +237,43 @@ class ContactQuery:
             np.concatenate([t.position for t in touching]),
             np.concatenate([np.full(len(t.point), t.pair.a) for t in touching]),
             np.concatenate([np.full(len(t.point), t.pair.b) for t in touching]),
-            self._rolling(touching, state, before),
+            self._rolling(touching, state, before, spins),
+            spins,
         )
 
-    def _rolling(self, touching: list[Touching], state: State, before: State) -> list[Rolling]:
-        """One torque per touching pair of bodies, for rigid rotation against the partner."""
+    def _rolling(self, touching: list[Touching], state: State, before: State, spins: dict[int, Spin]) -> list[Rolling]:
+        """One torque per touching pair of bodies with rolling resistance."""
         load: dict[tuple[int, int], float] = {}
         for t in touching:
             key = (min(t.pair.a, t.pair.b), max(t.pair.a, t.pair.b))
             load[key] = load.get(key, 0.0) + float(t.normal_force.sum())
         out = []
         for (a, b), normal_force in load.items():
-            if all(i in self.soft_of or self.model.bodies[i].fixed for i in (a, b)):
-                continue
             one, two = self.model.bodies[a], self.model.bodies[b]
             length = float(np.sqrt(one.rolling_resistance * two.rolling_resistance))
             if length > 0.0:
-                out.append(self._rolling_pair(a, b, length * normal_force, state, before))
+                turn = self._turn(a, state, before, spins) - self._turn(b, state, before, spins)
+                trial = self.rolling_anchor.get((a, b), np.zeros(3)) + turn
+                out.append(resist(a, b, trial, length * normal_force))
         return out
 
-    def _rolling_pair(self, a: int, b: int, limit: float, state: State, before: State) -> Rolling:
-        turn = np.zeros(3)
-        for index, sign in ((a, 1.0), (b, -1.0)):
-            if index not in self.soft_of:
-                turn += sign * turn_between(before.rotation[index], state.rotation[index])
-        trial = self.rolling_anchor.get((a, b), np.zeros(3)) + turn
-        stiffness = limit / ROLLING_ANGLE
-        size = float(np.linalg.norm(trial))
-        if size <= ROLLING_ANGLE:
-            return Rolling(a, b, -stiffness * trial, stiffness * np.eye(3), trial)
-        direction = trial / size
-        tangent = limit / size * (np.eye(3) - np.outer(direction, direction))
-        return Rolling(a, b, -limit * direction, tangent, ROLLING_ANGLE * direction)
+    def _turn(self, index: int, state: State, before: State, spins: dict[int, Spin]) -> NDArray[np.float64]:
+        """Rotation vector of a body since the start of the step [rad], shape (3,)."""
+        if index in spins:
+            nodes = spins[index].nodes
+            return spins[index].turn(state.x[nodes] - before.x[nodes])
+        if index in self.soft_of:
+            return np.zeros(3)
+        return turn_between(before.rotation[index], state.rotation[index])
+
+    def _spins(self, touching: list[Touching], state: State) -> dict[int, Spin]:
+        """Spins of the free soft bodies that touch something."""
+        involved = {i for t in touching for i in (t.pair.a, t.pair.b)}
+        out = {}
+        for index, one in self.soft_of.items():
+            if index in involved and not self.model.bodies[index].fixed:
+                out[index] = Spin.of(one.nodes, self.soft.mass[one.nodes], state.x[one.nodes])
+        return out
 
     def remember(self, contacts: Contacts) -> None:
         """Accept a step: store anchors of touching points, forget the others."""
@@ -287,9 +286,6 @@ class ContactQuery:
         self.rolling_anchor = {(r.a, r.b): r.anchor for r in contacts.rolling}
 
 
-ROLLING_ANGLE = 1e-3  # rotation [rad] at which the rolling spring yields: below what a picture shows
-
-
 def point_forces(
     pair: Pair,
     index: NDArray[np.int64],
@@ -297,9 +293,11 @@ def point_forces(
     normal: NDArray[np.float64],
     slip: NDArray[np.float64],
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]:
-    """Force on a (k, 3), its negative derivative (k, 3, 3), new anchors (k, 3) and sliding flags (k,) of penetrating points.
+    """Force on a (k, 3), its negative derivative (k, 3, 3), new anchors (k, 3) and sliding flags (k,) of
+    penetrating points.
 
-    A point that slid at the end of the last step feels mu_d, any other mu_s; the choice is fixed within a step, so that the force
+    A point that slid at the end of the last step feels mu_d, any other mu_s; the choice is fixed within a step,
+    so that the force
     is a continuous function of the step's motion and Newton can converge.
     """
     stiffness = pair.stiffness[index]

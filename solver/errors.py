@@ -9,5 +9,5 @@ class ModelError(SolverError):
     """The input cannot be simulated; names the body, the value and the bound."""
 
 
-class UnstableStep(SolverError):
+class UnstableStep(SolverError):  # noqa: N818  the name is part of the contract
     """A step broke (inverted map, non-finite state, no descent); names time, body, value and bound."""

@@ -1,7 +1,7 @@
 """Background grids: graded node planes, and where a point lies between them.
 
-A grid is the tensor product of three increasing lists of node planes. Grading keeps cells small under the contact and lets them
-grow geometrically away from it, so that the far field costs little.
+A grid is the tensor product of three increasing lists of node planes. Grading keeps cells small under the contact and
+lets them grow geometrically away from it, so that the far field costs little.
 """
 
 import numpy as np
@@ -15,8 +15,10 @@ def graded_planes(
 ) -> NDArray[np.float64]:
     """Node planes that cover [low, high] exactly: spacing about `cell` inside [fine_low, fine_high], growing outwards.
 
-    All lengths in metres; `growth` is the largest ratio of neighbouring spacings. The fine interval is clipped to [low, high].
-    Returns increasing coordinates, shape (k,), k >= 2, first = low, last = high. Raises ModelError for an empty interval.
+    All lengths in metres; `growth` is the largest ratio of neighbouring spacings. The fine interval is clipped to
+    [low, high].
+    Returns increasing coordinates, shape (k,), k >= 2, first = low, last = high. Raises ModelError for an empty
+    interval.
     """
     if not (high > low and cell > 0.0 and growth >= 1.0):
         raise ModelError(
@@ -35,7 +37,8 @@ def graded_planes(
 
 
 def _outward(length: float, cell: float, growth: float) -> NDArray[np.float64]:
-    """Cumulative distances of planes that fill `length` with spacings that start near `cell` and grow by at most `growth`."""
+    """Cumulative distances of planes that fill `length` with spacings that start near `cell` and grow by at most
+    `growth`."""
     if length <= 1e-9 * cell:
         return np.zeros(0)
     if growth == 1.0:

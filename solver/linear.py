@@ -1,7 +1,7 @@
 """The linear system of one Newton step, matrix-free, and its conjugate gradient solver.
 
-Unknowns: node displacements (n, 3) and frame motions (b, 6: translation, rotation vector about the frame's centre). Held nodes do
-not move; core nodes move with their frame. The matrix is symmetric positive semi-definite:
+Unknowns: node displacements (n, 3) and frame motions (b, 6: translation, rotation vector about the frame's centre).
+Held nodes do not move; core nodes move with their frame. The matrix is symmetric positive semi-definite:
 
     (1 + beta / dt) K + M / dt^2 + contact tangents.
 
@@ -13,9 +13,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from solver.coarse import CoarseSolve, CoarseSpace
 from solver.contact import Contacts
 from solver.kernels import elastic
 from solver.soft import SoftSystem
+from solver.state import cross_matrix
 
 Vector = tuple[NDArray[np.float64], NDArray[np.float64]]
 
@@ -38,13 +40,6 @@ class Frames:
     """Positions of the core nodes relative to the frame's centre [m]."""
 
 
-def cross_matrix(arm: NDArray[np.float64]) -> NDArray[np.float64]:
-    """[r]x with [r]x w = r x w for arms (k, 3), shape (k, 3, 3)."""
-    out = np.zeros((len(arm), 3, 3))
-    out[:, 0, 1], out[:, 0, 2], out[:, 1, 2] = -arm[:, 2], arm[:, 1], -arm[:, 0]
-    return out - out.transpose(0, 2, 1)
-
-
 class TangentSystem:
     """Applies the matrix and its block-diagonal inverse."""
 
@@ -52,6 +47,7 @@ class TangentSystem:
         self,
         soft: SoftSystem,
         stencil: NDArray[np.float32],
+        coarse: CoarseSpace | None,
         contacts: Contacts,
         frames: Frames,
         dt: float,
@@ -59,15 +55,21 @@ class TangentSystem:
     ) -> None:
         self.soft = soft
         self.stencil = stencil
+        self.coarse = coarse
+        self.dt = dt
         self.contacts = contacts
         self.frames = frames
         self.stiffness_scale = 1.0 + damping / dt
         self.node_inertia = (soft.mass / dt**2)[:, None]
         self.free = ~(soft.held | (soft.core >= 0))[:, None]
         self.frame_inertia = self._frame_inertia(dt)
+        soft_bodies = {s.index for s in soft.bodies}
+        self.place = {body: f for f, body in enumerate(frames.index) if body not in soft_bodies}
+        """Frame of each free rigid body."""
         self.sides = self._sides()
         self._product = np.empty_like(soft.rest)
         self.inverse: Vector | None = None
+        self.second: CoarseSolve | None = None
 
     def _frame_inertia(self, dt: float) -> NDArray[np.float64]:
         out = np.zeros((len(self.frames.index), 6, 6))
@@ -78,10 +80,7 @@ class TangentSystem:
     def _sides(self) -> list[tuple[int, NDArray[np.int64], NDArray[np.float64], float]]:
         """Per frame and side: which contact points it moves rigidly, their arms and the sign."""
         out = []
-        soft_bodies = {s.index for s in self.soft.bodies}
-        for f, body in enumerate(self.frames.index):
-            if body in soft_bodies:
-                continue
+        for body, f in self.place.items():
             for which, sign in ((self.contacts.a, 1.0), (self.contacts.b, -1.0)):
                 points = np.flatnonzero(which == body)
                 if len(points):
@@ -126,49 +125,64 @@ class TangentSystem:
             node_part, frame_part = self.contact_forces(np.einsum("kij,kj->ki", self.contacts.tangent, relative))
             nodes += node_part
             frames += frame_part
-            frames[:, 3:] += self._rolling(direction[1][:, 3:])
+            turns = [self._turn(r.a, p, direction[1]) - self._turn(r.b, p, direction[1]) for r in self.contacts.rolling]
+            torques = [r.tangent @ t for r, t in zip(self.contacts.rolling, turns, strict=True)]
+            self.add_rolling(torques, nodes, frames)
         return self.reduce(nodes, frames)
 
-    def _rolling(self, turn: NDArray[np.float64]) -> NDArray[np.float64]:
-        out = np.zeros_like(turn)
-        place = {body: f for f, body in enumerate(self.frames.index)}
-        for r in self.contacts.rolling:
-            sides = [(place[i], sign) for i, sign in ((r.a, 1.0), (r.b, -1.0)) if i in place]
-            torque = r.tangent @ sum((sign * turn[f] for f, sign in sides), np.zeros(3))
-            for f, sign in sides:
-                out[f] += sign * torque
-        return out
+    def add_rolling(
+        self, torques: list[NDArray[np.float64]], nodes: NDArray[np.float64], frames: NDArray[np.float64]
+    ) -> None:
+        """Add one torque per rolling pair, on its body a and against b, to node forces and frame wrenches."""
+        for r, torque in zip(self.contacts.rolling, torques, strict=True):
+            for index, sign in ((r.a, 1.0), (r.b, -1.0)):
+                if index in self.contacts.spins:
+                    spin = self.contacts.spins[index]
+                    nodes[spin.nodes] += spin.forces(sign * torque)
+                elif index in self.place:
+                    frames[self.place[index], 3:] += sign * torque
+
+    def _turn(self, index: int, nodes: NDArray[np.float64], frames: NDArray[np.float64]) -> NDArray[np.float64]:
+        if index in self.contacts.spins:
+            spin = self.contacts.spins[index]
+            return spin.turn(nodes[spin.nodes])
+        return frames[self.place[index], 3:] if index in self.place else np.zeros(3)
 
     def _preconditioner(self) -> Vector:
         """Inverses of the 3x3 node blocks and 6x6 frame blocks."""
         blocks = self.stiffness_scale * self.stencil[:, 13].reshape(-1, 3, 3).astype(np.float64)
         blocks += self.node_inertia[:, :, None] * np.eye(3)
         frames = self.frame_inertia.copy()
+        for r in self.contacts.rolling:
+            for body, f in self.place.items():
+                if body in (r.a, r.b):
+                    frames[f, 3:, 3:] += r.tangent
+        for f, tied in enumerate(self.frames.tied):
+            if len(tied):
+                frames[f] += _wrench_block(blocks[tied], self.frames.arm[f])
+        if self.coarse is not None:
+            self.second = CoarseSolve(self.coarse, self.contacts, self.sides, frames, self.stiffness_scale, self.dt)
         if len(self.contacts.a):
             if len(blocks):
                 squared = self.contacts.gather.multiply(self.contacts.gather).T
                 blocks += np.asarray(squared @ self.contacts.tangent.reshape(-1, 9))[: len(blocks)].reshape(-1, 3, 3)
             for f, points, arm, _ in self.sides:
                 frames[f] += _wrench_block(self.contacts.tangent[points], arm)
-            for r in self.contacts.rolling:
-                for f, body in enumerate(self.frames.index):
-                    if body in (r.a, r.b):
-                        frames[f, 3:, 3:] += r.tangent
-        for f, tied in enumerate(self.frames.tied):
-            if len(tied):
-                frames[f] += _wrench_block(blocks[tied], self.frames.arm[f])
         blocks[~self.free[:, 0]] = np.eye(3)
         return np.asarray(np.linalg.inv(blocks), np.float64), np.asarray(np.linalg.inv(frames), np.float64)
 
     def precondition(self, residual: Vector) -> Vector:
-        """Block-Jacobi."""
+        """Block-Jacobi plus the coarse space."""
         if self.inverse is None:
             self.inverse = self._preconditioner()
-        nodes, frames = self.inverse
-        return (
-            np.einsum("nij,nj->ni", nodes, residual[0]) * self.free,
-            np.einsum("bij,bj->bi", frames, residual[1]),
-        )
+        node_inverse, frame_inverse = self.inverse
+        nodes = np.einsum("nij,nj->ni", node_inverse, residual[0]) * self.free
+        frames = np.einsum("bij,bj->bi", frame_inverse, residual[1])
+        if self.second is not None:
+            node_part, frame_part = self.second.apply(*residual)
+            nodes += node_part
+            frames += frame_part
+        return nodes, frames
 
 
 def _wrench_block(tangent: NDArray[np.float64], arm: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -183,7 +197,8 @@ def dot(a: Vector, b: Vector) -> float:
 
 
 def conjugate_gradient(system: TangentSystem, right: Vector, tolerance: float, limit: int) -> tuple[Vector, int]:
-    """Solve system @ y = right until the preconditioned residual norm falls by `tolerance` [S94, B3]; returns (y, iterations)."""
+    """Solve system @ y = right until the preconditioned residual norm falls by `tolerance` [S94, B3]; returns (y,
+    iterations)."""
     y = (np.zeros_like(right[0]), np.zeros_like(right[1]))
     r = (right[0].copy(), right[1].copy())
     z = system.precondition(r)

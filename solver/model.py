@@ -1,7 +1,7 @@
 """The constant part of a simulation: bodies as arrays, checked once at the border.
 
-Every body is given in its start pose in the world frame: metres, z up. A rigid body is a surface, a signed distance and mass
-properties; a soft body adds particles (the quadrature points) and the node planes of its background grid.
+Every body is given in its start pose in the world frame: metres, z up. A rigid body is a surface, a signed distance
+and mass properties; a soft body adds particles (the quadrature points) and the node planes of its background grid.
 """
 
 from dataclasses import dataclass, field

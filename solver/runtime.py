@@ -1,4 +1,5 @@
-"""The one place that starts Taichi: once per process, because a second start kills every field and array made before."""
+"""The one place that starts Taichi: once per process, because a second start kills every field and array made
+before."""
 
 import contextlib
 import sys
@@ -11,7 +12,8 @@ _started: dict[str, int] = {}
 
 
 def start(threads: int = 0) -> None:
-    """Start Taichi on the CPU with `threads` worker threads (0: all cores); later calls in the same process do nothing."""
+    """Start Taichi on the CPU with `threads` worker threads (0: all cores); later calls in the same process do
+    nothing."""
     if _started:
         return
     options = {"cpu_max_num_threads": threads} if threads > 0 else {}

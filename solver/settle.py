@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
 
 from solver import soft as soft_system
 from solver.certificate import Signals, certificate, contact_table, measure
@@ -65,11 +66,14 @@ class Result:
 def settle(model: Model, config: SolverConfig, progress: Progress | None = None) -> Result:
     """Let the free bodies of `model` come to rest.
 
-    Returns the rest state with its certificate, or the last state with the verdict that says why it is none. Raises ModelError for
-    input that cannot be simulated and UnstableStep when a step breaks. Same model and config: the same bytes for any thread count.
+    Returns the rest state with its certificate, or the last state with the verdict that says why it is none.
+    Raises ModelError for
+    input that cannot be simulated and UnstableStep when a step breaks. Same model and config: the same bytes for
+    any thread count.
     """
     start(config.threads)
-    return Drop(model, config).run(progress)
+    with threadpool_limits(1):  # dense factorisations would round differently with the number of threads
+        return Drop(model, config).run(progress)
 
 
 class Drop:
@@ -150,8 +154,9 @@ class Drop:
                 break
             if dt <= self.config.shortest_step_seconds:
                 raise UnstableStep(
-                    f"t = {state.time:.4f} s: step of {dt:.1e} s ends with {report.residual:.2g} of the free weight unbalanced "
-                    f"after {report.newton} Newton iterations (bound acceptable_residual = {self.config.acceptable_residual}); "
+                    f"t = {state.time:.4f} s: step of {dt:.1e} s ends with {report.residual:.2g} of the free weight "
+                    f"unbalanced after {report.newton} Newton iterations (bound acceptable_residual = "
+                    f"{self.config.acceptable_residual}); "
                     f"{report.inverted} inverted particles"
                 )
             dt = max(0.5 * dt, self.config.shortest_step_seconds)
@@ -266,7 +271,8 @@ class Drop:
     def _after_failed_kick(
         self, first: dict[str, object], progress: Progress | None
     ) -> tuple[str, State, StepReport, dict[str, dict[str, float]], dict[str, object]]:
-        """The rest was not stable: follow the motion that the kick started to its end; a second rest is verified in its turn."""
+        """The rest was not stable: follow the motion that the kick started to its end; a second rest is
+        verified in its turn."""
         begin = len(self.history)
         verdict, state, report = self._approach(self._kicked, progress)
         rows = self._rows(self.history[begin:][-self.config.rest_steps :])
@@ -386,8 +392,7 @@ def softest(one: Body, two: Body) -> tuple[float, float]:
 def predicted_damping(model: Model, config: SolverConfig, mass: dict[int, float], gravity: float) -> float:
     """Stiffness-proportional damping beta [s] that damps the bounce of the free bodies on their soft partners.
 
-    A body that sinks by d under its weight bounces with omega = sqrt(g / d); beta = 2 zeta / omega. d is estimated from the mean
-    stress of the weight on the body's footprint over the softest modulus and the body's size.
+    omega = sqrt(k / m) with k the Hertz stiffness of the heaviest free body on the softest part; beta = 2 zeta / omega.
     """
     moduli = [float(b.soft.youngs_modulus.min()) for b in model.bodies if b.soft is not None]
     if not moduli or not mass or gravity == 0.0:

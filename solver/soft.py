@@ -1,8 +1,8 @@
 """All soft bodies of a model as one set of cells, nodes and particles.
 
-Cells without material near a body's surface are filled with a very weak fictitious material (finite cell method [P07]): it carries
-the displacement field smoothly past the surface, so that surface points and contact queries always lie in a valid cell, and it
-gives nodes that see only a sliver of material a bounded stiffness.
+Cells without material near a body's surface are filled with a very weak fictitious material (finite cell method
+[P07]): it carries the displacement field smoothly past the surface, so that surface points and contact queries always
+lie in a valid cell, and it gives nodes that see only a sliver of material a bounded stiffness.
 
 [P07] Parvizian, Duester, Rank: Finite cell method. Computational Mechanics 41, 2007.
 """
@@ -97,7 +97,8 @@ def build(model: Model) -> SoftSystem:
 
 
 def _padded(soft: SoftParts) -> SoftParts:
-    """Add planes beyond every side of the grid that is not held as a whole, so that the field can extend past the surface."""
+    """Add planes beyond every side of the grid that is not held as a whole, so that the field can extend past the
+    surface."""
     planes, before, after = [], [], []
     for axis, p in enumerate(soft.planes):
         sides = [np.take(soft.node_state, end, axis=axis) for end in (0, -1)]
@@ -168,7 +169,8 @@ class _Piece:
 def locate(
     planes: tuple[NDArray[np.float64], ...], points: NDArray[np.float64]
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Flat grid cell and local coordinates (0..1) of points (n, 3); raises ModelError for a point outside of the grid."""
+    """Flat grid cell and local coordinates (0..1) of points (n, 3); raises ModelError for a point outside of the
+    grid."""
     index = np.empty(points.shape, dtype=np.int64)
     local = np.empty(points.shape)
     for axis, p in enumerate(planes):
@@ -299,7 +301,8 @@ def _empty() -> SoftSystem:
     """A system without soft bodies."""
     none = np.zeros(0)
     return SoftSystem(
-        bodies=(), rest=np.zeros((0, 3)), mass=none, held=none.astype(bool), core=none.astype(np.int32), gravity_share=none,
+        bodies=(), rest=np.zeros((0, 3)), mass=none, held=none.astype(bool), core=none.astype(np.int32),
+        gravity_share=none,
         cell_node=np.zeros((0, 8), np.int32), cell_size=np.zeros((0, 3)), cell_start=np.zeros(1, np.int32),
         node_cell=np.zeros((0, 8), np.int32), neighbour=np.zeros((0, 27), np.int32), local=np.zeros((0, 3)),
         volume=none, mu=none, lam=none, real=none.astype(bool),

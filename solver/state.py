@@ -1,7 +1,7 @@
 """The changing part of a simulation: node positions, rigid poses and their velocities.
 
-Degrees of freedom: three per free node, six (translation, rotation about the centre of mass) per moving frame. A frame is a free
-rigid body or the rigid core of a soft body; core nodes follow their frame.
+Degrees of freedom: three per free node, six (translation, rotation about the centre of mass) per moving frame. A
+frame is a free rigid body or the rigid core of a soft body; core nodes follow their frame.
 """
 
 from dataclasses import dataclass
@@ -72,10 +72,18 @@ def turn_between(before: NDArray[np.float64], after: NDArray[np.float64]) -> NDA
 def best_rigid_motion(
     rest: NDArray[np.float64], moved: NDArray[np.float64], weight: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Rotation (3, 3) and translation (3,) of the rigid motion nearest to rest (n, 3) -> moved (n, 3), mass-weighted (Kabsch)."""
+    """Rotation (3, 3) and translation (3,) of the rigid motion nearest to rest (n, 3) -> moved (n, 3),
+    mass-weighted (Kabsch)."""
     total = weight.sum()
     a, b = weight @ rest / total, weight @ moved / total
     u, _, vt = np.linalg.svd((moved - b).T @ ((rest - a) * weight[:, None]))
     flip = np.diag([1.0, 1.0, np.linalg.det(u @ vt)])
     rotation = u @ flip @ vt
     return rotation, b - rotation @ a
+
+
+def cross_matrix(arm: NDArray[np.float64]) -> NDArray[np.float64]:
+    """[r]x with [r]x w = r x w for arms (k, 3), shape (k, 3, 3)."""
+    out = np.zeros((len(arm), 3, 3))
+    out[:, 0, 1], out[:, 0, 2], out[:, 1, 2] = -arm[:, 2], arm[:, 1], -arm[:, 0]
+    return out - out.transpose(0, 2, 1)

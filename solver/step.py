@@ -2,9 +2,10 @@
 
     M (v' - v) / dt = f(x') ,  x' = x + dt v'
 
-Soft and rigid bodies, contact on both sides and friction are one system, so no side of a contact can outrun the other. Backward
-Euler damps elastic vibration strongly and leaves slow rigid motion nearly untouched, which is what a path to rest needs; stiffness-
-proportional damping beta K (Kelvin-Voigt) stands for the loss of real foams [B96, Sec. 9.3.3].
+Soft and rigid bodies, contact on both sides and friction are one system, so no side of a contact can outrun the
+other. Backward Euler damps elastic vibration strongly and leaves slow rigid motion nearly untouched, which is what a
+path to rest needs; stiffness- proportional damping beta K (Kelvin-Voigt) stands for the loss of real foams [B96, Sec.
+9.3.3].
 
 [B96] Bathe: Finite Element Procedures, Prentice Hall 1996.
 """
@@ -14,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from solver.coarse import build_coarse
 from solver.config import SolverConfig
 from solver.contact import ContactQuery, Contacts
 from solver.errors import UnstableStep
@@ -62,6 +64,7 @@ class Stepper:
         self.deformation = np.zeros((particles, 9))
         self.volume_ratio = np.ones(particles)
         self.energy = np.zeros(particles)
+        self.coarse = build_coarse(soft) if len(soft.bodies) else None
         self.stencil_rest: NDArray[np.float64] | None = None
         self.frame_bodies = [
             i for i, b in enumerate(model.bodies) if not b.fixed and (b.soft is None or (soft.core == i).any())
@@ -106,10 +109,13 @@ class Stepper:
             s.cell_size, s.cell_start, s.local, s.volume, s.mu, s.lam, state.polar, self.deformation, self.cell_tangent
         )
         elastic.gather_tangents(s.node_cell, self.cell_tangent, self.stencil)
+        if self.coarse is not None:
+            self.coarse.refresh(self.cell_tangent)
         self.stencil_rest = state.x.copy()
 
     def advance(self, state: State, dt: float, tolerance: float) -> tuple[State, StepReport]:
-        """The state after `dt` [s], solved to `tolerance` of the weight; raises UnstableStep for a state that is not finite."""
+        """The state after `dt` [s], solved to `tolerance` of the weight; raises UnstableStep for a state that
+        is not finite."""
         before = state.copy()
         after = self._predict(state, dt)
         total, residual, contacts, share = 0, np.inf, None, 1.0
@@ -118,7 +124,7 @@ class Stepper:
             force = self.elastic_forces(after)
             self.refresh_stencil(after)
             contacts = self.query.find(after, before)
-            system = TangentSystem(self.soft, self.stencil, contacts, self.frames(after), dt, self.damping)
+            system = TangentSystem(self.soft, self.stencil, self.coarse, contacts, self.frames(after), dt, self.damping)
             right = self._residual(system, after, before, force, dt)
             previous, residual = residual, self._size(right)
             if not np.isfinite(residual):
@@ -169,8 +175,7 @@ class Stepper:
             angular = turn_between(before.rotation[i], after.rotation[i]) / dt
             frames[f, :3] += system.frames.mass[f] * (gravity - (linear - before.velocity[i]) / dt)
             frames[f, 3:] -= system.frames.inertia[f] @ (angular - before.angular_velocity[i]) / dt
-            for r in system.contacts.rolling:
-                frames[f, 3:] += r.torque if r.a == i else (-r.torque if r.b == i else 0.0)
+        system.add_rolling([r.torque for r in system.contacts.rolling], nodes, frames)
         return system.reduce(nodes, frames)
 
     def _size(self, residual: Vector) -> float:
@@ -205,4 +210,5 @@ class Stepper:
         after.time = before.time + dt
 
     def _story(self, state: State, dt: float, residual: float) -> str:
-        return f"step at t = {state.time:.4f} s, dt = {dt:.2e} s: residual is {residual} of the free weight {self.weight:.3g} N"
+        where = f"step at t = {state.time:.4f} s, dt = {dt:.2e} s"
+        return f"{where}: residual is {residual} of the free weight {self.weight:.3g} N"

@@ -1,7 +1,7 @@
 """The case file of `dcap drop`: its keys, their ranges, and how a mistake in it is reported.
 
-In: a YAML 1.2 file as in docs/formats.md. Out: a checked `Case`. Every key is checked before anything is computed; an unknown
-one is an error that names the nearest known key.
+In: a YAML 1.2 file as in docs/formats.md. Out: a checked `Case`. Every key is checked before anything is computed; an
+unknown one is an error that names the nearest known key.
 """
 
 import difflib

@@ -1,7 +1,7 @@
 """Stage 8, drop: from bodies and a pre-drop pose to the state at rest, or to the reason why there is none.
 
-In: particles (bodies as arrays), the anchor (what was asked) and the intent. Out: `Settled` with verdict `at_rest`, its contacts and
-certificate, or `Infeasible` with the drop's reason code and the same certificate as evidence.
+In: particles (bodies as arrays), the anchor (what was asked) and the intent. Out: `Settled` with verdict `at_rest`,
+its contacts and certificate, or `Infeasible` with the drop's reason code and the same certificate as evidence.
 """
 
 import numpy as np

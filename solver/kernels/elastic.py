@@ -3,9 +3,9 @@
 Symbols: x node positions, X reference positions, F deformation gradient, R its rotation (polar), J = det F, P first
 Piola-Kirchhoff stress, V particle volume, g_a reference gradient of the shape function of local node a.
 
-Fixed-corotated energy [S12, Eq. 3.2]: psi = mu |F - R|^2 + lambda / 2 (J - 1)^2, P = 2 mu (F - R) + lambda (J - 1) cof F.
-The tangent is the positive semi-definite part that warped stiffness keeps [M04]: rotation frozen in the shear term, cof F in the
-volume term. It is exact at F = R.
+Fixed-corotated energy [S12, Eq. 3.2]: psi = mu |F - R|^2 + lambda / 2 (J - 1)^2, P = 2 mu (F - R) + lambda (J - 1)
+cof F. The tangent is the positive semi-definite part that warped stiffness keeps [M04]: rotation frozen in the shear
+term, cof F in the volume term. It is exact at F = R.
 
 [S12] Stomakhin, Howes, Schroeder, Teran: Energetically consistent invertible elasticity. SCA 2012.
 [M04] Mueller, Gross: Interactive virtual materials. Graphics Interface 2004.
@@ -120,7 +120,7 @@ def cell_forces(
             C = cofactor(F)
             J = F[0, 0] * C[0, 0] + F[1, 0] * C[1, 0] + F[2, 0] * C[2, 0]
             Q = load3(R, p)
-            if J > INVERTED:
+            if J > INVERTED:  # noqa: SIM108  a kernel must not evaluate both
                 Q = rotation_by_newton(F)
             else:
                 Q = rotation_by_torque(F, Q)
@@ -163,7 +163,8 @@ def cell_tangents(
     F: ti.types.ndarray(),
     K: ti.types.ndarray(),
 ):
-    """Per cell the 8 x 8 blocks K_ab = sum V [mu (g_a . g_b) I + mu (R g_b)(R g_a)^T + lambda (C g_a)(C g_b)^T], C = cof F."""
+    """Per cell the 8 x 8 blocks K_ab = sum V [mu (g_a . g_b) I + mu (R g_b)(R g_a)^T + lambda (C g_a)(C g_b)^T],
+    C = cof F."""
     for c in range(cell_size.shape[0]):
         h = vec3(cell_size[c, 0], cell_size[c, 1], cell_size[c, 2])
         for a in range(8):
@@ -197,7 +198,8 @@ def cell_tangents(
 
 @ti.kernel
 def gather_tangents(node_cell: ti.types.ndarray(), K: ti.types.ndarray(), A: ti.types.ndarray()):
-    """Rows of the global tangent on the 27-point stencil: A[n, slot] sums the cell blocks that couple node n to that neighbour."""
+    """Rows of the global tangent on the 27-point stencil: A[n, slot] sums the cell blocks that couple node n to
+    that neighbour."""
     for n in range(node_cell.shape[0]):
         for s in range(27):
             for d in range(9):
@@ -226,3 +228,40 @@ def multiply(neighbour: ti.types.ndarray(), A: ti.types.ndarray(), p: ti.types.n
                 total[2] += A[n, s, 6] * p0 + A[n, s, 7] * p1 + A[n, s, 8] * p2
         for d in ti.static(range(3)):
             q[n, d] = total[d]
+
+
+@ti.kernel
+def coarse_tangents(
+    start: ti.types.ndarray(),
+    member: ti.types.ndarray(),
+    K: ti.types.ndarray(),
+    W: ti.types.ndarray(),
+    scratch: ti.types.ndarray(),
+    out: ti.types.ndarray(),
+):
+    """Galerkin tangents of coarse cells: out[C, A, B] = sum over fine cells and their nodes a, b of W_aA K_ab W_bB.
+
+    member lists the fine cells of each coarse cell, start their ranges; W (c, 8, 8) are the coarse shape values
+    at a cell's nodes.
+    """
+    for row in range(out.shape[0] * 8):
+        C, A = row // 8, row % 8
+        for B in range(8):
+            for d in range(9):
+                out[C, A, B, d] = 0.0
+        for m in range(start[C], start[C + 1]):
+            c = member[m]
+            for b in range(8):
+                for d in range(9):
+                    scratch[row, b, d] = 0.0
+                for a in range(8):
+                    w = W[c, a, A]
+                    if w != 0.0:
+                        for d in range(9):
+                            scratch[row, b, d] += w * K[c, a, b, d]
+            for B in range(8):
+                for b in range(8):
+                    w = W[c, b, B]
+                    if w != 0.0:
+                        for d in range(9):
+                            out[C, A, B, d] += w * scratch[row, b, d]

@@ -1,8 +1,10 @@
-"""One contact query for rigid and soft bodies: where is a world point in a body's start pose, and how far from its surface.
+"""One contact query for rigid and soft bodies: where is a world point in a body's start pose, and how far from its
+surface.
 
-The signed distance is read from grid samples with quadratic B-splines, which makes the gap and its normal continuous; a plane is
-reproduced exactly, a curved surface is offset by spacing^2 / 8 times the sum of its principal curvatures [U99, uniform B-spline smoothing].
-For a soft body the deformation map is inverted by Newton on its trilinear grid map, warm-started where the point was before.
+The signed distance is read from grid samples with quadratic B-splines, which makes the gap and its normal continuous;
+a plane is reproduced exactly, a curved surface is offset by spacing^2 / 8 times the sum of its principal curvatures
+[U99, uniform B-spline smoothing]. For a soft body the deformation map is inverted by Newton on its trilinear grid
+map, warm-started where the point was before.
 
 [U99] Unser: Splines, a perfect fit for signal and image processing. IEEE Signal Processing Magazine 16(6), 1999.
 """
@@ -80,7 +82,8 @@ def query_rigid(
     gap: ti.types.ndarray(),
     normal: ti.types.ndarray(),
 ):
-    """Gap and outward world normal of a rigid body at the candidate points; material_point is the point in its start pose."""
+    """Gap and outward world normal of a rigid body at the candidate points; material_point is the point in its
+    start pose."""
     Q = mat3(0.0)
     c, c0, o = vec3(0.0), vec3(0.0), vec3(0.0)
     for i in ti.static(range(3)):
@@ -113,7 +116,8 @@ def average_deformation(
 ):
     """Deformation gradient at the listed nodes, averaged over the cells around each: continuous when interpolated.
 
-    The gradient itself jumps at cell faces; a contact normal pushed forward with it would jump too and Newton would cycle.
+    The gradient itself jumps at cell faces; a contact normal pushed forward with it would jump too and Newton
+    would cycle.
     """
     for m in range(nodes.shape[0]):
         node = nodes[m]
@@ -154,9 +158,11 @@ def query_soft(
     cell: ti.types.ndarray(),
     weight: ti.types.ndarray(),
 ):
-    """The same for a soft body: invert x(X) from the given guess, push the normal forward with F^-T, rescale the gap by 1 / |F^-T N|.
+    """The same for a soft body: invert x(X) from the given guess, push the normal forward with F^-T, rescale the
+    gap by 1 / |F^-T N|.
 
-    cell[m] is the global cell that holds the material point (-1: the map could not be inverted there), weight its 8 shape values.
+    cell[m] is the global cell that holds the material point (-1: the map could not be inverted there), weight its
+    8 shape values.
     """
     o = vec3(0.0)
     for d in ti.static(range(3)):

@@ -1,0 +1,198 @@
+"""A coarse space for the conjugate gradients: few trilinear modes per soft body, and the moving frames.
+
+Block-Jacobi alone is slow in exactly the modes that matter here: a stiff light body that moves as a whole, a slab
+that gives way under a ball. The coarse space holds them: trilinear functions on a lattice of at most four cells per
+axis over each body's grid (they contain every rigid and affine motion) and the six motions of every frame. It is
+added to block-Jacobi as a second level [T05, Sec. 3]: z = D^-1 r + P (P^T A P)^-1 P^T r, with the exact Galerkin
+product, contacts included.
+
+[T05] Toselli, Widlund: Domain Decomposition Methods. Springer 2005.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import linalg, sparse
+
+from solver.contact import Contacts
+from solver.kernels import elastic
+from solver.soft import SoftBody, SoftSystem, shape_values
+from solver.state import cross_matrix
+
+CELLS_PER_AXIS = 4  # 125 lattice nodes: the dense solve stays far below the cost of one fine product
+SHIFT = 1e-10  # relative diagonal shift that keeps lattice nodes with hardly any material solvable
+
+
+@dataclass(eq=False, slots=True)
+class CoarseSpace:
+    """Constant part: lattices and interpolation, built once."""
+
+    prolong: sparse.csr_matrix
+    """Scalar interpolation P from lattice nodes to fine nodes, zero rows for held and core nodes, shape (n, m)."""
+    inertia: sparse.csr_matrix
+    """P^T M P, shape (m, m)."""
+    cell_node: NDArray[np.int64]
+    """Lattice nodes of each coarse cell, shape (C, 8)."""
+    start: NDArray[np.int32]
+    member: NDArray[np.int32]
+    weight: NDArray[np.float64]
+    """Coarse shape values at each fine cell's nodes, shape (c, 8, 8)."""
+    scratch: NDArray[np.float64]
+    blocks: NDArray[np.float64]
+    stiffness: NDArray[np.float64]
+    """P^T K P of the elastic tangent, shape (3 m, 3 m)."""
+
+    @property
+    def count(self) -> int:
+        """Number of lattice nodes."""
+        return int(self.prolong.shape[1])
+
+    def refresh(self, cell_tangent: NDArray[np.float32]) -> None:
+        """Rebuild the elastic Galerkin product from the fine cells' tangents."""
+        elastic.coarse_tangents(self.start, self.member, cell_tangent, self.weight, self.scratch, self.blocks)
+        m = self.count
+        dense = np.zeros((m, m, 3, 3))
+        rows, columns = np.repeat(self.cell_node, 8, axis=1), np.tile(self.cell_node, (1, 8))
+        np.add.at(dense, (rows.ravel(), columns.ravel()), self.blocks.reshape(-1, 3, 3))
+        self.stiffness = dense.transpose(0, 2, 1, 3).reshape(3 * m, 3 * m)
+
+
+def build_coarse(soft: SoftSystem) -> CoarseSpace:
+    """Lay a lattice over every soft body."""
+    node_rows, node_columns, node_values = [], [], []
+    cell_node, members, weights = [], [], np.zeros((len(soft.cell_node), 8, 8))
+    offset = 0
+    free = ~(soft.held | (soft.core >= 0))
+    for body in soft.bodies:
+        planes, lattice_shape = _lattice(body)
+        nodes = np.arange(body.nodes.start, body.nodes.stop)
+        corner, local = _position(planes, soft.rest[nodes])
+        index = _corners(corner, lattice_shape) + offset
+        values = shape_values(local) * free[nodes][:, None]
+        node_rows.append(np.repeat(nodes, 8))
+        node_columns.append(index.ravel())
+        node_values.append(values.ravel())
+        fine = body.cell_id[body.cell_id >= 0]
+        middle = soft.rest[soft.cell_node[fine]].mean(axis=1)
+        home, _ = _position(planes, middle)
+        low = np.stack([p[home[:, a]] for a, p in enumerate(planes)], axis=1)
+        size = np.stack([np.diff(p)[home[:, a]] for a, p in enumerate(planes)], axis=1)
+        inside = (soft.rest[soft.cell_node[fine]] - low[:, None]) / size[:, None]
+        weights[fine] = shape_values(inside.reshape(-1, 3)).reshape(-1, 8, 8) * free[soft.cell_node[fine]][:, :, None]
+        used, group = np.unique(
+            np.ravel_multi_index(tuple(home.T), tuple(s - 1 for s in lattice_shape)), return_inverse=True
+        )
+        cell_node.append(
+            _corners(np.stack(np.unravel_index(used, tuple(s - 1 for s in lattice_shape)), axis=1), lattice_shape)
+            + offset
+        )
+        members += [fine[group == g] for g in range(len(used))]
+        offset += int(np.prod(lattice_shape))
+    prolong = sparse.csr_matrix(
+        (np.concatenate(node_values), (np.concatenate(node_rows), np.concatenate(node_columns))),
+        shape=(len(soft.rest), offset),
+    )
+    keep = np.flatnonzero(np.asarray(abs(prolong).sum(axis=0)).ravel() > 0.0)
+    number = np.full(offset, 0)
+    number[keep] = np.arange(len(keep))
+    coarse_cells = number[np.concatenate(cell_node)]
+    prolong = prolong[:, keep].tocsr()
+    inertia = (prolong.T @ sparse.diags(soft.mass) @ prolong).tocsr()
+    counts = np.array([len(m) for m in members])
+    return CoarseSpace(
+        prolong,
+        inertia,
+        coarse_cells,
+        np.concatenate([[0], np.cumsum(counts)]).astype(np.int32),
+        np.concatenate(members).astype(np.int32),
+        weights,
+        np.zeros((8 * len(members), 8, 9)),
+        np.zeros((len(members), 8, 8, 9)),
+        np.zeros((3 * len(keep), 3 * len(keep))),
+    )
+
+
+def _lattice(body: SoftBody) -> tuple[list[NDArray[np.float64]], tuple[int, int, int]]:
+    """Every k-th plane of the body's grid, so that each fine cell lies in one coarse cell."""
+    planes = []
+    for p in body.planes:
+        cells = len(p) - 1
+        picks = np.unique(np.rint(np.linspace(0, cells, min(cells, CELLS_PER_AXIS) + 1)).astype(int))
+        planes.append(p[picks])
+    return planes, (len(planes[0]), len(planes[1]), len(planes[2]))
+
+
+def _position(
+    planes: list[NDArray[np.float64]], points: NDArray[np.float64]
+) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Coarse cell (n, 3) and local coordinates (n, 3) of points."""
+    index = np.stack(
+        [np.clip(np.searchsorted(p, points[:, a], side="right") - 1, 0, len(p) - 2) for a, p in enumerate(planes)],
+        axis=1,
+    )
+    low = np.stack([p[index[:, a]] for a, p in enumerate(planes)], axis=1)
+    size = np.stack([np.diff(p)[index[:, a]] for a, p in enumerate(planes)], axis=1)
+    return index, (points - low) / size
+
+
+def _corners(index: NDArray[np.int64], shape: tuple[int, int, int]) -> NDArray[np.int64]:
+    """Flat lattice nodes of coarse cells, local order 4 i + 2 j + k, shape (n, 8)."""
+    return np.stack([np.ravel_multi_index(tuple((index + o).T), shape) for o in np.ndindex(2, 2, 2)], axis=1)
+
+
+class CoarseSolve:
+    """The dense Galerkin matrix of one Newton step, factorised."""
+
+    def __init__(
+        self,
+        space: CoarseSpace,
+        contacts: Contacts,
+        sides: list[tuple[int, NDArray[np.int64], NDArray[np.float64], float]],
+        frame_blocks: NDArray[np.float64],
+        stiffness_scale: float,
+        dt: float,
+    ) -> None:
+        self.space = space
+        m, frames = space.count, len(frame_blocks)
+        matrix = np.zeros((3 * m + 6 * frames, 3 * m + 6 * frames))
+        matrix[: 3 * m, : 3 * m] = stiffness_scale * space.stiffness
+        inertia = space.inertia.toarray() / dt**2
+        for axis in range(3):
+            matrix[axis : 3 * m : 3, axis : 3 * m : 3] += inertia
+        for f in range(frames):
+            at = slice(3 * m + 6 * f, 3 * m + 6 * f + 6)
+            matrix[at, at] += frame_blocks[f]
+        if len(contacts.a):
+            jacobian = self._jacobian(contacts, sides, frames)
+            tangent = sparse.block_diag(list(contacts.tangent), format="csr")
+            matrix += (jacobian.T @ tangent @ jacobian).toarray()
+        diagonal = np.diagonal(matrix)
+        matrix[np.diag_indices(len(matrix))] += SHIFT * diagonal.max() + np.where(diagonal > 0.0, 0.0, 1.0)
+        self.factor = linalg.cho_factor(matrix, lower=True, overwrite_a=True, check_finite=False)
+
+    def _jacobian(
+        self,
+        contacts: Contacts,
+        sides: list[tuple[int, NDArray[np.int64], NDArray[np.float64], float]],
+        frames: int,
+    ) -> sparse.csr_matrix:
+        """Relative displacement of the contact points (3 k) from the coarse unknowns."""
+        count = len(contacts.a)
+        parts = [sparse.kron(contacts.gather @ self.space.prolong, sparse.eye(3), format="csr")]
+        if frames:
+            dense = np.zeros((count, 3, frames, 6))
+            for f, points, arm, sign in sides:
+                dense[points, :, f, :3] += sign * np.eye(3)
+                dense[points, :, f, 3:] -= sign * cross_matrix(arm)
+            parts.append(sparse.csr_matrix(dense.reshape(3 * count, 6 * frames)))
+        return sparse.hstack(parts, format="csr")
+
+    def apply(
+        self, nodes: NDArray[np.float64], frames: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """P (P^T A P)^-1 P^T of a residual."""
+        right = np.concatenate([np.asarray(self.space.prolong.T @ nodes).ravel(), frames.ravel()])
+        y = linalg.cho_solve(self.factor, right, check_finite=False)
+        split = 3 * self.space.count
+        return np.asarray(self.space.prolong @ y[:split].reshape(-1, 3)), y[split:].reshape(-1, 6)
