@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import ConvexHull, QhullError, cKDTree
+from scipy.spatial import ConvexHull, cKDTree
 
 from scene.errors import GeometryError
 from scene.mesh import Mesh
@@ -26,6 +26,8 @@ MOST_POSES = 24
 """More poses than that are those of a ball or a pebble, where one is as good as another [-]."""
 LEAST_SHARE = 0.004
 """Poses with less than this share of all directions are left out [-]."""
+SHEET = 1e-4
+"""Half thickness given to a flat mesh over its largest extent [-]."""
 SYMMETRY_SAMPLES = 4000
 SYMMETRY_TOLERANCE = 0.025
 """Mean distance between surface and turned surface over the radius that counts as equal [-]; scans have 0.01."""
@@ -81,16 +83,23 @@ def stable_poses(mesh: Mesh) -> list[StablePose]:
     """Stable poses, most probable first; at least one."""
     center = center_of_mass(mesh)
     points = mesh.vertices[np.unique(mesh.faces)] - center
-    try:
-        hull = ConvexHull(points)
-    except QhullError:  # flat: the hull has no inside
-        hull = ConvexHull(points, qhull_options="QJ")
+    hull = ConvexHull(with_thickness(points))
+    points = hull.points
     normal, offset = hull.equations[:, :3], -hull.equations[:, 3]
     corners = points[hull.simplices]
     rest = ends_of_tipping(normal, offset, corners, hull.neighbors)
     share = np.bincount(rest, solid_angles(corners), len(normal)) / (4.0 * np.pi)
     area = 0.5 * np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
     return merged(normal, np.maximum(offset, 0.0), share, area)
+
+
+def with_thickness(points: Array) -> Array:
+    """The points, or, if they lie in a plane, the points moved to both sides of it by a little [m], shape (n, 3)."""
+    _, extents, axes = np.linalg.svd(points - points.mean(axis=0), full_matrices=False)
+    if extents[2] > 1e-6 * extents[0]:
+        return points
+    shift = SHEET * float(np.ptp(points, axis=0).max()) * axes[2]
+    return np.concatenate([points + shift, points - shift])
 
 
 def ends_of_tipping(normal: Array, offset: Array, corners: Array, neighbors: NDArray[np.int32]) -> NDArray[np.int64]:
@@ -109,11 +118,9 @@ def ends_of_tipping(normal: Array, offset: Array, corners: Array, neighbors: NDA
     worst = np.argmax(beyond, axis=1)
     unstable = beyond[np.arange(count), worst] > 1e-9 * max(float(offset.max()), 1e-30)
     across = neighbors[np.arange(count), worst].astype(np.int64)
-    # tipping lowers the centre: a neighbour that is not lower is a rounding tie between coplanar faces
-    lower = offset[across] < offset - 1e-12 * max(float(offset.max()), 1e-30)
+    # tipping lowers the centre, or stays level on the way to another triangle of the same side
+    lower = offset[across] < offset + 1e-9 * max(float(offset.max()), 1e-30)
     following[unstable & lower] = across[unstable & lower]
-    flat = unstable & ~lower
-    following[flat] = np.where(np.arange(count)[flat] < across[flat], across[flat], np.arange(count)[flat])
     for _ in range(count.bit_length() + 1):
         following = following[following]
     return following
@@ -173,9 +180,9 @@ def about_z(angle: float) -> Array:
 
 
 def symmetry_about_z(mesh: Mesh) -> int:
-    """Order of the rotational symmetry about the vertical through its middle: 0 any angle, n for n-fold, 1 for none."""
+    """Order of the rotational symmetry about the vertical through its centroid: 0 any angle, n n-fold, 1 none."""
     points = surface_points(mesh, SYMMETRY_SAMPLES)
-    points = points - (*(0.5 * (points.min(axis=0) + points.max(axis=0)))[:2], 0.0)
+    points = points - np.array([*points.mean(axis=0)[:2], 0.0])
     radius = float(np.linalg.norm(points[:, :2], axis=1).max())
     if radius == 0.0:
         return 0
