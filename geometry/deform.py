@@ -41,6 +41,13 @@ def displaced(
     return Mesh(vertices, fine.faces, fine.colors), origin
 
 
+def following(mesh: Mesh, surface: Mesh, displacement: NDArray[np.float64]) -> Mesh:
+    """A mesh that moves with the nearest points of a simulated surface: the picture's surface of a simplified body."""
+    start = Mesh(surface.vertices - displacement, surface.faces, surface.colors)
+    moved = mesh.vertices + interpolated(start, displacement, mesh.vertices, close=np.inf)
+    return Mesh(moved, mesh.faces, mesh.colors)
+
+
 def edge_lengths(mesh: Mesh) -> NDArray[np.float64]:
     """Longest edge of each face [m], shape (m,)."""
     corner = mesh.triangles
@@ -65,8 +72,10 @@ def refined(
     return mesh, origin
 
 
-def interpolated(start: Mesh, displacement: NDArray[np.float64], points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Displacement at points (n, 3): that of the nearest surface point, fading out beyond CLOSE."""
+def interpolated(
+    start: Mesh, displacement: NDArray[np.float64], points: NDArray[np.float64], close: float = CLOSE
+) -> NDArray[np.float64]:
+    """Displacement at points (n, 3): that of the nearest surface point, fading out beyond `close` [m]."""
     shift = start.bounds.mean(axis=0)
     scene = open3d.t.geometry.RaycastingScene()
     scene.add_triangles(tensor(start.vertices - shift, np.float32), tensor(start.faces, np.uint32))
@@ -75,5 +84,5 @@ def interpolated(start: Mesh, displacement: NDArray[np.float64], points: NDArray
     u, v = found["primitive_uvs"].numpy().astype(np.float64).T
     weight = np.stack([1.0 - u - v, u, v], axis=1)
     distance = np.linalg.norm(found["points"].numpy() + shift - points, axis=1)
-    fade = np.clip((FAR - distance) / (FAR - CLOSE), 0.0, 1.0)
+    fade = np.clip(1.0 - (distance - close) / (FAR - CLOSE), 0.0, 1.0)
     return np.asarray(fade[:, None] * np.einsum("nk,nki->ni", weight, displacement[corner]))

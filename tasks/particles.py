@@ -79,8 +79,8 @@ class ParticlesConfig(BaseModel, frozen=True, extra="forbid"):
     """A soft part seen only as a sheet is at least this thick [m]."""
     shell: PositiveFloat = 0.03
     """Thickness of a rigid sheet [m]."""
-    rigid_vertices: PositiveInt = 6000
-    """Contact points of a rigid object; a finer mesh is simplified."""
+    contact_vertices: PositiveInt = 6000
+    """Contact points of the object; a finer mesh is simplified for the drop, pictures keep the fine one."""
 
 
 @dataclass(eq=False, slots=True)
@@ -192,7 +192,7 @@ def object_body(s: Scenario, foot: Footprint, contact_cell: float) -> tuple[Simu
     rigid = all(rows[p].model is Model.RIGID for p in used)
     size = float(np.linalg.norm(np.ptp(s.mesh.vertices, axis=0)))
     field_ = MeshDistance(s.mesh)
-    grid = body_grid(field_, s.mesh.bounds, min(contact_cell / 3.0, size / 80.0), 0.01, s.config)
+    grid = body_grid(field_, s.mesh.bounds, min(contact_cell / 3.0, size / 140.0), 0.01, s.config)
     touching = rows[int(part_of_face[foot.face_nearest])]
     note_friction(s, "object", touching, len(used))
     if rigid:
@@ -204,15 +204,21 @@ def object_body(s: Scenario, foot: Footprint, contact_cell: float) -> tuple[Simu
 
 def contact_surface(s: Scenario, foot: Footprint, cell: float) -> Mesh:
     """Surface of a rigid object: finer where it will touch, coarser where it has more points than contact needs."""
-    mesh = simplified(s.mesh, s.config.rigid_vertices)
-    if mesh is not s.mesh:
-        s.notes.append(
-            f"object: contact surface simplified from {len(s.mesh.vertices)} to {len(mesh.vertices)} vertices"
-        )
+    mesh = simplified_item(s)
     reach = 0.3 * (foot.high - foot.low) + foot.depth
     return subdivide_near(
         mesh, np.stack([foot.low - reach, foot.high + reach]), max(cell, foot.small_side / 24.0, 1e-3)
     )
+
+
+def simplified_item(s: Scenario) -> Mesh:
+    """The object's surface with as many vertices as contact needs."""
+    mesh = simplified(s.mesh, s.config.contact_vertices)
+    if mesh is not s.mesh:
+        s.notes.append(
+            f"object: contact surface simplified from {len(s.mesh.vertices)} to {len(mesh.vertices)} vertices"
+        )
+    return mesh
 
 
 def rigid_mass(
@@ -290,9 +296,8 @@ def soft_object(
     natural, _, _ = moments(position, volume * density)
     density = density * (authoritative_mass(s, natural) / natural)
     mass, center, inertia = moments(position, volume * density)
-    surface = subdivide_near(
-        s.mesh, s.mesh.bounds, max(cells.size, float(np.ptp(s.mesh.vertices, axis=0).max()) / 120.0)
-    )
+    edge = max(cells.size, float(np.ptp(s.mesh.vertices, axis=0).max()) / 100.0)
+    surface = subdivide_near(simplified_item(s), s.mesh.bounds, edge)
     body = rigid_body("object", "object", False, surface, grid, touching)
     return replace(
         body, rigid=False, mass=mass, center_of_mass=center, inertia=inertia, particle_position=position,

@@ -16,7 +16,7 @@ from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation as Turn
 
 from geometry.cutaway import cut_faces
-from geometry.deform import displaced
+from geometry.deform import displaced, following
 from geometry.picture import Camera, picture, pixel_centers, seen_meshes
 from geometry.raycast import Raycaster
 from scene.anchor import Anchor
@@ -104,12 +104,12 @@ def photograph(meshes: list[Mesh], camera: Camera, config: RenderConfig) -> NDAr
 
 
 def settled_item(item: Segmentation, anchor: Anchor, body: SettledBody) -> Mesh:
-    """The object at rest: its own mesh where it moved as a whole, else the deformed surface."""
+    """The object at rest: its own mesh, moved as a whole or following the deformed surface."""
     turn = Turn.from_quat(body.quaternion, scalar_first=True).as_matrix()
     start = body.surface.vertices - body.displacement
     moved = start @ turn.T + body.position
     if np.abs(moved - body.surface.vertices).max() > RIGID_TOLERANCE:
-        return body.surface
+        return following(item.mesh.transformed(anchor.world_from_object), body.surface, body.displacement)
     world_from_start = np.eye(4)
     world_from_start[:3, :3], world_from_start[:3, 3] = turn, body.position
     return item.mesh.transformed(world_from_start @ anchor.world_from_object)
