@@ -83,14 +83,10 @@ def dataset_samples(dataset: Path | None, limit: int | None) -> tuple[Path, list
 
 
 def ensure_dataset(folder: Path, seed: int) -> Path:
-    """Generate rooms and objects if this seed's are not there whole."""
+    """Generate the embedded rooms and objects that are not there whole."""
     from flows.dataset import make_dataset
 
-    mark = folder / "rooms" / ".complete.json"
-    wanted = json.dumps({"seed": seed})
-    if not (mark.is_file() and mark.read_text() == wanted):
-        make_dataset(folder, seed)
-        mark.write_text(wanted)
+    make_dataset(folder, seed)
     return folder
 
 
