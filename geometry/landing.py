@@ -33,6 +33,8 @@ SAMPLES = 24
 """Samples along the object's shorter horizontal side [-]."""
 FINEST, COARSEST = 0.003, 0.025
 """Limits of the sampling distance [m]."""
+TALLEST = 0.6
+"""What rises higher than this over the start is not looked into [m]; keeps ceilings out."""
 MOST_SAMPLES = 600_000
 """Rays for one surface; larger ones are sampled more coarsely."""
 BATCH = 256
@@ -74,7 +76,7 @@ class Landing:
         self.cell = max(cell, float(np.sqrt(area / MOST_SAMPLES)))
         self.top = float(high[2]) + self.height + HEADROOM
         self._sample_item(item)
-        reach = np.abs(item.bounds[:, :2]).max(axis=0) + 2 * self.cell
+        reach = np.abs(item.bounds[:, :2]).max(axis=0) + 4 * self.cell
         self.origin = low[:2] - reach
         self.count = np.ceil((high[:2] + reach - self.origin) / self.cell).astype(int) + 1
 
@@ -92,6 +94,7 @@ class Landing:
         self.offset = np.c_[i[hit], j[hit]]
         self.under = start[hit, 2] + hits.distance[hit]
         self.lowest = self.under <= self.under.min() + max(LOWEST * self.height, 0.004)
+        self.around, self.around_under = widened(self.offset, self.under)
 
     @cached_property
     def surface(self) -> tuple[Array, NDArray[np.bool_]]:
@@ -104,11 +107,16 @@ class Landing:
         support = np.zeros(i.size, dtype=bool)
         support[hit] = self.is_support[hits.face[hit]]
         upward = hits.normal[:, 2] >= 0
-        # a face seen from behind: the ray began inside something; where the support itself is wound so, nothing is said
+        # where the support itself is wound the wrong way round, normals say nothing
         if support.any() and upward[support].mean() > 0.8:
-            height[hit & ~upward & (hits.normal[:, 2] < -0.1)] = np.inf
+            height[hit & (hits.normal[:, 2] < -0.1) | self._inside(start)] = np.inf
             support &= np.isfinite(height)
         return height.reshape(i.shape), support.reshape(i.shape)
+
+    def _inside(self, start: Array) -> NDArray[np.bool_]:
+        """Whether a ray up soon leaves something through a face that looks up: then it began inside, shape (n,)."""
+        hits = self.caster.cast(start, np.tile([0.0, 0.0, 1.0], (len(start), 1)))
+        return np.asarray((hits.normal[:, 2] > 0.1) & (hits.distance < TALLEST))
 
     def find(self, region: Region, share: float) -> Spot | None:
         """The spot nearest to the region's target that has this much support and nothing in the way."""
@@ -137,7 +145,7 @@ class Landing:
         position = self.origin + self.cell * index
         keep = inside(region.polygon, position, margin=1e-6)
         index, position = index[keep], position[keep]
-        reach = self.offset.min(axis=0), self.offset.max(axis=0)
+        reach = self.around.min(axis=0), self.around.max(axis=0)
         fits = ((index + reach[0] >= 0) & (index + reach[1] < self.count)).all(axis=1)
         index, position = index[fits], position[fits]
         distance = np.linalg.norm(position - region.target, axis=1)
@@ -147,21 +155,36 @@ class Landing:
 
     def _judge(self, index: NDArray[np.int64]) -> tuple[Array, Array, Array]:
         """For each grid point: how much others lift the object [m], the supported share, the origin's height [m]."""
-        height, support = self.surface
-        rows = index[:, :1] + self.offset[:, 0]
-        columns = index[:, 1:] + self.offset[:, 1]
-        below, on = height[rows, columns], support[rows, columns]
+        below, on = self._below(index, self.offset)
         needed = below - self.under
         alone = np.where(on, needed, -np.inf).max(axis=1)
-        everything = needed.max(axis=1)
+        below, own = self._below(index, self.around)
+        others = np.where(own, -np.inf, below - self.around_under).max(axis=1)
         with np.errstate(invalid="ignore"):
-            lift = np.where(np.isfinite(alone), everything - alone, np.inf)
-        return lift, on[:, self.lowest].mean(axis=1), everything
+            lift = np.where(np.isfinite(alone), others - alone, np.inf)
+        return lift, on[:, self.lowest].mean(axis=1), needed.max(axis=1)
+
+    def _below(self, index: NDArray[np.int64], offset: NDArray[np.int64]) -> tuple[Array, NDArray[np.bool_]]:
+        """Height of the surface and whether it is the support, under each offset from each grid point."""
+        height, support = self.surface
+        rows, columns = index[:, :1] + offset[:, 0], index[:, 1:] + offset[:, 1]
+        return height[rows, columns], support[rows, columns]
 
     def start_height(self, spot: Spot) -> float:
         """Height of the origin at which the sampled underside touches [m]."""
         index = np.rint((np.array([[spot.x, spot.y]]) - self.origin) / self.cell).astype(np.int64)
         return float(self._judge(index)[2][0])
+
+
+def widened(offset: NDArray[np.int64], under: Array) -> tuple[NDArray[np.int64], Array]:
+    """The underside one sample wider all around, each sample as low as its lowest neighbour."""
+    low = offset.min(axis=0) - 1
+    grid = np.full(np.ptp(offset, axis=0) + 3, np.inf)
+    grid[tuple((offset - low).T)] = under
+    padded = np.pad(grid, 1, constant_values=np.inf)
+    spread = np.min([padded[i : i + grid.shape[0], j : j + grid.shape[1]] for i in range(3) for j in range(3)], axis=0)
+    where = np.argwhere(np.isfinite(spread))
+    return where + low, spread[tuple(where.T)]
 
 
 def vertical_gap(item: Mesh, item_caster: Raycaster, scene: Mesh, scene_caster: Raycaster, limit: float) -> float:

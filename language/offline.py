@@ -289,7 +289,8 @@ def material_of(question: MaterialQuestion, known: set[str]) -> tuple[str, str]:
         return "acrylic", "a bathtub"
     if name in part_words() and part_words()[name].material in known:
         owned = any(is_a(whole, owner) for owner in part_words()[name].owners)
-        if owned or not whole or is_a(whole, "furniture"):
+        telling = not whole and name not in ("body", "base", "head", "handle", "top", "side")
+        if owned or telling or is_a(whole, "furniture"):
             return part_words()[name].material, f"usual for a part named {name}"
     for one in kinds:
         if one.materials.get("body") in known:
