@@ -10,7 +10,7 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from evaluation.outcome_table import AT_REST, Row
 
 TEMPLATES = Path(__file__).parent / "templates"
-PICTURES = (("clean", "before"), ("settled", "after"), ("closeup", "contact"))
+PICTURES = (("clean", "before"), ("asked", "as asked"), ("settled", "after"), ("closeup", "contact"))
 
 
 @dataclass(frozen=True, slots=True)

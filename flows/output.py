@@ -31,7 +31,8 @@ from scene.store import Ref, Store
 from tasks.render import settled_item, settled_scene
 
 AT_REST = "at_rest"
-PICTURES = ("clean", "settled", "closeup")
+PICTURES = ("clean", "asked", "settled", "closeup")
+OWNED = frozenset({"object.ply", "scene.glb", *(f"{name}.png" for name in PICTURES)})
 GLTF_FROM_WORLD = np.array([[1.0, 0, 0, 0], [0, 0, 1.0, 0], [0, -1.0, 0, 0], [0, 0, 0, 1.0]])
 """glTF wants y up."""
 
@@ -90,8 +91,11 @@ def write_placement(finished: FinishedSample, out: Path) -> dict[str, object]:
     out.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(dir=out, prefix=".writing-") as draft_name:
         draft = Path(draft_name)
-        artifacts = write_geometry(values, draft) | copy_pictures(finished.placement.renders, store, draft)
+        artifacts = write_geometry(values, draft) | copy_pictures(finished, store, draft)
         tree = placement_tree(finished, values, artifacts)
+        (out / "placement.json").unlink(missing_ok=True)
+        for name in OWNED.difference(artifacts.values()):  # of an earlier result in the same folder
+            (out / name).unlink(missing_ok=True)
         for name in artifacts.values():
             os.replace(draft / name, out / name)
         (draft / "placement.json").write_bytes(readable_json(tree))
@@ -258,13 +262,13 @@ def add_node(glb: trimesh.Scene, name: str, mesh: Mesh) -> None:
         glb.add_geometry(shape, node_name=name, geom_name=name, transform=GLTF_FROM_WORLD)
 
 
-def copy_pictures(renders: Ref, store: Store, folder: Path) -> dict[str, str]:
+def copy_pictures(finished: FinishedSample, store: Store, folder: Path) -> dict[str, str]:
     """The pictures as they lie in the store."""
-    if renders.kind != Renders.__name__:
-        return {}
-    for name in PICTURES:
-        shutil.copyfile(store.folder(renders) / f"{name}.png", folder / f"{name}.png")
-    return {name: f"{name}.png" for name in PICTURES}
+    source = store.folder(finished.overview or finished.placement.renders)
+    names = [name for name in PICTURES if (source / f"{name}.png").is_file()]
+    for name in names:
+        shutil.copyfile(source / f"{name}.png", folder / f"{name}.png")
+    return {name: f"{name}.png" for name in names}
 
 
 def result_line(tree: Mapping[str, object]) -> str:

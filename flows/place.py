@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 from pydantic import BaseModel
 
+from scene.outcome import Infeasible
 from scene.readers.frame import Role
 from scene.sample import Sample
 from scene.store import Ref, Store
@@ -12,6 +13,7 @@ from tasks.drop import DropConfig, drop_task
 from tasks.intent import IntentConfig, intent_task
 from tasks.materials import MaterialsConfig, materials_task
 from tasks.mesh import MeshConfig, mesh_task
+from tasks.overview import OverviewConfig, overview_task
 from tasks.particles import ParticlesConfig, particles_task
 from tasks.render import RenderConfig, render_task
 from tasks.rotation import RotationConfig, rotation_task
@@ -31,6 +33,7 @@ class PlaceConfig(BaseModel, frozen=True, extra="forbid"):
     particles: ParticlesConfig = ParticlesConfig()
     drop: DropConfig = DropConfig()
     render: RenderConfig = RenderConfig()
+    overview: OverviewConfig = OverviewConfig()
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,6 +51,14 @@ class Placement:
     particles: Ref
     settled: Ref
     renders: Ref
+
+
+def overlook(placement: Placement, config: PlaceConfig) -> Ref | None:
+    """Pictures of an infeasible placement, from what its stages found; None if it is feasible."""
+    if placement.renders.kind != Infeasible.__name__:
+        return None
+    intent, anchor = (ref if ref.kind != Infeasible.__name__ else None for ref in (placement.intent, placement.anchor))
+    return overview_task(placement.scene, placement.item, intent, anchor, config=config.overview)
 
 
 def place(sample: Sample, config: PlaceConfig) -> Placement:

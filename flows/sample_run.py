@@ -6,10 +6,10 @@ from dataclasses import dataclass
 from functools import cache
 from typing import TYPE_CHECKING
 
-from flows.place import PlaceConfig, Placement, place
+from flows.place import PlaceConfig, Placement, overlook, place
 from scene.errors import DcapError
 from scene.sample import Sample
-from scene.store import Store
+from scene.store import Ref, Store
 from tasks.records import Record, why_not_cached
 from tasks.stage import Conduct, Event, NotCachedError, StageEvent, conducting
 
@@ -62,6 +62,8 @@ class FinishedSample:
 
     sample: Sample
     placement: Placement
+    overview: Ref | None
+    """Pictures of an infeasible placement."""
     records: tuple[tuple[str, Record, bool], ...]
     """(stage, record, computed now) in order."""
 
@@ -98,13 +100,13 @@ def plan_sample(sample: Sample, config: PlaceConfig) -> Plan:
     diary = Diary()
     try:
         with conducting(Conduct(lookup_only=True, on_event=diary)):
-            placement = place(sample, config)
+            placement, overview = placed(sample, config)
     except NotCachedError as missing:
         why = why_not_cached(missing.deciders, Store.default())
         return Plan(sample, stages_of(diary), missing.deciders.stage, why, None)
     except DcapError as error:
         return Plan(sample, stages_of(diary), "mesh", "input", None, in_users_words(str(error), sample))
-    return Plan(sample, stages_of(diary), "", "", FinishedSample(sample, placement, tuple(diary.records)))
+    return Plan(sample, stages_of(diary), "", "", FinishedSample(sample, placement, overview, tuple(diary.records)))
 
 
 def stages_of(diary: Diary) -> tuple[str, ...]:
@@ -124,10 +126,10 @@ def run_sample(
     flow = place_flow().with_options(flow_run_name=sample.id.replace("{", "(").replace("}", ")"))
     try:
         with conducting(Conduct(refresh=refresh, on_event=diary)):
-            placement = flow(sample, config)
+            placement, overview = flow(sample, config)
     except DcapError as error:
         raise type(error)(in_users_words(str(error), sample)) from error
-    return FinishedSample(sample, placement, tuple(diary.records))
+    return FinishedSample(sample, placement, overview, tuple(diary.records))
 
 
 def try_sample(
@@ -146,12 +148,18 @@ def try_sample(
         return FailedSample(sample, one_line(f"{type(error).__name__}: {error}"), 1, traceback.format_exc())
 
 
+def placed(sample: Sample, config: PlaceConfig) -> tuple[Placement, Ref | None]:
+    """Place a sample; if that is infeasible, take pictures of what was asked."""
+    placement = place(sample, config)
+    return placement, overlook(placement, config)
+
+
 @cache
-def place_flow() -> "Flow[[Sample, PlaceConfig], Placement]":
-    """`place` as a Prefect flow; Prefect is imported here, after the server's address is known."""
+def place_flow() -> "Flow[[Sample, PlaceConfig], tuple[Placement, Ref | None]]":
+    """`placed` as a Prefect flow; Prefect is imported here, after the server's address is known."""
     from prefect import Flow
 
-    return Flow(place, name="place", validate_parameters=False, persist_result=False)
+    return Flow(placed, name="place", validate_parameters=False, persist_result=False)
 
 
 def in_users_words(message: str, sample: Sample) -> str:

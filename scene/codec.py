@@ -28,7 +28,7 @@ from scene.materials import Material, PartMaterial, PartMaterials
 from scene.mesh import Mesh
 from scene.outcome import Infeasible
 from scene.particles import DistanceGrid, Particles, SimulationBody
-from scene.renders import Renders
+from scene.renders import Overview, Renders
 from scene.rotation import Rotation
 from scene.sample import Sample, SourceOptions
 from scene.scan import LabelBox, Room, Scan
@@ -46,7 +46,7 @@ KINDS: dict[str, type] = {
     one.__name__: one
     for one in (
         Anchor, DistanceGrid, Infeasible, Instance, Intent, LabelBox, Material, Mesh, OrientationRequest, OrientedBox,
-        Part, Particles, PartMaterial, PartMaterials, RegionRequest, Renders, Room, Rotation, Sample, Scan,
+        Overview, Part, Particles, PartMaterial, PartMaterials, RegionRequest, Renders, Room, Rotation, Sample, Scan,
         Segmentation, Settled, SettledBody, SimulationBody, SourceOptions,
     )
 }  # fmt: skip

@@ -20,3 +20,13 @@ class Renders:
     """Share of the object's pixels not hidden by the scene in the settled view, 0..1."""
     camera_position: NDArray[np.float64]
     camera_target: NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Overview:
+    """What an infeasible placement was about: the scene, and the object where it should have gone if that is known."""
+
+    clean: NDArray[np.uint8]
+    """The scene, (h, w, 3)."""
+    asked: NDArray[np.uint8] | None
+    """The scene with the object at its pre-drop pose, same camera, (h, w, 3); None if no stage got that far."""

@@ -15,7 +15,19 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 PACKAGES = frozenset({"flows", "tasks", "solver", "scene", "geometry", "language", "evaluation"})
-MACHINERY = frozenset({"tasks.stage", "tasks.stage_process", "tasks.source_digest", "tasks.records", "tasks.file_lock"})
+MACHINERY = frozenset(
+    {
+        "scene.codec",
+        "scene.settings",
+        "scene.source_files",
+        "scene.store",
+        "tasks.file_lock",
+        "tasks.records",
+        "tasks.source_digest",
+        "tasks.stage",
+        "tasks.stage_process",
+    }
+)
 """Modules that carry results but do not decide them."""
 DATA_SUFFIXES = frozenset({".csv", ".yaml", ".yml", ".json", ".j2", ".txt", ".toml"})
 DATA_FOLDERS = frozenset({"prompts"})

@@ -132,6 +132,10 @@ def test_a_benchmark_from_cold_to_warm(
         "placement.json", "object.ply", "scene.glb", "clean.png", "settled.png", "closeup.png",
     }  # fmt: skip
 
+    assert {path.name for path in (run / "samples" / "none").iterdir()} == {
+        "placement.json", "scene.glb", "clean.png",
+    }  # fmt: skip
+
     def refuse() -> None:
         raise AssertionError("a cached sample must not start a server")
 

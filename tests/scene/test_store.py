@@ -22,7 +22,7 @@ from scene.materials import Material, Model, PartMaterial, PartMaterials
 from scene.mesh import Mesh
 from scene.outcome import Infeasible, Reason
 from scene.particles import DistanceGrid, Particles, SimulationBody
-from scene.renders import Renders
+from scene.renders import Overview, Renders
 from scene.rotation import Rotation
 from scene.sample import Sample, SourceOptions
 from scene.scan import LabelBox, Room, Scan
@@ -79,6 +79,7 @@ VALUES = [
     Mesh.of(np.zeros((0, 3)), np.zeros((0, 3))),
     OrientationRequest("upright", "", "upright"),
     a_box(),
+    Overview(a_picture(), None),
     Part("mattress", a_box(), 0.5),
     Particles((a_body(True), a_body(False)), (("object", "3", 0.5, 0.4),), 0.004, ("cropped",)),
     PartMaterial("object", "body", 0, MATERIAL, Model.MPM, "E below 1 GPa"),

@@ -1,0 +1,79 @@
+"""Pictures of an infeasible placement: the scene, and the object where it should have gone.
+
+In: scene and object, and what the stages found before one of them gave up. Out: one or two pictures from one camera.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel, PositiveFloat, PositiveInt
+
+from geometry.cutaway import cut_faces
+from geometry.picture import Camera, picture
+from scene.anchor import Anchor
+from scene.intent import Intent
+from scene.mesh import Mesh
+from scene.renders import Overview
+from scene.segmentation import Segmentation
+from tasks.stage import stage
+
+Array = NDArray[np.float64]
+
+
+class OverviewConfig(BaseModel, frozen=True, extra="forbid"):
+    """How the pictures are taken."""
+
+    size: PositiveInt = 1024
+    """Side of each picture [pixels]."""
+    fov_deg: PositiveFloat = 55.0
+    """Field of view [degrees], as in the other pictures."""
+    elevation_deg: PositiveFloat = 35.0
+    """Height of the camera over the horizon [degrees]: supports are seen from above."""
+    distance_factor: PositiveFloat = 1.5
+    """Camera distance over the diagonal of what is looked at [-]."""
+    scene_factor: PositiveFloat = 0.8
+    """The same if it is the whole scene, whose corners need not be in the picture [-]."""
+
+
+def overview(
+    scene: Segmentation, item: Segmentation, intent: Intent | None, anchor: Anchor | None, config: OverviewConfig
+) -> Overview:
+    """Look at the base if one was found, else at the whole scene."""
+    camera = camera_for(scene, intent, anchor, config)
+    structure = np.array([one.structure for one in scene.instances] + [True])[scene.face_instance]
+    cut = cut_faces(scene.mesh, structure, camera.position, np.asarray(camera.target))
+    shown = scene.mesh.submesh(np.flatnonzero(~cut))
+    asked = None if anchor is None else photograph([shown, item.mesh.transformed(anchor.world_from_object)], camera)
+    return Overview(photograph([shown], camera), asked)
+
+
+def photograph(meshes: list[Mesh], camera: Camera) -> NDArray[np.uint8]:
+    """An sRGB picture."""
+    return picture([mesh for mesh in meshes if len(mesh.faces)], camera).rgb
+
+
+def camera_for(scene: Segmentation, intent: Intent | None, anchor: Anchor | None, config: OverviewConfig) -> Camera:
+    """A camera in front of and above what is looked at."""
+    low, high = scene.mesh.bounds
+    middle, diagonal, factor, front = 0.5 * (low + high), float(np.linalg.norm(high - low)), config.scene_factor, None
+    if intent is not None:
+        base = scene.instances[scene.index_of(intent.base_id)]
+        middle, diagonal, factor, front = base.box.center, base.box.diagonal, config.distance_factor, base.front
+    if anchor is not None:
+        middle = anchor.surface_point
+    toward = horizontal(0.5 * (low + high) - middle) if front is None else front
+    lift = np.radians(config.elevation_deg)
+    way = np.cos(lift) * toward + np.array([0.0, 0.0, np.sin(lift)])
+    return Camera(
+        middle + factor * diagonal * way, middle, fov_deg=config.fov_deg, width=config.size, height=config.size
+    )
+
+
+def horizontal(direction: Array) -> Array:
+    """Horizontal unit vector along a direction; the viewer's side (-y) if it has no horizontal part."""
+    length = float(np.linalg.norm(direction[:2]))
+    if length < 1e-6:
+        return np.array([0.0, -1.0, 0.0])
+    return np.array([direction[0], direction[1], 0.0]) / length
+
+
+overview_task = stage(overview)
