@@ -280,7 +280,7 @@ def _skirting(room: Room, wall: str, openings: Sequence[Opening]) -> list[Mesh]:
     boards = []
     for start, end in zip(stops[::2], stops[1::2], strict=True):
         if end - start > 0.05:
-            middle = Opening(wall, (start + end) / 2, end - start, 0.0, 0.09, "SKIRTING")
+            middle = Opening(wall, (start + end) / 2, end - start, -0.006, 0.09, "SKIRTING")
             board = painted(rounded_box((end - start, 0.024, 0.09), 0.005, 0.10), (248, 247, 243), variation=0.005)
             boards.append(_in_wall(room, middle, board))
     return boards

@@ -24,7 +24,7 @@ ROUGH_NOISE = 0.0004
 """... of the short-waved one [m]."""
 FINE_NOISE = 0.0002
 """... of the independent one per vertex [m]."""
-SHEET_NOISE = 0.05
+SHEET_NOISE = 0.02
 """Share of the noise on walls, floor and ceiling: large planes come out flatter [-]."""
 HOLE_COUNT = 9
 HOLE_RADIUS = (0.012, 0.03)
