@@ -362,8 +362,7 @@ def contact_pairs(model: Model, soft: SoftSystem, config: SolverConfig, gravity:
                 stiffness = np.full(len(area), load / (3.0 * config.penetration_target))
             else:
                 cell, modulus = softest(one, two)
-                area = np.minimum(area, cell**2)
-                stiffness = CELL_STIFFNESS * modulus / cell * area
+                stiffness = CELL_STIFFNESS * modulus / cell * np.minimum(area, cell**2)
             mu_s, mu_d = model.friction(one, two)
             points = len(one.vertices)
             pairs.append(
@@ -383,9 +382,9 @@ def contact_pairs(model: Model, soft: SoftSystem, config: SolverConfig, gravity:
 
 
 def softest(one: Body, two: Body) -> tuple[float, float]:
-    """Smallest cell [m] and smallest Young's modulus [Pa] of a pair of which at least one is soft."""
+    """Cell under the contact [m] and smallest Young's modulus [Pa] of a pair of which at least one is soft."""
     parts = [b.soft for b in (one, two) if b.soft is not None]
-    cell = min(float(np.diff(p).min()) for s in parts for p in s.planes)
+    cell = min(max(float(np.diff(p).min()) for p in s.planes) for s in parts)
     return cell, min(float(s.youngs_modulus.min()) for s in parts)
 
 

@@ -62,10 +62,12 @@ class Stepper:
         self.cell_tangent = np.zeros((cells, 8, 8, 9), dtype=np.float32)
         self.stencil = np.zeros((nodes, 27, 9), dtype=np.float32)
         self.deformation = np.zeros((particles, 9))
+        self.polar = np.zeros((particles, 9))
         self.volume_ratio = np.ones(particles)
         self.energy = np.zeros(particles)
         self.coarse = build_coarse(soft) if len(soft.bodies) else None
-        self.stencil_rest: NDArray[np.float64] | None = None
+        self.built_for: NDArray[np.float64] | None = None
+        """Deformation gradients that the elastic tangent was built for, shape (p, 9)."""
         self.frame_bodies = [
             i for i, b in enumerate(model.bodies) if not b.fixed and (b.soft is None or (soft.core == i).any())
         ]
@@ -89,6 +91,7 @@ class Stepper:
         f = np.zeros_like(state.x)
         if len(f):
             s = self.soft
+            self.polar = state.polar
             elastic.cell_forces(
                 state.x, s.cell_node, s.cell_size, s.cell_start, s.local, s.volume, s.mu, s.lam, state.polar,
                 self.deformation, self.volume_ratio, self.energy, self.cell_force,
@@ -96,22 +99,22 @@ class Stepper:
             elastic.gather_forces(s.node_cell, self.cell_force, f)
         return f
 
-    def refresh_stencil(self, state: State) -> None:
-        """Rebuild the elastic tangent where the field has moved enough since the last time."""
-        if len(state.x) == 0:
+    def refresh_stencil(self) -> None:
+        """Rebuild the elastic tangent where a particle has strained or turned enough since the last time."""
+        if len(self.deformation) == 0:
             return
-        if self.stencil_rest is not None:
-            moved = np.abs(state.x - self.stencil_rest).max()
-            if moved < self.config.tangent_refresh * self.soft.cell_size.min():
+        if self.built_for is not None:
+            changed = np.abs(self.deformation - self.built_for).max()
+            if changed < self.config.tangent_refresh:
                 return
         s = self.soft
         elastic.cell_tangents(
-            s.cell_size, s.cell_start, s.local, s.volume, s.mu, s.lam, state.polar, self.deformation, self.cell_tangent
+            s.cell_size, s.cell_start, s.local, s.volume, s.mu, s.lam, self.polar, self.deformation, self.cell_tangent
         )
         elastic.gather_tangents(s.node_cell, self.cell_tangent, self.stencil)
         if self.coarse is not None:
             self.coarse.refresh(self.cell_tangent)
-        self.stencil_rest = state.x.copy()
+        self.built_for = self.deformation.copy()
 
     def advance(self, state: State, dt: float, tolerance: float) -> tuple[State, StepReport]:
         """The state after `dt` [s], solved to `tolerance` of the weight; raises UnstableStep for a state that
@@ -122,7 +125,7 @@ class Stepper:
         self.query.seconds = dt
         for count in range(self.config.newton_limit + 1):
             force = self.elastic_forces(after)
-            self.refresh_stencil(after)
+            self.refresh_stencil()
             contacts = self.query.find(after, before)
             system = TangentSystem(self.soft, self.stencil, self.coarse, contacts, self.frames(after), dt, self.damping)
             right = self._residual(system, after, before, force, dt)

@@ -1,4 +1,4 @@
-"""Solver bodies of a physics case: surfaces, signed distances, graded grids and particles, fine where contact is expected."""
+"""Solver bodies of a physics case: surfaces, signed distances, graded grids and particles, fine at the contact."""
 
 from dataclasses import replace
 from pathlib import Path

@@ -31,7 +31,7 @@ class DropConfig(BaseModel, frozen=True, extra="forbid"):
     threads: NonNegativeInt = 0
     """Worker threads, 0: all cores; never changes a result."""
     topple_angle: PositiveFloat = 0.7854
-    """Turn of the object's vertical from its pre-drop direction [rad] that is toppling, where an orientation was asked."""
+    """Turn of the object's vertical from its pre-drop direction that is toppling, where an orientation was asked [rad]."""
     object_share: NonNegativeFloat = 0.5
     """Share of the object's weight that the base must carry for the object to be on it [-]."""
 
