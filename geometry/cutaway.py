@@ -1,6 +1,6 @@
 """Walls and ceilings between a camera and what it looks at: which faces to leave out of the picture.
 
-A structure's face is cut when its plane has the camera on one side and the target on the other. Scans are noisy, so
+A structure's face is cut when its plane has the camera on one side and the target on the other, and a ceiling always. Scans are noisy, so
 planes are snapped to the room's own axes first: one wall is cut or kept as a whole.
 """
 
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scene.mesh import Mesh
 
 LEVEL_COS = 0.7  # a face whose normal is within 45 degrees of the vertical is floor or ceiling
+OVERHEAD = 0.8  # level structure higher than this [m] above the target is ceiling: always open, so that light comes in
 SLACK = 0.02  # a plane nearer than this [m] to the target does not hide it
 
 
@@ -25,7 +26,8 @@ def cut_faces(
     center = mesh.triangles[index].mean(axis=1)
     side = np.einsum("ij,ij->i", normal, target - center)
     other = np.einsum("ij,ij->i", normal, camera - center)
-    cut[index] = (np.abs(side) > SLACK) & (side * other < 0.0)
+    ceiling = (np.abs(normal[:, 2]) > LEVEL_COS) & (center[:, 2] > target[2] + OVERHEAD)
+    cut[index] = ((np.abs(side) > SLACK) & (side * other < 0.0)) | ceiling
     return cut
 
 

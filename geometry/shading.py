@@ -19,9 +19,10 @@ GROUND_COLOR = np.array([1.00, 0.95, 0.88], dtype=np.float32) * 0.26
 FILL_COLOR = np.array([0.95, 0.97, 1.00], dtype=np.float32) * 0.12
 SHEEN = np.float32(0.035)  # a broad, weak highlight: enough to read a curved surface, too little to look like plastic
 SHEEN_POWER = 24.0
+GRAZING = 0.12  # cosine of the angle of incidence below which the key light fades faster than Lambert's law
 LIGHT_RADIUS = 0.10  # tangent of the key light's angular radius: a window-sized source
-KEY_RAYS = 3  # per pixel; a 4 x 4 tile together has 48 different ones
-SKY_RAYS = 4
+KEY_RAYS = 2  # per pixel; a 4 x 4 tile together has 32 different ones
+SKY_RAYS = 3
 TILE = 4
 KEY_REACH = (
     0.9  # shadows are cast from at most this share of the camera's distance: far walls and ceilings let light in
@@ -76,7 +77,9 @@ def shade(surface: Surface, light: Array, key: NDArray[np.float64]) -> Array:
     """Linear colours of surface points; light (n, 2): shares of the key light and of the sky that reach them."""
     normal, toward = surface.smooth, key.astype(np.float32)
     facing = normal @ toward
-    lambert = np.clip((facing + 0.08) / 1.08, 0.0, 1.0)[:, None]  # wraps a little: hides the facets at the terminator
+    facing = np.clip(facing, 0.0, 1.0)
+    # fades in gently: at grazing light the noise of a scan would flicker, and facets would show at the terminator
+    lambert = (facing**2 * np.float32(1.0 + GRAZING) / (facing + np.float32(GRAZING)))[:, None]
     up = (0.5 + 0.5 * normal[:, 2])[:, None]
     ambient = (GROUND_COLOR + (SKY_COLOR - GROUND_COLOR) * up) * light[:, 1:]
     headlight = np.clip(-np.einsum("ij,ij->i", normal, surface.direction), 0.0, 1.0)[:, None]
@@ -94,15 +97,21 @@ def visibility(
     seen = np.flatnonzero(surface.mesh_index >= 0)
     points = surface.take(seen)
     origin = points.position + points.flat * (2e-4 * points.distance + 1e-5)[:, None]
-    tile = tile_index(shape).ravel()[seen]
+    tile, wide = bayer(TILE, shape).ravel()[seen], bayer(2 * TILE, shape).ravel()[seen]
     light = np.ones((len(surface.distance), 2), dtype=np.float32)
-    light[seen, 0] = key_share(caster, origin, points.flat, tile, key, KEY_REACH * reach)
-    light[seen, 1] = sky_share(caster, origin, points.smooth, points.flat, tile, SKY_REACH * reach)
+    light[seen, 0] = key_share(caster, origin, points.flat, tile, wide, key, KEY_REACH * reach)
+    light[seen, 1] = sky_share(caster, origin, points.smooth, points.flat, tile, wide, SKY_REACH * reach)
     return light
 
 
 def key_share(
-    caster: Raycaster, origin: Array, normal: Array, tile: NDArray[np.int64], key: NDArray[np.float64], reach: float
+    caster: Raycaster,
+    origin: Array,
+    normal: Array,
+    tile: NDArray[np.int64],
+    wide: NDArray[np.int64],
+    key: NDArray[np.float64],
+    reach: float,
 ) -> Array:
     """Share of the key light's disc that is not hidden, shape (n,)."""
     side, other = frame(key[None, :])
@@ -113,15 +122,21 @@ def key_share(
         table = key.astype(np.float32) + radius * np.cos(angle) * side + radius * np.sin(angle) * other
         table /= np.linalg.norm(table, axis=1, keepdims=True)
         # the reach varies, so that shadows fade out with distance instead of ending
-        limits = reach * (0.5 + 0.5 * sequence(977 + ray * TILE * TILE + np.arange(TILE * TILE))[0])
+        limits = reach * (0.5 + 0.5 * levels(ray, KEY_RAYS))
         direction = table.astype(np.float32)[tile]
         toward = np.flatnonzero(np.einsum("ij,ij->i", direction, normal) > 0.0)
-        share[toward] += ~caster.occluded(origin[toward], direction[toward], limits[tile[toward]])
+        share[toward] += ~caster.occluded(origin[toward], direction[toward], limits[wide[toward]])
     return np.asarray(share / KEY_RAYS, dtype=np.float32)
 
 
 def sky_share(
-    caster: Raycaster, origin: Array, normal: Array, flat: Array, tile: NDArray[np.int64], reach: float
+    caster: Raycaster,
+    origin: Array,
+    normal: Array,
+    flat: Array,
+    tile: NDArray[np.int64],
+    wide: NDArray[np.int64],
+    reach: float,
 ) -> Array:
     """Cosine-weighted share of the hemisphere that is not hidden; hidden counts less the farther the hider is, (n,)."""
     side, other = frame(normal)
@@ -129,12 +144,12 @@ def sky_share(
     for ray in range(SKY_RAYS):
         u, v = sequence(131 + ray * TILE * TILE + np.arange(TILE * TILE))
         x, y, z = np.sqrt(u) * np.cos(2.0 * np.pi * v), np.sqrt(u) * np.sin(2.0 * np.pi * v), np.sqrt(1.0 - u)
-        limits = reach * sequence(1553 + ray * TILE * TILE + np.arange(TILE * TILE))[1] ** 2
+        limits = reach * levels(ray, SKY_RAYS) ** 2
         direction = x[tile][:, None] * side + y[tile][:, None] * other + z[tile][:, None] * normal
         # mirrored at the face: a shading normal may lean over it
         depth = np.minimum(np.einsum("ij,ij->i", direction, flat), 0.0)
         direction -= 2.0 * depth[:, None] * flat
-        share += ~caster.occluded(origin, direction, limits[tile])
+        share += ~caster.occluded(origin, direction, limits[wide])
     return np.asarray(share / SKY_RAYS, dtype=np.float32)
 
 
@@ -147,10 +162,18 @@ def sequence(index: NDArray[np.int64]) -> tuple[Array, Array]:
     )
 
 
-def tile_index(shape: tuple[int, int]) -> NDArray[np.int64]:
-    """Number 0..15 of each pixel within its 4 x 4 tile, ordered so that neighbours are far apart, shape (h, w)."""
-    order = np.array([[0, 8, 2, 10], [12, 4, 14, 6], [3, 11, 1, 9], [15, 7, 13, 5]])
-    return order[np.arange(shape[0])[:, None] % TILE, np.arange(shape[1])[None, :] % TILE]
+def levels(ray: int, count: int) -> Array:
+    """Evenly spread numbers 0..1 for the 64 pixels of a wide tile, different for each of `count` rays, shape (64,)."""
+    wide = 4 * TILE * TILE
+    return np.asarray((np.arange(wide) * count + ray + 0.5) / (wide * count), dtype=np.float32)
+
+
+def bayer(side: int, shape: tuple[int, int]) -> NDArray[np.int64]:
+    """Number 0 .. side^2 - 1 of each pixel within its tile, neighbours far apart (ordered dithering), shape (h, w)."""
+    order = np.zeros((1, 1), dtype=np.int64)
+    while len(order) < side:
+        order = np.block([[4 * order, 4 * order + 2], [4 * order + 3, 4 * order + 1]])
+    return np.asarray(order[np.arange(shape[0])[:, None] % side, np.arange(shape[1])[None, :] % side])
 
 
 def frame(normal: NDArray[np.floating]) -> tuple[Array, Array]:

@@ -77,6 +77,8 @@ class ParticlesConfig(BaseModel, frozen=True, extra="forbid"):
     """Depth to which a thin part (a blanket) is made of its own material; below is what carries it [m]."""
     least_thickness: PositiveFloat = 0.04
     """A soft part seen only as a sheet is at least this thick [m]."""
+    mass_trust: PositiveFloat = 1.5
+    """Density times volume counts for solid things while it is within this factor of the usual mass [-]."""
     shell: PositiveFloat = 0.03
     """Thickness of a rigid sheet [m]."""
     contact_vertices: PositiveInt = 6000
@@ -259,14 +261,14 @@ def moments(position: Array, mass: Array) -> tuple[float, Array, Array]:
 
 
 def authoritative_mass(s: Scenario, natural: float) -> float:
-    """The object's mass [kg]: what was asked for or known of hollow things, else density times volume."""
+    """The object's mass [kg]: what was given or is usual for hollow things, else density times volume if that is plausible."""
     given = any(note.startswith("mass") and note.endswith("was given") for note in s.intent.notes)
-    if not (s.intent.hollow or given):
-        if not 1 / 3 < natural / s.intent.mass < 3:
-            s.notes.append(f"object: {natural:.3g} kg from its materials, though {s.intent.mass:.3g} kg would be usual")
+    ratio = natural / s.intent.mass
+    if not (s.intent.hollow or given) and 1.0 / s.config.mass_trust <= ratio <= s.config.mass_trust:
         return natural
-    factor = s.intent.mass / natural
-    s.notes.append(f"object: density scaled by {factor:.3g} so that it weighs {s.intent.mass:.3g} kg")
+    s.notes.append(
+        f"object: density scaled by {1.0 / ratio:.3g} so that it weighs {s.intent.mass:.3g} kg, not {natural:.3g} kg"
+    )
     return s.intent.mass
 
 

@@ -30,11 +30,11 @@ def room(yaw: float, noise: float) -> Mesh:
     return Mesh.of(mesh.vertices @ turn.T, mesh.faces)
 
 
-def test_only_the_wall_in_front_and_the_ceiling_below_the_camera_are_cut() -> None:
-    """A camera outside of the south wall, above the ceiling: these two go as a whole, noisy and turned or not."""
+def test_only_the_wall_in_front_and_the_ceiling_are_cut() -> None:
+    """A camera outside of the south wall: it and the ceiling go as a whole, noisy and turned or not."""
     for yaw, noise in ((0.0, 0.0), (0.5, 0.004)):
         turn = np.array([[np.cos(yaw), -np.sin(yaw), 0], [np.sin(yaw), np.cos(yaw), 0], [0, 0, 1]])
-        camera, target = turn @ [2.0, -1.5, 3.2], turn @ [2.0, 2.0, 0.5]
+        camera, target = turn @ [2.0, -1.5, 2.2], turn @ [2.0, 2.0, 0.5]
         mesh = room(yaw, noise)
         cut = cut_faces(mesh, np.ones(len(mesh.faces), dtype=bool), camera, target)
         assert cut.reshape(6, -1).mean(axis=1).tolist() == [0, 1, 1, 0, 0, 0]
