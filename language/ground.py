@@ -11,8 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from language.lexicon import is_a, label_words, thing_of, things
+from language.nouns import Noun
 from language.requests import InstanceView
-from language.sentence import Noun, Place
+from language.sentence import Place
 
 Vector = NDArray[np.float64]
 COLOURS: dict[str, tuple[float, float, float]] = {

@@ -7,7 +7,7 @@ masses follow the size of the mesh. An unknown name keeps the mesh's own size an
 from dataclasses import dataclass
 
 from language.lexicon import Thing, is_a, thing_of, things
-from language.sentence import Noun
+from language.nouns import Noun
 
 GENERIC = frozenset({"toy", "food", "fruit", "clothes", "furniture", "cutlery", "structure", "object"})
 UNKNOWN_DENSITY = 150.0

@@ -23,8 +23,9 @@ from language.ground import (
     stands_on,
 )
 from language.lexicon import inside_parts, lineage, part_words
+from language.nouns import Noun
 from language.requests import InstanceView, IntentRequest
-from language.sentence import SUPPORT, Noun, Place, Reading
+from language.sentence import SUPPORT, Place, Reading
 from scene.errors import LanguageError
 
 BESIDE = {

@@ -12,7 +12,8 @@ def test_library_covers_indoor_life():
     library = load_materials()
     wanted = {
         "foam_mattress", "pillow_polyester", "pillow_down", "towel_stack", "leather", "wood_oak", "steel", "glass",
-        "porcelain", "abs", "rubber_soft", "paper_stack", "cardboard", "granite", "apple", "plush_filling", "foam_latex",
+        "porcelain", "abs", "rubber_soft", "paper_stack", "cardboard", "granite", "apple", "plush_filling",
+        "foam_latex",
     }  # fmt: skip
     assert len(library) >= 80
     assert wanted <= library.keys()
