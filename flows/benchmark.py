@@ -171,7 +171,7 @@ def new_run_folder(dataset: Path, samples: Sequence[Sample], config: PlaceConfig
         suffix += 1
     folder.mkdir(parents=True)
     asked = {
-        "dataset": str(dataset),
+        "dataset": str(dataset.resolve()),
         "started": datetime.now(UTC).isoformat(timespec="seconds"),
         "config": config.model_dump(mode="json"),
         "samples": [asdict(sample) for sample in samples],
