@@ -1,11 +1,15 @@
 """Intent, rotation, anchor and materials on rooms made of boxes, whose answers can be computed by hand."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import trimesh
 
 from geometry.poses import about_z, center_of_mass
 from geometry.raycast import Raycaster
+from language.replies import RotationReply
+from language.requests import FacingView, RotationRequest
 from language.seam import ClientName
 from scene.anchor import Anchor
 from scene.box import OrientedBox
@@ -19,7 +23,7 @@ from scene.segmentation import Instance, Part, Segmentation
 from tasks.anchor import AnchorConfig, anchor
 from tasks.intent import IntentConfig, intent
 from tasks.materials import MaterialsConfig, materials
-from tasks.rotation import RotationConfig, rotation
+from tasks.rotation import RotationConfig, matrix_of, pose_views, rotation
 
 Solid = tuple[str, Mesh]
 SMALL = RotationConfig(picture_size=64)
@@ -118,6 +122,15 @@ def placed(prompt: str, item: Segmentation, room: Segmentation = ROOM) -> tuple[
     return meant, turned, found
 
 
+def oriented(prompt: str, item: Segmentation) -> Rotation:
+    """Intent and rotation only."""
+    meant = intent(ROOM, item, prompt, None, IntentConfig())
+    assert isinstance(meant, Intent)
+    turned = rotation(ROOM, item, meant, prompt, SMALL)
+    assert isinstance(turned, Rotation)
+    return turned
+
+
 def brute_gap(room: Segmentation, mesh: Mesh, step: float = 0.002) -> float:
     """Smallest vertical gap on a fine grid of columns through the object [m]."""
     low, high = mesh.bounds
@@ -207,7 +220,7 @@ def test_book_is_the_object_and_bed_the_base():
 
 def test_three_pictures_and_a_rotation():
     """Exactly three different pictures of the asked size, one orthonormal matrix."""
-    _, turned, _ = placed("put the mug on the bed", thing("mug", mug()))
+    turned = oriented("put the mug on the bed", thing("mug", mug()))
     assert [p.shape for p in turned.pictures] == [(64, 64, 3)] * 3
     assert not np.array_equal(turned.pictures[0], turned.pictures[2])
     assert np.allclose(turned.matrix @ turned.matrix.T, np.eye(3), atol=1e-12)
@@ -224,7 +237,7 @@ def up_of(turned: Rotation) -> np.ndarray:
 )
 def test_words_turn_the_mug(words, vertical):
     """The mug's own axis points up, down or sideways as the words say (15 degrees)."""
-    _, turned, _ = placed(f"put the mug {words} on the bed", thing("mug", mug()))
+    turned = oriented(f"put the mug {words} on the bed", thing("mug", mug()))
     assert up_of(turned)[2] == pytest.approx(vertical, abs=np.sin(np.radians(15)))
 
 
@@ -235,7 +248,7 @@ def test_words_turn_the_book(words, height):
     """A book lies on its largest face unless told otherwise, however its file has it."""
     upright = book().transformed(np.array([[0, 0, 1, 0], [0, 1, 0, 0], [-1, 0, 0, 0], [0, 0, 0, 1]], dtype=float))
     for mesh in (book(), upright):
-        _, turned, _ = placed(f"put the book {words} on the bed", thing("book", mesh))
+        turned = oriented(f"put the book {words} on the bed", thing("book", mesh))
         assert np.ptp(mesh.vertices @ turned.matrix.T, axis=0)[2] == pytest.approx(height, abs=1e-3)
 
 
@@ -259,7 +272,7 @@ def toy() -> Mesh:
 )
 def test_front_looks_where_the_words_say(words, direction):
     """The toy's front, -y in its mesh, points there; without words to the bed's front (15 degrees)."""
-    _, turned, _ = placed(f"put the teddy on the bed {words}", thing("teddy", toy()))
+    turned = oriented(f"put the teddy on the bed {words}", thing("teddy", toy()))
     ahead = turned.matrix @ (0.0, -1.0, 0.0)
     assert float(ahead[:2] @ direction) > np.cos(np.radians(15))
 
@@ -269,9 +282,23 @@ def test_yaw_is_aligned_with_the_support():
     pose = np.eye(4)
     pose[:3, :3] = about_z(np.radians(30))
     mesh = book().transformed(pose)
-    _, turned, _ = placed("put the book on the bed", thing("book", mesh))
+    turned = oriented("put the book on the bed", thing("book", mesh))
     extents = np.ptp(mesh.vertices @ turned.matrix.T, axis=0)
     assert np.sort(extents[:2]) == pytest.approx([0.16, 0.23], abs=1e-6)
+
+
+def test_any_rotation_may_be_chosen():
+    """A quaternion in the reply is the rotation, also where it is no listed pose; unit length is checked."""
+    half = np.sqrt(0.5)
+    reply = RotationReply(pose_id="upright", quaternion=(half, half, 0.0, 0.0))
+    request = RotationRequest("", "mug", "any", "", pose_views(mug(), np.array([0.0, -1.0, 0.0])), (), 1, False)
+    matrix = matrix_of(reply, request, ROOM, ROOM.instances[0], mug())
+    assert np.allclose(matrix @ (0.0, 1.0, 0.0), (0.0, 0.0, 1.0), atol=1e-12)
+    facings = (FacingView("aligned", (0.0, -1.0, 0.0)),)
+    listed = replace(request, facings=facings)
+    reply.check(listed)
+    with pytest.raises(ValueError, match="length"):
+        RotationReply(pose_id="upright", quaternion=(1.0, 1.0, 0.0, 0.0)).check(listed)
 
 
 # anchor -------------------------------------------------------------------------------------------------------------
