@@ -1,8 +1,9 @@
 """Stage 3, intent: one question about the sentence; its answer fixes base, size, mass, orientation and region.
 
-In: the segmented scene and object, the prompt, a mass where the user gives one. Out: `Intent`, or `target_not_found` with what
-there is. One isotropic factor (median over the sorted axes, clamped) makes the mesh as large as such things are; a mesh of a
-plausible size stays as it is. The mass prior follows the size: with the volume, for hollow things with the surface.
+In: the segmented scene and object, the prompt, a mass where the user gives one. Out: `Intent`, or `target_not_found`
+with what there is. One isotropic factor (median over the sorted axes, clamped) makes the mesh as large as such things
+are; a mesh of a plausible size stays as it is. The mass prior follows the size: with the volume, for hollow things
+with the surface.
 """
 
 import numpy as np
