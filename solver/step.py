@@ -60,6 +60,13 @@ class Stepper:
         cells, nodes, particles = len(soft.cell_node), len(soft.rest), len(soft.volume)
         self.cell_force = np.zeros((cells, 8, 3))
         self.cell_tangent = np.zeros((cells, 8, 8, 9), dtype=np.float32)
+        self.rest_tangent = np.zeros((cells, 8, 8, 9), dtype=np.float32)
+        if cells:
+            identity = np.tile(np.eye(3).ravel(), (particles, 1))
+            elastic.cell_tangents(
+                soft.cell_size, soft.cell_start, soft.local, soft.volume, soft.mu, soft.lam, identity, identity,
+                self.rest_tangent,
+            )  # fmt: skip
         self.stencil = np.zeros((nodes, 27, 9), dtype=np.float32)
         self.deformation = np.zeros((particles, 9))
         self.polar = np.zeros((particles, 9))
@@ -108,9 +115,7 @@ class Stepper:
             if changed < self.config.tangent_refresh:
                 return
         s = self.soft
-        elastic.cell_tangents(
-            s.cell_size, s.cell_start, s.local, s.volume, s.mu, s.lam, self.polar, self.deformation, self.cell_tangent
-        )
+        elastic.turn_tangents(s.cell_start, s.volume, self.polar, self.rest_tangent, self.cell_tangent)
         elastic.gather_tangents(s.node_cell, self.cell_tangent, self.stencil)
         if self.coarse is not None:
             self.coarse.refresh(self.cell_tangent)

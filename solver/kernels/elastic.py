@@ -197,6 +197,36 @@ def cell_tangents(
 
 
 @ti.kernel
+def turn_tangents(
+    cell_start: ti.types.ndarray(),
+    V: ti.types.ndarray(),
+    R: ti.types.ndarray(),
+    K_rest: ti.types.ndarray(),
+    K: ti.types.ndarray(),
+):
+    """Warped stiffness of each cell: K_ab = R K_ab(rest) R^T with the volume average R of its particles'
+    rotations [M04]."""
+    for c in range(K.shape[0]):
+        Q = ti.Matrix.zero(ti.f64, 3, 3)
+        total = 0.0
+        for p in range(cell_start[c], cell_start[c + 1]):
+            Q += V[p] * load3(R, p)
+            total += V[p]
+        Q /= total
+        for a in range(8):
+            for b in range(a + 1):
+                k = ti.Matrix.zero(ti.f64, 3, 3)
+                for i in ti.static(range(3)):
+                    for j in ti.static(range(3)):
+                        k[i, j] = ti.cast(K_rest[c, a, b, 3 * i + j], ti.f64)
+                k = Q @ k @ Q.transpose()
+                for i in ti.static(range(3)):
+                    for j in ti.static(range(3)):
+                        K[c, a, b, 3 * i + j] = ti.cast(k[i, j], ti.f32)
+                        K[c, b, a, 3 * j + i] = ti.cast(k[i, j], ti.f32)
+
+
+@ti.kernel
 def gather_tangents(node_cell: ti.types.ndarray(), K: ti.types.ndarray(), A: ti.types.ndarray()):
     """Rows of the global tangent on the 27-point stencil: A[n, slot] sums the cell blocks that couple node n to
     that neighbour."""
