@@ -125,7 +125,7 @@ def placement_tree(finished: FinishedSample, values: Values, artifacts: Mapping[
         if anchor and settled and body
         else None,
         "scale": intent.scale if intent else None,
-        "mass": intent.mass if intent else None,
+        "mass": mass_of(values),
         "world_from_file": values.scan.world_from_file.tolist() if values.scan else None,
         "pre_drop": pose_of(anchor.world_from_object) if anchor else None,
         "pose": pose_of(world_from_start(body) @ anchor.world_from_object) if anchor and body else None,
@@ -141,6 +141,13 @@ def placement_tree(finished: FinishedSample, values: Values, artifacts: Mapping[
     plain = to_tree(tree, "", {})
     assert isinstance(plain, dict)
     return plain
+
+
+def mass_of(values: Values) -> float | None:
+    """Mass that was simulated [kg], or the prior if nothing was."""
+    if values.particles:
+        return values.particles.bodies[0].mass
+    return values.intent.mass if values.intent else None
 
 
 def verdict_of(values: Values) -> tuple[str, str | None]:
