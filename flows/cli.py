@@ -112,8 +112,8 @@ def drop(
 
     from tasks.case import run_case
 
-    tree = run_case(case, out, solver=solver or "tl", resolution=resolution, threads=threads)
-    print(json.dumps(tree, indent=2, ensure_ascii=False) if as_json else f"{tree['verdict']}\nresults: {out}")
+    tree = run_case(case, out, solver=solver or "tl", resolution=resolution, threads=threads, quiet=as_json)
+    print(json.dumps(tree, indent=2) if as_json else f"{tree['verdict']}\nresults: {out}")
     return 0 if tree["verdict"] == "at_rest" else INFEASIBLE
 
 
