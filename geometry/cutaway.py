@@ -1,7 +1,7 @@
 """Walls and ceilings between a camera and what it looks at: which faces to leave out of the picture.
 
-A structure's face is cut when its plane has the camera on one side and the target on the other, and a ceiling always. Scans are noisy, so
-planes are snapped to the room's own axes first: one wall is cut or kept as a whole.
+A structure's face is cut when its plane has the camera on one side and the target on the other, and a ceiling always.
+Scans are noisy, so planes are snapped to the room's own axes first: one wall is cut or kept as a whole.
 """
 
 import numpy as np

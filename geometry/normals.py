@@ -7,21 +7,10 @@ neighbours' normals at each corner, weighted by area and by how little they turn
 import numpy as np
 from numpy.typing import NDArray
 
+from geometry.boundary import welded
 from scene.mesh import Mesh
 
-WELD = 1e-6  # vertices nearer than this [m] are one: duplicates at texture seams are exact, real detail is far larger
 SHARP_COS, SMOOTH_COS = 0.5, 0.85  # 60 degrees and more: an edge; 32 degrees and less: a bend; blended in between
-
-
-def welded(vertices: NDArray[np.float64]) -> NDArray[np.int64]:
-    """Number of the distinct position of each vertex, shape (n,): equal after rounding to WELD."""
-    steps = np.round(vertices / WELD).astype(np.int64).astype(np.uint64)
-    with np.errstate(over="ignore"):
-        key = steps[:, 0] * np.uint64(0x9E3779B97F4A7C15)
-        key ^= (steps[:, 1] + np.uint64(0x7F4A7C15)) * np.uint64(0xC2B2AE3D27D4EB4F)
-        key ^= (steps[:, 2] + np.uint64(0x165667B1)) * np.uint64(0x27D4EB2F165667C5)
-        key ^= key >> np.uint64(29)
-    return np.asarray(np.unique(key, return_inverse=True)[1], dtype=np.int64).reshape(-1)
 
 
 class ShadingNormals:

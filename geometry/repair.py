@@ -11,8 +11,8 @@ import numpy as np
 import open3d
 from numpy.typing import NDArray
 
+from geometry.boundary import WELD, boundary_edges, hole_loops, is_closed, welded
 from geometry.distance import MeshDistance, lattice, signed_volume
-from geometry.normals import WELD, welded
 from scene.errors import GeometryError
 from scene.mesh import Mesh
 
@@ -20,70 +20,9 @@ IntArray = NDArray[np.int64]
 FloatArray = NDArray[np.float64]
 
 FILL_SAMPLES = 72  # samples along the longest side when an open mesh is measured by filling: volume within about 1 %
-LARGE_FACE = 0.01  # a face with a longer edge [m] may be covered by others in part
+RELIEF = 1.3e-3  # share of a surface's height differences that its shadow keeps
 MOST_ROUNDS = 14  # halvings of an edge: a 10 m edge down to under a millimetre
 MOST_FACES = 400_000  # a refined mesh larger than this was asked for by mistake
-
-
-def boundary_edges(mesh: Mesh) -> tuple[IntArray, IntArray]:
-    """Directed edges without their opposite, as vertex indices (n, 2), and the face each belongs to, shape (n,).
-
-    An edge that n more faces pass in one direction than in the other appears n times.
-    """
-    weld = welded(mesh.vertices)
-    edge = mesh.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2).astype(np.int64)
-    start, end = weld[edge].T
-    count = int(weld.max(initial=0)) + 1
-    key = np.minimum(start, end) * count + np.maximum(start, end)
-    forward = np.where(start < end, 1, -1) * (start != end)
-    order = np.lexsort((np.arange(len(key)), forward, key))
-    group = np.concatenate([[0], np.cumsum(np.diff(key[order]) != 0)]) if len(key) else np.zeros(0, dtype=np.int64)
-    surplus = np.bincount(group, weights=forward[order]).astype(int)[group] if len(key) else group
-    # within a group the first -1s, then the +1s: keep as many of the majority as there are in excess
-    size = np.bincount(group)[group] if len(key) else group
-    first = np.cumsum(np.bincount(group))[group] - size if len(key) else group
-    rank = np.arange(len(key)) - first
-    keep = np.where(surplus > 0, rank >= size - surplus, rank < -surplus)
-    chosen = np.sort(order[keep])
-    return edge[chosen], chosen // 3
-
-
-def is_closed(mesh: Mesh) -> bool:
-    """Whether every edge is passed as often in one direction as in the other."""
-    return len(boundary_edges(mesh)[0]) == 0
-
-
-def hole_loops(mesh: Mesh) -> list[IntArray]:
-    """Closed chains of boundary edges as vertex indices in the direction of the edges."""
-    edge, _ = boundary_edges(mesh)
-    weld = welded(mesh.vertices)
-    leaving: dict[int, list[int]] = {}
-    for index, start in enumerate(weld[edge[:, 0]].tolist()):
-        leaving.setdefault(start, []).append(index)
-    ends = weld[edge[:, 1]].tolist()
-    loops: list[IntArray] = []
-    used = np.zeros(len(edge), dtype=bool)
-    for first in range(len(edge)):
-        chain: list[int] = []
-        at: dict[int, int] = {}
-        index = first
-        while not used[index]:
-            used[index] = True
-            at[int(weld[edge[index, 0]])] = len(chain)
-            chain.append(index)
-            if ends[index] in at:  # the chain met itself: that part is a loop
-                begin = at[ends[index]]
-                loops.append(edge[chain[begin:], 0])
-                for gone in chain[begin:]:
-                    at.pop(int(weld[edge[gone, 0]]), None)
-                chain = chain[:begin]
-                if not chain:
-                    break
-            following = [k for k in leaving.get(ends[index], []) if not used[k]]
-            if not following:
-                break
-            index = following[0]
-    return loops
 
 
 def small_holes_capped(mesh: Mesh, perimeter: float) -> Mesh:
@@ -109,18 +48,17 @@ def solid_under(mesh: Mesh, bottom: FloatArray) -> Mesh:
 
     Each face is joined with its reversed shadow at its own bottom height, and the open edges with vertical walls. A
     face that looks down takes away what lies under it, so a closed mesh encloses what it did before; walls and
-    shadows inside cancel in the winding number and `outer_faces` removes them.
+    shadows inside cancel in the winding number and `outer_faces` removes them. Shadows keep a thousandth of their
+    faces' relief, so that no two coincide.
     """
     pieces = [mesh]
     for height in np.unique(bottom):
         group = mesh.submesh(np.flatnonzero(bottom == height))
         shadow = group.vertices.copy()
-        shadow[:, 2] = height
+        shadow[:, 2] = height + RELIEF * (group.vertices[:, 2] - group.vertices[:, 2].min())
         pieces.append(Mesh(shadow, group.faces[:, ::-1].copy(), group.colors))
         edge, _ = boundary_edges(group)
-        top = group.vertices[edge]
-        low = top.copy()
-        low[..., 2] = height
+        top, low = group.vertices[edge], shadow[edge]
         # the wall passes the open edge against its direction
         corner = np.stack([top[:, 1], top[:, 0], low[:, 0], low[:, 1]], axis=1).reshape(-1, 3)
         quad = 4 * np.arange(len(edge))[:, None]
@@ -138,11 +76,10 @@ def outer_faces(mesh: Mesh, *, step: float = 2e-4) -> IntArray:
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
     field = MeshDistance(mesh)
     corner = mesh.triangles
-    large = np.linalg.norm(corner - np.roll(corner, -1, axis=1), axis=2).max(axis=1) > LARGE_FACE
     outer = np.zeros(len(mesh.faces), dtype=bool)
-    # the middle, and points near the corners of large faces: those may be covered in part
-    for weight in ([1 / 3, 1 / 3, 1 / 3], [0.9, 0.05, 0.05], [0.05, 0.9, 0.05], [0.05, 0.05, 0.9]):
-        asked = np.flatnonzero(~outer & (large | (weight[0] == weight[1] == weight[2])))
+    # the middle, and points near the corners: a face may be covered in part
+    for weight in ([1 / 3, 1 / 3, 1 / 3], [0.96, 0.02, 0.02], [0.02, 0.96, 0.02], [0.02, 0.02, 0.96]):
+        asked = np.flatnonzero(~outer)
         point = np.einsum("k,nki->ni", np.array(weight), corner[asked])
         outer[asked] = field.inside(point + step * normal[asked]) != field.inside(point - step * normal[asked])
     return np.flatnonzero(outer)

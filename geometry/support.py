@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
+from geometry.boundary import welded
 from geometry.distance import MeshDistance
-from geometry.normals import welded
 from geometry.repair import outer_faces, small_holes_capped, solid_under, subdivide_near, without_empty_faces
 from scene.box import OrientedBox
 from scene.mesh import Mesh

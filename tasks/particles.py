@@ -11,10 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, NonNegativeFloat, PositiveFloat, PositiveInt
 
+from geometry.boundary import is_closed
 from geometry.distance import Distance, MeshDistance, sampled, sampler
 from geometry.fill import fill
 from geometry.raycast import Raycaster
-from geometry.repair import is_closed, mass_properties, simplified, subdivide_near
+from geometry.repair import mass_properties, simplified, subdivide_near
 from geometry.support import carried_bottoms, shell_bottoms, support_solid
 from scene.anchor import Anchor
 from scene.errors import GeometryError
@@ -261,7 +262,9 @@ def moments(position: Array, mass: Array) -> tuple[float, Array, Array]:
 
 
 def authoritative_mass(s: Scenario, natural: float) -> float:
-    """The object's mass [kg]: what was given or is usual for hollow things, else density times volume if that is plausible."""
+    """The object's mass [kg]: what was given or is usual for hollow things, else density times volume if that is
+    plausible.
+    """
     given = any(note.startswith("mass") and note.endswith("was given") for note in s.intent.notes)
     ratio = natural / s.intent.mass
     if not (s.intent.hollow or given) and 1.0 / s.config.mass_trust <= ratio <= s.config.mass_trust:

@@ -2,9 +2,10 @@
 
 import numpy as np
 
+from geometry.boundary import is_closed
 from geometry.cutaway import cut_faces
 from geometry.deform import displaced
-from geometry.repair import is_closed, subdivide_near
+from geometry.repair import subdivide_near
 from scene.mesh import Mesh
 
 
