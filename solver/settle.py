@@ -203,18 +203,18 @@ class Drop:
         return {k: {"value": v, "threshold": t, "margin": 1.0 - v / t} for k, (v, t) in values.items()}
 
     def _left(self, state: State) -> bool:
-        """A free body lies wholly below everything fixed, or wholly beside it."""
+        """A free body lies wholly below everything fixed, or its centre of mass is beside it: nothing there
+        can carry it."""
         fixed = [b.vertices for b in self.model.bodies if b.fixed]
         if not fixed:
             return False
         low = np.min([v.min(axis=0) for v in fixed], axis=0)
         high = np.max([v.max(axis=0) for v in fixed], axis=0)
         for i in self.free:
-            surface = self.query.surface(state, i)
-            if surface[:, 2].max() < low[2]:
+            if self.query.surface(state, i)[:, 2].max() < low[2]:
                 return True
-            apart = (surface.max(axis=0)[:2] < low[:2]) | (surface.min(axis=0)[:2] > high[:2])
-            if apart.any():
+            center = self._center(state, i)[:2]
+            if ((center < low[:2]) | (center > high[:2])).any():
                 return True
         return False
 

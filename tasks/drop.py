@@ -21,6 +21,8 @@ from solver.model import Body, Model, SignedDistance, SoftParts
 from solver.settle import AT_REST, Result, settle
 from tasks.stage import stage
 
+Array = NDArray[np.float64]
+
 GRAVITY = (0.0, 0.0, -9.81)  # standard gravity [m/s^2], as in the paper's section 4.3
 
 
@@ -31,7 +33,7 @@ class DropConfig(BaseModel, frozen=True, extra="forbid"):
     threads: NonNegativeInt = 0
     """Worker threads, 0: all cores; never changes a result."""
     topple_angle: PositiveFloat = 0.7854
-    """Turn of the object's vertical from its pre-drop direction that is toppling, where an orientation was asked [rad]."""
+    """Change of the object's own tilt that is toppling, where an orientation was asked [rad]."""
     object_share: NonNegativeFloat = 0.5
     """Share of the object's weight that the base must carry for the object to be on it [-]."""
 
@@ -92,7 +94,7 @@ def settled_of(particles: Particles, result: Result) -> Settled:
     )  # fmt: skip
 
 
-def quaternion(rotation: NDArray[np.float64]) -> NDArray[np.float64]:
+def quaternion(rotation: Array) -> Array:
     """(w, x, y, z) of a rotation matrix, w >= 0."""
     return np.asarray(Rotation.from_matrix(rotation).as_quat(canonical=True, scalar_first=True))
 
@@ -105,7 +107,7 @@ def judge(
     if carried < config.object_share:
         message = f"the object rests, but {anchor.base_id} carries only {carried:.0%} of its weight"
         return Infeasible(Reason.LEFT_TARGET, message, evidence(settled) | {"carried_share": carried})
-    tilt = tilt_of(settled.bodies[0].quaternion)
+    tilt = tilt_of(settled.bodies[0].quaternion, anchor.world_from_object)
     asked = intent.orientation.pose != "any"
     if asked and tilt > config.topple_angle:
         message = (
@@ -130,10 +132,15 @@ def carried_share(settled: Settled, particles: Particles, base_id: str) -> float
     return on_base / total if total > 0.0 else 0.0
 
 
-def tilt_of(quaternion_wxyz: NDArray[np.float64]) -> float:
-    """Angle [rad] between the vertical and where a rotation takes it."""
-    _, x, y, _ = quaternion_wxyz
-    return float(np.arccos(np.clip(1.0 - 2.0 * (x**2 + y**2), -1.0, 1.0)))
+def tilt_of(quaternion_wxyz: Array, world_from_object: Array) -> float:
+    """Change [rad] of the angle between the object's own upward axis and the vertical.
+
+    A turn about the vertical, or of a lying object about its own axis, is not tilting.
+    """
+    up = world_from_object[:3, 2] / np.linalg.norm(world_from_object[:3, 2])
+    after = Rotation.from_quat(quaternion_wxyz, scalar_first=True).apply(up)
+    before_angle, after_angle = (float(np.arccos(np.clip(axis[2], -1.0, 1.0))) for axis in (up, after))
+    return abs(after_angle - before_angle)
 
 
 def evidence(settled: Settled) -> dict[str, object]:
