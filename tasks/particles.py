@@ -37,6 +37,8 @@ CORE_STIFFNESS = (
     100.0  # rigid material inside a soft body is at most this many times stiffer than its softest: conditioning
 )
 REACH_BELOW = 0.12  # how far below the predicted contact fields are sampled [m]: deeper than any dent
+LEAST_EDGE = 2e-3  # contact points are never refined beyond this [m]
+SOFT_REACH = 0.05  # soft parts of the base farther than this [m] from the object's box are not dented
 REACH_ABOVE = 0.03  # above the object's top [m]
 EMPTY = np.zeros((0, 3))
 
@@ -126,7 +128,7 @@ def particles(
     foot = footprint(s)
     base = base_bodies(s, foot)
     contact_cell = base.cell if base.soft is not None else cell_wanted(foot, config)
-    item_body, item_cell = object_body(s, foot, contact_cell)
+    item_body, item_cell = object_body(s, foot, contact_cell, base.soft is not None)
     resolution = base.cell if base.soft is not None else item_cell
     bodies = [item_body, *base.bodies, *neighbours(s, foot)]
     note_overlaps(s, bodies)
@@ -186,7 +188,7 @@ def cell_wanted(foot: Footprint, config: ParticlesConfig) -> float:
 # --- object -----------------------------------------------------------------------------------------------------------
 
 
-def object_body(s: Scenario, foot: Footprint, contact_cell: float) -> tuple[SimulationBody, float]:
+def object_body(s: Scenario, foot: Footprint, contact_cell: float, on_soft: bool) -> tuple[SimulationBody, float]:
     """The thing to place and its cell size [m] (a rigid one: the size that its contact points resolve)."""
     instance = s.item.instances[0]
     rows = s.rows("object", len(instance.parts))
@@ -200,18 +202,18 @@ def object_body(s: Scenario, foot: Footprint, contact_cell: float) -> tuple[Simu
     note_friction(s, "object", touching, len(used))
     if rigid:
         mass, center, inertia = rigid_mass(s, rows, part_of_face, grid, field_)
-        body = rigid_body("object", "object", False, contact_surface(s, foot, contact_cell), grid, touching.material)
+        surface = contact_surface(s, foot, contact_cell if on_soft else foot.small_side / 10.0)
+        body = rigid_body("object", "object", False, surface, grid, touching.material)
         return replace(body, mass=mass, center_of_mass=center, inertia=inertia), contact_cell
     return soft_object(s, foot, rows, part_of_face, grid, field_, touching.material)
 
 
 def contact_surface(s: Scenario, foot: Footprint, cell: float) -> Mesh:
-    """Surface of a rigid object: finer where it will touch, coarser where it has more points than contact needs."""
+    """Surface of a rigid object: edges of about `cell` [m] where it will touch, no more points than contact needs."""
     mesh = simplified_item(s)
     reach = 0.3 * (foot.high - foot.low) + foot.depth
-    return subdivide_near(
-        mesh, np.stack([foot.low - reach, foot.high + reach]), max(cell, foot.small_side / 24.0, 1e-3)
-    )
+    region = np.stack([foot.low - reach, foot.high + reach])
+    return subdivide_near(mesh, region, max(cell, foot.small_side / 24.0, LEAST_EDGE))
 
 
 def simplified_item(s: Scenario) -> Mesh:
@@ -376,26 +378,54 @@ def base_bodies(s: Scenario, foot: Footprint) -> Base:
             "raise ParticlesConfig.crop_margin"
         )
     part = np.clip(s.scene.face_part[faces], 0, None)
-    stiff = np.array([r.model is Model.RIGID for r in rows])[part]
-    solid_rigid = None
+    stiff = np.array([r.model is Model.RIGID for r in rows])[part] | ~soft_in_reach(s, foot, rows, faces, part)
+    solid = None
     if stiff.any():
         mesh = s.scene.mesh.submesh(faces[stiff])
         own = np.array([p.box.bottom for p in s.base.parts])[part[stiff]]
-        solid_rigid = support_solid(mesh, shell_bottoms(mesh, own, s.config.shell), s.crop, s.config.hole_perimeter)
+        solid = support_solid(mesh, shell_bottoms(mesh, own, s.config.shell), s.crop, s.config.hole_perimeter)
     soft, cell = None, 0.0
     if not stiff.all():
-        soft, cell = soft_base(s, foot, rows, faces[~stiff], part[~stiff], solid_rigid)
-    rigid = None
-    if solid_rigid is not None:
-        kept = faces[stiff][in_reach(s, s.scene.mesh.triangles[faces[stiff]], foot)]
-        if len(kept):
-            main = main_row(s, [r for r in rows if r.model is Model.RIGID], part[stiff])
-            name = f"{s.anchor.base_id}/rigid"
-            note_friction(s, name, main, len(set(part[stiff].tolist())))
-            rigid = obstacle(s, foot, name, s.anchor.base_id, s.scene.mesh.submesh(kept), solid_rigid, main.material)
+        soft, cell = soft_base(s, foot, rows, faces[~stiff], part[~stiff], solid)
+    rigid = None if solid is None else rigid_base(s, foot, rows, faces[stiff], part[stiff], solid)
     if soft is None and rigid is None:
         raise GeometryError(f"{s.anchor.base_id} has no surface beneath the object; raise ParticlesConfig.crop_margin")
     return Base(soft, rigid, cell)
+
+
+def soft_in_reach(
+    s: Scenario, foot: Footprint, rows: list[PartMaterial], faces: NDArray[np.int64], part: NDArray[np.int32]
+) -> NDArray[np.bool_]:
+    """Whether the soft parts, taken together, come so near to the object that they may be dented, shape (m,)."""
+    soft = np.array([r.model is Model.MPM for r in rows])[part]
+    low, high = s.mesh.bounds + np.array([[-SOFT_REACH], [SOFT_REACH]])
+    low[2] = s.mesh.bounds[0, 2] - foot.gap - REACH_BELOW
+    corner = s.scene.mesh.triangles[faces[soft]]
+    if ((corner.max(axis=1) >= low) & (corner.min(axis=1) <= high)).all(axis=1).any():
+        return np.ones(len(faces), dtype=bool)
+    if soft.any():
+        names = ", ".join(sorted({rows[p].part for p in part[soft].tolist()}))
+        s.notes.append(f"{s.anchor.base_id}: {names}, out of the object's reach, is treated as rigid")
+    return np.zeros(len(faces), dtype=bool)
+
+
+def rigid_base(
+    s: Scenario,
+    foot: Footprint,
+    rows: list[PartMaterial],
+    faces: NDArray[np.int64],
+    part: NDArray[np.int32],
+    solid: MeshDistance,
+) -> SimulationBody | None:
+    """The rigid parts of the base in reach as one obstacle."""
+    kept = in_reach(s, s.scene.mesh.triangles[faces], foot)
+    if not kept.any():
+        return None
+    there = set(part[kept].tolist())
+    main = main_row(s, [r for r in rows if r.part_index in there], part[kept])
+    name = f"{s.anchor.base_id}/rigid"
+    note_friction(s, name, main, len(there))
+    return obstacle(s, foot, name, s.anchor.base_id, s.scene.mesh.submesh(faces[kept]), solid, main.material)
 
 
 def near_faces(s: Scenario, instance: int, margin: float) -> NDArray[np.int64]:
