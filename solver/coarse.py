@@ -150,6 +150,7 @@ class CoarseSolve:
         contacts: Contacts,
         sides: list[tuple[int, NDArray[np.int64], NDArray[np.float64], float]],
         frame_blocks: NDArray[np.float64],
+        coupling: dict[int, NDArray[np.float64]],
         stiffness_scale: float,
         dt: float,
     ) -> None:
@@ -163,6 +164,9 @@ class CoarseSolve:
         for f in range(frames):
             at = slice(3 * m + 6 * f, 3 * m + 6 * f + 6)
             matrix[at, at] += frame_blocks[f]
+            if f in coupling:
+                matrix[: 3 * m, at] += coupling[f]
+                matrix[at, : 3 * m] += coupling[f].T
         if len(contacts.a):
             jacobian = self._jacobian(contacts, sides, frames)
             tangent = sparse.block_diag(list(contacts.tangent), format="csr")

@@ -253,8 +253,21 @@ class ContactQuery:
             length = float(np.sqrt(one.rolling_resistance * two.rolling_resistance))
             if length > 0.0:
                 turn = self._turn(a, state, before, spins) - self._turn(b, state, before, spins)
-                trial = self.rolling_anchor.get((a, b), np.zeros(3)) + turn
-                out.append(resist(a, b, trial, length * normal_force))
+                moving = min((x for x in (one, two) if not x.fixed), key=lambda body: body.size)
+                anchor = self.rolling_anchor.get((a, b), np.zeros(3))
+                out.append(
+                    resist(
+                        a,
+                        b,
+                        anchor,
+                        turn,
+                        seconds=self.seconds,
+                        length=length,
+                        normal_force=normal_force,
+                        reach=0.5 * moving.size,
+                        mass=moving.mass,
+                    )
+                )
         return out
 
     def _turn(self, index: int, state: State, before: State, spins: dict[int, Spin]) -> NDArray[np.float64]:

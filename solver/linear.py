@@ -157,11 +157,13 @@ class TangentSystem:
             for body, f in self.place.items():
                 if body in (r.a, r.b):
                     frames[f, 3:, 3:] += r.tangent
-        for f, tied in enumerate(self.frames.tied):
-            if len(tied):
-                frames[f] += _wrench_block(blocks[tied], self.frames.arm[f])
         if self.coarse is not None:
-            self.second = CoarseSolve(self.coarse, self.contacts, self.sides, frames, self.stiffness_scale, self.dt)
+            coupling = {
+                f: self._core_coupling(f, frames, self.coarse) for f, tied in enumerate(self.frames.tied) if len(tied)
+            }
+            self.second = CoarseSolve(
+                self.coarse, self.contacts, self.sides, frames, coupling, self.stiffness_scale, self.dt
+            )
         if len(self.contacts.a):
             if len(blocks):
                 squared = self.contacts.gather.multiply(self.contacts.gather).T
@@ -170,6 +172,22 @@ class TangentSystem:
                 frames[f] += _wrench_block(self.contacts.tangent[points], arm)
         blocks[~self.free[:, 0]] = np.eye(3)
         return np.asarray(np.linalg.inv(blocks), np.float64), np.asarray(np.linalg.inv(frames), np.float64)
+
+    def _core_coupling(self, f: int, frames: NDArray[np.float64], coarse: CoarseSpace) -> NDArray[np.float64]:
+        """Forces of the six unit motions of a core: on itself (added to `frames`) and on the lattice, shape
+        (3 m, 6)."""
+        columns = []
+        for motion in np.eye(6):
+            unit = np.zeros((len(self.frames.index), 6))
+            unit[f] = motion
+            p = self.expand(np.zeros_like(self._product), unit)
+            elastic.multiply(self.soft.neighbour, self.stencil, p, self._product)
+            forces = self.stiffness_scale * self._product + self.node_inertia * p
+            columns.append(np.asarray(coarse.prolong.T @ forces).ravel())
+            own = np.zeros((len(self.frames.index), 6))
+            self.reduce(forces, own)
+            frames[f, :, int(np.argmax(motion))] += own[f]
+        return np.stack(columns, axis=1)
 
     def precondition(self, residual: Vector) -> Vector:
         """Block-Jacobi plus the coarse space."""

@@ -1,8 +1,10 @@
 """Rolling and torsional resistance: a torque against the relative rotation of two touching bodies, at most b * N.
 
-Like friction it remembers: an elastic angle up to ROLLING_ANGLE, then the torque stays at its limit. The rotation of
-a soft body is that of its mass-weighted best fit, theta = I^-1 sum m r x u, and its torque is spread over its nodes
-so that both do the same work. Rolling resistance length b: [J85, Sec. 9.3].
+Like friction it remembers: a damped elastic angle first, then the torque stays at its limit. Its stiffness is far
+below what would hold up a body that is about to fall over (SHARE of N times the body's half size), so it brings a
+ball on a plane to rest and cannot make a pencil stand. The rotation of a soft body is that of its mass-weighted best
+fit, theta = I^-1 sum m r x u, and its torque is spread over its nodes so that both do the same work. Rolling
+resistance length b: [J85, Sec. 9.3].
 
 [J85] Johnson: Contact Mechanics. Cambridge University Press, 1985.
 """
@@ -12,7 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-ROLLING_ANGLE = 1e-3  # rotation [rad] at which the rolling spring yields: below what a picture shows
+SHARE = 0.2  # stiffness over N times half size: falling over has 1, rolling on a plane 0
+LEAST_ANGLE = 1e-3  # rotation [rad] at which the spring yields where that makes it softer: below what a picture shows
 
 
 @dataclass(eq=False, slots=True)
@@ -57,12 +60,35 @@ class Spin:
         return np.asarray(self.mass[:, None] * np.cross(self.inverse_inertia @ torque, self.arm))
 
 
-def resist(a: int, b: int, trial: NDArray[np.float64], limit: float) -> Rolling:
-    """The law: trial elastic angle (3,), limiting torque b * N [N m]."""
-    stiffness = limit / ROLLING_ANGLE
+def resist(
+    a: int,
+    b: int,
+    anchor: NDArray[np.float64],
+    turn: NDArray[np.float64],
+    *,
+    seconds: float,
+    length: float,
+    normal_force: float,
+    reach: float,
+    mass: float,
+) -> Rolling:
+    """The law for one step: elastic angle at its start and turn since [rad], its length [s], b [m], N [N], half
+    size [m], mass [kg].
+
+    Torque k theta + c d theta / dt with c critical for a body of inertia mass * reach^2, clipped to b N.
+    """
+    limit = length * normal_force
+    stiffness = max(min(limit / LEAST_ANGLE, SHARE * normal_force * reach), 1e-12)
+    damping = 2.0 * reach * float(np.sqrt(stiffness * mass))
+    trial = stiffness * (anchor + turn) + damping / seconds * turn
     size = float(np.linalg.norm(trial))
-    if size <= ROLLING_ANGLE:
-        return Rolling(a, b, -stiffness * trial, stiffness * np.eye(3), trial)
+    slope = stiffness + damping / seconds
+    if size <= limit:
+        return Rolling(a, b, -trial, slope * np.eye(3), anchor + turn)
     direction = trial / size
-    tangent = limit / size * (np.eye(3) - np.outer(direction, direction))
-    return Rolling(a, b, -limit * direction, tangent, ROLLING_ANGLE * direction)
+    tangent = slope * limit / size * (np.eye(3) - np.outer(direction, direction))
+    elastic = anchor + turn
+    longest = limit / stiffness
+    return Rolling(
+        a, b, -limit * direction, tangent, elastic * min(1.0, longest / max(float(np.linalg.norm(elastic)), 1e-12))
+    )

@@ -189,6 +189,9 @@ class Stepper:
     def _size(self, residual: Vector) -> float:
         """Largest of the node residual (2-norm) and the frames' force and torque residuals, over the weight."""
         parts = [float(np.sqrt((residual[0] ** 2).sum()))]
+        for body in self.soft.bodies:
+            if not self.model.bodies[body.index].fixed:  # many small residuals of one sign move a body as a whole
+                parts.append(float(np.linalg.norm(residual[0][body.nodes].sum(axis=0))))
         for f, i in enumerate(self.frame_bodies):
             parts.append(float(np.linalg.norm(residual[1][f, :3])))
             parts.append(float(np.linalg.norm(residual[1][f, 3:])) / (0.5 * self.model.bodies[i].size))

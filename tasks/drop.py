@@ -47,9 +47,12 @@ def drop(particles: Particles, anchor: Anchor, intent: Intent, seed: int, config
     except UnstableStep as error:
         return Infeasible(Reason.UNSTABLE_STEP, str(error), {})
     settled = settled_of(particles, result)
+    toppled = toppling(settled, anchor, intent, config)
+    if toppled is not None:  # also where it went on to leave the simulated region: falling over came first
+        return toppled
     if result.verdict != AT_REST:
         return Infeasible(Reason(result.verdict), _story(result), evidence(settled))
-    return judge(settled, particles, anchor, intent, config)
+    return judge(settled, particles, anchor, config)
 
 
 def model_of(particles: Particles) -> Model:
@@ -99,23 +102,25 @@ def quaternion(rotation: Array) -> Array:
     return np.asarray(Rotation.from_matrix(rotation).as_quat(canonical=True, scalar_first=True))
 
 
-def judge(
-    settled: Settled, particles: Particles, anchor: Anchor, intent: Intent, config: DropConfig
-) -> Settled | Infeasible:
-    """At rest, but is it on the base and as asked?"""
+def judge(settled: Settled, particles: Particles, anchor: Anchor, config: DropConfig) -> Settled | Infeasible:
+    """At rest, but is it on the base?"""
     carried = carried_share(settled, particles, anchor.base_id)
     if carried < config.object_share:
         message = f"the object rests, but {anchor.base_id} carries only {carried:.0%} of its weight"
         return Infeasible(Reason.LEFT_TARGET, message, evidence(settled) | {"carried_share": carried})
-    tilt = tilt_of(settled.bodies[0].quaternion, anchor.world_from_object)
-    asked = intent.orientation.pose != "any"
-    if asked and tilt > config.topple_angle:
-        message = (
-            f"the object came to rest {np.degrees(tilt):.0f} degrees from the asked pose ({intent.orientation.pose}; "
-            f"bound {np.degrees(config.topple_angle):.0f})"
-        )
-        return Infeasible(Reason.TOPPLED, message, evidence(settled) | {"tilt_rad": tilt})
     return settled
+
+
+def toppling(settled: Settled, anchor: Anchor, intent: Intent, config: DropConfig) -> Infeasible | None:
+    """The object has tilted away from a pose that was asked for."""
+    tilt = tilt_of(settled.bodies[0].quaternion, anchor.world_from_object)
+    if intent.orientation.pose == "any" or tilt <= config.topple_angle:
+        return None
+    message = (
+        f"the object fell over: {np.degrees(tilt):.0f} degrees from the asked pose ({intent.orientation.pose}; "
+        f"bound {np.degrees(config.topple_angle):.0f})"
+    )
+    return Infeasible(Reason.TOPPLED, message, evidence(settled) | {"tilt_rad": tilt})
 
 
 def carried_share(settled: Settled, particles: Particles, base_id: str) -> float:

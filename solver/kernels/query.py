@@ -14,6 +14,8 @@ import taichi as ti
 from solver.kernels.elastic import cofactor, load3, mat3, shape_gradient, vec3
 
 FAR = 1e9  # gap [m] that says: outside of the sampled region, no contact possible
+# a distance has slope 1; below this the nearest surface is ambiguous (a medial axis) and no normal exists
+LEAST_SLOPE = 0.1
 INVERSION_STEPS = 20  # Newton on a piecewise trilinear map: 3 to 5 inside one cell, one more per cell face crossed
 INVERSION_TOLERANCE = 1e-8  # [m], far below any gap that matters
 
@@ -96,9 +98,9 @@ def query_rigid(
         X = Q.transpose() @ (x - c) + c0
         phi, N = distance_at(X, o, spacing, values)
         gap[m] = FAR
-        if phi < FAR and N.norm() > 1e-6:
+        if phi < FAR and N.norm() > LEAST_SLOPE:
             n = (Q @ N).normalized()
-            gap[m] = phi / N.norm()
+            gap[m] = phi
             for d in ti.static(range(3)):
                 normal[m, d] = n[d]
         for d in ti.static(range(3)):
@@ -236,8 +238,8 @@ def query_soft(
                 G += w * load3(smooth, cell_node[found, a])
             phi, N = distance_at(X, o, spacing, values)
             J = G.determinant()
-            if phi < FAR and N.norm() > 1e-6 and J > 1e-3:
-                n = cofactor(G) @ N / J
+            if phi < FAR and N.norm() > LEAST_SLOPE and J > 1e-3:
+                n = cofactor(G) @ N.normalized() / J
                 gap[m] = phi / n.norm()
                 n = n.normalized()
                 for d in ti.static(range(3)):
