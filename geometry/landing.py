@@ -35,6 +35,8 @@ FINEST, COARSEST = 0.003, 0.025
 """Limits of the sampling distance [m]."""
 TALLEST = 0.6
 """What rises higher than this over the start is not looked into [m]; keeps ceilings out."""
+ROOM_HEIGHT = 3.0
+"""How far up a sample looks for the top of something that it began inside of, a door or a wardrobe [m]."""
 MOST_SAMPLES = 600_000
 """Rays for one surface; larger ones are sampled more coarsely."""
 BATCH = 256
@@ -116,7 +118,7 @@ class Landing:
     def _inside(self, start: Array) -> NDArray[np.bool_]:
         """Whether a ray up soon leaves something through a face that looks up: then it began inside, shape (n,)."""
         hits = self.caster.cast(start, np.tile([0.0, 0.0, 1.0], (len(start), 1)))
-        return np.asarray((hits.normal[:, 2] > 0.1) & (hits.distance < TALLEST))
+        return np.asarray((hits.normal[:, 2] > 0.1) & (hits.distance < ROOM_HEIGHT))
 
     def find(self, region: Region, share: float) -> Spot | None:
         """The spot nearest to the region's target that has this much support and nothing in the way."""
