@@ -134,7 +134,9 @@ def benchmark(
     from flows.benchmark import run_benchmark
     from flows.configure import configured
 
-    run = run_benchmark(dataset, configured(language=language), limit=limit, workers=workers, only_failed=only_failed)
+    threads = max(1, (os.cpu_count() or 1) // workers)  # drops side by side must not fight for the cores
+    config = configured(language=language, threads=threads)
+    run = run_benchmark(dataset, config, limit=limit, workers=workers, only_failed=only_failed)
     if as_json:
         print(json.dumps(run.summary, indent=2, ensure_ascii=False))
     return SOME_FAILED if run.failed else 0

@@ -65,6 +65,8 @@ class SolverConfig(BaseModel, frozen=True, extra="forbid"):
     """Verification kick [rad/s]."""
     kick_seconds: PositiveFloat = 0.5
     """How long the kicked state is followed [s]."""
+    kick_decay: PositiveFloat = 0.5
+    """What may be left of the kick's speeds after that time [-]; an unstable balance gains speed."""
     kick_distance: PositiveFloat = 5e-3
     """How far the kicked state may end from the rest state, over L [-]."""
     kick_angle: PositiveFloat = 0.0174533

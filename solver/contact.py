@@ -15,7 +15,7 @@ from scipy import sparse
 
 from solver.kernels import query
 from solver.model import Body, Model
-from solver.rolling import Rolling, Spin, resist
+from solver.rolling import Law, Rolling, Spin, resist
 from solver.soft import SoftBody, SoftSystem
 from solver.state import State, turn_between
 
@@ -109,7 +109,9 @@ class ContactQuery:
         self.soft = soft
         self.pairs = pairs
         self.soft_of: dict[int, SoftBody] = {s.index: s for s in soft.bodies}
-        self.rolling_anchor: dict[tuple[int, int], NDArray[np.float64]] = {}
+        self.rolling_torque: dict[tuple[int, int], NDArray[np.float64]] = {}
+        self.gentle = False
+        """Rolling resistance as in a trial of stability (rolling.py)."""
         self.seconds = 1.0
         """Length of the step that is being solved [s]."""
         self.smooth = np.zeros((len(soft.rest), 9))
@@ -254,20 +256,9 @@ class ContactQuery:
             if length > 0.0:
                 turn = self._turn(a, state, before, spins) - self._turn(b, state, before, spins)
                 moving = min((x for x in (one, two) if not x.fixed), key=lambda body: body.size)
-                anchor = self.rolling_anchor.get((a, b), np.zeros(3))
-                out.append(
-                    resist(
-                        a,
-                        b,
-                        anchor,
-                        turn,
-                        seconds=self.seconds,
-                        length=length,
-                        normal_force=normal_force,
-                        reach=0.5 * moving.size,
-                        mass=moving.mass,
-                    )
-                )
+                start = self.rolling_torque.get((a, b), np.zeros(3))
+                law = Law.of(length, normal_force, 0.5 * moving.size, moving.mass, gentle=self.gentle)
+                out.append(resist(a, b, law, start, turn, self.seconds))
         return out
 
     def _turn(self, index: int, state: State, before: State, spins: dict[int, Spin]) -> NDArray[np.float64]:
@@ -296,7 +287,7 @@ class ContactQuery:
             for t in pair_points:
                 anchor[t.point], sliding[t.point] = t.anchor, t.sliding
             pair.anchor, pair.sliding = anchor, sliding
-        self.rolling_anchor = {(r.a, r.b): r.anchor for r in contacts.rolling}
+        self.rolling_torque = {(r.a, r.b): r.elastic for r in contacts.rolling}
 
 
 def point_forces(

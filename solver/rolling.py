@@ -1,10 +1,11 @@
 """Rolling and torsional resistance: a torque against the relative rotation of two touching bodies, at most b * N.
 
-Like friction it remembers: a damped elastic angle first, then the torque stays at its limit. Its stiffness is far
-below what would hold up a body that is about to fall over (SHARE of N times the body's half size), so it brings a
-ball on a plane to rest and cannot make a pencil stand. The rotation of a soft body is that of its mass-weighted best
-fit, theta = I^-1 sum m r x u, and its torque is spread over its nodes so that both do the same work. Rolling
-resistance length b: [J85, Sec. 9.3].
+Like friction it remembers: an elastic angle first, then the torque stays at its limit. On the way to rest the spring
+is stiff, so that a ball stops. While a rest state is tried with a kick it is `gentle`: a damped spring far below what
+would hold up a body that is about to fall over (SHARE of N times the body's half size), because resistance to rolling
+must not make a pencil stand. The rotation of a soft body is that of its mass-weighted best fit, theta = I^-1 sum m r
+x u, and its torque is spread over its nodes so that both do the same work. Rolling resistance length b: [J85, Sec.
+9.3].
 
 [J85] Johnson: Contact Mechanics. Cambridge University Press, 1985.
 """
@@ -14,7 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-SHARE = 0.2  # stiffness over N times half size: falling over has 1, rolling on a plane 0
+SHARE = 0.1  # stiffness over N times half size: falling over has 1, rolling on a plane 0
+GYRATION = 0.6  # radius of gyration about the contact over half the box diagonal: 0.68 for a rolling ball
 LEAST_ANGLE = 1e-3  # rotation [rad] at which the spring yields where that makes it softer: below what a picture shows
 
 
@@ -28,8 +30,8 @@ class Rolling:
     """On a [N m], shape (3,)."""
     tangent: NDArray[np.float64]
     """[N m/rad], shape (3, 3)."""
-    anchor: NDArray[np.float64]
-    """Elastic angle [rad], shape (3,)."""
+    elastic: NDArray[np.float64]
+    """Elastic part of the resisted torque at the end of the step, what the next one starts from [N m], shape (3,)."""
 
 
 @dataclass(eq=False, slots=True)
@@ -60,35 +62,37 @@ class Spin:
         return np.asarray(self.mass[:, None] * np.cross(self.inverse_inertia @ torque, self.arm))
 
 
-def resist(
-    a: int,
-    b: int,
-    anchor: NDArray[np.float64],
-    turn: NDArray[np.float64],
-    *,
-    seconds: float,
-    length: float,
-    normal_force: float,
-    reach: float,
-    mass: float,
-) -> Rolling:
-    """The law for one step: elastic angle at its start and turn since [rad], its length [s], b [m], N [N], half
-    size [m], mass [kg].
+@dataclass(frozen=True, slots=True)
+class Law:
+    """The numbers of one pair in one step."""
 
-    Torque k theta + c d theta / dt with c critical for a body of inertia mass * reach^2, clipped to b N.
-    """
-    limit = length * normal_force
-    stiffness = max(min(limit / LEAST_ANGLE, SHARE * normal_force * reach), 1e-12)
-    damping = 2.0 * reach * float(np.sqrt(stiffness * mass))
-    trial = stiffness * (anchor + turn) + damping / seconds * turn
+    limit: float
+    """Largest torque b * N [N m]."""
+    stiffness: float
+    """[N m/rad]."""
+    damping: float
+    """[N m s/rad]."""
+
+    @classmethod
+    def of(cls, length: float, normal_force: float, reach: float, mass: float, *, gentle: bool) -> "Law":
+        """Of resistance length b [m], normal force N [N], and the moving body's half size [m] and mass [kg]."""
+        limit = length * normal_force
+        stiff = limit / LEAST_ANGLE
+        if not gentle:
+            return cls(limit, stiff, 0.0)
+        stiffness = min(stiff, SHARE * normal_force * reach)
+        return cls(limit, stiffness, 2.0 * GYRATION * reach * float(np.sqrt(stiffness * mass)))
+
+
+def resist(a: int, b: int, law: Law, torque: NDArray[np.float64], turn: NDArray[np.float64], seconds: float) -> Rolling:
+    """Torque of a step: elastic torque at its start [N m], turn since [rad], its length [s]."""
+    elastic = torque + law.stiffness * turn
+    trial = elastic + law.damping / seconds * turn
     size = float(np.linalg.norm(trial))
-    slope = stiffness + damping / seconds
-    if size <= limit:
-        return Rolling(a, b, -trial, slope * np.eye(3), anchor + turn)
+    slope = law.stiffness + law.damping / seconds
+    if size <= law.limit:
+        return Rolling(a, b, -trial, slope * np.eye(3), elastic)
     direction = trial / size
-    tangent = slope * limit / size * (np.eye(3) - np.outer(direction, direction))
-    elastic = anchor + turn
-    longest = limit / stiffness
-    return Rolling(
-        a, b, -limit * direction, tangent, elastic * min(1.0, longest / max(float(np.linalg.norm(elastic)), 1e-12))
-    )
+    tangent = slope * law.limit / size * (np.eye(3) - np.outer(direction, direction))
+    kept = min(1.0, law.limit / max(float(np.linalg.norm(elastic)), 1e-30))
+    return Rolling(a, b, -law.limit * direction, tangent, kept * elastic)

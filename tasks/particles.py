@@ -64,9 +64,9 @@ class ParticlesConfig(BaseModel, frozen=True, extra="forbid"):
     """Cells through the thinnest dimension of a soft object."""
     least_cells_through: PositiveFloat = 3.0
     """Fewer are named in a note."""
-    object_cells: PositiveInt = 3000
+    object_cells: PositiveInt = 2500
     """Budget of cells of a soft object."""
-    base_cells: PositiveInt = 10000
+    base_cells: PositiveInt = 7000
     """Budget of cells of the base."""
     particle_limit: PositiveInt = 250_000
     """More particles than this are refused."""

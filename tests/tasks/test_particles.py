@@ -1,0 +1,310 @@
+"""The bodies that the drop gets: mass, volume, clamps, materials and fields of a known bed and known objects."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+import trimesh
+
+from geometry.distance import sampler
+from scene.anchor import Anchor
+from scene.box import OrientedBox
+from scene.codec import encode
+from scene.errors import GeometryError
+from scene.intent import Intent, OrientationRequest, RegionRequest
+from scene.materials import Material, Model, PartMaterial, PartMaterials
+from scene.mesh import Mesh
+from scene.particles import Particles
+from scene.segmentation import Instance, Part, Segmentation
+from tasks.footprint import GRAVITY
+from tasks.particles import CORE, FREE, HELD, ParticlesConfig, particles
+
+FOAM = Material("foam", 50.0, 2e4, 0.3, 0.6, 0.5, 0.002, "soft", "test")
+WOOD = Material("wood", 700.0, 1e10, 0.3, 0.5, 0.4, 0.001, "rigid", "test")
+DOWN = Material("down", 30.0, 1e4, 0.2, 0.7, 0.6, 0.003, "soft", "test")
+CLOTH = Material("cloth", 200.0, 1e5, 0.2, 0.6, 0.5, 0.002, "thin", "test")
+BALL_RADIUS, TOP, BOTTOM, NOISE = 0.1, 0.5, 0.28, 0.001
+
+
+def box_mesh(low: tuple[float, ...], high: tuple[float, ...]) -> Mesh:
+    """A closed box."""
+    a, b = np.array(low), np.array(high)
+    mesh = trimesh.creation.box(b - a)
+    return Mesh.of(mesh.vertices + (a + b) / 2, mesh.faces)
+
+
+def sheet(low: tuple[float, ...], high: tuple[float, ...], z: float, count: int, noise: float = 0.0) -> Mesh:
+    """What a scan shows of a flat top."""
+    x, y = np.meshgrid(np.linspace(low[0], high[0], count), np.linspace(low[1], high[1], count), indexing="ij")
+    height = z + noise * np.random.default_rng(0).standard_normal(x.shape)
+    corner = np.arange(count * count).reshape(count, count)
+    a, b, c, d = (corner[s].ravel() for s in (np.s_[:-1, :-1], np.s_[1:, :-1], np.s_[1:, 1:], np.s_[:-1, 1:]))
+    faces = np.concatenate([np.stack([a, b, c], 1), np.stack([a, c, d], 1)])
+    return Mesh.of(np.stack([x, y, height], -1).reshape(-1, 3), faces)
+
+
+def around(mesh: Mesh) -> OrientedBox:
+    """The upright box of a mesh."""
+    low, high = mesh.bounds
+    return OrientedBox((low + high) / 2, np.eye(3), np.maximum((high - low) / 2, 1e-4))
+
+
+def segmented(things: dict[tuple[str, bool], dict[str, Mesh]]) -> Segmentation:
+    """A scene of instances (id, structure) with named parts."""
+    meshes = [m for parts in things.values() for m in parts.values()]
+    instances = tuple(
+        Instance(
+            name, name.split("_")[0], around(Mesh.concatenate(list(parts.values()))),
+            tuple(Part(p, around(m), 1.0) for p, m in parts.items()), None, structure,
+        )
+        for (name, structure), parts in things.items()
+    )  # fmt: skip
+    counts = [len(m.faces) for m in meshes]
+    owner = [i for i, parts in enumerate(things.values()) for _ in parts]
+    part = [p for parts in things.values() for p in range(len(parts))]
+    return Segmentation(
+        Mesh.concatenate(meshes), instances, np.repeat(owner, counts).astype(np.int32),
+        np.repeat(part, counts).astype(np.int32),
+    )  # fmt: skip
+
+
+def bed() -> Segmentation:
+    """A mattress seen from above and from the sides with a blanket's sheet, a frame, a box beside and a wall."""
+    block = box_mesh((-0.8, -1.0, BOTTOM), (0.8, 1.0, TOP))
+    sides = block.submesh(np.flatnonzero(np.abs(block.face_normals[:, 2]) < 1e-9))
+    mattress = Mesh.concatenate([sheet((-0.8, -1.0), (0.8, 0.5), TOP, 76, NOISE), sides])
+    blanket = sheet((-0.8, 0.5), (0.8, 1.0), TOP, 40)
+    parts = {"mattress": mattress, "frame": box_mesh((-0.85, -1.05, 0.0), (0.85, 1.05, BOTTOM)), "blanket": blanket}
+    return segmented(
+        {
+            ("bed_0", False): parts,
+            ("box_1", False): {"body": box_mesh((0.13, -0.1, TOP - 0.001), (0.3, 0.1, TOP + 0.15))},
+            ("wall_2", True): {"wall": box_mesh((-2.0, 1.1, 0.0), (2.0, 1.2, 2.5))},
+        }
+    )
+
+
+def ball(radius: float = BALL_RADIUS) -> Mesh:
+    """A closed ball."""
+    mesh = trimesh.creation.icosphere(4, radius)
+    return Mesh.of(mesh.vertices, mesh.faces)
+
+
+def item(**parts: Mesh) -> Segmentation:
+    """An object of named parts."""
+    return segmented({("object", False): dict(parts)})
+
+
+def asked(mass: float, *, hollow: bool) -> Intent:
+    """An intent that wants this mass."""
+    nothing = RegionRequest("", ("center",), (), "")
+    free = OrientationRequest("any", "", "")
+    return Intent("bed_0", "bed", "ball", np.full(3, 0.2), mass, hollow, 1.0, free, nothing, (), ())
+
+
+def above(point: tuple[float, float, float], part: int = 0) -> Anchor:
+    """The object's origin at a point."""
+    pose = np.eye(4)
+    pose[:3, 3] = point
+    polygon = np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]])
+    surface = np.array([point[0], point[1], TOP])
+    name = ("mattress", "frame", "blanket")[part]
+    return Anchor("bed_0", name, part, "center", np.zeros(2), surface, pose, 0.01, polygon, "test")
+
+
+def chosen(**object_parts: Material) -> PartMaterials:
+    """Materials of the object's parts and of the bed."""
+
+    def row(body: str, part: str, index: int, material: Material) -> PartMaterial:
+        model = Model.RIGID if material.youngs_modulus > 1e9 else Model.MPM
+        return PartMaterial(body, part, index, material, model, "test")
+
+    rows = [row("object", name, i, m) for i, (name, m) in enumerate(object_parts.items())]
+    rows += [
+        row("bed_0", n, i, m)
+        for i, (n, m) in enumerate(zip(("mattress", "frame", "blanket"), (FOAM, WOOD, CLOTH), strict=True))
+    ]
+    return PartMaterials(tuple(rows), "none")
+
+
+@cache
+def ball_on_bed() -> Particles:
+    """A hollow rigid ball of 1 kg, 1 cm above the mattress, next to a box."""
+    found = particles(
+        bed(), item(body=ball()), asked(1.0, hollow=True), above((0.0, 0.0, TOP + BALL_RADIUS + 0.01)), chosen(body=WOOD),
+        ParticlesConfig(),
+    )  # fmt: skip
+    assert isinstance(found, Particles)
+    return found
+
+
+def test_bodies_are_the_object_the_base_and_what_is_in_reach() -> None:
+    """Object first, then the bed's soft and rigid bodies, then the box; walls are absent; all but the object are
+    fixed.
+    """
+    found = ball_on_bed()
+    assert [b.name for b in found.bodies] == ["object", "bed_0", "bed_0/rigid", "box_1"]
+    assert [b.rigid for b in found.bodies] == [True, False, True, True]
+    assert [b.fixed for b in found.bodies] == [False, True, True, True]
+    assert [b.instance for b in found.bodies] == ["object", "bed_0", "bed_0", "box_1"]
+    assert any("box_1" in note for note in found.notes)
+
+
+def test_a_hollow_ball_weighs_what_was_asked() -> None:
+    """Mass is the prior's, the inertia that of a uniform ball of that mass, 2/5 m R^2, and the note says what was
+    scaled.
+    """
+    body = ball_on_bed().bodies[0]
+    # inscribed triangles: volume; inertia 5/3 of it
+    facets = 3.0 * (1.26 * BALL_RADIUS / 16) ** 2 / (6.0 * BALL_RADIUS**2)
+    assert body.mass == 1.0
+    assert np.allclose(np.diag(body.inertia), 0.4 * BALL_RADIUS**2, rtol=facets * 5 / 3)
+    assert np.allclose(body.center_of_mass, [0, 0, TOP + BALL_RADIUS + 0.01], atol=1e-9)
+    assert any("so that it weighs 1 kg" in note for note in ball_on_bed().notes)
+
+
+def test_the_mattress_is_a_solid_block_within_the_crop() -> None:
+    """Particle volume is crop area times thickness, although the scan shows no underside: crop = ball + 0.15 m
+    around.
+    """
+    body = ball_on_bed().bodies[1]
+    area = (2.0 * BALL_RADIUS + 2.0 * 0.15) ** 2
+    # mean height of the noise under the crop: its standard error over 25 x 25 scan points
+    assert body.particle_volume.sum() / area == pytest.approx(TOP - BOTTOM, abs=4 * NOISE / 25 + 2e-4)
+    assert np.allclose(body.particle_density, FOAM.density)
+    assert np.allclose(body.particle_youngs_modulus, FOAM.youngs_modulus)
+    assert (body.particle_position[:, 2] > BOTTOM - 1e-9).all()
+
+
+def test_the_mattress_is_held_at_the_cut_and_on_its_frame_only() -> None:
+    """Nodes of the four cut faces and of the bottom are held; all others within the block are free."""
+    body = ball_on_bed().bodies[1]
+    held = body.node_held == HELD
+    for axis in (0, 1):
+        assert np.take(held, 0, axis).all()
+        assert np.take(held, -1, axis).all()
+    assert held[:, :, body.grid_z < BOTTOM + 1e-3].all()
+    inner = body.node_held[1:-1, 1:-1][:, :, body.grid_z > BOTTOM + 0.02]
+    assert (inner == FREE).all()
+
+
+def test_cells_under_the_contact_resolve_it() -> None:
+    """Cells are between a sixth and a quarter of the Hertz radius where the ball will touch, and larger far from it."""
+    found = ball_on_bed()
+    body = found.bodies[1]
+    # [J85] a = (3 W R / (4 E*))^(1/3), the ball being rigid
+    hertz = (0.75 * GRAVITY * BALL_RADIUS * (1 - FOAM.poisson_ratio**2) / FOAM.youngs_modulus) ** (1 / 3)
+    # the radius of curvature is measured on facets and a noisy gap: good to a fifth, its cube root to 7 %
+    assert 0.93 * hertz / 6 < found.resolution < 1.07 * hertz / 4
+    for grid in (body.grid_x, body.grid_y):
+        step = np.diff(grid)
+        middle = np.abs(0.5 * (grid[1:] + grid[:-1]))
+        assert step[middle < hertz].max() <= found.resolution * 1.001
+        assert step.max() > 2.0 * found.resolution
+
+
+def test_fields_and_surfaces_fit_together() -> None:
+    """Surface points lie in the grid, on the zero of the body's own field; a point 2 cm above the mattress is 2 cm
+    away.
+    """
+    for body in ball_on_bed().bodies[:2]:
+        value = sampler(body.distance)(body.surface.vertices)
+        inside = (body.surface.vertices >= body.distance.origin).all(axis=1)
+        inside &= (
+            body.surface.vertices
+            <= body.distance.origin + body.distance.spacing * (np.array(body.distance.values.shape) - 1)
+        ).all(axis=1)
+        # trilinear interpolation rounds a noisy or curved surface by a fraction of the spacing
+        assert np.abs(value[inside]).max() < 0.35 * body.distance.spacing
+    soft = ball_on_bed().bodies[1]
+    low = np.array([soft.grid_x[0], soft.grid_y[0], soft.grid_z[0]])
+    high = np.array([soft.grid_x[-1], soft.grid_y[-1], soft.grid_z[-1]])
+    assert ((soft.surface.vertices >= low) & (soft.surface.vertices <= high)).all()
+    over = sampler(soft.distance)(np.array([[0.0, 0.0, TOP + 0.02], [0.1, 0.1, TOP - 0.02]]))
+    assert over == pytest.approx([0.02, -0.02], abs=3.5 * NOISE)
+
+
+def test_same_input_same_bytes() -> None:
+    """Two runs give the same artifact, byte for byte."""
+    again = particles(
+        bed(), item(body=ball()), asked(1.0, hollow=True), above((0.0, 0.0, TOP + BALL_RADIUS + 0.01)), chosen(body=WOOD),
+        ParticlesConfig(),
+    )  # fmt: skip
+    assert encode(again) == encode(ball_on_bed())
+
+
+def test_a_blanket_is_a_thin_layer_on_the_mattress() -> None:
+    """Under a blanket seen as a sheet only, its material reaches 2 cm down; below it is the mattress, down to the
+    frame.
+    """
+    found = particles(
+        bed(), item(body=ball(0.05)), asked(0.5, hollow=True), above((0.0, 0.75, TOP + 0.06), part=2), chosen(body=WOOD),
+        ParticlesConfig(base_cells=2000),
+    )  # fmt: skip
+    assert isinstance(found, Particles)
+    soft = found.bodies[1]
+    depth = TOP - soft.particle_position[:, 2]
+    far = soft.particle_position[:, 1] > 0.5 + 0.05  # away from the seam with the mattress' own top
+    cloth = np.isclose(soft.particle_density, CLOTH.density)
+    layer = ParticlesConfig().layer
+    assert cloth[far & (depth < layer)].all()
+    assert not cloth[depth > layer].any()
+    assert np.isclose(soft.particle_density[~cloth], FOAM.density).all()
+    assert soft.particle_position[:, 2].min() < BOTTOM + 0.05
+    assert soft.static_friction == CLOTH.static_friction
+
+
+def test_a_solid_thing_weighs_density_times_volume() -> None:
+    """A wooden cube of 10 cm weighs 0.7 kg with inertia m a^2 / 6 where that is plausible, else what is usual."""
+    cube = box_mesh((-0.05, -0.05, -0.05), (0.05, 0.05, 0.05))
+    for usual, expected in ((0.6, 0.7), (0.1, 0.1)):
+        found = particles(
+            bed(), item(body=cube), asked(usual, hollow=False), above((-0.3, 0.0, TOP + 0.06)), chosen(body=WOOD),
+            ParticlesConfig(base_cells=500),
+        )  # fmt: skip
+        assert isinstance(found, Particles)
+        body = found.bodies[0]
+        assert body.mass == pytest.approx(expected, rel=1e-9)
+        assert np.allclose(body.inertia, expected * 0.01 / 6.0 * np.eye(3), rtol=1e-9, atol=1e-12)
+
+
+def test_a_rigid_core_moves_with_its_soft_body() -> None:
+    """A foam block with a wooden ball in it: core nodes lie in the ball, mass is the sum of both, cells fit the
+    budget.
+    """
+    block, core = box_mesh((-0.1, -0.1, -0.1), (0.1, 0.1, 0.1)), ball(0.05)
+    config = ParticlesConfig(base_cells=500, object_cells=1500)
+    natural = FOAM.density * 0.008
+    found = particles(
+        bed(), item(body=block, core=core), asked(natural, hollow=False), above((-0.3, 0.0, TOP + 0.11)),
+        chosen(body=DOWN, core=WOOD), config,
+    )  # fmt: skip
+    assert isinstance(found, Particles)
+    body = found.bodies[0]
+    assert not body.rigid
+    grid = np.stack(np.meshgrid(body.grid_x, body.grid_y, body.grid_z, indexing="ij"), axis=-1)
+    away = np.linalg.norm(grid - [-0.3, 0.0, TOP + 0.11], axis=-1)
+    core_nodes = body.node_held == CORE
+    assert core_nodes.sum() >= 8
+    # nearer to the ball's surface than to the block's: at most half way between them, 7.5 cm from the middle
+    assert away[core_nodes].max() < 0.076
+    assert core_nodes[away < 0.04].all()
+    assert body.particle_volume.sum() == pytest.approx(0.008, rel=0.01)
+    assert (body.particle_volume * body.particle_density).sum() == pytest.approx(body.mass, rel=1e-9)
+    # PADDING keeps two free cells around the surface
+    assert body.grid_x[0] < -0.4 - 1.99 * (body.grid_x[1] - body.grid_x[0])
+
+
+def test_too_many_particles_are_refused_with_the_knob() -> None:
+    """The message names the number, the limit and what to change."""
+    with pytest.raises(GeometryError, match=r"particles > 1000; lower ParticlesConfig.object_cells .* base_cells"):
+        particles(
+            bed(), item(body=ball()), asked(1.0, hollow=True), above((0.0, 0.0, 0.61)), chosen(body=WOOD),
+            ParticlesConfig(particle_limit=1000, base_cells=500),
+        )  # fmt: skip
+
+
+def test_config_round_trips_through_json() -> None:
+    """A config holds numbers only."""
+    config = ParticlesConfig(base_cells=123)
+    assert ParticlesConfig.model_validate_json(config.model_dump_json()) == config
