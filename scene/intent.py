@@ -32,7 +32,8 @@ class RegionRequest:
     words: str
     """The words it was read from."""
     which: str = ""
-    """Which of several parts of that name: left, right, top, bottom, middle or a number counted from below; or empty."""
+    """Which of several parts of that name: left, right, top, bottom, middle or a number counted from below; or
+    empty."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)

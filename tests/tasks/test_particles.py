@@ -131,7 +131,8 @@ def chosen(**object_parts: Material) -> PartMaterials:
 def ball_on_bed() -> Particles:
     """A hollow rigid ball of 1 kg, 1 cm above the mattress, next to a box."""
     found = particles(
-        bed(), item(body=ball()), asked(1.0, hollow=True), above((0.0, 0.0, TOP + BALL_RADIUS + 0.01)), chosen(body=WOOD),
+        bed(), item(body=ball()), asked(1.0, hollow=True), above((0.0, 0.0, TOP + BALL_RADIUS + 0.01)),
+        chosen(body=WOOD),
         ParticlesConfig(),
     )  # fmt: skip
     assert isinstance(found, Particles)
@@ -227,7 +228,8 @@ def test_fields_and_surfaces_fit_together() -> None:
 def test_same_input_same_bytes() -> None:
     """Two runs give the same artifact, byte for byte."""
     again = particles(
-        bed(), item(body=ball()), asked(1.0, hollow=True), above((0.0, 0.0, TOP + BALL_RADIUS + 0.01)), chosen(body=WOOD),
+        bed(), item(body=ball()), asked(1.0, hollow=True), above((0.0, 0.0, TOP + BALL_RADIUS + 0.01)),
+        chosen(body=WOOD),
         ParticlesConfig(),
     )  # fmt: skip
     assert encode(again) == encode(ball_on_bed())
@@ -238,7 +240,8 @@ def test_a_blanket_is_a_thin_layer_on_the_mattress() -> None:
     frame.
     """
     found = particles(
-        bed(), item(body=ball(0.05)), asked(0.5, hollow=True), above((0.0, 0.75, TOP + 0.06), part=2), chosen(body=WOOD),
+        bed(), item(body=ball(0.05)), asked(0.5, hollow=True), above((0.0, 0.75, TOP + 0.06), part=2),
+        chosen(body=WOOD),
         ParticlesConfig(base_cells=2000),
     )  # fmt: skip
     assert isinstance(found, Particles)
