@@ -64,7 +64,9 @@ class SolverConfig(BaseModel, frozen=True, extra="forbid"):
     kick_angular_speed: NonNegativeFloat = 1e-2
     """Verification kick [rad/s]."""
     kick_seconds: PositiveFloat = 0.5
-    """How long the kicked state is followed [s]."""
+    """How long the kicked state is followed before it is judged [s]."""
+    kick_segments: PositiveInt = 4
+    """How often that time is added while the motion is small but neither dies nor leaves."""
     kick_decay: PositiveFloat = 0.5
     """What may be left of the kick's speeds after that time [-]; an unstable balance gains speed."""
     kick_distance: PositiveFloat = 5e-3
