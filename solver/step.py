@@ -134,7 +134,7 @@ class Stepper:
             contacts = self.query.find(after, before)
             system = TangentSystem(self.soft, self.stencil, self.coarse, contacts, self.frames(after), dt, self.damping)
             right = self._residual(system, after, before, force, dt)
-            previous, residual = residual, self._size(right)
+            previous, residual = residual, self._size(right, contacts)
             if not np.isfinite(residual):
                 raise UnstableStep(self._story(after, dt, residual))
             if residual <= tolerance or count == self.config.newton_limit:
@@ -186,12 +186,15 @@ class Stepper:
         system.add_rolling([r.torque for r in system.contacts.rolling], nodes, frames)
         return system.reduce(nodes, frames)
 
-    def _size(self, residual: Vector) -> float:
+    def _size(self, residual: Vector, contacts: Contacts) -> float:
         """Largest of the node residual (2-norm) and the frames' force and torque residuals, over the weight."""
         parts = [float(np.sqrt((residual[0] ** 2).sum()))]
         for body in self.soft.bodies:
             if not self.model.bodies[body.index].fixed:  # many small residuals of one sign move a body as a whole
                 parts.append(float(np.linalg.norm(residual[0][body.nodes].sum(axis=0))))
+        for index, spin in contacts.spins.items():
+            torque = np.cross(spin.arm, residual[0][spin.nodes]).sum(axis=0)
+            parts.append(float(np.linalg.norm(torque)) / (0.5 * self.model.bodies[index].size))
         for f, i in enumerate(self.frame_bodies):
             parts.append(float(np.linalg.norm(residual[1][f, :3])))
             parts.append(float(np.linalg.norm(residual[1][f, 3:])) / (0.5 * self.model.bodies[i].size))
