@@ -15,7 +15,8 @@ from geometry.boundary import is_closed
 from geometry.distance import Distance, MeshDistance, sampled, sampler
 from geometry.fill import fill
 from geometry.raycast import Raycaster
-from geometry.repair import mass_properties, simplified, subdivide_near
+from geometry.repair import mass_properties, outer_faces, simplified, subdivide_near
+from geometry.repair import volume as mesh_volume
 from geometry.support import carried_bottoms, shell_bottoms, support_solid
 from scene.anchor import Anchor
 from scene.errors import GeometryError
@@ -196,16 +197,16 @@ def object_body(s: Scenario, foot: Footprint, contact_cell: float, on_soft: bool
     used = sorted(set(part_of_face.tolist()))
     rigid = all(rows[p].model is Model.RIGID for p in used)
     size = float(np.linalg.norm(np.ptp(s.mesh.vertices, axis=0)))
-    field_ = MeshDistance(s.mesh)
-    grid = body_grid(field_, s.mesh.bounds, min(contact_cell / 3.0, size / 140.0), 0.01, s.config)
+    solid = solid_of(s.mesh)
+    grid = body_grid(solid, s.mesh.bounds, min(contact_cell / 3.0, size / 140.0), 0.01, s.config)
     touching = rows[int(part_of_face[foot.face_nearest])]
     note_friction(s, "object", touching, len(used))
     if rigid:
-        mass, center, inertia = rigid_mass(s, rows, part_of_face, grid, field_)
+        mass, center, inertia = rigid_mass(s, rows, part_of_face, grid)
         surface = contact_surface(s, foot, contact_cell if on_soft else foot.small_side / 10.0)
         body = rigid_body("object", "object", False, surface, grid, touching.material)
         return replace(body, mass=mass, center_of_mass=center, inertia=inertia), contact_cell
-    return soft_object(s, foot, rows, part_of_face, grid, field_, touching.material)
+    return soft_object(s, foot, rows, part_of_face, grid, touching.material)
 
 
 def contact_surface(s: Scenario, foot: Footprint, cell: float) -> Mesh:
@@ -227,7 +228,7 @@ def simplified_item(s: Scenario) -> Mesh:
 
 
 def rigid_mass(
-    s: Scenario, rows: list[PartMaterial], part_of_face: NDArray[np.int32], grid: DistanceGrid, field_: MeshDistance
+    s: Scenario, rows: list[PartMaterial], part_of_face: NDArray[np.int32], grid: DistanceGrid
 ) -> tuple[float, Array, Array]:
     """Mass [kg], centre of mass [m] and inertia [kg m^2] of a rigid object."""
     densities = {rows[p].material.density for p in set(part_of_face.tolist())}
@@ -235,7 +236,7 @@ def rigid_mass(
         natural, center, inertia = mass_properties(s.mesh, densities.pop())
     else:
         position, volume = filled(grid)
-        density = np.array([r.material.density for r in rows])[part_of_face[field_.nearest_face(position)]]
+        density = np.array([r.material.density for r in rows])[part_at(s.mesh, part_of_face, position)]
         natural, center, inertia = moments(position, volume * density)
     mass = authoritative_mass(s, natural)
     return mass, center, inertia * (mass / natural)
@@ -283,7 +284,6 @@ def soft_object(
     rows: list[PartMaterial],
     part_of_face: NDArray[np.int32],
     grid: DistanceGrid,
-    field_: MeshDistance,
     touching: Material,
 ) -> tuple[SimulationBody, float]:
     """A soft object, possibly with a rigid core, and its cell size [m]."""
@@ -298,7 +298,7 @@ def soft_object(
             f"meet the budget of {s.config.object_cells} (ParticlesConfig.object_cells)"
         )
     position, volume = fill(cells.planes, distance)
-    part = part_of_face[field_.nearest_face(position)]
+    part = part_at(s.mesh, part_of_face, position)
     density, stiffness, poisson = constants(rows, part)
     natural, _, _ = moments(position, volume * density)
     density = density * (authoritative_mass(s, natural) / natural)
@@ -310,7 +310,7 @@ def soft_object(
         body, rigid=False, mass=mass, center_of_mass=center, inertia=inertia, particle_position=position,
         particle_volume=volume, particle_density=density, particle_youngs_modulus=stiffness,
         particle_poisson_ratio=poisson, grid_x=cells.planes[0], grid_y=cells.planes[1], grid_z=cells.planes[2],
-        node_held=core_nodes(s, cells, rows, part_of_face, field_, distance),
+        node_held=core_nodes(s, cells, rows, part_of_face, distance),
     ), cells.size  # fmt: skip
 
 
@@ -319,7 +319,6 @@ def core_nodes(
     cells: Cells,
     rows: list[PartMaterial],
     part_of_face: NDArray[np.int32],
-    field_: MeshDistance,
     distance: Distance,
 ) -> NDArray[np.int8]:
     """Nodes inside rigid parts of a soft object: they move as one."""
@@ -328,7 +327,7 @@ def core_nodes(
     stiff = np.array([r.model is Model.RIGID for r in rows])
     inside = np.flatnonzero(distance(point) < 0.0)
     if stiff.any():
-        core = inside[stiff[part_of_face[field_.nearest_face(point[inside])]]]
+        core = inside[stiff[part_at(s.mesh, part_of_face, point[inside])]]
         names = ", ".join(sorted({r.part for r in rows if r.model is Model.RIGID}))
         spread = np.linalg.matrix_rank(point[core] - point[core].mean(axis=0), tol=1e-6) if len(core) > 3 else 0
         if spread == 3:
@@ -337,6 +336,25 @@ def core_nodes(
         else:
             s.notes.append(f"object: {names} is smaller than a cell and only stiffens it")
     return state.reshape([len(p) for p in cells.planes])
+
+
+def part_at(mesh: Mesh, part_of_face: NDArray[np.int32], points: Array) -> NDArray[np.int64]:
+    """Part of an object that each point belongs to, shape (n,): the smallest closed one around it, else the nearest."""
+    owner = part_of_face[MeshDistance(mesh).nearest_face(points)].astype(np.int64)
+    parts = [(one, mesh.submesh(np.flatnonzero(part_of_face == one))) for one in np.unique(part_of_face).tolist()]
+    closed = [(mesh_volume(piece), one, MeshDistance(piece)) for one, piece in parts if is_closed(piece)]
+    if len(parts) > 1:
+        for _, one, piece_field in sorted(closed, key=lambda c: -c[0]):
+            owner[piece_field.inside(points)] = one
+    return owner
+
+
+def solid_of(mesh: Mesh) -> MeshDistance:
+    """Signed distance to the object as one solid: faces of its pieces inside one another do not count."""
+    if not is_closed(mesh):
+        return MeshDistance(mesh)
+    outer = mesh.submesh(outer_faces(mesh))
+    return MeshDistance(outer, sides=mesh) if len(outer.faces) else MeshDistance(mesh)
 
 
 def constants(rows: list[PartMaterial], part: NDArray[np.integer]) -> tuple[Array, Array, Array]:
