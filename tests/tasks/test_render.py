@@ -1,0 +1,201 @@
+"""The three pictures: same camera before and after, dents where the drop left them, contact marked, buried things
+refused.
+"""
+
+from functools import cache
+
+import numpy as np
+import trimesh
+
+from geometry.picture import Camera
+from geometry.repair import subdivide_near
+from scene.anchor import Anchor
+from scene.box import OrientedBox
+from scene.mesh import Mesh
+from scene.outcome import Infeasible, Reason
+from scene.renders import Renders
+from scene.segmentation import Instance, Part, Segmentation
+from scene.settled import Settled, SettledBody
+from tasks.render import RenderConfig, render, settled_item, settled_scene, shown, structure_faces, tinted
+
+RADIUS, DEPTH, TOP = 0.1, 0.03, 0.5
+SMALL = RenderConfig(size=160)
+
+
+def box_mesh(low: tuple[float, ...], high: tuple[float, ...], color: tuple[int, int, int] = (200, 200, 200)) -> Mesh:
+    """A closed box."""
+    a, b = np.array(low), np.array(high)
+    mesh = trimesh.creation.box(b - a)
+    return Mesh.of(mesh.vertices + (a + b) / 2, mesh.faces, color)
+
+
+def around(mesh: Mesh) -> OrientedBox:
+    """The upright box of a mesh."""
+    low, high = mesh.bounds
+    return OrientedBox((low + high) / 2, np.eye(3), (high - low) / 2)
+
+
+def scene_of(**more: Mesh) -> Segmentation:
+    """A mattress that looks south, a floor, a wall behind, a wall in front, and further things."""
+    meshes = {
+        "bed": box_mesh((-0.8, -1.0, 0.0), (0.8, 1.0, TOP), (220, 220, 230)),
+        "floor": box_mesh((-3, -3, -0.05), (3, 3, 0.0), (150, 110, 80)),
+        "wall_back": box_mesh((-3, 1.2, 0.0), (3, 1.3, 2.5)),
+        "wall_front": box_mesh((-3, -1.8, 0.0), (3, -1.7, 2.5)),
+        **more,
+    }
+    instances = tuple(
+        Instance(
+            name, name.split("_")[0], around(m), (Part("body", around(m), 1.0),),
+            np.array([0.0, -1.0, 0.0]) if name == "bed" else None, name.startswith(("wall", "floor")),
+        )
+        for name, m in meshes.items()
+    )  # fmt: skip
+    counts = [len(m.faces) for m in meshes.values()]
+    owner = np.repeat(np.arange(len(meshes)), counts).astype(np.int32)
+    return Segmentation(Mesh.concatenate(list(meshes.values())), instances, owner, np.zeros_like(owner))
+
+
+def ball() -> Segmentation:
+    """A red ball."""
+    mesh = trimesh.creation.icosphere(3, RADIUS)
+    own = Mesh.of(mesh.vertices, mesh.faces, (200, 60, 40))
+    one = Instance("object", "ball", around(own), (Part("body", around(own), 1.0),), None)
+    zeros = np.zeros(len(own.faces), dtype=np.int32)
+    return Segmentation(own, (one,), zeros, zeros)
+
+
+def anchor() -> Anchor:
+    """The ball 1 cm above the middle of the bed."""
+    pose = np.eye(4)
+    pose[2, 3] = TOP + RADIUS + 0.01
+    square = np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]])
+    return Anchor("bed", "body", 0, "center", np.zeros(2), np.array([0, 0, TOP]), pose, 0.01, square, "test")
+
+
+@cache
+def settled() -> Settled:
+    """The ball has sunk in by DEPTH; the bed has a round dent, and a turn of the ball about z for good measure."""
+    fall = np.array([0.0, 0.0, -0.01 - DEPTH])
+    turn = np.array([np.cos(0.25), 0.0, 0.0, np.sin(0.25)])
+    matrix = np.array([[np.cos(0.5), -np.sin(0.5), 0], [np.sin(0.5), np.cos(0.5), 0], [0, 0, 1]])
+    start = ball().mesh.transformed(anchor().world_from_object)
+    end = start.vertices @ matrix.T + fall
+    own = SettledBody("object", Mesh(end, start.faces, start.colors), fall, turn, end - start.vertices)
+    top = Mesh.of([[-0.4, -0.4, TOP], [0.4, -0.4, TOP], [0.4, 0.4, TOP], [-0.4, 0.4, TOP]], [[0, 1, 2], [0, 2, 3]])
+    fine = subdivide_near(top, np.array([[-0.15, -0.15, 0], [0.15, 0.15, 1]]), 0.015)
+    away = np.linalg.norm(fine.vertices[:, :2], axis=1)
+    sphere = np.sqrt(np.clip(RADIUS**2 - away**2, 0.0, None)) - (RADIUS - DEPTH)
+    down = np.zeros_like(fine.vertices)
+    down[:, 2] = -np.clip(sphere, 0.0, None)
+    dented = Mesh(fine.vertices + down, fine.faces, fine.colors)
+    zero = np.zeros(3)
+    bed = SettledBody("bed", dented, zero, np.array([1.0, 0, 0, 0]), down)
+    contact = dented.vertices[-down[:, 2] > 1e-3]
+    return Settled("at_rest", (own, bed), (), contact, {}, {}, 1, 0.1, ())
+
+
+@cache
+def taken() -> Renders:
+    """The pictures in the open."""
+    found = render(scene_of(), ball(), anchor(), settled(), SMALL)
+    assert isinstance(found, Renders)
+    return found
+
+
+def test_before_and_after_differ_only_where_the_object_is() -> None:
+    """Same camera, same light: away from the object, its dent and its shadow, no pixel changes visibly."""
+    change = np.abs(taken().clean.astype(int) - taken().settled.astype(int)).max(axis=-1)
+    camera = Camera(taken().camera_position, taken().camera_target, width=160, height=160)
+    column, row, depth = camera.project(np.array([[0.0, 0.0, TOP - DEPTH + RADIUS]]))[0]
+    y, x = np.indices(change.shape)
+    away = np.hypot(x - column, y - row) * depth / camera.focal_pixels
+    assert change[away < RADIUS / 2].min() > 10
+    # a shadow reaches 0.8 times the object's height under a light at 52 degrees; penumbra and filter a bit farther;
+    # the ball hides less than 3 % of the sky from anything beyond
+    assert change[away > 8 * RADIUS].max() <= 0.03 * 255
+
+
+def test_the_camera_keeps_the_papers_distance_and_stands_in_front() -> None:
+    """1.5 times the diagonal of the base part's box, clamped by the object's size, on the side that the bed looks
+    to.
+    """
+    way = taken().camera_position - taken().camera_target
+    wanted = 1.5 * np.linalg.norm([1.6, 2.0, 0.5])
+    own = np.linalg.norm(np.ptp(settled_item(ball(), anchor(), settled().bodies[0]).vertices, axis=0))
+    assert np.isclose(np.linalg.norm(way), np.clip(wanted, SMALL.nearest * own, SMALL.farthest * own))
+    assert way[1] < -0.7 * np.linalg.norm(way[:2])
+    assert np.isclose(np.degrees(np.arcsin(way[2] / np.linalg.norm(way))), SMALL.elevations_deg[0])
+
+
+def test_the_wall_in_front_is_cut_and_the_rest_is_shown() -> None:
+    """The ball is fully visible although a wall stands between it and the camera; the wall behind and the floor
+    stay.
+    """
+    assert taken().visible_fraction == 1.0
+    scene = scene_of()
+    meshes = shown(scene, Camera(taken().camera_position, taken().camera_target))
+    left = Mesh.concatenate(meshes)
+    assert (left.vertices[:, 1] > 1.19).any()
+    in_front = (left.triangles[:, :, 1] < -1.69).all(axis=1)
+    assert np.abs(left.face_normals[in_front, 1]).max(initial=0.0) == 0.0  # only the wall's narrow ends are left
+    assert structure_faces(scene).sum() == 36
+
+
+def test_a_ball_in_a_box_is_buried() -> None:
+    """A closed box around it hides it from everywhere: the reason is `buried`, with the share that is visible."""
+    found = render(scene_of(crate=box_mesh((-0.2, -0.2, 0.4), (0.2, 0.2, 0.9))), ball(), anchor(), settled(), SMALL)
+    assert isinstance(found, Infeasible)
+    assert found.reason is Reason.BURIED
+    assert found.evidence["visible_fraction"] == 0.0
+
+
+def test_the_dent_is_in_the_scene_and_the_ball_in_the_dent() -> None:
+    """The two triangles of the bed's top follow the dent; the ball's lowest point meets its bottom."""
+    after = settled_scene(scene_of(), settled(), "bed")
+    bed = after.instance_mesh(0)
+    inner = np.linalg.norm(bed.vertices[:, :2], axis=1) < RADIUS
+    lowest = bed.vertices[inner & (bed.vertices[:, 2] > 0.1), 2].min()
+    thing = settled_item(ball(), anchor(), settled().bodies[0])
+    # linear interpolation between vertices 15 mm apart on a sphere of 0.1 m: h^2 / (8 R) in two directions
+    assert abs(lowest - thing.bounds[0, 2]) < 2 * 0.015**2 / (8 * RADIUS)
+    assert np.allclose(thing.vertices, settled().bodies[0].surface.vertices, atol=1e-9)
+    assert len(after.face_instance) == len(after.mesh.faces) == len(after.face_part)
+
+
+def test_a_deformed_object_follows_its_simulated_surface() -> None:
+    """Squeezing the simulated surface squeezes the picture's mesh, also when that has other vertices."""
+    body = settled().bodies[0]
+    start = body.surface.vertices - body.displacement
+    squeeze = (start - start.mean(axis=0)) * [0.1, 0.1, -0.2]
+    coarse = SettledBody("object", Mesh(start + squeeze, body.surface.faces, body.surface.colors), np.zeros(3),
+                         np.array([1.0, 0, 0, 0]), squeeze)  # fmt: skip
+    fine = trimesh.creation.icosphere(4, RADIUS)
+    other = Segmentation(Mesh.of(fine.vertices, fine.faces), ball().instances, np.zeros(len(fine.faces), np.int32),
+                         np.zeros(len(fine.faces), np.int32))  # fmt: skip
+    found = settled_item(other, anchor(), coarse)
+    size = np.ptp(found.vertices, axis=0)
+    # extreme vertices of both spheres coincide with the axes up to the sagitta of the coarser one
+    sagitta = (1.26 * RADIUS / 8) ** 2 / (6 * RADIUS)
+    assert np.allclose(size, 2 * RADIUS * np.array([1.1, 1.1, 0.8]), atol=2 * sagitta)
+
+
+def test_the_contact_is_marked_in_the_close_up_only_where_it_is() -> None:
+    """A tint changes the masked pixels and no others, in a colour unlike what is there."""
+    picture = np.full((64, 64, 3), 200, dtype=np.uint8)
+    picture[:, :32] = (240, 130, 30)
+    mask = np.zeros((64, 64), dtype=bool)
+    mask[20:40, 5:25] = True
+    found = tinted(picture, mask)
+    changed = (found != picture).any(axis=-1)
+    assert np.array_equal(changed, mask)
+    assert found[30, 15, 2] > picture[30, 15, 2]  # blue on orange
+    assert np.array_equal(tinted(picture, np.zeros_like(mask)), picture)
+
+
+def test_same_input_same_bytes() -> None:
+    """Pictures are a pure function of their input."""
+    again = render(scene_of(), ball(), anchor(), settled(), SMALL)
+    assert isinstance(again, Renders)
+    for name in ("clean", "settled", "closeup"):
+        assert getattr(again, name).tobytes() == getattr(taken(), name).tobytes()
