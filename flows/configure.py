@@ -16,9 +16,7 @@ def configured(*, language: str = "offline", resolution: float | None = None, th
     for stage in ("intent", "rotation", "anchor", "materials"):
         config = with_setting(config, stage, {"client": language}, f"--language {language}")
     if resolution is not None:
-        config = with_setting(
-            config, "particles", {"finest_cell": resolution, "coarsest_cell": resolution}, f"--resolution {resolution}"
-        )
+        config = with_setting(config, "particles", {"cell": resolution}, f"--resolution {resolution}")
     return with_setting(config, "drop", {"threads": threads}, f"--threads {threads}")
 
 

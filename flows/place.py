@@ -14,9 +14,10 @@ from tasks.intent import IntentConfig, intent_task
 from tasks.materials import MaterialsConfig, materials_task
 from tasks.mesh import MeshConfig, mesh_task
 from tasks.overview import OverviewConfig, overview_task
-from tasks.particles import ParticlesConfig, particles_task
+from tasks.particles import particles_task
 from tasks.render import RenderConfig, render_task
 from tasks.rotation import RotationConfig, rotation_task
+from tasks.scenario import ParticlesConfig
 from tasks.segment import SegmentConfig, segment_object_task, segment_task
 
 

@@ -4,6 +4,8 @@ In: particles (bodies as arrays), the anchor (what was asked) and the intent. Ou
 its contacts and certificate, or `Infeasible` with the drop's reason code and the same certificate as evidence.
 """
 
+import logging
+
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, NonNegativeFloat, NonNegativeInt, PositiveFloat
@@ -15,6 +17,7 @@ from scene.mesh import Mesh
 from scene.outcome import Infeasible, Reason
 from scene.particles import Particles, SimulationBody
 from scene.settled import Settled, SettledBody
+from solver.certificate import Signals
 from solver.config import SolverConfig
 from solver.errors import UnstableStep
 from solver.model import Body, Model, SignedDistance, SoftParts
@@ -23,6 +26,9 @@ from tasks.stage import stage
 
 Array = NDArray[np.float64]
 
+LOG = logging.getLogger(__name__)
+
+REPORTED = 10  # steps between two lines of progress
 GRAVITY = (0.0, 0.0, -9.81)  # standard gravity [m/s^2], as in the paper's section 4.3
 
 
@@ -43,7 +49,7 @@ def drop(particles: Particles, anchor: Anchor, intent: Intent, seed: int, config
     model = model_of(particles)
     solver = config.solver.model_copy(update={"threads": config.threads, "seed": seed})
     try:
-        result = settle(model, solver)
+        result = settle(model, solver, _progress)
     except UnstableStep as error:
         return Infeasible(Reason.UNSTABLE_STEP, str(error), {})
     settled = settled_of(particles, result)
@@ -53,6 +59,11 @@ def drop(particles: Particles, anchor: Anchor, intent: Intent, seed: int, config
     if result.verdict != AT_REST:
         return Infeasible(Reason(result.verdict), _story(result), evidence(settled))
     return judge(settled, particles, anchor, config)
+
+
+def _progress(step: int, seconds: float, signals: Signals) -> None:
+    if step % REPORTED == 0:
+        LOG.info("step %d, %.2f s, %.2g m/s", step, seconds, signals.speed)
 
 
 def model_of(particles: Particles) -> Model:

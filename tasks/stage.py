@@ -244,7 +244,7 @@ def progress_to(log: Any, conduct: Conduct, stage_name: str) -> OnProgress:
     """Pass a stage's progress on to the run's log and to whoever listens."""
 
     def on_progress(part: float, text: str) -> None:
-        log.info("%s: %3.0f %% %s", stage_name, 100 * part, text)
+        log.info("%s: %s%s", stage_name, f"{part:.0%} " if part else "", text)
         conduct.on_event(StageEvent(stage_name, Event.PROGRESS, part, text))
 
     return on_progress

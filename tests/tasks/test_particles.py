@@ -17,7 +17,8 @@ from scene.mesh import Mesh
 from scene.particles import Particles
 from scene.segmentation import Instance, Part, Segmentation
 from tasks.footprint import GRAVITY
-from tasks.particles import CORE, FREE, HELD, ParticlesConfig, particles
+from tasks.particles import particles
+from tasks.scenario import CORE, FREE, HELD, ParticlesConfig
 
 FOAM = Material("foam", 50.0, 2e4, 0.3, 0.6, 0.5, 0.002, "soft", "test")
 WOOD = Material("wood", 700.0, 1e10, 0.3, 0.5, 0.4, 0.001, "rigid", "test")
