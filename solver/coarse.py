@@ -10,6 +10,7 @@ product, contacts included.
 """
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,6 +41,8 @@ class CoarseSpace:
     """Coarse shape values at each fine cell's nodes, shape (c, 8, 8)."""
     scratch: NDArray[np.float64]
     blocks: NDArray[np.float64]
+    body_nodes: list[slice]
+    """Lattice nodes of each soft body."""
     stiffness: NDArray[np.float64]
     """P^T K P of the elastic tangent, shape (3 m, 3 m)."""
 
@@ -57,12 +60,21 @@ class CoarseSpace:
         np.add.at(dense, (rows.ravel(), columns.ravel()), self.blocks.reshape(-1, 3, 3))
         self.stiffness = dense.transpose(0, 2, 1, 3).reshape(3 * m, 3 * m)
 
+    def turn(self, body: int, rotation: NDArray[np.float64]) -> None:
+        """Turn the elastic product of one soft body as a whole: R K_ab R^T per pair of lattice nodes."""
+        nodes = self.body_nodes[body]
+        at = slice(3 * nodes.start, 3 * nodes.stop)
+        count = nodes.stop - nodes.start
+        blocks = self.stiffness[at, at].reshape(count, 3, count, 3)
+        turned = np.einsum("ij,ajbk,lk->aibl", rotation, blocks, rotation, optimize=True)
+        self.stiffness[at, at] = turned.reshape(3 * count, 3 * count)
+
 
 def build_coarse(soft: SoftSystem) -> CoarseSpace:
     """Lay a lattice over every soft body."""
     node_rows, node_columns, node_values = [], [], []
     cell_node, members, weights = [], [], np.zeros((len(soft.cell_node), 8, 8))
-    offset = 0
+    offset, ends = 0, [0]
     free = ~(soft.held | (soft.core >= 0))
     for body in soft.bodies:
         planes, lattice_shape = _lattice(body)
@@ -89,6 +101,7 @@ def build_coarse(soft: SoftSystem) -> CoarseSpace:
         )
         members += [fine[group == g] for g in range(len(used))]
         offset += int(np.prod(lattice_shape))
+        ends.append(offset)
     prolong = sparse.csr_matrix(
         (np.concatenate(node_values), (np.concatenate(node_rows), np.concatenate(node_columns))),
         shape=(len(soft.rest), offset),
@@ -96,6 +109,7 @@ def build_coarse(soft: SoftSystem) -> CoarseSpace:
     keep = np.flatnonzero(np.asarray(abs(prolong).sum(axis=0)).ravel() > 0.0)
     number = np.full(offset, 0)
     number[keep] = np.arange(len(keep))
+    ends = np.searchsorted(keep, ends).tolist()
     coarse_cells = number[np.concatenate(cell_node)]
     prolong = prolong[:, keep].tocsr()
     inertia = (prolong.T @ sparse.diags(soft.mass) @ prolong).tocsr()
@@ -109,6 +123,7 @@ def build_coarse(soft: SoftSystem) -> CoarseSpace:
         weights,
         np.zeros((8 * len(members), 8, 9)),
         np.zeros((len(members), 8, 8, 9)),
+        [slice(a, b) for a, b in pairwise(ends)],
         np.zeros((3 * len(keep), 3 * len(keep))),
     )
 

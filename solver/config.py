@@ -17,9 +17,14 @@ class SolverConfig(BaseModel, frozen=True, extra="forbid"):
     step_seconds: PositiveFloat = 4e-3
     """First step [s]: a fall of 1 cm takes 45 ms, so about ten steps resolve it."""
     step_distance: PositiveFloat = 2e-3
-    """Steps are short enough that no free body moves farther than this [m] in one."""
-    longest_step_seconds: PositiveFloat = 16e-3
-    """Longest step [s] on the way to rest: a tenth of the time in which a 0.2 m tall object topples."""
+    """Steps are short enough that no free body moves farther than this [m] in one, or than step_share."""
+    step_share: PositiveFloat = 0.01
+    """... of its size L [-]: larger bodies may move farther, contact is implicit."""
+    longest_step: PositiveFloat = 0.3
+    """Longest step on the way to rest over sqrt(L / 2g), the time in which a body of size L falling over leaves its
+    balance by a factor e: backward Euler follows that growth up to 1, a third of it closely [-]."""
+    hanging_step_seconds: PositiveFloat = 0.16
+    """Longest step of clamped bodies alone [s]: nearly static solves, with no contact to skip."""
     shortest_step_seconds: PositiveFloat = 2.5e-4
     """A step that does not converge is halved down to this, then UnstableStep."""
 

@@ -17,7 +17,7 @@ from solver.kernels import query
 from solver.model import Body, Model
 from solver.rolling import Law, Rolling, Spin, resist
 from solver.soft import SoftBody, SoftSystem
-from solver.state import State, turn_between
+from solver.state import State, best_rigid_motion, turn_between
 
 SEARCH_MARGIN = 0.02  # points within this distance [m] of the other body's box are queried: more than one step's motion
 STICK_SPEED = 1e-4  # a point at its friction limit that moves slower than this [m/s] has stopped: mu_s holds again
@@ -42,7 +42,7 @@ class Pair:
     sliding: NDArray[np.bool_]
     """Points that slid at the end of the last step, shape (n,)."""
     guess: NDArray[np.float64]
-    """Material point of b nearest to each point at the last query [m], shape (n, 3)."""
+    """Material point of a soft b at each point at the last query [m], NaN where there was none, shape (n, 3)."""
 
 
 @dataclass(eq=False, slots=True)
@@ -153,7 +153,6 @@ class ContactQuery:
             return None
         material, gap, normal, node, weight = self._query(pair, state, points, near)
         active = np.flatnonzero(gap < 0.0)
-        pair.guess[near] = material
         if len(active) == 0:
             return None
         index = near[active].astype(np.int64)
@@ -192,13 +191,22 @@ class ContactQuery:
         cell = np.full(count, -1, dtype=np.int32)
         query.query_soft(
             points, near, state.x, *one.planes, one.cell_id, self.soft.cell_node, self.smooth,
-            grid.origin, grid.spacing,
-            grid.values, material, gap, normal, cell, weight,
+            grid.origin, grid.spacing, grid.values, self._undeformed(pair.b, state, points[near]), material, gap,
+            normal, cell, weight,
         )  # fmt: skip
         found = cell >= 0
+        pair.guess[near] = np.where(found[:, None], material, np.nan)
         node[found] = self.soft.cell_node[cell[found]]
         weight[~found] = 0.0
         return material, gap, normal, node, weight
+
+    def _undeformed(self, index: int, state: State, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Where points (k, 3) would be in a soft body's start pose, had it only moved rigidly [m]."""
+        if self.model.bodies[index].fixed:
+            return points
+        nodes = self.soft_of[index].nodes
+        rotation, translation = best_rigid_motion(self.soft.rest[nodes], state.x[nodes], self.soft.mass[nodes])
+        return np.asarray((points - translation) @ rotation)
 
     def _motion(
         self,

@@ -18,6 +18,7 @@ from solver.contact import Contacts
 from solver.kernels import elastic
 from solver.soft import SoftSystem
 from solver.state import cross_matrix
+from solver.tangent import ElasticTangent
 
 Vector = tuple[NDArray[np.float64], NDArray[np.float64]]
 
@@ -46,16 +47,15 @@ class TangentSystem:
     def __init__(
         self,
         soft: SoftSystem,
-        stencil: NDArray[np.float32],
-        coarse: CoarseSpace | None,
+        tangent: ElasticTangent,
         contacts: Contacts,
         frames: Frames,
         dt: float,
         damping: float,
     ) -> None:
         self.soft = soft
-        self.stencil = stencil
-        self.coarse = coarse
+        self.stencil = tangent.stencil
+        self.coarse = tangent.coarse
         self.dt = dt
         self.contacts = contacts
         self.frames = frames

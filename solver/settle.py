@@ -25,7 +25,6 @@ AT_REST, LEFT_TARGET, NO_EQUILIBRIUM = "at_rest", "left_target", "no_equilibrium
 CELL_STIFFNESS = (
     4.0  # first guess of the contact stiffness per area, in E / cell size; then adapted to the penetration target
 )
-HANGING_STEPS = 10.0  # longest step of clamped bodies alone, over that of free ones: nearly static solves
 KICK_NOISE = 0.1  # share of a kick's speed below which growth is the noise of solving to a tolerance
 STEP_GROWTH = 1.25  # growth of the step when Newton converges easily
 
@@ -135,7 +134,7 @@ class Drop:
         while True:
             state, report, dt = self._step(state, dt)
             signals = self._record(state, report, progress)
-            if self._left(state):
+            if self._left(state, report.contacts):
                 return LEFT_TARGET, state, report
             if self._quiet():
                 return AT_REST, state, report
@@ -168,9 +167,14 @@ class Drop:
     def _longest_step(self, speed: float) -> float:
         """No free body may skip a contact; what only hangs on a clamp has none to skip and no path to get wrong."""
         if not self.free:
-            return HANGING_STEPS * self.config.longest_step_seconds
-        reach = max(self.config.step_distance / max(speed, 1e-12), self.config.shortest_step_seconds)
-        return min(reach, self.config.longest_step_seconds)
+            return self.config.hanging_step_seconds
+        distance = max(self.config.step_distance, self.config.step_share * self.length)
+        reach = max(distance / max(speed, 1e-12), self.config.shortest_step_seconds)
+        return min(reach, self._balance_step())
+
+    def _balance_step(self) -> float:
+        """Longest step that follows a loss of balance [s]."""
+        return self.config.longest_step * float(np.sqrt(0.5 * self.length / max(self.gravity, 1e-12)))
 
     def _record(self, state: State, report: StepReport, progress: Progress | None) -> Signals:
         signals = measure(self.model, self.soft, self.query, self.watched, self.mass, state, report)
@@ -203,21 +207,29 @@ class Drop:
         }
         return {k: {"value": v, "threshold": t, "margin": 1.0 - v / t} for k, (v, t) in values.items()}
 
-    def _left(self, state: State) -> bool:
-        """A free body lies wholly below everything fixed, or its centre of mass is beside it: nothing there
-        can carry it."""
+    def _left(self, state: State, contacts: Contacts) -> bool:
+        """A free body that nothing carries lies wholly below everything fixed, or its centre of mass is beside it:
+        nothing there can carry it.
+        """
         fixed = [b.vertices for b in self.model.bodies if b.fixed]
         if not fixed:
             return False
         low = np.min([v.min(axis=0) for v in fixed], axis=0)
         high = np.max([v.max(axis=0) for v in fixed], axis=0)
-        for i in self.free:
-            if self.query.surface(state, i)[:, 2].max() < low[2]:
-                return True
+        for i in set(self.free) - self._carried(contacts):
             center = self._center(state, i)[:2]
-            if ((center < low[:2]) | (center > high[:2])).any():
+            below = self.query.surface(state, i)[:, 2].max() < low[2]
+            if below or ((center < low[:2]) | (center > high[:2])).any():
                 return True
         return False
+
+    def _carried(self, contacts: Contacts) -> set[int]:
+        """Bodies that touch something fixed, or a body that does."""
+        carried = {i for i, b in enumerate(self.model.bodies) if b.fixed}
+        touching = {(t.pair.a, t.pair.b) for t in contacts.touching}
+        while more := {b for pair in touching if carried & set(pair) for b in pair} - carried:
+            carried |= more
+        return carried
 
     def _adapt(self, contacts: Contacts, signals: Signals) -> None:
         """Stiffen pairs that penetrate more than asked for; only near rest, where the load is the weight."""
@@ -251,7 +263,7 @@ class Drop:
                     state.v[s.nodes] = state.velocity[i] + np.cross(state.angular_velocity[i], arm)
         begin, farthest = len(self.history), 0.0
         self.query.gentle = True
-        dt = 0.5 * c.longest_step_seconds
+        dt = 0.5 * self._balance_step()
         undecided, segment = True, 0
         while undecided and segment < c.kick_segments:
             segment += 1
@@ -403,7 +415,7 @@ def contact_pairs(model: Model, soft: SoftSystem, config: SolverConfig, gravity:
                     area,
                     np.zeros((points, 3)),
                     np.zeros(points, dtype=bool),
-                    one.vertices.copy(),
+                    np.full((points, 3), np.nan),
                 )
             )
     return pairs

@@ -4,7 +4,7 @@
 
 Soft and rigid bodies, contact on both sides and friction are one system, so no side of a contact can outrun the
 other. Backward Euler damps elastic vibration strongly and leaves slow rigid motion nearly untouched, which is what a
-path to rest needs; stiffness- proportional damping beta K (Kelvin-Voigt) stands for the loss of real foams [B96, Sec.
+path to rest needs; stiffness-proportional damping beta K (Kelvin-Voigt) stands for the loss of real foams [B96, Sec.
 9.3.3].
 
 [B96] Bathe: Finite Element Procedures, Prentice Hall 1996.
@@ -15,7 +15,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from solver.coarse import build_coarse
 from solver.config import SolverConfig
 from solver.contact import ContactQuery, Contacts
 from solver.errors import UnstableStep
@@ -24,11 +23,10 @@ from solver.linear import Frames, TangentSystem, Vector, conjugate_gradient
 from solver.model import Model
 from solver.soft import SoftSystem
 from solver.state import State, rotate, turn_between
+from solver.tangent import ElasticTangent
 
-SLOW, CAUTION = (
-    0.7,
-    0.5,
-)  # where the residual falls by less than SLOW, Newton cycles between contact states: shorten its moves
+# where the residual falls by less than SLOW, Newton cycles between contact states: shorten its moves
+SLOW, CAUTION = 0.7, 0.5
 
 
 @dataclass(eq=False, slots=True)
@@ -57,24 +55,12 @@ class Stepper:
         self.config = config
         self.weight = weight
         self.damping = 0.0
-        cells, nodes, particles = len(soft.cell_node), len(soft.rest), len(soft.volume)
+        cells, particles = len(soft.cell_node), len(soft.volume)
         self.cell_force = np.zeros((cells, 8, 3))
-        self.cell_tangent = np.zeros((cells, 8, 8, 9), dtype=np.float32)
-        self.rest_tangent = np.zeros((cells, 8, 8, 9), dtype=np.float32)
-        if cells:
-            identity = np.tile(np.eye(3).ravel(), (particles, 1))
-            elastic.cell_tangents(
-                soft.cell_size, soft.cell_start, soft.local, soft.volume, soft.mu, soft.lam, identity, identity,
-                self.rest_tangent,
-            )  # fmt: skip
-        self.stencil = np.zeros((nodes, 27, 9), dtype=np.float32)
+        self.tangent = ElasticTangent(soft, config.tangent_refresh)
         self.deformation = np.zeros((particles, 9))
-        self.polar = np.zeros((particles, 9))
         self.volume_ratio = np.ones(particles)
         self.energy = np.zeros(particles)
-        self.coarse = build_coarse(soft) if len(soft.bodies) else None
-        self.built_for: NDArray[np.float64] | None = None
-        """Deformation gradients that the elastic tangent was built for, shape (p, 9)."""
         self.frame_bodies = [
             i for i, b in enumerate(model.bodies) if not b.fixed and (b.soft is None or (soft.core == i).any())
         ]
@@ -98,28 +84,12 @@ class Stepper:
         f = np.zeros_like(state.x)
         if len(f):
             s = self.soft
-            self.polar = state.polar
             elastic.cell_forces(
                 state.x, s.cell_node, s.cell_size, s.cell_start, s.local, s.volume, s.mu, s.lam, state.polar,
                 self.deformation, self.volume_ratio, self.energy, self.cell_force,
             )  # fmt: skip
             elastic.gather_forces(s.node_cell, self.cell_force, f)
         return f
-
-    def refresh_stencil(self) -> None:
-        """Rebuild the elastic tangent where a particle has strained or turned enough since the last time."""
-        if len(self.deformation) == 0:
-            return
-        if self.built_for is not None:
-            changed = np.abs(self.deformation - self.built_for).max()
-            if changed < self.config.tangent_refresh:
-                return
-        s = self.soft
-        elastic.turn_tangents(s.cell_start, s.volume, self.polar, self.rest_tangent, self.cell_tangent)
-        elastic.gather_tangents(s.node_cell, self.cell_tangent, self.stencil)
-        if self.coarse is not None:
-            self.coarse.refresh(self.cell_tangent)
-        self.built_for = self.deformation.copy()
 
     def advance(self, state: State, dt: float, tolerance: float) -> tuple[State, StepReport]:
         """The state after `dt` [s], solved to `tolerance` of the weight; raises UnstableStep for a state that
@@ -130,9 +100,9 @@ class Stepper:
         self.query.seconds = dt
         for count in range(self.config.newton_limit + 1):
             force = self.elastic_forces(after)
-            self.refresh_stencil()
+            self.tangent.refresh(after, self.deformation)
             contacts = self.query.find(after, before)
-            system = TangentSystem(self.soft, self.stencil, self.coarse, contacts, self.frames(after), dt, self.damping)
+            system = TangentSystem(self.soft, self.tangent, contacts, self.frames(after), dt, self.damping)
             right = self._residual(system, after, before, force, dt)
             previous, residual = residual, self._size(right, contacts)
             if not np.isfinite(residual):
@@ -176,7 +146,7 @@ class Stepper:
         nodes -= self.soft.mass[:, None] * (velocity - before.v) / dt
         if self.damping > 0.0 and len(nodes):
             drag = np.empty_like(nodes)
-            elastic.multiply(self.soft.neighbour, self.stencil, velocity, drag)
+            elastic.multiply(self.soft.neighbour, self.tangent.stencil, velocity, drag)
             nodes -= self.damping * drag
         for f, i in enumerate(self.frame_bodies):
             linear = (after.center[i] - before.center[i]) / dt

@@ -70,6 +70,15 @@ def plane_interval(planes: ti.template(), value: ti.f64) -> ti.i32:
     return low
 
 
+@ti.func
+def shape_value(a: ti.i32, s: vec3) -> ti.f64:
+    """Trilinear shape value of local node a = 4 i + 2 j + k at local coordinates s."""
+    wx = s[0] if a // 4 == 1 else 1.0 - s[0]
+    wy = s[1] if (a // 2) % 2 == 1 else 1.0 - s[1]
+    wz = s[2] if a % 2 == 1 else 1.0 - s[2]
+    return wx * wy * wz
+
+
 @ti.kernel
 def query_rigid(
     points: ti.types.ndarray(),
@@ -154,17 +163,18 @@ def query_soft(
     origin: ti.types.ndarray(),
     spacing: ti.f64,
     values: ti.types.ndarray(),
+    undeformed: ti.types.ndarray(),
     material_point: ti.types.ndarray(),
     gap: ti.types.ndarray(),
     normal: ti.types.ndarray(),
     cell: ti.types.ndarray(),
     weight: ti.types.ndarray(),
 ):
-    """The same for a soft body: invert x(X) from the given guess, push the normal forward with F^-T, rescale the
-    gap by 1 / |F^-T N|.
+    """The same for a soft body: invert x(X), push the normal forward with F^-T, rescale the gap by 1 / |F^-T N|.
 
-    cell[m] is the global cell that holds the material point (-1: the map could not be inverted there), weight its
-    8 shape values.
+    The inversion starts at material_point[m], where the point was last (NaN: nowhere), and if that fails at
+    undeformed[m], where it would be had the body moved rigidly. cell[m] is the global cell that holds the material
+    point (-1: the map could not be inverted there), weight its 8 shape values.
     """
     o = vec3(0.0)
     for d in ti.static(range(3)):
@@ -174,53 +184,50 @@ def query_soft(
         target = vec3(points[p, 0], points[p, 1], points[p, 2])
         X = vec3(material_point[m, 0], material_point[m, 1], material_point[m, 2])
         found = -1
-        F = ti.Matrix.identity(ti.f64, 3)
         s = vec3(0.0)
-        count = 0
-        running = True
-        while running and count < INVERSION_STEPS:
-            count += 1
-            i, j, k = plane_interval(planes_x, X[0]), plane_interval(planes_y, X[1]), plane_interval(planes_z, X[2])
-            low = vec3(planes_x[i], planes_y[j], planes_z[k])
-            h = vec3(planes_x[i + 1], planes_y[j + 1], planes_z[k + 1]) - low
-            s = (X - low) / h
-            c = cell_id[i, j, k]
-            found = -1
-            outside = False
-            for d in ti.static(range(3)):
-                if s[d] < -1e-6 or s[d] > 1.0 + 1e-6:
-                    outside = True
-            if c < 0:
-                running = False
-            else:
-                here = vec3(0.0)
-                F = ti.Matrix.zero(ti.f64, 3, 3)
-                for a in range(8):
-                    n = cell_node[c, a]
-                    xa = vec3(x[n, 0], x[n, 1], x[n, 2])
-                    ia, ja, ka = a // 4, (a // 2) % 2, a % 2
-                    w = (
-                        (s[0] if ia == 1 else 1.0 - s[0])
-                        * (s[1] if ja == 1 else 1.0 - s[1])
-                        * (s[2] if ka == 1 else 1.0 - s[2])
-                    )
-                    here += w * xa
-                    F += xa.outer_product(shape_gradient(a, s, h))
-                J = F.determinant()
-                if J < 1e-3:
+        attempt = 0 if X[0] == X[0] else 1
+        while found < 0 and attempt < 2:
+            if attempt == 1:
+                X = vec3(undeformed[m, 0], undeformed[m, 1], undeformed[m, 2])
+            attempt += 1
+            count = 0
+            running = True
+            while running and count < INVERSION_STEPS:
+                count += 1
+                i, j, k = plane_interval(planes_x, X[0]), plane_interval(planes_y, X[1]), plane_interval(planes_z, X[2])
+                low = vec3(planes_x[i], planes_y[j], planes_z[k])
+                h = vec3(planes_x[i + 1], planes_y[j + 1], planes_z[k + 1]) - low
+                s = (X - low) / h
+                c = cell_id[i, j, k]
+                outside = False
+                for d in ti.static(range(3)):
+                    if s[d] < -1e-6 or s[d] > 1.0 + 1e-6:
+                        outside = True
+                if c < 0:
                     running = False
                 else:
-                    r = target - here
-                    if r.norm() < INVERSION_TOLERANCE:
+                    here = vec3(0.0)
+                    F = ti.Matrix.zero(ti.f64, 3, 3)
+                    for a in range(8):
+                        n = cell_node[c, a]
+                        xa = vec3(x[n, 0], x[n, 1], x[n, 2])
+                        here += shape_value(a, s) * xa
+                        F += xa.outer_product(shape_gradient(a, s, h))
+                    J = F.determinant()
+                    if J < 1e-3:
                         running = False
-                        if not outside:
-                            found = c
                     else:
-                        step = cofactor(F).transpose() @ r / J
-                        longest = 1.5 * h.max()
-                        if step.norm() > longest:
-                            step *= longest / step.norm()
-                        X += step
+                        r = target - here
+                        if r.norm() < INVERSION_TOLERANCE:
+                            running = False
+                            if not outside:
+                                found = c
+                        else:
+                            step = cofactor(F).transpose() @ r / J
+                            longest = 1.5 * h.max()
+                            if step.norm() > longest:
+                                step *= longest / step.norm()
+                            X += step
         cell[m] = found
         gap[m] = FAR
         for d in ti.static(range(3)):
@@ -228,12 +235,7 @@ def query_soft(
         if found >= 0:
             G = ti.Matrix.zero(ti.f64, 3, 3)
             for a in range(8):
-                ia, ja, ka = a // 4, (a // 2) % 2, a % 2
-                w = (
-                    (s[0] if ia == 1 else 1.0 - s[0])
-                    * (s[1] if ja == 1 else 1.0 - s[1])
-                    * (s[2] if ka == 1 else 1.0 - s[2])
-                )
+                w = shape_value(a, s)
                 weight[m, a] = w
                 G += w * load3(smooth, cell_node[found, a])
             phi, N = distance_at(X, o, spacing, values)

@@ -2,6 +2,13 @@
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
+
+from solver.config import SolverConfig
+from solver.model import Model
+from solver.runtime import start
+from solver.settle import Drop
+from solver.state import start_state
 
 
 def test_a_uniaxially_pressed_column_obeys_the_closed_form(lab):
@@ -64,3 +71,35 @@ def test_a_pillow_like_body_rests_on_a_mattress_like_body(lab):
     weight = 40.0 * 0.2 * 0.15 * 0.08 * lab.gravity
     assert result.verdict == "at_rest"
     assert result.contacts[0]["normal_force_n"] == pytest.approx(weight, rel=0.02)
+
+
+def test_points_that_start_far_above_a_soft_body_touch_it_when_they_come_down(lab):
+    """Contact depends on where a point is, not on where it started: a pole that has fallen over lies in contact."""
+    planes = (np.linspace(-0.3, 0.3, 31), np.linspace(-0.15, 0.15, 16), np.linspace(0.0, 0.3, 16))  # mostly empty above
+    slab = lab.soft("slab", lab.Box(np.array([0.6, 0.3, 0.06])), [0, 0, 0.03], E=1e5, rho=60.0, cell=0.02,
+                    planes=planes, held=np.s_[:, :, 0], fixed=True, loaded=True)  # fmt: skip
+    pole = lab.soft("pole", lab.Capsule(0.025, 0.15), [-0.1, 0, 0.165], E=2e6, rho=300.0, cell=0.0125)
+    start(2)
+    one = Drop(Model((pole, slab), np.array([0.0, 0.0, -lab.gravity])), SolverConfig())
+    state = start_state(one.model, one.soft)
+    assert not one.query.find(state, state).touching
+    nodes = one.soft.bodies[0].nodes
+    turn = Rotation.from_euler("y", 90, degrees=True).as_matrix()
+    state.x[nodes] = (state.x[nodes] - [-0.1, 0.0, 0.165]) @ turn.T + [0.0, 0.0, 0.06 + 0.025 - 0.002]
+    found = one.query.find(state, state)
+    inside = (one.query.surface(state, 0)[:, 2] < 0.06).sum()
+    assert inside > 10
+    assert (found.a == 0).sum() == inside
+
+
+def test_a_soft_ball_rolls_down_like_a_rigid_one(lab):
+    """a = 5/7 g sin(a) without rolling resistance: material damping brakes strain, never rotation."""
+    angle = np.radians(8.0)
+    ball = lab.soft("ball", lab.Capsule(0.05, 0.0), [-0.2, 0, 0.0502], E=5e6, rho=300.0, cell=0.0125, mu=(0.9, 0.9),
+                    edge=0.004)  # fmt: skip
+    gravity = lab.gravity * np.array([np.sin(angle), 0.0, -np.cos(angle)])
+    result = lab.drop(ball, lab.floor(mu=(0.9, 0.9)), gravity=gravity, step_limit=90)
+    time, speed = result.history["time"], result.history["linear_speed"]
+    measured = np.polyfit(time[time > 0.1], speed[time > 0.1], 1)[0]
+    # the mesh's inertia (2 % at 8 cells across) and its facets (sagitta of 40 um per 4 mm edge) count
+    assert measured == pytest.approx(5.0 / 7.0 * lab.gravity * np.sin(angle), rel=0.05)

@@ -1,0 +1,85 @@
+"""The elastic tangent of all soft bodies: warped cell stiffnesses on the 27-point stencil and their coarse product.
+
+A cell's stiffness turns with the rotation of its particles, K = R K_rest R^T [M04]; strain is left out of it, so it is
+rebuilt only when strain has changed visibly. A turn of a free body as a whole is followed closely: a tangent that is
+late by an angle t resists the next turn with a stiffness of about E V t^2, and Kelvin-Voigt damping with it would act
+as a brake from outside.
+
+[M04] Mueller, Gross: Interactive virtual materials. Graphics Interface 2004.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solver.coarse import build_coarse
+from solver.kernels import elastic
+from solver.soft import SoftSystem
+from solver.state import State, best_rigid_motion, turn_between
+
+TURN_REFRESH = 1e-3  # turn of a free body [rad] after which its tangent follows; E V t^2 is then far below its weight
+
+
+class ElasticTangent:
+    """Work arrays of the tangent; `refresh` brings them up to a state."""
+
+    def __init__(self, soft: SoftSystem, strain_refresh: float) -> None:
+        self.soft = soft
+        self.strain_refresh = strain_refresh
+        cells = len(soft.cell_node)
+        self.cells = np.zeros((cells, 8, 8, 9), dtype=np.float32)
+        self.rest_cells = np.zeros((cells, 8, 8, 9), dtype=np.float32)
+        if cells:
+            identity = np.tile(np.eye(3).ravel(), (len(soft.volume), 1))
+            elastic.cell_tangents(
+                soft.cell_size, soft.cell_start, soft.local, soft.volume, soft.mu, soft.lam, identity, identity,
+                self.rest_cells,
+            )  # fmt: skip
+        self.stencil = np.zeros((len(soft.rest), 27, 9), dtype=np.float32)
+        """Rows of K on the 27 nodes around each node [N/m]."""
+        self.coarse = build_coarse(soft) if len(soft.bodies) else None
+        self.movable = [k for k, b in enumerate(soft.bodies) if not soft.held[b.nodes].any()]
+        self.built_for: NDArray[np.float64] | None = None
+        """Deformation gradients at the last full rebuild, shape (p, 9)."""
+        self.built_turn: list[NDArray[np.float64]] = []
+        """Rotations of the movable bodies then."""
+        self.turned: list[NDArray[np.float64]] = []
+        """Rotations of the movable bodies that the tangent has now."""
+
+    def refresh(self, state: State, deformation: NDArray[np.float64]) -> None:
+        """Follow strains and turns that have changed enough; `deformation` (p, 9) belongs to the state."""
+        if len(deformation) == 0:
+            return
+        now = [self._turn(state, k) for k in self.movable]
+        if self.built_for is None or self._strained(deformation, now) >= self.strain_refresh:
+            self._turn_cells(state)
+            assert self.coarse is not None
+            self.coarse.refresh(self.cells)
+            self.built_for, self.built_turn, self.turned = deformation.copy(), now, now
+            return
+        late = max((np.linalg.norm(turn_between(a, b)) for a, b in zip(self.turned, now, strict=True)), default=0.0)
+        if late > TURN_REFRESH:
+            self._turn_cells(state)
+            assert self.coarse is not None
+            for k, before, after in zip(self.movable, self.turned, now, strict=True):
+                self.coarse.turn(k, after @ before.T)
+            self.turned = now
+
+    def _turn(self, state: State, body: int) -> NDArray[np.float64]:
+        nodes = self.soft.bodies[body].nodes
+        return best_rigid_motion(self.soft.rest[nodes], state.x[nodes], self.soft.mass[nodes])[0]
+
+    def _strained(self, deformation: NDArray[np.float64], now: list[NDArray[np.float64]]) -> float:
+        """Largest change of an entry of a deformation gradient since the last full rebuild, turns taken out."""
+        assert self.built_for is not None
+        expected = self.built_for
+        if self.movable:
+            expected = expected.copy()
+        for k, before, after in zip(self.movable, self.built_turn, now, strict=True):
+            particles = self.soft.bodies[k].particles
+            expected[particles] = ((after @ before.T) @ expected[particles].reshape(-1, 3, 3)).reshape(-1, 9)
+        return float(np.abs(deformation - expected).max())
+
+    def _turn_cells(self, state: State) -> None:
+        s = self.soft
+        elastic.turn_tangents(s.cell_start, s.volume, state.polar, self.rest_cells, self.cells)
+        elastic.gather_tangents(s.node_cell, self.cells, self.stencil)
