@@ -58,7 +58,12 @@ def cut_octants(
     offset = (np.indices((SAMPLES,) * 3).reshape(3, -1).T + 0.5) / SAMPLES - 0.5
     points = center[:, None] + offset * size[:, None]
     value = distance(points.reshape(-1, 3)).reshape(len(center), -1)
-    width = size.mean(axis=1, keepdims=True) / SAMPLES
+    # a sub-sample's extent along the normal decides how it is cut
+    lattice = value.reshape(len(center), *(SAMPLES,) * 3)
+    slope = np.stack(np.gradient(lattice, axis=(1, 2, 3)), axis=-1).reshape(*value.shape, 3) * SAMPLES / size[:, None]
+    length = np.linalg.norm(slope, axis=2)
+    extent = (np.abs(slope) * size[:, None]).sum(axis=2) / SAMPLES
+    width = np.divide(extent, length, out=np.full_like(value, size.min() / SAMPLES), where=length > 0.0)
     inside = np.clip(0.5 - value / width, 0.0, 1.0)
     total = inside.sum(axis=1)
     weight = np.divide(inside, total[:, None], out=np.zeros_like(inside), where=total[:, None] > 0.0)

@@ -186,9 +186,25 @@ class CoarseSolve:
             jacobian = self._jacobian(contacts, sides, frames)
             tangent = sparse.block_diag(list(contacts.tangent), format="csr")
             matrix += (jacobian.T @ tangent @ jacobian).toarray()
+        for rolling in contacts.rolling:
+            turn = self._turn(rolling.a, contacts) - self._turn(rolling.b, contacts)
+            matrix[: 3 * m, : 3 * m] += turn.T @ rolling.tangent @ turn
         diagonal = np.diagonal(matrix)
         matrix[np.diag_indices(len(matrix))] += SHIFT * diagonal.max() + np.where(diagonal > 0.0, 0.0, 1.0)
         self.factor = linalg.cho_factor(matrix, lower=True, overwrite_a=True, check_finite=False)
+
+    def _turn(self, index: int, contacts: Contacts) -> NDArray[np.float64]:
+        """Rotation of a free soft body from the lattice displacements, zero for others, shape (3, 3 m)."""
+        if index not in contacts.spins:
+            return np.zeros((3, 3 * self.space.count))
+        spin = contacts.spins[index]
+        per_node = spin.map.reshape(3, -1, 3)
+        prolong = self.space.prolong[spin.nodes]
+        return (
+            np.stack([prolong.T @ per_node[:, :, axis].T for axis in range(3)], axis=2)
+            .transpose(1, 0, 2)
+            .reshape(3, -1)
+        )
 
     def _jacobian(
         self,

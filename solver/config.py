@@ -39,6 +39,9 @@ class SolverConfig(BaseModel, frozen=True, extra="forbid"):
     """Speed over sqrt(g L) above which the looser tolerance is enough [-]."""
     acceptable_residual: PositiveFloat = 0.1
     """A step that ends above this after newton_limit iterations is taken back and halved."""
+    impact_share: NonNegativeFloat = 0.05
+    """... plus this share of the force that would stop the fastest body within the step: in an impact forces are
+    many weights, and the bound then keeps errors of its speed below acceptable_residual times this [-]."""
     linear_tolerance: PositiveFloat = 5e-2
     """Reduction of the preconditioned residual per Newton step: inexact Newton, tighter buys nothing."""
     linear_limit: PositiveInt = 400

@@ -101,6 +101,13 @@ def vertex_areas(body: Body) -> NDArray[np.float64]:
     return np.bincount(body.faces.ravel(), weights=weights, minlength=len(body.vertices)).astype(np.float64)
 
 
+def _interpolation(body: SoftBody, nodes: int) -> sparse.csr_matrix:
+    rows = np.arange(0, body.surface_node.size + 1, 8)
+    return sparse.csr_matrix(
+        (body.surface_weight.ravel(), body.surface_node.ravel(), rows), shape=(len(rows) - 1, nodes)
+    )
+
+
 class ContactQuery:
     """Finds the active contacts of a state; owns the pairs and their memory."""
 
@@ -115,19 +122,24 @@ class ContactQuery:
         self.seconds = 1.0
         """Length of the step that is being solved [s]."""
         self.smooth = np.zeros((len(soft.rest), 9))
+        self.interpolation = {s.index: _interpolation(s, len(soft.rest)) for s in soft.bodies}
+        """Surface points from nodes, shape (points, n)."""
+        self._earlier: tuple[State | None, dict[int, NDArray[np.float64]]] = (None, {})
+        """The last step's start and the surfaces there."""
 
     def surface(self, state: State, index: int) -> NDArray[np.float64]:
         """World positions of the body's surface points [m], shape (n, 3)."""
         body = self.model.bodies[index]
         if index in self.soft_of:
-            one = self.soft_of[index]
-            return np.asarray(np.einsum("na,nai->ni", one.surface_weight, state.x[one.surface_node]))
+            return np.asarray(self.interpolation[index] @ state.x)
         return np.asarray((body.vertices - body.center_of_mass) @ state.rotation[index].T + state.center[index])
 
     def find(self, state: State, before: State) -> Contacts:
         """Active points, forces and tangents at `state`, with friction measured from the start of the step `before`."""
         surfaces = {i: self.surface(state, i) for i in {p.a for p in self.pairs} | {p.b for p in self.pairs}}
-        earlier = {i: self.surface(before, i) for i in {p.a for p in self.pairs}}
+        if self._earlier[0] is not before:
+            self._earlier = before, {i: self.surface(before, i) for i in {p.a for p in self.pairs}}
+        earlier = self._earlier[1]
         for index in sorted({p.b for p in self.pairs} & set(self.soft_of)):
             query.average_deformation(
                 self.soft_of[index].near_surface, state.x, self.soft.cell_node, self.soft.cell_size,

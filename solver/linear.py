@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from solver.coarse import CoarseSolve, CoarseSpace
 from solver.contact import Contacts
-from solver.kernels import elastic
+from solver.kernels import sparse
 from solver.soft import SoftSystem
 from solver.state import cross_matrix
 from solver.tangent import ElasticTangent
@@ -60,14 +60,14 @@ class TangentSystem:
         self.contacts = contacts
         self.frames = frames
         self.stiffness_scale = 1.0 + damping / dt
-        self.node_inertia = (soft.mass / dt**2)[:, None]
+        self.node_inertia = soft.mass / dt**2
         self.free = ~(soft.held | (soft.core >= 0))[:, None]
         self.frame_inertia = self._frame_inertia(dt)
         soft_bodies = {s.index for s in soft.bodies}
         self.place = {body: f for f, body in enumerate(frames.index) if body not in soft_bodies}
         """Frame of each free rigid body."""
         self.sides = self._sides()
-        self._product = np.empty_like(soft.rest)
+        self._product = np.zeros_like(soft.rest)
         self.inverse: Vector | None = None
         self.second: CoarseSolve | None = None
 
@@ -114,9 +114,7 @@ class TangentSystem:
     def multiply(self, direction: Vector) -> Vector:
         """Matrix times vector."""
         p = self.expand(direction[0].copy(), direction[1])
-        if len(p):
-            elastic.multiply(self.soft.neighbour, self.stencil, p, self._product)
-        nodes = self.stiffness_scale * self._product + self.node_inertia * p
+        nodes = self._elastic_and_inertia(p)
         frames = np.einsum("bij,bj->bi", self.frame_inertia, direction[1])
         if len(self.contacts.a):
             relative = np.asarray(self.contacts.gather @ p) if len(p) else np.zeros((len(self.contacts.a), 3))
@@ -129,6 +127,13 @@ class TangentSystem:
             torques = [r.tangent @ t for r, t in zip(self.contacts.rolling, turns, strict=True)]
             self.add_rolling(torques, nodes, frames)
         return self.reduce(nodes, frames)
+
+    def _elastic_and_inertia(self, p: NDArray[np.float64]) -> NDArray[np.float64]:
+        if len(p):
+            sparse.multiply(
+                self.soft.neighbour, self.stencil, self.stiffness_scale, self.node_inertia, p, self._product
+            )
+        return self._product
 
     def add_rolling(
         self, torques: list[NDArray[np.float64]], nodes: NDArray[np.float64], frames: NDArray[np.float64]
@@ -149,9 +154,7 @@ class TangentSystem:
         return frames[self.place[index], 3:] if index in self.place else np.zeros(3)
 
     def _preconditioner(self) -> Vector:
-        """Inverses of the 3x3 node blocks and 6x6 frame blocks."""
-        blocks = self.stiffness_scale * self.stencil[:, 13].reshape(-1, 3, 3).astype(np.float64)
-        blocks += self.node_inertia[:, :, None] * np.eye(3)
+        """Inverses of the 3x3 node blocks (n, 9), zero where nodes are not free, and of the 6x6 frame blocks."""
         frames = self.frame_inertia.copy()
         for r in self.contacts.rolling:
             for body, f in self.place.items():
@@ -164,14 +167,19 @@ class TangentSystem:
             self.second = CoarseSolve(
                 self.coarse, self.contacts, self.sides, frames, coupling, self.stiffness_scale, self.dt
             )
+        more = np.zeros((len(self.soft.rest), 9))
         if len(self.contacts.a):
-            if len(blocks):
+            if len(more):
                 squared = self.contacts.gather.multiply(self.contacts.gather).T
-                blocks += np.asarray(squared @ self.contacts.tangent.reshape(-1, 9))[: len(blocks)].reshape(-1, 3, 3)
+                more += np.asarray(squared @ self.contacts.tangent.reshape(-1, 9))[: len(more)]
             for f, points, arm, _ in self.sides:
                 frames[f] += _wrench_block(self.contacts.tangent[points], arm)
-        blocks[~self.free[:, 0]] = np.eye(3)
-        return np.asarray(np.linalg.inv(blocks), np.float64), np.asarray(np.linalg.inv(frames), np.float64)
+        nodes = np.zeros_like(more)
+        if len(nodes):
+            sparse.invert_diagonal(
+                self.stencil, self.stiffness_scale, self.node_inertia, more, self.free[:, 0].astype(np.int32), nodes
+            )
+        return nodes, np.asarray(np.linalg.inv(frames), np.float64)
 
     def _core_coupling(self, f: int, frames: NDArray[np.float64], coarse: CoarseSpace) -> NDArray[np.float64]:
         """Forces of the six unit motions of a core: on itself (added to `frames`) and on the lattice, shape
@@ -181,8 +189,7 @@ class TangentSystem:
             unit = np.zeros((len(self.frames.index), 6))
             unit[f] = motion
             p = self.expand(np.zeros_like(self._product), unit)
-            elastic.multiply(self.soft.neighbour, self.stencil, p, self._product)
-            forces = self.stiffness_scale * self._product + self.node_inertia * p
+            forces = self._elastic_and_inertia(p)
             columns.append(np.asarray(coarse.prolong.T @ forces).ravel())
             own = np.zeros((len(self.frames.index), 6))
             self.reduce(forces, own)
@@ -194,7 +201,9 @@ class TangentSystem:
         if self.inverse is None:
             self.inverse = self._preconditioner()
         node_inverse, frame_inverse = self.inverse
-        nodes = np.einsum("nij,nj->ni", node_inverse, residual[0]) * self.free
+        nodes = np.zeros_like(residual[0])
+        if len(nodes):
+            sparse.apply_diagonal(node_inverse, residual[0], nodes)
         frames = np.einsum("bij,bj->bi", frame_inverse, residual[1])
         if self.second is not None:
             node_part, frame_part = self.second.apply(*residual)

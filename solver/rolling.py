@@ -15,6 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from solver.state import cross_matrix
+
 SHARE = 0.1  # stiffness over N times half size: falling over has 1, rolling on a plane 0
 GYRATION = 0.6  # radius of gyration about the contact over half the box diagonal: 0.68 for a rolling ball
 LEAST_ANGLE = 1e-3  # rotation [rad] at which the spring yields where that makes it softer: below what a picture shows
@@ -39,27 +41,27 @@ class Spin:
     """How the nodes of a free soft body turn and take a torque."""
 
     nodes: slice
-    mass: NDArray[np.float64]
-    """[kg], shape (n,)."""
     arm: NDArray[np.float64]
     """From the centre of mass [m], shape (n, 3)."""
-    inverse_inertia: NDArray[np.float64]
-    """[1 / (kg m^2)], shape (3, 3)."""
+    map: NDArray[np.float64]
+    """Rotation vector from node displacements, I^-1 m [r]x, shape (3, 3 n); its transpose spreads a torque."""
 
     @classmethod
     def of(cls, nodes: slice, mass: NDArray[np.float64], x: NDArray[np.float64]) -> "Spin":
         """Spin of nodes at positions x (n, 3)."""
         arm = x - mass @ x / mass.sum()
         square = (mass[:, None] * arm).T @ arm
-        return cls(nodes, mass, arm, np.linalg.inv(np.trace(square) * np.eye(3) - square))
+        inverse = np.linalg.inv(np.trace(square) * np.eye(3) - square)
+        rows = inverse @ (mass[:, None, None] * cross_matrix(arm))
+        return cls(nodes, arm, np.ascontiguousarray(rows.transpose(1, 0, 2)).reshape(3, -1))
 
     def turn(self, displacement: NDArray[np.float64]) -> NDArray[np.float64]:
         """Rotation vector [rad] of node displacements (n, 3)."""
-        return np.asarray(self.inverse_inertia @ np.cross(self.arm, self.mass[:, None] * displacement).sum(axis=0))
+        return np.asarray(self.map @ displacement.ravel())
 
     def forces(self, torque: NDArray[np.float64]) -> NDArray[np.float64]:
         """Node forces (n, 3) that sum to the torque [N m] and do its work."""
-        return np.asarray(self.mass[:, None] * np.cross(self.inverse_inertia @ torque, self.arm))
+        return (torque @ self.map).reshape(-1, 3)
 
 
 @dataclass(frozen=True, slots=True)

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from solver.config import SolverConfig
 from solver.contact import ContactQuery, Contacts
 from solver.errors import UnstableStep
-from solver.kernels import elastic
+from solver.kernels import elastic, sparse
 from solver.linear import Frames, TangentSystem, Vector, conjugate_gradient
 from solver.model import Model
 from solver.soft import SoftSystem
@@ -146,8 +146,9 @@ class Stepper:
         nodes -= self.soft.mass[:, None] * (velocity - before.v) / dt
         if self.damping > 0.0 and len(nodes):
             drag = np.empty_like(nodes)
-            elastic.multiply(self.soft.neighbour, self.tangent.stencil, velocity, drag)
-            nodes -= self.damping * drag
+            none = np.zeros(len(nodes))
+            sparse.multiply(self.soft.neighbour, self.tangent.stencil, self.damping, none, velocity, drag)
+            nodes -= drag
         for f, i in enumerate(self.frame_bodies):
             linear = (after.center[i] - before.center[i]) / dt
             angular = turn_between(before.rotation[i], after.rotation[i]) / dt

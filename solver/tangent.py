@@ -12,11 +12,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from solver.coarse import build_coarse
-from solver.kernels import elastic
+from solver.kernels import elastic, sparse
 from solver.soft import SoftSystem
 from solver.state import State, best_rigid_motion, turn_between
 
+COARSE_REFRESH = 4.0  # the coarse product only preconditions: it may be later than the tangent by this factor
 TURN_REFRESH = 1e-3  # turn of a free body [rad] after which its tangent follows; E V t^2 is then far below its weight
+
+Built = tuple[NDArray[np.float64], list[NDArray[np.float64]]]
+"""Deformation gradients (p, 9) and rotations of the movable bodies at a rebuild."""
 
 
 class ElasticTangent:
@@ -38,24 +42,25 @@ class ElasticTangent:
         """Rows of K on the 27 nodes around each node [N/m]."""
         self.coarse = build_coarse(soft) if len(soft.bodies) else None
         self.movable = [k for k, b in enumerate(soft.bodies) if not soft.held[b.nodes].any()]
-        self.built_for: NDArray[np.float64] | None = None
-        """Deformation gradients at the last full rebuild, shape (p, 9)."""
-        self.built_turn: list[NDArray[np.float64]] = []
-        """Rotations of the movable bodies then."""
+        self.built: Built | None = None
+        """What the tangent was last rebuilt for."""
+        self.coarse_built: Built | None = None
         self.turned: list[NDArray[np.float64]] = []
-        """Rotations of the movable bodies that the tangent has now."""
+        """Rotations of the movable bodies that both have now."""
 
     def refresh(self, state: State, deformation: NDArray[np.float64]) -> None:
         """Follow strains and turns that have changed enough; `deformation` (p, 9) belongs to the state."""
         if len(deformation) == 0:
             return
         now = [self._turn(state, k) for k in self.movable]
-        if self.built_for is None or self._strained(deformation, now) >= self.strain_refresh:
+        if self.built is None or self._strained(self.built, deformation, now) >= self.strain_refresh:
             self._turn_cells(state)
+            self.built = deformation.copy(), now
             assert self.coarse is not None
-            self.coarse.refresh(self.cells)
-            self.built_for, self.built_turn, self.turned = deformation.copy(), now, now
-            return
+            most = COARSE_REFRESH * self.strain_refresh
+            if self.coarse_built is None or self._strained(self.coarse_built, deformation, now) >= most:
+                self.coarse.refresh(self.cells)
+                self.coarse_built, self.turned = self.built, now
         late = max((np.linalg.norm(turn_between(a, b)) for a, b in zip(self.turned, now, strict=True)), default=0.0)
         if late > TURN_REFRESH:
             self._turn_cells(state)
@@ -68,16 +73,17 @@ class ElasticTangent:
         nodes = self.soft.bodies[body].nodes
         return best_rigid_motion(self.soft.rest[nodes], state.x[nodes], self.soft.mass[nodes])[0]
 
-    def _strained(self, deformation: NDArray[np.float64], now: list[NDArray[np.float64]]) -> float:
-        """Largest change of an entry of a deformation gradient since the last full rebuild, turns taken out."""
-        assert self.built_for is not None
-        expected = self.built_for
-        if self.movable:
-            expected = expected.copy()
-        for k, before, after in zip(self.movable, self.built_turn, now, strict=True):
-            particles = self.soft.bodies[k].particles
-            expected[particles] = ((after @ before.T) @ expected[particles].reshape(-1, 3, 3)).reshape(-1, 9)
-        return float(np.abs(deformation - expected).max())
+    def _strained(self, built: Built, deformation: NDArray[np.float64], now: list[NDArray[np.float64]]) -> float:
+        """Largest change of an entry of a deformation gradient since then, turns of movable bodies taken out."""
+        turns = dict(zip(self.movable, (b @ a.T for a, b in zip(built[1], now, strict=True)), strict=True))
+        return max(
+            float(
+                sparse.largest_change(
+                    b.particles.start, b.particles.stop, turns.get(k, np.eye(3)), built[0], deformation
+                )
+            )
+            for k, b in enumerate(self.soft.bodies)
+        )
 
     def _turn_cells(self, state: State) -> None:
         s = self.soft

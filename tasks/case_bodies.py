@@ -25,7 +25,7 @@ from tasks.case_file import Case, CaseBody, is_rigid, material_of, primitive_of
 CELLS_PER_RADIUS = 6.0  # cells in a predicted contact radius
 CELLS_THROUGH = 4.0  # least cells through the smallest side of a soft body
 FINE_REACH = 1.3  # half width of the fine zone over the predicted contact radius
-GROWTH = 1.4  # ratio of neighbouring cells outside of the fine zone
+GROWTH = 1.8  # ratio of neighbouring cells outside of the fine zone
 MOST_CELLS = 60_000  # cells of one soft body; more would not fit the time a user expects
 """What a person can raise with --resolution."""
 

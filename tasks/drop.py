@@ -123,12 +123,13 @@ def judge(settled: Settled, particles: Particles, anchor: Anchor, config: DropCo
 
 
 def toppling(settled: Settled, anchor: Anchor, intent: Intent, config: DropConfig) -> Infeasible | None:
-    """The object has tilted away from a pose that was asked for."""
+    """The object has tilted away from a pose or a facing that was asked for."""
     tilt = tilt_of(settled.bodies[0].quaternion, anchor.world_from_object)
-    if intent.orientation.pose == "any" or tilt <= config.topple_angle:
+    asked = intent.orientation.facing if intent.orientation.pose == "any" else intent.orientation.pose
+    if not asked or tilt <= config.topple_angle:
         return None
     message = (
-        f"the object fell over: {np.degrees(tilt):.0f} degrees from the asked pose ({intent.orientation.pose}; "
+        f"the object fell over: {np.degrees(tilt):.0f} degrees from the asked pose ({asked}; "
         f"bound {np.degrees(config.topple_angle):.0f})"
     )
     return Infeasible(Reason.TOPPLED, message, evidence(settled) | {"tilt_rad": tilt})

@@ -4,12 +4,15 @@ Symbols: x node positions, X reference positions, F deformation gradient, R its 
 Piola-Kirchhoff stress, V particle volume, g_a reference gradient of the shape function of local node a.
 
 Fixed-corotated energy [S12, Eq. 3.2]: psi = mu |F - R|^2 + lambda / 2 (J - 1)^2, P = 2 mu (F - R) + lambda (J - 1)
-cof F. The tangent is the positive semi-definite part that warped stiffness keeps [M04]: rotation frozen in the shear
-term, cof F in the volume term. It is exact at F = R.
+cof F, with the cell's mean volume change in place of J - 1 (mean dilatation, Q1/P0 [N74]). The tangent is the positive
+semi-definite part that warped stiffness keeps [M04]: rotation frozen in the shear term, cof F in the volume term. It
+is exact at F = R.
 
 [S12] Stomakhin, Howes, Schroeder, Teran: Energetically consistent invertible elasticity. SCA 2012.
 [M04] Mueller, Gross: Interactive virtual materials. Graphics Interface 2004.
 [M16] Mueller, Bender, Chentanez, Macklin: A robust method to extract the rotational part of deformations. MIG 2016.
+[N74] Nagtegaal, Parks, Rice: On numerically accurate finite element solutions in the fully plastic range. Comput.
+Methods Appl. Mech. Eng. 4, 1974.
 [H86] Higham: Computing the polar decomposition, with applications. SIAM J. Sci. Stat. Comput. 7(4), 1986.
 """
 
@@ -20,6 +23,7 @@ mat3 = ti.types.matrix(3, 3, ti.f64)
 
 POLAR_TOLERANCE = 1e-12  # relative change at which Newton's polar iteration stops: float64 rounding of a 3x3 product
 POLAR_ITERATIONS = 20  # Newton converges quadratically: 6 suffice up to a stretch of 10
+SMALLEST_BULK = 1e-300  # [N m], so that nu = 0 divides by something
 INVERTED = 1e-6  # below this J the Newton iteration is ill-conditioned; the warm-started iteration [M16] takes over
 
 
@@ -105,12 +109,16 @@ def cell_forces(
     psi: ti.types.ndarray(),
     force: ti.types.ndarray(),
 ):
-    """Per cell: deformation, rotation and energy of its particles, and the forces -V P g_a on its 8 nodes."""
+    """Per cell: deformation, rotation and energy of its particles, and the forces -V P g_a on its 8 nodes.
+
+    The volume change is that of the cell as a whole, weighted by V lambda: pointwise it would lock for nu -> 1/2.
+    """
     for c in range(cell_node.shape[0]):
         h = vec3(cell_size[c, 0], cell_size[c, 1], cell_size[c, 2])
         for a in range(8):
             for d in ti.static(range(3)):
                 force[c, a, d] = 0.0
+        dilation, bulk = 0.0, 0.0
         for p in range(cell_start[c], cell_start[c + 1]):
             s = vec3(xi[p, 0], xi[p, 1], xi[p, 2])
             F = ti.Matrix.zero(ti.f64, 3, 3)
@@ -124,14 +132,20 @@ def cell_forces(
                 Q = rotation_by_newton(F)
             else:
                 Q = rotation_by_torque(F, Q)
-            D = F - Q
-            P = V[p] * (2.0 * mu[p] * D + lam[p] * (J - 1.0) * C)
-            psi[p] = V[p] * (mu[p] * D.norm_sqr() + 0.5 * lam[p] * (J - 1.0) ** 2)
             J_out[p] = J
+            dilation += V[p] * lam[p] * (J - 1.0)
+            bulk += V[p] * lam[p]
             for i in ti.static(range(3)):
                 for j in ti.static(range(3)):
                     R[p, 3 * i + j] = Q[i, j]
                     F_out[p, 3 * i + j] = F[i, j]
+        dilation /= bulk + SMALLEST_BULK
+        for p in range(cell_start[c], cell_start[c + 1]):
+            s = vec3(xi[p, 0], xi[p, 1], xi[p, 2])
+            F = load3(F_out, p)
+            D = F - load3(R, p)
+            P = V[p] * (2.0 * mu[p] * D + lam[p] * dilation * cofactor(F))
+            psi[p] = V[p] * (mu[p] * D.norm_sqr() + 0.5 * lam[p] * dilation**2)
             for a in range(8):
                 f = P @ shape_gradient(a, s, h)
                 for d in ti.static(range(3)):
@@ -163,10 +177,12 @@ def cell_tangents(
     F: ti.types.ndarray(),
     K: ti.types.ndarray(),
 ):
-    """Per cell the 8 x 8 blocks K_ab = sum V [mu (g_a . g_b) I + mu (R g_b)(R g_a)^T + lambda (C g_a)(C g_b)^T],
-    C = cof F."""
+    """Per cell the 8 x 8 blocks K_ab = sum V mu [(g_a . g_b) I + (R g_b)(R g_a)^T] + B_a B_b^T / sum V lambda with
+    B_a = sum V lambda C g_a, C = cof F."""
     for c in range(cell_size.shape[0]):
         h = vec3(cell_size[c, 0], cell_size[c, 1], cell_size[c, 2])
+        B = ti.Matrix.zero(ti.f64, 8, 3)
+        bulk = SMALLEST_BULK
         for a in range(8):
             for b in range(8):
                 for d in range(9):
@@ -176,19 +192,30 @@ def cell_tangents(
             Q = load3(R, p)
             C = cofactor(load3(F, p))
             m, la = V[p] * mu[p], V[p] * lam[p]
+            bulk += la
+            for a in ti.static(range(8)):
+                ga = shape_gradient(a, s, h)
+                ca = la * (C @ ga)
+                for d in ti.static(range(3)):
+                    B[a, d] += ca[d]
             for a in range(8):
                 ga = shape_gradient(a, s, h)
-                ra, ca = m * (Q @ ga), la * (C @ ga)
+                ra = m * (Q @ ga)
                 for b in range(a + 1):
                     gb = shape_gradient(b, s, h)
-                    rb, cb = Q @ gb, C @ gb
+                    rb = Q @ gb
                     dot = m * ga.dot(gb)
                     for i in ti.static(range(3)):
                         for j in ti.static(range(3)):
-                            v = rb[i] * ra[j] + ca[i] * cb[j]
+                            v = rb[i] * ra[j]
                             if ti.static(i == j):
                                 v += dot
                             K[c, a, b, 3 * i + j] += ti.cast(v, ti.f32)
+        for a in ti.static(range(8)):
+            for b in ti.static(range(a + 1)):
+                for i in ti.static(range(3)):
+                    for j in ti.static(range(3)):
+                        K[c, a, b, 3 * i + j] += ti.cast(B[a, i] * B[b, j] / bulk, ti.f32)
         for a in range(8):
             for b in range(a):
                 for i in ti.static(range(3)):
@@ -242,22 +269,6 @@ def gather_tangents(node_cell: ti.types.ndarray(), K: ti.types.ndarray(), A: ti.
                     slot = 9 * (b // 4 - a // 4 + 1) + 3 * ((b // 2) % 2 - (a // 2) % 2 + 1) + (b % 2 - a % 2 + 1)
                     for d in range(9):
                         A[n, slot, d] += K[c, a, b, d]
-
-
-@ti.kernel
-def multiply(neighbour: ti.types.ndarray(), A: ti.types.ndarray(), p: ti.types.ndarray(), q: ti.types.ndarray()):
-    """q = A p over the 27-point stencil; absent neighbours are -1."""
-    for n in range(neighbour.shape[0]):
-        total = vec3(0.0, 0.0, 0.0)
-        for s in range(27):
-            m = neighbour[n, s]
-            if m >= 0:
-                p0, p1, p2 = p[m, 0], p[m, 1], p[m, 2]
-                total[0] += A[n, s, 0] * p0 + A[n, s, 1] * p1 + A[n, s, 2] * p2
-                total[1] += A[n, s, 3] * p0 + A[n, s, 4] * p1 + A[n, s, 5] * p2
-                total[2] += A[n, s, 6] * p0 + A[n, s, 7] * p1 + A[n, s, 8] * p2
-        for d in ti.static(range(3)):
-            q[n, d] = total[d]
 
 
 @ti.kernel

@@ -5,8 +5,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from geometry.distance import distance_grid
 from geometry.fill import fill
 from geometry.primitives import Box, Capsule, Cylinder
+from geometry.repair import mass_properties
+from scene.mesh import Mesh
 from solver.config import SolverConfig
 from solver.grid import graded_planes
 from solver.model import HELD, Body, Model, SignedDistance, SoftParts
@@ -47,6 +50,18 @@ def rigid(
     return Body(name, fixed, vertices, surface.faces, grid, mass, position, inertia, *mu, rolling, **start)
 
 
+def rigid_mesh(name, mesh, position, *, mass=1.0, mu=(0.5, 0.4), rolling=0.0, rotation=None, spacing=0.0015, **start):
+    """A free rigid body from a closed mesh of uniform density, its own origin at `position`."""
+    turn = np.eye(3) if rotation is None else rotation
+    placed = Mesh.of(mesh.vertices @ turn.T + np.asarray(position, dtype=float), mesh.faces)
+    low, high = placed.bounds
+    grid = distance_grid(placed, low - 0.01, high + 0.01, spacing)
+    natural, center, inertia = mass_properties(placed, 1000.0)
+    sdf = SignedDistance(grid.origin, grid.spacing, grid.values)
+    return Body(name, False, placed.vertices, placed.faces, sdf, mass, center, inertia * mass / natural, *mu, rolling,
+                **start)  # fmt: skip
+
+
 def floor(**options):
     """A fixed slab whose top is the plane z = 0."""
     return rigid(
@@ -69,6 +84,7 @@ def soft(
     loaded=False,
     mu=(0.5, 0.4),
     edge=None,
+    spacing=None,
 ):
     """A soft primitive; `held` is a function of the node planes that marks held nodes."""  # fmt: skip
     position = np.asarray(position, dtype=float)
@@ -81,7 +97,7 @@ def soft(
     state = np.zeros(tuple(len(p) for p in planes), np.int8)
     if held is not None:
         state[held] = HELD
-    grid = sampled(lambda p: solid.distance(p - position), low - 0.02, high + 0.02, cell / 3)
+    grid = sampled(lambda p: solid.distance(p - position), low - 0.02, high + 0.02, spacing or cell / 3)
     parts = SoftParts(points, volume, rho * one, E * one, nu * one, planes, state, loaded)
     return Body(name, fixed, vertices, surface.faces, grid, rho * solid.volume, position, np.eye(3), *mu, 0.0, parts)
 
@@ -95,6 +111,6 @@ def drop(*bodies, gravity=(0.0, 0.0, -GRAVITY), **config):
 def lab():
     """Everything a physics test needs to build a scene."""
     return SimpleNamespace(
-        rigid=rigid, soft=soft, floor=floor, drop=drop, Box=Box, Capsule=Capsule, Cylinder=Cylinder,
-        planes=graded_planes, gravity=GRAVITY,
+        rigid=rigid, rigid_mesh=rigid_mesh, soft=soft, floor=floor, drop=drop, Box=Box, Capsule=Capsule,
+        Cylinder=Cylinder, planes=graded_planes, gravity=GRAVITY,
     )  # fmt: skip

@@ -35,26 +35,6 @@ def test_a_cantilever_bends_as_converged_finite_elements_say(lab, cells):
     assert tip == pytest.approx(0.074146, rel=0.03)
 
 
-def slab_and_ball(lab, E, mass, cell, reach):
-    planes_x = lab.planes(-0.2, 0.2, -reach, reach, cell)
-    planes_z = lab.planes(0.0, 0.15, 0.15 - 1.2 * reach, 0.15, cell)
-    planes = (planes_x, planes_x, planes_z)
-    slab = lab.soft("slab", lab.Box(np.array([0.4, 0.4, 0.15])), [0, 0, 0.075], E=E, planes=planes, cell=cell,
-                    held=np.s_[:, :, 0], fixed=True, loaded=True, edge=0.006)  # fmt: skip
-    ball = lab.rigid("ball", lab.Capsule(0.05, 0.0), [0, 0, 0.202], mass=mass, edge=0.004, spacing=0.0015)
-    return ball, slab
-
-
-@pytest.mark.slow
-def test_a_ball_sinks_into_a_slab_as_deep_as_static_finite_elements_say(lab):
-    """Depth 12.166 mm (static finite elements) within 2 %, and the contact carries the weight."""
-    result = lab.drop(*slab_and_ball(lab, 2e4, 1.0, 0.006, 0.035))
-    depth = 0.15 - result.bodies[0].vertices[:, 2].min()
-    assert result.verdict == "at_rest"
-    assert depth == pytest.approx(12.166e-3, rel=0.02)
-    assert result.certificate["signals"]["force_residual"]["value"] < 5e-3
-
-
 def test_a_body_at_rest_on_its_own_weight_gives_the_same_bytes_twice(lab):
     """Nothing that decides the result is summed in a varying order: two runs agree to the last bit."""
     blob = lab.soft("blob", lab.Capsule(0.05, 0.0), [0, 0, 0.052], E=3e4, cell=0.0125)

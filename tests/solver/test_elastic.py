@@ -4,9 +4,15 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from geometry.fill import octants
+from geometry.primitives import Box
+from solver.config import SolverConfig
 from solver.kernels import elastic
+from solver.model import Body, Model, SignedDistance, SoftParts
 from solver.reference.elastic import energy, polar_rotation, stress
 from solver.runtime import start
+from solver.settle import Drop
+from solver.state import start_state
 
 MU, LAM = 4e4, 6e4
 
@@ -89,3 +95,44 @@ def test_tangent_is_the_derivative_of_the_forces_at_rest():
         numeric = -(sides[0] - sides[1]) / (2 * h)
         column = K[0, :, node].reshape(8, 3, 3)[:, :, axis]
         assert column == pytest.approx(numeric, abs=1e-4 * MU)
+
+
+def block(rotation, stretch, nu=0.3):
+    """A soft box of 4 x 3 x 3 unequal cells under the affine map x = R S X."""
+    planes = (np.array([0.0, 0.02, 0.05, 0.07, 0.1]), np.linspace(0, 0.06, 4), np.array([0.0, 0.01, 0.04, 0.06]))
+    solid = Box(np.array([0.1, 0.06, 0.06]))
+    points, size = octants(planes)
+    volume, one = size.prod(axis=1), np.ones(len(points))
+    state = np.zeros(tuple(len(p) for p in planes), np.int8)
+    surface = solid.surface(0.02)
+    vertices = surface.vertices + np.array([0.05, 0.03, 0.03])
+    grid = SignedDistance(np.zeros(3) - 0.1, 0.02, np.ones((16, 14, 14), dtype=np.float32))
+    parts = SoftParts(points, volume, 100 * one, 1e5 * one, nu * one, planes, state, loaded=False)
+    body = Body("block", False, vertices, surface.faces, grid, 1.0, np.zeros(3), np.eye(3),
+                0.5, 0.4, 0.0, parts)  # fmt: skip
+    start(1)
+    model = Model((body,), np.zeros(3))
+    drop = Drop(model, SolverConfig())
+    state0 = start_state(model, drop.soft)
+    state0.x = drop.soft.rest @ (rotation @ stretch).T
+    return drop, drop.stepper.elastic_forces(state0)
+
+
+def test_patch_an_affine_map_leaves_inner_nodes_in_balance():
+    """Constant strain gives constant stress: no force on nodes all of whose cells are full of material."""
+    drop, force = block(np.eye(3), np.diag([1.1, 0.95, 0.9]) + 0.03)
+    rest = drop.soft.rest
+    inner = ((rest > 1e-9) & (rest < np.array([0.1, 0.06, 0.06]) - 1e-9)).all(axis=1)
+    assert inner.sum() == 3 * 2 * 2
+    # the fictitious layer around the body holds 0.1 % of the stiffness, and none of it at inner nodes
+    assert np.abs(force[inner]).max() < 1e-9 * np.abs(force).max()
+
+
+def test_energy_does_not_depend_on_a_rotation_and_forces_turn_with_it():
+    """psi(R F) = psi(F), f(R x) = R f(x): to rounding."""
+    stretch = np.diag([1.2, 0.9, 0.8]) + 0.05
+    turn = Rotation.from_rotvec([0.4, -1.1, 0.7]).as_matrix()
+    plain, force = block(np.eye(3), stretch)
+    turned, turned_force = block(turn, stretch)
+    assert turned.stepper.energy.sum() == pytest.approx(plain.stepper.energy.sum(), rel=1e-11)
+    assert turned_force == pytest.approx(force @ turn.T, abs=1e-10 * np.abs(force).max())

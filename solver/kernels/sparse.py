@@ -1,0 +1,81 @@
+"""Products with the elastic tangent on its 27-point stencil and with its inverted diagonal blocks."""
+
+import taichi as ti
+
+from solver.kernels.elastic import cofactor, mat3, vec3
+
+
+@ti.kernel
+def multiply(
+    neighbour: ti.types.ndarray(),
+    A: ti.types.ndarray(),
+    scale: ti.f64,
+    shift: ti.types.ndarray(),
+    p: ti.types.ndarray(),
+    q: ti.types.ndarray(),
+):
+    """q = (scale A + diag(shift)) p with A (n, 27, 9) on the 27 nodes around each; absent neighbours are -1."""
+    for n in range(neighbour.shape[0]):
+        total = vec3(0.0, 0.0, 0.0)
+        for s in range(27):
+            m = neighbour[n, s]
+            if m >= 0:
+                p0, p1, p2 = p[m, 0], p[m, 1], p[m, 2]
+                total[0] += A[n, s, 0] * p0 + A[n, s, 1] * p1 + A[n, s, 2] * p2
+                total[1] += A[n, s, 3] * p0 + A[n, s, 4] * p1 + A[n, s, 5] * p2
+                total[2] += A[n, s, 6] * p0 + A[n, s, 7] * p1 + A[n, s, 8] * p2
+        for d in ti.static(range(3)):
+            q[n, d] = scale * total[d] + shift[n] * p[n, d]
+
+
+@ti.kernel
+def invert_diagonal(
+    A: ti.types.ndarray(),
+    scale: ti.f64,
+    shift: ti.types.ndarray(),
+    more: ti.types.ndarray(),
+    free: ti.types.ndarray(),
+    inverse: ti.types.ndarray(),
+):
+    """Inverses (n, 9) of the 3 x 3 blocks scale A_nn + shift I + more_n; zero where a node is not free."""
+    for n in range(shift.shape[0]):
+        for d in range(9):
+            inverse[n, d] = 0.0
+        if free[n] != 0:
+            B = mat3(0.0)
+            for i in ti.static(range(3)):
+                for j in ti.static(range(3)):
+                    B[i, j] = scale * A[n, 13, 3 * i + j] + more[n, 3 * i + j]
+                B[i, i] += shift[n]
+            C = cofactor(B)
+            J = B[0, 0] * C[0, 0] + B[1, 0] * C[1, 0] + B[2, 0] * C[2, 0]
+            for i in ti.static(range(3)):
+                for j in ti.static(range(3)):
+                    inverse[n, 3 * i + j] = C[j, i] / J
+
+
+@ti.kernel
+def apply_diagonal(inverse: ti.types.ndarray(), r: ti.types.ndarray(), z: ti.types.ndarray()):
+    """z = D^-1 r per node."""
+    for n in range(r.shape[0]):
+        r0, r1, r2 = r[n, 0], r[n, 1], r[n, 2]
+        for i in ti.static(range(3)):
+            z[n, i] = inverse[n, 3 * i] * r0 + inverse[n, 3 * i + 1] * r1 + inverse[n, 3 * i + 2] * r2
+
+
+@ti.kernel
+def largest_change(
+    start: ti.i32,
+    stop: ti.i32,
+    turn: ti.types.ndarray(),
+    before: ti.types.ndarray(),
+    now: ti.types.ndarray(),
+) -> ti.f64:
+    """Largest entry of |F_now - Q F_before| over the particles start <= p < stop; F (n, 9) row-major, Q (3, 3)."""
+    largest = 0.0
+    for p in range(start, stop):
+        for i in ti.static(range(3)):
+            for j in ti.static(range(3)):
+                expected = turn[i, 0] * before[p, j] + turn[i, 1] * before[p, 3 + j] + turn[i, 2] * before[p, 6 + j]
+                ti.atomic_max(largest, ti.abs(now[p, 3 * i + j] - expected))
+    return largest
