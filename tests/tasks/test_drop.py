@@ -1,0 +1,144 @@
+"""Each verdict of the drop from a scene that produces it, and how outcomes are judged against what was asked."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from geometry.distance import distance_grid
+from geometry.primitives import Box, Capsule, Primitive
+from scene.anchor import Anchor
+from scene.intent import Intent, OrientationRequest, RegionRequest
+from scene.mesh import Mesh
+from scene.outcome import Infeasible, Reason
+from scene.particles import Particles, SimulationBody
+from scene.settled import Settled
+from solver.config import SolverConfig
+from tasks.drop import DropConfig, carried_share, drop, tilt_of
+
+
+def body(
+    name: str,
+    solid: Primitive,
+    position: list[float],
+    *,
+    fixed: bool,
+    turn: np.ndarray | None = None,
+    mass: float = 1.0,
+) -> SimulationBody:
+    """A rigid primitive."""
+    rotation = np.eye(3) if turn is None else turn
+    surface = solid.surface(0.01)
+    mesh = Mesh.of(surface.vertices @ rotation.T + np.array(position), surface.faces)
+    low, high = mesh.bounds
+    grid = distance_grid(mesh, low - 0.01, high + 0.01, 0.003)
+    none, empty = np.zeros(0), np.zeros((0, 3))
+    inertia = rotation @ np.diag(solid.inertia_per_mass * mass) @ rotation.T
+    return SimulationBody(
+        name, "object" if name == "object" else "table", fixed, mesh, grid, True, mass, np.array(position), inertia,
+        0.6, 0.5, 1e-3, empty, none, none, none, none, none, none, none, np.zeros((0, 0, 0), dtype=np.int8),
+    )  # fmt: skip
+
+
+def table(turn: np.ndarray | None = None) -> SimulationBody:
+    """A board whose top is z = 0."""
+    return body("table/rigid", Box(np.array([0.4, 0.4, 0.02])), [0, 0, -0.01], fixed=True, turn=turn)
+
+
+def asked(pose: str = "any", facing: str = "") -> Intent:
+    """An intent with an orientation."""
+    region = RegionRequest("", ("center",), (), "")
+    orientation = OrientationRequest(pose, facing, "")
+    return Intent("table", "table", "test", np.full(3, 0.1), 1.0, False, 1.0, orientation, region, (), ())
+
+
+def anchor() -> Anchor:
+    """On the middle of the table; the object's own upward axis is the world's."""
+    pose = np.eye(4)
+    square = np.array([[-0.1, -0.1], [0.1, -0.1], [0.1, 0.1], [-0.1, 0.1]])
+    return Anchor("table", "top", 0, "center", np.zeros(2), np.zeros(3), pose, 0.01, square, "test")
+
+
+def run(item: SimulationBody, base: SimulationBody, intent: Intent, **solver: object) -> Settled | Infeasible:
+    """Drop the object on the base."""
+    particles = Particles((item, base), (), 0.01, ())
+    return drop(particles, anchor(), intent, 0, DropConfig(solver=SolverConfig.model_validate(solver), threads=2))
+
+
+def test_a_box_on_a_table_is_at_rest() -> None:
+    """And all its weight is on the table."""
+    found = run(body("object", Box(np.array([0.1, 0.1, 0.1])), [0, 0, 0.06], fixed=False), table(), asked("upright"))
+    assert isinstance(found, Settled)
+    assert found.verdict == "at_rest"
+    assert abs(found.bodies[0].surface.bounds[0, 2]) < 3e-4
+
+
+def test_a_ball_on_a_slope_leaves_its_target() -> None:
+    """Rolling resistance holds a slope of b / R = 2 % only."""
+    turn = Rotation.from_euler("y", 15, degrees=True).as_matrix()
+    found = run(body("object", Capsule(0.05, 0.0), [0, 0, 0.065], fixed=False), table(turn), asked())
+    assert isinstance(found, Infeasible)
+    assert found.reason is Reason.LEFT_TARGET
+    assert found.evidence["certificate"]
+
+
+@pytest.mark.parametrize(("pose", "facing", "reason"), [
+    ("upright", "", Reason.TOPPLED), ("any", "wall", Reason.TOPPLED), ("any", "", None),
+])  # fmt: skip
+def test_falling_over_counts_only_where_a_pose_or_a_facing_was_asked(pose: str, facing: str, reason: Reason) -> None:
+    """A tall box put down askew falls on its side: toppled if it was to stand or to look somewhere, else at rest."""
+    turn = Rotation.from_euler("y", 25, degrees=True).as_matrix()
+    box = Box(np.array([0.04, 0.04, 0.16]))
+    lowest = float((np.abs(turn[2]) * box.half_extents).sum())
+    found = run(body("object", box, [0, 0, lowest + 1e-3], fixed=False, turn=turn), table(), asked(pose, facing))
+    if reason is None:
+        assert isinstance(found, Settled)
+        assert found.verdict == "at_rest"
+    else:
+        assert isinstance(found, Infeasible)
+        assert found.reason is reason
+        assert found.evidence["tilt_rad"] > np.radians(45)
+
+
+def test_what_still_moves_when_the_budget_ends_has_no_equilibrium() -> None:
+    """The message names the loudest signals with their thresholds."""
+    item = body("object", Box(np.array([0.1, 0.1, 0.1])), [0, 0, 0.06], fixed=False)
+    found = run(item, table(), asked(), step_limit=5)
+    assert isinstance(found, Infeasible)
+    assert found.reason is Reason.NO_EQUILIBRIUM
+    assert "linear_speed" in found.message
+
+
+def test_a_step_that_cannot_be_solved_is_reported_as_that() -> None:
+    """A bound that no solve can meet: what, where, which bound."""
+    item = body("object", Box(np.array([0.1, 0.1, 0.1])), [0, 0, 0.051], fixed=False)
+    found = run(item, table(), asked(), acceptable_residual=1e-14, newton_limit=1, impact_share=0.0)
+    assert isinstance(found, Infeasible)
+    assert found.reason is Reason.UNSTABLE_STEP
+    assert "acceptable_residual" in found.message
+    assert "t = " in found.message
+
+
+def test_resting_beside_the_base_is_not_resting_on_it() -> None:
+    """The share of the weight that the base's own bodies carry decides."""
+    item = body("object", Box(np.array([0.1, 0.1, 0.1])), [0, 0, 0.051], fixed=False)
+    other = replace(table(), name="box", instance="box")
+    particles = Particles((item, other), (), 0.01, ())
+    found = drop(particles, anchor(), asked(), 0, DropConfig(threads=2))
+    assert isinstance(found, Infeasible)
+    assert found.reason is Reason.LEFT_TARGET
+    assert found.evidence["carried_share"] == 0.0
+    on_table = run(item, table(), asked())
+    assert isinstance(on_table, Settled)
+    particles = Particles((item, table()), (), 0.01, ())
+    assert carried_share(on_table, particles, "table") == 1.0
+
+
+def test_turning_about_the_vertical_is_not_tilting() -> None:
+    """Only the change of the angle between the object's own axis and the vertical counts."""
+    pose = np.eye(4)
+    yaw = Rotation.from_euler("z", 80, degrees=True).as_quat(scalar_first=True)
+    fall = Rotation.from_euler("x", 50, degrees=True).as_quat(scalar_first=True)
+    assert tilt_of(yaw, pose) == pytest.approx(0.0, abs=1e-7)
+    assert tilt_of(fall, pose) == pytest.approx(np.radians(50))
