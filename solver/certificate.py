@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from solver.contact import ContactQuery, Contacts
+from solver.kernels.query import largest_particle_speed
 from solver.model import Model
 from solver.soft import SoftSystem
 from solver.state import State
@@ -25,7 +26,7 @@ class Signals:
     angular_speed: float
     """Largest angular speed of a free rigid body [rad/s]."""
     particle_speed: float
-    """Largest speed of a soft node [m/s]."""
+    """Largest speed of a soft particle [m/s]."""
     center: NDArray[np.float64]
     """Centre of mass of all free bodies [m], shape (3,)."""
     box: NDArray[np.float64]
@@ -84,7 +85,7 @@ def measure(
         state.time,
         linear,
         angular,
-        float(np.sqrt((state.v**2).sum(axis=1).max())) if len(state.v) else 0.0,
+        particle_speed(soft, state),
         np.sum(centers, axis=0) / sum(mass.values()) if centers else np.zeros(3),
         np.concatenate([points.min(axis=0), points.max(axis=0)]),
         force_worst,
@@ -92,6 +93,14 @@ def measure(
         report.newton,
         report.linear,
     )
+
+
+def particle_speed(soft: SoftSystem, state: State) -> float:
+    """Largest speed of a particle of material [m/s], 0 without soft bodies."""
+    if not len(soft.cell_node):
+        return 0.0
+    real = soft.real.astype(np.int32)
+    return float(largest_particle_speed(soft.cell_node, soft.cell_start, soft.local, real, state.v))
 
 
 def total_wrench(

@@ -24,6 +24,7 @@ RIGID_MODULUS = 2e11  # Young's modulus [Pa] that stands for a rigid part in the
 CORE_STIFFNESS = 100.0
 REACH_BELOW = 0.12  # how far below the predicted contact fields are sampled [m]: deeper than any dent
 REACH_ABOVE = 0.03  # above the object's top [m]
+ROUND = 0.1  # relative spread of a ball's radius; a cube has 0.14
 EMPTY = np.zeros((0, 3))
 
 
@@ -34,6 +35,8 @@ class ParticlesConfig(BaseModel, frozen=True, extra="forbid"):
     """The base is cut this far around the object, in units of its larger horizontal side [-]."""
     least_crop_margin: PositiveFloat = 0.15
     """... but at least this far [m]."""
+    rolling_margin: PositiveFloat = 2.5
+    """Times farther around a ball, which may roll before it rests [-]."""
     cell: PositiveFloat | None = None
     """Cell size at the contact that was asked for [m]; without it the predicted contact decides."""
     cells_per_radius: PositiveFloat = 6.0
@@ -113,10 +116,18 @@ def scenario(
     mesh = item.mesh.transformed(anchor.world_from_object)
     low, high = mesh.bounds
     margin = max(config.crop_margin * float((high - low)[:2].max()), config.least_crop_margin)
+    if is_ball(mesh):
+        margin *= config.rolling_margin
     crop = np.stack([low - margin, high + margin])
     s = Scenario(scene, item, intent, anchor, materials, config, mesh, scene.index_of(anchor.base_id), crop)
     s.notes.append(f"{anchor.base_id} is cut {margin:.2f} m around the object and clamped at the cut")
     return s
+
+
+def is_ball(mesh: Mesh) -> bool:
+    """Whether all of the surface is about as far from its centroid."""
+    away = np.linalg.norm(mesh.triangles.mean(axis=1) - mesh.vertices.mean(axis=0), axis=1)
+    return float(away.std() / away.mean()) < ROUND
 
 
 def footprint(s: Scenario) -> Footprint:

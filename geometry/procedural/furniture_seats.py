@@ -9,6 +9,8 @@ from scene.mesh import Mesh
 
 SINK = 0.003
 """How far cushions press into what they lie on [m]."""
+PITCH_DEG = 4.0
+"""How far a sofa's seat leans back: people and balls settle against its back."""
 
 
 def sofa(
@@ -29,12 +31,16 @@ def sofa(
     def cover(mesh: Mesh, number: int = 0) -> Mesh:
         return painted(mesh, fabric, variation=0.045, seed=seed + number)
 
-    base = cover(moved(rounded_box((width - 0.04, depth - 0.06, 0.20), 0.025, 0.035), y=0.0, z=0.18))
+    def leaning(mesh: Mesh) -> Mesh:
+        """Turned about the middle of the seat's underside."""
+        return moved(turned(moved(mesh, y=-0.12, z=-0.28), "x", PITCH_DEG), y=0.12, z=0.28)
+
+    base = cover(leaning(moved(rounded_box((width - 0.04, depth - 0.06, 0.20), 0.025, 0.035), y=0.0, z=0.18)))
     feet = [
         painted(
             bar(
                 (x * (width / 2 - 0.10), y * (depth / 2 - 0.10), 0.0),
-                (x * (width / 2 - 0.10), y * (depth / 2 - 0.10), 0.09),
+                (x * (width / 2 - 0.10), y * (depth / 2 - 0.10), 0.12),
                 0.018,
                 taper=1.3,
             ),
@@ -47,7 +53,8 @@ def sofa(
     for index in range(seats):
         box = cushioned(rounded_box((seat - 0.006, depth - 0.24, 0.16), 0.05, 0.026), 0.022, 0.0)
         x = (index - (seats - 1) / 2) * seat
-        cushions.append(painted(moved(box, x, 0.12, 0.28 - SINK + 0.08), accent, variation=0.04, seed=seed + index))
+        seated = leaning(moved(box, x, 0.12, 0.28 - SINK + 0.08))
+        cushions.append(painted(seated, accent, variation=0.04, seed=seed + index))
     back = [
         cover(
             moved(turned(rounded_box((inner + 0.03, 0.17, 0.62), 0.06, 0.03), "x", 6), y=-depth / 2 + 0.115, z=0.50), 7

@@ -246,3 +246,25 @@ def query_soft(
                 n = n.normalized()
                 for d in ti.static(range(3)):
                     normal[m, d] = n[d]
+
+
+@ti.kernel
+def largest_particle_speed(
+    cell_node: ti.types.ndarray(),
+    cell_start: ti.types.ndarray(),
+    local: ti.types.ndarray(),
+    real: ti.types.ndarray(),
+    v: ti.types.ndarray(),
+) -> ti.f64:
+    """Largest speed [m/s] of a particle of material; nodes that hardly hold any may move more without meaning."""
+    largest = 0.0
+    for c in range(cell_node.shape[0]):
+        for p in range(cell_start[c], cell_start[c + 1]):
+            if real[p] != 0:
+                s = vec3(local[p, 0], local[p, 1], local[p, 2])
+                velocity = vec3(0.0)
+                for a in range(8):
+                    n = cell_node[c, a]
+                    velocity += shape_value(a, s) * vec3(v[n, 0], v[n, 1], v[n, 2])
+                ti.atomic_max(largest, velocity.norm())
+    return largest

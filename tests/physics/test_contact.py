@@ -20,8 +20,8 @@ def hertz_radius(load, modulus, radius):
 
 def slab_under(lab, E, reach, cell, *, thick=THICK, mu=(0.5, 0.4)):
     """The reference slab, fine within `reach` of the middle of its top."""
-    planes_x = lab.planes(-0.2, 0.2, -reach, reach, cell)
-    planes_z = lab.planes(0.0, thick, thick - 1.2 * reach, thick, cell)
+    planes_x = lab.planes(-0.2, 0.2, -reach, reach, cell, 1.8)
+    planes_z = lab.planes(0.0, thick, thick - reach, thick, cell, 1.8)
     return lab.soft("slab", lab.Box(np.array([0.4, 0.4, thick])), [0, 0, thick / 2], E=E, cell=cell,
                     planes=(planes_x, planes_x, planes_z), held=np.s_[:, :, 0], fixed=True, loaded=True,
                     edge=max(cell, 0.004), spacing=0.005, mu=mu)  # fmt: skip
@@ -77,7 +77,7 @@ def test_a_small_dent_obeys_hertz(lab):
     E, mass = 5e5, 0.08
     contact = hertz_radius(mass * lab.gravity, E / 0.91, RADIUS)
     assert 39 * contact < THICK
-    slab = slab_under(lab, E, 1.5 * contact, contact / 6)
+    slab = slab_under(lab, E, 1.3 * contact, contact / 6)
     ball = lab.rigid("ball", lab.Capsule(RADIUS, 0.0), [0, 0, THICK + RADIUS + 2e-4], mass=mass, edge=0.0015,
                      spacing=0.0008)  # fmt: skip
     result = lab.drop(ball, slab)
@@ -89,7 +89,7 @@ def test_a_small_dent_obeys_hertz(lab):
 def test_a_flat_punch_obeys_boussinesq(lab):
     """d = F (1 - nu^2) / (2 a E)."""
     E, mass, a = 2e4, 0.02, 0.005
-    slab = slab_under(lab, E, 1.6 * a, a / 8)
+    slab = slab_under(lab, E, 1.3 * a, a / 8)
     punch = lab.rigid("punch", lab.Cylinder(a, 0.02), [0, 0, THICK + 0.0101], mass=mass, edge=a / 8, spacing=4e-4)
     result = lab.drop(punch, slab)
     depth = THICK - result.bodies[0].vertices[:, 2].min()
@@ -105,9 +105,9 @@ def test_a_lying_capsule_sinks_evenly_and_less_than_a_ball(lab):
     bound, and level.
     """
     mass, E, length = 1.0, 2e4, 0.1
-    planes_x = lab.planes(-0.2, 0.2, -0.08, 0.08, 0.008)
-    planes_y = lab.planes(-0.2, 0.2, -0.03, 0.03, 0.005)
-    planes_z = lab.planes(0.0, THICK, THICK - 0.03, THICK, 0.005)
+    planes_x = lab.planes(-0.2, 0.2, -0.08, 0.08, 0.01, 1.8)
+    planes_y = lab.planes(-0.2, 0.2, -0.02, 0.02, 0.005, 1.8)
+    planes_z = lab.planes(0.0, THICK, THICK - 0.02, THICK, 0.005, 1.8)
     slab = lab.soft("slab", lab.Box(np.array([0.4, 0.4, THICK])), [0, 0, THICK / 2], E=E, cell=0.005, edge=0.006,
                     planes=(planes_x, planes_y, planes_z), held=np.s_[:, :, 0], fixed=True, loaded=True)  # fmt: skip
     turn = np.array([[0.0, 0, 1], [0, 1, 0], [-1, 0, 0]])
