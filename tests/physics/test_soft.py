@@ -75,11 +75,11 @@ def test_points_that_start_far_above_a_soft_body_touch_it_when_they_come_down(la
 def test_a_soft_ball_rolls_down_like_a_rigid_one(lab):
     """a = 5/7 g sin(a) without rolling resistance: material damping brakes strain, never rotation."""
     angle = np.radians(8.0)
-    ball = lab.soft("ball", lab.Capsule(0.05, 0.0), [-0.2, 0, 0.0502], E=5e6, rho=300.0, cell=0.0125, mu=(0.9, 0.9),
+    ball = lab.soft("ball", lab.Capsule(0.05, 0.0), [-0.2, 0, 0.0502], E=5e6, rho=300.0, cell=0.01, mu=(0.9, 0.9),
                     edge=0.004)  # fmt: skip
     gravity = lab.gravity * np.array([np.sin(angle), 0.0, -np.cos(angle)])
     result = lab.drop(ball, lab.floor(mu=(0.9, 0.9)), gravity=gravity, step_limit=90)
     time, speed = result.history["time"], result.history["linear_speed"]
     measured = np.polyfit(time[time > 0.1], speed[time > 0.1], 1)[0]
-    # the mesh's inertia (2 % at 8 cells across) and its facets (sagitta of 40 um per 4 mm edge) count
+    # 5 % at 8 cells across, 3 % at 10: the error of the cells; facets of 4 mm have a sagitta of 40 um
     assert measured == pytest.approx(5.0 / 7.0 * lab.gravity * np.sin(angle), rel=0.05)
