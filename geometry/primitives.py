@@ -4,6 +4,7 @@ All are centred on the origin, axes along local z, metres. Signed distances are 
 inside.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -70,19 +71,21 @@ class Box:
     def surface(self, edge: float) -> Mesh:
         """Six regular grids of triangles."""
         counts = np.clip(np.ceil(self.size / edge).astype(int), 1, 160)
+        return self.surface_on([h * np.linspace(-1, 1, n + 1) for h, n in zip(self.half_extents, counts, strict=True)])
+
+    def surface_on(self, planes: Sequence[FloatArray]) -> Mesh:
+        """Six grids of triangles with vertices on the given planes x, y and z [m], from side to side."""
         vertices, faces, offset = [], [], 0
         for axis in range(3):
             u, v = (axis + 1) % 3, (axis + 2) % 3
-            grid_u, grid_v = np.meshgrid(
-                np.linspace(-1, 1, counts[u] + 1), np.linspace(-1, 1, counts[v] + 1), indexing="ij"
-            )
+            grid_u, grid_v = np.meshgrid(planes[u], planes[v], indexing="ij")
             corner = np.arange(grid_u.size).reshape(grid_u.shape)
             a, b, c, d = (corner[s].ravel() for s in (np.s_[:-1, :-1], np.s_[1:, :-1], np.s_[1:, 1:], np.s_[:-1, 1:]))
             quads = np.concatenate([np.stack([a, b, c], 1), np.stack([a, c, d], 1)])
-            for sign in (1.0, -1.0):
+            for side, sign in ((-1, 1), (0, -1)):
                 points = np.empty((grid_u.size, 3))
-                points[:, axis], points[:, u], points[:, v] = sign, grid_u.ravel(), grid_v.ravel()
-                vertices.append(points * self.half_extents)
+                points[:, axis], points[:, u], points[:, v] = planes[axis][side], grid_u.ravel(), grid_v.ravel()
+                vertices.append(points)
                 faces.append((quads if sign > 0 else quads[:, ::-1]) + offset)
                 offset += len(points)
         merged = trimesh.Trimesh(np.concatenate(vertices), np.concatenate(faces), process=True)

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from geometry.distance import distance_grid, sampler
 from geometry.fill import Distance, fill
-from geometry.primitives import Capsule
+from geometry.primitives import Box, Capsule
 from geometry.repair import mass_properties
 from scene.errors import InputError
 from scene.mesh import Mesh
@@ -28,6 +28,8 @@ FINE_REACH = 1.3  # half width of the fine zone over the predicted contact radiu
 GROWTH = 1.8  # ratio of neighbouring cells outside of the fine zone
 MOST_CELLS = 60_000  # cells of one soft body; more would not fit the time a user expects
 """What a person can raise with --resolution."""
+
+Planes = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
 
 
 def build_bodies(case: Case, folder: Path, resolution: float | None) -> tuple[list[Body], float]:
@@ -116,15 +118,14 @@ class Solid:
 
     def build(self, cell: float, finest: float, solids: "list[Solid]", gravity: float) -> Body:
         """The solver's body."""
-        edge = max(min(cell if not self.rigid else finest, self.smallest / 8.0), float(self.extent.max()) / 160.0)
-        local = self.primitive.surface(edge) if self.primitive else self._given()
-        surface = Mesh.of(self.placed(local.vertices), local.faces)
+        planes = None if self.rigid else self._planes(cell, solids, gravity)
+        surface = self._surface(planes, finest if planes is None else cell)
         spacing = max(min(finest / 2.5, self.smallest / 24.0), float(self.extent.max()) / 200.0)
         distance = self._distance(surface, spacing)
         mass, center, inertia = self._mass_properties()
         soft = None
-        if not self.rigid:
-            soft = self._soft(cell, solids, gravity, distance)
+        if planes is not None:
+            soft = self._soft(cell, planes, distance)
             soft = replace(soft, density=soft.density * (mass / float((soft.volume * soft.density).sum())))
         m = self.material
         return Body(
@@ -133,6 +134,16 @@ class Solid:
             m.static_friction, m.dynamic_friction, m.rolling_resistance, soft, np.asarray(self.body.velocity),
             np.asarray(self.body.angular_velocity),
         )  # fmt: skip
+
+    def _surface(self, planes: Planes | None, cell: float) -> Mesh:
+        """As fine as the cells, so that a contact presses on every node under it."""
+        if isinstance(self.primitive, Box) and planes is not None and np.allclose(self.rotation, np.eye(3)):
+            local = self.primitive.surface_on([p - c for p, c in zip(planes, self.position, strict=True)])
+        elif self.primitive is not None:
+            local = self.primitive.surface(max(min(cell, self.smallest / 8.0), float(self.extent.max()) / 160.0))
+        else:
+            local = self._given()
+        return Mesh.of(self.placed(local.vertices), local.faces)
 
     def _distance(self, surface: Mesh, spacing: float) -> DistanceGrid:
         margin = max(4.0 * spacing, 0.02)
@@ -151,8 +162,7 @@ class Solid:
         density = self.mass / volume
         return self.mass, self.placed(center[None])[0], self.rotation @ (unit * density) @ self.rotation.T
 
-    def _soft(self, cell: float, solids: "list[Solid]", gravity: float, distance: DistanceGrid) -> SoftParts:
-        planes = self._planes(cell, solids, gravity)
+    def _soft(self, cell: float, planes: Planes, distance: DistanceGrid) -> SoftParts:
         count = int(np.prod([len(p) - 1 for p in planes]))
         if count > MOST_CELLS:
             raise InputError(
@@ -174,9 +184,7 @@ class Solid:
         primitive = self.primitive
         return lambda points: primitive.distance((points - self.position) @ self.rotation)
 
-    def _planes(
-        self, cell: float, solids: "list[Solid]", gravity: float
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    def _planes(self, cell: float, solids: "list[Solid]", gravity: float) -> Planes:
         """Graded planes: fine where another body stands over or under this one."""
         reach = FINE_REACH * self.predicted_radius(solids, gravity)
         low, high = self.high.copy(), self.low.copy()

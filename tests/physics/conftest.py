@@ -88,7 +88,10 @@ def soft(
 ):
     """A soft primitive; `held` is a function of the node planes that marks held nodes."""  # fmt: skip
     position = np.asarray(position, dtype=float)
-    surface = solid.surface(edge or cell)
+    if isinstance(solid, Box) and planes:  # a surface as fine as the cells under it
+        surface = solid.surface_on([p - c for p, c in zip(planes, position, strict=True)])
+    else:
+        surface = solid.surface(edge or cell)
     vertices = surface.vertices + position
     low, high = vertices.min(0), vertices.max(0)
     planes = planes or tuple(graded_planes(a, b, a, b, cell) for a, b in zip(low, high, strict=True))
