@@ -89,7 +89,8 @@ def soft(
     """A soft primitive; `held` is a function of the node planes that marks held nodes."""  # fmt: skip
     position = np.asarray(position, dtype=float)
     if isinstance(solid, Box) and planes:  # a surface as fine as the cells under it
-        surface = solid.surface_on([p - c for p, c in zip(planes, position, strict=True)])
+        half = solid.half_extents
+        surface = solid.surface_on([np.unique(np.clip(planes[a] - position[a], -half[a], half[a])) for a in range(3)])
     else:
         surface = solid.surface(edge or cell)
     vertices = surface.vertices + position
