@@ -39,7 +39,7 @@ Workers = Annotated[int, typer.Option(min=1, max=64, help="Samples at a time.")]
 Dataset = Annotated[Path | None, typer.Option(help="YAML list of samples; default: the embedded rooms.")]
 Limit = Annotated[int | None, typer.Option(min=1, help="Only the first so many samples.")]
 Language = Annotated[str, typer.Option(help="Who reads the sentence: offline or anthropic.")]
-Solver = Annotated[str | None, typer.Option(help="Method of the solver: tl.")]
+Solver = Annotated[str | None, typer.Option(help="Method of the solver: tl (default) or mls.")]
 Resolution = Annotated[float | None, typer.Option(help="Cell size at the contact [m]; default: from the physics.")]
 Threads = Annotated[int, typer.Option(min=0, help="Threads of the solver, 0: all cores; never changes a result.")]
 
@@ -89,7 +89,7 @@ def place(
     from flows.output import result_line, write_placement
     from flows.place_one import place_one
 
-    config = configured(language=language, resolution=resolution, threads=threads)
+    config = configured(language=language, resolution=resolution, threads=threads, solver=solver or "tl")
     tree = write_placement(place_one(sample, config, quiet=as_json), folder)
     print(json.dumps(tree, indent=2, ensure_ascii=False) if as_json else f"{result_line(tree)}\nresults: {folder}")
     return 0 if tree["verdict"] == "at_rest" else INFEASIBLE
@@ -226,7 +226,7 @@ def cache_verify(as_json: Json = False) -> int:
 
 LARGEST_RESOLUTION_M = 1.0
 """A cell larger than this resolves nothing that can be placed in a room [m]."""
-SOLVERS = ("tl",)
+SOLVERS = ("tl", "mls")
 UPS = ("auto", "y", "z")
 UNITS = ("auto", "m", "cm", "mm", "in")
 

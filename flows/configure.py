@@ -8,7 +8,9 @@ from scene.errors import InputError
 LANGUAGES = ("offline", "anthropic")
 
 
-def configured(*, language: str = "offline", resolution: float | None = None, threads: int = 0) -> PlaceConfig:
+def configured(
+    *, language: str = "offline", resolution: float | None = None, threads: int = 0, solver: str = "tl"
+) -> PlaceConfig:
     """The default configuration with the user's choices in it."""
     config = PlaceConfig()
     if language not in LANGUAGES:
@@ -17,6 +19,9 @@ def configured(*, language: str = "offline", resolution: float | None = None, th
         config = with_setting(config, stage, {"client": language}, f"--language {language}")
     if resolution is not None:
         config = with_setting(config, "particles", {"cell": resolution}, f"--resolution {resolution}")
+    if solver != "tl":
+        method = config.drop.solver.model_dump() | {"method": solver, "mls_cell": resolution}
+        config = with_setting(config, "drop", {"solver": method}, f"--solver {solver}")
     return with_setting(config, "drop", {"threads": threads}, f"--threads {threads}")
 
 

@@ -6,6 +6,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from solver.config import SolverConfig
 from solver.contact import ContactQuery, Contacts
 from solver.kernels.query import largest_particle_speed
 from solver.model import Model
@@ -101,6 +102,26 @@ def particle_speed(soft: SoftSystem, state: State) -> float:
         return 0.0
     real = soft.real.astype(np.int32)
     return float(largest_particle_speed(soft.cell_node, soft.cell_start, soft.local, real, state.v))
+
+
+def rest_rows(
+    window: list[Signals], config: SolverConfig, gravity: float, length: float
+) -> dict[str, dict[str, float]]:
+    """Value, threshold and margin of every rest signal over a window of steps; gravity [m/s^2], object's size [m]."""
+    speed = config.rest_speed * float(np.sqrt(gravity * length))
+    drift = config.rest_drift * length
+    centers = np.array([s.center for s in window])
+    boxes = np.array([s.box for s in window])
+    values = {
+        "linear_speed": (max(s.linear_speed for s in window), speed),
+        "angular_speed": (max(s.angular_speed for s in window), speed / (0.5 * length)),
+        "particle_speed": (max(s.particle_speed for s in window), speed),
+        "center_drift": (float(np.abs(np.ptp(centers, axis=0)).max()), drift),
+        "box_change": (float(np.abs(np.ptp(boxes, axis=0)).max()), drift),
+        "force_residual": (max(s.force_residual for s in window), config.rest_residual),
+        "torque_residual": (max(s.torque_residual for s in window), config.rest_residual),
+    }
+    return {k: {"value": v, "threshold": t, "margin": 1.0 - v / t} for k, (v, t) in values.items()}
 
 
 def total_wrench(

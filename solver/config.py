@@ -1,5 +1,7 @@
 """Settings of the solver with units and reasons."""
 
+from typing import Literal
+
 from pydantic import BaseModel, NonNegativeFloat, PositiveFloat, PositiveInt
 
 
@@ -10,6 +12,8 @@ class SolverConfig(BaseModel, frozen=True, extra="forbid"):
     """Worker threads, 0: all cores. Results do not depend on it."""
     seed: int = 0
     """Seed of the verification kick."""
+    method: Literal["tl", "mls"] = "tl"
+    """tl: implicit, total-Lagrangian, the default; mls: the paper's explicit MLS-MPM on a uniform grid."""
 
     start_overlap: PositiveFloat = 5e-3
     """Bodies that start deeper inside each other than this [m] are refused: no rest state can be reached from
@@ -81,3 +85,16 @@ class SolverConfig(BaseModel, frozen=True, extra="forbid"):
     """How far the kicked state may end from the rest state, over L [-]."""
     kick_angle: PositiveFloat = 0.0174533
     """How far it may turn [rad]: one degree."""
+
+    mls_cell: PositiveFloat | None = None
+    """Cell of mls's uniform grid [m]; None: the smallest cell of the soft bodies' own grids, coarsened, with a warning,
+    until mls_particles suffice."""
+    mls_particles: PositiveInt = 60_000
+    """Most particles where mls chooses its cell itself: a thousand steps then take about a quarter of a minute."""
+    mls_cfl: PositiveFloat = 0.4
+    """Share of a cell that waves and particles may cross in one explicit step of mls [-]."""
+    cpic: bool = False
+    """mls: material on two sides of a rigid body thinner than two cells does not feel what lies behind it (compatible
+    particle-in-cell)."""
+    mls_interval_seconds: PositiveFloat = 8e-3
+    """mls judges its motion this often [s]: step_limit and rest_steps count these intervals."""

@@ -1,19 +1,20 @@
 """Drop to rest: steps until quiet, then a kick to see whether the rest is stable, then the certificate."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from solver import soft as soft_system
-from solver.certificate import Signals, certificate, contact_table, measure
+from solver.certificate import Signals, certificate, contact_table, measure, rest_rows
 from solver.config import SolverConfig
 from solver.contact import ContactQuery, Contacts, Pair, vertex_areas
 from solver.errors import ModelError, UnstableStep
+from solver.mls import drop as mls
 from solver.model import Body, Model
 from solver.predict import contact_stiffness
+from solver.result import AT_REST, LEFT_TARGET, NO_EQUILIBRIUM, RestBody, Result, beside, carried
 from solver.runtime import start
 from solver.soft import SoftSystem
 from solver.state import State, best_rigid_motion, start_state
@@ -21,46 +22,11 @@ from solver.step import Stepper, StepReport
 
 Progress = Callable[[int, float, Signals], None]
 
-AT_REST, LEFT_TARGET, NO_EQUILIBRIUM = "at_rest", "left_target", "no_equilibrium"
 CELL_STIFFNESS = (
     4.0  # first guess of the contact stiffness per area, in E / cell size; then adapted to the penetration target
 )
 KICK_NOISE = 0.1  # share of a kick's speed below which growth is the noise of solving to a tolerance
 STEP_GROWTH = 1.25  # growth of the step when Newton converges easily
-
-
-@dataclass(frozen=True, eq=False, slots=True)
-class RestBody:
-    """One body at the end."""
-
-    name: str
-    vertices: NDArray[np.float64]
-    """Surface points [m], shape (n, 3)."""
-    rotation: NDArray[np.float64]
-    """World-from-start rotation, best fit for soft bodies, shape (3, 3)."""
-    translation: NDArray[np.float64]
-    """World-from-start translation [m], shape (3,): x = rotation @ X + translation."""
-    speed: float
-    """Largest speed of any of its points at the end [m/s]."""
-
-
-@dataclass(frozen=True, eq=False, slots=True)
-class Result:
-    """The outcome of a drop."""
-
-    verdict: str
-    """at_rest, left_target or no_equilibrium."""
-    bodies: tuple[RestBody, ...]
-    contacts: tuple[dict[str, object], ...]
-    """Per touching pair: a, b, area_m2, normal_force_n, tangential_force_n, max_penetration_m, max_gap_m."""
-    contact_points: dict[str, NDArray[np.float64]]
-    """Per free body the positions of its active contact points [m], shape (k, 3)."""
-    certificate: dict[str, object]
-    history: dict[str, NDArray[np.float64]]
-    steps: int
-    simulated_seconds: float
-    particles: int
-    warnings: tuple[str, ...]
 
 
 def settle(model: Model, config: SolverConfig, progress: Progress | None = None) -> Result:
@@ -73,7 +39,7 @@ def settle(model: Model, config: SolverConfig, progress: Progress | None = None)
     """
     start(config.threads)
     with threadpool_limits(1):  # dense factorisations would round differently with the number of threads
-        return Drop(model, config).run(progress)
+        return (mls.Drop if config.method == "mls" else Drop)(model, config).run(progress)
 
 
 class Drop:
@@ -192,44 +158,13 @@ class Drop:
 
     def _rows(self, window: list[Signals]) -> dict[str, dict[str, float]]:
         """Value and threshold of every rest signal over a window of steps."""
-        speed = self.config.rest_speed * float(np.sqrt(self.gravity * self.length))
-        drift = self.config.rest_drift * self.length
-        centers = np.array([s.center for s in window])
-        boxes = np.array([s.box for s in window])
-        values = {
-            "linear_speed": (max(s.linear_speed for s in window), speed),
-            "angular_speed": (max(s.angular_speed for s in window), speed / (0.5 * self.length)),
-            "particle_speed": (max(s.particle_speed for s in window), speed),
-            "center_drift": (float(np.abs(np.ptp(centers, axis=0)).max()), drift),
-            "box_change": (float(np.abs(np.ptp(boxes, axis=0)).max()), drift),
-            "force_residual": (max(s.force_residual for s in window), self.config.rest_residual),
-            "torque_residual": (max(s.torque_residual for s in window), self.config.rest_residual),
-        }
-        return {k: {"value": v, "threshold": t, "margin": 1.0 - v / t} for k, (v, t) in values.items()}
+        return rest_rows(window, self.config, self.gravity, self.length)
 
     def _left(self, state: State, contacts: Contacts) -> bool:
-        """A free body that nothing carries lies wholly below everything fixed, or its centre of mass is beside it:
-        nothing there can carry it.
-        """
-        fixed = [b.vertices for b in self.model.bodies if b.fixed]
-        if not fixed:
-            return False
-        low = np.min([v.min(axis=0) for v in fixed], axis=0)
-        high = np.max([v.max(axis=0) for v in fixed], axis=0)
-        for i in set(self.free) - self._carried(contacts):
-            center = self._center(state, i)[:2]
-            below = self.query.surface(state, i)[:, 2].max() < low[2]
-            if below or ((center < low[:2]) | (center > high[:2])).any():
-                return True
-        return False
-
-    def _carried(self, contacts: Contacts) -> set[int]:
-        """Bodies that touch something fixed, or a body that does."""
-        carried = {i for i, b in enumerate(self.model.bodies) if b.fixed}
-        touching = {(t.pair.a, t.pair.b) for t in contacts.touching}
-        while more := {b for pair in touching if carried & set(pair) for b in pair} - carried:
-            carried |= more
-        return carried
+        """A free body has left everything that could carry it."""
+        pairs = {(t.pair.a, t.pair.b) for t in contacts.touching}
+        loose = set(self.free) - carried(self.model, pairs)
+        return any(beside(self.model, self.query.surface(state, i), self._center(state, i)) for i in loose)
 
     def _adapt(self, contacts: Contacts, signals: Signals) -> None:
         """Stiffen pairs that penetrate more than asked for; only near rest, where the load is the weight."""

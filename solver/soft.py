@@ -278,7 +278,7 @@ def _join(pieces: list[_Piece]) -> SoftSystem:
         node_offset += len(rest)
         particle_offset += len(order)
     if not parts:
-        return _empty()
+        return empty()
     joined = {k: np.concatenate([p[k] for p in parts]) for k in parts[0]}
     start = np.concatenate([[0], np.cumsum(joined.pop("count"))]).astype(np.int32)
     return SoftSystem(bodies=tuple(bodies), cell_start=start, **joined)
@@ -297,7 +297,7 @@ def _around(
     return np.stack(columns, axis=1).astype(np.int32)
 
 
-def _empty() -> SoftSystem:
+def empty() -> SoftSystem:
     """A system without soft bodies."""
     none = np.zeros(0)
     return SoftSystem(

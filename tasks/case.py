@@ -19,7 +19,8 @@ from solver.certificate import Signals
 from solver.config import SolverConfig
 from solver.errors import ModelError, UnstableStep
 from solver.model import Body, Model
-from solver.settle import Result, settle
+from solver.result import Result
+from solver.settle import settle
 from tasks.case_bodies import build_bodies
 from tasks.case_file import Case, read_case
 
@@ -28,8 +29,6 @@ def run_case(
     path: Path, out: Path, *, solver: str = "tl", resolution: float | None = None, threads: int = 0, quiet: bool = False
 ) -> dict[str, object]:
     """Read, simulate and write a case; returns the content of result.json. The folder appears whole or not at all."""
-    if solver != "tl":
-        raise InputError(f"--solver {solver}: only tl is available")
     case = read_case(path)
     begin = time.perf_counter()
     chosen = resolution or (case.resolution if isinstance(case.resolution, float) else None)
@@ -38,7 +37,11 @@ def run_case(
     built = time.perf_counter()
     try:
         model = Model(tuple(bodies), np.asarray(case.gravity, dtype=np.float64), pairs)
-        result = settle(model, SolverConfig(threads=threads, seed=case.seed), None if quiet else _progress)
+        config = SolverConfig.model_validate(
+            {"threads": threads, "seed": case.seed, "method": solver, "mls_cell": chosen if solver == "mls" else None}
+        )
+        result = settle(model, config, None if quiet else _progress)
+        cell = float(str(result.certificate.get("cell_m", cell)))
     except ModelError as error:
         raise InputError(f"{path}: {error}") from error
     except UnstableStep as error:

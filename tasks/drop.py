@@ -21,7 +21,8 @@ from solver.certificate import Signals
 from solver.config import SolverConfig
 from solver.errors import UnstableStep
 from solver.model import Body, Model, SignedDistance, SoftParts
-from solver.settle import AT_REST, Result, settle
+from solver.result import AT_REST, Result
+from solver.settle import settle
 from tasks.stage import stage
 
 Array = NDArray[np.float64]

@@ -1,0 +1,195 @@
+"""Impulses between rigid bodies and the grid, and what they add up to per pair of bodies.
+
+A rigid body acts on the nodes that lie inside it: their velocity relative to it may not point inwards, and friction
+stops their tangential motion up to Coulomb's limit. The rigid body takes the opposite impulses in the same, implicit,
+exchange, so momentum is conserved and a light body on heavy material stays stable.
+
+Two more exchanges act between the rigid motions of the two bodies of a touching pair: a dashpot along the contact
+normals, which damps the bounce of one on the other critically, and rolling resistance, a torque of at most b N. Both
+vanish at rest.
+"""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solver.config import SolverConfig
+from solver.kernels import mls
+from solver.mls.bodies import SoftBodies
+from solver.mls.rigid import RigidBodies
+from solver.model import Body, Model, SignedDistance
+from solver.predict import contact_stiffness
+
+Array = NDArray[np.float64]
+
+REACH = 1.0  # nodes this far outside of a rigid body, in cells, still hold material that touches it: half their support
+OUT = 49  # per owner: load, impulse (3), moment (3), normal matrix (36), first moment (3), load along normals (3)
+
+
+@dataclass(eq=False, slots=True)
+class Field:
+    """Distance and normal of one rigid body at the nodes of a box of the grid."""
+
+    span: NDArray[np.int32]
+    """First node and count along x, y, z, shape (2, 3)."""
+    phi: Array
+    """Signed distance [m], shape (n,)."""
+    normal: Array
+    """Outwards, shape (n, 3)."""
+
+
+@dataclass(eq=False, slots=True)
+class PairImpulse:
+    """Sums over some time of what a soft body received from a rigid one."""
+
+    load: float = 0.0
+    """Normal impulses [N s]."""
+    impulse: Array = field(default_factory=lambda: np.zeros(3))
+    """On the soft body [N s], shape (3,)."""
+    along_normal: Array = field(default_factory=lambda: np.zeros(3))
+    """Normal part of it [N s], shape (3,)."""
+
+
+class Coupling:
+    """All pairs of a rigid and a soft body."""
+
+    def __init__(self, model: Model, soft: SoftBodies, rigid: RigidBodies, config: SolverConfig) -> None:
+        self.model, self.soft, self.rigid, self.config = model, soft, rigid, config
+        self.work = np.zeros((6, 7))
+        self.active = np.zeros((0, 2), dtype=np.int32)
+        self.standing: dict[int, Field | None] = {}
+        self.friction = {
+            r: np.array([model.friction(model.bodies[r], model.bodies[i]) for i in soft.index]) for r in rigid.index
+        }
+        self.dashpot = {
+            (r, part): dashpot_coefficient(model, r, i, config)
+            for r in rigid.index
+            for part, i in enumerate(soft.index)
+        }
+        self.impulses: dict[tuple[int, int], PairImpulse] = {}
+        self.loaded: list[tuple[int, int, Array]] = []
+
+    def forget(self) -> None:
+        """The grid has been laid out anew: distances of fixed bodies are no longer at its nodes."""
+        self.standing = {}
+
+    def exchange(self) -> None:
+        """Let every rigid body act on the nodes inside it, one after the other, in the order of the model."""
+        self.loaded = []
+        for index in self.rigid.index:
+            near = self._field(index)
+            if near is None:
+                continue
+            out = np.zeros((len(self.soft.index), OUT))
+            body, q = self.model.bodies[index], self.rigid.velocity(index)
+            if len(self.active) < len(near.phi):
+                self.active = np.zeros((len(near.phi), 2), dtype=np.int32)
+            g = self.soft.grid
+            mls.couple(
+                int(not body.fixed), g.cell, REACH * g.cell, self.soft.least_mass, int(g.shape[1]), int(g.shape[2]),
+                self.frame(index), near.span, near.phi, near.normal, self.soft.owner, self.soft.material,
+                self.friction[index], self.rigid.mass_matrix(index), g.node, q, self.work, self.active, out,
+            )  # fmt: skip
+            if not body.fixed:
+                self.rigid.set_velocity(index, q)
+            for part in np.flatnonzero(out[:, 0] > 0.0):
+                self._add(index, int(part), out[part])
+                self.loaded.append((index, int(part), out[part]))
+
+    def damp(self, dt: float) -> None:
+        """Dashpot and rolling resistance of the pairs that the last exchange loaded, once particles have moved."""
+        for index, part, out in self.loaded:
+            self._damp(index, part, out, dt)
+
+    def _add(self, index: int, part: int, out: Array) -> None:
+        pair = self.impulses.setdefault((index, part), PairImpulse())
+        pair.load += float(out[0])
+        pair.impulse = pair.impulse + out[1:4]
+        pair.along_normal = pair.along_normal + out[46:49]
+
+    def _damp(self, index: int, part: int, out: Array, dt: float) -> None:
+        """Dashpot and rolling resistance between the rigid motions of a pair, both taken implicitly."""
+        one, two = self.model.bodies[index], self.model.bodies[self.soft.index[part]]
+        if one.fixed and two.fixed:
+            return
+        center = self.rigid.state.center[index]
+        of_rigid = np.zeros((6, 6)) if one.fixed else np.linalg.inv(self.rigid.mass_matrix(index))
+        of_soft = self.soft.inverse_mass(part, center)
+        drag = self.dashpot[index, part] * dt * out[7:43].reshape(6, 6) / out[0]
+        before = self.rigid.velocity(index) - self.soft.velocity(part, center)
+        after = np.linalg.solve(np.eye(6) + (of_rigid + of_soft) @ drag, before)
+        impulse = -drag @ after
+        length = float(np.sqrt(one.rolling_resistance * two.rolling_resistance))
+        spin = float(np.linalg.norm(after[3:]))
+        if length > 0.0 and spin > 0.0:
+            axis = after[3:] / spin
+            stopping = spin / float(axis @ (of_rigid + of_soft)[3:, 3:] @ axis)
+            impulse[3:] -= min(length * float(out[0]), stopping) * axis
+        if not one.fixed:
+            self.rigid.set_velocity(index, self.rigid.velocity(index) + of_rigid @ impulse)
+        if not two.fixed:
+            own = of_soft @ -impulse
+            arm = self.soft.motion(part).center - center
+            own[:3] += np.cross(own[3:], arm)
+            self.soft.give(part, own)
+
+    def _field(self, index: int) -> Field | None:
+        """Distances at the nodes in the body's box; those of a fixed body are kept."""
+        if index in self.standing:
+            return self.standing[index]
+        body, g = self.model.bodies[index], self.soft.grid
+        span, near = self.span(index, REACH), None
+        if span is not None:
+            count = int(span[1].prod())
+            near = Field(span, np.zeros(count), np.zeros((count, 3)))
+            grid: SignedDistance = body.distance
+            mls.distance_at_nodes(
+                g.cell, int(g.shape[1]), int(g.shape[2]), self.frame(index), span,
+                -1.0 if body.fixed else self.soft.least_mass, self.soft.held, g.node, grid.spacing, grid.values,
+                near.phi, near.normal,
+            )  # fmt: skip
+        if body.fixed:
+            self.standing[index] = near
+        return near
+
+    def span(self, index: int, reach: float) -> NDArray[np.int32] | None:
+        """First node and count along x, y, z of the grid's part within `reach` cells of a body's box, None if empty."""
+        body, g = self.model.bodies[index], self.soft.grid
+        surface = body.vertices if body.fixed else self.rigid.surface(index)
+        first = np.floor((surface.min(axis=0) - g.low) / g.cell - reach).astype(np.int64)
+        last = np.ceil((surface.max(axis=0) - g.low) / g.cell + reach).astype(np.int64)
+        first, last = np.maximum(first, 0), np.minimum(last, g.shape - 1)
+        return np.stack([first, last - first + 1]).astype(np.int32) if (last >= first).all() else None
+
+    def frame(self, index: int) -> Array:
+        """Where the grid and a rigid body are, as kernels ask for it, shape (7, 3)."""
+        body, state = self.model.bodies[index], self.rigid.state
+        rows = [self.soft.grid.low, state.center[index], body.center_of_mass, body.distance.origin]
+        return np.concatenate([np.stack(rows), state.rotation[index]])
+
+
+def dashpot_coefficient(model: Model, rigid: int, soft: int, config: SolverConfig) -> float:
+    """Critical damping [N s/m] of a pair's bounce: 2 zeta sqrt(k m), k the Hertz stiffness of the moving body."""
+    one, two = model.bodies[rigid], model.bodies[soft]
+    free = [b for b in (one, two) if not b.fixed]
+    if not free:
+        return 0.0
+    mass = 1.0 / sum(1.0 / b.mass for b in free)
+    lighter = min(free, key=lambda b: b.mass)
+    gravity = max(float(np.linalg.norm(model.gravity)), 1e-12)
+    stiffness = contact_stiffness(lighter.mass * gravity, footprint_radius(lighter), *softness(two))
+    return 2.0 * config.damping_ratio * float(np.sqrt(stiffness * mass))
+
+
+def footprint_radius(body: Body) -> float:
+    """A quarter of the sum of the horizontal sides [m]: the radius of a ball."""
+    extent = np.ptp(body.vertices, axis=0)
+    return 0.25 * float(extent[0] + extent[1])
+
+
+def softness(body: Body) -> tuple[float, float]:
+    """Smallest Young's modulus [Pa] of a soft body and the Poisson ratio there."""
+    assert body.soft is not None
+    at = int(np.argmin(body.soft.youngs_modulus))
+    return float(body.soft.youngs_modulus[at]), float(body.soft.poisson_ratio[at])

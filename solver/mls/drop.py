@@ -1,0 +1,311 @@
+"""Drop to rest with explicit MLS-MPM: the step, the damping on the way to rest, and when it stops.
+
+One step [H18, Alg. 1 with its Sec. 5 for rigid bodies]:
+
+    particles to grid -> node velocities -> rigid bodies act on nodes -> grid to particles -> rigid bodies move
+
+The motion of a free body as a whole (falling, sliding, rolling) is never damped. What is damped: the strain motion of
+every soft body, by kinetic damping [B99] (at each peak of its kinetic energy relative to its rigid motion that part
+is taken away: the peak is where it passes its equilibrium), and the bounce of a touching pair (coupling.py).
+
+[H18] Hu et al.: A moving least squares material point method ... SIGGRAPH 2018.
+[B99] Barnes: Form finding and analysis of tension structures by dynamic relaxation. Int. J. Space Struct. 14, 1999.
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solver.certificate import Signals, rest_rows
+from solver.config import SolverConfig
+from solver.errors import ModelError, UnstableStep
+from solver.kernels import mls
+from solver.mls.bodies import SoftBodies
+from solver.mls.coupling import Coupling
+from solver.mls.outcome import Outcome, outcome
+from solver.mls.particles import PER_AXIS, distance
+from solver.mls.plates import THIN, Plates, thin_bodies
+from solver.mls.rigid import RigidBodies
+from solver.model import Body, Model
+from solver.result import AT_REST, LEFT_TARGET, NO_EQUILIBRIUM, Result, beside, carried
+
+Array = NDArray[np.float64]
+Progress = Callable[[int, float, Signals], None]
+
+PEAK_DROP = 0.02  # a kinetic energy this much below its largest value has passed its peak [-]
+COARSENING = 1.1  # factor by which a cell grows until the particles fit their budget
+STALE = 0.01  # motion in cells after which contact looks anew where the material is: a tenth of what it resolves
+LEAST_THROUGH = 3  # particles through the smallest side below which a part is named as under-resolved (the paper's)
+
+
+class Drop:
+    """One simulation from start to verdict."""
+
+    def __init__(self, model: Model, config: SolverConfig) -> None:
+        self.model, self.config = model, config
+        self.warnings: list[str] = []
+        if not any(b.soft is not None for b in model.bodies):
+            raise ModelError("mls: every body is rigid; there is no material to simulate, use tl")
+        self.gravity = np.asarray(model.gravity, dtype=np.float64)
+        cell = choose_cell(model, config, self.warnings)
+        thin = thin_bodies(model, cell)
+        self.soft = SoftBodies(model, cell, thin=config.cpic and bool(thin))
+        self.rigid = RigidBodies(model, config)
+        self.coupling = Coupling(model, self.soft, self.rigid, config)
+        self.plates = Plates(model, self.soft, self.rigid, self.coupling, thin)
+        if thin and not config.cpic:
+            names = ", ".join(repr(model.bodies[i].name) for i in thin)
+            self.warnings.append(
+                f"mls: {names}: thinner than {THIN:.0f} cells; material feels what lies behind it unless cpic is on"
+            )
+        self.free = [i for i, b in enumerate(model.bodies) if not b.fixed]
+        self.watched = self.free or self.soft.index
+        self.length = max(model.bodies[i].size for i in self.watched)
+        self.peak = np.zeros(len(self.soft.index))
+        self.time = 0.0
+        self.moved = 0.0
+        self.history: list[Signals] = []
+        self.steps = 0
+        self._refuse_overlap()
+        self._name_thin_parts()
+
+    @property
+    def strength(self) -> float:
+        """Magnitude of gravity [m/s^2]."""
+        return float(np.linalg.norm(self.gravity))
+
+    def run(self, progress: Progress | None) -> Result:
+        """Intervals until quiet, left, or out of budget."""
+        while True:
+            last = self._interval()
+            self.history.append(last.signals)
+            if progress is not None:
+                progress(len(self.history), self.time, last.signals)
+            if self._left():
+                verdict = LEFT_TARGET
+            elif self._quiet():
+                verdict = AT_REST
+            elif len(self.history) >= self.config.step_limit:
+                verdict = NO_EQUILIBRIUM
+            else:
+                continue
+            return self._result(verdict, last)
+
+    def _quiet(self) -> bool:
+        window = self.history[-self.config.rest_steps :]
+        rows = rest_rows(window, self.config, self.strength, self.length)
+        return len(window) == self.config.rest_steps and all(r["value"] <= r["threshold"] for r in rows.values())
+
+    def _interval(self) -> Outcome:
+        """Steps over one interval, and what they did to every body."""
+        seconds = self.config.mls_interval_seconds
+        before = self._momenta()
+        self.coupling.impulses = {}
+        self.rigid.impulses = {}
+        left, steps = seconds, 0
+        while left > 1e-9 * seconds:
+            dt = left / np.ceil(left / self._longest_step())
+            self.step(float(dt))
+            left -= dt
+            steps += 1
+        self.steps += steps
+        return outcome(self.model, self.soft, self.rigid, self.coupling, self.watched, before, self._momenta(),
+                       seconds, self.time, steps)  # fmt: skip
+
+    def _longest_step(self) -> float:
+        """CFL: neither a wave nor a particle crosses more than a share of a cell [s]."""
+        speeds = [float(np.sqrt(self.soft.sums[:, 17].max()))]
+        speeds += [float(np.linalg.norm(self.rigid.state.velocity[i])) for i in self.rigid.free]
+        return self.config.mls_cfl * self.soft.grid.cell / (self.soft.wave_speed + max(speeds))
+
+    def step(self, dt: float) -> None:
+        """Advance everything by dt [s]; raises UnstableStep for a state that broke."""
+        soft, grid, p = self.soft, self.soft.grid, self.soft.particles
+        self.rigid.accelerate(dt)
+        mls.clear(grid.node)
+        self.plates.find_sides()
+        for pencils in grid.colours:
+            mls.particles_to_grid(
+                soft.thin,
+                p.side,
+                soft.node_side,
+                dt,
+                *grid.box,
+                pencils,
+                grid.pencil_start,
+                p.x,
+                p.v,
+                p.C,
+                p.F,
+                p.constant,
+                self.gravity,
+                grid.node,
+            )
+        mls.momentum_to_velocity(soft.least_mass, soft.held, grid.node)
+        self._locate_material(dt)
+        self.coupling.exchange()
+        h, x, y, z, nodes_y, nodes_z = grid.box
+        mls.grid_to_particles(
+            soft.thin, p.side, soft.node_side, p.group, *self.plates.motion(), dt, h, x, y, z,
+            int(grid.shape[0]), nodes_y, nodes_z, grid.node, grid.block, p.x, p.v, p.C, p.F, p.constant, soft.sums,
+        )  # fmt: skip
+        self.time += dt
+        self.plates.take_impulses()
+        self._check(dt)
+        self.coupling.damp(dt)
+        self._damp_strain()
+        self._stiffen_cores()
+        self.rigid.move(dt)
+
+    def _locate_material(self, dt: float) -> None:
+        """Renew where the nodes' material lies once it has moved by STALE cells."""
+        self.moved += dt * float(np.sqrt(self.soft.sums[:, 17].max()))
+        if self.moved > STALE * self.soft.grid.cell:
+            self.soft.locate_material()
+            self.moved = 0.0
+
+    def _check(self, dt: float) -> None:
+        """Raise UnstableStep for what cannot go on; lay the grid out anew where particles have left their pencils."""
+        soft = self.soft
+        total = soft.sums.sum(axis=0)
+        where = f"t = {self.time:.5f} s, dt = {dt:.2e} s"
+        if not np.isfinite(total).all():
+            bad = int(np.flatnonzero(~np.isfinite(soft.sums).all(axis=1))[0])
+            name = self.model.bodies[soft.index[soft.grid.block_group[bad] // 2]].name
+            raise UnstableStep(f"{where}: body {name!r} holds values that are not finite; lower mls_cfl")
+        fastest = int(np.argmax(soft.sums[:, 17]))
+        speed = float(np.sqrt(soft.sums[fastest, 17]))
+        if speed > soft.wave_speed:
+            name = self.model.bodies[soft.index[soft.grid.block_group[fastest] // 2]].name
+            raise UnstableStep(
+                f"{where}: a particle of body {name!r} moves at {speed:.3g} m/s, faster than its waves "
+                f"({soft.wave_speed:.3g} m/s); lower mls_cfl ({self.config.mls_cfl})"
+            )
+        if total[18] > 0.0:
+            soft.lay_out()
+            self.coupling.forget()
+
+    def _damp_strain(self) -> None:
+        """Kinetic damping of every soft body's motion relative to its own rigid motion."""
+        for part in range(len(self.soft.index)):
+            motion = None if self.soft.is_fixed(part) else self.soft.motion(part)
+            if motion is None:
+                energy = float((self.soft.group_sums(2 * part) + self.soft.group_sums(2 * part + 1))[16])
+            else:
+                energy = motion.strain_energy_rate
+            if energy < (1.0 - PEAK_DROP) * self.peak[part]:
+                self.soft.move(2 * part, keep=0.0, old=motion)
+                self.peak[part] = 0.0
+            else:
+                self.peak[part] = max(self.peak[part], energy)
+
+    def _stiffen_cores(self) -> None:
+        """A rigid core moves as one: its particles take their common rigid motion."""
+        for part in self.soft.cores:
+            self.soft.make_rigid(2 * part + 1)
+
+    def _momenta(self) -> dict[int, tuple[Array, Array, Array]]:
+        """Centre, momentum and angular momentum about the centre of every watched body."""
+        out = {}
+        for i in self.watched:
+            if i in self.rigid.index:
+                q = self.rigid.mass_matrix(i) @ self.rigid.velocity(i)
+                out[i] = (self.rigid.state.center[i].copy(), q[:3], q[3:])
+            else:
+                m = self.soft.motion(self.soft.index.index(i))
+                out[i] = (m.center, m.mass * m.velocity, m.angular_momentum)
+        return out
+
+    def _left(self) -> bool:
+        """A free body has left everything that could carry it."""
+        pairs = set(self.rigid.impulses)
+        pairs |= {(r, self.soft.index[s]) for r, s in self.coupling.impulses}
+        pairs |= {(self.soft.index[a], self.soft.index[b]) for a, b in self.soft.meeting()}
+        for i in set(self.free) - carried(self.model, pairs):
+            if i in self.rigid.index:
+                surface, center = self.rigid.surface(i), self.rigid.state.center[i]
+            else:
+                part = self.soft.index.index(i)
+                surface, center = self.soft.surface(part), self.soft.motion(part).center
+            if beside(self.model, surface, center):
+                return True
+        return False
+
+    def _refuse_overlap(self) -> None:
+        for part, i in enumerate(self.soft.index):
+            points = self.soft.start[self.soft.part == part]
+            for j, other in enumerate(self.model.bodies):
+                inside = points[_within(points, other)]
+                if j == i or (other.fixed and self.model.bodies[i].fixed) or not len(inside):
+                    continue
+                depth = float(-distance(other.distance, inside).min())
+                if depth > self.config.start_overlap:
+                    raise ModelError(
+                        f"bodies {self.model.bodies[i].name!r} and {other.name!r} start {1e3 * depth:.1f} mm inside "
+                        f"each other (bound start_overlap = {1e3 * self.config.start_overlap:.1f} mm); move one of them"
+                    )
+
+    def _name_thin_parts(self) -> None:
+        spacing = self.soft.grid.cell / PER_AXIS
+        for i in self.soft.index:
+            body = self.model.bodies[i]
+            through = float(np.ptp(body.vertices, axis=0).min()) / spacing
+            if through < LEAST_THROUGH:
+                self.warnings.append(
+                    f"body {body.name!r} has {through:.1f} particles through its smallest side, {LEAST_THROUGH} are "
+                    "the least that carries bending; lower mls_cell"
+                )
+
+    def _result(self, verdict: str, last: Outcome) -> Result:
+        rows = rest_rows(self.history[-self.config.rest_steps :], self.config, self.strength, self.length)
+        inverted = int(self.soft.sums[:, 19].sum())
+        if inverted:
+            self.warnings.append(f"{inverted} particles are inverted in the last state")
+        contacts, points = last.contacts()
+        weight = sum(last.mass(i) for i in self.watched) * max(self.strength, 1e-12)
+        certificate = {
+            "method": "mls",
+            "signals": rows,
+            "kick": {"done": False},
+            "free_weight_n": weight,
+            "length_m": self.length,
+            "friction_cone_margin": last.friction_margin(contacts),
+            "inverted_particles": inverted,
+            "cell_m": self.soft.grid.cell,
+            "substeps": self.steps,
+            "interval_s": self.config.mls_interval_seconds,
+        }
+        return Result(
+            verdict, last.bodies(), tuple(contacts), {k: v for k, v in points.items() if k in self._free_names()},
+            certificate, {k: np.array([getattr(s, k) for s in self.history]) for k in Signals.SERIES},
+            len(self.history), self.time, len(self.soft.start), tuple(self.warnings),
+        )  # fmt: skip
+
+    def _free_names(self) -> set[str]:
+        return {self.model.bodies[i].name for i in self.free}
+
+
+def _within(points: Array, body: Body) -> NDArray[np.bool_]:
+    """Points in the box of a body's samples, shape (n,)."""
+    grid = body.distance
+    high = grid.origin + grid.spacing * (np.array(grid.values.shape) - 1)
+    return np.asarray(((points >= grid.origin) & (points <= high)).all(axis=1))
+
+
+def choose_cell(model: Model, config: SolverConfig, warnings: list[str]) -> float:
+    """The cell of the uniform grid [m]: as asked, else the soft bodies' smallest, coarsened to the particle budget."""
+    if config.mls_cell is not None:
+        return float(config.mls_cell)
+    parts = [b.soft for b in model.bodies if b.soft is not None]
+    finest = min(max(float(np.diff(p).min()) for p in s.planes) for s in parts)
+    volume = sum(float(s.volume.sum()) for s in parts)
+    cell = finest
+    while PER_AXIS**3 * volume / cell**3 > config.mls_particles:
+        cell *= COARSENING
+    if cell > finest:
+        warnings.append(
+            f"mls: cells of {1e3 * cell:.1f} mm instead of {1e3 * finest:.1f} mm, so that {config.mls_particles} "
+            "particles suffice (mls_particles); depths are known to about a cell"
+        )
+    return cell

@@ -1,0 +1,226 @@
+"""What one interval of steps did to every body: the signals, and at the end the contacts and the rest state.
+
+Forces are impulses over the interval's length. The unbalanced force on a body is the change of its momentum over the
+same time, so nothing that acted on it is left out.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from solver.certificate import Signals
+from solver.contact import vertex_areas
+from solver.mls.bodies import SoftBodies
+from solver.mls.coupling import Coupling
+from solver.mls.particles import distance
+from solver.mls.rigid import RigidBodies
+from solver.model import Model
+from solver.result import RestBody
+from solver.state import best_rigid_motion
+
+Array = NDArray[np.float64]
+Momentum = tuple[Array, Array, Array]
+
+PATCH = 0.25  # surface points of a touching pair nearer than so many cells belong to its contact: MPM bodies rest apart
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Outcome:
+    """The end of an interval."""
+
+    model: Model
+    soft: SoftBodies
+    rigid: RigidBodies
+    coupling: Coupling
+    seconds: float
+    before: dict[int, Momentum]
+    after: dict[int, Momentum]
+    signals: Signals
+
+    def mass(self, index: int) -> float:
+        """[kg]."""
+        return _mass(self.model, self.soft, index)
+
+    def surface(self, index: int) -> Array:
+        """Deformed surface points of a body [m], shape (n, 3)."""
+        return surface_of(self.model, self.soft, self.rigid, index)
+
+    def bodies(self) -> tuple[RestBody, ...]:
+        """The state of every body."""
+        out = []
+        for i, body in enumerate(self.model.bodies):
+            rotation, translation, speed = self._motion(i)
+            out.append(RestBody(body.name, self.surface(i), rotation, translation, speed))
+        return tuple(out)
+
+    def _motion(self, index: int) -> tuple[Array, Array, float]:
+        body = self.model.bodies[index]
+        if body.soft is None:
+            rotation, center = self.rigid.state.rotation[index], self.rigid.state.center[index]
+            q = self.rigid.velocity(index)
+            speed = float(np.linalg.norm(q[:3]) + 0.5 * body.size * np.linalg.norm(q[3:]))
+            return rotation, center - rotation @ body.center_of_mass, speed
+        mine = np.flatnonzero(self.soft.part == self.soft.index.index(index))
+        p = self.soft.particles
+        speed = float(np.linalg.norm(p.given(p.v)[mine], axis=1).max())
+        if body.fixed:
+            return np.eye(3), np.zeros(3), speed
+        rotation, translation = best_rigid_motion(self.soft.start[mine], p.given(p.x)[mine], self.soft.mass[mine])
+        return rotation, translation, speed
+
+    def contacts(self) -> tuple[list[dict[str, object]], dict[str, Array]]:
+        """Touching pairs as in Result.contacts, and the contact points of every body."""
+        rows: list[dict[str, object]] = []
+        points: dict[str, list[Array]] = {body.name: [] for body in self.model.bodies}
+        for a, b, force, normal in [*self._coupled(), *self._shared(), *self._rigid()]:
+            size = float(np.linalg.norm(normal))
+            if size == 0.0:
+                continue
+            patch, gap, area = self._patch(a, b)
+            for i in (a, b):
+                points[self.model.bodies[i].name].append(patch)
+            rows.append(
+                {
+                    "a": self.model.bodies[a].name,
+                    "b": self.model.bodies[b].name,
+                    "area_m2": area,
+                    "normal_force_n": size,
+                    "tangential_force_n": float(np.linalg.norm(force - normal)),
+                    "max_penetration_m": float(max(-gap.min(), 0.0)) if len(gap) else 0.0,
+                    "max_gap_m": float(max(gap.max(), 0.0)) if len(gap) else 0.0,
+                    "points": len(patch),
+                }
+            )
+        return rows, {name: np.concatenate([np.zeros((0, 3)), *some]) for name, some in points.items()}
+
+    def _coupled(self) -> list[tuple[int, int, Array, Array]]:
+        """Rigid on soft: force on the soft body and its normal part [N]."""
+        out = []
+        for (r, part), pair in sorted(self.coupling.impulses.items()):
+            i = self.soft.index[part]
+            a, b, sign = (r, i, -1.0) if r < i else (i, r, 1.0)
+            out.append((a, b, sign * pair.impulse / self.seconds, sign * pair.along_normal / self.seconds))
+        return out
+
+    def _shared(self) -> list[tuple[int, int, Array, Array]]:
+        """Soft on soft through shared nodes: what is missing in the momentum balance of the free ones.
+
+        Exact where every such pair is needed to balance some body (two bodies, a stack); else the smallest forces
+        that do.
+        """
+        pairs = sorted(self.soft.meeting())
+        movable = [p for p, i in enumerate(self.soft.index) if not self.model.bodies[i].fixed]
+        pairs = [(a, b) for a, b in pairs if a in movable or b in movable]
+        if not pairs:
+            return []
+        balance, missing = np.zeros((len(movable), len(pairs))), np.zeros((len(movable), 3))
+        for row, part in enumerate(movable):
+            i = self.soft.index[part]
+            missing[row] = (self.after[i][1] - self.before[i][1]) / self.seconds - self._weight(part)
+            missing[row] -= sum(
+                (p.impulse / self.seconds for (_, q), p in self.coupling.impulses.items() if q == part), np.zeros(3)
+            )
+            for column, (a, b) in enumerate(pairs):
+                balance[row, column] = 1.0 if part == a else (-1.0 if part == b else 0.0)
+        forces = np.linalg.lstsq(balance, missing, rcond=None)[0]
+        out = []
+        for (a, b), force in zip(pairs, forces, strict=True):
+            i, j = self.soft.index[a], self.soft.index[b]
+            direction = self._facing(i, j)
+            out.append((i, j, force, (force @ direction) * direction))
+        return out
+
+    def _weight(self, part: int) -> Array:
+        """What gravity does to the s-th soft body [N], shape (3,)."""
+        constant = self.soft.particles.constant[self.soft.particles.group // 2 == part]
+        return np.asarray((constant[:, 0] * constant[:, 3]).sum() * self.model.gravity)
+
+    def _facing(self, a: int, b: int) -> Array:
+        """Mean direction from the surface of b to that of a where they touch, shape (3,)."""
+        one, two = self.surface(a), self.surface(b)
+        gap, near = cKDTree(two).query(one)
+        touching = gap < 2.0 * PATCH * self.soft.grid.cell
+        way = (one[touching] - two[near[touching]]).sum(axis=0) if touching.any() else one.mean(0) - two.mean(0)
+        return np.asarray(way / max(float(np.linalg.norm(way)), 1e-30))
+
+    def _rigid(self) -> list[tuple[int, int, Array, Array]]:
+        """Rigid on rigid: force on the first and its normal part [N]."""
+        pairs = sorted(self.rigid.impulses.items())
+        return [(a, b, both[0] / self.seconds, both[1] / self.seconds) for (a, b), both in pairs]
+
+    def _patch(self, a: int, b: int) -> tuple[Array, Array, float]:
+        """Surface points of a touching pair that lie on the other body (k, 3), their gaps (k,) [m], and their area."""
+        reach = PATCH * self.soft.grid.cell
+        if self.model.bodies[a].soft is None:  # ask the soft one: the rigid one's distance is exact
+            a, b = b, a
+        body, other, points = self.model.bodies[a], self.model.bodies[b], self.surface(a)
+        if other.soft is None:
+            arm = points - self.rigid.state.center[b]
+            gap = distance(other.distance, arm @ self.rigid.state.rotation[b] + other.center_of_mass)
+        else:
+            gap = cKDTree(self.surface(b)).query(points)[0]
+        on = np.flatnonzero(gap < reach)
+        return points[on], gap[on], float(vertex_areas(body)[on].sum())
+
+    def friction_margin(self, rows: list[dict[str, object]]) -> float:
+        """Smallest share of the static friction cone that is left over the touching pairs [-]; 0: at the cone."""
+        bodies = {body.name: body for body in self.model.bodies}
+        margins = [1.0]
+        for row in rows:
+            one, two = bodies[str(row["a"])], bodies[str(row["b"])]
+            limit = self.model.friction(one, two)[0] * float(str(row["normal_force_n"]))
+            if limit > 0.0 and not (one.soft is not None and two.soft is not None):
+                margins.append(1.0 - float(str(row["tangential_force_n"])) / limit)
+        return min(margins)
+
+
+def _mass(model: Model, soft: SoftBodies, index: int) -> float:
+    return (
+        float(soft.mass[soft.part == soft.index.index(index)].sum())
+        if index in soft.index
+        else (model.bodies[index].mass)
+    )
+
+
+def surface_of(model: Model, soft: SoftBodies, rigid: RigidBodies, index: int) -> Array:
+    """Deformed surface points of a body [m], shape (n, 3)."""
+    if index in soft.index:
+        return soft.surface(soft.index.index(index))
+    return model.bodies[index].vertices if model.bodies[index].fixed else rigid.surface(index)
+
+
+def outcome(
+    model: Model,
+    soft: SoftBodies,
+    rigid: RigidBodies,
+    coupling: Coupling,
+    watched: list[int],
+    before: dict[int, Momentum],
+    after: dict[int, Momentum],
+    seconds: float,
+    time: float,
+    steps: int,
+) -> Outcome:
+    """Measure an interval of `steps` steps that ended at `time`."""
+    strength = max(float(np.linalg.norm(model.gravity)), 1e-12)
+    linear = angular = force_worst = torque_worst = 0.0
+    mass = {i: _mass(model, soft, i) for i in watched}
+    for i in watched:
+        linear = max(linear, float(np.linalg.norm(after[i][1])) / mass[i])
+        if i in rigid.index:
+            angular = max(angular, float(np.linalg.norm(rigid.state.angular_velocity[i])))
+        if model.bodies[i].fixed:
+            continue
+        weight = mass[i] * strength * seconds
+        force_worst = max(force_worst, float(np.linalg.norm(after[i][1] - before[i][1])) / weight)
+        turn = float(np.linalg.norm(after[i][2] - before[i][2]))
+        torque_worst = max(torque_worst, turn / (weight * 0.5 * model.bodies[i].size))
+    points = np.concatenate([surface_of(model, soft, rigid, i) for i in watched])
+    center = np.sum([mass[i] * after[i][0] for i in watched], axis=0) / sum(mass.values())
+    signals = Signals(
+        time, linear, angular, float(np.sqrt(soft.sums[:, 17].max())), center,
+        np.concatenate([points.min(axis=0), points.max(axis=0)]), force_worst, torque_worst, steps, 0,
+    )  # fmt: skip
+    return Outcome(model, soft, rigid, coupling, seconds, before, after, signals)

@@ -1,0 +1,76 @@
+"""Thin rigid bodies: material on one side does not feel what lies on the other (CPIC [H18, Sec. 5]).
+
+Near a body thinner than THIN cells every node and every particle is on one of its sides, the one that its outward
+normal points to; a particle keeps its side as long as it is near. Between a particle and a node on opposite sides
+nothing is transferred; coming back from such a node the particle sees its own velocity after an impact on the body,
+and the body takes the opposite impulse. Nodes on the particle's own side touch the body as in coupling.py.
+
+[H18] Hu et al.: A moving least squares material point method ... SIGGRAPH 2018.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solver.kernels import mls
+from solver.mls.bodies import SoftBodies
+from solver.mls.coupling import Coupling
+from solver.mls.rigid import RigidBodies
+from solver.model import Model
+
+Array = NDArray[np.float64]
+
+THIN = 2.0  # cells; a thicker body keeps the supports of particles on its two sides, 1.5 cells each, nearly apart
+NEAR = 2.0  # cells around such a body where sides are told apart: more than a particle's support
+
+
+def thin_bodies(model: Model, cell: float) -> list[int]:
+    """Rigid bodies whose signed distance nowhere reaches deeper than THIN / 2 cells."""
+    rigid = [i for i, b in enumerate(model.bodies) if b.soft is None]
+    return [i for i in rigid if -float(model.bodies[i].distance.values.min()) < 0.5 * THIN * cell]
+
+
+class Plates:
+    """The thin rigid bodies of a model; does nothing where the soft bodies are told that there are none."""
+
+    def __init__(
+        self, model: Model, soft: SoftBodies, rigid: RigidBodies, coupling: Coupling, index: list[int]
+    ) -> None:
+        self.model, self.soft, self.rigid, self.coupling = model, soft, rigid, coupling
+        self.index = index if soft.thin else []
+        count = max(len(self.index), 1)
+        self.friction = np.zeros((count, len(soft.index), 2))
+        for t, i in enumerate(self.index):
+            self.friction[t] = coupling.friction[i]
+        self.rows = np.zeros((count, 9))
+        self.impulse = np.zeros((1, 6 * count))
+
+    def find_sides(self) -> None:
+        """Sides of all nodes and particles near thin bodies."""
+        g, p = self.soft.grid, self.soft.particles
+        self.soft.node_side[:] = 0.0
+        for t, i in enumerate(self.index):
+            frame, grid = self.coupling.frame(i), self.model.bodies[i].distance
+            span = self.coupling.span(i, NEAR)
+            if span is None:
+                continue
+            mls.sides_at_nodes(
+                t + 1.0, g.cell, int(g.shape[1]), int(g.shape[2]), NEAR * g.cell, frame, span, grid.spacing,
+                grid.values, self.soft.node_side,
+            )  # fmt: skip
+            mls.sides_of_particles(t + 1.0, NEAR * g.cell, frame, grid.spacing, grid.values, p.x, p.side)
+
+    def motion(self) -> tuple[Array, Array, Array]:
+        """Centres and velocities, friction, and an empty account of impulses per block of particles."""
+        for t, i in enumerate(self.index):
+            self.rows[t] = np.concatenate([self.rigid.state.center[i], self.rigid.velocity(i)])
+        blocks = len(self.soft.grid.block) if self.index else 1
+        self.impulse = np.zeros((blocks, 6 * len(self.rows)))
+        return self.rows, self.friction, self.impulse
+
+    def take_impulses(self) -> None:
+        """Give the free thin bodies what particles behind them lost."""
+        for t, i in enumerate(self.index):
+            if not self.model.bodies[i].fixed:
+                total = self.impulse[:, 6 * t : 6 * t + 6].sum(axis=0)
+                change = np.linalg.solve(self.rigid.mass_matrix(i), total)
+                self.rigid.set_velocity(i, self.rigid.velocity(i) + change)

@@ -1,0 +1,185 @@
+"""Rigid bodies between the grid's steps: their motion, and their contact with each other.
+
+Contact between rigid bodies is the penalty law of solver.contact (springs at surface points, remembered friction,
+rolling resistance), taken by one linearly implicit Euler step per substep [B98]: with K = -df/dx of the springs and
+damping beta K,
+
+    (M + dt (dt + beta) K) (q' - q) = dt (f(x + dt q) - beta K q)
+
+so that a light body under a heavy one stays stable at any substep. beta damps a body of its own weight on its springs
+critically, omega = sqrt(g / penetration target).
+
+[B98] Baraff, Witkin: Large steps in cloth simulation. SIGGRAPH 1998.
+"""
+
+from itertools import permutations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solver import soft as soft_system
+from solver.config import SolverConfig
+from solver.contact import ContactQuery, Contacts, Pair, vertex_areas
+from solver.model import Body, Model
+from solver.state import State, cross_matrix, rotate, start_state
+
+Array = NDArray[np.float64]
+
+NEAR = 0.02  # rigid bodies whose spheres are farther apart than this [m] are not looked up
+
+
+class RigidBodies:
+    """All rigid bodies of a model and their state."""
+
+    def __init__(self, model: Model, config: SolverConfig) -> None:
+        self.model = model
+        self.index = [i for i, b in enumerate(model.bodies) if b.soft is None]
+        self.free = [i for i in self.index if not model.bodies[i].fixed]
+        no_soft = soft_system.empty()
+        self.state: State = start_state(model, no_soft)
+        self.query = ContactQuery(model, no_soft, rigid_pairs(model, config))
+        self.contacts: Contacts | None = None
+        self.impulses: dict[tuple[int, int], Array] = {}
+        """Impulse on the first body of each touching pair and its normal part since last emptied [N s]."""
+        self.radius = {i: float(np.linalg.norm(b.vertices - b.center_of_mass, axis=1).max()) for i, b in _of(model)}
+        self.box = {i: (b.vertices.min(axis=0), b.vertices.max(axis=0)) for i, b in _of(model)}
+        gravity = max(float(np.linalg.norm(model.gravity)), 1e-12)
+        self.damping = 2.0 * config.damping_ratio * float(np.sqrt(config.penetration_target / gravity))
+
+    def mass_matrix(self, index: int) -> Array:
+        """Mass and inertia about the centre of mass in world axes, shape (6, 6)."""
+        body, rotation = self.model.bodies[index], self.state.rotation[index]
+        out = np.zeros((6, 6))
+        out[:3, :3] = body.mass * np.eye(3)
+        out[3:, 3:] = rotation @ body.inertia @ rotation.T
+        return out
+
+    def velocity(self, index: int) -> Array:
+        """(V, w), shape (6,); zero for a fixed body."""
+        if self.model.bodies[index].fixed:
+            return np.zeros(6)
+        return np.concatenate([self.state.velocity[index], self.state.angular_velocity[index]])
+
+    def set_velocity(self, index: int, q: Array) -> None:
+        """Replace (V, w)."""
+        self.state.velocity[index], self.state.angular_velocity[index] = q[:3], q[3:]
+
+    def accelerate(self, dt: float) -> None:
+        """Gravity, and the forces that rigid bodies put on each other."""
+        for i in self.free:
+            self.state.velocity[i] = self.state.velocity[i] + dt * self.model.gravity
+        self.contacts = None
+        if any(self._near(p.a, p.b) for p in self.query.pairs if p.a < p.b or self.model.bodies[p.b].fixed):
+            self._push(dt)
+
+    def _near(self, a: int, b: int) -> bool:
+        """Whether the sphere around a comes near the sphere, or the standing box, around b."""
+        one, two = self.model.bodies[a], self.model.bodies[b]
+        if one.fixed:
+            return self._near(b, a) if not two.fixed else False
+        center = self.state.center[a]
+        if two.fixed:
+            low, high = self.box[b]
+            gap = float(np.linalg.norm(center - np.clip(center, low, high))) - self.radius[a]
+        else:
+            gap = float(np.linalg.norm(center - self.state.center[b])) - self.radius[a] - self.radius[b]
+        return gap < NEAR
+
+    def _push(self, dt: float) -> None:
+        """One linearly implicit step of the springs between rigid bodies."""
+        # springs are looked up where the bodies would be at the end of the step, so slip is that of this step
+        ahead = self.state.copy()
+        self._move(ahead, dt)
+        self.query.seconds = dt
+        contacts = self.query.find(ahead, self.state)
+        self.contacts = contacts
+        self.query.remember(contacts)
+        if not contacts.touching:
+            return
+        row = {i: 6 * k for k, i in enumerate(self.free)}
+        count = 6 * len(self.free)
+        mass, K, f = np.zeros((count, count)), np.zeros((count, count)), np.zeros(count)
+        q = np.concatenate([self.velocity(i) for i in self.free])
+        for i in self.free:
+            mass[row[i] : row[i] + 6, row[i] : row[i] + 6] = self.mass_matrix(i)
+        arms = {}
+        for side, sign in ((contacts.a, 1.0), (contacts.b, -1.0)):
+            for i in self.free:
+                at = np.flatnonzero(side == i)
+                if len(at):
+                    arm = cross_matrix(contacts.position[at] - ahead.center[i])
+                    G = np.concatenate([np.tile(np.eye(3), (len(at), 1, 1)), -arm], axis=2)  # v = G (V, w)
+                    arms[i, sign] = (at, sign * G)
+        for (i, _), (at, G) in arms.items():
+            f[row[i] : row[i] + 6] += np.einsum("kij,ki->j", G, contacts.force[at])
+            for (j, _), (also, H) in arms.items():
+                both, mine, other = np.intersect1d(at, also, return_indices=True)
+                if len(both):
+                    block = np.einsum("kia,kij,kjb->ab", G[mine], contacts.tangent[both], H[other])
+                    K[row[i] : row[i] + 6, row[j] : row[j] + 6] += block
+        for r in contacts.rolling:
+            for body, sign in ((r.a, 1.0), (r.b, -1.0)):
+                if body in row:
+                    turn = slice(row[body] + 3, row[body] + 6)
+                    f[turn] += sign * r.torque
+                    K[turn, turn] += r.tangent
+        after = q + np.linalg.solve(mass + dt * (dt + self.damping) * K, dt * (f - self.damping * K @ q))
+        slip = np.zeros((2, len(contacts.force), 3))
+        for (i, _), (at, G) in arms.items():
+            for speed, end in zip(slip, (q, after), strict=True):
+                speed[at] += np.einsum("kij,j->ki", G, end[row[i] : row[i] + 6])
+        moved = dt * (slip[1] - slip[0]) + self.damping * slip[1]
+        self._add_impulses(contacts, dt * (contacts.force - np.einsum("kij,kj->ki", contacts.tangent, moved)))
+        for i in self.free:
+            self.set_velocity(i, after[row[i] : row[i] + 6])
+
+    def _add_impulses(self, contacts: Contacts, impulse: Array) -> None:
+        """Add points' impulses on a (k, 3) [N s] to their pairs: total, and normal part."""
+        normal = np.concatenate([t.normal for t in contacts.touching])
+        along = (impulse * normal).sum(axis=1, keepdims=True) * normal
+        for t in contacts.touching:
+            a, b = t.pair.a, t.pair.b
+            mine = (contacts.a == a) & (contacts.b == b)
+            sign = 1.0 if a < b else -1.0
+            both = sign * np.stack([impulse[mine].sum(axis=0), along[mine].sum(axis=0)])
+            key = (min(a, b), max(a, b))
+            self.impulses[key] = self.impulses.get(key, np.zeros((2, 3))) + both
+
+    def move(self, dt: float) -> None:
+        """Positions and rotations after the step; the angular momentum of a free turn is kept."""
+        self._move(self.state, dt)
+
+    def _move(self, state: State, dt: float) -> None:
+        for i in self.free:
+            inertia = self.model.bodies[i].inertia
+            momentum = state.rotation[i] @ inertia @ state.rotation[i].T @ state.angular_velocity[i]
+            state.center[i] = state.center[i] + dt * state.velocity[i]
+            state.rotation[i] = rotate(state.rotation[i], dt * state.angular_velocity[i])
+            turned = state.rotation[i] @ inertia @ state.rotation[i].T
+            state.angular_velocity[i] = np.linalg.solve(turned, momentum)
+
+    def surface(self, index: int) -> Array:
+        """World positions of a body's surface points [m], shape (n, 3)."""
+        return self.query.surface(self.state, index)
+
+
+def _of(model: Model) -> list[tuple[int, Body]]:
+    return [(i, b) for i, b in enumerate(model.bodies) if b.soft is None]
+
+
+def rigid_pairs(model: Model, config: SolverConfig) -> list[Pair]:
+    """Ordered pairs of rigid bodies of which one can move; three points carry the weight at the penetration target."""
+    gravity = max(float(np.linalg.norm(model.gravity)), 1.0)
+    out = []
+    for (a, one), (b, two) in permutations(_of(model), 2):
+        if not (one.fixed and two.fixed):
+            load = max(body.mass for body in (one, two) if not body.fixed) * gravity
+            count = len(one.vertices)
+            stiffness = np.full(count, load / (3.0 * config.penetration_target))
+            out.append(
+                Pair(
+                    a, b, *model.friction(one, two), stiffness, vertex_areas(one), np.zeros((count, 3)),
+                    np.zeros(count, dtype=bool), np.full((count, 3), np.nan),
+                )
+            )  # fmt: skip
+    return out
