@@ -10,6 +10,7 @@ Nothing is added atomically (Taichi's += on an array would be, so sums are writt
 columns of cells are written in four colours, and a particle may be SLACK cells outside of its pencil before it must be
 sorted again, so pencils of one colour never share a node.
 
+[H86] Higham: Computing the polar decomposition, with applications. SIAM J. Sci. Stat. Comput. 7(4), 1986.
 [J15] Jiang, Schroeder, Selle, Teran, Stomakhin: The affine particle-in-cell method. SIGGRAPH 2015.
 [H18] Hu, Fang, Ge, Qu, Zhu, Pradhana, Jiang: A moving least squares material point method with displacement
 discontinuity and two-way rigid body coupling. SIGGRAPH 2018.
@@ -17,13 +18,16 @@ discontinuity and two-way rigid body coupling. SIGGRAPH 2018.
 
 import taichi as ti
 
-from solver.kernels.elastic import INVERTED, cofactor, load3, mat3, rotation_by_newton, rotation_by_torque, vec3
+from solver.kernels.elastic import INVERTED, POLAR_ITERATIONS, cofactor, load3, mat3, rotation_by_torque, vec3
 from solver.kernels.query import FAR, LEAST_SLOPE, distance_at
+
+vec4 = ti.types.vector(4, ti.f64)
 
 PENCIL = 4  # cells of a pencil along x and along y
 SLACK = 1  # cells that a particle may be outside of it; 2 * SLACK + 2 <= PENCIL keeps pencils of one colour apart
 TASK = 1024  # Taichi gives a thread no fewer iterations than this: a loop of TASK per pencil makes each its own task
 SHARE = 16  # the same for blocks, each its share of a task
+NEXT_CHANGE = 2e-6  # squared change of the polar iteration after which the next one is half of it
 SUMS = 20  # of one block: m, m x (3), m v (3), angular momentum (3), m x x^T (6), energy, speed^2, strays, inverted
 SWEEPS = 20  # of a coupling; the friction law converges in 3 to 6
 SETTLED = 1e-12  # relative change of the rigid velocity at which a coupling's sweeps stop
@@ -32,7 +36,7 @@ SETTLED = 1e-12  # relative change of the rigid velocity at which a coupling's s
 @ti.func
 def spline(x: vec3, h: ti.f64, low: vec3):
     """Base node and weights [3 axes, 3 nodes] of quadratic B-splines at x; low is the position of node (0, 0, 0)."""
-    q = (x - low) / h
+    q = (x - low) * (1.0 / h)
     base = ti.Vector([ti.cast(ti.floor(q[d] - 0.5), ti.i32) for d in ti.static(range(3))])
     w = ti.Matrix.zero(ti.f64, 3, 3)
     for d in ti.static(range(3)):
@@ -42,13 +46,21 @@ def spline(x: vec3, h: ti.f64, low: vec3):
 
 
 @ti.func
-def rotation_of(F: mat3) -> mat3:
-    """Polar rotation of F for either sign of its determinant."""
-    C = cofactor(F)
-    J = F[0, 0] * C[0, 0] + F[1, 0] * C[1, 0] + F[2, 0] * C[2, 0]
+def rotation_of(F: mat3, C: mat3, J: ti.f64) -> mat3:
+    """Polar rotation of F for either sign of J = det F; C is its cofactor matrix. Newton's iteration [H86] stops where
+    its next change would be below 1e-6: an error of 1e-6 of the shear modulus."""
     R = ti.Matrix.identity(ti.f64, 3)
-    if J > INVERTED:  # noqa: SIM108  a kernel must not evaluate both
-        R = rotation_by_newton(F)
+    if J > INVERTED:
+        R = 0.5 * (F + (1.0 / J) * C)
+        change = (R - F).norm_sqr()
+        count = 0
+        while change > NEXT_CHANGE and count < POLAR_ITERATIONS:
+            D = cofactor(R)
+            inverse = 1.0 / (R[0, 0] * D[0, 0] + R[1, 0] * D[1, 0] + R[2, 0] * D[2, 0])
+            N = 0.5 * (R + inverse * D)
+            change = (N - R).norm_sqr()
+            R = N
+            count += 1
     else:
         R = rotation_by_torque(F, R)
     return R
@@ -76,13 +88,13 @@ def particles_to_grid(
     nodes_z: ti.i32,
     pencils: ti.types.ndarray(dtype=ti.i32, ndim=1),
     pencil_start: ti.types.ndarray(dtype=ti.i32, ndim=1),
-    x: ti.types.ndarray(dtype=ti.f64, ndim=2),
-    v: ti.types.ndarray(dtype=ti.f64, ndim=2),
-    C: ti.types.ndarray(dtype=ti.f64, ndim=2),
-    F: ti.types.ndarray(dtype=ti.f64, ndim=2),
-    constant: ti.types.ndarray(dtype=ti.f64, ndim=2),
+    x: ti.types.ndarray(dtype=vec3, ndim=1),
+    v: ti.types.ndarray(dtype=vec3, ndim=1),
+    C: ti.types.ndarray(dtype=mat3, ndim=1),
+    F: ti.types.ndarray(dtype=mat3, ndim=1),
+    constant: ti.types.ndarray(dtype=vec4, ndim=1),
     gravity: ti.types.ndarray(dtype=ti.f64, ndim=1),
-    grid: ti.types.ndarray(dtype=ti.f64, ndim=2),
+    grid: ti.types.ndarray(dtype=vec4, ndim=1),
 ):
     """Add mass and momentum, elastic forces and gravity included, of the particles of pencils of one colour.
 
@@ -96,25 +108,31 @@ def particles_to_grid(
         low = vec3(low_x, low_y, low_z)
         g = vec3(gravity[0], gravity[1], gravity[2])
         for p in range(pencil_start[pencils[q]], pencil_start[pencils[q] + 1]):
-            X = vec3(x[p, 0], x[p, 1], x[p, 2])
-            m = constant[p, 0]
-            A = m * load3(C, p)
-            if constant[p, 1] > 0.0:
-                Fp = load3(F, p)
+            X = x[p]
+            known = constant[p]
+            m = known[0]
+            A = m * C[p]
+            if known[1] > 0.0:
+                Fp = F[p]
                 cof = cofactor(Fp)
                 J = Fp[0, 0] * cof[0, 0] + Fp[1, 0] * cof[1, 0] + Fp[2, 0] * cof[2, 0]
-                P = 2.0 * constant[p, 1] * (Fp - rotation_of(Fp)) + constant[p, 2] * (J - 1.0) * cof
-                A -= (4.0 * dt / (h * h)) * (P @ Fp.transpose())
+                RF = (Fp - rotation_of(Fp, cof, J)) @ Fp.transpose()
+                S = known[1] * (RF + RF.transpose())
+                pressure = known[2] * (J - 1.0) * J
+                for d in ti.static(range(3)):
+                    S[d, d] += pressure
+                A -= (4.0 * dt / (h * h)) * S
             base, w = spline(X, h, low)
             corner = low + h * ti.cast(base, ti.f64) - X
-            momentum = m * (vec3(v[p, 0], v[p, 1], v[p, 2]) + dt * constant[p, 3] * g) + A @ corner
+            momentum = m * (v[p] + dt * known[3] * g) + A @ corner
+            start = vec4(momentum[0], momentum[1], momentum[2], m)
             first = (base[0] * nodes_y + base[1]) * nodes_z + base[2]
-            ax = vec3(A[0, 0], A[1, 0], A[2, 0]) * h
-            ay = vec3(A[0, 1], A[1, 1], A[2, 1]) * h
-            az = vec3(A[0, 2], A[1, 2], A[2, 2]) * h
+            ax = vec4(A[0, 0], A[1, 0], A[2, 0], 0.0) * h
+            ay = vec4(A[0, 1], A[1, 1], A[2, 1], 0.0) * h
+            az = vec4(A[0, 2], A[1, 2], A[2, 2], 0.0) * h
             for i in ti.static(range(3)):
                 for j in ti.static(range(3)):
-                    row = momentum + i * ax + j * ay
+                    row = start + i * ax + j * ay
                     share = w[0, i] * w[1, j]
                     n = first + (i * nodes_y + j) * nodes_z
                     for k in ti.static(range(3)):
@@ -122,9 +140,7 @@ def particles_to_grid(
                         if ti.static(thin):  # noqa: SIM102  decided when compiled
                             if apart(p, n + k, side, node_side):
                                 weight = 0.0
-                        for d in ti.static(range(3)):
-                            grid[n + k, d] = grid[n + k, d] + weight * row[d]
-                        grid[n + k, 3] = grid[n + k, 3] + weight * m
+                        grid[n + k] = grid[n + k] + weight * row
                         row += az
 
 
@@ -252,13 +268,13 @@ def grid_to_particles(
     nodes_x: ti.i32,
     nodes_y: ti.i32,
     nodes_z: ti.i32,
-    grid: ti.types.ndarray(dtype=ti.f64, ndim=2),
+    grid: ti.types.ndarray(dtype=vec4, ndim=1),
     block: ti.types.ndarray(dtype=ti.i32, ndim=2),
-    x: ti.types.ndarray(dtype=ti.f64, ndim=2),
-    v: ti.types.ndarray(dtype=ti.f64, ndim=2),
-    C: ti.types.ndarray(dtype=ti.f64, ndim=2),
-    F: ti.types.ndarray(dtype=ti.f64, ndim=2),
-    constant: ti.types.ndarray(dtype=ti.f64, ndim=2),
+    x: ti.types.ndarray(dtype=vec3, ndim=1),
+    v: ti.types.ndarray(dtype=vec3, ndim=1),
+    C: ti.types.ndarray(dtype=mat3, ndim=1),
+    F: ti.types.ndarray(dtype=mat3, ndim=1),
+    constant: ti.types.ndarray(dtype=vec4, ndim=1),
     sums: ti.types.ndarray(dtype=ti.f64, ndim=2),
 ):
     """New velocities, affine matrices, positions and deformation; sums per block of particles.
@@ -275,16 +291,14 @@ def grid_to_particles(
         total = ti.Vector.zero(ti.f64, 17)
         fastest, strays, inverted = 0.0, 0.0, 0.0
         for p in range(block[b, 0], block[b, 1]):
-            X = vec3(x[p, 0], x[p, 1], x[p, 2])
+            X = x[p]
             base, w = spline(X, h, low)
             corner = low + h * ti.cast(base, ti.f64) - X
             first = (base[0] * nodes_y + base[1]) * nodes_z + base[2]
-            V = vec3(0.0)
-            B = ti.Matrix.zero(ti.f64, 3, 3)
             ghost = vec3(0.0)
             kick = vec3(0.0)
             if ti.static(thin):
-                ghost = vec3(v[p, 0], v[p, 1], v[p, 2])
+                ghost = v[p]
                 if side[p, 3] > 0.0:
                     t = ti.cast(side[p, 3], ti.i32) - 1
                     r = X - vec3(plate[t, 0], plate[t, 1], plate[t, 2])
@@ -298,52 +312,56 @@ def grid_to_particles(
                         )
                     ghost += kick
             behind = 0.0
+            V = vec3(0.0)  # sums over nodes of w v, and of w v times the node's index i, j, k
+            Vi, Vj, Vk = vec3(0.0), vec3(0.0), vec3(0.0)
             for i in ti.static(range(3)):
-                slice_v = vec3(0.0)
-                slice_y = vec3(0.0)
-                slice_z = vec3(0.0)
+                slice_v, slice_j, slice_k = vec3(0.0), vec3(0.0), vec3(0.0)
                 for j in ti.static(range(3)):
                     n = first + (i * nodes_y + j) * nodes_z
-                    row = vec3(0.0)
-                    row_z = vec3(0.0)
+                    row, row_k = vec3(0.0), vec3(0.0)
                     for k in ti.static(range(3)):
-                        one = w[2, k] * vec3(grid[n + k, 0], grid[n + k, 1], grid[n + k, 2])
+                        node = grid[n + k]
+                        one = w[2, k] * vec3(node[0], node[1], node[2])
                         if ti.static(thin):  # noqa: SIM102  decided when compiled
                             if apart(p, n + k, side, node_side):
                                 one = w[2, k] * ghost
                                 behind += w[0, i] * w[1, j] * w[2, k]
                         row += one
-                        row_z += (corner[2] + k * h) * one
-                    slice_v += w[1, j] * row
-                    slice_y += (w[1, j] * (corner[1] + j * h)) * row
-                    slice_z += w[1, j] * row_z
-                V += w[0, i] * slice_v
-                for d in ti.static(range(3)):
-                    B[d, 0] += w[0, i] * (corner[0] + i * h) * slice_v[d]
-                    B[d, 1] += w[0, i] * slice_y[d]
-                    B[d, 2] += w[0, i] * slice_z[d]
+                        if ti.static(k > 0):
+                            row_k += k * one
+                    row *= w[1, j]
+                    slice_v += row
+                    slice_k += w[1, j] * row_k
+                    if ti.static(j > 0):
+                        slice_j += j * row
+                slice_v *= w[0, i]
+                V += slice_v
+                Vj += w[0, i] * slice_j
+                Vk += w[0, i] * slice_k
+                if ti.static(i > 0):
+                    Vi += i * slice_v
+            B = mat3(0.0)
+            for d in ti.static(range(3)):
+                B[d, 0] = corner[0] * V[d] + h * Vi[d]
+                B[d, 1] = corner[1] * V[d] + h * Vj[d]
+                B[d, 2] = corner[2] * V[d] + h * Vk[d]
             B *= 4.0 / (h * h)
             if ti.static(thin):  # noqa: SIM102  decided when compiled
                 if behind > 0.0:
                     t = ti.cast(side[p, 3], ti.i32) - 1
                     r = X - vec3(plate[t, 0], plate[t, 1], plate[t, 2])
-                    push = (-constant[p, 0] * behind) * kick
+                    push = (-constant[p][0] * behind) * kick
                     turn = r.cross(push)
                     for a in ti.static(range(3)):
                         plate_impulse[b, 6 * t + a] = plate_impulse[b, 6 * t + a] + push[a]
                         plate_impulse[b, 6 * t + 3 + a] = plate_impulse[b, 6 * t + 3 + a] + turn[a]
-            Fp = load3(F, p)
+            Fp = F[p]
             Fp += dt * (B @ Fp)
             X += dt * V
-            for d in ti.static(range(3)):
-                x[p, d] = X[d]
-                v[p, d] = V[d]
-                for e in ti.static(range(3)):
-                    C[p, 3 * d + e] = B[d, e]
-                    F[p, 3 * d + e] = Fp[d, e]
-            total += moments(h, X, V, B, constant[p, 0])
+            x[p], v[p], C[p], F[p] = X, V, B, Fp
+            total += moments(h, X, V, B, constant[p][0])
             fastest = ti.max(fastest, V.norm_sqr())
-            q = (X - low) / h - 0.5
+            q = (X - low) * (1.0 / h) - 0.5
             inside = q[0] >= block[b, 2] - SLACK and q[0] < block[b, 2] + PENCIL + SLACK
             inside = inside and q[1] >= block[b, 3] - SLACK and q[1] < block[b, 3] + PENCIL + SLACK
             inside = inside and q[0] >= 0.0 and q[1] >= 0.0 and q[2] >= 0.0

@@ -122,6 +122,7 @@ class Drop:
     def step(self, dt: float) -> None:
         """Advance everything by dt [s]; raises UnstableStep for a state that broke."""
         soft, grid, p = self.soft, self.soft.grid, self.soft.particles
+        C, F = p.C.reshape(-1, 3, 3), p.F.reshape(-1, 3, 3)
         self.rigid.accelerate(dt)
         mls.clear(grid.node)
         self.plates.find_sides()
@@ -136,8 +137,8 @@ class Drop:
                 grid.pencil_start,
                 p.x,
                 p.v,
-                p.C,
-                p.F,
+                C,
+                F,
                 p.constant,
                 self.gravity,
                 grid.node,
@@ -148,7 +149,7 @@ class Drop:
         h, x, y, z, nodes_y, nodes_z = grid.box
         mls.grid_to_particles(
             soft.thin, p.side, soft.node_side, p.group, *self.plates.motion(), dt, h, x, y, z,
-            int(grid.shape[0]), nodes_y, nodes_z, grid.node, grid.block, p.x, p.v, p.C, p.F, p.constant, soft.sums,
+            int(grid.shape[0]), nodes_y, nodes_z, grid.node, grid.block, p.x, p.v, C, F, p.constant, soft.sums,
         )  # fmt: skip
         self.time += dt
         self.plates.take_impulses()

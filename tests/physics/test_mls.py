@@ -85,8 +85,12 @@ def test_the_transfers_agree_with_their_definition(lab):
     moved = grid_to_particles(given, velocity, dt, g.cell, g.low, tuple(g.shape))
     one._damp_strain = lambda: None
     one.step(dt)
-    for name in ("x", "v", "C", "F"):
-        assert getattr(p, name) == pytest.approx(moved[name], rel=1e-9, abs=1e-10), name
+    # the polar rotation is known to 1e-6: a stress of 2 mu 1e-6, which acts over |x_i - x_p| <= 1.5 h (docs/physics.md)
+    volume = given["constant"][0, 0] / 200.0
+    speed = dt * 6.0 / g.cell * 2e-6 * given["constant"][0, 1] / volume / 200.0
+    near = {"x": dt * speed, "v": speed, "C": 6.0 / g.cell * speed, "F": dt * 6.0 / g.cell * speed}
+    for name, error in near.items():
+        assert getattr(p, name) == pytest.approx(moved[name], rel=1e-9, abs=error), name
 
 
 def test_a_soft_body_falls_freely(lab):
@@ -112,6 +116,7 @@ def test_rigid_body_and_grid_exchange_equal_impulses(lab):
     assert total == pytest.approx(start_momentum, abs=1e-12)
 
 
+@pytest.mark.slow
 def test_a_soft_ball_on_a_plane_agrees_with_static_finite_elements(lab):
     """Top at 195.24 mm (static finite elements), within what a cell resolves, and the floor carries the weight."""
     h = 0.0125
@@ -140,6 +145,7 @@ def test_a_ball_on_a_slab_agrees_with_tl_within_a_fifth_of_a_cell(lab):
     assert result.certificate["signals"]["force_residual"]["value"] < 5e-3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("share", "slides"), [(0.85, False), (1.2, True)])
 def test_a_soft_block_slides_iff_the_slope_beats_static_friction(lab, share, slides):
     """It stays iff tan(a) <= mu = 0.5, and slides with g (sin a - mu_d cos a)."""
@@ -186,6 +192,7 @@ def test_the_result_does_not_depend_on_the_number_of_threads():
     assert len(digests) == 1
 
 
+@pytest.mark.slow
 def test_a_soft_body_rests_on_a_soft_body_through_the_grid(lab):
     """The shared grid carries the upper body's weight; gap and penetration stay within a cell."""
     h = 0.0125
@@ -229,6 +236,7 @@ def test_bodies_that_start_inside_each_other_are_refused(lab):
         drop(lab, blob(lab, 0.03), lab.floor())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("cpic", [True, False])
 def test_a_thin_plate_keeps_two_soft_blocks_apart_with_cpic_only(lab, cpic):
     """A block glides without friction over a plate of a quarter cell; one under the plate must not feel it."""
@@ -251,6 +259,7 @@ def test_a_thin_plate_keeps_two_soft_blocks_apart_with_cpic_only(lab, cpic):
         assert dragged > 0.01  # through the shared nodes
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("height", [0.0, 0.004])
 def test_a_thin_plate_with_cpic_lets_no_material_through(lab, height):
     """A block dropped on a plate of a quarter cell stays above it to the last particle and rests, wherever the plate
