@@ -22,7 +22,7 @@ from evaluation.report import write_report
 from flows.display import Display, print_plan, print_table
 from flows.output import readable_json, write_placement
 from flows.place import PlaceConfig
-from flows.sample_run import STAGES, FailedSample, FinishedSample, Plan, plan_sample, try_sample
+from flows.sample_run import STAGES, FailedSample, FinishedSample, Plan, one_line, plan_sample, try_sample
 from flows.samples import EMBEDDED, TRUTH, load_samples, load_yaml
 from flows.server import prefect_server
 from scene.errors import InputError
@@ -94,9 +94,17 @@ def plan_all(samples: Sequence[Sample], config: PlaceConfig, display: Display) -
     """Plans of all samples."""
     plans = []
     for sample in samples:
-        plans.append(plan_sample(sample, config))
+        plans.append(try_plan(sample, config))
         display.planned(plans[-1])
     return plans
+
+
+def try_plan(sample: Sample, config: PlaceConfig) -> Plan:
+    """As `plan_sample`, but an unexpected failure of this sample is a value: the others go on."""
+    try:
+        return plan_sample(sample, config)
+    except Exception as error:
+        return Plan(sample, (), "mesh", "input", None, one_line(f"{type(error).__name__}: {error}"))
 
 
 def run_all(

@@ -136,11 +136,6 @@ def signed_volume(vertices: NDArray[np.float64], faces: NDArray[np.integer]) -> 
     return float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6.0)
 
 
-def signed_distance(mesh: Mesh, points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Signed distance [m] of points (n, 3) to a mesh, closed or not, negative inside, shape (n,)."""
-    return MeshDistance(mesh)(np.asarray(points, dtype=np.float64))
-
-
 def distance_grid(mesh: Mesh, low: NDArray[np.float64], high: NDArray[np.float64], spacing: float) -> DistanceGrid:
     """Samples of the signed distance of a mesh that cover the box [low, high] [m]."""
     return sampled(MeshDistance(mesh), low, high, spacing)

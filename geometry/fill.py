@@ -14,8 +14,6 @@ SAMPLES = 4  # sub-samples per octant and axis in octants that the surface cuts
 SMALLEST_SHARE = 1e-3  # octants with less than this share inside carry nothing worth a particle
 BLOCK = 200_000  # sub-samples evaluated at once: bounds the memory
 
-__all__ = ["Distance", "fill", "octants"]
-
 
 def fill(
     planes: tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]], distance: Distance

@@ -33,8 +33,6 @@ SAMPLES = 24
 """Samples along the object's shorter horizontal side [-]."""
 FINEST, COARSEST = 0.003, 0.025
 """Limits of the sampling distance [m]."""
-TALLEST = 0.6
-"""What rises higher than this over the start is not looked into [m]; keeps ceilings out."""
 ROOM_HEIGHT = 3.0
 """How far up a sample looks for the top of something that it began inside of, a door or a wardrobe [m]."""
 MOST_SAMPLES = 600_000

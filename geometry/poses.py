@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, cKDTree
 
+from geometry.boundary import is_closed
 from scene.errors import GeometryError
 from scene.mesh import Mesh
 
@@ -68,15 +69,6 @@ def center_of_mass(mesh: Mesh) -> Array:
     if area.sum() == 0.0:
         raise GeometryError("the mesh has no area")
     return np.asarray(origin + (area[:, None] * (a + b + c)).sum(axis=0) / (3.0 * area.sum()))
-
-
-def is_closed(mesh: Mesh) -> bool:
-    """Whether each edge is used equally often in both directions."""
-    faces = mesh.faces.astype(np.int64)
-    edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
-    count = len(mesh.vertices)
-    forward, backward = np.sort(edges @ (count, 1)), np.sort(edges @ (1, count))
-    return bool(np.array_equal(forward, backward))
 
 
 def stable_poses(mesh: Mesh) -> list[StablePose]:

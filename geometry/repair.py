@@ -19,6 +19,7 @@ from scene.mesh import Mesh
 IntArray = NDArray[np.int64]
 FloatArray = NDArray[np.float64]
 
+LEAST_FILLED = 1e-6  # share of its box that a closed mesh fills at least; less is rounding of a sheet with two sides
 FILL_SAMPLES = 72  # samples along the longest side when an open mesh is measured by filling: volume within about 1 %
 RELIEF = 1.3e-3  # share of a surface's height differences that its shadow keeps
 MOST_ROUNDS = 14  # halvings of an edge: a 10 m edge down to under a millimetre
@@ -161,10 +162,13 @@ def mass_properties(mesh: Mesh, density: float) -> tuple[float, FloatArray, Floa
 
     Exact for a closed mesh; an open one is filled first where its winding number exceeds one half.
     """
-    if is_closed(mesh) and abs(signed_volume(mesh.vertices, mesh.faces.astype(np.int64))) > 0.0:
+    box = float(np.prod(np.ptp(mesh.bounds, axis=0)))
+    if not is_closed(mesh):
+        volume, center, second = filled_moments(mesh)
+    elif abs(signed_volume(mesh.vertices, mesh.faces.astype(np.int64))) > LEAST_FILLED * box:
         volume, center, second = closed_moments(mesh)
     else:
-        volume, center, second = filled_moments(mesh)
+        raise GeometryError(f"a closed mesh of {len(mesh.faces)} faces encloses no volume: a sheet, not a solid")
     return density * volume, center, density * (np.trace(second) * np.eye(3) - second)
 
 

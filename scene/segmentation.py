@@ -53,10 +53,6 @@ class Segmentation:
         """The faces of one instance."""
         return self.mesh.submesh(np.flatnonzero(self.face_instance == instance))
 
-    def part_mesh(self, instance: int, part: int) -> Mesh:
-        """The faces of one part."""
-        return self.mesh.submesh(np.flatnonzero((self.face_instance == instance) & (self.face_part == part)))
-
     def index_of(self, instance_id: str) -> int:
         """Position of the instance with this id."""
         return next(i for i, one in enumerate(self.instances) if one.id == instance_id)

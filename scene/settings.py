@@ -3,13 +3,21 @@
 import os
 from pathlib import Path
 
+from scene.errors import InputError
+
 PROJECT_ROOT = Path(__file__).resolve().parent.parent
 """The folder that holds pyproject.toml."""
 
 
 def data_root() -> Path:
-    """Folder of cache, runs and generated rooms: $DCAP_DATA, else `data/` of the project."""
-    return Path(os.environ.get("DCAP_DATA") or PROJECT_ROOT / "data").resolve()
+    """Folder of cache, runs and generated rooms: $DCAP_DATA, else `data/` of the project.
+
+    Raises InputError for a URL: artifacts are published by renaming folders, which object stores cannot do.
+    """
+    given = os.environ.get("DCAP_DATA", "")
+    if "://" in given:
+        raise InputError(f"DCAP_DATA={given} is a URL; name a folder (mount the bucket)")
+    return Path(given or PROJECT_ROOT / "data").resolve()
 
 
 def cache_root() -> Path:

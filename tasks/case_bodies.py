@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from geometry.distance import distance_grid, sampler
-from geometry.fill import Distance, fill
+from geometry.distance import Distance, distance_grid, sampler
+from geometry.fill import fill
 from geometry.primitives import Box, Capsule
 from geometry.repair import mass_properties
 from scene.errors import InputError

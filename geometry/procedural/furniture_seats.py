@@ -4,7 +4,7 @@ import numpy as np
 
 from geometry.procedural.paint import Painter, Rgb, painted, wood
 from geometry.procedural.piece import Piece, piece
-from geometry.procedural.shapes import bar, cushioned, lathe, lens, moved, resampled, rounded_box, tube, turned
+from geometry.procedural.shapes import bar, cushioned, lathe, moved, resampled, rounded_box, tube, turned
 from scene.mesh import Mesh
 
 SINK = 0.003
@@ -75,11 +75,6 @@ def sofa(
         cover(moved(rounded_box((arm, depth, 0.50), 0.07, 0.03), x=s * (width - arm) / 2, z=0.35), 9) for s in (-1, 1)
     ]
     return piece(label, base=[base, *feet], seat_cushion=cushions, back=back, arm=arms)
-
-
-def throw_cushion(fabric: Painter | Rgb, half: float = 0.20, seed: int = 0) -> Mesh:
-    """A square cushion lying on its flat side around the origin, rim at z = 0."""
-    return painted(lens(half, half, 0.065, 0.055, edge=0.02), fabric, variation=0.03, seed=seed)
 
 
 def chair(timber: Rgb, pad: Painter | Rgb | None, seed: int, label: str = "chair") -> Piece:

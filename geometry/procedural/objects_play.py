@@ -10,7 +10,6 @@ from geometry.procedural.shapes import (
     lathe,
     moved,
     rounded_box,
-    scaled,
     sphere,
     turned,
     union,
@@ -104,7 +103,7 @@ def toy_block() -> Piece:
 def toy_car() -> Piece:
     """A small car: a red body with windows, four black wheels."""
     low = car_body((0.14, 0.066, 0.030), 0.012)
-    cabin = moved(scaled(rounded_box((0.078, 0.058, 0.036), 0.014, 0.004), 1, 1, 1), x=-0.006, z=0.050)
+    cabin = moved(rounded_box((0.078, 0.058, 0.036), 0.014, 0.004), x=-0.006, z=0.050)
 
     def paint(points: Array) -> Array:
         x, y, z = points.T

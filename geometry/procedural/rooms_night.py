@@ -249,7 +249,7 @@ def kids_01(seed: int) -> Room:
         mattress=0.20,
     )
     room.against(bed(style, seed + 1), "north", 2.95)
-    play = room.put(table((0.80, 0.58, 0.50), PINE, 2, "table", "square"), 1.35, 1.55)
+    room.put(table((0.80, 0.58, 0.50), PINE, 2, "table", "square"), 1.35, 1.55)
     room.put(stool((232, 96, 80), PINE, 3, 0.30, 0.14), 1.35, 0.95)
     room.put(stool((96, 160, 190), PINE, 4, 0.30, 0.14), 0.62, 1.60)
     room.against(toy_crate(seed + 5), "south", 3.3)
@@ -262,7 +262,6 @@ def kids_01(seed: int) -> Room:
     room.stand(plant(seed + 2, 0.8, (232, 150, 90)), 2.1, 3.3)
     curtains(room, window, (250, 224, 140), 10)
     light(room)
-    _ = play
     return room
 
 

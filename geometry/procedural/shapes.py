@@ -31,8 +31,8 @@ def volume(mesh: Mesh) -> float:
     return float(np.einsum("ij,ij->i", a, np.cross(b, c)).sum() / 6.0)
 
 
-def is_closed(mesh: Mesh) -> bool:
-    """Whether every edge is used once in each direction."""
+def is_manifold(mesh: Mesh) -> bool:
+    """Whether every edge is used once in each direction: closed, and no surface meets itself."""
     edges = np.concatenate([mesh.faces[:, [0, 1]], mesh.faces[:, [1, 2]], mesh.faces[:, [2, 0]]]).astype(np.int64)
     forth = np.sort(edges[:, 0] * len(mesh.vertices) + edges[:, 1])
     back = np.sort(edges[:, 1] * len(mesh.vertices) + edges[:, 0])
@@ -298,14 +298,6 @@ def bar(start: Sequence[float], end: Sequence[float], radius: float, edge: float
     """A straight round bar with flat ends; `taper` is the end's radius over the start's."""
     path = resampled(np.array([start, end], dtype=float), edge)
     return tube(path, np.linspace(radius, radius * taper, len(path)), edge, round_ends=False)
-
-
-def slab_map(length: float, width: float, thickness: float, edge: float, place: Callable[[Array], Array],
-             layers: int = 1) -> Mesh:  # fmt: skip
-    """A thin closed slab over [0, length] x [0, width] x [0, 1] (layer coordinate), mapped by `place`; rounded rims."""
-    x, y = rounded_nodes(length / 2, thickness, edge), rounded_nodes(width / 2, thickness, edge)
-    mesh = grid_surface(x + length / 2, y + width / 2, np.linspace(0.0, 1.0, layers + 2))
-    return outward(warped(mesh, place))
 
 
 # ---- boolean operations ----------------------------------------------------------------------------------------

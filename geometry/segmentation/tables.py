@@ -8,9 +8,6 @@ from geometry.segmentation.faces import connected_regions
 from geometry.segmentation.partmap import PartMap
 from geometry.segmentation.seating import underside
 
-BOARD_GAP = 0.06
-"""Upper and lower face of a board are closer than this [m], for a shelf of `USUAL_SHELF`."""
-
 
 def _top_level(body: Body) -> float:
     """Height of the highest surface that covers a good part of the footprint [m]."""

@@ -40,6 +40,45 @@ def test_bad_usage(capsys: pytest.CaptureFixture[str], arguments: list[str], wor
     assert words in failed(capsys, *arguments)
 
 
+def obj_of(vertices: str, faces: str) -> bytes:
+    """An OBJ file."""
+    return (vertices + faces).encode()
+
+
+CUBE = "".join(f"v {x} {y} {z}\n" for x in (0, 1000) for y in (0, 1000) for z in (0, 1000))
+SIDES = "f 1 2 4 3\nf 5 7 8 6\nf 1 5 6 2\nf 3 4 8 7\nf 1 3 7 5\nf 2 6 8 4\n"
+TRUNCATED = b"ply\nformat binary_little_endian 1.0\nelement vertex 1000000000\nproperty float x\nproperty float y\n"
+DRACO = b'{"asset": {"version": "2.0"}, "extensionsRequired": ["KHR_draco_mesh_compression"]}'
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("name", "content", "words"),
+    [
+        ("nan.obj", obj_of("v 0 0 nan\nv 1 0 0\nv 0 1 0\n", "f 1 2 3\n"), "not finite"),
+        ("empty.obj", b"", "an empty file"),
+        ("flat.obj", obj_of("v 0 0 0\nv 1 0 0\nv 2 0 0\n", "f 1 2 3\n"), "area"),
+        ("huge.obj", obj_of(CUBE, SIDES), "unit"),
+        ("short.ply", TRUNCATED + b"property float z\nend_header\n", "1000000000"),
+        ("draco.gltf", DRACO, "KHR_draco_mesh_compression"),
+        ("gone.glb", None, "no such file"),
+    ],
+)
+def test_meshes_that_cannot_be_used(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+    name: str, content: bytes | None, words: str,
+) -> None:  # fmt: skip
+    """Exit 2 and one line that names the file and what is wrong with it, through the whole program."""
+    monkeypatch.setenv("DCAP_DATA", str(tmp_path / "data"))
+    room = tmp_path / "room.obj"
+    room.write_bytes(obj_of(CUBE.replace("1000", "2"), SIDES))
+    if content is not None:
+        (tmp_path / name).write_bytes(content)
+    said = failed(capsys, "place", str(room), str(tmp_path / name), "put it on the table", "--label", "table", "--json")
+    assert name in said
+    assert words in said
+
+
 def test_out_must_be_a_folder(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     """A result folder that is a file is refused before anything runs."""
     (tmp_path / "file").write_text("")

@@ -6,7 +6,7 @@ import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from geometry.distance import BAND, distance_grid, sampler, signed_distance
+from geometry.distance import BAND, MeshDistance, distance_grid, sampler
 from scene.errors import GeometryError
 from scene.mesh import Mesh
 
@@ -52,7 +52,7 @@ def test_distance_to_a_box_is_exact(point: tuple[float, float, float]) -> None:
     excess = np.abs(point) - 0.5 * size
     expected = np.linalg.norm(np.maximum(excess, 0.0)) + min(excess.max(), 0.0)
     if abs(expected) > 1e-5:  # on the surface itself the side is a matter of rounding
-        found = signed_distance(of(trimesh.creation.box(size)), SHIFT + np.array([point]))[0]
+        found = MeshDistance(of(trimesh.creation.box(size)))(SHIFT + np.array([point]))[0]
         assert abs(found - expected) < 1e-6
 
 
@@ -63,8 +63,8 @@ def test_a_box_without_its_bottom_is_still_solid() -> None:
     mesh = mesh.submesh(np.flatnonzero(mesh.face_normals[:, 2] > -1e-9))
     inside = SHIFT + np.array([[0, 0, 0.05], [0.15, 0.15, -0.03], [-0.19, 0, 0.09]])
     outside = SHIFT + np.array([[0, 0, 0.11], [0.21, 0, 0], [0, 0, -0.2]])
-    assert (signed_distance(mesh, inside) < 0).all()
-    assert (signed_distance(mesh, outside) > 0).all()
+    assert (MeshDistance(mesh)(inside) < 0).all()
+    assert (MeshDistance(mesh)(outside) > 0).all()
 
 
 def test_a_mug_stays_hollow() -> None:
@@ -73,7 +73,7 @@ def test_a_mug_stays_hollow() -> None:
     wall = SHIFT + np.array([[0.038, 0, 0.05], [0, -0.038, 0.02], [0.01, 0.01, 0.002]])
     bore = SHIFT + np.array([[0, 0, 0.05], [0.03, 0, 0.02], [0, 0, 0.085]])
     grid = distance_grid(mesh, mesh.bounds[0] - 0.01, mesh.bounds[1] + 0.01, 0.0015)
-    for distance in (lambda p: signed_distance(mesh, p), sampler(grid)):
+    for distance in (MeshDistance(mesh), sampler(grid)):
         assert (distance(wall) < -1e-3).all()
         assert (distance(bore) > 5e-3).all()
 
@@ -84,7 +84,7 @@ def test_a_mesh_wound_inside_out_gives_the_same_distance() -> None:
     turned = Mesh(mesh.vertices, mesh.faces[:, ::-1].copy(), mesh.colors)
     points = SHIFT + np.random.default_rng(1).uniform(-0.08, 0.08, (200, 3))
     # single precision at 0.1 m, measured through differently ordered triangles
-    assert np.allclose(signed_distance(mesh, points), signed_distance(turned, points), rtol=0.0, atol=1e-7)
+    assert np.allclose(MeshDistance(mesh)(points), MeshDistance(turned)(points), rtol=0.0, atol=1e-7)
 
 
 def test_far_samples_are_interpolated_within_a_coarse_diagonal() -> None:
@@ -96,7 +96,7 @@ def test_far_samples_are_interpolated_within_a_coarse_diagonal() -> None:
     low, high = mesh.bounds
     grid = distance_grid(mesh, low - 0.06, high + 0.06, spacing)
     points = grid.origin + spacing * np.argwhere(np.ones(grid.values.shape, dtype=bool))[::97]
-    exact = signed_distance(mesh, points)
+    exact = MeshDistance(mesh)(points)
     found = grid.values.ravel()[::97]
     assert np.abs(found - exact).max() < 4 * np.sqrt(3.0) * spacing
     assert (np.sign(found) == np.sign(exact))[np.abs(exact) > 1e-6].all()
@@ -110,4 +110,4 @@ def test_impossible_grids_are_refused() -> None:
     with pytest.raises(GeometryError, match="raise its spacing"):
         distance_grid(mesh, np.zeros(3), np.ones(3), 1e-4)
     with pytest.raises(GeometryError, match="without faces"):
-        signed_distance(Mesh.of(np.zeros((0, 3)), np.zeros((0, 3))), np.zeros((1, 3)))
+        MeshDistance(Mesh.of(np.zeros((0, 3)), np.zeros((0, 3))))(np.zeros((1, 3)))

@@ -6,7 +6,8 @@ import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from geometry.poses import about_z, center_of_mass, front_of, is_closed, stable_poses, symmetry_about_z, turn_between
+from geometry.boundary import is_closed
+from geometry.poses import about_z, center_of_mass, front_of, stable_poses, symmetry_about_z, turn_between
 from scene.mesh import Mesh
 
 
@@ -104,6 +105,9 @@ def test_center_of_mass_is_of_the_volume_for_closed_meshes():
     closed = mesh_of(cone)
     assert is_closed(closed)
     assert center_of_mass(closed)[2] == pytest.approx(0.1, abs=1e-3)
+    torn = Mesh.concatenate([closed.submesh(np.arange(64)), closed.submesh(np.arange(64, len(closed.faces)))])
+    assert len(torn.vertices) > len(closed.vertices)  # two colours have two vertices at their border
+    assert center_of_mass(torn)[2] == pytest.approx(0.1, abs=1e-3)
     side = Mesh.of(cone.vertices, cone.faces[cone.face_normals[:, 2] > -0.9])
     assert not is_closed(side)
     assert center_of_mass(side)[2] == pytest.approx(0.4 / 3, abs=1e-3)

@@ -9,7 +9,7 @@ from geometry.procedural import shapes
 from geometry.procedural.objects import OBJECTS, build_object
 from geometry.procedural.room import Room, shell
 from geometry.procedural.rooms import ROOMS, BuiltRoom, build_room
-from geometry.procedural.shapes import is_closed, joined, volume
+from geometry.procedural.shapes import is_manifold, joined, volume
 
 
 @pytest.fixture(scope="module")
@@ -35,7 +35,7 @@ def test_rounded_box_is_closed_and_has_its_volume(size: tuple[float, float, floa
     exact = (
         a * b * c + 2 * radius * (a * b + b * c + c * a) + np.pi * radius**2 * (a + b + c) + 4 / 3 * np.pi * radius**3
     )
-    assert is_closed(mesh)
+    assert is_manifold(mesh)
     # A chord polygon with at least 4 segments a quarter... with one arc step the corner loses at most the part between
     # chord and arc, (pi - 2) / pi of the rounded share; the bound covers it.
     rounded = exact - a * b * c - 2 * radius * (a * b + b * c + c * a)
@@ -56,7 +56,7 @@ def test_union_volume_is_inclusion_exclusion() -> None:
     a = shapes.rounded_box((0.2, 0.1, 0.1), 1e-4, 0.05)
     b = shapes.moved(a, x=0.1)
     whole = shapes.union([a, b])
-    assert is_closed(whole)
+    assert is_manifold(whole)
     # The rounding takes 1e-4 off the edges: less than 1e-4 of the volume; single precision inside the union likewise.
     assert volume(whole) == pytest.approx(0.3 * 0.1 * 0.1, rel=1e-3)
 
@@ -66,7 +66,7 @@ def test_objects_are_closed_solids_of_plausible_density(name: str) -> None:
     """Every part is closed; mass over volume lies between that of down and that of iron; they stand on z = 0."""
     item = OBJECTS[name].build()
     solids = [solid for part in item.parts for solid in part.solids]
-    assert all(is_closed(solid) and volume(solid) > 0 for solid in solids)
+    assert all(is_manifold(solid) and volume(solid) > 0 for solid in solids)
     density = OBJECTS[name].mass / sum(volume(solid) for solid in solids)
     assert 15 < density < 7900
     assert abs(item.bounds[0, 2]) < 0.0015
@@ -91,7 +91,7 @@ def test_furniture_is_made_of_closed_solids_within_the_walls(furnished: dict[str
     """Every solid is closed, nothing reaches below the floor or through a wall."""
     room = furnished[name]
     for item in [*shell(room).things, *(placed.piece for placed in room.things)]:
-        assert all(is_closed(solid) and volume(solid) > 0 for part in item.parts for solid in part.solids), item.label
+        assert all(is_manifold(solid) and volume(solid) > 0 for part in item.parts for solid in part.solids), item.label
     for placed in room.things:
         low, high = placed.piece.bounds
         assert low[2] > -0.004, placed.piece.label
@@ -159,7 +159,7 @@ def test_scan_is_noisy_but_close(built: dict[str, BuiltRoom]) -> None:
 def test_scan_is_not_watertight_and_tells_nothing_by_order(built: dict[str, BuiltRoom]) -> None:
     """The mesh has open edges, and neighbours in the file belong to different instances as often as by chance."""
     room = built["bedroom_01"]
-    assert not is_closed(room.record.mesh)
+    assert not is_manifold(room.record.mesh)
     instance = room.face_instance
     same = float((instance[1:] == instance[:-1]).mean())
     share = np.bincount(instance) / len(instance)

@@ -160,6 +160,19 @@ def test_a_sheet_has_no_volume() -> None:
         mass_properties(Mesh.of([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]]), 1.0)
 
 
+def test_a_sheet_with_two_sides_has_no_volume_either() -> None:
+    """It is closed, and what it encloses is rounding: a leaf in space, its other side with vertices of its own."""
+    x, y = np.meshgrid(np.linspace(0, 1, 9), np.linspace(0, 1, 9), indexing="ij")
+    corner = np.arange(81).reshape(9, 9)
+    a, b, c, d = (corner[k].ravel() for k in (np.s_[:-1, :-1], np.s_[1:, :-1], np.s_[1:, 1:], np.s_[:-1, 1:]))
+    points = np.stack([x, y, 0.3 * x * y + 0.1 * x], axis=-1).reshape(-1, 3)
+    leaf = Mesh.of(points, np.concatenate([np.stack([a, b, c], 1), np.stack([a, c, d], 1)]))
+    both = Mesh.concatenate([leaf, Mesh.of(leaf.vertices, leaf.faces[:, ::-1])])
+    assert is_closed(both)
+    with pytest.raises(GeometryError, match="a sheet, not a solid"):
+        mass_properties(both, 1.0)
+
+
 def test_simplifying_keeps_the_shape() -> None:
     """A sphere with a tenth of its vertices keeps its volume within the sagitta of its edges; small meshes stay."""
     ball = of(trimesh.creation.icosphere(5, 0.1))
