@@ -44,6 +44,7 @@ class Values:
     """What the stages returned, as far as they got."""
 
     scan: Scan | None
+    object_scan: Scan | None
     scene: Segmentation | None
     item: Segmentation | None
     intent: Intent | None
@@ -60,6 +61,7 @@ def load_values(finished: FinishedSample, store: Store) -> Values:
     placement = finished.placement
     return Values(
         scan=load(store, placement.scene_scan, Scan),
+        object_scan=load(store, placement.object_scan, Scan),
         scene=load(store, placement.scene, Segmentation),
         item=load(store, placement.item, Segmentation),
         intent=load(store, placement.intent, Intent),
@@ -127,6 +129,7 @@ def placement_tree(finished: FinishedSample, values: Values, artifacts: Mapping[
         "scale": intent.scale if intent else None,
         "mass": mass_of(values),
         "world_from_file": values.scan.world_from_file.tolist() if values.scan else None,
+        "object_from_file": values.object_scan.world_from_file.tolist() if values.object_scan else None,
         "pre_drop": pose_of(anchor.world_from_object) if anchor else None,
         "pose": pose_of(world_from_start(body) @ anchor.world_from_object) if anchor and body else None,
         "object_aabb": body.surface.bounds.tolist() if body else None,
@@ -164,7 +167,14 @@ def certificate_of(values: Values) -> dict[str, object] | None:
     """The solver's certificate, or the evidence of the stage that found no way."""
     if values.settled is not None:
         return dict(values.settled.certificate)
-    return dict(from_evidence(values, "certificate", values.infeasible.evidence)) if values.infeasible else None
+    if values.infeasible is None:
+        return None
+    evidence = dict(values.infeasible.evidence)
+    certificate = evidence.pop("certificate", {})
+    assert isinstance(certificate, dict)
+    for key in ("contacts", "warnings"):  # keys of their own
+        evidence.pop(key, None)
+    return certificate | evidence
 
 
 def from_evidence(values: Values, key: str, otherwise: Any) -> Any:
@@ -175,6 +185,7 @@ def from_evidence(values: Values, key: str, otherwise: Any) -> Any:
 def warnings_of(values: Values) -> list[str]:
     """What a reader should know, in the order of the stages, each once."""
     found: list[str] = list(values.scan.notes) if values.scan else []
+    found += [f"object: {note}" for note in values.object_scan.notes] if values.object_scan else []
     if values.intent:
         found += values.intent.notes
         if values.intent.not_understood:

@@ -57,3 +57,5 @@ class Intent:
     not_understood: tuple[str, ...]
     """Words that were left over."""
     notes: tuple[str, ...]
+    mass_given: bool = False
+    """The mass comes from the user and is not to be replaced by density times volume."""

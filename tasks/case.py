@@ -1,7 +1,7 @@
 """`dcap drop`: a physics case from a YAML file to `result.json`, one PLY per body at rest and `history.parquet`."""
 
 import json
-import shutil
+import os
 import sys
 import tempfile
 import time
@@ -28,7 +28,7 @@ from tasks.case_file import Case, read_case
 def run_case(
     path: Path, out: Path, *, solver: str = "tl", resolution: float | None = None, threads: int = 0, quiet: bool = False
 ) -> dict[str, object]:
-    """Read, simulate and write a case; returns the content of result.json. The folder appears whole or not at all."""
+    """Read, simulate and write a case; returns the content of result.json."""
     case = read_case(path)
     begin = time.perf_counter()
     chosen = resolution or (case.resolution if isinstance(case.resolution, float) else None)
@@ -45,7 +45,10 @@ def run_case(
     except ModelError as error:
         raise InputError(f"{path}: {error}") from error
     except UnstableStep as error:
-        return _broken(error, cell, time.perf_counter() - built)
+        broken = _broken(error, bodies, cell)
+        broken |= {"wall_s": time.perf_counter() - built, "timings": {"build_s": built - begin}}
+        write_case(out, broken, bodies, None)
+        return broken
     done = time.perf_counter()
     summary = summarise(case, bodies, result, cell)
     summary |= {"wall_s": done - built, "timings": {"build_s": built - begin, "drop_s": done - built}}
@@ -61,8 +64,13 @@ def _progress(step: int, seconds: float, signals: Signals) -> None:
         )
 
 
-def _broken(error: UnstableStep, cell: float, wall: float) -> dict[str, object]:
-    return {"verdict": "unstable_step", "warnings": [str(error)], "resolution": cell, "wall_s": wall, "timings": {}}
+def _broken(error: UnstableStep, bodies: list[Body], cell: float) -> dict[str, object]:
+    """result.json of a drop without a last state that can be believed, without times."""
+    return {
+        "verdict": "unstable_step", "bodies": {body.name: None for body in bodies}, "contacts": [], "residual": None,
+        "resolution": cell, "simulated_s": None, "relaxation_steps": None, "steps": None, "particles": None,
+        "certificate": None, "warnings": [str(error)],
+    }  # fmt: skip
 
 
 def summarise(case: Case, bodies: list[Body], result: Result, cell: float) -> dict[str, object]:
@@ -95,14 +103,30 @@ def summarise(case: Case, bodies: list[Body], result: Result, cell: float) -> di
     }
 
 
-def write_case(out: Path, summary: dict[str, object], bodies: list[Body], result: Result) -> None:
-    """Write the folder beside its final place, then move it there."""
-    out.parent.mkdir(parents=True, exist_ok=True)
-    draft = Path(tempfile.mkdtemp(prefix=f".{out.name}-", dir=out.parent))
-    for body, rest in zip(bodies, result.bodies, strict=True):
-        (draft / f"{body.name}.ply").write_bytes(mesh_to_ply(Mesh.of(rest.vertices, body.faces)))
-    pq.write_table(pa.table({k: pa.array(v) for k, v in result.history.items()}), draft / "history.parquet")
-    (draft / "result.json").write_text(json.dumps(summary, indent=2) + "\n")
-    if out.exists():
-        shutil.rmtree(out)
-    draft.rename(out)
+def write_case(out: Path, summary: dict[str, object], bodies: list[Body], result: Result | None) -> None:
+    """Write the files beside their place and move them in, result.json last: whoever sees it sees everything.
+
+    Files of an earlier result are replaced or removed; whatever else lies in the folder stays.
+    """
+    out.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(dir=out, prefix=".writing-") as name:
+        draft = Path(name)
+        if result is not None:
+            for body, rest in zip(bodies, result.bodies, strict=True):
+                (draft / f"{body.name}.ply").write_bytes(mesh_to_ply(Mesh.of(rest.vertices, body.faces)))
+            pq.write_table(pa.table({k: pa.array(v) for k, v in result.history.items()}), draft / "history.parquet")
+        (draft / "result.json").write_text(json.dumps(summary, indent=2) + "\n")
+        written = [path.name for path in sorted(draft.iterdir()) if path.name != "result.json"]
+        for old in {*_files_of(out), "result.json", "history.parquet"}.difference(written):
+            (out / old).unlink(missing_ok=True)
+        for file in [*written, "result.json"]:
+            os.replace(draft / file, out / file)
+
+
+def _files_of(out: Path) -> list[str]:
+    """PLY files that an earlier result.json in the folder speaks of."""
+    try:
+        bodies = json.loads((out / "result.json").read_text())["bodies"]
+        return [f"{name}.ply" for name in bodies if Path(name).name == name]
+    except (OSError, ValueError, KeyError, TypeError):
+        return []

@@ -119,6 +119,8 @@ class Solid:
     def build(self, cell: float, finest: float, solids: "list[Solid]", gravity: float) -> Body:
         """The solver's body."""
         planes = None if self.rigid else self._planes(cell, solids, gravity)
+        if planes is not None:
+            self._refuse_more_cells(planes, cell)
         surface = self._surface(planes, finest if planes is None else cell)
         spacing = max(min(finest / 2.5, self.smallest / 24.0), float(self.extent.max()) / 200.0)
         distance = self._distance(surface, spacing)
@@ -134,6 +136,13 @@ class Solid:
             m.static_friction, m.dynamic_friction, m.rolling_resistance, soft, np.asarray(self.body.velocity),
             np.asarray(self.body.angular_velocity),
         )  # fmt: skip
+
+    def _refuse_more_cells(self, planes: Planes, cell: float) -> None:
+        count = int(np.prod([len(p) - 1 for p in planes], dtype=np.float64))
+        if count > MOST_CELLS:
+            raise InputError(
+                f"body {self.body.name!r}: {count:.3g} cells of {1e3 * cell:.2g} mm > {MOST_CELLS}; raise --resolution"
+            )
 
     def _surface(self, planes: Planes | None, cell: float) -> Mesh:
         """As fine as the cells, so that a contact presses on every node under it."""
@@ -163,18 +172,13 @@ class Solid:
         return self.mass, self.placed(center[None])[0], self.rotation @ (unit * density) @ self.rotation.T
 
     def _soft(self, cell: float, planes: Planes, distance: DistanceGrid) -> SoftParts:
-        count = int(np.prod([len(p) - 1 for p in planes]))
-        if count > MOST_CELLS:
-            raise InputError(
-                f"body {self.body.name!r}: {count} cells of {1e3 * cell:.2g} mm > {MOST_CELLS}; raise --resolution"
-            )
         position, volume = fill(planes, self._signed_distance(distance))
         one = np.ones(len(position))
         m = self.material
         loaded = (self.body.rest_shape or ("loaded" if self.fixed else "unloaded")) == "loaded"
         return SoftParts(
             position, volume, m.density * one, m.youngs_modulus * one, m.poisson_ratio * one, planes,
-            self._held(planes, cell), loaded,
+            self._held(planes), loaded,
         )  # fmt: skip
 
     def _signed_distance(self, grid: DistanceGrid) -> Distance:
@@ -206,24 +210,31 @@ class Solid:
         middle = 0.5 * (np.clip(other.position, self.low, self.high) + np.clip(self.position, other.low, other.high))
         return np.asarray(np.clip(middle, self.low, self.high))
 
-    def _held(self, planes: tuple[NDArray[np.float64], ...], cell: float) -> NDArray[np.int8]:
-        """Nodes of a fixed body within half a cell of its clamped faces."""
+    def _held(self, planes: Planes) -> NDArray[np.int8]:
+        """Nodes of a fixed body within half a cell, measured across the face, of its clamped faces."""
         shape = tuple(len(p) for p in planes)
         state = np.full(shape, FREE, dtype=np.int8)
         if not self.fixed:
             return state
-        grid = np.stack(np.meshgrid(*planes, indexing="ij"), axis=-1)
-        local = (grid - self.position) @ self.rotation
+        local = (np.stack(np.meshgrid(*planes, indexing="ij"), axis=-1) - self.position) @ self.rotation
+        size = np.stack(np.meshgrid(*(_spacing(p) for p in planes), indexing="ij"), axis=-1)
         box = self._local_box()
         for face in clamped_faces(self.body.clamp):
             axis, side = "xyz".index(face[0]), 0 if face.endswith("min") else 1
-            state[np.abs(local[..., axis] - box[side][axis]) <= 0.5 * cell] = HELD
+            across = size @ np.abs(self.rotation[:, axis])
+            state[np.abs(local[..., axis] - box[side][axis]) <= 0.5 * across] = HELD
         return state
 
     def _local_box(self) -> NDArray[np.float64]:
         if self.primitive is not None:
             return np.stack([-self.primitive.half_extents, self.primitive.half_extents])
         return self._given().bounds
+
+
+def _spacing(planes: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Smaller of the two cells beside each plane [m], shape (n,)."""
+    gap = np.diff(planes)
+    return np.asarray(np.minimum(np.append(gap, np.inf), np.insert(gap, 0, np.inf)))
 
 
 def given_mesh(path: Path) -> Mesh:

@@ -18,6 +18,7 @@ from language.materials import load_materials
 from scene.errors import InputError
 
 RIGID_ABOVE = 1e9  # Young's modulus [Pa] above which `model: auto` is rigid (the paper's section 3)
+UNIT_TOLERANCE = 0.01  # of a quaternion's length: two decimals, as people write them
 
 Vector3 = Annotated[list[float], Field(min_length=3, max_length=3)]
 Strict = {"extra": "forbid", "frozen": True, "allow_inf_nan": False}
@@ -95,6 +96,13 @@ class CaseBody(BaseModel, **Strict):
     mass: PositiveFloat | None = None
     model: Literal["auto", "rigid", "mpm"] = "auto"
 
+    @model_validator(mode="after")
+    def _unit(self) -> "CaseBody":
+        length = float(np.linalg.norm(self.quaternion))
+        if abs(length - 1.0) > UNIT_TOLERANCE:
+            raise ValueError(f"quaternion {self.quaternion} has length {length:.3g} instead of 1")
+        return self
+
 
 class FrictionPair(BaseModel, **Strict):
     """Friction of one pair of bodies."""
@@ -125,6 +133,8 @@ def read_case(path: Path) -> Case:
         raise InputError(f"{path}: cannot be read: {error.strerror}") from error
     except (YAMLError, UnicodeDecodeError) as error:
         raise InputError(f"{path}: is not YAML: {' '.join(str(error).split())}") from error
+    if not isinstance(document, dict):
+        raise InputError(f"{path}: holds no keys; a case needs at least `bodies`")
     try:
         case = Case.model_validate(document)
     except ValidationError as error:
@@ -133,7 +143,11 @@ def read_case(path: Path) -> Case:
     if len(set(names)) != len(names):
         raise InputError(f"{path}: bodies: names must differ, got {names}")
     for body in case.bodies:
-        if body.motion == "fixed" and body.clamp == "none" and not is_rigid(body, material_of(body)):
+        try:
+            material = material_of(body)
+        except InputError as error:
+            raise InputError(f"{path}: {error}") from error
+        if body.motion == "fixed" and body.clamp == "none" and not is_rigid(body, material):
             raise InputError(
                 f"{path}: bodies.{body.name}.clamp: a fixed soft body with clamp none would fall; name a face"
             )

@@ -5,6 +5,7 @@ its contacts and certificate, or `Infeasible` with the drop's reason code and th
 """
 
 import logging
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +22,7 @@ from solver.certificate import Signals
 from solver.config import SolverConfig
 from solver.errors import UnstableStep
 from solver.model import Body, Model, SignedDistance, SoftParts
-from solver.result import AT_REST, Result
+from solver.result import AT_REST, NO_EQUILIBRIUM, Result
 from solver.settle import settle
 from tasks.stage import stage
 
@@ -41,6 +42,8 @@ class DropConfig(BaseModel, frozen=True, extra="forbid"):
     """Worker threads, 0: all cores; never changes a result."""
     topple_angle: PositiveFloat = 0.7854
     """Change of the object's own tilt that is toppling, where an orientation was asked [rad]."""
+    turn_angle: PositiveFloat = 0.7854
+    """Turn about the vertical that is looking elsewhere, where a facing was asked [rad]."""
     object_share: NonNegativeFloat = 0.5
     """Share of the object's weight that the base must carry for the object to be on it [-]."""
 
@@ -53,13 +56,13 @@ def drop(particles: Particles, anchor: Anchor, intent: Intent, seed: int, config
         result = settle(model, solver, _progress)
     except UnstableStep as error:
         return Infeasible(Reason.UNSTABLE_STEP, str(error), {})
-    settled = settled_of(particles, result)
-    toppled = toppling(settled, anchor, intent, config)
-    if toppled is not None:  # also where it went on to leave the simulated region: falling over came first
-        return toppled
+    settled = with_checks(settled_of(particles, result), particles, anchor, intent, config)
+    moving = result.verdict == NO_EQUILIBRIUM
+    if not moving and (toppled := toppling(settled, intent)) is not None:
+        return toppled  # also where it went on to leave the simulated region: falling over came first
     if result.verdict != AT_REST:
         return Infeasible(Reason(result.verdict), _story(result), evidence(settled))
-    return judge(settled, particles, anchor, config)
+    return judge(settled, anchor)
 
 
 def _progress(step: int, seconds: float, signals: Signals) -> None:
@@ -114,26 +117,53 @@ def quaternion(rotation: Array) -> Array:
     return np.asarray(Rotation.from_matrix(rotation).as_quat(canonical=True, scalar_first=True))
 
 
-def judge(settled: Settled, particles: Particles, anchor: Anchor, config: DropConfig) -> Settled | Infeasible:
+def with_checks(settled: Settled, particles: Particles, anchor: Anchor, intent: Intent, config: DropConfig) -> Settled:
+    """Certificate with what was asked of the rest state: value, threshold and margin of each check, as `placement`."""
+    checks = {"carried_share": row(carried_share(settled, particles, anchor.base_id), config.object_share, least=True)}
+    turned = settled.bodies[0].quaternion
+    if intent.orientation.facing or intent.orientation.pose != "any":
+        checks["tilt_rad"] = row(tilt_of(turned, anchor.world_from_object), config.topple_angle)
+    if intent.orientation.facing:
+        checks["turn_rad"] = row(turn_of(turned), config.turn_angle)
+    return replace(settled, certificate=settled.certificate | {"placement": checks})
+
+
+def row(value: float, threshold: float, *, least: bool = False) -> dict[str, float]:
+    """One check; the margin is positive where it holds."""
+    margin = value / threshold - 1.0 if least else 1.0 - value / threshold
+    return {"value": value, "threshold": threshold, "margin": margin}
+
+
+def checks_of(settled: Settled) -> dict[str, dict[str, float]]:
+    """The rows that `with_checks` added."""
+    checks = settled.certificate["placement"]
+    assert isinstance(checks, dict)
+    return checks
+
+
+def judge(settled: Settled, anchor: Anchor) -> Settled | Infeasible:
     """At rest, but is it on the base?"""
-    carried = carried_share(settled, particles, anchor.base_id)
-    if carried < config.object_share:
-        message = f"the object rests, but {anchor.base_id} carries only {carried:.0%} of its weight"
-        return Infeasible(Reason.LEFT_TARGET, message, evidence(settled) | {"carried_share": carried})
+    carried = checks_of(settled)["carried_share"]
+    if carried["margin"] < 0.0:
+        message = f"the object rests, but {anchor.base_id} carries only {carried['value']:.0%} of its weight"
+        return Infeasible(Reason.LEFT_TARGET, message, evidence(settled))
     return settled
 
 
-def toppling(settled: Settled, anchor: Anchor, intent: Intent, config: DropConfig) -> Infeasible | None:
-    """The object has tilted away from a pose or a facing that was asked for."""
-    tilt = tilt_of(settled.bodies[0].quaternion, anchor.world_from_object)
+def toppling(settled: Settled, intent: Intent) -> Infeasible | None:
+    """The object has tilted away from a pose, or turned away from a facing, that was asked for."""
+    checks = checks_of(settled)
     asked = intent.orientation.facing if intent.orientation.pose == "any" else intent.orientation.pose
-    if not asked or tilt <= config.topple_angle:
-        return None
-    message = (
-        f"the object fell over: {np.degrees(tilt):.0f} degrees from the asked pose ({asked}; "
-        f"bound {np.degrees(config.topple_angle):.0f})"
-    )
-    return Infeasible(Reason.TOPPLED, message, evidence(settled) | {"tilt_rad": tilt})
+    for name, what, wanted in (
+        ("tilt_rad", "fell over", asked),
+        ("turn_rad", "turned away", intent.orientation.facing),
+    ):
+        check = checks.get(name)
+        if check is not None and check["margin"] < 0.0:
+            angle, bound = np.degrees([check["value"], check["threshold"]])
+            message = f"the object {what}: {angle:.0f} degrees from what was asked ({wanted}; bound {bound:.0f})"
+            return Infeasible(Reason.TOPPLED, message, evidence(settled))
+    return None
 
 
 def carried_share(settled: Settled, particles: Particles, base_id: str) -> float:
@@ -159,6 +189,12 @@ def tilt_of(quaternion_wxyz: Array, world_from_object: Array) -> float:
     after = Rotation.from_quat(quaternion_wxyz, scalar_first=True).apply(up)
     before_angle, after_angle = (float(np.arccos(np.clip(axis[2], -1.0, 1.0))) for axis in (up, after))
     return abs(after_angle - before_angle)
+
+
+def turn_of(quaternion_wxyz: Array) -> float:
+    """Angle [rad] of the turn about the vertical that is part of a rotation (its twist)."""
+    w, _, _, z = quaternion_wxyz
+    return float(2.0 * np.arctan2(abs(z), abs(w)))
 
 
 def evidence(settled: Settled) -> dict[str, object]:

@@ -64,6 +64,7 @@ def intent(
         region=RegionRequest(reply.part, reply.regions, reply.references, reply.region_words, reply.which),
         not_understood=reply.not_understood,
         notes=(*reply.notes, scale_note, mass_note),
+        mass_given=mass is not None,
     )
 
 

@@ -93,9 +93,8 @@ def authoritative_mass(s: Scenario, natural: float) -> float:
     """The object's mass [kg]: what was given or is usual for hollow things, else density times volume if that is
     plausible.
     """
-    given = any(note.startswith("mass") and note.endswith("was given") for note in s.intent.notes)
     ratio = natural / s.intent.mass
-    if not (s.intent.hollow or given) and 1.0 / s.config.mass_trust <= ratio <= s.config.mass_trust:
+    if not (s.intent.hollow or s.intent.mass_given) and 1.0 / s.config.mass_trust <= ratio <= s.config.mass_trust:
         return natural
     s.notes.append(
         f"object: density scaled by {1.0 / ratio:.3g} so that it weighs {s.intent.mass:.3g} kg, not {natural:.3g} kg"

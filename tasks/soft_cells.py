@@ -18,6 +18,7 @@ THIN_SHARE = 0.2  # chords shorter than all but this share count as the thinnest
 MOST_ASPECT = 3.0  # longest over shortest cell edge: beyond it trilinear cells lock
 COARSENING = 1.06  # factor per round when a grid exceeds its budget
 GROWTHS = (1.3, 1.4, 1.5, 1.6)  # ratios of neighbouring spacings away from the contact, tried in this order
+MOST_LOOKED_AT = 4_000_000  # cells of a grid that are looked at one by one: half a gigabyte while it lasts
 PADDING = 2  # cells beyond the surface of a free body, so that its displacement extends past it
 
 
@@ -30,8 +31,6 @@ class Cells:
     """Cell size at the contact, or the smallest of a uniform grid [m]."""
     count: int
     """Cells with material."""
-    wanted: float
-    """Cell size that thickness and contact asked for [m]."""
 
 
 def thickness(grid: DistanceGrid) -> NDArray[np.float64]:
@@ -65,7 +64,7 @@ def uniform_cells(
         planes = uniform_planes(bounds, scale * wanted)
         count = occupied(planes, distance)
         if count <= budget:
-            return Cells(planes, float(scale * wanted.min()), count, float(wanted.min()))
+            return Cells(planes, float(scale * wanted.min()), count)
         scale *= max(COARSENING, min((count / budget) ** (1 / 3), 1.5))
 
 
@@ -97,7 +96,7 @@ def graded_cells(
             planes = planes_of(box, fine, size, growth)
             count = occupied(planes, distance)
             if count <= budget:
-                return Cells(planes, size, count, cell)
+                return Cells(planes, size, count)
             if size < coarsest and growth >= GROWTHS[2]:
                 break  # the steepest growth only once the cells cannot be coarser
         size *= COARSENING
@@ -114,8 +113,11 @@ def planes_of(box: NDArray[np.float64], fine: NDArray[np.float64], cell: float, 
 
 def occupied(planes: Planes, distance: Distance) -> int:
     """Number of cells that may hold material: whose middle is inside or nearer to the surface than half their
-    diagonal.
+    diagonal; of a grid beyond all budgets the number of all cells, without looking at any.
     """
+    total = int(np.prod([len(p) - 1 for p in planes], dtype=np.float64))
+    if total > MOST_LOOKED_AT:
+        return total
     middle = np.stack(np.meshgrid(*[0.5 * (p[:-1] + p[1:]) for p in planes], indexing="ij"), axis=-1).reshape(-1, 3)
     half = 0.5 * np.linalg.norm(
         np.stack(np.meshgrid(*[np.diff(p) for p in planes], indexing="ij"), axis=-1).reshape(-1, 3), axis=1

@@ -5,6 +5,7 @@ import json
 import pytest
 
 from scene.errors import InputError
+from solver.errors import UnstableStep
 from tasks.case import run_case
 from tasks.case_file import read_case
 
@@ -44,6 +45,9 @@ def case_file(tmp_path):
         ("name: cube", "name: floor", "must differ"),
         ("{box: {size: [0.1, 0.1, 0.1]}}", "{box: {size: [0.1, 0.1, 0.1]}, sphere: {radius: 1}}", "exactly one"),
         ("bodies:", "inertia: true\nbodies:", "inertia"),
+        ("mass: 1.0", "quaternion: [0, 0, 0, 0]", "length 0 instead of 1"),
+        ("material: steel", "material: steal", "case.yaml"),
+        (CUBE, "", "holds no keys"),
     ],
 )
 def test_bad_input_is_refused_in_one_line_that_names_key_and_value(case_file, tmp_path, old, new, words):
@@ -84,3 +88,30 @@ def test_a_case_writes_result_bodies_and_history(case_file, tmp_path):
     assert written["bodies"]["cube"]["position"][2] == pytest.approx(0.05, abs=1e-4)
     assert written["contacts"][0]["normal_force_n"] == pytest.approx(9.81, rel=5e-3)
     assert {p.name for p in (tmp_path / "out").iterdir()} == {"result.json", "history.parquet", "floor.ply", "cube.ply"}
+
+
+def test_an_earlier_result_is_replaced_and_other_files_stay(case_file, tmp_path, monkeypatch):
+    """`--out` may be a folder with other things in it, and a drop that breaks leaves no earlier verdict behind."""
+    out = tmp_path / "out"
+    run_case(case_file(CUBE), out, quiet=True)
+    (out / "notes.txt").write_text("mine")
+    run_case(case_file(CUBE.replace("name: cube", "name: block")), out, quiet=True)
+    assert {p.name for p in out.iterdir()} == {
+        "result.json", "history.parquet", "floor.ply", "block.ply", "notes.txt"
+    }  # fmt: skip
+
+    def broken(*_):
+        raise UnstableStep("t = 0.1 s: step ends with 7 of the free weight unbalanced")
+
+    monkeypatch.setattr("tasks.case.settle", broken)
+    result = run_case(case_file(CUBE), out, quiet=True)
+    assert result["verdict"] == "unstable_step"
+    assert json.loads((out / "result.json").read_text())["warnings"] == result["warnings"]
+    assert {p.name for p in out.iterdir()} == {"result.json", "notes.txt"}
+
+
+def test_more_cells_than_a_person_waits_for_are_refused_before_anything_is_built(case_file, tmp_path):
+    """A slip in --resolution costs no memory."""
+    soft = CUBE.replace("youngs_modulus: 1.0e10", "youngs_modulus: 1.0e5")
+    with pytest.raises(InputError, match="raise --resolution"):
+        run_case(case_file(soft), tmp_path / "out", resolution=1e-4, quiet=True)

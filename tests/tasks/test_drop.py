@@ -15,7 +15,7 @@ from scene.outcome import Infeasible, Reason
 from scene.particles import Particles, SimulationBody
 from scene.settled import Settled
 from solver.config import SolverConfig
-from tasks.drop import DropConfig, carried_share, drop, tilt_of
+from tasks.drop import DropConfig, carried_share, drop, tilt_of, toppling, turn_of, with_checks
 
 
 def body(
@@ -60,6 +60,15 @@ def anchor() -> Anchor:
     return Anchor("table", "top", 0, "center", np.zeros(2), np.zeros(3), pose, 0.01, square, "test")
 
 
+def placement(found: Infeasible) -> dict[str, dict[str, float]]:
+    """What was asked of the rest state, from the certificate."""
+    certificate = found.evidence["certificate"]
+    assert isinstance(certificate, dict)
+    checks = certificate["placement"]
+    assert isinstance(checks, dict)
+    return checks
+
+
 def run(item: SimulationBody, base: SimulationBody, intent: Intent, **solver: object) -> Settled | Infeasible:
     """Drop the object on the base."""
     particles = Particles((item, base), (), 0.01, ())
@@ -98,7 +107,29 @@ def test_falling_over_counts_only_where_a_pose_or_a_facing_was_asked(pose: str, 
     else:
         assert isinstance(found, Infeasible)
         assert found.reason is reason
-        assert found.evidence["tilt_rad"] > np.radians(45)
+        tilt = placement(found)["tilt_rad"]
+        assert tilt["value"] > tilt["threshold"] == pytest.approx(np.radians(45), rel=1e-4)
+
+
+@pytest.mark.parametrize(("facing", "reason"), [("wall", Reason.TOPPLED), ("", None)])
+def test_turning_away_counts_only_where_a_facing_was_asked(facing: str, reason: Reason | None) -> None:
+    """A box that spins about the vertical on a slippery board ends turned by more than 45 degrees."""
+    item = body("object", Box(np.array([0.1, 0.1, 0.05])), [0, 0, 0.026], fixed=False)
+    found = run(replace(item, static_friction=0.0, dynamic_friction=0.0), table(), asked("any", facing))
+    assert isinstance(found, Settled)  # nothing turns it
+    spun = with_checks(
+        replace(found, bodies=(replace(found.bodies[0], quaternion=about_z(60.0)), *found.bodies[1:])),
+        Particles((item, table()), (), 0.01, ()), anchor(), asked("any", facing), DropConfig(),
+    )  # fmt: skip
+    outcome = toppling(spun, asked("any", facing))
+    assert (outcome.reason if outcome else None) is reason
+    if outcome:
+        assert "turned away: 60 degrees" in outcome.message
+
+
+def about_z(degrees: float) -> np.ndarray:
+    """(w, x, y, z) of a turn about the vertical."""
+    return np.asarray(Rotation.from_euler("z", degrees, degrees=True).as_quat(scalar_first=True))
 
 
 def test_what_still_moves_when_the_budget_ends_has_no_equilibrium() -> None:
@@ -128,7 +159,7 @@ def test_resting_beside_the_base_is_not_resting_on_it() -> None:
     found = drop(particles, anchor(), asked(), 0, DropConfig(threads=2))
     assert isinstance(found, Infeasible)
     assert found.reason is Reason.LEFT_TARGET
-    assert found.evidence["carried_share"] == 0.0
+    assert placement(found)["carried_share"]["value"] == 0.0
     on_table = run(item, table(), asked())
     assert isinstance(on_table, Settled)
     particles = Particles((item, table()), (), 0.01, ())
@@ -141,4 +172,5 @@ def test_turning_about_the_vertical_is_not_tilting() -> None:
     yaw = Rotation.from_euler("z", 80, degrees=True).as_quat(scalar_first=True)
     fall = Rotation.from_euler("x", 50, degrees=True).as_quat(scalar_first=True)
     assert tilt_of(yaw, pose) == pytest.approx(0.0, abs=1e-7)
+    assert turn_of(about_z(50)) == turn_of(about_z(-50)) == pytest.approx(np.radians(50))
     assert tilt_of(fall, pose) == pytest.approx(np.radians(50))
