@@ -16,10 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import linalg, sparse
 
-from solver.contact import Contacts
 from solver.kernels import elastic
 from solver.soft import SoftBody, SoftSystem, shape_values
-from solver.state import cross_matrix
 
 CELLS_PER_AXIS = 4  # 125 lattice nodes: the dense solve stays far below the cost of one fine product
 SHIFT = 1e-10  # relative diagonal shift that keeps lattice nodes with hardly any material solvable
@@ -31,6 +29,8 @@ class CoarseSpace:
 
     prolong: sparse.csr_matrix
     """Scalar interpolation P from lattice nodes to fine nodes, zero rows for held and core nodes, shape (n, m)."""
+    restrict: sparse.csr_matrix
+    """P^T by rows, shape (m, n)."""
     inertia: sparse.csr_matrix
     """P^T M P, shape (m, m)."""
     cell_node: NDArray[np.int64]
@@ -39,7 +39,6 @@ class CoarseSpace:
     member: NDArray[np.int32]
     weight: NDArray[np.float64]
     """Coarse shape values at each fine cell's nodes, shape (c, 8, 8)."""
-    scratch: NDArray[np.float64]
     blocks: NDArray[np.float64]
     body_nodes: list[slice]
     """Lattice nodes of each soft body."""
@@ -53,7 +52,7 @@ class CoarseSpace:
 
     def refresh(self, cell_tangent: NDArray[np.float32]) -> None:
         """Rebuild the elastic Galerkin product from the fine cells' tangents."""
-        elastic.coarse_tangents(self.start, self.member, cell_tangent, self.weight, self.scratch, self.blocks)
+        elastic.coarse_tangents(self.start, self.member, cell_tangent, self.weight, self.blocks)
         m = self.count
         dense = np.zeros((m, m, 3, 3))
         rows, columns = np.repeat(self.cell_node, 8, axis=1), np.tile(self.cell_node, (1, 8))
@@ -116,12 +115,12 @@ def build_coarse(soft: SoftSystem) -> CoarseSpace:
     counts = np.array([len(m) for m in members])
     return CoarseSpace(
         prolong,
+        prolong.T.tocsr(),
         inertia,
         coarse_cells,
         np.concatenate([[0], np.cumsum(counts)]).astype(np.int32),
         np.concatenate(members).astype(np.int32),
         weights,
-        np.zeros((8 * len(members), 8, 9)),
         np.zeros((len(members), 8, 8, 9)),
         [slice(a, b) for a, b in pairwise(ends)],
         np.zeros((3 * len(keep), 3 * len(keep))),
@@ -162,13 +161,13 @@ class CoarseSolve:
     def __init__(
         self,
         space: CoarseSpace,
-        contacts: Contacts,
-        sides: list[tuple[int, NDArray[np.int64], NDArray[np.float64], float]],
+        terms: list[tuple[sparse.csr_matrix, sparse.csr_matrix]],
         frame_blocks: NDArray[np.float64],
         coupling: dict[int, NDArray[np.float64]],
         stiffness_scale: float,
         dt: float,
     ) -> None:
+        """`terms` (J, T): J^T T J over all unknowns is added to elasticity and inertia."""
         self.space = space
         m, frames = space.count, len(frame_blocks)
         matrix = np.zeros((3 * m + 6 * frames, 3 * m + 6 * frames))
@@ -182,52 +181,21 @@ class CoarseSolve:
             if f in coupling:
                 matrix[: 3 * m, at] += coupling[f]
                 matrix[at, : 3 * m] += coupling[f].T
-        if len(contacts.a):
-            jacobian = self._jacobian(contacts, sides, frames)
-            tangent = sparse.block_diag(list(contacts.tangent), format="csr")
-            matrix += (jacobian.T @ tangent @ jacobian).toarray()
-        for rolling in contacts.rolling:
-            turn = self._turn(rolling.a, contacts) - self._turn(rolling.b, contacts)
-            matrix[: 3 * m, : 3 * m] += turn.T @ rolling.tangent @ turn
+        every = sparse.block_diag(
+            [sparse.kron(space.prolong, sparse.eye(3)), *([sparse.eye(6 * frames)] if frames else [])], format="csr"
+        )
+        for jacobian, tangent in terms:
+            rows = jacobian @ every
+            matrix += (rows.T @ (tangent @ rows)).toarray()
         diagonal = np.diagonal(matrix)
         matrix[np.diag_indices(len(matrix))] += SHIFT * diagonal.max() + np.where(diagonal > 0.0, 0.0, 1.0)
         self.factor = linalg.cho_factor(matrix, lower=True, overwrite_a=True, check_finite=False)
-
-    def _turn(self, index: int, contacts: Contacts) -> NDArray[np.float64]:
-        """Rotation of a free soft body from the lattice displacements, zero for others, shape (3, 3 m)."""
-        if index not in contacts.spins:
-            return np.zeros((3, 3 * self.space.count))
-        spin = contacts.spins[index]
-        per_node = spin.map.reshape(3, -1, 3)
-        prolong = self.space.prolong[spin.nodes]
-        return (
-            np.stack([prolong.T @ per_node[:, :, axis].T for axis in range(3)], axis=2)
-            .transpose(1, 0, 2)
-            .reshape(3, -1)
-        )
-
-    def _jacobian(
-        self,
-        contacts: Contacts,
-        sides: list[tuple[int, NDArray[np.int64], NDArray[np.float64], float]],
-        frames: int,
-    ) -> sparse.csr_matrix:
-        """Relative displacement of the contact points (3 k) from the coarse unknowns."""
-        count = len(contacts.a)
-        parts = [sparse.kron(contacts.gather @ self.space.prolong, sparse.eye(3), format="csr")]
-        if frames:
-            dense = np.zeros((count, 3, frames, 6))
-            for f, points, arm, sign in sides:
-                dense[points, :, f, :3] += sign * np.eye(3)
-                dense[points, :, f, 3:] -= sign * cross_matrix(arm)
-            parts.append(sparse.csr_matrix(dense.reshape(3 * count, 6 * frames)))
-        return sparse.hstack(parts, format="csr")
 
     def apply(
         self, nodes: NDArray[np.float64], frames: NDArray[np.float64]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """P (P^T A P)^-1 P^T of a residual."""
-        right = np.concatenate([np.asarray(self.space.prolong.T @ nodes).ravel(), frames.ravel()])
+        right = np.concatenate([np.asarray(self.space.restrict @ nodes).ravel(), frames.ravel()])
         y = linalg.cho_solve(self.factor, right, check_finite=False)
         split = 3 * self.space.count
         return np.asarray(self.space.prolong @ y[:split].reshape(-1, 3)), y[split:].reshape(-1, 6)

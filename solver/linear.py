@@ -1,9 +1,12 @@
-"""The linear system of one Newton step, matrix-free, and its conjugate gradient solver.
+"""The linear system of one Newton step, matrix-free but for the contacts, and its conjugate gradient solver.
 
-Unknowns: node displacements (n, 3) and frame motions (b, 6: translation, rotation vector about the frame's centre).
-Held nodes do not move; core nodes move with their frame. The matrix is symmetric positive semi-definite:
+Unknowns in one array: node displacements (n, 3), then frame motions (b, 6: translation, rotation vector about the
+frame's centre). Held nodes do not move; core nodes move with their frame. The matrix is symmetric positive
+semi-definite:
 
-    (1 + beta / dt) K + M / dt^2 + contact tangents.
+    (1 + beta / dt) K + M / dt^2 + J^T T J + W^T T_r W
+
+with J the relative displacement of the contact points, W the relative rotation of pairs that resist rolling.
 
 [S94] Shewchuk: An introduction to the conjugate gradient method without the agonizing pain. 1994.
 """
@@ -12,8 +15,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import sparse as scipy_sparse
 
-from solver.coarse import CoarseSolve, CoarseSpace
+from solver.coarse import CoarseSolve
 from solver.contact import Contacts
 from solver.kernels import sparse
 from solver.soft import SoftSystem
@@ -21,6 +25,7 @@ from solver.state import cross_matrix
 from solver.tangent import ElasticTangent
 
 Vector = tuple[NDArray[np.float64], NDArray[np.float64]]
+Flat = NDArray[np.float64]
 
 
 @dataclass(eq=False, slots=True)
@@ -42,7 +47,7 @@ class Frames:
 
 
 class TangentSystem:
-    """Applies the matrix and its block-diagonal inverse."""
+    """Applies the matrix and its two-level preconditioner."""
 
     def __init__(
         self,
@@ -61,15 +66,17 @@ class TangentSystem:
         self.frames = frames
         self.stiffness_scale = 1.0 + damping / dt
         self.node_inertia = soft.mass / dt**2
-        self.free = ~(soft.held | (soft.core >= 0))[:, None]
+        self.free = ~(soft.held | (soft.core >= 0))
         self.frame_inertia = self._frame_inertia(dt)
         soft_bodies = {s.index for s in soft.bodies}
         self.place = {body: f for f, body in enumerate(frames.index) if body not in soft_bodies}
         """Frame of each free rigid body."""
-        self.sides = self._sides()
-        self._product = np.zeros_like(soft.rest)
-        self.inverse: Vector | None = None
-        self.second: CoarseSolve | None = None
+        self.nodes = 3 * len(soft.rest)
+        """Where the frames begin in the array of unknowns."""
+        self.size = self.nodes + 6 * len(frames.index)
+        self.jacobian = self._jacobian()
+        self.rolling = self._rolling_rows()
+        self.has_cores = any(len(t) for t in frames.tied)
 
     def _frame_inertia(self, dt: float) -> NDArray[np.float64]:
         out = np.zeros((len(self.frames.index), 6, 6))
@@ -77,174 +84,192 @@ class TangentSystem:
         out[:, 3:, 3:] = self.frames.inertia / dt**2
         return out
 
-    def _sides(self) -> list[tuple[int, NDArray[np.int64], NDArray[np.float64], float]]:
-        """Per frame and side: which contact points it moves rigidly, their arms and the sign."""
-        out = []
+    def _jacobian(self) -> scipy_sparse.csr_matrix:
+        """J, shape (3 k, size)."""
+        count = len(self.contacts.a)
+        nodes = scipy_sparse.kron(self.contacts.gather, scipy_sparse.eye(3), format="csr")[:, : self.nodes]
+        if not self.frames.index or not count:
+            return scipy_sparse.hstack([nodes, scipy_sparse.csr_matrix((3 * count, self.size - self.nodes))], "csr")
+        frames = np.zeros((count, 3, len(self.frames.index), 6))
         for body, f in self.place.items():
             for which, sign in ((self.contacts.a, 1.0), (self.contacts.b, -1.0)):
                 points = np.flatnonzero(which == body)
-                if len(points):
-                    out.append((f, points, self.contacts.position[points] - self.frames.center[f], sign))
-        return out
+                frames[points, :, f, :3] += sign * np.eye(3)
+                frames[points, :, f, 3:] -= sign * cross_matrix(self.contacts.position[points] - self.frames.center[f])
+        return scipy_sparse.hstack([nodes, scipy_sparse.csr_matrix(frames.reshape(3 * count, -1))], format="csr")
 
-    def expand(self, nodes: NDArray[np.float64], frames: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Node displacements with the core nodes filled in from their frames."""
-        for f, tied in enumerate(self.frames.tied):
-            if len(tied):
-                nodes[tied] = frames[f, :3] + np.cross(frames[f, 3:], self.frames.arm[f])
-        return nodes
+    def _rolling_rows(self) -> list[tuple[NDArray[np.float64], scipy_sparse.csr_matrix]]:
+        """Tangent (3, 3) and rows of W (3, size) of each pair that resists rolling."""
+        return [(r.tangent, self._turn_rows(r.a) - self._turn_rows(r.b)) for r in self.contacts.rolling]
 
-    def reduce(self, nodes: NDArray[np.float64], frames: NDArray[np.float64]) -> Vector:
-        """Node forces with those of the core nodes moved to their frames; held nodes drop out."""
-        for f, tied in enumerate(self.frames.tied):
-            if len(tied):
-                frames[f, :3] += nodes[tied].sum(axis=0)
-                frames[f, 3:] += np.cross(self.frames.arm[f], nodes[tied]).sum(axis=0)
-        return nodes * self.free, frames
-
-    def contact_forces(self, force: NDArray[np.float64]) -> Vector:
-        """Point forces (k, 3) on side a as node forces and frame wrenches, before `reduce`."""
-        nodes = np.asarray(self.contacts.gather.T @ force)[: len(self.soft.rest)]
-        frames = np.zeros((len(self.frames.index), 6))
-        for f, points, arm, sign in self.sides:
-            frames[f, :3] += sign * force[points].sum(axis=0)
-            frames[f, 3:] += sign * np.cross(arm, force[points]).sum(axis=0)
-        return nodes, frames
-
-    def multiply(self, direction: Vector) -> Vector:
-        """Matrix times vector."""
-        p = self.expand(direction[0].copy(), direction[1])
-        nodes = self._elastic_and_inertia(p)
-        frames = np.einsum("bij,bj->bi", self.frame_inertia, direction[1])
-        if len(self.contacts.a):
-            relative = np.asarray(self.contacts.gather @ p) if len(p) else np.zeros((len(self.contacts.a), 3))
-            for f, points, arm, sign in self.sides:
-                relative[points] += sign * (direction[1][f, :3] + np.cross(direction[1][f, 3:], arm))
-            node_part, frame_part = self.contact_forces(np.einsum("kij,kj->ki", self.contacts.tangent, relative))
-            nodes += node_part
-            frames += frame_part
-            turns = [self._turn(r.a, p, direction[1]) - self._turn(r.b, p, direction[1]) for r in self.contacts.rolling]
-            torques = [r.tangent @ t for r, t in zip(self.contacts.rolling, turns, strict=True)]
-            self.add_rolling(torques, nodes, frames)
-        return self.reduce(nodes, frames)
-
-    def _elastic_and_inertia(self, p: NDArray[np.float64]) -> NDArray[np.float64]:
-        if len(p):
-            sparse.multiply(
-                self.soft.neighbour, self.stencil, self.stiffness_scale, self.node_inertia, p, self._product
-            )
-        return self._product
-
-    def add_rolling(
-        self, torques: list[NDArray[np.float64]], nodes: NDArray[np.float64], frames: NDArray[np.float64]
-    ) -> None:
-        """Add one torque per rolling pair, on its body a and against b, to node forces and frame wrenches."""
-        for r, torque in zip(self.contacts.rolling, torques, strict=True):
-            for index, sign in ((r.a, 1.0), (r.b, -1.0)):
-                if index in self.contacts.spins:
-                    spin = self.contacts.spins[index]
-                    nodes[spin.nodes] += spin.forces(sign * torque)
-                elif index in self.place:
-                    frames[self.place[index], 3:] += sign * torque
-
-    def _turn(self, index: int, nodes: NDArray[np.float64], frames: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _turn_rows(self, index: int) -> scipy_sparse.csr_matrix:
+        """Rotation vector of a body from the unknowns, shape (3, size)."""
+        rows = scipy_sparse.lil_matrix((3, self.size))
         if index in self.contacts.spins:
             spin = self.contacts.spins[index]
-            return spin.turn(nodes[spin.nodes])
-        return frames[self.place[index], 3:] if index in self.place else np.zeros(3)
+            rows[:, 3 * spin.nodes.start : 3 * spin.nodes.stop] = spin.map
+        elif index in self.place:
+            at = self.nodes + 6 * self.place[index] + 3
+            rows[:, at : at + 3] = np.eye(3)
+        return rows.tocsr()
+
+    def split(self, flat: Flat) -> Vector:
+        """Views of the nodes' part (n, 3) and the frames' part (b, 6)."""
+        return flat[: self.nodes].reshape(-1, 3), flat[self.nodes :].reshape(-1, 6)
+
+    def expand(self, flat: Flat) -> Flat:
+        """The same motion with the core nodes filled in from their frames."""
+        if self.has_cores:
+            flat = flat.copy()
+            nodes, frames = self.split(flat)
+            for f, tied in enumerate(self.frames.tied):
+                if len(tied):
+                    nodes[tied] = frames[f, :3] + np.cross(frames[f, 3:], self.frames.arm[f])
+        return flat
+
+    def reduce(self, flat: Flat) -> Flat:
+        """Forces, in place, with those of the core nodes moved to their frames; held nodes drop out."""
+        nodes, frames = self.split(flat)
+        if self.has_cores:
+            for f, tied in enumerate(self.frames.tied):
+                if len(tied):
+                    frames[f, :3] += nodes[tied].sum(axis=0)
+                    frames[f, 3:] += np.cross(self.frames.arm[f], nodes[tied]).sum(axis=0)
+        nodes[~self.free] = 0.0
+        return flat
+
+    def contact_forces(self) -> Flat:
+        """Forces of contact and of rolling resistance on nodes and frames, before `reduce`."""
+        out = np.asarray(self.jacobian.T @ self.contacts.force.ravel())
+        for rolling, (_, rows) in zip(self.contacts.rolling, self.rolling, strict=True):
+            out += rows.T @ rolling.torque
+        return out
+
+    def prepare(self) -> None:
+        """Assemble the contacts and factorise the preconditioner: once before the products."""
+        self.contact = self._contact_matrix()
+        self.inverse = self._preconditioner()
+
+    def _contact_matrix(self) -> scipy_sparse.csr_matrix:
+        """J^T T J."""
+        count = len(self.contacts.a)
+        blocks = (self.contacts.tangent, np.arange(count), np.arange(count + 1))
+        tangent = scipy_sparse.bsr_matrix(blocks, shape=(3 * count, 3 * count)).tocsr()
+        return (self.jacobian.T @ (tangent @ self.jacobian)).tocsr()
+
+    def multiply(self, direction: Flat) -> Flat:
+        """Matrix times vector."""
+        p = self.expand(direction)
+        out = self._elastic_and_inertia(p)
+        if self.contact.nnz:
+            out += self.contact @ p
+        for tangent, rows in self.rolling:
+            out += rows.T @ (tangent @ (rows @ p))
+        return self.reduce(out)
+
+    def _elastic_and_inertia(self, p: Flat) -> Flat:
+        out = np.empty(self.size)
+        nodes, frames = self.split(out)
+        if len(nodes):
+            sparse.multiply(
+                self.soft.neighbour, self.stencil, self.stiffness_scale, self.node_inertia, self.split(p)[0], nodes
+            )
+        frames[:] = np.einsum("bij,bj->bi", self.frame_inertia, self.split(p)[1])
+        return out
 
     def _preconditioner(self) -> Vector:
         """Inverses of the 3x3 node blocks (n, 9), zero where nodes are not free, and of the 6x6 frame blocks."""
         frames = self.frame_inertia.copy()
-        for r in self.contacts.rolling:
-            for body, f in self.place.items():
-                if body in (r.a, r.b):
-                    frames[f, 3:, 3:] += r.tangent
-        if self.coarse is not None:
-            coupling = {
-                f: self._core_coupling(f, frames, self.coarse) for f, tied in enumerate(self.frames.tied) if len(tied)
-            }
-            self.second = CoarseSolve(
-                self.coarse, self.contacts, self.sides, frames, coupling, self.stiffness_scale, self.dt
-            )
         more = np.zeros((len(self.soft.rest), 9))
         if len(self.contacts.a):
             if len(more):
                 squared = self.contacts.gather.multiply(self.contacts.gather).T
                 more += np.asarray(squared @ self.contacts.tangent.reshape(-1, 9))[: len(more)]
-            for f, points, arm, _ in self.sides:
-                frames[f] += _wrench_block(self.contacts.tangent[points], arm)
+            own = self.contact[self.nodes :, self.nodes :].toarray()
+            for f in range(len(frames)):
+                frames[f] += own[6 * f : 6 * f + 6, 6 * f : 6 * f + 6]
+        for tangent, rows in self.rolling:
+            turn = rows[:, self.nodes :].toarray()
+            for f in range(len(frames)):
+                frames[f] += turn[:, 6 * f : 6 * f + 6].T @ tangent @ turn[:, 6 * f : 6 * f + 6]
         nodes = np.zeros_like(more)
         if len(nodes):
             sparse.invert_diagonal(
-                self.stencil, self.stiffness_scale, self.node_inertia, more, self.free[:, 0].astype(np.int32), nodes
+                self.stencil, self.stiffness_scale, self.node_inertia, more, self.free.astype(np.int32), nodes
             )
+        own_stiffness, coupling = self._core_coupling()
+        frames += own_stiffness
+        self.second = None
+        if self.coarse is not None:
+            self.second = CoarseSolve(
+                self.coarse, self._contact_terms(), self.frame_inertia + own_stiffness, coupling,
+                self.stiffness_scale, self.dt,
+            )  # fmt: skip
         return nodes, np.asarray(np.linalg.inv(frames), np.float64)
 
-    def _core_coupling(self, f: int, frames: NDArray[np.float64], coarse: CoarseSpace) -> NDArray[np.float64]:
-        """Forces of the six unit motions of a core: on itself (added to `frames`) and on the lattice, shape
-        (3 m, 6)."""
-        columns = []
-        for motion in np.eye(6):
-            unit = np.zeros((len(self.frames.index), 6))
-            unit[f] = motion
-            p = self.expand(np.zeros_like(self._product), unit)
-            forces = self._elastic_and_inertia(p)
-            columns.append(np.asarray(coarse.prolong.T @ forces).ravel())
-            own = np.zeros((len(self.frames.index), 6))
-            self.reduce(forces, own)
-            frames[f, :, int(np.argmax(motion))] += own[f]
-        return np.stack(columns, axis=1)
+    def _contact_terms(self) -> list[tuple[scipy_sparse.csr_matrix, scipy_sparse.csr_matrix]]:
+        """Symmetric terms A^T B of contact and rolling as pairs (A, B)."""
+        count = len(self.contacts.a)
+        if not count:
+            return []
+        blocks = (self.contacts.tangent, np.arange(count), np.arange(count + 1))
+        tangent = scipy_sparse.bsr_matrix(blocks, shape=(3 * count, 3 * count)).tocsr()
+        return [(self.jacobian, tangent), *((rows, scipy_sparse.csr_matrix(t)) for t, rows in self.rolling)]
 
-    def precondition(self, residual: Vector) -> Vector:
+    def _core_coupling(self) -> tuple[NDArray[np.float64], dict[int, NDArray[np.float64]]]:
+        """Forces of the six unit motions of each core: on the frames (b, 6, 6), and on the lattice, (3 m, 6) each."""
+        own = np.zeros_like(self.frame_inertia)
+        coupling = {}
+        for f, tied in enumerate(self.frames.tied):
+            if not len(tied):
+                continue
+            columns = []
+            for motion in range(6):
+                unit = np.zeros(self.size)
+                unit[self.nodes + 6 * f + motion] = 1.0
+                forces = self._elastic_and_inertia(self.expand(unit))
+                forces[self.nodes :] = 0.0
+                if self.coarse is not None:
+                    columns.append(np.asarray(self.coarse.restrict @ self.split(forces)[0]).ravel())
+                own[f, :, motion] += self.split(self.reduce(forces))[1][f]
+            coupling[f] = np.stack(columns, axis=1)
+        return own, coupling
+
+    def precondition(self, residual: Flat) -> Flat:
         """Block-Jacobi plus the coarse space."""
-        if self.inverse is None:
-            self.inverse = self._preconditioner()
-        node_inverse, frame_inverse = self.inverse
-        nodes = np.zeros_like(residual[0])
+        out = np.empty(self.size)
+        nodes, frames = self.split(out)
+        node_residual, frame_residual = self.split(residual)
         if len(nodes):
-            sparse.apply_diagonal(node_inverse, residual[0], nodes)
-        frames = np.einsum("bij,bj->bi", frame_inverse, residual[1])
+            sparse.apply_diagonal(self.inverse[0], node_residual, nodes)
+        frames[:] = np.einsum("bij,bj->bi", self.inverse[1], frame_residual)
         if self.second is not None:
-            node_part, frame_part = self.second.apply(*residual)
+            node_part, frame_part = self.second.apply(node_residual, frame_residual)
             nodes += node_part
             frames += frame_part
-        return nodes, frames
+        return out
 
 
-def _wrench_block(tangent: NDArray[np.float64], arm: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Sum of J^T K J over points, J = [I, -[arm]x], shape (6, 6)."""
-    jacobian = np.concatenate([np.broadcast_to(np.eye(3), (len(arm), 3, 3)), -cross_matrix(arm)], axis=2)
-    return np.asarray(np.einsum("kia,kij,kjb->ab", jacobian, tangent, jacobian))
-
-
-def dot(a: Vector, b: Vector) -> float:
-    """Inner product; numpy's pairwise summation runs in a fixed order on one thread."""
-    return float((a[0] * b[0]).sum() + (a[1] * b[1]).sum())
-
-
-def conjugate_gradient(system: TangentSystem, right: Vector, tolerance: float, limit: int) -> tuple[Vector, int]:
+def conjugate_gradient(system: TangentSystem, right: Flat, tolerance: float, limit: int) -> tuple[Flat, int]:
     """Solve system @ y = right until the preconditioned residual norm falls by `tolerance` [S94, B3]; returns (y,
     iterations)."""
-    y = (np.zeros_like(right[0]), np.zeros_like(right[1]))
-    r = (right[0].copy(), right[1].copy())
+    system.prepare()
+    y, r = np.zeros_like(right), right.copy()
     z = system.precondition(r)
-    p = (z[0].copy(), z[1].copy())
-    rho = start = dot(r, z)
+    p = z.copy()
+    rho = start = float(r @ z)
     count = 0
     while count < limit and rho > tolerance**2 * start and rho > 0.0:
         q = system.multiply(p)
-        curvature = dot(p, q)
+        curvature = float(p @ q)
         if curvature <= 0.0:
             break
         alpha = rho / curvature
-        for k in (0, 1):
-            y[k][...] += alpha * p[k]
-            r[k][...] -= alpha * q[k]
+        y += alpha * p
+        r -= alpha * q
         z = system.precondition(r)
-        rho, previous = dot(r, z), rho
-        for k in (0, 1):
-            p[k][...] *= rho / previous
-            p[k][...] += z[k]
+        rho, previous = float(r @ z), rho
+        p *= rho / previous
+        p += z
         count += 1
     return y, count

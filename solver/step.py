@@ -19,7 +19,7 @@ from solver.config import SolverConfig
 from solver.contact import ContactQuery, Contacts
 from solver.errors import UnstableStep
 from solver.kernels import elastic, sparse
-from solver.linear import Frames, TangentSystem, Vector, conjugate_gradient
+from solver.linear import Flat, Frames, TangentSystem, Vector, conjugate_gradient
 from solver.model import Model
 from solver.soft import SoftSystem
 from solver.state import State, rotate, turn_between
@@ -104,7 +104,7 @@ class Stepper:
             contacts = self.query.find(after, before)
             system = TangentSystem(self.soft, self.tangent, contacts, self.frames(after), dt, self.damping)
             right = self._residual(system, after, before, force, dt)
-            previous, residual = residual, self._size(right, contacts)
+            previous, residual = residual, self._size(system.split(right), contacts)
             if not np.isfinite(residual):
                 raise UnstableStep(self._story(after, dt, residual))
             if residual <= tolerance or count == self.config.newton_limit:
@@ -112,11 +112,11 @@ class Stepper:
             move, iterations = conjugate_gradient(system, right, self.config.linear_tolerance, self.config.linear_limit)
             total += iterations
             share = CAUTION * share if count > 1 and residual > SLOW * previous else min(1.0, 2.0 * share)
-            after = self._move(after, system, (share * move[0], share * move[1]))
+            after = self._move(after, system, share * move)
         self._finish(after, before, dt)
         inverted = int((self.volume_ratio[self.soft.real] <= 0.0).sum())
         assert contacts is not None
-        return after, StepReport(count, total, residual, contacts, right[1], inverted)
+        return after, StepReport(count, total, residual, contacts, system.split(right)[1], inverted)
 
     def _predict(self, state: State, dt: float) -> State:
         after = state.copy()
@@ -137,11 +137,12 @@ class Stepper:
 
     def _residual(
         self, system: TangentSystem, after: State, before: State, elastic_force: NDArray[np.float64], dt: float
-    ) -> Vector:
+    ) -> Flat:
         """Force minus inertia on every degree of freedom."""
         gravity = self.model.gravity
         velocity = (after.x - before.x) / dt
-        nodes, frames = system.contact_forces(system.contacts.force)
+        out = system.contact_forces()
+        nodes, frames = system.split(out)
         nodes += elastic_force + (self.soft.mass * self.soft.gravity_share)[:, None] * gravity
         nodes -= self.soft.mass[:, None] * (velocity - before.v) / dt
         if self.damping > 0.0 and len(nodes):
@@ -154,8 +155,7 @@ class Stepper:
             angular = turn_between(before.rotation[i], after.rotation[i]) / dt
             frames[f, :3] += system.frames.mass[f] * (gravity - (linear - before.velocity[i]) / dt)
             frames[f, 3:] -= system.frames.inertia[f] @ (angular - before.angular_velocity[i]) / dt
-        system.add_rolling([r.torque for r in system.contacts.rolling], nodes, frames)
-        return system.reduce(nodes, frames)
+        return system.reduce(out)
 
     def _size(self, residual: Vector, contacts: Contacts) -> float:
         """Largest of the node residual (2-norm) and the frames' force and torque residuals, over the weight."""
@@ -171,9 +171,9 @@ class Stepper:
             parts.append(float(np.linalg.norm(residual[1][f, 3:])) / (0.5 * self.model.bodies[i].size))
         return max(parts) / self.weight
 
-    def _move(self, state: State, system: TangentSystem, move: Vector) -> State:
+    def _move(self, state: State, system: TangentSystem, move: Flat) -> State:
         """Apply a Newton step, shortened so that no point jumps past a contact."""
-        nodes, frames = system.expand(move[0], move[1]), move[1]
+        nodes, frames = system.split(system.expand(move))
         reach = [float(np.abs(nodes).max())] if len(nodes) else []
         for f, i in enumerate(self.frame_bodies):
             reach.append(

@@ -30,16 +30,16 @@ class ElasticTangent:
         self.soft = soft
         self.strain_refresh = strain_refresh
         cells = len(soft.cell_node)
-        self.cells = np.zeros((cells, 8, 8, 9), dtype=np.float32)
-        self.rest_cells = np.zeros((cells, 8, 8, 9), dtype=np.float32)
+        self.cells = np.zeros((cells, 8, 8, 3, 3), dtype=np.float32)
+        self.rest_cells = np.zeros((cells, 8, 8, 3, 3), dtype=np.float32)
         if cells:
             identity = np.tile(np.eye(3).ravel(), (len(soft.volume), 1))
             elastic.cell_tangents(
                 soft.cell_size, soft.cell_start, soft.local, soft.volume, soft.mu, soft.lam, identity, identity,
-                self.rest_cells,
+                np.zeros((cells, 8, 3)), self.rest_cells,
             )  # fmt: skip
-        self.stencil = np.zeros((len(soft.rest), 27, 9), dtype=np.float32)
-        """Rows of K on the 27 nodes around each node [N/m]."""
+        self.stencil = np.zeros((len(soft.rest), 27, 3, 4), dtype=np.float32)
+        """Rows of K on the 27 nodes around each node, by columns padded to four [N/m]."""
         self.coarse = build_coarse(soft) if len(soft.bodies) else None
         self.movable = [k for k, b in enumerate(soft.bodies) if not soft.held[b.nodes].any()]
         self.built: Built | None = None
@@ -59,7 +59,7 @@ class ElasticTangent:
             assert self.coarse is not None
             most = COARSE_REFRESH * self.strain_refresh
             if self.coarse_built is None or self._strained(self.coarse_built, deformation, now) >= most:
-                self.coarse.refresh(self.cells)
+                self.coarse.refresh(self.cells.reshape(-1, 8, 8, 9))
                 self.coarse_built, self.turned = self.built, now
         late = max((np.linalg.norm(turn_between(a, b)) for a, b in zip(self.turned, now, strict=True)), default=0.0)
         if late > TURN_REFRESH:

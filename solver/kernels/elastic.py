@@ -20,8 +20,15 @@ import taichi as ti
 
 vec3 = ti.types.vector(3, ti.f64)
 mat3 = ti.types.matrix(3, 3, ti.f64)
+mat3f = ti.types.matrix(3, 3, ti.f32)
+vec4f = ti.types.vector(4, ti.f32)
+vec9 = ti.types.vector(9, ti.f64)
+vec9f = ti.types.vector(9, ti.f32)
+mat83 = ti.types.matrix(8, 3, ti.f64)
 
-POLAR_TOLERANCE = 1e-12  # relative change at which Newton's polar iteration stops: float64 rounding of a 3x3 product
+POLAR_TOLERANCE = (
+    1e-13  # squared change after which the next change of Newton's polar iteration, half of it, is rounding
+)
 POLAR_ITERATIONS = 20  # Newton converges quadratically: 6 suffice up to a stretch of 10
 SMALLEST_BULK = 1e-300  # [N m], so that nu = 0 divides by something
 INVERTED = 1e-6  # below this J the Newton iteration is ill-conditioned; the warm-started iteration [M16] takes over
@@ -41,6 +48,21 @@ def shape_gradient(a: ti.i32, xi: vec3, h: vec3) -> vec3:
 
 
 @ti.func
+def shape_gradients(xi: vec3, h: vec3) -> mat83:
+    """shape_gradient of all eight local nodes, one per row."""
+    u = ti.Matrix([[1.0 - xi[0], xi[0]], [1.0 - xi[1], xi[1]], [1.0 - xi[2], xi[2]]])
+    s = ti.Matrix([[-1.0 / h[0], 1.0 / h[0]], [-1.0 / h[1], 1.0 / h[1]], [-1.0 / h[2], 1.0 / h[2]]])
+    G = ti.Matrix.zero(ti.f64, 8, 3)
+    for i in ti.static(range(2)):
+        for j in ti.static(range(2)):
+            for k in ti.static(range(2)):
+                G[4 * i + 2 * j + k, 0] = s[0, i] * u[1, j] * u[2, k]
+                G[4 * i + 2 * j + k, 1] = u[0, i] * s[1, j] * u[2, k]
+                G[4 * i + 2 * j + k, 2] = u[0, i] * u[1, j] * s[2, k]
+    return G
+
+
+@ti.func
 def cofactor(F: mat3) -> mat3:
     """cof F = J F^-T, from cross products of the columns, defined for singular F too."""
     c0 = vec3(F[0, 0], F[1, 0], F[2, 0])
@@ -51,15 +73,16 @@ def cofactor(F: mat3) -> mat3:
 
 
 @ti.func
-def rotation_by_newton(F: mat3) -> mat3:
-    """Polar rotation of F, J > 0: R <- (R + R^-T) / 2 [H86]."""
-    R = F
-    change = 1.0
-    count = 0
+def rotation_by_newton(F: mat3, C: mat3, J: ti.f64) -> mat3:
+    """Polar rotation of F with cofactor matrix C and J = det F > 0: R <- (R + R^-T) / 2 [H86]; quadratic, so it stops
+    where the next change would be rounding."""
+    R = 0.5 * (F + (1.0 / J) * C)
+    change = (R - F).norm_sqr()
+    count = 1
     while change > POLAR_TOLERANCE and count < POLAR_ITERATIONS:
-        C = cofactor(R)
-        J = R[0, 0] * C[0, 0] + R[1, 0] * C[1, 0] + R[2, 0] * C[2, 0]
-        N = 0.5 * (R + C / J)
+        D = cofactor(R)
+        inverse = 1.0 / (R[0, 0] * D[0, 0] + R[1, 0] * D[1, 0] + R[2, 0] * D[2, 0])
+        N = 0.5 * (R + inverse * D)
         change = (N - R).norm_sqr()
         R = N
         count += 1
@@ -115,21 +138,19 @@ def cell_forces(
     """
     for c in range(cell_node.shape[0]):
         h = vec3(cell_size[c, 0], cell_size[c, 1], cell_size[c, 2])
-        for a in range(8):
-            for d in ti.static(range(3)):
-                force[c, a, d] = 0.0
+        X = ti.Matrix.zero(ti.f64, 8, 3)
+        for a in ti.static(range(8)):
+            n = cell_node[c, a]
+            X[a, 0], X[a, 1], X[a, 2] = x[n, 0], x[n, 1], x[n, 2]
         dilation, bulk = 0.0, 0.0
         for p in range(cell_start[c], cell_start[c + 1]):
-            s = vec3(xi[p, 0], xi[p, 1], xi[p, 2])
-            F = ti.Matrix.zero(ti.f64, 3, 3)
-            for a in range(8):
-                n = cell_node[c, a]
-                F += vec3(x[n, 0], x[n, 1], x[n, 2]).outer_product(shape_gradient(a, s, h))
+            G = shape_gradients(vec3(xi[p, 0], xi[p, 1], xi[p, 2]), h)
+            F = X.transpose() @ G
             C = cofactor(F)
             J = F[0, 0] * C[0, 0] + F[1, 0] * C[1, 0] + F[2, 0] * C[2, 0]
             Q = load3(R, p)
             if J > INVERTED:  # noqa: SIM108  a kernel must not evaluate both
-                Q = rotation_by_newton(F)
+                Q = rotation_by_newton(F, C, J)
             else:
                 Q = rotation_by_torque(F, Q)
             J_out[p] = J
@@ -140,16 +161,17 @@ def cell_forces(
                     R[p, 3 * i + j] = Q[i, j]
                     F_out[p, 3 * i + j] = F[i, j]
         dilation /= bulk + SMALLEST_BULK
+        total = ti.Matrix.zero(ti.f64, 8, 3)
         for p in range(cell_start[c], cell_start[c + 1]):
-            s = vec3(xi[p, 0], xi[p, 1], xi[p, 2])
+            G = shape_gradients(vec3(xi[p, 0], xi[p, 1], xi[p, 2]), h)
             F = load3(F_out, p)
             D = F - load3(R, p)
             P = V[p] * (2.0 * mu[p] * D + lam[p] * dilation * cofactor(F))
             psi[p] = V[p] * (mu[p] * D.norm_sqr() + 0.5 * lam[p] * dilation**2)
-            for a in range(8):
-                f = P @ shape_gradient(a, s, h)
-                for d in ti.static(range(3)):
-                    force[c, a, d] -= f[d]
+            total += G @ P.transpose()
+        for a in ti.static(range(8)):
+            for d in ti.static(range(3)):
+                force[c, a, d] = -total[a, d]
 
 
 @ti.kernel
@@ -175,52 +197,40 @@ def cell_tangents(
     lam: ti.types.ndarray(),
     R: ti.types.ndarray(),
     F: ti.types.ndarray(),
-    K: ti.types.ndarray(),
+    B: ti.types.ndarray(dtype=vec3, ndim=2),
+    K: ti.types.ndarray(dtype=mat3f, ndim=3),
 ):
     """Per cell the 8 x 8 blocks K_ab = sum V mu [(g_a . g_b) I + (R g_b)(R g_a)^T] + B_a B_b^T / sum V lambda with
     B_a = sum V lambda C g_a, C = cof F."""
     for c in range(cell_size.shape[0]):
         h = vec3(cell_size[c, 0], cell_size[c, 1], cell_size[c, 2])
-        B = ti.Matrix.zero(ti.f64, 8, 3)
         bulk = SMALLEST_BULK
         for a in range(8):
+            B[c, a] = vec3(0.0)
             for b in range(8):
-                for d in range(9):
-                    K[c, a, b, d] = ti.cast(0.0, ti.f32)
+                K[c, a, b] = mat3f(0.0)
         for p in range(cell_start[c], cell_start[c + 1]):
             s = vec3(xi[p, 0], xi[p, 1], xi[p, 2])
             Q = load3(R, p)
             C = cofactor(load3(F, p))
             m, la = V[p] * mu[p], V[p] * lam[p]
             bulk += la
-            for a in ti.static(range(8)):
-                ga = shape_gradient(a, s, h)
-                ca = la * (C @ ga)
-                for d in ti.static(range(3)):
-                    B[a, d] += ca[d]
             for a in range(8):
                 ga = shape_gradient(a, s, h)
+                B[c, a] = B[c, a] + la * (C @ ga)
                 ra = m * (Q @ ga)
                 for b in range(a + 1):
                     gb = shape_gradient(b, s, h)
-                    rb = Q @ gb
+                    block = (Q @ gb).outer_product(ra)
                     dot = m * ga.dot(gb)
                     for i in ti.static(range(3)):
-                        for j in ti.static(range(3)):
-                            v = rb[i] * ra[j]
-                            if ti.static(i == j):
-                                v += dot
-                            K[c, a, b, 3 * i + j] += ti.cast(v, ti.f32)
-        for a in ti.static(range(8)):
-            for b in ti.static(range(a + 1)):
-                for i in ti.static(range(3)):
-                    for j in ti.static(range(3)):
-                        K[c, a, b, 3 * i + j] += ti.cast(B[a, i] * B[b, j] / bulk, ti.f32)
+                        block[i, i] += dot
+                    K[c, a, b] = K[c, a, b] + ti.cast(block, ti.f32)
         for a in range(8):
-            for b in range(a):
-                for i in ti.static(range(3)):
-                    for j in ti.static(range(3)):
-                        K[c, b, a, 3 * j + i] = K[c, a, b, 3 * i + j]
+            for b in range(a + 1):
+                K[c, a, b] = K[c, a, b] + ti.cast(B[c, a].outer_product(B[c, b]) / bulk, ti.f32)
+                if b < a:
+                    K[c, b, a] = K[c, a, b].transpose()
 
 
 @ti.kernel
@@ -228,8 +238,8 @@ def turn_tangents(
     cell_start: ti.types.ndarray(),
     V: ti.types.ndarray(),
     R: ti.types.ndarray(),
-    K_rest: ti.types.ndarray(),
-    K: ti.types.ndarray(),
+    K_rest: ti.types.ndarray(dtype=mat3f, ndim=3),
+    K: ti.types.ndarray(dtype=mat3f, ndim=3),
 ):
     """Warped stiffness of each cell: K_ab = R K_ab(rest) R^T with the volume average R of its particles'
     rotations [M04]."""
@@ -242,43 +252,41 @@ def turn_tangents(
         Q /= total
         for a in range(8):
             for b in range(a + 1):
-                k = ti.Matrix.zero(ti.f64, 3, 3)
-                for i in ti.static(range(3)):
-                    for j in ti.static(range(3)):
-                        k[i, j] = ti.cast(K_rest[c, a, b, 3 * i + j], ti.f64)
-                k = Q @ k @ Q.transpose()
-                for i in ti.static(range(3)):
-                    for j in ti.static(range(3)):
-                        K[c, a, b, 3 * i + j] = ti.cast(k[i, j], ti.f32)
-                        K[c, b, a, 3 * j + i] = ti.cast(k[i, j], ti.f32)
+                k = Q @ ti.cast(K_rest[c, a, b], ti.f64) @ Q.transpose()
+                K[c, a, b] = ti.cast(k, ti.f32)
+                K[c, b, a] = ti.cast(k.transpose(), ti.f32)
 
 
 @ti.kernel
-def gather_tangents(node_cell: ti.types.ndarray(), K: ti.types.ndarray(), A: ti.types.ndarray()):
-    """Rows of the global tangent on the 27-point stencil: A[n, slot] sums the cell blocks that couple node n to
-    that neighbour."""
+def gather_tangents(
+    node_cell: ti.types.ndarray(),
+    K: ti.types.ndarray(dtype=mat3f, ndim=3),
+    A: ti.types.ndarray(dtype=vec4f, ndim=3),
+):
+    """Rows of the global tangent on the 27-point stencil: A[n, slot] sums the cell blocks that couple node n to that
+    neighbour; column j of a block is A[n, slot, j], padded to four."""
     for n in range(node_cell.shape[0]):
         for s in range(27):
-            for d in range(9):
-                A[n, s, d] = ti.cast(0.0, ti.f32)
+            for j in ti.static(range(3)):
+                A[n, s, j] = vec4f(0.0)
         for o in range(8):
             c = node_cell[n, o]
             if c >= 0:
                 a = 7 - o
                 for b in range(8):
                     slot = 9 * (b // 4 - a // 4 + 1) + 3 * ((b // 2) % 2 - (a // 2) % 2 + 1) + (b % 2 - a % 2 + 1)
-                    for d in range(9):
-                        A[n, slot, d] += K[c, a, b, d]
+                    k = K[c, a, b]
+                    for j in ti.static(range(3)):
+                        A[n, slot, j] = A[n, slot, j] + vec4f(k[0, j], k[1, j], k[2, j], 0.0)
 
 
 @ti.kernel
 def coarse_tangents(
     start: ti.types.ndarray(),
     member: ti.types.ndarray(),
-    K: ti.types.ndarray(),
+    K: ti.types.ndarray(dtype=vec9f, ndim=3),
     W: ti.types.ndarray(),
-    scratch: ti.types.ndarray(),
-    out: ti.types.ndarray(),
+    out: ti.types.ndarray(dtype=vec9, ndim=3),
 ):
     """Galerkin tangents of coarse cells: out[C, A, B] = sum over fine cells and their nodes a, b of W_aA K_ab W_bB.
 
@@ -288,21 +296,14 @@ def coarse_tangents(
     for row in range(out.shape[0] * 8):
         C, A = row // 8, row % 8
         for B in range(8):
-            for d in range(9):
-                out[C, A, B, d] = 0.0
+            out[C, A, B] = vec9(0.0)
         for m in range(start[C], start[C + 1]):
             c = member[m]
             for b in range(8):
-                for d in range(9):
-                    scratch[row, b, d] = 0.0
+                row_b = vec9(0.0)
                 for a in range(8):
-                    w = W[c, a, A]
-                    if w != 0.0:
-                        for d in range(9):
-                            scratch[row, b, d] += w * K[c, a, b, d]
-            for B in range(8):
-                for b in range(8):
-                    w = W[c, b, B]
-                    if w != 0.0:
-                        for d in range(9):
-                            out[C, A, B, d] += w * scratch[row, b, d]
+                    if W[c, a, A] != 0.0:
+                        row_b += W[c, a, A] * ti.cast(K[c, a, b], ti.f64)
+                for B in range(8):
+                    if W[c, b, B] != 0.0:
+                        out[C, A, B] = out[C, A, B] + W[c, b, B] * row_b
