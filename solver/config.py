@@ -46,7 +46,7 @@ class SolverConfig(BaseModel, frozen=True, extra="forbid"):
     impact_share: NonNegativeFloat = 0.05
     """... plus this share of the force that would stop the fastest body within the step: in an impact forces are
     many weights, and the bound then keeps errors of its speed below acceptable_residual times this [-]."""
-    linear_tolerance: PositiveFloat = 5e-2
+    linear_tolerance: PositiveFloat = 1e-1
     """Reduction of the preconditioned residual per Newton step: inexact Newton, tighter buys nothing."""
     linear_limit: PositiveInt = 400
     """Conjugate gradient iterations per Newton step."""

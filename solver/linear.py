@@ -178,7 +178,7 @@ class TangentSystem:
         return out
 
     def _preconditioner(self) -> Vector:
-        """Inverses of the 3x3 node blocks (n, 9), zero where nodes are not free, and of the 6x6 frame blocks."""
+        """Inverses of the 3x3 node blocks (n, 3, 3), zero where nodes are not free, and of the 6x6 frame blocks."""
         frames = self.frame_inertia.copy()
         more = np.zeros((len(self.soft.rest), 9))
         if len(self.contacts.a):
@@ -192,7 +192,7 @@ class TangentSystem:
             turn = rows[:, self.nodes :].toarray()
             for f in range(len(frames)):
                 frames[f] += turn[:, 6 * f : 6 * f + 6].T @ tangent @ turn[:, 6 * f : 6 * f + 6]
-        nodes = np.zeros_like(more)
+        nodes = np.zeros((len(more), 3, 3))
         if len(nodes):
             sparse.invert_diagonal(
                 self.stencil, self.stiffness_scale, self.node_inertia, more, self.free.astype(np.int32), nodes
@@ -230,7 +230,7 @@ class TangentSystem:
                 forces = self._elastic_and_inertia(self.expand(unit))
                 forces[self.nodes :] = 0.0
                 if self.coarse is not None:
-                    columns.append(np.asarray(self.coarse.restrict @ self.split(forces)[0]).ravel())
+                    columns.append(self.coarse.restrict(self.split(forces)[0]).ravel())
                 own[f, :, motion] += self.split(self.reduce(forces))[1][f]
             coupling[f] = np.stack(columns, axis=1)
         return own, coupling
@@ -240,13 +240,9 @@ class TangentSystem:
         out = np.empty(self.size)
         nodes, frames = self.split(out)
         node_residual, frame_residual = self.split(residual)
-        if len(nodes):
-            sparse.apply_diagonal(self.inverse[0], node_residual, nodes)
         frames[:] = np.einsum("bij,bj->bi", self.inverse[1], frame_residual)
         if self.second is not None:
-            node_part, frame_part = self.second.apply(node_residual, frame_residual)
-            nodes += node_part
-            frames += frame_part
+            frames += self.second.apply(self.inverse[0], node_residual, frame_residual, nodes)
         return out
 
 

@@ -5,6 +5,7 @@ import contextlib
 import sys
 
 import taichi as ti
+from taichi.lang.ast.ast_transformer_utils import ASTTransformerContext
 
 import solver.kernels  # noqa: F401  silences the banner that Taichi prints when imported
 
@@ -16,6 +17,8 @@ def start(threads: int = 0) -> None:
     nothing."""
     if _started:
         return
+    # the source line of every node of every kernel, formatted for messages of Taichi's compiler: a second per process
+    ASTTransformerContext.get_pos_info = lambda self, node: ""
     options = {"cpu_max_num_threads": threads} if threads > 0 else {}
     with contextlib.redirect_stdout(sys.stderr):  # it greets on standard output, which belongs to results
         ti.init(

@@ -1,8 +1,10 @@
-"""Products with the elastic tangent on its 27-point stencil and with its inverted diagonal blocks."""
+"""Products with the elastic tangent on its 27-point stencil and with its two-level preconditioner."""
 
 import taichi as ti
 
 from solver.kernels.elastic import cofactor, mat3, vec3, vec4f
+
+SHARE = 16  # Taichi gives a thread no fewer than 512 iterations: a loop of SHARE per row spreads few rows over threads
 
 
 @ti.kernel
@@ -35,12 +37,11 @@ def invert_diagonal(
     shift: ti.types.ndarray(),
     more: ti.types.ndarray(),
     free: ti.types.ndarray(),
-    inverse: ti.types.ndarray(),
+    inverse: ti.types.ndarray(dtype=mat3, ndim=1),
 ):
-    """Inverses (n, 9) of the 3 x 3 blocks scale A_nn + shift I + more_n; zero where a node is not free."""
+    """Inverses (n, 3, 3) of the 3 x 3 blocks scale A_nn + shift I + more_n; zero where a node is not free."""
     for n in range(shift.shape[0]):
-        for d in range(9):
-            inverse[n, d] = 0.0
+        inverse[n] = mat3(0.0)
         if free[n] != 0:
             B = mat3(0.0)
             for i in ti.static(range(3)):
@@ -49,18 +50,43 @@ def invert_diagonal(
                 B[i, i] += shift[n]
             C = cofactor(B)
             J = B[0, 0] * C[0, 0] + B[1, 0] * C[1, 0] + B[2, 0] * C[2, 0]
-            for i in ti.static(range(3)):
-                for j in ti.static(range(3)):
-                    inverse[n, 3 * i + j] = C[j, i] / J
+            inverse[n] = C.transpose() / J
 
 
 @ti.kernel
-def apply_diagonal(inverse: ti.types.ndarray(), r: ti.types.ndarray(), z: ti.types.ndarray()):
-    """z = D^-1 r per node."""
+def restrict(
+    start: ti.types.ndarray(),
+    node: ti.types.ndarray(),
+    weight: ti.types.ndarray(),
+    r: ti.types.ndarray(dtype=vec3, ndim=1),
+    out: ti.types.ndarray(dtype=vec3, ndim=1),
+):
+    """out = P^T r per lattice node: the entries start[i] .. start[i + 1] are its nodes and their weights."""
+    for task in range(out.shape[0] * SHARE):
+        if task % SHARE != 0:
+            continue
+        i = task // SHARE
+        total = vec3(0.0)
+        for k in range(start[i], start[i + 1]):
+            total += weight[k] * r[node[k]]
+        out[i] = total
+
+
+@ti.kernel
+def precondition(
+    inverse: ti.types.ndarray(dtype=mat3, ndim=1),
+    r: ti.types.ndarray(dtype=vec3, ndim=1),
+    corner: ti.types.ndarray(),
+    weight: ti.types.ndarray(),
+    y: ti.types.ndarray(dtype=vec3, ndim=1),
+    z: ti.types.ndarray(dtype=vec3, ndim=1),
+):
+    """z = D^-1 r + P y with the (n, 8) lattice nodes around each node and their weights."""
     for n in range(r.shape[0]):
-        r0, r1, r2 = r[n, 0], r[n, 1], r[n, 2]
-        for i in ti.static(range(3)):
-            z[n, i] = inverse[n, 3 * i] * r0 + inverse[n, 3 * i + 1] * r1 + inverse[n, 3 * i + 2] * r2
+        total = inverse[n] @ r[n]
+        for k in range(8):
+            total += weight[n, k] * y[corner[n, k]]
+        z[n] = total
 
 
 @ti.kernel
