@@ -13,7 +13,7 @@ import pyarrow.parquet as pq
 from scipy.spatial.transform import Rotation
 
 from scene.codec import mesh_to_ply
-from scene.errors import InputError
+from scene.errors import GeometryError, InputError
 from scene.mesh import Mesh
 from solver.certificate import Signals
 from solver.config import SolverConfig
@@ -33,7 +33,10 @@ def run_case(
     case = read_case(path)
     begin = time.perf_counter()
     chosen = resolution or (case.resolution if isinstance(case.resolution, float) else None)
-    bodies, cell = build_bodies(case, path.parent, chosen)
+    try:
+        bodies, cell = build_bodies(case, path.parent, chosen)
+    except (ModelError, GeometryError) as error:
+        raise InputError(f"{path}: {error}") from error
     pairs = tuple((p.a, p.b, p.static_friction, p.dynamic_friction) for p in case.friction_pairs)
     built = begin
     try:

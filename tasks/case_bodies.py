@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from geometry.distance import Distance, distance_grid, sampler
+from geometry.distance import Distance, distance_grid, sampled, sampler
 from geometry.fill import fill
 from geometry.primitives import Box, Capsule
 from geometry.repair import mass_properties
@@ -24,8 +24,10 @@ from tasks.case_file import Case, CaseBody, is_rigid, material_of, primitive_of
 
 CELLS_PER_RADIUS = 6.0  # cells in a predicted contact radius
 CELLS_THROUGH = 4.0  # least cells through the smallest side of a soft body
+RIGID_CELLS = 25.0  # in the smallest side where nothing is soft: spacing of surface points
 FINE_REACH = 1.3  # half width of the fine zone over the predicted contact radius
 GROWTH = 1.8  # ratio of neighbouring cells outside of the fine zone
+MOST_MARGIN = 0.02  # a signed distance reaches this far beyond the body [m], half its thickness for small ones
 MOST_CELLS = 60_000  # cells of one soft body; more would not fit the time a user expects
 """What a person can raise with --resolution."""
 
@@ -38,7 +40,8 @@ def build_bodies(case: Case, folder: Path, resolution: float | None) -> tuple[li
     gravity = float(np.linalg.norm(case.gravity))
     cells = [resolution or s.predicted_cell(solids, gravity) for s in solids]
     finest = min(
-        [c for s, c in zip(solids, cells, strict=True) if not s.rigid] or [min(s.smallest / 40 for s in solids)]
+        [c for s, c in zip(solids, cells, strict=True) if not s.rigid]
+        or [min(s.smallest for s in solids) / RIGID_CELLS]
     )
     return [s.build(c, finest, solids, gravity) for s, c in zip(solids, cells, strict=True)], finest
 
@@ -155,13 +158,15 @@ class Solid:
         return Mesh.of(self.placed(local.vertices), local.faces)
 
     def _distance(self, surface: Mesh, spacing: float) -> DistanceGrid:
-        margin = max(4.0 * spacing, 0.02)
+        margin = max(4.0 * spacing, min(0.5 * self.smallest, MOST_MARGIN))
+        low, high = self.low - margin, self.high + margin
         if self.primitive is None:
-            return distance_grid(surface, self.low - margin, self.high + margin, spacing)
-        axes = [np.arange(a, b + spacing, spacing) for a, b in zip(self.low - margin, self.high + margin, strict=True)]
-        points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
-        values = self.primitive.distance((points - self.position) @ self.rotation).astype(np.float32)
-        return DistanceGrid(np.array([a[0] for a in axes]), spacing, values)
+            return distance_grid(surface, low, high, spacing)
+        return sampled(self._exact_distance, low, high, spacing)
+
+    def _exact_distance(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        assert self.primitive is not None
+        return self.primitive.distance((points - self.position) @ self.rotation)
 
     def _mass_properties(self) -> tuple[float, NDArray[np.float64], NDArray[np.float64]]:
         if self.primitive is not None:
@@ -183,10 +188,7 @@ class Solid:
 
     def _signed_distance(self, grid: DistanceGrid) -> Distance:
         """Exact for primitives, interpolated for meshes."""
-        if self.primitive is None:
-            return sampler(grid)
-        primitive = self.primitive
-        return lambda points: primitive.distance((points - self.position) @ self.rotation)
+        return sampler(grid) if self.primitive is None else self._exact_distance
 
     def _planes(self, cell: float, solids: "list[Solid]", gravity: float) -> Planes:
         """Graded planes: fine where another body stands over or under this one."""
@@ -239,7 +241,7 @@ def _spacing(planes: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def given_mesh(path: Path) -> Mesh:
     """The mesh of a case, in metres as it is: no axis or unit is changed."""
-    return read_scan(path, SourceOptions(up="z", unit="m"), Role.OBJECT).mesh
+    return read_scan(path, SourceOptions(up="z", unit="m"), Role.SCENE).mesh
 
 
 def clamped_faces(clamp: str) -> list[str]:

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import BaseModel, Field, NonNegativeFloat, PositiveFloat, ValidationError, model_validator
+from pydantic import BaseModel, Field, NonNegativeFloat, NonNegativeInt, PositiveFloat, ValidationError, model_validator
 from ruamel.yaml import YAML
 from ruamel.yaml.error import YAMLError
 
@@ -117,7 +117,7 @@ class Case(BaseModel, **Strict):
     """A whole case file."""
 
     gravity: Vector3 = [0.0, 0.0, -9.81]
-    seed: int = 0
+    seed: NonNegativeInt = 0
     resolution: Literal["auto"] | PositiveFloat = "auto"
     inertia: bool = False
     bodies: Annotated[list[CaseBody], Field(min_length=1)]
@@ -151,6 +151,8 @@ def read_case(path: Path) -> Case:
             raise InputError(
                 f"{path}: bodies.{body.name}.clamp: a fixed soft body with clamp none would fall; name a face"
             )
+    if case.resolution == "auto" and not any(case.gravity):
+        raise InputError(f"{path}: gravity [0, 0, 0]: no load to choose the cells by; give a resolution")
     if case.inertia:
         raise InputError(f"{path}: inertia: true-mass elastodynamics is not available; remove the key")
     if case.bonds:

@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, NonNegativeFloat, NonNegativeInt, PositiveFloat
+from pydantic import BaseModel, NonNegativeInt, PositiveFloat
 from scipy.spatial.transform import Rotation
 
 from scene.anchor import Anchor
@@ -44,7 +44,7 @@ class DropConfig(BaseModel, frozen=True, extra="forbid"):
     """Change of the object's own tilt that is toppling, where an orientation was asked [rad]."""
     turn_angle: PositiveFloat = 0.7854
     """Turn about the vertical that is looking elsewhere, where a facing was asked [rad]."""
-    object_share: NonNegativeFloat = 0.5
+    object_share: PositiveFloat = 0.5
     """Share of the object's weight that the base must carry for the object to be on it [-]."""
 
 

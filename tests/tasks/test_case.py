@@ -1,13 +1,16 @@
 """Case files: what is accepted, what is refused and how, and what is written."""
 
 import json
+import subprocess
+import sys
 
 import pytest
 
 from scene.errors import InputError
 from solver.errors import UnstableStep
 from tasks.case import run_case
-from tasks.case_file import read_case
+from tasks.case_bodies import build_bodies
+from tasks.case_file import Case, read_case
 
 CUBE = """
 bodies:
@@ -48,6 +51,8 @@ def case_file(tmp_path):
         ("mass: 1.0", "quaternion: [0, 0, 0, 0]", "length 0 instead of 1"),
         ("material: steel", "material: steal", "case.yaml"),
         (CUBE, "", "holds no keys"),
+        ("bodies:", "seed: -1\nbodies:", "greater than or equal to 0"),
+        ("bodies:", "gravity: [0, 0, 0]\nbodies:", "give a resolution"),
     ],
 )
 def test_bad_input_is_refused_in_one_line_that_names_key_and_value(case_file, tmp_path, old, new, words):
@@ -115,3 +120,36 @@ def test_more_cells_than_a_person_waits_for_are_refused_before_anything_is_built
     soft = CUBE.replace("youngs_modulus: 1.0e10", "youngs_modulus: 1.0e5")
     with pytest.raises(InputError, match="raise --resolution"):
         run_case(case_file(soft), tmp_path / "out", resolution=1e-4, quiet=True)
+
+
+def test_a_tiny_body_costs_no_more_memory_than_a_large_one(tmp_path):
+    """Samples of the signed distance are counted in units of the body's size: 1 mm across as well as 10 cm."""
+    counts = []
+    for radius in (5e-4, 5e-2):
+        shape = {
+            "name": "bead",
+            "shape": {"sphere": {"radius": radius}},
+            "position": [0, 0, radius],
+            "material": "steel",
+        }
+        board = {"name": "floor", "shape": {"box": {"size": [0.4, 0.4, 0.05]}}, "position": [0, 0, -0.025],
+                 "motion": "fixed", "material": "steel"}  # fmt: skip
+        bodies, _ = build_bodies(Case.model_validate({"bodies": [board, shape]}), tmp_path, None)
+        counts.append(bodies[1].distance.values.size)
+    assert max(counts) < 10_000_000
+
+
+@pytest.mark.slow
+def test_results_do_not_depend_on_the_number_of_threads(tmp_path):
+    """A soft block under a ball, each in a process of its own: the same bytes but for the times."""
+    path = tmp_path / "case.yaml"
+    path.write_text(CUBE.replace("1.0e10", "2.0e4").replace("bodies:", "resolution: 0.02\nbodies:"))
+    found = []
+    for threads in (1, 2, 4):
+        out = tmp_path / str(threads)
+        command = [sys.executable, "-m", "flows.cli", "drop", str(path), "--out", str(out), "--threads", str(threads)]
+        subprocess.run(command, check=True, capture_output=True)
+        tree = json.loads((out / "result.json").read_text())
+        found.append({k: v for k, v in tree.items() if k not in ("wall_s", "timings")})
+        found[-1]["ply"] = (out / "cube.ply").read_bytes()
+    assert found[0] == found[1] == found[2]
