@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scene.errors import FormatError, InputError
+from scene.readers.companions import library_names
 from scene.readers.mtl import Material, read_mtl
 from scene.readers.polygons import triangulate
 from scene.readers.raw import Paint, RawMesh, check_face_count, read_bytes
@@ -28,12 +29,12 @@ class Lines:
     """Vertices and texture coordinates read before each face (negative indices count from there)."""
     switches: dict[str, list[tuple[int, str]]] = field(default_factory=lambda: {"o": [], "g": [], "usemtl": []})
     """(first face, name) of every object, group and material."""
-    libraries: list[str] = field(default_factory=list)
 
 
 def read_obj(path: Path) -> RawMesh:
     """Read an OBJ file and the MTL and images beside it."""
-    lines = _sort_lines(read_bytes(path))
+    data = read_bytes(path)
+    lines = _sort_lines(data)
     check_face_count(path, len(lines.face))
     numbers = _numbers(path, lines.vertex, "v", (3, 4, 6, 7))
     vertices = numbers[:, :3].copy()
@@ -44,7 +45,10 @@ def read_obj(path: Path) -> RawMesh:
     named = lines.switches["o"] or lines.switches["g"]
     face_node, names = _spread(named, len(lines.face))
     notes: list[str] = []
-    paint = _paint(path, lines, uv, face_uv, owner, notes)
+    library: dict[str, Material] = {}
+    for name in library_names(data):
+        library |= read_mtl(path.parent, name, notes)
+    paint = _paint(lines, library, uv, face_uv, owner)
     return RawMesh(
         path=path, vertices=vertices, faces=faces, colors=_vertex_colors(numbers), paint=paint,
         face_node=face_node[owner], node_names=names, up="", unit_metres=0.0, notes=tuple(notes),
@@ -67,8 +71,6 @@ def _sort_lines(data: bytes) -> Lines:
             lines.seen.append((len(lines.vertex), len(lines.texture)))
         elif key in (b"o", b"g", b"usemtl"):
             lines.switches[key.decode()].append((len(lines.face), rest.strip().decode("utf-8", "replace")))
-        elif key == b"mtllib":
-            lines.libraries.append(rest.strip().decode("utf-8", "replace"))
     return lines
 
 
@@ -176,18 +178,14 @@ def _spread(switches: list[tuple[int, str]], count: int) -> tuple[NDArray[np.int
 
 
 def _paint(
-    path: Path,
     lines: Lines,
+    library: dict[str, Material],
     uv: NDArray[np.float64],
     face_uv: NDArray[np.int64],
     owner: NDArray[np.int64],
-    notes: list[str],
 ) -> Paint | None:
     """Material colours and textures of the faces; None where the file names no material that exists."""
     material_index, names = _spread(lines.switches["usemtl"], len(lines.face))
-    library: dict[str, Material] = {}
-    for name in lines.libraries:
-        library |= read_mtl(path.parent / name, notes)
     if not names or not library:
         return None
     plain = Material()
