@@ -9,6 +9,7 @@ from pathlib import Path
 
 from scene.errors import InputError
 from scene.readers.companions import companions
+from scene.readers.sugar import check_suffix
 
 MOST_BYTES = 4 << 30
 """Largest input in total; the largest InteriorGS scene or SuGaR mesh is well below 1 GiB."""
@@ -24,6 +25,9 @@ def source_files(path: Path) -> tuple[str, dict[str, Path]]:
         raise InputError(f"{path}: no such file or folder")
     if path.is_dir():
         return ".", checked(path, folder_files(path))
+    if not path.is_file():
+        raise InputError(f"{path}: neither a file nor a folder")
+    check_suffix(path)
     check_size(path, path.stat().st_size)
     files = {path.name: path} | {name: path.parent / name for name in companions(path)}
     return path.name, checked(path, files.items())

@@ -123,10 +123,13 @@ class Store:
     def add_source(self, given: str | Path) -> Ref:
         """Take a foreign file or folder in, with the files that it names (MTL, textures, buffers)."""
         path = Path(given)
-        main, files = source_files(path)
-        about = canonical_json({"$type": Source.__name__, "main": main}, indent=1)
-        digests = {VALUE_FILE: hashlib.sha256(about).hexdigest()}
-        digests |= {f"{FILES_FOLDER}/{name}": digest_of_file(file) for name, file in files.items()}
+        try:
+            main, files = source_files(path)
+            about = canonical_json({"$type": Source.__name__, "main": main}, indent=1)
+            digests = {VALUE_FILE: hashlib.sha256(about).hexdigest()}
+            digests |= {f"{FILES_FOLDER}/{name}": digest_of_file(file) for name, file in files.items()}
+        except OSError as error:
+            raise InputError(f"{path}: cannot be read: {error.strerror} ({error.filename})") from None
         ref = Ref(Source.__name__, digest_of(digests))
         if not self.has(ref):
             with self._building(ref) as folder:
@@ -241,8 +244,8 @@ def stamps(folder: Path) -> tuple[tuple[str, int, int], ...]:
 
 
 def walk(folder: Path) -> list[Path]:
-    """All files below a folder, sorted."""
-    return sorted(path for path in folder.rglob("*") if not path.is_dir())
+    """All files below a folder, sorted; and empty folders, which no artifact has and which no digest survives."""
+    return sorted(path for path in folder.rglob("*") if not path.is_dir() or not any(path.iterdir()))
 
 
 def json_file(path: Path) -> dict[str, object]:

@@ -14,7 +14,7 @@ from scene.readers.paint import bake
 from scene.readers.ply import read_ply
 from scene.readers.raw import RawMesh
 from scene.readers.stl import read_stl
-from scene.readers.sugar import describe, find_mesh
+from scene.readers.sugar import check_suffix, describe, find_mesh
 from scene.sample import SourceOptions
 from scene.scan import LabelBox, Room, Scan
 
@@ -67,13 +67,9 @@ def _interiorgs_frame(raw: RawMesh, options: SourceOptions, role: Role) -> Frame
 
 
 def _read_mesh(path: Path) -> RawMesh:
-    reader = READERS.get(path.suffix.lower())
-    if reader is None:
-        raise InputError(
-            f"{path}: {path.suffix or 'no suffix'} is not a mesh format that is read ({', '.join(READERS)})"
-        )
+    check_suffix(path)
     try:
-        return reader(path)
+        return READERS[path.suffix.lower()](path)
     except OSError as error:
         raise FormatError(f"{path}: cannot be read: {error.strerror}") from None
 

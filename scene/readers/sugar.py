@@ -28,6 +28,13 @@ GENERIC_STEMS = {
 """File stems that say nothing about the thing: the folder's name says more."""
 
 
+def check_suffix(path: Path) -> None:
+    """Refuse a file that no reader reads."""
+    if path.suffix.lower() not in MESH_SUFFIXES:
+        suffix = path.suffix or "no suffix"
+        raise InputError(f"{path}: {suffix} is not a mesh format that is read ({', '.join(MESH_SUFFIXES)})")
+
+
 def find_mesh(folder: Path) -> tuple[Path, tuple[str, ...]]:
     """The mesh of a scene folder and notes on the choice."""
     for pattern in ("*.obj", "refined_mesh/**/*.obj", "output/refined_mesh/**/*.obj"):
