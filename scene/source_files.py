@@ -4,12 +4,14 @@ A folder gives all its files; an OBJ brings its MTL files and their textures, a 
 lies in the file's own folder counts, and ground truth never does. Absurd inputs are refused before anything is read.
 """
 
+import os
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from scene.errors import InputError
 from scene.readers.companions import companions
-from scene.readers.sugar import check_suffix
+from scene.readers.interiorgs import is_interiorgs
+from scene.readers.sugar import MESH_SUFFIXES, check_suffix, is_generic
 
 MOST_BYTES = 4 << 30
 """Largest input in total; the largest InteriorGS scene or SuGaR mesh is well below 1 GiB."""
@@ -31,6 +33,19 @@ def source_files(path: Path) -> tuple[str, dict[str, Path]]:
     check_size(path, path.stat().st_size)
     files = {path.name: path} | {name: path.parent / name for name in companions(path)}
     return path.name, checked(path, files.items())
+
+
+def telling_folder(path: Path, files: Iterable[str]) -> str:
+    """Name of the folder where it, not the file's name, tells what a mesh is; else empty.
+
+    `files` are the names that `source_files` gave. A scene with annotations is not named at all.
+    """
+    folder = Path(os.path.abspath(path if path.is_dir() else path.parent))
+    if path.is_dir() and is_interiorgs(path):
+        return ""
+    meshes = (Path(name) for name in files if "/" not in name and Path(name).suffix.lower() in MESH_SUFFIXES)
+    generic = next((mesh for mesh in meshes if is_generic(mesh)), None)
+    return "" if generic is None else folder.name or generic.stem  # the root folder has no name
 
 
 def checked(path: Path, files: Iterable[tuple[str, Path]]) -> dict[str, Path]:

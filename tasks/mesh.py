@@ -33,7 +33,7 @@ class MeshConfig(BaseModel, frozen=True, extra="forbid"):
 
 def mesh(source: Source, options: SourceOptions, config: MeshConfig) -> Scan:
     """Read the source and clean it."""
-    return cleaned(read_scan(source.path, options, config.role), config)
+    return cleaned(read_scan(source.path, options, config.role, folder=source.folder), config)
 
 
 mesh_task = stage(mesh)

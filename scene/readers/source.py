@@ -22,22 +22,26 @@ READERS = {".glb": read_gltf, ".gltf": read_gltf, ".obj": read_obj, ".ply": read
 """Reader by file suffix."""
 
 
-def read_scan(path: Path, options: SourceOptions, role: Role) -> Scan:
-    """Read a folder (InteriorGS, SuGaR, or one with a single mesh) or a mesh file."""
+def read_scan(path: Path, options: SourceOptions, role: Role, *, folder: str = "") -> Scan:
+    """Read a folder (InteriorGS, SuGaR, or one with a single mesh) or a mesh file.
+
+    `folder` is the name of the folder that was given, or that a given file lay in, where `path` is a copy of it.
+    """
     if not path.exists():
         raise InputError(f"{path}: no such file or folder")
     if path.is_dir():
-        return _read_folder(path, options, role)
+        return _read_folder(path, options, role, folder)
     raw = _read_mesh(path)
-    return _scan(raw, options, find_frame(raw, options, role), label=options.label or describe(path))
+    return _scan(raw, options, find_frame(raw, options, role), label=options.label or describe(path, folder))
 
 
-def _read_folder(folder: Path, options: SourceOptions, role: Role) -> Scan:
+def _read_folder(folder: Path, options: SourceOptions, role: Role, name: str) -> Scan:
     mesh_path, notes = find_mesh(folder)
     raw = _read_mesh(mesh_path)
     if not is_interiorgs(folder):
         frame = find_frame(raw, options, role)
-        return _scan(raw, options, frame, label=options.label or describe(mesh_path), notes=notes)
+        own = describe(mesh_path, name if mesh_path.parent == folder else "")
+        return _scan(raw, options, frame, label=options.label or own, notes=notes)
     boxes, label_notes = read_labels(folder)
     rooms, structure = read_structure(folder)
     frame = _interiorgs_frame(raw, options, role)
