@@ -35,6 +35,9 @@ UNDERSTOOD = {
 }  # fmt: skip
 """Required extensions that do not change shape, or that we read."""
 
+DEEPEST_NODE = 256
+"""Levels of the node tree: far above any scene that people make, far below Python's limit of recursion."""
+
 
 def read_gltf(path: Path) -> RawMesh:
     """Read the default scene of a glTF file."""
@@ -93,6 +96,7 @@ class _Builder:
         self.nodes, self.meshes, self.materials = (
             entries(path, document, key) for key in ("nodes", "meshes", "materials")
         )
+        self.visited: set[int] = set()
         self.notes: list[str] = []
         self.names: list[str] = []
         self.textures: list[NDArray[np.uint8]] = []
@@ -109,13 +113,8 @@ class _Builder:
 
     def build(self) -> RawMesh:
         """Walk the default scene and join what it holds."""
-        try:
-            for root in self._roots():
-                self._visit(root, np.eye(4), (), 0)
-        except (KeyError, IndexError, TypeError, ValueError, AttributeError) as error:
-            raise FormatError(
-                f"{self.path}: the glTF document is inconsistent ({type(error).__name__}: {error})"
-            ) from None
+        for root in self._roots():
+            self._visit(root, np.eye(4), ())
         if not self.faces:
             raise InputError(f"{self.path}: no triangles in its scene: nothing to place on or to place")
         painted = any((c != 200).any() for c in self.face_color) or self.textures
@@ -147,9 +146,12 @@ class _Builder:
         children = {child for node in self.nodes for child in node.get("children", [])}
         return [i for i in range(len(self.nodes)) if i not in children]
 
-    def _visit(self, index: int, world_from_parent: NDArray[np.float64], trail: tuple[str, ...], depth: int) -> None:
-        if depth > len(self.nodes):
-            raise FormatError(f"{self.path}: node {index} is its own ancestor")
+    def _visit(self, index: int, world_from_parent: NDArray[np.float64], trail: tuple[str, ...]) -> None:
+        if index in self.visited:
+            raise FormatError(f"{self.path}: node {index} has two parents, or is its own ancestor")
+        if len(trail) == DEEPEST_NODE:
+            raise FormatError(f"{self.path}: node {index} lies more than {DEEPEST_NODE} nodes deep; flatten the tree")
+        self.visited.add(index)
         node = self.nodes[index]
         world_from_node = world_from_parent @ _local_matrix(node)
         mesh = self.meshes[int(node["mesh"])] if "mesh" in node else None
@@ -159,7 +161,7 @@ class _Builder:
             for primitive in mesh["primitives"]:
                 self._add(primitive, world_from_node, len(self.names) - 1)
         for child in node.get("children", []):
-            self._visit(int(child), world_from_node, (*trail, name), depth + 1)
+            self._visit(int(child), world_from_node, (*trail, name))
 
     def _add(self, primitive: Entry, world_from_node: NDArray[np.float64], node: int) -> None:
         """Append one primitive; points and lines are left out."""
@@ -173,8 +175,9 @@ class _Builder:
         if "indices" in primitive:
             index = self.accessors.read(int(primitive["indices"])).reshape(-1).astype(np.int64)
         faces = _triangles(index, mode)
-        if len(faces) and (faces.max() >= len(position)):
-            raise FormatError(f"{self.path}: a face uses vertex {faces.max()}, its primitive has {len(position)}")
+        if len(faces) and (faces.min() < 0 or faces.max() >= len(position)):
+            wrong = faces.min() if faces.min() < 0 else faces.max()
+            raise FormatError(f"{self.path}: a face uses vertex {wrong}, its primitive has {len(position)}")
         self.face_count += len(faces)
         check_face_count(self.path, self.face_count)
         if np.linalg.det(world_from_node[:3, :3]) < 0:
@@ -192,7 +195,7 @@ class _Builder:
             return None
         values = self.accessors.read(attributes["COLOR_0"])[:, :3]
         levels = values.astype(np.float64) * (1.0 if values.dtype == np.uint8 else 255.0)
-        return np.clip(np.rint(levels), 0, 255).astype(np.uint8) if len(values) == count else None
+        return np.clip(np.rint(levels), 0, 255).astype(np.uint8) if levels.shape == (count, 3) else None
 
     def _add_paint(self, primitive: Entry, attributes: dict[str, int], faces: NDArray[np.int64]) -> None:
         """Base colour and texture of one primitive."""

@@ -21,6 +21,9 @@ from scene.scan import LabelBox, Room, Scan
 READERS = {".glb": read_gltf, ".gltf": read_gltf, ".obj": read_obj, ".ply": read_ply, ".stl": read_stl}
 """Reader by file suffix."""
 
+BROKEN = (ArithmeticError, AttributeError, LookupError, RecursionError, StopIteration, TypeError, ValueError)
+"""What decoding can raise on bytes that break their format where no check of the reader names the place."""
+
 
 def read_scan(path: Path, options: SourceOptions, role: Role, *, folder: str = "") -> Scan:
     """Read a folder (InteriorGS, SuGaR, or one with a single mesh) or a mesh file.
@@ -76,6 +79,8 @@ def _read_mesh(path: Path) -> RawMesh:
         return READERS[path.suffix.lower()](path)
     except OSError as error:
         raise FormatError(f"{path}: cannot be read: {error.strerror}") from None
+    except BROKEN as error:
+        raise FormatError(f"{path}: the file contradicts its format ({type(error).__name__}: {error})") from None
 
 
 def _scan(

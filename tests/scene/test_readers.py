@@ -1,5 +1,6 @@
 """Mesh files: what is read equals what was written; what is broken is refused with one line before it costs memory."""
 
+import base64
 import json
 import struct
 import tracemalloc
@@ -291,6 +292,10 @@ def broken_document(change: Callable[[dict[str, object]], None]) -> bytes:
         lambda d: d["buffers"][0].update(byteLength=10**9),
         lambda d: d["meshes"][0]["primitives"][0]["attributes"].pop("POSITION"),
         lambda d: d["nodes"][0].update(mesh=7),
+        lambda d: d.update(buffers=[None]),
+        lambda d: d["buffers"][0].update(byteLength="x"),
+        lambda d: d.update(nodes=[{"mesh": 0, "matrix": [1, 2]}]),
+        lambda d: d["accessors"][1].update(componentType=5122, normalized=True),
         lambda d: d["nodes"][0].update(children=[0]),
         lambda d: d.update(meshes={}),
         lambda d: d["accessors"][1].update(type="VEC9"),
@@ -312,6 +317,109 @@ def test_glb_cut_anywhere_is_refused(tmp_path_factory: pytest.TempPathFactory, l
     path = tmp_path_factory.mktemp("glb") / "cut.glb"
     path.write_bytes(whole[: min(length, len(whole) - 5)])
     refusal(path)
+
+
+@pytest.mark.parametrize(
+    ("format_line", "vertex", "face", "words"),
+    [
+        ("format", "float x y z", "list uchar int vertex_indices", "names no format"),
+        ("format ascii 1.0", "float x y z", "int vertex_indices", "expected a list"),
+        ("format binary_little_endian 1.0", "float x y z", "int vertex_indices", "expected a list"),
+        ("format binary_little_endian 1.0", "", "list uchar int vertex_indices", "has no property"),
+        ("format ascii 1.0", "", "list uchar int vertex_indices", "has no property"),
+        ("format binary_little_endian 1.0", "list x y z", "list uchar int vertex_indices", "no property 'x' of one"),
+        ("format ascii 1.0", "list x y z", "list uchar int vertex_indices", "no property 'x' of one"),
+        ("format ascii 1.0", "float x y z", "list float int vertex_indices", "header line 8"),
+    ],
+)  # fmt: skip
+def test_ply_headers_that_promise_the_wrong_kind_are_refused(
+    tmp_path: Path, format_line: str, vertex: str, face: str, words: str
+) -> None:
+    """A header that reads like one but declares what no mesh has is one line that says what."""
+    kind, *axes = vertex.split() or [""]
+    kind = "list uchar float" if kind == "list" else kind
+    lines = ["ply", format_line, "element vertex 2", *(f"property {kind} {axis}" for axis in axes), "element face 1",
+             f"property {face}", "end_header"]  # fmt: skip
+    zeros = "0 " * 40 if "ascii" in format_line else "\0" * 80
+    (tmp_path / "x.ply").write_text("\n".join(lines) + "\n" + zeros)
+    assert words in refusal(tmp_path / "x.ply")
+
+
+@pytest.mark.parametrize("face", ["/1 /2 /3", "1 2 --3", "1 2 99999999999999999999", "1//2 1/2/3 /4", "1 2 3.5"])
+def test_obj_faces_that_are_no_faces_name_their_line(tmp_path: Path, face: str) -> None:
+    """Missing positions, double signs and numbers beyond any count are refused at their line."""
+    (tmp_path / "x.obj").write_text(f"v 0 0 0\nv 1 0 0\nv 1 1 0\nf {face}\n")
+    assert "line 4" in refusal(tmp_path / "x.obj")
+
+
+@pytest.mark.parametrize(("statement", "line"), [("v 0 0 x", 5), ("v 0 0", 5), ("vt", 5), ("vt a", 5)])
+def test_obj_numbers_that_are_no_numbers_name_their_line(tmp_path: Path, statement: str, line: int) -> None:
+    """A broken vertex or texture coordinate is found by its line in the file."""
+    (tmp_path / "x.obj").write_text(f"# x\nv 0 0 0\nv 1 0 0\nvt 0 0\n{statement}\nv 1 1 0\nf 1 2 3\n")
+    assert f"line {line}:" in refusal(tmp_path / "x.obj")
+
+
+def test_a_tree_of_nodes_is_walked_once(tmp_path: Path) -> None:
+    """A very deep chain, and nodes that share their children (2^40 paths), are refused without walking them."""
+    for count, children, words in ((2000, 1, "256 nodes deep"), (40, 2, "two parents")):
+        document, binary = cube_document()
+        document["nodes"] = [{"children": [i + 1] * children} for i in range(count)] + [{"mesh": 0}]
+        (tmp_path / "tree.glb").write_bytes(glb(document, binary))
+        assert words in refusal(tmp_path / "tree.glb")
+
+
+BASES = {
+    "ascii.ply": "a",
+    "little.ply": "<",
+    "big.ply": ">",
+    "cube.obj": "obj",
+    "cube.glb": "glb",
+    "cube.gltf": "gltf",
+    "binary.stl": "stl",
+}
+"""A sound file of every format and encoding."""
+
+
+def sound_file(folder: Path, name: str) -> Path:
+    """A cube in the format of the name."""
+    path, kind = folder / name, BASES[name]
+    if kind in ("a", "<", ">"):
+        return write_ply(path, kind, CUBE, QUADS)
+    if kind == "obj":
+        return write_obj(path, CUBE, QUADS)
+    document, binary = cube_document()
+    uri = "data:;base64," + base64.b64encode(binary).decode()
+    plain = json.dumps(document | {"buffers": [{"byteLength": len(binary), "uri": uri}]}).encode()
+    path.write_bytes({"glb": glb(document, binary), "gltf": plain, "stl": stl_bytes()}[kind])
+    return path
+
+
+@pytest.mark.filterwarnings("ignore::RuntimeWarning")
+@given(
+    st.sampled_from(sorted(BASES)),
+    st.lists(
+        st.tuples(st.one_of(st.integers(0, 300), st.integers(0, 1500)), st.sampled_from(b'\0\xff -/.,:[]{}"0159enx\n')),
+        min_size=1,
+        max_size=4,
+    ),
+)
+@settings(max_examples=300, deadline=None)
+def test_a_file_with_wrong_bytes_is_read_or_refused(
+    tmp_path_factory: pytest.TempPathFactory, name: str, changes: list[tuple[int, int]]
+) -> None:
+    """Any few bytes changed, mostly in the header: a mesh or one line, never another exception."""
+    path = sound_file(tmp_path_factory.mktemp("fuzz"), name)
+    data = bytearray(path.read_bytes())
+    for position, byte in changes:
+        data[position % len(data)] = byte
+    path.write_bytes(data)
+    line = ""
+    try:
+        scan_of(path, up="z")
+    except InputError as error:
+        line = str(error)
+    assert not line or str(path) in line
+    assert "\n" not in line
 
 
 def test_bad_input_is_one_line(tmp_path: Path) -> None:

@@ -78,6 +78,8 @@ def test_a_folder_name_that_decides_nothing_is_not_part_of_the_source(tmp_path: 
 
 
 def test_a_mesh_of_slivers_is_refused(tmp_path: Path) -> None:
-    """Nothing left after cleaning is bad input."""
-    with pytest.raises(InputError, match="zero area"):
+    """Nothing left after cleaning is bad input, and the line names the file."""
+    with pytest.raises(InputError, match=r"x\.obj.*zero area"):
         read(tmp_path, "v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\n")
+    with pytest.raises(InputError, match=r"x\.obj.*zero area"):  # an area only before near vertices become one
+        read(tmp_path, "v 0 0 0\nv 1 0 0\nv 1 1e-8 0\nf 1 2 3\n")
