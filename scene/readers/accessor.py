@@ -5,8 +5,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from scene.errors import FormatError
+from scene.errors import FormatError, InputError
 from scene.readers.gltf_document import Json, entries
+from scene.readers.raw import MAX_CORNERS
 
 COMPONENTS = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 LARGEST = {5120: 127.0, 5121: 255.0, 5122: 32767.0, 5123: 65535.0, 5125: 4294967295.0}
@@ -85,6 +86,10 @@ class Accessors:
         available = sum(map(len, self.buffers))
         if count < 0 or ("bufferView" not in entry and count * row > 64 * available + 4096):
             raise FormatError(f"{self.path}: accessor {index} promises {count} values without data")
+        if count > MAX_CORNERS:
+            raise InputError(
+                f"{self.path}: accessor {index} has {count} values > {MAX_CORNERS}; decimate the mesh first"
+            )
         if "bufferView" not in entry:
             return
         view = self.views[int(entry["bufferView"])]

@@ -16,7 +16,7 @@ from scene.readers.accessor import Accessors
 from scene.readers.companions import absence, beside
 from scene.readers.gltf_document import Entry, Json, binary_chunk, entries, read_document, require
 from scene.readers.image import read_image
-from scene.readers.raw import Paint, RawMesh, check_face_count, read_bytes
+from scene.readers.raw import Paint, RawMesh, check_face_count, check_vertex_count, read_bytes
 from scene.readers.srgb import srgb_from_linear
 
 COMPRESSED = {
@@ -180,6 +180,7 @@ class _Builder:
             raise FormatError(f"{self.path}: a face uses vertex {wrong}, its primitive has {len(position)}")
         self.face_count += len(faces)
         check_face_count(self.path, self.face_count)
+        check_vertex_count(self.path, self.vertex_count + len(position))
         if np.linalg.det(world_from_node[:3, :3]) < 0:
             faces = faces[:, ::-1]
         self.vertices.append(position @ world_from_node[:3, :3].T + world_from_node[:3, 3])

@@ -16,7 +16,7 @@ from scene.errors import FormatError, InputError
 from scene.readers.companions import library_names
 from scene.readers.mtl import Material, read_mtl
 from scene.readers.polygons import triangulate
-from scene.readers.raw import Paint, RawMesh, check_face_count, read_bytes
+from scene.readers.raw import Paint, RawMesh, check_face_count, check_vertex_count, read_bytes
 
 CORNER = re.compile(rb"-?\d{1,18}(?:/(?:-?\d{1,18})?){0,2}")
 """One corner of a face: position, texture coordinate and normal."""
@@ -42,6 +42,7 @@ def read_obj(path: Path) -> RawMesh:
     data = read_bytes(path)
     lines = _sort_lines(data)
     check_face_count(path, len(lines.face))
+    check_vertex_count(path, max(len(lines.vertex), len(lines.texture)))
     numbers = _numbers(path, data, "v", lines.vertex, 3)
     vertices = numbers[:, :3].copy()
     if not len(vertices) or not lines.face:
@@ -134,6 +135,7 @@ def _faces(
     if corners.min() < 3:
         bad = int(np.argmin(corners))
         raise FormatError(f"{path}: line {lines.face_line[bad]}: a face of {corners[bad]} corners")
+    check_face_count(path, int((corners - 2).sum()))
     parts: list[tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]] = []
     for count in np.unique(corners):
         numbers = np.flatnonzero(corners == count)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from scene.errors import FormatError, InputError
 from scene.readers.polygons import triangulate
-from scene.readers.raw import Paint, RawMesh, check_face_count, read_bytes
+from scene.readers.raw import Paint, RawMesh, check_face_count, check_vertex_count, read_bytes
 
 TYPES = {
     "char": "i1", "int8": "i1", "uchar": "u1", "uint8": "u1", "short": "i2", "int16": "i2", "ushort": "u2",
@@ -135,6 +135,8 @@ def _check_length(path: Path, elements: list[Element], order: str, available: in
     for element in elements:
         if element.name == "face":
             check_face_count(path, min(element.count, available))
+        if element.name == "vertex":
+            check_vertex_count(path, min(element.count, available))
         if element.count and not element.properties:
             raise FormatError(f"{path}: {element.count} of PLY element {element.name!r}, which has no property")
         row = 0
@@ -295,6 +297,7 @@ def _faces(path: Path, vertices: NDArray[np.float64], index: Column) -> tuple[ND
             for n in np.unique(lengths)
         }
     faces, owners = [np.zeros((0, 3), dtype=np.int64)], [np.zeros(0, dtype=np.int64)]
+    check_face_count(path, sum(len(numbers) * max(0, corners - 2) for corners, (numbers, _) in rows.items()))
     for corners, (numbers, polygons) in rows.items():
         if corners < 3:
             continue

@@ -453,6 +453,35 @@ def test_a_mesh_a_thousand_times_too_large_is_refused(tmp_path: Path) -> None:
     assert "--object-unit" in refusal(write_obj(tmp_path / "tiny.obj", 1e-4 * CUBE, QUADS), Role.OBJECT)
 
 
+@pytest.mark.parametrize("name", sorted(BASES))
+def test_more_faces_than_memory_holds_are_refused(tmp_path: Path, name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Triangles are counted, not polygons: six quads are twelve faces, and one too many is refused in every format."""
+    path = sound_file(tmp_path, name)
+    monkeypatch.setattr("scene.readers.raw.MAX_FACES", 12)
+    assert len(scan_of(path).mesh.faces) == 12
+    monkeypatch.setattr("scene.readers.raw.MAX_FACES", 11)
+    assert "12 faces > 11; decimate" in refusal(path)
+
+
+@pytest.mark.parametrize("name", sorted(set(BASES) - {"binary.stl"}))
+def test_more_vertices_than_memory_holds_are_refused(
+    tmp_path: Path, name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A file of many vertices and few faces is refused too."""
+    path = sound_file(tmp_path, name)
+    monkeypatch.setattr("scene.readers.raw.MAX_CORNERS", 7)
+    assert "8 vertices > 7; decimate" in refusal(path)
+
+
+def test_an_accessor_without_bytes_is_limited_by_count(tmp_path: Path) -> None:
+    """Zeros that a large file could back up are refused by their number, before they are allocated."""
+    document, binary = cube_document()
+    document["accessors"] = [*document["accessors"], {"componentType": 5126, "count": 13_000_000, "type": "VEC3"}]  # type: ignore[misc]
+    document["buffers"] = [{"byteLength": len(binary) + 3_000_000}]
+    (tmp_path / "zeros.glb").write_bytes(glb(document, binary + bytes(3_000_000)))
+    assert "13000000 values > 12000000" in refusal(tmp_path / "zeros.glb")
+
+
 @pytest.mark.parametrize("role", Role)
 @given(st.floats(0.05, 2.0))
 @settings(max_examples=30, deadline=None)
