@@ -5,6 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from scene.arrays import check_array
+
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Anchor:
@@ -28,3 +30,9 @@ class Anchor:
     region_polygon: NDArray[np.float64]
     """Asked region on the part, world xy [m], shape (k, 2), counter-clockwise; used only for `region_missed`."""
     reason: str
+
+    def __post_init__(self) -> None:
+        check_array("local", self.local, 2)
+        check_array("surface_point", self.surface_point, 3)
+        check_array("world_from_object", self.world_from_object, 4, 4)
+        check_array("region_polygon", self.region_polygon, None, 2)

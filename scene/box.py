@@ -5,6 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from scene.arrays import check_array
+from scene.errors import GeometryError
+
 
 @dataclass(frozen=True, eq=False, slots=True)
 class OrientedBox:
@@ -16,6 +19,13 @@ class OrientedBox:
     """World-from-box rotation, columns are the box axes, shape (3, 3)."""
     half_extents: NDArray[np.float64]
     """Half side lengths along the axes [m], shape (3,)."""
+
+    def __post_init__(self) -> None:
+        check_array("center of a box", self.center, 3)
+        check_array("axes of a box", self.axes, 3, 3)
+        check_array("half_extents of a box", self.half_extents, 3)
+        if (self.half_extents < 0).any():
+            raise GeometryError(f"half_extents of a box are {self.half_extents.tolist()}, expected none below 0")
 
     @property
     def corners(self) -> NDArray[np.float64]:

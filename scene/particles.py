@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from scene.arrays import check_array
 from scene.mesh import Mesh
 
 
@@ -18,6 +19,10 @@ class DistanceGrid:
     """Distance of neighbouring samples [m]."""
     values: NDArray[np.float32]
     """Signed distance [m], shape (nx, ny, nz)."""
+
+    def __post_init__(self) -> None:
+        check_array("origin of a distance grid", self.origin, 3)
+        check_array("values of a distance grid", self.values, None, None, None)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -60,6 +65,20 @@ class SimulationBody:
     node_held: NDArray[np.int8]
     """0: free; 1: held by something fixed (frame below, crop cut); 2: belongs to the body's own rigid core (moves
     rigidly with the free body), shape (kx, ky, kz)."""
+
+    def __post_init__(self) -> None:
+        count = len(self.particle_position)
+        check_array(f"center_of_mass of {self.name}", self.center_of_mass, 3)
+        check_array(f"inertia of {self.name}", self.inertia, 3, 3)
+        check_array(f"particle_position of {self.name}", self.particle_position, count, 3)
+        check_array(f"particle_volume of {self.name}", self.particle_volume, count)
+        check_array(f"particle_density of {self.name}", self.particle_density, count)
+        check_array(f"particle_youngs_modulus of {self.name}", self.particle_youngs_modulus, count)
+        check_array(f"particle_poisson_ratio of {self.name}", self.particle_poisson_ratio, count)
+        check_array(f"grid_x of {self.name}", self.grid_x, None)
+        check_array(f"grid_y of {self.name}", self.grid_y, None)
+        check_array(f"grid_z of {self.name}", self.grid_z, None)
+        check_array(f"node_held of {self.name}", self.node_held, len(self.grid_x), len(self.grid_y), len(self.grid_z))
 
 
 @dataclass(frozen=True, eq=False, slots=True)

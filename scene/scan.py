@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from scene.arrays import check_array, check_index
 from scene.box import OrientedBox
 from scene.mesh import Mesh
 
@@ -25,6 +26,9 @@ class Room:
     kind: str
     profile: NDArray[np.float64]
     """Corners [m], shape (k, 2)."""
+
+    def __post_init__(self) -> None:
+        check_array("profile of a room", self.profile, None, 2)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -51,3 +55,7 @@ class Scan:
     """Who said so: option, format or estimate."""
     notes: tuple[str, ...]
     """What was repaired, assumed or ignored on reading, one sentence each."""
+
+    def __post_init__(self) -> None:
+        check_index("face_node", self.face_node, length=len(self.mesh.faces), count=len(self.node_names))
+        check_array("world_from_file", self.world_from_file, 4, 4)

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from scene.arrays import check_array, check_index
 from scene.box import OrientedBox
 from scene.mesh import Mesh
 
@@ -37,6 +38,10 @@ class Instance:
     structure: bool = False
     """True for walls, floor, ceiling: never a movable thing, may still be a support (floor)."""
 
+    def __post_init__(self) -> None:
+        if self.front is not None:
+            check_array(f"front of {self.id}", self.front, 3)
+
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Segmentation:
@@ -48,6 +53,11 @@ class Segmentation:
     """Index into `instances` per face, -1 for none, shape (m,)."""
     face_part: NDArray[np.int32]
     """Index into that instance's `parts` per face, -1 for none, shape (m,)."""
+
+    def __post_init__(self) -> None:
+        length, most = len(self.mesh.faces), max((len(one.parts) for one in self.instances), default=0)
+        check_index("face_instance", self.face_instance, length=length, count=len(self.instances))
+        check_index("face_part", self.face_part, length=length, count=most)
 
     def instance_mesh(self, instance: int) -> Mesh:
         """The faces of one instance."""

@@ -4,19 +4,19 @@ A folder gives all its files; an OBJ brings its MTL files and their textures, a 
 lies in the file's own folder counts, and ground truth never does. Absurd inputs are refused before anything is read.
 """
 
-import json
+import os
 from collections.abc import Iterable, Iterator
 from pathlib import Path
-from urllib.parse import unquote
 
-from scene.errors import FormatError, InputError
+from scene.errors import InputError
+from scene.readers.companions import companions
+from scene.readers.interiorgs import is_interiorgs
+from scene.readers.sugar import MESH_SUFFIXES, check_suffix, is_generic
 
 MOST_BYTES = 4 << 30
 """Largest input in total; the largest InteriorGS scene or SuGaR mesh is well below 1 GiB."""
 MOST_FILES = 2000
 """Most files of a scene folder; more means that the wrong folder was given."""
-LARGEST_TEXT = 64 << 20
-"""Largest glTF or MTL text that is searched for names [bytes]."""
 GROUND_TRUTH = ("truth", "ground_truth", "groundtruth", "ground-truth")
 """Stems of files that no stage may see."""
 
@@ -27,14 +27,25 @@ def source_files(path: Path) -> tuple[str, dict[str, Path]]:
         raise InputError(f"{path}: no such file or folder")
     if path.is_dir():
         return ".", checked(path, folder_files(path))
-    companions = {"obj": obj_companions, "gltf": gltf_companions}.get(path.suffix.lower().lstrip("."))
-    files = {path.name: path}
+    if not path.is_file():
+        raise InputError(f"{path}: neither a file nor a folder")
+    check_suffix(path)
     check_size(path, path.stat().st_size)
-    for name in companions(path) if companions else ():
-        found = path.parent / name
-        if found.is_file() and found.resolve().is_relative_to(path.parent.resolve()):
-            files[Path(name).as_posix()] = found
+    files = {path.name: path} | {name: path.parent / name for name in companions(path)}
     return path.name, checked(path, files.items())
+
+
+def telling_folder(path: Path, files: Iterable[str]) -> str:
+    """Name of the folder where it, not the file's name, tells what a mesh is; else empty.
+
+    `files` are the names that `source_files` gave. A scene with annotations is not named at all.
+    """
+    folder = Path(os.path.abspath(path if path.is_dir() else path.parent))
+    if path.is_dir() and is_interiorgs(path):
+        return ""
+    meshes = (Path(name) for name in files if "/" not in name and Path(name).suffix.lower() in MESH_SUFFIXES)
+    generic = next((mesh for mesh in meshes if is_generic(mesh)), None)
+    return "" if generic is None else folder.name or generic.stem  # the root folder has no name
 
 
 def checked(path: Path, files: Iterable[tuple[str, Path]]) -> dict[str, Path]:
@@ -68,40 +79,3 @@ def folder_files(folder: Path) -> Iterator[tuple[str, Path]]:
         hidden = any(part.startswith(".") for part in name.parts)
         if file.is_file() and not hidden and file.stem.lower() not in GROUND_TRUTH:
             yield name.as_posix(), file
-
-
-def obj_companions(path: Path) -> Iterator[str]:
-    """Names after `mtllib` in the OBJ and after `map_*` in those MTL files."""
-    with path.open("rb") as lines:
-        libraries = [
-            line.decode("utf-8", "replace").split(maxsplit=1)[1].strip()
-            for line in lines
-            if line.startswith(b"mtllib ") and len(line) < 4096
-        ]
-    for library in dict.fromkeys(libraries):
-        material = path.parent / library
-        if material.is_file() and material.stat().st_size < LARGEST_TEXT:
-            yield library
-            yield from (str(Path(library).parent / name) for name in mtl_textures(material))
-
-
-def mtl_textures(path: Path) -> Iterator[str]:
-    """File names of `map_Kd [options] NAME` lines: the rest of the line, and its last word where options precede it."""
-    for line in path.read_text("utf-8", "replace").splitlines():
-        words = line.split(maxsplit=1)
-        if len(words) == 2 and (words[0].lower().startswith("map_") or words[0].lower() in ("bump", "norm", "disp")):
-            yield words[1].strip()
-            yield words[1].split()[-1]
-
-
-def gltf_companions(path: Path) -> Iterator[str]:
-    """Relative URIs of buffers and images."""
-    if path.stat().st_size > LARGEST_TEXT:
-        raise FormatError(f"{path}: {path.stat().st_size} bytes of glTF text > {LARGEST_TEXT}; save it as GLB")
-    try:
-        tree = json.loads(path.read_bytes())
-        entries = [*tree.get("buffers", []), *tree.get("images", [])]
-        uris = [str(entry["uri"]) for entry in entries if "uri" in entry]
-    except (ValueError, AttributeError, TypeError) as error:
-        raise FormatError(f"{path}: not a glTF file: {error}") from error
-    yield from (unquote(uri) for uri in uris if not uri.startswith("data:"))

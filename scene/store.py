@@ -18,7 +18,7 @@ from pathlib import Path
 from scene.codec import VALUE_FILE, canonical_json, decode, encode
 from scene.errors import InputError, MissingArtifactError, StoreError
 from scene.settings import cache_root
-from scene.source_files import source_files
+from scene.source_files import source_files, telling_folder
 
 FILES_FOLDER = "files"
 
@@ -48,6 +48,9 @@ class Source:
 
     path: Path
     """The folder, or the single file under its original name with its companions beside it."""
+    folder: str = ""
+    """Name of the given folder, or of the one that the given file lay in, where it tells what the mesh is; else empty:
+    the same bytes under a name that decides nothing are the same source."""
 
 
 class Store:
@@ -123,10 +126,14 @@ class Store:
     def add_source(self, given: str | Path) -> Ref:
         """Take a foreign file or folder in, with the files that it names (MTL, textures, buffers)."""
         path = Path(given)
-        main, files = source_files(path)
-        about = canonical_json({"$type": Source.__name__, "main": main}, indent=1)
-        digests = {VALUE_FILE: hashlib.sha256(about).hexdigest()}
-        digests |= {f"{FILES_FOLDER}/{name}": digest_of_file(file) for name, file in files.items()}
+        try:
+            main, files = source_files(path)
+            tree = {"$type": Source.__name__, "main": main, "folder": telling_folder(path, files)}
+            about = canonical_json(tree, indent=1)
+            digests = {VALUE_FILE: hashlib.sha256(about).hexdigest()}
+            digests |= {f"{FILES_FOLDER}/{name}": digest_of_file(file) for name, file in files.items()}
+        except OSError as error:
+            raise InputError(f"{path}: cannot be read: {error.strerror} ({error.filename})") from None
         ref = Ref(Source.__name__, digest_of(digests))
         if not self.has(ref):
             with self._building(ref) as folder:
@@ -151,7 +158,7 @@ class Store:
         if digest_of_folder(folder) != ref.sha256:
             raise MissingArtifactError(f"Source {ref.sha256[:12]} in {folder} is missing or does not match its digest")
         tree = json_file(folder / VALUE_FILE)
-        return Source(folder / FILES_FOLDER / str(tree["main"]))
+        return Source(folder / FILES_FOLDER / str(tree["main"]), str(tree.get("folder", "")))
 
     def _building(self, ref: Ref) -> "Building":
         return Building(self.root / "building" / uuid.uuid4().hex, self.folder(ref))
@@ -241,8 +248,8 @@ def stamps(folder: Path) -> tuple[tuple[str, int, int], ...]:
 
 
 def walk(folder: Path) -> list[Path]:
-    """All files below a folder, sorted."""
-    return sorted(path for path in folder.rglob("*") if not path.is_dir())
+    """All files below a folder, sorted; and empty folders, which no artifact has and which no digest survives."""
+    return sorted(path for path in folder.rglob("*") if not path.is_dir() or not any(path.iterdir()))
 
 
 def json_file(path: Path) -> dict[str, object]:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, PositiveFloat, PositiveInt
 
-from scene.errors import FormatError
+from scene.errors import FormatError, GeometryError
 from scene.mesh import Mesh
 from scene.readers.frame import Role
 from scene.readers.source import read_scan
@@ -33,7 +33,11 @@ class MeshConfig(BaseModel, frozen=True, extra="forbid"):
 
 def mesh(source: Source, options: SourceOptions, config: MeshConfig) -> Scan:
     """Read the source and clean it."""
-    return cleaned(read_scan(source.path, options, config.role), config)
+    scan = read_scan(source.path, options, config.role, folder=source.folder)
+    try:
+        return cleaned(scan, config)
+    except GeometryError as error:
+        raise FormatError(f"{source.path}: {error}") from None
 
 
 mesh_task = stage(mesh)
@@ -46,7 +50,7 @@ def cleaned(scan: Scan, config: MeshConfig) -> Scan:
     faces = place[before.faces]
     kept = np.flatnonzero(_has_area(before, faces) & _first_of_its_kind(faces))
     if not len(kept):
-        raise FormatError(f"{scan.label or 'mesh'}: all {len(before.faces)} faces have zero area")
+        raise GeometryError(f"all {len(before.faces)} faces have zero area or repeat another one")
     after = _welded(before, place, kept, config.color_levels)
     notes = scan.notes
     if len(kept) < len(before.faces):

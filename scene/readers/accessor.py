@@ -1,12 +1,13 @@
 """glTF accessors: typed views into buffers, checked against the bytes that are there before they are read."""
 
 from pathlib import Path
-from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from scene.errors import FormatError
+from scene.errors import FormatError, InputError
+from scene.readers.gltf_document import Json, entries
+from scene.readers.raw import MAX_CORNERS
 
 COMPONENTS = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 LARGEST = {5120: 127.0, 5121: 255.0, 5122: 32767.0, 5123: 65535.0, 5125: 4294967295.0}
@@ -14,24 +15,14 @@ LARGEST = {5120: 127.0, 5121: 255.0, 5122: 32767.0, 5123: 65535.0, 5125: 4294967
 
 WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
 
-Value = TypeVar("Value")
-
-
-def require(path: Path, document: dict[str, object], key: str, kind: type[Value], default: Value) -> Value:
-    """`document[key]`, which must have the stated type if it is there."""
-    value = document.get(key, default)
-    if not isinstance(value, kind):
-        raise FormatError(f"{path}: glTF key {key!r} is a {type(value).__name__}, expected {kind.__name__}")
-    return value
-
 
 class Accessors:
     """The accessors of one document over its loaded buffers."""
 
-    def __init__(self, path: Path, document: dict[str, object], buffers: list[bytes]) -> None:
+    def __init__(self, path: Path, document: Json, buffers: list[bytes]) -> None:
         self.path, self.buffers = path, buffers
-        self.entries = require(path, document, "accessors", list, [])
-        self.views = require(path, document, "bufferViews", list, [])
+        self.entries = entries(path, document, "accessors")
+        self.views = entries(path, document, "bufferViews")
         try:
             for index in range(len(self.entries)):
                 self._check(index)
@@ -95,6 +86,10 @@ class Accessors:
         available = sum(map(len, self.buffers))
         if count < 0 or ("bufferView" not in entry and count * row > 64 * available + 4096):
             raise FormatError(f"{self.path}: accessor {index} promises {count} values without data")
+        if count > MAX_CORNERS:
+            raise InputError(
+                f"{self.path}: accessor {index} has {count} values > {MAX_CORNERS}; decimate the mesh first"
+            )
         if "bufferView" not in entry:
             return
         view = self.views[int(entry["bufferView"])]

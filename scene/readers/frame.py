@@ -2,7 +2,8 @@
 
 Order of trust: the user's option, then the format's standard, then an estimate from the content; always reported.
 An estimate never assumes millimetres or inches: those differ from a mesh a thousand times too large by nothing but the
-user's word, so a mesh of such a size is refused with the option that settles it.
+user's word, so a mesh of such a size is refused with the option that settles it. Centimetres are assumed only where
+millimetres would make less than 4 cm of it: what is that long or longer is never taken ten times too large.
 """
 
 from dataclasses import dataclass
@@ -38,14 +39,15 @@ class Limits:
     metres_up_to: float
     """A mesh without a stated unit is taken as metres up to this many units [-]."""
     centimetres_up_to: float
-    """... and as centimetres up to this many [-]; beyond, the user must say."""
+    """... and as centimetres up to this many [-]; beyond, the user must say. Equal to the above: never."""
 
 
 LIMITS = {
-    Role.SCENE: Limits(smallest=0.005, largest=200.0, metres_up_to=40.0, centimetres_up_to=600.0),
-    Role.OBJECT: Limits(smallest=0.001, largest=20.0, metres_up_to=3.0, centimetres_up_to=60.0),
+    Role.SCENE: Limits(smallest=0.005, largest=200.0, metres_up_to=40.0, centimetres_up_to=40.0),
+    Role.OBJECT: Limits(smallest=0.001, largest=20.0, metres_up_to=3.0, centimetres_up_to=40.0),
 }
-"""A scene is anything from a mug to a hall; an object is something that a person puts down."""
+"""A scene is anything from a mug to a hall; an object is something that a person puts down.
+Of 40 to 600 units a scene is as well a room in centimetres as a stool in millimetres: only the user knows."""
 
 
 @dataclass(frozen=True)
@@ -171,8 +173,12 @@ def _foot(vertices: NDArray[np.float64], axis: int, low: NDArray[np.float64], he
 
 
 def _contradicts(standard: UpEvidence, other: UpEvidence) -> bool:
-    """Whether the content speaks clearly against the format's own up axis."""
-    return other.grounded and standard.floating and other.level_area > 1.5 * standard.level_area
+    """Whether the content speaks clearly against the format's own up axis.
+
+    A picture with its back in a coordinate plane would lie well, but it can stand on its edge too: the format is right.
+    """
+    lies = other.grounded and standard.floating and other.level_area > 1.5 * standard.level_area
+    return lies and other.foot > 1.5 * standard.foot
 
 
 def _estimated_up(raw: RawMesh, evidence: dict[str, UpEvidence]) -> str:

@@ -5,19 +5,18 @@ decoded. Source: Khronos, "glTF 2.0 Specification", sections 3.5 (nodes), 3.6 (a
 """
 
 import base64
-import json
-import struct
-import urllib.parse
 from pathlib import Path
-from typing import Any
+from urllib.parse import unquote
 
 import numpy as np
 from numpy.typing import NDArray
 
 from scene.errors import FormatError, InputError
-from scene.readers.accessor import Accessors, require
+from scene.readers.accessor import Accessors
+from scene.readers.companions import absence, beside
+from scene.readers.gltf_document import Entry, Json, binary_chunk, entries, read_document, require
 from scene.readers.image import read_image
-from scene.readers.raw import Paint, RawMesh, check_face_count, read_bytes
+from scene.readers.raw import Paint, RawMesh, check_face_count, check_vertex_count, read_bytes
 from scene.readers.srgb import srgb_from_linear
 
 COMPRESSED = {
@@ -36,52 +35,17 @@ UNDERSTOOD = {
 }  # fmt: skip
 """Required extensions that do not change shape, or that we read."""
 
-Json = dict[str, object]
-"""The document, whose values are checked where they are used."""
-
-Entry = dict[str, Any]
-"""One entry of the document; a wrong type inside it is caught by `build`."""
+DEEPEST_NODE = 256
+"""Levels of the node tree: far above any scene that people make, far below Python's limit of recursion."""
 
 
 def read_gltf(path: Path) -> RawMesh:
     """Read the default scene of a glTF file."""
     data = read_bytes(path)
-    document, binary = _glb(path, data) if data[:4] == b"glTF" else (_json(path, data), None)
+    document, end = read_document(path, data)
     _refuse_extensions(path, document)
-    accessors = Accessors(path, document, _buffers(path, document, binary))
+    accessors = Accessors(path, document, _buffers(path, document, binary_chunk(path, data, end)))
     return _Builder(path, document, accessors).build()
-
-
-def _glb(path: Path, data: bytes) -> tuple[Json, bytes | None]:
-    """JSON chunk and binary chunk of a GLB container."""
-    if len(data) < 20:
-        raise FormatError(f"{path}: {len(data)} bytes are less than a GLB header (20): the file is truncated")
-    version, length, json_length, json_type = struct.unpack_from("<IIII", data, 4)
-    if version != 2 or json_type != 0x4E4F534A:
-        raise FormatError(f"{path}: GLB version {version}, first chunk {json_type:#x}; only glTF 2.0 is read")
-    if length > len(data) or 20 + json_length > len(data):
-        raise FormatError(f"{path}: the header promises {length} bytes, the file has {len(data)}: it is truncated")
-    document = _json(path, data[20 : 20 + json_length])
-    start = 20 + json_length
-    if start + 8 > length:
-        return document, None
-    size, kind = struct.unpack_from("<II", data, start)
-    if kind != 0x004E4942 or start + 8 + size > len(data):
-        raise FormatError(
-            f"{path}: the binary chunk promises {size} bytes, {len(data) - start - 8} follow: it is truncated"
-        )
-    return document, data[start + 8 : start + 8 + size]
-
-
-def _json(path: Path, text: bytes) -> Json:
-    """The document; its top level must be an object."""
-    try:
-        document = json.loads(text)
-    except (UnicodeDecodeError, json.JSONDecodeError) as error:
-        raise FormatError(f"{path}: the glTF JSON is broken: {error}") from None
-    if not isinstance(document, dict):
-        raise FormatError(f"{path}: the glTF JSON is not an object")
-    return document
 
 
 def _refuse_extensions(path: Path, document: Json) -> None:
@@ -98,10 +62,10 @@ def _refuse_extensions(path: Path, document: Json) -> None:
 def _buffers(path: Path, document: Json, binary: bytes | None) -> list[bytes]:
     """All buffers, each at least as long as it says."""
     buffers = []
-    for index, entry in enumerate(require(path, document, "buffers", list, [])):
-        uri = entry.get("uri")
-        data = _uri_bytes(path, str(uri)) if uri is not None else binary
-        length = int(entry.get("byteLength", 0))
+    for index, entry in enumerate(entries(path, document, "buffers")):
+        uri = require(path, entry, "uri", str, "")
+        data = _uri_bytes(path, uri) if uri else binary
+        length = require(path, entry, "byteLength", int, 0)
         if data is None or len(data) < length:
             found = 0 if data is None else len(data)
             raise FormatError(
@@ -118,7 +82,10 @@ def _uri_bytes(path: Path, uri: str) -> bytes:
             return base64.b64decode(uri.partition(",")[2], validate=True)
         except ValueError as error:
             raise FormatError(f"{path}: a data URI is broken: {error}") from None
-    return read_bytes(path.parent / urllib.parse.unquote(uri))
+    found = beside(path.parent, unquote(uri))
+    if found is None:
+        raise FormatError(f"{path}: the file {unquote(uri)!r} that it names {absence(unquote(uri))}")
+    return read_bytes(path.parent / found)
 
 
 class _Builder:
@@ -127,8 +94,9 @@ class _Builder:
     def __init__(self, path: Path, document: Json, accessors: Accessors) -> None:
         self.path, self.document, self.accessors = path, document, accessors
         self.nodes, self.meshes, self.materials = (
-            require(path, document, key, list, []) for key in ("nodes", "meshes", "materials")
+            entries(path, document, key) for key in ("nodes", "meshes", "materials")
         )
+        self.visited: set[int] = set()
         self.notes: list[str] = []
         self.names: list[str] = []
         self.textures: list[NDArray[np.uint8]] = []
@@ -145,13 +113,8 @@ class _Builder:
 
     def build(self) -> RawMesh:
         """Walk the default scene and join what it holds."""
-        try:
-            for root in self._roots():
-                self._visit(root, np.eye(4), (), 0)
-        except (KeyError, IndexError, TypeError, ValueError, AttributeError) as error:
-            raise FormatError(
-                f"{self.path}: the glTF document is inconsistent ({type(error).__name__}: {error})"
-            ) from None
+        for root in self._roots():
+            self._visit(root, np.eye(4), ())
         if not self.faces:
             raise InputError(f"{self.path}: no triangles in its scene: nothing to place on or to place")
         painted = any((c != 200).any() for c in self.face_color) or self.textures
@@ -177,15 +140,18 @@ class _Builder:
 
     def _roots(self) -> list[int]:
         """Root nodes of the default scene; without scenes, all nodes that are nobody's child."""
-        scenes = require(self.path, self.document, "scenes", list, [])
+        scenes = entries(self.path, self.document, "scenes")
         if scenes:
             return [int(i) for i in scenes[require(self.path, self.document, "scene", int, 0)].get("nodes", [])]
         children = {child for node in self.nodes for child in node.get("children", [])}
         return [i for i in range(len(self.nodes)) if i not in children]
 
-    def _visit(self, index: int, world_from_parent: NDArray[np.float64], trail: tuple[str, ...], depth: int) -> None:
-        if depth > len(self.nodes):
-            raise FormatError(f"{self.path}: node {index} is its own ancestor")
+    def _visit(self, index: int, world_from_parent: NDArray[np.float64], trail: tuple[str, ...]) -> None:
+        if index in self.visited:
+            raise FormatError(f"{self.path}: node {index} has two parents, or is its own ancestor")
+        if len(trail) == DEEPEST_NODE:
+            raise FormatError(f"{self.path}: node {index} lies more than {DEEPEST_NODE} nodes deep; flatten the tree")
+        self.visited.add(index)
         node = self.nodes[index]
         world_from_node = world_from_parent @ _local_matrix(node)
         mesh = self.meshes[int(node["mesh"])] if "mesh" in node else None
@@ -195,7 +161,7 @@ class _Builder:
             for primitive in mesh["primitives"]:
                 self._add(primitive, world_from_node, len(self.names) - 1)
         for child in node.get("children", []):
-            self._visit(int(child), world_from_node, (*trail, name), depth + 1)
+            self._visit(int(child), world_from_node, (*trail, name))
 
     def _add(self, primitive: Entry, world_from_node: NDArray[np.float64], node: int) -> None:
         """Append one primitive; points and lines are left out."""
@@ -209,10 +175,12 @@ class _Builder:
         if "indices" in primitive:
             index = self.accessors.read(int(primitive["indices"])).reshape(-1).astype(np.int64)
         faces = _triangles(index, mode)
-        if len(faces) and (faces.max() >= len(position)):
-            raise FormatError(f"{self.path}: a face uses vertex {faces.max()}, its primitive has {len(position)}")
+        if len(faces) and (faces.min() < 0 or faces.max() >= len(position)):
+            wrong = faces.min() if faces.min() < 0 else faces.max()
+            raise FormatError(f"{self.path}: a face uses vertex {wrong}, its primitive has {len(position)}")
         self.face_count += len(faces)
         check_face_count(self.path, self.face_count)
+        check_vertex_count(self.path, self.vertex_count + len(position))
         if np.linalg.det(world_from_node[:3, :3]) < 0:
             faces = faces[:, ::-1]
         self.vertices.append(position @ world_from_node[:3, :3].T + world_from_node[:3, 3])
@@ -228,7 +196,7 @@ class _Builder:
             return None
         values = self.accessors.read(attributes["COLOR_0"])[:, :3]
         levels = values.astype(np.float64) * (1.0 if values.dtype == np.uint8 else 255.0)
-        return np.clip(np.rint(levels), 0, 255).astype(np.uint8) if len(values) == count else None
+        return np.clip(np.rint(levels), 0, 255).astype(np.uint8) if levels.shape == (count, 3) else None
 
     def _add_paint(self, primitive: Entry, attributes: dict[str, int], faces: NDArray[np.int64]) -> None:
         """Base colour and texture of one primitive."""
@@ -249,7 +217,7 @@ class _Builder:
 
     def _texture(self, index: int) -> int:
         """Slot of a texture's decoded image; -1 where its image is missing."""
-        entry = require(self.path, self.document, "textures", list, [])[index]
+        entry = entries(self.path, self.document, "textures")[index]
         source = entry.get("extensions", {}).get("EXT_texture_webp", {}).get("source", entry.get("source"))
         if source is None:
             return -1
@@ -260,13 +228,13 @@ class _Builder:
         return self.texture_slot[int(source)]
 
     def _image(self, index: int) -> NDArray[np.uint8] | None:
-        entry = require(self.path, self.document, "images", list, [])[index]
+        entry = entries(self.path, self.document, "images")[index]
         where = f"{self.path}: image {index}"
         if "bufferView" in entry:
             return read_image(self.accessors.view(int(entry["bufferView"])), where)
-        uri = str(entry["uri"])
-        if not uri.startswith("data:") and not (self.path.parent / urllib.parse.unquote(uri)).is_file():
-            self.notes.append(f"texture {uri!r} is missing: the material's colour is used")
+        uri = require(self.path, entry, "uri", str, "")
+        if not uri.startswith("data:") and beside(self.path.parent, unquote(uri)) is None:
+            self.notes.append(f"texture {uri!r} {absence(unquote(uri))}: the material's colour is used")
             return None
         return read_image(_uri_bytes(self.path, uri), where)
 

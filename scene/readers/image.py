@@ -11,6 +11,9 @@ from scene.errors import FormatError
 MAX_PIXELS = 16384 * 16384
 """Largest texture [pixels]: the largest that graphics hardware accepts."""
 
+# Pillow's own limit is lower and warns in several lines; ours is checked between the header and the pixels.
+Image.MAX_IMAGE_PIXELS = None
+
 
 def read_image(data: bytes, where: str) -> NDArray[np.uint8]:
     """An encoded image as RGB bytes, first row on top, shape (h, w, 3); transparency is ignored."""
@@ -19,5 +22,5 @@ def read_image(data: bytes, where: str) -> NDArray[np.uint8]:
             if image.width * image.height > MAX_PIXELS:
                 raise FormatError(f"{where}: a texture of {image.width} x {image.height} pixels; reduce it first")
             return np.asarray(image.convert("RGB"), dtype=np.uint8)
-    except (UnidentifiedImageError, OSError, Image.DecompressionBombError, SyntaxError, ValueError) as error:
+    except (UnidentifiedImageError, OSError, SyntaxError, ValueError) as error:
         raise FormatError(f"{where}: the image cannot be decoded ({error})") from None

@@ -5,6 +5,7 @@ corners in any order, boxes without thickness. Coordinates are metres, right-han
 """
 
 import json
+from math import isfinite
 from pathlib import Path
 from typing import Any
 
@@ -56,7 +57,7 @@ def read_labels(folder: Path) -> tuple[tuple[LabelBox, ...], tuple[str, ...]]:
 def _load(path: Path) -> object:
     try:
         return json.loads(path.read_text("utf-8"))
-    except (UnicodeDecodeError, json.JSONDecodeError) as error:
+    except (ValueError, RecursionError) as error:
         raise FormatError(f"{path}: broken JSON: {error}") from None
 
 
@@ -77,7 +78,7 @@ def _points(path: Path, where: str, value: Any, keys: str) -> NDArray[np.float64
             [float(p[k]) for k in keys] if isinstance(p, dict) else [float(c) for c in p[: len(keys)]] for p in value
         ]
         points = np.array(rows, dtype=np.float64).reshape(-1, len(keys))
-    except (KeyError, TypeError, ValueError, IndexError):
+    except (KeyError, TypeError, ValueError, IndexError, OverflowError):
         raise FormatError(f"{path}: {where} is not a list of points with {', '.join(keys)}") from None
     if not np.isfinite(points).all():
         raise FormatError(f"{path}: {where} has a coordinate that is not finite")
@@ -120,9 +121,12 @@ def _objects(path: Path, document: dict[str, object], key: str) -> list[dict[str
 
 def _number(path: Path, where: str, value: object, default: float) -> float:
     try:
-        return default if value is None else float(value)  # type: ignore[arg-type]
-    except (TypeError, ValueError):
-        raise FormatError(f"{path}: {where} is {value!r}, expected a number") from None
+        number = default if value is None else float(value)  # type: ignore[arg-type]
+    except (TypeError, ValueError, OverflowError):
+        number = float("nan")
+    if not isfinite(number):
+        raise FormatError(f"{path}: {where} is {value!r}, expected a finite number")
+    return number
 
 
 def _wall(path: Path, index: int, wall: dict[str, object]) -> LabelBox:

@@ -3,16 +3,23 @@
 Every index is checked; polygons are kept whole until `polygons.triangulate` cuts them, so quads are never lost.
 """
 
+import re
+from collections.abc import Iterator
 from dataclasses import dataclass, field
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from scene.errors import FormatError, InputError
+from scene.readers.companions import library_names
 from scene.readers.mtl import Material, read_mtl
 from scene.readers.polygons import triangulate
-from scene.readers.raw import Paint, RawMesh, check_face_count, read_bytes
+from scene.readers.raw import Paint, RawMesh, check_face_count, check_vertex_count, read_bytes
+
+CORNER = re.compile(rb"-?\d{1,18}(?:/(?:-?\d{1,18})?){0,2}")
+"""One corner of a face: position, texture coordinate and normal."""
 
 
 @dataclass
@@ -28,35 +35,45 @@ class Lines:
     """Vertices and texture coordinates read before each face (negative indices count from there)."""
     switches: dict[str, list[tuple[int, str]]] = field(default_factory=lambda: {"o": [], "g": [], "usemtl": []})
     """(first face, name) of every object, group and material."""
-    libraries: list[str] = field(default_factory=list)
 
 
 def read_obj(path: Path) -> RawMesh:
     """Read an OBJ file and the MTL and images beside it."""
-    lines = _sort_lines(read_bytes(path))
+    data = read_bytes(path)
+    lines = _sort_lines(data)
     check_face_count(path, len(lines.face))
-    numbers = _numbers(path, lines.vertex, "v", (3, 4, 6, 7))
+    check_vertex_count(path, max(len(lines.vertex), len(lines.texture)))
+    numbers = _numbers(path, data, "v", lines.vertex, 3)
     vertices = numbers[:, :3].copy()
     if not len(vertices) or not lines.face:
         raise InputError(f"{path}: no faces ({len(vertices)} vertices): nothing to place on or to place")
-    uv = _numbers(path, lines.texture, "vt", (1, 2, 3))
+    uv = _numbers(path, data, "vt", lines.texture, 1)
     faces, face_uv, owner = _faces(path, lines, vertices, len(uv))
     named = lines.switches["o"] or lines.switches["g"]
     face_node, names = _spread(named, len(lines.face))
     notes: list[str] = []
-    paint = _paint(path, lines, uv, face_uv, owner, notes)
+    library: dict[str, Material] = {}
+    for name in library_names(data):
+        library |= read_mtl(path.parent, name, notes)
+    paint = _paint(lines, library, uv, face_uv, owner)
     return RawMesh(
         path=path, vertices=vertices, faces=faces, colors=_vertex_colors(numbers), paint=paint,
         face_node=face_node[owner], node_names=names, up="", unit_metres=0.0, notes=tuple(notes),
     )  # fmt: skip
 
 
-def _sort_lines(data: bytes) -> Lines:
-    """Split the text and sort its lines by keyword."""
-    lines = Lines()
+def _statements(data: bytes) -> Iterator[tuple[int, bytes, bytes]]:
+    """Line number, keyword and the rest of every line; a line that ends in a backslash goes on in the next."""
     text = data.replace(b"\r\n", b"\n").replace(b"\r", b"\n").replace(b"\\\n", b" ")
     for number, line in enumerate(text.split(b"\n"), start=1):
         key, _, rest = line.strip().replace(b"\t", b" ").partition(b" ")
+        yield number, key, rest
+
+
+def _sort_lines(data: bytes) -> Lines:
+    """Split the text and sort its lines by keyword."""
+    lines = Lines()
+    for number, key, rest in _statements(data):
         if key == b"v":
             lines.vertex.append(rest)
         elif key == b"vt":
@@ -67,27 +84,39 @@ def _sort_lines(data: bytes) -> Lines:
             lines.seen.append((len(lines.vertex), len(lines.texture)))
         elif key in (b"o", b"g", b"usemtl"):
             lines.switches[key.decode()].append((len(lines.face), rest.strip().decode("utf-8", "replace")))
-        elif key == b"mtllib":
-            lines.libraries.append(rest.strip().decode("utf-8", "replace"))
     return lines
 
 
-def _numbers(path: Path, rows: list[bytes], keyword: str, widths: tuple[int, ...]) -> NDArray[np.float64]:
+def _numbers(path: Path, data: bytes, keyword: str, rows: list[bytes], least: int) -> NDArray[np.float64]:
     """Rows of numbers as one array; rows of unequal length are cut to the shortest."""
     if not rows:
-        return np.zeros((0, widths[0]))
+        return np.zeros((0, least))
     counts = [len(row.split()) for row in rows]
     width = min(counts)
-    if width < widths[0]:
-        raise FormatError(
-            f"{path}: '{keyword}' number {counts.index(width) + 1} has {width} values, expected {widths[0]}"
-        )
+    if width < least:
+        line = _line_of(data, keyword, counts.index(width))
+        raise FormatError(f"{path}: line {line}: '{keyword}' has {width} values, expected {least}")
     try:
         if width == max(counts):
             return np.array(b" ".join(rows).split(), dtype=np.float64).reshape(-1, width)
         return np.array([row.split()[:width] for row in rows], dtype=np.float64)
     except ValueError as error:
-        raise FormatError(f"{path}: {error} in a '{keyword}' line") from None
+        bad = next((i for i, row in enumerate(rows) if not _is_numbers(row.split()[:width])), 0)
+        raise FormatError(f"{path}: line {_line_of(data, keyword, bad)}: {error} in a '{keyword}' line") from None
+
+
+def _is_numbers(words: list[bytes]) -> bool:
+    try:
+        np.array(words, dtype=np.float64)
+    except ValueError:
+        return False
+    return True
+
+
+def _line_of(data: bytes, keyword: str, index: int) -> int:
+    """Line number of the statement with that keyword and index among its kind; only messages need it."""
+    numbers = (number for number, key, _ in _statements(data) if key == keyword.encode())
+    return next(islice(numbers, index, None))
 
 
 def _vertex_colors(numbers: NDArray[np.float64]) -> NDArray[np.uint8] | None:
@@ -106,6 +135,7 @@ def _faces(
     if corners.min() < 3:
         bad = int(np.argmin(corners))
         raise FormatError(f"{path}: line {lines.face_line[bad]}: a face of {corners[bad]} corners")
+    check_face_count(path, int((corners - 2).sum()))
     parts: list[tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]] = []
     for count in np.unique(corners):
         numbers = np.flatnonzero(corners == count)
@@ -126,7 +156,7 @@ def _indices(path: Path, lines: Lines, numbers: NDArray[np.int64], count: int) -
     text = b" ".join(rows)
     tokens = text.split()
     slashes = tokens[0].count(b"/")
-    same = text.count(b"/") == slashes * len(tokens) and all(t.count(b"/") == slashes for t in tokens[:64])
+    same = text.count(b"/") == slashes * len(tokens) and all(t.count(b"/") == slashes for t in tokens)
     try:
         if same and b"/ " not in text + b" ":
             flat = np.array(text.replace(b"//", b"/0/").replace(b"/", b" ").split(), dtype=np.int64)
@@ -134,16 +164,16 @@ def _indices(path: Path, lines: Lines, numbers: NDArray[np.int64], count: int) -
             return table[..., :2] if slashes else np.concatenate([table, np.zeros_like(table)], axis=-1)
         pairs = [[int(word or 0) for word in [*t.split(b"/"), b""][:2]] for t in tokens]
         return np.array(pairs, dtype=np.int64).reshape(len(rows), count, 2)
-    except ValueError:
-        bad = next(i for i in numbers if not _readable(lines.face[i]))
+    except (ValueError, OverflowError):
+        bad = next((i for i in numbers if not _readable(lines.face[i])), numbers[0])
         raise FormatError(
             f"{path}: line {lines.face_line[bad]}: face {lines.face[bad].decode('latin-1')!r} is not understood"
         ) from None
 
 
 def _readable(row: bytes) -> bool:
-    """Whether a face line consists of whole numbers and slashes."""
-    return all(part.lstrip(b"-").isdigit() for token in row.split() for part in token.split(b"/") if part)
+    """Whether every corner of a face line is a whole number and at most two more after slashes."""
+    return all(CORNER.fullmatch(token) for token in row.split())
 
 
 def _resolve(
@@ -176,18 +206,14 @@ def _spread(switches: list[tuple[int, str]], count: int) -> tuple[NDArray[np.int
 
 
 def _paint(
-    path: Path,
     lines: Lines,
+    library: dict[str, Material],
     uv: NDArray[np.float64],
     face_uv: NDArray[np.int64],
     owner: NDArray[np.int64],
-    notes: list[str],
 ) -> Paint | None:
     """Material colours and textures of the faces; None where the file names no material that exists."""
     material_index, names = _spread(lines.switches["usemtl"], len(lines.face))
-    library: dict[str, Material] = {}
-    for name in lines.libraries:
-        library |= read_mtl(path.parent / name, notes)
     if not names or not library:
         return None
     plain = Material()

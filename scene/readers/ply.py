@@ -5,6 +5,7 @@ Source: Greg Turk, "The PLY Polygon File Format", 1994.
 """
 
 from dataclasses import dataclass, field
+from math import isfinite
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,7 @@ from numpy.typing import NDArray
 
 from scene.errors import FormatError, InputError
 from scene.readers.polygons import triangulate
-from scene.readers.raw import Paint, RawMesh, check_face_count, read_bytes
+from scene.readers.raw import Paint, RawMesh, check_face_count, check_vertex_count, read_bytes
 
 TYPES = {
     "char": "i1", "int8": "i1", "uchar": "u1", "uint8": "u1", "short": "i2", "int16": "i2", "ushort": "u2",
@@ -20,6 +21,9 @@ TYPES = {
     "double": "f8", "float64": "f8",
 }  # fmt: skip
 """Scalar type names of the format and numpy's."""
+
+COUNT_TYPES = {name: kind for name, kind in TYPES.items() if kind[0] != "f"}
+"""Types that the length of a list may have."""
 
 HEADER_LIMIT = 1 << 20
 """A header longer than this is not one [bytes]."""
@@ -61,6 +65,8 @@ def read_ply(path: Path) -> RawMesh:
     index = next((face[name] for name in INDEX_NAMES if name in face), None)
     if index is None or not len(index):
         raise InputError(f"{path}: no faces ({len(vertices)} vertices): a point cloud, not a mesh")
+    if _is_scalar(index):
+        raise FormatError(f"{path}: the PLY face element has one vertex index per face, expected a list")
     faces, owner = _faces(path, vertices, index)
     face_color = _colors(face)
     return RawMesh(
@@ -83,7 +89,9 @@ def _header(path: Path, data: bytes) -> tuple[list[Element], str, int]:
     for number, line in enumerate(data[:end].decode("latin-1").splitlines(), start=1):
         words = line.split()
         if words[:1] == ["format"]:
-            order = {"ascii": "ascii", "binary_little_endian": "<", "binary_big_endian": ">"}.get(words[1], "")
+            order = {"ascii": "ascii", "binary_little_endian": "<", "binary_big_endian": ">"}.get(
+                "".join(words[1:2]), ""
+            )
         elif words[:1] in (["element"], ["property"]):
             _declare(path, number, words, elements)
     if not order:
@@ -101,7 +109,7 @@ def _declare(path: Path, number: int, words: list[str], elements: list[Element])
             if elements[-1].count < 0:
                 raise ValueError
         elif words[1] == "list":
-            elements[-1].properties.append(Property(words[4], TYPES[words[3]], TYPES[words[2]]))
+            elements[-1].properties.append(Property(words[4], TYPES[words[3]], COUNT_TYPES[words[2]]))
         else:
             elements[-1].properties.append(Property(words[2], TYPES[words[1]]))
     except (IndexError, KeyError, ValueError):
@@ -127,6 +135,10 @@ def _check_length(path: Path, elements: list[Element], order: str, available: in
     for element in elements:
         if element.name == "face":
             check_face_count(path, min(element.count, available))
+        if element.name == "vertex":
+            check_vertex_count(path, min(element.count, available))
+        if element.count and not element.properties:
+            raise FormatError(f"{path}: {element.count} of PLY element {element.name!r}, which has no property")
         row = 0
         for prop in element.properties:
             if order == "ascii":
@@ -243,7 +255,8 @@ def _ascii_element(path: Path, element: Element, values: NDArray[np.float64], st
         for column, prop in zip(columns, element.properties, strict=True):
             length = 1
             if prop.count_type:
-                length = int(values[start]) if start < len(values) else -1
+                stated = float(values[start]) if start < len(values) else -1.0
+                length = int(stated) if isfinite(stated) else -1
                 start += 1
             if length < 0 or start + length > len(values):
                 raise _truncated(path, element)
@@ -260,9 +273,14 @@ def _truncated(path: Path, element: Element) -> FormatError:
 
 def _scalar(path: Path, table: Table, name: str) -> NDArray[np.generic]:
     column = table.get(name)
-    if column is None or isinstance(column, list):
-        raise FormatError(f"{path}: the PLY vertex element has no property {name!r}")
-    return column
+    if column is None or not _is_scalar(column):
+        raise FormatError(f"{path}: the PLY vertex element has no property {name!r} of one number")
+    return np.asarray(column)
+
+
+def _is_scalar(column: Column) -> bool:
+    """Whether the property has one number per row; lists of one length are a matrix, others a list of arrays."""
+    return not isinstance(column, list) and column.ndim == 1
 
 
 def _faces(path: Path, vertices: NDArray[np.float64], index: Column) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
@@ -279,11 +297,13 @@ def _faces(path: Path, vertices: NDArray[np.float64], index: Column) -> tuple[ND
             for n in np.unique(lengths)
         }
     faces, owners = [np.zeros((0, 3), dtype=np.int64)], [np.zeros(0, dtype=np.int64)]
+    check_face_count(path, sum(len(numbers) * max(0, corners - 2) for corners, (numbers, _) in rows.items()))
     for corners, (numbers, polygons) in rows.items():
         if corners < 3:
             continue
         if polygons.min() < 0 or polygons.max() >= len(vertices):
-            raise FormatError(f"{path}: a face uses vertex {polygons.max()}, the file has {len(vertices)}")
+            wrong = polygons.min() if polygons.min() < 0 else polygons.max()
+            raise FormatError(f"{path}: a face uses vertex {wrong}, the file has {len(vertices)}")
         triples, owner = triangulate(vertices, polygons)
         faces.append(np.take_along_axis(polygons[owner], triples, axis=1))
         owners.append(numbers[owner])
@@ -295,13 +315,9 @@ def _faces(path: Path, vertices: NDArray[np.float64], index: Column) -> tuple[ND
 def _colors(table: Table) -> NDArray[np.uint8] | None:
     """Colours of an element as bytes, None if it has none."""
     for names in (("red", "green", "blue"), ("r", "g", "b"), ("diffuse_red", "diffuse_green", "diffuse_blue")):
-        if all(name in table for name in names):
+        if all(name in table and _is_scalar(table[name]) for name in names):
             channels = np.stack([np.asarray(table[name]) for name in names], axis=1)
-            is_float = (
-                isinstance(table[names[0]], np.ndarray)
-                and channels.dtype.kind == "f"
-                and channels.max(initial=0) <= 1.0
-            )
+            is_float = channels.dtype.kind == "f" and channels.max(initial=0) <= 1.0
             return np.clip(np.rint(channels * 255.0) if is_float else channels, 0, 255).astype(np.uint8)
     return None
 

@@ -14,30 +14,37 @@ from scene.readers.paint import bake
 from scene.readers.ply import read_ply
 from scene.readers.raw import RawMesh
 from scene.readers.stl import read_stl
-from scene.readers.sugar import describe, find_mesh
+from scene.readers.sugar import check_suffix, describe, find_mesh
 from scene.sample import SourceOptions
 from scene.scan import LabelBox, Room, Scan
 
 READERS = {".glb": read_gltf, ".gltf": read_gltf, ".obj": read_obj, ".ply": read_ply, ".stl": read_stl}
 """Reader by file suffix."""
 
+BROKEN = (ArithmeticError, AttributeError, LookupError, RecursionError, StopIteration, TypeError, ValueError)
+"""What decoding can raise on bytes that break their format where no check of the reader names the place."""
 
-def read_scan(path: Path, options: SourceOptions, role: Role) -> Scan:
-    """Read a folder (InteriorGS, SuGaR, or one with a single mesh) or a mesh file."""
+
+def read_scan(path: Path, options: SourceOptions, role: Role, *, folder: str = "") -> Scan:
+    """Read a folder (InteriorGS, SuGaR, or one with a single mesh) or a mesh file.
+
+    `folder` is the name of the folder that was given, or that a given file lay in, where `path` is a copy of it.
+    """
     if not path.exists():
         raise InputError(f"{path}: no such file or folder")
     if path.is_dir():
-        return _read_folder(path, options, role)
+        return _read_folder(path, options, role, folder)
     raw = _read_mesh(path)
-    return _scan(raw, options, find_frame(raw, options, role), label=options.label or describe(path))
+    return _scan(raw, options, find_frame(raw, options, role), label=options.label or describe(path, folder))
 
 
-def _read_folder(folder: Path, options: SourceOptions, role: Role) -> Scan:
+def _read_folder(folder: Path, options: SourceOptions, role: Role, name: str) -> Scan:
     mesh_path, notes = find_mesh(folder)
     raw = _read_mesh(mesh_path)
     if not is_interiorgs(folder):
         frame = find_frame(raw, options, role)
-        return _scan(raw, options, frame, label=options.label or describe(mesh_path), notes=notes)
+        own = describe(mesh_path, name if mesh_path.parent == folder else "")
+        return _scan(raw, options, frame, label=options.label or own, notes=notes)
     boxes, label_notes = read_labels(folder)
     rooms, structure = read_structure(folder)
     frame = _interiorgs_frame(raw, options, role)
@@ -67,15 +74,13 @@ def _interiorgs_frame(raw: RawMesh, options: SourceOptions, role: Role) -> Frame
 
 
 def _read_mesh(path: Path) -> RawMesh:
-    reader = READERS.get(path.suffix.lower())
-    if reader is None:
-        raise InputError(
-            f"{path}: {path.suffix or 'no suffix'} is not a mesh format that is read ({', '.join(READERS)})"
-        )
+    check_suffix(path)
     try:
-        return reader(path)
+        return READERS[path.suffix.lower()](path)
     except OSError as error:
         raise FormatError(f"{path}: cannot be read: {error.strerror}") from None
+    except BROKEN as error:
+        raise FormatError(f"{path}: the file contradicts its format ({type(error).__name__}: {error})") from None
 
 
 def _scan(

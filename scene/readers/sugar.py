@@ -10,9 +10,6 @@ from scene.errors import InputError
 
 MESH_SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".stl")
 
-STORE_FOLDER = "files"
-"""Folder in which the store keeps a source: its name says nothing about the thing."""
-
 GENERIC_STEMS = {
     "textured",
     "model",
@@ -26,6 +23,13 @@ GENERIC_STEMS = {
     "geometry",
 }
 """File stems that say nothing about the thing: the folder's name says more."""
+
+
+def check_suffix(path: Path) -> None:
+    """Refuse a file that no reader reads."""
+    if path.suffix.lower() not in MESH_SUFFIXES:
+        suffix = path.suffix or "no suffix"
+        raise InputError(f"{path}: {suffix} is not a mesh format that is read ({', '.join(MESH_SUFFIXES)})")
 
 
 def find_mesh(folder: Path) -> tuple[Path, tuple[str, ...]]:
@@ -76,7 +80,14 @@ def is_splats(path: Path) -> bool:
     return b"packed_position" in header or (b"f_dc_0" in header and b"opacity" in header)
 
 
-def describe(path: Path) -> str:
-    """What a mesh is, by its name: the file's stem, or the folder's where the stem says nothing."""
-    parent = "" if path.parent.name == STORE_FOLDER else path.parent.name
-    return parent or path.stem if path.stem.lower() in GENERIC_STEMS else path.stem
+def is_generic(path: Path) -> bool:
+    """Whether a file's name says nothing about the thing."""
+    return path.stem.lower() in GENERIC_STEMS
+
+
+def describe(path: Path, folder: str = "") -> str:
+    """What a mesh is, by its name: the file's stem, or the folder's where the stem says nothing.
+
+    `folder` is the name of the folder that the file was given in, where it does not lie there any more.
+    """
+    return (folder or path.parent.name or path.stem) if is_generic(path) else path.stem

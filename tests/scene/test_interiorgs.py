@@ -130,6 +130,16 @@ def test_structure_becomes_rooms_walls_and_openings(tmp_path: Path) -> None:
     assert sorted((2 * window.box.half_extents).round(6).tolist()) == [0.2, 1.0, 1.0]
 
 
+@pytest.mark.parametrize("thickness", ["NaN", "Infinity", "1e999", '"thick"', "[]"])
+def test_a_thickness_that_is_no_number_is_refused(tmp_path: Path, thickness: str) -> None:
+    """A wall or hole without a finite thickness never becomes a box, and the line names file, place and value."""
+    (tmp_path / "structure.json").write_text(
+        f'{{"holes": [{{"thickness": {thickness}, "profile": [[0, 1, 1], [0, 2, 1], [0, 2, 2], [0, 1, 2]]}}]}}'
+    )
+    with pytest.raises(InputError, match=r"structure\.json: thickness of hole 0 is .*finite number"):
+        read_structure(tmp_path)
+
+
 def touch(folder: Path, *names: str) -> Path:
     """Write a small mesh under each name."""
     for name in names:

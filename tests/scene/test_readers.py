@@ -1,5 +1,6 @@
 """Mesh files: what is read equals what was written; what is broken is refused with one line before it costs memory."""
 
+import base64
 import json
 import struct
 import tracemalloc
@@ -291,6 +292,10 @@ def broken_document(change: Callable[[dict[str, object]], None]) -> bytes:
         lambda d: d["buffers"][0].update(byteLength=10**9),
         lambda d: d["meshes"][0]["primitives"][0]["attributes"].pop("POSITION"),
         lambda d: d["nodes"][0].update(mesh=7),
+        lambda d: d.update(buffers=[None]),
+        lambda d: d["buffers"][0].update(byteLength="x"),
+        lambda d: d.update(nodes=[{"mesh": 0, "matrix": [1, 2]}]),
+        lambda d: d["accessors"][1].update(componentType=5122, normalized=True),
         lambda d: d["nodes"][0].update(children=[0]),
         lambda d: d.update(meshes={}),
         lambda d: d["accessors"][1].update(type="VEC9"),
@@ -312,6 +317,109 @@ def test_glb_cut_anywhere_is_refused(tmp_path_factory: pytest.TempPathFactory, l
     path = tmp_path_factory.mktemp("glb") / "cut.glb"
     path.write_bytes(whole[: min(length, len(whole) - 5)])
     refusal(path)
+
+
+@pytest.mark.parametrize(
+    ("format_line", "vertex", "face", "words"),
+    [
+        ("format", "float x y z", "list uchar int vertex_indices", "names no format"),
+        ("format ascii 1.0", "float x y z", "int vertex_indices", "expected a list"),
+        ("format binary_little_endian 1.0", "float x y z", "int vertex_indices", "expected a list"),
+        ("format binary_little_endian 1.0", "", "list uchar int vertex_indices", "has no property"),
+        ("format ascii 1.0", "", "list uchar int vertex_indices", "has no property"),
+        ("format binary_little_endian 1.0", "list x y z", "list uchar int vertex_indices", "no property 'x' of one"),
+        ("format ascii 1.0", "list x y z", "list uchar int vertex_indices", "no property 'x' of one"),
+        ("format ascii 1.0", "float x y z", "list float int vertex_indices", "header line 8"),
+    ],
+)  # fmt: skip
+def test_ply_headers_that_promise_the_wrong_kind_are_refused(
+    tmp_path: Path, format_line: str, vertex: str, face: str, words: str
+) -> None:
+    """A header that reads like one but declares what no mesh has is one line that says what."""
+    kind, *axes = vertex.split() or [""]
+    kind = "list uchar float" if kind == "list" else kind
+    lines = ["ply", format_line, "element vertex 2", *(f"property {kind} {axis}" for axis in axes), "element face 1",
+             f"property {face}", "end_header"]  # fmt: skip
+    zeros = "0 " * 40 if "ascii" in format_line else "\0" * 80
+    (tmp_path / "x.ply").write_text("\n".join(lines) + "\n" + zeros)
+    assert words in refusal(tmp_path / "x.ply")
+
+
+@pytest.mark.parametrize("face", ["/1 /2 /3", "1 2 --3", "1 2 99999999999999999999", "1//2 1/2/3 /4", "1 2 3.5"])
+def test_obj_faces_that_are_no_faces_name_their_line(tmp_path: Path, face: str) -> None:
+    """Missing positions, double signs and numbers beyond any count are refused at their line."""
+    (tmp_path / "x.obj").write_text(f"v 0 0 0\nv 1 0 0\nv 1 1 0\nf {face}\n")
+    assert "line 4" in refusal(tmp_path / "x.obj")
+
+
+@pytest.mark.parametrize(("statement", "line"), [("v 0 0 x", 5), ("v 0 0", 5), ("vt", 5), ("vt a", 5)])
+def test_obj_numbers_that_are_no_numbers_name_their_line(tmp_path: Path, statement: str, line: int) -> None:
+    """A broken vertex or texture coordinate is found by its line in the file."""
+    (tmp_path / "x.obj").write_text(f"# x\nv 0 0 0\nv 1 0 0\nvt 0 0\n{statement}\nv 1 1 0\nf 1 2 3\n")
+    assert f"line {line}:" in refusal(tmp_path / "x.obj")
+
+
+def test_a_tree_of_nodes_is_walked_once(tmp_path: Path) -> None:
+    """A very deep chain, and nodes that share their children (2^40 paths), are refused without walking them."""
+    for count, children, words in ((2000, 1, "256 nodes deep"), (40, 2, "two parents")):
+        document, binary = cube_document()
+        document["nodes"] = [{"children": [i + 1] * children} for i in range(count)] + [{"mesh": 0}]
+        (tmp_path / "tree.glb").write_bytes(glb(document, binary))
+        assert words in refusal(tmp_path / "tree.glb")
+
+
+BASES = {
+    "ascii.ply": "a",
+    "little.ply": "<",
+    "big.ply": ">",
+    "cube.obj": "obj",
+    "cube.glb": "glb",
+    "cube.gltf": "gltf",
+    "binary.stl": "stl",
+}
+"""A sound file of every format and encoding."""
+
+
+def sound_file(folder: Path, name: str) -> Path:
+    """A cube in the format of the name."""
+    path, kind = folder / name, BASES[name]
+    if kind in ("a", "<", ">"):
+        return write_ply(path, kind, CUBE, QUADS)
+    if kind == "obj":
+        return write_obj(path, CUBE, QUADS)
+    document, binary = cube_document()
+    uri = "data:;base64," + base64.b64encode(binary).decode()
+    plain = json.dumps(document | {"buffers": [{"byteLength": len(binary), "uri": uri}]}).encode()
+    path.write_bytes({"glb": glb(document, binary), "gltf": plain, "stl": stl_bytes()}[kind])
+    return path
+
+
+@pytest.mark.filterwarnings("ignore::RuntimeWarning")
+@given(
+    st.sampled_from(sorted(BASES)),
+    st.lists(
+        st.tuples(st.one_of(st.integers(0, 300), st.integers(0, 1500)), st.sampled_from(b'\0\xff -/.,:[]{}"0159enx\n')),
+        min_size=1,
+        max_size=4,
+    ),
+)
+@settings(max_examples=300, deadline=None)
+def test_a_file_with_wrong_bytes_is_read_or_refused(
+    tmp_path_factory: pytest.TempPathFactory, name: str, changes: list[tuple[int, int]]
+) -> None:
+    """Any few bytes changed, mostly in the header: a mesh or one line, never another exception."""
+    path = sound_file(tmp_path_factory.mktemp("fuzz"), name)
+    data = bytearray(path.read_bytes())
+    for position, byte in changes:
+        data[position % len(data)] = byte
+    path.write_bytes(data)
+    line = ""
+    try:
+        scan_of(path, up="z")
+    except InputError as error:
+        line = str(error)
+    assert not line or str(path) in line
+    assert "\n" not in line
 
 
 def test_bad_input_is_one_line(tmp_path: Path) -> None:
@@ -345,6 +453,56 @@ def test_a_mesh_a_thousand_times_too_large_is_refused(tmp_path: Path) -> None:
     assert "--object-unit" in refusal(write_obj(tmp_path / "tiny.obj", 1e-4 * CUBE, QUADS), Role.OBJECT)
 
 
+@pytest.mark.parametrize("name", sorted(BASES))
+def test_more_faces_than_memory_holds_are_refused(tmp_path: Path, name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Triangles are counted, not polygons: six quads are twelve faces, and one too many is refused in every format."""
+    path = sound_file(tmp_path, name)
+    monkeypatch.setattr("scene.readers.raw.MAX_FACES", 12)
+    assert len(scan_of(path).mesh.faces) == 12
+    monkeypatch.setattr("scene.readers.raw.MAX_FACES", 11)
+    assert "12 faces > 11; decimate" in refusal(path)
+
+
+@pytest.mark.parametrize("name", sorted(set(BASES) - {"binary.stl"}))
+def test_more_vertices_than_memory_holds_are_refused(
+    tmp_path: Path, name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A file of many vertices and few faces is refused too."""
+    path = sound_file(tmp_path, name)
+    monkeypatch.setattr("scene.readers.raw.MAX_CORNERS", 7)
+    assert "8 vertices > 7; decimate" in refusal(path)
+
+
+def test_an_accessor_without_bytes_is_limited_by_count(tmp_path: Path) -> None:
+    """Zeros that a large file could back up are refused by their number, before they are allocated."""
+    document, binary = cube_document()
+    document["accessors"] = [*document["accessors"], {"componentType": 5126, "count": 13_000_000, "type": "VEC3"}]  # type: ignore[misc]
+    document["buffers"] = [{"byteLength": len(binary) + 3_000_000}]
+    (tmp_path / "zeros.glb").write_bytes(glb(document, binary + bytes(3_000_000)))
+    assert "13000000 values > 12000000" in refusal(tmp_path / "zeros.glb")
+
+
+@pytest.mark.parametrize("role", Role)
+@given(st.floats(0.05, 2.0))
+@settings(max_examples=30, deadline=None)
+def test_millimetres_are_never_taken_for_centimetres(
+    tmp_path_factory: pytest.TempPathFactory, role: Role, size: float
+) -> None:
+    """What is 5 cm to 2 m long and written in millimetres is refused as long as nobody says so, in every role."""
+    path = write_obj(tmp_path_factory.mktemp("mm") / "stool.obj", 1000 * size * CUBE, QUADS)
+    assert "states no unit" in refusal(path, role)
+    assert np.ptp(scan_of(path, role, unit="mm").mesh.bounds[:, 0]) == pytest.approx(size)
+
+
+@pytest.mark.parametrize("role", Role)
+@given(st.floats(0.05, 2.0))
+@settings(max_examples=30, deadline=None)
+def test_metres_need_no_word(tmp_path_factory: pytest.TempPathFactory, role: Role, size: float) -> None:
+    """What is 5 cm to 2 m long and written in metres is read as such."""
+    scan = scan_of(write_obj(tmp_path_factory.mktemp("m") / "stool.obj", size * CUBE, QUADS), role)
+    assert (scan.unit_metres, scan.unit_source) == (1.0, "estimate")
+
+
 def test_an_object_in_centimetres_is_recognised(tmp_path: Path) -> None:
     """Nine units without a stated unit are centimetres for an object, and that is said."""
     scan = scan_of(write_obj(tmp_path / "toy.obj", 9 * CUBE, QUADS), Role.OBJECT)
@@ -367,6 +525,49 @@ def test_up_is_the_axis_that_a_mesh_stands_on(tmp_path: Path, axis: int, up: str
     centred = CUBE * [1, 1, 2]
     vertices = centred if axis == 2 else np.stack([centred[:, 0], centred[:, 2], -centred[:, 1]], axis=1)
     assert scan_of(write_obj(tmp_path / "box.obj", vertices, QUADS), Role.OBJECT).up == up
+
+
+def box_between(low: list[float], high: list[float]) -> NDArray[np.float64]:
+    """Corners of an axis-aligned box in the order of `CUBE`."""
+    return np.asarray(low) + (CUBE - CUBE.min(axis=0)) * (np.asarray(high) - low)
+
+
+def gltf_mesh(path: Path, vertices: NDArray[np.float64], triangles: NDArray[np.int64]) -> Path:
+    """A GLB of one mesh whose coordinates are written as they are."""
+    document, _ = cube_document()
+    points, indices = vertices.astype("<f4").tobytes(), triangles.astype("<u2").tobytes()
+    for index, (data, count) in enumerate(((points, len(vertices)), (indices, triangles.size))):
+        document["accessors"][index]["count"] = count  # type: ignore[index]
+        document["bufferViews"][index] = {  # type: ignore[index]
+            "buffer": 0, "byteOffset": index * len(points), "byteLength": len(data)
+        }  # fmt: skip
+    document["buffers"] = [{"byteLength": len(points) + len(indices)}]
+    path.write_bytes(glb(document, points + indices))
+    return path
+
+
+TRIANGLES = np.array([t for q in QUADS for t in ([q[0], q[1], q[2]], [q[0], q[2], q[3]])])
+
+
+def test_a_picture_of_a_gltf_hangs_upright(tmp_path: Path) -> None:
+    """A thin upright thing whose back lies in z = 0, centred in y, is not laid on its back against the standard."""
+    picture = box_between([-0.3, -0.2, 0.0], [0.3, 0.2, 0.02])
+    scan = scan_of(gltf_mesh(tmp_path / "picture.glb", picture, TRIANGLES))
+    assert scan.up == "y"
+    np.testing.assert_allclose(np.ptp(scan.mesh.bounds, axis=0), [0.6, 0.02, 0.4], atol=1e-6)
+
+
+def test_a_gltf_that_can_stand_on_z_alone_is_turned(tmp_path: Path) -> None:
+    """A round table top with its foot at z = 0 would balance on its rim if y were up: z is, and that is said."""
+    angle = np.linspace(0, 2 * np.pi, 64, endpoint=False)
+    ring = np.c_[np.cos(angle), np.sin(angle)] * 0.5
+    vertices = np.concatenate([np.c_[ring, np.zeros(64)], np.c_[ring, np.full(64, 0.3)]])
+    i, j = np.arange(64), (np.arange(64) + 1) % 64
+    fans = [np.c_[np.zeros(62, int), i[1:63], i[2:64]] + k for k in (0, 64)]
+    sides = [np.c_[i, j, i + 64], np.c_[j, j + 64, i + 64]]
+    scan = scan_of(gltf_mesh(tmp_path / "table.glb", vertices, np.concatenate(fans + sides)))
+    assert scan.up == "z"
+    assert any("against the format" in note for note in scan.notes)
 
 
 def test_world_from_file_is_what_was_done(tmp_path: Path) -> None:

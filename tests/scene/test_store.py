@@ -304,6 +304,44 @@ def test_absurd_sources_are_refused(store: Store, tmp_path: Path, monkeypatch: p
         store.add_source(many)
 
 
+def test_what_is_not_a_mesh_file_is_refused_unread(store: Store, tmp_path: Path) -> None:
+    """A device, a film, a name too long for any file and a file without permission are one line, before any copy."""
+    film = tmp_path / "film.mp4"
+    film.write_bytes(b"x")
+    for path, words in (
+        (Path("/dev/zero"), "neither a file nor a folder"),
+        (film, r"\.mp4 is not a mesh format"),
+        (tmp_path / ("x" * 300 + ".obj"), "cannot be read"),
+    ):
+        with pytest.raises(InputError, match=words) as caught:
+            store.add_source(path)
+        assert "\n" not in str(caught.value)
+    assert list(store.refs()) == []
+
+
+def test_a_file_that_may_not_be_read_is_bad_input(
+    store: Store, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The system's refusal becomes one line that names the file."""
+
+    def forbidden(path: Path) -> str:
+        raise PermissionError(13, "Permission denied", str(path))
+
+    (tmp_path / "mug.obj").write_text("v 0 0 0")
+    monkeypatch.setattr("scene.store.digest_of_file", forbidden)
+    with pytest.raises(InputError, match=r"cannot be read: Permission denied .*mug\.obj"):
+        store.add_source(tmp_path / "mug.obj")
+
+
+def test_a_stray_empty_folder_is_damage_that_saving_mends(store: Store) -> None:
+    """What cannot be loaded is not there, and is written anew."""
+    ref = store.save(MATERIAL)
+    (store.folder(ref) / "stray").mkdir()
+    assert not store.has(ref)
+    assert store.save(MATERIAL) == ref
+    assert store.load(ref) == MATERIAL
+
+
 def test_reference_round_trip() -> None:
     """A reference survives JSON."""
     ref = Ref("Scan", "ab" * 32)

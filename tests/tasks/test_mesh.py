@@ -8,7 +8,7 @@ import pytest
 from scene.errors import InputError
 from scene.mesh import Mesh
 from scene.sample import SourceOptions
-from scene.store import Source
+from scene.store import Source, Store
 from tasks.mesh import MeshConfig, mesh
 
 SQUARE = "v 0 0 0 1 0 0\nv 1 0 0 1 0 0\nv 1 1 0 1 0 0\nv 0 1 0 1 0 0\n"
@@ -44,7 +44,42 @@ def test_vertices_without_faces_go(tmp_path: Path) -> None:
     np.testing.assert_array_equal(result.bounds[1], [1, 1, 0])
 
 
+@pytest.mark.parametrize(
+    ("given", "file", "label"),
+    [
+        ("green sofa/model.obj", "green sofa/model.obj", "green sofa"),
+        ("green sofa/chair.obj", "green sofa/chair.obj", "chair"),
+        ("my_mug", "my_mug/textured.obj", "my mug"),
+        ("my_mug", "my_mug/cup.obj", "cup"),
+        ("out", "out/refined_mesh/kitchen/mesh.obj", "kitchen"),
+    ],
+)  # fmt: skip
+def test_a_folder_names_a_mesh_whose_file_says_nothing(tmp_path: Path, given: str, file: str, label: str) -> None:
+    """The label is the file's name, or its folder's where that is `model` or the like, through the store too."""
+    (tmp_path / file).parent.mkdir(parents=True)
+    (tmp_path / file).write_text(SQUARE + "f 1 2 3\n")
+    store = Store(tmp_path / "store")
+    source = store.load(store.add_source(tmp_path / given))
+    assert isinstance(source, Source)
+    assert mesh(source, SourceOptions(up="z", unit="m"), MeshConfig()).label == label
+
+
+def test_a_folder_name_that_decides_nothing_is_not_part_of_the_source(tmp_path: Path) -> None:
+    """The same chair in two folders is one source; the same `model` in two folders is two."""
+    refs = {}
+    for folder in ("a", "b"):
+        for stem in ("chair", "model"):
+            path = tmp_path / folder / f"{stem}.obj"
+            path.parent.mkdir(exist_ok=True)
+            path.write_text(SQUARE + "f 1 2 3\n")
+            refs[folder, stem] = Store(tmp_path / "store").add_source(path)
+    assert refs["a", "chair"] == refs["b", "chair"]
+    assert refs["a", "model"] != refs["b", "model"]
+
+
 def test_a_mesh_of_slivers_is_refused(tmp_path: Path) -> None:
-    """Nothing left after cleaning is bad input."""
-    with pytest.raises(InputError, match="zero area"):
+    """Nothing left after cleaning is bad input, and the line names the file."""
+    with pytest.raises(InputError, match=r"x\.obj.*zero area"):
         read(tmp_path, "v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\n")
+    with pytest.raises(InputError, match=r"x\.obj.*zero area"):  # an area only before near vertices become one
+        read(tmp_path, "v 0 0 0\nv 1 0 0\nv 1 1e-8 0\nf 1 2 3\n")
