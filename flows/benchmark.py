@@ -8,9 +8,10 @@ after the last sample has finished, and only for the report.
 import json
 import os
 import time
+import traceback
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor, as_completed
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -25,7 +26,7 @@ from flows.place import PlaceConfig
 from flows.sample_run import STAGES, FailedSample, FinishedSample, Plan, one_line, plan_sample, try_sample
 from flows.samples import EMBEDDED, TRUTH, load_samples, load_yaml
 from flows.server import prefect_server
-from scene.errors import InputError
+from scene.errors import DcapError, InputError
 from scene.sample import Sample, SourceOptions
 from scene.settings import data_root, runs_root
 from tasks.stage_process import kill_all
@@ -58,9 +59,10 @@ def run_benchmark(
 ) -> Run:
     """Place the samples of a dataset and write the run's folder."""
     begin = time.monotonic()
-    path, samples = dataset_samples(dataset, limit)
+    path, samples = dataset_samples(dataset)
     if only_failed:
-        samples = failed_before(samples)
+        samples = failed_before(path, samples)
+    samples = samples[:limit]
     folder = new_run_folder(path, samples, config)
     with Display(samples) as display:
         plans = plan_all(samples, config, display)
@@ -74,12 +76,12 @@ def run_benchmark(
     return run
 
 
-def dataset_samples(dataset: Path | None, limit: int | None) -> tuple[Path, list[Sample]]:
+def dataset_samples(dataset: Path | None) -> tuple[Path, list[Sample]]:
     """The dataset's file and its samples; the embedded rooms are generated if they are missing."""
     path = dataset or EMBEDDED
     if dataset is None:
         ensure_dataset(data_root(), DATASET_SEED)
-    return path, load_samples(path)[:limit]
+    return path, load_samples(path)
 
 
 def ensure_dataset(folder: Path, seed: int) -> Path:
@@ -104,7 +106,8 @@ def try_plan(sample: Sample, config: PlaceConfig) -> Plan:
     try:
         return plan_sample(sample, config)
     except Exception as error:
-        return Plan(sample, (), "mesh", "input", None, one_line(f"{type(error).__name__}: {error}"))
+        message = one_line(f"{type(error).__name__}: {error}")
+        return Plan(sample, (), "mesh", "input", None, message, traceback.format_exc())
 
 
 def run_all(
@@ -114,7 +117,7 @@ def run_all(
     results: dict[Sample, tuple[dict[str, object] | None, str]] = {plan.sample: (None, plan.error) for plan in plans}
     for plan in plans:
         if plan.error:
-            write_failure(folder, FailedSample(plan.sample, plan.error, 2, ""))
+            write_failure(folder, FailedSample(plan.sample, plan.error, 2, plan.details))
             display.failed(plan.sample, plan.error)
         if plan.finished is not None:
             results[plan.sample] = (keep(folder, plan.finished), "")
@@ -145,8 +148,13 @@ def settle_result(
         write_failure(folder, result)
         display.failed(result.sample, result.message)
         return None, result.message
+    try:
+        tree = keep(folder, result)
+    except Exception as error:  # the border between samples: a result that cannot be written is this one's failure
+        message = one_line(f"{type(error).__name__}: {error}")
+        return settle_result(folder, FailedSample(result.sample, message, 1, traceback.format_exc()), display)
     display.finished(result.sample)
-    return keep(folder, result), ""
+    return tree, ""
 
 
 def keep(folder: Path, finished: FinishedSample) -> dict[str, object]:
@@ -164,9 +172,8 @@ def write_failure(folder: Path, failed: FailedSample) -> None:
 
 
 def sample_folder(folder: Path, sample_id: str) -> Path:
-    """Folder of one sample in a run."""
-    safe = "".join(c if c.isalnum() or c in "-_." else "_" for c in sample_id)
-    return folder / SAMPLES_FOLDER / safe
+    """Folder of one sample in a run; load_samples has checked that the id can be a name."""
+    return folder / SAMPLES_FOLDER / sample_id
 
 
 def new_run_folder(dataset: Path, samples: Sequence[Sample], config: PlaceConfig) -> Path:
@@ -182,13 +189,22 @@ def new_run_folder(dataset: Path, samples: Sequence[Sample], config: PlaceConfig
         "dataset": str(dataset.resolve()),
         "started": datetime.now(UTC).isoformat(timespec="seconds"),
         "config": config.model_dump(mode="json"),
-        "samples": [asdict(sample) for sample in samples],
+        "samples": [asdict(located(sample)) for sample in samples],
     }
     (folder / "run.json").write_bytes(readable_json(asked))
     draft = runs_root() / f".last-{os.getpid()}"
     draft.symlink_to(folder.name)
     os.replace(draft, runs_root() / "last")
     return folder
+
+
+def located(sample: Sample) -> Sample:
+    """The sample with whole paths: a run is repeated from any working directory."""
+
+    def whole(path: str) -> str:
+        return str(Path(path).resolve()) if Path(path).exists() else path
+
+    return replace(sample, scene=whole(sample.scene), object=whole(sample.object))
 
 
 def finish(folder: Path, rows: Sequence[Row], seconds: float) -> Run:
@@ -209,8 +225,8 @@ def truths_of(dataset: Path, samples: Sequence[Sample]) -> list[Truth | None]:
 
 def plan_benchmark(dataset: Path | None, config: PlaceConfig, *, limit: int | None = None) -> list[dict[str, object]]:
     """Print what would run and why."""
-    _, samples = dataset_samples(dataset, limit)
-    plans = [plan_sample(sample, config) for sample in samples]
+    _, samples = dataset_samples(dataset)
+    plans = [try_plan(sample, config) for sample in samples[:limit]]
     print_plan(plans)
     return [
         {
@@ -242,11 +258,20 @@ def rerun_sample(run: str, sample_id: str, stage: str) -> dict[str, object]:
             refresh=frozenset({stage}),
             listener=display.listener(samples[sample_id]),
         )
-        tree, error = settle_result(folder, result, display)
+        if isinstance(result, FailedSample):  # what was there stays
+            raise FailedRerunError(result)
+        tree = keep(folder, result)
+        display.finished(samples[sample_id])
     rewrite_report(run)
-    if tree is None:
-        raise InputError(f"{sample_id}: {error}")
     return tree
+
+
+class FailedRerunError(DcapError):
+    """A sample that was computed again failed; its earlier result is untouched."""
+
+    def __init__(self, failed: FailedSample) -> None:
+        super().__init__(f"{failed.sample.id}: {failed.message}" + (f"\n{failed.details}" if failed.details else ""))
+        self.exit_code = failed.exit_code
 
 
 def rewrite_report(run: str) -> Path:
@@ -281,10 +306,14 @@ def find_run(run: str) -> Path:
     raise InputError(f"{run!r} is not a run; there are {', '.join(known) or 'none'} in {runs_root()}")
 
 
-def failed_before(samples: Sequence[Sample]) -> list[Sample]:
-    """The samples that failed or did not finish in the last run."""
+def failed_before(dataset: Path, samples: Sequence[Sample]) -> list[Sample]:
+    """The samples of the last run that failed or did not finish."""
     folder = find_run("last")
-    left = [sample for sample in samples if read_result(sample_folder(folder, sample.id))[0] is None]
+    asked = json.loads((folder / "run.json").read_text())
+    if asked["dataset"] != str(dataset.resolve()):
+        raise InputError(f"the last run, {folder.name}, was of {asked['dataset']}; run {dataset} without --only-failed")
+    ran = {one["id"] for one in asked["samples"]}
+    left = [one for one in samples if one.id in ran and read_result(sample_folder(folder, one.id))[0] is None]
     if not left:
         raise InputError(f"nothing failed in {folder.name}; run without --only-failed")
     return left

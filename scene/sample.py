@@ -2,6 +2,10 @@
 
 from dataclasses import dataclass, field
 
+UPS = ("auto", "y", "z")
+UNITS = ("auto", "m", "cm", "mm", "in")
+"""What `up` and `unit` may be."""
+
 
 @dataclass(frozen=True, slots=True)
 class SourceOptions:

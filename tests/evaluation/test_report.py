@@ -92,7 +92,14 @@ def test_truth_is_read_strictly() -> None:
 
 @pytest.mark.parametrize(
     ("change", "agreed"),
-    [({}, True), ({"region_missed": True}, False), ({"part": "frame"}, False), ({"verdict": "infeasible"}, False)],
+    [
+        ({}, True),
+        ({"region_missed": True}, False),
+        ({"part": "frame"}, False),
+        ({"verdict": "infeasible"}, False),
+        ({"region": "left"}, False),
+        ({"region": "middle"}, True),
+    ],
 )
 def test_agreement(change: dict[str, object], agreed: bool) -> None:
     """A feasible sample agrees if it is at rest on the intended part and in its region."""
