@@ -1,4 +1,4 @@
-"""Prints how long the parts take that every placement uses, against a plain reference on the same machine."""
+"""Prints how long the parts of a placement take, against plain references on the same machine, and whole drops."""
 
 import hashlib
 import tempfile
@@ -11,6 +11,7 @@ from rich.console import Console
 from rich.table import Table
 
 from geometry.raycast import Raycaster
+from perf.drops import drop_rows, mls_speed
 from scene.mesh import Mesh
 from scene.settings import PROJECT_ROOT
 from scene.store import Store
@@ -90,7 +91,15 @@ def main() -> None:
     table = Table("what", "s", "against", "s", "ratio", box=None)
     for what, seconds, against, reference in [*store_rows(mesh), *ray_rows(mesh), *digest_rows()]:
         table.add_row(what, f"{seconds:.4f}", against, f"{reference:.4f}", f"{seconds / reference:.1f}")
-    Console(highlight=False, width=120).print(table)
+    console = Console(highlight=False, width=120)
+    console.print(table)
+    drops = Table("drop", "particles", "steps", "wall", "per particle and step", "memory", "depth", "ratio", box=None)
+    rows = drop_rows()
+    first = float(rows[0][3].split()[0])
+    for row in rows:
+        drops.add_row(*row, f"{float(row[3].split()[0]) / first:.2f}")
+    console.print(drops)
+    console.print(f"mls: {mls_speed() / 1e6:.1f} million particle-steps a second")
 
 
 if __name__ == "__main__":

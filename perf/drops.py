@@ -1,0 +1,135 @@
+"""Times and memory of whole drops and of the method mls; each drop in a process of its own.
+
+python -m perf.drops CASE OUT     one drop, as JSON on standard output
+"""
+
+import json
+import resource
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+
+from solver.kernels import mls
+from solver.mls.grid import Grid, Particles
+from solver.runtime import start
+from tasks.case import run_case
+
+REFERENCE_DEPTH = {5e5: 1.488e-3, 2e4: 12.166e-3}
+"""Depth [m] of a ball of 1 kg and 5 cm in a slab of 0.4 x 0.4 x 0.15 m, by E [Pa]: static finite elements (hex27)."""
+MPM_SIDE = 150
+"""Particles along the long sides of the block that mls moves: a million in all."""
+
+
+def case_of(size: tuple[float, float, float], foam: dict[str, float], ball: dict[str, float], **more: object) -> str:
+    """A ball 1 cm above a fixed slab."""
+    friction = {"poisson_ratio": 0.3, "static_friction": 0.5, "dynamic_friction": 0.4}
+    slab = {"name": "slab", "shape": {"box": {"size": list(size)}}, "position": [0, 0, size[2] / 2], "motion": "fixed",
+            "material": foam | friction}  # fmt: skip
+    height = size[2] + ball["radius"] + 0.01
+    body = {"name": "ball", "shape": {"sphere": {"radius": ball["radius"]}}, "position": [0, 0, height],
+            "mass": ball["mass"], "material": "steel"}  # fmt: skip
+    return json.dumps({"bodies": [slab, body]} | more)
+
+
+def reference(modulus: float, **more: object) -> str:
+    """The reference drop."""
+    return case_of((0.4, 0.4, 0.15), {"density": 200, "youngs_modulus": modulus}, {"radius": 0.05, "mass": 1.0}, **more)
+
+
+def mattress(width: float, depth: float) -> str:
+    """A 5 kg ball on a mattress, 8 mm at the contact."""
+    foam = {"density": 60, "youngs_modulus": 5e4}
+    return case_of((width, depth, 0.25), foam, {"radius": 0.12, "mass": 5.0}, resolution=8e-3)
+
+
+def measured(case: str) -> dict[str, float]:
+    """Result, times and peak memory of a drop in a fresh process."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "case.yaml"
+        path.write_text(case)
+        command = [sys.executable, "-m", "perf.drops", str(path), str(Path(folder) / "out")]
+        output = subprocess.run(command, check=True, capture_output=True, text=True).stdout
+    return dict(json.loads(output))
+
+
+def drop_rows() -> list[tuple[str, str, str, str, str, str, str]]:
+    """(what, particles, steps, wall, per particle and step, memory, depth) of every drop."""
+    cases = {
+        "ball on foam, E 5e5": (reference(5e5), REFERENCE_DEPTH[5e5]),
+        "ball on foam, E 2e4": (reference(2e4), REFERENCE_DEPTH[2e4]),
+        "mattress, whole": (mattress(2.0, 1.6), None),
+        "mattress, cut out": (mattress(0.6, 0.6), None),
+    }
+    cases |= {
+        f"E 2e4, cells of {1e3 * h:.1f} mm": (reference(2e4, resolution=h), None) for h in (1e-2, 5e-3, 3e-3, 2e-3)
+    }
+    rows = []
+    for name, (case, depth) in cases.items():
+        one = measured(case)
+        error = f"{100 * (one['depth'] / depth - 1):+.1f} %" if depth else f"{1e3 * one['depth']:.1f} mm"
+        per = 1e9 * one["wall_s"] / (one["particles"] * one["steps"])
+        rows.append(
+            (name, f"{one['particles']:,.0f}", f"{one['steps']:.0f}", f"{one['wall_s']:.1f} s", f"{per:.0f} ns",
+             f"{one['memory'] / 2**20:.0f} MiB", error)
+        )  # fmt: skip
+    return rows
+
+
+def mls_speed() -> float:
+    """Particle-steps per second of mls's two transfers on a block of a million particles, strained by 2 %."""
+    start()
+    cell = 0.01
+    axes = [(np.arange(count) + 0.5) * cell / 2 for count in (MPM_SIDE, MPM_SIDE, MPM_SIDE // 3)]
+    x = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3).copy()
+    count, random, volume = len(x), np.random.default_rng(0), (cell / 2) ** 3
+    strained = np.tile(np.eye(3).ravel(), (count, 1)) + 0.02 * random.normal(size=(count, 9))
+    constant = np.tile([200.0 * volume, 1e4 * volume, 1.5e4 * volume, 1.0], (count, 1))
+    p = Particles(
+        x, 0.01 * random.normal(size=x.shape), np.zeros((count, 9)), strained, constant, np.zeros(count, np.int32),
+        np.zeros((count, 5)), np.arange(count),
+    )  # fmt: skip
+    grid = Grid(cell, np.zeros(3))
+    grid.lay_out(p)
+    held, sums = np.zeros(len(grid.node), np.uint8), np.zeros((len(grid.block), mls.SUMS))
+    side, gravity = np.zeros((1, 4)), np.array([0.0, 0.0, -9.81])
+    C, F = p.C.reshape(-1, 3, 3), p.F.reshape(-1, 3, 3)
+    h, low_x, low_y, low_z, nodes_y, nodes_z = grid.box
+
+    def step() -> None:
+        mls.clear(grid.node)
+        for pencils in grid.colours:
+            mls.particles_to_grid(
+                False, p.side, side, 1e-6, *grid.box, pencils, grid.pencil_start, p.x, p.v, C, F, p.constant, gravity,
+                grid.node,
+            )  # fmt: skip
+        mls.momentum_to_velocity(1e-9, held, grid.node)
+        mls.grid_to_particles(
+            False, p.side, side, p.group, np.zeros((1, 9)), np.zeros((1, 1, 2)), np.zeros((1, 6)), 1e-6, h, low_x,
+            low_y, low_z, int(grid.shape[0]), nodes_y, nodes_z, grid.node, grid.block, p.x, p.v, C, F, p.constant, sums,
+        )  # fmt: skip
+
+    step()
+    steps = 10
+    begin = time.perf_counter()
+    for _ in range(steps):
+        step()
+    return count * steps / (time.perf_counter() - begin)
+
+
+def main() -> None:
+    """Run one case and print what it took."""
+    result = run_case(Path(sys.argv[1]), Path(sys.argv[2]), quiet=True)
+    bodies = result["bodies"]
+    assert isinstance(bodies, dict)
+    top = json.loads(Path(sys.argv[1]).read_text())["bodies"][0]["shape"]["box"]["size"][2]
+    kept = {key: result[key] for key in ("wall_s", "particles", "steps")}
+    memory = 1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    sys.stdout.write(json.dumps(kept | {"depth": top - bodies["ball"]["aabb"][0][2], "memory": memory}))
+
+
+if __name__ == "__main__":
+    main()
