@@ -2,14 +2,12 @@
 
 import difflib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 
 from scene.errors import InputError
 from scene.sample import Sample
 
 AT_REST = "at_rest"
-SAME_REGION = {"middle": "center"}
-"""Words of a region that mean another one."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,10 +49,8 @@ class Row:
     """Why the sample failed; empty if it did not."""
     expected: str
     """Intended outcome in words; empty if nobody stated one."""
-    feasible_intended: bool | None
-    """Whether it is meant to be possible."""
     as_expected: bool | None
-    """Whether verdict, support, part, region and reason are the intended ones."""
+    """Whether verdict, support, part and reason are the intended ones."""
 
 
 def read_truth(tree: object, where: str) -> dict[str, Truth]:
@@ -109,10 +105,9 @@ def row_of(sample: Sample, tree: Mapping[str, object] | None, error: str, truth:
         seconds=round(sum(timings.values()), 3) if isinstance(timings, Mapping) else 0.0,
         error=error if tree is None else "",
         expected=in_words(truth) if truth else "",
-        feasible_intended=truth.feasible if truth else None,
         as_expected=None,
     )
-    return replace(row, as_expected=agrees(row, truth)) if truth else row
+    return replace_expected(row, truth)
 
 
 def number(value: object) -> float:
@@ -120,18 +115,20 @@ def number(value: object) -> float:
     return float(value) if isinstance(value, int | float) else 0.0
 
 
+def replace_expected(row: Row, truth: Truth | None) -> Row:
+    """The row with its comparison."""
+    if truth is None:
+        return row
+    values = {one.name: getattr(row, one.name) for one in fields(Row)}
+    return Row(**(values | {"as_expected": agrees(row, truth)}))
+
+
 def agrees(row: Row, truth: Truth) -> bool:
     """Whether the outcome is the intended one."""
     if not truth.feasible:
         return row.verdict == "infeasible" and row.reason == truth.reason
     on_support = truth.base in ("", row.base) and truth.part in ("", row.part)
-    understood = truth.region == "" or meaning(truth.region) == meaning(row.region)
-    return row.verdict == AT_REST and on_support and understood and not row.region_missed
-
-
-def meaning(region: str) -> frozenset[str]:
-    """The words of a region, whatever their order."""
-    return frozenset(SAME_REGION.get(word, word) for word in region.split())
+    return row.verdict == AT_REST and on_support and not row.region_missed
 
 
 def in_words(truth: Truth) -> str:
@@ -146,8 +143,8 @@ def in_words(truth: Truth) -> str:
 def totals(rows: Sequence[Row]) -> dict[str, object]:
     """Honest counts."""
     judged = [row for row in rows if row.as_expected is not None]
-    feasible = [row for row in judged if row.feasible_intended]
-    infeasible = [row for row in judged if not row.feasible_intended]
+    feasible = [row for row in judged if not row.expected.startswith("infeasible")]
+    infeasible = [row for row in judged if row.expected.startswith("infeasible")]
     return {
         "samples": len(rows),
         "at_rest": sum(row.verdict == AT_REST for row in rows),

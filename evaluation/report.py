@@ -51,10 +51,11 @@ def write_report(folder: Path, rows: Sequence[Row], summary: Mapping[str, object
 
 def card_of(folder: Path, row: Row) -> Card:
     """The card of one sample."""
-    sample_folder = folder / "samples" / row.sample
+    safe = "".join(c if c.isalnum() or c in "-_." else "_" for c in row.sample)
+    sample_folder = folder / "samples" / safe
     tree = read_placement(sample_folder) if not row.error else {}
     pictures = tuple(
-        (f"samples/{row.sample}/{name}.png", caption)
+        (f"samples/{safe}/{name}.png", caption)
         for name, caption in PICTURES
         if not row.error and (sample_folder / f"{name}.png").is_file()
     )
@@ -66,7 +67,7 @@ def card_of(folder: Path, row: Row) -> Card:
         stages=stage_bars(tree.get("timings")),
         facts=facts_of(row, tree),
         warnings=tuple(str(one) for one in warnings) if isinstance(warnings, list) else (),
-        folder=f"samples/{row.sample}",
+        folder=f"samples/{safe}",
     )
 
 

@@ -8,10 +8,9 @@ after the last sample has finished, and only for the report.
 import json
 import os
 import time
-import traceback
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor, as_completed
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -26,7 +25,7 @@ from flows.place import PlaceConfig
 from flows.sample_run import STAGES, FailedSample, FinishedSample, Plan, one_line, plan_sample, try_sample
 from flows.samples import EMBEDDED, TRUTH, load_samples, load_yaml
 from flows.server import prefect_server
-from scene.errors import DcapError, InputError
+from scene.errors import InputError
 from scene.sample import Sample, SourceOptions
 from scene.settings import data_root, runs_root
 from tasks.stage_process import kill_all
@@ -59,10 +58,9 @@ def run_benchmark(
 ) -> Run:
     """Place the samples of a dataset and write the run's folder."""
     begin = time.monotonic()
-    path, samples = dataset_samples(dataset)
+    path, samples = dataset_samples(dataset, limit)
     if only_failed:
-        samples = failed_before(path, samples)
-    samples = samples[:limit]
+        samples = failed_before(samples)
     folder = new_run_folder(path, samples, config)
     with Display(samples) as display:
         plans = plan_all(samples, config, display)
@@ -76,12 +74,12 @@ def run_benchmark(
     return run
 
 
-def dataset_samples(dataset: Path | None) -> tuple[Path, list[Sample]]:
+def dataset_samples(dataset: Path | None, limit: int | None) -> tuple[Path, list[Sample]]:
     """The dataset's file and its samples; the embedded rooms are generated if they are missing."""
     path = dataset or EMBEDDED
     if dataset is None:
         ensure_dataset(data_root(), DATASET_SEED)
-    return path, load_samples(path)
+    return path, load_samples(path)[:limit]
 
 
 def ensure_dataset(folder: Path, seed: int) -> Path:
@@ -106,8 +104,7 @@ def try_plan(sample: Sample, config: PlaceConfig) -> Plan:
     try:
         return plan_sample(sample, config)
     except Exception as error:
-        message = one_line(f"{type(error).__name__}: {error}")
-        return Plan(sample, (), "mesh", "input", None, message, traceback.format_exc())
+        return Plan(sample, (), "mesh", "input", None, one_line(f"{type(error).__name__}: {error}"))
 
 
 def run_all(
@@ -117,7 +114,7 @@ def run_all(
     results: dict[Sample, tuple[dict[str, object] | None, str]] = {plan.sample: (None, plan.error) for plan in plans}
     for plan in plans:
         if plan.error:
-            write_failure(folder, FailedSample(plan.sample, plan.error, 2, plan.details))
+            write_failure(folder, FailedSample(plan.sample, plan.error, 2, ""))
             display.failed(plan.sample, plan.error)
         if plan.finished is not None:
             results[plan.sample] = (keep(folder, plan.finished), "")
@@ -148,13 +145,8 @@ def settle_result(
         write_failure(folder, result)
         display.failed(result.sample, result.message)
         return None, result.message
-    try:
-        tree = keep(folder, result)
-    except Exception as error:  # the border between samples: a result that cannot be written is this one's failure
-        message = one_line(f"{type(error).__name__}: {error}")
-        return settle_result(folder, FailedSample(result.sample, message, 1, traceback.format_exc()), display)
     display.finished(result.sample)
-    return tree, ""
+    return keep(folder, result), ""
 
 
 def keep(folder: Path, finished: FinishedSample) -> dict[str, object]:
@@ -172,8 +164,9 @@ def write_failure(folder: Path, failed: FailedSample) -> None:
 
 
 def sample_folder(folder: Path, sample_id: str) -> Path:
-    """Folder of one sample in a run; load_samples has checked that the id can be a name."""
-    return folder / SAMPLES_FOLDER / sample_id
+    """Folder of one sample in a run."""
+    safe = "".join(c if c.isalnum() or c in "-_." else "_" for c in sample_id)
+    return folder / SAMPLES_FOLDER / safe
 
 
 def new_run_folder(dataset: Path, samples: Sequence[Sample], config: PlaceConfig) -> Path:
@@ -189,22 +182,13 @@ def new_run_folder(dataset: Path, samples: Sequence[Sample], config: PlaceConfig
         "dataset": str(dataset.resolve()),
         "started": datetime.now(UTC).isoformat(timespec="seconds"),
         "config": config.model_dump(mode="json"),
-        "samples": [asdict(located(sample)) for sample in samples],
+        "samples": [asdict(sample) for sample in samples],
     }
     (folder / "run.json").write_bytes(readable_json(asked))
     draft = runs_root() / f".last-{os.getpid()}"
     draft.symlink_to(folder.name)
     os.replace(draft, runs_root() / "last")
     return folder
-
-
-def located(sample: Sample) -> Sample:
-    """The sample with whole paths: a run is repeated from any working directory."""
-
-    def whole(path: str) -> str:
-        return str(Path(path).resolve()) if Path(path).exists() else path
-
-    return replace(sample, scene=whole(sample.scene), object=whole(sample.object))
 
 
 def finish(folder: Path, rows: Sequence[Row], seconds: float) -> Run:
@@ -225,8 +209,8 @@ def truths_of(dataset: Path, samples: Sequence[Sample]) -> list[Truth | None]:
 
 def plan_benchmark(dataset: Path | None, config: PlaceConfig, *, limit: int | None = None) -> list[dict[str, object]]:
     """Print what would run and why."""
-    _, samples = dataset_samples(dataset)
-    plans = [try_plan(sample, config) for sample in samples[:limit]]
+    _, samples = dataset_samples(dataset, limit)
+    plans = [plan_sample(sample, config) for sample in samples]
     print_plan(plans)
     return [
         {
@@ -258,20 +242,11 @@ def rerun_sample(run: str, sample_id: str, stage: str) -> dict[str, object]:
             refresh=frozenset({stage}),
             listener=display.listener(samples[sample_id]),
         )
-        if isinstance(result, FailedSample):  # what was there stays
-            raise FailedRerunError(result)
-        tree = keep(folder, result)
-        display.finished(samples[sample_id])
+        tree, error = settle_result(folder, result, display)
     rewrite_report(run)
+    if tree is None:
+        raise InputError(f"{sample_id}: {error}")
     return tree
-
-
-class FailedRerunError(DcapError):
-    """A sample that was computed again failed; its earlier result is untouched."""
-
-    def __init__(self, failed: FailedSample) -> None:
-        super().__init__(f"{failed.sample.id}: {failed.message}" + (f"\n{failed.details}" if failed.details else ""))
-        self.exit_code = failed.exit_code
 
 
 def rewrite_report(run: str) -> Path:
@@ -306,14 +281,10 @@ def find_run(run: str) -> Path:
     raise InputError(f"{run!r} is not a run; there are {', '.join(known) or 'none'} in {runs_root()}")
 
 
-def failed_before(dataset: Path, samples: Sequence[Sample]) -> list[Sample]:
-    """The samples of the last run that failed or did not finish."""
+def failed_before(samples: Sequence[Sample]) -> list[Sample]:
+    """The samples that failed or did not finish in the last run."""
     folder = find_run("last")
-    asked = json.loads((folder / "run.json").read_text())
-    if asked["dataset"] != str(dataset.resolve()):
-        raise InputError(f"the last run, {folder.name}, was of {asked['dataset']}; run {dataset} without --only-failed")
-    ran = {one["id"] for one in asked["samples"]}
-    left = [one for one in samples if one.id in ran and read_result(sample_folder(folder, one.id))[0] is None]
+    left = [sample for sample in samples if read_result(sample_folder(folder, sample.id))[0] is None]
     if not left:
         raise InputError(f"nothing failed in {folder.name}; run without --only-failed")
     return left

@@ -10,7 +10,6 @@ from typing import Self
 
 from rich.console import Console, Group, RenderableType
 from rich.live import Live
-from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 from rich.table import Table
 from rich.text import Text
@@ -45,7 +44,6 @@ class Display:
         )
         self.bar = self.progress.add_task("planning", total=len(samples), left="")
         self.begin = time.monotonic()
-        self.waiting: set[str] = set()
         self.to_run = 0
         self.ran = 0
         self.at_work: dict[str, tuple[str, str, float]] = {}
@@ -75,9 +73,7 @@ class Display:
 
     def planned(self, plan: Plan) -> None:
         """One sample has been looked up."""
-        if plan.finished is None and not plan.error:
-            self.waiting.add(plan.sample.id)
-            self.to_run += 1
+        self.to_run += int(plan.finished is None and not plan.error)
         self.progress.advance(self.bar)
 
     def serving(self, url: str) -> None:
@@ -112,14 +108,12 @@ class Display:
     def count(self, sample: Sample) -> None:
         """Move the bar; the planning of cached samples has moved it already."""
         with self.lock:
-            self.at_work.pop(sample.id, None)
-            ran = sample.id in self.waiting
-            self.waiting.discard(sample.id)
-            self.ran += ran
-            if ran and self.ran == 1:
+            at_work = self.at_work.pop(sample.id, None) is not None
+            self.ran += at_work
+            if at_work and self.ran == 1:
                 self.progress.reset(self.bar, total=self.to_run, description="placing", left="")
             left = (time.monotonic() - self.begin) / max(self.ran, 1) * max(self.to_run - self.ran, 0)
-        if ran:
+        if at_work:
             self.progress.update(
                 self.bar, completed=self.ran, left=f"about {left / 60:.0f} min left" if left > 60 else ""
             )
@@ -137,7 +131,7 @@ def print_plan(plans: Sequence[Plan]) -> None:
     table = Table("sample", "cached", "would run", "why", box=None)
     for plan in plans:
         count = "all" if plan.finished else f"{len(plan.cached)} of {len(STAGES)}"
-        table.add_row(plan.sample.id, count, plan.missing or "-", escape(plan.error or plan.why or ""))
+        table.add_row(plan.sample.id, count, plan.missing or "-", plan.error or plan.why or "")
     console.print(table)
     console.print(f"{sum(plan.finished is not None for plan in plans)} of {len(plans)} samples are cached")
 
@@ -151,15 +145,7 @@ def print_table(rows: Sequence[Row], summary: Mapping[str, object], folder: Path
         mark = "" if row.as_expected is None else ("yes" if row.as_expected else "NO")
         on = f"{row.base} {row.part}".strip() + (" (region missed)" if row.region_missed else "")
         style = "red" if row.error else ("yellow" if row.as_expected is False else "")
-        table.add_row(
-            row.sample,
-            escape(row.error[:60] or verdict),
-            escape(on),
-            row.expected,
-            mark,
-            f"{row.seconds:.1f}",
-            style=style,
-        )
+        table.add_row(row.sample, row.error[:60] or verdict, on, row.expected, mark, f"{row.seconds:.1f}", style=style)
     console.print(table)
     console.print(summary_line(summary))
     console.print(f"report: {folder / 'report.html'}")

@@ -49,8 +49,6 @@ class Plan:
     """The result, if nothing would run."""
     error: str = ""
     """What is wrong with the sample's input; empty if nothing is."""
-    details: str = ""
-    """Traceback of an unexpected failure."""
 
     @property
     def later(self) -> tuple[str, ...]:

@@ -2,10 +2,6 @@
 
 from dataclasses import dataclass, field
 
-UPS = ("auto", "y", "z")
-UNITS = ("auto", "m", "cm", "mm", "in")
-"""What `up` and `unit` may be."""
-
 
 @dataclass(frozen=True, slots=True)
 class SourceOptions:
