@@ -282,9 +282,11 @@ def find_run(run: str) -> Path:
 
 
 def failed_before(samples: Sequence[Sample]) -> list[Sample]:
-    """The samples that failed or did not finish in the last run."""
+    """The samples of the last run that failed or did not finish in it."""
     folder = find_run("last")
-    left = [sample for sample in samples if read_result(sample_folder(folder, sample.id))[0] is None]
+    asked = {one["id"] for one in json.loads((folder / "run.json").read_text())["samples"]}
+    known = [sample for sample in samples if sample.id in asked]
+    left = [sample for sample in known if read_result(sample_folder(folder, sample.id))[0] is None]
     if not left:
         raise InputError(f"nothing failed in {folder.name}; run without --only-failed")
     return left

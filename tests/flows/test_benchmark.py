@@ -8,7 +8,11 @@ from pathlib import Path
 import pyarrow.parquet as pq
 import pytest
 
+from flows.benchmark import failed_before, new_run_folder, write_failure
 from flows.cli import run_command
+from flows.place import PlaceConfig
+from flows.sample_run import FailedSample
+from scene.sample import Sample
 from scene.store import Store
 
 PIPELINE = """
@@ -162,3 +166,14 @@ def test_a_benchmark_from_cold_to_warm(
     next(Store.default().folder(ref).glob("*.ply")).unlink()
     assert run_command(["cache", "verify"]) == 4
     assert run_command(["report", "last"]) == 0
+
+
+def test_what_the_last_run_did_not_ask_for_did_not_fail(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """After a run of two samples of three, one good and one failed, only the failed one is run again."""
+    monkeypatch.setenv("DCAP_DATA", str(tmp_path))
+    good, bad, later = (Sample(name, "room", "ball", "put it") for name in ("good", "bad", "later"))
+    run = new_run_folder(tmp_path / "set.yaml", [good, bad], PlaceConfig())
+    write_failure(run, FailedSample(bad, "no such file", 2, ""))
+    (run / "samples" / "good").mkdir()
+    (run / "samples" / "good" / "placement.json").write_text("{}")
+    assert failed_before([good, bad, later]) == [bad]
