@@ -248,10 +248,10 @@ def check_physics(resolution: float | None, solver: str | None) -> None:
 
 def check_out(folder: Path) -> None:
     """Refuse a result folder that cannot be one before anything is computed."""
-    if folder.exists() and not folder.is_dir():
-        raise InputError(f"--out {folder} is a file; give a folder")
-    nearest = next(one for one in (folder, *folder.absolute().parents) if one.exists())
-    if not os.access(nearest, os.W_OK):
+    nearest = next(one for one in (folder, *folder.absolute().parents) if os.path.exists(one))  # False if unreadable
+    if not nearest.is_dir():
+        raise InputError(f"--out {folder}: {nearest} is a file; give a folder")
+    if not os.access(nearest, os.W_OK | os.X_OK):
         raise InputError(f"--out {folder}: {nearest} is not writable")
 
 
