@@ -2,7 +2,7 @@
 
 import difflib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 
 from scene.errors import InputError
 from scene.sample import Sample
@@ -49,6 +49,8 @@ class Row:
     """Why the sample failed; empty if it did not."""
     expected: str
     """Intended outcome in words; empty if nobody stated one."""
+    feasible_intended: bool | None
+    """Whether it ought to come to rest; None if nobody said."""
     as_expected: bool | None
     """Whether verdict, support, part and reason are the intended ones."""
 
@@ -105,22 +107,15 @@ def row_of(sample: Sample, tree: Mapping[str, object] | None, error: str, truth:
         seconds=round(sum(timings.values()), 3) if isinstance(timings, Mapping) else 0.0,
         error=error if tree is None else "",
         expected=in_words(truth) if truth else "",
+        feasible_intended=truth.feasible if truth else None,
         as_expected=None,
     )
-    return replace_expected(row, truth)
+    return row if truth is None else replace(row, as_expected=agrees(row, truth))
 
 
 def number(value: object) -> float:
     """A number, 0 where there is none."""
     return float(value) if isinstance(value, int | float) else 0.0
-
-
-def replace_expected(row: Row, truth: Truth | None) -> Row:
-    """The row with its comparison."""
-    if truth is None:
-        return row
-    values = {one.name: getattr(row, one.name) for one in fields(Row)}
-    return Row(**(values | {"as_expected": agrees(row, truth)}))
 
 
 def agrees(row: Row, truth: Truth) -> bool:
@@ -142,9 +137,8 @@ def in_words(truth: Truth) -> str:
 
 def totals(rows: Sequence[Row]) -> dict[str, object]:
     """Honest counts."""
-    judged = [row for row in rows if row.as_expected is not None]
-    feasible = [row for row in judged if not row.expected.startswith("infeasible")]
-    infeasible = [row for row in judged if row.expected.startswith("infeasible")]
+    feasible = [row for row in rows if row.feasible_intended is True]
+    infeasible = [row for row in rows if row.feasible_intended is False]
     return {
         "samples": len(rows),
         "at_rest": sum(row.verdict == AT_REST for row in rows),

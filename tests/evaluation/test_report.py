@@ -2,6 +2,7 @@
 
 import json
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -64,6 +65,15 @@ def test_totals_count_what_is_there(run: tuple[Path, list[Row]]) -> None:
     assert (counts["at_rest"], counts["infeasible"], counts["failed"]) == (1, 2, 1)
     assert (counts["feasible_as_intended"], counts["feasible_intended"]) == (1, 1)
     assert (counts["infeasible_with_right_reason"], counts["infeasible_intended"]) == (1, 2)
+
+
+def test_intended_feasibility_is_not_read_from_words() -> None:
+    """A support whose label begins with "infeasible" does not make its sample an infeasible one."""
+    tree = placement("at_rest", None) | {"base": {"id": "4", "label": "infeasible table"}, "part": ""}
+    truth = Truth("infeasible table", "", "", True, "")
+    row = replace(row_of(Sample("a", "s", "o", "p"), tree, "", truth), expected="infeasible table")
+    counts = totals([row])
+    assert (counts["feasible_as_intended"], counts["feasible_intended"], counts["infeasible_intended"]) == (1, 1, 0)
 
 
 def test_the_page_shows_every_sample(run: tuple[Path, list[Row]]) -> None:
