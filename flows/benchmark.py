@@ -19,6 +19,7 @@ import pyarrow.parquet as pq
 
 from evaluation.outcome_table import Row, Truth, read_truth, row_of, totals
 from evaluation.report import write_report
+from evaluation.run_folder import sample_folder
 from flows.display import Display, print_plan, print_table
 from flows.output import readable_json, write_placement
 from flows.place import PlaceConfig
@@ -31,7 +32,6 @@ from scene.settings import data_root, runs_root
 from tasks.stage_process import kill_all
 
 DATASET_SEED = 0
-SAMPLES_FOLDER = "samples"
 
 
 @dataclass(frozen=True, slots=True)
@@ -161,12 +161,6 @@ def write_failure(folder: Path, failed: FailedSample) -> None:
     out = sample_folder(folder, failed.sample.id)
     out.mkdir(parents=True, exist_ok=True)
     (out / "error.txt").write_text(f"{failed.message}\n\n{failed.details}".rstrip() + "\n")
-
-
-def sample_folder(folder: Path, sample_id: str) -> Path:
-    """Folder of one sample in a run."""
-    safe = "".join(c if c.isalnum() or c in "-_." else "_" for c in sample_id)
-    return folder / SAMPLES_FOLDER / safe
 
 
 def new_run_folder(dataset: Path, samples: Sequence[Sample], config: PlaceConfig) -> Path:

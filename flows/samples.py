@@ -5,13 +5,14 @@ Keys of a sample: `id`, `room` (or `scene`), `object`, `prompt`, and optionally 
 """
 
 import difflib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import fields
 from pathlib import Path
 
 from ruamel.yaml import YAML
 from ruamel.yaml.error import YAMLError
 
+from evaluation.run_folder import folder_name
 from scene.errors import InputError
 from scene.sample import Sample, SourceOptions
 from scene.settings import PROJECT_ROOT, data_root
@@ -31,12 +32,22 @@ def load_samples(path: Path) -> list[Sample]:
     if not isinstance(rows, list) or not rows:
         raise InputError(f"{path}: expected a list of samples, found {type(rows).__name__}")
     samples = [sample_of(row, f"{path}: sample {index}", path.parent) for index, row in enumerate(rows)]
-    seen: set[str] = set()
-    for sample in samples:
-        if sample.id in seen:
-            raise InputError(f"{path}: two samples have the id {sample.id!r}")
-        seen.add(sample.id)
+    check_ids([sample.id for sample in samples], str(path))
     return samples
+
+
+def check_ids(ids: Sequence[str], where: str) -> None:
+    """Refuse ids that cannot each have a folder of their own in a run."""
+    seen: dict[str, str] = {}
+    for one in ids:
+        name = folder_name(one)
+        if not name.strip("."):
+            raise InputError(f"{where}: id {one!r} cannot name a folder; use letters and digits")
+        if name in seen and seen[name] == one:
+            raise InputError(f"{where}: two samples have the id {one!r}")
+        if name in seen:
+            raise InputError(f"{where}: ids {seen[name]!r} and {one!r} would share the folder {name}; rename one")
+        seen[name] = one
 
 
 def load_yaml(path: Path) -> object:

@@ -41,6 +41,12 @@ def test_names_and_paths_are_found(tmp_path: Path, monkeypatch: pytest.MonkeyPat
         ("- {id: a, object: o, prompt: x}", "either 'room' or 'scene'"),
         ("- {id: a, room: r, object: o, prompt: x, mass: heavy}", "mass is 'heavy'"),
         ("- {id: a, room: r, object: o, prompt: x}\n- {id: a, room: r, object: o, prompt: x}", "two samples"),
+        (
+            "- {id: a b, room: r, object: o, prompt: x}\n- {id: a_b, room: r, object: o, prompt: x}",
+            "share the folder a_b",
+        ),
+        ("- {id: .., room: r, object: o, prompt: x}", "id '..' cannot name a folder"),
+        ("- {id: '', room: r, object: o, prompt: x}", "id '' cannot name a folder"),
         ("a: b", "expected a list"),
         ("[1, 2", "cannot be read as YAML"),
     ],
