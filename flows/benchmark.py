@@ -23,7 +23,7 @@ from evaluation.run_folder import sample_folder
 from flows.display import Display, print_plan, print_table
 from flows.output import readable_json, write_placement
 from flows.place import PlaceConfig
-from flows.sample_run import STAGES, FailedSample, FinishedSample, Plan, one_line, plan_sample, try_sample
+from flows.sample_run import STAGES, FailedSample, FinishedSample, Plan, plan_sample, try_sample
 from flows.samples import EMBEDDED, TRUTH, load_samples, load_yaml
 from flows.server import prefect_server
 from scene.errors import InputError
@@ -94,32 +94,23 @@ def plan_all(samples: Sequence[Sample], config: PlaceConfig, display: Display) -
     """Plans of all samples."""
     plans = []
     for sample in samples:
-        plans.append(try_plan(sample, config))
+        plans.append(plan_sample(sample, config))
         display.planned(plans[-1])
     return plans
-
-
-def try_plan(sample: Sample, config: PlaceConfig) -> Plan:
-    """As `plan_sample`, but an unexpected failure of this sample is a value: the others go on."""
-    try:
-        return plan_sample(sample, config)
-    except Exception as error:
-        return Plan(sample, (), "mesh", "input", None, one_line(f"{type(error).__name__}: {error}"))
 
 
 def run_all(
     plans: Sequence[Plan], config: PlaceConfig, folder: Path, workers: int, display: Display
 ) -> dict[Sample, tuple[dict[str, object] | None, str]]:
     """placement.json and error message of every sample; Prefect starts only if some sample has work to do."""
-    results: dict[Sample, tuple[dict[str, object] | None, str]] = {plan.sample: (None, plan.error) for plan in plans}
+    results: dict[Sample, tuple[dict[str, object] | None, str]] = {plan.sample: (None, "") for plan in plans}
+    waiting = []
     for plan in plans:
-        if plan.error:
-            write_failure(folder, FailedSample(plan.sample, plan.error, 2, ""))
-            display.failed(plan.sample, plan.error)
-        if plan.finished is not None:
-            results[plan.sample] = (keep(folder, plan.finished), "")
-            display.finished(plan.sample)
-    waiting = [plan.sample for plan in plans if plan.finished is None and not plan.error]
+        known = plan.finished or plan.failed
+        if known is None:
+            waiting.append(plan.sample)
+        else:
+            results[plan.sample] = settle_result(folder, known, display)
     if not waiting:
         return results
     with prefect_server() as url, ThreadPoolExecutor(workers) as pool:
@@ -211,7 +202,7 @@ def plan_benchmark(dataset: Path | None, config: PlaceConfig, *, limit: int | No
             "sample": plan.sample.id,
             "cached": list(plan.cached),
             "runs": plan.missing or None,
-            "why": plan.error or plan.why or None,
+            "why": plan.failed.message if plan.failed else plan.why or None,
             "may_run": list(plan.later),
         }
         for plan in plans

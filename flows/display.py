@@ -73,7 +73,7 @@ class Display:
 
     def planned(self, plan: Plan) -> None:
         """One sample has been looked up."""
-        self.to_run += int(plan.finished is None and not plan.error)
+        self.to_run += int(plan.finished is None and plan.failed is None)
         self.progress.advance(self.bar)
 
     def serving(self, url: str) -> None:
@@ -131,7 +131,7 @@ def print_plan(plans: Sequence[Plan]) -> None:
     table = Table("sample", "cached", "would run", "why", box=None)
     for plan in plans:
         count = "all" if plan.finished else f"{len(plan.cached)} of {len(STAGES)}"
-        table.add_row(plan.sample.id, count, plan.missing or "-", plan.error or plan.why or "")
+        table.add_row(plan.sample.id, count, plan.missing or "-", plan.failed.message if plan.failed else plan.why)
     console.print(table)
     console.print(f"{sum(plan.finished is not None for plan in plans)} of {len(plans)} samples are cached")
 

@@ -12,6 +12,7 @@ from flows.benchmark import failed_before, new_run_folder, write_failure
 from flows.cli import run_command
 from flows.place import PlaceConfig
 from flows.sample_run import FailedSample
+from scene.errors import InputError
 from scene.sample import Sample
 from scene.store import Store
 
@@ -117,7 +118,7 @@ def test_a_benchmark_from_cold_to_warm(
     folder = dataset.parent
     assert run_command(["plan", "--dataset", str(dataset), "--json"]) == 0
     plan = json.loads(capsys.readouterr().out)
-    assert [row["runs"] for row in plan] == ["mesh", "mesh", "mesh", "mesh"]
+    assert [row["runs"] for row in plan] == ["mesh", "mesh", "mesh", None]
     assert "gone.ply: no such file" in plan[3]["why"]
 
     assert run_command(["benchmark", "--dataset", str(dataset), "--json"]) == 4
@@ -173,7 +174,26 @@ def test_what_the_last_run_did_not_ask_for_did_not_fail(tmp_path: Path, monkeypa
     monkeypatch.setenv("DCAP_DATA", str(tmp_path))
     good, bad, later = (Sample(name, "room", "ball", "put it") for name in ("good", "bad", "later"))
     run = new_run_folder(tmp_path / "set.yaml", [good, bad], PlaceConfig())
-    write_failure(run, FailedSample(bad, "no such file", 2, ""))
+    write_failure(run, FailedSample(bad, InputError("no such file")))
     (run / "samples" / "good").mkdir()
     (run / "samples" / "good" / "placement.json").write_text("{}")
     assert failed_before([good, bad, later]) == [bad]
+
+
+def test_a_plan_survives_what_nobody_expected(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A defect that one sample hits is that sample's: `plan` tells it, `benchmark` keeps its traceback, both go on."""
+    monkeypatch.setenv("DCAP_DATA", str(tmp_path))
+    (tmp_path / "set.yaml").write_text("- {id: odd, scene: a, object: b, prompt: put it}")
+
+    def broken(sample: Sample, config: PlaceConfig) -> None:
+        raise ZeroDivisionError("on purpose")
+
+    monkeypatch.setattr("flows.sample_run.place", broken)
+    assert run_command(["plan", "--dataset", str(tmp_path / "set.yaml"), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)[0]["why"] == "ZeroDivisionError: on purpose"
+    assert run_command(["benchmark", "--dataset", str(tmp_path / "set.yaml"), "--json"]) == 4
+    said = (Path(json.loads(capsys.readouterr().out)["run"]) / "samples" / "odd" / "error.txt").read_text()
+    assert said.startswith("ZeroDivisionError: on purpose\n\nTraceback")
+    assert "in broken" in said
