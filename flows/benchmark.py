@@ -209,8 +209,8 @@ def plan_benchmark(dataset: Path | None, config: PlaceConfig, *, limit: int | No
     ]
 
 
-def rerun_sample(run: str, sample_id: str, stage: str) -> dict[str, object]:
-    """Compute one stage of one sample again, write its results and the run's report."""
+def rerun_sample(run: str, sample_id: str, stage: str) -> tuple[dict[str, object], Path]:
+    """Compute one stage of one sample again; its placement.json and the run's report, both written anew."""
     if stage not in STAGES:
         raise InputError(f"--stage {stage!r} is not one of {', '.join(dict.fromkeys(STAGES))}")
     folder = find_run(run)
@@ -227,11 +227,12 @@ def rerun_sample(run: str, sample_id: str, stage: str) -> dict[str, object]:
             refresh=frozenset({stage}),
             listener=display.listener(samples[sample_id]),
         )
-        tree, error = settle_result(folder, result, display)
-    rewrite_report(run)
-    if tree is None:
-        raise InputError(f"{sample_id}: {error}")
-    return tree
+        tree, _ = settle_result(folder, result, display)
+    page = rewrite_report(run)
+    if isinstance(result, FailedSample):
+        raise result.error
+    assert tree is not None
+    return tree, page
 
 
 def rewrite_report(run: str) -> Path:

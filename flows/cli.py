@@ -168,10 +168,10 @@ def rerun(
 ) -> int:
     """Compute one stage of one sample again; later stages only where their inputs changed."""
     from flows.benchmark import rerun_sample
+    from flows.output import result_line
 
-    tree = rerun_sample(run, sample, stage)
-    if as_json:
-        print(json.dumps(tree, indent=2, ensure_ascii=False))
+    tree, page = rerun_sample(run, sample, stage)
+    print(json.dumps(tree, indent=2, ensure_ascii=False) if as_json else f"{result_line(tree)}\nreport: {page}")
     return 0 if tree["verdict"] == "at_rest" else INFEASIBLE
 
 

@@ -3,16 +3,17 @@
 import importlib
 import json
 from collections.abc import Iterator
+from contextlib import nullcontext
 from pathlib import Path
 
 import pyarrow.parquet as pq
 import pytest
 
-from flows.benchmark import failed_before, new_run_folder, write_failure
+from flows.benchmark import failed_before, new_run_folder, rerun_sample, write_failure
 from flows.cli import run_command
 from flows.place import PlaceConfig
 from flows.sample_run import FailedSample
-from scene.errors import InputError
+from scene.errors import InputError, LanguageError
 from scene.sample import Sample
 from scene.store import Store
 
@@ -159,6 +160,10 @@ def test_a_benchmark_from_cold_to_warm(
     again = json.loads(capsys.readouterr().out)
     assert {**again, "timings": 0} == {**placement, "timings": 0}
     assert run_command(["rerun", "last", "none", "--stage", "drop"]) == 3
+    assert capsys.readouterr().out.splitlines() == [
+        "infeasible: target_not_found; no piano; there is table",
+        f"report: {(folder / 'data' / 'runs' / 'last').resolve() / 'report.html'}",
+    ]
     assert run_command(["rerun", "last", "nobody", "--stage", "drop"]) == 2
     assert run_command(["rerun", "last", "good", "--stage", "cook"]) == 2
     assert run_command(["cache", "verify"]) == 0
@@ -197,3 +202,19 @@ def test_a_plan_survives_what_nobody_expected(
     said = (Path(json.loads(capsys.readouterr().out)["run"]) / "samples" / "odd" / "error.txt").read_text()
     assert said.startswith("ZeroDivisionError: on purpose\n\nTraceback")
     assert "in broken" in said
+
+
+@pytest.mark.parametrize("error", [ZeroDivisionError("a defect"), LanguageError("what is a blorb?")])
+def test_a_rerun_that_breaks_is_not_bad_input(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, error: Exception
+) -> None:
+    """The sample's failure is kept in the run and reaches the caller as what it is, so that its exit code stands."""
+    monkeypatch.setenv("DCAP_DATA", str(tmp_path))
+    sample = Sample("odd", "room", "ball", "put it")
+    run = new_run_folder(tmp_path / "set.yaml", [sample], PlaceConfig())
+    monkeypatch.setattr("flows.benchmark.prefect_server", lambda: nullcontext("http://nowhere/api"))
+    monkeypatch.setattr("flows.benchmark.try_sample", lambda sample, config, **_: FailedSample(sample, error))
+    with pytest.raises(type(error), match=str(error).rstrip("?")):
+        rerun_sample("last", "odd", "drop")
+    assert str(error) in (run / "samples" / "odd" / "error.txt").read_text()
+    assert (run / "report.html").is_file()
