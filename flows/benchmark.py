@@ -23,7 +23,7 @@ from evaluation.run_folder import sample_folder
 from flows.display import Display, print_plan, print_table
 from flows.output import readable_json, write_placement
 from flows.place import PlaceConfig
-from flows.sample_run import STAGES, FailedSample, FinishedSample, Plan, plan_sample, try_sample
+from flows.sample_run import OVERVIEW, STAGES, FailedSample, FinishedSample, Plan, plan_sample, try_sample
 from flows.samples import EMBEDDED, TRUTH, load_samples, load_yaml
 from flows.server import prefect_server
 from scene.errors import InputError
@@ -211,8 +211,9 @@ def plan_benchmark(dataset: Path | None, config: PlaceConfig, *, limit: int | No
 
 def rerun_sample(run: str, sample_id: str, stage: str) -> tuple[dict[str, object], Path]:
     """Compute one stage of one sample again; its placement.json and the run's report, both written anew."""
-    if stage not in STAGES:
-        raise InputError(f"--stage {stage!r} is not one of {', '.join(dict.fromkeys(STAGES))}")
+    known = dict.fromkeys((*STAGES, OVERVIEW))
+    if stage not in known:
+        raise InputError(f"--stage {stage!r} is not one of {', '.join(known)}")
     folder = find_run(run)
     asked = json.loads((folder / "run.json").read_text())
     samples = {one["id"]: sample_from_json(one) for one in asked["samples"]}

@@ -29,7 +29,9 @@ STAGES = (
     "drop",
     "render",
 )
-"""Stages in the order of flows/place.py."""
+"""Stages of a feasible placement in the order of flows/place.py."""
+OVERVIEW = "overview"
+"""What an infeasible placement ends with, after the stage that found no way."""
 
 OnEvent = Callable[[StageEvent], None]
 
@@ -52,8 +54,13 @@ class Plan:
 
     @property
     def later(self) -> tuple[str, ...]:
-        """Stages after the first missing one; they run if their inputs change."""
-        return STAGES[len(self.cached) + 1 :] if self.missing else ()
+        """Stages after the first missing one; they run if their inputs change and a placement stays feasible."""
+        return () if self.missing in ("", OVERVIEW) else STAGES[len(self.cached) + 1 :]
+
+    @property
+    def stage_count(self) -> int:
+        """Number of stages of this sample, as far as one can see."""
+        return len(self.cached) + (self.missing != "") + len(self.later)
 
 
 @dataclass(frozen=True, slots=True)

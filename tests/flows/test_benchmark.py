@@ -164,6 +164,7 @@ def test_a_benchmark_from_cold_to_warm(
         "infeasible: target_not_found; no piano; there is table",
         f"report: {(folder / 'data' / 'runs' / 'last').resolve() / 'report.html'}",
     ]
+    assert run_command(["rerun", "last", "none", "--stage", "overview"]) == 3
     assert run_command(["rerun", "last", "nobody", "--stage", "drop"]) == 2
     assert run_command(["rerun", "last", "good", "--stage", "cook"]) == 2
     assert run_command(["cache", "verify"]) == 0
