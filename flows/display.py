@@ -24,8 +24,9 @@ WIDTH = 160
 
 
 def console_on_stderr() -> Console:
-    """A console that does not break lines where nobody looks at a terminal."""
-    return Console(file=sys.stderr, highlight=False, width=None if sys.stderr.isatty() else WIDTH)
+    """A console that shows words as they are and does not break lines where nobody looks at a terminal."""
+    width = None if sys.stderr.isatty() else WIDTH
+    return Console(file=sys.stderr, highlight=False, markup=False, emoji=False, width=width)
 
 
 class Display:
@@ -104,8 +105,7 @@ class Display:
 
     def failed(self, sample: Sample, message: str) -> None:
         """A sample did not get through."""
-        self.console.print(f"[red]failed[/red] {sample.id}: ", end="")
-        self.console.print(message, markup=False)
+        self.console.print(Text("failed", "red"), f"{sample.id}: {message}")
         self.count(sample)
 
     def count(self, sample: Sample) -> None:

@@ -3,6 +3,7 @@
 import sys
 
 from rich.console import Console
+from rich.text import Text
 
 from flows.place import PlaceConfig
 from flows.sample_run import STAGES, FinishedSample, plan_sample, run_sample
@@ -26,7 +27,7 @@ def place_one(sample: Sample, config: PlaceConfig, *, quiet: bool) -> FinishedSa
             if event.event is Event.STARTED:
                 status.update(event.stage)
             elif event.event is Event.PROGRESS:
-                status.update(f"{event.stage} {event.part:4.0%} {event.text}")
+                status.update(Text(f"{event.stage} {event.part:4.0%} {event.text}"))
             else:
                 console.print(stage_line(event))
 

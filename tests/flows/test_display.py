@@ -1,9 +1,12 @@
 """What a benchmark shows counts every sample once and every stage that there is."""
 
+from pathlib import Path
+
 import pytest
 from rich.console import Console
 
-from flows.display import Display, print_plan
+from evaluation.outcome_table import row_of, totals
+from flows.display import Display, print_plan, print_table
 from flows.sample_run import STAGES, FailedSample, Plan
 from scene.errors import InputError
 from scene.sample import Sample
@@ -56,3 +59,19 @@ def test_a_plan_counts_the_stages_of_each_sample(capsys: pytest.CaptureFixture[s
     print_plan([Plan(ONE, STAGES[:5], "overview", "new"), Plan(TWO, STAGES[:5], "rotation", "new")])
     assert "5 of 6" in (said := capsys.readouterr().err)
     assert "5 of 11" in said
+
+
+def test_ids_are_shown_as_they_are(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    """An id that looks like markup is still an id."""
+    odd = Sample("[/b] :smile: [red]", "room", "ball", "put it")
+    failure = FailedSample(odd, InputError("no [/i] there"))
+    with Display([odd]) as display:
+        display.serving("http://127.0.0.1:1/api")
+        display.failed(odd, failure.message)
+    print_plan([Plan(odd, (), "", "", failed=failure)])
+    rows = [row_of(odd, None, failure.message, None)]
+    print_table(rows, {**totals(rows), "wall_s": 1.0}, tmp_path / "[/b]")
+    said = capsys.readouterr().err
+    assert said.count("[/b] :smile: [red]") == 3
+    assert said.count("no [/i] there") == 3
+    assert "[/b]/report.html" in said
