@@ -1,6 +1,5 @@
 """One row per sample: what came out, what was intended, and whether they agree."""
 
-import difflib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 
@@ -9,6 +8,7 @@ from scipy.spatial.transform import Rotation as Turn
 
 from scene.errors import InputError
 from scene.sample import Sample
+from scene.spelling import did_you_mean
 
 AT_REST = "at_rest"
 SAME_REGION = {"middle": "center"}
@@ -89,8 +89,7 @@ def truth_of(row: object, where: str) -> Truth:
     known = ("id", *(one.name for one in fields(Truth)))
     for key in row:
         if key not in known:
-            near = difflib.get_close_matches(str(key), known, 1)
-            raise InputError(f"{where}: unknown key {key!r}" + (f"; did you mean {near[0]!r}?" if near else ""))
+            raise InputError(f"{where}: unknown key {key!r}{did_you_mean(key, known)}")
     feasible, top = row.get("feasible", True), str(row.get("top") or "")
     if not isinstance(feasible, bool):
         raise InputError(f"{where}: feasible is {feasible!r}, expected true or false")

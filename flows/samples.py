@@ -4,7 +4,6 @@ Keys of a sample: `id`, `room` (or `scene`), `object`, `prompt`, and optionally 
 `object_label`, `object_up`, `object_unit`. A name is looked up beside the file, then in `rooms/` and `objects/`.
 """
 
-import difflib
 from collections.abc import Mapping, Sequence
 from dataclasses import fields
 from pathlib import Path
@@ -16,6 +15,7 @@ from evaluation.run_folder import folder_name
 from scene.errors import InputError
 from scene.sample import Sample, SourceOptions
 from scene.settings import PROJECT_ROOT, data_root
+from scene.spelling import did_you_mean
 
 EMBEDDED = PROJECT_ROOT / "data" / "rooms.yaml"
 """The dataset that the project makes itself."""
@@ -67,8 +67,7 @@ def sample_of(row: object, where: str, folder: Path) -> Sample:
     known = (*REQUIRED, *OPTIONAL)
     for key in row:
         if key not in known:
-            near = difflib.get_close_matches(str(key), known, 1)
-            raise InputError(f"{where}: unknown key {key!r}" + (f"; did you mean {near[0]!r}?" if near else ""))
+            raise InputError(f"{where}: unknown key {key!r}{did_you_mean(key, known)}")
     for key in REQUIRED:
         if key not in row:
             raise InputError(f"{where}: key {key!r} is missing")
