@@ -13,6 +13,7 @@ from typing import Annotated
 
 import typer
 
+from flows.samples import UNITS, UPS
 from scene.errors import DcapError, InputError
 from scene.sample import Sample, SourceOptions
 from scene.settings import runs_root
@@ -227,8 +228,6 @@ def cache_verify(as_json: Json = False) -> int:
 LARGEST_RESOLUTION_M = 1.0
 """A cell larger than this resolves nothing that can be placed in a room [m]."""
 SOLVERS = ("tl", "mls")
-UPS = ("auto", "y", "z")
-UNITS = ("auto", "m", "cm", "mm", "in")
 
 
 def choice(option: str, value: str, allowed: tuple[str, ...]) -> str:
