@@ -4,7 +4,8 @@ SHELL := /bin/bash
 PYTHON ?= $(shell command -v python3.11 || command -v python3.12 || command -v python3)
 BIN := .venv/bin
 READY := .venv/.ready
-OUT ?= data/runs/demo
+DATA := $(or $(DCAP_DATA),data)
+OUT ?= $(DATA)/runs/demo
 
 .DEFAULT_GOAL := help
 .PHONY: setup test check benchmark demo ui perf clean help lock system-libraries
@@ -42,7 +43,7 @@ benchmark: $(READY) ## place every sample of the embedded dataset; tables, pictu
 
 demo: $(READY) ## one placement: a ball at the centre of a bed
 	$(BIN)/dcap dataset make
-	$(BIN)/dcap place data/rooms/bedroom_01 data/objects/ball.glb "put the ball at the centre of the bed" --out $(OUT)
+	$(BIN)/dcap place "$(DATA)/rooms/bedroom_01" "$(DATA)/objects/ball.glb" "put the ball at the centre of the bed" --out "$(OUT)"
 
 ui: $(READY) ## Prefect's pages over all runs, on http://127.0.0.1:4200
 	$(BIN)/dcap ui
@@ -50,8 +51,8 @@ ui: $(READY) ## Prefect's pages over all runs, on http://127.0.0.1:4200
 perf: $(READY) ## measure the parts that take the time
 	$(BIN)/python -m perf
 
-clean: ## remove what can be computed again, but not the runs
-	rm -rf data/cache build dist .mypy_cache .ruff_cache .pytest_cache .import_linter_cache .hypothesis *.egg-info
+clean: ## remove what can be computed again and Prefect's history; the results of runs stay
+	rm -rf "$(DATA)/cache" build dist .mypy_cache .ruff_cache .pytest_cache .import_linter_cache .hypothesis *.egg-info
 	find . -name __pycache__ -not -path './.venv/*' -prune -exec rm -rf {} +
 
 lock: $(READY) ## renew requirements.lock from pyproject.toml

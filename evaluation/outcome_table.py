@@ -1,13 +1,21 @@
 """One row per sample: what came out, what was intended, and whether they agree."""
 
-import difflib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+from scipy.spatial.transform import Rotation as Turn
 
 from scene.errors import InputError
 from scene.sample import Sample
+from scene.spelling import did_you_mean
 
 AT_REST = "at_rest"
+SAME_REGION = {"middle": "center"}
+"""Region words that mean the same place."""
+TOPS = ("up", "down", "sideways")
+QUADRANT_DEG = 45.0
+"""A word for a direction means the nearest of up, down and the four sides: half of a right angle off at most."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -18,9 +26,16 @@ class Truth:
     """Label of the intended support."""
     part: str
     region: str
+    """Canonical region words that the sentence asks for; empty if it asks for none."""
     feasible: bool
     reason: str
     """Intended reason code; empty if feasible."""
+    base_id: str = ""
+    """Id of the intended support; empty if several will do."""
+    top: str = ""
+    """Where the object's own top (+z as read) points: up, down or sideways; empty if the sentence leaves it open."""
+    front: tuple[float, float] | None = None
+    """World xy direction of the object's own front (+y as read); None if the sentence leaves it open."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,6 +51,7 @@ class Row:
     reason: str
     message: str
     base: str
+    base_id: str
     part: str
     region: str
     region_missed: bool
@@ -49,8 +65,10 @@ class Row:
     """Why the sample failed; empty if it did not."""
     expected: str
     """Intended outcome in words; empty if nobody stated one."""
+    feasible_intended: bool | None
+    """Whether it ought to come to rest; None if nobody said."""
     as_expected: bool | None
-    """Whether verdict, support, part and reason are the intended ones."""
+    """Whether verdict, reason, support, part, region and orientation are the intended ones."""
 
 
 def read_truth(tree: object, where: str) -> dict[str, Truth]:
@@ -71,15 +89,32 @@ def truth_of(row: object, where: str) -> Truth:
     known = ("id", *(one.name for one in fields(Truth)))
     for key in row:
         if key not in known:
-            near = difflib.get_close_matches(str(key), known, 1)
-            raise InputError(f"{where}: unknown key {key!r}" + (f"; did you mean {near[0]!r}?" if near else ""))
+            raise InputError(f"{where}: unknown key {key!r}{did_you_mean(key, known)}")
+    feasible, top = row.get("feasible", True), str(row.get("top") or "")
+    if not isinstance(feasible, bool):
+        raise InputError(f"{where}: feasible is {feasible!r}, expected true or false")
+    if top not in ("", *TOPS):
+        raise InputError(f"{where}: top {top!r} is not one of {', '.join(TOPS)}")
     return Truth(
         base=str(row.get("base") or ""),
         part=str(row.get("part") or ""),
         region=str(row.get("region") or ""),
-        feasible=bool(row.get("feasible", True)),
+        feasible=feasible,
         reason=str(row.get("reason") or ""),
+        base_id=str(row.get("base_id") or ""),
+        top=top,
+        front=direction(row.get("front"), where),
     )
+
+
+def direction(value: object, where: str) -> tuple[float, float] | None:
+    """A horizontal direction from a list of two numbers; None stays None."""
+    if value is None:
+        return None
+    numbers = [float(one) for one in value if isinstance(one, int | float)] if isinstance(value, list) else []
+    if len(numbers) != 2 or not np.isfinite(numbers).all() or not np.any(numbers):
+        raise InputError(f"{where}: front is {value!r}, expected a direction [x, y]")
+    return numbers[0], numbers[1]
 
 
 def row_of(sample: Sample, tree: Mapping[str, object] | None, error: str, truth: Truth | None) -> Row:
@@ -96,6 +131,7 @@ def row_of(sample: Sample, tree: Mapping[str, object] | None, error: str, truth:
         reason=str(found.get("reason") or ""),
         message=str(found.get("message") or ""),
         base=str(base["label"]) if isinstance(base, Mapping) else "",
+        base_id=str(base["id"]) if isinstance(base, Mapping) else "",
         part=str(found.get("part") or ""),
         region=str(found.get("region") or ""),
         region_missed=bool(found.get("region_missed")),
@@ -105,9 +141,10 @@ def row_of(sample: Sample, tree: Mapping[str, object] | None, error: str, truth:
         seconds=round(sum(timings.values()), 3) if isinstance(timings, Mapping) else 0.0,
         error=error if tree is None else "",
         expected=in_words(truth) if truth else "",
+        feasible_intended=truth.feasible if truth else None,
         as_expected=None,
     )
-    return replace_expected(row, truth)
+    return row if truth is None else replace(row, as_expected=agrees(row, found.get("pose"), truth))
 
 
 def number(value: object) -> float:
@@ -115,20 +152,36 @@ def number(value: object) -> float:
     return float(value) if isinstance(value, int | float) else 0.0
 
 
-def replace_expected(row: Row, truth: Truth | None) -> Row:
-    """The row with its comparison."""
-    if truth is None:
-        return row
-    values = {one.name: getattr(row, one.name) for one in fields(Row)}
-    return Row(**(values | {"as_expected": agrees(row, truth)}))
-
-
-def agrees(row: Row, truth: Truth) -> bool:
+def agrees(row: Row, pose: object, truth: Truth) -> bool:
     """Whether the outcome is the intended one."""
+    if truth.base not in ("", row.base) or truth.base_id not in ("", row.base_id):
+        return False
     if not truth.feasible:
         return row.verdict == "infeasible" and row.reason == truth.reason
-    on_support = truth.base in ("", row.base) and truth.part in ("", row.part)
-    return row.verdict == AT_REST and on_support and not row.region_missed
+    there = truth.part in ("", row.part) and same_region(row.region, truth.region) and not row.region_missed
+    return row.verdict == AT_REST and there and oriented(pose, truth)
+
+
+def same_region(found: str, intended: str) -> bool:
+    """Whether two regions are the same words in any order, or none is intended."""
+    found_words, words = ({SAME_REGION.get(word, word) for word in one.split()} for one in (found, intended))
+    return not words or found_words == words
+
+
+def oriented(pose: object, truth: Truth) -> bool:
+    """Whether the object's own top and front point where they should."""
+    if not truth.top and truth.front is None:
+        return True
+    if not isinstance(pose, Mapping):
+        return False
+    axes = Turn.from_quat(pose["quaternion"], scalar_first=True).as_matrix()
+    near = np.cos(np.radians(QUADRANT_DEG))
+    height = axes[2, 2]
+    tops = {"": True, "up": height >= near, "down": height <= -near, "sideways": abs(height) < near}
+    if truth.front is None:
+        return bool(tops[truth.top])
+    ahead = np.array(truth.front) / np.linalg.norm(truth.front)
+    return bool(tops[truth.top] and axes[:2, 1] @ ahead >= near)
 
 
 def in_words(truth: Truth) -> str:
@@ -136,15 +189,17 @@ def in_words(truth: Truth) -> str:
     if not truth.feasible:
         return f"infeasible: {truth.reason}"
     where = " ".join(word for word in (truth.base, truth.part) if word)
-    region = f", {truth.region}" if truth.region else ""
-    return f"at rest on {where}{region}" if where else f"at rest{region}"
+    asked = [f"on {where}"] if where else []
+    asked += [truth.region] if truth.region else []
+    asked += [f"top {truth.top}"] if truth.top else []
+    asked += [f"front towards ({truth.front[0]:g}, {truth.front[1]:g})"] if truth.front else []
+    return f"at rest {', '.join(asked)}".rstrip()
 
 
 def totals(rows: Sequence[Row]) -> dict[str, object]:
     """Honest counts."""
-    judged = [row for row in rows if row.as_expected is not None]
-    feasible = [row for row in judged if not row.expected.startswith("infeasible")]
-    infeasible = [row for row in judged if row.expected.startswith("infeasible")]
+    feasible = [row for row in rows if row.feasible_intended is True]
+    infeasible = [row for row in rows if row.feasible_intended is False]
     return {
         "samples": len(rows),
         "at_rest": sum(row.verdict == AT_REST for row in rows),

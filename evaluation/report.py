@@ -8,6 +8,7 @@ from pathlib import Path
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from evaluation.outcome_table import AT_REST, Row
+from evaluation.run_folder import sample_folder
 
 TEMPLATES = Path(__file__).parent / "templates"
 PICTURES = (("clean", "before"), ("asked", "as asked"), ("settled", "after"), ("closeup", "contact"))
@@ -51,13 +52,13 @@ def write_report(folder: Path, rows: Sequence[Row], summary: Mapping[str, object
 
 def card_of(folder: Path, row: Row) -> Card:
     """The card of one sample."""
-    safe = "".join(c if c.isalnum() or c in "-_." else "_" for c in row.sample)
-    sample_folder = folder / "samples" / safe
-    tree = read_placement(sample_folder) if not row.error else {}
+    kept = sample_folder(folder, row.sample)
+    link = kept.relative_to(folder).as_posix()
+    tree = read_placement(kept) if not row.error else {}
     pictures = tuple(
-        (f"samples/{safe}/{name}.png", caption)
+        (f"{link}/{name}.png", caption)
         for name, caption in PICTURES
-        if not row.error and (sample_folder / f"{name}.png").is_file()
+        if not row.error and (kept / f"{name}.png").is_file()
     )
     warnings = tree.get("warnings")
     return Card(
@@ -67,7 +68,7 @@ def card_of(folder: Path, row: Row) -> Card:
         stages=stage_bars(tree.get("timings")),
         facts=facts_of(row, tree),
         warnings=tuple(str(one) for one in warnings) if isinstance(warnings, list) else (),
-        folder=f"samples/{safe}",
+        folder=link,
     )
 
 

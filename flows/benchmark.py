@@ -19,10 +19,11 @@ import pyarrow.parquet as pq
 
 from evaluation.outcome_table import Row, Truth, read_truth, row_of, totals
 from evaluation.report import write_report
+from evaluation.run_folder import sample_folder
 from flows.display import Display, print_plan, print_table
 from flows.output import readable_json, write_placement
 from flows.place import PlaceConfig
-from flows.sample_run import STAGES, FailedSample, FinishedSample, Plan, one_line, plan_sample, try_sample
+from flows.sample_run import OVERVIEW, STAGES, FailedSample, FinishedSample, Plan, plan_sample, try_sample
 from flows.samples import EMBEDDED, TRUTH, load_samples, load_yaml
 from flows.server import prefect_server
 from scene.errors import InputError
@@ -31,7 +32,6 @@ from scene.settings import data_root, runs_root
 from tasks.stage_process import kill_all
 
 DATASET_SEED = 0
-SAMPLES_FOLDER = "samples"
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,32 +94,23 @@ def plan_all(samples: Sequence[Sample], config: PlaceConfig, display: Display) -
     """Plans of all samples."""
     plans = []
     for sample in samples:
-        plans.append(try_plan(sample, config))
+        plans.append(plan_sample(sample, config))
         display.planned(plans[-1])
     return plans
-
-
-def try_plan(sample: Sample, config: PlaceConfig) -> Plan:
-    """As `plan_sample`, but an unexpected failure of this sample is a value: the others go on."""
-    try:
-        return plan_sample(sample, config)
-    except Exception as error:
-        return Plan(sample, (), "mesh", "input", None, one_line(f"{type(error).__name__}: {error}"))
 
 
 def run_all(
     plans: Sequence[Plan], config: PlaceConfig, folder: Path, workers: int, display: Display
 ) -> dict[Sample, tuple[dict[str, object] | None, str]]:
     """placement.json and error message of every sample; Prefect starts only if some sample has work to do."""
-    results: dict[Sample, tuple[dict[str, object] | None, str]] = {plan.sample: (None, plan.error) for plan in plans}
+    results: dict[Sample, tuple[dict[str, object] | None, str]] = {plan.sample: (None, "") for plan in plans}
+    waiting = []
     for plan in plans:
-        if plan.error:
-            write_failure(folder, FailedSample(plan.sample, plan.error, 2, ""))
-            display.failed(plan.sample, plan.error)
-        if plan.finished is not None:
-            results[plan.sample] = (keep(folder, plan.finished), "")
-            display.finished(plan.sample)
-    waiting = [plan.sample for plan in plans if plan.finished is None and not plan.error]
+        known = plan.finished or plan.failed
+        if known is None:
+            waiting.append(plan.sample)
+        else:
+            results[plan.sample] = settle_result(folder, known, display)
     if not waiting:
         return results
     with prefect_server() as url, ThreadPoolExecutor(workers) as pool:
@@ -161,12 +152,6 @@ def write_failure(folder: Path, failed: FailedSample) -> None:
     out = sample_folder(folder, failed.sample.id)
     out.mkdir(parents=True, exist_ok=True)
     (out / "error.txt").write_text(f"{failed.message}\n\n{failed.details}".rstrip() + "\n")
-
-
-def sample_folder(folder: Path, sample_id: str) -> Path:
-    """Folder of one sample in a run."""
-    safe = "".join(c if c.isalnum() or c in "-_." else "_" for c in sample_id)
-    return folder / SAMPLES_FOLDER / safe
 
 
 def new_run_folder(dataset: Path, samples: Sequence[Sample], config: PlaceConfig) -> Path:
@@ -217,17 +202,18 @@ def plan_benchmark(dataset: Path | None, config: PlaceConfig, *, limit: int | No
             "sample": plan.sample.id,
             "cached": list(plan.cached),
             "runs": plan.missing or None,
-            "why": plan.error or plan.why or None,
+            "why": plan.failed.message if plan.failed else plan.why or None,
             "may_run": list(plan.later),
         }
         for plan in plans
     ]
 
 
-def rerun_sample(run: str, sample_id: str, stage: str) -> dict[str, object]:
-    """Compute one stage of one sample again, write its results and the run's report."""
-    if stage not in STAGES:
-        raise InputError(f"--stage {stage!r} is not one of {', '.join(dict.fromkeys(STAGES))}")
+def rerun_sample(run: str, sample_id: str, stage: str) -> tuple[dict[str, object], Path]:
+    """Compute one stage of one sample again; its placement.json and the run's report, both written anew."""
+    known = dict.fromkeys((*STAGES, OVERVIEW))
+    if stage not in known:
+        raise InputError(f"--stage {stage!r} is not one of {', '.join(known)}")
     folder = find_run(run)
     asked = json.loads((folder / "run.json").read_text())
     samples = {one["id"]: sample_from_json(one) for one in asked["samples"]}
@@ -242,11 +228,12 @@ def rerun_sample(run: str, sample_id: str, stage: str) -> dict[str, object]:
             refresh=frozenset({stage}),
             listener=display.listener(samples[sample_id]),
         )
-        tree, error = settle_result(folder, result, display)
-    rewrite_report(run)
-    if tree is None:
-        raise InputError(f"{sample_id}: {error}")
-    return tree
+        tree, _ = settle_result(folder, result, display)
+    page = rewrite_report(run)
+    if isinstance(result, FailedSample):
+        raise result.error
+    assert tree is not None
+    return tree, page
 
 
 def rewrite_report(run: str) -> Path:
@@ -282,9 +269,11 @@ def find_run(run: str) -> Path:
 
 
 def failed_before(samples: Sequence[Sample]) -> list[Sample]:
-    """The samples that failed or did not finish in the last run."""
+    """The samples of the last run that failed or did not finish in it."""
     folder = find_run("last")
-    left = [sample for sample in samples if read_result(sample_folder(folder, sample.id))[0] is None]
+    asked = {one["id"] for one in json.loads((folder / "run.json").read_text())["samples"]}
+    known = [sample for sample in samples if sample.id in asked]
+    left = [sample for sample in known if read_result(sample_folder(folder, sample.id))[0] is None]
     if not left:
         raise InputError(f"nothing failed in {folder.name}; run without --only-failed")
     return left

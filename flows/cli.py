@@ -13,6 +13,7 @@ from typing import Annotated
 
 import typer
 
+from flows.samples import UNITS, UPS
 from scene.errors import DcapError, InputError
 from scene.sample import Sample, SourceOptions
 from scene.settings import runs_root
@@ -168,10 +169,10 @@ def rerun(
 ) -> int:
     """Compute one stage of one sample again; later stages only where their inputs changed."""
     from flows.benchmark import rerun_sample
+    from flows.output import result_line
 
-    tree = rerun_sample(run, sample, stage)
-    if as_json:
-        print(json.dumps(tree, indent=2, ensure_ascii=False))
+    tree, page = rerun_sample(run, sample, stage)
+    print(json.dumps(tree, indent=2, ensure_ascii=False) if as_json else f"{result_line(tree)}\nreport: {page}")
     return 0 if tree["verdict"] == "at_rest" else INFEASIBLE
 
 
@@ -227,8 +228,6 @@ def cache_verify(as_json: Json = False) -> int:
 LARGEST_RESOLUTION_M = 1.0
 """A cell larger than this resolves nothing that can be placed in a room [m]."""
 SOLVERS = ("tl", "mls")
-UPS = ("auto", "y", "z")
-UNITS = ("auto", "m", "cm", "mm", "in")
 
 
 def choice(option: str, value: str, allowed: tuple[str, ...]) -> str:
@@ -248,10 +247,10 @@ def check_physics(resolution: float | None, solver: str | None) -> None:
 
 def check_out(folder: Path) -> None:
     """Refuse a result folder that cannot be one before anything is computed."""
-    if folder.exists() and not folder.is_dir():
-        raise InputError(f"--out {folder} is a file; give a folder")
-    nearest = next(one for one in (folder, *folder.absolute().parents) if one.exists())
-    if not os.access(nearest, os.W_OK):
+    nearest = next(one for one in (folder, *folder.absolute().parents) if os.path.exists(one))  # False if unreadable
+    if not nearest.is_dir():
+        raise InputError(f"--out {folder}: {nearest} is a file; give a folder")
+    if not os.access(nearest, os.W_OK | os.X_OK):
         raise InputError(f"--out {folder}: {nearest} is not writable")
 
 

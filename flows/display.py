@@ -24,8 +24,9 @@ WIDTH = 160
 
 
 def console_on_stderr() -> Console:
-    """A console that does not break lines where nobody looks at a terminal."""
-    return Console(file=sys.stderr, highlight=False, width=None if sys.stderr.isatty() else WIDTH)
+    """A console that shows words as they are and does not break lines where nobody looks at a terminal."""
+    width = None if sys.stderr.isatty() else WIDTH
+    return Console(file=sys.stderr, highlight=False, markup=False, emoji=False, width=width)
 
 
 class Display:
@@ -44,10 +45,11 @@ class Display:
         )
         self.bar = self.progress.add_task("planning", total=len(samples), left="")
         self.begin = time.monotonic()
-        self.to_run = 0
+        self.stages = {sample.id: len(STAGES) for sample in samples}
+        """Number of stages of every sample that planning has not settled, as far as one can see."""
+        self.stages_done = dict.fromkeys(self.stages, 0)
         self.ran = 0
         self.at_work: dict[str, tuple[str, str, float]] = {}
-        self.stages_done = 0
         self.lock = threading.Lock()
         self.live = Live(console=self.console, refresh_per_second=4, get_renderable=self.rendered)
 
@@ -63,23 +65,25 @@ class Display:
     def rendered(self) -> RenderableType:
         """The bar and one line per sample at work."""
         with self.lock:
-            stages = (
-                Text(f"  {self.stages_done} of {self.to_run * len(STAGES)} stages")
-                if self.ran or self.at_work
-                else Text()
-            )
+            done, total = sum(self.stages_done.values()), sum(self.stages.values())
+            stages = Text(f"  {done} of {total} stages" if done or self.at_work else "")
             lines = [stages] + [Text(work_line(sample, *work)) for sample, work in self.at_work.items()]
         return Group(self.progress, *lines)
 
     def planned(self, plan: Plan) -> None:
         """One sample has been looked up."""
-        self.to_run += int(plan.finished is None and not plan.error)
+        with self.lock:
+            if plan.finished is not None or plan.failed is not None:
+                del self.stages[plan.sample.id]
+            else:
+                self.stages[plan.sample.id] = plan.stage_count
         self.progress.advance(self.bar)
 
     def serving(self, url: str) -> None:
         """Work begins; the runs can be watched at `url`."""
         self.console.print(f"Prefect: {url.removesuffix('/api')}")
         self.begin = time.monotonic()
+        self.progress.reset(self.bar, total=len(self.stages), description="placing", left="")
 
     def listener(self, sample: Sample) -> OnEvent:
         """Where the stages of one sample report."""
@@ -91,7 +95,7 @@ class Display:
                     begun = since[2] if since[0] == event.stage else time.monotonic()
                     self.at_work[sample.id] = (event.stage, event.text, begun)
                 else:
-                    self.stages_done += 1
+                    self.stages_done[sample.id] += 1
 
         return on_event
 
@@ -101,22 +105,19 @@ class Display:
 
     def failed(self, sample: Sample, message: str) -> None:
         """A sample did not get through."""
-        self.console.print(f"[red]failed[/red] {sample.id}: ", end="")
-        self.console.print(message, markup=False)
+        self.console.print(Text("failed", "red"), f"{sample.id}: {message}")
         self.count(sample)
 
     def count(self, sample: Sample) -> None:
-        """Move the bar; the planning of cached samples has moved it already."""
+        """Move the bar, however the sample ended; what planning has settled has moved it already."""
+        if sample.id not in self.stages:
+            return
         with self.lock:
-            at_work = self.at_work.pop(sample.id, None) is not None
-            self.ran += at_work
-            if at_work and self.ran == 1:
-                self.progress.reset(self.bar, total=self.to_run, description="placing", left="")
-            left = (time.monotonic() - self.begin) / max(self.ran, 1) * max(self.to_run - self.ran, 0)
-        if at_work:
-            self.progress.update(
-                self.bar, completed=self.ran, left=f"about {left / 60:.0f} min left" if left > 60 else ""
-            )
+            self.at_work.pop(sample.id, None)
+            self.ran += 1
+            self.stages[sample.id] = self.stages_done[sample.id]  # now one knows
+            left = (time.monotonic() - self.begin) / self.ran * (len(self.stages) - self.ran)
+        self.progress.update(self.bar, completed=self.ran, left=f"about {left / 60:.0f} min left" if left > 60 else "")
 
 
 def work_line(sample: str, stage: str, text: str, since: float) -> str:
@@ -130,8 +131,8 @@ def print_plan(plans: Sequence[Plan]) -> None:
     console = console_on_stderr()
     table = Table("sample", "cached", "would run", "why", box=None)
     for plan in plans:
-        count = "all" if plan.finished else f"{len(plan.cached)} of {len(STAGES)}"
-        table.add_row(plan.sample.id, count, plan.missing or "-", plan.error or plan.why or "")
+        count = "all" if plan.finished else ("-" if plan.failed else f"{len(plan.cached)} of {plan.stage_count}")
+        table.add_row(plan.sample.id, count, plan.missing or "-", plan.failed.message if plan.failed else plan.why)
     console.print(table)
     console.print(f"{sum(plan.finished is not None for plan in plans)} of {len(plans)} samples are cached")
 

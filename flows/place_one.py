@@ -3,11 +3,11 @@
 import sys
 
 from rich.console import Console
+from rich.text import Text
 
 from flows.place import PlaceConfig
 from flows.sample_run import STAGES, FinishedSample, plan_sample, run_sample
 from flows.server import prefect_server
-from scene.errors import InputError
 from scene.sample import Sample
 from tasks.stage import Event, StageEvent
 
@@ -16,8 +16,8 @@ def place_one(sample: Sample, config: PlaceConfig, *, quiet: bool) -> FinishedSa
     """Place one sample; stage lines go to standard error unless `quiet`."""
     console = Console(file=sys.stderr, quiet=quiet, highlight=False)
     plan = plan_sample(sample, config)
-    if plan.error:
-        raise InputError(plan.error)
+    if plan.failed is not None:
+        raise plan.failed.error
     if plan.finished is not None:
         console.print(f"all {len(plan.cached)} stages cached")
         return plan.finished
@@ -27,7 +27,7 @@ def place_one(sample: Sample, config: PlaceConfig, *, quiet: bool) -> FinishedSa
             if event.event is Event.STARTED:
                 status.update(event.stage)
             elif event.event is Event.PROGRESS:
-                status.update(f"{event.stage} {event.part:4.0%} {event.text}")
+                status.update(Text(f"{event.stage} {event.part:4.0%} {event.text}"))
             else:
                 console.print(stage_line(event))
 

@@ -29,7 +29,9 @@ STAGES = (
     "drop",
     "render",
 )
-"""Stages in the order of flows/place.py."""
+"""Stages of a feasible placement in the order of flows/place.py."""
+OVERVIEW = "overview"
+"""What an infeasible placement ends with, after the stage that found no way."""
 
 OnEvent = Callable[[StageEvent], None]
 
@@ -45,15 +47,20 @@ class Plan:
     """First stage that would run; empty if none."""
     why: str
     """Why it would run."""
-    finished: "FinishedSample | None"
+    finished: "FinishedSample | None" = None
     """The result, if nothing would run."""
-    error: str = ""
-    """What is wrong with the sample's input; empty if nothing is."""
+    failed: "FailedSample | None" = None
+    """What is wrong with the sample, if it cannot run."""
 
     @property
     def later(self) -> tuple[str, ...]:
-        """Stages after the first missing one; they run if their inputs change."""
-        return STAGES[len(self.cached) + 1 :] if self.missing else ()
+        """Stages after the first missing one; they run if their inputs change and a placement stays feasible."""
+        return () if self.missing in ("", OVERVIEW) else STAGES[len(self.cached) + 1 :]
+
+    @property
+    def stage_count(self) -> int:
+        """Number of stages of this sample, as far as one can see."""
+        return len(self.cached) + (self.missing != "") + len(self.later)
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,11 +80,18 @@ class FailedSample:
     """A sample that did not get through."""
 
     sample: Sample
-    message: str
-    """One line."""
-    exit_code: int
-    details: str
-    """Traceback for an unexpected failure, else empty."""
+    error: Exception
+
+    @property
+    def message(self) -> str:
+        """What went wrong in one line."""
+        name = "" if isinstance(self.error, DcapError) else f"{type(self.error).__name__}: "
+        return " ".join(f"{name}{self.error}".split())
+
+    @property
+    def details(self) -> str:
+        """Traceback of an unexpected failure, else empty."""
+        return "" if isinstance(self.error, DcapError) else "".join(traceback.format_exception(self.error))
 
 
 class Diary:
@@ -96,16 +110,19 @@ class Diary:
 
 
 def plan_sample(sample: Sample, config: PlaceConfig) -> Plan:
-    """Look every stage up without running any."""
+    """Look every stage up without running any; a failure of this sample is a value: the others go on."""
     diary = Diary()
     try:
         with conducting(Conduct(lookup_only=True, on_event=diary)):
             placement, overview = placed(sample, config)
     except NotCachedError as missing:
         why = why_not_cached(missing.deciders, Store.default())
-        return Plan(sample, stages_of(diary), missing.deciders.stage, why, None)
+        return Plan(sample, stages_of(diary), missing.deciders.stage, why)
     except DcapError as error:
-        return Plan(sample, stages_of(diary), "mesh", "input", None, in_users_words(str(error), sample))
+        told = type(error)(in_users_words(str(error), sample))
+        return Plan(sample, stages_of(diary), "", "", failed=FailedSample(sample, told))
+    except Exception as error:  # the border between samples: reported in full, never hidden
+        return Plan(sample, stages_of(diary), "", "", failed=FailedSample(sample, error))
     return Plan(sample, stages_of(diary), "", "", FinishedSample(sample, placement, overview, tuple(diary.records)))
 
 
@@ -142,10 +159,8 @@ def try_sample(
     """As `run_sample`, but a failure of this sample is a value: the others go on."""
     try:
         return run_sample(sample, config, refresh=refresh, listener=listener)
-    except DcapError as error:
-        return FailedSample(sample, one_line(str(error)), error.exit_code, "")
     except Exception as error:  # the border between samples: reported in full, never hidden
-        return FailedSample(sample, one_line(f"{type(error).__name__}: {error}"), 1, traceback.format_exc())
+        return FailedSample(sample, error)
 
 
 def placed(sample: Sample, config: PlaceConfig) -> tuple[Placement, Ref | None]:
@@ -170,8 +185,3 @@ def in_users_words(message: str, sample: Sample) -> str:
         if inside is not None:
             message = message.replace(str(inside), given)
     return message
-
-
-def one_line(message: str) -> str:
-    """A message without line breaks."""
-    return " ".join(message.split())

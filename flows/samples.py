@@ -4,24 +4,28 @@ Keys of a sample: `id`, `room` (or `scene`), `object`, `prompt`, and optionally 
 `object_label`, `object_up`, `object_unit`. A name is looked up beside the file, then in `rooms/` and `objects/`.
 """
 
-import difflib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import fields
 from pathlib import Path
 
 from ruamel.yaml import YAML
 from ruamel.yaml.error import YAMLError
 
+from evaluation.run_folder import folder_name
 from scene.errors import InputError
 from scene.sample import Sample, SourceOptions
 from scene.settings import PROJECT_ROOT, data_root
+from scene.spelling import did_you_mean
 
 EMBEDDED = PROJECT_ROOT / "data" / "rooms.yaml"
 """The dataset that the project makes itself."""
 TRUTH = "truth.yaml"
 """Intended outcomes of a dataset's samples, beside it; read after a run, never by a stage."""
 REQUIRED = ("id", "object", "prompt")
+UPS = ("auto", "y", "z")
+UNITS = ("auto", "m", "cm", "mm", "in")
 OPTIONAL = ("room", "scene", "seed", "mass", "label", "up", "unit", "object_label", "object_up", "object_unit")
+CHOICES = {"up": UPS, "unit": UNITS}
 MESH_SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".stl")
 
 
@@ -31,12 +35,22 @@ def load_samples(path: Path) -> list[Sample]:
     if not isinstance(rows, list) or not rows:
         raise InputError(f"{path}: expected a list of samples, found {type(rows).__name__}")
     samples = [sample_of(row, f"{path}: sample {index}", path.parent) for index, row in enumerate(rows)]
-    seen: set[str] = set()
-    for sample in samples:
-        if sample.id in seen:
-            raise InputError(f"{path}: two samples have the id {sample.id!r}")
-        seen.add(sample.id)
+    check_ids([sample.id for sample in samples], str(path))
     return samples
+
+
+def check_ids(ids: Sequence[str], where: str) -> None:
+    """Refuse ids that cannot each have a folder of their own in a run."""
+    seen: dict[str, str] = {}
+    for one in ids:
+        name = folder_name(one)
+        if not name.strip("."):
+            raise InputError(f"{where}: id {one!r} cannot name a folder; use letters and digits")
+        if name in seen and seen[name] == one:
+            raise InputError(f"{where}: two samples have the id {one!r}")
+        if name in seen:
+            raise InputError(f"{where}: ids {seen[name]!r} and {one!r} would share the folder {name}; rename one")
+        seen[name] = one
 
 
 def load_yaml(path: Path) -> object:
@@ -56,36 +70,56 @@ def sample_of(row: object, where: str, folder: Path) -> Sample:
     known = (*REQUIRED, *OPTIONAL)
     for key in row:
         if key not in known:
-            near = difflib.get_close_matches(str(key), known, 1)
-            raise InputError(f"{where}: unknown key {key!r}" + (f"; did you mean {near[0]!r}?" if near else ""))
+            raise InputError(f"{where}: unknown key {key!r}{did_you_mean(key, known)}")
     for key in REQUIRED:
         if key not in row:
             raise InputError(f"{where}: key {key!r} is missing")
     if ("room" in row) == ("scene" in row):
         raise InputError(f"{where}: give either 'room' or 'scene'")
     return Sample(
-        id=str(row["id"]),
-        scene=find(str(row.get("room", row.get("scene"))), folder, "rooms"),
-        object=find(str(row["object"]), folder, "objects"),
-        prompt=str(row["prompt"]),
-        scene_options=options_of(row, ""),
-        object_options=options_of(row, "object_"),
-        mass=None if row.get("mass") is None else number(row, "mass", where),
-        seed=int(number(row, "seed", where)) if "seed" in row else 0,
+        id=text(row, "id", where),
+        scene=find(text(row, "room" if "room" in row else "scene", where), folder, "rooms"),
+        object=find(text(row, "object", where), folder, "objects"),
+        prompt=text(row, "prompt", where),
+        scene_options=options_of(row, "", where),
+        object_options=options_of(row, "object_", where),
+        mass=None if row.get("mass") is None else mass_of(row["mass"], where),
+        seed=seed_of(row.get("seed", 0), where),
     )
 
 
-def number(row: Mapping[str, object], key: str, where: str) -> float:
-    """A number of a row."""
+def text(row: Mapping[str, object], key: str, where: str) -> str:
+    """A word or sentence of a row; a number counts as written."""
     value = row[key]
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        raise InputError(f"{where}: {key} is {value!r}, expected a number")
+    if isinstance(value, bool) or not isinstance(value, str | int | float) or not str(value).strip():
+        raise InputError(f"{where}: {key} is {value!r}, expected text")
+    return str(value)
+
+
+def mass_of(value: object, where: str) -> float:
+    """A mass [kg]."""
+    if isinstance(value, bool) or not isinstance(value, int | float) or not 0 < value < float("inf"):
+        raise InputError(f"{where}: mass is {value!r}, expected a positive number of kilograms")
     return float(value)
 
 
-def options_of(row: Mapping[str, object], prefix: str) -> SourceOptions:
+def seed_of(value: object, where: str) -> int:
+    """A seed of everything random."""
+    if isinstance(value, bool) or not isinstance(value, int) or value < 0:
+        raise InputError(f"{where}: seed is {value!r}, expected a whole number, 0 or larger")
+    return value
+
+
+def options_of(row: Mapping[str, object], prefix: str, where: str) -> SourceOptions:
     """How to read the scene (no prefix) or the object."""
-    given = {one.name: str(row[prefix + one.name]) for one in fields(SourceOptions) if prefix + one.name in row}
+    given = {}
+    for one in fields(SourceOptions):
+        key = prefix + one.name
+        if key in row:
+            given[one.name] = text(row, key, where)
+            allowed = CHOICES.get(one.name, (given[one.name],))
+            if given[one.name] not in allowed:
+                raise InputError(f"{where}: {key} {given[one.name]!r} is not one of {', '.join(allowed)}")
     return SourceOptions(**given)
 
 

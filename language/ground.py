@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from language.lexicon import is_a, label_words, thing_of, things
+from language.lexicon import is_a, label_words, thing_of
 from language.nouns import Noun
 from language.requests import InstanceView
 from language.sentence import Place
@@ -196,8 +196,3 @@ def inventory(instances: Sequence[InstanceView]) -> str:
     """What there is, in words, for a person."""
     labels = sorted({i.label for i in instances if not (i.structure and label_thing(i) in ("wall", "ceiling"))})
     return ", ".join(labels) or "nothing"
-
-
-def known_thing(noun: Noun) -> str:
-    """Thing id of the noun, or of its words where only part of them is known."""
-    return noun.thing if noun.thing in things() else ""

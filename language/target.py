@@ -15,14 +15,13 @@ from language.ground import (
     floor_of,
     gap,
     inventory,
-    known_thing,
     label_thing,
     named,
     owners,
     part_of,
     stands_on,
 )
-from language.lexicon import inside_parts, lineage, part_words
+from language.lexicon import inside_parts, lineage
 from language.nouns import Noun
 from language.requests import InstanceView, IntentRequest
 from language.sentence import SUPPORT, Place, Reading
@@ -337,13 +336,3 @@ def facing_of(reading: Reading, target: Target, request: IntentRequest) -> tuple
         return f"{away}{noun.thing}", ()
     side = next((s for s in noun.sides if s in ("left", "right", "front", "back")), "")
     return (f"{away}{side}", ()) if side else ("", (facing.text,))
-
-
-def part_material(name: str) -> str:
-    """Usual material of a part, empty if the part is unknown."""
-    return part_words()[name].material if name in part_words() else ""
-
-
-def is_known(noun: Noun) -> bool:
-    """Whether the lexicon has the noun."""
-    return bool(known_thing(noun) or noun.parts)

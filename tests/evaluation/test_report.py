@@ -2,6 +2,7 @@
 
 import json
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -26,6 +27,7 @@ def placement(verdict: str, reason: str | None) -> dict[str, object]:
         "part": "mattress",
         "region": "center",
         "region_missed": False,
+        "pose": {"position": [0.0, 0.0, 0.5], "quaternion": [1.0, 0.0, 0.0, 0.0]},
         "mass": 0.4,
         "scale": 1.0,
         "visible_fraction": 0.9,
@@ -66,6 +68,15 @@ def test_totals_count_what_is_there(run: tuple[Path, list[Row]]) -> None:
     assert (counts["infeasible_with_right_reason"], counts["infeasible_intended"]) == (1, 2)
 
 
+def test_intended_feasibility_is_not_read_from_words() -> None:
+    """A support whose label begins with "infeasible" does not make its sample an infeasible one."""
+    tree = placement("at_rest", None) | {"base": {"id": "4", "label": "infeasible table"}, "part": ""}
+    truth = Truth("infeasible table", "", "", True, "")
+    row = replace(row_of(Sample("a", "s", "o", "p"), tree, "", truth), expected="infeasible table")
+    counts = totals([row])
+    assert (counts["feasible_as_intended"], counts["feasible_intended"], counts["infeasible_intended"]) == (1, 1, 0)
+
+
 def test_the_page_shows_every_sample(run: tuple[Path, list[Row]]) -> None:
     """Each prompt, picture, reason and error is on the page, escaped, and every link leads to a file of the run."""
     folder, rows = run
@@ -91,11 +102,55 @@ def test_truth_is_read_strictly() -> None:
 
 
 @pytest.mark.parametrize(
-    ("change", "agreed"),
-    [({}, True), ({"region_missed": True}, False), ({"part": "frame"}, False), ({"verdict": "infeasible"}, False)],
+    "row",
+    [{"top": "left"}, {"feasible": "no"}, {"front": [0, 0]}, {"front": [1]}, {"front": ["a", 1]}, {"front": "left"}],
 )
-def test_agreement(change: dict[str, object], agreed: bool) -> None:
-    """A feasible sample agrees if it is at rest on the intended part and in its region."""
-    truth = Truth("bed", "mattress", "center", True, "")
+def test_truth_that_cannot_be_compared_is_refused(row: dict[str, object]) -> None:
+    """A value that no outcome could ever match is an error that names it."""
+    with pytest.raises(InputError, match=rf"truth.yaml: a: {next(iter(row))}"):
+        read_truth({"a": row}, "truth.yaml")
+
+
+def turned(degrees: float, axis: str) -> dict[str, object]:
+    """The pose of an object that is turned about one world axis."""
+    half = np.radians(degrees) / 2
+    return {"pose": {"quaternion": [np.cos(half), *(np.sin(half) * (np.array(list("xyz")) == axis))]}}
+
+
+BED = Truth("bed", "mattress", "center", True, "", base_id="4", top="up", front=(0.0, 2.0))
+
+
+@pytest.mark.parametrize(
+    ("truth", "change", "agreed"),
+    [
+        (BED, {}, True),
+        (BED, {"region_missed": True}, False),
+        (BED, {"part": "frame"}, False),
+        (BED, {"verdict": "infeasible"}, False),
+        (BED, {"base": {"id": "5", "label": "bed"}}, False),
+        (BED, {"region": "middle"}, True),
+        (BED, {"region": "left"}, False),
+        (replace(BED, region="front edge"), {}, False),
+        (replace(BED, region="front edge"), {"region": "edge front"}, True),
+        (replace(BED, region=""), {"region": "left"}, True),
+        (BED, {"pose": None}, False),
+        (BED, turned(44.0, "z"), True),
+        (BED, turned(46.0, "z"), False),
+        (BED, turned(-46.0, "x"), False),
+        (replace(BED, front=(-1.0, 0.0)), turned(90.0, "z"), True),
+        (replace(BED, front=None, top="down"), turned(180.0, "y"), True),
+        (replace(BED, front=None, top="sideways"), turned(90.0, "y"), True),
+        (replace(BED, front=None, top="sideways"), {}, False),
+        (replace(BED, feasible=False, reason="toppled"), {"verdict": "infeasible", "reason": "toppled"}, True),
+        (replace(BED, feasible=False, reason="toppled"), {"verdict": "infeasible", "reason": "buried"}, False),
+        (
+            replace(BED, feasible=False, reason="toppled"),
+            {"verdict": "infeasible", "reason": "toppled", "base": {"id": "5", "label": "bed"}},
+            False,
+        ),
+    ],
+)
+def test_agreement(truth: Truth, change: dict[str, object], agreed: bool) -> None:
+    """A sample agrees if the intended came of the intended thing: there, in the region asked for, turned as asked."""
     row = row_of(Sample("a", "s", "o", "p"), placement("at_rest", None) | change, "", truth)
     assert row.as_expected is agreed

@@ -3,12 +3,18 @@
 import importlib
 import json
 from collections.abc import Iterator
+from contextlib import nullcontext
 from pathlib import Path
 
 import pyarrow.parquet as pq
 import pytest
 
+from flows.benchmark import failed_before, new_run_folder, rerun_sample, write_failure
 from flows.cli import run_command
+from flows.place import PlaceConfig
+from flows.sample_run import FailedSample
+from scene.errors import InputError, LanguageError
+from scene.sample import Sample
 from scene.store import Store
 
 PIPELINE = """
@@ -113,7 +119,7 @@ def test_a_benchmark_from_cold_to_warm(
     folder = dataset.parent
     assert run_command(["plan", "--dataset", str(dataset), "--json"]) == 0
     plan = json.loads(capsys.readouterr().out)
-    assert [row["runs"] for row in plan] == ["mesh", "mesh", "mesh", "mesh"]
+    assert [row["runs"] for row in plan] == ["mesh", "mesh", "mesh", None]
     assert "gone.ply: no such file" in plan[3]["why"]
 
     assert run_command(["benchmark", "--dataset", str(dataset), "--json"]) == 4
@@ -154,6 +160,11 @@ def test_a_benchmark_from_cold_to_warm(
     again = json.loads(capsys.readouterr().out)
     assert {**again, "timings": 0} == {**placement, "timings": 0}
     assert run_command(["rerun", "last", "none", "--stage", "drop"]) == 3
+    assert capsys.readouterr().out.splitlines() == [
+        "infeasible: target_not_found; no piano; there is table",
+        f"report: {(folder / 'data' / 'runs' / 'last').resolve() / 'report.html'}",
+    ]
+    assert run_command(["rerun", "last", "none", "--stage", "overview"]) == 3
     assert run_command(["rerun", "last", "nobody", "--stage", "drop"]) == 2
     assert run_command(["rerun", "last", "good", "--stage", "cook"]) == 2
     assert run_command(["cache", "verify"]) == 0
@@ -162,3 +173,49 @@ def test_a_benchmark_from_cold_to_warm(
     next(Store.default().folder(ref).glob("*.ply")).unlink()
     assert run_command(["cache", "verify"]) == 4
     assert run_command(["report", "last"]) == 0
+
+
+def test_what_the_last_run_did_not_ask_for_did_not_fail(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """After a run of two samples of three, one good and one failed, only the failed one is run again."""
+    monkeypatch.setenv("DCAP_DATA", str(tmp_path))
+    good, bad, later = (Sample(name, "room", "ball", "put it") for name in ("good", "bad", "later"))
+    run = new_run_folder(tmp_path / "set.yaml", [good, bad], PlaceConfig())
+    write_failure(run, FailedSample(bad, InputError("no such file")))
+    (run / "samples" / "good").mkdir()
+    (run / "samples" / "good" / "placement.json").write_text("{}")
+    assert failed_before([good, bad, later]) == [bad]
+
+
+def test_a_plan_survives_what_nobody_expected(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A defect that one sample hits is that sample's: `plan` tells it, `benchmark` keeps its traceback, both go on."""
+    monkeypatch.setenv("DCAP_DATA", str(tmp_path))
+    (tmp_path / "set.yaml").write_text("- {id: odd, scene: a, object: b, prompt: put it}")
+
+    def broken(sample: Sample, config: PlaceConfig) -> None:
+        raise ZeroDivisionError("on purpose")
+
+    monkeypatch.setattr("flows.sample_run.place", broken)
+    assert run_command(["plan", "--dataset", str(tmp_path / "set.yaml"), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)[0]["why"] == "ZeroDivisionError: on purpose"
+    assert run_command(["benchmark", "--dataset", str(tmp_path / "set.yaml"), "--json"]) == 4
+    said = (Path(json.loads(capsys.readouterr().out)["run"]) / "samples" / "odd" / "error.txt").read_text()
+    assert said.startswith("ZeroDivisionError: on purpose\n\nTraceback")
+    assert "in broken" in said
+
+
+@pytest.mark.parametrize("error", [ZeroDivisionError("a defect"), LanguageError("what is a blorb?")])
+def test_a_rerun_that_breaks_is_not_bad_input(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, error: Exception
+) -> None:
+    """The sample's failure is kept in the run and reaches the caller as what it is, so that its exit code stands."""
+    monkeypatch.setenv("DCAP_DATA", str(tmp_path))
+    sample = Sample("odd", "room", "ball", "put it")
+    run = new_run_folder(tmp_path / "set.yaml", [sample], PlaceConfig())
+    monkeypatch.setattr("flows.benchmark.prefect_server", lambda: nullcontext("http://nowhere/api"))
+    monkeypatch.setattr("flows.benchmark.try_sample", lambda sample, config, **_: FailedSample(sample, error))
+    with pytest.raises(type(error), match=str(error).rstrip("?")):
+        rerun_sample("last", "odd", "drop")
+    assert str(error) in (run / "samples" / "odd" / "error.txt").read_text()
+    assert (run / "report.html").is_file()

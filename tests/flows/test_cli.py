@@ -79,10 +79,12 @@ def test_meshes_that_cannot_be_used(
     assert words in said
 
 
-def test_out_must_be_a_folder(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
-    """A result folder that is a file is refused before anything runs."""
+@pytest.mark.parametrize("out", ["file", "file/below", "file/far/below"])
+def test_out_must_be_a_folder(capsys: pytest.CaptureFixture[str], tmp_path: Path, out: str) -> None:
+    """A result folder that is a file, or would lie below one, is refused before anything runs."""
     (tmp_path / "file").write_text("")
-    assert "is a file" in failed(capsys, "place", "a", "b", "put it", "--out", str(tmp_path / "file"))
+    said = failed(capsys, "place", "a", "b", "put it", "--out", str(tmp_path / out))
+    assert f"{tmp_path / 'file'} is a file" in said
 
 
 def test_help_is_not_an_error(capsys: pytest.CaptureFixture[str]) -> None:

@@ -9,7 +9,7 @@ from evaluation.outcome_table import read_truth
 from flows import dataset
 from flows.samples import EMBEDDED, TRUTH, load_yaml
 from geometry.procedural.objects import OBJECTS
-from geometry.procedural.rooms import ROOMS
+from geometry.procedural.rooms import ROOMS, build_room
 from scene.outcome import Reason
 
 
@@ -72,3 +72,21 @@ def test_second_run_writes_nothing_and_damage_is_mended(made: Path, monkeypatch:
     (made / "objects" / "mug.glb").write_bytes(b"broken")
     dataset.make_dataset(made, 0)
     assert {p: p.read_bytes() for p in files} == {p: data for p, (_, data) in files.items()}
+
+
+@pytest.mark.slow
+def test_intended_supports_are_in_the_rooms() -> None:
+    """Every id in truth.yaml is that of an instance with that label in its sample's room, and the only such one."""
+    rooms = {sample["id"]: sample["room"] for sample in load_yaml(EMBEDDED)}
+    truths = read_truth(load_yaml(EMBEDDED.with_name(TRUTH)), TRUTH)
+    assert truths.keys() == rooms.keys()
+    labels = {name: room_labels(name) for name in set(rooms.values())}
+    for sample, truth in truths.items():
+        alike = [key for key, label in labels[rooms[sample]].items() if label == truth.base]
+        assert alike == [truth.base_id] if truth.base_id else len(alike) != 1, sample
+
+
+def room_labels(name: str) -> dict[str, str]:
+    """Label of every instance of a generated room by its id, in small letters as stages see it."""
+    built = build_room(name, 0)
+    return {key: label.lower() for key, label in zip(built.instance_ids, built.instance_labels, strict=True)}

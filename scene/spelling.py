@@ -1,0 +1,10 @@
+"""Guesses what a mistyped word was meant to be."""
+
+import difflib
+from collections.abc import Iterable
+
+
+def did_you_mean(word: object, known: Iterable[str]) -> str:
+    """The end of an error message that names the nearest known word; empty if none is near."""
+    near = difflib.get_close_matches(str(word), list(known), 1)
+    return f"; did you mean {near[0]!r}?" if near else ""

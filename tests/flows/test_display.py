@@ -1,0 +1,77 @@
+"""What a benchmark shows counts every sample once and every stage that there is."""
+
+from pathlib import Path
+
+import pytest
+from rich.console import Console
+
+from evaluation.outcome_table import row_of, totals
+from flows.display import Display, print_plan, print_table
+from flows.sample_run import STAGES, FailedSample, Plan
+from scene.errors import InputError
+from scene.sample import Sample
+from tasks.stage import Event, StageEvent
+
+ONE, TWO, THREE = (Sample(name, "room", "ball", "put it") for name in ("one", "two", "three"))
+
+
+def shown(display: Display) -> str:
+    """What stands on the screen."""
+    console = Console(width=120, color_system=None)
+    with console.capture() as capture:
+        console.print(display.rendered())
+    return capture.get()
+
+
+def test_every_sample_moves_the_bar_once() -> None:
+    """One sample fails in planning, one before its first stage, one gets through: two of two samples to place."""
+    display = Display([ONE, TWO, THREE])
+    display.planned(Plan(ONE, (), "", "", failed=FailedSample(ONE, InputError("no"))))
+    display.planned(Plan(TWO, (), "mesh", "new"))
+    display.planned(Plan(THREE, STAGES[:10], "render", "new"))
+    display.failed(ONE, "no")
+    display.serving("http://127.0.0.1:1/api")
+    assert "0/2" in shown(display)
+    display.failed(TWO, "the server is gone")
+    assert "1/2" in shown(display)
+    for stage in STAGES:
+        display.listener(THREE)(StageEvent(stage, Event.CACHED))
+    assert "11 of 11 stages" in shown(display)
+    display.finished(THREE)
+    assert "2/2" in shown(display)
+
+
+def test_an_infeasible_sample_has_the_stages_it_got_to() -> None:
+    """A sample that ends in an overview counts its own stages, not those of a feasible one."""
+    plan = Plan(ONE, STAGES[:5], "overview", "new")
+    assert (plan.later, plan.stage_count) == ((), 6)
+    display = Display([ONE])
+    display.planned(Plan(ONE, STAGES[:2], "segment", "new"))
+    for stage in (*STAGES[:5], "overview"):
+        display.listener(ONE)(StageEvent(stage, Event.FINISHED))
+    assert "6 of 11 stages" in shown(display)
+    display.finished(ONE)
+    assert "6 of 6 stages" in shown(display)
+
+
+def test_a_plan_counts_the_stages_of_each_sample(capsys: pytest.CaptureFixture[str]) -> None:
+    """Of an infeasible sample that lacks its overview five of six stages are there."""
+    print_plan([Plan(ONE, STAGES[:5], "overview", "new"), Plan(TWO, STAGES[:5], "rotation", "new")])
+    assert "5 of 6" in (said := capsys.readouterr().err)
+    assert "5 of 11" in said
+
+
+def test_ids_are_shown_as_they_are(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    """An id that looks like markup is still an id."""
+    odd = Sample("[/b] :smile: [red]", "room", "ball", "put it")
+    failure = FailedSample(odd, InputError("no [/i] there"))
+    with Display([odd]) as display:
+        display.serving("http://127.0.0.1:1/api")
+        display.failed(odd, failure.message)
+    print_plan([Plan(odd, (), "", "", failed=failure)])
+    rows = [row_of(odd, None, failure.message, None)]
+    print_table(rows, {**totals(rows), "wall_s": 1.0}, tmp_path / "[/b]")
+    said = capsys.readouterr().err
+    assert said.count("[/b] :smile: [red]") == 3
+    assert said.count("no [/i] there") == 3
+    assert "[/b]/report.html" in said
