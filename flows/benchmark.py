@@ -10,7 +10,7 @@ import os
 import time
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor, as_completed
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -136,8 +136,12 @@ def settle_result(
         write_failure(folder, result)
         display.failed(result.sample, result.message)
         return None, result.message
+    try:
+        tree = keep(folder, result)
+    except Exception as error:  # the border between samples: a result that cannot be written is this one's failure
+        return settle_result(folder, FailedSample(result.sample, error), display)
     display.finished(result.sample)
-    return keep(folder, result), ""
+    return tree, ""
 
 
 def keep(folder: Path, finished: FinishedSample) -> dict[str, object]:
@@ -167,13 +171,22 @@ def new_run_folder(dataset: Path, samples: Sequence[Sample], config: PlaceConfig
         "dataset": str(dataset.resolve()),
         "started": datetime.now(UTC).isoformat(timespec="seconds"),
         "config": config.model_dump(mode="json"),
-        "samples": [asdict(sample) for sample in samples],
+        "samples": [asdict(located(sample)) for sample in samples],
     }
     (folder / "run.json").write_bytes(readable_json(asked))
     draft = runs_root() / f".last-{os.getpid()}"
     draft.symlink_to(folder.name)
     os.replace(draft, runs_root() / "last")
     return folder
+
+
+def located(sample: Sample) -> Sample:
+    """The sample with whole paths: a run is repeated from any working directory."""
+
+    def whole(path: str) -> str:
+        return str(Path(path).resolve()) if Path(path).exists() else path
+
+    return replace(sample, scene=whole(sample.scene), object=whole(sample.object))
 
 
 def finish(folder: Path, rows: Sequence[Row], seconds: float) -> Run:

@@ -68,6 +68,10 @@ def place(
     """Place one object in one scene."""
     if not prompt.strip():
         raise InputError('PROMPT is empty; say what to do, for example "put the ball at the centre of the bed"')
+    try:
+        prompt.encode()
+    except UnicodeEncodeError:
+        raise InputError("PROMPT is not valid UTF-8; check the terminal's encoding") from None
     if mass is not None and not 0 < mass < float("inf"):
         raise InputError(f"--mass {mass} is not a positive number of kilograms")
     sample = Sample(

@@ -99,3 +99,8 @@ def test_an_empty_cache(capsys: pytest.CaptureFixture[str], tmp_path: Path, monk
     assert run_command(["cache", "ls"]) == 0
     assert run_command(["cache", "verify"]) == 0
     assert "0 artifacts, 0 damaged" in capsys.readouterr().out
+
+
+def test_a_prompt_that_is_no_text(capsys: pytest.CaptureFixture[str]) -> None:
+    """A byte that the terminal did not decode is refused, not a traceback."""
+    assert "UTF-8" in failed(capsys, "place", "a", "b", "put it \udcff there")
