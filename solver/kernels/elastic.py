@@ -26,9 +26,7 @@ vec9 = ti.types.vector(9, ti.f64)
 vec9f = ti.types.vector(9, ti.f32)
 mat83 = ti.types.matrix(8, 3, ti.f64)
 
-POLAR_TOLERANCE = (
-    1e-13  # squared change after which the next change of Newton's polar iteration, half of it, is rounding
-)
+POLAR_TOLERANCE = 1e-13  # squared change at which the polar iteration stops: what is left is rounding
 POLAR_ITERATIONS = 20  # Newton converges quadratically: 6 suffice up to a stretch of 10
 SMALLEST_BULK = 1e-300  # [N m], so that nu = 0 divides by something
 INVERTED = 1e-6  # below this J the Newton iteration is ill-conditioned; the warm-started iteration [M16] takes over
@@ -73,13 +71,13 @@ def cofactor(F: mat3) -> mat3:
 
 
 @ti.func
-def rotation_by_newton(F: mat3, C: mat3, J: ti.f64) -> mat3:
-    """Polar rotation of F with cofactor matrix C and J = det F > 0: R <- (R + R^-T) / 2 [H86]; quadratic, so it stops
-    where the next change would be rounding."""
+def rotation_by_newton(F: mat3, C: mat3, J: ti.f64, tolerance: ti.f64) -> mat3:
+    """Polar rotation of F with cofactor matrix C and J = det F > 0: R <- (R + R^-T) / 2 until the squared change is
+    `tolerance` [H86]; it converges quadratically, so the error left is half of that."""
     R = 0.5 * (F + (1.0 / J) * C)
     change = (R - F).norm_sqr()
     count = 1
-    while change > POLAR_TOLERANCE and count < POLAR_ITERATIONS:
+    while change > tolerance and count < POLAR_ITERATIONS:
         D = cofactor(R)
         inverse = 1.0 / (R[0, 0] * D[0, 0] + R[1, 0] * D[1, 0] + R[2, 0] * D[2, 0])
         N = 0.5 * (R + inverse * D)
@@ -150,7 +148,7 @@ def cell_forces(
             J = F[0, 0] * C[0, 0] + F[1, 0] * C[1, 0] + F[2, 0] * C[2, 0]
             Q = load3(R, p)
             if J > INVERTED:  # noqa: SIM108  a kernel must not evaluate both
-                Q = rotation_by_newton(F, C, J)
+                Q = rotation_by_newton(F, C, J, POLAR_TOLERANCE)
             else:
                 Q = rotation_by_torque(F, Q)
             J_out[p] = J

@@ -10,7 +10,6 @@ Nothing is added atomically (Taichi's += on an array would be, so sums are writt
 columns of cells are written in four colours, and a particle may be SLACK cells outside of its pencil before it must be
 sorted again, so pencils of one colour never share a node.
 
-[H86] Higham: Computing the polar decomposition, with applications. SIAM J. Sci. Stat. Comput. 7(4), 1986.
 [J15] Jiang, Schroeder, Selle, Teran, Stomakhin: The affine particle-in-cell method. SIGGRAPH 2015.
 [H18] Hu, Fang, Ge, Qu, Zhu, Pradhana, Jiang: A moving least squares material point method with displacement
 discontinuity and two-way rigid body coupling. SIGGRAPH 2018.
@@ -18,7 +17,7 @@ discontinuity and two-way rigid body coupling. SIGGRAPH 2018.
 
 import taichi as ti
 
-from solver.kernels.elastic import INVERTED, POLAR_ITERATIONS, cofactor, load3, mat3, rotation_by_torque, vec3
+from solver.kernels.elastic import INVERTED, cofactor, load3, mat3, rotation_by_newton, rotation_by_torque, vec3
 from solver.kernels.query import FAR, LEAST_SLOPE, distance_at
 
 vec4 = ti.types.vector(4, ti.f64)
@@ -27,7 +26,7 @@ PENCIL = 4  # cells of a pencil along x and along y
 SLACK = 1  # cells that a particle may be outside of it; 2 * SLACK + 2 <= PENCIL keeps pencils of one colour apart
 TASK = 1024  # Taichi gives a thread no fewer iterations than this: a loop of TASK per pencil makes each its own task
 SHARE = 16  # the same for blocks, each its share of a task
-NEXT_CHANGE = 2e-6  # squared change of the polar iteration after which the next one is half of it
+POLAR_TOLERANCE = 2e-6  # squared change of the polar iteration: an error of 1e-6, and of the shear modulus
 SUMS = 20  # of one block: m, m x (3), m v (3), angular momentum (3), m x x^T (6), energy, speed^2, strays, inverted
 SWEEPS = 20  # of a coupling; the friction law converges in 3 to 6
 SETTLED = 1e-12  # relative change of the rigid velocity at which a coupling's sweeps stop
@@ -47,20 +46,10 @@ def spline(x: vec3, h: ti.f64, low: vec3):
 
 @ti.func
 def rotation_of(F: mat3, C: mat3, J: ti.f64) -> mat3:
-    """Polar rotation of F for either sign of J = det F; C is its cofactor matrix. Newton's iteration [H86] stops where
-    its next change would be below 1e-6: an error of 1e-6 of the shear modulus."""
+    """Polar rotation of F for either sign of J = det F; C is its cofactor matrix."""
     R = ti.Matrix.identity(ti.f64, 3)
-    if J > INVERTED:
-        R = 0.5 * (F + (1.0 / J) * C)
-        change = (R - F).norm_sqr()
-        count = 0
-        while change > NEXT_CHANGE and count < POLAR_ITERATIONS:
-            D = cofactor(R)
-            inverse = 1.0 / (R[0, 0] * D[0, 0] + R[1, 0] * D[1, 0] + R[2, 0] * D[2, 0])
-            N = 0.5 * (R + inverse * D)
-            change = (N - R).norm_sqr()
-            R = N
-            count += 1
+    if J > INVERTED:  # noqa: SIM108  a kernel must not evaluate both
+        R = rotation_by_newton(F, C, J, POLAR_TOLERANCE)
     else:
         R = rotation_by_torque(F, R)
     return R
