@@ -147,15 +147,17 @@ class TangentSystem:
 
     def prepare(self) -> None:
         """Assemble the contacts and factorise the preconditioner: once before the products."""
-        self.contact = self._contact_matrix()
+        tangent = self._contact_tangent()
+        self.contact = (self.jacobian.T @ (tangent @ self.jacobian)).tocsr()
+        self.terms = [(self.jacobian, tangent), *((rows, scipy_sparse.csr_matrix(t)) for t, rows in self.rolling)]
+        """J^T T J over all unknowns, of contact and of rolling, as (J, T)."""
         self.inverse = self._preconditioner()
 
-    def _contact_matrix(self) -> scipy_sparse.csr_matrix:
-        """J^T T J."""
+    def _contact_tangent(self) -> scipy_sparse.csr_matrix:
+        """T, the points' 3 x 3 tangents as blocks on the diagonal, shape (3 k, 3 k)."""
         count = len(self.contacts.a)
         blocks = (self.contacts.tangent, np.arange(count), np.arange(count + 1))
-        tangent = scipy_sparse.bsr_matrix(blocks, shape=(3 * count, 3 * count)).tocsr()
-        return (self.jacobian.T @ (tangent @ self.jacobian)).tocsr()
+        return scipy_sparse.bsr_matrix(blocks, shape=(3 * count, 3 * count)).tocsr()
 
     def multiply(self, direction: Flat) -> Flat:
         """Matrix times vector."""
@@ -202,19 +204,10 @@ class TangentSystem:
         self.second = None
         if self.coarse is not None:
             self.second = CoarseSolve(
-                self.coarse, self._contact_terms(), self.frame_inertia + own_stiffness, coupling,
+                self.coarse, self.terms, self.frame_inertia + own_stiffness, coupling,
                 self.stiffness_scale, self.dt,
             )  # fmt: skip
         return nodes, np.asarray(np.linalg.inv(frames), np.float64)
-
-    def _contact_terms(self) -> list[tuple[scipy_sparse.csr_matrix, scipy_sparse.csr_matrix]]:
-        """Symmetric terms A^T B of contact and rolling as pairs (A, B)."""
-        count = len(self.contacts.a)
-        if not count:
-            return []
-        blocks = (self.contacts.tangent, np.arange(count), np.arange(count + 1))
-        tangent = scipy_sparse.bsr_matrix(blocks, shape=(3 * count, 3 * count)).tocsr()
-        return [(self.jacobian, tangent), *((rows, scipy_sparse.csr_matrix(t)) for t, rows in self.rolling)]
 
     def _core_coupling(self) -> tuple[NDArray[np.float64], dict[int, NDArray[np.float64]]]:
         """Forces of the six unit motions of each core: on the frames (b, 6, 6), and on the lattice, (3 m, 6) each."""

@@ -4,7 +4,6 @@ In: a YAML 1.2 file as in docs/formats.md. Out: a checked `Case`. Every key is c
 unknown one is an error that names the nearest known key.
 """
 
-import difflib
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -16,6 +15,7 @@ from ruamel.yaml.error import YAMLError
 from geometry.primitives import Box, Capsule, Cylinder, Primitive
 from language.materials import load_materials
 from scene.errors import InputError
+from scene.spelling import did_you_mean
 
 RIGID_ABOVE = 1e9  # Young's modulus [Pa] above which `model: auto` is rigid (the paper's section 3)
 UNIT_TOLERANCE = 0.01  # of a quaternion's length: two decimals, as people write them
@@ -167,8 +167,7 @@ def _first_complaint(error: ValidationError) -> str:
     where = ".".join(str(part) for part in first["loc"])
     if first["type"] == "extra_forbidden":
         known = sorted({*Case.model_fields, *CaseBody.model_fields, *CaseMaterial.model_fields, *Shape.model_fields})
-        near = difflib.get_close_matches(str(first["loc"][-1]), known, n=1)
-        return f"{where}: unknown key" + (f"; did you mean {near[0]!r}?" if near else f"; known are {known}")
+        return f"{where}: unknown key" + (did_you_mean(first["loc"][-1], known) or f"; known are {known}")
     return f"{where}: {first['msg']} (got {first.get('input')!r})"
 
 
@@ -178,8 +177,7 @@ def material_of(body: CaseBody) -> CaseMaterial:
         return body.material
     library = load_materials()
     if body.material not in library:
-        near = difflib.get_close_matches(body.material, library, n=1)
-        hint = f"; did you mean {near[0]!r}?" if near else ""
+        hint = did_you_mean(body.material, library)
         raise InputError(f"bodies.{body.name}.material: {body.material!r} is not in materials.csv{hint}")
     row = library[body.material]
     return CaseMaterial(
