@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from solver.bending import bending_relief
 from solver.errors import ModelError
 from solver.model import CORE, FREE, HELD, Body, Model, SoftParts
 
@@ -79,6 +80,8 @@ class SoftSystem:
     """First Lame parameter [Pa], shape (p,)."""
     real: NDArray[np.bool_]
     """True for particles of material, False for fictitious ones, shape (p,)."""
+    relief: NDArray[np.float64]
+    """What bends each cell like a plate [N/m], solver/bending.py, shape (c, 9)."""
 
 
 def lame(
@@ -281,7 +284,10 @@ def _join(pieces: list[_Piece]) -> SoftSystem:
         return empty()
     joined = {k: np.concatenate([p[k] for p in parts]) for k in parts[0]}
     start = np.concatenate([[0], np.cumsum(joined.pop("count"))]).astype(np.int32)
-    return SoftSystem(bodies=tuple(bodies), cell_start=start, **joined)
+    relief = bending_relief(
+        joined["cell_size"], start, joined["local"], joined["volume"], joined["mu"], joined["lam"]
+    )  # fmt: skip
+    return SoftSystem(bodies=tuple(bodies), cell_start=start, relief=relief, **joined)
 
 
 def _around(
@@ -305,5 +311,5 @@ def empty() -> SoftSystem:
         gravity_share=none,
         cell_node=np.zeros((0, 8), np.int32), cell_size=np.zeros((0, 3)), cell_start=np.zeros(1, np.int32),
         node_cell=np.zeros((0, 8), np.int32), neighbour=np.zeros((0, 27), np.int32), local=np.zeros((0, 3)),
-        volume=none, mu=none, lam=none, real=none.astype(bool),
+        volume=none, mu=none, lam=none, real=none.astype(bool), relief=np.zeros((0, 9)),
     )  # fmt: skip

@@ -85,7 +85,8 @@ class Stepper:
         if len(f):
             s = self.soft
             elastic.cell_forces(
-                state.x, s.cell_node, s.cell_size, s.cell_start, s.local, s.volume, s.mu, s.lam, state.polar,
+                state.x, s.cell_node, s.cell_size, s.cell_start, s.local, s.volume, s.mu, s.lam, s.relief,
+                state.polar,
                 self.deformation, self.volume_ratio, self.energy, self.cell_force,
             )  # fmt: skip
             elastic.gather_forces(s.node_cell, self.cell_force, f)

@@ -33,9 +33,8 @@ class ElasticTangent:
         self.cells = np.zeros((cells, 8, 8, 3, 3), dtype=np.float32)
         self.rest_cells = np.zeros((cells, 8, 8, 3, 3), dtype=np.float32)
         if cells:
-            identity = np.tile(np.eye(3).ravel(), (len(soft.volume), 1))
-            elastic.cell_tangents(
-                soft.cell_size, soft.cell_start, soft.local, soft.volume, soft.mu, soft.lam, identity, identity,
+            elastic.rest_tangents(
+                soft.cell_size, soft.cell_start, soft.local, soft.volume, soft.mu, soft.lam, soft.relief,
                 np.zeros((cells, 8, 3)), self.rest_cells,
             )  # fmt: skip
         self.stencil = np.zeros((len(soft.rest), 27, 3, 4), dtype=np.float32)

@@ -4,9 +4,8 @@ Symbols: x node positions, X reference positions, F deformation gradient, R its 
 Piola-Kirchhoff stress, V particle volume, g_a reference gradient of the shape function of local node a.
 
 Fixed-corotated energy [S12, Eq. 3.2]: psi = mu |F - R|^2 + lambda / 2 (J - 1)^2, P = 2 mu (F - R) + lambda (J - 1)
-cof F, with the cell's mean volume change in place of J - 1 (mean dilatation, Q1/P0 [N74]). The tangent is the positive
-semi-definite part that warped stiffness keeps [M04]: rotation frozen in the shear term, cof F in the volume term. It
-is exact at F = R.
+cof F, with the cell's mean volume change in place of J - 1 (mean dilatation, Q1/P0 [N74]) and with bending
+as in solver/bending.py. The tangent is that at rest, turned with the cell (warped stiffness [M04]).
 
 [S12] Stomakhin, Howes, Schroeder, Teran: Energetically consistent invertible elasticity. SCA 2012.
 [M04] Mueller, Gross: Interactive virtual materials. Graphics Interface 2004.
@@ -18,6 +17,8 @@ Methods Appl. Mech. Eng. 4, 1974.
 
 import taichi as ti
 
+from solver.bending import MODES
+
 vec3 = ti.types.vector(3, ti.f64)
 mat3 = ti.types.matrix(3, 3, ti.f64)
 mat3f = ti.types.matrix(3, 3, ti.f32)
@@ -26,6 +27,8 @@ vec9 = ti.types.vector(9, ti.f64)
 vec9f = ti.types.vector(9, ti.f32)
 mat83 = ti.types.matrix(8, 3, ti.f64)
 
+SIDE = tuple(tuple(2.0 * (a >> shift & 1) - 1.0 for shift in (2, 1, 0)) for a in range(8))
+"""-1 or 1 per axis for local node a = 4 i + 2 j + k."""
 POLAR_TOLERANCE = 1e-13  # squared change at which the polar iteration stops: what is left is rounding
 POLAR_ITERATIONS = 20  # Newton converges quadratically: 6 suffice up to a stretch of 10
 SMALLEST_BULK = 1e-300  # [N m], so that nu = 0 divides by something
@@ -114,6 +117,50 @@ def load3(A: ti.template(), p: ti.i32) -> mat3:
     return mat3([[A[p, 0], A[p, 1], A[p, 2]], [A[p, 3], A[p, 4], A[p, 5]], [A[p, 6], A[p, 7], A[p, 8]]])
 
 
+@ti.func
+def add_bending_relief(X: mat83, h: vec3, relief: ti.types.ndarray(), c: ti.i32, total: ti.template()) -> ti.f64:
+    """Adds dE/dx of the relief to `total` (8, 3) and returns its energy E; modes as in solver/bending.py."""
+    f, a = ti.Matrix.zero(ti.f64, 3, 3), ti.Matrix.zero(ti.f64, 3, 3)  # rows: f_x, f_y, f_z and a_xy, a_xz, a_yz
+    for n in ti.static(range(8)):
+        for d in ti.static(range(3)):
+            f[0, d] += ti.static(SIDE[n][0]) * X[n, d]
+            f[1, d] += ti.static(SIDE[n][1]) * X[n, d]
+            f[2, d] += ti.static(SIDE[n][2]) * X[n, d]
+            a[0, d] += ti.static(SIDE[n][0]) * ti.static(SIDE[n][1]) * X[n, d]
+            a[1, d] += ti.static(SIDE[n][0]) * ti.static(SIDE[n][2]) * X[n, d]
+            a[2, d] += ti.static(SIDE[n][1]) * ti.static(SIDE[n][2]) * X[n, d]
+    on_f, on_a = ti.Matrix.zero(ti.f64, 3, 3), ti.Matrix.zero(ti.f64, 3, 3)
+    q = ti.Vector.zero(ti.f64, 6)
+    for m in ti.static(range(6)):
+        i = ti.static(MODES[m][0])
+        pair = ti.static(sum(MODES[m]) - 1)
+        for d in ti.static(range(3)):
+            q[m] += f[i, d] * a[pair, d]
+        q[m] *= 0.25 / h[i] * 0.125
+    energy = 0.0
+    for m in ti.static(range(6)):
+        i = ti.static(MODES[m][0])
+        pair = ti.static(sum(MODES[m]) - 1)
+        push = relief[c, m] * q[m] + relief[c, ti.static(6 + m // 2)] * q[ti.static(m ^ 1)]
+        energy -= 0.5 * push * q[m]
+        push *= 0.25 / h[i] * 0.125
+        for d in ti.static(range(3)):
+            on_f[i, d] += push * a[pair, d]
+            on_a[pair, d] += push * f[i, d]
+    for n in ti.static(range(8)):
+        for d in ti.static(range(3)):
+            total[n, d] -= (
+                ti.static(SIDE[n][0]) * on_f[0, d]
+                + ti.static(SIDE[n][1]) * on_f[1, d]
+                + ti.static(SIDE[n][2]) * on_f[2, d]
+            )
+            total[n, d] -= ti.static(SIDE[n][0]) * (
+                ti.static(SIDE[n][1]) * on_a[0, d] + ti.static(SIDE[n][2]) * on_a[1, d]
+            )
+            total[n, d] -= ti.static(SIDE[n][1]) * ti.static(SIDE[n][2]) * on_a[2, d]
+    return energy
+
+
 @ti.kernel
 def cell_forces(
     x: ti.types.ndarray(),
@@ -124,13 +171,15 @@ def cell_forces(
     V: ti.types.ndarray(),
     mu: ti.types.ndarray(),
     lam: ti.types.ndarray(),
+    relief: ti.types.ndarray(),
     R: ti.types.ndarray(),
     F_out: ti.types.ndarray(),
     J_out: ti.types.ndarray(),
     psi: ti.types.ndarray(),
     force: ti.types.ndarray(),
 ):
-    """Per cell: deformation, rotation and energy of its particles, and the forces -V P g_a on its 8 nodes.
+    """Per cell: deformation, rotation and energy of its particles, and the forces -V P g_a on its 8 nodes, less the
+    relief's.
 
     The volume change is that of the cell as a whole, weighted by V lambda: pointwise it would lock for nu -> 1/2.
     """
@@ -140,7 +189,7 @@ def cell_forces(
         for a in ti.static(range(8)):
             n = cell_node[c, a]
             X[a, 0], X[a, 1], X[a, 2] = x[n, 0], x[n, 1], x[n, 2]
-        dilation, bulk = 0.0, 0.0
+        dilation, bulk, material = 0.0, 0.0, 0.0
         for p in range(cell_start[c], cell_start[c + 1]):
             G = shape_gradients(vec3(xi[p, 0], xi[p, 1], xi[p, 2]), h)
             F = X.transpose() @ G
@@ -154,18 +203,20 @@ def cell_forces(
             J_out[p] = J
             dilation += V[p] * lam[p] * (J - 1.0)
             bulk += V[p] * lam[p]
+            material += V[p]
             for i in ti.static(range(3)):
                 for j in ti.static(range(3)):
                     R[p, 3 * i + j] = Q[i, j]
                     F_out[p, 3 * i + j] = F[i, j]
         dilation /= bulk + SMALLEST_BULK
         total = ti.Matrix.zero(ti.f64, 8, 3)
+        relieved = add_bending_relief(X, h, relief, c, total) / material
         for p in range(cell_start[c], cell_start[c + 1]):
             G = shape_gradients(vec3(xi[p, 0], xi[p, 1], xi[p, 2]), h)
             F = load3(F_out, p)
             D = F - load3(R, p)
             P = V[p] * (2.0 * mu[p] * D + lam[p] * dilation * cofactor(F))
-            psi[p] = V[p] * (mu[p] * D.norm_sqr() + 0.5 * lam[p] * dilation**2)
+            psi[p] = V[p] * (mu[p] * D.norm_sqr() + 0.5 * lam[p] * dilation**2 + relieved)
             total += G @ P.transpose()
         for a in ti.static(range(8)):
             for d in ti.static(range(3)):
@@ -186,20 +237,19 @@ def gather_forces(node_cell: ti.types.ndarray(), force: ti.types.ndarray(), f: t
 
 
 @ti.kernel
-def cell_tangents(
+def rest_tangents(
     cell_size: ti.types.ndarray(),
     cell_start: ti.types.ndarray(),
     xi: ti.types.ndarray(),
     V: ti.types.ndarray(),
     mu: ti.types.ndarray(),
     lam: ti.types.ndarray(),
-    R: ti.types.ndarray(),
-    F: ti.types.ndarray(),
+    relief: ti.types.ndarray(),
     B: ti.types.ndarray(dtype=vec3, ndim=2),
     K: ti.types.ndarray(dtype=mat3f, ndim=3),
 ):
-    """Per cell the 8 x 8 blocks K_ab = sum V mu [(g_a . g_b) I + (R g_b)(R g_a)^T] + B_a B_b^T / sum V lambda with
-    B_a = sum V lambda C g_a, C = cof F."""
+    """Per cell the 8 x 8 blocks at rest, K_ab = sum V mu [(g_a . g_b) I + g_b g_a^T] + B_a B_b^T / sum V lambda with
+    B_a = sum V lambda g_a, less the second derivative of the relief."""
     for c in range(cell_size.shape[0]):
         h = vec3(cell_size[c, 0], cell_size[c, 1], cell_size[c, 2])
         bulk = SMALLEST_BULK
@@ -209,25 +259,30 @@ def cell_tangents(
                 K[c, a, b] = mat3f(0.0)
         for p in range(cell_start[c], cell_start[c + 1]):
             s = vec3(xi[p, 0], xi[p, 1], xi[p, 2])
-            Q = load3(R, p)
-            C = cofactor(load3(F, p))
             m, la = V[p] * mu[p], V[p] * lam[p]
             bulk += la
             for a in range(8):
                 ga = shape_gradient(a, s, h)
-                B[c, a] = B[c, a] + la * (C @ ga)
-                ra = m * (Q @ ga)
+                B[c, a] = B[c, a] + la * ga
                 for b in range(a + 1):
                     gb = shape_gradient(b, s, h)
-                    block = (Q @ gb).outer_product(ra)
+                    block = m * gb.outer_product(ga)
                     dot = m * ga.dot(gb)
                     for i in ti.static(range(3)):
                         block[i, i] += dot
                     K[c, a, b] = K[c, a, b] + ti.cast(block, ti.f32)
-        for a in range(8):
-            for b in range(a + 1):
-                K[c, a, b] = K[c, a, b] + ti.cast(B[c, a].outer_product(B[c, b]) / bulk, ti.f32)
-                if b < a:
+        for a in ti.static(range(8)):
+            for b in ti.static(range(a + 1)):
+                block = B[c, a].outer_product(B[c, b]) / bulk
+                for m in ti.static(range(6)):
+                    i = ti.static(MODES[m][0])
+                    j = ti.static(MODES[m][1])
+                    k = ti.static(MODES[m ^ 1][0])
+                    side = ti.static(SIDE[a][i] * SIDE[a][j] * SIDE[b][j] / 64.0)
+                    block[i, i] -= relief[c, m] * side * ti.static(SIDE[b][i])
+                    block[i, k] -= relief[c, ti.static(6 + m // 2)] * side * ti.static(SIDE[b][k])
+                K[c, a, b] = K[c, a, b] + ti.cast(block, ti.f32)
+                if ti.static(b < a):
                     K[c, b, a] = K[c, a, b].transpose()
 
 

@@ -22,7 +22,7 @@ def taichi():
     start(2)
 
 
-def one_cell(deformation):
+def one_cell(deformation, relief=None):
     """Arrays of a unit cell with one particle at its centre, nodes moved by x = F X."""
     nodes = np.array(list(np.ndindex(2, 2, 2)), dtype=float)
     arrays = {
@@ -34,6 +34,7 @@ def one_cell(deformation):
         "V": np.ones(1),
         "mu": np.full(1, MU),
         "lam": np.full(1, LAM),
+        "relief": np.zeros((1, 9)) if relief is None else relief,
         "R": np.eye(3).reshape(1, 9).copy(),
         "F_out": np.zeros((1, 9)),
         "J_out": np.zeros(1),
@@ -80,15 +81,16 @@ def test_energy_does_not_depend_on_rigid_rotation():
 def test_tangent_is_the_derivative_of_the_forces_at_rest():
     """At F = I the warped tangent is exact: K = -d f / d x by central differences (float32 storage: 1e-6 relative)."""
     F = np.eye(3)
-    arrays = one_cell(F)
+    relief = 0.01 * MU * np.arange(1.0, 10.0)[None]
+    arrays = one_cell(F, relief)
     K = np.zeros((1, 8, 8, 3, 3), dtype=np.float32)
-    names = ("cell_size", "cell_start", "xi", "V", "mu", "lam")
-    elastic.cell_tangents(*[arrays[n] for n in names], arrays["R"], arrays["F_out"], np.zeros((1, 8, 3)), K)
+    names = ("cell_size", "cell_start", "xi", "V", "mu", "lam", "relief")
+    elastic.rest_tangents(*[arrays[n] for n in names], np.zeros((1, 8, 3)), K)
     h = 1e-6
     for node, axis in ((0, 0), (3, 2), (6, 1)):
         sides = []
         for sign in (1.0, -1.0):
-            moved = one_cell(F)
+            moved = one_cell(F, relief)
             moved["x"][node, axis] += sign * h
             elastic.cell_forces(**moved)
             sides.append(moved["force"][0].copy())
