@@ -222,14 +222,10 @@ class CoarseSolve:
         self.factor = linalg.cho_factor(matrix, lower=True, overwrite_a=True, check_finite=False)
 
     def apply(
-        self, inverse: NDArray[np.float64], nodes: NDArray[np.float64], frames: NDArray[np.float64],
-        out_nodes: NDArray[np.float64],
-    ) -> NDArray[np.float64]:  # fmt: skip
-        """D^-1 + P (P^T A P)^-1 P^T of a residual: the nodes' part goes to `out_nodes` (n, 3), the frames' coarse part
-        is returned, shape (b, 6)."""
+        self, nodes: NDArray[np.float64], frames: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """(P^T A P)^-1 P^T of a residual: motions of the lattice nodes (m, 3) and of the frames (b, 6)."""
         right = np.concatenate([self.space.restrict(nodes).ravel(), frames.ravel()])
         y = linalg.cho_solve(self.factor, right, check_finite=False)
         split = 3 * self.space.count
-        lattice = y[:split].reshape(-1, 3)
-        products.precondition(inverse, nodes, self.space.corner, self.space.value, lattice, out_nodes)
-        return np.asarray(y[split:].reshape(-1, 6))
+        return y[:split].reshape(-1, 3), y[split:].reshape(-1, 6)

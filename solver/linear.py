@@ -16,6 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse as scipy_sparse
+from scipy.linalg import blas
 
 from solver.coarse import CoarseSolve
 from solver.contact import Contacts
@@ -67,6 +68,9 @@ class TangentSystem:
         self.stiffness_scale = 1.0 + damping / dt
         self.node_inertia = soft.mass / dt**2
         self.free = ~(soft.held | (soft.core >= 0))
+        self.sweep = np.zeros((len(soft.rest), 3), dtype=np.float32)
+        """Room for the preconditioner."""
+        self.tied_down = np.flatnonzero(~self.free)
         self.frame_inertia = self._frame_inertia(dt)
         soft_bodies = {s.index for s in soft.bodies}
         self.place = {body: f for f, body in enumerate(frames.index) if body not in soft_bodies}
@@ -135,7 +139,7 @@ class TangentSystem:
                 if len(tied):
                     frames[f, :3] += nodes[tied].sum(axis=0)
                     frames[f, 3:] += np.cross(self.frames.arm[f], nodes[tied]).sum(axis=0)
-        nodes[~self.free] = 0.0
+        nodes[self.tied_down] = 0.0
         return flat
 
     def contact_forces(self) -> Flat:
@@ -179,7 +183,7 @@ class TangentSystem:
         frames[:] = np.einsum("bij,bj->bi", self.frame_inertia, self.split(p)[1])
         return out
 
-    def _preconditioner(self) -> Vector:
+    def _preconditioner(self) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
         """Inverses of the 3x3 node blocks (n, 3, 3), zero where nodes are not free, and of the 6x6 frame blocks."""
         frames = self.frame_inertia.copy()
         more = np.zeros((len(self.soft.rest), 9))
@@ -194,7 +198,7 @@ class TangentSystem:
             turn = rows[:, self.nodes :].toarray()
             for f in range(len(frames)):
                 frames[f] += turn[:, 6 * f : 6 * f + 6].T @ tangent @ turn[:, 6 * f : 6 * f + 6]
-        nodes = np.zeros((len(more), 3, 3))
+        nodes = np.zeros((len(more), 3, 3), dtype=np.float32)
         if len(nodes):
             sparse.invert_diagonal(
                 self.stencil, self.stiffness_scale, self.node_inertia, more, self.free.astype(np.int32), nodes
@@ -229,13 +233,18 @@ class TangentSystem:
         return own, coupling
 
     def precondition(self, residual: Flat) -> Flat:
-        """Block-Jacobi plus the coarse space."""
+        """A symmetric Gauss-Seidel sweep over the nodes, the frames' own blocks, and the coarse space added to both."""
         out = np.empty(self.size)
         nodes, frames = self.split(out)
         node_residual, frame_residual = self.split(residual)
         frames[:] = np.einsum("bij,bj->bi", self.inverse[1], frame_residual)
         if self.second is not None:
-            frames += self.second.apply(self.inverse[0], node_residual, frame_residual, nodes)
+            lattice, more = self.second.apply(node_residual, frame_residual)
+            frames += more
+            sparse.precondition(
+                self.soft.neighbour, self.stencil, self.stiffness_scale, self.inverse[0], node_residual,
+                self.second.space.corner, self.second.space.value, lattice, self.sweep, nodes,
+            )  # fmt: skip
         return out
 
 
@@ -243,6 +252,7 @@ def conjugate_gradient(system: TangentSystem, right: Flat, tolerance: float, lim
     """Solve system @ y = right until the preconditioned residual norm falls by `tolerance` [S94, B3]; returns (y,
     iterations)."""
     system.prepare()
+    add = blas.daxpy  # in place: numpy would make a copy of every term
     y, r = np.zeros_like(right), right.copy()
     z = system.precondition(r)
     p = z.copy()
@@ -254,8 +264,8 @@ def conjugate_gradient(system: TangentSystem, right: Flat, tolerance: float, lim
         if curvature <= 0.0:
             break
         alpha = rho / curvature
-        y += alpha * p
-        r -= alpha * q
+        add(p, y, a=alpha)
+        add(q, r, a=-alpha)
         z = system.precondition(r)
         rho, previous = float(r @ z), rho
         p *= rho / previous

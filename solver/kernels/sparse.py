@@ -2,9 +2,13 @@
 
 import taichi as ti
 
-from solver.kernels.elastic import cofactor, mat3, vec3, vec4f
+from solver.kernels.elastic import cofactor, mat3, mat3f, vec3, vec4f
 
-SHARE = 16  # Taichi gives a thread no fewer than 512 iterations: a loop of SHARE per row spreads few rows over threads
+vec3f = ti.types.vector(3, ti.f32)
+
+BLOCK = 2048  # nodes of a Gauss-Seidel block, about: smaller ones cost iterations, larger ones leave threads without
+LEAST = 512  # Taichi gives a thread no fewer iterations than these: a block stands for so many
+SHARE = 16  # for the same reason a lattice row stands for these: few rows are spread over threads
 
 
 @ti.kernel
@@ -37,11 +41,11 @@ def invert_diagonal(
     shift: ti.types.ndarray(),
     more: ti.types.ndarray(),
     free: ti.types.ndarray(),
-    inverse: ti.types.ndarray(dtype=mat3, ndim=1),
+    inverse: ti.types.ndarray(dtype=mat3f, ndim=1),
 ):
     """Inverses (n, 3, 3) of the 3 x 3 blocks scale A_nn + shift I + more_n; zero where a node is not free."""
     for n in range(shift.shape[0]):
-        inverse[n] = mat3(0.0)
+        inverse[n] = mat3f(0.0)
         if free[n] != 0:
             B = mat3(0.0)
             for i in ti.static(range(3)):
@@ -50,7 +54,7 @@ def invert_diagonal(
                 B[i, i] += shift[n]
             C = cofactor(B)
             J = B[0, 0] * C[0, 0] + B[1, 0] * C[1, 0] + B[2, 0] * C[2, 0]
-            inverse[n] = C.transpose() / J
+            inverse[n] = ti.cast(C.transpose() / J, ti.f32)
 
 
 @ti.kernel
@@ -74,16 +78,50 @@ def restrict(
 
 @ti.kernel
 def precondition(
-    inverse: ti.types.ndarray(dtype=mat3, ndim=1),
+    neighbour: ti.types.ndarray(),
+    A: ti.types.ndarray(dtype=vec4f, ndim=3),
+    scale: ti.f32,
+    inverse: ti.types.ndarray(dtype=mat3f, ndim=1),
     r: ti.types.ndarray(dtype=vec3, ndim=1),
     corner: ti.types.ndarray(),
     weight: ti.types.ndarray(),
     y: ti.types.ndarray(dtype=vec3, ndim=1),
+    u: ti.types.ndarray(dtype=vec3f, ndim=1),
     z: ti.types.ndarray(dtype=vec3, ndim=1),
 ):
-    """z = D^-1 r + P y with the (n, 8) lattice nodes around each node and their weights."""
-    for n in range(r.shape[0]):
-        total = inverse[n] @ r[n]
+    """z = (D + U)^-1 D (D + L)^-1 r + P y: a symmetric Gauss-Seidel sweep with scale A = L + D + U and D^-1 given, and
+    the (n, 8) lattice nodes around each node with their weights; u is room for the sweep.
+
+    A sweep couples the nodes of one block only: blocks go to threads and do not depend on how many there are. A
+    neighbour in slot s < 13 has a smaller number than its node, in slot s > 13 a larger one.
+    """
+    nodes = r.shape[0]
+    blocks = 2 * ti.max(1, (nodes + BLOCK) // (2 * BLOCK))
+    size = (nodes + blocks - 1) // blocks
+    for task in range(blocks * LEAST):
+        if task % LEAST != 0:
+            continue
+        first = task // LEAST * size
+        last = ti.min(first + size, nodes)
+        for n in range(first, last):
+            total = vec4f(0.0)
+            for s in range(13):
+                m = neighbour[n, s]
+                if m >= first:
+                    v = u[m]
+                    total += A[n, s, 0] * v[0] + A[n, s, 1] * v[1] + A[n, s, 2] * v[2]
+            u[n] = inverse[n] @ (ti.cast(r[n], ti.f32) - scale * vec3f(total[0], total[1], total[2]))
+        for k in range(last - first):
+            n = last - 1 - k
+            total = vec4f(0.0)
+            for s in range(14, 27):
+                m = neighbour[n, s]
+                if m >= 0 and m < last:
+                    v = u[m]
+                    total += A[n, s, 0] * v[0] + A[n, s, 1] * v[1] + A[n, s, 2] * v[2]
+            u[n] = u[n] - scale * (inverse[n] @ vec3f(total[0], total[1], total[2]))
+    for n in range(nodes):
+        total = ti.cast(u[n], ti.f64)
         for k in range(8):
             total += weight[n, k] * y[corner[n, k]]
         z[n] = total
