@@ -50,7 +50,7 @@ class SolverConfig(BaseModel, frozen=True, extra="forbid"):
     """Reduction of the preconditioned residual per Newton step: inexact Newton, tighter buys nothing."""
     linear_limit: PositiveInt = 400
     """Conjugate gradient iterations per Newton step."""
-    tangent_refresh: NonNegativeFloat = 0.05
+    tangent_refresh: NonNegativeFloat = 0.1
     """The elastic tangent is rebuilt when an entry of a particle's deformation gradient has changed by this [-]."""
     longest_move: PositiveFloat = 0.01
     """Longest move of any point per Newton iteration [m]."""

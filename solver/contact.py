@@ -7,12 +7,15 @@ and torsional resistance: the same with the relative rotation of a pair, limited
 [W06] Wriggers: Computational Contact Mechanics, 2nd ed., Springer 2006.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
+from solver.bonds import Bond
 from solver.kernels import query
 from solver.model import Body, Model
 from solver.rolling import Law, Rolling, Spin, resist
@@ -78,7 +81,7 @@ class Touching:
 
 @dataclass(eq=False, slots=True)
 class Contacts:
-    """All active points of all pairs as linear maps."""
+    """All active points of all pairs, and the bonded points, as linear maps."""
 
     touching: list[Touching]
     gather: sparse.csr_matrix
@@ -111,10 +114,11 @@ def _interpolation(body: SoftBody, nodes: int) -> sparse.csr_matrix:
 class ContactQuery:
     """Finds the active contacts of a state; owns the pairs and their memory."""
 
-    def __init__(self, model: Model, soft: SoftSystem, pairs: list[Pair]) -> None:
+    def __init__(self, model: Model, soft: SoftSystem, pairs: list[Pair], bonds: Sequence[Bond] = ()) -> None:
         self.model = model
         self.soft = soft
         self.pairs = pairs
+        self.bonds = bonds
         self.soft_of: dict[int, SoftBody] = {s.index: s for s in soft.bodies}
         self.rolling_torque: dict[tuple[int, int], NDArray[np.float64]] = {}
         self.gentle = False
@@ -238,27 +242,31 @@ class ContactQuery:
 
     def _collect(self, touching: list[Touching], state: State, before: State) -> Contacts:
         count = len(self.soft.rest)
-        if not touching:
+        rows = [
+            (t.pair.a, t.pair.b, t.position, t.force, t.tangent, t.node, t.weight) for t in touching
+        ] + [self._bonded(bond, state) for bond in self.bonds]  # fmt: skip
+        if not rows:
             none = np.zeros(0, dtype=np.int64)
             return Contacts(
                 [], sparse.csr_matrix((0, count)), np.zeros((0, 3)), np.zeros((0, 3, 3)), np.zeros((0, 3)), none, none
             )
-        spins = self._spins(touching, state)
-        node = np.concatenate([t.node for t in touching])
-        weight = np.concatenate([t.weight for t in touching])
-        rows = np.repeat(np.arange(len(node)), 16)
+        a, b, position, force, tangent, nodes, weights = zip(*rows, strict=True)
+        spins = self._spins({*a, *b}, state)
+        node, weight = np.concatenate(nodes), np.concatenate(weights)
+        point = np.repeat(np.arange(len(node)), 16)
         used = weight.ravel() != 0.0
         gather = sparse.csr_matrix(
-            (weight.ravel()[used], (rows[used], node.ravel()[used])), shape=(len(node), max(count, 1))
+            (weight.ravel()[used], (point[used], node.ravel()[used])), shape=(len(node), max(count, 1))
         )
+        sizes = [len(f) for f in force]
         return Contacts(
             touching,
             gather,
-            np.concatenate([t.force for t in touching]),
-            np.concatenate([t.tangent for t in touching]),
-            np.concatenate([t.position for t in touching]),
-            np.concatenate([np.full(len(t.point), t.pair.a) for t in touching]),
-            np.concatenate([np.full(len(t.point), t.pair.b) for t in touching]),
+            np.concatenate(force),
+            np.concatenate(tangent),
+            np.concatenate(position),
+            np.repeat(np.array(a, dtype=np.int64), sizes),
+            np.repeat(np.array(b, dtype=np.int64), sizes),
             self._rolling(touching, state, before, spins),
             spins,
         )
@@ -290,9 +298,18 @@ class ContactQuery:
             return np.zeros(3)
         return turn_between(before.rotation[index], state.rotation[index])
 
-    def _spins(self, touching: list[Touching], state: State) -> dict[int, Spin]:
-        """Spins of the free soft bodies that touch something."""
-        involved = {i for t in touching for i in (t.pair.a, t.pair.b)}
+    def _bonded(self, bond: Bond, state: State) -> tuple[Any, ...]:
+        """The points of a bond in the form of a pair's active points."""
+        count = len(bond.stiffness)
+        return (
+            bond.a.body, bond.b.body, bond.a.position(self.model, state), bond.force(self.model, state),
+            bond.stiffness[:, None, None] * np.tile(np.eye(3), (count, 1, 1)),
+            np.concatenate([bond.a.node, bond.b.node], axis=1),
+            np.concatenate([bond.a.weight, -bond.b.weight], axis=1),
+        )  # fmt: skip
+
+    def _spins(self, involved: set[int], state: State) -> dict[int, Spin]:
+        """Spins of the free soft bodies among those that touch or are bonded."""
         out = {}
         for index, one in self.soft_of.items():
             if index in involved and not self.model.bodies[index].fixed:

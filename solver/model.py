@@ -144,6 +144,8 @@ class Model:
     """[m/s^2], shape (3,)."""
     friction_pairs: tuple[tuple[str, str, float, float], ...] = ()
     """(body, body, mu_s, mu_d) where the pair differs from the geometric mean of the two."""
+    bonds: tuple[tuple[str, str], ...] = ()
+    """Pairs of bodies that stay bonded where they touch at the start."""
 
     def __post_init__(self) -> None:
         names = [b.name for b in self.bodies]
@@ -157,6 +159,18 @@ class Model:
                 raise ModelError(
                     f"friction pair {a!r}, {b!r}: static {mu_s}, dynamic {mu_d}; need 0 <= dynamic <= static"
                 )
+
+        fixed = {b.name: b.fixed for b in self.bodies}
+        for a, b in self.bonds:
+            for one in (a, b):
+                if one not in fixed:
+                    raise ModelError(f"bond names body {one!r}; there is {names}")
+            if a == b or (fixed[a] and fixed[b]):
+                raise ModelError(f"bond {a!r}, {b!r}: needs two bodies of which one is free")
+
+    def bonded(self, a: Body, b: Body) -> bool:
+        """Whether two bodies are bonded to each other."""
+        return any({one, two} == {a.name, b.name} for one, two in self.bonds)
 
     def friction(self, a: Body, b: Body) -> tuple[float, float]:
         """(mu_s, mu_d) of a pair: as given, else the geometric means."""

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from solver import soft as soft_system
+from solver.bonds import bond_table, build_bonds
 from solver.certificate import Signals, certificate, contact_table, measure, rest_rows
 from solver.config import SolverConfig
 from solver.contact import ContactQuery, Contacts, Pair, vertex_areas
@@ -57,7 +58,8 @@ class Drop:
             raise ModelError("nothing can move: every body is rigid and fixed")
         self.length = max(model.bodies[i].size for i in self.watched)
         self.weight = sum(self.mass.values()) * max(self.gravity, 1e-12)
-        self.query = ContactQuery(model, self.soft, contact_pairs(model, self.soft, config, self.gravity))
+        pairs = contact_pairs(model, self.soft, config, self.gravity)
+        self.query = ContactQuery(model, self.soft, pairs, build_bonds(model, self.soft, config.penetration_target))
         self.stepper = Stepper(model, self.soft, self.query, config, self.weight)
         self.stepper.damping = predicted_damping(model, config, {i: self.mass[i] for i in self.free}, self.gravity)
         self.history: list[Signals] = []
@@ -162,7 +164,7 @@ class Drop:
 
     def _left(self, state: State, contacts: Contacts) -> bool:
         """A free body has left everything that could carry it."""
-        pairs = {(t.pair.a, t.pair.b) for t in contacts.touching}
+        pairs = set(zip(contacts.a.tolist(), contacts.b.tolist(), strict=True))
         loose = set(self.free) - carried(self.model, pairs)
         return any(beside(self.model, self.query.surface(state, i), self._center(state, i)) for i in loose)
 
@@ -308,7 +310,8 @@ class Drop:
             tuple(bodies),
             contact_table(self.model, report.contacts),
             patch,
-            certificate(self.model, rows, kick, report, self.stepper.damping, self.weight, self.length),
+            certificate(self.model, rows, kick, report, self.stepper.damping, self.weight, self.length)
+            | ({"bonds": bond_table(self.model, self.query.bonds, state)} if self.query.bonds else {}),
             {k: np.array([getattr(s, k) for s in self.history]) for k in Signals.SERIES},
             len(self.history),
             state.time,
@@ -329,7 +332,7 @@ def contact_pairs(model: Model, soft: SoftSystem, config: SolverConfig, gravity:
     pairs = []
     for a, one in enumerate(model.bodies):
         for b, two in enumerate(model.bodies):
-            if a == b or (one.fixed and two.fixed):
+            if a == b or (one.fixed and two.fixed) or model.bonded(one, two):
                 continue
             area = vertex_areas(one)
             # what three points need to carry the load at the penetration that is aimed at: more only makes impacts hard

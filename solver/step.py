@@ -65,6 +65,8 @@ class Stepper:
             i for i, b in enumerate(model.bodies) if not b.fixed and (b.soft is None or (soft.core == i).any())
         ]
         self.tied = [np.flatnonzero(soft.core == i) for i in self.frame_bodies]
+        self.touched: set[int] = set()
+        """Bodies in contact at the end of the last step."""
 
     def frames(self, state: State) -> Frames:
         """The moving frames at a state."""
@@ -114,16 +116,24 @@ class Stepper:
             total += iterations
             share = CAUTION * share if count > 1 and residual > SLOW * previous else min(1.0, 2.0 * share)
             after = self._move(after, system, share * move)
-        self._finish(after, before, dt)
-        inverted = int((self.volume_ratio[self.soft.real] <= 0.0).sum())
         assert contacts is not None
+        self._finish(after, before, dt)
+        self.touched = {int(i) for i in np.union1d(contacts.a, contacts.b)}
+        inverted = int((self.volume_ratio[self.soft.real] <= 0.0).sum())
         return after, StepReport(count, total, residual, contacts, system.split(right)[1], inverted)
 
     def _predict(self, state: State, dt: float) -> State:
+        """Where everything goes on as it moved; what touched nothing falls."""
         after = state.copy()
         after.x = state.x + dt * state.v
+        fall = dt**2 * self.model.gravity
+        for body in self.soft.bodies:
+            if not self.model.bodies[body.index].fixed and body.index not in self.touched:
+                after.x[body.nodes] += fall
         for i in self.frame_bodies:
             after.center[i] = state.center[i] + dt * state.velocity[i]
+            if i not in self.touched:
+                after.center[i] += fall
             after.rotation[i] = rotate(state.rotation[i], dt * state.angular_velocity[i])
         return self._tie(after)
 

@@ -40,7 +40,8 @@ def run_case(
     pairs = tuple((p.a, p.b, p.static_friction, p.dynamic_friction) for p in case.friction_pairs)
     built = begin
     try:
-        model = Model(tuple(bodies), np.asarray(case.gravity, dtype=np.float64), pairs)
+        bonds = tuple((a, b) for a, b in case.bonds)
+        model = Model(tuple(bodies), np.asarray(case.gravity, dtype=np.float64), pairs, bonds)
         config = SolverConfig.model_validate(
             {"threads": threads, "seed": case.seed, "method": solver, "mls_cell": chosen if solver == "mls" else None}
         )

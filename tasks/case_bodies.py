@@ -26,7 +26,7 @@ CELLS_PER_RADIUS = 6.0  # cells in a predicted contact radius
 CELLS_THROUGH = 4.0  # least cells through the smallest side of a soft body
 RIGID_CELLS = 25.0  # in the smallest side where nothing is soft: spacing of surface points
 FINE_REACH = 1.3  # half width of the fine zone over the predicted contact radius
-GROWTH = 1.8  # ratio of neighbouring cells outside of the fine zone
+GROWTH = 2.2  # ratio of neighbouring cells outside of the fine zone
 MOST_MARGIN = 0.02  # a signed distance reaches this far beyond the body [m], half its thickness for small ones
 MOST_CELLS = 60_000  # cells of one soft body; more would not fit the time a user expects
 """What a person can raise with --resolution."""

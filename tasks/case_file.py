@@ -155,8 +155,6 @@ def read_case(path: Path) -> Case:
         raise InputError(f"{path}: gravity [0, 0, 0]: no load to choose the cells by; give a resolution")
     if case.inertia:
         raise InputError(f"{path}: inertia: true-mass elastodynamics is not available; remove the key")
-    if case.bonds:
-        raise InputError(f"{path}: bonds: bonded bodies are not available in a case file; remove the key")
     return case
 
 

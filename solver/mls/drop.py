@@ -47,6 +47,8 @@ class Drop:
         self.warnings: list[str] = []
         if not any(b.soft is not None for b in model.bodies):
             raise ModelError("mls: every body is rigid; there is no material to simulate, use tl")
+        if model.bonds:
+            raise ModelError("mls: bodies are not bonded here, use tl")
         self.gravity = np.asarray(model.gravity, dtype=np.float64)
         cell = choose_cell(model, config, self.warnings)
         thin = thin_bodies(model, cell)
