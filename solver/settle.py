@@ -1,6 +1,7 @@
 """Drop to rest: steps until quiet, then a kick to see whether the rest is stable, then the certificate."""
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,12 +35,13 @@ def settle(model: Model, config: SolverConfig, progress: Progress | None = None)
 
     Returns the rest state with its certificate, or the last state with the verdict that says why it is none.
     Raises ModelError for
-    input that cannot be simulated and UnstableStep when a step breaks. Same model and config: the same bytes for
-    any thread count.
+    input that cannot be simulated, UnstableStep when a step breaks and ArchError where the kernels cannot run. Same
+    model and config: the same bytes for any thread count.
     """
-    start(config.threads)
+    start(config.threads, config.arch)
     with threadpool_limits(1):  # dense factorisations would round differently with the number of threads
-        return (mls.Drop if config.method == "mls" else Drop)(model, config).run(progress)
+        result = (mls.Drop if config.method == "mls" else Drop)(model, config).run(progress)
+    return replace(result, certificate={"arch": config.arch} | result.certificate)
 
 
 class Drop:
