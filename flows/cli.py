@@ -41,6 +41,9 @@ Dataset = Annotated[Path | None, typer.Option(help="YAML list of samples; defaul
 Limit = Annotated[int | None, typer.Option(min=1, help="Only the first so many samples.")]
 Language = Annotated[str, typer.Option(help="Who reads the sentence: offline or anthropic.")]
 Solver = Annotated[str | None, typer.Option(help="Method of the solver: tl (default) or mls.")]
+Arch = Annotated[
+    str, typer.Option(help="Where the solver runs: cpu, cuda (a graphics card) or auto (cuda if it starts).")
+]
 Resolution = Annotated[float | None, typer.Option(help="Cell size at the contact [m]; default: from the physics.")]
 Threads = Annotated[int, typer.Option(min=0, help="Threads of the solver, 0: all cores; never changes a result.")]
 
@@ -63,6 +66,7 @@ def place(
     resolution: Resolution = None,
     threads: Threads = 0,
     solver: Solver = None,
+    arch: Arch = "cpu",
     as_json: Json = False,
 ) -> int:
     """Place one object in one scene."""
@@ -86,15 +90,18 @@ def place(
         mass=mass,
         seed=seed,
     )
-    check_physics(resolution, solver)
+    check_physics(resolution, solver, arch)
     folder = out or runs_root() / "place"
     check_out(folder)
 
     from flows.configure import configured  # after the checks: the stages bring heavy libraries
     from flows.output import result_line, write_placement
     from flows.place_one import place_one
+    from tasks.arch import chosen_arch
 
-    config = configured(language=language, resolution=resolution, threads=threads, solver=solver or "tl")
+    config = configured(
+        language=language, resolution=resolution, threads=threads, solver=solver or "tl", arch=chosen_arch(arch)
+    )
     tree = write_placement(place_one(sample, config, quiet=as_json), folder)
     print(json.dumps(tree, indent=2, ensure_ascii=False) if as_json else f"{result_line(tree)}\nresults: {folder}")
     return 0 if tree["verdict"] == "at_rest" else INFEASIBLE
@@ -107,17 +114,21 @@ def drop(
     solver: Solver = None,
     resolution: Resolution = None,
     threads: Threads = 0,
+    arch: Arch = "cpu",
     as_json: Json = False,
 ) -> int:
     """Physics only: settle the bodies of a case file."""
     if not case.is_file():
         raise InputError(f"{case}: no such file")
-    check_physics(resolution, solver)
+    check_physics(resolution, solver, arch)
     check_out(out)
 
+    from tasks.arch import chosen_arch
     from tasks.case import run_case
 
-    tree = run_case(case, out, solver=solver or "tl", resolution=resolution, threads=threads, quiet=as_json)
+    tree = run_case(
+        case, out, solver=solver or "tl", arch=chosen_arch(arch), resolution=resolution, threads=threads, quiet=as_json
+    )
     print(json.dumps(tree, indent=2) if as_json else f"{tree['verdict']}\nresults: {out}")
     return 0 if tree["verdict"] == "at_rest" else INFEASIBLE
 
@@ -232,6 +243,7 @@ def cache_verify(as_json: Json = False) -> int:
 LARGEST_RESOLUTION_M = 1.0
 """A cell larger than this resolves nothing that can be placed in a room [m]."""
 SOLVERS = ("tl", "mls")
+ARCHS = ("auto", "cpu", "cuda")
 
 
 def choice(option: str, value: str, allowed: tuple[str, ...]) -> str:
@@ -241,12 +253,13 @@ def choice(option: str, value: str, allowed: tuple[str, ...]) -> str:
     return value
 
 
-def check_physics(resolution: float | None, solver: str | None) -> None:
+def check_physics(resolution: float | None, solver: str | None, arch: str) -> None:
     """Refuse options of the solver that cannot be right."""
     if resolution is not None and not 0 < resolution < LARGEST_RESOLUTION_M:
         raise InputError(f"--resolution {resolution} is not a cell size between 0 and {LARGEST_RESOLUTION_M} m")
     if solver is not None:
         choice("--solver", solver, SOLVERS)
+    choice("--arch", arch, ARCHS)
 
 
 def check_out(folder: Path) -> None:

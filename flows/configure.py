@@ -9,9 +9,15 @@ LANGUAGES = ("offline", "anthropic")
 
 
 def configured(
-    *, language: str = "offline", resolution: float | None = None, threads: int = 0, solver: str = "tl"
+    *,
+    language: str = "offline",
+    resolution: float | None = None,
+    threads: int = 0,
+    solver: str = "tl",
+    arch: str = "cpu",
 ) -> PlaceConfig:
-    """The default configuration with the user's choices in it."""
+    """The default configuration with the user's choices in it; `arch` is cpu or cuda: a key of the cache must not
+    depend on what this machine has."""
     config = PlaceConfig()
     if language not in LANGUAGES:
         raise InputError(f"--language {language!r} is not one of {', '.join(LANGUAGES)}")
@@ -19,9 +25,10 @@ def configured(
         config = with_setting(config, stage, {"client": language}, f"--language {language}")
     if resolution is not None:
         config = with_setting(config, "particles", {"cell": resolution}, f"--resolution {resolution}")
-    if solver != "tl":
-        method = config.drop.solver.model_dump() | {"method": solver, "mls_cell": resolution}
-        config = with_setting(config, "drop", {"solver": method}, f"--solver {solver}")
+    physics = config.drop.solver.model_dump() | {"arch": arch, "method": solver}
+    if solver == "mls":
+        physics["mls_cell"] = resolution
+    config = with_setting(config, "drop", {"solver": physics}, f"--solver {solver} --arch {arch}")
     return with_setting(config, "drop", {"threads": threads}, f"--threads {threads}")
 
 

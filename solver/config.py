@@ -12,6 +12,9 @@ class SolverConfig(BaseModel, frozen=True, extra="forbid"):
     """Worker threads, 0: all cores. Results do not depend on it."""
     seed: int = 0
     """Seed of the verification kick."""
+    arch: Literal["cpu", "cuda"] = "cpu"
+    """Where the kernels run; decides the last digits of a result, so what `auto` stands for is settled before a
+    configuration is made (runtime.available_arch)."""
     method: Literal["tl", "mls"] = "tl"
     """tl: implicit, total-Lagrangian, the default; mls: the paper's explicit MLS-MPM on a uniform grid."""
 

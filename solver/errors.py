@@ -11,3 +11,7 @@ class ModelError(SolverError):
 
 class UnstableStep(SolverError):  # noqa: N818  the name is part of the contract
     """A step broke (inverted map, non-finite state, no descent); names time, body, value and bound."""
+
+
+class ArchError(SolverError):
+    """The kernels cannot run on the processor that was asked for; names it and what to use instead."""

@@ -17,7 +17,7 @@ from scene.errors import GeometryError, InputError
 from scene.mesh import Mesh
 from solver.certificate import Signals
 from solver.config import SolverConfig
-from solver.errors import ModelError, UnstableStep
+from solver.errors import ArchError, ModelError, UnstableStep
 from solver.model import Body, Model
 from solver.result import Result
 from solver.settle import settle
@@ -27,7 +27,14 @@ from tasks.case_file import Case, read_case
 
 
 def run_case(
-    path: Path, out: Path, *, solver: str = "tl", resolution: float | None = None, threads: int = 0, quiet: bool = False
+    path: Path,
+    out: Path,
+    *,
+    solver: str = "tl",
+    arch: str = "cpu",
+    resolution: float | None = None,
+    threads: int = 0,
+    quiet: bool = False,
 ) -> dict[str, object]:
     """Read, simulate and write a case; returns the content of result.json."""
     case = read_case(path)
@@ -43,13 +50,16 @@ def run_case(
         bonds = tuple((a, b) for a, b in case.bonds)
         model = Model(tuple(bodies), np.asarray(case.gravity, dtype=np.float64), pairs, bonds)
         config = SolverConfig.model_validate(
-            {"threads": threads, "seed": case.seed, "method": solver, "mls_cell": chosen if solver == "mls" else None}
-        )
+            {
+                "threads": threads, "seed": case.seed, "arch": arch, "method": solver,
+                "mls_cell": chosen if solver == "mls" else None,
+            }
+        )  # fmt: skip
         warm_up(model, config)  # compilation is not part of wall_s
         built = time.perf_counter()
         result = settle(model, config, None if quiet else _progress)
         cell = float(str(result.certificate.get("cell_m", cell)))
-    except ModelError as error:
+    except (ModelError, ArchError) as error:
         raise InputError(f"{path}: {error}") from error
     except UnstableStep as error:
         broken = _broken(error, bodies, cell)

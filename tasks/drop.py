@@ -13,6 +13,7 @@ from pydantic import BaseModel, NonNegativeInt, PositiveFloat
 from scipy.spatial.transform import Rotation
 
 from scene.anchor import Anchor
+from scene.errors import InputError
 from scene.intent import Intent
 from scene.mesh import Mesh
 from scene.outcome import Infeasible, Reason
@@ -20,7 +21,7 @@ from scene.particles import Particles, SimulationBody
 from scene.settled import Settled, SettledBody
 from solver.certificate import Signals
 from solver.config import SolverConfig
-from solver.errors import UnstableStep
+from solver.errors import ArchError, UnstableStep
 from solver.model import Body, Model, SignedDistance, SoftParts
 from solver.result import AT_REST, NO_EQUILIBRIUM, Result
 from solver.settle import settle
@@ -54,6 +55,8 @@ def drop(particles: Particles, anchor: Anchor, intent: Intent, seed: int, config
     solver = config.solver.model_copy(update={"threads": config.threads, "seed": seed})
     try:
         result = settle(model, solver, _progress)
+    except ArchError as error:  # a run from a machine with a graphics card, repeated on one without
+        raise InputError(f"arch {error}") from error
     except UnstableStep as error:
         return Infeasible(Reason.UNSTABLE_STEP, str(error), {})
     settled = with_checks(settled_of(particles, result), particles, anchor, intent, config)

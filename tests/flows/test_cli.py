@@ -8,6 +8,8 @@ from pathlib import Path
 import pytest
 
 from flows.cli import run_command
+from flows.configure import configured
+from tasks.stage import deciding
 
 
 def failed(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
@@ -34,6 +36,7 @@ def failed(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
         (["place", "a", "b", "c", "--unit", "ft"], "--unit 'ft'"),
         (["place", "a", "b", "c", "--seed", "one"], "--seed"),
         (["drop", "nothing.yaml", "--out", "out"], "nothing.yaml: no such file"),
+        (["place", "a", "b", "c", "--arch", "gpu"], "--arch 'gpu' is not one of"),
         (["benchmark", "--methods", "magic"], "--methods 'magic'"),
         (["benchmark", "--workers", "0"], "--workers"),
     ],
@@ -41,6 +44,25 @@ def failed(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
 def test_bad_usage(capsys: pytest.CaptureFixture[str], arguments: list[str], words: str) -> None:
     """A command line that cannot be right exits with 2 and one line that names what is wrong."""
     assert words in failed(capsys, *arguments)
+
+
+def test_a_graphics_card_that_is_not_there(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """`--arch cuda` is refused before anything is read; the processor does not silently take its place."""
+    monkeypatch.setattr("solver.runtime.cuda_starts", lambda: False)
+    (tmp_path / "case.yaml").write_text("")
+    assert "--arch cuda" in failed(capsys, "drop", str(tmp_path / "case.yaml"), "--out", "out", "--arch", "cuda")
+    assert "--arch cuda" in failed(capsys, "place", "a", "b", "put it", "--out", "out", "--arch", "cuda")
+
+
+def test_the_arch_decides_a_result() -> None:
+    """Processors round differently, so a drop on one is no record for the other; threads are."""
+    keys = [
+        deciding(configured(threads=threads, arch=arch).drop.model_dump())
+        for threads, arch in ((1, "cpu"), (2, "cpu"), (1, "cuda"))
+    ]
+    assert keys[0] == keys[1] != keys[2]
 
 
 def obj_of(vertices: str, faces: str) -> bytes:

@@ -89,6 +89,7 @@ def test_a_case_writes_result_bodies_and_history(case_file, tmp_path):
     written = json.loads((tmp_path / "out" / "result.json").read_text())
     assert written == json.loads(json.dumps(summary))
     assert written["verdict"] == "at_rest"
+    assert written["certificate"]["arch"] == "cpu"
     # penetration target 0.05 mm
     assert written["bodies"]["cube"]["position"][2] == pytest.approx(0.05, abs=1e-4)
     assert written["contacts"][0]["normal_force_n"] == pytest.approx(9.81, rel=5e-3)

@@ -1,0 +1,153 @@
+"""What a rest state does when it is disturbed: followed until it is quiet again, has gone, or the time is up.
+
+A rest state is verified with a small kick; a graded push (stability.py) ends in the same way: let go and watch.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solver.certificate import Signals
+from solver.contact import ContactQuery
+from solver.course import Course, Progress
+from solver.state import State
+
+KICK_NOISE = 0.1  # share of a kick's speed below which growth is the noise of solving to a tolerance
+
+
+@dataclass(frozen=True, slots=True)
+class Reach:
+    """How far free bodies have moved."""
+
+    distance: float
+    """Of a centre of mass [m]."""
+    angle: float
+    """Of a body [rad]."""
+
+    @classmethod
+    def between(cls, course: Course, rest: State, state: State) -> "Reach":
+        """Largest of all free bodies."""
+        return cls(*course.distance(rest, state))
+
+    def within(self, bound: "Reach") -> bool:
+        """Neither farther nor turned more than the bound."""
+        return self.distance <= bound.distance and self.angle <= bound.angle
+
+
+ANYWHERE = Reach(np.inf, np.inf)
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Memory:
+    """What contacts remember of the way to a rest state: friction's anchors, sliding points, rolling torques."""
+
+    pairs: tuple[tuple[NDArray[np.float64], NDArray[np.bool_], NDArray[np.float64]], ...]
+    rolling: dict[tuple[int, int], NDArray[np.float64]]
+
+    @classmethod
+    def of(cls, query: ContactQuery) -> "Memory":
+        """As it is now."""
+        pairs = tuple((p.anchor.copy(), p.sliding.copy(), p.guess.copy()) for p in query.pairs)
+        return cls(pairs, {k: v.copy() for k, v in query.rolling_torque.items()})
+
+    def restore(self, query: ContactQuery) -> None:
+        """As it was, so that trials do not depend on their order."""
+        for pair, (anchor, sliding, guess) in zip(query.pairs, self.pairs, strict=True):
+            pair.anchor, pair.sliding, pair.guess = anchor.copy(), sliding.copy(), guess.copy()
+        query.rolling_torque = {k: v.copy() for k, v in self.rolling.items()}
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Aftermath:
+    """How a disturbance ended."""
+
+    state: State
+    stable: bool
+    """At rest again, near where it was."""
+    reach: Reach
+    """From the rest state to the end."""
+    farthest: float
+    """Largest distance on the way [m]."""
+    speed_left: float
+    """Largest speed at the end over the kick's, 0 below the rest thresholds [-]."""
+    growing: bool
+    segments: int
+    """Periods of kick_seconds that it took."""
+
+
+def kick(course: Course, rest: State, progress: Progress | None) -> tuple[State, bool, dict[str, object]]:
+    """Kick a rest state and follow it: where that ends, whether the rest was stable, and the certificate's part."""
+    c = course.config
+    random = np.random.default_rng(c.seed)
+    state = standing(rest)
+    for i in course.free:
+        direction, axis = (d / np.linalg.norm(d) for d in random.normal(size=(2, 3)))
+        course.give(state, i, c.kick_speed * direction, c.kick_angular_speed * axis)
+    begin = len(course.history)
+    bound = Reach(c.kick_distance * course.length, c.kick_angle)
+    end = follow(course, rest, state, bound, ANYWHERE, progress)
+    return end.state, end.stable, {
+        "done": True, "stable": end.stable, "speed_m_s": c.kick_speed, "angular_speed_rad_s": c.kick_angular_speed,
+        "seconds": end.segments * c.kick_seconds, "steps": len(course.history) - begin, "growing": end.growing,
+        "speed_left": {"value": end.speed_left, "threshold": c.kick_decay},
+        "distance_m": {"value": end.reach.distance, "threshold": bound.distance, "largest": end.farthest},
+        "angle_rad": {"value": end.reach.angle, "threshold": bound.angle},
+    }  # fmt: skip
+
+
+def standing(rest: State) -> State:
+    """A rest state without the last of its motion."""
+    state = rest.copy()
+    state.v[:] = 0.0
+    state.velocity[:] = 0.0
+    state.angular_velocity[:] = 0.0
+    return state
+
+
+def follow(course: Course, rest: State, state: State, near: Reach, gone: Reach, progress: Progress | None) -> Aftermath:
+    """Let a disturbed state go on from where it is; it is stable if it comes to rest within `near` of the rest state.
+
+    Ends at once where it has moved beyond `gone`. Rolling resistance is gentle from here on (rolling.py).
+    """
+    c = course.config
+    start, farthest, dt = state.time, 0.0, 0.5 * course.balance_step()
+    course.query.gentle = True
+    undecided, segment = True, 0
+    while undecided and segment < c.kick_segments:
+        segment += 1
+        first = len(course.history)
+        while state.time < start + segment * c.kick_seconds - 1e-9:
+            state, report, dt = course.step(state, dt)
+            course.record(state, report, progress)
+            reach = Reach.between(course, rest, state)
+            farthest = max(farthest, reach.distance)
+            if not reach.within(gone):
+                return Aftermath(state, False, reach, farthest, np.inf, True, segment)
+        left, growing = _speed_left(course, course.history[first:])
+        near_enough = reach.within(near)
+        undecided = near_enough and left <= 1.0 and (growing or left > c.kick_decay)
+    stable = near_enough and left <= c.kick_decay and not growing
+    return Aftermath(state, stable, reach, farthest, left, growing, segment)
+
+
+def _speed_left(course: Course, followed: list[Signals]) -> tuple[float, bool]:
+    """Largest speed at the end over the kick's (0 where it is below the rest thresholds) and whether it still grows.
+
+    An unstable balance gains speed; a wobble may look like it for half a period, so growth alone only asks for more
+    time.
+    """
+    c = course.config
+    quarter = max(len(followed) // 4, 2)
+    before, end = course.rows(followed[-2 * quarter : -quarter]), course.rows(followed[-quarter:])
+    left, growing = 0.0, False
+    kicks = {
+        "linear_speed": c.kick_speed,
+        "angular_speed": c.kick_angular_speed,
+        "particle_speed": 2.0 * c.kick_speed,
+    }
+    for name, speed in kicks.items():
+        now = end[name]["value"]
+        left = max(left, now / speed if now > end[name]["threshold"] else 0.0)
+        growing |= now > max(before[name]["value"], KICK_NOISE * speed)
+    return left, growing

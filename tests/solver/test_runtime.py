@@ -1,0 +1,42 @@
+"""Where the kernels run: what was asked for or an error, never a silent replacement."""
+
+import os
+import subprocess
+import sys
+
+import pytest
+
+from solver import runtime
+from solver.errors import ArchError
+from solver.runtime import available_arch, start
+
+
+@pytest.mark.parametrize(
+    ("wanted", "cuda", "found"), [("auto", True, "cuda"), ("auto", False, "cpu"), ("cpu", True, "cpu")]
+)
+def test_auto_is_cuda_where_it_starts_and_the_processor_elsewhere(monkeypatch, wanted, cuda, found):
+    """`cpu` stays what it is."""
+    monkeypatch.setattr(runtime, "cuda_starts", lambda: cuda)
+    assert available_arch(wanted) == found
+
+
+def test_cuda_where_there_is_none_is_an_error(monkeypatch):
+    """Asked for by name it is not replaced."""
+    monkeypatch.setattr(runtime, "cuda_starts", lambda: False)
+    with pytest.raises(ArchError, match="cuda"):
+        available_arch("cuda")
+
+
+def test_a_second_arch_in_one_process_is_an_error():
+    """Another start would kill every array of the first."""
+    start(2)
+    start(2)
+    with pytest.raises(ArchError, match="runs on cpu already"):
+        start(2, "cuda")
+
+
+def test_the_environment_cannot_put_a_result_on_another_arch():
+    """Taichi follows TI_ARCH; a result that says cpu must be from there."""
+    command = [sys.executable, "-c", "from solver.runtime import start; start(2)"]
+    done = subprocess.run(command, capture_output=True, text=True, env=os.environ | {"TI_ARCH": "vulkan"})
+    assert "ArchError: cpu" in done.stderr
