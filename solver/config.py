@@ -1,8 +1,8 @@
 """Settings of the solver with units and reasons."""
 
-from typing import Literal
+from typing import Annotated, Literal
 
-from pydantic import BaseModel, NonNegativeFloat, PositiveFloat, PositiveInt
+from pydantic import BaseModel, Field, NonNegativeFloat, PositiveFloat, PositiveInt
 
 
 class SolverConfig(BaseModel, frozen=True, extra="forbid"):
@@ -60,6 +60,15 @@ class SolverConfig(BaseModel, frozen=True, extra="forbid"):
 
     penetration_target: PositiveFloat = 5e-5
     """Load-weighted mean penetration [m] that the contact stiffness aims at: invisible in any picture."""
+    inertia: bool = False
+    """tl: true-mass elastodynamics: no material damping, the theta method, steps that resolve elastic waves. Bodies
+    ring and rebound; hardly anything but friction brings them to rest."""
+    inertia_theta: Annotated[float, Field(ge=0.5, le=1.0)] = 0.52
+    """Where in a step forces are taken [-]: 1/2 (midpoint) keeps energy and angular momentum, 1 is backward Euler;
+    above 1/2 energy never grows, and frequencies that the step does not resolve die out."""
+    inertia_step: PositiveFloat = 0.1
+    """Longest step with inertia over the time that a wave of speed sqrt(E / rho) takes through the thinnest soft body:
+    the first period of a bar held at one end has at least 40 of them [-]."""
     damping_ratio: NonNegativeFloat = 1.0
     """Damping of the predicted bounce of the object on soft supports, relative to critical."""
 

@@ -25,6 +25,7 @@ backward Euler, M (v' - v - dt F / M) / dt = f(x'), that is the force F over thi
 CELL_STIFFNESS = (
     4.0  # first guess of the contact stiffness per area, in E / cell size; then adapted to the penetration target
 )
+SHORTER = 0.1  # of a step that resolves elastic waves: what it may be shortened to in an impact
 STEP_GROWTH = 1.25  # growth of the step when Newton converges easily
 
 
@@ -46,7 +47,10 @@ class Course:
         pairs = contact_pairs(model, self.soft, config, self.gravity)
         self.query = ContactQuery(model, self.soft, pairs, build_bonds(model, self.soft, config.penetration_target))
         self.stepper = Stepper(model, self.soft, self.query, config, self.weight)
-        self.stepper.damping = predicted_damping(model, config, {i: self.mass[i] for i in self.free}, self.gravity)
+        if not config.inertia:
+            self.stepper.damping = predicted_damping(model, config, {i: self.mass[i] for i in self.free}, self.gravity)
+        self.wave_step = config.inertia_step * crossing_seconds(model) if config.inertia else np.inf
+        """Longest step that resolves elastic waves [s]."""
         self.history: list[Signals] = []
         self.warnings: list[str] = []
 
@@ -60,20 +64,21 @@ class Course:
         """One accepted step of at most `dt` [s] and the proposal for the next; `load` acts besides gravity."""
         speed = self.history[-1].speed if self.history else 0.0
         dt = min(dt, self._longest_step(speed))
-        moving = speed > self.config.moving_speed * np.sqrt(self.gravity * self.length)
+        moving = speed > self.config.moving_speed * np.sqrt(self.gravity * self.length) and not self.config.inertia
+        shortest = min(self.config.shortest_step_seconds, SHORTER * self.wave_step)
         tolerance = self.config.moving_tolerance if moving else self.config.newton_tolerance
         while True:
             after, report = self.stepper.advance(state if load is None else load(state, dt), dt, tolerance)
             bound = self.config.acceptable_residual * (1.0 + self.config.impact_share * speed / (self.gravity * dt))
             if report.residual <= bound:
                 break
-            if dt <= self.config.shortest_step_seconds:
+            if dt <= shortest:
                 raise UnstableStep(
                     f"t = {state.time:.4f} s: step of {dt:.1e} s ends with {report.residual:.2g} of the free weight "
                     f"unbalanced after {report.newton} Newton iterations (bound {bound:.2g}: acceptable_residual = "
                     f"{self.config.acceptable_residual}, more in an impact); {report.inverted} inverted particles"
                 )
-            dt = max(0.5 * dt, self.config.shortest_step_seconds)
+            dt = max(0.5 * dt, shortest)
         self.query.remember(report.contacts)
         easy = report.newton <= self.config.newton_limit // 2 and (len(report.contacts.a) > 0 or not self.free)
         return after, report, dt * (STEP_GROWTH if easy else 1.0)
@@ -81,10 +86,10 @@ class Course:
     def _longest_step(self, speed: float) -> float:
         """No free body may skip a contact; what only hangs on a clamp has none to skip and no path to get wrong."""
         if not self.free:
-            return self.config.hanging_step_seconds
+            return min(self.config.hanging_step_seconds, self.wave_step)
         distance = max(self.config.step_distance, self.config.step_share * self.length)
         reach = max(distance / max(speed, 1e-12), self.config.shortest_step_seconds)
-        return min(reach, self.balance_step())
+        return min(reach, self.balance_step(), self.wave_step)
 
     def balance_step(self) -> float:
         """Longest step that follows a loss of balance [s]."""
@@ -184,6 +189,16 @@ def softest(one: Body, two: Body) -> tuple[float, float]:
     parts = [b.soft for b in (one, two) if b.soft is not None]
     cell = min(max(float(np.diff(p).min()) for p in s.planes) for s in parts)
     return cell, min(float(s.youngs_modulus.min()) for s in parts)
+
+
+def crossing_seconds(model: Model) -> float:
+    """Shortest time [s] that a wave of speed sqrt(E / rho) takes along the thinnest side of a soft body."""
+    times = [np.inf]
+    for body in model.bodies:
+        if body.soft is not None:
+            speed = float(np.sqrt(body.soft.youngs_modulus / body.soft.density).max())
+            times.append(float(np.ptp(body.vertices, axis=0).min()) / speed)
+    return min(times)
 
 
 def predicted_damping(model: Model, config: SolverConfig, mass: dict[int, float], gravity: float) -> float:

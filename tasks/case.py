@@ -51,7 +51,7 @@ def run_case(
         model = Model(tuple(bodies), np.asarray(case.gravity, dtype=np.float64), pairs, bonds)
         config = SolverConfig.model_validate(
             {
-                "threads": threads, "seed": case.seed, "arch": arch, "method": solver,
+                "threads": threads, "seed": case.seed, "arch": arch, "method": solver, "inertia": case.inertia,
                 "mls_cell": chosen if solver == "mls" else None,
             }
         )  # fmt: skip

@@ -153,8 +153,6 @@ def read_case(path: Path) -> Case:
             )
     if case.resolution == "auto" and not any(case.gravity):
         raise InputError(f"{path}: gravity [0, 0, 0]: no load to choose the cells by; give a resolution")
-    if case.inertia:
-        raise InputError(f"{path}: inertia: true-mass elastodynamics is not available; remove the key")
     return case
 
 

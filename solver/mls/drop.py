@@ -49,6 +49,8 @@ class Drop:
             raise ModelError("mls: every body is rigid; there is no material to simulate, use tl")
         if model.bonds:
             raise ModelError("mls: bodies are not bonded here, use tl")
+        if config.inertia:
+            raise ModelError("mls: strain motion is relaxed here, not followed; use tl for inertia")
         self.gravity = np.asarray(model.gravity, dtype=np.float64)
         cell = choose_cell(model, config, self.warnings)
         thin = thin_bodies(model, cell)

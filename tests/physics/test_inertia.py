@@ -1,0 +1,105 @@
+"""True-mass elastodynamics (`inertia`): momentum, energy, the period of a bar, and the rebound of a ball."""
+
+import numpy as np
+import pytest
+from threadpoolctl import threadpool_limits
+
+from solver.config import SolverConfig
+from solver.model import Model
+from solver.runtime import start
+from solver.settle import Drop
+from solver.state import start_state
+
+
+@pytest.fixture(autouse=True)
+def one_thread():
+    with threadpool_limits(1):
+        yield
+
+
+def ringing(body, **config):
+    """A drop of one body with inertia and without gravity, and its start state."""
+    start(2)
+    one = Drop(Model((body,), np.zeros(3)), SolverConfig(inertia=True, **config))
+    one.stepper.weight = 1.0  # residuals in newtons: without gravity there is no weight to measure them by
+    return one, start_state(one.model, one.soft)
+
+
+def energy(one, state):
+    """Kinetic and elastic energy [J]."""
+    one.stepper.elastic_forces(state)
+    return 0.5 * (one.soft.mass[:, None] * state.v**2).sum() + one.stepper.energy.sum()
+
+
+@pytest.mark.parametrize("theta", [0.5, 0.52])
+def test_a_shaking_free_body_keeps_momentum_and_gains_no_energy(lab, theta):
+    """The midpoint rule (theta = 1/2) keeps linear and angular momentum, and energy to O(dt^2) without drift; above 1/2
+    energy falls. Forces are solved to 1e-6 N: momentum changes by at most that times the time."""
+    blob = lab.soft("blob", lab.Capsule(0.05, 0.0), [0, 0, 0], E=3e4, cell=0.02)
+    one, state = ringing(blob, inertia_theta=theta, newton_limit=30, linear_tolerance=1e-4)
+    random = np.random.default_rng(0)
+    arm = one.soft.rest
+    state.v = 0.3 + np.cross([0.0, 2.0, 1.0], arm) + 5.0 * arm * random.normal(size=3)
+    mass = one.soft.mass[:, None]
+    linear, angular = (mass * state.v).sum(0), np.cross(state.x, mass * state.v).sum(0)
+    drift = 0.5 * (linear**2).sum() / mass.sum()
+    energies, tolerance, steps = [energy(one, state) - drift], 1e-6, 100
+    dt = one.wave_step
+    for _ in range(steps):
+        state, report = one.stepper.advance(state, dt, tolerance)
+        assert report.residual <= tolerance
+        energies.append(energy(one, state) - drift)
+    lost = steps * dt * tolerance
+    assert (mass * state.v).sum(0) == pytest.approx(linear, abs=lost)
+    if theta == 0.5:
+        spin = np.cross(state.x, mass * state.v).sum(0)
+        assert spin == pytest.approx(angular, abs=1e-4 * np.linalg.norm(angular))
+        # 20 steps a period and less for the higher modes that the start shakes too: (omega dt)^2 / 12 of the energy
+        assert energies[-20:] == pytest.approx(np.full(20, energies[0]), rel=0.03)
+    else:
+        assert energies[-1] < energies[0]
+        assert max(energies) <= 1.02 * energies[0]
+
+
+def test_a_bar_swings_lengthwise_with_its_first_period_and_keeps_swinging(lab):
+    """T = 4 L sqrt(rho / E) for a bar held at one end, nu = 0, released from its first mode. With 40 steps a period the
+    theta method is (omega dt)^2 / 12 = 0.2 % too slow; 20 linear cells with lumped mass add (pi / 80)^2 / 24 = 0.006 %."""
+    E, rho, length = 1e6, 1000.0, 0.4
+    bar = lab.soft("bar", lab.Box(np.array([length, 0.04, 0.04])), [length / 2, 0, 0], E=E, nu=0.0, rho=rho, cell=0.02,
+                   held=np.s_[0], fixed=True)  # fmt: skip
+    one, state = ringing(bar)
+    period = 4.0 * length * np.sqrt(rho / E)
+    mode = np.sin(np.pi * one.soft.rest[:, 0] / (2.0 * length))
+    state.x[:, 0] += 1e-3 * mode
+    dt = period / 40
+    shape = one.soft.mass * mode
+    swing = [shape @ (state.x[:, 0] - one.soft.rest[:, 0])]
+    for _ in range(130):
+        state, _ = one.stepper.advance(state, dt, 1e-4)
+        swing.append(shape @ (state.x[:, 0] - one.soft.rest[:, 0]))
+    swing = np.array(swing)
+    crossings = np.flatnonzero(np.diff(np.sign(swing)))
+    exact = crossings + swing[crossings] / (swing[crossings] - swing[crossings + 1])
+    assert 2.0 * np.diff(exact).mean() * dt == pytest.approx(period, rel=0.01)
+    # damping ratio (theta - 1/2) omega dt: exp(-0.02 * (2 pi / 40) * 2 pi * 3) after three periods
+    assert swing[110:].max() == pytest.approx(swing[0] * np.exp(-0.02 * (2 * np.pi / 40) * 2 * np.pi * 3), rel=0.02)
+
+
+@pytest.mark.parametrize("inertia", [True, False])
+def test_a_ball_rebounds_from_an_elastic_slab_only_with_inertia(lab, inertia):
+    """Without loss of material a heavy ball gets most of its speed back; the way to rest is critically damped."""
+    slab = lab.soft("slab", lab.Box(np.array([0.3, 0.3, 0.1])), [0, 0, -0.05], E=5e4, rho=60.0, cell=0.025,
+                    held=np.s_[:, :, 0], fixed=True, loaded=True)  # fmt: skip
+    ball = lab.rigid("ball", lab.Capsule(0.05, 0.0), [0, 0, 0.06], mass=1.0)
+    start(2)
+    one = Drop(Model((ball, slab), np.array([0.0, 0.0, -lab.gravity])), SolverConfig(inertia=inertia))
+    state, dt, lowest, highest = start_state(one.model, one.soft), 1e-3, np.inf, 0.0
+    while state.time < 0.25:
+        state, report, dt = one.step(state, dt)
+        one.record(state, report, None)
+        lowest = min(lowest, state.velocity[0, 2])
+        highest = max(highest, state.velocity[0, 2])
+    if inertia:
+        assert highest > 0.6 * -lowest
+    else:
+        assert highest < 0.1 * -lowest
