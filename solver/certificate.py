@@ -156,7 +156,7 @@ def contact_table(model: Model, contacts: Contacts) -> tuple[dict[str, object], 
                 "normal_force_n": float(np.linalg.norm(normal)),
                 "tangential_force_n": float(np.linalg.norm(total - normal)),
                 "max_penetration_m": float(max(-s.gap[m].min() for s, m in zip(sides, loaded, strict=True))),
-                "max_gap_m": 0.0,
+                "max_gap_m": float(max(0.0, *(s.gap[m].max() for s, m in zip(sides, loaded, strict=True)))),
                 "points": int(sum(len(s.point) for s in sides)),
                 "sliding_points": int(sum(s.sliding.sum() for s in sides)),
             }

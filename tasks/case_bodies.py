@@ -28,7 +28,7 @@ RIGID_CELLS = 25.0  # in the smallest side where nothing is soft: spacing of sur
 FINE_REACH = 1.3  # half width of the fine zone over the predicted contact radius
 GROWTH = 2.2  # ratio of neighbouring cells outside of the fine zone
 MOST_MARGIN = 0.02  # a signed distance reaches this far beyond the body [m], half its thickness for small ones
-MOST_CELLS = 60_000  # cells of one soft body; more would not fit the time a user expects
+MOST_CELLS = 200_000  # cells of one soft body; more would not fit the time a user expects
 """What a person can raise with --resolution."""
 
 Planes = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
