@@ -79,7 +79,8 @@ def test_a_small_dent_in_nearly_incompressible_material_obeys_hertz(lab, nu):
     across = lab.planes(-0.2, 0.2, -1.3 * contact, 1.3 * contact, contact / 6, 1.8)
     up = lab.planes(0.0, thick, thick - 1.3 * contact, thick, contact / 6, 1.8)
     slab = lab.soft("slab", lab.Box(np.array([0.4, 0.4, thick])), [0, 0, thick / 2], E=E, nu=nu, cell=contact / 6,
-                    planes=(across, across, up), held=np.s_[:, :, 0], fixed=True, loaded=True, spacing=0.005)  # fmt: skip
+                    planes=(across, across, up), held=np.s_[:, :, 0], fixed=True, loaded=True,
+                    spacing=0.005)  # fmt: skip
     ball = lab.rigid("ball", lab.Capsule(radius, 0.0), [0, 0, thick + radius + 2e-4], mass=mass, edge=0.0015,
                      spacing=0.0008)  # fmt: skip
     result = lab.drop(ball, slab)

@@ -1,4 +1,4 @@
-"""From 1 g to 50 kg on 1e4 to 9e8 Pa, as a case file at the default resolution: nothing flies, nothing falls through."""
+"""From 1 g to 50 kg on 1e4 to 9e8 Pa at the default resolution: nothing is thrown off and nothing falls through."""
 
 import json
 
@@ -27,12 +27,12 @@ def body(shape, mass):
 def settle(folder, shape, mass, E):
     """result.json of the body dropped on the middle of a foam block that is held at its bottom."""
     solid, half = body(shape, mass)
-    thick = THICK * half
+    wide, thick = WIDE * half, THICK * half
     material = {"density": 100, "youngs_modulus": E, "poisson_ratio": 0.3, "static_friction": 0.5,
                 "dynamic_friction": 0.4, "rolling_resistance": 0.002}  # fmt: skip
     case = {
         "bodies": [
-            {"name": "slab", "shape": {"box": {"size": [WIDE * half, WIDE * half, thick]}}, "position": [0, 0, thick / 2],
+            {"name": "slab", "shape": {"box": {"size": [wide, wide, thick]}}, "position": [0, 0, thick / 2],
              "motion": "fixed", "material": material},
             {"name": "load", "shape": solid, "position": [0, 0, thick + half + FALL], "mass": mass,
              "material": "steel"},
