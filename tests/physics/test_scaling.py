@@ -69,6 +69,7 @@ def test_depth_lies_between_what_the_known_depths_leave(tmp_path, mass, E):
 
 @pytest.mark.slow
 @pytest.mark.sweep
+@pytest.mark.timeout(1800)
 @pytest.mark.parametrize("mass", [0.2, 1.0, 5.0])
 @pytest.mark.parametrize("E", [1e4, 2e4, 1e5, 5e5])
 def test_the_default_resolution_is_fine_enough(tmp_path, mass, E):

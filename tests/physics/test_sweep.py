@@ -57,16 +57,14 @@ def check(folder, shape, mass, E):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("shape", "mass", "E"), [
-    ("ball", 1e-3, 9e8), ("ball", 50.0, 1e4), ("cube", 1e-3, 1e4), ("cube", 50.0, 9e8),
-])  # fmt: skip
-def test_the_extremes_of_mass_and_stiffness_rest_where_they_fell(tmp_path, shape, mass, E):
-    """The corners of the range."""
-    check(tmp_path, shape, mass, E)
+def test_a_cube_of_a_gram_rests_on_soft_foam(tmp_path):
+    """The light and soft corner of the range."""
+    check(tmp_path, "cube", 1e-3, 1e4)
 
 
 @pytest.mark.slow
 @pytest.mark.sweep
+@pytest.mark.timeout(1800)
 @pytest.mark.parametrize("shape", ["ball", "cube"])
 @pytest.mark.parametrize("mass", MASSES)
 @pytest.mark.parametrize("E", MODULI)
