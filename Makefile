@@ -8,7 +8,7 @@ DATA := $(or $(DCAP_DATA),data)
 OUT ?= $(DATA)/runs/demo
 
 .DEFAULT_GOAL := help
-.PHONY: setup test check benchmark demo ui perf clean help lock system-libraries
+.PHONY: setup test sweep check benchmark demo ui perf clean help lock system-libraries
 
 help: ## this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "make %-18s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -32,6 +32,9 @@ system-libraries: ## install the few system libraries that Open3D loads, or prin
 
 test: $(READY) ## all tests
 	$(BIN)/pytest
+
+sweep: $(READY) ## physics over whole ranges of mass, stiffness and resolution; hours
+	$(BIN)/pytest -m sweep
 
 check: $(READY) ## format, lint, types, imports and fast tests; about a minute
 	$(BIN)/ruff format --check .
