@@ -15,6 +15,7 @@ def configured(
     threads: int = 0,
     solver: str = "tl",
     arch: str = "cpu",
+    stability: bool = False,
 ) -> PlaceConfig:
     """The default configuration with the user's choices in it; `arch` is cpu or cuda: a key of the cache must not
     depend on what this machine has."""
@@ -25,7 +26,7 @@ def configured(
         config = with_setting(config, stage, {"client": language}, f"--language {language}")
     if resolution is not None:
         config = with_setting(config, "particles", {"cell": resolution}, f"--resolution {resolution}")
-    physics = config.drop.solver.model_dump() | {"arch": arch, "method": solver}
+    physics = config.drop.solver.model_dump() | {"arch": arch, "method": solver, "stability": stability}
     if solver == "mls":
         physics["mls_cell"] = resolution
     config = with_setting(config, "drop", {"solver": physics}, f"--solver {solver} --arch {arch}")

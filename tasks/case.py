@@ -34,6 +34,7 @@ def run_case(
     arch: str = "cpu",
     resolution: float | None = None,
     threads: int = 0,
+    stability: bool = False,
     quiet: bool = False,
 ) -> dict[str, object]:
     """Read, simulate and write a case; returns the content of result.json."""
@@ -51,7 +52,7 @@ def run_case(
         config = SolverConfig.model_validate(
             {
                 "threads": threads, "seed": case.seed, "arch": arch, "method": solver,
-                "mls_cell": chosen if solver == "mls" else None,
+                "stability": stability, "mls_cell": chosen if solver == "mls" else None,
             }
         )  # fmt: skip
         warm_up(model, config)  # compilation is not part of wall_s

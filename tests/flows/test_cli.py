@@ -37,6 +37,7 @@ def failed(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
         (["place", "a", "b", "c", "--seed", "one"], "--seed"),
         (["drop", "nothing.yaml", "--out", "out"], "nothing.yaml: no such file"),
         (["place", "a", "b", "c", "--arch", "gpu"], "--arch 'gpu' is not one of"),
+        (["place", "a", "b", "c", "--stability", "--solver", "mls"], "--stability needs --solver tl"),
         (["benchmark", "--methods", "magic"], "--methods 'magic'"),
         (["benchmark", "--workers", "0"], "--workers"),
     ],
