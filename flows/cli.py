@@ -45,6 +45,10 @@ Arch = Annotated[
     str, typer.Option(help="Where the solver runs: cpu, cuda (a graphics card) or auto (cuda if it starts).")
 ]
 Stability = Annotated[bool, typer.Option("--stability", help="Push what rests around; grade what it can take.")]
+LoadAware = Annotated[
+    bool,
+    typer.Option("--load-aware", help="What gives less than 0.05 mm under the load is rigid too, not only E > 1 GPa."),
+]
 Resolution = Annotated[float | None, typer.Option(help="Cell size at the contact [m]; default: from the physics.")]
 Threads = Annotated[int, typer.Option(min=0, help="Threads of the solver, 0: all cores; never changes a result.")]
 
@@ -69,6 +73,7 @@ def place(
     solver: Solver = None,
     arch: Arch = "cpu",
     stability: Stability = False,
+    load_aware: LoadAware = False,
     as_json: Json = False,
 ) -> int:
     """Place one object in one scene."""
@@ -108,6 +113,7 @@ def place(
         solver=solver or "tl",
         arch=chosen_arch(arch),
         stability=stability,
+        load_aware=load_aware,
     )
     tree = write_placement(place_one(sample, config, quiet=as_json), folder)
     print(json.dumps(tree, indent=2, ensure_ascii=False) if as_json else f"{result_line(tree)}\nresults: {folder}")
@@ -123,6 +129,7 @@ def drop(
     threads: Threads = 0,
     arch: Arch = "cpu",
     stability: Stability = False,
+    load_aware: LoadAware = False,
     as_json: Json = False,
 ) -> int:
     """Physics only: settle the bodies of a case file."""
@@ -142,6 +149,7 @@ def drop(
         resolution=resolution,
         threads=threads,
         stability=stability,
+        load_aware=load_aware,
         quiet=as_json,
     )
     print(json.dumps(tree, indent=2) if as_json else f"{tree['verdict']}\nresults: {out}")

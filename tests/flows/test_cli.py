@@ -66,6 +66,15 @@ def test_the_arch_decides_a_result() -> None:
     assert keys[0] == keys[1] != keys[2]
 
 
+def test_options_of_the_physics_reach_their_stages() -> None:
+    """Each decides a result of its own stage."""
+    config = configured(stability=True, load_aware=True)
+    assert config.drop.solver.stability
+    assert config.materials.load_aware
+    assert not configured().drop.solver.stability
+    assert not configured().materials.load_aware
+
+
 def obj_of(vertices: str, faces: str) -> bytes:
     """An OBJ file."""
     return (vertices + faces).encode()
