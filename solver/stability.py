@@ -125,12 +125,20 @@ def grade(course: Course, rest: State, memory: Memory, progress: Progress | None
 def largest_held(held: Callable[[int], bool], most: int, guess: int | None) -> int:
     """Largest level 0..most that `held` is true for, if it is true up to some level and false above; 0 is not tried.
 
-    At most log2(most + 1), rounded up, trials, and two more with a guess, which take two where the guess is right.
+    Bisection, log2(most + 1) rounded up trials; with a guess in strides that double away from it, at most two more than
+    twice as many, and two where it is right.
     """
     low, high = 0, most + 1
-    for level in [] if guess is None else [guess + 1, guess]:
-        if low < level < high:
-            low, high = (level, high) if held(level) else (low, level)
+    if guess is not None:
+        probe, stride = guess + 1, 1
+        up = probe < high and held(probe)
+        low, high = (probe, high) if up else (low, probe)
+        while low < (probe := low + stride if up else high - stride) < high:
+            holds = held(probe)
+            low, high = (probe, high) if holds else (low, probe)
+            if holds != up:
+                break
+            stride *= 2
     while high - low > 1:
         level = (low + high) // 2
         low, high = (level, high) if held(level) else (low, level)

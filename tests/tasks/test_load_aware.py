@@ -57,7 +57,7 @@ def test_what_is_asked_to_be_soft_stays_soft():
 
 
 def test_a_bar_that_bends_stays_soft():
-    """Hertz sees no dent in it, but clamped at one end it gives 4 W l^3 / (E b t^3) = 2.6 cm at 9e8 Pa."""
+    """Hertz sees no dent in it, but clamped at one end it gives 4 W l^3 / (E b t^3) = 0.26 m at 9e8 Pa."""
     bar = [0.4, 0.05, 0.006]
     assert models(block(bar, 9e8, clamp="x_min"), BALL)[0][0] == "auto"
     assert models(block(bar, 9e8, clamp="bottom"), BALL)[0][0] == "rigid"
