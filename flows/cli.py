@@ -44,6 +44,11 @@ Solver = Annotated[str | None, typer.Option(help="Method of the solver: tl (defa
 Arch = Annotated[
     str, typer.Option(help="Where the solver runs: cpu, cuda (a graphics card) or auto (cuda if it starts).")
 ]
+Stability = Annotated[bool, typer.Option("--stability", help="Push what rests around; grade what it can take.")]
+LoadAware = Annotated[
+    bool,
+    typer.Option("--load-aware", help="What gives less than 0.05 mm under the load is rigid too, not only E > 1 GPa."),
+]
 Resolution = Annotated[float | None, typer.Option(help="Cell size at the contact [m]; default: from the physics.")]
 Threads = Annotated[int, typer.Option(min=0, help="Threads of the solver, 0: all cores; never changes a result.")]
 
@@ -67,6 +72,8 @@ def place(
     threads: Threads = 0,
     solver: Solver = None,
     arch: Arch = "cpu",
+    stability: Stability = False,
+    load_aware: LoadAware = False,
     as_json: Json = False,
 ) -> int:
     """Place one object in one scene."""
@@ -90,7 +97,7 @@ def place(
         mass=mass,
         seed=seed,
     )
-    check_physics(resolution, solver, arch)
+    check_physics(resolution, solver, arch, stability)
     folder = out or runs_root() / "place"
     check_out(folder)
 
@@ -100,7 +107,13 @@ def place(
     from tasks.arch import chosen_arch
 
     config = configured(
-        language=language, resolution=resolution, threads=threads, solver=solver or "tl", arch=chosen_arch(arch)
+        language=language,
+        resolution=resolution,
+        threads=threads,
+        solver=solver or "tl",
+        arch=chosen_arch(arch),
+        stability=stability,
+        load_aware=load_aware,
     )
     tree = write_placement(place_one(sample, config, quiet=as_json), folder)
     print(json.dumps(tree, indent=2, ensure_ascii=False) if as_json else f"{result_line(tree)}\nresults: {folder}")
@@ -115,19 +128,29 @@ def drop(
     resolution: Resolution = None,
     threads: Threads = 0,
     arch: Arch = "cpu",
+    stability: Stability = False,
+    load_aware: LoadAware = False,
     as_json: Json = False,
 ) -> int:
     """Physics only: settle the bodies of a case file."""
     if not case.is_file():
         raise InputError(f"{case}: no such file")
-    check_physics(resolution, solver, arch)
+    check_physics(resolution, solver, arch, stability)
     check_out(out)
 
     from tasks.arch import chosen_arch
     from tasks.case import run_case
 
     tree = run_case(
-        case, out, solver=solver or "tl", arch=chosen_arch(arch), resolution=resolution, threads=threads, quiet=as_json
+        case,
+        out,
+        solver=solver or "tl",
+        arch=chosen_arch(arch),
+        resolution=resolution,
+        threads=threads,
+        stability=stability,
+        load_aware=load_aware,
+        quiet=as_json,
     )
     print(json.dumps(tree, indent=2) if as_json else f"{tree['verdict']}\nresults: {out}")
     return 0 if tree["verdict"] == "at_rest" else INFEASIBLE
@@ -253,13 +276,15 @@ def choice(option: str, value: str, allowed: tuple[str, ...]) -> str:
     return value
 
 
-def check_physics(resolution: float | None, solver: str | None, arch: str) -> None:
+def check_physics(resolution: float | None, solver: str | None, arch: str, stability: bool) -> None:
     """Refuse options of the solver that cannot be right."""
     if resolution is not None and not 0 < resolution < LARGEST_RESOLUTION_M:
         raise InputError(f"--resolution {resolution} is not a cell size between 0 and {LARGEST_RESOLUTION_M} m")
     if solver is not None:
         choice("--solver", solver, SOLVERS)
     choice("--arch", arch, ARCHS)
+    if stability and solver == "mls":
+        raise InputError("--stability needs --solver tl; mls verifies no rest state that could be pushed")
 
 
 def check_out(folder: Path) -> None:

@@ -15,6 +15,8 @@ def configured(
     threads: int = 0,
     solver: str = "tl",
     arch: str = "cpu",
+    stability: bool = False,
+    load_aware: bool = False,
 ) -> PlaceConfig:
     """The default configuration with the user's choices in it; `arch` is cpu or cuda: a key of the cache must not
     depend on what this machine has."""
@@ -23,9 +25,10 @@ def configured(
         raise InputError(f"--language {language!r} is not one of {', '.join(LANGUAGES)}")
     for stage in ("intent", "rotation", "anchor", "materials"):
         config = with_setting(config, stage, {"client": language}, f"--language {language}")
+    config = with_setting(config, "materials", {"load_aware": load_aware}, "--load-aware")
     if resolution is not None:
         config = with_setting(config, "particles", {"cell": resolution}, f"--resolution {resolution}")
-    physics = config.drop.solver.model_dump() | {"arch": arch, "method": solver}
+    physics = config.drop.solver.model_dump() | {"arch": arch, "method": solver, "stability": stability}
     if solver == "mls":
         physics["mls_cell"] = resolution
     config = with_setting(config, "drop", {"solver": physics}, f"--solver {solver} --arch {arch}")

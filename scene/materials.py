@@ -56,6 +56,8 @@ class PartMaterials:
     rows: tuple[PartMaterial, ...]
     limits: str
     """'none' or 'paper_limits'."""
+    notes: tuple[str, ...] = ()
+    """What was treated otherwise than its row says, one sentence each."""
 
     def of(self, body: str, part_index: int) -> PartMaterial:
         """The row of one part."""

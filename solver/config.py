@@ -98,6 +98,22 @@ class SolverConfig(BaseModel, frozen=True, extra="forbid"):
     kick_angle: PositiveFloat = 0.0174533
     """How far it may turn [rad]: one degree."""
 
+    stability: bool = False
+    """Push the verified rest state around and grade how far it can be nudged (stability.py); tl only."""
+    push_directions: PositiveInt = 8
+    """Horizontal directions, the first one along x."""
+    push_step: PositiveFloat = 0.02
+    """Difference of neighbouring pushes over the pushed body's weight: how finely the grade is known [-]."""
+    push_most: PositiveFloat = 1.26
+    """Largest push over the weight [-]: 63 steps, six trials by bisection."""
+    push_time: PositiveFloat = 4.0
+    """Time in which a push grows, and then stays, over sqrt(L / 2g), in which a balance is lost by a factor e [-]: what
+    is 3 % above the tipping push has gone by then."""
+    push_distance: PositiveFloat = 0.05
+    """How far from the rest state it may come to rest after a push, over the pushed body's size [-]."""
+    push_angle: PositiveFloat = 0.0872665
+    """How far turned [rad]: five degrees."""
+
     mls_cell: PositiveFloat | None = None
     """Cell of mls's uniform grid [m]; None: the smallest cell of the soft bodies' own grids, coarsened, with a warning,
     until mls_particles suffice."""

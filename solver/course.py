@@ -18,9 +18,8 @@ from solver.state import State, best_rigid_motion
 from solver.step import Stepper, StepReport
 
 Progress = Callable[[int, float, Signals], None]
-Load = Callable[[State, float], State]
-"""A state and the length of the step that begins there [s] -> the state with the velocity that a force would add: in
-backward Euler, M (v' - v - dt F / M) / dt = f(x'), that is the force F over this step."""
+Load = Callable[[float], NDArray[np.float64]]
+"""The time at which a step ends [s] -> the acceleration of each body besides gravity [m/s^2], shape (b, 3)."""
 
 CELL_STIFFNESS = (
     4.0  # first guess of the contact stiffness per area, in E / cell size; then adapted to the penetration target
@@ -68,7 +67,8 @@ class Course:
         shortest = min(self.config.shortest_step_seconds, SHORTER * self.wave_step)
         tolerance = self.config.moving_tolerance if moving else self.config.newton_tolerance
         while True:
-            after, report = self.stepper.advance(state if load is None else load(state, dt), dt, tolerance)
+            self.stepper.push[:] = 0.0 if load is None else load(state.time + dt)
+            after, report = self.stepper.advance(state, dt, tolerance)
             bound = self.config.acceptable_residual * (1.0 + self.config.impact_share * speed / (self.gravity * dt))
             if report.residual <= bound:
                 break

@@ -35,7 +35,16 @@ class Reach:
         return self.distance <= bound.distance and self.angle <= bound.angle
 
 
-ANYWHERE = Reach(np.inf, np.inf)
+@dataclass(frozen=True, slots=True)
+class Patience:
+    """When to stop following what has not come to rest."""
+
+    gone: Reach
+    """Beyond it at once."""
+    reach: Reach
+    """Beyond it at the end of a period."""
+    speed: float
+    """Faster at the end of a period, over the kick's speed [-]."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -86,7 +95,8 @@ def kick(course: Course, rest: State, progress: Progress | None) -> tuple[State,
         course.give(state, i, c.kick_speed * direction, c.kick_angular_speed * axis)
     begin = len(course.history)
     bound = Reach(c.kick_distance * course.length, c.kick_angle)
-    end = follow(course, rest, state, bound, ANYWHERE, progress)
+    # a stable state does not gain speed from a kick
+    end = follow(course, rest, state, bound, Patience(Reach(np.inf, np.inf), bound, 1.0), progress)
     return end.state, end.stable, {
         "done": True, "stable": end.stable, "speed_m_s": c.kick_speed, "angular_speed_rad_s": c.kick_angular_speed,
         "seconds": end.segments * c.kick_seconds, "steps": len(course.history) - begin, "growing": end.growing,
@@ -105,10 +115,12 @@ def standing(rest: State) -> State:
     return state
 
 
-def follow(course: Course, rest: State, state: State, near: Reach, gone: Reach, progress: Progress | None) -> Aftermath:
+def follow(
+    course: Course, rest: State, state: State, near: Reach, patience: Patience, progress: Progress | None
+) -> Aftermath:
     """Let a disturbed state go on from where it is; it is stable if it comes to rest within `near` of the rest state.
 
-    Ends at once where it has moved beyond `gone`. Rolling resistance is gentle from here on (rolling.py).
+    Rolling resistance is gentle from here on (rolling.py).
     """
     c = course.config
     start, farthest, dt = state.time, 0.0, 0.5 * course.balance_step()
@@ -122,13 +134,12 @@ def follow(course: Course, rest: State, state: State, near: Reach, gone: Reach, 
             course.record(state, report, progress)
             reach = Reach.between(course, rest, state)
             farthest = max(farthest, reach.distance)
-            if not reach.within(gone):
+            if not reach.within(patience.gone):
                 return Aftermath(state, False, reach, farthest, np.inf, True, segment)
         left, growing = _speed_left(course, course.history[first:])
-        near_enough = reach.within(near)
-        undecided = near_enough and left <= 1.0 and (growing or left > c.kick_decay)
-    stable = near_enough and left <= c.kick_decay and not growing
-    return Aftermath(state, stable, reach, farthest, left, growing, segment)
+        moving = growing or left > c.kick_decay
+        undecided = moving and reach.within(patience.reach) and left <= patience.speed
+    return Aftermath(state, reach.within(near) and not moving, reach, farthest, left, growing, segment)
 
 
 def _speed_left(course: Course, followed: list[Signals]) -> tuple[float, bool]:

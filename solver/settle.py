@@ -10,12 +10,13 @@ from solver.certificate import Signals, certificate, contact_table
 from solver.config import SolverConfig
 from solver.contact import Contacts
 from solver.course import Course, Progress
-from solver.disturbance import kick
+from solver.disturbance import Memory, kick
 from solver.errors import ModelError
 from solver.mls import drop as mls
 from solver.model import Model
 from solver.result import AT_REST, LEFT_TARGET, NO_EQUILIBRIUM, RestBody, Result, beside, carried
 from solver.runtime import start
+from solver.stability import grade
 from solver.state import State, start_state
 from solver.step import StepReport
 
@@ -28,6 +29,8 @@ def settle(model: Model, config: SolverConfig, progress: Progress | None = None)
     input that cannot be simulated, UnstableStep when a step breaks and ArchError where the kernels cannot run. Same
     model and config: the same bytes for any thread count.
     """
+    if config.stability and config.method == "mls":
+        raise ModelError("stability: mls verifies no rest state that could be pushed; use method tl")
     start(config.threads, config.arch)
     with threadpool_limits(1):  # dense factorisations would round differently with the number of threads
         result = (mls.Drop if config.method == "mls" else Drop)(model, config).run(progress)
@@ -45,10 +48,24 @@ class Drop(Course):
         kicked: dict[str, object] = {"done": False}
         rows = self.rows(self.history[-self.config.rest_steps :])
         if verdict == AT_REST and self.free:
-            end, stable, kicked = kick(self, state, progress)
+            end, stable, kicked = self._kick(state, progress)
             if not stable:
                 verdict, state, report, rows, kicked = self._after_failed_kick(end, kicked, progress)
-        return self._result(verdict, state, report, rows, kicked)
+        stability = self._stability(verdict, state, progress)
+        result = self._result(verdict, state, report, rows, kicked)
+        return replace(result, certificate=result.certificate | stability)
+
+    def _kick(self, rest: State, progress: Progress | None) -> tuple[State, bool, dict[str, object]]:
+        self.memory = Memory.of(self.query)
+        return kick(self, rest, progress)
+
+    def _stability(self, verdict: str, rest: State, progress: Progress | None) -> dict[str, object]:
+        """What the certificate says about pushes, nothing where nobody asked."""
+        if not self.config.stability:
+            return {}
+        if verdict != AT_REST or not self.free:
+            return {"stability": {"done": False, "reason": "there is no verified rest state of a free body"}}
+        return {"stability": grade(self, rest, self.memory, progress)}
 
     def _refuse_overlap(self, state: State) -> None:
         for t in self.query.find(state, state).touching:
@@ -113,7 +130,7 @@ class Drop(Course):
         rows = self.rows(self.history[begin:][-self.config.rest_steps :])
         if verdict != AT_REST:
             return verdict, state, report, rows, first
-        _, stable, kicked = kick(self, state, progress)
+        _, stable, kicked = self._kick(state, progress)
         if stable:
             self.warnings.append("the first rest state was unstable under the kick; this is the one it fell into")
         return (AT_REST if stable else NO_EQUILIBRIUM), state, report, rows, kicked

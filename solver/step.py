@@ -57,6 +57,8 @@ class Stepper:
         self.damping = 0.0
         self.theta = config.inertia_theta if config.inertia else 1.0
         """Where in a step forces and contacts are taken [-]."""
+        self.push = np.zeros((len(model.bodies), 3))
+        """Acceleration that acts on each body besides gravity [m/s^2], shape (b, 3)."""
         cells, particles = len(soft.cell_node), len(soft.volume)
         self.cell_force = np.zeros((cells, 8, 3))
         self.tangent = ElasticTangent(soft, config.tangent_refresh)
@@ -165,6 +167,8 @@ class Stepper:
         out = system.contact_forces()
         nodes, frames = system.split(out)
         nodes += elastic_force + (self.soft.mass * self.soft.gravity_share)[:, None] * gravity
+        for body in self.soft.bodies:
+            nodes[body.nodes] += self.soft.mass[body.nodes, None] * self.push[body.index]
         nodes -= self.soft.mass[:, None] * (velocity - before.v) / dt
         if self.damping > 0.0 and len(nodes):
             drag = np.empty_like(nodes)
@@ -174,7 +178,7 @@ class Stepper:
         for f, i in enumerate(self.frame_bodies):
             linear = (after.center[i] - before.center[i]) / dt
             angular = turn_between(before.rotation[i], after.rotation[i]) / dt
-            frames[f, :3] += system.frames.mass[f] * (gravity - (linear - before.velocity[i]) / dt)
+            frames[f, :3] += system.frames.mass[f] * (gravity + self.push[i] - (linear - before.velocity[i]) / dt)
             frames[f, 3:] -= system.frames.inertia[f] @ (angular - before.angular_velocity[i]) / dt
         return system.reduce(out)
 

@@ -5,6 +5,7 @@ import os
 import sys
 import tempfile
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -24,6 +25,7 @@ from solver.settle import settle
 from solver.warmup import warm_up
 from tasks.case_bodies import build_bodies
 from tasks.case_file import Case, read_case
+from tasks.stiff_bodies import load_aware as stiffened
 
 
 def run_case(
@@ -34,13 +36,18 @@ def run_case(
     arch: str = "cpu",
     resolution: float | None = None,
     threads: int = 0,
+    stability: bool = False,
+    load_aware: bool = False,
     quiet: bool = False,
 ) -> dict[str, object]:
     """Read, simulate and write a case; returns the content of result.json."""
     case = read_case(path)
     begin = time.perf_counter()
     chosen = resolution or (case.resolution if isinstance(case.resolution, float) else None)
+    notes: list[str] = []
     try:
+        if load_aware:
+            case, notes = stiffened(case, path.parent, SolverConfig().penetration_target)
         bodies, cell = build_bodies(case, path.parent, chosen)
     except (ModelError, GeometryError) as error:
         raise InputError(f"{path}: {error}") from error
@@ -52,7 +59,7 @@ def run_case(
         config = SolverConfig.model_validate(
             {
                 "threads": threads, "seed": case.seed, "arch": arch, "method": solver, "inertia": case.inertia,
-                "mls_cell": chosen if solver == "mls" else None,
+                "stability": stability, "mls_cell": chosen if solver == "mls" else None,
             }
         )  # fmt: skip
         warm_up(model, config)  # compilation is not part of wall_s
@@ -62,11 +69,12 @@ def run_case(
     except (ModelError, ArchError) as error:
         raise InputError(f"{path}: {error}") from error
     except UnstableStep as error:
-        broken = _broken(error, bodies, cell)
+        broken = _broken(error, bodies, cell, notes)
         broken |= {"wall_s": time.perf_counter() - built, "timings": {"build_s": built - begin}}
         write_case(out, broken, bodies, None)
         return broken
     done = time.perf_counter()
+    result = replace(result, warnings=(*notes, *result.warnings))
     summary = summarise(case, bodies, result, cell)
     summary |= {"wall_s": done - built, "timings": {"build_s": built - begin, "drop_s": done - built}}
     write_case(out, summary, bodies, result)
@@ -81,12 +89,12 @@ def _progress(step: int, seconds: float, signals: Signals) -> None:
         )
 
 
-def _broken(error: UnstableStep, bodies: list[Body], cell: float) -> dict[str, object]:
+def _broken(error: UnstableStep, bodies: list[Body], cell: float, notes: list[str]) -> dict[str, object]:
     """result.json of a drop without a last state that can be believed, without times."""
     return {
         "verdict": "unstable_step", "bodies": {body.name: None for body in bodies}, "contacts": [], "residual": None,
         "resolution": cell, "simulated_s": None, "relaxation_steps": None, "steps": None, "particles": None,
-        "certificate": None, "warnings": [str(error)],
+        "certificate": None, "warnings": [*notes, str(error)],
     }  # fmt: skip
 
 

@@ -54,15 +54,8 @@ def predicted_footprint(
 
     `fallback_height` [m] stands for what lies below where a ray meets nothing.
     """
-    size = float(np.ptp(item.vertices, axis=0).max())
-    fine = subdivide_near(item, item.bounds, max(size / 40.0, 1e-3)) if len(item.faces) < 4000 else item
-    normal = fine.face_normals
-    under = np.flatnonzero(normal[:, 2] < 0.0)
-    if len(under) == 0:  # wound inside out, or a sheet seen from above
-        under = np.flatnonzero(np.abs(normal[:, 2]) > 0.0)
+    fine, under, gap, area = underside(item, beneath, fallback_height)
     center = fine.triangles[under].mean(axis=1)
-    area = 0.5 * np.abs(normal[under, 2])
-    gap = gaps(center, beneath, fallback_height)
     closest = float(gap.min())
     depth, radius = 3e-3, 0.0
     for _ in range(ROUNDS):
@@ -78,6 +71,27 @@ def predicted_footprint(
         corner.min(axis=0), corner.max(axis=0), radius, depth, wider < FLAT * float(area[touching].sum()), closest,
         int(nearest_face(item, center[int(np.argmin(gap))])),
     )  # fmt: skip
+
+
+def underside(
+    item: Mesh, beneath: Raycaster, fallback_height: float
+) -> tuple[Mesh, NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]:
+    """The object with small faces, which of them look down (k,), their free way down [m] and area in plan [m^2]."""
+    size = float(np.ptp(item.vertices, axis=0).max())
+    fine = subdivide_near(item, item.bounds, max(size / 40.0, 1e-3)) if len(item.faces) < 4000 else item
+    normal = fine.face_normals
+    under = np.flatnonzero(normal[:, 2] < 0.0)
+    if len(under) == 0:  # wound inside out, or a sheet seen from above
+        under = np.flatnonzero(np.abs(normal[:, 2]) > 0.0)
+    center = fine.triangles[under].mean(axis=1)
+    return fine, under, gaps(center, beneath, fallback_height), 0.5 * np.abs(normal[under, 2])
+
+
+def first_curvature(item: Mesh, beneath: Raycaster, fallback_height: float) -> float:
+    """Radius [m] of the sphere whose cap of LEAST_DEPTH has the area that the object has within that depth of first
+    contact: A = 2 pi R d. Of a flat underside a radius much larger than its width, yet one that sinks deeper."""
+    _, _, gap, area = underside(item, beneath, fallback_height)
+    return float(area[gap <= gap.min() + LEAST_DEPTH].sum()) / (2.0 * np.pi * LEAST_DEPTH)
 
 
 def gaps(points: NDArray[np.float64], beneath: Raycaster, fallback_height: float) -> NDArray[np.float64]:

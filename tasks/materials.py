@@ -20,6 +20,7 @@ from scene.materials import Material, Model, PartMaterial, PartMaterials
 from scene.outcome import Infeasible
 from scene.segmentation import Segmentation
 from tasks.stage import stage
+from tasks.stiff_parts import stiffened
 from tasks.views import part_views, sums_of
 
 OBJECT = "object"
@@ -35,6 +36,11 @@ class MaterialsConfig(BaseModel, frozen=True, extra="forbid"):
     """Young's modulus above which a part is rigid [Pa]; the paper's 1 GPa."""
     paper_limits: bool = False
     """Clamp the rows as the paper's section 4.3 does; makes every foam alike."""
+    load_aware: bool = False
+    """Parts of object and base that nobody would see give under the object's weight are rigid too."""
+    invisible: PositiveFloat = 5e-5
+    """Predicted deflection [m] below which that is so: what the solver's contacts give anyway (its
+    penetration_target), whatever the cells."""
     neighbour_distance: NonNegativeFloat = 0.3
     """Instances whose boxes come this near to the object's start are neighbours [m]."""
 
@@ -49,7 +55,10 @@ def materials(
     reply = client(config.client, config.model).materials(request)
     given = {(choice.body, choice.part_index): choice for choice in reply.choices}
     rows = [part_material(q, given[q.body, q.part.index], library, intent, config) for q in questions]
-    return PartMaterials(tuple(rows), "paper_limits" if config.paper_limits else "none")
+    notes: tuple[str, ...] = ()
+    if config.load_aware:
+        rows, notes = stiffened(rows, scene, item, intent, anchor, config.invisible)
+    return PartMaterials(tuple(rows), "paper_limits" if config.paper_limits else "none", notes)
 
 
 materials_task = stage(materials)

@@ -120,6 +120,7 @@ def scenario(
         margin *= config.rolling_margin
     crop = np.stack([low - margin, high + margin])
     s = Scenario(scene, item, intent, anchor, materials, config, mesh, scene.index_of(anchor.base_id), crop)
+    s.notes += materials.notes
     s.notes.append(f"{anchor.base_id} is cut {margin:.2f} m around the object and clamped at the cut")
     return s
 

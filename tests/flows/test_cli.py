@@ -37,6 +37,7 @@ def failed(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
         (["place", "a", "b", "c", "--seed", "one"], "--seed"),
         (["drop", "nothing.yaml", "--out", "out"], "nothing.yaml: no such file"),
         (["place", "a", "b", "c", "--arch", "gpu"], "--arch 'gpu' is not one of"),
+        (["place", "a", "b", "c", "--stability", "--solver", "mls"], "--stability needs --solver tl"),
         (["benchmark", "--methods", "magic"], "--methods 'magic'"),
         (["benchmark", "--workers", "0"], "--workers"),
     ],
@@ -63,6 +64,15 @@ def test_the_arch_decides_a_result() -> None:
         for threads, arch in ((1, "cpu"), (2, "cpu"), (1, "cuda"))
     ]
     assert keys[0] == keys[1] != keys[2]
+
+
+def test_options_of_the_physics_reach_their_stages() -> None:
+    """Each decides a result of its own stage."""
+    config = configured(stability=True, load_aware=True)
+    assert config.drop.solver.stability
+    assert config.materials.load_aware
+    assert not configured().drop.solver.stability
+    assert not configured().materials.load_aware
 
 
 def obj_of(vertices: str, faces: str) -> bytes:

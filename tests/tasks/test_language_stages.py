@@ -15,7 +15,7 @@ from scene.anchor import Anchor
 from scene.box import OrientedBox
 from scene.errors import InputError, LanguageError
 from scene.intent import Intent
-from scene.materials import Model
+from scene.materials import Model, PartMaterials
 from scene.mesh import Mesh
 from scene.outcome import Infeasible, Reason
 from scene.rotation import Rotation
@@ -489,6 +489,26 @@ def test_paper_limits_are_an_option():
     assert clamped.of("bed", 1).material.youngs_modulus == 5e4
     assert "limits" in clamped.of("bed", 1).reason
     assert (plain.limits, clamped.limits) == ("none", "paper_limits")
+
+
+@pytest.mark.parametrize(("share", "model"), [(1.4, Model.RIGID), (0.7, Model.MPM)])
+def test_what_nobody_would_see_give_is_rigid_if_asked(share, model):
+    """On either side of the dent that Hertz predicts for the ball in the mattress; the curvature of a ball of triangles
+    is known to a factor of 2.7, so the dent, which goes with its cube root, to 1.4."""
+    item = thing("ball", ball(0.1))
+    meant, _, found = placed("put the ball on the mattress", item)
+    plain = materials(ROOM, item, meant, found, MaterialsConfig())
+    assert isinstance(plain, PartMaterials)
+    foam = plain.of("bed", 1).material
+    effective = foam.youngs_modulus / (1.0 - foam.poisson_ratio**2)
+    dent = (9.0 * (meant.mass * 9.81) ** 2 / (16.0 * 0.1 * effective**2)) ** (1.0 / 3.0)
+    aware = materials(ROOM, item, meant, found, MaterialsConfig(load_aware=True, invisible=share * dent))
+    assert isinstance(aware, PartMaterials)
+    row = aware.of("bed", 1)
+    assert row.model is model
+    assert ("load-aware" in row.reason) == (model is Model.RIGID)
+    assert any("mattress" in note for note in aware.notes) == (model is Model.RIGID)
+    assert (plain.of("bed", 1).model, plain.notes) == (Model.MPM, ())
 
 
 def test_unknown_things_get_a_stated_fallback():

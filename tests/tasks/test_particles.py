@@ -1,5 +1,6 @@
 """The bodies that the drop gets: mass, volume, clamps, materials and fields of a known bed and known objects."""
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -18,7 +19,7 @@ from scene.particles import Particles
 from scene.segmentation import Instance, Part, Segmentation
 from tasks.footprint import GRAVITY
 from tasks.particles import particles
-from tasks.scenario import CORE, FREE, HELD, ParticlesConfig
+from tasks.scenario import CORE, FREE, HELD, ParticlesConfig, scenario
 
 FOAM = Material("foam", 50.0, 2e4, 0.3, 0.6, 0.5, 0.002, "soft", "test")
 WOOD = Material("wood", 700.0, 1e10, 0.3, 0.5, 0.4, 0.001, "rigid", "test")
@@ -126,6 +127,15 @@ def chosen(**object_parts: Material) -> PartMaterials:
         for i, (n, m) in enumerate(zip(("mattress", "frame", "blanket"), (FOAM, WOOD, CLOTH), strict=True))
     ]
     return PartMaterials(tuple(rows), "none")
+
+
+def test_notes_about_materials_are_passed_on() -> None:
+    """What was made rigid is said in the result's warnings."""
+    rows = replace(chosen(body=WOOD), notes=("body is treated as rigid",))
+    found = scenario(
+        bed(), item(body=ball()), asked(1.0, hollow=True), above((0.0, 0.0, TOP + 0.11)), rows, ParticlesConfig()
+    )
+    assert "body is treated as rigid" in found.notes
 
 
 @cache
