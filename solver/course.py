@@ -50,6 +50,8 @@ class Course:
             self.stepper.damping = predicted_damping(model, config, {i: self.mass[i] for i in self.free}, self.gravity)
         self.wave_step = config.inertia_step * crossing_seconds(model) if config.inertia else np.inf
         """Longest step that resolves elastic waves [s]."""
+        self.care = 1.0
+        """Factor of the tolerance to which steps at rest are solved."""
         self.history: list[Signals] = []
         self.warnings: list[str] = []
 
@@ -65,7 +67,7 @@ class Course:
         dt = min(dt, self._longest_step(speed))
         moving = speed > self.config.moving_speed * np.sqrt(self.gravity * self.length) and not self.config.inertia
         shortest = min(self.config.shortest_step_seconds, SHORTER * self.wave_step)
-        tolerance = self.config.moving_tolerance if moving else self.config.newton_tolerance
+        tolerance = self.config.moving_tolerance if moving else self.care * self.config.newton_tolerance
         while True:
             self.stepper.push[:] = 0.0 if load is None else load(state.time + dt)
             after, report = self.stepper.advance(state, dt, tolerance)

@@ -17,6 +17,7 @@ from solver.soft import SoftSystem
 from solver.state import State, best_rigid_motion, turn_between
 
 COARSE_REFRESH = 4.0  # the coarse product only preconditions: it may be later than the tangent by this factor
+ORDINARY_RATIO = 1.5  # lambda / mu at nu = 0.3
 TURN_REFRESH = 1e-3  # turn of a free body [rad] after which its tangent follows; E V t^2 is then far below its weight
 
 Built = tuple[NDArray[np.float64], list[NDArray[np.float64]]]
@@ -28,7 +29,9 @@ class ElasticTangent:
 
     def __init__(self, soft: SoftSystem, strain_refresh: float) -> None:
         self.soft = soft
-        self.strain_refresh = strain_refresh
+        # late by a strain, the volumetric part is off by lambda / mu times as much as the shear part
+        stiffest = float((soft.lam / soft.mu).max(initial=0.0))
+        self.strain_refresh = strain_refresh * min(1.0, ORDINARY_RATIO / max(stiffest, 1e-30))
         cells = len(soft.cell_node)
         self.cells = np.zeros((cells, 8, 8, 3, 3), dtype=np.float32)
         self.rest_cells = np.zeros((cells, 8, 8, 3, 3), dtype=np.float32)

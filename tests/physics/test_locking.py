@@ -31,7 +31,7 @@ def test_a_hanging_column_stretches_as_fixed_corotated_elasticity_says(lab, nu):
     E, rho, side, height = 2e4, 1000.0, 0.1, 0.4
     column = lab.soft("column", lab.Box(np.array([side, side, height])), [0, 0, height / 2], E=E, nu=nu, rho=rho,
                       cell=0.025, held=np.s_[:, :, -1], fixed=True)  # fmt: skip
-    result = lab.drop(column, newton_tolerance=1e-4)
+    result = lab.drop(column)
     start, end = column.vertices, result.bodies[0].vertices
     rim = np.isclose(np.abs(start[:, :2]).max(axis=1), side / 2)
 
@@ -50,11 +50,6 @@ def test_a_hanging_column_stretches_as_fixed_corotated_elasticity_says(lab, nu):
     assert width - 1.0 == pytest.approx(stretch[20, 1] - 1.0, rel=0.02, abs=2e-4)
 
 
-@pytest.mark.xfail(
-    strict=True,
-    reason="newton_tolerance (1e-3 of the weight) moves a body that hangs by rho g H^2 / (2 E) = 39 mm by more than "
-    "the 0.04 mm that rest_drift (1e-4 L) allows: the solution jitters within its tolerance for ever",
-)
 def test_a_soft_column_that_hangs_comes_to_rest(lab):
     """With the settings that everybody uses."""
     column = lab.soft("column", lab.Box(np.array([0.1, 0.1, 0.4])), [0, 0, 0.2], E=2e4, rho=1000.0, cell=0.025,
@@ -121,24 +116,11 @@ def sagging(lab, nu, cells, **config):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("nu", "cells"), [
-    pytest.param(0.0, 2, marks=pytest.mark.xfail(
-        strict=True, reason="3.2 % too stiff: trilinear cells lock in shear at two cells through the thickness")),
-    (0.3, 2), (0.45, 2), (0.49, 2), (0.0, 3), (0.3, 3), (0.45, 3), (0.49, 3),
-])  # fmt: skip
+@pytest.mark.parametrize("cells", [2, 3])
+@pytest.mark.parametrize("nu", [0.0, 0.3, 0.45, 0.49])
 def test_a_beam_bends_alike_at_any_poisson_ratio(lab, nu, cells):
     """Bending does not depend on nu; two or three cells through the thickness neither lock in shear nor in volume."""
-    _, measured, expected = sagging(lab, nu, cells, tangent_refresh=5e-3, step_limit=100)
+    result, measured, expected = sagging(lab, nu, cells, step_limit=200)
+    assert result.verdict == "at_rest"
     # 3 % is the promise for two to three cells; rest leaves 0.1 % of the weight unbalanced
     assert measured == pytest.approx(expected, rel=0.03)
-
-
-@pytest.mark.xfail(
-    strict=True,
-    reason="the elastic tangent of a clamped body may be late by 0.05 in F (tangent_refresh); its volumetric part is "
-    "lambda / mu = 49 times the rest at nu = 0.49, so Newton cycles and steps shrink below 1 ms",
-)
-@pytest.mark.slow
-def test_a_nearly_incompressible_beam_comes_to_rest(lab):
-    """With the settings that everybody uses, in the number of steps that nu = 0.3 takes (41), times five."""
-    assert sagging(lab, 0.49, 3, step_limit=200)[0].verdict == "at_rest"
