@@ -23,7 +23,7 @@ class SolverConfig(BaseModel, frozen=True, extra="forbid"):
     there honestly."""
     step_seconds: PositiveFloat = 4e-3
     """First step [s]: a fall of 1 cm takes 45 ms, so about ten steps resolve it."""
-    step_distance: PositiveFloat = 3e-3
+    step_distance: PositiveFloat = 2e-3
     """Steps are short enough that no free body moves farther than this [m] in one, or than step_share."""
     step_share: PositiveFloat = 0.01
     """... of its size L [-]: larger bodies may move farther, contact is implicit."""

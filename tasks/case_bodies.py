@@ -26,8 +26,11 @@ CELLS_PER_RADIUS = 6.0  # cells in a predicted contact radius
 CELLS_THROUGH = 4.0  # least cells through the smallest side of a soft body
 RIGID_CELLS = 25.0  # in the smallest side where nothing is soft: spacing of surface points
 FINE_REACH = 1.3  # half width of the fine zone over the predicted contact radius
+OUTLINE_EDGES = 8.0  # edges in half a primitive where only its outline matters
 GROWTH = 2.2  # ratio of neighbouring cells outside of the fine zone
 MOST_MARGIN = 0.02  # a signed distance reaches this far beyond the body [m], half its thickness for small ones
+INVISIBLE = 5e-5  # a dent shallower than the penetration of the contact springs [m] is not worth resolving
+MOST_SAMPLES = 250.0  # of a signed distance along its longest side: 16 million in a cube
 MOST_CELLS = 200_000  # cells of one soft body; more would not fit the time a user expects
 """What a person can raise with --resolution."""
 
@@ -58,16 +61,22 @@ class Solid:
         self.position = np.asarray(body.position)
         self.primitive = primitive_of(body.shape)
         self.given = None if self.primitive else given_mesh(folder / str(body.shape.mesh))
+        self.outline = self.placed(self._outline())
+        """Points of the surface that show where it is flat [m], shape (n, 3)."""
         if isinstance(self.primitive, Capsule):
             reach = 0.5 * self.primitive.length * np.abs(self.rotation[:, 2]) + self.primitive.radius
-            outline = np.stack([self.position - reach, self.position + reach])
-        elif self.primitive is not None:
-            corners = np.array(list(np.ndindex(2, 2, 2))) * 2.0 - 1.0
-            outline = self.placed(corners * self.primitive.half_extents)
+            ends = np.stack([self.position - reach, self.position + reach])
         else:
-            outline = self.placed(self._given().vertices)
-        self.low: NDArray[np.float64] = outline.min(axis=0)
-        self.high: NDArray[np.float64] = outline.max(axis=0)
+            ends = self.outline
+        self.low: NDArray[np.float64] = ends.min(axis=0)
+        self.high: NDArray[np.float64] = ends.max(axis=0)
+
+    def _outline(self) -> NDArray[np.float64]:
+        if self.primitive is None:
+            return self._given().vertices
+        if isinstance(self.primitive, Box):
+            return (np.array(list(np.ndindex(2, 2, 2))) * 2.0 - 1.0) * self.primitive.half_extents
+        return self.primitive.surface(float(self.primitive.half_extents.max()) / OUTLINE_EDGES).vertices
 
     def placed(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """Local points in the world."""
@@ -102,7 +111,7 @@ class Solid:
         return thickness if alone else min(self.predicted_radius(solids, gravity) / CELLS_PER_RADIUS, thickness)
 
     def predicted_radius(self, solids: "list[Solid]", gravity: float) -> float:
-        """Smallest predicted contact radius with any other body [m]."""
+        """Smallest predicted contact radius with any other body [m]: Hertz where round, the face itself where flat."""
         radii = [0.5 * self.smallest]
         for other in solids:
             if other is self or (self.fixed and other.fixed):
@@ -110,7 +119,11 @@ class Solid:
             weight = min(s.mass for s in (self, other) if not s.fixed) * gravity
             curvature = min(s.curvature_radius() for s in (self, other))
             modulus = min(s.material.youngs_modulus for s in (self, other))
-            radii.append(contact_radius(weight, curvature, modulus, self.material.poisson_ratio))
+            hertz = contact_radius(weight, curvature, modulus, self.material.poisson_ratio)
+            hertz = max(hertz, float(np.sqrt(curvature * INVISIBLE)))
+            upper, lower = sorted((self, other), key=lambda s: s.low[2] + s.high[2], reverse=True)
+            depth = hertz**2 / curvature
+            radii.append(max(hertz, min(upper.flat_radius(depth, -1.0), lower.flat_radius(depth, 1.0))))
         return min(radii)
 
     def curvature_radius(self) -> float:
@@ -119,13 +132,21 @@ class Solid:
             return self.primitive.radius
         return 0.5 * float(self.extent[:2].min())
 
+    def flat_radius(self, depth: float, side: float) -> float:
+        """Half the smaller horizontal extent [m] of what lies at most `depth` [m] below its top (`side` 1) or above its
+        bottom (-1)."""
+        level = side * self.outline[:, 2]
+        band = self.outline[level >= level.max() - depth]
+        return 0.5 * float(np.ptp(band[:, :2], axis=0).min())
+
     def build(self, cell: float, finest: float, solids: "list[Solid]", gravity: float) -> Body:
         """The solver's body."""
         planes = None if self.rigid else self._planes(cell, solids, gravity)
         if planes is not None:
             self._refuse_more_cells(planes, cell)
         surface = self._surface(planes, finest if planes is None else cell)
-        spacing = max(min(finest / 2.5, self.smallest / 24.0), float(self.extent.max()) / 200.0)
+        sampled_side = float(self.extent.max()) + 2.0 * self._margin()
+        spacing = max(min(finest / 2.5, self.smallest / 24.0), sampled_side / MOST_SAMPLES)
         distance = self._distance(surface, spacing)
         mass, center, inertia = self._mass_properties()
         soft = None
@@ -158,11 +179,14 @@ class Solid:
         return Mesh.of(self.placed(local.vertices), local.faces)
 
     def _distance(self, surface: Mesh, spacing: float) -> DistanceGrid:
-        margin = max(4.0 * spacing, min(0.5 * self.smallest, MOST_MARGIN))
+        margin = max(4.0 * spacing, self._margin())
         low, high = self.low - margin, self.high + margin
         if self.primitive is None:
             return distance_grid(surface, low, high, spacing)
         return sampled(self._exact_distance, low, high, spacing)
+
+    def _margin(self) -> float:
+        return min(0.5 * self.smallest, MOST_MARGIN)
 
     def _exact_distance(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
         assert self.primitive is not None
