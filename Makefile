@@ -8,7 +8,7 @@ DATA := $(or $(DCAP_DATA),data)
 OUT ?= $(DATA)/runs/demo
 
 .DEFAULT_GOAL := help
-.PHONY: setup test sweep check benchmark demo ui perf clean help lock system-libraries
+.PHONY: setup test sweep check benchmark demo ui perf perf-peers clean help lock system-libraries
 
 help: ## this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "make %-18s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -55,6 +55,9 @@ ui: $(READY) ## Prefect's pages over all runs, on http://127.0.0.1:4200
 
 perf: $(READY) ## measure the parts that take the time
 	$(BIN)/python -m perf
+
+perf-peers: $(READY) ## the reference drops beside Genesis and Newton, if installed (docs/peers.md); half an hour or more
+	$(BIN)/python -m perf.peers $(if $(PEERS_PYTHON),--python "$(PEERS_PYTHON)")
 
 clean: ## remove what can be computed again and Prefect's history; the results of runs stay
 	rm -rf "$(DATA)/cache" build dist .mypy_cache .ruff_cache .pytest_cache .import_linter_cache .hypothesis *.egg-info

@@ -1,0 +1,106 @@
+"""The reference drops and what counts as rest; needs numpy only, so that it runs in a peer's environment."""
+
+import json
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+
+SLAB = (0.40, 0.40, 0.15)
+"""Size of the slab, bottom bonded, weightless [m]."""
+DENSITY = 200.0
+"""Density of the slab [kg/m^3]: decides how it moves, not where it rests."""
+POISSON = 0.3
+"""Poisson's ratio of the slab [-]."""
+RADIUS = 0.05
+"""Radius of the ball [m]."""
+MASS = 1.0
+"""Mass of the ball [kg]."""
+GRAVITY = 9.81
+"""Pulls at the ball only [m/s^2]."""
+START = 0.01
+"""Height of the ball above the slab at the start [m]."""
+FRICTION = 0.5
+"""Between ball and slab [-]; the depth does not depend on it (0.02 %)."""
+DEPTH = {2e4: 12.166e-3, 5e5: 1.488e-3}
+"""Depth of the ball at rest [m] by Young's modulus [Pa]: static finite elements (hex27)."""
+
+REST_SPEED = 6.5e-4
+"""The ball and every particle are slower than this at rest [m/s]: 5e-4 sqrt(g L), as in solver/config.py."""
+REST_DRIFT = 1.7e-5
+"""The ball's height varies by less than this at rest [m]: 1e-4 L, likewise."""
+REST_SECONDS = 0.1
+"""Both hold for so long: more than half a swing of the ball on the softer slab (0.18 s)."""
+LOOK_SECONDS = 0.01
+"""A drop is looked at this often [s]; reading speeds back costs little then."""
+LONGEST = 3.0
+"""No drop is followed longer than this in simulated time [s]."""
+BALL_DENSITY = MASS / (4 / 3 * 3.141592653589793 * RADIUS**3)
+"""Density of the ball [kg/m^3]."""
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What one drop came to; times are of the steps alone, without building and compiling."""
+
+    versions: str
+    device: str
+    elements: str
+    """Size of the discretisation, in words."""
+    cell: float
+    """Smallest cell or node distance [m]."""
+    step: float
+    """Time step [s]."""
+    depth: float
+    """Undeformed top minus lowest point of the ball at the end [m]."""
+    speed: float
+    """Of the fastest of ball and particles at the end [m/s]."""
+    at_rest: bool
+    simulated: float
+    """Simulated time, including the REST_SECONDS that show rest [s]."""
+    wall: float
+    """Wall time of the steps [s]."""
+    cpu: float
+    """Processor time of the steps, all threads [s]: what counts on a machine that others use too."""
+    prepare: float
+    """Building, compiling and first steps [s]; not part of wall."""
+
+
+@dataclass(frozen=True)
+class Fall:
+    """How a followed drop ended."""
+
+    depth: float
+    speed: float
+    at_rest: bool
+    simulated: float
+    wall: float
+    cpu: float
+
+
+def follow(advance: Callable[[], float], look: Callable[[], tuple[float, float]], limit: float) -> Fall:
+    """Advance by about LOOK_SECONDS at a time until rest, LONGEST or `limit` [s] of wall time.
+
+    `advance` returns the seconds simulated; `look` the height of the ball's centre [m] and the largest speed [m/s].
+    """
+    simulated = moving = 0.0
+    window = round(REST_SECONDS / LOOK_SECONDS)
+    heights: list[float] = []
+    begin, begin_cpu = time.perf_counter(), time.process_time()
+    while True:
+        simulated += advance()
+        height, speed = look()
+        wall, cpu = time.perf_counter() - begin, time.process_time() - begin_cpu
+        depth = SLAB[2] - (height - RADIUS)
+        if not speed <= REST_SPEED:  # also where it is not a number
+            moving = simulated
+        heights = [*heights[-window:], height]
+        at_rest = simulated - moving >= REST_SECONDS and max(heights) - min(heights) <= REST_DRIFT
+        sys.stderr.write(f"t = {simulated:.3f} s  depth {1e3 * depth:.3f} mm  speed {speed:.1e} m/s  {wall:.0f} s\n")
+        if at_rest or simulated >= LONGEST or wall >= limit or speed != speed:
+            return Fall(depth, speed, at_rest, simulated, wall, cpu)
+
+
+def report(outcome: Outcome) -> None:
+    """One JSON line, the last on standard output: simulators print there too."""
+    sys.stdout.write("\n" + json.dumps(asdict(outcome)) + "\n")
