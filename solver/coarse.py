@@ -1,10 +1,10 @@
 """A coarse space for the conjugate gradients: few trilinear modes per soft body, and the moving frames.
 
-Block-Jacobi alone is slow in exactly the modes that matter here: a stiff light body that moves as a whole, a slab
+Smoothing alone is slow in exactly the modes that matter here: a stiff light body that moves as a whole, a slab
 that gives way under a ball. The coarse space holds them: trilinear functions on a lattice of few cells per axis over
-each body's grid (they contain every rigid and affine motion) and the six motions of every frame. It is added to
-block-Jacobi as a second level [T05, Sec. 3]: z = D^-1 r + P (P^T A P)^-1 P^T r, with the exact Galerkin product,
-contacts included.
+each body's grid (they contain every rigid and affine motion) and the six motions of every frame. It is added to a
+smoother S as a second level [T05, Sec. 3]: z = S r + P (P^T A P)^-1 P^T r, with the exact Galerkin product, contacts
+included.
 
 [T05] Toselli, Widlund: Domain Decomposition Methods. Springer 2005.
 """
