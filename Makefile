@@ -33,7 +33,7 @@ system-libraries: ## install the few system libraries that Open3D loads, or prin
 test: $(READY) ## all tests
 	$(BIN)/pytest
 
-sweep: $(READY) ## physics over whole ranges of mass, stiffness and resolution; hours
+sweep: $(READY) ## the long physics tests: whole ranges of mass, stiffness and resolution; hours
 	$(BIN)/pytest -m sweep
 
 check: $(READY) ## format, lint, types, imports and fast tests; about a minute

@@ -31,6 +31,7 @@ def energy(one, state):
     return 0.5 * (one.soft.mass[:, None] * state.v**2).sum() + one.stepper.energy.sum()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("theta", [0.5, 0.52])
 def test_a_shaking_free_body_keeps_momentum_and_gains_no_energy(lab, theta):
     """The midpoint rule (theta = 1/2) keeps linear and angular momentum, and energy to O(dt^2) without drift; above 1/2
@@ -85,6 +86,7 @@ def test_a_bar_swings_lengthwise_with_its_first_period_and_keeps_swinging(lab):
     assert swing[110:].max() == pytest.approx(swing[0] * np.exp(-0.02 * (2 * np.pi / 40) * 2 * np.pi * 3), rel=0.02)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("inertia", [True, False])
 def test_a_ball_rebounds_from_an_elastic_slab_only_with_inertia(lab, inertia):
     """Without loss of material a heavy ball gets most of its speed back; the way to rest is critically damped."""

@@ -45,6 +45,7 @@ def drop(folder, mass, E, resolution="auto"):
 
 
 @pytest.mark.slow
+@pytest.mark.sweep
 def test_depth_depends_on_weight_over_stiffness_only(tmp_path):
     """(0.2 kg, 2e4 Pa), (1 kg, 1e5 Pa) and (5 kg, 5e5 Pa) sink equally deep."""
     depths = [drop(tmp_path / str(m), m, E)[1] for m, E in ((0.2, 2e4), (1.0, 1e5), (5.0, 5e5))]
@@ -57,6 +58,7 @@ def test_depth_depends_on_weight_over_stiffness_only(tmp_path):
 
 
 @pytest.mark.slow
+@pytest.mark.sweep
 @pytest.mark.parametrize(("mass", "E"), [(0.2, 1e4), (0.2, 5e5)])
 def test_depth_lies_between_what_the_known_depths_leave(tmp_path, mass, E):
     """The factor on Hertz falls with the load: between the two known ones where m / E is between theirs, and between
