@@ -39,7 +39,7 @@ Planes = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
 
 def build_bodies(case: Case, folder: Path, resolution: float | None) -> tuple[list[Body], float]:
     """Solver bodies of a case and the smallest cell at a contact [m]."""
-    solids = [Solid(body, folder) for body in case.bodies]
+    solids = [Solid(body, folder, _bonded_to(body.name, case.bonds)) for body in case.bodies]
     gravity = float(np.linalg.norm(case.gravity))
     cells = [resolution or s.predicted_cell(solids, gravity) for s in solids]
     finest = min(
@@ -52,8 +52,10 @@ def build_bodies(case: Case, folder: Path, resolution: float | None) -> tuple[li
 class Solid:
     """One body of a case between its description and the solver's arrays."""
 
-    def __init__(self, body: CaseBody, folder: Path) -> None:
+    def __init__(self, body: CaseBody, folder: Path, bonded: frozenset[str] = frozenset()) -> None:
         self.body = body
+        self.bonded = bonded
+        """Names of the bodies that it is bonded to."""
         self.material = material_of(body)
         self.rigid = is_rigid(body, self.material)
         self.fixed = body.motion == "fixed"
@@ -106,16 +108,14 @@ class Solid:
 
     def predicted_cell(self, solids: "list[Solid]", gravity: float) -> float:
         """A sixth of the predicted contact radius, at least four cells through the thickness."""
-        alone = all(other is self or (self.fixed and other.fixed) for other in solids)
+        alone = not self.may_touch(solids)
         thickness = self.smallest / CELLS_THROUGH
         return thickness if alone else min(self.predicted_radius(solids, gravity) / CELLS_PER_RADIUS, thickness)
 
     def predicted_radius(self, solids: "list[Solid]", gravity: float) -> float:
         """Smallest predicted contact radius with any other body [m]: Hertz where round, the face itself where flat."""
         radii = [0.5 * self.smallest]
-        for other in solids:
-            if other is self or (self.fixed and other.fixed):
-                continue
+        for other in self.may_touch(solids):
             weight = min(s.mass for s in (self, other) if not s.fixed) * gravity
             curvature = min(s.curvature_radius() for s in (self, other))
             modulus = min(s.material.youngs_modulus for s in (self, other))
@@ -131,6 +131,14 @@ class Solid:
         if isinstance(self.primitive, Capsule):
             return self.primitive.radius
         return 0.5 * float(self.extent[:2].min())
+
+    def may_touch(self, solids: "list[Solid]") -> "list[Solid]":
+        """The bodies that it can press on: not itself, not both fixed, not bonded to each other."""
+        return [
+            other
+            for other in solids
+            if other is not self and not (self.fixed and other.fixed) and other.body.name not in self.bonded
+        ]
 
     def flat_radius(self, depth: float, side: float) -> float:
         """Half the smaller horizontal extent [m] of what lies at most `depth` [m] below its top (`side` 1) or above its
@@ -218,9 +226,7 @@ class Solid:
         """Graded planes: fine where another body stands over or under this one."""
         reach = FINE_REACH * self.predicted_radius(solids, gravity)
         low, high = self.high.copy(), self.low.copy()
-        for other in solids:
-            if other is self or (self.fixed and other.fixed):
-                continue
+        for other in self.may_touch(solids):
             middle = self.touch_point(other)
             low, high = np.minimum(low, middle - reach), np.maximum(high, middle + reach)
         if (low > high).any():
@@ -255,6 +261,11 @@ class Solid:
         if self.primitive is not None:
             return np.stack([-self.primitive.half_extents, self.primitive.half_extents])
         return self._given().bounds
+
+
+def _bonded_to(name: str, bonds: list[list[str]]) -> frozenset[str]:
+    """Names of the bodies bonded to one."""
+    return frozenset(one for bond in bonds if name in bond for one in bond if one != name)
 
 
 def _spacing(planes: NDArray[np.float64]) -> NDArray[np.float64]:
