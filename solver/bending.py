@@ -16,8 +16,10 @@ The difference is an energy of the cell's modes, E_relief = -1/2 sum c_ij q_ij^2
     c_ij = (2 / h_j)^2 m_i + 2 (2 / h_i)^2 (m_j - n_j / (1 - nu)) ,   d_j = -2 nu / (1 - nu) (2 / h_i) (2 / h_k) n_j
 
 This is assumed-strain stabilisation chosen for bending [BB93], for any nu and ratio of sides. It is a polynomial of the
-node positions, so its forces are exact and turn with the cell. Where the particles of a cut cell correlate the axes,
-that share of it is left out.
+node positions, so its forces are exact and turn with the cell.
+
+Only cells full of one material take part. In a cut cell the same modes are not bending alone: the nodes on its empty
+side hang on the shear that would be taken away.
 
 [BB93] Belytschko, Bindeman: Assumed strain stabilization of the eight node hexahedral element. CMAME 105, 1993.
 """
@@ -25,6 +27,7 @@ that share of it is left out.
 import numpy as np
 from numpy.typing import NDArray
 
+EVEN = 0.01  # of half a cell: how far the particles' mean and second moments may be from those of a full, uniform cell
 MODES = ((1, 0), (2, 0), (0, 1), (2, 1), (0, 2), (1, 2))
 """(i, j) of the columns of c: bent along i, deflected along j; columns 2 j and 2 j + 1 are coupled by d_j."""
 
@@ -52,19 +55,17 @@ def bending_relief(
         return np.bincount(cell, weights=values, minlength=cells).astype(np.float64)
 
     stiffness = total(weight)
-    spread = xi - np.stack([total(weight * xi[:, a]) / stiffness for a in range(3)], axis=1)[cell]
-    moment = np.array([[total(weight * spread[:, a] * spread[:, b]) for b in range(3)] for a in range(3)])
-    width = np.sqrt(np.array([np.maximum(moment[a, a], 1e-300) for a in range(3)]))
-    correlation = np.abs(moment) / (width[:, None] * width[None])
+    mean = np.stack([total(weight * xi[:, a]) / stiffness for a in range(3)])
+    moment = np.stack([total(weight * (xi[:, a] - mean[a, cell]) ** 2) for a in range(3)])
+    full = np.all(np.abs(np.concatenate([mean, moment / stiffness - 0.25])) < EVEN, axis=0)
     ratio = total(volume * lam) / stiffness
     poisson = ratio / (2.0 * (1.0 + ratio))
-    alone = np.clip(1.0 - sum(correlation[a, b] for a, b in ((0, 1), (0, 2), (1, 2))), 0.0, 1.0)
     slope = [2.0 / cell_size[:, a] for a in range(3)]
-    plate = [(moment[a, a] + stiffness / 12.0) / (1.0 - poisson) for a in range(3)]
+    plate = [(moment[a] + stiffness / 12.0) / (1.0 - poisson) for a in range(3)]
     out = np.zeros((cells, 9))
     for column, (i, j) in enumerate(MODES):
-        out[:, column] = alone * (slope[j] ** 2 * moment[i, i] + 2.0 * slope[i] ** 2 * (moment[j, j] - plate[j]))
+        out[:, column] = slope[j] ** 2 * moment[i] + 2.0 * slope[i] ** 2 * (moment[j] - plate[j])
     for j in range(3):
         (i, _), (k, _) = MODES[2 * j], MODES[2 * j + 1]
-        out[:, 6 + j] = -2.0 * alone * poisson * plate[j] * slope[i] * slope[k]
-    return out
+        out[:, 6 + j] = -2.0 * poisson * plate[j] * slope[i] * slope[k]
+    return np.where(full[:, None], out, 0.0)
