@@ -52,6 +52,8 @@ class Course:
         """Longest step that resolves elastic waves [s]."""
         self.care = 1.0
         """Factor of the tolerance to which steps at rest are solved."""
+        self.correcting = False
+        """The next step brings positions into balance with contacts that were changed; it is no motion."""
         self.history: list[Signals] = []
         self.warnings: list[str] = []
 
@@ -82,6 +84,9 @@ class Course:
                 )
             dt = max(0.5 * dt, shortest)
         self.query.remember(report.contacts)
+        if self.correcting:
+            after.stop()
+            self.correcting = False
         easy = report.newton <= self.config.newton_limit // 2 and (len(report.contacts.a) > 0 or not self.free)
         return after, report, dt * (STEP_GROWTH if easy else 1.0)
 

@@ -14,6 +14,9 @@ from solver.course import Course, Progress
 from solver.state import State
 
 KICK_NOISE = 0.1  # share of a kick's speed below which growth is the noise of solving to a tolerance
+GROWTH = (
+    1.25  # of a speed in a quarter of a period: what grows slower rolls in a neutral balance, it does not fall over
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,9 +112,7 @@ def kick(course: Course, rest: State, progress: Progress | None) -> tuple[State,
 def standing(rest: State) -> State:
     """A rest state without the last of its motion."""
     state = rest.copy()
-    state.v[:] = 0.0
-    state.velocity[:] = 0.0
-    state.angular_velocity[:] = 0.0
+    state.stop()
     return state
 
 
@@ -145,8 +146,8 @@ def follow(
 def _speed_left(course: Course, followed: list[Signals]) -> tuple[float, bool]:
     """Largest speed at the end over the kick's (0 where it is below the rest thresholds) and whether it still grows.
 
-    An unstable balance gains speed; a wobble may look like it for half a period, so growth alone only asks for more
-    time.
+    An unstable balance gains speed by a factor e in about sqrt(L / 2g): 0.1 s for L = 0.2 m, and GROWTH in a quarter of
+    half a second for L = 6 m. A wobble may look like it for half its period, so growth alone only asks for more time.
     """
     c = course.config
     quarter = max(len(followed) // 4, 2)
@@ -160,5 +161,5 @@ def _speed_left(course: Course, followed: list[Signals]) -> tuple[float, bool]:
     for name, speed in kicks.items():
         now = end[name]["value"]
         left = max(left, now / speed if now > end[name]["threshold"] else 0.0)
-        growing |= now > max(before[name]["value"], KICK_NOISE * speed)
+        growing |= now > GROWTH * max(before[name]["value"], KICK_NOISE * speed)
     return left, growing

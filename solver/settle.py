@@ -117,7 +117,10 @@ class Drop(Course):
         return any(beside(self.model, self.query.surface(state, i), self.center(state, i)) for i in loose)
 
     def _adapt(self, contacts: Contacts, signals: Signals) -> None:
-        """Stiffen pairs that penetrate more than asked for; only near rest, where the load is the weight."""
+        """Stiffen pairs that penetrate more than asked for; only near rest, where the load is the weight.
+
+        Springs that are suddenly stiffer would throw a body up, so the next step only corrects positions.
+        """
         if signals.speed > self.config.moving_speed * np.sqrt(self.gravity * self.length):
             return
         for t in contacts.touching:
@@ -126,6 +129,7 @@ class Drop(Course):
                 continue
             depth = float(-(t.gap * load).sum() / load.sum())
             if depth > 1.25 * self.config.penetration_target:
+                self.correcting = not self.config.inertia
                 factor = min(4.0, depth / self.config.penetration_target)
                 t.pair.stiffness *= factor
                 t.pair.anchor /= factor

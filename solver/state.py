@@ -41,6 +41,12 @@ class State:
             self.angular_velocity.copy(), self.polar.copy(), self.time,
         )  # fmt: skip
 
+    def stop(self) -> None:
+        """Everything stands still."""
+        self.v[:] = 0.0
+        self.velocity[:] = 0.0
+        self.angular_velocity[:] = 0.0
+
 
 def start_state(model: Model, soft: SoftSystem) -> State:
     """Everything in its start pose with the bodies' start velocities."""

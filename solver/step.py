@@ -43,6 +43,19 @@ class StepReport:
     """Particles of material with det F <= 0."""
 
 
+@dataclass(frozen=True, eq=False, slots=True)
+class Trial:
+    """A guess of the state at the end of a step."""
+
+    state: State
+    contacts: Contacts
+    system: TangentSystem
+    right: Flat
+    """What is out of balance: forces on nodes and frames."""
+    residual: float
+    """Its size over the weight [-]."""
+
+
 class Stepper:
     """Work arrays of one simulation; `advance` moves a state by one step."""
 
@@ -106,25 +119,20 @@ class Stepper:
         """
         whole, dt = dt, self.theta * dt
         before = state.copy()
-        after = self._predict(state, dt)
-        total, residual, contacts, share = 0, np.inf, None, 1.0
+        total, count, share = 0, 0, 1.0
         self.query.seconds = dt
-        for count in range(self.config.newton_limit + 1):
-            force = self.elastic_forces(after)
-            self.tangent.refresh(after, self.deformation)
-            contacts = self.query.find(after, before)
-            system = TangentSystem(self.soft, self.tangent, contacts, self.frames(after), dt, self.damping)
-            right = self._residual(system, after, before, force, dt)
-            previous, residual = residual, self._size(system.split(right), contacts)
-            if not np.isfinite(residual):
-                raise UnstableStep(self._story(after, dt, residual))
-            if residual <= tolerance or count == self.config.newton_limit:
-                break
-            move, iterations = conjugate_gradient(system, right, self.config.linear_tolerance, self.config.linear_limit)
+        trial = self._linearise(self._predict(before, dt), before, dt)
+        while trial.residual > tolerance and count < self.config.newton_limit:
+            move, iterations = conjugate_gradient(
+                trial.system, trial.right, self.config.linear_tolerance, self.config.linear_limit
+            )
             total += iterations
-            share = CAUTION * share if count > 1 and residual > SLOW * previous else min(1.0, 2.0 * share)
-            after = self._move(after, system, share * move)
-        assert contacts is not None
+            count += 1
+            previous, trial = trial, self._linearise(self._move(trial.state, trial.system, share * move), before, dt)
+            share = (
+                CAUTION * share if count > 1 and trial.residual > SLOW * previous.residual else min(1.0, 2.0 * share)
+            )
+        after, contacts = trial.state, trial.contacts
         self._finish(after, before, dt)
         if self.theta < 1.0:
             self._go_on(after, before, whole)
@@ -132,7 +140,20 @@ class Stepper:
             contacts = self.query.find(after, before)  # what friction remembers is the end of the whole step
         self.touched = {int(i) for i in np.union1d(contacts.a, contacts.b)}
         inverted = int((self.volume_ratio[self.soft.real] <= 0.0).sum())
-        return after, StepReport(count, total, residual, contacts, system.split(right)[1], inverted)
+        frames = trial.system.split(trial.right)[1]
+        return after, StepReport(count, total, trial.residual, contacts, frames, inverted)
+
+    def _linearise(self, state: State, before: State, dt: float) -> "Trial":
+        """Forces, contacts and the system of a state at the end of a step; raises UnstableStep if it is not finite."""
+        force = self.elastic_forces(state)
+        self.tangent.refresh(state, self.deformation)
+        contacts = self.query.find(state, before)
+        system = TangentSystem(self.soft, self.tangent, contacts, self.frames(state), dt, self.damping)
+        right = self._residual(system, state, before, force, dt)
+        residual = self._size(system.split(right), contacts)
+        if not np.isfinite(residual):
+            raise UnstableStep(self._story(state, dt, residual))
+        return Trial(state, contacts, system, right, residual)
 
     def _predict(self, state: State, dt: float) -> State:
         """Where everything goes on as it moved; what touched nothing falls."""

@@ -1,9 +1,9 @@
 """The elastic tangent of all soft bodies: warped cell stiffnesses on the 27-point stencil and their coarse product.
 
-A cell's stiffness turns with the rotation of its particles, K = R K_rest R^T [M04]; strain is left out of it, so it is
-rebuilt only when strain has changed visibly. A turn of a free body as a whole is followed closely: a tangent that is
-late by an angle t resists the next turn with a stiffness of about E V t^2, and Kelvin-Voigt damping with it would act
-as a brake from outside.
+A cell's stiffness turns with the rotation of its particles, K = R K_rest R^T [M04]; where strain is small it is left
+out. It is rebuilt only when strain has changed visibly. A turn of a free body as a whole is followed closely: a tangent
+that is late by an angle t resists the next turn with a stiffness of about E V t^2, and Kelvin-Voigt damping with it
+would act as a brake from outside.
 
 [M04] Mueller, Gross: Interactive virtual materials. Graphics Interface 2004.
 """
@@ -18,6 +18,7 @@ from solver.state import State, best_rigid_motion, turn_between
 
 COARSE_REFRESH = 4.0  # the coarse product only preconditions: it may be later than the tangent by this factor
 ORDINARY_RATIO = 1.5  # lambda / mu at nu = 0.3
+STRAINED = 0.1  # a cell strained by more has its own tangent: the one at rest, turned, is then off by as much
 TURN_REFRESH = 1e-3  # turn of a free body [rad] after which its tangent follows; E V t^2 is then far below its weight
 
 Built = tuple[NDArray[np.float64], list[NDArray[np.float64]]]
@@ -56,7 +57,7 @@ class ElasticTangent:
             return
         now = [self._turn(state, k) for k in self.movable]
         if self.built is None or self._strained(self.built, deformation, now) >= self.strain_refresh:
-            self._turn_cells(state)
+            self._turn_cells(state, deformation)
             self.built = deformation.copy(), now
             assert self.coarse is not None
             most = COARSE_REFRESH * self.strain_refresh
@@ -65,7 +66,7 @@ class ElasticTangent:
                 self.coarse_built, self.turned = self.built, now
         late = max((np.linalg.norm(turn_between(a, b)) for a, b in zip(self.turned, now, strict=True)), default=0.0)
         if late > TURN_REFRESH:
-            self._turn_cells(state)
+            self._turn_cells(state, deformation)
             assert self.coarse is not None
             for k, before, after in zip(self.movable, self.turned, now, strict=True):
                 self.coarse.turn(k, after @ before.T)
@@ -87,7 +88,10 @@ class ElasticTangent:
             for k, b in enumerate(self.soft.bodies)
         )
 
-    def _turn_cells(self, state: State) -> None:
+    def _turn_cells(self, state: State, deformation: NDArray[np.float64]) -> None:
         s = self.soft
         elastic.turn_tangents(s.cell_start, s.volume, state.polar, self.rest_cells, self.cells)
+        elastic.strained_tangents(
+            STRAINED, s.cell_size, s.cell_start, s.local, s.volume, s.mu, s.lam, deformation, state.polar, self.cells
+        )
         elastic.gather_tangents(s.node_cell, self.cells, self.stencil)

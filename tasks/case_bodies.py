@@ -22,12 +22,13 @@ from solver.model import FREE, HELD, Body, SignedDistance, SoftParts
 from solver.predict import contact_radius
 from tasks.case_file import Case, CaseBody, is_rigid, material_of, primitive_of
 
-CELLS_PER_RADIUS = 6.0  # cells in a predicted contact radius
+CELLS_PER_RADIUS = 4.5  # cells in a predicted contact radius
 CELLS_THROUGH = 4.0  # least cells through the smallest side of a soft body
 RIGID_CELLS = 25.0  # in the smallest side where nothing is soft: spacing of surface points
 FINE_REACH = 1.3  # half width of the fine zone over the predicted contact radius
 OUTLINE_EDGES = 8.0  # edges in half a primitive where only its outline matters
 GROWTH = 2.2  # ratio of neighbouring cells outside of the fine zone
+SEEN = 0.4  # of the predicted depth: what a face has at most off level to count as flat; of a ball it is less than Hertz
 MOST_MARGIN = 0.02  # a signed distance reaches this far beyond the body [m], half its thickness for small ones
 INVISIBLE = 5e-5  # a dent shallower than the penetration of the contact springs [m] is not worth resolving
 MOST_SAMPLES = 250.0  # of a signed distance along its longest side: 16 million in a cube
@@ -122,7 +123,7 @@ class Solid:
             hertz = contact_radius(weight, curvature, modulus, self.material.poisson_ratio)
             hertz = max(hertz, float(np.sqrt(curvature * INVISIBLE)))
             upper, lower = sorted((self, other), key=lambda s: s.low[2] + s.high[2], reverse=True)
-            depth = hertz**2 / curvature
+            depth = SEEN * hertz**2 / curvature
             radii.append(max(hertz, min(upper.flat_radius(depth, -1.0), lower.flat_radius(depth, 1.0))))
         return min(radii)
 

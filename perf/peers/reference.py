@@ -39,18 +39,10 @@ BALL_DENSITY = MASS / (4 / 3 * 3.141592653589793 * RADIUS**3)
 """Density of the ball [kg/m^3]."""
 
 
-@dataclass(frozen=True)
-class Outcome:
-    """What one drop came to; times are of the steps alone, without building and compiling."""
+@dataclass(frozen=True, kw_only=True)
+class Fall:
+    """How a followed drop ended."""
 
-    versions: str
-    device: str
-    elements: str
-    """Size of the discretisation, in words."""
-    cell: float
-    """Smallest cell or node distance [m]."""
-    step: float
-    """Time step [s]."""
     depth: float
     """Undeformed top minus lowest point of the ball at the end [m]."""
     speed: float
@@ -62,20 +54,22 @@ class Outcome:
     """Wall time of the steps [s]."""
     cpu: float
     """Processor time of the steps, all threads [s]: what counts on a machine that others use too."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Outcome(Fall):
+    """What one drop came to; times are of the steps alone, without building and compiling."""
+
+    versions: str
+    device: str
+    elements: str
+    """Size of the discretisation, in words."""
+    cell: float
+    """Smallest cell or node distance [m]."""
+    step: float
+    """Time step [s]."""
     prepare: float
     """Building, compiling and first steps [s]; not part of wall."""
-
-
-@dataclass(frozen=True)
-class Fall:
-    """How a followed drop ended."""
-
-    depth: float
-    speed: float
-    at_rest: bool
-    simulated: float
-    wall: float
-    cpu: float
 
 
 def follow(advance: Callable[[], float], look: Callable[[], tuple[float, float]], limit: float) -> Fall:
@@ -98,7 +92,7 @@ def follow(advance: Callable[[], float], look: Callable[[], tuple[float, float]]
         at_rest = simulated - moving >= REST_SECONDS and max(heights) - min(heights) <= REST_DRIFT
         sys.stderr.write(f"t = {simulated:.3f} s  depth {1e3 * depth:.3f} mm  speed {speed:.1e} m/s  {wall:.0f} s\n")
         if at_rest or simulated >= LONGEST or wall >= limit or speed != speed:
-            return Fall(depth, speed, at_rest, simulated, wall, cpu)
+            return Fall(depth=depth, speed=speed, at_rest=at_rest, simulated=simulated, wall=wall, cpu=cpu)
 
 
 def report(outcome: Outcome) -> None:

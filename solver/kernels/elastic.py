@@ -5,13 +5,16 @@ Piola-Kirchhoff stress, V particle volume, g_a reference gradient of the shape f
 
 Fixed-corotated energy [S12, Eq. 3.2]: psi = mu |F - R|^2 + lambda / 2 (J - 1)^2, P = 2 mu (F - R) + lambda (J - 1)
 cof F, with the cell's mean volume change in place of J - 1 (mean dilatation, Q1/P0 [N74]) and with bending
-as in solver/bending.py. The tangent is that at rest, turned with the cell (warped stiffness [M04]).
+as in solver/bending.py. The tangent is that at rest, turned with the cell (warped stiffness [M04]), and the true one
+without its negative part [S19] where strain is large.
 
 [S12] Stomakhin, Howes, Schroeder, Teran: Energetically consistent invertible elasticity. SCA 2012.
 [M04] Mueller, Gross: Interactive virtual materials. Graphics Interface 2004.
 [M16] Mueller, Bender, Chentanez, Macklin: A robust method to extract the rotational part of deformations. MIG 2016.
 [N74] Nagtegaal, Parks, Rice: On numerically accurate finite element solutions in the fully plastic range. Comput.
 Methods Appl. Mech. Eng. 4, 1974.
+[S19] Smith, de Goes, Kim: Analytic eigensystems for isotropic distortion energies. ACM Trans. Graph. 38(1), 2019.
+[G13] Golub, Van Loan: Matrix Computations, 4th ed. Johns Hopkins 2013.
 [H86] Higham: Computing the polar decomposition, with applications. SIAM J. Sci. Stat. Comput. 7(4), 1986.
 """
 
@@ -32,6 +35,9 @@ SIDE = tuple(tuple(2.0 * (a >> shift & 1) - 1.0 for shift in (2, 1, 0)) for a in
 POLAR_TOLERANCE = 1e-13  # squared change at which the polar iteration stops: what is left is rounding
 POLAR_ITERATIONS = 20  # Newton converges quadratically: 6 suffice up to a stretch of 10
 SMALLEST_BULK = 1e-300  # [N m], so that nu = 0 divides by something
+JACOBI_SWEEPS = 6  # converge quadratically: four reach rounding
+JACOBI_SMALL = 1e-16  # of the diagonal: nothing left to rotate away
+SMALLEST_STRETCH = 1e-3  # sum of two singular values [-] below which a particle is inside out
 INVERTED = 1e-6  # below this J the Newton iteration is ill-conditioned; the warm-started iteration [M16] takes over
 
 
@@ -308,6 +314,110 @@ def turn_tangents(
                 k = Q @ ti.cast(K_rest[c, a, b], ti.f64) @ Q.transpose()
                 K[c, a, b] = ti.cast(k, ti.f32)
                 K[c, b, a] = ti.cast(k.transpose(), ti.f32)
+
+
+@ti.func
+def eigen(A: mat3):
+    """Eigenvalues and eigenvectors (columns) of a symmetric matrix by cyclic Jacobi rotations [G13, Sec. 8.5]; unlike
+    closed forms it stays exact where eigenvalues coincide, as they do under a round body."""
+    D, X = A, ti.Matrix.identity(ti.f64, 3)
+    for _ in range(JACOBI_SWEEPS):
+        for k in ti.static(range(3)):
+            i, j = ti.static((k + 1) % 3, (k + 2) % 3)
+            if ti.abs(D[i, j]) > JACOBI_SMALL * (ti.abs(D[i, i]) + ti.abs(D[j, j])):
+                tau = 0.5 * (D[j, j] - D[i, i]) / D[i, j]
+                t = (1.0 if tau >= 0.0 else -1.0) / (ti.abs(tau) + ti.sqrt(1.0 + tau**2))
+                c = 1.0 / ti.sqrt(1.0 + t**2)
+                Q = ti.Matrix.identity(ti.f64, 3)
+                Q[i, i], Q[i, j], Q[j, i], Q[j, j] = c, t * c, -t * c, c
+                D = Q.transpose() @ D @ Q
+                X = X @ Q
+    return vec3(D[0, 0], D[1, 1], D[2, 2]), X
+
+
+@ti.func
+def clamped_scalings(mu: ti.f64, pressure: ti.f64, sigma: vec3) -> mat3:
+    """2 mu I + pressure d^2 J / d sigma^2 in the singular values, without its negative eigenvalues."""
+    A = mat3(0.0)
+    for k in ti.static(range(3)):
+        A[k, k] = 2.0 * mu
+        i, j = ti.static((k + 1) % 3, (k + 2) % 3)
+        A[i, j] = A[j, i] = pressure * sigma[k]
+    values, vectors = eigen(A)
+    out = mat3(0.0)
+    for m in ti.static(range(3)):
+        v = vec3(vectors[0, m], vectors[1, m], vectors[2, m])
+        out += ti.max(values[m], 0.0) * v.outer_product(v)
+    return out
+
+
+@ti.kernel
+def strained_tangents(
+    limit: ti.f64,
+    cell_size: ti.types.ndarray(),
+    cell_start: ti.types.ndarray(),
+    xi: ti.types.ndarray(),
+    V: ti.types.ndarray(),
+    mu: ti.types.ndarray(),
+    lam: ti.types.ndarray(),
+    F_in: ti.types.ndarray(),
+    R: ti.types.ndarray(),
+    K: ti.types.ndarray(dtype=mat3f, ndim=3),
+):
+    """Replaces the tangents of cells in which a particle is strained by more than `limit` by their own second
+    derivative, without its negative part: in the basis of singular vectors it is diagonal but for a 3 x 3 block
+    [S19, Sec. 5]. The relief of bending is left out of it."""
+    for c in range(K.shape[0]):
+        h = vec3(cell_size[c, 0], cell_size[c, 1], cell_size[c, 2])
+        strain, dilation, bulk = 0.0, 0.0, SMALLEST_BULK
+        for p in range(cell_start[c], cell_start[c + 1]):
+            F = load3(F_in, p)
+            S = load3(R, p).transpose() @ F
+            for i in ti.static(range(3)):
+                for j in ti.static(range(3)):
+                    strain = ti.max(strain, ti.abs(S[i, j] - (1.0 if ti.static(i == j) else 0.0)))
+            dilation += V[p] * lam[p] * (F.determinant() - 1.0)
+            bulk += V[p] * lam[p]
+        if strain > limit:
+            dilation /= bulk
+            for a in range(8):
+                for b in range(8):
+                    K[c, a, b] = mat3f(0.0)
+            B = ti.Matrix.zero(ti.f64, 8, 3)
+            for p in range(cell_start[c], cell_start[c + 1]):
+                s = vec3(xi[p, 0], xi[p, 1], xi[p, 2])
+                F, Q = load3(F_in, p), load3(R, p)
+                S = Q.transpose() @ F
+                sigma, right = eigen(0.5 * (S + S.transpose()))
+                left = Q @ right
+                pressure = lam[p] * dilation
+                scaling = V[p] * clamped_scalings(mu[p], pressure, sigma)
+                twist, flip = vec3(0.0), vec3(0.0)
+                for k in ti.static(range(3)):
+                    around = sigma[ti.static((k + 1) % 3)] + sigma[ti.static((k + 2) % 3)]
+                    turning = 2.0 * mu[p] * (1.0 - 2.0 / ti.max(around, SMALLEST_STRETCH)) + pressure * sigma[k]
+                    twist[k] = 0.5 * V[p] * ti.max(turning, 0.0)
+                    flip[k] = 0.5 * V[p] * ti.max(2.0 * mu[p] - pressure * sigma[k], 0.0)
+                B += V[p] * lam[p] * shape_gradients(s, h) @ cofactor(F).transpose()
+                for a in range(8):
+                    u = right.transpose() @ shape_gradient(a, s, h)
+                    for b in range(a + 1):
+                        w = right.transpose() @ shape_gradient(b, s, h)
+                        block = mat3(0.0)
+                        for i in ti.static(range(3)):
+                            for j in ti.static(range(3)):
+                                block[i, j] += scaling[i, j] * u[i] * w[j]
+                                if ti.static(i != j):
+                                    k = ti.static(3 - i - j)
+                                    block[i, i] += (flip[k] + twist[k]) * u[j] * w[j]
+                                    block[i, j] += (flip[k] - twist[k]) * u[j] * w[i]
+                        K[c, a, b] = K[c, a, b] + ti.cast(left @ block @ left.transpose(), ti.f32)
+            for a in ti.static(range(8)):
+                for b in ti.static(range(a + 1)):
+                    volume = vec3(B[a, 0], B[a, 1], B[a, 2]).outer_product(vec3(B[b, 0], B[b, 1], B[b, 2])) / bulk
+                    K[c, a, b] = K[c, a, b] + ti.cast(volume, ti.f32)
+                    if ti.static(b < a):
+                        K[c, b, a] = K[c, a, b].transpose()
 
 
 @ti.kernel

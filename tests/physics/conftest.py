@@ -1,5 +1,6 @@
 """Builders of solver bodies from primitives, shared by the physics tests."""
 
+import json
 from types import SimpleNamespace
 
 import numpy as np
@@ -14,6 +15,7 @@ from solver.config import SolverConfig
 from solver.grid import graded_planes
 from solver.model import HELD, Body, Model, SignedDistance, SoftParts
 from solver.settle import settle
+from tasks.case import run_case
 
 GRAVITY = 9.81
 
@@ -111,10 +113,39 @@ def drop(*bodies, gravity=(0.0, 0.0, -GRAVITY), **config):
     return settle(Model(tuple(bodies), np.asarray(gravity, dtype=float)), SolverConfig(threads=2, **config))
 
 
+# the reference drop: a ball on a slab of 0.4 x 0.4 m that is held at its bottom
+RADIUS, THICK = 0.05, 0.15
+# depth [m] by E [Pa] for 1 kg and nu 0.3, from static finite elements (hex27, fixed-corotated energy); it depends on
+# m g / E only
+KNOWN_DEPTH = {2e4: 12.166e-3, 5e5: 1.488e-3}
+
+
+def reference_drop(folder, mass, E, resolution="auto"):
+    """result.json of the reference drop as a case file, and the depth [m]: undeformed top minus lowest point."""
+    material = {"density": 200, "youngs_modulus": E, "poisson_ratio": 0.3, "static_friction": 0.5,
+                "dynamic_friction": 0.4}  # fmt: skip
+    case = {
+        "resolution": resolution,
+        "bodies": [
+            {"name": "slab", "shape": {"box": {"size": [0.4, 0.4, THICK]}}, "position": [0, 0, THICK / 2],
+             "motion": "fixed", "material": material},
+            {"name": "ball", "shape": {"sphere": {"radius": RADIUS}}, "position": [0, 0, THICK + RADIUS + 0.01],
+             "mass": mass, "material": "steel"},
+        ],
+    }  # fmt: skip
+    folder.mkdir(exist_ok=True)
+    path = folder / "case.yaml"
+    path.write_text(json.dumps(case))
+    result = run_case(path, folder / "out", threads=2, quiet=True)
+    assert result["verdict"] == "at_rest"
+    return result, THICK - result["bodies"]["ball"]["aabb"][0][2]
+
+
 @pytest.fixture(scope="session")
 def lab():
     """Everything a physics test needs to build a scene."""
     return SimpleNamespace(
         rigid=rigid, rigid_mesh=rigid_mesh, soft=soft, floor=floor, drop=drop, Box=Box, Capsule=Capsule,
-        Cylinder=Cylinder, planes=graded_planes, gravity=GRAVITY,
+        Cylinder=Cylinder, planes=graded_planes, gravity=GRAVITY, reference_drop=reference_drop, radius=RADIUS,
+        thick=THICK, known_depth=KNOWN_DEPTH,
     )  # fmt: skip

@@ -1,16 +1,7 @@
 """Soft contact against static finite elements and closed forms; all drops come to rest and are verified by a kick."""
 
-import json
-
 import numpy as np
 import pytest
-
-from tasks.case import run_case
-
-RADIUS, THICK = 0.05, 0.15
-# depth [m] of a ball of 1 kg and 0.05 m in a slab 0.4 x 0.4 x 0.15 m, nu 0.3, from static finite elements (hex27,
-# fixed-corotated energy), by E [Pa]; it depends on m g / E only
-DEPTH = {2e4: 12.166e-3, 5e5: 1.488e-3}
 
 
 def hertz_radius(load, modulus, radius):
@@ -18,7 +9,7 @@ def hertz_radius(load, modulus, radius):
     return (0.75 * load * radius / modulus) ** (1 / 3)
 
 
-def slab_under(lab, E, reach, cell, *, thick=THICK, mu=(0.5, 0.4)):
+def slab_under(lab, E, reach, cell, *, thick=0.15, mu=(0.5, 0.4)):
     """The reference slab, fine within `reach` of the middle of its top."""
     planes_x = lab.planes(-0.2, 0.2, -reach, reach, cell, 1.8)
     planes_z = lab.planes(0.0, thick, thick - reach, thick, cell, 1.8)
@@ -27,31 +18,12 @@ def slab_under(lab, E, reach, cell, *, thick=THICK, mu=(0.5, 0.4)):
                     spacing=0.005, mu=mu)  # fmt: skip
 
 
-def drop_ball(folder, mass, E, resolution="auto"):
-    """result.json of the reference drop as a case file, at the default resolution, and the depth [m]."""
-    material = {"density": 200, "youngs_modulus": E, "poisson_ratio": 0.3, "static_friction": 0.5,
-                "dynamic_friction": 0.4}  # fmt: skip
-    case = {
-        "resolution": resolution,
-        "bodies": [
-            {"name": "slab", "shape": {"box": {"size": [0.4, 0.4, THICK]}}, "position": [0, 0, THICK / 2],
-             "motion": "fixed", "material": material},
-            {"name": "ball", "shape": {"sphere": {"radius": RADIUS}}, "position": [0, 0, THICK + RADIUS + 0.01],
-             "mass": mass, "material": "steel"},
-        ],
-    }  # fmt: skip
-    path = folder / "case.yaml"
-    path.write_text(json.dumps(case))
-    result = run_case(path, folder / "out", threads=2, quiet=True)
-    return result, THICK - result["bodies"]["ball"]["aabb"][0][2]
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize(("mass", "E"), [(0.5, 1e4), (1.0, 2e4), (5.0, 1e5), (0.2, 1e5), (1.0, 5e5)])
-def test_a_ball_sinks_into_a_slab_as_deep_as_static_finite_elements_say(tmp_path, mass, E):
+def test_a_ball_sinks_into_a_slab_as_deep_as_static_finite_elements_say(lab, tmp_path, mass, E):
     """Within 2 % for the same m g / E from 0.2 to 5 kg; forces balance the weight, gaps are invisible."""
-    result, depth = drop_ball(tmp_path, mass, E)
-    reference = DEPTH[min(DEPTH, key=lambda known: abs(np.log(E / mass / known)))]
+    result, depth = lab.reference_drop(tmp_path, mass, E)
+    reference = lab.known_depth[min(lab.known_depth, key=lambda known: abs(np.log(E / mass / known)))]
     assert result["verdict"] == "at_rest"
     assert depth == pytest.approx(reference, rel=0.02)
     assert result["residual"]["force"] < 0.005
@@ -60,13 +32,13 @@ def test_a_ball_sinks_into_a_slab_as_deep_as_static_finite_elements_say(tmp_path
 
 
 @pytest.mark.slow
-def test_depth_converges_with_the_grid(tmp_path):
+def test_depth_converges_with_the_grid(lab, tmp_path):
     """Finer cells, smaller error: from a third of the contact radius to a sixth; that is within 2 %."""
     errors = []
     for cells in (3, 6):
         folder = tmp_path / str(cells)
         folder.mkdir()
-        errors.append(abs(drop_ball(folder, 1.0, 2e4, 0.0256 / cells)[1] / DEPTH[2e4] - 1.0))
+        errors.append(abs(lab.reference_drop(folder, 1.0, 2e4, 0.0256 / cells)[1] / lab.known_depth[2e4] - 1.0))
     assert errors[0] > errors[1]
     assert errors[1] < 0.02
 
@@ -75,14 +47,14 @@ def test_depth_converges_with_the_grid(tmp_path):
 def test_a_small_dent_obeys_hertz(lab):
     """d = a^2 / R within 3 % where the slab is 40 contact radii thick."""
     E, mass = 5e5, 0.08
-    contact = hertz_radius(mass * lab.gravity, E / 0.91, RADIUS)
-    assert 39 * contact < THICK
+    contact = hertz_radius(mass * lab.gravity, E / 0.91, lab.radius)
+    assert 39 * contact < lab.thick
     slab = slab_under(lab, E, 1.3 * contact, contact / 6)
-    ball = lab.rigid("ball", lab.Capsule(RADIUS, 0.0), [0, 0, THICK + RADIUS + 2e-4], mass=mass, edge=0.0015,
-                     spacing=0.0008)  # fmt: skip
+    height = lab.thick + lab.radius + 2e-4
+    ball = lab.rigid("ball", lab.Capsule(lab.radius, 0.0), [0, 0, height], mass=mass, edge=0.0015, spacing=0.0008)
     result = lab.drop(ball, slab)
     assert result.verdict == "at_rest"
-    assert THICK - result.bodies[0].vertices[:, 2].min() == pytest.approx(contact**2 / RADIUS, rel=0.03)
+    assert lab.thick - result.bodies[0].vertices[:, 2].min() == pytest.approx(contact**2 / lab.radius, rel=0.03)
 
 
 @pytest.mark.slow
@@ -90,13 +62,13 @@ def test_a_flat_punch_obeys_boussinesq(lab):
     """d = F (1 - nu^2) / (2 a E)."""
     E, mass, a = 2e4, 0.02, 0.005
     slab = slab_under(lab, E, 1.3 * a, a / 8)
-    punch = lab.rigid("punch", lab.Cylinder(a, 0.02), [0, 0, THICK + 0.0101], mass=mass, edge=a / 8, spacing=4e-4)
+    punch = lab.rigid("punch", lab.Cylinder(a, 0.02), [0, 0, lab.thick + 0.0101], mass=mass, edge=a / 8, spacing=4e-4)
     result = lab.drop(punch, slab)
-    depth = THICK - result.bodies[0].vertices[:, 2].min()
+    depth = lab.thick - result.bodies[0].vertices[:, 2].min()
     expected = mass * lab.gravity * 0.91 / (2 * a * E)
     assert result.verdict == "at_rest"
     # the edge is known to half a cell: a / 16; the slab's bottom, 30 radii below, makes it stiffer by about a / H
-    assert depth == pytest.approx(expected, rel=1 / 16 + a / THICK)
+    assert depth == pytest.approx(expected, rel=1 / 16 + a / lab.thick)
 
 
 @pytest.mark.slow
@@ -107,20 +79,20 @@ def test_a_lying_capsule_sinks_evenly_and_less_than_a_ball(lab):
     mass, E, length = 1.0, 2e4, 0.1
     planes_x = lab.planes(-0.2, 0.2, -0.08, 0.08, 0.01, 1.8)
     planes_y = lab.planes(-0.2, 0.2, -0.02, 0.02, 0.005, 1.8)
-    planes_z = lab.planes(0.0, THICK, THICK - 0.02, THICK, 0.005, 1.8)
-    slab = lab.soft("slab", lab.Box(np.array([0.4, 0.4, THICK])), [0, 0, THICK / 2], E=E, cell=0.005,
+    planes_z = lab.planes(0.0, lab.thick, lab.thick - 0.02, lab.thick, 0.005, 1.8)
+    slab = lab.soft("slab", lab.Box(np.array([0.4, 0.4, lab.thick])), [0, 0, lab.thick / 2], E=E, cell=0.005,
                     planes=(planes_x, planes_y, planes_z), held=np.s_[:, :, 0], fixed=True, loaded=True)  # fmt: skip
     turn = np.array([[0.0, 0, 1], [0, 1, 0], [-1, 0, 0]])
-    capsule = lab.rigid("capsule", lab.Capsule(RADIUS, length), [0, 0, THICK + RADIUS + 0.002], mass=mass,
+    capsule = lab.rigid("capsule", lab.Capsule(lab.radius, length), [0, 0, lab.thick + lab.radius + 0.002], mass=mass,
                         rotation=turn, edge=0.005, rolling=1e-3)  # fmt: skip
     result = lab.drop(capsule, slab)
-    depth = THICK - result.bodies[0].vertices[:, 2].min()
+    depth = lab.thick - result.bodies[0].vertices[:, 2].min()
     assert result.verdict == "at_rest"
     assert np.degrees(np.arcsin(abs(result.bodies[0].rotation[2, 0]))) < 0.5
     # a rigid strip of half width b = sqrt(2 R d) and the capsule's whole length on a layer sinks no less than
     # uniaxially over its whole plan of 2 R (length + 2 R): F H (1 - 2 nu)(1 + nu) / (E (1 - nu) A)
-    least = mass * lab.gravity * THICK * 0.52 / (0.7 * E * 2 * RADIUS * (length + 2 * RADIUS))
-    assert least < depth < DEPTH[2e4]
+    least = mass * lab.gravity * lab.thick * 0.52 / (0.7 * E * 2 * lab.radius * (length + 2 * lab.radius))
+    assert least < depth < lab.known_depth[2e4]
 
 
 @pytest.mark.slow

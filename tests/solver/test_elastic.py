@@ -71,6 +71,58 @@ def test_stress_is_the_derivative_of_the_energy(F):
     assert stress(F, MU, LAM) == pytest.approx(numeric, abs=1e-3 * MU)
 
 
+def full_cell(x):
+    """Node forces (8, 3) of a unit cell of eight particles with its nodes at x, and what its tangent needs."""
+    at = 0.5 + np.array([-0.5, 0.5]) / np.sqrt(3.0)
+    one = np.ones(8)
+    cell = {"cell_size": np.ones((1, 3)), "cell_start": np.array([0, 8], dtype=np.int32),
+            "xi": np.stack(np.meshgrid(at, at, at, indexing="ij"), axis=-1).reshape(-1, 3),
+            "V": one / 8, "mu": MU * one, "lam": LAM * one}  # fmt: skip
+    R, F, force = np.tile(np.eye(3).ravel(), (8, 1)), np.zeros((8, 9)), np.zeros((1, 8, 3))
+    nodes = np.arange(8, dtype=np.int32)[None]
+    elastic.cell_forces(x=x, cell_node=nodes, relief=np.zeros((1, 9)), R=R, F_out=F, J_out=one.copy(), psi=one.copy(),
+                        force=force, **cell)  # fmt: skip
+    return force[0], cell | {"F_in": F, "R": R}
+
+
+def tangents(x):
+    """(as the kernel has it, second derivative of the energy by central differences), (24, 24) each."""
+    K = np.zeros((1, 8, 8, 3, 3), dtype=np.float32)
+    elastic.strained_tangents(limit=0.0, K=K, **full_cell(x)[1])
+    columns = []
+    for n in range(24):
+        step = np.zeros(24)
+        step[n] = 1e-6
+        columns.append((full_cell(x - step.reshape(8, 3))[0] - full_cell(x + step.reshape(8, 3))[0]).ravel() / 2e-6)
+    return K[0].transpose(0, 2, 1, 3).reshape(24, 24).astype(float), np.stack(columns, axis=1)
+
+
+CORNERS = np.array(list(np.ndindex(2, 2, 2)), dtype=float)
+TURN = Rotation.from_euler("xyz", [0.3, -1.0, 2.0]).as_matrix()
+
+
+@pytest.mark.parametrize("stretch", [(1.3, 1.25, 1.2), (1.2, 1.2, 1.1), (1.2, 1.2, 1.2)])
+@pytest.mark.parametrize("noise", [0.0, 0.02])
+def test_the_tangent_of_a_stretched_cell_is_the_second_derivative_of_its_energy(stretch, noise):
+    """Nothing is negative there, so nothing is left out, also where singular values coincide; single precision."""
+    x = CORNERS @ (TURN @ np.diag(stretch)).T + noise * np.random.default_rng(0).normal(size=(8, 3))
+    own, numeric = tangents(x)
+    assert own == pytest.approx(numeric, abs=1e-6 * np.abs(numeric).max())
+
+
+@pytest.mark.parametrize("stretch", [(1.0, 1.0, 0.6), (0.7, 1.2, 0.9), (0.5, 0.5, 0.5), (1.0, 0.4, -0.2)])
+def test_the_tangent_of_a_squeezed_cell_is_never_negative(stretch):
+    """There the energy's own second derivative is: conjugate gradients would fail. What is left out is what is negative
+    in single particles, so the tangent is the larger of the two."""
+    own, numeric = tangents(CORNERS @ (TURN @ np.diag(stretch)).T)
+    scale = float(np.abs(own).max())
+    assert own == pytest.approx(own.T, abs=1e-6 * scale)
+    assert np.linalg.eigvalsh(own).min() > -1e-6 * scale
+    assert np.linalg.eigvalsh(numeric).min() < -1e-3 * scale
+    if min(stretch) > 0.0:
+        assert np.linalg.eigvalsh(own - numeric).min() > -1e-5 * scale
+
+
 def test_energy_does_not_depend_on_rigid_rotation():
     """psi(Q F) = psi(F)."""
     F = CASES[0]

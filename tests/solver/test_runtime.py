@@ -1,5 +1,6 @@
 """Where the kernels run: what was asked for or an error, never a silent replacement."""
 
+import json
 import os
 import subprocess
 import sys
@@ -40,3 +41,20 @@ def test_the_environment_cannot_put_a_result_on_another_arch():
     command = [sys.executable, "-c", "from solver.runtime import start; start(2)"]
     done = subprocess.run(command, capture_output=True, text=True, env=os.environ | {"TI_ARCH": "vulkan"})
     assert "ArchError: cpu" in done.stderr
+
+
+@pytest.mark.skipif(not hasattr(os, "sched_getaffinity"), reason="threads have no cores of their own here")
+@pytest.mark.parametrize(("threads", "own"), [(0, True), (1, False)])
+def test_worker_threads_get_cores_of_their_own_only_where_there_is_one_for_each(threads, own):
+    """Fewer threads than cores share them with other processes: a benchmark runs several drops side by side."""
+    cores = len(os.sched_getaffinity(0))
+    if cores == 1:
+        pytest.skip("one core")
+    code = (
+        f"import os; from solver.runtime import start; start({threads}); "
+        "print(sorted(len(os.sched_getaffinity(int(t))) for t in os.listdir('/proc/self/task')))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    counts = json.loads(done.stdout)
+    assert counts[-1] == cores, "the main thread stays free"
+    assert (counts.count(1) >= cores) == own
