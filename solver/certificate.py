@@ -6,6 +6,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from solver.box import bounds
 from solver.config import SolverConfig
 from solver.contact import ContactQuery, Contacts
 from solver.kernels.query import largest_particle_speed
@@ -88,7 +89,7 @@ def measure(
         angular,
         particle_speed(soft, state),
         np.sum(centers, axis=0) / sum(mass.values()) if centers else np.zeros(3),
-        np.concatenate([points.min(axis=0), points.max(axis=0)]),
+        np.concatenate(bounds(points)),
         force_worst,
         torque_worst,
         report.newton,

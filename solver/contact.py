@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from scipy import sparse
 
 from solver.bonds import Bond
+from solver.box import bounds, inside
 from solver.kernels import query
 from solver.model import Body, Model
 from solver.rolling import Law, Rolling, Spin, resist
@@ -162,9 +163,8 @@ class ContactQuery:
         earlier: dict[int, NDArray[np.float64]],
     ) -> Touching | None:
         points = surfaces[pair.a]
-        box = surfaces[pair.b]
-        low, high = box.min(axis=0) - SEARCH_MARGIN, box.max(axis=0) + SEARCH_MARGIN
-        near = np.flatnonzero(((points >= low) & (points <= high)).all(axis=1)).astype(np.int32)
+        low, high = bounds(surfaces[pair.b])
+        near = inside(points, low - SEARCH_MARGIN, high + SEARCH_MARGIN).astype(np.int32)
         if len(near) == 0:
             return None
         material, gap, normal, node, weight = self._query(pair, state, points, near)

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from solver.box import bounds
 from solver.errors import ModelError
 
 FREE, HELD, CORE = 0, 1, 2  # node states: free, held by the world, moving with the body's own rigid core
@@ -76,9 +77,13 @@ class Body:
     """Start velocity [m/s], shape (3,)."""
     angular_velocity: NDArray[np.float64] = field(default_factory=lambda: np.zeros(3))
     """Start angular velocity [rad/s], shape (3,)."""
+    size: float = field(init=False)
+    """Diagonal of the start box [m]."""
 
     def __post_init__(self) -> None:
         _check_surface(self)
+        low, high = bounds(self.vertices)
+        object.__setattr__(self, "size", float(np.linalg.norm(high - low)))
         if not self.fixed and not self.mass > 0.0:
             raise ModelError(f"body {self.name!r}: mass is {self.mass} kg; a free body needs a positive mass")
         if not (0.0 <= self.dynamic_friction <= self.static_friction):
@@ -94,11 +99,6 @@ class Body:
             _check_soft(self.name, self.fixed, self.soft)
         elif not self.fixed and np.linalg.eigvalsh(self.inertia).min() <= 0.0:
             raise ModelError(f"body {self.name!r}: inertia is not positive definite: {self.inertia.tolist()}")
-
-    @property
-    def size(self) -> float:
-        """Diagonal of the start box [m]."""
-        return float(np.linalg.norm(np.ptp(self.vertices, axis=0)))
 
 
 def _check_surface(body: Body) -> None:

@@ -25,8 +25,9 @@ from solver.soft import SoftSystem
 from solver.state import State, rotate, turn_between
 from solver.tangent import ElasticTangent
 
-# where the residual falls by less than SLOW, Newton cycles between contact states: shorten its moves
-SLOW, CAUTION = 0.7, 0.5
+# where the residual falls by less than SLOW, Newton cycles between contact states, often since a loose solution pushes
+# a point at the edge of a contact in and out: solve CLOSELY times as closely, then shorten the moves as well
+SLOW, CLOSELY, CAUTION = 0.7, 0.1, 0.5
 
 
 @dataclass(eq=False, slots=True)
@@ -119,19 +120,22 @@ class Stepper:
         """
         whole, dt = dt, self.theta * dt
         before = state.copy()
-        total, count, share = 0, 0, 1.0
+        total, count, share, stalled = 0, 0, 1.0, False
         self.query.seconds = dt
         trial = self._linearise(self._predict(before, dt), before, dt)
         while trial.residual > tolerance and count < self.config.newton_limit:
             move, iterations = conjugate_gradient(
-                trial.system, trial.right, self.config.linear_tolerance, self.config.linear_limit
+                trial.system,
+                trial.right,
+                (CLOSELY if stalled else 1.0) * self.config.linear_tolerance,
+                self.config.linear_limit,
             )
             total += iterations
             count += 1
             previous, trial = trial, self._linearise(self._move(trial.state, trial.system, share * move), before, dt)
-            share = (
-                CAUTION * share if count > 1 and trial.residual > SLOW * previous.residual else min(1.0, 2.0 * share)
-            )
+            slow = count > 1 and trial.residual > SLOW * previous.residual
+            share = CAUTION * share if slow and stalled else min(1.0, 2.0 * share)
+            stalled |= slow
         after, contacts = trial.state, trial.contacts
         self._finish(after, before, dt)
         if self.theta < 1.0:

@@ -42,6 +42,12 @@ INVERTED = 1e-6  # below this J the Newton iteration is ill-conditioned; the war
 
 
 @ti.func
+def side(a: ti.i32, axis: ti.template()) -> ti.f64:
+    """SIDE[a][axis] for a node that is known only at run time."""
+    return 2.0 * ((a >> (2 - axis)) & 1) - 1.0
+
+
+@ti.func
 def shape_gradient(a: ti.i32, xi: vec3, h: vec3) -> vec3:
     """Reference gradient [1/m] of the trilinear shape function of local node a = 4 i + 2 j + k at xi in [0, 1]^3."""
     i, j, k = a // 4, (a // 2) % 2, a % 2
@@ -277,18 +283,18 @@ def rest_tangents(
                     for i in ti.static(range(3)):
                         block[i, i] += dot
                     K[c, a, b] = K[c, a, b] + ti.cast(block, ti.f32)
-        for a in ti.static(range(8)):
-            for b in ti.static(range(a + 1)):
+        for a in range(8):
+            for b in range(a + 1):
                 block = B[c, a].outer_product(B[c, b]) / bulk
                 for m in ti.static(range(6)):
                     i = ti.static(MODES[m][0])
                     j = ti.static(MODES[m][1])
                     k = ti.static(MODES[m ^ 1][0])
-                    side = ti.static(SIDE[a][i] * SIDE[a][j] * SIDE[b][j] / 64.0)
-                    block[i, i] -= relief[c, m] * side * ti.static(SIDE[b][i])
-                    block[i, k] -= relief[c, ti.static(6 + m // 2)] * side * ti.static(SIDE[b][k])
+                    share = side(a, i) * side(a, j) * side(b, j) / 64.0
+                    block[i, i] -= relief[c, m] * share * side(b, i)
+                    block[i, k] -= relief[c, ti.static(6 + m // 2)] * share * side(b, k)
                 K[c, a, b] = K[c, a, b] + ti.cast(block, ti.f32)
-                if ti.static(b < a):
+                if b < a:
                     K[c, b, a] = K[c, a, b].transpose()
 
 
@@ -412,11 +418,11 @@ def strained_tangents(
                                     block[i, i] += (flip[k] + twist[k]) * u[j] * w[j]
                                     block[i, j] += (flip[k] - twist[k]) * u[j] * w[i]
                         K[c, a, b] = K[c, a, b] + ti.cast(left @ block @ left.transpose(), ti.f32)
-            for a in ti.static(range(8)):
-                for b in ti.static(range(a + 1)):
+            for a in range(8):
+                for b in range(a + 1):
                     volume = vec3(B[a, 0], B[a, 1], B[a, 2]).outer_product(vec3(B[b, 0], B[b, 1], B[b, 2])) / bulk
                     K[c, a, b] = K[c, a, b] + ti.cast(volume, ti.f32)
-                    if ti.static(b < a):
+                    if b < a:
                         K[c, b, a] = K[c, a, b].transpose()
 
 
