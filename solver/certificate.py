@@ -64,6 +64,7 @@ def measure(
     gravity = model.gravity
     soft_of = query.soft_of
     linear = angular = force_worst = torque_worst = 0.0
+    carried = report.contacts.burden(len(model.bodies))
     centers, surfaces = [], []
     for i in watched:
         if i in soft_of:
@@ -79,7 +80,7 @@ def measure(
         if model.bodies[i].fixed:
             continue
         force, torque = total_wrench(report.contacts, i, center)
-        weight = mass[i] * max(float(np.linalg.norm(gravity)), 1e-12)
+        weight = max(mass[i] * max(float(np.linalg.norm(gravity)), 1e-12), carried[i])
         force_worst = max(force_worst, float(np.linalg.norm(force + mass[i] * gravity)) / weight)
         torque_worst = max(torque_worst, float(np.linalg.norm(torque)) / (weight * 0.5 * model.bodies[i].size))
     points = np.concatenate(surfaces) if surfaces else np.zeros((1, 3))

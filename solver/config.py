@@ -38,7 +38,7 @@ class SolverConfig(BaseModel, frozen=True, extra="forbid"):
     newton_limit: PositiveInt = 8
     """Newton iterations in a step before it counts as not converged."""
     newton_tolerance: PositiveFloat = 1e-3
-    """Force residual over the free bodies' weight at which a step at rest is solved: a fifth of what the
+    """Residual of a body over its weight, or what it carries, at which a step at rest is solved: a fifth of what the
     certificate allows."""
     moving_tolerance: PositiveFloat = 1e-2
     """The same while a free body is faster than moving_speed."""
@@ -81,7 +81,8 @@ class SolverConfig(BaseModel, frozen=True, extra="forbid"):
     rest_drift: PositiveFloat = 1e-4
     """Largest change of centre of mass and of the joint box over the rest window, over L [-]."""
     rest_residual: PositiveFloat = 5e-3
-    """Unbalanced force over the free bodies' weight (torque: over weight times half the size) [-]."""
+    """Unbalanced force on a free body over its weight, or over what it carries where that is more (torque: over that
+    times half the size) [-]."""
 
     kick_speed: NonNegativeFloat = 1e-3
     """Verification kick [m/s]."""

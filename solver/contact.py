@@ -96,6 +96,13 @@ class Contacts:
     spins: dict[int, Spin] = field(default_factory=dict)
     """Spins of the free soft bodies in contact, by model index."""
 
+    def burden(self, bodies: int) -> NDArray[np.float64]:
+        """Half the sum of the sizes of the forces on each body [N], shape (bodies,): what one between two others
+        carries."""
+        size = 0.5 * np.linalg.norm(self.force, axis=1)
+        both = np.bincount(self.a, size, bodies) + np.bincount(self.b, size, bodies)
+        return np.asarray(both, dtype=np.float64)
+
 
 def vertex_areas(body: Body) -> NDArray[np.float64]:
     """A third of the adjacent triangle areas per vertex [m^2], shape (n,)."""

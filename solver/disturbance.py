@@ -91,11 +91,7 @@ class Aftermath:
 def kick(course: Course, rest: State, progress: Progress | None) -> tuple[State, bool, dict[str, object]]:
     """Kick a rest state and follow it: where that ends, whether the rest was stable, and the certificate's part."""
     c = course.config
-    random = np.random.default_rng(c.seed)
-    state = standing(rest)
-    for i in course.free:
-        direction, axis = (d / np.linalg.norm(d) for d in random.normal(size=(2, 3)))
-        course.give(state, i, c.kick_speed * direction, c.kick_angular_speed * axis)
+    state = struck(course, rest)
     begin = len(course.history)
     bound = Reach(c.kick_distance * course.length, c.kick_angle)
     # a stable state does not gain speed from a kick
@@ -107,6 +103,31 @@ def kick(course: Course, rest: State, progress: Progress | None) -> tuple[State,
         "distance_m": {"value": end.reach.distance, "threshold": bound.distance, "largest": end.farthest},
         "angle_rad": {"value": end.reach.angle, "threshold": bound.angle},
     }  # fmt: skip
+
+
+def struck(course: Course, rest: State) -> State:
+    """A rest state in which everything free has got the kick, seeded, bonded bodies as one."""
+    c = course.config
+    random = np.random.default_rng(c.seed)
+    state = standing(rest)
+    for group in assemblies(course):
+        direction, axis = (d / np.linalg.norm(d) for d in random.normal(size=(2, 3)))
+        mass = np.array([course.mass[i] for i in group])
+        centers = np.array([course.center(state, i) for i in group])
+        spin = c.kick_angular_speed * axis
+        for i, arm in zip(group, centers - mass @ centers / mass.sum(), strict=True):
+            course.give(state, i, c.kick_speed * direction + np.cross(spin, arm), spin)
+    return state
+
+
+def assemblies(course: Course) -> list[list[int]]:
+    """Free bodies by what they are bonded to, directly or through others: each group moves as one."""
+    groups: list[list[int]] = []
+    for i in course.free:
+        bodies = course.model.bodies
+        joined = [g for g in groups if any(course.model.bonded(bodies[i], bodies[j]) for j in g)]
+        groups = [g for g in groups if g not in joined] + [sorted([i, *(j for g in joined for j in g)])]
+    return sorted(groups)
 
 
 def standing(rest: State) -> State:

@@ -37,7 +37,9 @@ class StepReport:
     newton: int
     linear: int
     residual: float
-    """Force residual over the free bodies' weight [-]."""
+    """Largest residual of a body over its weight, or over what it carries where that is more [-]."""
+    share: float
+    """The same over the weight of all free bodies [-]."""
     contacts: Contacts
     frame_residual: NDArray[np.float64]
     inverted: int
@@ -54,20 +56,22 @@ class Trial:
     right: Flat
     """What is out of balance: forces on nodes and frames."""
     residual: float
-    """Its size over the weight [-]."""
+    """Its size as in StepReport [-]."""
+    share: float
 
 
 class Stepper:
     """Work arrays of one simulation; `advance` moves a state by one step."""
 
     def __init__(
-        self, model: Model, soft: SoftSystem, query: ContactQuery, config: SolverConfig, weight: float
+        self, model: Model, soft: SoftSystem, query: ContactQuery, config: SolverConfig, weights: NDArray[np.float64]
     ) -> None:
         self.model = model
         self.soft = soft
         self.query = query
         self.config = config
-        self.weight = weight
+        self.weights = weights
+        """What residuals of each body are measured by [N]: its own weight, of fixed ones that of all free ones."""
         self.damping = 0.0
         self.theta = config.inertia_theta if config.inertia else 1.0
         """Where in a step forces and contacts are taken [-]."""
@@ -145,7 +149,7 @@ class Stepper:
         self.touched = {int(i) for i in np.union1d(contacts.a, contacts.b)}
         inverted = int((self.volume_ratio[self.soft.real] <= 0.0).sum())
         frames = trial.system.split(trial.right)[1]
-        return after, StepReport(count, total, trial.residual, contacts, frames, inverted)
+        return after, StepReport(count, total, trial.residual, trial.share, contacts, frames, inverted)
 
     def _linearise(self, state: State, before: State, dt: float) -> "Trial":
         """Forces, contacts and the system of a state at the end of a step; raises UnstableStep if it is not finite."""
@@ -154,10 +158,12 @@ class Stepper:
         contacts = self.query.find(state, before)
         system = TangentSystem(self.soft, self.tangent, contacts, self.frames(state), dt, self.damping)
         right = self._residual(system, state, before, force, dt)
-        residual = self._size(system.split(right), contacts)
+        scale = np.maximum(self.weights, contacts.burden(len(self.weights)))
+        residual = self._size(system.split(right), contacts, scale)
         if not np.isfinite(residual):
             raise UnstableStep(self._story(state, dt, residual))
-        return Trial(state, contacts, system, right, residual)
+        share = self._size(system.split(right), contacts, np.full(len(self.weights), self.weights.max()))
+        return Trial(state, contacts, system, right, residual, share)
 
     def _predict(self, state: State, dt: float) -> State:
         """Where everything goes on as it moved; what touched nothing falls."""
@@ -207,19 +213,22 @@ class Stepper:
             frames[f, 3:] -= system.frames.inertia[f] @ (angular - before.angular_velocity[i]) / dt
         return system.reduce(out)
 
-    def _size(self, residual: Vector, contacts: Contacts) -> float:
-        """Largest of the node residual (2-norm) and the frames' force and torque residuals, over the weight."""
-        parts = [float(np.sqrt((residual[0] ** 2).sum()))]
+    def _size(self, residual: Vector, contacts: Contacts, scale: NDArray[np.float64]) -> float:
+        """Largest residual of a body over its `scale` [N]: of its nodes (2-norm), its force, its torque over half its
+        size."""
+        parts = [0.0]
         for body in self.soft.bodies:
+            nodes = residual[0][body.nodes]
+            parts.append(float(np.sqrt((nodes**2).sum())) / scale[body.index])
             if not self.model.bodies[body.index].fixed:  # many small residuals of one sign move a body as a whole
-                parts.append(float(np.linalg.norm(residual[0][body.nodes].sum(axis=0))))
+                parts.append(float(np.linalg.norm(nodes.sum(axis=0))) / scale[body.index])
         for index, spin in contacts.spins.items():
             torque = np.cross(spin.arm, residual[0][spin.nodes]).sum(axis=0)
-            parts.append(float(np.linalg.norm(torque)) / (0.5 * self.model.bodies[index].size))
+            parts.append(float(np.linalg.norm(torque)) / (scale[index] * 0.5 * self.model.bodies[index].size))
         for f, i in enumerate(self.frame_bodies):
-            parts.append(float(np.linalg.norm(residual[1][f, :3])))
-            parts.append(float(np.linalg.norm(residual[1][f, 3:])) / (0.5 * self.model.bodies[i].size))
-        return max(parts) / self.weight
+            parts.append(float(np.linalg.norm(residual[1][f, :3])) / scale[i])
+            parts.append(float(np.linalg.norm(residual[1][f, 3:])) / (scale[i] * 0.5 * self.model.bodies[i].size))
+        return max(parts)
 
     def _move(self, state: State, system: TangentSystem, move: Flat) -> State:
         """Apply a Newton step, shortened so that no point jumps past a contact."""
@@ -262,4 +271,4 @@ class Stepper:
 
     def _story(self, state: State, dt: float, residual: float) -> str:
         where = f"step at t = {state.time:.4f} s, dt = {dt:.2e} s"
-        return f"{where}: residual is {residual} of the free weight {self.weight:.3g} N"
+        return f"{where}: residual is {residual} of a body's weight"

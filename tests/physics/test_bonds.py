@@ -4,9 +4,12 @@ import numpy as np
 import pytest
 
 from solver.config import SolverConfig
+from solver.disturbance import assemblies, struck
 from solver.errors import ModelError
 from solver.model import Model
-from solver.settle import settle
+from solver.runtime import start
+from solver.settle import Drop, settle
+from solver.state import start_state
 
 
 def settled(lab, bonds, *bodies, **config):
@@ -57,6 +60,24 @@ def test_a_soft_body_keeps_its_rigid_buttons(lab):
         near = np.argsort(np.linalg.norm(toy.vertices - start, axis=1))[:4]
         moved = (result.bodies[0].vertices - toy.vertices)[near].mean(axis=0)
         assert now - start == pytest.approx(moved, abs=2e-3)
+
+
+def test_a_kick_moves_bonded_bodies_as_one(lab):
+    """Two bonded boxes and a third beside them: the pair's velocities are those of one rigid body."""
+    box = lab.Box(np.array([0.06, 0.06, 0.06]))
+    bodies = [lab.rigid(name, box, [x, 0, 0.0302], mass=mass) for name, x, mass in
+              (("left", 0.0, 0.3), ("alone", 0.3, 0.5), ("right", 0.0605, 0.6))]  # fmt: skip
+    model = Model((*bodies, lab.floor()), np.array([0.0, 0.0, -lab.gravity]), bonds=(("left", "right"),))
+    start(2)
+    course = Drop(model, SolverConfig())
+    assert assemblies(course) == [[0, 2], [1]]
+    state = struck(course, start_state(model, course.soft))
+    v, spin = state.velocity, state.angular_velocity
+    assert spin[0] == pytest.approx(spin[2])
+    assert v[2] - v[0] == pytest.approx(np.cross(spin[0], bodies[2].center_of_mass - bodies[0].center_of_mass))
+    assert not np.allclose(spin[1], spin[0])
+    # at the pair's common centre of mass
+    assert np.linalg.norm((0.3 * v[0] + 0.6 * v[2]) / 0.9) == pytest.approx(SolverConfig().kick_speed)
 
 
 def test_a_bond_of_bodies_that_do_not_touch_is_refused(lab):

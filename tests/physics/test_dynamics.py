@@ -24,7 +24,7 @@ def alone(body, **config):
     start(2)
     one = Drop(Model((body,), np.zeros(3)), SolverConfig(**config))
     one.stepper.damping = 0.0
-    one.stepper.weight = 1.0  # residuals in newtons: without gravity there is no weight to measure them by
+    one.stepper.weights[:] = 1.0  # residuals in newtons: without gravity there is no weight to measure them by
     return one, start_state(one.model, one.soft)
 
 
