@@ -26,8 +26,8 @@ from solver.state import State, rotate, turn_between
 from solver.tangent import ElasticTangent
 
 # where the residual falls by less than SLOW, Newton cycles between contact states, often since a loose solution pushes
-# a point at the edge of a contact in and out: solve CLOSELY times as closely, then shorten the moves as well
-SLOW, CLOSELY, CAUTION = 0.7, 0.1, 0.5
+# a point at the edge of a contact in and out: solve CLOSELY times as closely, and shorten moves down to SHORTEST
+SLOW, CLOSELY, SHORTEST = 0.7, 0.1, 0.2
 
 
 @dataclass(eq=False, slots=True)
@@ -124,7 +124,7 @@ class Stepper:
         """
         whole, dt = dt, self.theta * dt
         before = state.copy()
-        total, count, share, stalled = 0, 0, 1.0, False
+        total, count, stalled = 0, 0, False
         self.query.seconds = dt
         trial = self._linearise(self._predict(before, dt), before, dt)
         while trial.residual > tolerance and count < self.config.newton_limit:
@@ -136,10 +136,13 @@ class Stepper:
             )
             total += iterations
             count += 1
-            previous, trial = trial, self._linearise(self._move(trial.state, trial.system, share * move), before, dt)
-            slow = count > 1 and trial.residual > SLOW * previous.residual
-            share = CAUTION * share if slow and stalled else min(1.0, 2.0 * share)
-            stalled |= slow
+            best, share = self._linearise(self._move(trial.state, trial.system, move), before, dt), 1.0
+            while stalled and best.residual > SLOW * trial.residual and share > SHORTEST:
+                share *= 0.5
+                shorter = self._linearise(self._move(trial.state, trial.system, share * move), before, dt)
+                best = min(best, shorter, key=lambda one: one.residual)
+            stalled |= count > 1 and best.residual > SLOW * trial.residual
+            trial = best
         after, contacts = trial.state, trial.contacts
         self._finish(after, before, dt)
         if self.theta < 1.0:
