@@ -21,9 +21,7 @@ Progress = Callable[[int, float, Signals], None]
 Load = Callable[[float], NDArray[np.float64]]
 """The time at which a step ends [s] -> the acceleration of each body besides gravity [m/s^2], shape (b, 3)."""
 
-CELL_STIFFNESS = (
-    4.0  # first guess of the contact stiffness per area, in E / cell size; then adapted to the penetration target
-)
+CELL_STIFFNESS = 4.0  # first guess of the contact stiffness per area, in E / cell size; adapted to the target near rest
 SHORTER = 0.1  # of a step that resolves elastic waves: what it may be shortened to in an impact
 STEP_GROWTH = 1.25  # growth of the step when Newton converges easily
 
@@ -35,6 +33,7 @@ class Course:
         self.model = model
         self.config = config
         self.soft = soft_system.build(model)
+        self.soft_of = {one.index: one for one in self.soft.bodies}
         self.free = [i for i, b in enumerate(model.bodies) if not b.fixed]
         self.watched = self.free or [s.index for s in self.soft.bodies]
         self.mass = {i: self._mass(i) for i in self.watched}
@@ -61,9 +60,8 @@ class Course:
         self.warnings: list[str] = []
 
     def _mass(self, index: int) -> float:
-        for s in self.soft.bodies:
-            if s.index == index:
-                return float(self.soft.mass[s.nodes].sum())
+        if (one := self.soft_of.get(index)) is not None:
+            return float(self.soft.mass[one.nodes].sum())
         return self.model.bodies[index].mass
 
     def step(self, state: State, dt: float, load: Load | None = None) -> tuple[State, StepReport, float]:
@@ -111,10 +109,9 @@ class Course:
         """Add a rigid motion [m/s], [rad/s] about its centre of mass to what a free body does."""
         state.velocity[index] += velocity
         state.angular_velocity[index] += angular_velocity
-        for s in self.soft.bodies:
-            if s.index == index:
-                arm = state.x[s.nodes] - self.center(state, index)
-                state.v[s.nodes] += velocity + np.cross(angular_velocity, arm)
+        if (one := self.soft_of.get(index)) is not None:
+            arm = state.x[one.nodes] - self.center(state, index)
+            state.v[one.nodes] += velocity + np.cross(angular_velocity, arm)
 
     def record(self, state: State, report: StepReport, progress: Progress | None) -> Signals:
         """Measure an accepted step and add it to the history."""
@@ -130,10 +127,9 @@ class Course:
 
     def center(self, state: State, index: int) -> NDArray[np.float64]:
         """Centre of mass of a body [m], shape (3,)."""
-        for s in self.soft.bodies:
-            if s.index == index:
-                m = self.soft.mass[s.nodes]
-                return np.asarray(m @ state.x[s.nodes] / m.sum())
+        if (one := self.soft_of.get(index)) is not None:
+            m = self.soft.mass[one.nodes]
+            return np.asarray(m @ state.x[one.nodes] / m.sum())
         return np.asarray(state.center[index])
 
     def distance(self, rest: State, state: State) -> tuple[float, float]:
@@ -147,17 +143,16 @@ class Course:
 
     def motion(self, state: State, index: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """World-from-start rotation (3, 3) and translation (3,) [m] of a body, best fit for a free soft one."""
-        for s in self.soft.bodies:
-            if s.index == index and not self.model.bodies[index].fixed:
-                return best_rigid_motion(self.soft.rest[s.nodes], state.x[s.nodes], self.soft.mass[s.nodes])
+        one = self.soft_of.get(index)
+        if one is not None and not self.model.bodies[index].fixed:
+            return best_rigid_motion(self.soft.rest[one.nodes], state.x[one.nodes], self.soft.mass[one.nodes])
         rotation = state.rotation[index]
         return rotation, state.center[index] - rotation @ self.model.bodies[index].center_of_mass
 
     def speed(self, state: State, index: int) -> float:
         """Bound of the speed of any point of a body [m/s]."""
-        for s in self.soft.bodies:
-            if s.index == index:
-                return float(np.linalg.norm(state.v[s.nodes], axis=1).max())
+        if (one := self.soft_of.get(index)) is not None:
+            return float(np.linalg.norm(state.v[one.nodes], axis=1).max())
         reach = 0.5 * self.model.bodies[index].size
         return float(np.linalg.norm(state.velocity[index]) + reach * np.linalg.norm(state.angular_velocity[index]))
 
@@ -178,19 +173,8 @@ def contact_pairs(model: Model, soft: SoftSystem, config: SolverConfig, gravity:
                 stiffness = np.minimum(stiffness, CELL_STIFFNESS * modulus / cell * np.minimum(area, cell**2))
             mu_s, mu_d = model.friction(one, two)
             points = len(one.vertices)
-            pairs.append(
-                Pair(
-                    a,
-                    b,
-                    mu_s,
-                    mu_d,
-                    stiffness,
-                    area,
-                    np.zeros((points, 3)),
-                    np.zeros(points, dtype=bool),
-                    np.full((points, 3), np.nan),
-                )
-            )
+            anchor, guess = np.zeros((points, 3)), np.full((points, 3), np.nan)
+            pairs.append(Pair(a, b, mu_s, mu_d, stiffness, area, anchor, np.zeros(points, dtype=bool), guess))
     return pairs
 
 

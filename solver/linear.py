@@ -60,16 +60,13 @@ class TangentSystem:
         damping: float,
     ) -> None:
         self.soft = soft
-        self.stencil = tangent.stencil
-        self.coarse = tangent.coarse
+        self.elastic = tangent
         self.dt = dt
         self.contacts = contacts
         self.frames = frames
         self.stiffness_scale = 1.0 + damping / dt
         self.node_inertia = soft.mass / dt**2
         self.free = ~(soft.held | (soft.core >= 0))
-        self.sweep = np.zeros((len(soft.rest), 3), dtype=np.float32)
-        """Room for the preconditioner."""
         self.tied_down = np.flatnonzero(~self.free)
         self.frame_inertia = self._frame_inertia(dt)
         soft_bodies = {s.index for s in soft.bodies}
@@ -178,8 +175,9 @@ class TangentSystem:
         nodes, frames = self.split(out)
         if len(nodes):
             sparse.multiply(
-                self.soft.neighbour, self.stencil, self.stiffness_scale, self.node_inertia, self.split(p)[0], nodes
-            )
+                self.soft.neighbour, self.elastic.stencil, self.stiffness_scale, self.node_inertia, self.split(p)[0],
+                nodes,
+            )  # fmt: skip
         frames[:] = np.einsum("bij,bj->bi", self.frame_inertia, self.split(p)[1])
         return out
 
@@ -201,14 +199,14 @@ class TangentSystem:
         nodes = np.zeros((len(more), 3, 3), dtype=np.float32)
         if len(nodes):
             sparse.invert_diagonal(
-                self.stencil, self.stiffness_scale, self.node_inertia, more, self.free.astype(np.int32), nodes
+                self.elastic.stencil, self.stiffness_scale, self.node_inertia, more, self.free.astype(np.int32), nodes
             )
         own_stiffness, coupling = self._core_coupling()
         frames += own_stiffness
         self.second = None
-        if self.coarse is not None:
+        if self.elastic.coarse is not None:
             self.second = CoarseSolve(
-                self.coarse, self.terms, self.frame_inertia + own_stiffness, coupling,
+                self.elastic.coarse, self.terms, self.frame_inertia + own_stiffness, coupling,
                 self.stiffness_scale, self.dt,
             )  # fmt: skip
         return nodes, np.asarray(np.linalg.inv(frames), np.float64)
@@ -226,8 +224,8 @@ class TangentSystem:
                 unit[self.nodes + 6 * f + motion] = 1.0
                 forces = self._elastic_and_inertia(self.expand(unit))
                 forces[self.nodes :] = 0.0
-                if self.coarse is not None:
-                    columns.append(self.coarse.restrict(self.split(forces)[0]).ravel())
+                if self.elastic.coarse is not None:
+                    columns.append(self.elastic.coarse.restrict(self.split(forces)[0]).ravel())
                 own[f, :, motion] += self.split(self.reduce(forces))[1][f]
             coupling[f] = np.stack(columns, axis=1)
         return own, coupling
@@ -242,8 +240,8 @@ class TangentSystem:
             lattice, more = self.second.apply(node_residual, frame_residual)
             frames += more
             sparse.precondition(
-                self.soft.neighbour, self.stencil, self.stiffness_scale, self.inverse[0], node_residual,
-                self.second.space.corner, self.second.space.value, lattice, self.sweep, nodes,
+                self.soft.neighbour, self.elastic.stencil, self.stiffness_scale, self.inverse[0], node_residual,
+                self.second.space.corner, self.second.space.value, lattice, self.elastic.sweep, nodes,
             )  # fmt: skip
         return out
 

@@ -43,6 +43,8 @@ class ElasticTangent:
             )  # fmt: skip
         self.stencil = np.zeros((len(soft.rest), 27, 3, 4), dtype=np.float32)
         """Rows of K on the 27 nodes around each node, by columns padded to four [N/m]."""
+        self.sweep = np.zeros((len(soft.rest), 3), dtype=np.float32)
+        """Room for the preconditioner's sweeps."""
         self.coarse = build_coarse(soft) if len(soft.bodies) else None
         self.movable = [k for k, b in enumerate(soft.bodies) if not soft.held[b.nodes].any()]
         self.built: Built | None = None

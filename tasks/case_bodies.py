@@ -22,7 +22,7 @@ from solver.model import FREE, HELD, Body, SignedDistance, SoftParts
 from solver.predict import contact_radius
 from tasks.case_file import Case, CaseBody, is_rigid, material_of, primitive_of
 
-CELLS_PER_RADIUS = 5.0  # cells in a predicted contact radius: depths within 1.2 % of the known ones, 2 % are promised
+CELLS_PER_RADIUS = 4.5  # cells in a predicted contact radius: depths within 1 % of the known ones, 2 % are promised
 CELLS_THROUGH = 4.0  # least cells through the smallest side of a soft body
 RIGID_CELLS = 25.0  # in the smallest side where nothing is soft: spacing of surface points
 FINE_REACH = 1.3  # half width of the fine zone over the predicted contact radius
