@@ -2,6 +2,13 @@
 
 import numpy as np
 import pytest
+from threadpoolctl import threadpool_limits
+
+from solver.config import SolverConfig
+from solver.model import Model
+from solver.runtime import start
+from solver.settle import Drop
+from solver.state import start_state
 
 
 def hertz_radius(load, modulus, radius):
@@ -150,3 +157,25 @@ def test_nothing_is_thrown_off_and_nothing_falls_through(lab, mass, side, E):
     assert -1e-4 < sunk < max(1.5 * uniaxial, 3e-4)  # corotated elasticity softens by a few per cent at 20 % strain
     assert np.abs(result.bodies[0].translation[:2]).max() < 2e-3
     assert result.bodies[0].rotation[2, 2] > np.cos(np.radians(1.0))
+
+
+def test_springs_that_become_stiffer_throw_nothing_up(lab):
+    """Near rest contacts are stiffened until the penetration is invisible; that a ball rises out of it is no motion."""
+    slab = lab.soft("slab", lab.Box(np.array([0.3, 0.3, 0.1])), [0, 0, -0.05], E=2e4, cell=0.02,
+                    held=np.s_[:, :, 0], fixed=True, loaded=True)  # fmt: skip
+    ball = lab.rigid("ball", lab.Capsule(0.05, 0.0), [0, 0, 0.051], mass=1.0)
+    start(2)
+    model = Model((ball, slab), np.array([0.0, 0.0, -lab.gravity]))
+    one = Drop(model, SolverConfig())
+    state, dt, stiffened, fastest = start_state(model, one.soft), 4e-3, 0, 0.0
+    with threadpool_limits(1):
+        for _ in range(60):
+            state, report, dt = one.step(state, dt)
+            signals = one.record(state, report, None)
+            if stiffened:
+                fastest = max(fastest, state.velocity[0, 2])
+            before = [pair.stiffness.copy() for pair in one.query.pairs]
+            one._adapt(report.contacts, signals)
+            stiffened += any((p.stiffness > b).any() for p, b in zip(one.query.pairs, before, strict=True))
+    assert stiffened >= 2
+    assert fastest < 1e-3
