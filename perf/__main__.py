@@ -94,11 +94,11 @@ def main() -> None:
     console = Console(highlight=False, width=120)
     console.print(table)
     drops = Table("drop", "particles", "steps", "wall", "per particle and step", "memory", "depth", "ratio", box=None)
-    rows = drop_rows()
-    first = float(rows[0][3].split()[0])
+    rows, memory = drop_rows()
     for row in rows:
-        drops.add_row(*row, f"{float(row[3].split()[0]) / first:.2f}")
+        drops.add_row(*row)
     console.print(drops)
+    console.print(memory)
     console.print(f"mls: {mls_speed() / 1e6:.1f} million particle-steps a second")
 
 

@@ -57,25 +57,33 @@ def measured(case: str) -> dict[str, float]:
     return dict(json.loads(output))
 
 
-def drop_rows() -> list[tuple[str, str, str, str, str, str, str]]:
-    """(what, particles, steps, wall, per particle and step, memory, depth) of every drop."""
-    cases = {
+def drop_rows() -> tuple[list[tuple[str, ...]], str]:
+    """(what, particles, steps, wall, per particle and step, memory, depth, wall over the first) of every drop, and what
+    the drops of one case at all its resolutions say of memory, in a line."""
+    cases: dict[str, tuple[str, float | None]] = {
         "ball on foam, E 5e5": (reference(5e5), DEPTH[5e5]),
         "ball on foam, E 2e4": (reference(2e4), DEPTH[2e4]),
         "mattress, whole": (mattress(2.0, 1.6), None),
         "mattress, cut out": (mattress(0.6, 0.6), None),
     }
-    cases |= {f"E 2e4, cells of {1e3 * h:.1f} mm": (reference(2e4, resolution=h), None) for h in CELLS}
-    rows = []
-    for name, (case, depth) in cases.items():
-        one = measured(case)
+    scaled = {f"E 2e4, cells of {1e3 * h:.1f} mm": (reference(2e4, resolution=h), DEPTH[2e4]) for h in CELLS}
+    results = {name: measured(case) for name, (case, _) in (cases | scaled).items()}
+    first = next(iter(results.values()))["wall_s"]
+    rows: list[tuple[str, ...]] = []
+    for name, (_, depth) in (cases | scaled).items():
+        one = results[name]
         error = f"{100 * (one['depth'] / depth - 1):+.1f} %" if depth else f"{1e3 * one['depth']:.1f} mm"
         per = 1e9 * one["wall_s"] / (one["particles"] * one["steps"])
         rows.append(
             (name, f"{one['particles']:,.0f}", f"{one['steps']:.0f}", f"{one['wall_s']:.1f} s", f"{per:.0f} ns",
-             f"{one['memory'] / 2**20:.0f} MiB", error)
+             f"{one['memory'] / 2**20:.0f} MiB", error, f"{one['wall_s'] / first:.2f}")
         )  # fmt: skip
-    return rows
+    particles, memory = (np.array([results[name][key] for name in scaled]) for key in ("particles", "memory"))
+    slope, start_up = np.polyfit(particles, memory, 1)
+    return (
+        rows,
+        f"memory: {start_up / 2**20:.0f} MiB and {slope:.0f} bytes a particle (fit over the last {len(scaled)})",
+    )
 
 
 def mls_speed() -> float:
