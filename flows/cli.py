@@ -173,7 +173,8 @@ def benchmark(
     from flows.benchmark import run_benchmark
     from flows.configure import configured
 
-    threads = max(1, (os.cpu_count() or 1) // workers)  # drops side by side must not fight for the cores
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    threads = max(1, cores // workers)  # drops side by side must not fight for the cores
     config = configured(language=language, threads=threads)
     run = run_benchmark(dataset, config, limit=limit, workers=workers, only_failed=only_failed)
     if as_json:

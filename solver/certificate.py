@@ -34,9 +34,9 @@ class Signals:
     box: NDArray[np.float64]
     """Joint axis-aligned box of the free bodies [m], shape (6,)."""
     force_residual: float
-    """Unbalanced force on the worst free body over its weight [-]."""
+    """Unbalanced force on the worst free body over its weight, or over what it carries where that is more [-]."""
     torque_residual: float
-    """Unbalanced torque about its centre over weight times half its size [-]."""
+    """Unbalanced torque about its centre over the same times half its size [-]."""
     newton: int
     linear: int
 
@@ -64,7 +64,7 @@ def measure(
     gravity = model.gravity
     soft_of = query.soft_of
     linear = angular = force_worst = torque_worst = 0.0
-    carried = report.contacts.burden(len(model.bodies))
+    carried = np.minimum(report.contacts.burden(len(model.bodies)), sum(mass.values()) * float(np.linalg.norm(gravity)))
     centers, surfaces = [], []
     for i in watched:
         if i in soft_of:

@@ -97,11 +97,14 @@ class Contacts:
     """Spins of the free soft bodies in contact, by model index."""
 
     def burden(self, bodies: int) -> NDArray[np.float64]:
-        """Half the sum of the sizes of the forces on each body [N], shape (bodies,): what one between two others
-        carries."""
-        size = 0.5 * np.linalg.norm(self.force, axis=1)
-        both = np.bincount(self.a, size, bodies) + np.bincount(self.b, size, bodies)
-        return np.asarray(both, dtype=np.float64)
+        """What each body carries from one side to another [N], shape (bodies,): half of what the sizes of its contact
+        forces add up to beyond the size of their sum; nothing for a body that only stands or hits."""
+        size, total = np.zeros(bodies), np.zeros((bodies, 3))
+        for which, sign in ((self.a, 1.0), (self.b, -1.0)):
+            size += np.bincount(which, np.linalg.norm(self.force, axis=1), bodies)
+            for axis in range(3):
+                total[:, axis] += sign * np.bincount(which, self.force[:, axis], bodies)
+        return np.asarray(0.5 * (size - np.linalg.norm(total, axis=1)), dtype=np.float64)
 
 
 def vertex_areas(body: Body) -> NDArray[np.float64]:

@@ -44,18 +44,18 @@ class Course:
         self.weight = sum(self.mass.values()) * max(self.gravity, 1e-12)
         pairs = contact_pairs(model, self.soft, config, self.gravity)
         self.query = ContactQuery(model, self.soft, pairs, build_bonds(model, self.soft, config.penetration_target))
-        whole = [
-            self.mass[i] * max(self.gravity, 1e-12) if i in self.free else self.weight for i in range(len(model.bodies))
-        ]
-        self.stepper = Stepper(model, self.soft, self.query, config, np.array(whole))
+        weights = np.full(len(model.bodies), self.weight)
+        weights[self.free] = [self.mass[i] * max(self.gravity, 1e-12) for i in self.free]
+        self.stepper = Stepper(model, self.soft, self.query, config, weights)
         if not config.inertia:
             self.stepper.damping = predicted_damping(model, config, {i: self.mass[i] for i in self.free}, self.gravity)
         self.wave_step = config.inertia_step * crossing_seconds(model) if config.inertia else np.inf
         """Longest step that resolves elastic waves [s]."""
         self.care = 1.0
         """Factor of the tolerance to which steps at rest are solved."""
-        self.correcting = False
-        """The next step brings positions into balance with contacts that were changed; it is no motion."""
+        self.correcting: list[tuple[int, NDArray[np.float64]]] = []
+        """Bodies whose contacts became stiffer, and the normals there. The next step brings positions into balance with
+        that, which is no motion: velocities stay, but for the approach along the normals, which ends."""
         self.history: list[Signals] = []
         self.warnings: list[str] = []
 
@@ -75,21 +75,34 @@ class Course:
             self.stepper.push[:] = 0.0 if load is None else load(state.time + dt)
             after, report = self.stepper.advance(state, dt, tolerance)
             bound = self.config.acceptable_residual * (1.0 + self.config.impact_share * speed / (self.gravity * dt))
-            if report.residual <= bound or (dt <= shortest and report.share <= bound):
-                break  # what the shortest step leaves on a body much lighter than others hardly moves it in that time
+            if report.residual <= bound:
+                break
             if dt <= shortest:
                 raise UnstableStep(
-                    f"t = {state.time:.4f} s: step of {dt:.1e} s ends with {report.share:.2g} of the free weight "
+                    f"t = {state.time:.4f} s: step of {dt:.1e} s ends with {report.residual:.2g} of a body's weight "
                     f"unbalanced after {report.newton} Newton iterations (bound {bound:.2g}: acceptable_residual = "
                     f"{self.config.acceptable_residual}, more in an impact); {report.inverted} inverted particles"
                 )
             dt = max(0.5 * dt, shortest)
         self.query.remember(report.contacts)
         if self.correcting:
-            after.stop()
-            self.correcting = False
+            after.move_as(state)
+            for index, normal in self.correcting:
+                self._end_approach(after, index, normal)
+            self.correcting = []
         easy = report.newton <= self.config.newton_limit // 2 and (len(report.contacts.a) > 0 or not self.free)
         return after, report, dt * (STEP_GROWTH if easy else 1.0)
+
+    def _end_approach(self, state: State, index: int, normal: NDArray[np.float64]) -> None:
+        """Take the motion along a unit normal out of a body; what is clamped comes to a stand."""
+        one, body = self.soft_of.get(index), self.model.bodies[index]
+        if one is None and not body.fixed:
+            state.velocity[index] -= (state.velocity[index] @ normal) * normal
+        elif one is not None and body.fixed:
+            state.v[one.nodes] = 0.0
+        elif one is not None:
+            mass = self.soft.mass[one.nodes]
+            state.v[one.nodes] -= (mass @ state.v[one.nodes] @ normal / mass.sum()) * normal
 
     def _longest_step(self, speed: float) -> float:
         """No free body may skip a contact; what only hangs on a clamp has none to skip and no path to get wrong."""

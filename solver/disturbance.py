@@ -14,9 +14,8 @@ from solver.course import Course, Progress
 from solver.state import State
 
 KICK_NOISE = 0.1  # share of a kick's speed below which growth is the noise of solving to a tolerance
-GROWTH = (
-    1.25  # of a speed in a quarter of a period: what grows slower rolls in a neutral balance, it does not fall over
-)
+# of a speed in a quarter of a period's steps: what grows slower rolls in a neutral balance, it does not fall over
+GROWTH = 1.25
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,14 +113,17 @@ def struck(course: Course, rest: State) -> State:
         direction, axis = (d / np.linalg.norm(d) for d in random.normal(size=(2, 3)))
         mass = np.array([course.mass[i] for i in group])
         centers = np.array([course.center(state, i) for i in group])
-        spin = c.kick_angular_speed * axis
-        for i, arm in zip(group, centers - mass @ centers / mass.sum(), strict=True):
+        arms = centers - mass @ centers / mass.sum()
+        reach = float(np.linalg.norm(arms, axis=1).max())
+        # however long the arms, no member gets more than twice the kick's speed
+        spin = min(c.kick_angular_speed, c.kick_speed / max(reach, 1e-12)) * axis
+        for i, arm in zip(group, arms, strict=True):
             course.give(state, i, c.kick_speed * direction + np.cross(spin, arm), spin)
     return state
 
 
 def assemblies(course: Course) -> list[list[int]]:
-    """Free bodies by what they are bonded to, directly or through others: each group moves as one."""
+    """Free bodies by the free bodies that they are bonded to, directly or through others: each group moves as one."""
     groups: list[list[int]] = []
     for i in course.free:
         bodies = course.model.bodies

@@ -129,7 +129,9 @@ class Drop(Course):
                 continue
             depth = float(-(t.gap * load).sum() / load.sum())
             if depth > 1.25 * self.config.penetration_target:
-                self.correcting = not self.config.inertia
+                if not self.config.inertia:
+                    normal = load @ t.normal
+                    self.correcting += [(i, normal / np.linalg.norm(normal)) for i in (t.pair.a, t.pair.b)]
                 factor = min(4.0, depth / self.config.penetration_target)
                 t.pair.stiffness *= factor
                 t.pair.anchor /= factor

@@ -41,6 +41,12 @@ class State:
             self.angular_velocity.copy(), self.polar.copy(), self.time,
         )  # fmt: skip
 
+    def move_as(self, other: "State") -> None:
+        """Take over the velocities of another state."""
+        self.v[:] = other.v
+        self.velocity[:] = other.velocity
+        self.angular_velocity[:] = other.angular_velocity
+
     def stop(self) -> None:
         """Everything stands still."""
         self.v[:] = 0.0

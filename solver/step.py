@@ -27,7 +27,7 @@ from solver.tangent import ElasticTangent
 
 # where the residual falls by less than SLOW, Newton cycles between contact states, often since a loose solution pushes
 # a point at the edge of a contact in and out: solve CLOSELY times as closely, and shorten moves down to SHORTEST
-SLOW, CLOSELY, SHORTEST = 0.7, 0.1, 0.2
+SLOW, CLOSELY, SHORTEST = 0.7, 0.1, 0.125
 
 
 @dataclass(eq=False, slots=True)
@@ -38,8 +38,6 @@ class StepReport:
     linear: int
     residual: float
     """Largest residual of a body over its weight, or over what it carries where that is more [-]."""
-    share: float
-    """The same over the weight of all free bodies [-]."""
     contacts: Contacts
     frame_residual: NDArray[np.float64]
     inverted: int
@@ -54,10 +52,15 @@ class Trial:
     contacts: Contacts
     system: TangentSystem
     right: Flat
-    """What is out of balance: forces on nodes and frames."""
+    """What is out of balance: forces on nodes [N], forces [N] and torques [N m] on frames, shape (3 n + 6 b,)."""
     residual: float
     """Its size as in StepReport [-]."""
-    share: float
+
+
+def carried_weights(weights: NDArray[np.float64], contacts: Contacts) -> NDArray[np.float64]:
+    """What residuals of each body are measured by [N], shape (b,): its weight, or what it carries where that is more,
+    at most the largest weight. A sheet under a book is in balance as far as the book is."""
+    return np.asarray(np.clip(contacts.burden(len(weights)), weights, weights.max()))
 
 
 class Stepper:
@@ -71,7 +74,7 @@ class Stepper:
         self.query = query
         self.config = config
         self.weights = weights
-        """What residuals of each body are measured by [N]: its own weight, of fixed ones that of all free ones."""
+        """Weight of each body [N], of fixed ones that of all free ones, shape (b,)."""
         self.damping = 0.0
         self.theta = config.inertia_theta if config.inertia else 1.0
         """Where in a step forces and contacts are taken [-]."""
@@ -117,7 +120,7 @@ class Stepper:
         return f
 
     def advance(self, state: State, dt: float, tolerance: float) -> tuple[State, StepReport]:
-        """The state after `dt` [s], solved to `tolerance` of the weight; raises UnstableStep for a state that
+        """The state after `dt` [s], solved to `tolerance` of every body's weight; raises UnstableStep for a state that
         is not finite.
 
         A backward Euler step to theta dt, and from there straight on: with theta = 1/2 the implicit midpoint rule.
@@ -137,10 +140,13 @@ class Stepper:
             total += iterations
             count += 1
             best, share = self._linearise(self._move(trial.state, trial.system, move), before, dt), 1.0
+            latest = best
             while stalled and best.residual > SLOW * trial.residual and share > SHORTEST:
                 share *= 0.5
-                shorter = self._linearise(self._move(trial.state, trial.system, share * move), before, dt)
-                best = min(best, shorter, key=lambda one: one.residual)
+                latest = self._linearise(self._move(trial.state, trial.system, share * move), before, dt)
+                best = min(best, latest, key=lambda one: one.residual)
+            if latest is not best:  # forces, tangent and contact memory belong to what was looked at last
+                best = self._linearise(best.state, before, dt)
             stalled |= count > 1 and best.residual > SLOW * trial.residual
             trial = best
         after, contacts = trial.state, trial.contacts
@@ -152,21 +158,19 @@ class Stepper:
         self.touched = {int(i) for i in np.union1d(contacts.a, contacts.b)}
         inverted = int((self.volume_ratio[self.soft.real] <= 0.0).sum())
         frames = trial.system.split(trial.right)[1]
-        return after, StepReport(count, total, trial.residual, trial.share, contacts, frames, inverted)
+        return after, StepReport(count, total, trial.residual, contacts, frames, inverted)
 
-    def _linearise(self, state: State, before: State, dt: float) -> "Trial":
+    def _linearise(self, state: State, before: State, dt: float) -> Trial:
         """Forces, contacts and the system of a state at the end of a step; raises UnstableStep if it is not finite."""
         force = self.elastic_forces(state)
         self.tangent.refresh(state, self.deformation)
         contacts = self.query.find(state, before)
         system = TangentSystem(self.soft, self.tangent, contacts, self.frames(state), dt, self.damping)
         right = self._residual(system, state, before, force, dt)
-        scale = np.maximum(self.weights, contacts.burden(len(self.weights)))
-        residual = self._size(system.split(right), contacts, scale)
+        residual = self._size(system.split(right), contacts)
         if not np.isfinite(residual):
             raise UnstableStep(self._story(state, dt, residual))
-        share = self._size(system.split(right), contacts, np.full(len(self.weights), self.weights.max()))
-        return Trial(state, contacts, system, right, residual, share)
+        return Trial(state, contacts, system, right, residual)
 
     def _predict(self, state: State, dt: float) -> State:
         """Where everything goes on as it moved; what touched nothing falls."""
@@ -216,9 +220,10 @@ class Stepper:
             frames[f, 3:] -= system.frames.inertia[f] @ (angular - before.angular_velocity[i]) / dt
         return system.reduce(out)
 
-    def _size(self, residual: Vector, contacts: Contacts, scale: NDArray[np.float64]) -> float:
-        """Largest residual of a body over its `scale` [N]: of its nodes (2-norm), its force, its torque over half its
-        size."""
+    def _size(self, residual: Vector, contacts: Contacts) -> float:
+        """Largest residual of a body over its weight or what it carries [-]: of its nodes (2-norm), its force, and its
+        torque over half its size."""
+        scale = carried_weights(self.weights, contacts)
         parts = [0.0]
         for body in self.soft.bodies:
             nodes = residual[0][body.nodes]

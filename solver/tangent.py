@@ -1,9 +1,9 @@
 """The elastic tangent of all soft bodies: warped cell stiffnesses on the 27-point stencil and their coarse product.
 
-A cell's stiffness turns with the rotation of its particles, K = R K_rest R^T [M04]; where strain is small it is left
-out. It is rebuilt only when strain has changed visibly. A turn of a free body as a whole is followed closely: a tangent
-that is late by an angle t resists the next turn with a stiffness of about E V t^2, and Kelvin-Voigt damping with it
-would act as a brake from outside.
+A cell's stiffness turns with the rotation of its particles, K = R K_rest R^T [M04]; strain is left out of it but where
+it is large in a body that is held. It is rebuilt only when strain has changed visibly. A turn of a free body as a whole
+is followed closely: a tangent that is late by an angle t resists the next turn with a stiffness of about E V t^2, and
+Kelvin-Voigt damping with it would act as a brake from outside.
 
 [M04] Mueller, Gross: Interactive virtual materials. Graphics Interface 2004.
 """
@@ -47,6 +47,13 @@ class ElasticTangent:
         """Room for the preconditioner's sweeps."""
         self.coarse = build_coarse(soft) if len(soft.bodies) else None
         self.movable = [k for k, b in enumerate(soft.bodies) if not soft.held[b.nodes].any()]
+        self.clamped = [
+            (int(b.cell_id[b.cell_id >= 0].min()), int(b.cell_id.max()) + 1)
+            for k, b in enumerate(soft.bodies)
+            if k not in self.movable
+        ]
+        """Cells of the bodies that cannot turn: only they get their own tangents where they are strained. A stress that
+        turns with a body resists its spin in them, and damping would brake it."""
         self.built: Built | None = None
         """What the tangent was last rebuilt for."""
         self.coarse_built: Built | None = None
@@ -93,7 +100,9 @@ class ElasticTangent:
     def _turn_cells(self, state: State, deformation: NDArray[np.float64]) -> None:
         s = self.soft
         elastic.turn_tangents(s.cell_start, s.volume, state.polar, self.rest_cells, self.cells)
-        elastic.strained_tangents(
-            STRAINED, s.cell_size, s.cell_start, s.local, s.volume, s.mu, s.lam, deformation, state.polar, self.cells
-        )
+        for first, last in self.clamped:
+            elastic.strained_tangents(
+                STRAINED, first, last, s.cell_size, s.cell_start, s.local, s.volume, s.mu, s.lam, deformation,
+                state.polar, self.cells,
+            )  # fmt: skip
         elastic.gather_tangents(s.node_cell, self.cells, self.stencil)

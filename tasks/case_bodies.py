@@ -22,13 +22,13 @@ from solver.model import FREE, HELD, Body, SignedDistance, SoftParts
 from solver.predict import contact_radius
 from tasks.case_file import Case, CaseBody, is_rigid, material_of, primitive_of
 
-CELLS_PER_RADIUS = 4.5  # cells in a predicted contact radius: depths within 1 % of the known ones, 2 % are promised
+CELLS_PER_RADIUS = 5.0  # cells in a predicted contact radius: the two known depths within 1.2 %, 2 % are promised
 CELLS_THROUGH = 4.0  # least cells through the smallest side of a soft body
 RIGID_CELLS = 25.0  # in the smallest side where nothing is soft: spacing of surface points
 FINE_REACH = 1.3  # half width of the fine zone over the predicted contact radius
 OUTLINE_EDGES = 8.0  # edges in half a primitive where only its outline matters
 GROWTH = 2.2  # ratio of neighbouring cells outside of the fine zone
-SEEN = 0.4  # of the predicted depth: a face is flat as far as it is within this of level; for a ball less than Hertz
+SEEN = 0.4  # of the predicted depth: what of a face lies within it counts as flat; of a ball sqrt(0.8) of Hertz' radius
 MOST_MARGIN = 0.02  # a signed distance reaches this far beyond the body [m], half its thickness for small ones
 INVISIBLE = 5e-5  # a dent shallower than the penetration of the contact springs [m] is not worth resolving
 MOST_SAMPLES = 250.0  # of a signed distance along its longest side: 16 million in a cube

@@ -360,6 +360,8 @@ def clamped_scalings(mu: ti.f64, pressure: ti.f64, sigma: vec3) -> mat3:
 @ti.kernel
 def strained_tangents(
     limit: ti.f64,
+    first: ti.i32,
+    last: ti.i32,
     cell_size: ti.types.ndarray(),
     cell_start: ti.types.ndarray(),
     xi: ti.types.ndarray(),
@@ -370,10 +372,10 @@ def strained_tangents(
     R: ti.types.ndarray(),
     K: ti.types.ndarray(dtype=mat3f, ndim=3),
 ):
-    """Replaces the tangents of cells in which a particle is strained by more than `limit` by their own second
-    derivative, without its negative part: in the basis of singular vectors it is diagonal but for a 3 x 3 block
-    [S19, Sec. 5]. The relief of bending is left out of it."""
-    for c in range(K.shape[0]):
+    """Replaces the tangents of cells first <= c < last in which a particle is strained by more than `limit` by their
+    own second derivative, without its negative part: in the basis of singular vectors it is diagonal but for a 3 x 3
+    block [S19, Sec. 5]. The relief of bending is left out of it."""
+    for c in range(first, last):
         h = vec3(cell_size[c, 0], cell_size[c, 1], cell_size[c, 2])
         strain, dilation, bulk = 0.0, 0.0, SMALLEST_BULK
         for p in range(cell_start[c], cell_start[c + 1]):

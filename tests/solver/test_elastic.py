@@ -88,7 +88,7 @@ def full_cell(x):
 def tangents(x):
     """(as the kernel has it, second derivative of the energy by central differences), (24, 24) each."""
     K = np.zeros((1, 8, 8, 3, 3), dtype=np.float32)
-    elastic.strained_tangents(limit=0.0, K=K, **full_cell(x)[1])
+    elastic.strained_tangents(limit=0.0, first=0, last=1, K=K, **full_cell(x)[1])
     columns = []
     for n in range(24):
         step = np.zeros(24)
@@ -121,6 +121,15 @@ def test_the_tangent_of_a_squeezed_cell_is_never_negative(stretch):
     assert np.linalg.eigvalsh(numeric).min() < -1e-3 * scale
     if min(stretch) > 0.0:
         assert np.linalg.eigvalsh(own - numeric).min() > -1e-5 * scale
+
+
+@pytest.mark.parametrize(("limit", "last", "changed"), [(0.1, 1, True), (0.3, 1, False), (0.1, 0, False)])
+def test_only_strained_cells_of_the_range_get_their_own_tangent(limit, last, changed):
+    """A stretch of 0.2 lies between the limits."""
+    K = np.zeros((1, 8, 8, 3, 3), dtype=np.float32)
+    cell = full_cell(CORNERS @ (TURN @ np.diag([1.2, 1.0, 1.0])).T)[1]
+    elastic.strained_tangents(limit=limit, first=0, last=last, K=K, **cell)
+    assert K.any() == changed
 
 
 def test_energy_does_not_depend_on_rigid_rotation():

@@ -44,17 +44,19 @@ def test_the_environment_cannot_put_a_result_on_another_arch():
 
 
 @pytest.mark.skipif(not hasattr(os, "sched_getaffinity"), reason="threads have no cores of their own here")
-@pytest.mark.parametrize(("threads", "own"), [(0, True), (1, False)])
-def test_worker_threads_get_cores_of_their_own_only_where_there_is_one_for_each(threads, own):
-    """Fewer threads than cores share them with other processes: a benchmark runs several drops side by side."""
-    cores = len(os.sched_getaffinity(0))
-    if cores == 1:
+@pytest.mark.parametrize("share", [True, False])
+def test_worker_threads_get_cores_of_their_own_only_where_there_is_one_for_each(share):
+    """Fewer threads than cores leave them to other processes: a benchmark runs several drops side by side."""
+    cores = sorted(os.sched_getaffinity(0))
+    if len(cores) == 1:
         pytest.skip("one core")
     code = (
-        f"import os; from solver.runtime import start; start({threads}); "
-        "print(sorted(len(os.sched_getaffinity(int(t))) for t in os.listdir('/proc/self/task')))"
+        f"import json, os; from solver.runtime import start; start({len(cores) - share}); "
+        "ids = os.listdir('/proc/self/task'); "
+        "print(json.dumps([[int(t) == os.getpid(), sorted(os.sched_getaffinity(int(t)))] for t in ids]))"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    counts = json.loads(done.stdout)
-    assert counts[-1] == cores, "the main thread stays free"
-    assert (counts.count(1) >= cores) == own
+    masks = json.loads(done.stdout)
+    assert [mask for main, mask in masks if main] == [cores], "the main thread stays free"
+    own = {mask[0] for _, mask in masks if len(mask) == 1}
+    assert own == (set() if share else set(cores))
