@@ -208,7 +208,7 @@ def test_a_stack_of_five_boxes_stands(lab):
 
 
 def test_a_gram_under_ten_kilograms_comes_to_rest(lab):
-    """Its unbalanced force counts over what it carries from one side to the other, not over its own weight: a contact of
+    """Its unbalanced force counts over what it carries from one side to the other, not over its own weight: contacts of
     98 N cannot be solved to 5e-5 N."""
     chip = lab.rigid("chip", lab.Box(np.array([0.04, 0.04, 0.01])), [0, 0, 0.0051], mass=1e-3, edge=0.005)
     block = lab.rigid("block", lab.Box(np.array([0.04, 0.04, 0.04])), [0, 0, 0.0303], mass=10.0, edge=0.01)
