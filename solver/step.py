@@ -27,7 +27,7 @@ from solver.tangent import ElasticTangent
 
 # where the residual falls by less than SLOW, Newton cycles between contact states, often since a loose solution pushes
 # a point at the edge of a contact in and out: solve CLOSELY times as closely, and shorten moves down to SHORTEST
-SLOW, CLOSELY, SHORTEST = 0.7, 0.1, 0.125
+SLOW, CLOSELY, SHORTEST = 0.7, 0.01, 0.125
 
 
 @dataclass(eq=False, slots=True)
