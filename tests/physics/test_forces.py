@@ -77,6 +77,7 @@ def test_two_blocks_on_foam_add_up(lab):
 
 
 @pytest.mark.slow
+@pytest.mark.sweep
 def test_a_stack_of_five_foam_blocks_stands(lab):
     """Every interface carries what is above it, and the stack shortens by the sum of its strains.
 
