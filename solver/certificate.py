@@ -13,7 +13,7 @@ from solver.kernels.query import largest_particle_speed
 from solver.model import Model
 from solver.soft import SoftSystem
 from solver.state import State
-from solver.step import StepReport
+from solver.step import StepReport, carried_weights
 
 LOADED_SHARE = 0.01  # gap and penetration are judged over points that carry more than this share of the peak pressure
 
@@ -57,6 +57,7 @@ def measure(
     query: ContactQuery,
     watched: list[int],
     mass: dict[int, float],
+    weights: NDArray[np.float64],
     state: State,
     report: StepReport,
 ) -> Signals:
@@ -64,7 +65,7 @@ def measure(
     gravity = model.gravity
     soft_of = query.soft_of
     linear = angular = force_worst = torque_worst = 0.0
-    carried = np.minimum(report.contacts.burden(len(model.bodies)), sum(mass.values()) * float(np.linalg.norm(gravity)))
+    scale = carried_weights(weights, report.contacts)
     centers, surfaces = [], []
     for i in watched:
         if i in soft_of:
@@ -80,9 +81,8 @@ def measure(
         if model.bodies[i].fixed:
             continue
         force, torque = total_wrench(report.contacts, i, center)
-        weight = max(mass[i] * max(float(np.linalg.norm(gravity)), 1e-12), carried[i])
-        force_worst = max(force_worst, float(np.linalg.norm(force + mass[i] * gravity)) / weight)
-        torque_worst = max(torque_worst, float(np.linalg.norm(torque)) / (weight * 0.5 * model.bodies[i].size))
+        force_worst = max(force_worst, float(np.linalg.norm(force + mass[i] * gravity)) / scale[i])
+        torque_worst = max(torque_worst, float(np.linalg.norm(torque)) / (scale[i] * 0.5 * model.bodies[i].size))
     points = np.concatenate(surfaces) if surfaces else np.zeros((1, 3))
     return Signals(
         state.time,

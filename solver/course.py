@@ -128,7 +128,8 @@ class Course:
 
     def record(self, state: State, report: StepReport, progress: Progress | None) -> Signals:
         """Measure an accepted step and add it to the history."""
-        signals = measure(self.model, self.soft, self.query, self.watched, self.mass, state, report)
+        weights = self.stepper.weights
+        signals = measure(self.model, self.soft, self.query, self.watched, self.mass, weights, state, report)
         self.history.append(signals)
         if progress is not None:
             progress(len(self.history), state.time, signals)

@@ -10,6 +10,7 @@ from geometry.distance import distance_grid
 from geometry.fill import fill
 from geometry.primitives import Box, Capsule, Cylinder
 from geometry.repair import mass_properties
+from perf.peers.reference import DEPTH
 from scene.mesh import Mesh
 from solver.config import SolverConfig
 from solver.grid import graded_planes
@@ -115,9 +116,6 @@ def drop(*bodies, gravity=(0.0, 0.0, -GRAVITY), **config):
 
 # the reference drop: a ball on a slab of 0.4 x 0.4 m that is held at its bottom
 RADIUS, THICK = 0.05, 0.15
-# depth [m] by E [Pa] for 1 kg and nu 0.3, from static finite elements (hex27, fixed-corotated energy); it depends on
-# m g / E only
-KNOWN_DEPTH = {2e4: 12.166e-3, 5e5: 1.488e-3}
 
 
 def reference_drop(folder, mass, E, resolution="auto"):
@@ -147,5 +145,5 @@ def lab():
     return SimpleNamespace(
         rigid=rigid, rigid_mesh=rigid_mesh, soft=soft, floor=floor, drop=drop, Box=Box, Capsule=Capsule,
         Cylinder=Cylinder, planes=graded_planes, gravity=GRAVITY, reference_drop=reference_drop, radius=RADIUS,
-        thick=THICK, known_depth=KNOWN_DEPTH,
+        thick=THICK, known_depth=DEPTH,
     )  # fmt: skip
