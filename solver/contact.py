@@ -23,7 +23,6 @@ from solver.rolling import Law, Rolling, Spin, resist
 from solver.soft import SoftBody, SoftSystem
 from solver.state import State, best_rigid_motion, turn_between
 
-SEARCH_MARGIN = 0.02  # points within this distance [m] of the other body's box are queried: more than one step's motion
 STICK_SPEED = 1e-4  # a point at its friction limit that moves slower than this [m/s] has stopped: mu_s holds again
 # tangential over normal stiffness: Mindlin's ratio 2 (1 - nu) / (2 - nu) lies between 0.67 and 1; softer is safe
 TANGENTIAL_SHARE = 0.5
@@ -174,7 +173,8 @@ class ContactQuery:
     ) -> Touching | None:
         points = surfaces[pair.a]
         low, high = bounds(surfaces[pair.b])
-        near = inside(points, low - SEARCH_MARGIN, high + SEARCH_MARGIN).astype(np.int32)
+        margin = self.model.bodies[pair.b].distance.spacing  # as far as sampled distances may be from the surface
+        near = inside(points, low - margin, high + margin).astype(np.int32)
         if len(near) == 0:
             return None
         material, gap, normal, node, weight = self._query(pair, state, points, near)

@@ -240,8 +240,8 @@ class TangentSystem:
             lattice, more = self.second.apply(node_residual, frame_residual)
             frames += more
             sparse.precondition(
-                self.soft.neighbour, self.elastic.stencil, self.stiffness_scale, self.inverse[0], node_residual,
-                self.second.space.corner, self.second.space.value, lattice, self.elastic.sweep, nodes,
+                self.soft.neighbour, self.elastic.half, self.elastic.unit, self.stiffness_scale, self.inverse[0],
+                node_residual, self.second.space.corner, self.second.space.value, lattice, self.elastic.sweep, nodes,
             )  # fmt: skip
         return out
 

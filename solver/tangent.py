@@ -43,6 +43,9 @@ class ElasticTangent:
             )  # fmt: skip
         self.stencil = np.zeros((len(soft.rest), 27, 3, 4), dtype=np.float32)
         """Rows of K on the 27 nodes around each node, by columns padded to four [N/m]."""
+        self.half = np.zeros(self.stencil.shape, dtype=np.float16)
+        self.unit = np.ones(len(soft.rest), dtype=np.float32)
+        """The same in half precision over a power of two for each row, near its own block, that keeps it in range."""
         self.sweep = np.zeros((len(soft.rest), 3), dtype=np.float32)
         """Room for the preconditioner's sweeps."""
         self.coarse = build_coarse(soft) if len(soft.bodies) else None
@@ -106,3 +109,5 @@ class ElasticTangent:
                 state.polar, self.cells,
             )  # fmt: skip
         elastic.gather_tangents(s.node_cell, self.cells, self.stencil)
+        self.unit[:] = np.ldexp(1.0, np.frexp(np.abs(self.stencil[:, 13]).max(axis=(1, 2)))[1])
+        sparse.halve(self.stencil, self.unit, self.half)
