@@ -64,7 +64,9 @@ class Touching:
     force: NDArray[np.float64]
     """On a [N], shape (k, 3)."""
     tangent: NDArray[np.float64]
-    """-d force / d relative displacement [N/m], shape (k, 3, 3)."""
+    """-d force / d relative displacement [N/m] at constant friction limits: symmetric, shape (k, 3, 3)."""
+    coupling: NDArray[np.float64]
+    """What the limits, which follow the normal force, add to it for sliding points [N/m], shape (k, 3, 3)."""
     anchor: NDArray[np.float64]
     """New anchors, shape (k, 3)."""
     sliding: NDArray[np.bool_]
@@ -88,6 +90,7 @@ class Contacts:
     """Relative displacement per point from node displacements, shape (k, n)."""
     force: NDArray[np.float64]
     tangent: NDArray[np.float64]
+    coupling: NDArray[np.float64]
     position: NDArray[np.float64]
     a: NDArray[np.int64]
     b: NDArray[np.int64]
@@ -185,7 +188,7 @@ class ContactQuery:
         slip = (points[index] - earlier[pair.a][index]) - self._motion(
             pair.b, material[active], node[active], weight[active], state, before
         )
-        force, tangent, anchor, sliding = point_forces(pair, index, gap[active], normal[active], slip)
+        force, tangent, coupling, anchor, sliding = point_forces(pair, index, gap[active], normal[active], slip)
         sliding &= np.linalg.norm(slip, axis=1) > STICK_SPEED * self.seconds
         nodes = np.zeros((len(active), 16), dtype=np.int64)
         weights = np.zeros((len(active), 16))
@@ -194,7 +197,8 @@ class ContactQuery:
             weights[:, :8] = self.soft_of[pair.a].surface_weight[index]
         nodes[:, 8:], weights[:, 8:] = node[active], -weight[active]
         return Touching(
-            pair, index, points[index], gap[active], normal[active], force, tangent, anchor, sliding, nodes, weights
+            pair, index, points[index], gap[active], normal[active], force, tangent, coupling, anchor, sliding, nodes,
+            weights,
         )  # fmt: skip
 
     def _query(
@@ -253,14 +257,21 @@ class ContactQuery:
     def _collect(self, touching: list[Touching], state: State, before: State) -> Contacts:
         count = len(self.soft.rest)
         rows = [
-            (t.pair.a, t.pair.b, t.position, t.force, t.tangent, t.node, t.weight) for t in touching
+            (t.pair.a, t.pair.b, t.position, t.force, t.tangent, t.coupling, t.node, t.weight) for t in touching
         ] + [self._bonded(bond, state) for bond in self.bonds]  # fmt: skip
         if not rows:
             none = np.zeros(0, dtype=np.int64)
             return Contacts(
-                [], sparse.csr_matrix((0, count)), np.zeros((0, 3)), np.zeros((0, 3, 3)), np.zeros((0, 3)), none, none
+                [],
+                sparse.csr_matrix((0, count)),
+                np.zeros((0, 3)),
+                np.zeros((0, 3, 3)),
+                np.zeros((0, 3, 3)),
+                np.zeros((0, 3)),
+                none,
+                none,
             )
-        a, b, position, force, tangent, nodes, weights = zip(*rows, strict=True)
+        a, b, position, force, tangent, coupling, nodes, weights = zip(*rows, strict=True)
         spins = self._spins({*a, *b}, state)
         node, weight = np.concatenate(nodes), np.concatenate(weights)
         point = np.repeat(np.arange(len(node)), 16)
@@ -274,6 +285,7 @@ class ContactQuery:
             gather,
             np.concatenate(force),
             np.concatenate(tangent),
+            np.concatenate(coupling),
             np.concatenate(position),
             np.repeat(np.array(a, dtype=np.int64), sizes),
             np.repeat(np.array(b, dtype=np.int64), sizes),
@@ -313,7 +325,7 @@ class ContactQuery:
         count = len(bond.stiffness)
         return (
             bond.a.body, bond.b.body, bond.a.position(self.model, state), bond.force(self.model, state),
-            bond.stiffness[:, None, None] * np.tile(np.eye(3), (count, 1, 1)),
+            bond.stiffness[:, None, None] * np.tile(np.eye(3), (count, 1, 1)), np.zeros((count, 3, 3)),
             np.concatenate([bond.a.node, bond.b.node], axis=1),
             np.concatenate([bond.a.weight, -bond.b.weight], axis=1),
         )  # fmt: skip
@@ -343,9 +355,9 @@ def point_forces(
     gap: NDArray[np.float64],
     normal: NDArray[np.float64],
     slip: NDArray[np.float64],
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]:
-    """Force on a (k, 3), its negative derivative (k, 3, 3), new anchors (k, 3) and sliding flags (k,) of
-    penetrating points.
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]:
+    """Force on a (k, 3), its negative derivative in two parts (k, 3, 3), the symmetric one and that of the friction
+    limits, new anchors (k, 3) and sliding flags (k,) of penetrating points.
 
     A point that slid at the end of the last step feels mu_d, any other mu_s; the choice is fixed within a step,
     so that the force
@@ -367,4 +379,6 @@ def point_forces(
     ratio = np.where(slides, np.divide(reach, size, out=np.ones_like(size), where=size > 0.0), 1.0)
     stuck = plane - np.where(slides, 1.0, 0.0)[:, None, None] * direction[:, :, None] * direction[:, None, :]
     tangent = stiffness[:, None, None] * outer + (tangential * ratio)[:, None, None] * stuck
-    return force, tangent, reach[:, None] * direction, slides
+    follows = np.where(slides, coefficient * stiffness, 0.0)
+    coupling = -follows[:, None, None] * direction[:, :, None] * normal[:, None, :]
+    return force, tangent, coupling, reach[:, None] * direction, slides

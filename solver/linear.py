@@ -6,8 +6,10 @@ semi-definite:
 
     (1 + beta / dt) K + M / dt^2 + J^T T J + W^T T_r W
 
-with J the relative displacement of the contact points, W the relative rotation of pairs that resist rolling.
+with J the relative displacement of the contact points, W the relative rotation of pairs that resist rolling. What T
+lacks is that friction limits follow the normal force, which is not symmetric; `couple` adds it.
 
+[S86] Saad, Schultz: GMRES: a generalized minimal residual algorithm. SIAM J. Sci. Stat. Comput. 7(3), 1986.
 [S94] Shewchuk: An introduction to the conjugate gradient method without the agonizing pain. 1994.
 """
 
@@ -17,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse as scipy_sparse
 from scipy.linalg import blas
+from scipy.sparse.linalg import LinearOperator, gmres
 
 from solver.coarse import CoarseSolve
 from solver.contact import Contacts
@@ -27,6 +30,8 @@ from solver.tangent import ElasticTangent
 
 Vector = tuple[NDArray[np.float64], NDArray[np.float64]]
 Flat = NDArray[np.float64]
+
+RESTART = 80  # vectors that GMRES keeps: it seldom needs half as many
 
 
 @dataclass(eq=False, slots=True)
@@ -148,17 +153,22 @@ class TangentSystem:
 
     def prepare(self) -> None:
         """Assemble the contacts and factorise the preconditioner: once before the products."""
-        tangent = self._contact_tangent()
+        tangent = self._blocks(self.contacts.tangent)
         self.contact = (self.jacobian.T @ (tangent @ self.jacobian)).tocsr()
         self.terms = [(self.jacobian, tangent), *((rows, scipy_sparse.csr_matrix(t)) for t, rows in self.rolling)]
         """J^T T J over all unknowns, of contact and of rolling, as (J, T)."""
         self.inverse = self._preconditioner()
 
-    def _contact_tangent(self) -> scipy_sparse.csr_matrix:
-        """T, the points' 3 x 3 tangents as blocks on the diagonal, shape (3 k, 3 k)."""
-        count = len(self.contacts.a)
-        blocks = (self.contacts.tangent, np.arange(count), np.arange(count + 1))
-        return scipy_sparse.bsr_matrix(blocks, shape=(3 * count, 3 * count)).tocsr()
+    def couple(self) -> None:
+        """Let friction limits follow the normal forces in products from now on: the true matrix, not symmetric."""
+        added = self._blocks(self.contacts.coupling)
+        self.contact = (self.contact + self.jacobian.T @ (added @ self.jacobian)).tocsr()
+
+    def _blocks(self, blocks: NDArray[np.float64]) -> scipy_sparse.csr_matrix:
+        """The points' 3 x 3 matrices (k, 3, 3) as blocks on the diagonal, shape (3 k, 3 k)."""
+        count = len(blocks)
+        rows = (blocks, np.arange(count), np.arange(count + 1))
+        return scipy_sparse.bsr_matrix(rows, shape=(3 * count, 3 * count)).tocsr()
 
     def multiply(self, direction: Flat) -> Flat:
         """Matrix times vector."""
@@ -270,3 +280,23 @@ def conjugate_gradient(system: TangentSystem, right: Flat, tolerance: float, lim
         p += z
         count += 1
     return y, count
+
+
+def minimal_residual(system: TangentSystem, right: Flat, tolerance: float, limit: int) -> tuple[Flat, int]:
+    """The same with friction limits that follow the normal forces: the matrix is not symmetric, GMRES solves it [S86]
+    until the residual norm falls by `tolerance`."""
+    system.prepare()
+    system.couple()
+    count = 0
+
+    def multiply(direction: Flat) -> Flat:
+        nonlocal count
+        count += 1
+        return system.multiply(direction)
+
+    shape = (system.size, system.size)
+    y, _ = gmres(
+        LinearOperator(shape, matvec=multiply, dtype=np.float64), right, rtol=tolerance, restart=RESTART,
+        maxiter=max(1, limit // RESTART), M=LinearOperator(shape, matvec=system.precondition, dtype=np.float64),
+    )  # fmt: skip
+    return np.asarray(y, dtype=np.float64), count

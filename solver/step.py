@@ -19,14 +19,15 @@ from solver.config import SolverConfig
 from solver.contact import ContactQuery, Contacts
 from solver.errors import UnstableStep
 from solver.kernels import elastic, sparse
-from solver.linear import Flat, Frames, TangentSystem, Vector, conjugate_gradient
+from solver.linear import Flat, Frames, TangentSystem, Vector, conjugate_gradient, minimal_residual
 from solver.model import Model
 from solver.soft import SoftSystem
 from solver.state import State, rotate, turn_between
 from solver.tangent import ElasticTangent
 
 # where the residual falls by less than SLOW, Newton cycles between contact states, often since a loose solution pushes
-# a point at the edge of a contact in and out: solve CLOSELY times as closely, and shorten moves down to SHORTEST
+# a point at the edge of a contact in and out: solve CLOSELY times as closely, with friction limits that follow the
+# normal force, and shorten moves down to SHORTEST
 SLOW, CLOSELY, SHORTEST = 0.7, 0.01, 0.125
 
 
@@ -131,12 +132,9 @@ class Stepper:
         self.query.seconds = dt
         trial = self._linearise(self._predict(before, dt), before, dt)
         while trial.residual > tolerance and count < self.config.newton_limit:
-            move, iterations = conjugate_gradient(
-                trial.system,
-                trial.right,
-                (CLOSELY if stalled else 1.0) * self.config.linear_tolerance,
-                self.config.linear_limit,
-            )
+            solve = minimal_residual if stalled and trial.contacts.coupling.any() else conjugate_gradient
+            tolerable = (CLOSELY if stalled else 1.0) * self.config.linear_tolerance
+            move, iterations = solve(trial.system, trial.right, tolerable, self.config.linear_limit)
             total += iterations
             count += 1
             best, share = self._linearise(self._move(trial.state, trial.system, move), before, dt), 1.0

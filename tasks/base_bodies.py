@@ -105,7 +105,7 @@ def soft_base(
     bottom = soft_bottoms(s, rows, mesh, part)
     solid = support_solid(mesh, bottom, s.crop, s.config.hole_perimeter)
     box, cut = soft_box(s, solid)
-    grid = body_grid(solid, box, 2.0 * s.config.finest_cell, 0.01, s.config)
+    grid = body_grid(solid, box, 2.0 * s.config.finest_cell, 0.01, s.config.distance_samples)
     distance = sampler(grid)
     cells = base_cells(s, foot, distance, box)
     position, volume = fill(cells.planes, distance)
@@ -118,7 +118,7 @@ def soft_base(
     note_friction(s, s.anchor.base_id, main, len(set(part.tolist())))
     surface = base_surface(s, foot, mesh, box, cells.size)
     contact_box = np.stack([np.maximum(box[0], reach_box(s, foot)[0]), np.minimum(box[1], reach_box(s, foot)[1])])
-    near = body_grid(solid, contact_box, cells.size / 3.0, 0.01, s.config)
+    near = body_grid(solid, contact_box, cells.size / 3.0, 0.01, s.config.distance_samples)
     mass, center, inertia = moments(position, volume * density)
     body = rigid_body(s.anchor.base_id, s.anchor.base_id, True, surface, near, main.material)
     return replace(
@@ -233,8 +233,8 @@ def base_surface(s: Scenario, foot: Footprint, mesh: Mesh, box: Array, cell: flo
 
     Flat faces as long as a cell cut the corners of the dent under an edge: they showed a dumbbell 1 mm deep in its bed.
     """
-    reach = np.array([0.3, 0.3, 0.0]) * (foot.high - foot.low) + foot.radius
-    low, high = foot.low - reach, foot.high + reach
+    margin = np.array([0.3, 0.3, 0.0]) * (foot.high - foot.low) + 0.5 * foot.radius
+    low, high = foot.reach[0] - margin, foot.reach[1] + margin
     low[2] = -np.inf
     mesh = subdivide_near(mesh, s.crop, max(4.0 * cell, 0.02))
     mesh = subdivide_near(mesh, np.stack([low, high]), cell / 3.0)

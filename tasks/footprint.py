@@ -30,6 +30,9 @@ class Footprint:
     """Lower corner of its box [m], shape (3,)."""
     high: NDArray[np.float64]
     """Upper corner [m], shape (3,)."""
+    reach: NDArray[np.float64]
+    """Lower and upper corner of what may touch too, at four times the indentation [m], shape (2, 3): an object that
+    lies on a slope comes down at one end first."""
     radius: float
     """Contact radius [m] (of a disc of the same area where it is not round)."""
     depth: float
@@ -65,10 +68,11 @@ def predicted_footprint(
         depth = float(np.clip(0.5 * depth + 0.5 * radius**2 / curvature, LEAST_DEPTH, MOST_DEPTH))
     touching = gap <= closest + depth
     radius = min(radius, float(np.sqrt(area[touching].sum() / np.pi)))
-    wider = float(area[gap <= closest + 4.0 * depth].sum())
-    corner = fine.triangles[under[touching]].reshape(-1, 3)
+    wider = gap <= closest + 4.0 * depth
+    corner, beyond = (fine.triangles[under[those]].reshape(-1, 3) for those in (touching, wider))
     return Footprint(
-        corner.min(axis=0), corner.max(axis=0), radius, depth, wider < FLAT * float(area[touching].sum()), closest,
+        corner.min(axis=0), corner.max(axis=0), np.stack([beyond.min(axis=0), beyond.max(axis=0)]), radius, depth,
+        float(area[wider].sum()) < FLAT * float(area[touching].sum()), closest,
         int(nearest_face(item, center[int(np.argmin(gap))])),
     )  # fmt: skip
 

@@ -20,6 +20,7 @@ from tasks.soft_cells import Cells, nodes, thickness, uniform_cells
 
 Array = NDArray[np.float64]
 
+SAMPLES = 220.0  # of the distance along the object's diagonal, at least
 LEAST_EDGE = 2e-3  # contact points are never refined beyond this [m]
 
 
@@ -32,7 +33,8 @@ def object_body(s: Scenario, foot: Footprint, contact_cell: float, on_soft: bool
     rigid = all(rows[p].model is Model.RIGID for p in used)
     size = float(np.linalg.norm(np.ptp(s.mesh.vertices, axis=0)))
     solid = solid_of(s.mesh)
-    grid = body_grid(solid, s.mesh.bounds, min(contact_cell / 3.0, size / 140.0), 0.01, s.config)
+    spacing = min(contact_cell / 3.0, size / SAMPLES)
+    grid = body_grid(solid, s.mesh.bounds, spacing, 0.01, s.config.object_distance_samples)
     touching = rows[int(part_of_face[foot.face_nearest])]
     note_friction(s, "object", touching, len(used))
     if rigid:

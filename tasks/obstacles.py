@@ -64,7 +64,7 @@ def obstacle(
     edge = max(foot.small_side / 8.0, 0.01)
     surface = subdivide_near(mesh, np.stack([foot.low - foot.radius - edge, foot.high + foot.radius + edge]), edge)
     spacing = float(np.linalg.norm(np.ptp(s.mesh.vertices, axis=0))) / 80.0
-    grid = body_grid(solid, np.stack([low, high]), spacing, 0.02, s.config)
+    grid = body_grid(solid, np.stack([low, high]), spacing, 0.02, s.config.distance_samples)
     return rigid_body(name, instance, True, surface, grid, material)
 
 

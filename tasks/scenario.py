@@ -60,7 +60,9 @@ class ParticlesConfig(BaseModel, frozen=True, extra="forbid"):
     particle_limit: PositiveInt = 250_000
     """More particles than this are refused."""
     distance_samples: PositiveInt = 1_000_000
-    """Budget of samples per distance grid."""
+    """Budget of samples of a base's or a neighbour's distance."""
+    object_distance_samples: PositiveInt = 3_000_000
+    """Budget of samples of the object's distance: its edges are rounded by a quarter of their spacing."""
     hold_distance: NonNegativeFloat = 2e-3
     """Soft nodes nearer than this to a rigid part of the base are bonded to it [m]."""
     hole_perimeter: NonNegativeFloat = 0.25
@@ -196,12 +198,10 @@ def rigid_body(
     )  # fmt: skip
 
 
-def body_grid(
-    distance: Distance, bounds: Array, spacing: float, margin: float, config: ParticlesConfig
-) -> DistanceGrid:
-    """A distance grid over a box and a margin [m], coarser than `spacing` where the budget of samples demands it."""
+def body_grid(distance: Distance, bounds: Array, spacing: float, margin: float, samples: int) -> DistanceGrid:
+    """A distance grid over a box and a margin [m], coarser than `spacing` where the budget of `samples` demands it."""
     low, high = bounds[0] - margin, bounds[1] + margin
-    least = float(np.prod(high - low) / config.distance_samples) ** (1.0 / 3.0)
+    least = float(np.prod(high - low) / samples) ** (1.0 / 3.0)
     return sampled(distance, low, high, max(spacing, least))
 
 

@@ -1,0 +1,72 @@
+"""The linear systems of a step: true derivatives of its residual, a symmetric preconditioner, and what solves them."""
+
+import numpy as np
+import pytest
+
+from solver.config import SolverConfig
+from solver.linear import conjugate_gradient, minimal_residual
+from solver.model import Model
+from solver.runtime import start
+from solver.settle import Drop
+from solver.state import start_state
+
+DOWN, ASIDE, DT = 2e-5, 1e-4, 4e-3  # penetration and slip [m] at which every point slides; step [s]
+
+
+@pytest.fixture(scope="module")
+def sliding(lab):
+    """A foam block that is pressed into the floor and slides on it: its drop, the states before and after a step, and
+    the step's trial."""
+    start(2)
+    block = lab.soft("block", lab.Box(np.array([0.1, 0.08, 0.06])), [0, 0, 0.03], E=1e5, cell=0.02)
+    one = Drop(Model((block, lab.floor()), np.array([0.0, 0.0, -lab.gravity])), SolverConfig(threads=2))
+    before, after = start_state(one.model, one.soft), start_state(one.model, one.soft)
+    after.x = before.x + np.array([ASIDE, 0.3 * ASIDE, -DOWN])
+    trial = one.stepper._linearise(after, before, DT)
+    assert all(t.sliding.all() for t in trial.contacts.touching)
+    return one.stepper, before, after, trial
+
+
+def test_the_coupled_matrix_is_the_derivative_of_the_residual(sliding):
+    """Central differences along a random motion; at constant friction limits a tenth of it is missing."""
+    stepper, before, after, trial = sliding
+    direction = 1e-7 * np.random.default_rng(0).standard_normal(trial.system.size)  # keeps every point in contact
+    sides = [stepper._linearise(stepper._move(after, trial.system, s * direction), before, DT).right for s in (1, -1)]
+    expected = 0.5 * (sides[1] - sides[0])
+    trial.system.prepare()
+    apart = trial.system.multiply(direction)
+    trial.system.couple()
+    coupled = trial.system.multiply(direction)
+    assert coupled == pytest.approx(expected, abs=1e-3 * np.abs(expected).max())
+    assert np.abs(apart - expected).max() > 0.1 * np.abs(expected).max()
+
+
+def test_the_preconditioner_is_symmetric(sliding):
+    """Conjugate gradients need it; single precision is what its sweeps are exact to."""
+    system = sliding[3].system
+    system.prepare()
+    r, s = np.random.default_rng(1).standard_normal((2, system.size))
+    one, other = r @ system.precondition(s), s @ system.precondition(r)
+    assert one == pytest.approx(other, abs=1e-5 * np.sqrt((r @ system.precondition(r)) * (s @ system.precondition(s))))
+
+
+@pytest.mark.parametrize("coupled", [False, True])
+def test_solutions_solve(sliding, coupled):
+    """What is left of the right side, by the norm that each method goes by and some room for the other's."""
+    trial = sliding[3]
+    solve = minimal_residual if coupled else conjugate_gradient
+    y, iterations = solve(trial.system, trial.right, 1e-6, 400)
+    left = trial.system.multiply(y) - trial.right
+    assert 0 < iterations < 200
+    assert np.linalg.norm(left) < 1e-5 * np.linalg.norm(trial.right)
+
+
+def test_newton_converges_where_every_point_slides(sliding):
+    """A block thrown along the floor: friction limits follow its bounce, and each step is solved to its tolerance."""
+    stepper, before, _, _ = sliding
+    state = before.copy()
+    state.v = np.tile([0.3, 0.1, -0.05], (len(state.x), 1))
+    for _ in range(8):
+        state, report = stepper.advance(state, DT, 1e-3)
+        stepper.query.remember(report.contacts)
+        assert report.residual <= 1e-3
