@@ -78,10 +78,12 @@ class Course:
             if report.residual <= bound:
                 break
             if dt <= shortest:
+                name = self.model.bodies[report.worst].name
                 raise UnstableStep(
-                    f"t = {state.time:.4f} s: step of {dt:.1e} s ends with {report.residual:.2g} of a body's weight "
-                    f"unbalanced after {report.newton} Newton iterations (bound {bound:.2g}: acceptable_residual = "
-                    f"{self.config.acceptable_residual}, more in an impact); {report.inverted} inverted particles"
+                    f"t = {state.time:.4f} s: step of {dt:.1e} s ends with {report.residual:.2g} of what body {name!r} "
+                    f"weighs or carries unbalanced after {report.newton} Newton iterations (bound {bound:.2g}: "
+                    f"acceptable_residual = {self.config.acceptable_residual}, more in an impact); "
+                    f"{report.inverted} inverted particles"
                 )
             dt = max(0.5 * dt, shortest)
         self.query.remember(report.contacts)

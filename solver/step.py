@@ -39,6 +39,8 @@ class StepReport:
     linear: int
     residual: float
     """Largest residual of a body over its weight, or over what it carries where that is more [-]."""
+    worst: int
+    """The body that has it."""
     contacts: Contacts
     frame_residual: NDArray[np.float64]
     inverted: int
@@ -56,6 +58,7 @@ class Trial:
     """What is out of balance: forces on nodes [N], forces [N] and torques [N m] on frames, shape (3 n + 6 b,)."""
     residual: float
     """Its size as in StepReport [-]."""
+    worst: int
 
 
 def carried_weights(weights: NDArray[np.float64], contacts: Contacts) -> NDArray[np.float64]:
@@ -156,19 +159,36 @@ class Stepper:
         self.touched = {int(i) for i in np.union1d(contacts.a, contacts.b)}
         inverted = int((self.volume_ratio[self.soft.real] <= 0.0).sum())
         frames = trial.system.split(trial.right)[1]
-        return after, StepReport(count, total, trial.residual, contacts, frames, inverted)
+        return after, StepReport(count, total, trial.residual, trial.worst, contacts, frames, inverted)
 
     def _linearise(self, state: State, before: State, dt: float) -> Trial:
         """Forces, contacts and the system of a state at the end of a step; raises UnstableStep if it is not finite."""
+        self._require_finite(state, dt)
         force = self.elastic_forces(state)
         self.tangent.refresh(state, self.deformation)
         contacts = self.query.find(state, before)
         system = TangentSystem(self.soft, self.tangent, contacts, self.frames(state), dt, self.damping)
         right = self._residual(system, state, before, force, dt)
-        residual = self._size(system.split(right), contacts)
+        residual, worst = self._size(system.split(right), contacts)
         if not np.isfinite(residual):
-            raise UnstableStep(self._story(state, dt, residual))
-        return Trial(state, contacts, system, right, residual)
+            name = self.model.bodies[worst].name
+            raise UnstableStep(
+                f"t = {state.time:.4f} s: in a step of {dt:.2e} s forces on body {name!r} are not finite"
+            )
+        return Trial(state, contacts, system, right, residual, worst)
+
+    def _require_finite(self, state: State, dt: float) -> None:
+        """Raise UnstableStep for a body whose position is not finite."""
+        for body in self.soft.bodies:
+            if not np.isfinite(state.x[body.nodes]).all():
+                raise self._not_finite("positions of", body.index, state, dt)
+        for i in self.frame_bodies:
+            if not (np.isfinite(state.center[i]).all() and np.isfinite(state.rotation[i]).all()):
+                raise self._not_finite("positions of", i, state, dt)
+
+    def _not_finite(self, what: str, body: int, state: State, dt: float) -> UnstableStep:
+        name = self.model.bodies[body].name
+        return UnstableStep(f"t = {state.time:.4f} s: in a step of {dt:.2e} s {what} body {name!r} are not finite")
 
     def _predict(self, state: State, dt: float) -> State:
         """Where everything goes on as it moved; what touched nothing falls."""
@@ -218,23 +238,25 @@ class Stepper:
             frames[f, 3:] -= system.frames.inertia[f] @ (angular - before.angular_velocity[i]) / dt
         return system.reduce(out)
 
-    def _size(self, residual: Vector, contacts: Contacts) -> float:
+    def _size(self, residual: Vector, contacts: Contacts) -> tuple[float, int]:
         """Largest residual of a body over its weight or what it carries [-]: of its nodes (2-norm), its force, and its
-        torque over half its size."""
+        torque over half its size; and which body that is."""
         scale = carried_weights(self.weights, contacts)
-        parts = [0.0]
+        parts = np.zeros(len(self.model.bodies))
         for body in self.soft.bodies:
             nodes = residual[0][body.nodes]
-            parts.append(float(np.sqrt((nodes**2).sum())) / scale[body.index])
+            parts[body.index] = np.sqrt((nodes**2).sum())
             if not self.model.bodies[body.index].fixed:  # many small residuals of one sign move a body as a whole
-                parts.append(float(np.linalg.norm(nodes.sum(axis=0))) / scale[body.index])
+                parts[body.index] = np.maximum(parts[body.index], np.linalg.norm(nodes.sum(axis=0)))
         for index, spin in contacts.spins.items():
             torque = np.cross(spin.arm, residual[0][spin.nodes]).sum(axis=0)
-            parts.append(float(np.linalg.norm(torque)) / (scale[index] * 0.5 * self.model.bodies[index].size))
+            parts[index] = np.maximum(parts[index], np.linalg.norm(torque) / (0.5 * self.model.bodies[index].size))
         for f, i in enumerate(self.frame_bodies):
-            parts.append(float(np.linalg.norm(residual[1][f, :3])) / scale[i])
-            parts.append(float(np.linalg.norm(residual[1][f, 3:])) / (scale[i] * 0.5 * self.model.bodies[i].size))
-        return max(parts)
+            torque = np.linalg.norm(residual[1][f, 3:]) / (0.5 * self.model.bodies[i].size)
+            parts[i] = np.max([parts[i], np.linalg.norm(residual[1][f, :3]), torque])
+        parts /= scale
+        worst = int(np.argmax(parts))  # the first that is not a number, if there is one
+        return float(parts[worst]), worst
 
     def _move(self, state: State, system: TangentSystem, move: Flat) -> State:
         """Apply a Newton step, shortened so that no point jumps past a contact."""
@@ -274,7 +296,3 @@ class Stepper:
             )
         self._tie(after)
         after.time = before.time + dt
-
-    def _story(self, state: State, dt: float, residual: float) -> str:
-        where = f"step at t = {state.time:.4f} s, dt = {dt:.2e} s"
-        return f"{where}: residual is {residual} of a body's weight"

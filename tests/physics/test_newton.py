@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from solver.config import SolverConfig
+from solver.errors import UnstableStep
 from solver.linear import conjugate_gradient, minimal_residual
 from solver.model import Model
 from solver.runtime import start
@@ -70,3 +71,12 @@ def test_newton_converges_where_every_point_slides(sliding):
         state, report = stepper.advance(state, DT, 1e-3)
         stepper.query.remember(report.contacts)
         assert report.residual <= 1e-3
+
+
+def test_a_state_that_is_not_finite_names_its_body(sliding):
+    """A number lost on the way ends the drop at once, whatever the other bodies do."""
+    stepper, before, _, _ = sliding
+    state = before.copy()
+    state.v[5] = np.nan
+    with pytest.raises(UnstableStep, match="positions of body 'block' are not finite"):
+        stepper.advance(state, DT, 1e-3)
