@@ -86,6 +86,12 @@ TRUNCATED = b"ply\nformat binary_little_endian 1.0\nelement vertex 1000000000\np
 DRACO = b'{"asset": {"version": "2.0"}, "extensionsRequired": ["KHR_draco_mesh_compression"]}'
 
 
+@pytest.fixture(scope="module")
+def data_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """One for several runs: a new database of Prefect's takes longer to start than an old one."""
+    return tmp_path_factory.mktemp("data")
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "content", "words"),
@@ -100,7 +106,7 @@ DRACO = b'{"asset": {"version": "2.0"}, "extensionsRequired": ["KHR_draco_mesh_c
     ],
 )
 def test_meshes_that_cannot_be_used(
-    tmp_path: Path, name: str, content: bytes | None, words: str
+    tmp_path: Path, data_folder: Path, name: str, content: bytes | None, words: str
 ) -> None:  # fmt: skip
     """Exit 2 and one line that names the file and what is wrong with it, through the whole program in a process of its
     own: where results are kept is decided once per process."""
@@ -111,7 +117,7 @@ def test_meshes_that_cannot_be_used(
     command = [sys.executable, "-m", "flows.cli", "place", str(room), str(tmp_path / name), "put it on the table"]
     done = subprocess.run(
         [*command, "--label", "table", "--json"], capture_output=True, text=True,
-        env=os.environ | {"DCAP_DATA": str(tmp_path / "data")},
+        env=os.environ | {"DCAP_DATA": str(data_folder)},
     )  # fmt: skip
     said = done.stderr
     assert (done.returncode, done.stdout, said.count("\n")) == (2, "", 1)
