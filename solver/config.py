@@ -50,9 +50,10 @@ class SolverConfig(BaseModel, frozen=True, extra="forbid"):
     """... plus this share of the force that would stop the fastest body within the step: in an impact forces are
     many weights, and the bound then keeps errors of its speed below acceptable_residual times this [-]."""
     linear_tolerance: PositiveFloat = 1e-1
-    """Reduction of the preconditioned residual per Newton step: inexact Newton, tighter buys nothing."""
+    """Reduction of the preconditioned residual per Newton step: inexact Newton, tighter pays only where it stalls
+    (step.py then asks for a hundred times more)."""
     linear_limit: PositiveInt = 400
-    """Conjugate gradient iterations per Newton step."""
+    """Iterations of the linear solver per Newton step."""
     tangent_refresh: NonNegativeFloat = 0.1
     """The elastic tangent is rebuilt when an entry of a particle's deformation gradient has changed by this [-]."""
     longest_move: PositiveFloat = 0.01

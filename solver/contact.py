@@ -153,7 +153,7 @@ class ContactQuery:
 
     def find(self, state: State, before: State) -> Contacts:
         """Active points, forces and tangents at `state`, with friction measured from the start of the step `before`."""
-        surfaces = {i: self.surface(state, i) for i in {p.a for p in self.pairs} | {p.b for p in self.pairs}}
+        surfaces = {i: self.surface(state, i) for i in {p.a for p in self.pairs}}
         if self._earlier[0] is not before:
             self._earlier = before, {i: self.surface(before, i) for i in {p.a for p in self.pairs}}
         earlier = self._earlier[1]
@@ -175,9 +175,7 @@ class ContactQuery:
         earlier: dict[int, NDArray[np.float64]],
     ) -> Touching | None:
         points = surfaces[pair.a]
-        low, high = bounds(surfaces[pair.b])
-        margin = self.model.bodies[pair.b].distance.spacing  # as far as sampled distances may be from the surface
-        near = inside(points, low - margin, high + margin).astype(np.int32)
+        near = inside(points, *self._solid_box(state, pair.b)).astype(np.int32)
         if len(near) == 0:
             return None
         material, gap, normal, node, weight = self._query(pair, state, points, near)
@@ -200,6 +198,16 @@ class ContactQuery:
             pair, index, points[index], gap[active], normal[active], force, tangent, coupling, anchor, sliding, nodes,
             weights,
         )  # fmt: skip
+
+    def _solid_box(self, state: State, index: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """World box outside of which no point can be inside a body [m]: of a soft body's cells, or of the samples of a
+        rigid one's distance. Its surface may be a part of that of the solid, such as the top of a cut-out slab."""
+        if index in self.soft_of:
+            return bounds(state.x[self.soft_of[index].nodes])
+        body = self.model.bodies[index]
+        end = np.array(body.distance.values.shape) - 1
+        corner = body.distance.origin + body.distance.spacing * end * np.array(list(np.ndindex(2, 2, 2)))
+        return bounds((corner - body.center_of_mass) @ state.rotation[index].T + state.center[index])
 
     def _query(
         self, pair: Pair, state: State, points: NDArray[np.float64], near: NDArray[np.int32]

@@ -24,6 +24,7 @@ Load = Callable[[float], NDArray[np.float64]]
 CELL_STIFFNESS = 4.0  # first guess of the contact stiffness per area, in E / cell size; adapted to the target near rest
 SHORTER = 0.1  # of a step that resolves elastic waves: what it may be shortened to in an impact
 STEP_GROWTH = 1.25  # growth of the step when Newton converges easily
+LEAST_GRAVITY = 1e-12  # [m/s^2], so that what is measured by weights stays finite where nothing pulls
 
 
 class Course:
@@ -37,15 +38,15 @@ class Course:
         self.free = [i for i, b in enumerate(model.bodies) if not b.fixed]
         self.watched = self.free or [s.index for s in self.soft.bodies]
         self.mass = {i: self._mass(i) for i in self.watched}
-        self.gravity = float(np.linalg.norm(model.gravity))
+        self.gravity = max(float(np.linalg.norm(model.gravity)), LEAST_GRAVITY)
         if not self.watched:
             raise ModelError("nothing can move: every body is rigid and fixed")
         self.length = max(model.bodies[i].size for i in self.watched)
-        self.weight = sum(self.mass.values()) * max(self.gravity, 1e-12)
+        self.weight = sum(self.mass.values()) * self.gravity
         pairs = contact_pairs(model, self.soft, config, self.gravity)
         self.query = ContactQuery(model, self.soft, pairs, build_bonds(model, self.soft, config.penetration_target))
         weights = np.full(len(model.bodies), self.weight)
-        weights[self.free] = [self.mass[i] * max(self.gravity, 1e-12) for i in self.free]
+        weights[self.free] = [self.mass[i] * self.gravity for i in self.free]
         self.stepper = Stepper(model, self.soft, self.query, config, weights)
         if not config.inertia:
             self.stepper.damping = predicted_damping(model, config, {i: self.mass[i] for i in self.free}, self.gravity)
@@ -81,8 +82,9 @@ class Course:
                 name = self.model.bodies[report.worst].name
                 raise UnstableStep(
                     f"t = {state.time:.4f} s: step of {dt:.1e} s ends with {report.residual:.2g} of what body {name!r} "
-                    f"weighs or carries unbalanced after {report.newton} Newton iterations (bound {bound:.2g}: "
-                    f"acceptable_residual = {self.config.acceptable_residual}, more in an impact); "
+                    f"weighs or carries unbalanced, most of it at {np.round(report.where, 4).tolist()} m, after "
+                    f"{report.newton} Newton iterations (bound {bound:.2g}: acceptable_residual = "
+                    f"{self.config.acceptable_residual}, more in an impact); fastest body {speed:.2g} m/s, "
                     f"{report.inverted} inverted particles"
                 )
             dt = max(0.5 * dt, shortest)
@@ -116,7 +118,7 @@ class Course:
 
     def balance_step(self) -> float:
         """Longest step that follows a loss of balance [s]."""
-        return self.config.longest_step * float(np.sqrt(0.5 * self.length / max(self.gravity, 1e-12)))
+        return self.config.longest_step * float(np.sqrt(0.5 * self.length / self.gravity))
 
     def give(
         self, state: State, index: int, velocity: NDArray[np.float64], angular_velocity: NDArray[np.float64]

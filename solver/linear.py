@@ -1,4 +1,4 @@
-"""The linear system of one Newton step, matrix-free but for the contacts, and its conjugate gradient solver.
+"""The linear system of one Newton step, matrix-free but for the contacts, and its solvers.
 
 Unknowns in one array: node displacements (n, 3), then frame motions (b, 6: translation, rotation vector about the
 frame's centre). Held nodes do not move; core nodes move with their frame. The matrix is symmetric positive
@@ -7,7 +7,8 @@ semi-definite:
     (1 + beta / dt) K + M / dt^2 + J^T T J + W^T T_r W
 
 with J the relative displacement of the contact points, W the relative rotation of pairs that resist rolling. What T
-lacks is that friction limits follow the normal force, which is not symmetric; `couple` adds it.
+lacks is that the friction limits of points follow the normal force, which is not symmetric; it is added on demand
+(that limits of rolling resistance do so too is left out: they are small).
 
 [S86] Saad, Schultz: GMRES: a generalized minimal residual algorithm. SIAM J. Sci. Stat. Comput. 7(3), 1986.
 [S94] Shewchuk: An introduction to the conjugate gradient method without the agonizing pain. 1994.
@@ -31,7 +32,7 @@ from solver.tangent import ElasticTangent
 Vector = tuple[NDArray[np.float64], NDArray[np.float64]]
 Flat = NDArray[np.float64]
 
-RESTART = 80  # vectors that GMRES keeps: it seldom needs half as many
+RESTART = 40  # vectors that GMRES keeps, 24 bytes a node each; ten to thirty are usual
 
 
 @dataclass(eq=False, slots=True)
@@ -151,18 +152,19 @@ class TangentSystem:
             out += rows.T @ rolling.torque
         return out
 
-    def prepare(self) -> None:
-        """Assemble the contacts and factorise the preconditioner: once before the products."""
+    def prepare(self, *, coupled: bool = False) -> None:
+        """Assemble the contacts and factorise the preconditioner: once before the products.
+
+        Products are `coupled` if the limits of friction are to follow the normal forces; the preconditioner never is.
+        """
         tangent = self._blocks(self.contacts.tangent)
         self.contact = (self.jacobian.T @ (tangent @ self.jacobian)).tocsr()
         self.terms = [(self.jacobian, tangent), *((rows, scipy_sparse.csr_matrix(t)) for t, rows in self.rolling)]
         """J^T T J over all unknowns, of contact and of rolling, as (J, T)."""
         self.inverse = self._preconditioner()
-
-    def couple(self) -> None:
-        """Let friction limits follow the normal forces in products from now on: the true matrix, not symmetric."""
-        added = self._blocks(self.contacts.coupling)
-        self.contact = (self.contact + self.jacobian.T @ (added @ self.jacobian)).tocsr()
+        if coupled:
+            follows = self._blocks(self.contacts.coupling)
+            self.contact = (self.contact + self.jacobian.T @ (follows @ self.jacobian)).tocsr()
 
     def _blocks(self, blocks: NDArray[np.float64]) -> scipy_sparse.csr_matrix:
         """The points' 3 x 3 matrices (k, 3, 3) as blocks on the diagonal, shape (3 k, 3 k)."""
@@ -283,10 +285,10 @@ def conjugate_gradient(system: TangentSystem, right: Flat, tolerance: float, lim
 
 
 def minimal_residual(system: TangentSystem, right: Flat, tolerance: float, limit: int) -> tuple[Flat, int]:
-    """The same with friction limits that follow the normal forces: the matrix is not symmetric, GMRES solves it [S86]
-    until the residual norm falls by `tolerance`."""
-    system.prepare()
-    system.couple()
+    """The same with friction limits that follow the normal forces: the matrix is not symmetric, so GMRES solves it
+    [S86], until the 2-norm of the residual falls by `tolerance` with and without the preconditioner; returns (y,
+    products)."""
+    system.prepare(coupled=True)
     count = 0
 
     def multiply(direction: Flat) -> Flat:
@@ -296,7 +298,7 @@ def minimal_residual(system: TangentSystem, right: Flat, tolerance: float, limit
 
     shape = (system.size, system.size)
     y, _ = gmres(
-        LinearOperator(shape, matvec=multiply, dtype=np.float64), right, rtol=tolerance, restart=RESTART,
+        LinearOperator(shape, matvec=multiply, dtype=np.float64), right, rtol=tolerance, restart=min(RESTART, limit),
         maxiter=max(1, limit // RESTART), M=LinearOperator(shape, matvec=system.precondition, dtype=np.float64),
     )  # fmt: skip
     return np.asarray(y, dtype=np.float64), count

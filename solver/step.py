@@ -25,10 +25,10 @@ from solver.soft import SoftSystem
 from solver.state import State, rotate, turn_between
 from solver.tangent import ElasticTangent
 
-# where the residual falls by less than SLOW, Newton cycles between contact states, often since a loose solution pushes
-# a point at the edge of a contact in and out: solve CLOSELY times as closely, with friction limits that follow the
-# normal force, and shorten moves down to SHORTEST
-SLOW, CLOSELY, SHORTEST = 0.7, 0.01, 0.125
+# Newton cycles between contact states where an iteration leaves more than STALLED of the residual [-], often since a
+# loose solution pushes a point at the edge of a contact in and out. From then on linear systems are solved to TIGHTER
+# times their tolerance [-], with friction limits that follow the normal force, and moves halved down to SHORTEST [-]
+STALLED, TIGHTER, SHORTEST = 0.7, 0.01, 0.125
 
 
 @dataclass(eq=False, slots=True)
@@ -41,6 +41,8 @@ class StepReport:
     """Largest residual of a body over its weight, or over what it carries where that is more [-]."""
     worst: int
     """The body that has it."""
+    where: NDArray[np.float64]
+    """Where on it most is out of balance [m]: a node, or the centre of a rigid body, shape (3,)."""
     contacts: Contacts
     frame_residual: NDArray[np.float64]
     inverted: int
@@ -136,19 +138,12 @@ class Stepper:
         trial = self._linearise(self._predict(before, dt), before, dt)
         while trial.residual > tolerance and count < self.config.newton_limit:
             solve = minimal_residual if stalled and trial.contacts.coupling.any() else conjugate_gradient
-            tolerable = (CLOSELY if stalled else 1.0) * self.config.linear_tolerance
+            tolerable = (TIGHTER if stalled else 1.0) * self.config.linear_tolerance
             move, iterations = solve(trial.system, trial.right, tolerable, self.config.linear_limit)
             total += iterations
             count += 1
-            best, share = self._linearise(self._move(trial.state, trial.system, move), before, dt), 1.0
-            latest = best
-            while stalled and best.residual > SLOW * trial.residual and share > SHORTEST:
-                share *= 0.5
-                latest = self._linearise(self._move(trial.state, trial.system, share * move), before, dt)
-                best = min(best, latest, key=lambda one: one.residual)
-            if latest is not best:  # forces, tangent and contact memory belong to what was looked at last
-                best = self._linearise(best.state, before, dt)
-            stalled |= count > 1 and best.residual > SLOW * trial.residual
+            best = self._after_move(trial, move, before, dt, halve=stalled)
+            stalled |= count > 1 and best.residual > STALLED * trial.residual
             trial = best
         after, contacts = trial.state, trial.contacts
         self._finish(after, before, dt)
@@ -159,7 +154,21 @@ class Stepper:
         self.touched = {int(i) for i in np.union1d(contacts.a, contacts.b)}
         inverted = int((self.volume_ratio[self.soft.real] <= 0.0).sum())
         frames = trial.system.split(trial.right)[1]
-        return after, StepReport(count, total, trial.residual, trial.worst, contacts, frames, inverted)
+        where = self._worst_place(trial)
+        return after, StepReport(count, total, trial.residual, trial.worst, where, contacts, frames, inverted)
+
+    def _after_move(self, trial: Trial, move: Flat, before: State, dt: float, *, halve: bool) -> Trial:
+        """What a Newton move leads to; with `halve` the best of it and its halves, until one gains enough."""
+        move = self._capped(trial.system, move)
+        best = latest = self._linearise(self._move(trial.state, trial.system, move), before, dt)
+        share = 1.0
+        while halve and best.residual > STALLED * trial.residual and share > SHORTEST:
+            share *= 0.5
+            latest = self._linearise(self._move(trial.state, trial.system, share * move), before, dt)
+            best = min(best, latest, key=lambda one: one.residual)
+        if latest is not best:  # forces, tangent and contact memory belong to what was looked at last
+            best = self._linearise(best.state, before, dt)
+        return best
 
     def _linearise(self, state: State, before: State, dt: float) -> Trial:
         """Forces, contacts and the system of a state at the end of a step; raises UnstableStep if it is not finite."""
@@ -187,8 +196,11 @@ class Stepper:
                 raise self._not_finite("positions of", i, state, dt)
 
     def _not_finite(self, what: str, body: int, state: State, dt: float) -> UnstableStep:
-        name = self.model.bodies[body].name
-        return UnstableStep(f"t = {state.time:.4f} s: in a step of {dt:.2e} s {what} body {name!r} are not finite")
+        one = self.model.bodies[body]
+        return UnstableStep(
+            f"t = {state.time:.4f} s: in a step of {dt:.2e} s {what} body {one.name!r} (placed at "
+            f"{np.round(one.center_of_mass, 3).tolist()} m) are not finite"
+        )
 
     def _predict(self, state: State, dt: float) -> State:
         """Where everything goes on as it moved; what touched nothing falls."""
@@ -258,20 +270,32 @@ class Stepper:
         worst = int(np.argmax(parts))  # the first that is not a number, if there is one
         return float(parts[worst]), worst
 
-    def _move(self, state: State, system: TangentSystem, move: Flat) -> State:
-        """Apply a Newton step, shortened so that no point jumps past a contact."""
+    def _worst_place(self, trial: Trial) -> NDArray[np.float64]:
+        """StepReport.where."""
+        for body in self.soft.bodies:
+            if body.index == trial.worst:
+                nodes = trial.system.split(trial.right)[0][body.nodes]
+                return np.array(trial.state.x[body.nodes][int(np.argmax((nodes**2).sum(axis=1)))])
+        return np.array(trial.state.center[trial.worst])
+
+    def _capped(self, system: TangentSystem, move: Flat) -> Flat:
+        """A Newton move, shortened so that no point jumps past a contact."""
         nodes, frames = system.split(system.expand(move))
         reach = [float(np.abs(nodes).max())] if len(nodes) else []
         for f, i in enumerate(self.frame_bodies):
             reach.append(
                 float(np.linalg.norm(frames[f, :3]) + 0.5 * self.model.bodies[i].size * np.linalg.norm(frames[f, 3:]))
             )
-        share = min(1.0, self.config.longest_move / max([*reach, 1e-30]))
+        return min(1.0, self.config.longest_move / max([*reach, 1e-30])) * move
+
+    def _move(self, state: State, system: TangentSystem, move: Flat) -> State:
+        """Apply a Newton move."""
+        nodes, frames = system.split(system.expand(move))
         after = state.copy()
-        after.x = state.x + share * nodes
+        after.x = state.x + nodes
         for f, i in enumerate(self.frame_bodies):
-            after.center[i] = state.center[i] + share * frames[f, :3]
-            after.rotation[i] = rotate(state.rotation[i], share * frames[f, 3:])
+            after.center[i] = state.center[i] + frames[f, :3]
+            after.rotation[i] = rotate(state.rotation[i], frames[f, 3:])
         return self._tie(after)
 
     def _finish(self, after: State, before: State, dt: float) -> None:

@@ -234,10 +234,17 @@ def base_surface(s: Scenario, foot: Footprint, mesh: Mesh, box: Array, cell: flo
     Flat faces as long as a cell cut the corners of the dent under an edge: they showed a dumbbell 1 mm deep in its bed.
     """
     margin = np.array([0.3, 0.3, 0.0]) * (foot.high - foot.low) + 0.5 * foot.radius
-    low, high = foot.reach[0] - margin, foot.reach[1] + margin
+    low, high = foot.wider[0] - margin, foot.wider[1] + margin
     low[2] = -np.inf
     mesh = subdivide_near(mesh, s.crop, max(4.0 * cell, 0.02))
-    mesh = subdivide_near(mesh, np.stack([low, high]), cell / 3.0)
+    size = np.maximum(np.minimum(high, box[1]) - np.maximum(low, box[0]), 0.0)[:2]
+    least = float(np.sqrt(2.0 * size.prod() / s.config.base_faces))
+    if least > cell / 3.0:
+        s.notes.append(
+            f"{s.anchor.base_id}: faces of {1e3 * least:.2g} mm under the object, not a third of a cell "
+            f"({1e3 * cell / 3.0:.2g} mm), to meet the budget of {s.config.base_faces} (ParticlesConfig.base_faces)"
+        )
+    mesh = subdivide_near(mesh, np.stack([low, high]), max(cell / 3.0, least))
     inside = ((mesh.vertices[:, :2] >= box[0, :2]) & (mesh.vertices[:, :2] <= box[1, :2])).all(axis=1)
     inside &= (mesh.vertices[:, 2] >= box[0, 2]) & (mesh.vertices[:, 2] <= box[1, 2])
     return mesh.submesh(np.flatnonzero(inside[mesh.faces].all(axis=1)))

@@ -17,7 +17,8 @@ from solver.predict import contact_radius
 
 LEAST_DEPTH, MOST_DEPTH = 5e-4, 0.06  # expected indentation [m]: below it is invisible, above it no formula holds
 ROUNDS = 8  # indentation and footprint decide each other: a few rounds settle within a few per cent
-# a footprint that grows by less than this factor when the depth grows fourfold is flat (a sphere's grows fourfold)
+WIDER = 4.0  # times the expected indentation: what may touch before the object has levelled out
+# a footprint that grows by less than this factor when the depth grows by WIDER is flat (a sphere's grows by WIDER)
 FLAT = 2.0
 GRAVITY = 9.81
 
@@ -30,8 +31,8 @@ class Footprint:
     """Lower corner of its box [m], shape (3,)."""
     high: NDArray[np.float64]
     """Upper corner [m], shape (3,)."""
-    reach: NDArray[np.float64]
-    """Lower and upper corner of what may touch too, at four times the indentation [m], shape (2, 3): an object that
+    wider: NDArray[np.float64]
+    """Lower and upper corner of what may touch too, at WIDER times the indentation [m], shape (2, 3): an object that
     lies on a slope comes down at one end first."""
     radius: float
     """Contact radius [m] (of a disc of the same area where it is not round)."""
@@ -68,7 +69,7 @@ def predicted_footprint(
         depth = float(np.clip(0.5 * depth + 0.5 * radius**2 / curvature, LEAST_DEPTH, MOST_DEPTH))
     touching = gap <= closest + depth
     radius = min(radius, float(np.sqrt(area[touching].sum() / np.pi)))
-    wider = gap <= closest + 4.0 * depth
+    wider = gap <= closest + WIDER * depth
     corner, beyond = (fine.triangles[under[those]].reshape(-1, 3) for those in (touching, wider))
     return Footprint(
         corner.min(axis=0), corner.max(axis=0), np.stack([beyond.min(axis=0), beyond.max(axis=0)]), radius, depth,

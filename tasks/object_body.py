@@ -20,7 +20,7 @@ from tasks.soft_cells import Cells, nodes, thickness, uniform_cells
 
 Array = NDArray[np.float64]
 
-SAMPLES = 220.0  # of the distance along the object's diagonal, at least
+SAMPLES = 220.0  # of the distance along the object's diagonal, if ParticlesConfig.object_distance_samples allow
 LEAST_EDGE = 2e-3  # contact points are never refined beyond this [m]
 
 
@@ -48,8 +48,8 @@ def object_body(s: Scenario, foot: Footprint, contact_cell: float, on_soft: bool
 def contact_surface(s: Scenario, foot: Footprint, cell: float) -> Mesh:
     """Surface of a rigid object: edges of about `cell` [m] where it will touch, no more points than contact needs."""
     mesh = simplified_item(s)
-    reach = 0.3 * (foot.high - foot.low) + foot.depth
-    region = np.stack([foot.low - reach, foot.high + reach])
+    margin = 0.3 * (foot.high - foot.low) + foot.depth
+    region = foot.wider + np.stack([-margin, margin])
     return subdivide_near(mesh, region, max(cell, foot.small_side / 24.0, LEAST_EDGE))
 
 

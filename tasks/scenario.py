@@ -57,6 +57,8 @@ class ParticlesConfig(BaseModel, frozen=True, extra="forbid"):
     """Budget of cells of a soft object."""
     base_cells: PositiveInt = 7000
     """Budget of cells of the base."""
+    base_faces: PositiveInt = 120_000
+    """Budget of visible faces of a soft base under the object; each is a point of contact."""
     particle_limit: PositiveInt = 250_000
     """More particles than this are refused."""
     distance_samples: PositiveInt = 1_000_000

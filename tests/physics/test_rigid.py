@@ -1,5 +1,7 @@
 """Laws of rigid bodies: rest, friction, toppling."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import trimesh
@@ -226,3 +228,25 @@ def test_a_body_carries_what_goes_through_it(lab):
     contacts = Contacts([], None, force, none, none, none, a, b)
     # body 0: 5 and 4 up from the floor, 3 down from body 1 on it; body 1: 3 up; body 2 takes 9
     assert contacts.burden(3) == pytest.approx([3.0, 0.0, 0.0])
+
+
+@pytest.mark.parametrize("gap", np.arange(8e-3, 11.1e-3, 5e-4))
+def test_a_rod_stands_on_a_floor_of_which_only_the_top_is_known(lab, gap):
+    """Scans show tops only, and their vertices may lie beside the object: the distance samples alone carry it."""
+    floor = lab.rigid(
+        "floor", lab.Box(np.array([0.6, 0.6, 0.05])), [0, 0, -0.025], fixed=True, edge=0.01, spacing=0.0017
+    )
+    corner = floor.vertices[floor.faces]
+    seen = (np.abs(corner[:, :, 2]) < 1e-9).all(axis=1) & (np.abs(corner[:, :, :2]).max(axis=(1, 2)) > 0.011)
+    used, faces = np.unique(floor.faces[seen], return_inverse=True)
+    floor = replace(floor, vertices=floor.vertices[used], faces=faces.reshape(-1, 3).astype(np.int32))
+    rod = lab.rigid(
+        "rod", lab.Box(np.array([6e-3, 6e-3, 0.03])), [0, 0, 0.015 + gap], mass=0.02, edge=2e-3, spacing=5e-4
+    )
+    assert lab.drop(rod, floor).verdict == "at_rest"
+
+
+def test_nothing_pulls_where_there_is_no_gravity(lab):
+    """A block that drifts past the floor: no equilibrium, and no division by the missing weight."""
+    block = lab.rigid("block", lab.Box(np.array([0.1, 0.1, 0.1])), [0, 0, 0.1], velocity=np.array([0.1, 0, 0]))
+    assert lab.drop(block, lab.floor(), gravity=(0, 0, 0), step_limit=20).verdict != "at_rest"

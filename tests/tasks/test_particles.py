@@ -8,6 +8,7 @@ import pytest
 import trimesh
 
 from geometry.distance import sampler
+from geometry.raycast import Raycaster
 from scene.anchor import Anchor
 from scene.box import OrientedBox
 from scene.codec import encode
@@ -17,7 +18,7 @@ from scene.materials import Material, Model, PartMaterial, PartMaterials
 from scene.mesh import Mesh
 from scene.particles import Particles
 from scene.segmentation import Instance, Part, Segmentation
-from tasks.footprint import GRAVITY
+from tasks.footprint import GRAVITY, predicted_footprint
 from tasks.particles import particles
 from tasks.scenario import CORE, FREE, HELD, ParticlesConfig, scenario
 
@@ -323,3 +324,35 @@ def test_config_round_trips_through_json() -> None:
     """A config holds numbers only."""
     config = ParticlesConfig(base_cells=123)
     assert ParticlesConfig.model_validate_json(config.model_dump_json()) == config
+
+
+def test_faces_under_the_object_are_a_third_of_a_cell_or_meet_their_budget() -> None:
+    """Where a budget makes them longer a note says so; budget and length belong to the box that may be touched."""
+    cells = ball_on_bed().resolution
+
+    def longest(found: Particles) -> float:
+        corner = found.bodies[1].surface.triangles
+        under = np.abs(corner[:, :, :2]).max(axis=(1, 2)) < 0.03
+        return float(np.linalg.norm(corner - np.roll(corner, 1, axis=1), axis=2)[under].max())
+
+    assert longest(ball_on_bed()) <= cells / 3.0 * (1 + 1e-9)
+    few = particles(
+        bed(), item(body=ball()), asked(1.0, hollow=True), above((0.0, 0.0, TOP + BALL_RADIUS + 0.01)),
+        chosen(body=WOOD), ParticlesConfig(base_faces=500),
+    )  # fmt: skip
+    assert isinstance(few, Particles)
+    assert cells / 3.0 < longest(few)
+    assert any("ParticlesConfig.base_faces" in note for note in few.notes)
+    assert not any("ParticlesConfig.base_faces" in note for note in ball_on_bed().notes)
+
+
+def test_an_object_on_a_slope_may_touch_with_all_of_its_underside() -> None:
+    """A board that slopes by 2 mm over its length touches with an edge first; `wider` holds all of it."""
+    board = box_mesh((-0.2, -0.05, 0.0), (0.2, 0.05, 0.02))
+    slope = Mesh.of(
+        board.vertices + np.array([0, 0, 0.01]) + 0.005 * board.vertices[:, :1] * np.array([0, 0, 1]), board.faces
+    )
+    floor = box_mesh((-1.0, -1.0, -0.1), (1.0, 1.0, 0.0))
+    foot = predicted_footprint(slope, Raycaster(floor), 5.0, 1e-5, 0.0)
+    assert foot.high[0] - foot.low[0] < 0.3
+    assert foot.wider[:, 0] == pytest.approx([-0.2, 0.2], abs=0.4 / 40)

@@ -1,0 +1,101 @@
+"""The contact query against closed forms and SciPy: where a point is in a body's start pose, how deep, which normal."""
+
+import numpy as np
+import pytest
+from scipy import ndimage
+from scipy.interpolate import RegularGridInterpolator
+
+from solver.config import SolverConfig
+from solver.model import Model
+from solver.runtime import start
+from solver.settle import Drop
+from solver.state import start_state
+
+SIZE = np.array([0.2, 0.16, 0.12])
+STRETCH = np.array([[1.1, 0.2, 0.0], [-0.1, 0.9, 0.05], [0.0, 0.1, 0.8]])  # F, with shear and a turn
+
+
+@pytest.fixture
+def ask(lab):
+    """Asks where points (n, 3) are in a soft box that is moved by a map; a rigid ball is the other body."""
+    start(2)
+    box = lab.soft("box", lab.Box(SIZE), [0, 0, 0], E=1e5, cell=0.02)
+    one = Drop(
+        Model((box, lab.rigid("ball", lab.Capsule(0.02, 0.0), [0, 0, 1])), np.array([0, 0, -9.81])), SolverConfig()
+    )
+    pair = next(p for p in one.query.pairs if p.b == 0)
+
+    def query(map_, points):
+        state = start_state(one.model, one.soft)
+        state.x = map_(one.soft.rest)
+        pair.guess = np.full((len(points), 3), np.nan)
+        one.query.smooth[:] = 0.0
+        one.query.find(state, state)  # averages the deformation at the nodes
+        pair.guess[:] = np.nan
+        near = np.arange(len(points), dtype=np.int32)
+        return box, one.soft, state, one.query._query(pair, state, points, near)
+
+    return query
+
+
+def random_inside(count):
+    """Points in the start pose, a cell and more away from edges, where the distance is that of one face."""
+    points = np.random.default_rng(0).uniform(-0.5, 0.5, (count, 3)) * (SIZE - 0.06)
+    points[:, 2] = 0.5 * SIZE[2] - np.random.default_rng(1).uniform(0.001, 0.02, count)
+    return points
+
+
+def test_an_affine_map_is_inverted_exactly(ask):
+    """Under x = F X the top is the plane with normal F^-T e_z; the distance to it is that of X over |F^-T e_z|."""
+    X = random_inside(200)
+    _, _, _, (material, gap, normal, _, weight) = ask(lambda p: p @ STRETCH.T + 0.3, X @ STRETCH.T + 0.3)
+    push = np.linalg.inv(STRETCH).T @ [0.0, 0.0, 1.0]
+    assert material == pytest.approx(X, abs=2e-8)  # the inversion's tolerance is 1e-8 m
+    assert gap == pytest.approx(
+        (X[:, 2] - 0.5 * SIZE[2]) / np.linalg.norm(push), abs=1e-7
+    )  # samples are single precision
+    assert normal == pytest.approx(np.tile(push / np.linalg.norm(push), (200, 1)), abs=1e-5)
+    assert weight.sum(axis=1) == pytest.approx(1.0)
+
+
+def test_a_bent_grid_is_inverted_as_scipy_maps_it(ask):
+    """The map back and forth; a point's weights and nodes give its place again."""
+
+    def bend(p):
+        return np.stack([p[:, 0] + 0.5 * p[:, 2] ** 2, p[:, 1] * (1 + p[:, 0]), p[:, 2] + 0.8 * p[:, 0] ** 2], axis=1)
+
+    X = random_inside(100)
+    _, soft, state, _ = ask(bend, X[:1])
+    planes = soft.bodies[0].planes
+    shape = tuple(len(p) for p in planes)
+    lattice = np.full((*shape, 3), np.nan)
+    index = [np.searchsorted(p, soft.rest[:, a] - 1e-9) for a, p in enumerate(planes)]
+    lattice[tuple(index)] = state.x
+    x = RegularGridInterpolator(planes, lattice)(X)
+    assert np.isfinite(x).all()
+    _, soft, state, (material, _, _, node, weight) = ask(bend, x)
+    assert material == pytest.approx(X, abs=5e-8)
+    assert np.einsum("ka,kai->ki", weight, state.x[node]) == pytest.approx(x, abs=2e-8)
+
+
+def test_the_distance_is_scipys_quadratic_spline(ask, lab):
+    """Value and gradient of the samples, by map_coordinates without its prefilter and by central differences."""
+    X = random_inside(50)
+    box, _, _, (_, gap, normal, _, _) = ask(lambda p: p, X)
+    grid = box.distance
+
+    def spline(points):
+        return ndimage.map_coordinates(
+            grid.values.astype(float), (points - grid.origin).T / grid.spacing, order=2, prefilter=False
+        )
+
+    step = 1e-6 * np.eye(3)
+    slope = np.stack([(spline(X + s) - spline(X - s)) / 2e-6 for s in step], axis=1)
+    assert gap == pytest.approx(spline(X), abs=1e-12)
+    assert normal == pytest.approx(slope / np.linalg.norm(slope, axis=1, keepdims=True), abs=1e-7)
+
+
+def test_points_outside_are_no_contact(ask):
+    """A point beyond the grid, and one in the plane of the top but beside it."""
+    _, _, _, (_, gap, _, _, _) = ask(lambda p: p, np.array([[0.0, 0.0, 0.3], [0.5, 0.0, 0.06]]))
+    assert (gap > 1.0).all()
