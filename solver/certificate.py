@@ -200,6 +200,7 @@ def certificate(
         "newton_residual": report.residual,
         "friction_cone_margin": friction_margin(report.contacts),
         "inverted_particles": report.inverted,
+        "unlocated_points": report.contacts.unlocated,
         "material_damping_s": damping,
         "rolling_resistance": [
             {

@@ -97,6 +97,8 @@ class Contacts:
     rolling: list[Rolling] = field(default_factory=list)
     spins: dict[int, Spin] = field(default_factory=dict)
     """Spins of the free soft bodies in contact, by model index."""
+    unlocated: int = 0
+    """Points that are in a soft body's cells while no place in its start pose was found for them; no contact there."""
 
     def burden(self, bodies: int) -> NDArray[np.float64]:
         """What each body carries from one side to another [N], shape (bodies,): half of what the sizes of its contact
@@ -141,6 +143,8 @@ class ContactQuery:
         self.smooth = np.zeros((len(soft.rest), 9))
         self.interpolation = {s.index: _interpolation(s, len(soft.rest)) for s in soft.bodies}
         """Surface points from nodes, shape (points, n)."""
+        self.unlocated = 0
+        """As in Contacts, of the query that is going on."""
         self._earlier: tuple[State | None, dict[int, NDArray[np.float64]]] = (None, {})
         """The last step's start and the surfaces there."""
 
@@ -153,6 +157,7 @@ class ContactQuery:
 
     def find(self, state: State, before: State) -> Contacts:
         """Active points, forces and tangents at `state`, with friction measured from the start of the step `before`."""
+        self.unlocated = 0
         surfaces = {i: self.surface(state, i) for i in {p.a for p in self.pairs}}
         if self._earlier[0] is not before:
             self._earlier = before, {i: self.surface(before, i) for i in {p.a for p in self.pairs}}
@@ -233,6 +238,7 @@ class ContactQuery:
             normal, cell, weight,
         )  # fmt: skip
         found = cell >= 0
+        self.unlocated += int((cell == query.UNLOCATED).sum())
         pair.guess[near] = np.where(found[:, None], material, np.nan)
         node[found] = self.soft.cell_node[cell[found]]
         weight[~found] = 0.0
@@ -299,6 +305,7 @@ class ContactQuery:
             np.repeat(np.array(b, dtype=np.int64), sizes),
             self._rolling(touching, state, before, spins),
             spins,
+            self.unlocated,
         )
 
     def _rolling(self, touching: list[Touching], state: State, before: State, spins: dict[int, Spin]) -> list[Rolling]:

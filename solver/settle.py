@@ -167,6 +167,11 @@ class Drop(Course):
             )
         if report.inverted:
             self.warnings.append(f"{report.inverted} particles are inverted in the last state")
+        if report.contacts.unlocated:
+            self.warnings.append(
+                f"{report.contacts.unlocated} points lie in a soft body whose deformation could not be inverted there; "
+                "they do not count as contact"
+            )
         patch = {
             self.model.bodies[i].name: np.concatenate(
                 [t.position for t in report.contacts.touching if i in (t.pair.a, t.pair.b)] or [np.zeros((0, 3))]

@@ -17,6 +17,7 @@ FAR = 1e9  # gap [m] that says: outside of the sampled region, no contact possib
 # a distance has slope 1; below this the nearest surface is ambiguous (a medial axis) and no normal exists
 LEAST_SLOPE = 0.1
 INVERSION_STEPS = 20  # Newton on a piecewise trilinear map: 3 to 5 inside one cell, one more per cell face crossed
+OUTSIDE, UNLOCATED = -1, -2  # in place of a cell: none holds the point; the inversion ended inside, but not at it
 INVERSION_TOLERANCE = 1e-8  # [m], far below any gap that matters
 
 
@@ -174,7 +175,7 @@ def query_soft(
 
     The inversion starts at material_point[m], where the point was last (NaN: nowhere), and if that fails at
     undeformed[m], where it would be had the body moved rigidly. cell[m] is the global cell that holds the material
-    point (-1: the map could not be inverted there), weight its 8 shape values.
+    point (or OUTSIDE, or UNLOCATED), weight its 8 shape values.
     """
     o = vec3(0.0)
     for d in ti.static(range(3)):
@@ -183,7 +184,7 @@ def query_soft(
         p = candidates[m]
         target = vec3(points[p, 0], points[p, 1], points[p, 2])
         X = vec3(material_point[m, 0], material_point[m, 1], material_point[m, 2])
-        found = -1
+        found = UNLOCATED
         s = vec3(0.0)
         attempt = 0 if X[0] == X[0] else 1
         while found < 0 and attempt < 2:
@@ -205,6 +206,7 @@ def query_soft(
                         outside = True
                 if c < 0:
                     running = False
+                    found = OUTSIDE
                 else:
                     here = vec3(0.0)
                     F = ti.Matrix.zero(ti.f64, 3, 3)
@@ -216,12 +218,17 @@ def query_soft(
                     J = F.determinant()
                     if J < 1e-3:
                         running = False
+                        if outside:
+                            found = OUTSIDE
                     else:
                         r = target - here
                         if r.norm() < INVERSION_TOLERANCE:
                             running = False
-                            if not outside:
-                                found = c
+                            found = c
+                            if outside:
+                                found = OUTSIDE
+                        elif outside and count == INVERSION_STEPS:
+                            found = OUTSIDE
                         else:
                             step = cofactor(F).transpose() @ r / J
                             longest = 1.5 * h.max()

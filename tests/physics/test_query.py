@@ -33,7 +33,8 @@ def ask(lab):
         one.query.find(state, state)  # averages the deformation at the nodes
         pair.guess[:] = np.nan
         near = np.arange(len(points), dtype=np.int32)
-        return box, one.soft, state, one.query._query(pair, state, points, near)
+        one.query.unlocated = 0
+        return box, one.soft, state, (*one.query._query(pair, state, points, near), one.query.unlocated)
 
     return query
 
@@ -48,7 +49,7 @@ def random_inside(count):
 def test_an_affine_map_is_inverted_exactly(ask):
     """Under x = F X the top is the plane with normal F^-T e_z; the distance to it is that of X over |F^-T e_z|."""
     X = random_inside(200)
-    _, _, _, (material, gap, normal, _, weight) = ask(lambda p: p @ STRETCH.T + 0.3, X @ STRETCH.T + 0.3)
+    _, _, _, (material, gap, normal, _, weight, _) = ask(lambda p: p @ STRETCH.T + 0.3, X @ STRETCH.T + 0.3)
     push = np.linalg.inv(STRETCH).T @ [0.0, 0.0, 1.0]
     assert material == pytest.approx(X, abs=2e-8)  # the inversion's tolerance is 1e-8 m
     assert gap == pytest.approx(
@@ -73,7 +74,7 @@ def test_a_bent_grid_is_inverted_as_scipy_maps_it(ask):
     lattice[tuple(index)] = state.x
     x = RegularGridInterpolator(planes, lattice)(X)
     assert np.isfinite(x).all()
-    _, soft, state, (material, _, _, node, weight) = ask(bend, x)
+    _, soft, state, (material, _, _, node, weight, _) = ask(bend, x)
     assert material == pytest.approx(X, abs=5e-8)
     assert np.einsum("ka,kai->ki", weight, state.x[node]) == pytest.approx(x, abs=2e-8)
 
@@ -81,7 +82,7 @@ def test_a_bent_grid_is_inverted_as_scipy_maps_it(ask):
 def test_the_distance_is_scipys_quadratic_spline(ask, lab):
     """Value and gradient of the samples, by map_coordinates without its prefilter and by central differences."""
     X = random_inside(50)
-    box, _, _, (_, gap, normal, _, _) = ask(lambda p: p, X)
+    box, _, _, (_, gap, normal, _, _, _) = ask(lambda p: p, X)
     grid = box.distance
 
     def spline(points):
@@ -97,5 +98,14 @@ def test_the_distance_is_scipys_quadratic_spline(ask, lab):
 
 def test_points_outside_are_no_contact(ask):
     """A point beyond the grid, and one in the plane of the top but beside it."""
-    _, _, _, (_, gap, _, _, _) = ask(lambda p: p, np.array([[0.0, 0.0, 0.3], [0.5, 0.0, 0.06]]))
+    _, _, _, (_, gap, _, _, _, unlocated) = ask(lambda p: p, np.array([[0.0, 0.0, 0.3], [0.5, 0.0, 0.06]]))
     assert (gap > 1.0).all()
+    assert unlocated == 0
+
+
+def test_points_in_crushed_cells_are_counted(ask):
+    """Where det F is below 1e-3 no place is found: no contact, and said so."""
+    flat = np.diag([1.0, 1.0, 1e-4])
+    _, _, _, (_, gap, _, _, _, unlocated) = ask(lambda p: p @ flat, random_inside(10) @ flat)
+    assert (gap > 1.0).all()
+    assert unlocated == 10
