@@ -87,8 +87,8 @@ def drop_rows() -> tuple[list[tuple[str, ...]], str]:
 
 
 def mls_speed() -> float:
-    """Particle-steps per second of mls's two transfers on a block of a million particles, strained by 2 %; the best of a
-    few runs."""
+    """Particle-steps per second of mls's two transfers on a block of a million particles, strained by 2 %: the best of
+    a few runs."""
     start()
     cell = 0.01
     axes = [(np.arange(count) + 0.5) * cell / 2 for count in (MPM_SIDE, MPM_SIDE, MPM_SIDE // 3)]
