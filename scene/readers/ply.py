@@ -9,6 +9,7 @@ from scene.errors import FormatError, InputError
 from scene.readers.ply_table import Column, Header, Table, is_scalar, read_header, read_tables, scalar
 from scene.readers.polygons import triangulate
 from scene.readers.raw import Paint, RawMesh, check_face_count, check_vertex_count, read_bytes
+from scene.readers.splats import is_splats
 
 INDEX_NAMES = ("vertex_indices", "vertex_index")
 
@@ -43,12 +44,8 @@ def _refuse_splats(path: Path, header: Header) -> None:
     vertex = header.element("vertex")
     if vertex is None:
         raise FormatError(f"{path}: the PLY header declares no vertex element")
-    names = {p.name for p in vertex.properties}
-    if "packed_position" in names or {"f_dc_0", "opacity"} <= names:
-        raise InputError(
-            f"{path}: Gaussian splats, not a mesh; surface extraction from splats is not available yet: "
-            "run SuGaR and put its mesh (*.obj or sugarmesh_*.ply) into the folder"
-        )
+    if is_splats(header):
+        raise InputError(f"{path}: Gaussian splats, not a mesh")
 
 
 def _faces(path: Path, vertices: NDArray[np.float64], index: Column) -> tuple[NDArray[np.int64], NDArray[np.int64]]:

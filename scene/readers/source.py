@@ -1,10 +1,12 @@
 """One door for every foreign scene and object: a path in, a `Scan` in metres and z up out."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 
 from scene.errors import FormatError, InputError
+from scene.gaussians import Gaussians
 from scene.mesh import Mesh
 from scene.readers.frame import Frame, Role, find_frame
 from scene.readers.gltf import read_gltf
@@ -13,8 +15,9 @@ from scene.readers.obj import read_obj
 from scene.readers.paint import bake
 from scene.readers.ply import read_ply
 from scene.readers.raw import RawMesh
+from scene.readers.splats import discs, read_splats
 from scene.readers.stl import read_stl
-from scene.readers.sugar import check_suffix, describe, find_mesh
+from scene.readers.sugar import check_suffix, describe, find_mesh, is_splats
 from scene.sample import SourceOptions
 from scene.scan import LabelBox, Room, Scan
 
@@ -25,31 +28,41 @@ BROKEN = (ArithmeticError, AttributeError, LookupError, RecursionError, StopIter
 """What decoding can raise on bytes that break their format where no check of the reader names the place."""
 
 
-def read_scan(path: Path, options: SourceOptions, role: Role, *, folder: str = "") -> Scan:
-    """Read a folder (InteriorGS, SuGaR, or one with a single mesh) or a mesh file.
+Mesher = Callable[[Gaussians], Mesh]
+"""Makes a mesh of Gaussians in metres and z up."""
 
-    `folder` is the name of the folder that was given, or that a given file lay in, where `path` is a copy of it.
+
+def read_scan(
+    path: Path, options: SourceOptions, role: Role, *, folder: str = "", mesher: Mesher | None = None
+) -> Scan:
+    """Read a folder (InteriorGS, SuGaR, or one with a single mesh), a mesh file or Gaussian splats.
+
+    `folder` is the name of the folder that was given, or that a given file lay in, where `path` is a copy of it. Splats
+    without a mesh need a `mesher`.
     """
     if not path.exists():
         raise InputError(f"{path}: no such file or folder")
     if path.is_dir():
-        return _read_folder(path, options, role, folder)
-    raw = _read_mesh(path)
-    return _scan(raw, options, find_frame(raw, options, role), label=options.label or describe(path, folder))
+        return _read_folder(path, options, role, folder, mesher)
+    raw, splats = _read_file(path)
+    frame = find_frame(raw, options, role)
+    return _scan(raw, frame, label=options.label or describe(path, folder), mesh=_meshed(path, splats, frame, mesher))
 
 
-def _read_folder(folder: Path, options: SourceOptions, role: Role, name: str) -> Scan:
+def _read_folder(folder: Path, options: SourceOptions, role: Role, name: str, mesher: Mesher | None) -> Scan:
     mesh_path, notes = find_mesh(folder)
-    raw = _read_mesh(mesh_path)
+    raw, splats = _read_file(mesh_path)
     if not is_interiorgs(folder):
         frame = find_frame(raw, options, role)
         own = describe(mesh_path, name if mesh_path.parent == folder else "")
-        return _scan(raw, options, frame, label=options.label or own, notes=notes)
+        mesh = _meshed(mesh_path, splats, frame, mesher)
+        return _scan(raw, frame, label=options.label or own, notes=notes, mesh=mesh)
     boxes, label_notes = read_labels(folder)
     rooms, structure = read_structure(folder)
     frame = _interiorgs_frame(raw, options, role)
     boxes = boxes + tuple(box for box in structure if not any(_same_thing(box, other) for other in boxes))
-    return _scan(raw, options, frame, label=options.label, notes=notes + label_notes, boxes=boxes, rooms=rooms)
+    mesh = _meshed(mesh_path, splats, frame, mesher)
+    return _scan(raw, frame, label=options.label, notes=notes + label_notes, boxes=boxes, rooms=rooms, mesh=mesh)
 
 
 def _same_thing(box: LabelBox, other: LabelBox) -> bool:
@@ -73,31 +86,49 @@ def _interiorgs_frame(raw: RawMesh, options: SourceOptions, role: Role) -> Frame
     return Frame(frame.world_from_file, frame.up, frame.unit_metres, source, frame.notes)
 
 
-def _read_mesh(path: Path) -> RawMesh:
+def _read_file(path: Path) -> tuple[RawMesh, Gaussians | None]:
+    """A mesh, or Gaussians with the discs that they look like as a mesh, which units and axes are found by."""
     check_suffix(path)
     try:
-        return READERS[path.suffix.lower()](path)
+        if is_splats(path):
+            splats = read_splats(path)
+            return discs(path, splats), splats
+        return READERS[path.suffix.lower()](path), None
     except OSError as error:
         raise FormatError(f"{path}: cannot be read: {error.strerror}") from None
     except BROKEN as error:
         raise FormatError(f"{path}: the file contradicts its format ({type(error).__name__}: {error})") from None
 
 
+def _meshed(path: Path, splats: Gaussians | None, frame: Frame, mesher: Mesher | None) -> Mesh | None:
+    """The surface of splats in the world frame; None where there are none."""
+    if splats is None:
+        return None
+    if mesher is None:
+        raise InputError(f"{path}: Gaussian splats, not a mesh")
+    return mesher(splats.transformed(frame.world_from_file))
+
+
 def _scan(
     raw: RawMesh,
-    options: SourceOptions,
     frame: Frame,
     *,
     label: str,
+    mesh: Mesh | None,
     notes: tuple[str, ...] = (),
     boxes: tuple[LabelBox, ...] = (),
     rooms: tuple[Room, ...] = (),
 ) -> Scan:
-    """Bake the colours and bring everything to the world frame."""
-    vertices, faces, colors, face_node = bake(raw)
-    mesh = Mesh(np.ascontiguousarray(vertices), faces.astype(np.int32), np.ascontiguousarray(colors))
+    """Bake the colours and bring everything to the world frame, unless that was done (`mesh`)."""
+    if mesh is None:
+        vertices, faces, colors, face_node = bake(raw)
+        baked = Mesh(np.ascontiguousarray(vertices), faces.astype(np.int32), np.ascontiguousarray(colors))
+        mesh = baked.transformed(frame.world_from_file)
+    else:
+        face_node = np.full(len(mesh.faces), -1, dtype=np.int32)
+        notes += (f"no mesh: the surface is reconstructed from Gaussian splats ({len(mesh.faces)} faces)",)
     return Scan(
-        mesh=mesh.transformed(frame.world_from_file), face_node=face_node, node_names=raw.node_names, boxes=boxes,
+        mesh=mesh, face_node=face_node, node_names=raw.node_names, boxes=boxes,
         rooms=rooms,
         label=" ".join(label.replace("_", " ").lower().split()), world_from_file=frame.world_from_file, up=frame.up,
         unit_metres=frame.unit_metres, unit_source=frame.unit_source, notes=raw.notes + frame.notes + notes,

@@ -10,6 +10,9 @@ from scene.errors import InputError
 
 MESH_SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".stl")
 
+COMPRESSED_NAME = "3dgs_compressed.ply"
+"""What InteriorGS calls the splats of a scene."""
+
 GENERIC_STEMS = {
     "textured",
     "model",
@@ -33,7 +36,7 @@ def check_suffix(path: Path) -> None:
 
 
 def find_mesh(folder: Path) -> tuple[Path, tuple[str, ...]]:
-    """The mesh of a scene folder and notes on the choice."""
+    """The mesh of a scene folder, or its Gaussian splats where it has no mesh, and notes on the choice."""
     for pattern in ("*.obj", "refined_mesh/**/*.obj", "output/refined_mesh/**/*.obj"):
         found = sorted(folder.glob(pattern))
         if found:
@@ -47,11 +50,13 @@ def find_mesh(folder: Path) -> tuple[Path, tuple[str, ...]]:
         return meshes[0], ()
     if meshes:
         raise InputError(f"{folder}: {len(meshes)} meshes ({', '.join(p.name for p in meshes)}); name one of them")
-    if any(is_splats(p) for p in folder.glob("*.ply")):
-        raise InputError(
-            f"{folder}: only Gaussian splats, no mesh; surface extraction from splats is not available yet: "
-            "run SuGaR and put its mesh (*.obj or sugarmesh_*.ply) into the folder"
-        )
+    splats = sorted(
+        (p for p in folder.glob("*.ply") if is_splats(p)), key=lambda p: (p.name != COMPRESSED_NAME, p.name)
+    )
+    if len(splats) == 1 or (splats and splats[0].name == COMPRESSED_NAME):
+        return splats[0], ()
+    if splats:
+        raise InputError(f"{folder}: {len(splats)} files of splats ({', '.join(p.name for p in splats)}); name one")
     raise InputError(
         f"{folder}: no mesh in this folder (looked for {', '.join(MESH_SUFFIXES)} and SuGaR's output folders)"
     )
@@ -78,6 +83,16 @@ def is_splats(path: Path) -> bool:
     with path.open("rb") as stream:
         header = stream.read(8192)
     return b"packed_position" in header or (b"f_dc_0" in header and b"opacity" in header)
+
+
+def has_only_splats(path: Path) -> bool:
+    """Whether a file is, or a folder has nothing better than, Gaussian splats."""
+    if not path.is_dir():
+        return is_splats(path)
+    try:
+        return is_splats(find_mesh(path)[0])
+    except InputError:
+        return False
 
 
 def is_generic(path: Path) -> bool:

@@ -164,7 +164,7 @@ def test_the_refined_mesh_is_preferred(tmp_path: Path, names: tuple[str, ...], c
 
 
 def test_folders_without_a_usable_mesh(tmp_path: Path) -> None:
-    """Nothing, several meshes, or splats alone: each refusal says what to do."""
+    """Nothing or several meshes: each refusal says what to do. Splats alone are taken, and must be whole."""
     (tmp_path / "a").mkdir()
     with pytest.raises(InputError, match="no mesh"):
         find_mesh(tmp_path / "a")
@@ -173,9 +173,8 @@ def test_folders_without_a_usable_mesh(tmp_path: Path) -> None:
     (tmp_path / "c").mkdir()
     header = b"ply\nformat binary_little_endian 1.0\nelement vertex 1\nproperty uint packed_position\nend_header\n0000"
     (tmp_path / "c" / "3dgs_compressed.ply").write_bytes(header)
-    with pytest.raises(InputError, match="run SuGaR"):
-        find_mesh(tmp_path / "c")
-    with pytest.raises(InputError, match="Gaussian splats"):
+    assert find_mesh(tmp_path / "c") == (tmp_path / "c" / "3dgs_compressed.ply", ())
+    with pytest.raises(InputError, match="packed_rotation"):
         read_scan(tmp_path / "c" / "3dgs_compressed.ply", SourceOptions(), Role.SCENE)
 
 
