@@ -1,23 +1,32 @@
 """Stage mesh: a foreign file or folder in, one clean coloured mesh in metres and z up out.
 
+A folder or file that has only Gaussian splats gets a surface from them, in a process of its own (Taichi).
 Cleaning is light, so that a scan's surface stays what it is: faces without area and repeated faces go, equal vertices
 of equal colour become one. What was done is said in the notes.
 """
 
+import logging
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, PositiveFloat, PositiveInt
+from pydantic import BaseModel, NonNegativeInt, PositiveFloat, PositiveInt
 
+from geometry.splatting.config import SurfaceConfig
 from scene.errors import FormatError, GeometryError
+from scene.gaussians import Gaussians
 from scene.mesh import Mesh
 from scene.readers.frame import Role
 from scene.readers.source import read_scan
+from scene.readers.sugar import has_only_splats
 from scene.sample import SourceOptions
 from scene.scan import Scan
 from scene.store import Source
+from solver.runtime import available_cores, start
 from tasks.stage import stage
+
+LOG = logging.getLogger(__name__)
 
 
 class MeshConfig(BaseModel, frozen=True, extra="forbid"):
@@ -29,18 +38,41 @@ class MeshConfig(BaseModel, frozen=True, extra="forbid"):
     """Vertices closer than this share of the largest extent are one [-]; float32 files cannot tell them apart."""
     color_levels: PositiveInt = 16
     """Vertices whose colours fall into the same of this many levels per channel may be welded [-]."""
+    surface: SurfaceConfig = SurfaceConfig()
+    """How a surface is found where there are only splats."""
+    threads: NonNegativeInt = 0
+    """Worker threads for that, 0: all cores; never changes a result."""
 
 
 def mesh(source: Source, options: SourceOptions, config: MeshConfig) -> Scan:
     """Read the source and clean it."""
-    scan = read_scan(source.path, options, config.role, folder=source.folder)
     try:
+        scan = read_scan(
+            source.path, options, config.role, folder=source.folder, mesher=partial(surface, config=config)
+        )
         return cleaned(scan, config)
     except GeometryError as error:
         raise FormatError(f"{source.path}: {error}") from None
 
 
-mesh_task = stage(mesh)
+def surface(splats: Gaussians, config: MeshConfig) -> Mesh:
+    """The surface of Gaussians in metres; starts Taichi."""
+    from geometry.splatting.surface import mesh_of_splats  # loads Taichi and Open3D, which a mesh does not need
+
+    start(config.threads)
+
+    def tell(part: float, text: str) -> None:
+        LOG.info(text, extra={"progress": part})
+
+    return mesh_of_splats(splats, config.surface, config.threads or len(available_cores()), tell)
+
+
+def needs_process(source: Source, **_: object) -> bool:
+    """Whether a source is splats: Taichi runs once per process."""
+    return has_only_splats(source.path)
+
+
+mesh_task = stage(mesh, process=needs_process)
 
 
 def cleaned(scan: Scan, config: MeshConfig) -> Scan:

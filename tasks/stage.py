@@ -99,7 +99,7 @@ def conducting(conduct: Conduct) -> Iterator[Conduct]:
 class Stage:
     """A stage as the flows call it: references in, a reference out."""
 
-    def __init__(self, function: Callable[..., Any], *, process: bool, name: str) -> None:
+    def __init__(self, function: Callable[..., Any], *, process: bool | Callable[..., bool], name: str) -> None:
         self.function = function
         self.process = process
         self.name = name
@@ -189,7 +189,7 @@ class Stage:
         return record.to_json()
 
     def _compute_anywhere(self, inputs: dict[str, Any], config: object, on_progress: OnProgress) -> dict[str, Any]:
-        if not self.process:
+        if not self._needs_process(inputs):
             return self.compute(inputs, config)
         job = {
             "module": self.function.__module__,
@@ -198,6 +198,12 @@ class Stage:
             "config": config,
         }
         return run_in_process(job, on_progress)
+
+    def _needs_process(self, inputs: dict[str, Any]) -> bool:
+        if isinstance(self.process, bool):
+            return self.process
+        store = Store.default()
+        return self.process(**{name: self._loaded(name, tree, store) for name, tree in inputs.items()})
 
     def compute(self, inputs: dict[str, Any], config: Any) -> dict[str, Any]:
         """Load the inputs, run the function, save its value; reference, time [s] and size [bytes] as JSON."""
@@ -217,8 +223,11 @@ class Stage:
         return from_tree(tree["value"], self.hints.get(name, object), {})
 
 
-def stage(function: Callable[..., Any], *, process: bool = False, name: str | None = None) -> Stage:
-    """The task of a pure function; `process` gives each run a fresh process of its own."""
+def stage(
+    function: Callable[..., Any], *, process: bool | Callable[..., bool] = False, name: str | None = None
+) -> Stage:
+    """The task of a pure function; `process` gives each run a fresh process of its own, or those that it says of by
+    their inputs."""
     return Stage(function, process=process, name=name or function.__name__)
 
 

@@ -1,0 +1,167 @@
+"""From Gaussian splats to a mesh: points of their density's level set that cameras see, then Poisson reconstruction.
+
+The way of SuGaR's mesh extraction [G24, Sec. 4.2] without its training: samples along rays around the Gaussians that
+views show, the first crossing of the level, normals against the gradient. Rays go to the Gaussians rather than through
+pixels: what is far away or seen at a low angle gets as many points as the rest.
+
+[G24] Guedon, Lepetit: SuGaR: surface-aligned Gaussian splatting for efficient 3D mesh reconstruction. CVPR 2024.
+[K06] Kazhdan, Bolitho, Hoppe: Poisson surface reconstruction. SGP 2006.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import open3d
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from geometry.splatting import kernels
+from geometry.splatting.config import SurfaceConfig
+from geometry.splatting.render import Splatter
+from geometry.splatting.viewpoints import viewpoints
+from scene.errors import GeometryError
+from scene.gaussians import Gaussians
+from scene.mesh import Mesh
+
+Array = NDArray[np.float64]
+F32 = NDArray[np.float32]
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class SurfacePoints:
+    """Points that cameras saw on a surface."""
+
+    position: Array
+    """[m], shape (n, 3)."""
+    normal: Array
+    """Outwards, towards the cameras, shape (n, 3)."""
+    color: Array
+    """sRGB 0 to 1, shape (n, 3)."""
+
+
+TARGETS = np.array([[0.0, 0.0], [0.7, 0.0], [-0.7, 0.0], [0.0, 0.7], [0.0, -0.7]])
+"""Where rays meet a Gaussian, in deviations along its larger two axes [-]."""
+
+Progress = Callable[[float, str], None]
+
+
+def mesh_of_splats(
+    splats: Gaussians, config: SurfaceConfig, threads: int = 1, progress: Progress | None = None
+) -> Mesh:
+    """The visible surface as a mesh, the same for any number of threads. Raises GeometryError where there is none."""
+    points = surface_points(splats, config, threads, progress)
+    if progress is not None:
+        progress(0.5, f"Poisson reconstruction of {len(points.position)} points")
+    return reconstructed(points, config, threads)
+
+
+def surface_points(
+    splats: Gaussians, config: SurfaceConfig, threads: int = 1, progress: Progress | None = None
+) -> SurfacePoints:
+    """Crossings of the level set along rays to every Gaussian that a camera sees, thinned out."""
+    splatter = Splatter(splats)
+    origin = best_origins(splatter, config, progress)
+    owner = np.flatnonzero(np.isfinite(origin[:, 0]))
+    if not len(owner):
+        raise GeometryError("no surface: no splat has a visible share of any picture")
+    found, position, normal = _crossings(splatter, owner, origin, _neighbours(splats, config, threads), config)
+    if not found.any():
+        raise GeometryError(f"no surface: the density of the splats crosses {config.level} nowhere (level)")
+    color = np.repeat(splats.color[owner] / 255.0, len(TARGETS), axis=0)
+    return thinned(position[found].astype(np.float64), normal[found].astype(np.float64), color[found], config.spacing)
+
+
+def best_origins(splatter: Splatter, config: SurfaceConfig, progress: Progress | None = None) -> Array:
+    """The camera that sees each Gaussian best, frontally and from near [m], shape (n, 3); NaN where none does."""
+    splats = splatter.splats
+    flat = np.take_along_axis(splatter.axes, splats.log_scale.argmin(axis=1)[:, None, None], axis=2)[:, :, 0]
+    best, origin = np.zeros(len(splats)), np.full((len(splats), 3), np.nan)
+    cameras = viewpoints(splats, config.places, config.pixels)
+    for i, camera in enumerate(cameras):
+        visible = np.flatnonzero(splatter.view(camera).weight > config.seen)
+        away = camera.position - splats.position[visible]
+        distance = np.linalg.norm(away, axis=1)
+        score = np.abs(np.einsum("ni,ni->n", flat[visible], away)) / distance**2
+        better = visible[score > best[visible]]
+        best[better], origin[better] = score[score > best[visible]], camera.position
+        if progress is not None:
+            progress(0.5 * (i + 1) / len(cameras), f"view {i + 1} of {len(cameras)}")
+    return origin
+
+
+def _neighbours(splats: Gaussians, config: SurfaceConfig, threads: int) -> NDArray[np.int32]:
+    """The nearest Gaussians of each one, itself among them, shape (n, k)."""
+    count = min(config.neighbours, len(splats))
+    _, near = cKDTree(splats.position).query(splats.position, k=count, workers=threads)
+    return np.ascontiguousarray(near.reshape(len(splats), count), dtype=np.int32)
+
+
+def _crossings(
+    splatter: Splatter, owner: NDArray[np.int64], origin: Array, near: NDArray[np.int32], config: SurfaceConfig
+) -> tuple[NDArray[np.bool_], F32, F32]:
+    """Rays from the origins to places on the Gaussians' larger two axes: which enter the level set and face the
+    camera (m,), where, and the normals there (m, 3)."""
+    splats = splatter.splats
+    wide = np.argsort(splats.log_scale[owner], axis=1)[:, :0:-1]
+    rows = np.arange(len(owner))
+    across = [splatter.axes[owner][rows, :, wide[:, k]] * splatter.scale[owner, wide[:, k]][:, None] for k in range(2)]
+    target = splats.position[owner][:, None] + TARGETS[:, :1] * across[0][:, None] + TARGETS[:, 1:] * across[1][:, None]
+    start = np.repeat(origin[owner], len(TARGETS), axis=0)
+    ray = target.reshape(-1, 3) - start
+    distance = np.linalg.norm(ray, axis=1)
+    ray /= distance[:, None]
+    n = len(ray)
+    found = np.zeros(n, dtype=np.int32)
+    point, normal = np.zeros((n, 3), dtype=np.float32), np.zeros((n, 3), dtype=np.float32)
+    whiten = np.ascontiguousarray(splatter.axes.transpose(0, 2, 1) / splatter.scale[:, :, None], dtype=np.float32)
+    kernels.cross_level(
+        start.astype(np.float32), np.repeat(owner, len(TARGETS)).astype(np.int32), ray.astype(np.float32),
+        distance.astype(np.float32), splats.position, whiten, splatter.opacity, near, config.level, config.reach,
+        config.samples, found, point, normal,
+    )  # fmt: skip
+    return (found != 0) & (np.einsum("ni,ni->n", normal, ray) < 0.0), point, normal
+
+
+def thinned(position: Array, normal: Array, color: Array, spacing: float) -> SurfacePoints:
+    """Means over the cells of a grid, apart for the six directions that normals may mainly have: two sides of a thin
+    board stay two."""
+    cell = np.floor((position - position.min(axis=0)) / spacing).astype(np.int64)
+    main = np.argmax(np.abs(normal), axis=1)
+    side = 2 * main + (np.take_along_axis(normal, main[:, None], axis=1)[:, 0] > 0.0)
+    size = cell.max(axis=0) + 1
+    key = ((cell[:, 0] * size[1] + cell[:, 1]) * size[2] + cell[:, 2]) * 6 + side
+    _, group, count = np.unique(key, return_inverse=True, return_counts=True)
+
+    def mean(values: Array) -> Array:
+        return np.stack([np.bincount(group, column) / count for column in values.T], axis=1)
+
+    turned = mean(normal)
+    return SurfacePoints(
+        mean(position), turned / np.maximum(np.linalg.norm(turned, axis=1, keepdims=True), 1e-9), mean(color)
+    )
+
+
+def reconstructed(points: SurfacePoints, config: SurfaceConfig, threads: int = 1) -> Mesh:
+    """Poisson reconstruction [K06], without what no point supports, decimated and coloured by the points."""
+    cloud = open3d.geometry.PointCloud(open3d.utility.Vector3dVector(points.position))
+    cloud.normals = open3d.utility.Vector3dVector(points.normal)
+    extent = 1.1 * float(np.ptp(points.position, axis=0).max())
+    depth = int(np.clip(np.ceil(np.log2(max(extent / config.cell, 2.0))), 5, config.deepest))
+    # one thread: with more the same points give other bytes
+    dense, _ = open3d.geometry.TriangleMesh.create_from_point_cloud_poisson(cloud, depth=depth, n_threads=1)
+    tree = cKDTree(points.position)
+    vertices = np.asarray(dense.vertices)
+    distance, _ = tree.query(vertices, workers=threads)
+    dense.remove_vertices_by_mask(distance > config.trim * extent / 2**depth)
+    if len(dense.triangles) > config.faces:
+        dense = dense.simplify_quadric_decimation(config.faces)
+    dense.remove_degenerate_triangles()
+    dense.remove_duplicated_triangles()
+    dense.remove_unreferenced_vertices()
+    if not len(dense.triangles):
+        raise GeometryError("no surface is left of the splats' reconstruction")
+    vertices = np.asarray(dense.vertices)
+    _, nearest = tree.query(vertices, k=min(4, len(points.position)), workers=threads)
+    color = points.color[np.atleast_2d(nearest.T).T].mean(axis=1)
+    return Mesh.of(vertices, np.asarray(dense.triangles), np.rint(255.0 * color).astype(np.uint8))

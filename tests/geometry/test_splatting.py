@@ -1,0 +1,210 @@
+"""Splats rendered and meshed: one Gaussian against its formula, blending against numpy, a known room against itself."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from geometry.distance import MeshDistance
+from geometry.procedural.shapes import joined, moved, rounded_box
+from geometry.splats_on_mesh import JITTER, OPACITY, OVERLAP, splats_on_mesh
+from geometry.splatting.camera import Camera, looking
+from geometry.splatting.config import SurfaceConfig
+from geometry.splatting.kernels import BLUR
+from geometry.splatting.render import Splatter
+from geometry.splatting.surface import mesh_of_splats, surface_points, thinned
+from geometry.splatting.viewpoints import enclosure, far_apart, fibonacci, viewpoints
+from scene.errors import GeometryError
+from scene.gaussians import DC, Gaussians
+from scene.mesh import Mesh
+from solver.runtime import start
+
+
+@pytest.fixture(autouse=True)
+def taichi():
+    """Kernels need it once per process."""
+    start(2)
+
+
+def gaussians(position, scale, color, opacity, rotation=None) -> Gaussians:
+    """Gaussians of constant colour."""
+    n = len(position)
+    alpha = np.broadcast_to(opacity, n)
+    quaternion = np.tile([1.0, 0, 0, 0], (n, 1)) if rotation is None else rotation
+    return Gaussians(
+        *(np.asarray(a, dtype=np.float32) for a in (
+            position, np.log(np.broadcast_to(scale, (n, 3))), quaternion, np.log(alpha / (1 - alpha)),
+            (np.asarray(color) - 0.5) / DC, np.zeros((n, 3, 0)),
+        ))
+    )  # fmt: skip
+
+
+def ahead(width: int = 48, height: int = 32, focal: float = 60.0) -> Camera:
+    """A camera at the origin that looks along x."""
+    return Camera(np.zeros(3), np.array([[0.0, 0, 1], [-1, 0, 0], [0, -1, 0]]), width, height, focal)
+
+
+def test_a_camera_looks_where_it_is_told():
+    """The middle of the picture is the target; up is up, right is right."""
+    camera = looking(np.array([1.0, 2, 3]), np.array([4.0, 2, 3]), 41, 41, np.pi / 2)
+    assert camera.directions(np.array([20]), np.array([20]))[0] == pytest.approx([1, 0, 0])
+    assert camera.directions(np.array([0]), np.array([20]))[0, 2] > 0.5
+    assert camera.directions(np.array([20]), np.array([40]))[0, 1] < -0.5
+    assert np.linalg.det(camera.world_from_camera) == pytest.approx(1.0)
+
+
+def test_one_gaussian_is_drawn_by_its_formula():
+    """alpha exp(-d^T S^-1 d / 2), S = J R diag(s^2) R^T J^T + BLUR, J the derivative of the projection [Z01]."""
+    place, scale = np.array([2.0, 0.1, -0.05]), np.array([0.1, 0.04, 0.02])
+    turn = Rotation.from_euler("xyz", [0.4, -0.3, 0.8])
+    splats = gaussians([place], scale, [[1.0, 0.5, 0.25]], 0.8, turn.as_quat(scalar_first=True)[None])
+    camera = ahead()
+    view = Splatter(splats).view(camera)
+    x, y, z = camera.world_from_camera.T @ place
+    J = camera.focal / z * np.array([[1, 0, -x / z], [0, 1, -y / z]])
+    R = camera.world_from_camera.T @ turn.as_matrix()
+    S = J @ R @ np.diag(scale**2) @ R.T @ J.T + BLUR * np.eye(2)
+    rows, columns = np.mgrid[: camera.height, : camera.width]
+    d = np.stack([columns + 0.5 - (24 + camera.focal * x / z), rows + 0.5 - (16 + camera.focal * y / z)], axis=-1)
+    alpha = 0.8 * np.exp(-0.5 * np.einsum("rci,ij,rcj->rc", d, np.linalg.inv(S), d))
+    alpha[alpha < 1 / 255] = 0.0
+    close = np.abs(alpha - 1 / 255) < 1e-4  # where rounding decides whether it counts
+    assert view.light[~close] == pytest.approx(1 - alpha[~close], abs=1e-5)
+    assert view.image[~close] == pytest.approx(alpha[~close][:, None] * [1.0, 0.5, 0.25], abs=1e-5)
+    assert view.depth.max() == pytest.approx(z, rel=1e-6)
+    assert view.weight == pytest.approx([alpha.max()], rel=1e-5)
+
+
+def test_splats_cover_each_other_front_to_back():
+    """Blended in numpy, pixel by pixel, from random splats larger than tiles; in any order of the input."""
+    random = np.random.default_rng(0)
+    n = 200
+    place = random.uniform([1.0, -0.45, -0.3], [3, 0.45, 0.3], (n, 3))
+    place[:, 1:] *= place[:, :1]  # in the picture: the derivative of what lies far outside is held
+    splats = gaussians(place, random.uniform(0.02, 0.3, (n, 1)), random.uniform(0, 1, (n, 3)),
+                       random.uniform(0.1, 0.9, n))  # fmt: skip
+    camera = ahead()
+    shuffled = random.permutation(n)
+    view, other = (Splatter(s).view(camera, (0.2, 0.4, 0.6)) for s in (splats, splats.subset(shuffled)))
+    assert np.array_equal(view.image, other.image)
+    light, image = np.ones((32, 48)), np.zeros((32, 48, 3))
+    rows, columns = np.mgrid[:32, :48]
+    for g in np.argsort(place[:, 0]):
+        x, y, z = camera.world_from_camera.T @ place[g]
+        J = 60 / z * np.array([[1, 0, -x / z], [0, 1, -y / z]])
+        S = J @ J.T * float(splats.scale[g, 0]) ** 2 + BLUR * np.eye(2)
+        d = np.stack([columns + 0.5 - 24 - 60 * x / z, rows + 0.5 - 16 - 60 * y / z], axis=-1)
+        alpha = np.minimum(0.99, splats.opacity[g] * np.exp(-0.5 * np.einsum("rci,ij,rcj->rc", d, np.linalg.inv(S), d)))
+        alpha[(alpha < 1 / 255) | (light < 1e-3)] = 0.0
+        image += (light * alpha)[:, :, None] * (DC * splats.dc[g] + 0.5)
+        light *= 1 - alpha
+    image += light[:, :, None] * [0.2, 0.4, 0.6]
+    # a splat that rounding puts on the other side of 1/255 changes a pixel by as much
+    assert view.image == pytest.approx(image, abs=1 / 255)
+    assert np.abs(view.image - image).mean() < 1e-4
+
+
+def test_views_depend_on_the_direction_of_the_harmonics():
+    """A colour that grows along x is seen from behind as dark."""
+    splats = gaussians([[0.0, 0, 0]], 0.1, [[0.5, 0.5, 0.5]], 0.9)
+    rest = np.zeros((1, 3, 3), np.float32)
+    rest[0, :, 2] = -0.5  # the third harmonic of degree 1 is -x
+    splats = Gaussians(splats.position, splats.log_scale, splats.rotation, splats.logit, splats.dc, rest)
+    front, back = (
+        Splatter(splats).view(looking(np.array([x, 0.0, 0]), np.zeros(3), 21, 21, 0.5)).image[10, 10] for x in (-2, 2)
+    )
+    assert front == pytest.approx(0.9 * (0.5 + 0.5 * np.sqrt(3 / (4 * np.pi))), rel=0.01)
+    assert back == pytest.approx(0.9 * (0.5 - 0.5 * np.sqrt(3 / (4 * np.pi))), rel=0.01)
+
+
+def inside_out(size: float) -> Mesh:
+    """The inner faces of a cube of that size that stands on z = 0, with a box of 1 m on its floor."""
+    cube = moved(rounded_box((size, size, size), 0.02, 0.1), z=size / 2)
+    walls = Mesh.of(cube.vertices, cube.faces[:, ::-1], (180, 190, 200))
+    return joined([walls, moved(rounded_box((1.0, 0.8, 0.5), 0.02, 0.05), x=0.3, y=0.2, z=0.25)])
+
+
+def test_splats_lie_on_their_mesh_and_add_up_to_its_picture():
+    """Centres on the surface, thin axes along its normals, evenly spread; from inside nothing shines through."""
+    mesh = inside_out(3.0)
+    splats = splats_on_mesh(mesh, 0.02, seed=0)
+    assert len(splats) == pytest.approx(mesh.face_areas.sum() / 0.02**2, abs=1)
+    assert np.abs(MeshDistance(mesh).unsigned(splats.position.astype(float))).max() < 1e-5
+    face = MeshDistance(mesh).nearest_face(splats.position.astype(float))
+    normal = mesh.face_normals[face] / np.linalg.norm(mesh.face_normals[face], axis=1, keepdims=True)
+    flat = np.abs(np.einsum("ni,ni->n", normal, splats.axes[:, :, 2]))
+    assert np.quantile(flat, 0.01) > 0.999  # next to an edge the nearest face may be the other one
+    view = Splatter(splats).view(looking(np.array([-1.0, -1.0, 1.6]), np.array([0.3, 0.2, 0.3]), 120, 90, 1.2))
+    # evenly spread they would add up to alpha 2 pi OVERLAP^2 / (1 m^2 / spacing^2) = 3.8 layers: exp(-3.8) = 0.02
+    assert view.light.mean() < 0.03
+    assert np.quantile(view.light, 0.99) < 0.15
+    with pytest.raises(GeometryError, match="spacing of 1e-05 m"):
+        splats_on_mesh(mesh, 1e-5, 0)
+
+
+def test_places_are_inside_and_cameras_see_all_around():
+    """In a closed room within its walls and out of the box on its floor; around a thing outside of it."""
+    splats = splats_on_mesh(inside_out(3.0), 0.04, seed=0)
+    cameras = viewpoints(splats, 5, 64)
+    assert len(cameras) == 30
+    places = np.array([c.position for c in cameras])
+    assert (np.abs(places[:, :2]) < 1.3).all()
+    assert ((places[:, 2] > 0.2) & (places[:, 2] < 2.8)).all()
+    box = (np.abs(places - [0.3, 0.2, 0.25]) < [0.5, 0.4, 0.25]).all(axis=1)
+    assert not box.any()
+    thing = splats_on_mesh(rounded_box((0.3, 0.2, 0.1), 0.02), 0.005, seed=0)
+    around = np.array([c.position for c in viewpoints(thing, 5, 64)])
+    assert len(around) == 15
+    assert (np.linalg.norm(around, axis=1) > 0.2).all()
+
+
+def test_directions_and_distances():
+    """Half a sphere of points encloses by half; a line's ends are far apart; spirals have no preferred side."""
+    sphere = fibonacci(5000)
+    assert enclosure(np.zeros(3), sphere) == 1.0
+    assert enclosure(np.zeros(3), sphere[sphere[:, 2] > 0]) == 0.5
+    line = np.stack([np.linspace(0, 1, 11), np.zeros(11), np.zeros(11)], axis=1)
+    assert sorted(far_apart(line, 3)[:, 0].tolist()) == pytest.approx([0.0, 0.5, 1.0])
+    assert np.abs(sphere.mean(axis=0)).max() < 1e-3
+
+
+def test_two_sides_of_a_thin_board_stay_two():
+    """Points with opposite normals are not averaged; those with like normals are."""
+    p = np.array([[0.0, 0, 0], [0, 0, 1e-4], [0, 0, 2e-4]])
+    n = np.array([[0, 0, 1.0], [0, 0, 1], [0, 0, -1]])
+    points = thinned(p, n, np.zeros((3, 3)), 0.01)
+    assert len(points.position) == 2
+    assert sorted(points.normal[:, 2].tolist()) == [-1.0, 1.0]
+
+
+def test_points_of_the_level_set_lie_before_the_surface():
+    """Flat Gaussians side by side add up to A exp(-h^2 / 2 s^2), A = 2 pi OVERLAP^2 alpha: h = 2.3 s at the level 0.3,
+    and s varies by exp(JITTER z), by 1.64 at z = 1.65."""
+    mesh = inside_out(3.0)
+    splats = splats_on_mesh(mesh, 0.02, seed=0)
+    points = surface_points(splats, SurfaceConfig(places=3, pixels=96))
+    away = MeshDistance(mesh).unsigned(points.position)
+    height = np.sqrt(2 * np.log(2 * np.pi * OVERLAP**2 * OPACITY / 0.3))
+    thick = float(np.exp(np.median(splats.log_scale[:, 2])))
+    assert np.median(away) == pytest.approx(height * thick, rel=0.2)  # the thicker ones reach farther
+    assert np.quantile(away, 0.95) < height * thick * np.exp(1.65 * JITTER)
+    face = MeshDistance(mesh).nearest_face(points.position)
+    normal = mesh.face_normals[face] / np.linalg.norm(mesh.face_normals[face], axis=1, keepdims=True)
+    assert np.mean(np.einsum("ni,ni->n", normal, points.normal) > 0.9) > 0.95
+
+
+@pytest.mark.slow
+def test_a_room_comes_back_from_its_splats():
+    """Mesh to splats to mesh: within the offset of the level set and a fraction of a cell, and the same bytes twice."""
+    mesh = inside_out(3.0)
+    splats = splats_on_mesh(mesh, 0.03, seed=0)
+    config = SurfaceConfig(places=6, pixels=128, cell=0.04, faces=60_000)
+    found, again = (mesh_of_splats(splats, config, threads) for threads in (2, 1))
+    assert np.array_equal(found.vertices, again.vertices)
+    assert np.array_equal(found.faces, again.faces)
+    # seen places lie on the mesh; the level set lies up to three deviations of a flat Gaussian before its centre
+    seen = surface_points(splats, config).position
+    offset = 3.0 * float(splats.scale[:, 2].mean())
+    assert MeshDistance(found).unsigned(seen).mean() < 0.1 * config.cell
+    away = MeshDistance(mesh).unsigned(found.vertices)
+    assert away.mean() < offset
+    assert np.quantile(away, 0.95) < offset + 0.25 * config.cell
