@@ -8,7 +8,7 @@ from pydantic import BaseModel, Field, PositiveFloat, PositiveInt
 class SurfaceConfig(BaseModel, frozen=True, extra="forbid"):
     """How finely a surface is looked for."""
 
-    places: PositiveInt = 12
+    places: PositiveInt = 18
     """Places that pictures are taken from: six each inside a room."""
     pixels: PositiveInt = 320
     """Side of each picture [pixel]."""

@@ -80,10 +80,9 @@ def obj_of(vertices: str, faces: str) -> bytes:
     return (vertices + faces).encode()
 
 
-CUBE = "".join(f"v {x} {y} {z}\n" for x in (0, 1000) for y in (0, 1000) for z in (0, 1000))
+CUBE = "".join(f"v {x} {y} {z}\n" for x in (0, 2) for y in (0, 2) for z in (0, 2))
 SIDES = "f 1 2 4 3\nf 5 7 8 6\nf 1 5 6 2\nf 3 4 8 7\nf 1 3 7 5\nf 2 6 8 4\n"
 TRUNCATED = b"ply\nformat binary_little_endian 1.0\nelement vertex 1000000000\nproperty float x\nproperty float y\n"
-DRACO = b'{"asset": {"version": "2.0"}, "extensionsRequired": ["KHR_draco_mesh_compression"]}'
 
 
 @pytest.fixture(scope="module")
@@ -98,10 +97,7 @@ def data_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     [
         ("nan.obj", obj_of("v 0 0 nan\nv 1 0 0\nv 0 1 0\n", "f 1 2 3\n"), "not finite"),
         ("empty.obj", b"", "an empty file"),
-        ("flat.obj", obj_of("v 0 0 0\nv 1 0 0\nv 2 0 0\n", "f 1 2 3\n"), "area"),
-        ("huge.obj", obj_of(CUBE, SIDES), "unit"),
         ("short.ply", TRUNCATED + b"property float z\nend_header\n", "1000000000"),
-        ("draco.gltf", DRACO, "KHR_draco_mesh_compression"),
         ("gone.glb", None, "no such file"),
     ],
 )
@@ -109,9 +105,9 @@ def test_meshes_that_cannot_be_used(
     tmp_path: Path, data_folder: Path, name: str, content: bytes | None, words: str
 ) -> None:  # fmt: skip
     """Exit 2 and one line that names the file and what is wrong with it, through the whole program in a process of its
-    own: where results are kept is decided once per process."""
+    own: where results are kept is decided once per process. What readers refuse is tested with them."""
     room = tmp_path / "room.obj"
-    room.write_bytes(obj_of(CUBE.replace("1000", "2"), SIDES))
+    room.write_bytes(obj_of(CUBE, SIDES))
     if content is not None:
         (tmp_path / name).write_bytes(content)
     command = [sys.executable, "-m", "flows.cli", "place", str(room), str(tmp_path / name), "put it on the table"]

@@ -1,0 +1,111 @@
+"""Gaussian splats: a known room as splats, back as a mesh, and how far the two are apart; frames a second.
+
+python -m perf.splats          measure, and print as JSON on standard output
+"""
+
+import json
+import resource
+import subprocess
+import sys
+import time
+
+import numpy as np
+from numpy.typing import NDArray
+
+from geometry.distance import MeshDistance
+from geometry.procedural.rooms import BuiltRoom, build_room
+from geometry.raycast import Raycaster
+from geometry.splats_on_mesh import splats_on_mesh
+from geometry.splatting.camera import looking
+from geometry.splatting.config import SurfaceConfig
+from geometry.splatting.render import Splatter
+from geometry.splatting.surface import mesh_of_splats
+from geometry.splatting.viewpoints import viewpoints
+from scene.gaussians import Gaussians
+from scene.mesh import Mesh
+from solver.runtime import available_cores, start
+
+ROOM = "bedroom_01"
+SPLATS, FRAME_SPLATS = 500_000, 100_000
+FRAMES = 20
+SHELL = ("wall", "floor", "ceiling", "window", "door", "curtain")
+"""What is not furniture."""
+CLEAR = 2e-3
+"""A place is seen if the first thing on the way to it is this near to it [m]."""
+
+
+def measured() -> dict[str, float]:
+    """What a fresh process measured."""
+    output = subprocess.run([sys.executable, "-m", "perf.splats"], check=True, capture_output=True, text=True).stdout
+    return dict(json.loads(output))
+
+
+def seen_furniture(room: BuiltRoom, places: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Middles (n, 3) and areas (n,) of the faces of furniture that can be seen from one of the places (k, 3)."""
+    mesh = room.record.mesh
+    own = np.flatnonzero(~np.isin(np.array(room.instance_labels)[room.face_instance], SHELL))
+    middle, normal = mesh.triangles[own].mean(axis=1), mesh.face_normals[own]
+    length = np.linalg.norm(normal, axis=1)
+    normal = normal / np.maximum(length, 1e-30)[:, None]
+    caster, seen = Raycaster(mesh), np.zeros(len(own), dtype=bool)
+    for place in places:
+        way = place - middle
+        distance = np.linalg.norm(way, axis=1)
+        way /= distance[:, None]
+        front = np.einsum("ni,ni->n", way, normal) > 0.1
+        hit = caster.cast(middle + 1e-3 * normal, way).distance
+        seen |= front & (hit > distance - CLEAR)
+    return middle[seen], 0.5 * length[seen]
+
+
+def main() -> None:
+    """Measure and print."""
+    start()
+    room = build_room(ROOM, 0)
+    area = float(room.record.mesh.face_areas.sum())
+    splats = splats_on_mesh(room.record.mesh, float(np.sqrt(area / SPLATS)), seed=0)
+    config = SurfaceConfig()
+    begin = time.perf_counter()
+    mesh = mesh_of_splats(splats, config, len(available_cores()))
+    seconds = time.perf_counter() - begin
+    memory = 1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    places = np.unique([c.position for c in viewpoints(splats, config.places, config.pixels)], axis=0)
+    distance, area_seen = distances(mesh, room, places)
+    order = np.argsort(distance)
+    share = np.cumsum(area_seen[order]) / area_seen.sum()
+    fewer = splats.subset(np.random.default_rng(0).permutation(len(splats))[:FRAME_SPLATS])
+    sys.stdout.write(
+        json.dumps(
+            {
+                "splats": len(splats), "faces": len(mesh.faces), "seconds": seconds, "memory": memory,
+                "mean": float(np.average(distance, weights=area_seen)),
+                "p95": float(distance[order][np.searchsorted(share, 0.95)]),
+                "frames": frames_a_second(fewer, places[0]),
+            }
+        )
+    )  # fmt: skip
+
+
+def distances(
+    mesh: Mesh, room: BuiltRoom, places: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """From each visible piece of furniture to the reconstructed mesh [m], and its area [m^2]."""
+    middle, area = seen_furniture(room, places)
+    return MeshDistance(mesh).unsigned(middle), area
+
+
+def frames_a_second(splats: Gaussians, place: NDArray[np.float64]) -> float:
+    """Pictures of 640 x 480 a second, turning around at a place."""
+    splatter = Splatter(splats)
+    angles = np.linspace(0.0, 2.0 * np.pi, FRAMES, endpoint=False)
+    ahead = np.stack([np.cos(angles), np.sin(angles), np.full(FRAMES, -0.2)], axis=1)
+    cameras = [looking(place, place + d, 640, 480, np.deg2rad(70)) for d in ahead]
+    splatter.view(cameras[0])
+    begin = time.perf_counter()
+    for camera in cameras:
+        splatter.view(camera)
+    return FRAMES / (time.perf_counter() - begin)
+
+
+if __name__ == "__main__":
+    main()
