@@ -11,12 +11,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from geometry.distance import MeshDistance
 from geometry.segmentation.faces import FaceTable
 from scene.box import OrientedBox
 from scene.errors import InputError
 from scene.mesh import Mesh
 from scene.readers.frame import Role
 from scene.readers.rectangle import min_area_box
+from scene.readers.splats import read_splats
 from scene.sample import SourceOptions
 from scene.scan import LabelBox, Scan
 from scene.segmentation import Segmentation
@@ -439,13 +441,23 @@ def test_real_objects(name: str, up: str, height: float) -> None:
 
 @pytest.mark.third_party
 @pytest.mark.skipif(not SAMPLES, reason="DCAP_SAMPLE_DATA is not set")
-@pytest.mark.parametrize(
-    "name", ["room_myroom_mit/bed.draco.glb", "gs_guitar_compressed/guitar.compressed.ply", "room_myroom_mit"]
-)
+@pytest.mark.parametrize("name", ["room_myroom_mit/bed.draco.glb", "room_myroom_mit"])
 def test_real_files_that_are_refused(name: str) -> None:
-    """Draco, splats and a folder of several meshes are refused with one line."""
+    """Draco and a folder of several meshes are refused with one line."""
     with pytest.raises(InputError):
         mesh(Source(Path(SAMPLES) / name), SourceOptions(), MeshConfig())
+
+
+@pytest.mark.third_party
+@pytest.mark.skipif(not SAMPLES, reason="DCAP_SAMPLE_DATA is not set")
+def test_a_real_thing_of_splats_becomes_a_mesh() -> None:
+    """A guitar, 4 units long: half of its opaque splats lie within a cell of the surface that is made of them."""
+    path = Path(SAMPLES) / "gs_guitar_compressed" / "guitar.compressed.ply"
+    scan = mesh(Source(path), SourceOptions(), MeshConfig())
+    splats = read_splats(path).transformed(scan.world_from_file)
+    away = MeshDistance(scan.mesh).unsigned(splats.position[splats.opacity > 0.5].astype(float))
+    assert np.median(away) < MeshConfig().surface.cell
+    assert "reconstructed from Gaussian splats" in " ".join(scan.notes)
 
 
 def test_boxes_of_parts_keep_the_axes_of_their_instance() -> None:
