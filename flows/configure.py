@@ -32,7 +32,9 @@ def configured(
     if solver == "mls":
         physics["mls_cell"] = resolution
     config = with_setting(config, "drop", {"solver": physics}, f"--solver {solver} --arch {arch}")
-    return with_setting(config, "drop", {"threads": threads}, f"--threads {threads}")
+    for stage in ("scene_mesh", "object_mesh", "drop"):
+        config = with_setting(config, stage, {"threads": threads}, f"--threads {threads}")
+    return config
 
 
 def with_setting(config: PlaceConfig, stage: str, change: dict[str, object], option: str) -> PlaceConfig:

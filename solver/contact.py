@@ -275,15 +275,9 @@ class ContactQuery:
         ] + [self._bonded(bond, state) for bond in self.bonds]  # fmt: skip
         if not rows:
             none = np.zeros(0, dtype=np.int64)
+            place, matrix = np.zeros((0, 3)), np.zeros((0, 3, 3))
             return Contacts(
-                [],
-                sparse.csr_matrix((0, count)),
-                np.zeros((0, 3)),
-                np.zeros((0, 3, 3)),
-                np.zeros((0, 3, 3)),
-                np.zeros((0, 3)),
-                none,
-                none,
+                [], sparse.csr_matrix((0, count)), place, matrix, matrix, place, none, none, unlocated=self.unlocated
             )
         a, b, position, force, tangent, coupling, nodes, weights = zip(*rows, strict=True)
         spins = self._spins({*a, *b}, state)

@@ -180,10 +180,7 @@ class Stepper:
         right = self._residual(system, state, before, force, dt)
         residual, worst = self._size(system.split(right), contacts)
         if not np.isfinite(residual):
-            name = self.model.bodies[worst].name
-            raise UnstableStep(
-                f"t = {state.time:.4f} s: in a step of {dt:.2e} s forces on body {name!r} are not finite"
-            )
+            raise self._not_finite("forces on", worst, state, dt)
         return Trial(state, contacts, system, right, residual, worst)
 
     def _require_finite(self, state: State, dt: float) -> None:

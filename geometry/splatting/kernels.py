@@ -114,7 +114,6 @@ def blend(
     start: ti.types.ndarray(),
     entry: ti.types.ndarray(),
     wide: ti.i32,
-    depth: ti.types.ndarray(),
     mean: ti.types.ndarray(dtype=vec2f, ndim=1),
     conic: ti.types.ndarray(dtype=vec3f, ndim=1),
     rectangle: ti.types.ndarray(),
@@ -122,13 +121,11 @@ def blend(
     color: ti.types.ndarray(dtype=vec3f, ndim=1),
     image: ti.types.ndarray(dtype=vec3f, ndim=2),
     light: ti.types.ndarray(),
-    middle: ti.types.ndarray(),
     weight: ti.types.ndarray(),
 ):
-    """Blend front to back: colour, light that passes, the depth at which half of the light is gone (0 where it is not),
-    and each Gaussian's largest share of a pixel.
+    """Blend front to back: colour, light that passes, and each Gaussian's largest share of a pixel.
 
-    image, light (1 at the start) and middle have the shape (rows, columns), weight (0 at the start) one entry for each
+    image and light (1 at the start) have the shape (rows, columns), weight (0 at the start) one entry for each
     Gaussian; tiles go to threads.
     """
     for task in range((start.shape[0] - 1) * LEAST):
@@ -142,7 +139,7 @@ def blend(
         while i < start[tile + 1] and alive > 0:
             g = entry[i]
             i += 1
-            m, c, a, shade, d = mean[g], conic[g], opacity[g], color[g], depth[g]
+            m, c, a, shade = mean[g], conic[g], opacity[g], color[g]
             share = 0.0
             for y in range(ti.max(low_y, rectangle[g, 2]), ti.min(high_y, rectangle[g, 3])):
                 dy = y + 0.5 - m[1]
@@ -156,8 +153,6 @@ def blend(
                             share = ti.max(share, passed * alpha)
                             left = passed * (1.0 - alpha)
                             light[y, x] = left
-                            if passed >= 0.5 and left < 0.5:
-                                middle[y, x] = d
                             if left <= SPENT:
                                 alive -= 1
             if share > 0.0:

@@ -1,4 +1,4 @@
-"""Pictures of Gaussian splats: colour, what shines through, and where the light ends.
+"""Pictures of Gaussian splats: colour and what shines through.
 
 Taichi must have been started. The same splats and camera give the same picture for any number of threads: the order of
 the Gaussians is by depth and number, and each tile is blended by one thread.
@@ -27,8 +27,6 @@ class View:
     """sRGB colours 0 to 1 over the background, shape (rows, columns, 3)."""
     light: F32
     """Share of the light that comes from behind all splats [-], shape (rows, columns)."""
-    depth: F32
-    """Depth along the optical axis at which half of the light is gone [m], 0 where it is not, shape (rows, columns)."""
     weight: F32
     """Largest share that each Gaussian has in a pixel [-], shape (n,)."""
 
@@ -52,14 +50,14 @@ class Splatter:
         rows, columns = camera.height, camera.width
         image = np.zeros((rows, columns, 3), dtype=np.float32)
         light = np.ones((rows, columns), dtype=np.float32)
-        depth, weight = np.zeros((rows, columns), dtype=np.float32), np.zeros(len(self.splats), dtype=np.float32)
+        weight = np.zeros(len(self.splats), dtype=np.float32)
         start, entry, wide = self._tiles(order, rows, columns)
         kernels.blend(
-            start, entry, wide, self.depth, self.mean, self.conic, self.rectangle, self.opacity,
-            self._colors(order, camera), image, light, depth, weight,
+            start, entry, wide, self.mean, self.conic, self.rectangle, self.opacity, self._colors(order, camera),
+            image, light, weight,
         )  # fmt: skip
         image += light[:, :, None] * np.array(background, dtype=np.float32)
-        return View(image, light, depth, weight)
+        return View(image, light, weight)
 
     def _project(self, camera: Camera) -> NDArray[np.int32]:
         """Project all; numbers of the Gaussians in the picture, nearest first."""

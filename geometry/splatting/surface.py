@@ -163,5 +163,5 @@ def reconstructed(points: SurfacePoints, config: SurfaceConfig, threads: int = 1
         raise GeometryError("no surface is left of the splats' reconstruction")
     vertices = np.asarray(dense.vertices)
     _, nearest = tree.query(vertices, k=min(4, len(points.position)), workers=threads)
-    color = points.color[np.atleast_2d(nearest.T).T].mean(axis=1)
+    color = points.color[nearest.reshape(len(vertices), -1)].mean(axis=1)
     return Mesh.of(vertices, np.asarray(dense.triangles), np.rint(255.0 * color).astype(np.uint8))

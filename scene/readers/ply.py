@@ -9,7 +9,7 @@ from scene.errors import FormatError, InputError
 from scene.readers.ply_table import Column, Header, Table, is_scalar, read_header, read_tables, scalar
 from scene.readers.polygons import triangulate
 from scene.readers.raw import Paint, RawMesh, check_face_count, check_vertex_count, read_bytes
-from scene.readers.splats import is_splats
+from scene.readers.splats import describes_splats
 
 INDEX_NAMES = ("vertex_indices", "vertex_index")
 
@@ -44,7 +44,7 @@ def _refuse_splats(path: Path, header: Header) -> None:
     vertex = header.element("vertex")
     if vertex is None:
         raise FormatError(f"{path}: the PLY header declares no vertex element")
-    if is_splats(header):
+    if describes_splats(header):
         raise InputError(f"{path}: Gaussian splats, not a mesh")
 
 

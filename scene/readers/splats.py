@@ -44,7 +44,7 @@ HARMONIC_RANGE = 8.0
 """Harmonics span -4 to 4 in a compressed file [-]."""
 
 
-def is_splats(header: Header) -> bool:
+def describes_splats(header: Header) -> bool:
     """Whether a PLY header describes Gaussians rather than a mesh."""
     vertex = header.element("vertex")
     names = {p.name for p in vertex.properties} if vertex is not None else set()
@@ -56,7 +56,7 @@ def read_splats(path: Path) -> Gaussians:
     data = read_bytes(path)
     header = read_header(path, data)
     vertex = header.element("vertex")
-    if vertex is None or not is_splats(header):
+    if vertex is None or not describes_splats(header):
         raise FormatError(f"{path}: no Gaussians: its vertices have neither packed_position nor f_dc_0 and opacity")
     if min(vertex.count, len(data)) > MOST_SPLATS:
         raise InputError(f"{path}: {vertex.count} splats > {MOST_SPLATS}; decimate them first")

@@ -6,7 +6,9 @@ Source: SuGaR repository, sugar_extractors/: refined `sugarfine_*.obj` (with tex
 import re
 from pathlib import Path
 
-from scene.errors import InputError
+from scene.errors import FormatError, InputError
+from scene.readers.ply_table import HEADER_LIMIT, read_header
+from scene.readers.splats import describes_splats
 
 MESH_SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".stl")
 
@@ -81,8 +83,11 @@ def is_splats(path: Path) -> bool:
     if path.suffix.lower() != ".ply" or not path.is_file():
         return False
     with path.open("rb") as stream:
-        header = stream.read(8192)
-    return b"packed_position" in header or (b"f_dc_0" in header and b"opacity" in header)
+        start = stream.read(HEADER_LIMIT)
+    try:
+        return describes_splats(read_header(path, start))
+    except FormatError:
+        return False  # what is wrong is said where the file is read
 
 
 def has_only_splats(path: Path) -> bool:

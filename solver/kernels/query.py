@@ -150,6 +150,59 @@ def average_deformation(
                 F_out[node, 3 * i + j] = F[i, j] / count
 
 
+@ti.func
+def invert(
+    target: vec3,
+    start: vec3,
+    x: ti.template(),
+    planes_x: ti.template(),
+    planes_y: ti.template(),
+    planes_z: ti.template(),
+    cell_id: ti.template(),
+    cell_node: ti.template(),
+):
+    """Newton from `start` for the X with x(X) = target: the cell that holds X (or OUTSIDE, or UNLOCATED), X and its
+    local coordinates."""
+    X, s = start, vec3(0.0)
+    cell, count = UNLOCATED, 0
+    running = True
+    while running and count < INVERSION_STEPS:
+        count += 1
+        i, j, k = plane_interval(planes_x, X[0]), plane_interval(planes_y, X[1]), plane_interval(planes_z, X[2])
+        low = vec3(planes_x[i], planes_y[j], planes_z[k])
+        h = vec3(planes_x[i + 1], planes_y[j + 1], planes_z[k + 1]) - low
+        s = (X - low) / h
+        c = cell_id[i, j, k]
+        cell = UNLOCATED
+        if c < 0 or s.min() < -1e-6 or s.max() > 1.0 + 1e-6:
+            cell = OUTSIDE
+        if c < 0:
+            running = False
+        else:
+            here = vec3(0.0)
+            F = ti.Matrix.zero(ti.f64, 3, 3)
+            for a in range(8):
+                n = cell_node[c, a]
+                xa = vec3(x[n, 0], x[n, 1], x[n, 2])
+                here += shape_value(a, s) * xa
+                F += xa.outer_product(shape_gradient(a, s, h))
+            J = F.determinant()
+            r = target - here
+            if J < 1e-3:
+                running = False
+            elif r.norm() < INVERSION_TOLERANCE:
+                running = False
+                if cell == UNLOCATED:
+                    cell = c
+            else:
+                step = cofactor(F).transpose() @ r / J
+                longest = 1.5 * h.max()
+                if step.norm() > longest:
+                    step *= longest / step.norm()
+                X += step
+    return cell, X, s
+
+
 @ti.kernel
 def query_soft(
     points: ti.types.ndarray(),
@@ -183,58 +236,15 @@ def query_soft(
     for m in range(candidates.shape[0]):
         p = candidates[m]
         target = vec3(points[p, 0], points[p, 1], points[p, 2])
-        X = vec3(material_point[m, 0], material_point[m, 1], material_point[m, 2])
         found = UNLOCATED
+        X = vec3(material_point[m, 0], material_point[m, 1], material_point[m, 2])
         s = vec3(0.0)
-        attempt = 0 if X[0] == X[0] else 1
-        while found < 0 and attempt < 2:
-            if attempt == 1:
-                X = vec3(undeformed[m, 0], undeformed[m, 1], undeformed[m, 2])
-            attempt += 1
-            count = 0
-            running = True
-            while running and count < INVERSION_STEPS:
-                count += 1
-                i, j, k = plane_interval(planes_x, X[0]), plane_interval(planes_y, X[1]), plane_interval(planes_z, X[2])
-                low = vec3(planes_x[i], planes_y[j], planes_z[k])
-                h = vec3(planes_x[i + 1], planes_y[j + 1], planes_z[k + 1]) - low
-                s = (X - low) / h
-                c = cell_id[i, j, k]
-                outside = False
-                for d in ti.static(range(3)):
-                    if s[d] < -1e-6 or s[d] > 1.0 + 1e-6:
-                        outside = True
-                if c < 0:
-                    running = False
-                    found = OUTSIDE
-                else:
-                    here = vec3(0.0)
-                    F = ti.Matrix.zero(ti.f64, 3, 3)
-                    for a in range(8):
-                        n = cell_node[c, a]
-                        xa = vec3(x[n, 0], x[n, 1], x[n, 2])
-                        here += shape_value(a, s) * xa
-                        F += xa.outer_product(shape_gradient(a, s, h))
-                    J = F.determinant()
-                    if J < 1e-3:
-                        running = False
-                        if outside:
-                            found = OUTSIDE
-                    else:
-                        r = target - here
-                        if r.norm() < INVERSION_TOLERANCE:
-                            running = False
-                            found = c
-                            if outside:
-                                found = OUTSIDE
-                        elif outside and count == INVERSION_STEPS:
-                            found = OUTSIDE
-                        else:
-                            step = cofactor(F).transpose() @ r / J
-                            longest = 1.5 * h.max()
-                            if step.norm() > longest:
-                                step *= longest / step.norm()
-                            X += step
+        if X[0] == X[0]:
+            found, X, s = invert(target, X, x, planes_x, planes_y, planes_z, cell_id, cell_node)
+        if found < 0:
+            start = vec3(undeformed[m, 0], undeformed[m, 1], undeformed[m, 2])
+            again, X, s = invert(target, start, x, planes_x, planes_y, planes_z, cell_id, cell_node)
+            found = ti.max(found, again)  # a cell if there is one, and outside if one of the two ended there
         cell[m] = found
         gap[m] = FAR
         for d in ti.static(range(3)):

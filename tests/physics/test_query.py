@@ -34,7 +34,9 @@ def ask(lab):
         pair.guess[:] = np.nan
         near = np.arange(len(points), dtype=np.int32)
         one.query.unlocated = 0
-        return box, one.soft, state, (*one.query._query(pair, state, points, near), one.query.unlocated)
+        asked = (*one.query._query(pair, state, points, near), one.query.unlocated)
+        pair.guess = np.full((len(one.model.bodies[pair.a].vertices), 3), np.nan)
+        return box, one, state, asked
 
     return query
 
@@ -66,7 +68,8 @@ def test_a_bent_grid_is_inverted_as_scipy_maps_it(ask):
         return np.stack([p[:, 0] + 0.5 * p[:, 2] ** 2, p[:, 1] * (1 + p[:, 0]), p[:, 2] + 0.8 * p[:, 0] ** 2], axis=1)
 
     X = random_inside(100)
-    _, soft, state, _ = ask(bend, X[:1])
+    _, one, state, _ = ask(bend, X[:1])
+    soft = one.soft
     planes = soft.bodies[0].planes
     shape = tuple(len(p) for p in planes)
     lattice = np.full((*shape, 3), np.nan)
@@ -74,7 +77,7 @@ def test_a_bent_grid_is_inverted_as_scipy_maps_it(ask):
     lattice[tuple(index)] = state.x
     x = RegularGridInterpolator(planes, lattice)(X)
     assert np.isfinite(x).all()
-    _, soft, state, (material, _, _, node, weight, _) = ask(bend, x)
+    _, _, state, (material, _, _, node, weight, _) = ask(bend, x)
     assert material == pytest.approx(X, abs=5e-8)
     assert np.einsum("ka,kai->ki", weight, state.x[node]) == pytest.approx(x, abs=2e-8)
 
@@ -109,3 +112,13 @@ def test_points_in_crushed_cells_are_counted(ask):
     _, _, _, (_, gap, _, _, _, unlocated) = ask(lambda p: p @ flat, random_inside(10) @ flat)
     assert (gap > 1.0).all()
     assert unlocated == 10
+
+
+def test_contacts_say_what_could_not_be_located_even_if_nothing_touches(ask):
+    """Counts of the query, which the certificate reports, survive where no point at all makes contact."""
+    flat = np.diag([1.0, 1.0, 1e-4])
+    _, one, state, _ = ask(lambda p: p @ flat, random_inside(10) @ flat)
+    state.center[1] = 0.0  # the ball lies in the crushed box
+    found = one.query.find(state, state)
+    assert len(found.position) == 0
+    assert found.unlocated > 0
