@@ -15,12 +15,12 @@ from PIL import Image, ImageDraw
 
 from scene.box import OrientedBox
 from scene.mesh import Mesh
+from scene.occupancy import FREE, OCCUPIED, UNKNOWN
 
 MESH_NAME = "sugarmesh_3Dgs7000_sdfestim02_sdfnorm02_level03_decim1000000.ply"
 """What SuGaR calls a mesh of level 0.3 decimated to a million triangles."""
 
 OCCUPANCY_PIXELS = 1024
-FREE, OCCUPIED, UNKNOWN = 255, 0, 127
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,10 +17,21 @@ Image.MAX_IMAGE_PIXELS = None
 
 def read_image(data: bytes, where: str) -> NDArray[np.uint8]:
     """An encoded image as RGB bytes, first row on top, shape (h, w, 3); transparency is ignored."""
+    return _decoded(data, where, "RGB", MAX_PIXELS)
+
+
+def read_gray(data: bytes, where: str, most: int) -> NDArray[np.uint8]:
+    """An encoded image of at most so many pixels as grey bytes, first row on top, shape (h, w)."""
+    return _decoded(data, where, "L", most)
+
+
+def _decoded(data: bytes, where: str, mode: str, most: int) -> NDArray[np.uint8]:
     try:
         with Image.open(io.BytesIO(data)) as image:
-            if image.width * image.height > MAX_PIXELS:
-                raise FormatError(f"{where}: a texture of {image.width} x {image.height} pixels; reduce it first")
-            return np.asarray(image.convert("RGB"), dtype=np.uint8)
+            if image.width * image.height > most:
+                raise FormatError(f"{where}: an image of {image.width} x {image.height} pixels; reduce it first")
+            if mode == "L" and image.mode.startswith(("I", "F")):  # conversion would cut its values, not scale them
+                raise FormatError(f"{where}: an image with more than 8 bits per pixel; convert it to grey of 8 bits")
+            return np.asarray(image.convert(mode), dtype=np.uint8)
     except (UnidentifiedImageError, OSError, SyntaxError, ValueError) as error:
         raise FormatError(f"{where}: the image cannot be decoded ({error})") from None

@@ -34,7 +34,7 @@ def read_labels(folder: Path) -> tuple[tuple[LabelBox, ...], tuple[str, ...]]:
     path = folder / "labels.json"
     if not path.is_file():
         return (), ("labels.json is missing: instances are found by shape alone",)
-    document = _load(path)
+    document = load_json(path)
     entries = document.get("labels") if isinstance(document, dict) else document
     if not isinstance(entries, list):
         raise FormatError(f"{path}: neither a list nor an object with a list 'labels'")
@@ -54,7 +54,8 @@ def read_labels(folder: Path) -> tuple[tuple[LabelBox, ...], tuple[str, ...]]:
     return tuple(boxes), ((f"{skipped} entries of labels.json without a label or box are skipped",) if skipped else ())
 
 
-def _load(path: Path) -> object:
+def load_json(path: Path) -> object:
+    """The tree of a JSON file."""
     try:
         return json.loads(path.read_text("utf-8"))
     except (ValueError, RecursionError) as error:
@@ -100,7 +101,7 @@ def read_structure(folder: Path) -> tuple[tuple[Room, ...], tuple[LabelBox, ...]
     path = folder / "structure.json"
     if not path.is_file():
         return (), ()
-    document = _load(path)
+    document = load_json(path)
     if not isinstance(document, dict):
         raise FormatError(f"{path}: not an object")
     rooms = tuple(

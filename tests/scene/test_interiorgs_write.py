@@ -8,8 +8,9 @@ import pytest
 from PIL import Image
 
 from geometry.procedural.rooms import BuiltRoom, build_room
-from scene.interiorgs_write import FREE, MESH_NAME, write_interiorgs, write_ply
+from scene.interiorgs_write import MESH_NAME, write_interiorgs, write_ply
 from scene.mesh import Mesh
+from scene.occupancy import FREE
 
 
 @pytest.fixture(scope="module")
