@@ -248,6 +248,33 @@ def dataset_make(
     return 0
 
 
+@dataset_app.command("prepare-sugar")
+def dataset_prepare_sugar(
+    scene: Annotated[Path, typer.Argument(help="Folder (InteriorGS, or one with splats) or PLY of Gaussian splats.")],
+    out: Annotated[Path | None, typer.Option(help="Folder for the results; default: data/runs/sugar/NAME.")] = None,
+    views: Annotated[int, typer.Option(min=1, max=20_000, help="Pictures; SuGaR wants hundreds that overlap.")] = 300,
+    width: Annotated[int, typer.Option(min=16, max=1920, help="Of a picture [pixel].")] = 960,
+    height: Annotated[int, typer.Option(min=16, max=1920, help="Of a picture [pixel].")] = 720,
+    up: Annotated[str, typer.Option(help="Up axis of the splats: z, y or auto.")] = "auto",
+    unit: Annotated[str, typer.Option(help="Length unit of the splats: m, cm, mm, in or auto.")] = "auto",
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the cameras' places.")] = 0,
+    threads: Annotated[int, typer.Option(min=0, help="Threads, 0: all cores; never changes a result.")] = 0,
+    as_json: Json = False,
+) -> int:
+    """Render posed views of a scene of splats and write what SuGaR takes to make a mesh of them."""
+    options = SourceOptions(choice("--up", up, UPS), choice("--unit", unit, UNITS))
+    if out is not None:
+        check_out(out)
+
+    from flows.prepare_sugar import prepare_sugar, summary
+    from geometry.camera_path import PathConfig
+
+    config = PathConfig(views=views, width=width, height=height, seed=seed)
+    folder, record = prepare_sugar(scene, out, options, config, threads=threads, quiet=as_json)
+    print(json.dumps(record, indent=2, ensure_ascii=False) if as_json else summary(folder, record))
+    return 0
+
+
 @cache_app.command("ls")
 def cache_ls(as_json: Json = False) -> int:
     """List what has been computed, by kind."""

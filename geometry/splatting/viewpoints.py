@@ -35,10 +35,15 @@ def viewpoints(splats: Gaussians, places: int, pixels: int, seed: int = 0) -> li
     inside = inner_places(splats, places, seed)
     if len(inside):
         return [looking(p, p + d, pixels, pixels, FIELD_OF_VIEW) for p in inside for d in CUBE]
+    outside, center = outer_places(splats, 3 * places, FIELD_OF_VIEW)
+    return [looking(p, center, pixels, pixels, FIELD_OF_VIEW) for p in outside]
+
+
+def outer_places(splats: Gaussians, count: int, field_of_view: float) -> tuple[Array, Array]:
+    """Places all around from which everything is in the picture [m], shape (count, 3), and the middle to look at."""
     low, high = bulk(splats)
     center, radius = 0.5 * (low + high), 0.5 * float(np.linalg.norm(high - low))
-    distance = 1.1 * radius / np.sin(0.5 * FIELD_OF_VIEW)
-    return [looking(center + distance * d, center, pixels, pixels, FIELD_OF_VIEW) for d in fibonacci(3 * places)]
+    return center + 1.1 * radius / np.sin(0.5 * field_of_view) * fibonacci(count), center
 
 
 def bulk(splats: Gaussians) -> tuple[Array, Array]:
@@ -73,16 +78,20 @@ def enclosure(place: Array, positions: NDArray[np.floating]) -> float:
 
 
 def far_apart(points: Array, count: int) -> Array:
-    """A subset that leaves no large gap: each next point is the one farthest from those taken, the first the most
-    central."""
-    if len(points) <= count:
-        return points
+    """A subset that leaves no large gap, in the order of the points if it is all of them."""
+    return points if len(points) <= count else points[far_apart_index(points, count)]
+
+
+def far_apart_index(points: Array, count: int) -> NDArray[np.int64]:
+    """Numbers of up to `count` points: each next one is the farthest from those taken, the first the most central."""
+    if not len(points) or not count:
+        return np.zeros(0, dtype=np.int64)
     taken = [int(np.argmin(np.linalg.norm(points - points.mean(axis=0), axis=1)))]
     distance = np.linalg.norm(points - points[taken[0]], axis=1)
-    while len(taken) < count:
+    while len(taken) < min(count, len(points)):
         taken.append(int(np.argmax(distance)))
         distance = np.minimum(distance, np.linalg.norm(points - points[taken[-1]], axis=1))
-    return points[taken]
+    return np.array(taken, dtype=np.int64)
 
 
 def fibonacci(count: int) -> Array:

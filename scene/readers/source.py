@@ -44,14 +44,14 @@ def read_scan(
         raise InputError(f"{path}: no such file or folder")
     if path.is_dir():
         return _read_folder(path, options, role, folder, mesher)
-    raw, splats = _read_file(path)
+    raw, splats = read_file(path)
     frame = find_frame(raw, options, role)
     return _scan(raw, frame, label=options.label or describe(path, folder), mesh=_meshed(path, splats, frame, mesher))
 
 
 def _read_folder(folder: Path, options: SourceOptions, role: Role, name: str, mesher: Mesher | None) -> Scan:
     mesh_path, notes = find_mesh(folder)
-    raw, splats = _read_file(mesh_path)
+    raw, splats = read_file(mesh_path)
     if not is_interiorgs(folder):
         frame = find_frame(raw, options, role)
         own = describe(mesh_path, name if mesh_path.parent == folder else "")
@@ -59,7 +59,7 @@ def _read_folder(folder: Path, options: SourceOptions, role: Role, name: str, me
         return _scan(raw, frame, label=options.label or own, notes=notes, mesh=mesh)
     boxes, label_notes = read_labels(folder)
     rooms, structure = read_structure(folder)
-    frame = _interiorgs_frame(raw, options, role)
+    frame = interiorgs_frame(raw, options, role)
     boxes = boxes + tuple(box for box in structure if not any(_same_thing(box, other) for other in boxes))
     mesh = _meshed(mesh_path, splats, frame, mesher)
     return _scan(raw, frame, label=options.label, notes=notes + label_notes, boxes=boxes, rooms=rooms, mesh=mesh)
@@ -76,7 +76,7 @@ def _same_thing(box: LabelBox, other: LabelBox) -> bool:
     return bool(near) and box.label in other.label.split()
 
 
-def _interiorgs_frame(raw: RawMesh, options: SourceOptions, role: Role) -> Frame:
+def interiorgs_frame(raw: RawMesh, options: SourceOptions, role: Role) -> Frame:
     """InteriorGS states metres and z up, for the mesh too; options still win."""
     stated = SourceOptions(
         up="z" if options.up == "auto" else options.up, unit="m" if options.unit == "auto" else options.unit
@@ -86,7 +86,7 @@ def _interiorgs_frame(raw: RawMesh, options: SourceOptions, role: Role) -> Frame
     return Frame(frame.world_from_file, frame.up, frame.unit_metres, source, frame.notes)
 
 
-def _read_file(path: Path) -> tuple[RawMesh, Gaussians | None]:
+def read_file(path: Path) -> tuple[RawMesh, Gaussians | None]:
     """A mesh, or Gaussians with the discs that they look like as a mesh, which units and axes are found by."""
     check_suffix(path)
     try:

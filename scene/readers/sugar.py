@@ -52,16 +52,20 @@ def find_mesh(folder: Path) -> tuple[Path, tuple[str, ...]]:
         return meshes[0], ()
     if meshes:
         raise InputError(f"{folder}: {len(meshes)} meshes ({', '.join(p.name for p in meshes)}); name one of them")
-    splats = sorted(
-        (p for p in folder.glob("*.ply") if is_splats(p)), key=lambda p: (p.name != COMPRESSED_NAME, p.name)
-    )
-    if len(splats) == 1 or (splats and splats[0].name == COMPRESSED_NAME):
-        return splats[0], ()
-    if splats:
-        raise InputError(f"{folder}: {len(splats)} files of splats ({', '.join(p.name for p in splats)}); name one")
+    splats = find_splats(folder)
+    if splats is not None:
+        return splats, ()
     raise InputError(
         f"{folder}: no mesh in this folder (looked for {', '.join(MESH_SUFFIXES)} and SuGaR's output folders)"
     )
+
+
+def find_splats(folder: Path) -> Path | None:
+    """The Gaussian splats of a scene folder, whether or not it has a mesh too; None where there are none."""
+    found = sorted((p for p in folder.glob("*.ply") if is_splats(p)), key=lambda p: (p.name != COMPRESSED_NAME, p.name))
+    if len(found) > 1 and found[0].name != COMPRESSED_NAME:
+        raise InputError(f"{folder}: {len(found)} files of splats ({', '.join(p.name for p in found)}); name one")
+    return found[0] if found else None
 
 
 def _choose(folder: Path, found: list[Path]) -> tuple[Path, tuple[str, ...]]:
