@@ -66,9 +66,11 @@ def write_all(
     path = camera_path(source.splats, config, boxes=source.boxes, rooms=source.rooms, occupancy=source.occupancy)
     if not path.cameras:
         raise GeometryError(f"{source.path}: no place for a camera: none sees anything but what is right before it")
-    for k, picture in enumerate(pictures(source.splats, path.cameras, threads)):
-        write_picture(draft, names(k + 1)[k], picture)
-        progress(f"view {k + 1} of {len(path.cameras)}")
+    count = len(path.cameras)
+    drawn = zip(names(count), pictures(source.splats, path.cameras, threads), strict=True)
+    for k, (name, picture) in enumerate(drawn):
+        write_picture(draft, name, picture)
+        progress(f"view {k + 1} of {count}")
     model = colmap_model(source.splats, path.cameras, config.seed)
     write_sugar_model(draft, model, source.splats)
     target = scene if scene.is_dir() else folder / "mesh"
@@ -78,7 +80,7 @@ def write_all(
     record: dict[str, object] = {
         "scene": str(scene),
         "splats": len(source.splats),
-        "views": len(path.cameras),
+        "views": count,
         "points": len(model.points),
         "config": config.model_dump(),
         "world_from_file": source.world_from_file.tolist(),

@@ -42,7 +42,7 @@ GOLDEN = np.pi * (3.0 - np.sqrt(5.0))
 """Turn from each place's first direction to the next one's [rad]: no two look the same way."""
 RAYS = (8, 6)
 """Columns and rows of rays that find out what a camera sees [-]."""
-OPEN, SEEN = 0.25, 0.2
+OPEN, SEEN = 0.5, 0.2
 """Shares of those that must go far enough, and that must hit anything [-]."""
 ALONGSIDE = 0.4
 """Least distance of a camera from the box of what it looks at [m]."""
@@ -54,6 +54,8 @@ RINGS = (0.8, 1.4)
 """Distances of cameras from a piece, over the one that shows all of it [-]."""
 RING_WIDTH = 0.15
 """How far off such a distance a camera may be, over it [-]."""
+MOST_AROUND = 24
+"""Cameras that look at one piece of furniture, while there are others to look at [-]."""
 MOST_LOOKS = 200
 """Places near a ring from which one tries to see a piece [-]."""
 BOX_POINTS = np.array([(x, y, z) for x in (-1, 0, 1) for y in (-1, 0, 1) for z in (-1, 0, 1)], dtype=np.float64)
@@ -78,7 +80,7 @@ class PathConfig(BaseModel, frozen=True, extra="forbid"):
     """Of the cameras above the floor [m]."""
     clearance: PositiveFloat = 0.25
     """Least distance of a camera from what is opaque [m]."""
-    nearest: PositiveFloat = 0.6
+    nearest: PositiveFloat = 1.0
     """A camera that sees nothing but what is nearer than this is left out [m]."""
     seed: NonNegativeInt = 0
 
@@ -111,7 +113,8 @@ def camera_path(
     if hidden:
         notes += (f"no free place shows {', '.join(hidden)}",)
     around = worthwhile(found, cells, config)
-    cameras = list(islice(around, round(config.orbits * config.views)))
+    wanted = min(round(config.orbits * config.views), MOST_AROUND * len(pieces))
+    cameras = list(islice(around, wanted))
     floor = cells.floor(stands)
     walk = walking(stands, float(bulk(splats)[0][2]) if floor is None else floor, config)
     cameras += islice(chain(worthwhile(walk, cells, config), around), config.views - len(cameras))
@@ -181,7 +184,10 @@ def _orbit(box: OrientedBox, stands: Array, cells: FilledCells, config: PathConf
     distance = np.linalg.norm(stands - box.center, axis=1)
     local = np.abs(box.to_local(stands)) - box.half_extents
     apart = np.linalg.norm(np.maximum(local, 0.0), axis=1) > ALONGSIDE
-    rings = [_ring(box, stands[apart], distance[apart], factor * whole, cells, -(-count // 2)) for factor in RINGS]
+    rings = [
+        _ring(box, stands[apart], distance[apart], max(factor * whole, config.nearest), cells, -(-count // 2))
+        for factor in RINGS
+    ]
     turns = chain.from_iterable(zip_longest(*rings))
     return [_looking(place, box.center, config) for place in turns if place is not None]
 
@@ -190,7 +196,7 @@ def _ring(
     box: OrientedBox, stands: Array, distance: Array, wanted: float, cells: FilledCells, count: int
 ) -> list[Array]:
     """Places at about a distance, or as near to it as there are, that see a box."""
-    off = np.abs(np.log(distance / max(wanted, ALONGSIDE)))
+    off = np.abs(np.log(distance / wanted))
     order = np.argsort(off, kind="stable")
     near = order[: max(int((off < RING_WIDTH).sum()), 4 * count)]
     down = np.arcsin((stands[near, 2] - box.center[2]) / distance[near])

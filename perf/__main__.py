@@ -107,6 +107,9 @@ def main() -> None:
         f"{found['memory'] / 2**20:.0f} MiB; furniture that is seen {1e3 * found['mean']:.1f} mm off, 95 % within "
         f"{1e3 * found['p95']:.1f} mm; {splats.FRAME_SPLATS:,} at 640 x 480: {found['frames']:.1f} frames a second"
     )
+    console.print(
+        f"pictures of the splats against the room's own: {found['psnr']:.1f} dB (mean of {splats.VIEWS} views, PSNR)"
+    )
 
 
 if __name__ == "__main__":

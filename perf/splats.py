@@ -1,4 +1,5 @@
-"""Gaussian splats: a known room as splats, back as a mesh, and how far the two are apart; frames a second.
+"""Gaussian splats: a known room as splats, back as a mesh, how far the two are apart and how alike they look; frames a
+second.
 
 python -m perf.splats          measure, and print as JSON on standard output
 """
@@ -12,6 +13,7 @@ import time
 import numpy as np
 from numpy.typing import NDArray
 
+from geometry.camera_path import PathConfig, camera_path
 from geometry.distance import MeshDistance
 from geometry.procedural.rooms import BuiltRoom, build_room
 from geometry.raycast import Raycaster
@@ -21,6 +23,7 @@ from geometry.splatting.config import SurfaceConfig
 from geometry.splatting.render import Splatter
 from geometry.splatting.surface import mesh_of_splats
 from geometry.splatting.viewpoints import viewpoints
+from geometry.unlit import psnr, unlit
 from scene.gaussians import Gaussians
 from scene.mesh import Mesh
 from solver.runtime import available_cores, start
@@ -28,6 +31,8 @@ from solver.runtime import available_cores, start
 ROOM = "bedroom_01"
 SPLATS, FRAME_SPLATS = 500_000, 100_000
 FRAMES = 20
+VIEWS = 12
+"""Pictures that are compared with the room's own [-]."""
 SHELL = ("wall", "floor", "ceiling", "window", "door", "curtain")
 """What is not furniture."""
 CLEAR = 2e-3
@@ -80,7 +85,7 @@ def main() -> None:
                 "splats": len(splats), "faces": len(mesh.faces), "seconds": seconds, "memory": memory,
                 "mean": float(np.average(distance, weights=area_seen)),
                 "p95": float(distance[order][np.searchsorted(share, 0.95)]),
-                "frames": frames_a_second(fewer, places[0]),
+                "frames": frames_a_second(fewer, places[0]), "psnr": likeness(splats, room.record.mesh),
             }
         )
     )  # fmt: skip
@@ -105,6 +110,14 @@ def frames_a_second(splats: Gaussians, place: NDArray[np.float64]) -> float:
     for camera in cameras:
         splatter.view(camera)
     return FRAMES / (time.perf_counter() - begin)
+
+
+def likeness(splats: Gaussians, mesh: Mesh) -> float:
+    """Mean peak signal-to-noise ratio of pictures of the splats against those of the mesh that they lie on [dB]."""
+    cameras = camera_path(splats, PathConfig(views=VIEWS, width=640, height=480)).cameras
+    splatter, caster = Splatter(splats), Raycaster(mesh)
+    pairs = ((np.clip(splatter.view(camera).image, 0.0, 1.0), unlit(mesh, camera, caster)) for camera in cameras)
+    return float(np.mean([psnr(a, b) for a, b in pairs]))
 
 
 if __name__ == "__main__":

@@ -77,8 +77,8 @@ def run_script(folder: Path, scene: Path) -> str:
     """A shell script that runs SuGaR on `folder` and copies the meshes to where they are found in `scene`."""
     name = shlex.quote(folder.name)  # SuGaR names its outputs after the scene's folder
     copies = "\n".join(
-        f'if [ -d output/{kind}/{name} ]; then mkdir -p "$scene"/output/{kind} && '
-        f'cp -R output/{kind}/{name} "$scene"/output/{kind}/; fi'
+        f"if [ -d output/{kind}/{name} ]; then\n"
+        f'  mkdir -p "$scene"/output/{kind}\n  cp -R output/{kind}/{name} "$scene"/output/{kind}/\nfi'
         for kind in MESHES
     )
     return f"""#!/bin/sh
@@ -88,4 +88,5 @@ cd "${{1:?give the folder of SuGaR, which holds train.py}}"
 scene={shlex.quote(str(scene))}
 {train_command(folder)}
 {copies}
+echo "meshes: $scene/output"
 """

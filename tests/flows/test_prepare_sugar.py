@@ -1,0 +1,186 @@
+"""`dcap dataset prepare-sugar`: exactly what SuGaR takes, nothing half-written, and its meshes found afterwards."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from flows.cli import run_command
+from geometry.procedural.rooms import build_room
+from geometry.splats_on_mesh import splats_on_mesh
+from scene.gaussians_write import write_compressed_splats
+from scene.interiorgs_write import MESH_NAME, write_interiorgs
+from scene.readers.colmap import read_colmap
+from scene.readers.splats import read_splats
+from scene.readers.sugar import find_mesh, has_only_splats
+
+TRAIN = """
+import argparse, json, os, pathlib
+options = argparse.ArgumentParser()
+for name in ("-s", "-c", "-r", "--refinement_time", "--eval"):
+    options.add_argument(name)
+given = options.parse_args()
+assert given.r == "sdf"
+cameras = json.load(open(given.c + "cameras.json"))
+suffix = "." + os.listdir(os.path.join(given.s, "images"))[0].split(".")[-1]
+assert all(os.path.isfile(os.path.join(given.s, "images", c["img_name"] + suffix)) for c in cameras)
+assert os.path.isfile(os.path.join(given.c, "point_cloud", "iteration_7000", "point_cloud.ply"))
+name = given.s.split("/")[-1]
+for kind, file in (("coarse_mesh", "sugarmesh_3Dgs7000_level03_decim1000000.ply"), ("refined_mesh", "sugarfine_x.obj")):
+    folder = pathlib.Path("output", kind, name)
+    folder.mkdir(parents=True)
+    (folder / file).write_text(kind)
+"""
+"""Reads its input and names its output as SuGaR's train.py does."""
+
+
+@pytest.fixture(scope="module")
+def room(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """An InteriorGS folder with splats and no mesh."""
+    folder = tmp_path_factory.mktemp("scenes") / "a hall"
+    built = build_room("hall_01", 0)
+    write_interiorgs(folder, built.record, 0)
+    (folder / MESH_NAME).unlink()
+    write_compressed_splats(folder / "3dgs_compressed.ply", splats_on_mesh(built.record.mesh, 0.06, seed=0))
+    return folder
+
+
+def prepare(scene: Path, out: Path, *options: str) -> int:
+    """Run the command for a few small pictures."""
+    size = ["--views", "6", "--width", "64", "--height", "48"]
+    return run_command(["dataset", "prepare-sugar", str(scene), "--out", str(out), *size, *options])
+
+
+@pytest.fixture(scope="module")
+def prepared(room: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    out = tmp_path_factory.mktemp("out") / "my hall"
+    assert prepare(room, out) == 0
+    return out
+
+
+def files(folder: Path) -> dict[str, bytes]:
+    """All files below a folder."""
+    return {p.relative_to(folder).as_posix(): p.read_bytes() for p in folder.rglob("*") if p.is_file()}
+
+
+def test_everything_that_sugar_takes_is_there(prepared: Path, room: Path) -> None:
+    """And nothing else: pictures alone in images/, one for each camera of cameras.json and of the COLMAP model."""
+    pictures = [f"images/view_{k:05d}.png" for k in range(6)]
+    assert set(files(prepared)) == {
+        *pictures, "sparse/0/cameras.bin", "sparse/0/images.bin", "sparse/0/points3D.bin", "checkpoint/cameras.json",
+        "checkpoint/point_cloud/iteration_7000/point_cloud.ply", "run_sugar.sh", "prepared.json",
+    }  # fmt: skip
+    for name in pictures:
+        image = np.asarray(Image.open(prepared / name))
+        assert image.shape == (48, 64, 3)
+        assert image.std() > 2.0
+        assert np.median(image) > 50  # a room by day, not the black behind it
+    cameras = json.loads((prepared / "checkpoint" / "cameras.json").read_text())
+    model = read_colmap(prepared / "sparse" / "0")
+    assert [f"images/{c['img_name']}.png" for c in cameras] == pictures == [f"images/{i.name}" for i in model.images]
+    for camera, image in zip(cameras, model.images, strict=True):
+        assert set(camera) == {"id", "img_name", "width", "height", "position", "rotation", "fy", "fx"}
+        assert image.position == pytest.approx(camera["position"])
+        assert np.allclose(image.camera_from_world.T, camera["rotation"], rtol=0.0, atol=1e-12)
+    cloud = read_splats(prepared / "checkpoint" / "point_cloud" / "iteration_7000" / "point_cloud.ply")
+    splats = read_splats(room / "3dgs_compressed.ply")
+    assert cloud.degree == 3
+    assert np.array_equal(cloud.position, splats.position)
+    assert not cloud.rest.any()
+    assert len(model.points) == (splats.opacity > 0.5).sum()
+
+
+def test_the_same_input_gives_the_same_bytes(prepared: Path, room: Path, tmp_path: Path) -> None:
+    """But for the paths that it names, for any number of threads."""
+    assert prepare(room, tmp_path / "other", "--threads", "1") == 0
+    first, again = files(prepared), files(tmp_path / "other")
+    assert first.keys() == again.keys()
+    assert all(first[name] == again[name] for name in first if name not in ("run_sugar.sh", "prepared.json"))
+
+
+def test_a_second_run_replaces_the_first_and_keeps_the_rest(
+    room: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Fewer views leave no old ones; what was put beside them stays; nothing temporary is left."""
+    out = tmp_path / "out"
+    assert prepare(room, out) == 0
+    (out / "mesh").mkdir()
+    (out / "mesh" / "a.txt").write_text("mine")
+    capsys.readouterr()
+    assert prepare(room, out, "--views", "2", "--seed", "3", "--json") == 0
+    printed = json.loads(capsys.readouterr().out)
+    assert printed == json.loads((out / "prepared.json").read_text())
+    assert (printed["views"], printed["config"]["seed"]) == (2, 3)
+    assert len(list((out / "images").iterdir())) == 2
+    assert (out / "mesh" / "a.txt").read_text() == "mine"
+    assert [p.name for p in tmp_path.iterdir()] == ["out"]
+
+
+def test_meshes_of_sugar_are_found_in_the_scene(
+    prepared: Path, room: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Through run_sugar.sh, with a stand-in that reads and writes what SuGaR does; paths with spaces."""
+    assert has_only_splats(room)
+    (tmp_path / "train.py").write_text(TRAIN)
+    (tmp_path / "bin").mkdir()
+    (tmp_path / "bin" / "python").symlink_to(sys.executable)
+    path = f"{tmp_path / 'bin'}{os.pathsep}{os.environ['PATH']}"
+    done = subprocess.run(
+        ["sh", str(prepared / "run_sugar.sh"), str(tmp_path)], capture_output=True, text=True,
+        env=os.environ | {"PATH": path},
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    mesh, _ = find_mesh(room)
+    assert mesh == room / "output" / "refined_mesh" / "my hall" / "sugarfine_x.obj"
+    assert not has_only_splats(room)
+    mesh.unlink()
+    assert find_mesh(room)[0].read_text() == "coarse_mesh"
+    record = json.loads((prepared / "prepared.json").read_text())
+    assert record["then"] == f"dcap place '{room}' OBJECT \"PROMPT\""
+    assert record["command"] in (prepared / "run_sugar.sh").read_text()
+    assert f"-c '{prepared}/checkpoint/'" in record["command"]
+    wrong = subprocess.run(["sh", str(prepared / "run_sugar.sh")], capture_output=True, text=True)
+    assert wrong.returncode != 0
+    assert "folder of SuGaR" in wrong.stderr
+
+
+def test_a_file_of_splats_gets_a_folder_for_its_mesh(room: Path, tmp_path: Path) -> None:
+    """Units and axes of the mesh are stated then, because no annotation does."""
+    assert prepare(room / "3dgs_compressed.ply", tmp_path / "out", "--views", "3") == 0
+    record = json.loads((tmp_path / "out" / "prepared.json").read_text())
+    assert record["then"] == f'dcap place {tmp_path}/out/mesh OBJECT "PROMPT" --up z --unit m'
+
+
+def refused(capsys: pytest.CaptureFixture[str], scene: Path, out: Path) -> str:
+    """What the command says in its one line."""
+    capsys.readouterr()
+    before = set(out.rglob("*"))
+    assert prepare(scene, out) == 2
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert captured.err.startswith("dcap: ")
+    assert captured.err.count("\n") == 1
+    assert set(out.rglob("*")) == before
+    return captured.err
+
+
+def test_what_cannot_be_prepared(capsys: pytest.CaptureFixture[str], room: Path, tmp_path: Path) -> None:
+    """One line with the path and what to do; nothing is written."""
+    empty = tmp_path / "empty"
+    empty.mkdir()
+    said = refused(capsys, empty, tmp_path / "out")
+    assert f"{empty}: no Gaussian splats" in said
+    assert "3dgs_compressed.ply" in said
+    assert "no such file" in refused(capsys, tmp_path / "gone", tmp_path / "out")
+    (empty / "a.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    assert "no Gaussian splats" in refused(capsys, empty, tmp_path / "out")
+    assert "a mesh, not Gaussian splats" in refused(capsys, empty / "a.obj", tmp_path / "out")
+    assert "not empty and not made by prepare-sugar" in refused(capsys, room, empty)
+    assert "lies in the scene" in refused(capsys, room, room / "sugar")
+    assert "is a file" in refused(capsys, room, empty / "a.obj")
+    assert not (tmp_path / "out").exists()
