@@ -107,7 +107,7 @@ def camera_path(
     cells = filled_cells(splats)
     stands, notes = standing_places(splats, cells, config, random, rooms, occupancy)
     if not len(stands):
-        return CameraPath(tuple(worthwhile(all_around(splats, config), cells, config)), notes)
+        return CameraPath(tuple(all_around(splats, config)), notes)
     pieces = [one for one in boxes if category_of(one.label) in FURNITURE]
     found, hidden = orbits(pieces, stands, cells, config)
     if hidden:
@@ -178,9 +178,7 @@ def orbits(
 
 def _orbit(box: OrientedBox, stands: Array, cells: FilledCells, config: PathConfig, count: int) -> list[Camera]:
     """Up to `count` cameras that look at a box, from all sides that one can stand at."""
-    half = 0.5 * np.deg2rad(config.field_of_view_deg)
-    least = np.arctan(np.tan(half) * min(1.0, config.height / config.width))
-    whole = 0.5 * box.diagonal / float(np.sin(least))
+    whole = 0.5 * box.diagonal / np.sin(_least_half_angle(config))
     distance = np.linalg.norm(stands - box.center, axis=1)
     local = np.abs(box.to_local(stands)) - box.half_extents
     apart = np.linalg.norm(np.maximum(local, 0.0), axis=1) > ALONGSIDE
@@ -244,10 +242,15 @@ def worthwhile(cameras: Iterable[Camera], cells: FilledCells, config: PathConfig
 
 def all_around(splats: Gaussians, config: PathConfig) -> Iterator[Camera]:
     """Around what has no inside, so far away that all of it is in the picture."""
-    least = np.deg2rad(config.field_of_view_deg) * min(1.0, config.height / config.width)
-    places, center = outer_places(splats, config.views, least)
+    places, center = outer_places(splats, config.views, 2.0 * _least_half_angle(config))
     return (_looking(place, center, config) for place in places)
 
 
 def _looking(place: Array, target: Array, config: PathConfig) -> Camera:
     return looking(place, target, config.width, config.height, np.deg2rad(config.field_of_view_deg))
+
+
+def _least_half_angle(config: PathConfig) -> float:
+    """Half of the narrower field of view [rad]."""
+    half = 0.5 * np.deg2rad(config.field_of_view_deg)
+    return float(np.arctan(np.tan(half) * min(1.0, config.height / config.width)))

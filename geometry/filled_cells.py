@@ -24,6 +24,8 @@ EXTENT = 1.5
 """A Gaussian fills the cells up to this many deviations from its centre [-]."""
 MOST_STEPS = 8
 """Cells that one Gaussian fills to either side of its own at most [-]."""
+HEADROOM = 1.5
+"""Lower gaps are not to stand in [m]."""
 STRIDE = 0.5
 """Step along a ray over a cell's side [-]."""
 
@@ -71,13 +73,23 @@ class FilledCells:
         return out
 
     def floor(self, points: Array) -> float | None:
-        """Height of what is lowest under points (n, 3) [m], the median; None where there is nothing."""
+        """Height of what one stands on at points (n, 2 or more) [m], the median: the lower end of the highest gap with
+        headroom, the lowest thing where there is no ceiling; None where there is nothing.
+
+        The lowest thing itself may be a reflection in a shiny floor, which splats show as a room below.
+        """
         index, there = self._index(np.c_[points[:, :2], np.full(len(points), self.low[2])])
         columns = self.filled[index[there, 0], index[there, 1]]
         columns = columns[columns.any(axis=1)]
         if not len(columns):
             return None
-        return float(self.low[2] + self.size * (np.median(columns.argmax(axis=1)) + 0.5))
+        level, last = columns.argmax(axis=1), columns.argmax(axis=1)
+        for k in range(columns.shape[1]):
+            hit = columns[:, k]
+            roomy = hit & (k - last > HEADROOM / self.size)
+            level[roomy] = last[roomy]
+            last[hit] = k
+        return float(self.low[2] + self.size * (np.median(level) + 0.5))
 
     def _index(self, points: Array) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
         """The cell of each point (n, 3), and whether it is one of the grid's."""

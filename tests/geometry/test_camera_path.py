@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from geometry.camera_path import FURNITURE, PathConfig, all_around, camera_path, entries, unhidden, worthwhile
+from geometry.camera_path import FURNITURE, PathConfig, camera_path, entries, unhidden, worthwhile
 from geometry.distance import MeshDistance
 from geometry.filled_cells import CELL, STRIDE, FilledCells, filled_cells
 from geometry.procedural.rooms import BuiltRoom, build_room
@@ -129,19 +129,19 @@ def test_without_a_map_cameras_stand_inside(splats: Gaussians, built: BuiltRoom,
     assert in_the_room(path.cameras, built)
 
 
-def test_what_has_no_inside_is_looked_at_from_all_sides() -> None:
-    """All eight corners in every picture, from below and above."""
-    thing = splats_on_mesh(rounded_box((0.6, 0.4, 0.3), 0.02), 0.02, seed=0)
-    config = PathConfig(views=20, width=80, height=60, nearest=0.1)
+@pytest.mark.parametrize("size", [(0.6, 0.4, 0.3), (1.0, 0.04, 0.03)])
+def test_what_has_no_inside_is_looked_at_from_all_sides(size: tuple[float, float, float]) -> None:
+    """All eight corners in every picture, from below and above; however thin it is."""
+    thing = splats_on_mesh(rounded_box(size, 0.01), 0.01, seed=0)
+    config = PathConfig(views=20, width=80, height=60)
     cameras = camera_path(thing, config).cameras
     assert len(cameras) == 20
-    corners = np.array([[x, y, z] for x in (-0.3, 0.3) for y in (-0.2, 0.2) for z in (-0.15, 0.15)])
+    corners = 0.5 * np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) * size
     for camera in cameras:
         x, y, z = ((corners - camera.position) @ camera.world_from_camera).T
         assert (z > 0).all()
         assert (np.abs(x / z) * camera.focal < 40).all()
         assert (np.abs(y / z) * camera.focal < 30).all()
-    assert len(list(all_around(thing, config))) == 20
     height = [camera.position[2] for camera in cameras]
     assert min(height) < 0 < max(height)
 
@@ -183,6 +183,18 @@ def test_rays_end_at_the_first_filled_cell() -> None:
     assert cells.clearance(np.array([[0.5, 2.0, 1.0]])) == pytest.approx([1.0 - CELL / 2], abs=CELL)
     assert cells.floor(np.array([[0.5, 2.0, 9.0]])) == pytest.approx(CELL / 2)
     assert cells.floor(np.array([[50.0, 2.0, 9.0]])) is None
+
+
+def test_the_floor_is_below_the_highest_headroom() -> None:
+    """Not the ceiling's reflection below it, and not the top of a table; without a ceiling the lowest thing."""
+    filled = np.zeros((3, 3, 100), dtype=bool)
+    filled[:, :, 4] = filled[:, :, 50] = filled[:, :, 96] = True
+    filled[0, 0, 64] = True
+    cells, points = FilledCells(filled, np.array([0.0, 0.0, -2.5]), CELL), np.array([[0.07, 0.07], [0.12, 0.12]])
+    assert cells.floor(points) == pytest.approx(50.5 * CELL - 2.5)
+    assert cells.floor(np.array([[0.02, 0.02]])) == pytest.approx(64.5 * CELL - 2.5)
+    filled[:, :, 51:] = filled[:, :, :50] = False
+    assert cells.floor(points) == pytest.approx(50.5 * CELL - 2.5)
 
 
 def test_gaussians_fill_the_cells_that_they_cover() -> None:
