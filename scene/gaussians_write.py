@@ -10,14 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scene.gaussians import COEFFICIENTS, DC, Gaussians
-from scene.readers.splats import CHUNK, HARMONIC_RANGE, WORDS
+from scene.readers.splats import CHUNK, HARMONIC_RANGE, LARGEST_LOG_SCALE, WORDS
 
 F64 = NDArray[np.float64]
 
 MORTON_BITS = 10
 """Bits per axis of the order in which splats are written: neighbours share a chunk, so that its ranges are small."""
-LARGEST_LOG_SCALE = 20.0
-"""Logarithms of sizes are cut here [-], as other writers do."""
 
 
 def write_splats(path: Path, splats: Gaussians, *, degree: int | None = None) -> None:

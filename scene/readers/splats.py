@@ -7,6 +7,7 @@ per splat, one byte per harmonic; the layout is in docs/formats.md.
 Guaranteed: the counts that the header promises are checked against the file's length before anything is allocated.
 """
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +15,7 @@ from numpy.typing import NDArray
 
 from scene.errors import FormatError, InputError
 from scene.gaussians import COEFFICIENTS, DC, Gaussians
+from scene.problems import Problem, Report, error, refusing, warning
 from scene.readers.ply_table import Header, Table, read_header, read_tables, scalar
 from scene.readers.raw import RawMesh, read_bytes
 
@@ -37,6 +39,9 @@ PLAIN = (
 LARGEST_LOGIT = 16.0
 """Opacities of exactly 0 and 1 have no finite logit [-]; 1e-7 from them is as good."""
 
+LARGEST_LOG_SCALE = 20.0
+"""Logarithms of sizes end here [-]: writers cut them, and e^20 m is no size."""
+
 MOST_DISCS = 100_000
 """Squares that stand for the Gaussians of a file where its units and axes are found [-]."""
 
@@ -53,6 +58,31 @@ def describes_splats(header: Header) -> bool:
 
 def read_splats(path: Path) -> Gaussians:
     """Read either schema, in the file's own units and axes."""
+    tables, report = splat_tables(path), refusing(path)
+    fields = _packed(path, tables, report) if WORDS[0] in tables["vertex"] else _plain(path, tables["vertex"])
+    _check_fields(fields, report)
+    position, log_scale, rotation, logit, dc, rest = fields
+    return Gaussians(position, log_scale, rotation, _bounded(logit), dc, rest)
+
+
+def check_splats(path: Path, report: Report) -> int:
+    """Check all that `read_splats` relies on, without decoding what cannot be wrong; returns the number of splats.
+
+    FormatError or InputError where the file breaks off or its layout is none of ours.
+    """
+    tables = splat_tables(path)
+    vertex = tables["vertex"]
+    if WORDS[0] not in vertex:
+        _check_fields(_plain(path, vertex), report)
+        return len(scalar(path, vertex, "x"))
+    count = {len(_words(path, vertex, name)) for name in WORDS}.pop()
+    _chunk_ranges(path, tables.get("chunk", {}), count, report)
+    _harmonic_bytes(path, tables.get("sh"), count)
+    return count
+
+
+def splat_tables(path: Path) -> dict[str, Table]:
+    """The elements of a file of splats."""
     data = read_bytes(path)
     header = read_header(path, data)
     vertex = header.element("vertex")
@@ -63,8 +93,7 @@ def read_splats(path: Path) -> Gaussians:
     tables = read_tables(path, header, data)
     if vertex.count == 0:
         raise InputError(f"{path}: no Gaussians in it")
-    splats = _packed(path, tables) if WORDS[0] in tables["vertex"] else _plain(path, tables["vertex"])
-    return _checked(path, *splats)
+    return tables
 
 
 Fields = tuple[F32, F32, F32, F32, F32, F32]
@@ -90,11 +119,13 @@ def _plain(path: Path, table: Table) -> Fields:
     )  # fmt: skip
 
 
-def _packed(path: Path, tables: dict[str, Table]) -> Fields:
+def _packed(path: Path, tables: dict[str, Table], report: Report) -> Fields:
     """PlayCanvas' compressed schema."""
     words = {name: _words(path, tables["vertex"], name) for name in WORDS}
     n = len(words[WORDS[0]])
-    chunk = _chunks(path, tables.get("chunk", {}), n)
+    owner = np.arange(n) // CHUNK
+    ranges = _chunk_ranges(path, tables.get("chunk", {}), n, report)
+    chunk = {name: column[owner] for name, column in ranges.items()}
     position = _between(chunk, "{}_x {}_y {}_z", _vector(words["packed_position"]))
     log_scale = _between(chunk, "{}_scale_x {}_scale_y {}_scale_z", _vector(words["packed_scale"]))
     color = np.stack([_unit(words["packed_color"] >> shift, 8) for shift in (24, 16, 8)], axis=1)
@@ -119,17 +150,36 @@ def _words(path: Path, table: Table, name: str) -> U32:
     return column.astype(np.uint32)
 
 
-def _chunks(path: Path, table: Table, count: int) -> dict[str, NDArray[np.float64]]:
-    """The ranges of each splat's chunk by name, shape (n,) each."""
-    names = [f"{end}_{of}" for end in ("min", "max") for of in ("x", "y", "z", "scale_x", "scale_y", "scale_z")]
-    if "min_r" in table:
-        names += [f"{end}_{of}" for end in ("min", "max") for of in "rgb"]
-    columns = {name: scalar(path, table, name).astype(np.float64) for name in names}
+def _chunk_ranges(path: Path, table: Table, count: int, report: Report) -> dict[str, NDArray[np.float64]]:
+    """The ranges of the chunks by name, shape (ceil(n / CHUNK),) each; finite and not upside down."""
+    groups = [("x", "y", "z"), ("scale_x", "scale_y", "scale_z"), ("r", "g", "b")][: 3 if "min_r" in table else 2]
+    of = [name for group in groups for name in group]
+    columns = {f"{end}_{name}": scalar(path, table, f"{end}_{name}") for end in ("min", "max") for name in of}
     have, want = len(columns["min_x"]), -(-count // CHUNK)
     if have != want:
         raise FormatError(f"{path}: {have} chunks for {count} splats, expected {want}")
-    owner = np.arange(count) // CHUNK
-    return {name: column[owner] for name, column in columns.items()}
+    ranges = {name: column.astype(np.float64) for name, column in columns.items()}
+    for name, column in ranges.items():
+        with np.errstate(over="ignore"):
+            finite = np.isfinite(column.astype(np.float32))  # what is read is single precision
+        _tell(~finite, "{} of chunk {} is not finite", name, report)
+    for name in of:
+        low, high = ranges[f"min_{name}"], ranges[f"max_{name}"]
+        _tell(low > high, "{} of chunk {} is above its max", f"min_{name}", report)
+    for name in of[3:6]:
+        largest = ranges[f"max_{name}"]
+        odd = np.isfinite(largest) & (largest > LARGEST_LOG_SCALE)
+        _tell(odd, "{} of chunk {} is above any size: splats of e^20 m", f"max_{name}", report, warning)
+    return ranges
+
+
+def _tell(
+    bad: NDArray[np.bool_], what: str, name: str, report: Report, problem: Callable[[str], Problem] = error
+) -> None:
+    """Report the first of the rows that are bad, and how many more there are."""
+    if bad.any():
+        more = int(bad.sum()) - 1
+        report(problem(what.format(name, int(np.argmax(bad))) + (f" ({more} more like it)" if more else "")))
 
 
 def _unit(word: NDArray[np.integer], bits: int) -> NDArray[np.float64]:
@@ -162,35 +212,48 @@ def _rotation(word: U32) -> NDArray[np.float64]:
     return out
 
 
-def _harmonics(path: Path, table: Table | None, count: int) -> F32:
-    """Higher harmonics from bytes, channel by channel, shape (n, 3, k)."""
+def _harmonic_bytes(path: Path, table: Table | None, count: int) -> list[NDArray[np.generic]]:
+    """The columns of element sh: 0, 9, 24 or 45 of `count` bytes."""
     if table is None:
-        return np.zeros((count, 3, 0), dtype=np.float32)
+        return []
     total = len(table)
     if total % 3 or total // 3 not in COEFFICIENTS.values():
         raise FormatError(f"{path}: {total} properties in element sh, expected 9, 24 or 45")
     columns = [scalar(path, table, f"f_rest_{i}") for i in range(total)]
     if total and len(columns[0]) != count:
         raise FormatError(f"{path}: {len(columns[0])} of element sh for {count} splats")
+    if any(column.dtype != np.uint8 for column in columns):
+        raise FormatError(f"{path}: a property of element sh is not of type uchar")
+    return columns
+
+
+def _harmonics(path: Path, table: Table | None, count: int) -> F32:
+    """Higher harmonics from bytes, channel by channel, shape (n, 3, k)."""
+    columns = _harmonic_bytes(path, table, count)
     byte = np.stack(columns, axis=1) if columns else np.zeros((count, 0), np.uint8)
     share = np.where(byte == 0, 0.0, np.where(byte == 255, 1.0, (byte + 0.5) / 256.0))
     return ((share - 0.5) * HARMONIC_RANGE).astype(np.float32).reshape(count, 3, -1)
 
 
-def _checked(path: Path, position: F32, log_scale: F32, rotation: F32, logit: F32, dc: F32, rest: F32) -> Gaussians:
-    """Refuse numbers that are not finite and rotations of no length; opacities beyond all bounds are cut."""
-    logit = np.clip(logit, -LARGEST_LOGIT, LARGEST_LOGIT)
+def _bounded(logit: F32) -> F32:
+    """Opacities beyond all bounds, infinite ones among them, are cut."""
+    return np.clip(logit, -LARGEST_LOGIT, LARGEST_LOGIT)
+
+
+def _check_fields(fields: Fields, report: Report) -> None:
+    """Report numbers that are not finite, sizes beyond all bounds and rotations of no length."""
+    position, log_scale, rotation, logit, dc, rest = fields
     for name, field in (
-        ("position", position), ("scale", log_scale), ("rotation", rotation), ("opacity", logit), ("colour", dc),
-        ("harmonic", rest),
+        ("position", position), ("scale", log_scale), ("rotation", rotation), ("opacity", _bounded(logit)),
+        ("colour", dc), ("harmonic", rest),
     ):  # fmt: skip
-        bad = ~np.isfinite(field).reshape(len(field), -1).all(axis=1)
-        if bad.any():
-            raise FormatError(f"{path}: the {name} of splat {int(np.argmax(bad))} is not finite")
-    length = np.linalg.norm(rotation, axis=1)
-    if (length < 1e-6).any():
-        raise FormatError(f"{path}: the rotation of splat {int(np.argmax(length < 1e-6))} has no length")
-    return Gaussians(position, log_scale, rotation, logit, dc, rest)
+        finite = np.isfinite(field).reshape(len(field), -1).all(axis=1)
+        _tell(~np.asarray(finite), "the {} of splat {} is not finite", name, report)
+    large = (np.isfinite(log_scale) & (log_scale > LARGEST_LOG_SCALE)).any(axis=1)
+    _tell(np.asarray(large), "the {} of splat {} is above any size: e^20 m", "scale", report, warning)
+    with np.errstate(over="ignore", invalid="ignore"):
+        length = np.linalg.norm(rotation, axis=1)
+    _tell(length < 1e-6, "the {} of splat {} has no length", "rotation", report)
 
 
 def discs(path: Path, splats: Gaussians) -> RawMesh:

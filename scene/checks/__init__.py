@@ -1,0 +1,1 @@
+"""Checks of a whole dataset: every problem of every file, by path and line."""
