@@ -1,11 +1,12 @@
 """Reads a dataset: a YAML list of samples, each with the names or paths of a scene and an object and a prompt.
 
 Keys of a sample: `id`, `room` (or `scene`), `object`, `prompt`, and optionally `seed`, `mass`, `label`, `up`, `unit`,
-`object_label`, `object_up`, `object_unit`. A name is looked up beside the file, then in `rooms/` and `objects/`.
+`object_label`, `object_up`, `object_unit`. A name is looked up beside the file and in the data folder, each time
+there and then in `rooms/` or `objects/`.
 """
 
-from collections.abc import Mapping, Sequence
-from dataclasses import fields
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
 from pathlib import Path
 
 from ruamel.yaml import YAML
@@ -13,6 +14,7 @@ from ruamel.yaml.error import YAMLError
 
 from evaluation.run_folder import folder_name
 from scene.errors import InputError
+from scene.problems import Report, error, refusing, short
 from scene.sample import Sample, SourceOptions
 from scene.settings import PROJECT_ROOT, data_root
 from scene.spelling import did_you_mean
@@ -31,26 +33,32 @@ MESH_SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".stl")
 
 def load_samples(path: Path) -> list[Sample]:
     """The samples of a dataset file, in its order."""
-    rows = load_yaml(path)
+    return [sample for _, sample in samples_of(load_yaml(path), path.parent, refusing(path))]
+
+
+def samples_of(rows: object, folder: Path, report: Report) -> list[tuple[int, Sample]]:
+    """The sound samples of a dataset beside whose file `folder` is, and the index of each."""
     if not isinstance(rows, list) or not rows:
-        raise InputError(f"{path}: expected a list of samples, found {type(rows).__name__}")
-    samples = [sample_of(row, f"{path}: sample {index}", path.parent) for index, row in enumerate(rows)]
-    check_ids([sample.id for sample in samples], str(path))
+        report(error(f"expected a list of samples, found {type(rows).__name__}"))
+        return []
+    read = [(index, sample_of(row, index, folder, report)) for index, row in enumerate(rows)]
+    samples = [(index, sample) for index, sample in read if sample is not None]
+    check_ids(samples, report)
     return samples
 
 
-def check_ids(ids: Sequence[str], where: str) -> None:
+def check_ids(samples: list[tuple[int, Sample]], report: Report) -> None:
     """Refuse ids that cannot each have a folder of their own in a run."""
     seen: dict[str, str] = {}
-    for one in ids:
-        name = folder_name(one)
+    for index, sample in samples:
+        one, name, place = sample.id, folder_name(sample.id), (index, "id")
         if not name.strip("."):
-            raise InputError(f"{where}: id {one!r} cannot name a folder; use letters and digits")
-        if name in seen and seen[name] == one:
-            raise InputError(f"{where}: two samples have the id {one!r}")
-        if name in seen:
-            raise InputError(f"{where}: ids {seen[name]!r} and {one!r} would share the folder {name}; rename one")
-        seen[name] = one
+            report(error(f"id {one!r} cannot name a folder; use letters and digits", place))
+        elif name in seen and seen[name] == one:
+            report(error(f"two samples have the id {one!r}", place))
+        elif name in seen:
+            report(error(f"ids {seen[name]!r} and {one!r} would share the folder {name}; rename one", place))
+        seen.setdefault(name, one)
 
 
 def load_yaml(path: Path) -> object:
@@ -59,73 +67,98 @@ def load_yaml(path: Path) -> object:
         return YAML(typ="safe", pure=True).load(path.read_text(encoding="utf-8"))
     except FileNotFoundError:
         raise InputError(f"{path}: no such file; --dataset takes a YAML file") from None
-    except (OSError, UnicodeDecodeError, YAMLError) as error:
-        raise InputError(f"{path}: cannot be read as YAML: {error}") from error
+    except (OSError, ValueError, RecursionError, YAMLError) as broken:
+        raise InputError(f"{path}: cannot be read as YAML: {broken}") from broken
 
 
-def sample_of(row: object, where: str, folder: Path) -> Sample:
-    """One sample; unknown keys are errors with the nearest known name."""
+def sample_of(row: object, index: int, folder: Path, report: Report) -> Sample | None:
+    """One sample, None where it is broken; unknown keys are errors with the nearest known name."""
     if not isinstance(row, Mapping):
-        raise InputError(f"{where}: expected keys and values, found {row!r}")
-    known = (*REQUIRED, *OPTIONAL)
-    for key in row:
-        if key not in known:
-            raise InputError(f"{where}: unknown key {key!r}{did_you_mean(key, known)}")
-    for key in REQUIRED:
-        if key not in row:
-            raise InputError(f"{where}: key {key!r} is missing")
-    if ("room" in row) == ("scene" in row):
-        raise InputError(f"{where}: give either 'room' or 'scene'")
-    return Sample(
-        id=text(row, "id", where),
-        scene=find(text(row, "room" if "room" in row else "scene", where), folder, "rooms"),
-        object=find(text(row, "object", where), folder, "objects"),
-        prompt=text(row, "prompt", where),
-        scene_options=options_of(row, "", where),
-        object_options=options_of(row, "object_", where),
-        mass=None if row.get("mass") is None else mass_of(row["mass"], where),
-        seed=seed_of(row.get("seed", 0), where),
+        report(error(f"sample {index}: expected keys and values, found {short(row)}", (index,)))
+        return None
+    read = Row(row, index, report)
+    read.check_keys()
+    room = "room" if "room" in row else "scene"
+    sample = Sample(
+        id=read.text("id"),
+        scene=find(read.text(room), folder, "rooms"),
+        object=find(read.text("object"), folder, "objects"),
+        prompt=read.text("prompt"),
+        scene_options=read.options(""),
+        object_options=read.options("object_"),
+        mass=read.mass(),
+        seed=read.seed(),
     )
+    return sample if read.sound else None
 
 
-def text(row: Mapping[str, object], key: str, where: str) -> str:
-    """A word or sentence of a row; a number counts as written."""
-    value = row[key]
-    if isinstance(value, bool) or not isinstance(value, str | int | float) or not str(value).strip():
-        raise InputError(f"{where}: {key} is {value!r}, expected text")
-    return str(value)
+@dataclass(slots=True)
+class Row:
+    """Reads the values of one sample and tells of those that are wrong; what it gives for them is not used."""
 
+    values: Mapping[str, object]
+    index: int
+    report: Report
+    sound: bool = True
 
-def mass_of(value: object, where: str) -> float:
-    """A mass [kg]."""
-    if isinstance(value, bool) or not isinstance(value, int | float) or not 0 < value < float("inf"):
-        raise InputError(f"{where}: mass is {value!r}, expected a positive number of kilograms")
-    return float(value)
+    def wrong(self, what: str, key: object = "") -> None:
+        """Tell of a mistake at a key."""
+        self.sound = False
+        self.report(error(f"sample {self.index}: {what}", (self.index, str(key)) if key else (self.index,)))
 
+    def check_keys(self) -> None:
+        """Unknown and missing keys."""
+        known = (*REQUIRED, *OPTIONAL)
+        for key in self.values:
+            if key not in known:
+                self.wrong(f"unknown key {key!r}{did_you_mean(key, known)}", key)
+        for key in REQUIRED:
+            if key not in self.values:
+                self.wrong(f"key {key!r} is missing")
+        if ("room" in self.values) == ("scene" in self.values):
+            self.wrong("give either 'room' or 'scene'")
 
-def seed_of(value: object, where: str) -> int:
-    """A seed of everything random."""
-    if isinstance(value, bool) or not isinstance(value, int) or value < 0:
-        raise InputError(f"{where}: seed is {value!r}, expected a whole number, 0 or larger")
-    return value
+    def text(self, key: str) -> str:
+        """A word or sentence; a number counts as written, a missing key is told elsewhere."""
+        value = self.values.get(key, "missing")
+        if isinstance(value, bool) or not isinstance(value, str | int | float) or not str(value).strip():
+            self.wrong(f"{key} is {short(value)}, expected text", key)
+        return str(value)
 
+    def mass(self) -> float | None:
+        """A mass [kg]."""
+        value = self.values.get("mass")
+        if value is None:
+            return None
+        if isinstance(value, bool) or not isinstance(value, int | float) or not 0 < value < float("inf"):
+            self.wrong(f"mass is {short(value)}, expected a positive number of kilograms", "mass")
+            return None
+        return float(value)
 
-def options_of(row: Mapping[str, object], prefix: str, where: str) -> SourceOptions:
-    """How to read the scene (no prefix) or the object."""
-    given = {}
-    for one in fields(SourceOptions):
-        key = prefix + one.name
-        if key in row:
-            given[one.name] = text(row, key, where)
-            allowed = CHOICES.get(one.name, (given[one.name],))
-            if given[one.name] not in allowed:
-                raise InputError(f"{where}: {key} {given[one.name]!r} is not one of {', '.join(allowed)}")
-    return SourceOptions(**given)
+    def seed(self) -> int:
+        """A seed of everything random."""
+        value = self.values.get("seed", 0)
+        if isinstance(value, bool) or not isinstance(value, int) or value < 0:
+            self.wrong(f"seed is {short(value)}, expected a whole number, 0 or larger", "seed")
+            return 0
+        return value
+
+    def options(self, prefix: str) -> SourceOptions:
+        """How to read the scene (no prefix) or the object."""
+        given = {}
+        for one in fields(SourceOptions):
+            key = prefix + one.name
+            if key in self.values:
+                given[one.name] = self.text(key)
+                allowed = CHOICES.get(one.name, (given[one.name],))
+                if given[one.name] not in allowed:
+                    self.wrong(f"{key} {given[one.name]!r} is not one of {', '.join(allowed)}", key)
+        return SourceOptions(**given)
 
 
 def find(name: str, folder: Path, kind: str) -> str:
     """Path of a scene or object by path or name; the name itself where nothing is found, for the reader to report."""
-    for place in (folder / name, folder / kind / name, data_root() / kind / name):
+    for place in (folder / name, folder / kind / name, data_root() / name, data_root() / kind / name):
         if place.exists():
             return shortest(place)
         for suffix in MESH_SUFFIXES:

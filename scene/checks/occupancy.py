@@ -8,7 +8,7 @@ from PIL import Image
 from scene.checks.annotations import read_tree
 from scene.checks.findings import Findings
 from scene.problems import Report, error, note, short, warning
-from scene.readers.image import MAX_PIXELS
+from scene.readers.image import UNREADABLE
 from scene.spelling import did_you_mean
 
 NEEDED = {"scale": 0, "lower": 3, "upper": 3}
@@ -16,6 +16,8 @@ NEEDED = {"scale": 0, "lower": 3, "upper": 3}
 USUAL = {"center": 3, "min": 3, "max": 3}
 LEVELS = (0, 127, 255)
 """Occupied, unknown, free."""
+MOST_PIXELS = 8192 * 8192
+"""Largest map that is looked at [pixels]; InteriorGS has a megapixel."""
 SLACK = 2.0
 """Pixels by which the picture may be larger or smaller than the map [-]: conventions differ by a half at each end."""
 
@@ -86,7 +88,7 @@ def _picture_size(path: Path, report: Report) -> tuple[int, int] | None:
     """Width and height [pixels] of a picture that can be read."""
     try:
         with Image.open(path) as image:
-            if image.width * image.height > MAX_PIXELS:
+            if image.width * image.height > MOST_PIXELS:
                 report(error(f"{image.width} x {image.height} pixels; reduce it first"))
                 return None
             grey = image.convert("L")
@@ -97,6 +99,6 @@ def _picture_size(path: Path, report: Report) -> tuple[int, int] | None:
                 levels = f"{sum(odd.values())} pixels have other levels than 0, 127 and 255, such as {min(odd)}"
                 report(note(f"{levels}: the nearest of them counts"))
             return image.size
-    except (OSError, SyntaxError, ValueError, OverflowError) as broken:
+    except UNREADABLE as broken:
         report(error(f"the picture cannot be read ({broken})"))
         return None

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scene.errors import FormatError, InputError
+from scene.problems import Report, error
 from scene.readers.gltf_document import Json, entries
 from scene.readers.raw import MAX_CORNERS
 
@@ -19,15 +20,18 @@ WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "M
 class Accessors:
     """The accessors of one document over its loaded buffers."""
 
-    def __init__(self, path: Path, document: Json, buffers: list[bytes]) -> None:
+    def __init__(self, path: Path, document: Json, buffers: list[bytes], report: Report) -> None:
         self.path, self.buffers = path, buffers
         self.entries = entries(path, document, "accessors")
         self.views = entries(path, document, "bufferViews")
-        try:
-            for index in range(len(self.entries)):
+        for index in range(len(self.entries)):
+            try:
                 self._check(index)
-        except (KeyError, IndexError, TypeError, ValueError, AttributeError) as error:
-            raise FormatError(f"{path}: accessor {index} is inconsistent ({type(error).__name__}: {error})") from None
+            except InputError as broken:
+                report(error(str(broken).removeprefix(f"{path}: "), ("accessors", index)))
+            except (KeyError, IndexError, TypeError, ValueError, AttributeError) as broken:
+                what = f"accessor {index} is inconsistent ({type(broken).__name__}: {broken})"
+                report(error(what, ("accessors", index)))
 
     def view(self, index: int) -> bytes:
         """The bytes of one buffer view."""

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scene.errors import FormatError, InputError
+from scene.problems import Report, error, refusing
 from scene.readers.accessor import Accessors
 from scene.readers.companions import absence, beside
 from scene.readers.gltf_document import Entry, Json, binary_chunk, entries, read_document, require
@@ -39,13 +40,14 @@ DEEPEST_NODE = 256
 """Levels of the node tree: far above any scene that people make, far below Python's limit of recursion."""
 
 
-def read_gltf(path: Path) -> RawMesh:
-    """Read the default scene of a glTF file."""
+def read_gltf(path: Path, report: Report | None = None) -> RawMesh:
+    """Read the default scene of a glTF file; with a `report`, accessors and faces that are broken are told."""
+    report = report or refusing(path)
     data = read_bytes(path)
     document, end = read_document(path, data)
     _refuse_extensions(path, document)
-    accessors = Accessors(path, document, _buffers(path, document, binary_chunk(path, data, end)))
-    return _Builder(path, document, accessors).build()
+    accessors = Accessors(path, document, _buffers(path, document, binary_chunk(path, data, end)), report)
+    return _Builder(path, document, accessors, report).build()
 
 
 def _refuse_extensions(path: Path, document: Json) -> None:
@@ -91,8 +93,8 @@ def _uri_bytes(path: Path, uri: str) -> bytes:
 class _Builder:
     """Collects the primitives of the node tree into one mesh."""
 
-    def __init__(self, path: Path, document: Json, accessors: Accessors) -> None:
-        self.path, self.document, self.accessors = path, document, accessors
+    def __init__(self, path: Path, document: Json, accessors: Accessors, report: Report) -> None:
+        self.path, self.document, self.accessors, self.report = path, document, accessors, report
         self.nodes, self.meshes, self.materials = (
             entries(path, document, key) for key in ("nodes", "meshes", "materials")
         )
@@ -175,9 +177,11 @@ class _Builder:
         if "indices" in primitive:
             index = self.accessors.read(int(primitive["indices"])).reshape(-1).astype(np.int64)
         faces = _triangles(index, mode)
-        if len(faces) and (faces.min() < 0 or faces.max() >= len(position)):
-            wrong = faces.min() if faces.min() < 0 else faces.max()
-            raise FormatError(f"{self.path}: a face uses vertex {wrong}, its primitive has {len(position)}")
+        wrong = (faces < 0) | (faces >= len(position))
+        if wrong.any():
+            what = f"a face uses vertex {faces[wrong][0]}, its primitive has {len(position)} ({self.names[node]})"
+            self.report(error(what, ("accessors", int(primitive.get("indices", attributes["POSITION"])))))
+            faces = faces[~wrong.any(axis=1)]
         self.face_count += len(faces)
         check_face_count(self.path, self.face_count)
         check_vertex_count(self.path, self.vertex_count + len(position))

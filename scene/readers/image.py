@@ -1,15 +1,20 @@
 """Texture images: decoded to sRGB bytes, with a limit on their size."""
 
 import io
+import struct
+import zlib
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image, UnidentifiedImageError
+from PIL import Image
 
 from scene.errors import FormatError
 
 MAX_PIXELS = 16384 * 16384
 """Largest texture [pixels]: the largest that graphics hardware accepts."""
+
+UNREADABLE = (OSError, SyntaxError, ValueError, LookupError, EOFError, struct.error, zlib.error)
+"""What decoding can raise on bytes that are no image, or only the beginning of one."""
 
 # Pillow's own limit is lower and warns in several lines; ours is checked between the header and the pixels.
 Image.MAX_IMAGE_PIXELS = None
@@ -33,5 +38,5 @@ def _decoded(data: bytes, where: str, mode: str, most: int) -> NDArray[np.uint8]
             if mode == "L" and image.mode.startswith(("I", "F")):  # conversion would cut its values, not scale them
                 raise FormatError(f"{where}: an image with more than 8 bits per pixel; convert it to grey of 8 bits")
             return np.asarray(image.convert(mode), dtype=np.uint8)
-    except (UnidentifiedImageError, OSError, SyntaxError, ValueError) as error:
+    except UNREADABLE as error:
         raise FormatError(f"{where}: the image cannot be decoded ({error})") from None

@@ -6,13 +6,13 @@ Every index is checked; polygons are kept whole until `polygons.triangulate` cut
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from itertools import islice
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from scene.errors import FormatError, InputError
+from scene.errors import InputError
+from scene.problems import Report, error, refusing
 from scene.readers.companions import library_names
 from scene.readers.mtl import Material, read_mtl
 from scene.readers.polygons import triangulate
@@ -37,18 +37,19 @@ class Lines:
     """(first face, name) of every object, group and material."""
 
 
-def read_obj(path: Path) -> RawMesh:
-    """Read an OBJ file and the MTL and images beside it."""
+def read_obj(path: Path, report: Report | None = None) -> RawMesh:
+    """Read an OBJ file and the MTL and images beside it; with a `report`, broken lines are told and left out."""
+    report = report or refusing(path)
     data = read_bytes(path)
     lines = _sort_lines(data)
     check_face_count(path, len(lines.face))
     check_vertex_count(path, max(len(lines.vertex), len(lines.texture)))
-    numbers = _numbers(path, data, "v", lines.vertex, 3)
+    numbers = _numbers(report, data, "v", lines.vertex, 3)
     vertices = numbers[:, :3].copy()
     if not len(vertices) or not lines.face:
         raise InputError(f"{path}: no faces ({len(vertices)} vertices): nothing to place on or to place")
-    uv = _numbers(path, data, "vt", lines.texture, 1)
-    faces, face_uv, owner = _faces(path, lines, vertices, len(uv))
+    uv = _numbers(report, data, "vt", lines.texture, 1)
+    faces, face_uv, owner = _faces(path, report, lines, vertices, len(uv))
     named = lines.switches["o"] or lines.switches["g"]
     face_node, names = _spread(named, len(lines.face))
     notes: list[str] = []
@@ -87,36 +88,42 @@ def _sort_lines(data: bytes) -> Lines:
     return lines
 
 
-def _numbers(path: Path, data: bytes, keyword: str, rows: list[bytes], least: int) -> NDArray[np.float64]:
-    """Rows of numbers as one array; rows of unequal length are cut to the shortest."""
+def _numbers(report: Report, data: bytes, keyword: str, rows: list[bytes], least: int) -> NDArray[np.float64]:
+    """Rows of numbers as one array; rows of unequal length are cut to the shortest, broken ones are zeros."""
     if not rows:
         return np.zeros((0, least))
     counts = [len(row.split()) for row in rows]
     width = min(counts)
-    if width < least:
-        line = _line_of(data, keyword, counts.index(width))
-        raise FormatError(f"{path}: line {line}: '{keyword}' has {width} values, expected {least}")
     try:
-        if width == max(counts):
+        if least <= width == max(counts):
             return np.array(b" ".join(rows).split(), dtype=np.float64).reshape(-1, width)
-        return np.array([row.split()[:width] for row in rows], dtype=np.float64)
-    except ValueError as error:
-        bad = next((i for i, row in enumerate(rows) if not _is_numbers(row.split()[:width])), 0)
-        raise FormatError(f"{path}: line {_line_of(data, keyword, bad)}: {error} in a '{keyword}' line") from None
+        if least <= width:
+            return np.array([row.split()[:width] for row in rows], dtype=np.float64)
+    except ValueError:
+        pass
+    broken = [_broken(row, least) for row in rows]
+    at = [number for number, key, _ in _statements(data) if key == keyword.encode()]
+    for number, why in zip(at, broken, strict=True):
+        if why:
+            report(error(why.format(keyword), line=number))
+    width = min((count for count, why in zip(counts, broken, strict=True) if not why), default=least)
+    zeros = [b"0"] * width
+    return np.array(
+        [zeros if why else row.split()[:width] for row, why in zip(rows, broken, strict=True)], dtype=np.float64
+    )
 
 
-def _is_numbers(words: list[bytes]) -> bool:
+def _broken(row: bytes, least: int) -> str:
+    """What is wrong with a row of at least so many numbers, with a place for its keyword; empty if it is sound."""
+    words = row.split()
+    if len(words) < least:
+        return f"'{{}}' has {len(words)} values, expected {least}"
     try:
         np.array(words, dtype=np.float64)
     except ValueError:
-        return False
-    return True
-
-
-def _line_of(data: bytes, keyword: str, index: int) -> int:
-    """Line number of the statement with that keyword and index among its kind; only messages need it."""
-    numbers = (number for number, key, _ in _statements(data) if key == keyword.encode())
-    return next(islice(numbers, index, None))
+        text = " ".join(word.decode("latin-1") for word in words).replace("{", "{{").replace("}", "}}")
+        return f"{text!r} in a '{{}}' line is not all numbers"
+    return ""
 
 
 def _vertex_colors(numbers: NDArray[np.float64]) -> NDArray[np.uint8] | None:
@@ -128,20 +135,24 @@ def _vertex_colors(numbers: NDArray[np.float64]) -> NDArray[np.uint8] | None:
 
 
 def _faces(
-    path: Path, lines: Lines, vertices: NDArray[np.float64], uv_count: int
+    path: Path, report: Report, lines: Lines, vertices: NDArray[np.float64], uv_count: int
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
     """Triangles (t, 3), their texture coordinate indices (t, 3; -1 for none) and their face line (t,)."""
     corners = np.array([len(row.split()) for row in lines.face])
-    if corners.min() < 3:
-        bad = int(np.argmin(corners))
-        raise FormatError(f"{path}: line {lines.face_line[bad]}: a face of {corners[bad]} corners")
-    check_face_count(path, int((corners - 2).sum()))
-    parts: list[tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]] = []
-    for count in np.unique(corners):
-        numbers = np.flatnonzero(corners == count)
-        index = _indices(path, lines, numbers, int(count))
-        position = _resolve(path, lines, numbers, index[..., 0], len(vertices), 0)
-        texture = _resolve(path, lines, numbers, index[..., 1], uv_count, 1)
+    for bad in np.flatnonzero(corners < 3):
+        report(error(f"a face of {corners[bad]} corners", line=lines.face_line[bad]))
+    check_face_count(path, int(np.maximum(corners - 2, 0).sum()))
+    parts = [(np.zeros((0, 3), np.int64), np.zeros((0, 3), np.int64), np.zeros(0, np.int64))]
+    for count in np.unique(corners[corners >= 3]):
+        index, numbers = _indices(report, lines, np.flatnonzero(corners == count), int(count))
+        position, wrong = _resolved(lines, numbers, index[..., 0], len(vertices), 0)
+        for row in np.flatnonzero(wrong.any(axis=1)):
+            what = f"a face uses vertex {index[row, wrong[row], 0][0]}, the file has {len(vertices)}"
+            report(error(what, line=lines.face_line[numbers[row]]))
+        sound = ~wrong.any(axis=1)
+        texture, absent = _resolved(lines, numbers, index[..., 1], uv_count, 1)
+        texture = np.where(absent, -1, texture)[sound]
+        position, numbers = position[sound], numbers[sound]
         triples, polygon = triangulate(vertices, position)
         position, texture = (np.take_along_axis(of[polygon], triples, axis=1) for of in (position, texture))
         parts.append((position, texture, numbers[polygon]))
@@ -150,25 +161,28 @@ def _faces(
     return np.concatenate([p[0] for p in parts])[order], np.concatenate([p[1] for p in parts])[order], owner[order]
 
 
-def _indices(path: Path, lines: Lines, numbers: NDArray[np.int64], count: int) -> NDArray[np.int64]:
-    """Position and texture indices as written (0: absent), shape (faces, count, 2)."""
+def _indices(
+    report: Report, lines: Lines, numbers: NDArray[np.int64], count: int
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Position and texture indices as written (0: absent), shape (faces, count, 2), and the faces that have them."""
     rows = [lines.face[i] for i in numbers]
     text = b" ".join(rows)
     tokens = text.split()
     slashes = tokens[0].count(b"/")
     same = text.count(b"/") == slashes * len(tokens) and all(t.count(b"/") == slashes for t in tokens)
-    try:
-        if same and b"/ " not in text + b" ":
+    if same and b"/ " not in text + b" ":
+        try:
             flat = np.array(text.replace(b"//", b"/0/").replace(b"/", b" ").split(), dtype=np.int64)
             table = flat.reshape(len(rows), count, slashes + 1)
-            return table[..., :2] if slashes else np.concatenate([table, np.zeros_like(table)], axis=-1)
-        pairs = [[int(word or 0) for word in [*t.split(b"/"), b""][:2]] for t in tokens]
-        return np.array(pairs, dtype=np.int64).reshape(len(rows), count, 2)
-    except (ValueError, OverflowError):
-        bad = next((i for i in numbers if not _readable(lines.face[i])), numbers[0])
-        raise FormatError(
-            f"{path}: line {lines.face_line[bad]}: face {lines.face[bad].decode('latin-1')!r} is not understood"
-        ) from None
+            return table[..., :2] if slashes else np.concatenate([table, np.zeros_like(table)], axis=-1), numbers
+        except (ValueError, OverflowError):
+            pass
+    sound = np.array([_readable(row) for row in rows], dtype=bool)
+    for i in numbers[~sound]:
+        report(error(f"face {lines.face[i].decode('latin-1')!r} is not understood", line=lines.face_line[i]))
+    tokens = [token for row, good in zip(rows, sound, strict=True) if good for token in row.split()]
+    pairs = [[int(word or 0) for word in [*t.split(b"/"), b""][:2]] for t in tokens]
+    return np.array(pairs, dtype=np.int64).reshape(-1, count, 2), numbers[sound]
 
 
 def _readable(row: bytes) -> bool:
@@ -176,24 +190,15 @@ def _readable(row: bytes) -> bool:
     return all(CORNER.fullmatch(token) for token in row.split())
 
 
-def _resolve(
-    path: Path, lines: Lines, numbers: NDArray[np.int64], index: NDArray[np.int64], count: int, kind: int
-) -> NDArray[np.int64]:
-    """1-based and negative indices to 0-based ones; 0 (absent) becomes -1 for texture coordinates."""
+def _resolved(
+    lines: Lines, numbers: NDArray[np.int64], index: NDArray[np.int64], count: int, kind: int
+) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+    """1-based and negative indices to 0-based ones, and which of them the file does not have."""
     resolved = index - 1
     if (index < 0).any():
         seen = np.array([lines.seen[i][kind] for i in numbers])[:, None]
         resolved = np.where(index < 0, seen + index, resolved)
-    wrong = (resolved >= count) | ((resolved < 0) & ((index != 0) | (kind == 0)))
-    if kind == 1:
-        return np.where(wrong, -1, resolved)
-    if wrong.any():
-        row = int(np.flatnonzero(wrong.any(axis=1))[0])
-        value = index[row][wrong[row]][0]
-        raise FormatError(
-            f"{path}: line {lines.face_line[numbers[row]]}: a face uses vertex {value}, the file has {count}"
-        )
-    return resolved
+    return resolved, (resolved >= count) | (resolved < 0)
 
 
 def _spread(switches: list[tuple[int, str]], count: int) -> tuple[NDArray[np.int32], tuple[str, ...]]:

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scene.errors import FormatError, InputError
+from scene.problems import Report, error, refusing
 from scene.readers.ply_table import Column, Header, Table, is_scalar, read_header, read_tables, scalar
 from scene.readers.polygons import triangulate
 from scene.readers.raw import Paint, RawMesh, check_face_count, check_vertex_count, read_bytes
@@ -14,15 +15,16 @@ from scene.readers.splats import describes_splats
 INDEX_NAMES = ("vertex_indices", "vertex_index")
 
 
-def read_ply(path: Path) -> RawMesh:
-    """Read a PLY triangle or polygon mesh."""
+def read_ply(path: Path, report: Report | None = None) -> RawMesh:
+    """Read a PLY triangle or polygon mesh; with a `report`, faces that are broken are told and left out."""
+    report = report or refusing(path)
     data = read_bytes(path)
     header = read_header(path, data)
     _refuse_splats(path, header)
     for name, check in (("vertex", check_vertex_count), ("face", check_face_count)):
         if (element := header.element(name)) is not None:
             check(path, min(element.count, len(data)))
-    tables = read_tables(path, header, data)
+    tables = read_tables(path, header, data, report)
     vertex, face = tables["vertex"], tables.get("face", {})
     vertices = np.stack([scalar(path, vertex, axis) for axis in "xyz"], axis=1).astype(np.float64)
     index = next((face[name] for name in INDEX_NAMES if name in face), None)
@@ -30,7 +32,7 @@ def read_ply(path: Path) -> RawMesh:
         raise InputError(f"{path}: no faces ({len(vertices)} vertices): a point cloud, not a mesh")
     if is_scalar(index):
         raise FormatError(f"{path}: the PLY face element has one vertex index per face, expected a list")
-    faces, owner = _faces(path, vertices, index)
+    faces, owner = _faces(path, vertices, index, report)
     face_color = _colors(face)
     return RawMesh(
         path=path, vertices=vertices, faces=faces, colors=_colors(vertex),
@@ -48,7 +50,9 @@ def _refuse_splats(path: Path, header: Header) -> None:
         raise InputError(f"{path}: Gaussian splats, not a mesh")
 
 
-def _faces(path: Path, vertices: NDArray[np.float64], index: Column) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def _faces(
+    path: Path, vertices: NDArray[np.float64], index: Column, report: Report
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Triangles (t, 3) and the polygon (t,) that each came from."""
     if not isinstance(index, list):
         rows = {index.shape[1]: (np.arange(len(index)), index.astype(np.int64))}
@@ -66,9 +70,12 @@ def _faces(path: Path, vertices: NDArray[np.float64], index: Column) -> tuple[ND
     for corners, (numbers, polygons) in rows.items():
         if corners < 3:
             continue
-        if polygons.min() < 0 or polygons.max() >= len(vertices):
-            wrong = polygons.min() if polygons.min() < 0 else polygons.max()
-            raise FormatError(f"{path}: a face uses vertex {wrong}, the file has {len(vertices)}")
+        wrong = (polygons < 0) | (polygons >= len(vertices))
+        if wrong.any():
+            bad = wrong.any(axis=1)
+            more = f" (face {numbers[np.argmax(bad)]}, {int(bad.sum())} such faces)"
+            report(error(f"a face uses vertex {polygons[wrong][0]}, the file has {len(vertices)}{more}"))
+            polygons, numbers = polygons[~bad], numbers[~bad]
         triples, owner = triangulate(vertices, polygons)
         faces.append(np.take_along_axis(polygons[owner], triples, axis=1))
         owners.append(numbers[owner])

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scene.errors import FormatError
+from scene.problems import Report, error, refusing
 
 TYPES = {
     "char": "i1", "int8": "i1", "uchar": "u1", "uint8": "u1", "short": "i2", "int16": "i2", "ushort": "u2",
@@ -104,11 +105,15 @@ def _declare(path: Path, number: int, words: list[str], elements: list[Element])
         raise FormatError(f"{path}: PLY header line {number} is not understood: {' '.join(words)!r}") from None
 
 
-def read_tables(path: Path, header: Header, data: bytes) -> dict[str, Table]:
-    """All elements by name; the file must be long enough for what its header promises."""
+def read_tables(path: Path, header: Header, data: bytes, report: Report | None = None) -> dict[str, Table]:
+    """All elements by name; the file must be long enough for what its header promises.
+
+    A word of an ascii file that is no number is told to `report` and counts as 0.
+    """
     _check_length(path, header, len(data) - header.size)
     if header.order == "ascii":
-        return _ascii(path, header.elements, data[header.size :])
+        values = _ascii_values(data, header.size, report or refusing(path))
+        return _ascii(path, header.elements, values)
     return _binary(path, header.elements, header.order, data, header.size)
 
 
@@ -208,12 +213,25 @@ def _rows_to_table(element: Element, columns: list[list[NDArray[np.generic]]]) -
     }
 
 
-def _ascii(path: Path, elements: list[Element], text: bytes) -> dict[str, Table]:
-    """All elements of an ascii file."""
+def _ascii_values(data: bytes, start: int, report: Report) -> NDArray[np.float64]:
+    """All numbers of an ascii file in its order."""
     try:
-        values = np.array(text.split(), dtype=np.float64)
-    except ValueError as error:
-        raise FormatError(f"{path}: {error} in the PLY data") from None
+        return np.array(data[start:].split(), dtype=np.float64)
+    except ValueError:
+        pass
+    values: list[float] = []
+    for number, line in enumerate(data[start:].split(b"\n"), start=data.count(b"\n", 0, start) + 1):
+        for word in line.split():
+            try:
+                values.append(float(word))
+            except ValueError:
+                report(error(f"{word.decode('latin-1')!r} in the PLY data is no number", line=number))
+                values.append(0.0)
+    return np.array(values)
+
+
+def _ascii(path: Path, elements: list[Element], values: NDArray[np.float64]) -> dict[str, Table]:
+    """All elements of an ascii file."""
     tables: dict[str, Table] = {}
     start = 0
     for element in elements:

@@ -65,8 +65,9 @@ class RawMesh:
         if not len(self.vertices) or not len(self.faces):
             raise InputError(f"{self.path}: no faces ({len(self.vertices)} vertices): nothing to place on or to place")
         if not np.isfinite(self.vertices).all():
-            bad = int(np.flatnonzero(~np.isfinite(self.vertices).all(axis=1))[0])
-            raise FormatError(f"{self.path}: vertex {bad} is not finite: {self.vertices[bad].tolist()}")
+            bad = np.flatnonzero(~np.isfinite(self.vertices).all(axis=1))
+            more = f" ({len(bad) - 1} more like it)" if len(bad) > 1 else ""
+            raise FormatError(f"{self.path}: vertex {bad[0]} is not finite: {self.vertices[bad[0]].tolist()}{more}")
         low, high = int(self.faces.min()), int(self.faces.max())
         if low < 0 or high >= len(self.vertices):
             raise FormatError(
@@ -76,12 +77,17 @@ class RawMesh:
 
     def _check_area(self) -> None:
         """Refuse a mesh without any surface: the sign of a decoder that gave up."""
+        if self.degenerate.all():
+            raise FormatError(f"{self.path}: all {len(self.faces)} faces have zero area")
+
+    @property
+    def degenerate(self) -> NDArray[np.bool_]:
+        """Faces without area, shape (m,)."""
         a, b, c = (self.vertices[self.faces[:, i]] for i in range(3))
         twice_area = np.linalg.norm(np.cross(b - a, c - a), axis=1)
         extent = float(np.ptp(self.vertices, axis=0).max())
         # A sliver of relative area 1e-14 is below the rounding of float64 coordinates.
-        if not (twice_area > 1e-14 * extent * extent).any():
-            raise FormatError(f"{self.path}: all {len(self.faces)} faces have zero area")
+        return np.asarray(~(twice_area > 1e-14 * extent * extent))
 
 
 def read_bytes(path: Path) -> bytes:

@@ -1,0 +1,76 @@
+"""What of a dataset folder is a scene, and what is a mesh by itself.
+
+A scene is a folder with annotations (InteriorGS), with SuGaR's folder tree, or with one mesh or one file of splats.
+Several meshes side by side are a collection, each by itself. Everything else is searched, whatever its name.
+"""
+
+import re
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from scene.checks.findings import Findings
+from scene.problems import error, note
+from scene.readers.interiorgs import is_interiorgs
+from scene.readers.sugar import MESH_SUFFIXES
+from scene.source_files import GROUND_TRUTH
+
+NUMBERED = re.compile(r"\d{4}_\w+")
+"""What InteriorGS calls its scene folders: 0001_839920."""
+MARKS = ("occupancy.json", "occupancy.png", "3dgs_compressed.ply")
+"""Other files that only a scene folder has."""
+SUGAR_TREE = ("refined_mesh", "coarse_mesh", "output")
+"""Folders in which SuGaR leaves its meshes."""
+NOT_DATA = ("cache", "runs", *GROUND_TRUTH)
+"""Folders of our own beside the data: what was computed, and what no stage may read."""
+
+
+@dataclass(slots=True)
+class Layout:
+    """Where the scenes and the single meshes lie."""
+
+    scenes: list[Path] = field(default_factory=list)
+    meshes: list[Path] = field(default_factory=list)
+
+
+def layout_of(path: Path, findings: Findings) -> Layout:
+    """Scenes and meshes below a folder, or the scene or mesh that it is itself."""
+    found = Layout()
+    if path.is_file():
+        found.meshes.append(path)
+        return found
+    _search(path, found, findings)
+    if not found.scenes and not found.meshes:
+        findings.report(path)(error(f"no scene in this folder: neither labels.json nor {', '.join(MESH_SUFFIXES)}"))
+    return found
+
+
+def is_scene(folder: Path) -> bool:
+    """Whether a folder is one scene."""
+    if is_interiorgs(folder) or any((folder / name).is_file() for name in MARKS) or NUMBERED.fullmatch(folder.name):
+        return True
+    if any((folder / tree).is_dir() and next((folder / tree).rglob("*.[op][bl][jy]"), None) for tree in SUGAR_TREE):
+        return True
+    return len(mesh_files(folder)) == 1
+
+
+def mesh_files(folder: Path) -> list[Path]:
+    """Meshes and splats that lie in a folder itself."""
+    return sorted(one for one in folder.iterdir() if one.suffix.lower() in MESH_SUFFIXES and one.is_file())
+
+
+def _search(folder: Path, found: Layout, findings: Findings) -> None:
+    try:
+        children = sorted(one for one in folder.iterdir() if one.is_dir() and not one.is_symlink())
+        children = [one for one in children if not one.name.startswith(".") and one.name.lower() not in NOT_DATA]
+        if is_scene(folder):
+            found.scenes.append(folder)
+            return
+        meshes = mesh_files(folder)
+    except OSError as broken:
+        findings.report(folder)(error(f"cannot be read: {broken.strerror}"))
+        return
+    found.meshes += meshes
+    if not meshes and not children:
+        findings.report(folder)(note("nothing in this folder is a scene or a mesh"))
+    for child in children:
+        _search(child, found, findings)

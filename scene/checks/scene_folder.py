@@ -1,0 +1,74 @@
+"""One scene: a folder with everything in it, or a mesh or splats by itself."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from scene.checks.annotations import check_annotations
+from scene.checks.files import Shape, check_shape
+from scene.checks.findings import Findings
+from scene.checks.layout import MARKS, mesh_files
+from scene.checks.occupancy import check_occupancy
+from scene.errors import InputError
+from scene.problems import error
+from scene.readers.interiorgs import is_interiorgs
+from scene.readers.sugar import check_suffix, describe, find_mesh
+
+
+@dataclass(frozen=True, slots=True)
+class SceneFacts:
+    """What a scene holds, as far as its files say so."""
+
+    path: Path
+    labels: tuple[str, ...]
+    """Labels of its instances: of annotated boxes, else names of nodes, else of the file."""
+    faces: int
+    """Faces of the mesh that is used; 0 if it is a scene of splats."""
+    splats: int
+
+
+def check_scene(path: Path, findings: Findings) -> SceneFacts:
+    """Check a scene folder or file."""
+    if path.is_file():
+        return check_file(path, findings)
+    try:
+        annotated = is_interiorgs(path) or any((path / name).is_file() for name in MARKS)
+        labels: tuple[str, ...] = ()
+        if annotated:
+            labels = tuple(box.label for box in check_annotations(path, findings))
+            check_occupancy(path, findings)
+        used, shapes = _shapes(path, findings)
+    except OSError as broken:
+        findings.report(path)(error(f"cannot be read: {broken.strerror}"))
+        return SceneFacts(path, (), 0, 0)
+    faces = next((shape.faces for shape in shapes if shape.path == used), 0)
+    splats = max((shape.splats for shape in shapes), default=0)
+    if not annotated and used is not None:
+        names = next((shape.names for shape in shapes if shape.path == used), ())
+        labels = names or (describe(used, path.name if used.parent == path else ""),)
+    return SceneFacts(path, labels, faces, splats)
+
+
+def check_file(path: Path, findings: Findings) -> SceneFacts:
+    """Check a mesh or splats by themselves."""
+    try:
+        check_suffix(path)
+    except InputError as refused:
+        findings.report(path)(error(str(refused).removeprefix(f"{path}: ")))
+        return SceneFacts(path, (), 0, 0)
+    shape = check_shape(path, findings)
+    return SceneFacts(path, shape.names or (describe(path),), shape.faces, shape.splats)
+
+
+def _shapes(folder: Path, findings: Findings) -> tuple[Path | None, list[Shape]]:
+    """The mesh or splats that are used, and what every such file of the folder holds."""
+    files = mesh_files(folder)
+    used: Path | None = None
+    try:
+        used, _ = find_mesh(folder)
+    except InputError as missing:
+        what = str(missing).removeprefix(f"{folder}: ")
+        hint = "" if files else "; put 3dgs_compressed.ply or a mesh there"
+        findings.report(folder)(error(what + hint))
+    if used is not None and used not in files:
+        files.append(used)
+    return used, [check_shape(path, findings) for path in files]
