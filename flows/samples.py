@@ -5,6 +5,7 @@ Keys of a sample: `id`, `room` (or `scene`), `object`, `prompt`, and optionally 
 there and then in `rooms/` or `objects/`.
 """
 
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -27,6 +28,8 @@ REQUIRED = ("id", "object", "prompt")
 UPS = ("auto", "y", "z")
 UNITS = ("auto", "m", "cm", "mm", "in")
 OPTIONAL = ("room", "scene", "seed", "mass", "label", "up", "unit", "object_label", "object_up", "object_unit")
+HEAVIEST = 1e12
+"""A mass that no object has [kg]."""
 CHOICES = {"up": UPS, "unit": UNITS}
 MESH_SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".stl")
 
@@ -130,7 +133,7 @@ class Row:
         value = self.values.get("mass")
         if value is None:
             return None
-        if isinstance(value, bool) or not isinstance(value, int | float) or not 0 < value < float("inf"):
+        if isinstance(value, bool) or not isinstance(value, int | float) or not 0 < value < HEAVIEST:
             self.wrong(f"mass is {short(value)}, expected a positive number of kilograms", "mass")
             return None
         return float(value)
@@ -159,11 +162,9 @@ class Row:
 def find(name: str, folder: Path, kind: str) -> str:
     """Path of a scene or object by path or name; the name itself where nothing is found, for the reader to report."""
     for place in (folder / name, folder / kind / name, data_root() / name, data_root() / kind / name):
-        if place.exists():
-            return shortest(place)
-        for suffix in MESH_SUFFIXES:
-            if place.with_name(place.name + suffix).is_file():
-                return shortest(place.with_name(place.name + suffix))
+        for suffix in ("", *MESH_SUFFIXES):
+            if os.path.exists(f"{place}{suffix}"):  # False, not an exception, for a name that no file can have
+                return shortest(Path(f"{place}{suffix}"))
     return name
 
 
