@@ -46,9 +46,9 @@ def summary(kinds: Sequence[Counter[str]]) -> str:
     counts = [one.total() for one in kinds]
     some, other = sum(count > 0 for count in counts), sum(one.total() > one[RUG] for one in kinds)
     scenes = f"{len(counts)} scene{'s' if len(counts) != 1 else ''}"
-    share = f"{some} ({100 * some / len(counts):.0f} %) with at least one"
+    scenes += f", {some} ({100 * some / len(counts):.0f} %) with at least one"
     scenes += f", {other} ({100 * other / len(counts):.0f} %) with more than rugs" if other < some else ""
-    return f"{scenes}, {share}; median {median(counts):g}, mean {mean(counts):.1f}, {sum(counts)} in all"
+    return f"{scenes}; median {median(counts):g}, mean {mean(counts):.1f}, {sum(counts)} in all"
 
 
 def bins(counts: Sequence[int]) -> list[tuple[str, int, bool]]:

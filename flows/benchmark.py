@@ -24,7 +24,7 @@ from flows.display import Display, print_plan, print_table
 from flows.output import readable_json, write_placement
 from flows.place import PlaceConfig
 from flows.sample_run import OVERVIEW, STAGES, FailedSample, FinishedSample, Plan, plan_sample, try_sample
-from flows.samples import EMBEDDED, TRUTH, load_samples, load_yaml
+from flows.samples import EMBEDDED, SPLAT_ROOMS, TRUTH, load_samples, load_yaml
 from flows.server import prefect_server
 from scene.errors import InputError
 from scene.sample import Sample, SourceOptions
@@ -32,6 +32,8 @@ from scene.settings import data_root, runs_root
 from tasks.stage_process import kill_all
 
 DATASET_SEED = 0
+SPLATS = 500_000
+"""Gaussians per room of the embedded dataset of splats; a scene of InteriorGS has as many."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,16 +79,19 @@ def run_benchmark(
 def dataset_samples(dataset: Path | None, limit: int | None) -> tuple[Path, list[Sample]]:
     """The dataset's file and its samples; the embedded rooms are generated if they are missing."""
     path = dataset or EMBEDDED
-    if dataset is None:
+    if path.resolve() == EMBEDDED:
         ensure_dataset(data_root(), DATASET_SEED)
+    elif path.resolve() == SPLAT_ROOMS:
+        rooms = [Path(sample.scene).name for sample in load_samples(path)]
+        ensure_dataset(data_root(), DATASET_SEED, rooms=list(dict.fromkeys(rooms)), splats=SPLATS)
     return path, load_samples(path)[:limit]
 
 
-def ensure_dataset(folder: Path, seed: int) -> Path:
+def ensure_dataset(folder: Path, seed: int, *, rooms: Sequence[str] = (), splats: int = 0) -> Path:
     """Generate the embedded rooms and objects that are not there whole."""
     from flows.dataset import make_dataset
 
-    make_dataset(folder, seed)
+    make_dataset(folder, seed, rooms=rooms, splats=splats)
     return folder
 
 

@@ -30,7 +30,7 @@ app = typer.Typer(
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
 )
-dataset_app = typer.Typer(help="The embedded dataset.", no_args_is_help=True, rich_markup_mode=None)
+dataset_app = typer.Typer(help="Make the embedded dataset, check any.", no_args_is_help=True, rich_markup_mode=None)
 cache_app = typer.Typer(help="What has been computed.", no_args_is_help=True, rich_markup_mode=None)
 app.add_typer(dataset_app, name="dataset")
 app.add_typer(cache_app, name="cache")
@@ -239,12 +239,17 @@ def ui(port: Annotated[int, typer.Option(min=1, max=65535, help="Port on this ma
 def dataset_make(
     folder: Annotated[Path | None, typer.Option(help="Where to; default: data/.")] = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed of rooms and objects.")] = 0,
+    rooms: Annotated[str, typer.Option(help="Comma-separated names of the only rooms to make; default: all.")] = "",
+    splats: Annotated[
+        int, typer.Option(min=0, max=4_000_000, help="Write each room as so many Gaussian splats too (500000).")
+    ] = 0,
 ) -> int:
     """Generate the embedded rooms and objects where they are missing."""
     from flows.benchmark import ensure_dataset
     from scene.settings import data_root
 
-    print(ensure_dataset(folder or data_root(), seed))
+    chosen = [name.strip() for name in rooms.split(",") if name.strip()]
+    print(ensure_dataset(folder or data_root(), seed, rooms=chosen, splats=splats))
     return 0
 
 
@@ -273,6 +278,28 @@ def dataset_prepare_sugar(
     folder, record = prepare_sugar(scene, out, options, config, threads=threads, quiet=as_json)
     print(json.dumps(record, indent=2, ensure_ascii=False) if as_json else summary(folder, record))
     return 0
+
+
+@dataset_app.command("check")
+def dataset_check(
+    path: Annotated[
+        Path | None,
+        typer.Argument(help="Dataset file (YAML), folder of scenes, scene or mesh; default: the embedded dataset."),
+    ] = None,
+    plot: Annotated[
+        Path | None, typer.Option(help="Draw the deformable supports per scene there, as .png or .svg.")
+    ] = None,
+    as_json: Json = False,
+) -> int:
+    """List every problem of a dataset, and what its scenes hold; exit code 2 if there are errors."""
+    from flows.check_report import as_tree, in_words, write_plot
+    from flows.dataset_check import check_dataset
+
+    report = check_dataset(path)
+    print(json.dumps(as_tree(report), indent=2, ensure_ascii=False) if as_json else in_words(report))
+    if plot is not None:
+        write_plot(report, plot)
+    return 2 if report.failed else 0
 
 
 @cache_app.command("ls")

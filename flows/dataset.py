@@ -1,35 +1,53 @@
 """Makes the embedded dataset: rooms, objects, and their truth, which lies apart because no stage may read it.
 
 FOLDER/rooms/NAME/ (InteriorGS layout), FOLDER/objects/NAME.glb|obj|ply, FOLDER/truth/NAME.parquet (face by face:
-instance, label, part) and FOLDER/truth/recipes/ (what each was made from). What exists whole, made by the same recipe,
-is kept.
+instance, label, part) and FOLDER/truth/recipes/ (what each was made from). On demand FOLDER/splat_rooms/NAME/: the same
+rooms as InteriorGS has them, Gaussian splats instead of a mesh. What exists whole, made by the same recipe, is kept.
 """
 
 import hashlib
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 
+import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
 import geometry.procedural
+from geometry import splats_on_mesh as splat_maker
 from geometry.procedural.objects import OBJECTS, build_object
 from geometry.procedural.rooms import ROOMS, build_room
 from geometry.procedural.shapes import joined
-from scene import interiorgs_write, object_write
-from scene.interiorgs_write import write_interiorgs
+from geometry.splats_on_mesh import splats_on_mesh
+from scene import gaussians_write, interiorgs_write, object_write
+from scene.errors import InputError
+from scene.interiorgs_write import write_interiorgs, write_interiorgs_splats
 from scene.object_write import write_object
+from scene.spelling import did_you_mean
+
+SPLAT_ROOMS = "splat_rooms"
+"""Folder of the rooms that are splats."""
 
 Maker = Callable[[], list[Path]]
 
 
-def make_dataset(folder: Path, seed: int = 0) -> None:
-    """Write every room and object that is missing, damaged or made by another recipe."""
+def make_dataset(folder: Path, seed: int = 0, *, rooms: Sequence[str] = (), splats: int = 0) -> None:
+    """Write every room and object that is missing, damaged or made by another recipe.
+
+    `rooms` are the only ones made, all if empty; with a number of `splats` each is written as so many of them too.
+    """
+    for name in rooms:
+        if name not in ROOMS:
+            raise InputError(f"no embedded room is called {name!r}{did_you_mean(name, ROOMS)}; there are {list(ROOMS)}")
     code = _code_digest()
-    for name in ROOMS:
+    for name in rooms or ROOMS:
         _keep_or_make(folder, f"rooms-{name}", f"{code} {seed}", partial(_write_room, folder, name, seed))
+        if splats:
+            recipe = f"{code} {_splat_code_digest()} {seed} {splats}"
+            make = partial(_write_splat_room, folder, name, seed, splats)
+            _keep_or_make(folder, f"{SPLAT_ROOMS}-{name}", recipe, make)
     for name in OBJECTS:
         _keep_or_make(folder, f"objects-{name}", code, partial(_write_object, folder, name))
 
@@ -37,12 +55,16 @@ def make_dataset(folder: Path, seed: int = 0) -> None:
 def _code_digest() -> str:
     """Digest of the source that decides what is made."""
     package = Path(str(geometry.procedural.__file__)).parent
-    sources = [
-        *sorted(package.glob("*.py")),
-        Path(interiorgs_write.__file__),
-        Path(object_write.__file__),
-        Path(__file__),
-    ]
+    files = [str(interiorgs_write.__file__), str(object_write.__file__), __file__]
+    return _digest_of([*sorted(package.glob("*.py")), *map(Path, files)])
+
+
+def _splat_code_digest() -> str:
+    """Digest of the source that makes splats of a room."""
+    return _digest_of([Path(str(splat_maker.__file__)), Path(str(gaussians_write.__file__))])
+
+
+def _digest_of(sources: Sequence[Path]) -> str:
     return hashlib.sha256(b"\0".join(path.read_bytes() for path in sources)).hexdigest()
 
 
@@ -83,6 +105,14 @@ def _write_room(folder: Path, name: str, seed: int) -> list[Path]:
     truth.parent.mkdir(parents=True, exist_ok=True)
     pq.write_table(table, truth)
     return [*files, truth]
+
+
+def _write_splat_room(folder: Path, name: str, seed: int, splats: int) -> list[Path]:
+    """The room as splats, evenly on all of its surface."""
+    record = build_room(name, seed).record
+    spacing = float(np.sqrt(record.mesh.face_areas.sum() / splats))
+    made = splats_on_mesh(record.mesh, spacing, seed)
+    return write_interiorgs_splats(folder / SPLAT_ROOMS / name, record, made, seed)
 
 
 def _write_object(folder: Path, name: str) -> list[Path]:

@@ -22,6 +22,8 @@ from scene.spelling import did_you_mean
 
 EMBEDDED = PROJECT_ROOT / "data" / "rooms.yaml"
 """The dataset that the project makes itself."""
+SPLAT_ROOMS = PROJECT_ROOT / "data" / "splat_rooms.yaml"
+"""Some of its placements in rooms that are Gaussian splats."""
 TRUTH = "truth.yaml"
 """Intended outcomes of a dataset's samples, beside it; read after a run, never by a stage."""
 REQUIRED = ("id", "object", "prompt")

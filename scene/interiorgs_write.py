@@ -1,7 +1,7 @@
-"""Writes a room in the InteriorGS folder layout, with a coloured SuGaR-style mesh beside the annotations.
+"""Writes a room in the InteriorGS folder layout, with a coloured SuGaR-style mesh or with Gaussian splats.
 
 Out: labels.json (eight corners per thing in no particular order, no box for rooms and walls), structure.json,
-occupancy.png/json and `MESH_NAME`. Metres, right-handed, z up. Same input, same bytes.
+occupancy.png/json, and `MESH_NAME` or the compressed splats. Metres, right-handed, z up. Same input, same bytes.
 """
 
 import json
@@ -14,8 +14,11 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
 from scene.box import OrientedBox
+from scene.gaussians import Gaussians
+from scene.gaussians_write import write_compressed_splats
 from scene.mesh import Mesh
 from scene.occupancy import FREE, OCCUPIED, UNKNOWN
+from scene.readers.sugar import COMPRESSED_NAME
 
 MESH_NAME = "sugarmesh_3Dgs7000_sdfestim02_sdfnorm02_level03_decim1000000.ply"
 """What SuGaR calls a mesh of level 0.3 decimated to a million triangles."""
@@ -77,14 +80,27 @@ class RoomRecord:
 
 
 def write_interiorgs(folder: Path, room: RoomRecord, seed: int) -> list[Path]:
-    """Write the folder; `seed` shuffles the corners of the boxes. Returns the files written."""
+    """Write the folder with its mesh; `seed` shuffles the corners of the boxes. Returns the files written."""
+    files = _write_annotations(folder, room, seed)
+    write_ply(folder / MESH_NAME, room.mesh)
+    return [folder / MESH_NAME, *files]
+
+
+def write_interiorgs_splats(folder: Path, room: RoomRecord, splats: Gaussians, seed: int) -> list[Path]:
+    """Write the same folder as InteriorGS has it: splats, and no mesh."""
+    files = _write_annotations(folder, room, seed)
+    write_compressed_splats(folder / COMPRESSED_NAME, splats)
+    return [folder / COMPRESSED_NAME, *files]
+
+
+def _write_annotations(folder: Path, room: RoomRecord, seed: int) -> list[Path]:
+    """Everything but the surface."""
     folder.mkdir(parents=True, exist_ok=True)
     rng = np.random.default_rng(seed)
-    write_ply(folder / MESH_NAME, room.mesh)
     _write_json(folder / "labels.json", [_label(one, rng) for one in room.labels])
     _write_json(folder / "structure.json", _structure(room))
     _write_occupancy(folder, room)
-    return [folder / name for name in (MESH_NAME, "labels.json", "structure.json", "occupancy.json", "occupancy.png")]
+    return [folder / name for name in ("labels.json", "structure.json", "occupancy.json", "occupancy.png")]
 
 
 def _write_json(path: Path, tree: object) -> None:

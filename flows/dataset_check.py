@@ -1,0 +1,148 @@
+"""`dcap dataset check`: every problem of a dataset by path and line, and what its scenes hold.
+
+In: a dataset file (YAML), a folder of scenes, one scene or one mesh. Nothing is written. The scenes' own checks are in
+scene/checks; here are those of the dataset file and of the intended outcomes beside it.
+"""
+
+from collections import Counter
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from evaluation.outcome_table import read_truth
+from flows.samples import EMBEDDED, MESH_SUFFIXES, TRUTH, load_yaml, samples_of
+from language.deformable import deformable_supports
+from language.lexicon import is_a, thing_of
+from scene.checks.findings import Finding, Findings
+from scene.checks.layout import layout_of
+from scene.checks.places import yaml_lines
+from scene.checks.scene_folder import SceneFacts, check_scene
+from scene.errors import InputError
+from scene.problems import Place, Report, Severity, error, warning
+from scene.sample import Sample
+from scene.settings import data_root
+from scene.spelling import did_you_mean
+
+YAML_SUFFIXES = (".yaml", ".yml")
+
+
+@dataclass(frozen=True, slots=True)
+class SceneRow:
+    """One scene in the table."""
+
+    facts: SceneFacts
+    kinds: Counter[str]
+    """Deformable supports by kind."""
+    things: int
+    """Instances that are no part of the building."""
+    problems: int
+    """Errors and warnings in its files."""
+
+
+@dataclass(frozen=True, slots=True)
+class DatasetReport:
+    """Everything that a check found."""
+
+    path: Path
+    findings: tuple[Finding, ...]
+    counts: Mapping[Severity, int]
+    scenes: tuple[SceneRow, ...]
+    objects: tuple[SceneFacts, ...]
+    """Meshes to place: those that a dataset file names as objects, and those that lie side by side in a folder."""
+
+    @property
+    def failed(self) -> bool:
+        """Whether anything cannot be used."""
+        return self.counts[Severity.ERROR] > 0
+
+
+def check_dataset(path: Path | None) -> DatasetReport:
+    """Check what lies at a path, the embedded dataset by default."""
+    path = path or EMBEDDED
+    if not path.exists():
+        raise InputError(f"{path}: no such file or folder")
+    findings = Findings()
+    sort = _named if path.suffix.lower() in YAML_SUFFIXES else _found
+    scenes, objects = sort(path, findings)
+    facts = [check_scene(one, findings) for one in scenes]
+    meshes = tuple(check_scene(one, findings) for one in objects)
+    listed, counts = findings.all(), {one: findings.count(one) for one in Severity}
+    return DatasetReport(path, listed, counts, tuple(_row(one, listed) for one in facts), meshes)
+
+
+def _found(path: Path, findings: Findings) -> tuple[list[Path], list[Path]]:
+    """Scenes and objects of a folder; a mesh that is given by itself is a scene."""
+    found = layout_of(path, findings)
+    return (found.meshes, []) if path.is_file() else (found.scenes, found.meshes)
+
+
+def _named(path: Path, findings: Findings) -> tuple[list[Path], list[Path]]:
+    """Scenes and objects that a dataset file names, each once, after checking the file itself."""
+    rows, report = _yaml(path, findings)
+    samples = samples_of(rows, path.parent, report) if rows is not None else []
+    found: dict[str, dict[Path, None]] = {"rooms": {}, "objects": {}}
+    for index, sample in samples:
+        room = "room" if isinstance(rows, list) and "room" in rows[index] else "scene"
+        for kind, name, key in (("rooms", sample.scene, room), ("objects", sample.object, "object")):
+            if Path(name).exists():
+                found[kind][Path(name)] = None
+                continue
+            hint = _nearest(name, kind) or "; `dcap dataset make` makes the embedded ones"
+            what = f"{key} {name!r} is neither beside the file nor in {data_root() / kind}{hint}"
+            report(error(f"sample {index}: {what}", (index, key)))
+    _check_truth(path.with_name(TRUTH), [sample for _, sample in samples], findings)
+    return list(found["rooms"]), list(found["objects"])
+
+
+def _nearest(name: str, kind: str) -> str:
+    folder = data_root() / kind
+    files = folder.iterdir() if folder.is_dir() else ()
+    return did_you_mean(name, [one.stem if one.suffix in MESH_SUFFIXES else one.name for one in files])
+
+
+def _yaml(path: Path, findings: Findings) -> tuple[object | None, Report]:
+    """The tree of a YAML file, None where it cannot be read, and a report that knows its lines."""
+    try:
+        tree = load_yaml(path)
+    except InputError as broken:
+        cause = broken.__cause__
+        mark, detail = getattr(cause, "problem_mark", None), getattr(cause, "problem", None)
+        what = f"cannot be read as YAML: {detail}" if detail else str(broken).removeprefix(f"{path}: ")
+        findings.report(path)(error(what, line=mark.line + 1 if mark else 0))
+        return None, findings.report(path)
+    return [] if tree is None else tree, findings.report(path, yaml_lines(path.read_text("utf-8")))
+
+
+def _check_truth(path: Path, samples: Iterable[Sample], findings: Findings) -> None:
+    """Intended outcomes: each is readable and belongs to a sample."""
+    if not path.is_file():
+        return
+    tree, report = _yaml(path, findings)
+    if tree is None:
+        return
+    rows = tree if isinstance(tree, Mapping) else {}
+    parts: list[tuple[object, Place]] = [({key: row}, (str(key),)) for key, row in rows.items()]
+    for part, place in parts or [(tree, ())]:
+        try:
+            read_truth(part, str(path))
+        except InputError as broken:
+            report(error(str(broken).removeprefix(f"{path}: "), place))
+    if path.parent == EMBEDDED.parent:
+        return  # the embedded datasets share one file
+    ids = {sample.id for sample in samples}
+    for key in rows:
+        if str(key) not in ids:
+            report(warning(f"no sample has the id {str(key)!r}{did_you_mean(key, ids)}", (str(key),)))
+
+
+def _row(facts: SceneFacts, findings: Iterable[Finding]) -> SceneRow:
+    things = sum(not _is_structure(label) for label in facts.labels)
+    own = [one for one in findings if one.path == facts.path or facts.path in one.path.parents]
+    problems = sum(one.severity is not Severity.NOTE for one in own)
+    return SceneRow(facts, deformable_supports(facts.labels), things, problems)
+
+
+def _is_structure(label: str) -> bool:
+    """Whether a label names a part of the building."""
+    thing = thing_of(label)
+    return thing is not None and is_a(thing.id, "structure")
