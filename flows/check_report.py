@@ -1,5 +1,6 @@
 """What `dcap dataset check` prints: findings, one line per scene, sums; as text, as JSON, and as a plot."""
 
+import os
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
@@ -80,13 +81,20 @@ def _table(rows: Sequence[SceneRow]) -> str:
         (len(row.facts.labels), row.things, row.kinds.total(), row.facts.faces, row.facts.splats, row.problems)
         for row in rows
     ]
+    names = _short_names([row.facts.path for row in rows])
     cells: list[tuple[str, ...]] = [COLUMNS]
     for row, values in zip(rows, numbers, strict=True):
         kinds = ", ".join(f"{row.kinds[kind]} {kind}" for kind in SHOWN if row.kinds[kind])
-        cells.append((row.facts.path.name, *map(str, values), kinds))
+        cells.append((names[row.facts.path], *map(str, values), kinds))
     cells.append(("total", *(str(sum(column)) for column in zip(*numbers, strict=True)), ""))
     widths = [max(len(line[i]) for line in cells) for i in range(len(COLUMNS))]
     return "\n".join(
         "  ".join([line[0].ljust(widths[0]), *map(str.rjust, line[1:-1], widths[1:-1]), line[-1]]).rstrip()
         for line in cells
     )
+
+
+def _short_names(paths: Sequence[Path]) -> dict[Path, str]:
+    """What tells the paths apart: they without the folder that all lie in."""
+    common = Path(os.path.commonpath([path.absolute().parent for path in paths]))
+    return {path: path.absolute().relative_to(common).as_posix() for path in paths}

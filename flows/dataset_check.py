@@ -4,13 +4,14 @@ In: a dataset file (YAML), a folder of scenes, one scene or one mesh. Nothing is
 scene/checks; here are those of the dataset file and of the intended outcomes beside it.
 """
 
+import os
 from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 from evaluation.outcome_table import read_truth
-from flows.samples import EMBEDDED, MESH_SUFFIXES, TRUTH, load_yaml, samples_of
+from flows.samples import EMBEDDED, MESH_SUFFIXES, TRUTH, find, load_yaml, samples_of
 from language.deformable import deformable_supports
 from language.lexicon import is_a, thing_of
 from scene.checks.findings import Finding, Findings
@@ -18,7 +19,7 @@ from scene.checks.layout import layout_of
 from scene.checks.places import yaml_lines
 from scene.checks.scene_folder import SceneFacts, check_scene
 from scene.errors import InputError
-from scene.problems import Place, Report, Severity, error, warning
+from scene.problems import Place, Report, Severity, error, short, warning
 from scene.sample import Sample
 from scene.settings import data_root
 from scene.spelling import did_you_mean
@@ -81,14 +82,17 @@ def _named(path: Path, findings: Findings) -> tuple[list[Path], list[Path]]:
     rows, report = _yaml(path, findings)
     samples = samples_of(rows, path.parent, report) if rows is not None else []
     found: dict[str, dict[Path, None]] = {"rooms": {}, "objects": {}}
-    for index, sample in samples:
-        room = "room" if isinstance(rows, list) and "room" in rows[index] else "scene"
-        for kind, name, key in (("rooms", sample.scene, room), ("objects", sample.object, "object")):
-            if Path(name).exists():
-                found[kind][Path(name)] = None
+    for index, row in enumerate(rows if isinstance(rows, list) else []):
+        for key, kind in (("room", "rooms"), ("scene", "rooms"), ("object", "objects")):
+            given = row.get(key) if isinstance(row, Mapping) else None
+            if not isinstance(given, str) or not given.strip():
+                continue  # absent, or told as no text
+            place = find(given, path.parent, kind)
+            if os.path.exists(place):
+                found[kind][Path(place)] = None
                 continue
-            hint = _nearest(name, kind) or "; `dcap dataset make` makes the embedded ones"
-            what = f"{key} {name!r} is neither beside the file nor in {data_root() / kind}{hint}"
+            hint = _nearest(given, kind) or "; `dcap dataset make` makes the embedded ones"
+            what = f"{key} {short(given)} is neither beside the file nor in {data_root() / kind}{hint}"
             report(error(f"sample {index}: {what}", (index, key)))
     _check_truth(path.with_name(TRUTH), [sample for _, sample in samples], findings)
     return list(found["rooms"]), list(found["objects"])

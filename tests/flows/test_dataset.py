@@ -2,15 +2,22 @@
 
 from pathlib import Path
 
+import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
 from evaluation.outcome_table import read_truth
 from flows import dataset
 from flows.samples import EMBEDDED, TRUTH, load_yaml
+from geometry.distance import MeshDistance
 from geometry.procedural.objects import OBJECTS
 from geometry.procedural.rooms import ROOMS, build_room
+from geometry.splats_on_mesh import splats_on_mesh
+from scene.errors import InputError
+from scene.gaussians_write import morton_order
 from scene.outcome import Reason
+from scene.readers.splats import CHUNK, read_splats
+from scene.readers.sugar import COMPRESSED_NAME, has_only_splats
 
 
 @pytest.fixture(scope="module")
@@ -72,6 +79,65 @@ def test_second_run_writes_nothing_and_damage_is_mended(made: Path, monkeypatch:
     (made / "objects" / "mug.glb").write_bytes(b"broken")
     dataset.make_dataset(made, 0)
     assert {p: p.read_bytes() for p in files} == {p: data for p, (_, data) in files.items()}
+
+
+SPLATS = 4000
+
+
+@pytest.fixture(scope="module")
+def splat_room(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A data folder with one room as splats, and no objects."""
+    folder = tmp_path_factory.mktemp("splats")
+    make_splats(folder, SPLATS)
+    return folder
+
+
+def make_splats(folder: Path, count: int) -> None:
+    """Make one room, as a mesh and as splats."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(dataset, "OBJECTS", {})
+        dataset.make_dataset(folder, 0, rooms=["hall_01"], splats=count)
+
+
+def test_a_room_of_splats_is_the_same_room(splat_room: Path) -> None:
+    """The annotations are the bytes of the room with a mesh, which it has none of; the splats lie on that mesh.
+
+    Quantisation moves a splat by half a step of 1/1023 of its chunk's extent at most along each axis.
+    """
+    room, splats = splat_room / "rooms" / "hall_01", splat_room / dataset.SPLAT_ROOMS / "hall_01"
+    notes = {"labels.json", "structure.json", "occupancy.json", "occupancy.png"}
+    assert {path.name for path in splats.iterdir()} == notes | {COMPRESSED_NAME}
+    assert all((room / name).read_bytes() == (splats / name).read_bytes() for name in notes)
+    assert has_only_splats(splats)
+    read, mesh = read_splats(splats / COMPRESSED_NAME), build_room("hall_01", 0).record.mesh
+    assert len(read) == SPLATS
+    chunks = np.arange(SPLATS) // CHUNK
+    extent = np.stack([np.ptp(read.position[chunks == c], axis=0) for c in range(chunks[-1] + 1)])[chunks]
+    off = MeshDistance(mesh).unsigned(read.position.astype(np.float64))
+    assert (off <= np.linalg.norm(0.5 * extent / 1023, axis=1) + 1e-5).all()
+    true = splats_on_mesh(mesh, float(np.sqrt(mesh.face_areas.sum() / SPLATS)), 0)
+    true = true.subset(morton_order(true.position))
+    assert (np.abs(read.position - true.position) <= 0.5 * extent / 1023 + 1e-5).all()
+    assert np.abs(read.opacity - true.opacity).max() <= 0.5 / 255 + 1e-6
+
+
+def test_rooms_of_splats_are_made_once_with_the_same_bytes(splat_room: Path, tmp_path: Path) -> None:
+    """Another run keeps them, another folder gets the same, and another number of splats makes them anew."""
+    file = splat_room / dataset.SPLAT_ROOMS / "hall_01" / COMPRESSED_NAME
+    before = file.stat().st_mtime_ns
+    make_splats(splat_room, SPLATS)
+    assert file.stat().st_mtime_ns == before
+    make_splats(tmp_path, SPLATS)
+    assert (tmp_path / file.relative_to(splat_room)).read_bytes() == file.read_bytes()
+    make_splats(tmp_path, SPLATS // 2)
+    assert len(read_splats(tmp_path / file.relative_to(splat_room))) == SPLATS // 2
+
+
+def test_only_the_rooms_that_are_asked_for(splat_room: Path) -> None:
+    """And a name that none has is refused with the nearest."""
+    assert [path.name for path in (splat_room / "rooms").iterdir()] == ["hall_01"]
+    with pytest.raises(InputError, match="'hall_1'; did you mean 'hall_01'"):
+        dataset.make_dataset(splat_room, 0, rooms=["hall_1"])
 
 
 @pytest.mark.slow
