@@ -70,7 +70,7 @@ def in_words(report: DatasetReport) -> str:
     if report.scenes:
         parts += [_table(report.scenes), f"deformable supports: {summary([row.kinds for row in report.scenes])}"]
     if report.objects:
-        parts.append(f"{len(report.objects)} meshes of objects, {sum(one.faces for one in report.objects)} faces")
+        parts.append(f"meshes by themselves: {len(report.objects)}, {sum(one.faces for one in report.objects)} faces")
     parts.append(", ".join(f"{report.counts[one]} {one}{'s' * (report.counts[one] != 1)}" for one in Severity))
     return "\n\n".join(part for part in parts if part)
 

@@ -30,27 +30,28 @@ class Layout:
 
     scenes: list[Path] = field(default_factory=list)
     meshes: list[Path] = field(default_factory=list)
+    empty: list[Path] = field(default_factory=list)
+    """Folders of neither."""
 
 
 def layout_of(path: Path, findings: Findings) -> Layout:
     """Scenes and meshes below a folder, or the scene or mesh that it is itself."""
-    found = Layout()
     if path.is_file():
-        found.meshes.append(path)
-        return found
-    _search(path, found, findings)
+        return Layout(meshes=[path])
+    found = _searched(path, findings)
+    for folder in found.empty:
+        findings.report(folder)(note("nothing in this folder is a scene or a mesh"))
     if not found.scenes and not found.meshes:
         findings.report(path)(error(f"no scene in this folder: neither labels.json nor {', '.join(MESH_SUFFIXES)}"))
     return found
 
 
-def is_scene(folder: Path) -> bool:
-    """Whether a folder is one scene."""
+def is_marked(folder: Path) -> bool:
+    """Whether the files or the name of a folder say that it is one scene."""
     if is_interiorgs(folder) or any((folder / name).is_file() for name in MARKS) or NUMBERED.fullmatch(folder.name):
         return True
-    if any((folder / tree).is_dir() and next((folder / tree).rglob("*.[op][bl][jy]"), None) for tree in SUGAR_TREE):
-        return True
-    return len(mesh_files(folder)) == 1
+    trees = [folder / tree for tree in SUGAR_TREE]
+    return any(file.suffix in (".obj", ".ply") for tree in trees if tree.is_dir() for file in tree.rglob("*.*"))
 
 
 def mesh_files(folder: Path) -> list[Path]:
@@ -58,19 +59,25 @@ def mesh_files(folder: Path) -> list[Path]:
     return sorted(one for one in folder.iterdir() if one.suffix.lower() in MESH_SUFFIXES and one.is_file())
 
 
-def _search(folder: Path, found: Layout, findings: Findings) -> None:
+def _searched(folder: Path, findings: Findings) -> Layout:
     try:
-        children = sorted(one for one in folder.iterdir() if one.is_dir() and not one.is_symlink())
-        children = [one for one in children if not one.name.startswith(".") and one.name.lower() not in NOT_DATA]
-        if is_scene(folder):
-            found.scenes.append(folder)
-            return
+        if is_marked(folder):
+            return Layout(scenes=[folder])
         meshes = mesh_files(folder)
+        children = sorted(one for one in folder.iterdir() if one.is_dir() and not one.is_symlink())
     except OSError as broken:
         findings.report(folder)(error(f"cannot be read: {broken.strerror}"))
-        return
-    found.meshes += meshes
+        return Layout()
+    children = [one for one in children if not one.name.startswith(".") and one.name.lower() not in NOT_DATA]
+    below = [_searched(child, findings) for child in children]
+    found = Layout()
+    for layout in below:
+        found.scenes += layout.scenes
+        found.meshes += layout.meshes
+        found.empty += layout.empty
+    if len(meshes) == 1 and not found.scenes and not found.meshes:
+        return Layout(scenes=[folder])  # what lies below are its textures
+    found.meshes[:0] = meshes
     if not meshes and not children:
-        findings.report(folder)(note("nothing in this folder is a scene or a mesh"))
-    for child in children:
-        _search(child, found, findings)
+        found.empty.append(folder)
+    return found

@@ -319,7 +319,7 @@ def test_what_is_a_scene(tmp_path: Path) -> None:
     """Annotated folders, single meshes, SuGaR's tree and numbered folders, at any depth; results and caches are not."""
     tree = "rooms/c/coarse_mesh/c/sugarmesh_x.ply"
     for name in (tree, "rooms/a/labels.json", "rooms/b/only.obj", "cache/x/labels.json", "objects/one.obj",
-                 "objects/two.glb", "0001_839920/readme.txt", "notes/text.txt"):  # fmt: skip
+                 "objects/two.glb", "0001_839920/readme.txt", "notes/text.txt", "rooms/b/textures/x.png"):  # fmt: skip
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / name).write_text("")
     findings = Findings()
