@@ -40,7 +40,8 @@ def make_dataset(folder: Path, seed: int = 0, *, rooms: Sequence[str] = (), spla
     """
     for name in rooms:
         if name not in ROOMS:
-            raise InputError(f"no embedded room is called {name!r}{did_you_mean(name, ROOMS)}; there are {list(ROOMS)}")
+            hint = did_you_mean(name, ROOMS) or f"; there are {', '.join(ROOMS)}"
+            raise InputError(f"--rooms: no embedded room is called {name!r}{hint}")
     code = _code_digest()
     for name in rooms or ROOMS:
         _keep_or_make(folder, f"rooms-{name}", f"{code} {seed}", partial(_write_room, folder, name, seed))

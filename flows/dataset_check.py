@@ -59,6 +59,8 @@ class DatasetReport:
 
 def check_dataset(path: Path | None) -> DatasetReport:
     """Check what lies at a path, the embedded dataset by default."""
+    if path is None and not (data_root() / "rooms").is_dir():
+        raise InputError(f"{data_root()}: the embedded dataset is not there; make it with `dcap dataset make`")
     path = path or EMBEDDED
     if not path.exists():
         raise InputError(f"{path}: no such file or folder")

@@ -7,6 +7,7 @@ asked for. Guaranteed for any text that those parsers take: no recursion for JSO
 import json
 import re
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from typing import Any
 
 from ruamel.yaml import YAML
@@ -43,31 +44,40 @@ def repeated_keys(text: str) -> Iterator[tuple[Place, int]]:
         seen.add(place)
 
 
+@dataclass(slots=True)
+class _Open:
+    """An object or list whose end has not come yet."""
+
+    place: Place
+    is_object: bool
+    step: str | int | None
+    """Key or index of the value that comes next; None where a key must come first."""
+    line: int = 0
+    """Line of that key."""
+
+
 def json_places(text: str) -> Iterator[tuple[Place, int, bool]]:
     """Every value of valid JSON text: its place, its line (that of its key in an object) and whether it has a key."""
     line = 1
-    stack: list[list[Any]] = []  # of the open objects and lists: place, next index (None in an object), key, its line
+    around: list[_Open] = []
     for match in TOKEN.finditer(text):
-        token = match.group()
+        token, inner = match.group(), around[-1] if around else None
         if token == "\n":
             line += 1
         elif token in "]}":
-            stack.pop()
-        elif token == ",":
-            if stack[-1][1] is not None:
-                stack[-1][1] += 1
-            stack[-1][2] = None
+            around.pop()
+        elif token == "," and inner is not None:
+            inner.step = inner.step + 1 if isinstance(inner.step, int) else None
         elif token == ":":
-            pass
-        elif stack and stack[-1][1] is None and stack[-1][2] is None:
-            stack[-1][2:] = json.loads(token), line
+            continue
+        elif inner is not None and inner.step is None:
+            inner.step, inner.line = json.loads(token), line
         else:
-            parent = stack[-1] if stack else None
-            is_key = parent is not None and parent[1] is None
-            place = () if parent is None else (*parent[0], parent[2] if is_key else parent[1])
-            yield place, parent[3] if parent is not None and is_key else line, is_key
+            place = () if inner is None or inner.step is None else (*inner.place, inner.step)
+            has_key = inner is not None and inner.is_object
+            yield place, inner.line if inner is not None and has_key else line, has_key
             if token in "[{":
-                stack.append([place, 0 if token == "[" else None, None, line])
+                around.append(_Open(place, token == "{", None if token == "{" else 0))
 
 
 def yaml_lines(text: str) -> Lines:

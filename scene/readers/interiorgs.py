@@ -93,7 +93,8 @@ def _label_entry(place: Place, index: int, entry: object, used: set[str], report
     if corners is None:
         if label and label not in UNBOXED:
             hint = _mistyped("bounding_box", entry)
-            report(note(f"entry {index} ({label}) has no bounding_box and is skipped{hint}", place))
+            what = f"entry {index} ({label}) has no bounding_box and is skipped{hint}"
+            report(warning(what, place) if hint else note(what, place))
         return LabelEntry(place, None)
     box = _box(index, (*place, "bounding_box"), corners, report)
     if box is None or not label:

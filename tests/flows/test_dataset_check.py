@@ -81,6 +81,17 @@ def test_intended_outcomes_are_checked(data: Path) -> None:
     assert told == [("truth.yaml", 2, "warning"), ("truth.yaml", 3, "error"), ("truth.yaml", 3, "warning")]
 
 
+def test_an_embedded_dataset_that_is_not_there(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """One line says how to make it, not one for each sample."""
+    monkeypatch.setenv("DCAP_DATA", str(tmp_path))
+    assert run_command(["dataset", "check"]) == 2
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert "make it with `dcap dataset make`" in captured.err
+
+
 def test_exit_codes(data: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """0 with warnings, 2 with errors and where nothing is, and then one line on standard error only."""
     path = dataset(data, GOOD)

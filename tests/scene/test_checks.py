@@ -119,6 +119,7 @@ LABELS: list[tuple[Callable[[Tree], object], str, int, Severity, str]] = [
     (lambda t: shifted(boxed(t), x=70.0), "BOX0", 0, W, "away from every room"),
     (lambda t: flattened(boxed(t)), "BOX0", 0, N, "is flat"),
     (lambda t: boxed(t, 1).update(bounding_box=boxed(t)["bounding_box"]), "BOX1", 0, W, "has the same box as"),
+    (lambda t: marked(boxed(t), boundingbox=boxed(t).pop("bounding_box")), '"MARK"', -1, W, "mean 'boundingbox'"),
     (lambda t: t.insert(4, "a word"), '"a word"', 0, E, "entry 4 is a str"),
 ]
 STRUCTURE: list[tuple[Callable[[Tree], object], str, int, Severity, str]] = [
@@ -305,6 +306,31 @@ def test_broken_words_of_ascii_files_are_told(tmp_path: Path) -> None:
     text = f"solid a\n{corners}{corners}endsolid a\n".replace("vertex 1 0 0", "vertex 1 ? 0", 1)
     (tmp_path / "a.stl").write_text(text)
     assert [one.line for one in found(tmp_path / "a.stl") if one.severity is E] == [5]
+
+
+def test_every_broken_accessor_of_a_gltf_is_told(tmp_path: Path) -> None:
+    """By its line in the text; a face beyond the vertices by that of its indices."""
+    data = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], "<f4").tobytes() + np.array([0, 1, 7], "<u2").tobytes()
+    views = [{"buffer": 0, "byteLength": 36}, {"buffer": 0, "byteOffset": 36, "byteLength": 6}]
+    accessors: list[dict[str, object]] = [
+        {"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3"},
+        {"bufferView": 1, "componentType": 5123, "count": 3, "type": "SCALAR"},
+    ]
+    document = {
+        "asset": {"version": "2.0"}, "accessors": accessors, "bufferViews": views, "nodes": [{"mesh": 0}],
+        "buffers": [{"uri": "data.bin", "byteLength": 42}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "indices": 1}]}],
+    }  # fmt: skip
+    (tmp_path / "data.bin").write_bytes(data)
+
+    def told() -> list[tuple[int, str]]:
+        (tmp_path / "a.gltf").write_text(json.dumps(document, indent=1))
+        return [(one.line, one.what) for one in found(tmp_path) if one.severity is E]
+
+    assert told() == [(12, "a face uses vertex 7, its primitive has 3 (node_0)")]
+    for accessor in accessors:
+        accessor["count"] = 4
+    assert [line for line, _ in told()] == [6, 12]
 
 
 def test_faces_without_area_and_beyond_the_vertices_are_told(tmp_path: Path) -> None:
