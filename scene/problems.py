@@ -6,7 +6,7 @@ A reader's functions tell a `Report` of each problem that they meet and go on. W
 
 import reprlib
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from pathlib import Path
 
@@ -67,6 +67,15 @@ def refusing(path: Path) -> Report:
             raise FormatError(f"{path}: {line}{problem.what}")
 
     return report
+
+
+def lenient(report: Report) -> Report:
+    """A report that takes errors as warnings."""
+
+    def lowered(problem: Problem) -> None:
+        report(replace(problem, severity=Severity.WARNING) if problem.severity is Severity.ERROR else problem)
+
+    return lowered
 
 
 def short(value: object) -> str:

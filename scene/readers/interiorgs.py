@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from scene.box import OrientedBox
 from scene.errors import FormatError
-from scene.problems import Place, Report, error, note, refusing, short, warning
+from scene.problems import Place, Report, error, lenient, note, refusing, short, warning
 from scene.readers.rectangle import min_area_box
 from scene.scan import LabelBox, Room
 from scene.spelling import did_you_mean
@@ -96,7 +96,8 @@ def _label_entry(place: Place, index: int, entry: object, used: set[str], report
             what = f"entry {index} ({label}) has no bounding_box and is skipped{hint}"
             report(warning(what, place) if hint else note(what, place))
         return LabelEntry(place, None)
-    box = _box(index, (*place, "bounding_box"), corners, report)
+    # what is skipped for want of a label must not stop a reader by its box
+    box = _box(index, (*place, "bounding_box"), corners, report if label else lenient(report))
     if box is None or not label:
         return LabelEntry(place, None)
     return LabelEntry(place, LabelBox(_unique_id(entry, index, place, label, used, report), label, box))

@@ -82,11 +82,12 @@ def test_labels_as_they_occur(tmp_path: Path) -> None:
         {"label": "table lamp", "bounding_box": points.tolist()},
         {"ins_id": "9", "label": "wall"},
         {"ins_id": "10", "bounding_box": points.tolist()},
+        {"ins_id": "11", "bounding_box": "broken, and skipped all the same"},
     ]
     boxes, notes = read_labels(folder_with(tmp_path, {"labels": labels}))
     assert [b.label for b in boxes] == ["multi person sofa", "bed", "table lamp", "table lamp"]
     assert [b.id for b in boxes] == ["7", "7_1", "table_lamp", "table_lamp_1"]
-    assert "2 entries" in notes[0]
+    assert "3 entries" in notes[0]
 
 
 def test_flat_boxes_are_padded(tmp_path: Path) -> None:
