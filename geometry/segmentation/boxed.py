@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from geometry.segmentation.faces import FaceTable
 from geometry.segmentation.labels import Category, category_of, plain_structure, words_of
-from geometry.segmentation.structure import ceiling_faces, find_levels, floor_faces, wall_number
+from geometry.segmentation.structure import PLANE_BAND, ceiling_faces, find_levels, floor_faces, wall_number
 from scene.box import OrientedBox
 from scene.scan import LabelBox
 
@@ -27,6 +27,9 @@ CLAIM_MARGIN = 0.01
 
 FLAT_THING = 0.06
 """Thickness below which a box on the floor is a rug [m]."""
+
+FLAT_ON_WALL = 0.25
+"""Thickness below which a box is a thing in or on a wall [m]: doors and windows reach through it."""
 
 NEAR_BEST = 0.12
 """A smaller box wins over a larger one that holds this much more of a component [-]."""
@@ -61,8 +64,10 @@ def boxed_groups(table: FaceTable, boxes: tuple[LabelBox, ...]) -> list[Group]:
     wall = wall_number(table, [b.box for b in walls], shell & ~floor & ~ceiling, in_box >= 0)
     loose = shell & ~floor & ~ceiling & (wall < 0)
     owner = np.where(loose, in_box, owner)
-    owner = _rugs(table, things, owner, floor)
+    owner = _flush(table, things, owner, floor, floor)
+    owner = _flush(table, things, owner, wall >= 0, floor)
     floor &= owner < 0
+    wall = np.where(owner < 0, wall, -1)
     floor, ceiling, wall = _completed(table, floor, ceiling, wall, loose & (in_box < 0))
     groups = [Group(b.id, b.label, np.flatnonzero(owner == i), b.box.axes) for i, b in enumerate(things)]
     groups += _structure_groups(boxes, walls, floor, ceiling, wall)
@@ -163,17 +168,28 @@ def _claimed_back(table: FaceTable, things: list[LabelBox], owner: NDArray[np.in
     return result
 
 
-def _rugs(
-    table: FaceTable, things: list[LabelBox], owner: NDArray[np.int64], floor: NDArray[np.bool_]
+def _flush(
+    table: FaceTable,
+    things: list[LabelBox],
+    owner: NDArray[np.int64],
+    shell: NDArray[np.bool_],
+    floor: NDArray[np.bool_],
 ) -> NDArray[np.int64]:
-    """A flat thing that the scan fused with the floor takes the floor's faces in its box, shape (m,)."""
+    """Flat things that the scan fused with floor or wall (`shell`) take its faces in their boxes, shape (m,): rugs,
+    pictures, doors. Across it a box is as thick as scans are uncertain, along it nothing is added."""
     result = owner.copy()
     for i, thing in enumerate(things):
-        footprint = 4.0 * float(np.prod(thing.box.half_extents[:2]))
-        flat = 2.0 * thing.box.half_extents[2] < FLAT_THING
-        if flat and table.area[owner == i].sum() < 0.3 * footprint:
-            inside = _inside(table, thing.box, 0.0)
-            result[inside[floor[inside]]] = i
+        half = thing.box.half_extents
+        thin = int(np.argmin(half))
+        flat = 2.0 * half[thin] < (FLAT_ON_WALL if shell is not floor else FLAT_THING)
+        if not flat or (abs(thing.box.axes[2, thin]) > 0.9) != (shell is floor):
+            continue
+        side = float(4.0 * np.prod(np.delete(half, thin)))
+        if table.area[owner == i].sum() < 0.3 * side:
+            slab = half.copy()
+            slab[thin] = max(half[thin], 0.5 * FLAT_THING) if shell is floor else half[thin] + PLANE_BAND
+            inside = _inside(table, OrientedBox(thing.box.center, thing.box.axes, slab), 0.0)
+            result[inside[shell[inside]]] = i
     return result
 
 

@@ -18,6 +18,10 @@ REACH = 0.02
 """Surfaces nearer than this touch [m]: more than the spacing of the points, and what scans leave between things."""
 UP = 0.7
 """A surface with a normal of at least this z carries what stands on it [-]."""
+PARALLEL = 0.95
+"""Cosine of the angle between normals of one plane [-]."""
+FLUSH = 0.004
+"""Surfaces nearer than this to a common plane are flush [m]."""
 ON_TOP = 0.03
 """What begins no deeper than this below the top of another piece is above it [m]."""
 SINK = 0.012
@@ -99,8 +103,14 @@ class Pieces:
 
     def sideways(self, touch: Touch) -> NDArray[np.bool_]:
         """Which of the pairs lie against each other sideways, shape (k,)."""
-        level = np.abs(self.normal[:, 2]) > UP
-        return np.asarray(~level[touch.a] & ~level[touch.b])
+        a, b = self.normal[touch.a, 2], self.normal[touch.b, 2]
+        return np.asarray((np.abs(a) <= UP) & (np.abs(b) <= UP))
+
+    def flush(self, touch: Touch) -> NDArray[np.bool_]:
+        """Which of the pairs lie in one plane, shape (k,)."""
+        a, b = self.normal[touch.a], self.normal[touch.b]
+        apart = np.einsum("ki,ki->k", self.position[touch.a] - self.position[touch.b], b)
+        return np.asarray((np.einsum("ki,ki->k", a, b) > PARALLEL) & (np.abs(apart) < FLUSH))
 
 
 def pieces_of(table: FaceTable, piece: Index) -> Pieces:

@@ -18,10 +18,14 @@ Mask = NDArray[np.bool_]
 
 ON_FLOOR = 0.03
 """What comes this near to the floor stands on it [m]."""
+CRUMB = 0.01
+"""Surface of the largest crumb [m^2]."""
 COVERED = 0.55
 """Share of a carrying surface from which on what covers it belongs to what it covers [-]."""
 AGAINST = 0.2
 """Share of a piece's surface that lies sideways against another one from which on they are one [-]."""
+WEDGED = 0.03
+"""Less than this share is chance [-]."""
 STEADY = np.tan(np.deg2rad(8.0))
 """What tips over when it leans by less does not stand by itself [-]."""
 LEVEL = 0.02
@@ -52,6 +56,12 @@ class Surroundings:
 class Contact:
     """A piece and one neighbour."""
 
+    belongs: float
+    """How certainly the piece continues or covers the neighbour, 0: it does not."""
+    against: float
+    """Share of the piece's surface that lies sideways against the neighbour [-]."""
+    mutual: float
+    """Mean of that share and the neighbour's [-]."""
     points: Index
     """Of the piece, shape (k,)."""
     on: Mask
@@ -70,9 +80,14 @@ class Contact:
         return float(self.under.mean()) > 0.5
 
 
+Contacts = dict[int, dict[int, Contact]]
+"""Of each piece, by number of the neighbour; kept until one of the two is merged."""
+
+
 def grouped(pieces: Pieces, around: Surroundings) -> None:
     """Merge pieces until every one stands or hangs by itself; the most certain merge first."""
-    wanted = {name: _wish(pieces, around, name) for name in pieces.alive}
+    known: Contacts = {name: {} for name in pieces.alive}
+    wanted = {name: _wish(pieces, around, name, known[name]) for name in pieces.alive}
     while True:
         certainty, name, other = max(((c, -n, -o) for n, (c, o) in wanted.items()), default=(0.0, 0, 0))
         if certainty <= 0.0:
@@ -80,18 +95,22 @@ def grouped(pieces: Pieces, around: Surroundings) -> None:
         keep, gone = sorted((-name, -other), key=lambda n: (-pieces.alive[n].area, n))
         neighbours = {*pieces.alive[keep].touches, *pieces.alive[gone].touches} - {keep, gone}
         pieces.merge(keep, gone)
-        del wanted[gone]
+        del wanted[gone], known[gone]
+        known[keep] = {}
+        for one in neighbours:
+            known[one].pop(keep, None)
+            known[one].pop(gone, None)
         for one in (keep, *neighbours):
-            wanted[one] = _wish(pieces, around, one)
+            wanted[one] = _wish(pieces, around, one, known[one])
 
 
-def _wish(pieces: Pieces, around: Surroundings, name: int) -> tuple[float, int]:
-    """How certainly a piece belongs to one of its neighbours, 0: to none, and to which."""
+def _wish(pieces: Pieces, around: Surroundings, name: int, contacts: dict[int, Contact]) -> tuple[float, int]:
+    """How certainly a piece belongs to one of its neighbours, 0: to none, and to which; completes its contacts."""
     piece = pieces.alive[name]
-    contacts = {other: _contact(pieces, name, other) for other, t in piece.touches.items() if len(t.a) >= FEW}
-    choices = [(0.0, -1)]
-    for other, contact in contacts.items():
-        choices += [(_covering(pieces, name, other, contact), other), (_leaning(pieces, name, other), other)]
+    for other, touch in piece.touches.items():
+        if other not in contacts and len(touch.a) >= FEW:
+            contacts[other] = _contact(pieces, name, other)
+    choices = [(0.0, -1), _leaning(contacts), *((contact.belongs, other) for other, contact in contacts.items())]
     below = all_of(c.points[c.on] for c in contacts.values() if c.on.sum() >= FEW)
     if not _stands(pieces, around, piece, below) and not _hangs(pieces, around, piece, below, contacts):
         holder = _holder(pieces, around, name, contacts, falls_off=not len(below))
@@ -102,31 +121,48 @@ def _wish(pieces: Pieces, around: Surroundings, name: int) -> tuple[float, int]:
 def _contact(pieces: Pieces, name: int, other: int) -> Contact:
     """Who stands on whom: a pair of pieces of which each has points above the other is decided by their number."""
     on, under = pieces.standing(name, other), pieces.standing(other, name)
-    mine = on.sum() >= under.sum()
-    return Contact(pieces.alive[name].touches[other].a, on if mine else np.zeros_like(on), under)
+    if on.sum() < under.sum():
+        on = np.zeros_like(on)
+    touch = pieces.alive[name].touches[other]
+    area = patch_area(pieces.position[touch.a[pieces.sideways(touch)]])
+    against, again = (area / max(pieces.alive[one].area, 1e-12) for one in (name, other))
+    belongs = max(_continuing(pieces, name, other), _covering(pieces, name, other, on))
+    return Contact(belongs, against, min(0.5 * (against + again), 1.0), touch.a, on, under)
 
 
-def _covering(pieces: Pieces, name: int, other: int, contact: Contact) -> float:
-    """Certainty that a piece belongs to what it stands on, as it covers it; above 1, 0 if it does not."""
-    if contact.on.sum() < FEW:
+def _continuing(pieces: Pieces, name: int, other: int) -> float:
+    """Certainty that a crumb is a piece of the surface beside it: what shows of a board between the books on it."""
+    piece, touch = pieces.alive[name], pieces.alive[name].touches[other]
+    if piece.area > CRUMB or piece.area > pieces.alive[other].area:
         return 0.0
-    carrier = pieces.alive[name].touches[other].b[contact.on]
+    flush = pieces.flush(touch)
+    return 2.0 + float(flush.mean()) if flush.sum() >= FEW else 0.0
+
+
+def _covering(pieces: Pieces, name: int, other: int, on: Mask) -> float:
+    """Certainty that a piece belongs to what it stands on, as it covers it; above 1, 0 if it does not."""
+    if on.sum() < FEW:
+        return 0.0
+    touch = pieces.alive[name].touches[other]
+    carrier = touch.b[on]
     height = float(np.median(pieces.position[carrier, 2]))
     points = pieces.alive[other].points
     level = np.abs(pieces.position[points, 2] - height) < LEVEL
     level &= pieces.normal[points, 2] > LOOKS_UP
     whole = plan_area(pieces.position[np.concatenate([points[level], carrier])])
-    share = plan_area(pieces.position[contact.points[contact.on]]) / max(whole, 1e-9)
+    share = plan_area(pieces.position[touch.a[on]]) / max(whole, 1e-9)
     return 1.0 + min(share, 1.0) if share > COVERED else 0.0
 
 
-def _leaning(pieces: Pieces, name: int, other: int) -> float:
-    """Certainty that a piece belongs to what it lies against sideways, more for pieces of like size."""
-    piece, touch = pieces.alive[name], pieces.alive[name].touches[other]
-    area = patch_area(pieces.position[touch.a[pieces.sideways(touch)]])
-    share = area / max(piece.area, 1e-12)
-    mutual = 0.5 * (share + area / max(pieces.alive[other].area, 1e-12))
-    return min(mutual, 1.0) if share > AGAINST else 0.0
+def _leaning(contacts: dict[int, Contact]) -> tuple[float, int]:
+    """How certainly a piece belongs to what it lies against sideways, more for pieces of like size, and to which.
+
+    A good part of its surface must, against one neighbour or wedged between several.
+    """
+    leaning = {other: c for other, c in contacts.items() if c.against > WEDGED}
+    if sum(c.against for c in leaning.values()) <= AGAINST:
+        return 0.0, -1
+    return max((c.mutual, other) for other, c in leaning.items())
 
 
 def _stands(pieces: Pieces, around: Surroundings, piece: Piece, below: Index) -> bool:
