@@ -37,7 +37,7 @@ def bed_parts(body: Body) -> PartMap:
     head = _head_side(body, level, scale)
     body = _cut_composites(body, level, scale)
     pieces = body.pieces()
-    mattress = _mattress(body, pieces, level, scale)
+    mattress = _bared(body, pieces, level, head, scale) or _mattress(body, pieces, level, scale)
     for piece in pieces:
         parts.names[piece.faces] = _piece_name(body, piece, mattress, level, head, scale)
     _name_head_end(body, parts, pieces, mattress, level, head, scale)
@@ -135,6 +135,32 @@ def _mattress(body: Body, pieces: list[Piece], level: float, scale: float) -> Pi
     return top
 
 
+def _bared(
+    body: Body, pieces: list[Piece], level: float, head: NDArray[np.float64] | None, scale: float
+) -> Piece | None:
+    """The head end of a mattress whose rest a blanket hides, as scans see it: broad, at the level, beyond the cover."""
+    if head is None:
+        return None
+    along = int(np.argmax(np.abs(head)))
+    broad = [
+        p
+        for p in pieces
+        if p.size[1 - along] > 0.55 * body.size[1 - along]
+        and p.up_area > 0.05 * np.prod(body.size[:2])
+        and p.low[2] > 0.12 * level
+        and abs(_top_level(body, p, scale) - level) < 0.06 * scale
+    ]
+    broad = sorted((p for p in broad if p.size[along] > 0.15 * body.size[along]), key=lambda p: -float(p.middle @ head))
+    if (
+        len(broad) < 2
+        or any(p.size[along] > 0.8 * body.size[along] for p in broad)
+        or float(broad[0].middle @ head) < 0.1 * body.size[along]
+    ):
+        return None
+    shared = min(broad[0].high[along], broad[1].high[along]) - max(broad[0].low[along], broad[1].low[along])
+    return broad[0] if shared < 0.3 * broad[0].size[along] else None
+
+
 def _is_cover(top: Piece, below: Piece) -> bool:
     """A cover is shorter than what it covers, or hangs over its edges."""
     shorter = bool((top.size[:2] < 0.93 * below.size[:2]).any())
@@ -172,7 +198,7 @@ def _name_scraps(body: Body, parts: PartMap, pieces: list[Piece], level: float) 
     """Scraps of a scan between blanket and mattress are no frame: they go with the nearest face of like colour."""
     total = float(body.area.sum())
     scraps = [
-        p for p in pieces if p.area < 0.02 * total and p.low[2] > 0.6 * level and parts.names[p.faces[0]] == "frame"
+        p for p in pieces if p.area < 0.03 * total and p.low[2] > 0.45 * level and parts.names[p.faces[0]] == "frame"
     ]
     bedding = np.flatnonzero(parts.names != "frame")
     if not scraps or not len(bedding):

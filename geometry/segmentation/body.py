@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from geometry.segmentation.convex import convex_pieces
 from geometry.segmentation.faces import FaceTable, renumbered, surface_points
 from geometry.segmentation.regions import color_regions, merged_crumbs
 from scene.box import OrientedBox
@@ -19,6 +20,9 @@ from scene.box import OrientedBox
 UPWARD = 0.75
 """A face with a normal of at least this z looks up: within 41 degrees, so that noise of a scan does not matter [-]."""
 
+
+FUSED = 0.7
+"""A component of which less than this share belongs to a body is a scan that fused it with others [-]."""
 
 DENSE_FACES = 2000
 """A body of at least this many faces is a scan or finely made [-]."""
@@ -129,13 +133,25 @@ def make_body(table: FaceTable, faces: NDArray[np.int64], box: OrientedBox) -> B
     corners[:, 2] += box.half_extents[2]
     corners = corners.reshape(-1, 3, 3)
     area = table.area[faces]
-    piece = merged_crumbs(renumbered(table.component[faces]), area, pairs, smallest=1e-4)
+    piece = merged_crumbs(renumbered(_pieces(table, faces, area)), area, pairs, smallest=1e-4)
     piece = _without_specks(piece, corners.mean(axis=1))
     return Body(
         corners=corners, center=corners.mean(axis=1), normal=table.normal[faces] @ box.axes, area=area,
         lab=table.lab[faces], pairs=pairs, piece=piece, size=2.0 * box.half_extents, frame=box,
         open_up=(table.normal[faces, 2] > UPWARD) & _open_above(corners, area),
     )  # fmt: skip
+
+
+def _pieces(table: FaceTable, faces: NDArray[np.int64], area: NDArray[np.float64]) -> NDArray[np.int64]:
+    """Piece of each of the faces, shape (k,): components, those that reach far beyond these faces cut in grooves."""
+    component = table.component[faces]
+    count = int(table.component.max(initial=-1)) + 1
+    inside = np.bincount(component, area, count)
+    fused = (inside < FUSED * np.bincount(table.component, table.area, count))[component]
+    piece = component.copy()
+    if fused.any():
+        piece[fused] = count + convex_pieces(table, faces[fused])
+    return piece
 
 
 def _without_specks(piece: NDArray[np.int64], center: NDArray[np.float64]) -> NDArray[np.int64]:
