@@ -6,6 +6,8 @@ BIN := .venv/bin
 READY := .venv/.ready
 DATA := $(or $(DCAP_DATA),data)
 OUT ?= $(DATA)/runs/demo
+# Two tests at a time, those of one file one after the other; a third would only fight with the kernels' own threads.
+PARALLEL := -n 2 --dist loadfile
 
 .DEFAULT_GOAL := help
 .PHONY: setup test sweep check benchmark demo ui perf perf-peers clean help lock system-libraries
@@ -31,7 +33,7 @@ system-libraries: ## install the few system libraries that Open3D loads, or prin
 	@.ci/system-libraries
 
 test: $(READY) ## all tests
-	$(BIN)/pytest
+	$(BIN)/pytest $(PARALLEL)
 
 sweep: $(READY) ## the long physics tests: whole ranges of mass, stiffness and resolution; hours
 	$(BIN)/pytest -m sweep
@@ -41,7 +43,7 @@ check: $(READY) ## format, lint, types, imports and fast tests; about a minute
 	$(BIN)/ruff check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports --no-logo
-	$(BIN)/pytest -m "not slow and not third_party and not gpu"
+	$(BIN)/pytest $(PARALLEL) -m "not slow and not third_party and not gpu"
 
 benchmark: $(READY) ## place every sample of the embedded dataset; tables, pictures, HTML report
 	$(BIN)/dcap benchmark
