@@ -13,7 +13,8 @@ from scene.checks.findings import Findings
 from scene.checks.places import Lines, json_lines, repeated_keys
 from scene.errors import FormatError
 from scene.problems import Place, Problem, Report, error, short, warning
-from scene.readers.interiorgs import LABELS, STRUCTURE, LabelEntry, label_entries, load_json, structure_of
+from scene.readers.interiorgs import LABELS, STRUCTURE, LabelEntry, label_entries, structure_of
+from scene.readers.json_text import read_json
 from scene.scan import LabelBox, Room
 
 BURIED = 0.1
@@ -52,7 +53,7 @@ def check_annotations(folder: Path, findings: Findings) -> tuple[LabelBox, ...]:
 def read_tree(path: Path, findings: Findings) -> tuple[object | None, Report]:
     """The tree of a JSON file, None where it has none, and a report that knows its lines."""
     try:
-        document, text = load_json(path), path.read_text("utf-8")
+        document, text = read_json(path), path.read_text("utf-8-sig")
     except FormatError as broken:
         line = getattr(broken.__context__, "lineno", 0)
         findings.report(path)(error(str(broken).removeprefix(f"{path}: "), line=line))

@@ -4,7 +4,6 @@ Guaranteed: a document is an object, its lists hold objects, and chunks end with
 Source: Khronos, "glTF 2.0 Specification", section 4.4 (GLB).
 """
 
-import json
 import struct
 from collections.abc import Iterator
 from mmap import mmap
@@ -12,6 +11,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from scene.errors import FormatError
+from scene.readers.json_text import parse_json
 
 Json = dict[str, object]
 """The document, whose values are checked where they are used."""
@@ -76,10 +76,7 @@ def uris(path: Path, document: Json) -> Iterator[str]:
 
 
 def _parsed(path: Path, text: bytes) -> Json:
-    try:
-        document = json.loads(text)
-    except (ValueError, RecursionError) as error:
-        raise FormatError(f"{path}: the glTF JSON is broken: {error}") from None
+    document = parse_json(path, text, "glTF JSON")
     if not isinstance(document, dict):
         raise FormatError(f"{path}: the glTF JSON is not an object")
     return document

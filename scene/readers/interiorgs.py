@@ -4,7 +4,6 @@ Written for what the files hold in practice: a list or {"labels": [...]}, missin
 corners in any order, boxes without thickness. Coordinates are metres, right-handed, z up.
 """
 
-import json
 from dataclasses import dataclass
 from math import isfinite
 from pathlib import Path
@@ -13,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scene.box import OrientedBox
-from scene.errors import FormatError
 from scene.problems import Place, Report, error, lenient, note, refusing, short, warning
+from scene.readers.json_text import read_json
 from scene.readers.rectangle import min_area_box
 from scene.scan import LabelBox, Room
 from scene.spelling import did_you_mean
@@ -47,18 +46,10 @@ def read_labels(folder: Path) -> tuple[tuple[LabelBox, ...], tuple[str, ...]]:
     path = folder / LABELS
     if not path.is_file():
         return (), ("labels.json is missing: instances are found by shape alone",)
-    entries = label_entries(load_json(path), refusing(path))
+    entries = label_entries(read_json(path), refusing(path))
     skipped = sum(entry.box is None for entry in entries)
     boxes = tuple(entry.box for entry in entries if entry.box is not None)
     return boxes, ((f"{skipped} entries of labels.json without a label or box are skipped",) if skipped else ())
-
-
-def load_json(path: Path) -> object:
-    """The tree of a JSON file."""
-    try:
-        return json.loads(path.read_text("utf-8"))
-    except (ValueError, RecursionError) as broken:
-        raise FormatError(f"{path}: broken JSON: {broken}") from None
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -171,7 +162,7 @@ def read_structure(folder: Path) -> tuple[tuple[Room, ...], tuple[LabelBox, ...]
     path = folder / STRUCTURE
     if not path.is_file():
         return (), ()
-    return structure_of(load_json(path), refusing(path))
+    return structure_of(read_json(path), refusing(path))
 
 
 def structure_of(document: object, report: Report) -> tuple[tuple[Room, ...], tuple[LabelBox, ...]]:

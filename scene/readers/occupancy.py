@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scene.errors import FormatError
 from scene.occupancy import FREE, OCCUPIED, UNKNOWN, Occupancy
 from scene.readers.image import read_gray
-from scene.readers.interiorgs import load_json
+from scene.readers.json_text import read_json
 from scene.readers.raw import read_bytes
 from scene.scan import Room
 
@@ -67,7 +67,7 @@ def _mappings(
 
 def _document(path: Path) -> tuple[float, NDArray[np.float64], NDArray[np.float64]]:
     """Side of a cell [m] and the corners of the map [m], shape (2,) each; what else is there must be numbers too."""
-    document = load_json(path)
+    document = read_json(path)
     if not isinstance(document, dict):
         raise FormatError(f"{path}: not an object")
     scale = document.get("scale")
