@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from scene.arrays import check_array, check_index
 from scene.box import OrientedBox
+from scene.errors import GeometryError
 from scene.mesh import Mesh
 
 
@@ -48,14 +49,19 @@ class Scan:
     world_from_file: NDArray[np.float64]
     """Maps the file's own coordinates to ours, shape (4, 4)."""
     up: str
-    """Up axis found in the file: x, y or z."""
+    """Axis of the file that points up: y, z, -y or -z."""
     unit_metres: float
     """Length of the file's unit [m]."""
     unit_source: str
     """Who said so: option, format or estimate."""
     notes: tuple[str, ...]
     """What was repaired, assumed or ignored on reading, one sentence each."""
+    node_labels: tuple[str | None, ...] = ()
+    """What the source annotates each node's instance as: `chair`; '' for nothing, None where it does not say. Such a
+    node is called `instance id` or `instance id/part`. Empty: the names are all there is."""
 
     def __post_init__(self) -> None:
         check_index("face_node", self.face_node, length=len(self.mesh.faces), count=len(self.node_names))
         check_array("world_from_file", self.world_from_file, 4, 4)
+        if len(self.node_labels) not in (0, len(self.node_names)):
+            raise GeometryError(f"node_labels has {len(self.node_labels)} entries, expected {len(self.node_names)}")

@@ -1,7 +1,8 @@
 """Which files make up a foreign scene or mesh: the file itself and what it names.
 
-A folder gives all its files; an OBJ brings its MTL files and their textures, a glTF its buffers and pictures. Only what
-lies in the file's own folder counts, and ground truth never does. Absurd inputs are refused before anything is read.
+A folder gives all its files, one of ScanNet those that are read (its recordings take gigabytes); an OBJ brings its MTL
+files and their textures, a glTF its buffers and pictures. Only what lies in the file's own folder counts, and ground
+truth never does. Absurd inputs are refused before anything is read.
 """
 
 import os
@@ -11,6 +12,7 @@ from pathlib import Path
 from scene.errors import InputError
 from scene.readers.companions import companions
 from scene.readers.interiorgs import is_interiorgs
+from scene.readers.scannet import scannet_files
 from scene.readers.sugar import MESH_SUFFIXES, check_suffix, is_generic
 
 MOST_BYTES = 4 << 30
@@ -26,13 +28,15 @@ def source_files(path: Path) -> tuple[str, dict[str, Path]]:
     if not path.exists():
         raise InputError(f"{path}: no such file or folder")
     if path.is_dir():
-        return ".", checked(path, folder_files(path))
+        scannet = None if is_interiorgs(path) else scannet_files(path)
+        files = folder_files(path) if scannet is None else ((file.name, file) for file in scannet.present)
+        return ".", checked(path, files)
     if not path.is_file():
         raise InputError(f"{path}: neither a file nor a folder")
     check_suffix(path)
     check_size(path, path.stat().st_size)
-    files = {path.name: path} | {name: path.parent / name for name in companions(path)}
-    return path.name, checked(path, files.items())
+    named = {path.name: path} | {name: path.parent / name for name in companions(path)}
+    return path.name, checked(path, named.items())
 
 
 def telling_folder(path: Path, files: Iterable[str]) -> str:
@@ -41,7 +45,7 @@ def telling_folder(path: Path, files: Iterable[str]) -> str:
     `files` are the names that `source_files` gave. A scene with annotations is not named at all.
     """
     folder = Path(os.path.abspath(path if path.is_dir() else path.parent))
-    if path.is_dir() and is_interiorgs(path):
+    if path.is_dir() and (is_interiorgs(path) or scannet_files(path) is not None):
         return ""
     meshes = (Path(name) for name in files if "/" not in name and Path(name).suffix.lower() in MESH_SUFFIXES)
     generic = next((mesh for mesh in meshes if is_generic(mesh)), None)

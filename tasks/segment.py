@@ -1,7 +1,7 @@
 """Stage segment: a scan in, instances with named parts out; for scenes and for the object to be placed.
 
-A scene is divided by its annotated boxes, else by node names or one label, else by shape. Every instance is then
-divided into parts that cover it without overlap.
+A scene is divided by its annotated boxes or nodes, else by node names or one label, else by shape. Every instance is
+then divided into parts that cover it without overlap.
 """
 
 from dataclasses import replace
@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, PositiveInt
 
+from geometry.segmentation.annotated import annotated_parts
 from geometry.segmentation.boxed import boxed_groups
 from geometry.segmentation.faces import FaceTable
 from geometry.segmentation.front import facing_away_from_wall
@@ -38,7 +39,8 @@ def segment(scan: Scan, config: SegmentConfig) -> Segmentation:
     instances = []
     for index, group in enumerate(groups):
         instance, part = make_instance(
-            group.id, group.label, table, group.faces, group.axes, _words(scan, group.faces)
+            group.id, group.label, table, group.faces, group.axes, _words(scan, group.faces),
+            annotated_parts(scan, group.faces),
         )  # fmt: skip
         instances.append(instance)
         face_instance[group.faces] = index

@@ -1,4 +1,4 @@
-"""Instances of a mesh without annotated boxes: by node names, by one label for everything, or by shape alone."""
+"""Instances of a mesh without annotated boxes: by its nodes, by one label for everything, or by shape alone."""
 
 from collections.abc import Sequence
 
@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
+from geometry.segmentation.annotated import annotated_groups
 from geometry.segmentation.boxed import Group
 from geometry.segmentation.faces import FaceTable, renumbered, surface_points
 from geometry.segmentation.labels import Category, category_of, part_word, plain_structure, readable, says_something
@@ -21,25 +22,47 @@ ROOM_SIZE = 3.2
 
 
 def named_groups(table: FaceTable, scan: Scan) -> list[Group]:
-    """Instances by the names in the file; what is unnamed takes the scan's label."""
-    top = _top_names(scan.node_names)
-    if _is_one_thing(top, scan.label):
+    """Instances by annotated nodes, then by the names in the file; what is unnamed takes the scan's label."""
+    if scan.node_labels:
+        groups, silent = annotated_groups(scan)
+        return with_ids(groups + _spoken_groups(table, scan, silent))
+    if _is_one_thing(_top_names(scan.node_names), scan.label):
         return _unnamed_groups(table, np.arange(len(table.area)), readable(scan.label))
+    return with_ids(_spoken_groups(table, scan, np.arange(len(table.area))))
+
+
+def _spoken_groups(table: FaceTable, scan: Scan, faces: NDArray[np.int64]) -> list[Group]:
+    """Instances among some faces by the names of their nodes."""
+    top = _top_names(scan.node_names)
     node_label = [readable(name) if says_something(name) else "" for name in top]
-    label = np.array([*node_label, ""], dtype=object)[scan.face_node]
+    label = np.array([*node_label, ""], dtype=object)[scan.face_node[faces]]
+    thing = np.array([*(top.index(name) for name in top), -1])[scan.face_node[faces]]
     groups: list[Group] = []
-    for name in dict.fromkeys(node_label):
-        faces = np.flatnonzero(label == name)
-        if not len(faces):
-            continue
-        groups += _unnamed_groups(table, faces, readable(scan.label)) if not name else _named_group(table, faces, name)
-    return with_ids(groups)
+    for name in [one for one in dict.fromkeys(node_label) if one]:
+        mine = np.flatnonzero(label == name)
+        if category_of(name) is Category.STRUCTURE:
+            groups += _named_structure(table, faces[mine], name)
+        else:
+            groups += [Group("", name, faces[mine[own]], None) for own in _apart(table, faces[mine], thing[mine])]
+    unnamed = faces[label == ""]
+    if scan.node_labels:  # scraps between what is annotated are not one thing
+        return groups + [Group("", readable(scan.label), cluster, None) for cluster in _clusters(table, unnamed)]
+    return groups + (_unnamed_groups(table, unnamed, readable(scan.label)) if len(unnamed) else [])
 
 
-def _named_group(table: FaceTable, faces: NDArray[np.int64], name: str) -> list[Group]:
-    """One thing; the walls of a room, named as one, are told apart by their planes."""
-    if category_of(name) is not Category.STRUCTURE:
-        return [Group("", name, faces, None)]
+def _apart(table: FaceTable, faces: NDArray[np.int64], thing: NDArray[np.int64]) -> list[NDArray[np.int64]]:
+    """Faces of one name by the node that they belong to (chair, chair.001); nodes that touch are one thing."""
+    node = renumbered(thing)
+    count = int(node.max(initial=-1)) + 1
+    if count < 2:
+        return [np.arange(len(faces))] if count else []
+    points, owner = surface_points(table.corners[faces], table.area[faces], TOUCHING)
+    group = _joined(points, node[owner], count)[node]
+    return [np.flatnonzero(group == i) for i in dict.fromkeys(group.tolist())]
+
+
+def _named_structure(table: FaceTable, faces: NDArray[np.int64], name: str) -> list[Group]:
+    """Floor or ceiling; the walls of a room, named as one, are told apart by their planes."""
     label = plain_structure(name)
     if label != "wall":
         return [Group("", label, faces, None)]
@@ -126,14 +149,19 @@ def _joined(points: NDArray[np.float64], component: NDArray[np.int64], count: in
 
 
 def with_ids(groups: list[Group]) -> list[Group]:
-    """Give every group without an id one made of its label, numbered where a label repeats."""
+    """Give every group without an id one made of its label, numbered where a label repeats or the id is taken."""
     labels = [group.label for group in groups]
+    taken = {group.id for group in groups}
     seen: dict[str, int] = {}
     named = []
     for group in groups:
         plain = group.label.replace(" ", "_") or "thing"
-        number = seen.get(plain, 0)
-        seen[plain] = number + 1
-        unique = plain if labels.count(group.label) == 1 else f"{plain}_{number}"
-        named.append(Group(group.id or unique, group.label or "thing", group.faces, group.axes))
+        unique = group.id or plain
+        if not group.id and (labels.count(group.label) > 1 or plain in taken):
+            number = seen.get(plain, 0)
+            while f"{plain}_{number}" in taken:
+                number += 1
+            unique, seen[plain] = f"{plain}_{number}", number + 1
+        taken.add(unique)
+        named.append(Group(unique, group.label or "thing", group.faces, group.axes))
     return named

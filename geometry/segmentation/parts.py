@@ -82,21 +82,24 @@ def find_parts(
     axes: NDArray[np.float64] | None,
     node_words: Sequence[str],
     *,
+    annotated: tuple[NDArray[np.int64], list[str]] | None = None,
     as_object: bool = False,
 ) -> tuple[NDArray[np.int32], tuple[Part, ...], OrientedBox, NDArray[np.float64] | None]:
     """Parts of one instance.
 
     `axes` (3, 3) is the annotated orientation, None to find it; `node_words` names the part of each face as its node
-    says (empty where it does not). Returns the part of each face (k,), the parts, the box and the front (world).
+    says (empty where it does not); `annotated` are parts that are known, a number per face and their names, which then
+    only lack boxes. Returns the part of each face (k,), the parts, the box and the front (world).
     """
     box = _box_of(table.corners[faces].reshape(-1, 3), axes, tie=1.0)
     body = make_body(table, faces, box)
     parts = _named_by_nodes(body, node_words) or _rule(label, as_object=as_object)(body)
     if category_of(label) is Category.STRUCTURE:
         parts = PartMap.filled(len(faces), plain_structure(label))
-    index, names = _grouped(body, parts)
+    index, names = _grouped(body, parts) if annotated is None else annotated
+    confidence = parts.confidence if annotated is None else 1.0
     found = tuple(
-        Part(name, _box_of(table.corners[faces[index == i]].reshape(-1, 3), box.axes, tie=AXES_TIE), parts.confidence)
+        Part(name, _box_of(table.corners[faces[index == i]].reshape(-1, 3), box.axes, tie=AXES_TIE), confidence)
         for i, name in enumerate(names)
     )
     front = None if parts.front is None else box.axes @ parts.front
@@ -196,9 +199,9 @@ def _spread(words: Sequence[str], face_node: NDArray[np.int32], faces: NDArray[n
 
 def make_instance(
     instance_id: str, label: str, table: FaceTable, faces: NDArray[np.int64], axes: NDArray[np.float64] | None,
-    words: Sequence[str],
+    words: Sequence[str], annotated: tuple[NDArray[np.int64], list[str]] | None = None,
 ) -> tuple[Instance, NDArray[np.int32]]:  # fmt: skip
     """One instance of a scene and the part of each of its faces (k,)."""
-    face_part, parts, box, front = find_parts(table, faces, label, axes, words)
+    face_part, parts, box, front = find_parts(table, faces, label, axes, words, annotated=annotated)
     structure = category_of(label) is Category.STRUCTURE
     return Instance(instance_id, label, box, parts, front, structure=structure), face_part

@@ -60,6 +60,8 @@ class RawMesh:
     unit_metres: float
     """Length unit by the format's standard [m]; 0 if the format has none."""
     notes: tuple[str, ...]
+    node_labels: tuple[str | None, ...] = ()
+    """What each node's instance is annotated as, as in `Scan`; empty: the file annotates nothing."""
 
     def __post_init__(self) -> None:
         if not len(self.vertices) or not len(self.faces):

@@ -1,6 +1,8 @@
 """One door for every foreign scene and object: a path in, a `Scan` in metres and z up out."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +17,7 @@ from scene.readers.obj import read_obj
 from scene.readers.paint import bake
 from scene.readers.ply import read_ply
 from scene.readers.raw import RawMesh
+from scene.readers.scannet import is_scannet, read_scannet
 from scene.readers.splats import discs, read_splats
 from scene.readers.stl import read_stl
 from scene.readers.sugar import check_suffix, describe, find_mesh, is_splats
@@ -35,7 +38,7 @@ Mesher = Callable[[Gaussians], Mesh]
 def read_scan(
     path: Path, options: SourceOptions, role: Role, *, folder: str = "", mesher: Mesher | None = None
 ) -> Scan:
-    """Read a folder (InteriorGS, SuGaR, or one with a single mesh), a mesh file or Gaussian splats.
+    """Read a folder (InteriorGS, ScanNet, SuGaR, or one with a single mesh), a mesh file or Gaussian splats.
 
     `folder` is the name of the folder that was given, or that a given file lay in, where `path` is a copy of it. Splats
     without a mesh need a `mesher`.
@@ -50,6 +53,8 @@ def read_scan(
 
 
 def _read_folder(folder: Path, options: SourceOptions, role: Role, name: str, mesher: Mesher | None) -> Scan:
+    if is_scannet(folder) and not is_interiorgs(folder):
+        return _read_scannet(folder, options, role)
     mesh_path, notes = find_mesh(folder)
     raw, splats = read_file(mesh_path)
     if not is_interiorgs(folder):
@@ -57,9 +62,10 @@ def _read_folder(folder: Path, options: SourceOptions, role: Role, name: str, me
         own = describe(mesh_path, name if mesh_path.parent == folder else "")
         mesh = _meshed(mesh_path, splats, frame, mesher)
         return _scan(raw, frame, label=options.label or own, notes=notes, mesh=mesh)
-    boxes, label_notes = read_labels(folder)
-    rooms, structure = read_structure(folder)
-    frame = interiorgs_frame(raw, options, role)
+    with readable(folder):
+        boxes, label_notes = read_labels(folder)
+        rooms, structure = read_structure(folder)
+    frame = stated_frame(raw, options, role)
     boxes = boxes + tuple(box for box in structure if not any(_same_thing(box, other) for other in boxes))
     mesh = _meshed(mesh_path, splats, frame, mesher)
     return _scan(raw, frame, label=options.label, notes=notes + label_notes, boxes=boxes, rooms=rooms, mesh=mesh)
@@ -76,28 +82,44 @@ def _same_thing(box: LabelBox, other: LabelBox) -> bool:
     return bool(near) and box.label in other.label.split()
 
 
-def interiorgs_frame(raw: RawMesh, options: SourceOptions, role: Role) -> Frame:
-    """InteriorGS states metres and z up, for the mesh too; options still win."""
+def _read_scannet(folder: Path, options: SourceOptions, role: Role) -> Scan:
+    """The aligned mesh of a scene of ScanNet and its instances."""
+    with readable(folder):
+        raw, file_from_scanned = read_scannet(folder)
+    frame = stated_frame(raw, options, role)
+    return _scan(
+        raw, replace(frame, world_from_file=frame.world_from_file @ file_from_scanned), label=options.label, mesh=None
+    )
+
+
+def stated_frame(raw: RawMesh, options: SourceOptions, role: Role) -> Frame:
+    """InteriorGS and ScanNet state metres and z up, for the mesh too; options still win."""
     stated = SourceOptions(
         up="z" if options.up == "auto" else options.up, unit="m" if options.unit == "auto" else options.unit
     )
     frame = find_frame(raw, stated, role)
-    source = "format" if options.unit == "auto" else "option"
-    return Frame(frame.world_from_file, frame.up, frame.unit_metres, source, frame.notes)
+    return replace(frame, unit_source="format" if options.unit == "auto" else "option")
+
+
+@contextmanager
+def readable(path: Path) -> Iterator[None]:
+    """Turns what broken bytes make the decoding raise into one line."""
+    try:
+        yield
+    except OSError as error:
+        raise FormatError(f"{path}: cannot be read: {error.strerror}") from None
+    except BROKEN as error:
+        raise FormatError(f"{path}: the file contradicts its format ({type(error).__name__}: {error})") from None
 
 
 def read_file(path: Path) -> tuple[RawMesh, Gaussians | None]:
     """A mesh, or Gaussians with the discs that they look like as a mesh, which units and axes are found by."""
     check_suffix(path)
-    try:
+    with readable(path):
         if is_splats(path):
             splats = read_splats(path)
             return discs(path, splats), splats
         return READERS[path.suffix.lower()](path), None
-    except OSError as error:
-        raise FormatError(f"{path}: cannot be read: {error.strerror}") from None
-    except BROKEN as error:
-        raise FormatError(f"{path}: the file contradicts its format ({type(error).__name__}: {error})") from None
 
 
 def _meshed(path: Path, splats: Gaussians | None, frame: Frame, mesher: Mesher | None) -> Mesh | None:
@@ -132,4 +154,5 @@ def _scan(
         rooms=rooms,
         label=" ".join(label.replace("_", " ").lower().split()), world_from_file=frame.world_from_file, up=frame.up,
         unit_metres=frame.unit_metres, unit_source=frame.unit_source, notes=raw.notes + frame.notes + notes,
+        node_labels=raw.node_labels,
     )  # fmt: skip

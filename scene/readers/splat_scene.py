@@ -12,7 +12,7 @@ from scene.occupancy import Occupancy
 from scene.readers.frame import Role, find_frame
 from scene.readers.interiorgs import is_interiorgs, read_labels, read_structure
 from scene.readers.occupancy import read_occupancy
-from scene.readers.source import interiorgs_frame, read_file
+from scene.readers.source import stated_frame, read_file
 from scene.readers.sugar import COMPRESSED_NAME, find_splats
 from scene.sample import SourceOptions
 from scene.scan import LabelBox, Room
@@ -49,7 +49,7 @@ def read_splat_scene(path: Path, options: SourceOptions) -> SplatScene:
     if splats is None:
         raise InputError(f"{found}: a mesh, not Gaussian splats; give a .ply of splats or a folder with one")
     annotated = path.is_dir() and is_interiorgs(path)
-    frame = (interiorgs_frame if annotated else find_frame)(raw, options, Role.SCENE)
+    frame = (stated_frame if annotated else find_frame)(raw, options, Role.SCENE)
     boxes, notes = read_labels(path) if annotated else ((), ())
     rooms = read_structure(path)[0] if annotated else ()
     occupancy, map_notes = read_occupancy(path, rooms) if path.is_dir() else (None, ())
