@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
-import trimesh
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation as Turn
 
@@ -18,6 +17,7 @@ from evaluation.region import region_missed
 from flows.sample_run import FinishedSample
 from scene.anchor import Anchor
 from scene.codec import mesh_to_ply, to_tree
+from scene.glb_write import Node, glb_bytes, labelled_nodes
 from scene.intent import Intent
 from scene.materials import PartMaterial, PartMaterials
 from scene.mesh import Mesh
@@ -33,8 +33,6 @@ from tasks.render import settled_item, settled_scene
 AT_REST = "at_rest"
 PICTURES = ("clean", "asked", "settled", "closeup")
 OWNED = frozenset({"object.ply", "scene.glb", *(f"{name}.png" for name in PICTURES)})
-GLTF_FROM_WORLD = np.array([[1.0, 0, 0, 0], [0, 0, 1.0, 0], [0, -1.0, 0, 0], [0, 0, 0, 1.0]])
-"""glTF wants y up."""
 
 Kind = TypeVar("Kind")
 
@@ -253,31 +251,18 @@ def write_geometry(values: Values, folder: Path) -> dict[str, str]:
     """object.ply and scene.glb, as far as there is something to write."""
     if values.scene is None:
         return {}
-    scene, thing = values.scene.mesh, None
+    scene, thing = values.scene, None
     if values.settled and values.anchor and values.item and values.settled.bodies:
-        scene = settled_scene(values.scene, values.settled, values.anchor.base_id).mesh
+        scene = settled_scene(values.scene, values.settled, values.anchor.base_id)
         thing = settled_item(values.item, values.anchor, values.settled.bodies[0])
         (folder / "object.ply").write_bytes(mesh_to_ply(thing))
     (folder / "scene.glb").write_bytes(scene_glb(scene, thing))
     return ({"object": "object.ply"} if thing else {}) | {"scene": "scene.glb"}
 
 
-def scene_glb(scene: Mesh, thing: Mesh | None) -> bytes:
-    """The scene and the object at rest in it as two nodes, y up as glTF wants it."""
-    glb = trimesh.Scene()
-    add_node(glb, "scene", scene)
-    if thing is not None:
-        add_node(glb, "object", thing)
-    data = glb.export(file_type="glb")  # type: ignore[no-untyped-call]
-    assert isinstance(data, bytes)
-    return data
-
-
-def add_node(glb: trimesh.Scene, name: str, mesh: Mesh) -> None:
-    """One named mesh with vertex colours."""
-    if len(mesh.faces):
-        shape = trimesh.Trimesh(mesh.vertices, mesh.faces, vertex_colors=mesh.colors, process=False)
-        glb.add_geometry(shape, node_name=name, geom_name=name, transform=GLTF_FROM_WORLD)
+def scene_glb(scene: Segmentation, thing: Mesh | None) -> bytes:
+    """The scene, a node per instance and part, and the object at rest in it."""
+    return glb_bytes(labelled_nodes(scene) + ([] if thing is None else [Node("object", thing)]))
 
 
 def copy_pictures(finished: FinishedSample, store: Store, folder: Path) -> dict[str, str]:

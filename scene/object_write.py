@@ -7,14 +7,11 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-import trimesh
 
 from scene.errors import InputError
+from scene.glb_write import Node, glb_bytes
 from scene.interiorgs_write import write_ply
 from scene.mesh import Mesh
-
-GLTF_FROM_WORLD = np.array([[1.0, 0, 0, 0], [0, 0, 1.0, 0], [0, -1.0, 0, 0], [0, 0, 0, 1.0]])
-"""(x, y, z) with z up to (x, z, -y) with y up."""
 
 
 def write_object(path: Path, parts: Sequence[tuple[str, Mesh]]) -> None:
@@ -22,24 +19,13 @@ def write_object(path: Path, parts: Sequence[tuple[str, Mesh]]) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
     whole = Mesh.concatenate([mesh for _, mesh in parts])
     if path.suffix == ".glb":
-        path.write_bytes(_glb(parts))
+        path.write_bytes(glb_bytes([Node(name, mesh) for name, mesh in parts]))
     elif path.suffix == ".ply":
         write_ply(path, whole)
     elif path.suffix == ".obj":
         path.write_text(_obj(whole), encoding="ascii")
     else:
         raise InputError(f"{path}: objects are written as .glb, .obj or .ply, not {path.suffix!r}")
-
-
-def _glb(parts: Sequence[tuple[str, Mesh]]) -> bytes:
-    scene = trimesh.Scene()
-    for name, mesh in parts:
-        turned = mesh.transformed(GLTF_FROM_WORLD)
-        shape = trimesh.Trimesh(turned.vertices, turned.faces, vertex_colors=turned.colors, process=False)
-        scene.add_geometry(shape, node_name=name, geom_name=name)
-    data = scene.export(file_type="glb")  # type: ignore[no-untyped-call]
-    assert isinstance(data, bytes)
-    return data
 
 
 def _obj(mesh: Mesh) -> str:

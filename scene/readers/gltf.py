@@ -39,6 +39,9 @@ UNDERSTOOD = {
 DEEPEST_NODE = 256
 """Levels of the node tree: far above any scene that people make, far below Python's limit of recursion."""
 
+LONGEST_NAME = 200
+"""Letters of a name that are kept: trails join up to `DEEPEST_NODE` of them."""
+
 
 def read_gltf(path: Path, report: Report | None = None) -> RawMesh:
     """Read the default scene of a glTF file; with a `report`, accessors and faces that are broken are told."""
@@ -101,6 +104,8 @@ class _Builder:
         self.visited: set[int] = set()
         self.notes: list[str] = []
         self.names: list[str] = []
+        self.labels: list[str | None] = []
+        self.taken: dict[tuple[str, ...], int] = {}
         self.textures: list[NDArray[np.uint8]] = []
         self.texture_slot: dict[int, int] = {}
         self.vertices: list[NDArray[np.float64]] = []
@@ -116,7 +121,7 @@ class _Builder:
     def build(self) -> RawMesh:
         """Walk the default scene and join what it holds."""
         for root in self._roots():
-            self._visit(root, np.eye(4), ())
+            self._visit(root, np.eye(4), (), None, 0)
         if not self.faces:
             raise InputError(f"{self.path}: no triangles in its scene: nothing to place on or to place")
         painted = any((c != 200).any() for c in self.face_color) or self.textures
@@ -130,6 +135,7 @@ class _Builder:
             colors=np.concatenate(white) if colored else None, paint=self._paint() if painted or not colored else None,
             face_node=np.concatenate(self.face_node), node_names=tuple(self.names), up="y", unit_metres=1.0,
             notes=tuple(dict.fromkeys(self.notes)),
+            node_labels=tuple(self.labels) if any(label is not None for label in self.labels) else (),
         )  # fmt: skip
 
     def _paint(self) -> Paint:
@@ -148,22 +154,38 @@ class _Builder:
         children = {child for node in self.nodes for child in node.get("children", [])}
         return [i for i in range(len(self.nodes)) if i not in children]
 
-    def _visit(self, index: int, world_from_parent: NDArray[np.float64], trail: tuple[str, ...]) -> None:
+    def _visit(
+        self, index: int, world_from_parent: NDArray[np.float64], trail: tuple[str, ...], label: str | None, depth: int
+    ) -> None:
+        """Collect a node and what is below it; `label` is what its instance is annotated as, where trails begin."""
         if index in self.visited:
             raise FormatError(f"{self.path}: node {index} has two parents, or is its own ancestor")
-        if len(trail) == DEEPEST_NODE:
+        if depth == DEEPEST_NODE:
             raise FormatError(f"{self.path}: node {index} lies more than {DEEPEST_NODE} nodes deep; flatten the tree")
         self.visited.add(index)
         node = self.nodes[index]
         world_from_node = world_from_parent @ _local_matrix(node)
         mesh = self.meshes[int(node["mesh"])] if "mesh" in node else None
-        name = str(node.get("name") or (mesh or {}).get("name") or f"node_{index}").replace("/", "_")
+        own = _annotated_label(node)
+        if own is not None:
+            trail, label = (), own
+        trail = self._unique((*trail, _name(node, mesh, index)))
         if mesh is not None:
-            self.names.append("/".join((*trail, name)))
+            self.names.append("/".join(trail))
+            self.labels.append(label)
             for primitive in mesh["primitives"]:
                 self._add(primitive, world_from_node, len(self.names) - 1)
         for child in node.get("children", []):
-            self._visit(int(child), world_from_node, (*trail, name))
+            self._visit(int(child), world_from_node, trail, label, depth + 1)
+
+    def _unique(self, trail: tuple[str, ...]) -> tuple[str, ...]:
+        """The trail with a number behind its last name where a node before has the same: they are two things."""
+        free = trail
+        while free in self.taken:
+            self.taken[trail] += 1
+            free = (*trail[:-1], f"{trail[-1]}.{self.taken[trail]}")
+        self.taken[free] = 1
+        return free
 
     def _add(self, primitive: Entry, world_from_node: NDArray[np.float64], node: int) -> None:
         """Append one primitive; points and lines are left out."""
@@ -241,6 +263,18 @@ class _Builder:
             self.notes.append(f"texture {uri!r} {absence(unquote(uri))}: the material's colour is used")
             return None
         return read_image(_uri_bytes(self.path, uri), where)
+
+
+def _name(node: Entry, mesh: Entry | None, index: int) -> str:
+    """The node's name, else its mesh's; '/' is for trails."""
+    return str(node.get("name") or (mesh or {}).get("name") or f"node_{index}")[:LONGEST_NAME].replace("/", "_")
+
+
+def _annotated_label(node: Entry) -> str | None:
+    """What a node is annotated as: `label` of its extras, as `scene.glb_write` writes it."""
+    extras = node.get("extras")
+    label = extras.get("label") if isinstance(extras, dict) else None
+    return " ".join(label.lower().split()) if isinstance(label, str) else None
 
 
 def _local_matrix(node: Entry) -> NDArray[np.float64]:
