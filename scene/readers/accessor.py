@@ -16,6 +16,9 @@ LARGEST = {5120: 127.0, 5121: 255.0, 5122: 32767.0, 5123: 65535.0, 5125: 4294967
 
 WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
 
+INCONSISTENT = (LookupError, TypeError, ValueError, AttributeError, OverflowError)
+"""What entries that contradict each other raise."""
+
 
 class Accessors:
     """The accessors of one document over its loaded buffers."""
@@ -24,14 +27,17 @@ class Accessors:
         self.path, self.buffers = path, buffers
         self.entries = entries(path, document, "accessors")
         self.views = entries(path, document, "bufferViews")
+        self.broken: set[int] = set()
         for index in range(len(self.entries)):
             try:
                 self._check(index)
-            except InputError as broken:
-                report(error(str(broken).removeprefix(f"{path}: "), ("accessors", index)))
-            except (KeyError, IndexError, TypeError, ValueError, AttributeError) as broken:
-                what = f"accessor {index} is inconsistent ({type(broken).__name__}: {broken})"
-                report(error(what, ("accessors", index)))
+            except (InputError, *INCONSISTENT) as broken:
+                self.broken.add(index)
+                what = str(broken if isinstance(broken, InputError) else self._inconsistent(index, broken))
+                report(error(what.removeprefix(f"{path}: "), ("accessors", index)))
+
+    def _inconsistent(self, index: int, cause: Exception) -> FormatError:
+        return FormatError(f"{self.path}: accessor {index} is inconsistent ({type(cause).__name__}: {cause})")
 
     def view(self, index: int) -> bytes:
         """The bytes of one buffer view."""
@@ -46,6 +52,14 @@ class Accessors:
 
     def read(self, index: int) -> NDArray[np.generic]:
         """The values of one accessor, shape (count, width); normalised integers become floats."""
+        try:
+            if index < 0 or index in self.broken:  # told before; what it promises is not to be allocated
+                raise FormatError(f"{self.path}: accessor {index} is broken")
+            return self._read(index)
+        except INCONSISTENT as broken:
+            raise self._inconsistent(index, broken) from None
+
+    def _read(self, index: int) -> NDArray[np.generic]:
         entry = self.entries[index]
         dtype, width, count = np.dtype(COMPONENTS[entry["componentType"]]), WIDTHS[entry["type"]], int(entry["count"])
         if "bufferView" in entry:

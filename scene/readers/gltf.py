@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from scene.errors import FormatError, InputError
 from scene.problems import Report, error, refusing
-from scene.readers.accessor import Accessors
+from scene.readers.accessor import INCONSISTENT, Accessors
 from scene.readers.companions import absence, beside
 from scene.readers.gltf_document import Entry, Json, binary_chunk, entries, read_document, require
 from scene.readers.image import read_image
@@ -56,12 +56,20 @@ def read_gltf(path: Path, report: Report | None = None) -> RawMesh:
 def _refuse_extensions(path: Path, document: Json) -> None:
     """Refuse compression, named with its remedy, and required extensions that we do not know."""
     used = {str(e) for key in ("extensionsUsed", "extensionsRequired") for e in require(path, document, key, list, [])}
+    used |= _at_work(path, document)
     for name, remedy in COMPRESSED.items():
         if name in used:
             raise FormatError(f"{path}: compressed with {name}, which is not read; decode it first: {remedy}")
     unknown = sorted(str(e) for e in require(path, document, "extensionsRequired", list, []) if e not in UNDERSTOOD)
     if unknown:
         raise FormatError(f"{path}: requires the extension {', '.join(unknown)}, which is not read")
+
+
+def _at_work(path: Path, document: Json) -> set[str]:
+    """Extensions of primitives and buffer views, which some writers forget to declare."""
+    primitives = [p for mesh in entries(path, document, "meshes") for p in mesh.get("primitives") or ()]
+    found = [one.get("extensions") for one in (*primitives, *entries(path, document, "bufferViews"))]
+    return {str(name) for one in found if isinstance(one, dict) for name in one}
 
 
 def _buffers(path: Path, document: Json, binary: bytes | None) -> list[bytes]:
@@ -150,7 +158,10 @@ class _Builder:
         """Root nodes of the default scene; without scenes, all nodes that are nobody's child."""
         scenes = entries(self.path, self.document, "scenes")
         if scenes:
-            return [int(i) for i in scenes[require(self.path, self.document, "scene", int, 0)].get("nodes", [])]
+            scene = require(self.path, self.document, "scene", int, 0)
+            if not 0 <= scene < len(scenes):
+                raise FormatError(f"{self.path}: glTF key 'scene' is {scene}, the file has {len(scenes)} scenes")
+            return [int(i) for i in scenes[scene].get("nodes", [])]
         children = {child for node in self.nodes for child in node.get("children", [])}
         return [i for i in range(len(self.nodes)) if i not in children]
 
@@ -163,6 +174,20 @@ class _Builder:
         if depth == DEEPEST_NODE:
             raise FormatError(f"{self.path}: node {index} lies more than {DEEPEST_NODE} nodes deep; flatten the tree")
         self.visited.add(index)
+        try:
+            world_from_node, trail, label = self._take(index, world_from_parent, trail, label)
+            children = [int(child) for child in self.nodes[index].get("children", [])]
+        except INCONSISTENT as broken:
+            raise FormatError(
+                f"{self.path}: node {index} is inconsistent ({type(broken).__name__}: {broken})"
+            ) from None
+        for child in children:
+            self._visit(child, world_from_node, trail, label, depth + 1)
+
+    def _take(
+        self, index: int, world_from_parent: NDArray[np.float64], trail: tuple[str, ...], label: str | None
+    ) -> tuple[NDArray[np.float64], tuple[str, ...], str | None]:
+        """Collect what one node draws; its own frame, trail and label."""
         node = self.nodes[index]
         world_from_node = world_from_parent @ _local_matrix(node)
         mesh = self.meshes[int(node["mesh"])] if "mesh" in node else None
@@ -175,8 +200,7 @@ class _Builder:
             self.labels.append(label)
             for primitive in mesh["primitives"]:
                 self._add(primitive, world_from_node, len(self.names) - 1)
-        for child in node.get("children", []):
-            self._visit(int(child), world_from_node, trail, label, depth + 1)
+        return world_from_node, trail, label
 
     def _unique(self, trail: tuple[str, ...]) -> tuple[str, ...]:
         """The trail with a number behind its last name where a node before has the same: they are two things."""

@@ -12,7 +12,7 @@ from scene.occupancy import Occupancy
 from scene.readers.frame import Role, find_frame
 from scene.readers.interiorgs import is_interiorgs, read_labels, read_structure
 from scene.readers.occupancy import read_occupancy
-from scene.readers.source import stated_frame, read_file
+from scene.readers.source import read_file, stated_frame
 from scene.readers.sugar import COMPRESSED_NAME, find_splats
 from scene.sample import SourceOptions
 from scene.scan import LabelBox, Room
