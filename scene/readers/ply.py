@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from scene.errors import FormatError, InputError
 from scene.problems import Report, error, refusing
-from scene.readers.ply_table import Column, Header, Table, is_scalar, read_header, read_tables, scalar
+from scene.readers.ply_table import Column, Header, Lists, Table, is_scalar, read_header, read_tables, scalar
 from scene.readers.polygons import triangulate
 from scene.readers.raw import Paint, RawMesh, check_face_count, check_vertex_count, read_bytes
 from scene.readers.splats import describes_splats
@@ -54,22 +54,13 @@ def _faces(
     path: Path, vertices: NDArray[np.float64], index: Column, report: Report
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Triangles (t, 3) and the polygon (t,) that each came from."""
-    if not isinstance(index, list):
-        rows = {index.shape[1]: (np.arange(len(index)), index.astype(np.int64))}
-    else:
-        lengths = np.array([len(row) for row in index])
-        rows = {
-            int(n): (
-                np.flatnonzero(lengths == n),
-                np.array([index[i] for i in np.flatnonzero(lengths == n)], dtype=np.int64),
-            )
-            for n in np.unique(lengths)
-        }
-    faces, owners = [np.zeros((0, 3), dtype=np.int64)], [np.zeros(0, dtype=np.int64)]
-    check_face_count(path, sum(len(numbers) * max(0, corners - 2) for corners, (numbers, _) in rows.items()))
-    for corners, (numbers, polygons) in rows.items():
-        if corners < 3:
-            continue
+    lengths = index.lengths if isinstance(index, Lists) else np.full(len(index), index.shape[1])
+    check_face_count(path, int(np.maximum(lengths - 2, 0).sum()))
+    faces: list[NDArray[np.int64]] = []
+    owners: list[NDArray[np.int64]] = []
+    for corners in np.unique(lengths[lengths > 2]).tolist():
+        numbers, values = index.of_length(corners) if isinstance(index, Lists) else (np.arange(len(index)), index)
+        polygons = values.astype(np.int64)
         wrong = (polygons < 0) | (polygons >= len(vertices))
         if wrong.any():
             bad = wrong.any(axis=1)
@@ -79,6 +70,8 @@ def _faces(
         triples, owner = triangulate(vertices, polygons)
         faces.append(np.take_along_axis(polygons[owner], triples, axis=1))
         owners.append(numbers[owner])
+    if not faces:
+        raise InputError(f"{path}: {len(lengths)} faces, none with three corners: nothing to place on or to place")
     owner = np.concatenate(owners)
     order = np.argsort(owner, kind="stable")
     return np.concatenate(faces)[order], owner[order]

@@ -4,6 +4,8 @@ Guaranteed: the counts that the header promises are checked against the file's l
 Source: Greg Turk, "The PLY Polygon File Format", 1994.
 """
 
+import warnings
+from array import array
 from dataclasses import dataclass, field
 from math import isfinite
 from pathlib import Path
@@ -46,7 +48,28 @@ class Element:
     properties: list[Property] = field(default_factory=list)
 
 
-Column = NDArray[np.generic] | list[NDArray[np.generic]]
+@dataclass(frozen=True, eq=False)
+class Lists:
+    """A property of lists that differ in length."""
+
+    lengths: NDArray[np.int64]
+    """Numbers in each row's list, shape (n,)."""
+    values: NDArray[np.generic]
+    """The numbers of all lists, one after the other."""
+
+    def __len__(self) -> int:
+        return len(self.lengths)
+
+    def of_length(self, length: int) -> tuple[NDArray[np.int64], NDArray[np.generic]]:
+        """The rows (k,) whose lists have that length, and those lists (k, length)."""
+        rows = np.flatnonzero(self.lengths == length)
+        start = (np.cumsum(self.lengths) - self.lengths)[rows]
+        return rows, self.values[start[:, None] + np.arange(length)]
+
+
+Column = NDArray[np.generic] | Lists
+"""One number per row (n,), lists of one length (n, k), or lists of several."""
+
 Table = dict[str, Column]
 
 
@@ -112,8 +135,7 @@ def read_tables(path: Path, header: Header, data: bytes, report: Report | None =
     """
     _check_length(path, header, len(data) - header.size)
     if header.order == "ascii":
-        values = _ascii_values(data, header.size, report or refusing(path))
-        return _ascii(path, header.elements, values)
+        return _ascii(path, header.elements, _numbers(data, header.size, report or refusing(path)))
     return _binary(path, header.elements, header.order, data, header.size)
 
 
@@ -186,48 +208,33 @@ def _first_lengths(path: Path, element: Element, order: str, data: bytes, start:
 
 def _binary_rows(path: Path, element: Element, order: str, data: bytes, start: int) -> tuple[Table, int]:
     """One element whose lists differ in length."""
-    columns: list[list[NDArray[np.generic]]] = [[] for _ in element.properties]
     types = [
         (np.dtype(order + p.count_type) if p.count_type else None, np.dtype(order + p.type)) for p in element.properties
     ]
-    for _ in range(element.count):
-        for column, (count_type, value_type) in zip(columns, types, strict=True):
+    least = sum((count_type or value_type).itemsize for count_type, value_type in types)
+    lengths = [array("q") for _ in types]
+    values = [bytearray() for _ in types]
+    for row in range(element.count):
+        if start + (element.count - row) * least > len(data):
+            raise _truncated(path, element)
+        for i, (count_type, value_type) in enumerate(types):
             length = 1
             if count_type is not None:
                 if start + count_type.itemsize > len(data):
                     raise _truncated(path, element)
                 length = int(np.frombuffer(data, count_type, 1, start)[0])
                 start += count_type.itemsize
-            if length < 0 or start + length * value_type.itemsize > len(data):
+                lengths[i].append(length)
+            size = length * value_type.itemsize
+            if length < 0 or start + size > len(data):
                 raise _truncated(path, element)
-            column.append(np.frombuffer(data, value_type, length, start))
-            start += length * value_type.itemsize
-    return _rows_to_table(element, columns), start
-
-
-def _rows_to_table(element: Element, columns: list[list[NDArray[np.generic]]]) -> Table:
-    """Scalars as one array, lists as a list of arrays."""
-    return {
-        p.name: column if p.count_type else np.concatenate(column)
-        for p, column in zip(element.properties, columns, strict=True)
-    }
-
-
-def _ascii_values(data: bytes, start: int, report: Report) -> NDArray[np.float64]:
-    """All numbers of an ascii file in its order."""
-    try:
-        return np.array(data[start:].split(), dtype=np.float64)
-    except ValueError:
-        pass
-    values: list[float] = []
-    for number, line in enumerate(data[start:].split(b"\n"), start=data.count(b"\n", 0, start) + 1):
-        for word in line.split():
-            try:
-                values.append(float(word))
-            except ValueError:
-                report(error(f"{word.decode('latin-1')!r} in the PLY data is no number", line=number))
-                values.append(0.0)
-    return np.array(values)
+            values[i] += data[start : start + size]
+            start += size
+    table: Table = {}
+    for i, (prop, (count_type, value_type)) in enumerate(zip(element.properties, types, strict=True)):
+        numbers = np.frombuffer(values[i], value_type)
+        table[prop.name] = numbers if count_type is None else Lists(np.array(lengths[i], dtype=np.int64), numbers)
+    return table, start
 
 
 def _ascii(path: Path, elements: list[Element], values: NDArray[np.float64]) -> dict[str, Table]:
@@ -239,6 +246,32 @@ def _ascii(path: Path, elements: list[Element], values: NDArray[np.float64]) -> 
     return tables
 
 
+def _numbers(data: bytes, start: int, report: Report) -> NDArray[np.float64]:
+    """All numbers of a text from its byte `start` on, shape (n,)."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", DeprecationWarning)  # what numpy says where it meets another word
+        try:
+            return np.fromstring(data[start:], dtype=np.float64, sep=" ")
+        except (DeprecationWarning, ValueError):
+            pass
+    values = array("d")
+    for number, line in enumerate(data[start:].split(b"\n"), start=data.count(b"\n", 0, start) + 1):
+        for word in line.split():
+            value = _number(word)
+            if value is None:
+                report(error(f"{word.decode('latin-1')!r} in the PLY data is no number", line=number))
+            values.append(0.0 if value is None else value)
+    return np.array(values, dtype=np.float64)
+
+
+def _number(word: bytes) -> float | None:
+    """A number as PLY has it, which is not with Python's underscores; None where it is none."""
+    try:
+        return None if b"_" in word else float(word)
+    except ValueError:
+        return None
+
+
 def _ascii_element(path: Path, element: Element, values: NDArray[np.float64], start: int) -> tuple[Table, int]:
     """One element of an ascii file."""
     if not any(p.count_type for p in element.properties):
@@ -247,9 +280,12 @@ def _ascii_element(path: Path, element: Element, values: NDArray[np.float64], st
             raise _truncated(path, element)
         block = values[start:end].reshape(element.count, len(element.properties))
         return {p.name: block[:, i] for i, p in enumerate(element.properties)}, end
-    columns: list[list[NDArray[np.generic]]] = [[] for _ in element.properties]
+    if start + element.count * len(element.properties) > len(values):  # an empty list still states its length
+        raise _truncated(path, element)
+    lengths = [array("q") for _ in element.properties]
+    places = [array("q") for _ in element.properties]
     for _ in range(element.count):
-        for column, prop in zip(columns, element.properties, strict=True):
+        for i, prop in enumerate(element.properties):
             length = 1
             if prop.count_type:
                 stated = float(values[start]) if start < len(values) else -1.0
@@ -257,9 +293,23 @@ def _ascii_element(path: Path, element: Element, values: NDArray[np.float64], st
                 start += 1
             if length < 0 or start + length > len(values):
                 raise _truncated(path, element)
-            column.append(values[start : start + length])
+            lengths[i].append(length)
+            places[i].append(start)
             start += length
-    return _rows_to_table(element, columns), start
+    return {
+        prop.name: _gathered(values, np.array(place, dtype=np.int64), np.array(length, dtype=np.int64), prop)
+        for prop, place, length in zip(element.properties, places, lengths, strict=True)
+    }, start
+
+
+def _gathered(
+    values: NDArray[np.float64], place: NDArray[np.int64], length: NDArray[np.int64], prop: Property
+) -> Column:
+    """The numbers of one property that begin at `place`."""
+    if not prop.count_type:
+        return values[place]
+    before = np.cumsum(length) - length
+    return Lists(length, values[np.repeat(place - before, length) + np.arange(int(length.sum()))])
 
 
 def _truncated(path: Path, element: Element) -> FormatError:
@@ -277,5 +327,5 @@ def scalar(path: Path, table: Table, name: str) -> NDArray[np.generic]:
 
 
 def is_scalar(column: Column) -> bool:
-    """Whether the property has one number per row; lists of one length are a matrix, others a list of arrays."""
-    return not isinstance(column, list) and column.ndim == 1
+    """Whether the property has one number per row, not lists."""
+    return not isinstance(column, Lists) and column.ndim == 1
