@@ -61,7 +61,7 @@ def place(
     out: Annotated[Path | None, typer.Option(help="Folder for the results; default: data/runs/place.")] = None,
     language: Language = "offline",
     label: Annotated[str, typer.Option(help="What the scene mesh, or its unnamed nodes, shows: table.")] = "",
-    up: Annotated[str, typer.Option(help="Up axis of the scene file: z, y or auto.")] = "auto",
+    up: Annotated[str, typer.Option(help="Up axis of the scene file: z, y, -y, -z or auto.")] = "auto",
     unit: Annotated[str, typer.Option(help="Length unit of the scene file: m, cm, mm, in or auto.")] = "auto",
     object_label: Annotated[str, typer.Option(help="What the object is: mug.")] = "",
     object_up: Annotated[str, typer.Option(help="Up axis of the object file.")] = "auto",

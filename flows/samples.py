@@ -27,7 +27,7 @@ SPLAT_ROOMS = PROJECT_ROOT / "data" / "splat_rooms.yaml"
 TRUTH = "truth.yaml"
 """Intended outcomes of a dataset's samples, beside it; read after a run, never by a stage."""
 REQUIRED = ("id", "object", "prompt")
-UPS = ("auto", "y", "z")
+UPS = ("auto", "y", "z", "-y", "-z")
 UNITS = ("auto", "m", "cm", "mm", "in")
 OPTIONAL = ("room", "scene", "seed", "mass", "label", "up", "unit", "object_label", "object_up", "object_unit")
 HEAVIEST = 1e12

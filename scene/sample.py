@@ -8,7 +8,7 @@ class SourceOptions:
     """How to read a foreign file where the file itself does not say."""
 
     up: str = "auto"
-    """Up axis: y, z or auto."""
+    """Axis of the file that points up: y, z, -y, -z or auto."""
     unit: str = "auto"
     """Length unit: m, cm, mm, in or auto."""
     label: str = ""

@@ -11,14 +11,23 @@ from enum import StrEnum
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import ConvexHull, QhullError
 
 from scene.errors import InputError
 from scene.readers.raw import RawMesh
+from scene.readers.up_axis import contradicts_standard, estimated_up, up_of_room
 from scene.sample import SourceOptions
 
 UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254}
 """Length of each unit [m]."""
+
+
+WORLD_FROM_FILE = {
+    "z": [[1, 0, 0], [0, 1, 0], [0, 0, 1]],
+    "y": [[1, 0, 0], [0, 0, -1], [0, 1, 0]],  # (x, y, z) -> (x, -z, y)
+    "-y": [[1, 0, 0], [0, 0, 1], [0, -1, 0]],
+    "-z": [[1, 0, 0], [0, -1, 0], [0, 0, -1]],
+}
+"""Rotation that brings each axis of a file up: a turn about its x."""
 
 
 class Role(StrEnum):
@@ -66,11 +75,9 @@ def find_frame(raw: RawMesh, options: SourceOptions, role: Role) -> Frame:
     """Decide unit and up axis, and refuse a mesh of absurd size."""
     notes: list[str] = []
     unit, source = _unit(raw, options, role, notes)
-    up = _up(raw, options, role, notes)
+    up = _up(raw, options, role, unit, notes)
     world_from_file = np.eye(4)
-    if up == "y":  # (x, y, z) -> (x, -z, y)
-        world_from_file[:3, :3] = [[1, 0, 0], [0, 0, -1], [0, 1, 0]]
-    world_from_file[:3, :3] *= unit
+    world_from_file[:3, :3] = unit * np.array(WORLD_FROM_FILE[up])
     return Frame(world_from_file, up, unit, source, tuple(notes))
 
 
@@ -111,82 +118,20 @@ def _size_line(extent: float, role: Role) -> str:
     return f"{extent:.4g} units long and the file states no unit ({sizes}); set {_option(role, 'unit')}"
 
 
-def _up(raw: RawMesh, options: SourceOptions, role: Role, notes: list[str]) -> str:
-    """The up axis: y or z."""
+def _up(raw: RawMesh, options: SourceOptions, role: Role, unit: float, notes: list[str]) -> str:
+    """The axis of the file that points up: y, z, -y or -z."""
+    option = _option(role, "up")
     if options.up != "auto":
-        if options.up not in ("y", "z"):
-            raise InputError(f"{_option(role, 'up')} {options.up!r} is not one of auto, y, z")
+        if options.up not in WORLD_FROM_FILE:
+            raise InputError(f"{option} {options.up!r} is not one of auto, {', '.join(WORLD_FROM_FILE)}")
         return options.up
-    evidence = {axis: _evidence(raw, index) for axis, index in (("y", 1), ("z", 2))}
     if raw.up:
         other = "z" if raw.up == "y" else "y"
-        if _contradicts(evidence[raw.up], evidence[other]):
-            notes.append(f"{other} taken as up against the format's {raw.up}: it stands on it ({_option(role, 'up')})")
+        if contradicts_standard(raw):
+            notes.append(f"{other} taken as up against the format's {raw.up}: it stands on it ({option})")
             return other
         return raw.up
-    up = _estimated_up(raw, evidence)
-    notes.append(f"{up} taken as up, estimated from the shape ({_option(role, 'up')})")
+    furnished = up_of_room(raw, unit) if role is Role.SCENE else None
+    up, why = (furnished, "how the room is furnished") if furnished else estimated_up(raw)
+    notes.append(f"{up} taken as up, estimated from {why} ({option})")
     return up
-
-
-@dataclass(frozen=True)
-class UpEvidence:
-    """What speaks for one axis being up."""
-
-    grounded: bool
-    """The lowest coordinate is zero."""
-    floating: bool
-    """The origin lies well inside."""
-    level_area: float
-    """Area of faces perpendicular to the axis [units^2]."""
-    foot: float
-    """Area of the hull of the lowest points, as a share of the whole footprint; 0 if the middle is not above it."""
-
-
-def _evidence(raw: RawMesh, axis: int) -> UpEvidence:
-    low, high = raw.vertices.min(axis=0), raw.vertices.max(axis=0)
-    extent = high - low
-    height, largest = float(extent[axis]), float(extent.max())
-    a, b, c = (raw.vertices[raw.faces[:, i]] for i in range(3))
-    normals = np.cross(b - a, c - a)
-    area = 0.5 * np.linalg.norm(normals, axis=1)
-    level = np.abs(normals[:, axis]) > 0.95 * 2.0 * np.maximum(area, 1e-300)
-    return UpEvidence(
-        grounded=abs(float(low[axis])) <= 0.015 * largest,
-        floating=float(low[axis]) < -0.1 * height,
-        level_area=float(area[level].sum()),
-        foot=_foot(raw.vertices, axis, low, height),
-    )
-
-
-def _foot(vertices: NDArray[np.float64], axis: int, low: NDArray[np.float64], height: float) -> float:
-    """Share of the footprint on which the mesh would stand along `axis`."""
-    flat = np.delete(vertices, axis, axis=1)
-    lowest = flat[vertices[:, axis] <= low[axis] + 0.03 * height]
-    try:
-        whole, foot = ConvexHull(flat), ConvexHull(lowest)
-    except (QhullError, ValueError):
-        return 0.0
-    middle = flat.mean(axis=0)
-    inside = bool((foot.equations[:, :2] @ middle + foot.equations[:, 2] <= 0).all())
-    return float(foot.volume / whole.volume) if inside else 0.0
-
-
-def _contradicts(standard: UpEvidence, other: UpEvidence) -> bool:
-    """Whether the content speaks clearly against the format's own up axis.
-
-    A picture with its back in a coordinate plane would lie well, but it can stand on its edge too: the format is right.
-    """
-    lies = other.grounded and standard.floating and other.level_area > 1.5 * standard.level_area
-    return lies and other.foot > 1.5 * standard.foot
-
-
-def _estimated_up(raw: RawMesh, evidence: dict[str, UpEvidence]) -> str:
-    """Without a standard: where the mesh stands; in doubt y for OBJ (modelling tools), z else (scanners, CAD)."""
-    y, z = evidence["y"], evidence["z"]
-    if y.grounded != z.grounded:
-        return "y" if y.grounded else "z"
-    default = "y" if raw.path.suffix.lower() == ".obj" else "z"
-    if max(y.foot, z.foot) > 1.5 * min(y.foot, z.foot):
-        return "y" if y.foot > z.foot else "z"
-    return default

@@ -62,6 +62,8 @@ class RawMesh:
     notes: tuple[str, ...]
     node_labels: tuple[str | None, ...] = ()
     """What each node's instance is annotated as, as in `Scan`; empty: the file annotates nothing."""
+    of_splats: bool = False
+    """Faces that only stand for Gaussians: they tell where and which way, not which side is out."""
 
     def __post_init__(self) -> None:
         if not len(self.vertices) or not len(self.faces):

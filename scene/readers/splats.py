@@ -271,4 +271,5 @@ def discs(path: Path, splats: Gaussians) -> RawMesh:
     return RawMesh(
         path=path, vertices=corners.reshape(-1, 3).astype(np.float64), faces=faces, colors=None, paint=None,
         face_node=np.full(len(faces), -1, dtype=np.int32), node_names=(), up="", unit_metres=0.0, notes=(),
+        of_splats=True,
     )  # fmt: skip
