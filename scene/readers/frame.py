@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from scene.errors import InputError
 from scene.readers.raw import RawMesh
-from scene.readers.up_axis import contradicts_standard, estimated_up, up_of_room
+from scene.readers.up_axis import contradicts_standard, estimated_up, up_of_scene
 from scene.sample import SourceOptions
 
 UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254}
@@ -131,7 +131,6 @@ def _up(raw: RawMesh, options: SourceOptions, role: Role, unit: float, notes: li
             notes.append(f"{other} taken as up against the format's {raw.up}: it stands on it ({option})")
             return other
         return raw.up
-    furnished = up_of_room(raw, unit) if role is Role.SCENE else None
-    up, why = (furnished, "how the room is furnished") if furnished else estimated_up(raw)
+    up, why = (role is Role.SCENE and up_of_scene(raw, unit)) or estimated_up(raw)
     notes.append(f"{up} taken as up, estimated from {why} ({option})")
     return up

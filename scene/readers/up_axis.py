@@ -64,7 +64,8 @@ class Faces:
         normal = np.cross(b - a, c - a)
         twice = np.linalg.norm(normal, axis=1)
         center, area = (a + b + c) / 3.0, 0.5 * twice
-        ends = np.array([_quantiles(center[:, k], area, (0.005, 0.995)) for k in range(3)])
+        corners, share = np.concatenate([a, b, c]), np.tile(area, 3)
+        ends = np.array([_quantiles(corners[:, k], share, (0.005, 0.995)) for k in range(3)])
         return cls(center, np.abs(normal) / np.maximum(twice, 1e-300)[:, None], area, ends[:, 0], ends[:, 1])
 
     def height(self, axis: int) -> NDArray[np.float64]:
@@ -87,20 +88,36 @@ def _quantiles(values: NDArray[np.float64], weight: NDArray[np.float64], shares:
     return [float(v) for v in values[order[at]]]
 
 
-def up_of_room(raw: RawMesh, unit: float) -> str | None:
-    """The up axis of a room, None if it is none: the direction in which what it holds lies low."""
+def up_of_scene(raw: RawMesh, unit: float) -> tuple[str, str] | None:
+    """The up axis of a room or another large scene and what tells it; None for what may be a single thing."""
     faces = Faces.of(raw)
     smallest, middle, _ = np.sort(faces.high - faces.low) * unit
-    sides = [share for axis in range(3) for share in faces.covered(axis)]
-    if smallest < ROOM_METRES[0] or middle < ROOM_METRES[1] or sum(share > COVERED for share in sides) < WALLS:
+    if middle < ROOM_METRES[1]:
         return None
+    sides = [share for axis in range(3) for share in faces.covered(axis)]
+    if smallest >= ROOM_METRES[0] and sum(share > COVERED for share in sides) >= WALLS:
+        return _furnished(faces), "how the room is furnished"
+    grounds = _grounds(faces)
+    return (grounds[0], "the ground") if len(grounds) == 1 else None
+
+
+def _furnished(faces: Faces) -> str:
+    """The direction in which what a room holds lies low."""
     upright = {name: _upright(faces, axis) for name, axis in AXES.items()}
-    more = np.clip((upright["z"] - upright["y"]) / UPRIGHT, -MOST_UPRIGHT, MOST_UPRIGHT)
+    more = float(np.clip((upright["z"] - upright["y"]) / UPRIGHT, -MOST_UPRIGHT, MOST_UPRIGHT))
     low = {name: _lowness(faces, axis) for name, axis in AXES.items()}
-    score = {
-        "z": low["z"] + more, "-z": -low["z"] + more, "y": low["y"] - more, "-y": -low["y"] - more,
-    }  # fmt: skip
+    score = {"z": low["z"] + more, "-z": -low["z"] + more, "y": low["y"] - more, "-y": -low["y"] - more}
     return max(score, key=lambda up: score[up])
+
+
+def _grounds(faces: Faces) -> list[str]:
+    """Directions in which there is a ground below and nothing like it above."""
+    found = []
+    for name, axis in AXES.items():
+        low, high = faces.covered(axis)
+        found += [name] if low > GROUND and high < 0.5 * GROUND else []
+        found += [f"-{name}"] if high > GROUND and low < 0.5 * GROUND else []
+    return found
 
 
 def _lowness(faces: Faces, axis: int) -> float:
@@ -187,16 +204,12 @@ def estimated_up(raw: RawMesh) -> tuple[str, str]:
 def _up_of_splats(raw: RawMesh) -> tuple[str, str]:
     """Away from the ground, or from the plane through the origin; in doubt y down, as structure from motion has it."""
     faces = Faces.of(raw)
+    grounds = _grounds(faces)
     near = 0.015 * float((faces.high - faces.low).max())
-    score: dict[str, int] = {}
-    for name, axis in AXES.items():
-        ends = faces.covered(axis)
-        for up, bottom, below, above in (
-            (name, faces.low[axis], ends[0], ends[1]),
-            (f"-{name}", faces.high[axis], ends[1], ends[0]),
-        ):
-            score[up] = 2 * (below > GROUND and above < 0.5 * GROUND) + (abs(float(bottom)) <= near)
-    best = [up for up, points in score.items() if points == max(score.values())]
-    if len(best) == 1:
-        return best[0], "the ground"
+    ends = [(name, faces.low[axis]) for name, axis in AXES.items()]
+    ends += [(f"-{name}", faces.high[axis]) for name, axis in AXES.items()]
+    planes = [up for up, bottom in ends if abs(float(bottom)) <= near]
+    found = [up for up in planes if up in grounds] or grounds or planes
+    if len(found) == 1:
+        return found[0], "the ground" if grounds else "the plane through the origin"
     return "-y", "nothing but custom: neither a room nor a ground is seen"

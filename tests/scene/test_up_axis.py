@@ -16,7 +16,7 @@ from scene.mesh import Mesh
 from scene.readers.frame import WORLD_FROM_FILE, Role
 from scene.readers.raw import RawMesh
 from scene.readers.source import read_scan
-from scene.readers.up_axis import up_of_room
+from scene.readers.up_axis import up_of_scene
 from scene.sample import SourceOptions
 from scene.scan import Scan
 
@@ -72,7 +72,7 @@ def test_every_second_room_stands_in_every_rotation(name: str) -> None:
     for up in UPS:
         points = mesh.transformed(turned(up, 1.0)).vertices
         raw = RawMesh(Path("a.obj"), points, mesh.faces.astype(np.int64), None, None, node, (), "", 0.0, ())
-        assert up_of_room(raw, 1.0) == up
+        assert up_of_scene(raw, 1.0) == (up, "how the room is furnished")
 
 
 def block(low: tuple[float, float, float], high: tuple[float, float, float]) -> Mesh:
@@ -111,6 +111,14 @@ def test_turning_keeps_the_hand(tmp_path: Path, up: str) -> None:
     np.testing.assert_array_equal(linear @ direction, [0, 0, 1])
     legs = scan.mesh.vertices[:, 2] - scan.mesh.bounds[0, 2]
     assert np.isclose(legs, 0.0).sum() == 16  # the four corners of four feet
+
+
+@pytest.mark.parametrize("up", UPS)
+def test_a_scene_without_walls_stands_on_its_ground(tmp_path: Path, up: str) -> None:
+    """A floor of 4 m with a table on it."""
+    scan = mesh_scan(tmp_path, Mesh.concatenate([block((-2, -2, -0.02), (2, 2, 0)), table()]), up)
+    assert scan.up == up
+    assert any("the ground (--up)" in note for note in scan.notes)
 
 
 @pytest.mark.parametrize("up", UPS)
