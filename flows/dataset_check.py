@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from evaluation.outcome_table import read_truth
-from flows.samples import EMBEDDED, MESH_SUFFIXES, TRUTH, find, load_yaml, samples_of
+from flows.samples import EMBEDDED, TRUTH, find, load_yaml, samples_of
 from language.deformable import deformable_supports
 from language.lexicon import is_a, thing_of
 from scene.checks.findings import Finding, Findings
@@ -20,6 +20,7 @@ from scene.checks.places import yaml_lines
 from scene.checks.scene_folder import SceneFacts, check_scene
 from scene.errors import InputError
 from scene.problems import Place, Report, Severity, error, short, warning
+from scene.readers.sugar import MESH_SUFFIXES
 from scene.sample import Sample
 from scene.settings import data_root
 from scene.spelling import did_you_mean

@@ -16,6 +16,7 @@ from ruamel.yaml.error import YAMLError
 from evaluation.run_folder import folder_name
 from scene.errors import InputError
 from scene.problems import Report, error, refusing, short
+from scene.readers.sugar import MESH_SUFFIXES
 from scene.sample import Sample, SourceOptions
 from scene.settings import PROJECT_ROOT, data_root
 from scene.spelling import did_you_mean
@@ -33,7 +34,6 @@ OPTIONAL = ("room", "scene", "seed", "mass", "label", "up", "unit", "object_labe
 HEAVIEST = 1e12
 """A mass that no object has [kg]."""
 CHOICES = {"up": UPS, "unit": UNITS}
-MESH_SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".stl")
 
 
 def load_samples(path: Path) -> list[Sample]:

@@ -21,10 +21,14 @@ from scene.readers.scannet import is_scannet, read_scannet
 from scene.readers.splats import discs, read_splats
 from scene.readers.stl import read_stl
 from scene.readers.sugar import check_suffix, describe, find_mesh, is_splats
+from scene.readers.usd import USD_SUFFIXES, read_usd
 from scene.sample import SourceOptions
 from scene.scan import LabelBox, Room, Scan
 
-READERS = {".glb": read_gltf, ".gltf": read_gltf, ".obj": read_obj, ".ply": read_ply, ".stl": read_stl}
+READERS = {
+    ".glb": read_gltf, ".gltf": read_gltf, ".obj": read_obj, ".ply": read_ply, ".stl": read_stl,
+    **dict.fromkeys(USD_SUFFIXES, read_usd),
+}  # fmt: skip
 """Reader by file suffix."""
 
 BROKEN = (ArithmeticError, AttributeError, LookupError, RecursionError, StopIteration, TypeError, ValueError)

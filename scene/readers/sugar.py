@@ -9,8 +9,9 @@ from pathlib import Path
 from scene.errors import FormatError, InputError
 from scene.readers.ply_table import HEADER_LIMIT, read_header
 from scene.readers.splats import describes_splats
+from scene.readers.usd import USD_SUFFIXES
 
-MESH_SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".stl")
+MESH_SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".stl", *USD_SUFFIXES)
 
 COMPRESSED_NAME = "3dgs_compressed.ply"
 """What InteriorGS calls the splats of a scene."""
