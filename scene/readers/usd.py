@@ -33,12 +33,25 @@ def read_usd(path: Path) -> RawMesh:
     """Read every mesh of a stage; helpers and what is hidden only where there is nothing else."""
     if not read_bytes(path).startswith(MAGIC):
         raise FormatError(f"{path}: begins neither as a text nor as a binary nor as a package of USD")
-    stage = _stage(path)
+    try:
+        from pxr import Tf
+    except ImportError:
+        raise InputError(
+            f"{path}: USD is read with the library usd-core, which is not installed: `pip install 'dcap[usd]'`; "
+            "or export the scene as GLB"
+        ) from None
+    try:
+        return _read(path)
+    except Tf.ErrorException as error:
+        raise FormatError(f"{path}: USD cannot read it: {_first_line(error)}") from None
+
+
+def _read(path: Path) -> RawMesh:
     from pxr import UsdGeom
 
-    prims = _meshes(path, stage)
+    stage = _stage(path)
     builder = _Builder(path)
-    for prim in prims:
+    for prim in _meshes(path, stage):
         builder.add(prim)
     stated = UsdGeom.StageHasAuthoredMetersPerUnit(stage)
     return builder.build(
@@ -48,18 +61,10 @@ def read_usd(path: Path) -> RawMesh:
 
 
 def _stage(path: Path) -> Stage:
-    """The composed stage."""
-    try:
-        from pxr import Tf, Usd
-    except ImportError:
-        raise InputError(
-            f"{path}: USD is read with the library usd-core, which is not installed: `pip install 'dcap[usd]'`; "
-            "or export the scene as GLB"
-        ) from None
-    try:
-        stage = Usd.Stage.Open(str(path))
-    except Tf.ErrorException as error:
-        raise FormatError(f"{path}: USD cannot open it: {_first_line(error)}") from None
+    """The composed stage; what it refers to must be there."""
+    from pxr import Usd
+
+    stage = Usd.Stage.Open(str(path))
     errors = stage.GetCompositionErrors()
     if errors:
         raise FormatError(

@@ -132,7 +132,7 @@ def test_binaries_and_left_handed_meshes(tmp_path: Path) -> None:
         ("5,7,3]", "5,7,9]", "/World/Chair_1: a face uses vertex 9 of 8"),
         ("5,7,3]", "5,7,-3]", "uses vertex -3 of 8"),
         ("</Prototype>", "@elsewhere.usd@", "usdcat --flatten"),
-        ('def Xform "World"', "def Xform", "USD cannot open it"),
+        ('def Xform "World"', "def Xform", "USD cannot read it"),
         ("Mesh", "Cube", "no mesh in it"),
         ("(1,1,1)]", "(1,1,nan)]", "not finite"),
     ],
