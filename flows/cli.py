@@ -55,7 +55,9 @@ Threads = Annotated[int, typer.Option(min=0, help="Threads of the solver, 0: all
 
 @app.command()
 def place(
-    scene: Annotated[str, typer.Argument(help="Folder (InteriorGS, SuGaR) or mesh (GLB, OBJ, PLY, STL).")],
+    scene: Annotated[
+        str, typer.Argument(help="Folder (InteriorGS, ScanNet, SuGaR) or mesh (GLB, OBJ, PLY, STL, USD).")
+    ],
     object: Annotated[str, typer.Argument(help="Mesh of the object.")],  # noqa: A002 the contract's name
     prompt: Annotated[str, typer.Argument(help='What to do: "put the ball at the centre of the bed".')],
     out: Annotated[Path | None, typer.Option(help="Folder for the results; default: data/runs/place.")] = None,

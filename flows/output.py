@@ -261,8 +261,9 @@ def write_geometry(values: Values, folder: Path) -> dict[str, str]:
 
 
 def scene_glb(scene: Segmentation, thing: Mesh | None) -> bytes:
-    """The scene, a node per instance and part, and the object at rest in it."""
-    return glb_bytes(labelled_nodes(scene) + ([] if thing is None else [Node("object", thing)]))
+    """The scene, below it a node per instance and part, and the object at rest in it."""
+    nodes = [Node("scene", children=tuple(labelled_nodes(scene)))]
+    return glb_bytes(nodes + ([] if thing is None else [Node("object", thing)]))
 
 
 def copy_pictures(finished: FinishedSample, store: Store, folder: Path) -> dict[str, str]:
