@@ -8,6 +8,7 @@ import pytest
 
 from scene.errors import InputError
 from scene.mesh import Mesh
+from scene.readers import usd_stage
 from scene.readers.frame import Role
 from scene.readers.source import read_scan
 from scene.sample import SourceOptions
@@ -122,6 +123,23 @@ def test_binaries_and_left_handed_meshes(tmp_path: Path) -> None:
     for name in ("room.usdc", "room.usdz"):
         mesh = read_scan(tmp_path / name, SourceOptions(), Role.SCENE).mesh
         np.testing.assert_array_equal(mesh.triangles, plain.triangles)
+
+
+@pytest.mark.parametrize("trouble", ["os.abort()", "while True: pass", "bytes(2**40)"])
+def test_a_library_that_breaks_takes_nobody_along(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, trouble: str
+) -> None:
+    """It may crash, never end, or want all memory: the limits of its process are named."""
+    pytest.importorskip("pxr")
+    (tmp_path / "trouble.py").write_text(
+        "import os, resource, sys\n"
+        "resource.setrlimit(resource.RLIMIT_CPU, (int(sys.argv[2]),) * 2)\n"
+        f"resource.setrlimit(resource.RLIMIT_AS, (int(sys.argv[3]),) * 2)\n{trouble}\n"
+    )
+    monkeypatch.setattr(usd_stage, "__file__", str(tmp_path / "trouble.py"))
+    monkeypatch.setattr("scene.readers.usd.CPU_SECONDS", 1)
+    with pytest.raises(InputError, match=r"room\.usda: USD's library broke over it .*limits 1 s"):
+        scan_of(tmp_path, ROOM)
 
 
 @pytest.mark.parametrize(
