@@ -28,6 +28,7 @@ class Shape:
     path: Path
     faces: int = 0
     splats: int = 0
+    vertices: int = 0
     names: tuple[str, ...] = ()
     """Names of its nodes or groups."""
 
@@ -61,7 +62,7 @@ def _check_mesh(path: Path, report: Report) -> Shape:
             f"{int(bad.sum())} of {len(bad)} faces have no area (first: face {int(np.argmax(bad))}); they are dropped"
         )
         report(warning(what) if bad.mean() > MANY else note(what))
-    return Shape(path, faces=len(raw.faces), names=raw.node_names)
+    return Shape(path, faces=len(raw.faces), vertices=len(raw.vertices), names=raw.node_names)
 
 
 def _guarded(path: Path, report: Report, check: Callable[[], Found], otherwise: Found) -> Found:

@@ -1,6 +1,7 @@
 """What of a dataset folder is a scene, and what is a mesh by itself.
 
-A scene is a folder with annotations (InteriorGS), with SuGaR's folder tree, or with one mesh or one file of splats.
+A scene is a folder with annotations (InteriorGS), one of ScanNet, or one with SuGaR's folder tree, one mesh or one
+file of splats.
 Several meshes side by side are a collection, each by itself. Everything else is searched, whatever its name.
 """
 
@@ -11,6 +12,7 @@ from pathlib import Path
 from scene.checks.findings import Findings
 from scene.problems import error, note
 from scene.readers.interiorgs import is_interiorgs
+from scene.readers.scannet import is_scannet
 from scene.readers.sugar import MESH_SUFFIXES
 from scene.source_files import GROUND_TRUTH
 
@@ -48,7 +50,9 @@ def layout_of(path: Path, findings: Findings) -> Layout:
 
 def is_marked(folder: Path) -> bool:
     """Whether the files or the name of a folder say that it is one scene."""
-    if is_interiorgs(folder) or any((folder / name).is_file() for name in MARKS) or NUMBERED.fullmatch(folder.name):
+    if is_interiorgs(folder) or is_scannet(folder) or NUMBERED.fullmatch(folder.name):
+        return True
+    if any((folder / name).is_file() for name in MARKS):
         return True
     trees = [folder / tree for tree in SUGAR_TREE]
     return any(file.suffix in (".obj", ".ply") for tree in trees if tree.is_dir() for file in tree.rglob("*.*"))

@@ -8,9 +8,11 @@ from scene.checks.files import Shape, check_shape
 from scene.checks.findings import Findings
 from scene.checks.layout import MARKS, mesh_files
 from scene.checks.occupancy import check_occupancy
+from scene.checks.scannet import check_scannet
 from scene.errors import InputError
 from scene.problems import error
 from scene.readers.interiorgs import is_interiorgs
+from scene.readers.scannet import scannet_files
 from scene.readers.sugar import check_suffix, describe, find_mesh
 
 
@@ -31,8 +33,12 @@ def check_scene(path: Path, findings: Findings) -> SceneFacts:
     if path.is_file():
         return check_file(path, findings)
     try:
+        scannet = None if is_interiorgs(path) else scannet_files(path)
+        if scannet is not None:
+            shape, labels = check_scannet(scannet, findings)
+            return SceneFacts(path, labels, shape.faces, shape.splats)
         annotated = is_interiorgs(path) or any((path / name).is_file() for name in MARKS)
-        labels: tuple[str, ...] = ()
+        labels = ()
         if annotated:
             labels = tuple(box.label for box in check_annotations(path, findings))
             check_occupancy(path, findings)

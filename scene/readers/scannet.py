@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scene.errors import FormatError
+from scene.problems import Place, Report, error, note, refusing, short, warning
 from scene.readers.json_text import read_json
 from scene.readers.ply import read_ply
 from scene.readers.raw import RawMesh, read_bytes
@@ -23,7 +24,7 @@ MESHES = (
 )
 """Endings of a mesh, its segments and its instances, the mesh that is annotated first."""
 
-ALIGNMENT_KEY = "axisAlignment"
+ALIGNMENT_KEY, GROUPS, SEGMENTS = "axisAlignment", "segGroups", "segIndices"
 
 RIGID = 1e-3
 """Most that an alignment's rotation may differ from a rotation [-]; files have six digits."""
@@ -71,16 +72,20 @@ def read_scannet(folder: Path) -> tuple[RawMesh, NDArray[np.float64]]:
     if files is None:
         raise FormatError(f"{folder}: no mesh of a ScanNet scene (*_vh_clean_2.ply or *_vh_clean.ply)")
     raw = replace(read_ply(files.mesh), up="z", unit_metres=1.0)
-    alignment, note = _alignment(files.about)
-    notes = (note,) if note else ()
+    stated = alignment_of(files, refusing(files.about or files.mesh))
+    alignment = np.eye(4) if stated is None else stated
+    notes = (*raw.notes, *((f"no {ALIGNMENT_KEY}: the mesh stays as it was scanned",) if stated is None else ()))
     if files.segments is None or files.groups is None:
         missing = "segs.json" if files.segments is None else "aggregation.json"
-        return replace(raw, notes=(*raw.notes, *notes, f"no {missing}: instances are found by shape alone")), alignment
-    instances, group_notes = _instances(files.groups, files.segments)
-    vertex = _vertex_instances(files.segments, instances, len(raw.vertices))
+        return replace(raw, notes=(*notes, f"no {missing}: instances are found by shape alone")), alignment
+    instances, skipped = instances_of(read_json(files.groups), files.segments.name, refusing(files.groups))
+    if skipped:
+        notes += (f"{skipped} segGroups of {files.groups.name} without a label or segments are skipped",)
+    segment = segments_of(read_json(files.segments), len(raw.vertices), refusing(files.segments))
+    vertex = vertex_instances(segment, instances, refusing(files.groups))
     return replace(
         raw, face_node=_majority(vertex[raw.faces]), node_names=tuple(one.name for one in instances),
-        node_labels=tuple(one.label for one in instances), notes=(*raw.notes, *notes, *group_notes),
+        node_labels=tuple(one.label for one in instances), notes=notes,
     ), alignment  # fmt: skip
 
 
@@ -92,61 +97,85 @@ class AnnotatedInstance:
     """Unique: the label and the number of the object."""
     label: str
     segments: NDArray[np.int64]
+    place: Place
+    """Of its segments in the file."""
 
 
-def _instances(path: Path, segments_path: Path) -> tuple[list[AnnotatedInstance], tuple[str, ...]]:
-    """The groups of an aggregation file and notes; those without a label or segments are skipped."""
-    document = read_json(path)
-    groups = document.get("segGroups") if isinstance(document, dict) else None
+def instances_of(document: object, segments_name: str, report: Report) -> tuple[list[AnnotatedInstance], int]:
+    """What an aggregation file holds for the segments of a file of that name, and how many groups are skipped."""
+    groups = document.get(GROUPS) if isinstance(document, dict) else None
     if not isinstance(document, dict) or not isinstance(groups, list):
-        raise FormatError(f"{path}: no list 'segGroups'")
-    named = str(document.get("segmentsFile") or segments_path.name)
-    if not named.endswith(segments_path.name):
-        raise FormatError(
-            f"{path}: segmentsFile is {named!r}, but the mesh has {segments_path.name!r}; add the one that fits it"
-        )
-    found: list[AnnotatedInstance] = []
-    for index, group in enumerate(groups):
-        if not isinstance(group, dict):
-            raise FormatError(f"{path}: segGroups[{index}] is a {type(group).__name__}, expected an object")
-        label = " ".join(str(group.get("label") or "").lower().replace("/", " ").split())
-        segments = _whole_numbers(path, f"segments of segGroups[{index}]", group.get("segments"))
-        number = group.get("objectId", group.get("id"))
-        name = f"{label.replace(' ', '_')}_{number if isinstance(number, int) else index}"
-        if label and len(segments):
-            found.append(AnnotatedInstance(name, label, segments))
+        report(error(f"no list {GROUPS!r}"))
+        return [], 0
+    named = str(document.get("segmentsFile") or segments_name)
+    if not named.endswith(segments_name):
+        what = f"segmentsFile is {named!r}, but the mesh has {segments_name!r}; add the one that fits it"
+        report(error(what, ("segmentsFile",)))
+        return [], 0
+    read = [_instance(index, group, report) for index, group in enumerate(groups)]
+    found = [one for one in read if one is not None]
     if len({one.name for one in found}) < len(found):  # numbers that repeat tell nothing apart
         found = [replace(one, name=f"{one.label.replace(' ', '_')}_{i}") for i, one in enumerate(found)]
-    skipped = len(groups) - len(found)
-    return found, ((f"{skipped} segGroups of {path.name} without a label or segments are skipped",) if skipped else ())
+    return found, len(groups) - len(found)
 
 
-def _whole_numbers(path: Path, where: str, values: object) -> NDArray[np.int64]:
-    """A list of segment numbers, shape (n,)."""
+def _instance(index: int, group: object, report: Report) -> AnnotatedInstance | None:
+    """One of the groups; None for those without a label or segments."""
+    where, place = f"{GROUPS}[{index}]", (GROUPS, index)
+    if not isinstance(group, dict):
+        report(error(f"{where} is a {type(group).__name__}, expected an object", place))
+        return None
+    label = " ".join(str(group.get("label") or "").lower().replace("/", " ").split())
+    if not label:
+        report(warning(f"{where} has no label and is skipped; give it one", (*place, "label")))
+    segments = _whole_numbers(f"segments of {where}", group.get("segments"), (*place, "segments"), report)
+    if segments is None or not label:
+        return None
+    if not len(segments):
+        report(warning(f"{where} ({label}) has no segments and is skipped", (*place, "segments")))
+        return None
+    number = group.get("objectId", group.get("id"))
+    name = f"{label.replace(' ', '_')}_{number if isinstance(number, int) else index}"
+    return AnnotatedInstance(name, label, segments, (*place, "segments"))
+
+
+def _whole_numbers(where: str, values: object, place: Place, report: Report) -> NDArray[np.int64] | None:
+    """A list of segment numbers, shape (n,); None where one is broken, of which the first is told."""
     if not isinstance(values, list):
-        raise FormatError(f"{path}: {where} is a {type(values).__name__}, expected a list")
+        report(error(f"{where} is a {type(values).__name__}, expected a list", place))
+        return None
     for index, value in enumerate(values):
         if type(value) is not int or not 0 <= value < 2**62:
-            raise FormatError(f"{path}: {where} has {value!r} at {index}, expected a whole number of 0 or more")
+            what = f"{where} has {short(value)} at {index}, expected a whole number of 0 or more"
+            report(error(what, (*place, index)))
+            return None
     return np.array(values, dtype=np.int64)
 
 
-def _vertex_instances(path: Path, instances: list[AnnotatedInstance], count: int) -> NDArray[np.int64]:
-    """Instance of each vertex, -1 for none, shape (count,); of two instances with a segment the later has it."""
-    document = read_json(path)
+def segments_of(document: object, count: int | None, report: Report) -> NDArray[np.int64]:
+    """The segment of each of `count` vertices, as far as that is known, shape (n,); empty where they are broken."""
+    none = np.zeros(0, dtype=np.int64)
     if not isinstance(document, dict):
-        raise FormatError(f"{path}: not an object")
-    segment = _whole_numbers(path, "segIndices", document.get("segIndices"))
-    if len(segment) != count:
-        raise FormatError(f"{path}: segIndices has {len(segment)} entries, the mesh has {count} vertices")
+        report(error(f"not an object, but {short(document)}"))
+        return none
+    segment = _whole_numbers(SEGMENTS, document.get(SEGMENTS), (SEGMENTS,), report)
+    if segment is not None and count is not None and len(segment) != count:
+        report(error(f"{SEGMENTS} has {len(segment)} entries, the mesh has {count} vertices", (SEGMENTS,)))
+    return none if segment is None else segment
+
+
+def vertex_instances(
+    segment: NDArray[np.int64], instances: list[AnnotatedInstance], report: Report
+) -> NDArray[np.int64]:
+    """Instance of each vertex, -1 for none, by its segment (n,); of two instances with a segment the later has it."""
     known, place = np.unique(segment, return_inverse=True)
     owner = np.full(len(known), -1, dtype=np.int64)
     for index, one in enumerate(instances):
-        at = np.searchsorted(known, one.segments)
-        absent = (at == len(known)) | (known[np.minimum(at, len(known) - 1)] != one.segments)
-        if absent.any():
-            raise FormatError(f"{path}: no vertex is in segment {one.segments[absent][0]}, which {one.name} names")
-        owner[at] = index
+        there = np.isin(one.segments, known)
+        if not there.all():
+            what = f"no vertex is in segment {one.segments[~there][0]}, which {one.name} names"
+            report(error(what, (*one.place, int(np.argmin(there)))))
+        owner[np.searchsorted(known, one.segments[there])] = index
     return np.asarray(owner[place.reshape(-1)])
 
 
@@ -156,21 +185,27 @@ def _majority(corner: NDArray[np.int64]) -> NDArray[np.int32]:
     return np.asarray(np.where(second == third, second, first), dtype=np.int32)
 
 
-def _alignment(path: Path | None) -> tuple[NDArray[np.float64], str]:
-    """The rigid map to the axes of the room (4, 4), row by row in the file, and a note where there is none."""
-    text = "" if path is None else read_bytes(path).decode("utf-8", "replace")
+def alignment_of(files: SceneFiles, report: Report) -> NDArray[np.float64] | None:
+    """The rigid map to the axes of the room (4, 4), row by row in the file; None where none is stated or it is broken.
+
+    That none is stated is told as a note.
+    """
+    told = files.about is not None and files.about.stat().st_size > 0
+    text = read_bytes(files.about).decode("utf-8", "replace") if files.about is not None and told else ""
     for number, line in enumerate(text.splitlines(), start=1):
         key, _, value = line.partition("=")
         if key.strip() == ALIGNMENT_KEY:
-            return _rigid(f"{path}: line {number}: {ALIGNMENT_KEY}", value.split()), ""
-    return np.eye(4), f"no {ALIGNMENT_KEY}: the mesh stays as it was scanned"
+            return _rigid(value.split(), number, report)
+    report(note(f"no {ALIGNMENT_KEY}: the mesh stays as it was scanned"))
+    return None
 
 
-def _rigid(where: str, words: list[str]) -> NDArray[np.float64]:
+def _rigid(words: list[str], line: int, report: Report) -> NDArray[np.float64] | None:
     try:
         matrix = np.array(words, dtype=np.float64).reshape(4, 4)
     except ValueError:
-        raise FormatError(f"{where} has {len(words)} values, expected 16 numbers") from None
+        report(error(f"{ALIGNMENT_KEY} has {len(words)} values, expected 16 numbers", line=line))
+        return None
     turn = matrix[:3, :3]
     bounded = bool((np.abs(turn) <= 2.0).all() and np.isfinite(matrix).all())
     if (
@@ -179,5 +214,6 @@ def _rigid(where: str, words: list[str]) -> NDArray[np.float64]:
         or np.linalg.det(turn) < 0
         or np.abs(matrix[3] - [0, 0, 0, 1]).max() > RIGID
     ):
-        raise FormatError(f"{where} is not a rotation and a shift")
+        report(error(f"{ALIGNMENT_KEY} is not a rotation and a shift", line=line))
+        return None
     return matrix

@@ -9,9 +9,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from scene.checks.findings import Findings
+from scene.checks.layout import layout_of
+from scene.checks.scene_folder import check_scene
 from scene.errors import InputError
 from scene.interiorgs_write import write_ply
 from scene.mesh import Mesh
+from scene.problems import Severity
 from scene.readers.frame import Role
 from scene.readers.scannet import is_scannet
 from scene.readers.source import read_scan
@@ -156,21 +160,22 @@ def test_only_what_is_read_is_kept(tmp_path: Path) -> None:
     assert not is_scannet(tmp_path)
 
 
-@pytest.mark.parametrize(
-    ("change", "words"),
-    [
-        (lambda s, g: s["segIndices"].pop(), "entries, the mesh has"),
-        (lambda s, g: s["segIndices"].__setitem__(3, -1), "at 3, expected a whole number"),
-        (lambda s, g: s["segIndices"].__setitem__(3, 1.5), "1.5 at 3"),
-        (lambda s, g: s["segIndices"].__setitem__(3, 2**70), "at 3, expected"),
-        (lambda s, g: s.update(segIndices={}), "segIndices is a dict"),
-        (lambda s, g: g["segGroups"][1].update(segments=[7]), "no vertex is in segment 7, which chair_1 names"),
-        (lambda s, g: g["segGroups"][1].update(segments="x"), "segments of segGroups[1] is a str"),
-        (lambda s, g: g["segGroups"].append(4), "segGroups[4] is a int"),
-        (lambda s, g: g.pop("segGroups"), "no list 'segGroups'"),
-        (lambda s, g: g["segGroups"][0].update(label="\ud800"), "surrogate"),
-    ],
-)
+DEFECTS: list[tuple[Callable[[dict[str, Any], dict[str, Any]], object], str]] = [
+    (lambda s, g: s["segIndices"].pop(), "entries, the mesh has"),
+    (lambda s, g: s["segIndices"].__setitem__(3, -1), "at 3, expected a whole number"),
+    (lambda s, g: s["segIndices"].__setitem__(3, 1.5), "1.5 at 3"),
+    (lambda s, g: s["segIndices"].__setitem__(3, 2**70), "at 3, expected"),
+    (lambda s, g: s.update(segIndices={}), "segIndices is a dict"),
+    (lambda s, g: g["segGroups"][1].update(segments=[7]), "no vertex is in segment 7, which chair_1 names"),
+    (lambda s, g: g["segGroups"][1].update(segments="x"), "segments of segGroups[1] is a str"),
+    (lambda s, g: g["segGroups"].append(4), "segGroups[4] is a int"),
+    (lambda s, g: g.pop("segGroups"), "no list 'segGroups'"),
+    (lambda s, g: g["segGroups"][0].update(label="\ud800"), "surrogate"),
+]
+"""What is broken in the segments and groups, and what is said of it."""
+
+
+@pytest.mark.parametrize(("change", "words"), DEFECTS)
 def test_what_contradicts_itself_is_refused(
     tmp_path: Path, change: Callable[[dict[str, Any], dict[str, Any]], object], words: str
 ) -> None:
@@ -181,6 +186,46 @@ def test_what_contradicts_itself_is_refused(
     assert words in str(caught.value)
     assert str(folder / SCENE) in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(("change", "words"), DEFECTS)
+def test_a_check_tells_what_a_reader_refuses(
+    tmp_path: Path, change: Callable[[dict[str, Any], dict[str, Any]], object], words: str
+) -> None:
+    """In the same words, once."""
+    folder, _, _ = write_scene(tmp_path / SCENE, change)
+    findings = Findings()
+    check_scene(folder, findings)
+    told = [one for one in findings.all() if one.severity is Severity.ERROR]
+    assert [words in one.what for one in told] == [True]
+    with pytest.raises(InputError) as caught:
+        scan_of(folder)
+    assert str(caught.value) == f"{told[0].path}: {told[0].what}"
+
+
+def test_a_check_names_all_defects_and_their_lines(tmp_path: Path) -> None:
+    """Of the groups, the segments and the alignment; a sound scene gives its labels and nothing to mend."""
+    folder, mesh, _ = write_scene(tmp_path / SCENE)
+    (layout,) = layout_of(tmp_path, Findings()).scenes
+    findings = Findings()
+    facts = check_scene(layout, findings)
+    assert findings.all() == ()
+    assert (facts.labels, facts.faces) == (("floor", "chair", "chair", "coffee table"), len(mesh.faces))
+    path = folder / f"{SCENE}.aggregation.json"
+    groups = json.loads(path.read_text())
+    groups["segGroups"][0]["label"] = ""
+    groups["segGroups"][1]["segments"] = [1010, 7]
+    groups["segGroups"][2]["segments"][0] = -3
+    path.write_text(json.dumps(groups, indent=1))
+    (folder / f"{SCENE}.txt").write_text("a = 1\naxisAlignment = 1 2 3\n")
+    check_scene(folder, findings)
+    lines = path.read_text().splitlines()
+    assert [(one.path.suffix, one.line, one.severity) for one in findings.all()] == [
+        (".json", 1 + lines.index('   "label": ""'), Severity.WARNING),
+        (".json", 1 + lines.index("    7"), Severity.ERROR),
+        (".json", 1 + lines.index("    -3,"), Severity.ERROR),
+        (".txt", 2, Severity.ERROR),
+    ]
 
 
 @pytest.mark.parametrize(
