@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from scene.errors import FormatError, InputError
+from scene.problems import Report, error
 from scene.readers import usd_stage
 from scene.readers.raw import RawMesh, read_bytes
 
@@ -31,8 +32,11 @@ MEMORY = 4 << 30
 """Address space that it may take [bytes], half of it for the library itself, and a hundred times the file."""
 
 
-def read_usd(path: Path) -> RawMesh:
-    """Read every mesh of a stage; helpers and what is hidden only where there is nothing else."""
+def read_usd(path: Path, report: Report | None = None) -> RawMesh:
+    """Read every mesh of a stage; helpers and what is hidden only where there is nothing else.
+
+    With a `report`, the first thing that is wrong is told as well as raised: what is left of a stage is not looked at.
+    """
     data = read_bytes(path)
     if not data.startswith(MAGIC):
         raise FormatError(f"{path}: begins neither as a text nor as a binary nor as a package of USD")
@@ -50,6 +54,8 @@ def read_usd(path: Path) -> RawMesh:
     )
     if done.returncode == usd_stage.REFUSED:
         found = json.loads(done.stdout.splitlines()[-1])
+        if report is not None:
+            report(error(found["message"].removeprefix(f"{path}: ")))
         raise (FormatError if found["broken"] else InputError)(found["message"])
     if done.returncode:
         raise FormatError(
