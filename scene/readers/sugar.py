@@ -49,13 +49,16 @@ def find_mesh(folder: Path) -> tuple[Path, tuple[str, ...]]:
         if found:
             return _choose(folder, found)
     meshes = sorted(p for p in folder.iterdir() if p.suffix.lower() in MESH_SUFFIXES and not is_splats(p))
+    stages = [p for p in meshes if p.suffix.lower() in USD_SUFFIXES]
+    meshes = [p for p in meshes if p not in stages]
+    splats = None if meshes else find_splats(folder)
+    if splats is not None:
+        return splats, ()
+    meshes = meshes or stages  # a stage beside others shows what they do, and needs a library
     if len(meshes) == 1:
         return meshes[0], ()
     if meshes:
         raise InputError(f"{folder}: {len(meshes)} meshes ({', '.join(p.name for p in meshes)}); name one of them")
-    splats = find_splats(folder)
-    if splats is not None:
-        return splats, ()
     raise InputError(
         f"{folder}: no mesh in this folder (looked for {', '.join(MESH_SUFFIXES)} and SuGaR's output folders)"
     )

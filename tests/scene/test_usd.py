@@ -7,10 +7,13 @@ import numpy as np
 import pytest
 
 from scene.errors import InputError
+from scene.gaussians import Gaussians
+from scene.gaussians_write import write_splats
 from scene.mesh import Mesh
 from scene.readers import usd_stage
 from scene.readers.frame import Role
 from scene.readers.source import read_scan
+from scene.readers.sugar import find_mesh
 from scene.sample import SourceOptions
 from scene.scan import Scan
 from tasks.segment import SegmentConfig, segment
@@ -79,6 +82,20 @@ def test_without_the_library_the_way_to_it_is_named(tmp_path: Path, monkeypatch:
         scan_of(tmp_path, ROOM)
     with pytest.raises(InputError, match="neither as a text nor as a binary"):
         scan_of(tmp_path, "solid x")
+
+
+@pytest.mark.parametrize("beside", ["room.obj", "room.glb", "3dgs_compressed.ply"])
+def test_a_stage_beside_other_meshes_is_not_needed(tmp_path: Path, beside: str) -> None:
+    """A folder that could be read before somebody put a stage into it can be read after."""
+    (tmp_path / "room.usda").write_text(ROOM)
+    assert find_mesh(tmp_path)[0].name == "room.usda"
+    if beside == "3dgs_compressed.ply":
+        one = np.zeros((1, 3), dtype=np.float32)
+        turn = np.array([[1.0, 0, 0, 0]], dtype=np.float32)
+        write_splats(tmp_path / beside, Gaussians(one, one, turn, one[:, 0], one, np.zeros((1, 3, 0), np.float32)))
+    else:
+        (tmp_path / beside).write_bytes(b"glTF")
+    assert find_mesh(tmp_path)[0].name == beside
 
 
 def test_a_stage_of_instances(tmp_path: Path) -> None:
