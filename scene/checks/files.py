@@ -11,6 +11,7 @@ from scene.checks.findings import Findings
 from scene.checks.places import Lines, json_lines
 from scene.errors import InputError
 from scene.problems import Place, Problem, Report, Severity, error, note, warning
+from scene.readers.raw import RawMesh
 from scene.readers.source import BROKEN, READERS
 from scene.readers.splats import check_splats
 from scene.readers.sugar import is_splats
@@ -30,7 +31,7 @@ class Shape:
     splats: int = 0
     vertices: int = 0
     names: tuple[str, ...] = ()
-    """Names of its nodes or groups."""
+    """What its annotated instances are labelled as, else names of its nodes or groups."""
 
 
 def check_shape(path: Path, findings: Findings) -> Shape:
@@ -62,7 +63,16 @@ def _check_mesh(path: Path, report: Report) -> Shape:
             f"{int(bad.sum())} of {len(bad)} faces have no area (first: face {int(np.argmax(bad))}); they are dropped"
         )
         report(warning(what) if bad.mean() > MANY else note(what))
-    return Shape(path, faces=len(raw.faces), vertices=len(raw.vertices), names=raw.node_names)
+    return Shape(path, faces=len(raw.faces), vertices=len(raw.vertices), names=_names(raw))
+
+
+def _names(raw: RawMesh) -> tuple[str, ...]:
+    """One per annotated instance, whose parts are nodes of their own, and one per node that nobody annotated."""
+    if not raw.node_labels:
+        return raw.node_names
+    named = zip(raw.node_names, raw.node_labels, strict=True)
+    found = {name if label is None else name.split("/")[0]: name if label is None else label for name, label in named}
+    return tuple(one for one in found.values() if one)
 
 
 def _guarded(path: Path, report: Report, check: Callable[[], Found], otherwise: Found) -> Found:

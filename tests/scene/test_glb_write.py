@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 import trimesh
 
+from scene.checks.findings import Findings
+from scene.checks.scene_folder import check_scene
 from scene.glb_write import Node, glb_bytes, labelled_nodes
 from scene.mesh import Mesh
 from scene.readers.frame import Role
@@ -73,6 +75,14 @@ def test_instances_and_parts_come_back(tmp_path: Path) -> None:
     assert np.abs(back.mesh.triangles - first.mesh.triangles).max() < 1e-6  # float32 of metres
     color = [mesh.colors[mesh.faces].mean(axis=1) for mesh in (first.mesh, back.mesh)]
     assert np.abs(color[0] - color[1]).max() < 1.0
+
+
+def test_a_check_counts_instances_not_parts(tmp_path: Path) -> None:
+    """By their labels; the crumb has none."""
+    (tmp_path / "room.glb").write_bytes(glb_bytes(labelled_nodes(made())))
+    findings = Findings()
+    assert check_scene(tmp_path, findings).labels == ("bed", "night stand", "night stand")
+    assert findings.all() == ()
 
 
 def test_what_is_added_by_hand_is_found_by_its_name(tmp_path: Path) -> None:
