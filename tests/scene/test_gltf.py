@@ -2,6 +2,7 @@
 
 import json
 import struct
+import tracemalloc
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +10,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from scene.checks.findings import Findings
+from scene.checks.scene_folder import check_scene
 from scene.errors import InputError
 from scene.mesh import Mesh
 from scene.readers.frame import Role
@@ -157,3 +160,15 @@ def test_nodes_of_one_name_stay_apart(tmp_path: Path) -> None:
         nodes=nodes,
     )  # fmt: skip
     assert read_scan(path, SourceOptions(), Role.SCENE).node_names == ("A/B", "A/B.2/C")
+
+
+def test_a_check_allocates_nothing_for_an_accessor_without_data(tmp_path: Path) -> None:
+    """It tells of ten million promised positions and goes on, but does not make them up."""
+    path = write(tmp_path / "a.glb", [b"", INDICES[0]], [accessor(None, "f4", 10**7, "VEC3"), INDICES[1]])
+    findings = Findings()
+    tracemalloc.start()
+    check_scene(path, findings)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert [one.what for one in findings.all()] == ["accessor 0 promises 10000000 values without data"]
+    assert peak < 1e6
