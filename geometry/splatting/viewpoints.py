@@ -22,8 +22,10 @@ ENCLOSED = 0.75
 """Share of directions in which Gaussians lie, from which a place is inside a room [-]."""
 BANDS, SECTORS = 6, 12
 """Directions are told apart by equal bands of height and sectors of azimuth."""
-MOST_FOR_DIRECTIONS = 20_000
-"""Gaussians that are looked at to find out in which directions there are any."""
+GRAIN = 0.02
+"""One Gaussian in each cell of this size tells in which directions there are any, over the scene's diagonal [-]."""
+AT_ONCE = 2_000_000
+"""Pairs of a place and a Gaussian that are looked at together."""
 CUBE = np.array([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]], dtype=np.float64)
 FIELD_OF_VIEW = np.deg2rad(92.0)
 """Six pictures of a right angle see everything; a little more lets them overlap."""
@@ -63,18 +65,21 @@ def inner_places(splats: Gaussians, count: int, seed: int) -> Array:
         return np.zeros((0, 3))
     distance, _ = cKDTree(opaque.position).query(points)
     points = points[distance > CLEARANCE + 2.0 * float(np.median(opaque.scale.max(axis=1)))]
-    some = opaque.position[random.permutation(len(opaque))[:MOST_FOR_DIRECTIONS]]
-    points = points[np.array([enclosure(p, some) >= ENCLOSED for p in points], dtype=bool)]
-    return far_apart(points, count)
+    _, some = np.unique(np.floor(opaque.position / (GRAIN * np.linalg.norm(high - low))), axis=0, return_index=True)
+    return far_apart(points[enclosure(points, opaque.position[some]) >= ENCLOSED], count)
 
 
-def enclosure(place: Array, positions: NDArray[np.floating]) -> float:
-    """Share of directions in which there are positions (n, 3) [-]."""
-    away = positions - place
-    away = away / np.maximum(np.linalg.norm(away, axis=1, keepdims=True), 1e-9)
-    band = np.minimum(((away[:, 2] + 1.0) * 0.5 * BANDS).astype(int), BANDS - 1)
-    sector = np.minimum(((np.arctan2(away[:, 1], away[:, 0]) / (2 * np.pi) + 0.5) * SECTORS).astype(int), SECTORS - 1)
-    return len(np.unique(band * SECTORS + sector)) / (BANDS * SECTORS)
+def enclosure(places: Array, positions: NDArray[np.floating]) -> Array:
+    """Share of directions from each place (k, 3) in which there are positions (n, 3) [-], shape (k,)."""
+    full = np.zeros((len(places), BANDS * SECTORS), dtype=bool)
+    step = max(AT_ONCE // max(len(positions), 1), 1)
+    for first in range(0, len(places), step):
+        x, y, z = np.moveaxis(positions - places[first : first + step, None], 2, 0).astype(np.float32)
+        rise = z / np.maximum(np.sqrt(x * x + y * y + z * z), 1e-9)
+        band = np.minimum(((rise + 1.0) * 0.5 * BANDS).astype(int), BANDS - 1)
+        sector = np.minimum(((np.arctan2(y, x) / (2 * np.pi) + 0.5) * SECTORS).astype(int), SECTORS - 1)
+        full[np.arange(first, first + len(x))[:, None], band * SECTORS + sector] = True
+    return np.asarray(full.mean(axis=1))
 
 
 def far_apart(points: Array, count: int) -> Array:
