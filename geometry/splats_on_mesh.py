@@ -25,8 +25,9 @@ MOST = 4_000_000
 """Splats that are made at once [-]."""
 
 
-def splats_on_mesh(mesh: Mesh, spacing: float, seed: int) -> Gaussians:
-    """One splat per `spacing`^2 [m^2] of surface, spread evenly; same input, same splats.
+def splats_on_mesh(mesh: Mesh, spacing: float, seed: int, scatter: float = 0.0) -> Gaussians:
+    """One splat per `spacing`^2 [m^2] of surface, spread evenly; same input, same splats. As in a scan they lie off the
+    surface by the standard deviation `scatter` [m].
 
     Raises GeometryError for a spacing that would make more than MOST.
     """
@@ -41,10 +42,13 @@ def splats_on_mesh(mesh: Mesh, spacing: float, seed: int) -> Gaussians:
     size = np.log(spacing * OVERLAP) + JITTER * random.standard_normal((count, 3))
     size[:, 2] += np.log(FLATNESS)
     color = np.einsum("nk,nkc->nc", weight, colors) / 255.0
+    spin = random.uniform(0.0, 2.0 * np.pi, count)
+    normal = mesh.face_normals[face] / np.maximum(np.linalg.norm(mesh.face_normals[face], axis=1, keepdims=True), 1e-30)
+    off = scatter * random.standard_normal((count, 1))
     return Gaussians(
-        np.einsum("nk,nki->ni", weight, corners).astype(np.float32),
+        (np.einsum("nk,nki->ni", weight, corners) + off * normal).astype(np.float32),
         size.astype(np.float32),
-        _quaternions_along(mesh.face_normals[face], random.uniform(0.0, 2.0 * np.pi, count)).astype(np.float32),
+        _quaternions_along(normal, spin).astype(np.float32),
         np.full(count, np.log(OPACITY / (1.0 - OPACITY)), dtype=np.float32),
         ((color - 0.5) / DC).astype(np.float32),
         np.zeros((count, 3, 0), dtype=np.float32),
@@ -64,8 +68,8 @@ def _even_points(areas: Array, count: int, random: np.random.Generator) -> tuple
 
 
 def _quaternions_along(normals: Array, spin: Array) -> Array:
-    """(w, x, y, z) that turn e_z to each normal (n, 3), after a turn by `spin` [rad] about e_z."""
-    n = normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-30)
+    """(w, x, y, z) that turn e_z to each unit normal n (n, 3), after a turn by `spin` [rad] about e_z."""
+    n = normals
     # the shortest turn from e_z to n is about e_z x n = (-ny, nx, 0); opposite normals turn about e_x
     q = np.stack([1.0 + n[:, 2], -n[:, 1], n[:, 0], np.zeros(len(n))], axis=1)
     opposite = q[:, 0] < 1e-9
