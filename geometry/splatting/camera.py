@@ -29,6 +29,11 @@ class Camera:
         rays = np.stack([x, y, np.ones(len(x))], axis=1) @ self.world_from_camera.T
         return np.asarray(rays / np.linalg.norm(rays, axis=1, keepdims=True))
 
+    def project(self, points: Array) -> Array:
+        """Columns and rows [pixel] of points (n, 3) before the camera, shape (n, 2)."""
+        local = (points - self.position) @ self.world_from_camera
+        return np.asarray(local[:, :2] / local[:, 2:] * self.focal + (0.5 * self.width, 0.5 * self.height))
+
 
 def looking(position: Array, target: Array, width: int, height: int, field_of_view: float) -> Camera:
     """A camera at a place that looks at another, upright; horizontal field of view [rad]."""

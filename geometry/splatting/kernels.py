@@ -6,6 +6,7 @@ Sources: elliptical weighted averages [Z01] as in 3D Gaussian splatting [K23]; d
 [K23] Kerbl, Kopanas, Leimkuehler, Drettakis: 3D Gaussian splatting for real-time radiance field rendering. ACM Trans.
 Graph. 42(4), 2023.
 [G24] Guedon, Lepetit: SuGaR: surface-aligned Gaussian splatting for efficient 3D mesh reconstruction. CVPR 2024.
+[O11] Ozertem, Erdogmus: Locally defined principal curves and surfaces. J. Mach. Learn. Res. 12, 2011.
 """
 
 import taichi as ti
@@ -121,12 +122,14 @@ def blend(
     color: ti.types.ndarray(dtype=vec3f, ndim=1),
     image: ti.types.ndarray(dtype=vec3f, ndim=2),
     light: ti.types.ndarray(),
+    front: ti.types.ndarray(),
     weight: ti.types.ndarray(),
 ):
-    """Blend front to back: colour, light that passes, and each Gaussian's largest share of a pixel.
+    """Blend front to back: colour, light that passes, the Gaussian that stops half of it, and each Gaussian's largest
+    share of a pixel.
 
-    image and light (1 at the start) have the shape (rows, columns), weight (0 at the start) one entry for each
-    Gaussian; tiles go to threads.
+    image, light (1 at the start) and front (-1 at the start) have the shape (rows, columns), weight (0 at the start)
+    one entry for each Gaussian; tiles go to threads.
     """
     for task in range((start.shape[0] - 1) * LEAST):
         if task % LEAST != 0:
@@ -153,6 +156,8 @@ def blend(
                             share = ti.max(share, passed * alpha)
                             left = passed * (1.0 - alpha)
                             light[y, x] = left
+                            if passed >= 0.5 > left:
+                                front[y, x] = g
                             if left <= SPENT:
                                 alive -= 1
             if share > 0.0:
@@ -213,3 +218,48 @@ def cross_level(
                         normal[r] = slope.normalized()
             before, at_before = total, t
             s += 1
+
+
+@ti.kernel
+def settle_on_ridge(
+    owner: ti.types.ndarray(),
+    position: ti.types.ndarray(dtype=vec3f, ndim=1),
+    axes: ti.types.ndarray(dtype=mat3f, ndim=1),
+    scale: ti.types.ndarray(dtype=vec3f, ndim=1),
+    opacity: ti.types.ndarray(),
+    neighbour: ti.types.ndarray(),
+    blur: ti.types.ndarray(),
+    rounds: ti.i32,
+    found: ti.types.ndarray(),
+    point: ti.types.ndarray(dtype=vec3f, ndim=1),
+    normal: ti.types.ndarray(dtype=vec3f, ndim=1),
+):
+    """Move each point that was found along its normal to where the density is largest, and turn the normal towards the
+    direction in which the Gaussians there are thinnest: mean shift that keeps to a line [O11].
+
+    [O11] takes the line from the Hessian of the logarithm; here it is the first eigenvector of the mean of the A_k,
+    which the Gaussians' own axes tell more surely. With A_k the inverse of a neighbour's covariance plus the owner's
+    blur^2 and w_k = a_k exp(-(p - m_k)^T A_k (p - m_k) / 2):
+    p <- p + n (sum_k w_k n^T A_k (m_k - p)) / (sum_k w_k n^T A_k n);
+    n <- sum_k w_k A_k n, normalised: a step of the power iteration, which never changes sides.
+    """
+    for r in range(owner.shape[0]):
+        if found[r] == 0:
+            continue
+        g, p, n = owner[r], point[r], normal[r]
+        thick = blur[g] * blur[g]
+        for _ in range(rounds):
+            turned, pull, stiff = vec3f(0.0), 0.0, 0.0
+            for k in range(neighbour.shape[1]):
+                i = neighbour[g, k]
+                variance = scale[i] * scale[i] + thick
+                along = axes[i].transpose() @ n / variance
+                away = axes[i].transpose() @ (position[i] - p)
+                w = opacity[i] * ti.exp(-0.5 * (away * away / variance).sum())
+                turned += w * (axes[i] @ along)
+                pull += w * along.dot(away)
+                stiff += w * along.dot(axes[i].transpose() @ n)
+            if stiff > 0.0:
+                p += pull / stiff * n
+                n = turned.normalized()
+        point[r], normal[r] = p, n

@@ -27,6 +27,8 @@ class View:
     """sRGB colours 0 to 1 over the background, shape (rows, columns, 3)."""
     light: F32
     """Share of the light that comes from behind all splats [-], shape (rows, columns)."""
+    front: NDArray[np.int32]
+    """Number of the Gaussian that lets less than half of the light through, -1 where none is, shape (rows, columns)."""
     weight: F32
     """Largest share that each Gaussian has in a pixel [-], shape (n,)."""
 
@@ -50,14 +52,15 @@ class Splatter:
         rows, columns = camera.height, camera.width
         image = np.zeros((rows, columns, 3), dtype=np.float32)
         light = np.ones((rows, columns), dtype=np.float32)
+        front = np.full((rows, columns), -1, dtype=np.int32)
         weight = np.zeros(len(self.splats), dtype=np.float32)
         start, entry, wide = self._tiles(order, rows, columns)
         kernels.blend(
             start, entry, wide, self.mean, self.conic, self.rectangle, self.opacity, self._colors(order, camera),
-            image, light, weight,
+            image, light, front, weight,
         )  # fmt: skip
         image += light[:, :, None] * np.array(background, dtype=np.float32)
-        return View(image, light, weight)
+        return View(image, light, front, weight)
 
     def _project(self, camera: Camera) -> NDArray[np.int32]:
         """Project all; numbers of the Gaussians in the picture, nearest first."""

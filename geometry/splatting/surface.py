@@ -1,14 +1,20 @@
-"""From Gaussian splats to a mesh: points of their density's level set that cameras see, then Poisson reconstruction.
+"""From Gaussian splats to a mesh: points on the ridge of their density that cameras see, then Poisson reconstruction.
 
 The way of SuGaR's mesh extraction [G24, Sec. 4.2] without its training: samples along rays around the Gaussians that
 views show, the first crossing of the level, normals against the gradient. Rays go to the Gaussians rather than through
 pixels: what is far away or seen at a low angle gets as many points as the rest.
 
+SuGaR keeps the level set. It lies before the Gaussians by two to three of their thicknesses, the farther the more they
+overlap: an offset that is the same nowhere. From the level set, points go on along their normals to the ridge of the
+density, its largest value across the surface, by mean shift [O11]; for flat Gaussians side by side that is the plane of
+their centres. Where centres scatter about the surface, as in scans, the density has a ridge for each; blurred by a
+quarter of their distance it has one. The normal is the direction in which the Gaussians there are thinnest together.
+
 [G24] Guedon, Lepetit: SuGaR: surface-aligned Gaussian splatting for efficient 3D mesh reconstruction. CVPR 2024.
 [K06] Kazhdan, Bolitho, Hoppe: Poisson surface reconstruction. SGP 2006.
+[O11] Ozertem, Erdogmus: Locally defined principal curves and surfaces. J. Mach. Learn. Res. 12, 2011.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,7 +25,7 @@ from scipy.spatial import cKDTree
 from geometry.splatting import kernels
 from geometry.splatting.config import SurfaceConfig
 from geometry.splatting.render import Splatter
-from geometry.splatting.viewpoints import viewpoints
+from geometry.splatting.visibility import Progress, best_origins
 from scene.errors import GeometryError
 from scene.gaussians import Gaussians
 from scene.mesh import Mesh
@@ -43,8 +49,6 @@ class SurfacePoints:
 TARGETS = np.array([[0.0, 0.0], [0.7, 0.0], [-0.7, 0.0], [0.0, 0.7], [0.0, -0.7]])
 """Where rays meet a Gaussian, in deviations along its larger two axes [-]."""
 
-Progress = Callable[[float, str], None]
-
 
 def mesh_of_splats(
     splats: Gaussians, config: SurfaceConfig, threads: int = 1, progress: Progress | None = None
@@ -59,35 +63,19 @@ def mesh_of_splats(
 def surface_points(
     splats: Gaussians, config: SurfaceConfig, threads: int = 1, progress: Progress | None = None
 ) -> SurfacePoints:
-    """Crossings of the level set along rays to every Gaussian that a camera sees, thinned out."""
-    splatter = Splatter(splats)
-    origin = best_origins(splatter, config, progress)
+    """Places on the ridge of the density behind where rays to every Gaussian that a camera sees cross the level set,
+    thinned out."""
+    splatter, near = Splatter(splats), _neighbours(splats, config, threads)
+    gap = _gaps(splats, near)
+    origin = best_origins(splatter, gap, config, progress)
     owner = np.flatnonzero(np.isfinite(origin[:, 0]))
     if not len(owner):
         raise GeometryError("no surface: no splat has a visible share of any picture")
-    found, position, normal = _crossings(splatter, owner, origin, _neighbours(splats, config, threads), config)
+    found, position, normal = _crossings(splatter, owner, origin, near, gap, config)
     if not found.any():
         raise GeometryError(f"no surface: the density of the splats crosses {config.level} nowhere (level)")
     color = np.repeat(splats.color[owner] / 255.0, len(TARGETS), axis=0)
     return thinned(position[found].astype(np.float64), normal[found].astype(np.float64), color[found], config.spacing)
-
-
-def best_origins(splatter: Splatter, config: SurfaceConfig, progress: Progress | None = None) -> Array:
-    """The camera that sees each Gaussian best, frontally and from near [m], shape (n, 3); NaN where none does."""
-    splats = splatter.splats
-    flat = np.take_along_axis(splatter.axes, splats.log_scale.argmin(axis=1)[:, None, None], axis=2)[:, :, 0]
-    best, origin = np.zeros(len(splats)), np.full((len(splats), 3), np.nan)
-    cameras = viewpoints(splats, config.places, config.pixels)
-    for i, camera in enumerate(cameras):
-        visible = np.flatnonzero(splatter.view(camera).weight > config.seen)
-        away = camera.position - splats.position[visible]
-        distance = np.linalg.norm(away, axis=1)
-        score = np.abs(np.einsum("ni,ni->n", flat[visible], away)) / distance**2
-        better = visible[score > best[visible]]
-        best[better], origin[better] = score[score > best[visible]], camera.position
-        if progress is not None:
-            progress(0.5 * (i + 1) / len(cameras), f"view {i + 1} of {len(cameras)}")
-    return origin
 
 
 def _neighbours(splats: Gaussians, config: SurfaceConfig, threads: int) -> NDArray[np.int32]:
@@ -97,11 +85,22 @@ def _neighbours(splats: Gaussians, config: SurfaceConfig, threads: int) -> NDArr
     return np.ascontiguousarray(near.reshape(len(splats), count), dtype=np.int32)
 
 
+def _gaps(splats: Gaussians, near: NDArray[np.int32]) -> F32:
+    """How far apart Gaussians lie on the surface around each one [m], shape (n,): as many fill a disc."""
+    radius = np.linalg.norm(splats.position[near[:, -1]] - splats.position, axis=1)
+    return np.asarray(radius * np.sqrt(np.pi / near.shape[1]), dtype=np.float32)
+
+
 def _crossings(
-    splatter: Splatter, owner: NDArray[np.int64], origin: Array, near: NDArray[np.int32], config: SurfaceConfig
+    splatter: Splatter,
+    owner: NDArray[np.int64],
+    origin: Array,
+    near: NDArray[np.int32],
+    gap: F32,
+    config: SurfaceConfig,
 ) -> tuple[NDArray[np.bool_], F32, F32]:
     """Rays from the origins to places on the Gaussians' larger two axes: which enter the level set and face the
-    camera (m,), where, and the normals there (m, 3)."""
+    camera (m,), where the ridge behind it is, and the normals there (m, 3)."""
     splats = splatter.splats
     wide = np.argsort(splats.log_scale[owner], axis=1)[:, :0:-1]
     rows = np.arange(len(owner))
@@ -111,14 +110,16 @@ def _crossings(
     ray = target.reshape(-1, 3) - start
     distance = np.linalg.norm(ray, axis=1)
     ray /= distance[:, None]
-    n = len(ray)
-    found = np.zeros(n, dtype=np.int32)
-    point, normal = np.zeros((n, 3), dtype=np.float32), np.zeros((n, 3), dtype=np.float32)
+    found, meant = np.zeros(len(ray), dtype=np.int32), np.repeat(owner, len(TARGETS)).astype(np.int32)
+    point, normal = np.zeros((2, len(ray), 3), dtype=np.float32)
     whiten = np.ascontiguousarray(splatter.axes.transpose(0, 2, 1) / splatter.scale[:, :, None], dtype=np.float32)
     kernels.cross_level(
-        start.astype(np.float32), np.repeat(owner, len(TARGETS)).astype(np.int32), ray.astype(np.float32),
-        distance.astype(np.float32), splats.position, whiten, splatter.opacity, near, config.level, config.reach,
-        config.samples, found, point, normal,
+        start.astype(np.float32), meant, ray.astype(np.float32), distance.astype(np.float32), splats.position, whiten,
+        splatter.opacity, near, config.level, config.reach, config.samples, found, point, normal,
+    )  # fmt: skip
+    kernels.settle_on_ridge(
+        meant, splats.position, splatter.axes, splatter.scale, splatter.opacity, near, config.blur * gap,
+        config.rounds, found, point, normal,
     )  # fmt: skip
     return (found != 0) & (np.einsum("ni,ni->n", normal, ray) < 0.0), point, normal
 

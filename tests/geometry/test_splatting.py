@@ -6,13 +6,14 @@ from scipy.spatial.transform import Rotation
 
 from geometry.distance import MeshDistance
 from geometry.procedural.shapes import joined, moved, rounded_box
-from geometry.splats_on_mesh import JITTER, OPACITY, OVERLAP, splats_on_mesh
+from geometry.splats_on_mesh import FLATNESS, JITTER, OPACITY, OVERLAP, splats_on_mesh
 from geometry.splatting.camera import Camera, looking
 from geometry.splatting.config import SurfaceConfig
-from geometry.splatting.kernels import BLUR
+from geometry.splatting.kernels import BLUR, settle_on_ridge
 from geometry.splatting.render import Splatter
 from geometry.splatting.surface import mesh_of_splats, surface_points, thinned
 from geometry.splatting.viewpoints import enclosure, far_apart, fibonacci, viewpoints
+from geometry.splatting.visibility import best_origins
 from scene.errors import GeometryError
 from scene.gaussians import DC, Gaussians
 from scene.mesh import Mesh
@@ -159,8 +160,10 @@ def test_places_are_inside_and_cameras_see_all_around():
 def test_directions_and_distances():
     """Half a sphere of points encloses by half; a line's ends are far apart; spirals have no preferred side."""
     sphere = fibonacci(5000)
-    assert enclosure(np.zeros(3), sphere) == 1.0
-    assert enclosure(np.zeros(3), sphere[sphere[:, 2] > 0]) == 0.5
+    assert enclosure(np.zeros((1, 3)), sphere) == pytest.approx([1.0])
+    lid = sphere[sphere[:, 2] > 0]
+    # from a place far outside, all of it lies in a few directions
+    assert enclosure(np.array([[0.0, 0, 0], [0, 0, 50]]), lid) == pytest.approx([0.5, 1 / 6])
     line = np.stack([np.linspace(0, 1, 11), np.zeros(11), np.zeros(11)], axis=1)
     assert sorted(far_apart(line, 3)[:, 0].tolist()) == pytest.approx([0.0, 0.5, 1.0])
     assert np.abs(sphere.mean(axis=0)).max() < 1e-3
@@ -175,20 +178,99 @@ def test_two_sides_of_a_thin_board_stay_two():
     assert sorted(points.normal[:, 2].tolist()) == [-1.0, 1.0]
 
 
+def test_the_density_does_not_change_along_the_normal_on_its_ridge():
+    """Its slope there, sum_k w_k n^T A_k (m_k - p), vanishes against its parts; so does the turn of the normal."""
+    random = np.random.default_rng(0)
+    n, blur = 12, 0.01
+    splats = gaussians(random.uniform(-0.03, 0.03, (n, 3)) * [1, 1, 0.2], [0.04, 0.03, 0.004],
+                       np.zeros((n, 3)), 0.8)  # fmt: skip
+    point, normal = np.array([[0.0, 0, 0.02]], dtype=np.float32), np.array([[0.1, 0, 0.995]], dtype=np.float32)
+    axes = np.ascontiguousarray(splats.axes)
+    settle_on_ridge(
+        np.zeros(1, dtype=np.int32), splats.position, axes, splats.scale, splats.opacity,
+        np.tile(np.arange(n, dtype=np.int32), (n, 1)), np.full(n, blur, dtype=np.float32), 30,
+        np.ones(1, dtype=np.int32), point, normal,
+    )  # fmt: skip
+    A = np.einsum("kij,kj,klj->kil", axes, 1.0 / (splats.scale.astype(float) ** 2 + blur**2), axes)
+    away = splats.position - point
+    w = splats.opacity * np.exp(-0.5 * np.einsum("ki,kij,kj->k", away, A, away))
+    pull = w * np.einsum("i,kij,kj->k", normal[0], A, away)
+    assert abs(pull.sum()) < 1e-4 * np.abs(pull).sum()
+    turned = np.einsum("k,kij,j->i", w, A, normal[0])
+    assert turned / np.linalg.norm(turned) == pytest.approx(normal[0], abs=1e-4)
+    assert normal[0, 2] > 0.9
+
+
+def test_what_lies_under_a_layer_is_hidden():
+    """Of a slab inside of a box, 3 cm under its top, hardly anything is seen, though light passes between splats; of
+    the room around it, nearly everything but what the box stands on."""
+    room, slab = inside_out(3.0), moved(rounded_box((0.8, 0.6, 0.2), 0.02, 0.05), x=0.3, y=0.2, z=0.37)
+    splats = splats_on_mesh(joined([room, slab]), 0.02, seed=0)
+    gap = np.full(len(splats), 0.02, dtype=np.float32)
+    seen = np.isfinite(best_origins(Splatter(splats), gap, SurfaceConfig(places=6, pixels=160))[:, 0])
+    inside = (np.abs(splats.position - [0.3, 0.2, 0.37]) < [0.42, 0.32, 0.11]).all(axis=1)
+    under = (np.abs(splats.position - [0.3, 0.2, 0.0]) < [0.52, 0.42, 0.02]).all(axis=1)
+    assert inside.sum() > 3000
+    assert seen[inside].mean() < 0.05
+    assert seen[~inside & ~under].mean() > 0.97
+
+
+def ball(radius: float) -> Mesh:
+    """A round mesh about the origin."""
+    box = rounded_box((2 * radius,) * 3, 0.999 * radius, 0.05 * radius)
+    return Mesh.of(radius * box.vertices / np.linalg.norm(box.vertices, axis=1, keepdims=True), box.faces)
+
+
 def test_points_of_the_level_set_lie_before_the_surface():
     """Flat Gaussians side by side add up to A exp(-h^2 / 2 s^2), A = 2 pi OVERLAP^2 alpha: h = 2.3 s at the level 0.3,
     and s varies by exp(JITTER z), by 1.64 at z = 1.65."""
     mesh = inside_out(3.0)
     splats = splats_on_mesh(mesh, 0.02, seed=0)
-    points = surface_points(splats, SurfaceConfig(places=3, pixels=96))
+    points = surface_points(splats, SurfaceConfig(places=3, pixels=96, rounds=0))
     away = MeshDistance(mesh).unsigned(points.position)
     height = np.sqrt(2 * np.log(2 * np.pi * OVERLAP**2 * OPACITY / 0.3))
     thick = float(np.exp(np.median(splats.log_scale[:, 2])))
     assert np.median(away) == pytest.approx(height * thick, rel=0.2)  # the thicker ones reach farther
     assert np.quantile(away, 0.95) < height * thick * np.exp(1.65 * JITTER)
+
+
+def test_points_of_the_ridge_lie_on_the_surface():
+    """In a room of flat walls they are off by less than a tenth of the thickness, and have the normals of the walls."""
+    mesh = inside_out(3.0)
+    splats = splats_on_mesh(mesh, 0.02, seed=0)
+    points = surface_points(splats, SurfaceConfig(places=3, pixels=96))
+    thick = float(np.exp(np.median(splats.log_scale[:, 2])))
     face = MeshDistance(mesh).nearest_face(points.position)
     normal = mesh.face_normals[face] / np.linalg.norm(mesh.face_normals[face], axis=1, keepdims=True)
-    assert np.mean(np.einsum("ni,ni->n", normal, points.normal) > 0.9) > 0.95
+    off = np.einsum("ni,ni->n", points.position - mesh.triangles[face][:, 0], normal)
+    assert abs(off.mean()) < 0.1 * thick
+    assert np.quantile(np.abs(off), 0.9) < 0.2 * thick
+    assert np.mean(np.einsum("ni,ni->n", normal, points.normal) > 0.99) > 0.95
+
+
+@pytest.mark.parametrize("scatter", [0.0, 0.002])
+def test_a_ball_of_splats_keeps_its_radius(scatter):
+    """Discs on the tangents of a ball lie r^2 / 2R outside of it at the distance r from where they touch: on average
+    s^2 / R for discs of the deviation s."""
+    radius, spacing = 0.3, 0.01
+    splats = splats_on_mesh(ball(radius), spacing, seed=0, scatter=scatter)
+    points = surface_points(splats, SurfaceConfig(places=6, pixels=160))
+    # the centres lie on flat faces, a little below the radius
+    off = np.linalg.norm(points.position, axis=1) - np.linalg.norm(splats.position, axis=1).mean()
+    thick = spacing * OVERLAP * FLATNESS
+    assert off.mean() == pytest.approx((OVERLAP * spacing) ** 2 / radius, abs=0.05 * thick + 0.2 * scatter)
+    assert off.std() < 0.4 * thick + 0.5 * scatter
+
+
+def test_two_sides_of_a_board_of_2_cm_stay_two_surfaces():
+    """No point of one side has the normal of the other; centres that scatter are halved by the neighbours they have."""
+    board = rounded_box((0.5, 0.4, 0.02), 0.002, 0.05)
+    scatter = 0.002
+    points = surface_points(splats_on_mesh(board, 0.01, seed=0, scatter=scatter), SurfaceConfig(places=6, pixels=160))
+    middle = (np.abs(points.position[:, :2]) < [0.22, 0.17]).all(axis=1)
+    height, up = points.position[middle, 2], points.normal[middle, 2]
+    assert (np.sign(height) == np.sign(up)).mean() > 0.999
+    assert np.abs(np.abs(height) - 0.01).mean() < 0.5 * scatter
 
 
 @pytest.mark.slow
