@@ -103,12 +103,16 @@ def main() -> None:
     console.print(f"mls: {mls_speed() / 1e6:.1f} million particle-steps a second")
     found = splats.measured()
     console.print(
-        f"splats: {found['splats']:,.0f} to a mesh of {found['faces']:,.0f} faces in {found['seconds']:.0f} s and "
-        f"{found['memory'] / 2**20:.0f} MiB; furniture that is seen {1e3 * found['mean']:.1f} mm off, 95 % within "
-        f"{1e3 * found['p95']:.1f} mm; {splats.FRAME_SPLATS:,} at 640 x 480: {found['frames']:.1f} frames a second"
+        f"{splats.ROOMS[0]}: {found.splats:,} splats to a mesh of {found.faces:,} faces in {found.seconds:.0f} s and "
+        f"{found.memory / 2**20:.0f} MiB; {splats.FRAME_SPLATS:,} at 640 x 480: {found.frames:.1f} frames a second"
     )
+    for name in splats.ROOMS:
+        console.print(
+            f"{name}: furniture that is seen lies {1e3 * found.mean[name]:.1f} mm off the mesh of the splats, 95 % "
+            f"within {1e3 * found.p95[name]:.1f} mm"
+        )
     console.print(
-        f"pictures of the splats against the room's own: {found['psnr']:.1f} dB (mean of {splats.VIEWS} views, PSNR)"
+        f"pictures of the splats against the room's own: {found.psnr:.1f} dB (mean of {splats.VIEWS} views, PSNR)"
     )
 
 
