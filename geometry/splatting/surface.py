@@ -9,6 +9,7 @@ overlap: an offset that is the same nowhere. From the level set, points go on al
 density, its largest value across the surface, by mean shift [O11]; for flat Gaussians side by side that is the plane of
 their centres. Where centres scatter about the surface, as in scans, the density has a ridge for each; blurred by a
 quarter of their distance it has one. The normal is the direction in which the Gaussians there are thinnest together.
+Only what is thinner than a cell of the reconstruction keeps to the level set, which keeps its two sides apart.
 
 [G24] Guedon, Lepetit: SuGaR: surface-aligned Gaussian splatting for efficient 3D mesh reconstruction. CVPR 2024.
 [K06] Kazhdan, Bolitho, Hoppe: Poisson surface reconstruction. SGP 2006.
@@ -44,10 +45,16 @@ class SurfacePoints:
     """Outwards, towards the cameras, shape (n, 3)."""
     color: Array
     """sRGB 0 to 1, shape (n, 3)."""
+    lead: Array
+    """How far before them, along their normals, the level set lies [m], shape (n,)."""
 
 
 TARGETS = np.array([[0.0, 0.0], [0.7, 0.0], [-0.7, 0.0], [0.0, 0.7], [0.0, -0.7]])
 """Where rays meet a Gaussian, in deviations along its larger two axes [-]."""
+NEAR_BY = 16
+"""Points around each one that tell how far apart they lie."""
+ACROSS = 4
+"""Points on the other side that tell how thin something is."""
 
 
 def mesh_of_splats(
@@ -71,11 +78,12 @@ def surface_points(
     owner = np.flatnonzero(np.isfinite(origin[:, 0]))
     if not len(owner):
         raise GeometryError("no surface: no splat has a visible share of any picture")
-    found, position, normal = _crossings(splatter, owner, origin, near, gap, config)
+    found, level, position, normal = _crossings(splatter, owner, origin, near, gap, config)
     if not found.any():
         raise GeometryError(f"no surface: the density of the splats crosses {config.level} nowhere (level)")
     color = np.repeat(splats.color[owner] / 255.0, len(TARGETS), axis=0)
-    return thinned(position[found].astype(np.float64), normal[found].astype(np.float64), color[found], config.spacing)
+    p, n = position[found].astype(np.float64), normal[found].astype(np.float64)
+    return thinned(p, n, color[found], np.einsum("ni,ni->n", level[found] - p, n), config.spacing)
 
 
 def _neighbours(splats: Gaussians, config: SurfaceConfig, threads: int) -> NDArray[np.int32]:
@@ -98,9 +106,9 @@ def _crossings(
     near: NDArray[np.int32],
     gap: F32,
     config: SurfaceConfig,
-) -> tuple[NDArray[np.bool_], F32, F32]:
+) -> tuple[NDArray[np.bool_], F32, F32, F32]:
     """Rays from the origins to places on the Gaussians' larger two axes: which enter the level set and face the
-    camera (m,), where the ridge behind it is, and the normals there (m, 3)."""
+    camera (m,), where, where the ridge behind it is, and the normals there (m, 3)."""
     splats = splatter.splats
     wide = np.argsort(splats.log_scale[owner], axis=1)[:, :0:-1]
     rows = np.arange(len(owner))
@@ -117,21 +125,20 @@ def _crossings(
         start.astype(np.float32), meant, ray.astype(np.float32), distance.astype(np.float32), splats.position, whiten,
         splatter.opacity, near, config.level, config.reach, config.samples, found, point, normal,
     )  # fmt: skip
+    level = point.copy()
     kernels.settle_on_ridge(
         meant, splats.position, splatter.axes, splatter.scale, splatter.opacity, near, config.blur * gap,
         config.rounds, found, point, normal,
     )  # fmt: skip
-    return (found != 0) & (np.einsum("ni,ni->n", normal, ray) < 0.0), point, normal
+    return (found != 0) & (np.einsum("ni,ni->n", normal, ray) < 0.0), level, point, normal
 
 
-def thinned(position: Array, normal: Array, color: Array, spacing: float) -> SurfacePoints:
+def thinned(position: Array, normal: Array, color: Array, lead: Array, spacing: float) -> SurfacePoints:
     """Means over the cells of a grid, apart for the six directions that normals may mainly have: two sides of a thin
     board stay two."""
     cell = np.floor((position - position.min(axis=0)) / spacing).astype(np.int64)
-    main = np.argmax(np.abs(normal), axis=1)
-    side = 2 * main + (np.take_along_axis(normal, main[:, None], axis=1)[:, 0] > 0.0)
     size = cell.max(axis=0) + 1
-    key = ((cell[:, 0] * size[1] + cell[:, 1]) * size[2] + cell[:, 2]) * 6 + side
+    key = ((cell[:, 0] * size[1] + cell[:, 1]) * size[2] + cell[:, 2]) * 6 + sides(normal)
     _, group, count = np.unique(key, return_inverse=True, return_counts=True)
 
     def mean(values: Array) -> Array:
@@ -139,19 +146,49 @@ def thinned(position: Array, normal: Array, color: Array, spacing: float) -> Sur
 
     turned = mean(normal)
     return SurfacePoints(
-        mean(position), turned / np.maximum(np.linalg.norm(turned, axis=1, keepdims=True), 1e-9), mean(color)
-    )
+        mean(position), turned / np.maximum(np.linalg.norm(turned, axis=1, keepdims=True), 1e-9), mean(color),
+        mean(lead[:, None])[:, 0],
+    )  # fmt: skip
+
+
+def kept_apart(points: SurfacePoints, cell: float, threads: int = 1) -> Array:
+    """Their positions (n, 3), back on the level set where the two sides of something thin lie nearer to each other than
+    a cell or the distance of points, and gradually off it up to twice that: where the reconstruction mixes up the sides
+    it leaves holes."""
+    p, n = points.position, points.normal
+    count = min(NEAR_BY, len(p))
+    distance = cKDTree(p).query(p, k=[count], workers=threads)[0][:, 0]
+    least = np.maximum(cell, distance * np.sqrt(np.pi / count))
+    lead, side, share = points.lead.clip(0.0), sides(n), np.zeros(len(p))
+    for way in range(6):
+        own, other = np.flatnonzero(side == way), np.flatnonzero(side == (way ^ 1))
+        if len(own) and len(other):
+            near = other[cKDTree(p[other]).query(p[own], k=range(1, min(ACROSS, len(other)) + 1), workers=threads)[1]]
+            thickness = np.einsum("nki,ni->nk", p[own][:, None] - p[near], n[own])
+            # across a narrow gap the sides face each other, and have no thickness at the level set either
+            between = thickness + lead[own][:, None] + lead[near] > 0.0
+            close = np.linalg.norm(p[own][:, None] - p[near], axis=2) < 2.0 * least[own][:, None]
+            part = np.where(between & close, 2.0 - thickness / least[own][:, None], 0.0)
+            share[own] = part.max(axis=1).clip(0.0, 1.0)
+    return np.asarray(p + (share * lead)[:, None] * n)
+
+
+def sides(normal: Array) -> NDArray[np.int64]:
+    """Which of six directions each normal (n, 3) mainly has, two for each axis, shape (n,)."""
+    main = np.argmax(np.abs(normal), axis=1)
+    return np.asarray(2 * main + (np.take_along_axis(normal, main[:, None], axis=1)[:, 0] > 0.0))
 
 
 def reconstructed(points: SurfacePoints, config: SurfaceConfig, threads: int = 1) -> Mesh:
     """Poisson reconstruction [K06], without what no point supports, decimated and coloured by the points."""
-    cloud = open3d.geometry.PointCloud(open3d.utility.Vector3dVector(points.position))
-    cloud.normals = open3d.utility.Vector3dVector(points.normal)
     extent = 1.1 * float(np.ptp(points.position, axis=0).max())
     depth = int(np.clip(np.ceil(np.log2(max(extent / config.cell, 2.0))), 5, config.deepest))
+    position = kept_apart(points, extent / 2**depth, threads)
+    cloud = open3d.geometry.PointCloud(open3d.utility.Vector3dVector(position))
+    cloud.normals = open3d.utility.Vector3dVector(points.normal)
     # one thread: with more the same points give other bytes
     dense, _ = open3d.geometry.TriangleMesh.create_from_point_cloud_poisson(cloud, depth=depth, n_threads=1)
-    tree = cKDTree(points.position)
+    tree = cKDTree(position)
     vertices = np.asarray(dense.vertices)
     distance, _ = tree.query(vertices, workers=threads)
     dense.remove_vertices_by_mask(distance > config.trim * extent / 2**depth)

@@ -11,7 +11,7 @@ from geometry.splatting.camera import Camera, looking
 from geometry.splatting.config import SurfaceConfig
 from geometry.splatting.kernels import BLUR, settle_on_ridge
 from geometry.splatting.render import Splatter
-from geometry.splatting.surface import mesh_of_splats, surface_points, thinned
+from geometry.splatting.surface import SurfacePoints, kept_apart, mesh_of_splats, surface_points, thinned
 from geometry.splatting.viewpoints import enclosure, far_apart, fibonacci, viewpoints
 from geometry.splatting.visibility import best_origins
 from scene.errors import GeometryError
@@ -173,7 +173,7 @@ def test_two_sides_of_a_thin_board_stay_two():
     """Points with opposite normals are not averaged; those with like normals are."""
     p = np.array([[0.0, 0, 0], [0, 0, 1e-4], [0, 0, 2e-4]])
     n = np.array([[0, 0, 1.0], [0, 0, 1], [0, 0, -1]])
-    points = thinned(p, n, np.zeros((3, 3)), 0.01)
+    points = thinned(p, n, np.zeros((3, 3)), np.zeros(3), 0.01)
     assert len(points.position) == 2
     assert sorted(points.normal[:, 2].tolist()) == [-1.0, 1.0]
 
@@ -271,6 +271,26 @@ def test_two_sides_of_a_board_of_2_cm_stay_two_surfaces():
     height, up = points.position[middle, 2], points.normal[middle, 2]
     assert (np.sign(height) == np.sign(up)).mean() > 0.999
     assert np.abs(np.abs(height) - 0.01).mean() < 0.5 * scatter
+
+
+def test_sides_nearer_than_a_cell_go_back_to_the_level_set():
+    """Wholly up to the thickness of a cell, not at all from two; the facing sides of a gap stay where they are."""
+    x, y = (a.ravel() for a in np.meshgrid(np.arange(20) * 0.004, np.arange(20) * 0.004))
+    up, lead, cell = np.array([0.0, 0, 1]), 0.003, 0.01
+
+    def moved_by(thickness: float, outwards: float) -> float:
+        sheets = [np.stack([x, y, np.full_like(x, z)], axis=1) for z in (0.0, thickness)]
+        normal = np.repeat([-outwards * up, outwards * up], len(x), axis=0)
+        position = np.concatenate(sheets)
+        points = SurfacePoints(position, normal, np.zeros_like(position), np.full(len(position), lead))
+        along = np.einsum("ni,ni->n", kept_apart(points, cell) - position, normal)
+        assert np.ptp(along) < 1e-9
+        return float(along[0])
+
+    assert moved_by(0.005, 1.0) == pytest.approx(lead)
+    assert moved_by(0.015, 1.0) == pytest.approx(lead / 2)
+    assert moved_by(0.025, 1.0) == 0.0
+    assert moved_by(0.009, -1.0) == 0.0
 
 
 @pytest.mark.slow
