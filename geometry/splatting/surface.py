@@ -159,17 +159,18 @@ def kept_apart(points: SurfacePoints, cell: float, threads: int = 1) -> Array:
     count = min(NEAR_BY, len(p))
     distance = cKDTree(p).query(p, k=[count], workers=threads)[0][:, 0]
     least = np.maximum(cell, distance * np.sqrt(np.pi / count))
+    far = 2.0 * float(np.quantile(least, 0.99))
     lead, side, share = points.lead.clip(0.0), sides(n), np.zeros(len(p))
     for way in range(6):
         own, other = np.flatnonzero(side == way), np.flatnonzero(side == (way ^ 1))
         if len(own) and len(other):
-            near = other[cKDTree(p[other]).query(p[own], k=range(1, min(ACROSS, len(other)) + 1), workers=threads)[1]]
+            tree, k = cKDTree(p[other]), range(1, min(ACROSS, len(other)) + 1)
+            away, near = tree.query(p[own], k=k, distance_upper_bound=far, workers=threads)
+            near = other[np.minimum(near, len(other) - 1)]  # one past the last stands for none
             thickness = np.einsum("nki,ni->nk", p[own][:, None] - p[near], n[own])
             # across a narrow gap the sides face each other, and have no thickness at the level set either
-            between = thickness + lead[own][:, None] + lead[near] > 0.0
-            close = np.linalg.norm(p[own][:, None] - p[near], axis=2) < 2.0 * least[own][:, None]
-            part = np.where(between & close, 2.0 - thickness / least[own][:, None], 0.0)
-            share[own] = part.max(axis=1).clip(0.0, 1.0)
+            thin = (away < 2.0 * least[own][:, None]) & (thickness + lead[own][:, None] + lead[near] > 0.0)
+            share[own] = np.where(thin, 2.0 - thickness / least[own][:, None], 0.0).max(axis=1).clip(0.0, 1.0)
     return np.asarray(p + (share * lead)[:, None] * n)
 
 
