@@ -23,7 +23,7 @@ def configured(
     config = PlaceConfig()
     if language not in LANGUAGES:
         raise InputError(f"--language {language!r} is not one of {', '.join(LANGUAGES)}")
-    for stage in ("intent", "rotation", "anchor", "materials"):
+    for stage in ("segment", "intent", "rotation", "anchor", "materials"):
         config = with_setting(config, stage, {"client": language}, f"--language {language}")
     config = with_setting(config, "materials", {"load_aware": load_aware}, "--load-aware")
     if resolution is not None:

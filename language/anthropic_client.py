@@ -22,8 +22,15 @@ from numpy.typing import NDArray
 from PIL import Image
 from pydantic import BaseModel, ValidationError
 
-from language.replies import AnchorReply, IntentReply, MaterialsReply, RotationReply
-from language.requests import AnchorRequest, IntentRequest, MaterialsRequest, PictureMaker, RotationRequest
+from language.replies import AnchorReply, IntentReply, LabelReply, MaterialsReply, RotationReply
+from language.requests import (
+    AnchorRequest,
+    IntentRequest,
+    LabelRequest,
+    MaterialsRequest,
+    PictureMaker,
+    RotationRequest,
+)
 from scene.errors import LanguageError
 from scene.settings import PROJECT_ROOT
 
@@ -40,8 +47,8 @@ MAX_TOKENS = 2048
 SHOWN = 300
 """Characters of a bad reply that an error quotes."""
 
-Request: TypeAlias = IntentRequest | RotationRequest | AnchorRequest | MaterialsRequest
-Reply = TypeVar("Reply", IntentReply, RotationReply, AnchorReply, MaterialsReply)
+Request: TypeAlias = IntentRequest | RotationRequest | AnchorRequest | MaterialsRequest | LabelRequest
+Reply = TypeVar("Reply", IntentReply, RotationReply, AnchorReply, MaterialsReply, LabelReply)
 
 
 class AnthropicClient:
@@ -69,6 +76,10 @@ class AnthropicClient:
     def materials(self, request: MaterialsRequest) -> MaterialsReply:
         """Which row of the library for each part."""
         return self._ask("materials", request, MaterialsReply)
+
+    def label(self, request: LabelRequest) -> LabelReply:
+        """What a thing is, judged from its measures and two pictures."""
+        return self._ask("label", request, LabelReply)
 
     def _ask(self, question: str, request: Request, kind: type[Reply]) -> Reply:
         """Ask until the answer is valid, at most ATTEMPTS times."""
@@ -130,7 +141,7 @@ def message_of(error: anthropic.APIStatusError) -> str:
 def checked(kind: type[Reply], answer: object, request: Request) -> Reply:
     """The answer as a reply that fits the request; ValueError otherwise."""
     reply = kind.model_validate(answer)
-    reply.check(request)  # type: ignore[arg-type]  # the four methods pair each reply with its own request
+    reply.check(request)  # type: ignore[arg-type]  # the methods pair each reply with its own request
     return reply
 
 

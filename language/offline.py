@@ -9,10 +9,11 @@ import numpy as np
 from language.lexicon import Thing, default_parts, is_a, lineage, part_words, thing_of, things
 from language.materials import material_words
 from language.priors import prior_of
-from language.replies import AnchorReply, IntentReply, MaterialChoice, MaterialsReply, RotationReply
+from language.replies import AnchorReply, IntentReply, LabelReply, MaterialChoice, MaterialsReply, RotationReply
 from language.requests import (
     AnchorRequest,
     IntentRequest,
+    LabelRequest,
     MaterialQuestion,
     MaterialsRequest,
     PartView,
@@ -20,6 +21,7 @@ from language.requests import (
     RotationRequest,
 )
 from language.sentence import read
+from language.shapes import label_of
 from language.target import facing_of, target_of
 
 LEVEL = 0.5
@@ -93,6 +95,12 @@ class OfflineClient:
         """By the thing's own list, by part name, by category, by words; else a stated fallback."""
         known = {material.id for material in request.library}
         reply = MaterialsReply(choices=tuple(chosen_material(question, known) for question in request.questions))
+        reply.check(request)
+        return reply
+
+    def label(self, request: LabelRequest) -> LabelReply:
+        """The label whose usual shape, size and height fit best."""
+        reply = label_of(request)
         reply.check(request)
         return reply
 

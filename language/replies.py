@@ -9,7 +9,7 @@ from typing import Literal
 
 from pydantic import BaseModel, Field, PositiveFloat
 
-from language.requests import AnchorRequest, IntentRequest, MaterialsRequest, RotationRequest
+from language.requests import AnchorRequest, IntentRequest, LabelRequest, MaterialsRequest, RotationRequest
 
 Pose = Literal["upright", "upside_down", "on_side", "lying", "standing", "on_back", "on_front", "any"]
 Region = Literal[
@@ -18,6 +18,8 @@ Region = Literal[
 ]  # fmt: skip
 SPECIAL_FACINGS = ("wall", "door", "viewer", "room", "left", "right", "front", "back")
 Metres = PositiveFloat
+OTHER = "other"
+"""The label of what none of the listed ones fits."""
 
 
 class IntentReply(BaseModel, frozen=True, extra="forbid"):
@@ -144,3 +146,16 @@ class MaterialsReply(BaseModel, frozen=True, extra="forbid"):
                 raise ValueError(
                     f"material {choice.material!r} of {choice.body}/{choice.part_index} is not in the library"
                 )
+
+
+class LabelReply(BaseModel, frozen=True, extra="forbid"):
+    """What a thing is."""
+
+    label: str = Field(description="one of the listed labels, or other")
+    confidence: float = Field(ge=0.0, le=1.0, description="probability that the label is right")
+    reason: str = ""
+
+    def check(self, request: LabelRequest) -> None:
+        """ValueError if it chooses what is not listed."""
+        if self.label not in (*request.labels, OTHER):
+            raise ValueError(f"label {self.label!r} is not one of {', '.join(request.labels)}, {OTHER}")

@@ -166,3 +166,55 @@ class MaterialsRequest:
     questions: tuple[MaterialQuestion, ...]
     library: tuple[Material, ...]
     pictures: tuple[PictureMaker, ...] = field(default=(), compare=False)
+
+
+@dataclass(frozen=True, slots=True)
+class LabelRequest:
+    """What is a thing found in a room without annotations."""
+
+    id: str
+    size: Vector
+    """Longer and shorter horizontal side and height of its smallest upright box [m]."""
+    bottom: float
+    """Height above the floor [m]."""
+    top: float
+    """Height above the floor [m]."""
+    level_height: float | None
+    """Height of its main upward surface above the floor [m]; None where nothing looks up."""
+    level_area: float
+    """[m^2]."""
+    rise: float
+    """How far it rises above that surface [m]."""
+    levels: int
+    """Upward surfaces that cover a good part of its plan: boards of a shelf."""
+    closed: float
+    """Share of its outline seen from the side that is filled, 0..1."""
+    covered: float
+    """Share of the rectangle around it, seen from above, that is filled, 0..1."""
+    waist: float
+    """Breadth where it is narrowest over where it is widest, 0..1."""
+    rough: float
+    """0: smooth, 0.1 and more: leaves, folds."""
+    held_by: str
+    """floor, wall, ceiling, nothing, or the id of the thing that carries it."""
+    holder: str
+    """The same, with the label of that thing instead of its id."""
+    wall_gap: float | None
+    """Distance to the nearest wall [m]; None without walls."""
+    carries: int
+    """How many things stand on it."""
+    color: Vector
+    """Mean sRGB colour, 0..1."""
+    varied: float
+    """Distance from its mean colour that a twentieth of its surface exceeds [CIELAB units]."""
+    balance: float
+    """Height of the middle of its surface within its box: 0 at the bottom, 1 at the top."""
+    labels: tuple[str, ...]
+    """What it may be called, besides `other`."""
+    pictures: tuple[PictureMaker, ...] = field(default=(), compare=False)
+    """The room with the thing in a loud colour, and the thing from near."""
+
+    @property
+    def thickness(self) -> float:
+        """Along the thinnest axis of its box [m]."""
+        return min(self.size)

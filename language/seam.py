@@ -1,4 +1,4 @@
-"""The seam between stages and language: four questions, and who answers them.
+"""The seam between stages and language: five questions, and who answers them.
 
 Stages call `client(name, model)` and never learn which client they got. `offline` needs nothing, `anthropic` asks a
 model.
@@ -7,8 +7,8 @@ model.
 from enum import StrEnum
 from typing import Protocol
 
-from language.replies import AnchorReply, IntentReply, MaterialsReply, RotationReply
-from language.requests import AnchorRequest, IntentRequest, MaterialsRequest, RotationRequest
+from language.replies import AnchorReply, IntentReply, LabelReply, MaterialsReply, RotationReply
+from language.requests import AnchorRequest, IntentRequest, LabelRequest, MaterialsRequest, RotationRequest
 
 
 class ClientName(StrEnum):
@@ -36,6 +36,9 @@ class Client(Protocol):
 
     def materials(self, request: MaterialsRequest) -> MaterialsReply:
         """Which material for each part."""
+
+    def label(self, request: LabelRequest) -> LabelReply:
+        """What a thing is."""
 
 
 def client(name: ClientName, model: str = DEFAULT_MODEL) -> Client:

@@ -37,6 +37,8 @@ class Instance:
     """Horizontal unit vector out of the front (away from headboard, backrest or wall), None if none, shape (3,)."""
     structure: bool = False
     """True for walls, floor, ceiling: never a movable thing, may still be a support (floor)."""
+    confidence: float = 1.0
+    """0..1, how sure the label is: 1 where the source names the thing, less where it was guessed from its shape."""
 
     def __post_init__(self) -> None:
         if self.front is not None:

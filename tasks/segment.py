@@ -1,7 +1,7 @@
 """Stage segment: a scan in, instances with named parts out; for scenes and for the object to be placed.
 
-A scene is divided by its annotated boxes or nodes, else by node names or one label, else by shape. Every instance is
-then divided into parts that cover it without overlap.
+A scene is divided by its annotated boxes or nodes, else by node names or one label; what is left of a room is divided by
+shape, and a client says what each thing is. Every instance is then divided into parts that cover it without overlap.
 """
 
 from dataclasses import replace
@@ -11,20 +11,25 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, PositiveInt
 
 from geometry.segmentation.annotated import annotated_parts
-from geometry.segmentation.boxed import boxed_groups
+from geometry.segmentation.boxed import Group, boxed_groups
 from geometry.segmentation.faces import FaceTable
 from geometry.segmentation.front import facing_away_from_wall
 from geometry.segmentation.labels import readable
-from geometry.segmentation.named import named_groups
+from geometry.segmentation.named import Guess, named_groups
 from geometry.segmentation.parts import find_parts, make_instance, node_words, object_node_words
+from language.seam import DEFAULT_MODEL, ClientName, client
 from scene.scan import Scan
 from scene.segmentation import Instance, Segmentation
+from tasks.room_labels import labelled_room
 from tasks.stage import stage
 
 
 class SegmentConfig(BaseModel, frozen=True, extra="forbid"):
-    """How small a thing may be."""
+    """How small a thing may be, and who is asked what a thing is that the source does not name."""
 
+    client: ClientName = ClientName.OFFLINE
+    model: str = DEFAULT_MODEL
+    """Only for clients that ask a model."""
     min_faces: PositiveInt = 2
     """Instances with fewer faces are left out [-]: a stray triangle is noise, two make a floor."""
 
@@ -32,7 +37,7 @@ class SegmentConfig(BaseModel, frozen=True, extra="forbid"):
 def segment(scan: Scan, config: SegmentConfig) -> Segmentation:
     """Divide a scene into instances and parts."""
     table = FaceTable.of(scan.mesh)
-    groups = boxed_groups(table, scan.boxes) if scan.boxes else named_groups(table, scan)
+    groups = boxed_groups(table, scan.boxes) if scan.boxes else _groups_without_boxes(scan, table, config)
     groups = [g for g in groups if len(g.faces) >= min(config.min_faces, len(scan.mesh.faces))]
     face_instance = np.full(len(scan.mesh.faces), -1, dtype=np.int32)
     face_part = np.full(len(scan.mesh.faces), -1, dtype=np.int32)
@@ -42,10 +47,19 @@ def segment(scan: Scan, config: SegmentConfig) -> Segmentation:
             group.id, group.label, table, group.faces, group.axes, _words(scan, group.faces),
             annotated_parts(scan, group.faces),
         )  # fmt: skip
-        instances.append(instance)
+        instances.append(replace(instance, confidence=group.confidence) if isinstance(group, Guess) else instance)
         face_instance[group.faces] = index
         face_part[group.faces] = part
     return Segmentation(scan.mesh, _with_fronts(instances), face_instance, face_part)
+
+
+def _groups_without_boxes(scan: Scan, table: FaceTable, config: SegmentConfig) -> list[Group]:
+    """By names; a client is made, and so asked, only where there is a room to be taken apart."""
+
+    def taken_apart(inside: NDArray[np.bool_]) -> list[Group]:
+        return labelled_room(scan.mesh, table, inside, client(config.client, config.model))
+
+    return named_groups(table, scan, taken_apart)
 
 
 segment_task = stage(segment)

@@ -1,37 +1,56 @@
 """Instances of a mesh without annotated boxes: by its nodes, by one label for everything, or by shape alone."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
 
 from geometry.segmentation.annotated import annotated_groups
 from geometry.segmentation.boxed import Group
-from geometry.segmentation.faces import FaceTable, renumbered, surface_points
+from geometry.segmentation.contacts import pieces_of
+from geometry.segmentation.faces import FaceTable, connected_regions, renumbered
 from geometry.segmentation.labels import Category, category_of, part_word, plain_structure, readable, says_something
-from geometry.segmentation.structure import ceiling_faces, find_levels, floor_faces, wall_number
+from geometry.segmentation.shell import Shell
+from geometry.segmentation.structure import wall_number
 from scene.scan import Scan
 
-TOUCHING = 0.02
-"""Components about this close belong to one thing [m]."""
+Index: TypeAlias = NDArray[np.int64]
+TakeApart: TypeAlias = Callable[[NDArray[np.bool_]], list[Group]]
+"""Takes the unnamed faces of a room apart: from a mask, shape (m,), to the things there."""
 
+THING = "thing"
+"""What nobody could name."""
 ROOM_SIZE = 3.2
-"""A room is at least this long [m]."""
+"""What is this long and has a floor is a room [m]."""
+SMALL_ROOM = (1.2, 1.9)
+"""A smaller one is at least this broad and high [m], and has walls that look inwards."""
+WALLED = 0.5
+"""Share of its outline that walls have at least [-]."""
 
 
-def named_groups(table: FaceTable, scan: Scan) -> list[Group]:
-    """Instances by annotated nodes, then by the names in the file; what is unnamed takes the scan's label."""
+@dataclass(frozen=True, eq=False, slots=True)
+class Guess(Group):
+    """A thing whose label was guessed from its shape."""
+
+    confidence: float
+    """0..1."""
+
+
+def named_groups(table: FaceTable, scan: Scan, taken_apart: TakeApart) -> list[Group]:
+    """Instances by annotated nodes, then by the names in the file; what is unnamed is taken apart if it is a room, else
+    it has the scan's label."""
+    every = np.arange(len(table.area))
     if scan.node_labels:
         groups, silent = annotated_groups(scan)
-        return with_ids(groups + _spoken_groups(table, scan, silent))
+        return with_ids(groups + _spoken_groups(table, scan, silent, taken_apart))
     if _is_one_thing(_top_names(scan.node_names), scan.label):
-        return _unnamed_groups(table, np.arange(len(table.area)), readable(scan.label))
-    return with_ids(_spoken_groups(table, scan, np.arange(len(table.area))))
+        return with_ids(_unnamed_groups(table, every, readable(scan.label), taken_apart))
+    return with_ids(_spoken_groups(table, scan, every, taken_apart))
 
 
-def _spoken_groups(table: FaceTable, scan: Scan, faces: NDArray[np.int64]) -> list[Group]:
+def _spoken_groups(table: FaceTable, scan: Scan, faces: Index, taken_apart: TakeApart) -> list[Group]:
     """Instances among some faces by the names of their nodes."""
     top = _top_names(scan.node_names)
     node_label = [readable(name) if says_something(name) else "" for name in top]
@@ -45,9 +64,7 @@ def _spoken_groups(table: FaceTable, scan: Scan, faces: NDArray[np.int64]) -> li
         else:
             groups += [Group("", name, faces[mine[own]], None) for own in _apart(table, faces[mine], thing[mine])]
     unnamed = faces[label == ""]
-    if scan.node_labels:  # scraps between what is annotated are not one thing
-        return groups + [Group("", readable(scan.label), cluster, None) for cluster in _clusters(table, unnamed)]
-    return groups + (_unnamed_groups(table, unnamed, readable(scan.label)) if len(unnamed) else [])
+    return groups + (_unnamed_groups(table, unnamed, readable(scan.label), taken_apart) if len(unnamed) else [])
 
 
 def _apart(table: FaceTable, faces: NDArray[np.int64], thing: NDArray[np.int64]) -> list[NDArray[np.int64]]:
@@ -56,8 +73,11 @@ def _apart(table: FaceTable, faces: NDArray[np.int64], thing: NDArray[np.int64])
     count = int(node.max(initial=-1)) + 1
     if count < 2:
         return [np.arange(len(faces))] if count else []
-    points, owner = surface_points(table.corners[faces], table.area[faces], TOUCHING)
-    group = _joined(points, node[owner], count)[node]
+    piece = np.full(len(table.area), -1, dtype=np.int64)
+    piece[faces] = node
+    touching = [(a, b) for a, one in pieces_of(table, piece).alive.items() for b in one.touches]
+    pairs = np.array(touching, dtype=np.int64).reshape(-1, 2)
+    group = connected_regions(count, pairs, np.ones(len(pairs), dtype=bool))[node]
     return [np.flatnonzero(group == i) for i in dict.fromkeys(group.tolist())]
 
 
@@ -90,28 +110,30 @@ def _is_one_thing(top: Sequence[str], label: str) -> bool:
     return len(parts) == len(telling) and not any(readable(name) == readable(label) for name in telling)
 
 
-def _unnamed_groups(table: FaceTable, faces: NDArray[np.int64], label: str) -> list[Group]:
-    """A furnished room is taken apart; anything else is one thing."""
-    if not _is_room(table, faces, label):
-        return with_ids([Group("", label, faces, None)])
+def _unnamed_groups(table: FaceTable, faces: Index, label: str, taken_apart: TakeApart) -> list[Group]:
+    """What is unnamed in a furnished room is taken apart; anything else is one thing."""
+    if not _is_room(table, np.arange(len(table.area)), label):
+        return [Group("", label, faces, None)]
     inside = np.zeros(len(table.area), dtype=bool)
     inside[faces] = True
-    levels = find_levels(table)
-    floor = inside & floor_faces(table, levels)
-    ceiling = inside & ceiling_faces(table, levels) & ~floor
-    wall = wall_number(table, [], inside & ~floor & ~ceiling, np.zeros_like(inside))
-    groups = [Group("", name, np.flatnonzero(mask), None) for name, mask in (("floor", floor), ("ceiling", ceiling))]
-    groups += [Group("", "wall", np.flatnonzero(wall == i), None) for i in range(int(wall.max(initial=-1)) + 1)]
-    rest = np.flatnonzero(inside & ~floor & ~ceiling & (wall < 0))
-    groups += [Group("", label, cluster, None) for cluster in _clusters(table, rest)]
-    return with_ids([group for group in groups if len(group.faces)])
+    return [group for group in taken_apart(inside) if len(group.faces)]
 
 
-def _is_room(table: FaceTable, faces: NDArray[np.int64], label: str) -> bool:
-    """Large, with a floor under most of it; a label that names furniture does not make a hall of a bed."""
+def shell_groups(shell: Shell) -> list[Group]:
+    """Floor, ceiling and walls of a room that was taken apart."""
+    groups = [
+        Group("", name, np.flatnonzero(mask), None)
+        for name, mask in (("floor", shell.floor), ("ceiling", shell.ceiling))
+    ]
+    return groups + [Group("", "wall", np.flatnonzero(shell.wall == i), None) for i in range(len(shell.planes))]
+
+
+def _is_room(table: FaceTable, faces: Index, label: str) -> bool:
+    """A floor under most of it, and large or walled; a label that names furniture does not make a hall of a bed."""
     points = table.corners[faces].reshape(-1, 3)
     size = np.ptp(points, axis=0)
-    if size[:2].max() < ROOM_SIZE:
+    small = bool(size[:2].max() < ROOM_SIZE)
+    if small and (size[:2].min() < SMALL_ROOM[0] or size[2] < SMALL_ROOM[1] or not _is_walled(table, faces)):
         return False
     z = table.center[faces, 2]
     low = (z < points[:, 2].min() + 0.15 * size[2]) & (table.normal[faces, 2] > 0.8)
@@ -120,32 +142,16 @@ def _is_room(table: FaceTable, faces: NDArray[np.int64], label: str) -> bool:
     return covered > 0.5 and not (furniture and size[:2].max() < 2.0 * ROOM_SIZE)
 
 
-def _clusters(table: FaceTable, faces: NDArray[np.int64]) -> list[NDArray[np.int64]]:
-    """Components that touch are one thing; crumbs far from everything are left out."""
-    if not len(faces):
-        return []
-    component = renumbered(table.component[faces])
-    points, owner = surface_points(table.corners[faces], table.area[faces], TOUCHING)
-    group = _joined(points, component[owner], int(component.max()) + 1)[component]
-    area = np.bincount(group, table.area[faces])
-    return [faces[group == i] for i in np.argsort(-area, kind="stable") if area[i] > 1e-3]
-
-
-def _joined(points: NDArray[np.float64], component: NDArray[np.int64], count: int) -> NDArray[np.int64]:
-    """Group of each component: components with points in the same cell of a grid touch, shape (count,).
-
-    Two grids, half a cell apart, so that neighbours on either side of a cell's border are seen.
-    """
-    edges = []
-    cells = 0
-    for shift in (0.0, 0.5):
-        key = np.floor(points / (2.0 * TOUCHING) + shift).astype(np.int64)
-        cell = np.asarray(np.unique(key, axis=0, return_inverse=True)[1]).reshape(-1) + cells
-        cells = int(cell.max()) + 1
-        edges.append(np.stack([component, count + cell], axis=1))
-    a, b = np.unique(np.concatenate(edges), axis=0).T
-    graph = coo_matrix((np.ones(len(a), dtype=np.int8), (a, b)), shape=(count + cells, count + cells))
-    return np.asarray(connected_components(graph, directed=False)[1][:count], dtype=np.int64)
+def _is_walled(table: FaceTable, faces: Index) -> bool:
+    """Whether upright faces near the outline look inwards and make up a good part of it: a room, and no cupboard."""
+    center, normal, area = table.center[faces], table.normal[faces], table.area[faces]
+    low, high = table.corners[faces].reshape(-1, 3).min(axis=0), table.corners[faces].reshape(-1, 3).max(axis=0)
+    size = high - low
+    inward = np.zeros(len(faces), dtype=bool)
+    for axis in (0, 1):
+        inward |= (center[:, axis] < low[axis] + 0.15 * size[axis]) & (normal[:, axis] > 0.8)
+        inward |= (center[:, axis] > high[axis] - 0.15 * size[axis]) & (normal[:, axis] < -0.8)
+    return float(area[inward].sum()) > WALLED * 2.0 * float(size[:2].sum() * size[2])
 
 
 def with_ids(groups: list[Group]) -> list[Group]:
@@ -155,7 +161,7 @@ def with_ids(groups: list[Group]) -> list[Group]:
     seen: dict[str, int] = {}
     named = []
     for group in groups:
-        plain = group.label.replace(" ", "_") or "thing"
+        plain = group.label.replace(" ", "_") or THING
         unique = group.id or plain
         if not group.id and (labels.count(group.label) > 1 or plain in taken):
             number = seen.get(plain, 0)
@@ -163,5 +169,5 @@ def with_ids(groups: list[Group]) -> list[Group]:
                 number += 1
             unique, seen[plain] = f"{plain}_{number}", number + 1
         taken.add(unique)
-        named.append(Group(unique, group.label or "thing", group.faces, group.axes))
+        named.append(replace(group, id=unique, label=group.label or THING))
     return named

@@ -1,0 +1,54 @@
+"""A room without annotations: its shell, and the things in it with the labels that a client gave them.
+
+In: the faces that nobody named. Out: groups of faces with labels and how sure those are. Each thing is one question;
+what carries others is asked first, so that what lies on a bed knows it.
+"""
+
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from geometry.segmentation.belonging import wholes
+from geometry.segmentation.boxed import Group
+from geometry.segmentation.faces import FaceTable
+from geometry.segmentation.named import THING, Guess, shell_groups
+from geometry.segmentation.traits import Traits, describe_things, thing_pieces
+from geometry.segmentation.unlabelled import Things, find_things
+from language.replies import OTHER, LabelReply
+from language.seam import Client
+from scene.mesh import Mesh
+from tasks.label_pictures import close_up, in_the_room
+from tasks.label_requests import label_order, label_request
+
+
+def labelled_room(mesh: Mesh, table: FaceTable, inside: NDArray[np.bool_], client: Client) -> list[Group]:
+    """Take the faces in `inside`, shape (m,), apart, ask what each thing is, and join what belongs together."""
+    things = find_things(table, inside)
+    pieces = thing_pieces(table, things)
+    traits = describe_things(table, things, pieces)
+    replies = asked(mesh, things, traits, client)
+    labels = ["" if reply.label == OTHER else reply.label for reply in replies]
+    found: list[Group] = [
+        Guess(
+            "",
+            whole.label or THING,
+            np.sort(np.concatenate([things.things[i] for i in whole.members])),
+            None,
+            replies[whole.main].confidence if whole.label else 0.0,
+        )
+        for whole in wholes(labels, traits, pieces)
+    ]
+    return shell_groups(things.shell) + found
+
+
+def asked(mesh: Mesh, things: Things, traits: tuple[Traits, ...], client: Client) -> list[LabelReply]:
+    """The client's answer for each thing."""
+    known: dict[int, LabelReply] = {}
+    for i in label_order(traits):
+        pictures = (
+            partial(in_the_room, mesh, things, traits[i].box, things.things[i]),
+            partial(close_up, mesh, things, traits[i].box, things.things[i]),
+        )
+        known[i] = client.label(label_request(i, traits, known, pictures))
+    return [known[i] for i in range(len(traits))]
