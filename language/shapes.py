@@ -21,9 +21,9 @@ from scene.errors import InputError
 SHAPES = "lexicon/shapes.csv"
 EVIDENCE = 0.5
 """Share of the evidence of one measure that is counted [-]: size, level and outline are not independent."""
-DOUBT = 0.5
-"""Least probability of a label that is given [-]: more for it than against it."""
-FARTHEST = 4.0
+DOUBT = 0.35
+"""Least probability of a label that is given [-]; a doubtful one mostly competes with a kind of the same thing."""
+FARTHEST = 6.0
 """No measure speaks against a label by more than this many standard deviations: scans have holes [-]."""
 HELD, NOT_HELD = 0.9, 0.03
 """Probability that a thing is held by what is usual for it, and by one other kind of thing [-]."""

@@ -28,6 +28,8 @@ class Bond(StrEnum):
     ON = "on"
     """The whole carries it."""
     TOUCHING = "touching"
+    UNDER = "under"
+    """It touches the whole, and that is above it."""
     INSIDE = "inside"
     """It is within the box of the whole."""
     AROUND = "around"
@@ -51,9 +53,15 @@ BELONGS = (
     Belongs("blanket", "bed", Bond.ON),
     Belongs("headboard", "bed", Bond.TOUCHING),
     Belongs("seat cushion", "sofa", Bond.ON),
+    Belongs("seat cushion", "sofa base", Bond.ON, "sofa"),
     Belongs("seat cushion", "armchair", Bond.ON),
     Belongs("back cushion", "sofa", Bond.TOUCHING),
+    Belongs("back cushion", "sofa base", Bond.TOUCHING, "sofa"),
     Belongs("back cushion", "armchair", Bond.TOUCHING),
+    Belongs("sofa back", "sofa", Bond.TOUCHING),
+    Belongs("sofa back", "sofa base", Bond.TOUCHING, "sofa"),
+    Belongs("sofa arm", "sofa", Bond.TOUCHING),
+    Belongs("sofa arm", "sofa base", Bond.TOUCHING, "sofa"),
     Belongs("basin", "cabinet", Bond.ON, "basin cabinet"),
     Belongs("basin", "counter", Bond.ON),
     Belongs("tap", "cabinet", Bond.ON, "basin cabinet"),
@@ -66,11 +74,25 @@ BELONGS = (
     Belongs("lamp shade", "vase", Bond.AROUND, "table lamp"),
     Belongs("book", "book", Bond.TOUCHING),
     Belongs("rug", "rug", Bond.TOUCHING),
+    Belongs("rug", "rug", Bond.INSIDE),
     Belongs(ANY, "box", Bond.INSIDE),
-    Belongs("leg", ANY, Bond.TOUCHING),
+    Belongs("leg", ANY, Bond.UNDER),
 )
 """What belongs to what, the strongest bond first."""
-ONLY_PARTS = frozenset({"leg", "headboard", "seat cushion", "back cushion", "toilet tank", "lamp shade", "tap"})
+ONLY_PARTS = frozenset(
+    {
+        "leg",
+        "headboard",
+        "seat cushion",
+        "back cushion",
+        "sofa base",
+        "sofa back",
+        "sofa arm",
+        "toilet tank",
+        "lamp shade",
+        "tap",
+    }
+)
 """Labels of what is no thing by itself."""
 
 
@@ -115,7 +137,9 @@ def _whole_of(i: int, labels: Sequence[str], traits: Sequence[Traits], pieces: P
         bond = {
             j: _strength(rule.bond, i, j, traits, pieces)
             for j in range(len(labels))
-            if j != i and rule.whole in (ANY, labels[j]) and (labels[i] != labels[j] or j < i)
+            if j != i
+            and rule.whole in (ANY, labels[j])
+            and (labels[i] != labels[j] or j < i or rule.bond is Bond.INSIDE)
         }
         best = max(bond, key=lambda j: (bond[j], -j), default=-1)
         if best >= 0 and bond[best] > 0.0:
@@ -127,10 +151,13 @@ def _strength(bond: Bond, i: int, j: int, traits: Sequence[Traits], pieces: Piec
     """How strongly two things are joined in that way, 0: not at all."""
     if bond is Bond.ON:
         return float(_carried(i, j, traits))
-    if bond is Bond.TOUCHING:
-        touch = pieces.alive[i].touches.get(j)
-        return float(len(touch.a)) if touch is not None and len(touch.a) >= FEWEST_PAIRS else 0.0
     a, b = pieces.alive[i], pieces.alive[j]
+    if bond in (Bond.TOUCHING, Bond.UNDER):
+        touch = a.touches.get(j)
+        if touch is None:
+            return 0.0
+        counted = pieces.position[touch.b, 2] > a.center[2] if bond is Bond.UNDER else np.ones(len(touch.b), dtype=bool)
+        return float(counted.sum()) if counted.sum() >= FEWEST_PAIRS else 0.0
     if bond is Bond.INSIDE:
         return float(((a.low > b.low - SLACK) & (a.high < b.high + SLACK)).all())
     gap = np.maximum(a.low, b.low) - np.minimum(a.high, b.high)
