@@ -29,6 +29,8 @@ ELEVATIONS = (25.0, 50.0)
 """Heights over the horizon from which a thing is looked at [degrees]; things on the ceiling from below."""
 DIRECTIONS = 12
 """Directions all around that are tried."""
+OUTSIDE = 0.1
+"""Share of the thing that may be hidden before the camera goes round by a quarter turn [-]."""
 SEEN_POINTS = 200
 """Points of the thing that are looked for."""
 
@@ -63,33 +65,32 @@ def _seen(
     rest: Mesh, thing: Mesh, structure: NDArray[np.bool_], box: OrientedBox, distance: float
 ) -> NDArray[np.uint8]:  # fmt: skip
     """The picture from the side from which most of the thing is seen, walls in front of it cut away."""
-    best, most = None, -1.0
-    for position in _positions(rest, box, distance):
-        shown = rest.submesh(np.flatnonzero(~cut_faces(rest, structure, position, box.center)))
-        seen = _visible_share(shown, thing, position)
-        if seen > most + 1e-9:
-            best, most = (shown, position), seen
-    assert best is not None
-    camera = Camera(best[1], box.center, width=SIZE, height=SIZE)
-    return picture([best[0], thing], camera, samples=1, shadows=False).rgb
+    loose = Raycaster(Mesh.concatenate([rest.submesh(np.flatnonzero(~structure)), thing]))
+    seen = [
+        (_visible_share(loose, thing, place) - cost, -k, place)
+        for k, (place, cost) in enumerate(_places(rest, box, distance))
+    ]
+    position = max(seen, key=lambda one: one[:2])[2]
+    shown = rest.submesh(np.flatnonzero(~cut_faces(rest, structure, position, box.center)))
+    return picture([shown, thing], Camera(position, box.center, width=SIZE, height=SIZE), samples=1, shadows=False).rgb
 
 
-def _positions(rest: Mesh, box: OrientedBox, distance: float) -> list[Array]:
-    """Places of the camera around a thing, those towards the middle of the room first."""
+def _places(rest: Mesh, box: OrientedBox, distance: float) -> list[tuple[Array, float]]:
+    """Places of the camera around a thing, and what is held against each: best is from the middle of the room."""
     middle = rest.bounds.mean(axis=0) - box.center
     start = float(np.arctan2(middle[1], middle[0]))
     sign = -1.0 if middle[2] < -0.3 * float(np.ptp(rest.bounds[:, 2])) else 1.0  # from below under the ceiling
     found = []
     for elevation in np.radians(ELEVATIONS):
-        for turn in sorted(np.linspace(-np.pi, np.pi, DIRECTIONS, endpoint=False), key=abs):
+        for turn in np.linspace(-np.pi, np.pi, DIRECTIONS, endpoint=False):
             flat = np.array([np.cos(start + turn), np.sin(start + turn)])
             direction = np.array([*(np.cos(elevation) * flat), sign * np.sin(elevation)])
-            found.append(box.center + distance * direction)
+            found.append((box.center + distance * direction, OUTSIDE * (1.0 - float(np.cos(turn)))))
     return found
 
 
-def _visible_share(rest: Mesh, thing: Mesh, camera: Array) -> float:
-    """Share of points on the thing that nothing else hides, those it turns away included."""
+def _visible_share(loose: Raycaster, thing: Mesh, camera: Array) -> float:
+    """Share of points on the thing that face the camera and that nothing hides."""
     face = np.linspace(0, len(thing.faces) - 1, min(SEEN_POINTS, len(thing.faces))).astype(np.int64)
     points, normal = thing.triangles[face].mean(axis=1), thing.face_normals[face]
     way = camera - points
@@ -98,5 +99,5 @@ def _visible_share(rest: Mesh, thing: Mesh, camera: Array) -> float:
         return 0.0
     length = np.linalg.norm(way[facing], axis=1)
     unit = way[facing] / length[:, None]
-    blocked = Raycaster(Mesh.concatenate([rest, thing])).occluded(points[facing] + 2e-3 * unit, unit, length - 4e-3)
+    blocked = loose.occluded(points[facing] + 2e-3 * unit, unit, length - 4e-3)
     return float((~blocked).sum()) / len(face)
