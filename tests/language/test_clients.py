@@ -18,6 +18,7 @@ from language.replies import IntentReply
 from language.requests import (
     AnchorRequest,
     FacingView,
+    LabelRequest,
     MaterialQuestion,
     MaterialsRequest,
     PartView,
@@ -118,7 +119,20 @@ def materials_request() -> MaterialsRequest:
     return MaterialsRequest("", (MaterialQuestion("object", "mug", part),), tuple(load_materials().values()))
 
 
-REQUESTS = {"rotation": rotation_request, "anchor": anchor_request, "materials": materials_request}
+def label_request() -> LabelRequest:
+    shot = [lambda k=k: np.full((8, 8, 3), 10 * k, dtype=np.uint8) for k in range(2)]
+    return LabelRequest(
+        "thing_3", (2.0, 1.6, 0.9), 0.0, 0.9, 0.5, 2.0, 0.4, 1, 0.55, 1.0, 0.8, 0.05, "floor", "floor", 0.02, 2,
+        (0.8, 0.8, 0.8), 12.0, 0.4, ("bed", "sofa", "desk"), tuple(shot),
+    )  # fmt: skip
+
+
+REQUESTS = {
+    "rotation": rotation_request,
+    "anchor": anchor_request,
+    "materials": materials_request,
+    "label": label_request,
+}
 
 
 @pytest.fixture(params=list(ClientName))
@@ -138,7 +152,7 @@ def prepared(question: str, ask) -> Any:
     return ask("put the mug upside down on the desk", "mug") if question == "intent" else REQUESTS[question]()
 
 
-@pytest.mark.parametrize("question", ["intent", "rotation", "anchor", "materials"])
+@pytest.mark.parametrize("question", ["intent", "rotation", "anchor", "materials", "label"])
 def test_every_client_answers_every_question_with_listed_choices(one, question, ask):
     """A reply is of the right type and passes the check against its request."""
     request = prepared(question, ask)
@@ -209,6 +223,26 @@ def test_pictures_travel_as_png(server):
     assert [block["type"] for block in content] == ["image", "image", "image", "text"]
     data = [base64.b64decode(block["source"]["data"]) for block in content[:3]]
     assert [int(np.asarray(Image.open(io.BytesIO(d)))[0, 0, 0]) for d in data] == [0, 10, 20]
+
+
+def test_an_unlisted_label_is_asked_again(server):
+    """A label that is not offered goes back with the choices; two pictures go along; `other` is allowed."""
+    bad, good = {"label": "throne", "confidence": 0.9}, {"label": "other", "confidence": 0.4}
+    server.answers = [call(bad), call({**good, "confidence": 1.5}), call(good)]
+    reply = client(ClientName.ANTHROPIC).label(label_request())
+    assert (reply.label, reply.confidence) == ("other", 0.4)
+    results = [body["messages"][-1]["content"][0]["content"] for body in server.asked[1:]]
+    assert "throne" in results[0]
+    assert "bed, sofa, desk, other" in results[0]
+    assert "confidence" in results[1]
+    assert [block["type"] for block in server.asked[0]["messages"][0]["content"]] == ["image", "image", "text"]
+
+
+def test_a_refused_label_is_an_error(server):
+    """A model that refuses to say what a thing is ends the question in one line."""
+    server.answers = [lambda _: message([{"type": "text", "text": "no"}], "refusal")]
+    with pytest.raises(LanguageError, match="refused to answer the question 'label'"):
+        client(ClientName.ANTHROPIC).label(label_request())
 
 
 def test_text_of_the_prompt_cannot_leave_its_block(server, ask):
