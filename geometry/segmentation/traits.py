@@ -118,9 +118,9 @@ def _traits(
     level = float(heights[main]) + box.center[2] if main >= 0 else float("nan")
     return Traits(
         box=box, length=float(length), width=float(width), height=float(2.0 * box.half_extents[2]),
-        bottom=box.bottom - floor, top=box.top - floor,
-        level_height=level - floor, level_area=float(areas[main]) if main >= 0 else 0.0,
-        rise=box.top - level if main >= 0 else box.top - box.bottom,
+        bottom=float(box.bottom - floor), top=float(box.top - floor),
+        level_height=float(level - floor), level_area=float(areas[main]) if main >= 0 else 0.0,
+        rise=float(box.top - (level if main >= 0 else box.bottom)),
         levels=int((areas > LEVEL_SHARE * 4.0 * np.prod(box.half_extents[:2])).sum()),
         closed=min(_filled(local[:, [axis, 2]]) for axis in (0, 1)), covered=_filled(local[:, :2]),
         waist=_waist(local), rough=_roughness(position, pieces.normal[one.points]),
