@@ -12,8 +12,8 @@ from language.requests import LabelRequest
 from language.shapes import Shape, Usual, label_of, labels, probabilities, shape_row, shapes
 from scene.errors import InputError
 
-ALIKE = frozenset({"counter", "box", "toy"})
-"""Labels whose middling example is as well something else: a short counter is a cabinet, a high box a bin."""
+ALIKE = frozenset({"counter", "toy"})
+"""Labels whose middling example is as well something else: a short counter is a cabinet, a flat toy a book."""
 
 
 def usual_thing(shape: Shape) -> LabelRequest:
