@@ -1,7 +1,7 @@
 """Stage segment: a scan in, instances with named parts out; for scenes and for the object to be placed.
 
-A scene is divided by its annotated boxes or nodes, else by node names or one label; what is left of a room is divided by
-shape, and a client says what each thing is. Every instance is then divided into parts that cover it without overlap.
+A scene is divided by its annotated boxes or nodes, else by node names or one label; what is left of a room is divided
+by shape, and a client says what each thing is. Every instance is then divided into parts that cover it without overlap.
 """
 
 from dataclasses import replace

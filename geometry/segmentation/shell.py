@@ -19,6 +19,8 @@ Mask = NDArray[np.bool_]
 
 RAISED = 0.005
 """A patch this much off the level of the shell is a thing [m]: a thin rug, beyond the noise of scans."""
+FACING = 0.7
+"""Cosine of the angle between a patch and its level [-]."""
 LEAST_PATCH = 0.02
 """A smaller patch is noise or dirt [m^2]."""
 COMPACT = 0.6
@@ -113,8 +115,14 @@ def _plane(table: FaceTable, faces: Mask) -> Array:
 
 
 def _patches(table: FaceTable, level: Mask, plane: Array) -> Mask:
-    """Faces of a level that belong to compact patches off it or of another colour, shape (m,)."""
-    faces = np.flatnonzero(level)
+    """Faces of a level that belong to compact patches off it or of another colour, shape (m,).
+
+    The other side of a floor or wall that has one is no patch.
+    """
+    near = np.abs(table.center @ plane[:3] - plane[3]) < PLANE_BAND
+    faces = np.flatnonzero(level & near & (table.normal @ plane[:3] > FACING))
+    if not len(faces):
+        return np.zeros(len(level), dtype=bool)
     index = np.full(len(level), -1)
     index[faces] = np.arange(len(faces))
     pairs = index[table.pairs]
