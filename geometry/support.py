@@ -10,11 +10,9 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
 
-from geometry.boundary import welded
 from geometry.distance import MeshDistance
+from geometry.pieces import components
 from geometry.repair import outer_faces, small_holes_capped, solid_under, subdivide_near, without_empty_faces
 from scene.box import OrientedBox
 from scene.mesh import Mesh
@@ -48,15 +46,6 @@ def upright(mesh: Mesh) -> Mesh:
     a, b, c = (mesh.triangles - center).transpose(1, 0, 2)
     enclosed = float(np.einsum("ij,ij->", a, np.cross(b, c)))
     return mesh if enclosed >= 0.0 else Mesh(mesh.vertices, mesh.faces[:, ::-1].copy(), mesh.colors)
-
-
-def components(mesh: Mesh) -> NDArray[np.int64]:
-    """Number of the connected piece of each face, shape (m,); faces that share a vertex position are connected."""
-    corner = welded(mesh.vertices)[mesh.faces]
-    count = int(corner.max(initial=0)) + 1
-    start, end = corner[:, [0, 1]].ravel(), corner[:, [1, 2]].ravel()
-    graph = coo_matrix((np.ones(len(start), dtype=np.int8), (start, end)), shape=(count, count))
-    return np.asarray(connected_components(graph, directed=False)[1][corner[:, 0]], dtype=np.int64)
 
 
 def shell_bottoms(mesh: Mesh, part_bottom: NDArray[np.float64], depth: float) -> NDArray[np.float64]:

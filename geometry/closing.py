@@ -1,0 +1,105 @@
+"""Ways to close an open surface: flat caps on its holes, walls down to a floor, a thickness for a sheet.
+
+In: cleaned faces of one connected piece (geometry/cleaning.py). Out: the piece with the faces that close it; given
+faces stay where they are. Whether the result is a good solid is for the caller to measure.
+"""
+
+import manifold3d
+import numpy as np
+from numpy.typing import NDArray
+
+from geometry.boundary import boundary_edges, hole_loops
+from scene.mesh import Mesh
+
+IntArray = NDArray[np.int64]
+FloatArray = NDArray[np.float64]
+
+UPRIGHT = 0.5  # borders whose plane is steeper than 60 degrees lie in a side
+BELOW = 1e-3  # a floor is at least this far [m] below the border that walls come down from: no wall without height
+
+
+def perimeter(points: FloatArray) -> float:
+    """Length of a closed chain of points (n, 3) [m]."""
+    return float(np.linalg.norm(points - np.roll(points, -1, axis=0), axis=1).sum())
+
+
+def area_vector(points: FloatArray) -> FloatArray:
+    """Area of a closed chain of points (n, 3) times its normal [m^2], shape (3,) (Newell)."""
+    arm = points - points.mean(axis=0)
+    return np.asarray(0.5 * np.cross(arm, np.roll(arm, -1, axis=0)).sum(axis=0))
+
+
+def cap(points: FloatArray) -> IntArray:
+    """Triangles that close a hole, as indices (k, 3) of its border (n, 3), which runs as the faces around it do.
+
+    They pass the border against its direction. The border is triangulated in the plane that it fills best.
+    """
+    back = points[::-1]
+    normal = area_vector(back)
+    length = float(np.linalg.norm(normal))
+    if len(points) < 3 or length == 0.0:
+        return np.zeros((0, 3), dtype=np.int64)
+    across = np.cross(normal / length, np.eye(3)[int(np.argmin(np.abs(normal)))])
+    across /= np.linalg.norm(across)
+    plane = np.stack([across, np.cross(normal / length, across)])
+    found = manifold3d.triangulate([np.ascontiguousarray((back - points.mean(axis=0)) @ plane.T)])
+    return len(points) - 1 - np.asarray(found, dtype=np.int64).reshape(-1, 3)
+
+
+def capped(mesh: Mesh, loops: list[IntArray], said: list[str]) -> Mesh:
+    """The mesh with the given holes closed by flat caps."""
+    if not loops:
+        return mesh
+    caps = [loop[cap(mesh.vertices[loop])] for loop in loops]
+    most = f"{max(perimeter(mesh.vertices[loop]) for loop in loops):.3g} m around"
+    said.append(f"a hole {most} capped" if len(loops) == 1 else f"{len(loops)} holes of at most {most} capped")
+    return Mesh(mesh.vertices, np.concatenate([mesh.faces, *caps]).astype(np.int32), mesh.colors)
+
+
+def borders(mesh: Mesh) -> tuple[list[IntArray], list[IntArray]]:
+    """Where a surface ends below, and its other holes, as chains of vertices.
+
+    A border that runs counter-clockwise seen from above has nothing under it; one in a side of a thing is a hole.
+    """
+    below, holes = [], []
+    for loop in hole_loops(mesh):
+        area = area_vector(mesh.vertices[loop])
+        (below if area[2] > UPRIGHT * np.linalg.norm(area) else holes).append(loop)
+    return below, holes
+
+
+def walled(mesh: Mesh, loops: list[IntArray], floor: float, said: list[str]) -> Mesh:
+    """The mesh with walls from the given borders straight down to `floor` [m] and flat bottoms there."""
+    vertices, colors, faces = [mesh.vertices], [mesh.colors], [mesh.faces]
+    count = len(mesh.vertices)
+    for loop in loops:
+        low = mesh.vertices[loop]
+        low[:, 2] = min(floor, float(low[:, 2].min()) - BELOW)
+        under = count + np.arange(len(loop))
+        onward, under_onward = np.roll(loop, -1), np.roll(under, -1)
+        faces += [np.stack(c, axis=1) for c in ((onward, loop, under), (onward, under, under_onward))]
+        faces.append(under[cap(low)])
+        vertices.append(low)
+        colors.append(mesh.colors[loop])
+        count += len(loop)
+    if loops:
+        said.append(f"extruded down to {floor:.3f} m from {sum(len(loop) for loop in loops)} border edges")
+    return Mesh(np.concatenate(vertices), np.concatenate(faces).astype(np.int32), np.concatenate(colors))
+
+
+def slab(mesh: Mesh, thickness: float, said: list[str]) -> Mesh:
+    """A sheet with a second side `thickness` [m] behind it, against its normals, and walls along its border."""
+    normal = np.zeros_like(mesh.vertices)
+    for corner in range(3):
+        np.add.at(normal, mesh.faces[:, corner], mesh.face_normals)
+    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)
+    edge, _ = boundary_edges(mesh)
+    start, end = edge.T
+    count = len(mesh.vertices)
+    walls = [np.stack(c, axis=1) for c in ((end, start, start + count), (end, start + count, end + count))]
+    said.append(f"a sheet of {float(mesh.face_areas.sum()):.3g} m2 thickened to {1e3 * thickness:.3g} mm")
+    return Mesh(
+        np.concatenate([mesh.vertices, mesh.vertices - thickness * normal]),
+        np.concatenate([mesh.faces, mesh.faces[:, ::-1] + count, *walls]).astype(np.int32),
+        np.concatenate([mesh.colors, mesh.colors]),
+    )

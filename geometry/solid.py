@@ -1,0 +1,224 @@
+"""A closed, oriented solid of the faces of one part, and a report of what that took.
+
+In: the faces of one part as scanned or modelled: an open sheet, a surface seen from above only, several closed shells
+that overlap, a soup. Out: a closed surface wound outwards, without degenerate and duplicate faces, whose inside and
+outside are beyond doubt, and measurements of how far it is from the visible faces. The given faces are kept where
+that is possible: closed with walls down to a floor or with flat caps, and made one by a boolean union. The first way
+whose result is sound and encloses what the generalised winding number of the given faces does is taken. Where none
+is, the solid is sampled and meshed again by marching cubes.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import manifold3d
+import numpy as np
+from numpy.typing import NDArray
+from skimage.measure import marching_cubes
+
+from geometry.boundary import hole_loops, is_closed
+from geometry.cleaning import cleaned, without_scraps
+from geometry.closing import area_vector, borders, capped, slab, walled
+from geometry.distance import MeshDistance, sampled, signed_volume
+from geometry.pieces import pieces_of
+from geometry.repair import outer_faces, solid_under
+from geometry.soundness import agreement, moved, probes, well_formed
+from geometry.union import inside_out, manifold_of, mesh_of, united
+from scene.errors import GeometryError
+from scene.mesh import Mesh
+from scene.particles import DistanceGrid
+from scene.repair_report import RepairReport
+
+FloatArray = NDArray[np.float64]
+
+SAME_SOLID = 0.98  # least overlap (intersection over union) of a repair with what the winding number says is inside
+SOUND = 0.999  # least share of points on which winding number and parity agree: rays graze an edge now and then
+SHEET = 1.5  # a piece of less than this times the area of the caps that would close it is a sheet, not a vessel
+NONZERO = 0.01  # share of a cell that a sample is away from the surface at least
+COARSER = 0.05  # share of a cell by which a remesh may be simplified
+CRUMB = 8.0  # pieces of a remesh smaller than this many cells are noise
+
+DEBUG=True
+from geometry.cleaning import heights
+
+@dataclass(frozen=True, slots=True)
+class Allowed:
+    """What a repair may do; lengths in metres."""
+
+    tolerance: float = 5e-3
+    """The visible surface may move this far."""
+    thickness: float = 0.03
+    """A sheet that encloses nothing becomes this thick."""
+    cell: float = 4e-3
+    """Cells of a remesh; larger ones where `samples` would not do."""
+    samples: int = 6_000_000
+    """Most samples of a remesh."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Given:
+    """The cleaned faces of a part."""
+
+    pieces: tuple[Mesh, ...]
+    """Its connected pieces."""
+    floors: tuple[float | None, ...]
+    """What each piece is solid down to [m]; None: as far as its own faces say."""
+
+    @property
+    def visible(self) -> Mesh:
+        """All faces."""
+        return Mesh.concatenate(list(self.pieces))
+
+
+def simulation_ready(
+    mesh: Mesh, *, floor: FloatArray | None = None, allowed: Allowed = Allowed()
+) -> tuple[Mesh, RepairReport]:
+    """The closed surface of a part, and its report.
+
+    `floor` [m], shape (m,), one height per face, is given for supports that may have been seen from above only: they
+    are solid down to it. What cannot be made a good solid is returned as near as it came; the report says why.
+    """
+    said: list[str] = []
+    given = tidied(mesh, floor, said)
+    inside = enclosed(given, allowed)
+    return with_faces_kept(given, inside, allowed, said) or remeshed(given, inside, allowed, said)
+
+
+def tidied(mesh: Mesh, floor: FloatArray | None, said: list[str]) -> Given:
+    """The faces cleaned and divided into connected pieces of one floor, without scraps."""
+    pieces: list[Mesh] = []
+    floors: list[float | None] = []
+    for level in [None] if floor is None else np.unique(floor).tolist():
+        group = mesh if level is None else mesh.submesh(np.flatnonzero(floor == level))
+        found = pieces_of(cleaned(group, said))
+        pieces += found
+        floors += [level] * len(found)
+    kept = without_scraps(pieces, said)
+    if len(kept) == 0:
+        raise GeometryError(f"none of {len(mesh.faces)} faces has an area: there is nothing to make a solid of")
+    return Given(tuple(pieces[i] for i in kept), tuple(floors[i] for i in kept))
+
+
+def is_sheet(piece: Mesh) -> bool:
+    """Whether the caps that would close an open piece are about as large as the piece: it encloses nothing."""
+    caps = sum(float(np.linalg.norm(area_vector(piece.vertices[loop]))) for loop in hole_loops(piece))
+    return float(piece.face_areas.sum()) < SHEET * caps
+
+
+def enclosed(given: Given, allowed: Allowed) -> MeshDistance:
+    """Distance to the faces, with the sign of their generalised winding number; under a support's faces down to its
+    floor, in a sheet over its thickness.
+    """
+    soup = []
+    for piece, floor in zip(given.pieces, given.floors, strict=True):
+        if floor is not None:
+            capped_piece = capped(piece, borders(piece)[1], [])
+            solid = solid_under(capped_piece, np.full(len(capped_piece.faces), floor))
+            soup.append(inside_out(solid) if signed_volume(solid.vertices, solid.faces) < 0.0 else solid)
+        else:
+            soup.append(slab(piece, allowed.thickness, []) if is_sheet(piece) else piece)
+    sides = Mesh.concatenate(soup)
+    if not is_closed(sides):
+        return MeshDistance(sides)
+    hull = outer_faces(sides)
+    return MeshDistance(sides.submesh(hull) if len(hull) else sides, sides=sides)
+
+
+def with_faces_kept(
+    given: Given, inside: MeshDistance, allowed: Allowed, said: list[str]
+) -> tuple[Mesh, RepairReport] | None:
+    """The first way of closing the pieces, and uniting them, whose result is good; None if none is."""
+    ways: list[Callable[[Mesh, float | None, list[str]], Mesh]] = [with_caps(allowed)]
+    if any(floor is not None for floor in given.floors):
+        ways.insert(0, with_walls)
+    for way in ways:
+        told = list(said)
+        closed = [way(piece, floor, told) for piece, floor in zip(given.pieces, given.floors, strict=True)]
+        solid = united(closed, told)
+        if DEBUG: print("   way", way.__name__, None if solid is None else (is_closed(solid), len(solid.faces)), [is_closed(c) for c in closed].count(False))
+        if solid is None or not well_formed(solid):
+            if DEBUG and solid is not None: print("   ill", is_closed(solid), signed_volume(solid.vertices, solid.faces), np.sort(heights(solid))[:3])
+            continue
+        report = reported(solid, given.visible, 0.0, allowed, told)
+        if DEBUG: print("   ", report.problem, same_solid(solid,inside))
+        if not report.problem and same_solid(solid, inside):
+            return solid, report
+    return None
+
+
+def with_walls(piece: Mesh, floor: float | None, said: list[str]) -> Mesh:
+    """A piece of a support closed by walls down to its floor."""
+    if floor is None:
+        return capped(piece, hole_loops(piece), said)
+    below, holes = borders(piece)
+    return walled(capped(piece, holes, said), below, floor, said)
+
+
+def with_caps(allowed: Allowed) -> Callable[[Mesh, float | None, list[str]], Mesh]:
+    """Closes a piece by caps, a sheet by a second side."""
+
+    def way(piece: Mesh, floor: float | None, said: list[str]) -> Mesh:
+        return slab(piece, allowed.thickness, said) if is_sheet(piece) else capped(piece, hole_loops(piece), said)
+
+    return way
+
+
+def same_solid(solid: Mesh, inside: MeshDistance) -> bool:
+    """Whether a repair encloses what the given faces do, by their generalised winding number."""
+    points = probes(solid, inside.mesh)
+    one, two = MeshDistance(solid).inside(points), inside.inside(points)
+    return float((one & two).sum()) >= SAME_SOLID * float((one | two).sum())
+
+
+def remeshed(given: Given, inside: MeshDistance, allowed: Allowed, said: list[str]) -> tuple[Mesh, RepairReport]:
+    """The surface of the sampled solid by marching cubes."""
+    low, high = inside.mesh.bounds
+    cell = max(allowed.cell, float(np.prod(high - low + 4.0 * allowed.cell) / allowed.samples) ** (1.0 / 3.0))
+    grid = sampled(inside, low - 2.0 * cell, high + 2.0 * cell, cell)
+    if not grid.values.min() < 0.0:
+        raise GeometryError(
+            f"{len(given.visible.faces)} faces enclose nothing at {1e3 * cell:.2g} mm; give a finer cell or a thickness"
+        )
+    said.append(f"meshed again from its signed distance in cells of {1e3 * cell:.2g} mm")
+    solid = without_crumbs(level_set(grid), CRUMB * cell**3, said)
+    return solid, reported(solid, given.visible, cell, allowed, said)
+
+
+def level_set(grid: DistanceGrid) -> Mesh:
+    """The zero of a sampled distance as a closed surface, with no more faces than a twentieth of a cell demands."""
+    least = NONZERO * grid.spacing  # a sample on the surface would make faces without area
+    values = np.where(np.abs(grid.values) < least, np.copysign(least, grid.values), grid.values)
+    points, faces, _, _ = marching_cubes(values, 0.0, allow_degenerate=False)
+    rough = Mesh.of(grid.origin + grid.spacing * points, faces)
+    rough = inside_out(rough) if signed_volume(rough.vertices, rough.faces) < 0.0 else rough
+    found = manifold_of(rough)
+    if found.status() != manifold3d.Error.NoError:
+        return rough
+    return mesh_of(found.simplify(COARSER * grid.spacing), [rough])
+
+
+def without_crumbs(mesh: Mesh, least: float, said: list[str]) -> Mesh:
+    """The mesh without pieces of less than `least` volume [m^3]."""
+    pieces = pieces_of(mesh)
+    large = [p for p in pieces if abs(signed_volume(p.vertices, p.faces)) > least] or pieces
+    if len(large) < len(pieces):
+        said.append(f"{len(pieces) - len(large)} pieces of less than {1e6 * least:.2g} cm3 dropped")
+    return Mesh.concatenate(large)
+
+
+def reported(solid: Mesh, visible: Mesh, cell: float, allowed: Allowed, said: list[str]) -> RepairReport:
+    """Everything measured on a repaired surface."""
+    closed = well_formed(solid)
+    agree = agreement(solid) if closed else 0.0
+    most, mean, spacing = moved(visible, solid)
+    problem = ""
+    if not closed:
+        problem = "it is not closed"
+    elif agree < SOUND:
+        problem = f"inside and outside disagree at {100.0 * (1.0 - agree):.2g} % of the points asked"
+    elif most > allowed.tolerance:
+        problem = f"its visible surface moved by {1e3 * most:.2g} mm > {1e3 * allowed.tolerance:.2g} mm"
+    return RepairReport(
+        closed, agree, most, mean, allowed.tolerance, spacing, signed_volume(solid.vertices, solid.faces), cell,
+        tuple(said), problem,
+    )  # fmt: skip

@@ -1,0 +1,107 @@
+"""How good a closed surface is: well formed, sure of inside and outside, near to the surface it was made of."""
+
+import numpy as np
+import open3d
+from numpy.typing import NDArray
+
+from geometry.boundary import is_closed
+from geometry.cleaning import face_stacks, heights
+from geometry.distance import MeshDistance, signed_volume
+from geometry.raycast import Raycaster, tensor
+from scene.mesh import Mesh
+
+FloatArray = NDArray[np.float64]
+
+PROBES = 4000  # random points where inside and outside are asked
+NEAR = 2e-5  # points nearer than this to the surface are not asked [m]: distances are in single precision
+MOST_PLACES = 100_000  # where the distance of the visible surface is measured
+FINEST_SPACING = 2e-3  # mean spacing of those places [m] where the surface is small enough
+UNMOVED = 1e-5  # distances below this [m] are rounding of single precision
+LIFT = 1e-4  # where a look out of a face begins above it [m]
+WAYS = np.random.default_rng(1).standard_normal((15, 3))  # an odd number of generic directions
+WAYS /= np.linalg.norm(WAYS, axis=1, keepdims=True)
+RAYS = 3  # a grazed edge deceives one
+
+
+def well_formed(mesh: Mesh) -> bool:
+    """Whether it is closed, wound outwards and without degenerate and duplicate faces."""
+    if len(mesh.faces) == 0 or not is_closed(mesh) or signed_volume(mesh.vertices, mesh.faces) <= 0.0:
+        return False
+    key, _, _ = face_stacks(mesh.faces)
+    return len(np.unique(key)) == len(mesh.faces) and bool((heights(mesh) > 0.0).all())
+
+
+def probes(*meshes: Mesh) -> FloatArray:
+    """Random points in the common box of meshes, a tenth larger [m], shape (PROBES, 3)."""
+    low = np.min([m.bounds[0] for m in meshes], axis=0)
+    high = np.max([m.bounds[1] for m in meshes], axis=0)
+    margin = 0.05 * (high - low)
+    return np.random.default_rng(0).uniform(low - margin, high + margin, (PROBES, 3))
+
+
+def agreement(mesh: Mesh) -> float:
+    """Share of points at which a closed mesh has winding number 0 and even, or 1 and odd, crossings of a ray."""
+    field = MeshDistance(mesh)
+    points = probes(mesh)
+    points = points[field.unsigned(points) > NEAR]
+    winding = np.round(field.winding(points))
+    caster = open3d.t.geometry.RaycastingScene(nthreads=1)
+    caster.add_triangles(tensor(mesh.vertices - field.shift, np.float32), tensor(mesh.faces, np.uint32))
+    crossed = caster.compute_occupancy(tensor(points - field.shift, np.float32), nthreads=1, nsamples=RAYS)
+    return float((winding == (crossed.numpy() > 0.5)).mean())
+
+
+def moved(given: Mesh, solid: Mesh) -> tuple[float, float, float]:
+    """Largest and mean distance from what can be seen of the given faces to a solid's surface, and the spacing of the
+    places asked [m].
+
+    Places are points spread evenly by area and, for the largest, one close to each corner of each face.
+    """
+    area = float(given.face_areas.sum())
+    count = int(np.clip(area / FINEST_SPACING**2, 100, MOST_PLACES))
+    even, face = spread(given, count)
+    field = MeshDistance(solid)
+    off = field.unsigned(even)
+    corner, corner_face = corners(given)
+    off_corner = field.unsigned(corner)
+    caster = Raycaster(given)
+    # what has not moved need not be looked at
+    for points, faces, distance in ((even, face, off), (corner, corner_face, off_corner)):
+        far = np.flatnonzero(distance > UNMOVED)
+        distance[far[~seen(given, caster, points[far], faces[far])]] = 0.0
+    return float(max(off.max(), off_corner.max())), float(off.mean()), float(np.sqrt(area / count))
+
+
+def corners(mesh: Mesh) -> tuple[FloatArray, NDArray[np.int64]]:
+    """A point close to each corner of each face [m], shape (3 m, 3), and its face."""
+    weight = np.array([[0.98, 0.01, 0.01], [0.01, 0.98, 0.01], [0.01, 0.01, 0.98]])
+    points = np.einsum("kc,nci->nki", weight, mesh.triangles).reshape(-1, 3)
+    return points, np.repeat(np.arange(len(mesh.faces)), 3)
+
+
+def seen(mesh: Mesh, caster: Raycaster, points: FloatArray, face: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Whether points on faces can be seen from outside, shape (n,): most ways out of them do not run into the back
+    of another face first. A face inside another piece of the same thing cannot.
+    """
+    normal = mesh.face_normals[face]
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    free = np.zeros(len(points))
+    for direction in WAYS:
+        ahead = np.sign(normal @ direction)[:, None]
+        way = ahead * direction
+        hit = caster.cast(points + LIFT * normal, way)
+        free += np.where(np.isfinite(hit.distance) & (np.einsum("ni,ni->n", hit.normal, way) > 0.0), -1.0, 1.0)
+    return free > 0.0
+
+
+def spread(mesh: Mesh, count: int) -> tuple[FloatArray, NDArray[np.int64]]:
+    """Points on the faces, evenly by area, always the same [m], shape (count, 3), and the face of each."""
+    rng = np.random.default_rng(0)
+    until = np.cumsum(mesh.face_areas)
+    face = np.searchsorted(until, (np.arange(count) + rng.uniform(size=count)) * until[-1] / count)
+    face = np.minimum(face, len(until) - 1)
+    u, v = rng.uniform(size=(2, count))
+    over = u + v > 1.0
+    u, v = np.where(over, 1.0 - u, u), np.where(over, 1.0 - v, v)
+    a, b, c = mesh.triangles[face].transpose(1, 0, 2)
+    return np.asarray(a + u[:, None] * (b - a) + v[:, None] * (c - a)), face
