@@ -15,6 +15,7 @@ IntArray = NDArray[np.int64]
 FloatArray = NDArray[np.float64]
 
 UPRIGHT = 0.5  # borders whose plane is steeper than 60 degrees lie in a side
+SMALL = 0.1  # share of a piece's plan below which a hole in its underside is capped, not continued downwards
 BELOW = 1e-3  # a floor is at least this far [m] below the border that walls come down from: no wall without height
 
 
@@ -59,12 +60,15 @@ def capped(mesh: Mesh, loops: list[IntArray], said: list[str]) -> Mesh:
 def borders(mesh: Mesh) -> tuple[list[IntArray], list[IntArray]]:
     """Where a surface ends below, and its other holes, as chains of vertices.
 
-    A border that runs counter-clockwise seen from above has nothing under it; one in a side of a thing is a hole.
+    A border that runs counter-clockwise seen from above has nothing under it. One in a side of a thing, or much smaller
+    than its plan, is a hole.
     """
+    plan = float(np.prod(np.ptp(mesh.bounds, axis=0)[:2]))
     below, holes = [], []
     for loop in hole_loops(mesh):
         area = area_vector(mesh.vertices[loop])
-        (below if area[2] > UPRIGHT * np.linalg.norm(area) else holes).append(loop)
+        down = area[2] > max(UPRIGHT * float(np.linalg.norm(area)), SMALL * plan)
+        (below if down else holes).append(loop)
     return below, holes
 
 

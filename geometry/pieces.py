@@ -1,5 +1,6 @@
 """The connected pieces of a mesh."""
 
+import igl
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_matrix
@@ -19,6 +20,11 @@ def components(mesh: Mesh) -> NDArray[np.int64]:
 
 
 def pieces_of(mesh: Mesh) -> list[Mesh]:
-    """The connected pieces in the order of their numbers; faces keep their order."""
-    piece = components(mesh)
-    return [mesh.submesh(np.flatnonzero(piece == one)) for one in np.unique(piece)]
+    """The pieces connected by edges, in the order of their first faces; vertices must be shared already."""
+    if len(mesh.faces) == 0:
+        return []
+    piece = np.asarray(igl.facet_components(mesh.faces.astype(np.int64))[1]).reshape(-1)
+    order = np.argsort(piece, kind="stable")
+    ends = np.flatnonzero(np.diff(piece[order])) + 1
+    groups = sorted(np.split(order, ends), key=lambda group: int(group[0]))
+    return [mesh.submesh(group) for group in groups]

@@ -8,7 +8,6 @@ whose result is sound and encloses what the generalised winding number of the gi
 is, the solid is sampled and meshed again by marching cubes.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import manifold3d
@@ -81,7 +80,14 @@ def simulation_ready(
     said: list[str] = []
     given = tidied(mesh, floor, said)
     inside = enclosed(given, allowed)
-    return with_faces_kept(given, inside, allowed, said) or remeshed(given, inside, allowed, said)
+    found = with_faces_kept(given, inside, allowed, said)
+    if found is not None and not found[1].problem:
+        return found
+    sampled_anew = remeshed(given, inside, allowed, said)
+    # what is sound but hides a little too much is still better than what moves more
+    if found is not None and (sampled_anew[1].agreement < SOUND or found[1].hausdorff < sampled_anew[1].hausdorff):
+        return found
+    return sampled_anew
 
 
 def tidied(mesh: Mesh, floor: FloatArray | None, said: list[str]) -> Given:
@@ -111,12 +117,15 @@ def enclosed(given: Given, allowed: Allowed) -> MeshDistance:
     """
     soup = []
     for piece, floor in zip(given.pieces, given.floors, strict=True):
-        if floor is not None:
-            capped_piece = capped(piece, borders(piece)[1], [])
-            solid = solid_under(capped_piece, np.full(len(capped_piece.faces), floor))
-            soup.append(inside_out(solid) if signed_volume(solid.vertices, solid.faces) < 0.0 else solid)
+        below, holes = borders(piece)
+        if is_sheet(piece) and (floor is None or not below):
+            soup.append(slab(piece, allowed.thickness, []))
+        elif floor is None:
+            soup.append(piece)
         else:
-            soup.append(slab(piece, allowed.thickness, []) if is_sheet(piece) else piece)
+            whole = capped(piece, holes, [])
+            solid = solid_under(whole, np.full(len(whole.faces), floor))
+            soup.append(inside_out(solid) if signed_volume(solid.vertices, solid.faces) < 0.0 else solid)
     sides = Mesh.concatenate(soup)
     if not is_closed(sides):
         return MeshDistance(sides)
@@ -127,13 +136,14 @@ def enclosed(given: Given, allowed: Allowed) -> MeshDistance:
 def with_faces_kept(
     given: Given, inside: MeshDistance, allowed: Allowed, said: list[str]
 ) -> tuple[Mesh, RepairReport] | None:
-    """The first way of closing the pieces, and uniting them, whose result is good; None if none is."""
-    ways: list[Callable[[Mesh, float | None, list[str]], Mesh]] = [with_caps(allowed)]
-    if any(floor is not None for floor in given.floors):
-        ways.insert(0, with_walls)
+    """The first way of closing the pieces and uniting them that is good; else the one that moves least of what can be
+    seen; None if none gives a sound solid.
+    """
+    ways = [with_caps] if all(floor is None for floor in given.floors) else [with_walls, with_caps]
+    best = None
     for way in ways:
         told = list(said)
-        closed = [way(piece, floor, told) for piece, floor in zip(given.pieces, given.floors, strict=True)]
+        closed = [way(piece, floor, allowed, told) for piece, floor in zip(given.pieces, given.floors, strict=True)]
         solid = united(closed, told)
         if DEBUG: print("   way", way.__name__, None if solid is None else (is_closed(solid), len(solid.faces)), [is_closed(c) for c in closed].count(False))
         if solid is None or not well_formed(solid):
@@ -141,26 +151,26 @@ def with_faces_kept(
             continue
         report = reported(solid, given.visible, 0.0, allowed, told)
         if DEBUG: print("   ", report.problem, same_solid(solid,inside))
-        if not report.problem and same_solid(solid, inside):
+        if report.agreement < SOUND or not same_solid(solid, inside):
+            continue
+        if not report.problem:
             return solid, report
-    return None
+        if best is None or report.hausdorff < best[1].hausdorff:
+            best = solid, report
+    return best
 
 
-def with_walls(piece: Mesh, floor: float | None, said: list[str]) -> Mesh:
+def with_walls(piece: Mesh, floor: float | None, allowed: Allowed, said: list[str]) -> Mesh:
     """A piece of a support closed by walls down to its floor."""
-    if floor is None:
-        return capped(piece, hole_loops(piece), said)
     below, holes = borders(piece)
+    if floor is None or not below:
+        return with_caps(piece, floor, allowed, said)
     return walled(capped(piece, holes, said), below, floor, said)
 
 
-def with_caps(allowed: Allowed) -> Callable[[Mesh, float | None, list[str]], Mesh]:
-    """Closes a piece by caps, a sheet by a second side."""
-
-    def way(piece: Mesh, floor: float | None, said: list[str]) -> Mesh:
-        return slab(piece, allowed.thickness, said) if is_sheet(piece) else capped(piece, hole_loops(piece), said)
-
-    return way
+def with_caps(piece: Mesh, floor: float | None, allowed: Allowed, said: list[str]) -> Mesh:
+    """A piece closed by caps, a sheet by a second side."""
+    return slab(piece, allowed.thickness, said) if is_sheet(piece) else capped(piece, hole_loops(piece), said)
 
 
 def same_solid(solid: Mesh, inside: MeshDistance) -> bool:

@@ -18,8 +18,9 @@ MOST_PLACES = 100_000  # where the distance of the visible surface is measured
 FINEST_SPACING = 2e-3  # mean spacing of those places [m] where the surface is small enough
 UNMOVED = 1e-5  # distances below this [m] are rounding of single precision
 LIFT = 1e-4  # where a look out of a face begins above it [m]
-WAYS = np.random.default_rng(1).standard_normal((15, 3))  # an odd number of generic directions
+WAYS = np.random.default_rng(1).standard_normal((31, 3))  # generic directions
 WAYS /= np.linalg.norm(WAYS, axis=1, keepdims=True)
+FREE = 0.7  # share of the ways out of a face that can be seen that lead to no face's back
 RAYS = 3  # a grazed edge deceives one
 
 
@@ -80,8 +81,8 @@ def corners(mesh: Mesh) -> tuple[FloatArray, NDArray[np.int64]]:
 
 
 def seen(mesh: Mesh, caster: Raycaster, points: FloatArray, face: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Whether points on faces can be seen from outside, shape (n,): most ways out of them do not run into the back
-    of another face first. A face inside another piece of the same thing cannot.
+    """Whether points on faces can be seen from outside, shape (n,): few ways out of them run into the back of another
+    face first. Those of a face inside another piece of the same thing do.
     """
     normal = mesh.face_normals[face]
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
@@ -90,8 +91,8 @@ def seen(mesh: Mesh, caster: Raycaster, points: FloatArray, face: NDArray[np.int
         ahead = np.sign(normal @ direction)[:, None]
         way = ahead * direction
         hit = caster.cast(points + LIFT * normal, way)
-        free += np.where(np.isfinite(hit.distance) & (np.einsum("ni,ni->n", hit.normal, way) > 0.0), -1.0, 1.0)
-    return free > 0.0
+        free += ~np.isfinite(hit.distance) | (np.einsum("ni,ni->n", hit.normal, way) <= 0.0)
+    return free > FREE * len(WAYS)
 
 
 def spread(mesh: Mesh, count: int) -> tuple[FloatArray, NDArray[np.int64]]:
