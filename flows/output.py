@@ -24,6 +24,7 @@ from scene.mesh import Mesh
 from scene.outcome import Infeasible
 from scene.particles import Particles
 from scene.renders import Renders
+from scene.repair_report import BodyGeometry
 from scene.scan import Scan
 from scene.segmentation import Segmentation
 from scene.settled import Settled, SettledBody
@@ -133,6 +134,7 @@ def placement_tree(finished: FinishedSample, values: Values, artifacts: Mapping[
         "object_aabb": body.surface.bounds.tolist() if body else None,
         "contacts": list(settled.contacts) if settled else from_evidence(values, "contacts", []),
         "materials": [material_row(row) for row in values.materials.rows] if values.materials else [],
+        "geometry": [geometry_row(one) for one in values.particles.geometry] if values.particles else [],
         "certificate": certificate_of(values),
         "visible_fraction": values.renders.visible_fraction if values.renders else None,
         "warnings": warnings_of(values),
@@ -214,6 +216,23 @@ def material_row(row: PartMaterial) -> dict[str, object]:
         "poisson_ratio": row.material.poisson_ratio,
         "static_friction": row.material.static_friction,
         "dynamic_friction": row.material.dynamic_friction,
+    }
+
+
+def geometry_row(one: BodyGeometry) -> dict[str, object]:
+    """One row of `geometry`."""
+    report = one.report
+    return {
+        "body": one.body,
+        "part": one.part,
+        "closed": report.closed,
+        "sides_agree": report.agreement,
+        "hausdorff_m": report.hausdorff,
+        "mean_m": report.mean,
+        "tolerance_m": report.tolerance,
+        "volume_m3": report.volume,
+        "repairs": list(report.repairs),
+        "problem": report.problem or None,
     }
 
 

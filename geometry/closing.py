@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from geometry.boundary import boundary_edges, hole_loops
+from geometry.repairs_done import Done, Kind
 from scene.mesh import Mesh
 
 IntArray = NDArray[np.int64]
@@ -16,6 +17,7 @@ FloatArray = NDArray[np.float64]
 
 UPRIGHT = 0.5  # borders whose plane is steeper than 60 degrees lie in a side
 SMALL = 0.1  # share of a piece's plan below which a hole in its underside is capped, not continued downwards
+SLENDER = 0.1  # thickness over size that a small sheet is given at most
 BELOW = 1e-3  # a floor is at least this far [m] below the border that walls come down from: no wall without height
 
 
@@ -47,13 +49,13 @@ def cap(points: FloatArray) -> IntArray:
     return len(points) - 1 - np.asarray(found, dtype=np.int64).reshape(-1, 3)
 
 
-def capped(mesh: Mesh, loops: list[IntArray], said: list[str]) -> Mesh:
+def capped(mesh: Mesh, loops: list[IntArray], done: Done) -> Mesh:
     """The mesh with the given holes closed by flat caps."""
     if not loops:
         return mesh
     caps = [loop[cap(mesh.vertices[loop])] for loop in loops]
-    most = f"{max(perimeter(mesh.vertices[loop]) for loop in loops):.3g} m around"
-    said.append(f"a hole {most} capped" if len(loops) == 1 else f"{len(loops)} holes of at most {most} capped")
+    for loop in loops:
+        done.add(Kind.CAPPED, perimeter(mesh.vertices[loop]))
     return Mesh(mesh.vertices, np.concatenate([mesh.faces, *caps]).astype(np.int32), mesh.colors)
 
 
@@ -64,7 +66,8 @@ def borders(mesh: Mesh) -> tuple[list[IntArray], list[IntArray]]:
     than its plan, is a hole.
     """
     plan = float(np.prod(np.ptp(mesh.bounds, axis=0)[:2]))
-    below, holes = [], []
+    below: list[IntArray] = []
+    holes: list[IntArray] = []
     for loop in hole_loops(mesh):
         area = area_vector(mesh.vertices[loop])
         down = area[2] > max(UPRIGHT * float(np.linalg.norm(area)), SMALL * plan)
@@ -72,27 +75,30 @@ def borders(mesh: Mesh) -> tuple[list[IntArray], list[IntArray]]:
     return below, holes
 
 
-def walled(mesh: Mesh, loops: list[IntArray], floor: float, said: list[str]) -> Mesh:
+def walled(mesh: Mesh, loops: list[IntArray], floor: float, done: Done) -> Mesh:
     """The mesh with walls from the given borders straight down to `floor` [m] and flat bottoms there."""
-    vertices, colors, faces = [mesh.vertices], [mesh.colors], [mesh.faces]
+    vertices, colors = [mesh.vertices], [mesh.colors]
+    faces: list[NDArray[np.integer]] = [mesh.faces]
     count = len(mesh.vertices)
     for loop in loops:
         low = mesh.vertices[loop]
         low[:, 2] = min(floor, float(low[:, 2].min()) - BELOW)
-        under = count + np.arange(len(loop))
+        under: IntArray = count + np.arange(len(loop), dtype=np.int64)
         onward, under_onward = np.roll(loop, -1), np.roll(under, -1)
         faces += [np.stack(c, axis=1) for c in ((onward, loop, under), (onward, under, under_onward))]
         faces.append(under[cap(low)])
         vertices.append(low)
         colors.append(mesh.colors[loop])
         count += len(loop)
-    if loops:
-        said.append(f"extruded down to {floor:.3f} m from {sum(len(loop) for loop in loops)} border edges")
+        done.add(Kind.WALLED, perimeter(mesh.vertices[loop]))
     return Mesh(np.concatenate(vertices), np.concatenate(faces).astype(np.int32), np.concatenate(colors))
 
 
-def slab(mesh: Mesh, thickness: float, said: list[str]) -> Mesh:
-    """A sheet with a second side `thickness` [m] behind it, against its normals, and walls along its border."""
+def slab(mesh: Mesh, thickness: float, done: Done) -> Mesh:
+    """A sheet with a second side behind it, against its normals, and walls along its border: `thickness` [m] or, if it
+    is small, a share of its size.
+    """
+    thickness = min(thickness, SLENDER * float(np.sqrt(mesh.face_areas.sum())))
     normal = np.zeros_like(mesh.vertices)
     for corner in range(3):
         np.add.at(normal, mesh.faces[:, corner], mesh.face_normals)
@@ -101,7 +107,7 @@ def slab(mesh: Mesh, thickness: float, said: list[str]) -> Mesh:
     start, end = edge.T
     count = len(mesh.vertices)
     walls = [np.stack(c, axis=1) for c in ((end, start, start + count), (end, start + count, end + count))]
-    said.append(f"a sheet of {float(mesh.face_areas.sum()):.3g} m2 thickened to {1e3 * thickness:.3g} mm")
+    done.add(Kind.THICKENED, thickness)
     return Mesh(
         np.concatenate([mesh.vertices, mesh.vertices - thickness * normal]),
         np.concatenate([mesh.faces, mesh.faces[:, ::-1] + count, *walls]).astype(np.int32),

@@ -59,7 +59,8 @@ class MeshDistance:
         self._vertices = np.ascontiguousarray(inner.vertices - self.shift)
         self._faces = np.ascontiguousarray(inner.faces, dtype=np.int64)
         self._turned = signed_volume(self._vertices, self._faces) < 0.0
-        self._crossings = Crossings(self._vertices, inner.faces) if is_closed(inner) else None
+        self.closed = is_closed(inner)
+        self._crossings = Crossings(self._vertices, inner.faces) if self.closed else None
 
     def __call__(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """Signed distance [m] at points (n, 3), shape (n,)."""

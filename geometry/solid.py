@@ -18,10 +18,11 @@ from skimage.measure import marching_cubes
 from geometry.boundary import hole_loops, is_closed
 from geometry.cleaning import cleaned, without_scraps
 from geometry.closing import area_vector, borders, capped, slab, walled
-from geometry.distance import MeshDistance, sampled, signed_volume
+from geometry.distance import INSIDE, MeshDistance, sampled, signed_volume
 from geometry.pieces import pieces_of
 from geometry.repair import outer_faces, solid_under
-from geometry.soundness import agreement, moved, probes, well_formed
+from geometry.repairs_done import Done, Kind
+from geometry.soundness import NEAR, agreement, moved, probes, well_formed
 from geometry.union import inside_out, manifold_of, mesh_of, united
 from scene.errors import GeometryError
 from scene.mesh import Mesh
@@ -34,11 +35,10 @@ SAME_SOLID = 0.98  # least overlap (intersection over union) of a repair with wh
 SOUND = 0.999  # least share of points on which winding number and parity agree: rays graze an edge now and then
 SHEET = 1.5  # a piece of less than this times the area of the caps that would close it is a sheet, not a vessel
 NONZERO = 0.01  # share of a cell that a sample is away from the surface at least
+WHOLE = 0.1  # a winding number nearer than this to a whole one leaves no doubt
 COARSER = 0.05  # share of a cell by which a remesh may be simplified
 CRUMB = 8.0  # pieces of a remesh smaller than this many cells are noise
 
-DEBUG=True
-from geometry.cleaning import heights
 
 @dataclass(frozen=True, slots=True)
 class Allowed:
@@ -77,29 +77,47 @@ def simulation_ready(
     `floor` [m], shape (m,), one height per face, is given for supports that may have been seen from above only: they
     are solid down to it. What cannot be made a good solid is returned as near as it came; the report says why.
     """
-    said: list[str] = []
-    given = tidied(mesh, floor, said)
+    done = Done()
+    given = tidied(mesh, floor, done)
     inside = enclosed(given, allowed)
-    found = with_faces_kept(given, inside, allowed, said)
+    found = with_faces_kept(given, inside, allowed, done)
     if found is not None and not found[1].problem:
         return found
-    sampled_anew = remeshed(given, inside, allowed, said)
+    sampled_anew = remeshed(given, inside, allowed, done)
     # what is sound but hides a little too much is still better than what moves more
     if found is not None and (sampled_anew[1].agreement < SOUND or found[1].hausdorff < sampled_anew[1].hausdorff):
         return found
     return sampled_anew
 
 
-def tidied(mesh: Mesh, floor: FloatArray | None, said: list[str]) -> Given:
+def used_as_given(field: MeshDistance, mesh: Mesh, allowed: Allowed, done: Done) -> RepairReport:
+    """The report of a solid whose distance is read from the faces as they are and whose sides are told by winding
+    number: where no way of closing them gives a sound surface that moves nothing.
+    """
+    most, mean, spacing = moved(mesh, field.mesh)
+    points = probes(field.mesh)
+    points = points[field.unsigned(points) > NEAR]
+    winding = field.winding(points)
+    agree = float((np.abs(winding - np.round(winding)) < WHOLE).mean())
+    box = float(np.prod(1.1 * np.ptp(field.mesh.bounds, axis=0)))
+    problem = "" if agree >= SOUND else f"at {100.0 * (1.0 - agree):.2g} % of the points asked it is half inside"
+    done.add(Kind.BY_WINDING)
+    return RepairReport(
+        field.closed, agree, most, mean, allowed.tolerance, spacing, box * float((winding > INSIDE).mean()), 0.0,
+        done.sentences(), problem,
+    )  # fmt: skip
+
+
+def tidied(mesh: Mesh, floor: FloatArray | None, done: Done) -> Given:
     """The faces cleaned and divided into connected pieces of one floor, without scraps."""
     pieces: list[Mesh] = []
     floors: list[float | None] = []
     for level in [None] if floor is None else np.unique(floor).tolist():
         group = mesh if level is None else mesh.submesh(np.flatnonzero(floor == level))
-        found = pieces_of(cleaned(group, said))
+        found = pieces_of(cleaned(group, done))
         pieces += found
         floors += [level] * len(found)
-    kept = without_scraps(pieces, said)
+    kept = without_scraps(pieces, done)
     if len(kept) == 0:
         raise GeometryError(f"none of {len(mesh.faces)} faces has an area: there is nothing to make a solid of")
     return Given(tuple(pieces[i] for i in kept), tuple(floors[i] for i in kept))
@@ -119,11 +137,11 @@ def enclosed(given: Given, allowed: Allowed) -> MeshDistance:
     for piece, floor in zip(given.pieces, given.floors, strict=True):
         below, holes = borders(piece)
         if is_sheet(piece) and (floor is None or not below):
-            soup.append(slab(piece, allowed.thickness, []))
+            soup.append(slab(piece, allowed.thickness, Done()))
         elif floor is None:
             soup.append(piece)
         else:
-            whole = capped(piece, holes, [])
+            whole = capped(piece, holes, Done())
             solid = solid_under(whole, np.full(len(whole.faces), floor))
             soup.append(inside_out(solid) if signed_volume(solid.vertices, solid.faces) < 0.0 else solid)
     sides = Mesh.concatenate(soup)
@@ -134,7 +152,7 @@ def enclosed(given: Given, allowed: Allowed) -> MeshDistance:
 
 
 def with_faces_kept(
-    given: Given, inside: MeshDistance, allowed: Allowed, said: list[str]
+    given: Given, inside: MeshDistance, allowed: Allowed, done: Done
 ) -> tuple[Mesh, RepairReport] | None:
     """The first way of closing the pieces and uniting them that is good; else the one that moves least of what can be
     seen; None if none gives a sound solid.
@@ -142,15 +160,12 @@ def with_faces_kept(
     ways = [with_caps] if all(floor is None for floor in given.floors) else [with_walls, with_caps]
     best = None
     for way in ways:
-        told = list(said)
+        told = done.copy()
         closed = [way(piece, floor, allowed, told) for piece, floor in zip(given.pieces, given.floors, strict=True)]
         solid = united(closed, told)
-        if DEBUG: print("   way", way.__name__, None if solid is None else (is_closed(solid), len(solid.faces)), [is_closed(c) for c in closed].count(False))
         if solid is None or not well_formed(solid):
-            if DEBUG and solid is not None: print("   ill", is_closed(solid), signed_volume(solid.vertices, solid.faces), np.sort(heights(solid))[:3])
             continue
         report = reported(solid, given.visible, 0.0, allowed, told)
-        if DEBUG: print("   ", report.problem, same_solid(solid,inside))
         if report.agreement < SOUND or not same_solid(solid, inside):
             continue
         if not report.problem:
@@ -160,17 +175,17 @@ def with_faces_kept(
     return best
 
 
-def with_walls(piece: Mesh, floor: float | None, allowed: Allowed, said: list[str]) -> Mesh:
+def with_walls(piece: Mesh, floor: float | None, allowed: Allowed, done: Done) -> Mesh:
     """A piece of a support closed by walls down to its floor."""
     below, holes = borders(piece)
     if floor is None or not below:
-        return with_caps(piece, floor, allowed, said)
-    return walled(capped(piece, holes, said), below, floor, said)
+        return with_caps(piece, floor, allowed, done)
+    return walled(capped(piece, holes, done), below, floor, done)
 
 
-def with_caps(piece: Mesh, floor: float | None, allowed: Allowed, said: list[str]) -> Mesh:
+def with_caps(piece: Mesh, floor: float | None, allowed: Allowed, done: Done) -> Mesh:
     """A piece closed by caps, a sheet by a second side."""
-    return slab(piece, allowed.thickness, said) if is_sheet(piece) else capped(piece, hole_loops(piece), said)
+    return slab(piece, allowed.thickness, done) if is_sheet(piece) else capped(piece, hole_loops(piece), done)
 
 
 def same_solid(solid: Mesh, inside: MeshDistance) -> bool:
@@ -180,7 +195,7 @@ def same_solid(solid: Mesh, inside: MeshDistance) -> bool:
     return float((one & two).sum()) >= SAME_SOLID * float((one | two).sum())
 
 
-def remeshed(given: Given, inside: MeshDistance, allowed: Allowed, said: list[str]) -> tuple[Mesh, RepairReport]:
+def remeshed(given: Given, inside: MeshDistance, allowed: Allowed, done: Done) -> tuple[Mesh, RepairReport]:
     """The surface of the sampled solid by marching cubes."""
     low, high = inside.mesh.bounds
     cell = max(allowed.cell, float(np.prod(high - low + 4.0 * allowed.cell) / allowed.samples) ** (1.0 / 3.0))
@@ -189,16 +204,17 @@ def remeshed(given: Given, inside: MeshDistance, allowed: Allowed, said: list[st
         raise GeometryError(
             f"{len(given.visible.faces)} faces enclose nothing at {1e3 * cell:.2g} mm; give a finer cell or a thickness"
         )
-    said.append(f"meshed again from its signed distance in cells of {1e3 * cell:.2g} mm")
-    solid = without_crumbs(level_set(grid), CRUMB * cell**3, said)
-    return solid, reported(solid, given.visible, cell, allowed, said)
+    done = done.copy()
+    done.add(Kind.REMESHED, cell)
+    solid = without_crumbs(level_set(grid), CRUMB * cell**3, done)
+    return solid, reported(solid, given.visible, cell, allowed, done)
 
 
 def level_set(grid: DistanceGrid) -> Mesh:
     """The zero of a sampled distance as a closed surface, with no more faces than a twentieth of a cell demands."""
     least = NONZERO * grid.spacing  # a sample on the surface would make faces without area
     values = np.where(np.abs(grid.values) < least, np.copysign(least, grid.values), grid.values)
-    points, faces, _, _ = marching_cubes(values, 0.0, allow_degenerate=False)
+    points, faces, _, _ = marching_cubes(values, 0.0, allow_degenerate=False)  # type: ignore[no-untyped-call]
     rough = Mesh.of(grid.origin + grid.spacing * points, faces)
     rough = inside_out(rough) if signed_volume(rough.vertices, rough.faces) < 0.0 else rough
     found = manifold_of(rough)
@@ -207,16 +223,17 @@ def level_set(grid: DistanceGrid) -> Mesh:
     return mesh_of(found.simplify(COARSER * grid.spacing), [rough])
 
 
-def without_crumbs(mesh: Mesh, least: float, said: list[str]) -> Mesh:
+def without_crumbs(mesh: Mesh, least: float, done: Done) -> Mesh:
     """The mesh without pieces of less than `least` volume [m^3]."""
     pieces = pieces_of(mesh)
-    large = [p for p in pieces if abs(signed_volume(p.vertices, p.faces)) > least] or pieces
-    if len(large) < len(pieces):
-        said.append(f"{len(pieces) - len(large)} pieces of less than {1e6 * least:.2g} cm3 dropped")
-    return Mesh.concatenate(large)
+    volume = [signed_volume(p.vertices, p.faces) for p in pieces]
+    large = [i for i, v in enumerate(volume) if abs(v) > least] or list(range(len(pieces)))
+    for crumb in set(range(len(pieces))) - set(large):
+        done.add(Kind.CRUMB, abs(volume[crumb]))
+    return Mesh.concatenate([pieces[i] for i in large])
 
 
-def reported(solid: Mesh, visible: Mesh, cell: float, allowed: Allowed, said: list[str]) -> RepairReport:
+def reported(solid: Mesh, visible: Mesh, cell: float, allowed: Allowed, done: Done) -> RepairReport:
     """Everything measured on a repaired surface."""
     closed = well_formed(solid)
     agree = agreement(solid) if closed else 0.0
@@ -230,5 +247,5 @@ def reported(solid: Mesh, visible: Mesh, cell: float, allowed: Allowed, said: li
         problem = f"its visible surface moved by {1e3 * most:.2g} mm > {1e3 * allowed.tolerance:.2g} mm"
     return RepairReport(
         closed, agree, most, mean, allowed.tolerance, spacing, signed_volume(solid.vertices, solid.faces), cell,
-        tuple(said), problem,
+        done.sentences(), problem,
     )  # fmt: skip

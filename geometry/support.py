@@ -11,14 +11,19 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from geometry.closing import area_vector, borders, perimeter
 from geometry.distance import MeshDistance
 from geometry.pieces import components
 from geometry.repair import outer_faces, small_holes_capped, solid_under, subdivide_near, without_empty_faces
+from geometry.repairs_done import Done
+from geometry.solid import Allowed, Given, tidied, used_as_given, with_faces_kept
 from scene.box import OrientedBox
 from scene.mesh import Mesh
+from scene.repair_report import RepairReport
 
 COVERED = 0.5  # share of a part's plan that must lie over another part for it to be the one that carries it
 PIECE = 0.05  # longest edge [m] of walls and shadows: each piece is kept or dropped as a whole where solids overlap
+UNMOVED = 1e-4  # what can be seen of a support may move this far [m]: contact points are its given faces
 TOUCHING = 0.06  # gap [m] up to which boxes of parts count as lying on each other: boxes of noisy parts are loose
 
 
@@ -30,6 +35,41 @@ def support_solid(
     It is accurate within `region` [m], shape (2, 3), horizontally. Holes of at most `hole_perimeter` [m] are closed
     first, so that a crack in a scan is no shaft.
     """
+    return ready_support(mesh, bottom, region, hole_perimeter)[0]
+
+
+def ready_support(
+    mesh: Mesh, bottom: NDArray[np.float64], region: NDArray[np.float64], hole_perimeter: float
+) -> tuple[MeshDistance, RepairReport]:
+    """`support_solid` and what it took.
+
+    The distance is that to one clean closed surface where there is one that encloses the same and moves nothing that
+    can be seen; else that to the faces with their walls and shadows, as they are.
+    """
+    field = under_faces(mesh, bottom, region, hole_perimeter)
+    allowed, done = Allowed(tolerance=UNMOVED), Done()
+    given = tidied(mesh, bottom, done)
+    if not has_shaft(given, hole_perimeter):
+        found = with_faces_kept(given, field, allowed, done)
+        if found is not None and not found[1].problem:
+            return MeshDistance(found[0]), found[1]
+    return field, used_as_given(field, given.visible, allowed, done)
+
+
+def has_shaft(given: Given, hole_perimeter: float) -> bool:
+    """Whether a hole that is seen from above is too large to be closed."""
+    for piece in given.pieces:
+        for loop in borders(piece)[1]:
+            points = piece.vertices[loop]
+            if area_vector(points)[2] < 0.0 and perimeter(points) > hole_perimeter:
+                return True
+    return False
+
+
+def under_faces(
+    mesh: Mesh, bottom: NDArray[np.float64], region: NDArray[np.float64], hole_perimeter: float
+) -> MeshDistance:
+    """Distance to everything under the faces, told by winding number."""
     groups = [small_holes_capped(mesh.submesh(np.flatnonzero(bottom == b)), hole_perimeter) for b in np.unique(bottom)]
     heights = np.repeat(np.unique(bottom), [len(g.faces) for g in groups])
     closed = upright(without_empty_faces(solid_under(without_empty_faces(Mesh.concatenate(groups)), heights)))

@@ -10,12 +10,13 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from geometry.distance import MeshDistance, signed_volume
+from geometry.repairs_done import Done, Kind
 from scene.mesh import Mesh
 
 FINE = 1e-6  # edges that a union leaves shorter than this [m] are rounding and are collapsed
 
 
-def united(pieces: list[Mesh], said: list[str]) -> Mesh | None:
+def united(pieces: list[Mesh], done: Done) -> Mesh | None:
     """The union of closed pieces; None if one of them is not the border of a solid (a manifold).
 
     A piece that is wound inside out is a hollow if it lies in another, else it is turned.
@@ -24,8 +25,7 @@ def united(pieces: list[Mesh], said: list[str]) -> Mesh | None:
     order = sorted(range(len(pieces)), key=lambda i: -abs(volume[i]))
     hollow = hollows(pieces, volume)
     lone = [i for i in order if volume[i] < 0.0 and i not in hollow]
-    if lone:
-        said.append(f"{len(lone)} pieces turned inside out")
+    done.add(Kind.INVERTED, times=len(lone))
     pieces = [inside_out(p) if i in lone else p for i, p in enumerate(pieces)]
     if not any_meet(pieces):
         return Mesh.concatenate(pieces)
@@ -35,7 +35,7 @@ def united(pieces: list[Mesh], said: list[str]) -> Mesh | None:
         if one.status() != manifold3d.Error.NoError:
             return None
         result = result - one if index in hollow else result + one
-    said.append(f"{len(pieces)} pieces that meet made one")
+    done.add(Kind.UNITED, times=len(pieces))
     return mesh_of(result.simplify(FINE), pieces)
 
 

@@ -29,6 +29,7 @@ from scene.mesh import Mesh
 from scene.outcome import Infeasible
 from scene.particles import DistanceGrid, Particles, SimulationBody
 from scene.renders import Overview, Renders
+from scene.repair_report import BodyGeometry, RepairReport
 from scene.rotation import Rotation
 from scene.sample import Sample, SourceOptions
 from scene.scan import LabelBox, Room, Scan
@@ -45,9 +46,9 @@ MOST_COLUMNS = 16
 KINDS: dict[str, type] = {
     one.__name__: one
     for one in (
-        Anchor, DistanceGrid, Infeasible, Instance, Intent, LabelBox, Material, Mesh, OrientationRequest, OrientedBox,
-        Overview, Part, Particles, PartMaterial, PartMaterials, RegionRequest, Renders, Room, Rotation, Sample, Scan,
-        Segmentation, Settled, SettledBody, SimulationBody, SourceOptions,
+        Anchor, BodyGeometry, DistanceGrid, Infeasible, Instance, Intent, LabelBox, Material, Mesh, OrientationRequest,
+        OrientedBox, Overview, Part, Particles, PartMaterial, PartMaterials, RegionRequest, Renders, RepairReport, Room,
+        Rotation, Sample, Scan, Segmentation, Settled, SettledBody, SimulationBody, SourceOptions,
     )
 }  # fmt: skip
 """Every type that may be stored, by the name that `value.json` gives it: files outlive moves between modules."""

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from scene.arrays import check_array
 from scene.mesh import Mesh
+from scene.repair_report import BodyGeometry
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -93,3 +94,5 @@ class Particles:
     """Cell size at the predicted contact [m]."""
     notes: tuple[str, ...]
     """Crops, caps and treatments, one sentence each."""
+    geometry: tuple[BodyGeometry, ...] = ()
+    """How the solid of each body was made of its faces, and how far that moved them."""

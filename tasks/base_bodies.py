@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from geometry.distance import Distance, MeshDistance, sampler
 from geometry.fill import fill
 from geometry.repair import subdivide_near
-from geometry.support import carried_bottoms, shell_bottoms, support_solid
+from geometry.support import carried_bottoms, ready_support, shell_bottoms
 from scene.errors import GeometryError
 from scene.materials import Model, PartMaterial
 from scene.mesh import Mesh
@@ -26,6 +26,7 @@ from tasks.scenario import (
     moments,
     near_faces,
     note_friction,
+    note_geometry,
     reach_box,
     rigid_body,
 )
@@ -66,7 +67,10 @@ def base_bodies(s: Scenario, foot: Footprint) -> Base:
     if stiff.any():
         mesh = s.scene.mesh.submesh(faces[stiff])
         own = np.array([p.box.bottom for p in s.base.parts])[part[stiff]]
-        solid = support_solid(mesh, shell_bottoms(mesh, own, s.config.shell), s.crop, s.config.hole_perimeter)
+        bottom = shell_bottoms(mesh, own, s.config.shell)
+        solid, report = ready_support(mesh, bottom, s.crop, s.config.hole_perimeter)
+        names = [s.base.parts[p].name for p in np.unique(part[stiff])]
+        note_geometry(s, f"{s.anchor.base_id}/rigid", names, report)
     soft, cell = None, 0.0
     if not stiff.all():
         soft, cell = soft_base(s, foot, rows, faces[~stiff], part[~stiff], solid)
@@ -103,7 +107,8 @@ def soft_base(
     """All soft parts of the base within the crop as one fixed body, and its cell size at the contact [m]."""
     mesh = s.scene.mesh.submesh(faces)
     bottom = soft_bottoms(s, rows, mesh, part)
-    solid = support_solid(mesh, bottom, s.crop, s.config.hole_perimeter)
+    solid, report = ready_support(mesh, bottom, s.crop, s.config.hole_perimeter)
+    note_geometry(s, s.anchor.base_id, [s.base.parts[p].name for p in np.unique(part)], report)
     box, cut = soft_box(s, solid)
     grid = body_grid(solid, box, 2.0 * s.config.finest_cell, 0.01, s.config.distance_samples)
     distance = sampler(grid)

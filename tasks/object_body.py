@@ -10,12 +10,16 @@ from geometry.distance import Distance, MeshDistance, sampler
 from geometry.fill import fill
 from geometry.repair import mass_properties, outer_faces, simplified, subdivide_near
 from geometry.repair import volume as mesh_volume
+from geometry.repairs_done import Done
+from geometry.solid import Allowed, enclosed, is_sheet, tidied, used_as_given, with_faces_kept
+from geometry.support import UNMOVED
 from scene.errors import GeometryError
 from scene.materials import Material, Model, PartMaterial
 from scene.mesh import Mesh
 from scene.particles import DistanceGrid, SimulationBody
+from scene.repair_report import RepairReport
 from tasks.footprint import Footprint
-from tasks.scenario import CORE, FREE, Scenario, body_grid, constants, moments, note_friction, rigid_body
+from tasks.scenario import CORE, FREE, Scenario, body_grid, constants, moments, note_friction, note_geometry, rigid_body
 from tasks.soft_cells import Cells, nodes, thickness, uniform_cells
 
 Array = NDArray[np.float64]
@@ -32,7 +36,8 @@ def object_body(s: Scenario, foot: Footprint, contact_cell: float, on_soft: bool
     used = sorted(set(part_of_face.tolist()))
     rigid = all(rows[p].model is Model.RIGID for p in used)
     size = float(np.linalg.norm(np.ptp(s.mesh.vertices, axis=0)))
-    solid = solid_of(s.mesh)
+    solid, report = solid_of(s.mesh)
+    note_geometry(s, "object", [instance.parts[p].name for p in used], report)
     spacing = min(contact_cell / 3.0, size / SAMPLES)
     grid = body_grid(solid, s.mesh.bounds, spacing, 0.01, s.config.object_distance_samples)
     touching = rows[int(part_of_face[foot.face_nearest])]
@@ -175,9 +180,18 @@ def part_at(mesh: Mesh, part_of_face: NDArray[np.int32], points: Array) -> NDArr
     return owner
 
 
-def solid_of(mesh: Mesh) -> MeshDistance:
-    """Signed distance to the object as one solid: faces of its pieces inside one another do not count."""
-    if not is_closed(mesh):
-        return MeshDistance(mesh)
-    outer = mesh.submesh(outer_faces(mesh))
-    return MeshDistance(outer, sides=mesh) if len(outer.faces) else MeshDistance(mesh)
+def solid_of(mesh: Mesh) -> tuple[MeshDistance, RepairReport]:
+    """Signed distance to the object as one solid, and what that took: faces of its pieces inside one another do not
+    count.
+    """
+    allowed, done = Allowed(tolerance=UNMOVED), Done()
+    given = tidied(mesh, None, done)
+    sheet = any(is_sheet(piece) for piece in given.pieces)  # its contact points have one side only
+    found = None if sheet else with_faces_kept(given, enclosed(given, allowed), allowed, done)
+    if found is not None and not found[1].problem:
+        return MeshDistance(found[0]), found[1]
+    field = MeshDistance(mesh)
+    if is_closed(mesh):
+        outer = mesh.submesh(outer_faces(mesh))
+        field = MeshDistance(outer, sides=mesh) if len(outer.faces) else field
+    return field, used_as_given(field, given.visible, allowed, done)

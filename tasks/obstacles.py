@@ -5,12 +5,21 @@ from numpy.typing import NDArray
 
 from geometry.distance import MeshDistance
 from geometry.repair import subdivide_near
-from geometry.support import shell_bottoms, support_solid
+from geometry.support import ready_support, shell_bottoms
 from scene.materials import Material, PartMaterial
 from scene.mesh import Mesh
 from scene.particles import SimulationBody
 from tasks.footprint import Footprint
-from tasks.scenario import Scenario, body_grid, in_reach, near_faces, note_friction, reach_box, rigid_body
+from tasks.scenario import (
+    Scenario,
+    body_grid,
+    in_reach,
+    near_faces,
+    note_friction,
+    note_geometry,
+    reach_box,
+    rigid_body,
+)
 
 
 def rigid_base(
@@ -46,7 +55,9 @@ def neighbours(s: Scenario, foot: Footprint) -> list[SimulationBody]:
         mesh = s.scene.mesh.submesh(wide)
         part = np.clip(s.scene.face_part[wide], 0, None)
         own = np.array([p.box.bottom for p in instance.parts])[part]
-        solid = support_solid(mesh, shell_bottoms(mesh, own, s.config.shell), s.crop, s.config.hole_perimeter)
+        bottom = shell_bottoms(mesh, own, s.config.shell)
+        solid, report = ready_support(mesh, bottom, s.crop, s.config.hole_perimeter)
+        note_geometry(s, instance.id, [instance.parts[p].name for p in np.unique(part)], report)
         rows = [r for r in s.materials.rows if r.body == instance.id]
         base_row = s.materials.of(s.anchor.base_id, s.anchor.part_index)
         row = rows[0] if rows else base_row

@@ -43,7 +43,7 @@ def particles(
             f"{total} particles > {config.particle_limit}; lower ParticlesConfig.object_cells ({config.object_cells}) "
             f"or base_cells ({config.base_cells}), or raise particle_limit"
         )
-    return Particles(tuple(bodies), (), resolution, tuple(s.notes))
+    return Particles(tuple(bodies), (), resolution, tuple(s.notes), tuple(s.geometry))
 
 
 def note_overlaps(s: Scenario, bodies: list[SimulationBody]) -> None:

@@ -13,6 +13,7 @@ from scene.intent import Intent
 from scene.materials import Material, Model, PartMaterial, PartMaterials
 from scene.mesh import Mesh
 from scene.particles import DistanceGrid, SimulationBody
+from scene.repair_report import BodyGeometry, RepairReport
 from scene.segmentation import Instance, Segmentation
 from tasks.footprint import GRAVITY, Footprint, predicted_footprint
 
@@ -97,6 +98,7 @@ class Scenario:
     crop: Array
     """Region of the base that takes part [m], shape (2, 3)."""
     notes: list[str] = field(default_factory=list)
+    geometry: list[BodyGeometry] = field(default_factory=list)
 
     @property
     def base(self) -> Instance:
@@ -225,6 +227,14 @@ def constants(rows: list[PartMaterial], part: NDArray[np.integer]) -> tuple[Arra
     )
     density, stiffness, poisson = table[part].T
     return density.copy(), stiffness.copy(), poisson.copy()
+
+
+def note_geometry(s: Scenario, body: str, parts: list[str], report: RepairReport) -> None:
+    """Keep how a body's solid was made, and say where it is in doubt."""
+    part = ", ".join(dict.fromkeys(parts))
+    s.geometry.append(BodyGeometry(body, part, report))
+    if report.problem:
+        s.notes.append(f"{body}: {part} is no sound solid: {report.problem}")
 
 
 def note_friction(s: Scenario, body: str, row: PartMaterial, part_count: int) -> None:
