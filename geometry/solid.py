@@ -37,6 +37,7 @@ SHEET = 1.5  # a piece of less than this times the area of the caps that would c
 NONZERO = 0.01  # share of a cell that a sample is away from the surface at least
 WHOLE = 0.1  # a winding number nearer than this to a whole one leaves no doubt
 COARSER = 0.05  # share of a cell by which a remesh may be simplified
+LOOSE = 0.25  # share of sheets in the surface of a support that may be ignored
 CRUMB = 8.0  # pieces of a remesh smaller than this many cells are noise
 
 
@@ -48,7 +49,7 @@ class Allowed:
     """The visible surface may move this far."""
     thickness: float = 0.03
     """A sheet that encloses nothing becomes this thick."""
-    cell: float = 4e-3
+    cell: float = 2e-3
     """Cells of a remesh; larger ones where `samples` would not do."""
     samples: int = 6_000_000
     """Most samples of a remesh."""
@@ -129,6 +130,11 @@ def is_sheet(piece: Mesh) -> bool:
     return float(piece.face_areas.sum()) < SHEET * caps
 
 
+def looks_down(piece: Mesh) -> bool:
+    """Whether more of a piece is an underside than a top: what it belongs to lies above it."""
+    return float(piece.face_normals[:, 2].sum()) < 0.0
+
+
 def enclosed(given: Given, allowed: Allowed) -> MeshDistance:
     """Distance to the faces, with the sign of their generalised winding number; under a support's faces down to its
     floor, in a sheet over its thickness.
@@ -136,7 +142,7 @@ def enclosed(given: Given, allowed: Allowed) -> MeshDistance:
     soup = []
     for piece, floor in zip(given.pieces, given.floors, strict=True):
         below, holes = borders(piece)
-        if is_sheet(piece) and (floor is None or not below):
+        if is_sheet(piece) and (floor is None or not below or looks_down(piece)):
             soup.append(slab(piece, allowed.thickness, Done()))
         elif floor is None:
             soup.append(piece)
@@ -166,7 +172,7 @@ def with_faces_kept(
         if solid is None or not well_formed(solid):
             continue
         report = reported(solid, given.visible, 0.0, allowed, told)
-        if report.agreement < SOUND or not same_solid(solid, inside):
+        if report.agreement < SOUND or not (same_solid(solid, inside) or (way is not with_walls and vessels(given))):
             continue
         if not report.problem:
             return solid, report
@@ -175,10 +181,18 @@ def with_faces_kept(
     return best
 
 
+def vessels(given: Given) -> bool:
+    """Whether nearly all pieces of a support end below by themselves: then a cap on each is as good as its floor."""
+    if any(floor is None for floor in given.floors):
+        return False
+    area = np.array([float(p.face_areas.sum()) for p in given.pieces])
+    return float(area[[is_sheet(p) for p in given.pieces]].sum()) < LOOSE * float(area.sum())
+
+
 def with_walls(piece: Mesh, floor: float | None, allowed: Allowed, done: Done) -> Mesh:
     """A piece of a support closed by walls down to its floor."""
     below, holes = borders(piece)
-    if floor is None or not below:
+    if floor is None or not below or (is_sheet(piece) and looks_down(piece)):
         return with_caps(piece, floor, allowed, done)
     return walled(capped(piece, holes, done), below, floor, done)
 

@@ -1,5 +1,6 @@
 """How good a closed surface is: well formed, sure of inside and outside, near to the surface it was made of."""
 
+import igl
 import numpy as np
 import open3d
 from numpy.typing import NDArray
@@ -7,6 +8,7 @@ from numpy.typing import NDArray
 from geometry.boundary import is_closed
 from geometry.cleaning import face_stacks, heights
 from geometry.distance import MeshDistance, signed_volume
+from geometry.pieces import pieces_of
 from geometry.raycast import Raycaster, tensor
 from scene.mesh import Mesh
 
@@ -16,7 +18,7 @@ PROBES = 4000  # random points where inside and outside are asked
 NEAR = 2e-5  # points nearer than this to the surface are not asked [m]: distances are in single precision
 MOST_PLACES = 100_000  # where the distance of the visible surface is measured
 FINEST_SPACING = 2e-3  # mean spacing of those places [m] where the surface is small enough
-UNMOVED = 1e-5  # distances below this [m] are rounding of single precision
+UNMOVED = 2e-6  # distances below this [m] are rounding of single precision
 LIFT = 1e-4  # where a look out of a face begins above it [m]
 WAYS = np.random.default_rng(1).standard_normal((31, 3))  # generic directions
 WAYS /= np.linalg.norm(WAYS, axis=1, keepdims=True)
@@ -61,16 +63,31 @@ def moved(given: Mesh, solid: Mesh) -> tuple[float, float, float]:
     area = float(given.face_areas.sum())
     count = int(np.clip(area / FINEST_SPACING**2, 100, MOST_PLACES))
     even, face = spread(given, count)
-    field = MeshDistance(solid)
-    off = field.unsigned(even)
+    off = gaps(even, solid)
     corner, corner_face = corners(given)
-    off_corner = field.unsigned(corner)
+    off_corner = gaps(corner, solid)
     caster = Raycaster(given)
+    shells = [p for p in pieces_of(given) if is_closed(p)]
+    closed = MeshDistance(Mesh.concatenate(shells)) if shells else None
     # what has not moved need not be looked at
     for points, faces, distance in ((even, face, off), (corner, corner_face, off_corner)):
         far = np.flatnonzero(distance > UNMOVED)
-        distance[far[~seen(given, caster, points[far], faces[far])]] = 0.0
+        normal = unit_normals(given, faces[far])
+        hidden = ~seen(caster, points[far], normal)
+        if closed is not None:  # a shell that is closed leaves no doubt about what lies in it
+            hidden |= closed.inside(points[far] + LIFT * normal) & closed.inside(points[far] - LIFT * normal)
+        distance[far[hidden]] = 0.0
     return float(max(off.max(), off_corner.max())), float(off.mean()), float(np.sqrt(area / count))
+
+
+def gaps(points: FloatArray, solid: Mesh) -> FloatArray:
+    """Distance of points from a surface [m], shape (n,): in double precision where single says it is not nothing."""
+    distance = MeshDistance(solid).unsigned(points)
+    far = np.flatnonzero(distance > UNMOVED)
+    if len(far):
+        square = igl.point_mesh_squared_distance(points[far], solid.vertices, solid.faces.astype(np.int64))[0]
+        distance[far] = np.sqrt(square)
+    return distance
 
 
 def corners(mesh: Mesh) -> tuple[FloatArray, NDArray[np.int64]]:
@@ -80,12 +97,16 @@ def corners(mesh: Mesh) -> tuple[FloatArray, NDArray[np.int64]]:
     return points, np.repeat(np.arange(len(mesh.faces)), 3)
 
 
-def seen(mesh: Mesh, caster: Raycaster, points: FloatArray, face: NDArray[np.int64]) -> NDArray[np.bool_]:
+def unit_normals(mesh: Mesh, face: NDArray[np.int64]) -> FloatArray:
+    """Normals of faces, shape (n, 3)."""
+    normal = mesh.face_normals[face]
+    return np.asarray(normal / np.linalg.norm(normal, axis=1, keepdims=True))
+
+
+def seen(caster: Raycaster, points: FloatArray, normal: FloatArray) -> NDArray[np.bool_]:
     """Whether points on faces can be seen from outside, shape (n,): few ways out of them run into the back of another
     face first. Those of a face inside another piece of the same thing do.
     """
-    normal = mesh.face_normals[face]
-    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
     free = np.zeros(len(points))
     for direction in WAYS:
         ahead = np.sign(normal @ direction)[:, None]

@@ -16,7 +16,7 @@ from geometry.distance import MeshDistance
 from geometry.pieces import components
 from geometry.repair import outer_faces, small_holes_capped, solid_under, subdivide_near, without_empty_faces
 from geometry.repairs_done import Done
-from geometry.solid import Allowed, Given, tidied, used_as_given, with_faces_kept
+from geometry.solid import Allowed, Given, same_solid, tidied, used_as_given, with_faces_kept
 from scene.box import OrientedBox
 from scene.mesh import Mesh
 from scene.repair_report import RepairReport
@@ -51,7 +51,7 @@ def ready_support(
     given = tidied(mesh, bottom, done)
     if not has_shaft(given, hole_perimeter):
         found = with_faces_kept(given, field, allowed, done)
-        if found is not None and not found[1].problem:
+        if found is not None and not found[1].problem and same_solid(found[0], field):
             return MeshDistance(found[0]), found[1]
     return field, used_as_given(field, given.visible, allowed, done)
 

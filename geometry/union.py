@@ -11,6 +11,7 @@ from scipy.spatial import cKDTree
 
 from geometry.distance import MeshDistance, signed_volume
 from geometry.repairs_done import Done, Kind
+from geometry.soundness import well_formed
 from scene.mesh import Mesh
 
 FINE = 1e-6  # edges that a union leaves shorter than this [m] are rounding and are collapsed
@@ -27,15 +28,16 @@ def united(pieces: list[Mesh], done: Done) -> Mesh | None:
     lone = [i for i in order if volume[i] < 0.0 and i not in hollow]
     done.add(Kind.INVERTED, times=len(lone))
     pieces = [inside_out(p) if i in lone else p for i, p in enumerate(pieces)]
-    if not any_meet(pieces):
-        return Mesh.concatenate(pieces)
+    joined = Mesh.concatenate(pieces)
+    if not any_meet(pieces) and well_formed(joined):
+        return joined
     result = manifold3d.Manifold()
     for index in order:
         one = manifold_of(inside_out(pieces[index]) if index in hollow else pieces[index])
         if one.status() != manifold3d.Error.NoError:
             return None
         result = result - one if index in hollow else result + one
-    done.add(Kind.UNITED, times=len(pieces))
+    done.add(Kind.UNITED, times=len(pieces) if len(pieces) > 1 else 0)
     return mesh_of(result.simplify(FINE), pieces)
 
 

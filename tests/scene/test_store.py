@@ -23,6 +23,7 @@ from scene.mesh import Mesh
 from scene.outcome import Infeasible, Reason
 from scene.particles import DistanceGrid, Particles, SimulationBody
 from scene.renders import Overview, Renders
+from scene.repair_report import BodyGeometry, RepairReport
 from scene.rotation import Rotation
 from scene.sample import Sample, SourceOptions
 from scene.scan import LabelBox, Room, Scan
@@ -64,6 +65,8 @@ def a_body(rigid: bool) -> SimulationBody:
 MATERIAL = Material("foam", 30.0, 5e4, 0.3, 0.6, 0.5, 0.0, "soft", "handbook")
 INSTANCE = Instance("3", "bed", a_box(), (Part("mattress", a_box(), 0.9),), np.array([1.0, 0, 0]))
 
+REPORT = RepairReport(True, 1.0, 1e-4, 1e-5, 5e-3, 2e-3, 0.1, 0.0, ("2 degenerate faces dropped",), "")
+GEOMETRY = BodyGeometry("bed_0", "mattress, blanket", REPORT)
 VALUES = [
     Anchor("3", "mattress", 0, "center", np.zeros(2), np.zeros(3), np.eye(4), 0.01, np.zeros((4, 2)), "asked"),
     DistanceGrid(np.zeros(3), 0.01, RNG.normal(size=(4, 4, 4)).astype(np.float32)),
@@ -81,9 +84,11 @@ VALUES = [
     a_box(),
     Overview(a_picture(), None),
     Part("mattress", a_box(), 0.5),
-    Particles((a_body(True), a_body(False)), (("object", "3", 0.5, 0.4),), 0.004, ("cropped",)),
+    Particles((a_body(True), a_body(False)), (("object", "3", 0.5, 0.4),), 0.004, ("cropped",), (GEOMETRY,)),
     PartMaterial("object", "body", 0, MATERIAL, Model.MPM, "E below 1 GPa"),
     PartMaterials((PartMaterial("object", "body", 0, MATERIAL, Model.RIGID, "thin"),), "none"),
+    GEOMETRY,
+    REPORT,
     RegionRequest("seat", (), ("part:pillow",), ""),
     Renders(a_picture(), a_picture(), a_picture(), 0.75, np.zeros(3), np.ones(3)),
     Room("bedroom", np.zeros((5, 2))),
