@@ -19,7 +19,7 @@ from geometry.boundary import hole_loops, is_closed
 from geometry.cleaning import cleaned, without_scraps
 from geometry.closing import area_vector, borders, capped, slab, walled
 from geometry.distance import INSIDE, MeshDistance, sampled, signed_volume
-from geometry.pieces import pieces_of
+from geometry.pieces import own_shells, pieces_of
 from geometry.repair import outer_faces, solid_under
 from geometry.repairs_done import Done, Kind
 from geometry.soundness import NEAR, agreement, moved, probes, well_formed
@@ -115,7 +115,7 @@ def tidied(mesh: Mesh, floor: FloatArray | None, done: Done) -> Given:
     floors: list[float | None] = []
     for level in [None] if floor is None else np.unique(floor).tolist():
         group = mesh if level is None else mesh.submesh(np.flatnonzero(floor == level))
-        found = pieces_of(cleaned(group, done))
+        found = [p for apart in own_shells(group) for p in pieces_of(cleaned(apart, done))]
         pieces += found
         floors += [level] * len(found)
     kept = without_scraps(pieces, done)
@@ -228,6 +228,9 @@ def level_set(grid: DistanceGrid) -> Mesh:
     """The zero of a sampled distance as a closed surface, with no more faces than a twentieth of a cell demands."""
     least = NONZERO * grid.spacing  # a sample on the surface would make faces without area
     values = np.where(np.abs(grid.values) < least, np.copysign(least, grid.values), grid.values)
+    rim = np.ones(values.shape, dtype=bool)
+    rim[1:-1, 1:-1, 1:-1] = False
+    values[rim] = np.abs(values[rim])  # nothing reaches out of the samples
     points, faces, _, _ = marching_cubes(values, 0.0, allow_degenerate=False)  # type: ignore[no-untyped-call]
     rough = Mesh.of(grid.origin + grid.spacing * points, faces)
     rough = inside_out(rough) if signed_volume(rough.vertices, rough.faces) < 0.0 else rough

@@ -16,7 +16,7 @@ FloatArray = NDArray[np.float64]
 
 PROBES = 4000  # random points where inside and outside are asked
 NEAR = 2e-5  # points nearer than this to the surface are not asked [m]: distances are in single precision
-MOST_PLACES = 100_000  # where the distance of the visible surface is measured
+MOST_PLACES = 30_000  # where the distance of the visible surface is measured
 FINEST_SPACING = 2e-3  # mean spacing of those places [m] where the surface is small enough
 UNMOVED = 2e-6  # distances below this [m] are rounding of single precision
 LIFT = 1e-4  # where a look out of a face begins above it [m]

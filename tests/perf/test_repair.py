@@ -1,0 +1,39 @@
+"""Every part that things are placed on can be closed."""
+
+import os
+from pathlib import Path
+
+import pytest
+
+from perf.repair import SUPPORTS, Row, room_rows, sample_rows
+
+
+def assert_good(rows: list[Row]) -> None:
+    """Closed, sure of its inside, moved by less than the tolerance."""
+    bad = [(r.place, r.thing, r.part, r.report.problem) for r in rows if not r.good]
+    assert rows
+    assert not bad
+    assert all(r.report.closed and r.report.hausdorff <= r.report.tolerance for r in rows)
+
+
+@pytest.mark.parametrize(
+    "name", ["study_01", *(pytest.param(n, marks=pytest.mark.slow) for n in ("kids_01", "hall_01"))]
+)
+def test_every_support_of_an_embedded_room_is_closed(name: str) -> None:
+    """What the segmentation finds in a room's files, each support by itself; `python -m perf.repair` takes all rooms."""
+    rows = list(room_rows(name))
+    assert {r.part for r in rows} <= SUPPORTS
+    assert_good(rows)
+
+
+@pytest.mark.third_party
+@pytest.mark.slow
+@pytest.mark.skipif("DCAP_SAMPLE_DATA" not in os.environ, reason="needs $DCAP_SAMPLE_DATA")
+def test_sample_meshes_are_closed() -> None:
+    """Real objects and supports are closed and near; all but a draped bed keep the faces they came with."""
+    rows = list(sample_rows(Path(os.environ["DCAP_SAMPLE_DATA"])))
+    assert len(rows) >= 25
+    assert all(r.report.closed for r in rows)
+    anew = {(r.place, r.part) for r in rows if r.report.resolution > 0.0}
+    assert anew <= {("myroom_mit/bed", "mattress")}
+    assert_good([r for r in rows if r.report.resolution == 0.0])
