@@ -11,7 +11,7 @@ from rich.console import Console
 from rich.table import Table
 
 from geometry.raycast import Raycaster
-from perf import splats
+from perf import repair, splats
 from perf.drops import drop_rows, mls_speed
 from scene.mesh import Mesh
 from scene.settings import PROJECT_ROOT
@@ -101,6 +101,8 @@ def main() -> None:
     console.print(drops)
     console.print(memory)
     console.print(f"mls: {mls_speed() / 1e6:.1f} million particle-steps a second")
+    for line in repair.summaries(*repair.measured()):
+        console.print(line)
     found = splats.measured()
     console.print(
         f"{splats.ROOMS[0]}: {found.splats:,} splats to a mesh of {found.faces:,} faces in {found.seconds:.0f} s and "

@@ -1,4 +1,4 @@
-"""Laws of closing surfaces: the result is closed and oriented, encloses what it should, and moves nothing that is seen."""
+"""Laws of closing surfaces: the result is closed and oriented, encloses what it should, and moves nothing in sight."""
 
 from dataclasses import replace
 
@@ -110,7 +110,7 @@ def damaged(mesh: Mesh, kind: str, rng: np.random.Generator) -> Mesh:
     assert kind == "stray"
     low, high = mesh.bounds
     far = high + 0.1 * (high - low)
-    crumb = Mesh.of([far, far + [1e-3, 0, 0], far + [0, 1e-3, 0]], [[0, 1, 2]])
+    crumb = Mesh.of(far + 1e-3 * np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]]), [[0, 1, 2]])
     return Mesh.concatenate([mesh, crumb])
 
 
@@ -194,11 +194,9 @@ def test_a_thin_sheet_becomes_a_slab_below_it(bump: float, double: bool) -> None
     assert report.hausdorff < ROUNDING
     # vertices are moved along their mean normals: tilted faces come out thinner by the cosine of half their angles
     assert report.volume == pytest.approx(thickness * float(leaf.face_areas.sum()), rel=1e-9 if bump == 0.0 else 0.02)
-    behind = -1.0 if not double else np.sign(signed_volume(ready.vertices, ready.faces) * (ready.bounds[0, 2] + 1e-9))
     if bump == 0.0:
-        assert abs(ready.bounds[:, 2]).max() == pytest.approx(thickness)
-        assert double or behind == -1.0
-        assert double or ready.bounds[0, 2] == pytest.approx(-thickness)
+        assert np.abs(ready.bounds[:, 2]).max() == pytest.approx(thickness)
+        assert double or ready.bounds[0, 2] == pytest.approx(-thickness)  # of two equal sides either may be the front
     assert any("thickened to 10 mm" in sentence for sentence in report.repairs)
 
 
