@@ -66,7 +66,7 @@ def assert_sound(mesh: Mesh, report: RepairReport) -> None:
     assert report.volume == pytest.approx(signed_volume(mesh.vertices, mesh.faces), rel=1e-12)
 
 
-@pytest.mark.parametrize("name", ["ball", "plush_bear", "shoe", "toy_block"])
+@pytest.mark.parametrize("name", ["shoe", "toy_block"])
 def test_a_whole_part_is_left_as_it_is(name: str) -> None:
     """Closed solids of the embedded objects that do not meet others keep their volume, and nothing moves."""
     for part in build_object(name).parts:
@@ -119,7 +119,7 @@ DAMAGES = (
 )  # fmt: skip
 
 
-@settings(max_examples=20)
+@settings(max_examples=10)
 @given(st.sampled_from([box, ball]), st.lists(st.sampled_from(DAMAGES), max_size=4), st.integers(0, 99))
 def test_damage_that_leaves_the_surface_whole_is_undone(shape: object, kinds: list[str], seed: int) -> None:
     """Whatever is done to its faces, the solid has its volume again, and nothing that was seen has moved."""
@@ -137,7 +137,7 @@ def test_damage_that_leaves_the_surface_whole_is_undone(shape: object, kinds: li
     assert report.resolution == 0.0
 
 
-@settings(max_examples=5)
+@settings(max_examples=3)
 @given(st.integers(0, 99), st.integers(1, 4))
 def test_small_missing_patches_are_closed(seed: int, patches: int) -> None:
     """A ball with small holes has its volume but for the segments cut off, and a box of flat sides exactly."""
@@ -228,6 +228,7 @@ def test_a_leg_open_at_both_ends_is_not_hollow() -> None:
         )
 
 
+@pytest.mark.slow
 def test_what_passes_through_itself_is_meshed_again() -> None:
     """A bent tube through itself is no solid as it is; its remesh is closed and near, and says so."""
     angle = np.linspace(0.0, 2.0 * np.pi, 41)[:-1]
