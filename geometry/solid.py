@@ -101,7 +101,11 @@ def used_as_given(field: MeshDistance, mesh: Mesh, allowed: Allowed, done: Done)
     winding = field.winding(points)
     agree = float((np.abs(winding - np.round(winding)) < WHOLE).mean())
     box = float(np.prod(1.1 * np.ptp(field.mesh.bounds, axis=0)))
-    problem = "" if agree >= SOUND else f"at {100.0 * (1.0 - agree):.2g} % of the points asked it is half inside"
+    problem = ""
+    if agree < SOUND:
+        problem = f"at {100.0 * (1.0 - agree):.2g} % of the points asked it is half inside"
+    elif most > allowed.tolerance:
+        problem = f"what can be seen lies up to {1e3 * most:.2g} mm off its surface > {1e3 * allowed.tolerance:.2g} mm"
     done.add(Kind.BY_WINDING)
     return RepairReport(
         field.closed, agree, most, mean, allowed.tolerance, spacing, box * float((winding > INSIDE).mean()), 0.0,

@@ -16,7 +16,7 @@ from geometry.distance import MeshDistance
 from geometry.pieces import components
 from geometry.repair import outer_faces, small_holes_capped, solid_under, subdivide_near, without_empty_faces
 from geometry.repairs_done import Done
-from geometry.solid import Allowed, Given, same_solid, tidied, used_as_given, with_faces_kept
+from geometry.solid import Allowed, Given, enclosed, same_solid, tidied, used_as_given, with_faces_kept
 from scene.box import OrientedBox
 from scene.mesh import Mesh
 from scene.repair_report import RepairReport
@@ -44,16 +44,25 @@ def ready_support(
     """`support_solid` and what it took.
 
     The distance is that to one clean closed surface where there is one that encloses the same and moves nothing that
-    can be seen; else that to the faces with their walls and shadows, as they are.
+    can be seen, or where the faces with their walls and shadows hide some of it; else that to those, as they are.
     """
     field = under_faces(mesh, bottom, region, hole_perimeter)
-    allowed, done = Allowed(tolerance=UNMOVED), Done()
+    done = Done()
     given = tidied(mesh, bottom, done)
-    if not has_shaft(given, hole_perimeter):
-        found = with_faces_kept(given, field, allowed, done)
-        if found is not None and not found[1].problem and same_solid(found[0], field):
-            return MeshDistance(found[0]), found[1]
-    return field, used_as_given(field, given.visible, allowed, done)
+    as_given = used_as_given(field, given.visible, Allowed(), done.copy())
+    wrong = bool(as_given.problem)
+    if not wrong and has_shaft(given, hole_perimeter):
+        return field, as_given
+    allowed = Allowed() if wrong else Allowed(tolerance=UNMOVED)
+    filled = enclosed(given, allowed)
+    found = with_faces_kept(given, filled, allowed, done)
+    if found is not None and not found[1].problem and (wrong or same_solid(found[0], field)):
+        return MeshDistance(found[0]), found[1]
+    if wrong:  # with holes capped instead of continued downwards more of it may be there
+        capped = used_as_given(filled, given.visible, Allowed(), done)
+        if capped.agreement >= as_given.agreement and capped.hausdorff < as_given.hausdorff:
+            return filled, capped
+    return field, as_given
 
 
 def has_shaft(given: Given, hole_perimeter: float) -> bool:

@@ -194,4 +194,4 @@ def solid_of(mesh: Mesh) -> tuple[MeshDistance, RepairReport]:
     if is_closed(mesh):
         outer = mesh.submesh(outer_faces(mesh))
         field = MeshDistance(outer, sides=mesh) if len(outer.faces) else field
-    return field, used_as_given(field, given.visible, allowed, done)
+    return field, used_as_given(field, given.visible, Allowed(), done)

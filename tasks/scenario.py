@@ -234,7 +234,7 @@ def note_geometry(s: Scenario, body: str, parts: list[str], report: RepairReport
     part = ", ".join(dict.fromkeys(parts))
     s.geometry.append(BodyGeometry(body, part, report))
     if report.problem:
-        s.notes.append(f"{body}: {part} is no sound solid: {report.problem}")
+        s.notes.append(f"{body}: {part} is no good solid: {report.problem}")
 
 
 def note_friction(s: Scenario, body: str, row: PartMaterial, part_count: int) -> None:
