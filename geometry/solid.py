@@ -241,7 +241,8 @@ def level_set(grid: DistanceGrid) -> Mesh:
     found = manifold_of(rough)
     if found.status() != manifold3d.Error.NoError:
         return rough
-    return mesh_of(found.simplify(COARSER * grid.spacing), [rough])
+    coarse = mesh_of(found.simplify(COARSER * grid.spacing), [rough])
+    return coarse if well_formed(coarse) else rough  # collapsed edges leave a face without area now and then
 
 
 def without_crumbs(mesh: Mesh, least: float, done: Done) -> Mesh:
@@ -260,8 +261,10 @@ def reported(solid: Mesh, visible: Mesh, cell: float, allowed: Allowed, done: Do
     agree = agreement(solid) if closed else 0.0
     most, mean, spacing = moved(visible, solid)
     problem = ""
-    if not closed:
+    if not is_closed(solid):
         problem = "it is not closed"
+    elif not closed:
+        problem = "it has degenerate or duplicate faces, or encloses nothing"
     elif agree < SOUND:
         problem = f"inside and outside disagree at {100.0 * (1.0 - agree):.2g} % of the points asked"
     elif most > allowed.tolerance:

@@ -71,7 +71,7 @@ def manifold_of(mesh: Mesh) -> manifold3d.Manifold:
 def mesh_of(solid: manifold3d.Manifold, painted: list[Mesh]) -> Mesh:
     """A manifold as our mesh, each vertex in the colour of the nearest painted one."""
     found = solid.to_mesh64()
-    vertices: NDArray[np.float64] = np.asarray(found.vert_properties, dtype=np.float64)[:, :3]
+    vertices: NDArray[np.float64] = np.array(found.vert_properties, dtype=np.float64)[:, :3]
     faces = np.asarray(found.tri_verts, dtype=np.int64)
     paint = Mesh.concatenate(painted)
     if len(vertices) == 0:
