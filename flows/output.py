@@ -230,6 +230,7 @@ def geometry_row(one: BodyGeometry) -> dict[str, object]:
         "hausdorff_m": report.hausdorff,
         "mean_m": report.mean,
         "tolerance_m": report.tolerance,
+        "region_m": [list(report.region[:3]), list(report.region[3:])] if report.region else None,
         "volume_m3": report.volume,
         "repairs": list(report.repairs),
         "problem": report.problem or None,

@@ -9,6 +9,7 @@ is, the solid is sampled and meshed again by marching cubes.
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import manifold3d
 import numpy as np
@@ -55,7 +56,7 @@ class Allowed:
     """Most samples of a remesh."""
 
 
-@dataclass(frozen=True, eq=False, slots=True)
+@dataclass(frozen=True, eq=False)
 class Given:
     """The cleaned faces of a part."""
 
@@ -63,11 +64,27 @@ class Given:
     """Its connected pieces."""
     floors: tuple[float | None, ...]
     """What each piece is solid down to [m]; None: as far as its own faces say."""
+    within: FloatArray | None = None
+    """Where it matters how far what can be seen is from the solid [m], shape (2, 3); None: everywhere."""
 
-    @property
+    @cached_property
     def visible(self) -> Mesh:
         """All faces."""
         return Mesh.concatenate(list(self.pieces))
+
+    @cached_property
+    def stood_up(self) -> Mesh:
+        """All faces, and walls and bottoms under supports: nobody looks in from below."""
+        return Mesh.concatenate([on_floor(p, f, Done()) for p, f in zip(self.pieces, self.floors, strict=True)])
+
+    def moved(self, solid: Mesh) -> tuple[float, float, float]:
+        """`soundness.moved` of what can be seen and matters."""
+        return moved(self.visible, solid, behind=self.stood_up, within=self.within)
+
+    @property
+    def region(self) -> tuple[float, ...]:
+        """`within` as numbers for a report."""
+        return () if self.within is None else tuple(self.within.reshape(-1).tolist())
 
 
 def simulation_ready(
@@ -91,11 +108,11 @@ def simulation_ready(
     return sampled_anew
 
 
-def used_as_given(field: MeshDistance, mesh: Mesh, allowed: Allowed, done: Done) -> RepairReport:
+def used_as_given(field: MeshDistance, given: Given, allowed: Allowed, done: Done) -> RepairReport:
     """The report of a solid whose distance is read from the faces as they are and whose sides are told by winding
     number: where no way of closing them gives a sound surface that moves nothing.
     """
-    most, mean, spacing = moved(mesh, field.mesh)
+    most, mean, spacing = given.moved(field.mesh)
     points = probes(field.mesh)
     points = points[field.unsigned(points) > NEAR]
     winding = field.winding(points)
@@ -109,11 +126,11 @@ def used_as_given(field: MeshDistance, mesh: Mesh, allowed: Allowed, done: Done)
     done.add(Kind.BY_WINDING)
     return RepairReport(
         field.closed, agree, most, mean, allowed.tolerance, spacing, box * float((winding > INSIDE).mean()), 0.0,
-        done.sentences(), problem,
+        done.sentences(), problem, given.region,
     )  # fmt: skip
 
 
-def tidied(mesh: Mesh, floor: FloatArray | None, done: Done) -> Given:
+def tidied(mesh: Mesh, floor: FloatArray | None, done: Done, within: FloatArray | None = None) -> Given:
     """The faces cleaned and divided into connected pieces of one floor, without scraps."""
     pieces: list[Mesh] = []
     floors: list[float | None] = []
@@ -125,7 +142,7 @@ def tidied(mesh: Mesh, floor: FloatArray | None, done: Done) -> Given:
     kept = without_scraps(pieces, done)
     if len(kept) == 0:
         raise GeometryError(f"none of {len(mesh.faces)} faces has an area: there is nothing to make a solid of")
-    return Given(tuple(pieces[i] for i in kept), tuple(floors[i] for i in kept))
+    return Given(tuple(pieces[i] for i in kept), tuple(floors[i] for i in kept), within)
 
 
 def is_sheet(piece: Mesh) -> bool:
@@ -175,7 +192,7 @@ def with_faces_kept(
         solid = united(closed, told)
         if solid is None or not well_formed(solid):
             continue
-        report = reported(solid, given.visible, 0.0, allowed, told)
+        report = reported(solid, given, 0.0, allowed, told)
         if report.agreement < SOUND or not (same_solid(solid, inside) or (way is not with_walls and vessels(given))):
             continue
         if not report.problem:
@@ -199,6 +216,14 @@ def with_walls(piece: Mesh, floor: float | None, allowed: Allowed, done: Done) -
     if floor is None or not below or (is_sheet(piece) and looks_down(piece)):
         return with_caps(piece, floor, allowed, done)
     return walled(capped(piece, holes, done), below, floor, done)
+
+
+def on_floor(piece: Mesh, floor: float | None, done: Done) -> Mesh:
+    """A piece of a support with walls down to its floor where it ends below; its holes stay open."""
+    below = borders(piece)[0] if floor is not None else []
+    if floor is None or not below or (is_sheet(piece) and looks_down(piece)):
+        return piece
+    return walled(piece, below, floor, done)
 
 
 def with_caps(piece: Mesh, floor: float | None, allowed: Allowed, done: Done) -> Mesh:
@@ -225,7 +250,7 @@ def remeshed(given: Given, inside: MeshDistance, allowed: Allowed, done: Done) -
     done = done.copy()
     done.add(Kind.REMESHED, cell)
     solid = without_crumbs(level_set(grid), CRUMB * cell**3, done)
-    return solid, reported(solid, given.visible, cell, allowed, done)
+    return solid, reported(solid, given, cell, allowed, done)
 
 
 def level_set(grid: DistanceGrid) -> Mesh:
@@ -255,11 +280,11 @@ def without_crumbs(mesh: Mesh, least: float, done: Done) -> Mesh:
     return Mesh.concatenate([pieces[i] for i in large])
 
 
-def reported(solid: Mesh, visible: Mesh, cell: float, allowed: Allowed, done: Done) -> RepairReport:
+def reported(solid: Mesh, given: Given, cell: float, allowed: Allowed, done: Done) -> RepairReport:
     """Everything measured on a repaired surface."""
     closed = well_formed(solid)
     agree = agreement(solid) if closed else 0.0
-    most, mean, spacing = moved(visible, solid)
+    most, mean, spacing = given.moved(solid)
     problem = ""
     if not is_closed(solid):
         problem = "it is not closed"
@@ -271,5 +296,5 @@ def reported(solid: Mesh, visible: Mesh, cell: float, allowed: Allowed, done: Do
         problem = f"its visible surface moved by {1e3 * most:.2g} mm > {1e3 * allowed.tolerance:.2g} mm"
     return RepairReport(
         closed, agree, most, mean, allowed.tolerance, spacing, signed_volume(solid.vertices, solid.faces), cell,
-        done.sentences(), problem,
+        done.sentences(), problem, given.region,
     )  # fmt: skip

@@ -1,5 +1,7 @@
 """How good a closed surface is: well formed, sure of inside and outside, near to the surface it was made of."""
 
+from functools import cached_property
+
 import igl
 import numpy as np
 import open3d
@@ -23,6 +25,7 @@ LIFT = 1e-4  # where a look out of a face begins above it [m]
 WAYS = np.random.default_rng(1).standard_normal((31, 3))  # generic directions
 WAYS /= np.linalg.norm(WAYS, axis=1, keepdims=True)
 FREE = 0.7  # share of the ways out of a face that can be seen that lead to no face's back
+OPEN = 0.04  # least share of ways out that meet nothing at all: more than one
 RAYS = 3  # a grazed edge deceives one
 
 
@@ -54,30 +57,45 @@ def agreement(mesh: Mesh) -> float:
     return float((winding == (crossed.numpy() > 0.5)).mean())
 
 
-def moved(given: Mesh, solid: Mesh) -> tuple[float, float, float]:
+def moved(
+    given: Mesh, solid: Mesh, *, behind: Mesh | None = None, within: FloatArray | None = None
+) -> tuple[float, float, float]:
     """Largest and mean distance from what can be seen of the given faces to a solid's surface, and the spacing of the
     places asked [m].
 
-    Places are points spread evenly by area and, for the largest, one close to each corner of each face.
+    Places are points spread evenly by area and, for the largest, one close to each corner of each face. `behind` are
+    the faces that nothing is seen through, the given ones or more; `within` [m], shape (2, 3), is the box whose places
+    count: all three are 0 where there are none.
     """
-    area = float(given.face_areas.sum())
+    near = given if within is None else given.submesh(reaching_into(given, within))
+    if len(near.faces) == 0:
+        return 0.0, 0.0, 0.0
+    area = float(near.face_areas.sum())
     count = int(np.clip(area / FINEST_SPACING**2, 100, MOST_PLACES))
-    even, face = spread(given, count)
-    off = gaps(even, solid)
-    corner, corner_face = corners(given)
-    off_corner = gaps(corner, solid)
-    caster = Raycaster(given)
-    shells = [p for p in pieces_of(given) if is_closed(p)]
-    closed = MeshDistance(Mesh.concatenate(shells)) if shells else None
-    # what has not moved need not be looked at
-    for points, faces, distance in ((even, face, off), (corner, corner_face, off_corner)):
-        far = np.flatnonzero(distance > UNMOVED)
-        normal = unit_normals(given, faces[far])
-        hidden = ~seen(caster, points[far], normal)
-        if closed is not None:  # a shell that is closed leaves no doubt about what lies in it
-            hidden |= closed.inside(points[far] + LIFT * normal) & closed.inside(points[far] - LIFT * normal)
-        distance[far[hidden]] = 0.0
-    return float(max(off.max(), off_corner.max())), float(off.mean()), float(np.sqrt(area / count))
+    look = Sight(given, behind)
+    even, corner = (hidden(near, solid, look, within, places) for places in (spread(near, count), corners(near)))
+    most = float(max(even.max(initial=0.0), corner.max(initial=0.0)))
+    return most, float(even.mean()) if len(even) else 0.0, float(np.sqrt(area / count))
+
+
+def hidden(
+    mesh: Mesh, solid: Mesh, look: "Sight", within: FloatArray | None, places: tuple[FloatArray, NDArray[np.int64]]
+) -> FloatArray:
+    """How far places (points and their faces) in a box lie off a solid's surface [m], 0 where they cannot be seen."""
+    points, face = places
+    if within is not None:
+        inside = ((points >= within[0]) & (points <= within[1])).all(axis=1)
+        points, face = points[inside], face[inside]
+    distance = gaps(points, solid)
+    far = np.flatnonzero(distance > UNMOVED)  # what has not moved need not be looked at
+    distance[far[~look.sees(points[far], unit_normals(mesh, face[far]))]] = 0.0
+    return distance
+
+
+def reaching_into(mesh: Mesh, box: FloatArray) -> NDArray[np.int64]:
+    """Faces whose own boxes meet a box [m], shape (2, 3)."""
+    corner = mesh.triangles
+    return np.flatnonzero(((corner.max(axis=1) >= box[0]) & (corner.min(axis=1) <= box[1])).all(axis=1))
 
 
 def gaps(points: FloatArray, solid: Mesh) -> FloatArray:
@@ -103,17 +121,47 @@ def unit_normals(mesh: Mesh, face: NDArray[np.int64]) -> FloatArray:
     return np.asarray(normal / np.linalg.norm(normal, axis=1, keepdims=True))
 
 
+class Sight:
+    """What of a thing can be seen from outside, prepared for many places; made ready when it is first asked."""
+
+    def __init__(self, given: Mesh, behind: Mesh | None = None) -> None:
+        self._given = given
+        self._behind = given if behind is None else behind
+
+    @cached_property
+    def _caster(self) -> Raycaster:
+        return Raycaster(self._behind)
+
+    @cached_property
+    def _closed(self) -> MeshDistance | None:
+        shells = [p for p in pieces_of(self._given) if is_closed(p)]
+        return MeshDistance(Mesh.concatenate(shells)) if shells else None
+
+    def sees(self, points: FloatArray, normal: FloatArray) -> NDArray[np.bool_]:
+        """Whether points on faces can be seen, shape (n,)."""
+        if len(points) == 0:
+            return np.zeros(0, dtype=bool)
+        visible = seen(self._caster, points, normal)
+        if self._closed is not None:  # a shell that is closed leaves no doubt about what lies in it
+            above, below = points + LIFT * normal, points - LIFT * normal
+            visible &= ~(self._closed.inside(above) & self._closed.inside(below))
+        return visible
+
+
 def seen(caster: Raycaster, points: FloatArray, normal: FloatArray) -> NDArray[np.bool_]:
-    """Whether points on faces can be seen from outside, shape (n,): few ways out of them run into the back of another
-    face first. Those of a face inside another piece of the same thing do.
+    """Whether points on faces can be seen from outside, shape (n,): some ways out of them meet nothing, and few run
+    into the back of another face first. Those of a face inside another piece of the same thing do, and of one in a
+    pocket between two layers none leads out.
     """
-    free = np.zeros(len(points))
+    free, out = np.zeros((2, len(points)))
     for direction in WAYS:
         ahead = np.sign(normal @ direction)[:, None]
         way = ahead * direction
         hit = caster.cast(points + LIFT * normal, way)
-        free += ~np.isfinite(hit.distance) | (np.einsum("ni,ni->n", hit.normal, way) <= 0.0)
-    return free > FREE * len(WAYS)
+        missed = ~np.isfinite(hit.distance)
+        out += missed
+        free += missed | (np.einsum("ni,ni->n", hit.normal, way) <= 0.0)
+    return (free > FREE * len(WAYS)) & (out > OPEN * len(WAYS))
 
 
 def spread(mesh: Mesh, count: int) -> tuple[FloatArray, NDArray[np.int64]]:

@@ -11,19 +11,17 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from geometry.closing import area_vector, borders, perimeter
 from geometry.distance import MeshDistance
 from geometry.pieces import components
 from geometry.repair import outer_faces, small_holes_capped, solid_under, subdivide_near, without_empty_faces
 from geometry.repairs_done import Done
-from geometry.solid import Allowed, Given, enclosed, same_solid, tidied, used_as_given, with_faces_kept
+from geometry.solid import Allowed, enclosed, tidied, used_as_given, with_faces_kept
 from scene.box import OrientedBox
 from scene.mesh import Mesh
 from scene.repair_report import RepairReport
 
 COVERED = 0.5  # share of a part's plan that must lie over another part for it to be the one that carries it
 PIECE = 0.05  # longest edge [m] of walls and shadows: each piece is kept or dropped as a whole where solids overlap
-UNMOVED = 1e-4  # what can be seen of a support may move this far [m]: contact points are its given faces
 TOUCHING = 0.06  # gap [m] up to which boxes of parts count as lying on each other: boxes of noisy parts are loose
 
 
@@ -41,38 +39,25 @@ def support_solid(
 def ready_support(
     mesh: Mesh, bottom: NDArray[np.float64], region: NDArray[np.float64], hole_perimeter: float
 ) -> tuple[MeshDistance, RepairReport]:
-    """`support_solid` and what it took.
+    """`support_solid` and what it took; only what can be seen within `region` counts, also in height.
 
-    The distance is that to one clean closed surface where there is one that encloses the same and moves nothing that
-    can be seen, or where the faces with their walls and shadows hide some of it; else that to those, as they are.
+    The distance is that to the faces with their walls and shadows while those hide nothing that can be seen. Else it is
+    that to one clean closed surface, or to the faces with their holes capped, whichever is better.
     """
     field = under_faces(mesh, bottom, region, hole_perimeter)
     done = Done()
-    given = tidied(mesh, bottom, done)
-    as_given = used_as_given(field, given.visible, Allowed(), done.copy())
-    wrong = bool(as_given.problem)
-    if not wrong and has_shaft(given, hole_perimeter):
+    given = tidied(mesh, bottom, done, region)
+    as_given = used_as_given(field, given, Allowed(), done.copy())
+    if field.closed and not as_given.problem:
         return field, as_given
-    allowed = Allowed() if wrong else Allowed(tolerance=UNMOVED)
-    filled = enclosed(given, allowed)
-    found = with_faces_kept(given, filled, allowed, done)
-    if found is not None and not found[1].problem and (wrong or same_solid(found[0], field)):
+    filled = enclosed(given, Allowed())
+    found = with_faces_kept(given, filled, Allowed(), done)
+    if found is not None and not found[1].problem:
         return MeshDistance(found[0]), found[1]
-    if wrong:  # with holes capped instead of continued downwards more of it may be there
-        capped = used_as_given(filled, given.visible, Allowed(), done)
-        if capped.agreement >= as_given.agreement and capped.hausdorff < as_given.hausdorff:
-            return filled, capped
-    return field, as_given
-
-
-def has_shaft(given: Given, hole_perimeter: float) -> bool:
-    """Whether a hole that is seen from above is too large to be closed."""
-    for piece in given.pieces:
-        for loop in borders(piece)[1]:
-            points = piece.vertices[loop]
-            if area_vector(points)[2] < 0.0 and perimeter(points) > hole_perimeter:
-                return True
-    return False
+    # with holes capped instead of continued downwards more of it may be there
+    capped = used_as_given(filled, given, Allowed(), done)
+    better = capped.agreement >= as_given.agreement and capped.hausdorff < as_given.hausdorff
+    return (filled, capped) if better else (field, as_given)
 
 
 def under_faces(

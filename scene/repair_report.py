@@ -27,6 +27,8 @@ class RepairReport:
     """What was done, one sentence each; empty: nothing."""
     problem: str
     """Why the surface is not a good solid; empty if it is."""
+    region: tuple[float, ...] = ()
+    """Lower and upper corner of the box in which `hausdorff` and `mean` were measured [m], six; empty: everywhere."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -68,7 +68,7 @@ def base_bodies(s: Scenario, foot: Footprint) -> Base:
         mesh = s.scene.mesh.submesh(faces[stiff])
         own = np.array([p.box.bottom for p in s.base.parts])[part[stiff]]
         bottom = shell_bottoms(mesh, own, s.config.shell)
-        solid, report = ready_support(mesh, bottom, s.crop, s.config.hole_perimeter)
+        solid, report = ready_support(mesh, bottom, reach_box(s, foot), s.config.hole_perimeter)
         names = [s.base.parts[p].name for p in np.unique(part[stiff])]
         note_geometry(s, f"{s.anchor.base_id}/rigid", names, report)
     soft, cell = None, 0.0
@@ -107,7 +107,7 @@ def soft_base(
     """All soft parts of the base within the crop as one fixed body, and its cell size at the contact [m]."""
     mesh = s.scene.mesh.submesh(faces)
     bottom = soft_bottoms(s, rows, mesh, part)
-    solid, report = ready_support(mesh, bottom, s.crop, s.config.hole_perimeter)
+    solid, report = ready_support(mesh, bottom, reach_box(s, foot), s.config.hole_perimeter)
     note_geometry(s, s.anchor.base_id, [s.base.parts[p].name for p in np.unique(part)], report)
     box, cut = soft_box(s, solid)
     grid = body_grid(solid, box, 2.0 * s.config.finest_cell, 0.01, s.config.distance_samples)

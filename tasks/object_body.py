@@ -12,7 +12,6 @@ from geometry.repair import mass_properties, outer_faces, simplified, subdivide_
 from geometry.repair import volume as mesh_volume
 from geometry.repairs_done import Done
 from geometry.solid import Allowed, enclosed, is_sheet, tidied, used_as_given, with_faces_kept
-from geometry.support import UNMOVED
 from scene.errors import GeometryError
 from scene.materials import Material, Model, PartMaterial
 from scene.mesh import Mesh
@@ -24,6 +23,7 @@ from tasks.soft_cells import Cells, nodes, thickness, uniform_cells
 
 Array = NDArray[np.float64]
 
+UNMOVED = 1e-4  # what can be seen of an object may move this far [m]: contact points are its given faces
 SAMPLES = 220.0  # of the distance along the object's diagonal, if ParticlesConfig.object_distance_samples allow
 LEAST_EDGE = 2e-3  # contact points are never refined beyond this [m]
 
@@ -186,12 +186,13 @@ def solid_of(mesh: Mesh) -> tuple[MeshDistance, RepairReport]:
     """
     allowed, done = Allowed(tolerance=UNMOVED), Done()
     given = tidied(mesh, None, done)
-    sheet = any(is_sheet(piece) for piece in given.pieces)  # its contact points have one side only
-    found = None if sheet else with_faces_kept(given, enclosed(given, allowed), allowed, done)
-    if found is not None and not found[1].problem:
-        return MeshDistance(found[0]), found[1]
     field = MeshDistance(mesh)
     if is_closed(mesh):
         outer = mesh.submesh(outer_faces(mesh))
         field = MeshDistance(outer, sides=mesh) if len(outer.faces) else field
-    return field, used_as_given(field, given.visible, Allowed(), done)
+    as_given = used_as_given(field, given, Allowed(), done.copy())
+    sheet = any(is_sheet(piece) for piece in given.pieces)  # its contact points have one side only
+    if sheet or (field.closed and not as_given.problem):
+        return field, as_given
+    found = with_faces_kept(given, enclosed(given, allowed), allowed, done)
+    return (MeshDistance(found[0]), found[1]) if found is not None and not found[1].problem else (field, as_given)

@@ -56,7 +56,7 @@ def neighbours(s: Scenario, foot: Footprint) -> list[SimulationBody]:
         part = np.clip(s.scene.face_part[wide], 0, None)
         own = np.array([p.box.bottom for p in instance.parts])[part]
         bottom = shell_bottoms(mesh, own, s.config.shell)
-        solid, report = ready_support(mesh, bottom, s.crop, s.config.hole_perimeter)
+        solid, report = ready_support(mesh, bottom, reach_box(s, foot), s.config.hole_perimeter)
         note_geometry(s, instance.id, [instance.parts[p].name for p in np.unique(part)], report)
         rows = [r for r in s.materials.rows if r.body == instance.id]
         base_row = s.materials.of(s.anchor.base_id, s.anchor.part_index)
