@@ -13,8 +13,9 @@ from geometry.cleaning import cleaned, face_stacks, heights
 from geometry.distance import MeshDistance, signed_volume
 from geometry.procedural.objects import build_object
 from geometry.repairs_done import Done
-from geometry.solid import Allowed, simulation_ready
+from geometry.solid import Allowed, simulation_ready, tidied
 from geometry.soundness import agreement, moved, well_formed
+from geometry.support import ready_support
 from scene.errors import GeometryError
 from scene.mesh import Mesh
 from scene.repair_report import RepairReport
@@ -278,3 +279,38 @@ def test_a_moved_surface_is_measured() -> None:
     assert most == pytest.approx(1e-3, rel=0.02)
     assert mean == pytest.approx(1e-3, rel=0.02)
     assert well_formed(ball())
+
+
+def test_only_places_within_the_box_count() -> None:
+    """Of two boxes one has shrunk: that is seen in the box around it, not around the other, nor where nothing is."""
+    still = box((0.1, 0.1, 0.1), (1.0, 0.0, 0.0))
+    given, solid = (Mesh.concatenate([one, still]) for one in (box((0.1, 0.1, 0.1)), box((0.1, 0.1, 0.098))))
+    around = np.array([[-0.06, -0.06, -0.06], [0.06, 0.06, 0.06]])
+    assert moved(given, solid, within=around)[0] == pytest.approx(1e-3, rel=0.02)
+    assert moved(given, solid, within=around + np.array([1.0, 0.0, 0.0]))[0] < ROUNDING
+    assert moved(given, solid, within=around + np.array([0.0, 2.0, 0.0])) == (0.0, 0.0, 0.0)
+
+
+def test_the_underside_of_a_layer_on_a_support_is_not_seen() -> None:
+    """Nobody looks into a support from below; in a thing without a floor the layer is in sight."""
+    block = box((0.4, 0.3, 0.2))
+    shell = block.submesh(np.flatnonzero(block.face_normals[:, 2] > -1e-9))
+    leaf = sheet(size=0.2)
+    layer = Mesh.of(leaf.vertices + np.array([-0.1, -0.1, -0.06]), leaf.faces[:, ::-1])
+    mesh = Mesh.concatenate([shell, layer])
+    assert tidied(mesh, np.full(len(mesh.faces), -0.1), Done()).moved(block)[0] < ROUNDING
+    assert tidied(mesh, None, Done()).moved(block)[0] == pytest.approx(0.04, abs=1e-3)
+
+
+def test_a_support_that_keeps_what_the_object_can_reach_is_kept() -> None:
+    """The faces and their shadows stay the solid while what they hide is out of reach; the report names the box."""
+    upright, leaf = box((0.4, 0.3, 0.2)), sheet(size=0.2)
+    down = Mesh.of(leaf.vertices + np.array([0.6, 0.0, 0.0]), leaf.faces[:, ::-1])  # an underside without a top
+    mesh = Mesh.concatenate([upright, down])
+    near = np.array([[-0.3, -0.3, -0.2], [0.3, 0.3, 0.3]])
+    for region, kept in ((near, True), (near + np.array([0.6, 0.0, 0.0]), False)):
+        _, report = ready_support(mesh, np.full(len(mesh.faces), -0.1), region, 0.25)
+        assert report.region == tuple(region.ravel())
+        assert report.closed
+        assert not report.problem
+        assert (report.repairs == ("faces kept as they are, inside told by winding number",)) == kept
