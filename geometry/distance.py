@@ -58,7 +58,9 @@ class MeshDistance:
         self._scene.add_triangles(tensor(mesh.vertices - self.shift, np.float32), tensor(mesh.faces, np.uint32))
         self._vertices = np.ascontiguousarray(inner.vertices - self.shift)
         self._faces = np.ascontiguousarray(inner.faces, dtype=np.int64)
-        self._turned = signed_volume(self._vertices, self._faces) < 0.0
+        volume = signed_volume(self._vertices, self._faces)
+        self.volume = abs(volume)  # [m^3], if it is closed and nothing overlaps
+        self._turned = volume < 0.0
         self.closed = is_closed(inner)
         self._crossings = Crossings(self._vertices, inner.faces) if self.closed else None
 

@@ -117,7 +117,9 @@ def used_as_given(field: MeshDistance, given: Given, allowed: Allowed, done: Don
     points = points[field.unsigned(points) > NEAR]
     winding = field.winding(points)
     agree = float((np.abs(winding - np.round(winding)) < WHOLE).mean())
+    single = field.closed and bool(np.isin(np.round(winding), (0.0, 1.0)).all())
     box = float(np.prod(1.1 * np.ptp(field.mesh.bounds, axis=0)))
+    volume = field.volume if single else box * float((winding > INSIDE).mean())
     problem = ""
     if agree < SOUND:
         problem = f"at {100.0 * (1.0 - agree):.2g} % of the points asked it is half inside"
@@ -125,7 +127,7 @@ def used_as_given(field: MeshDistance, given: Given, allowed: Allowed, done: Don
         problem = f"what can be seen lies up to {1e3 * most:.2g} mm off its surface > {1e3 * allowed.tolerance:.2g} mm"
     done.add(Kind.BY_WINDING)
     return RepairReport(
-        field.closed, agree, most, mean, allowed.tolerance, spacing, box * float((winding > INSIDE).mean()), 0.0,
+        field.closed, agree, most, mean, allowed.tolerance, spacing, volume, 0.0,
         done.sentences(), problem, given.region,
     )  # fmt: skip
 
