@@ -11,7 +11,7 @@ from rich.console import Console
 from rich.table import Table
 
 from geometry.raycast import Raycaster
-from perf import repair, splats
+from perf import repair, segments, splats
 from perf.drops import drop_rows, mls_speed
 from scene.mesh import Mesh
 from scene.settings import PROJECT_ROOT
@@ -103,6 +103,7 @@ def main() -> None:
     console.print(f"mls: {mls_speed() / 1e6:.1f} million particle-steps a second")
     for line in repair.summaries(*repair.measured()):
         console.print(line)
+    console.print(segments.table())
     found = splats.measured()
     console.print(
         f"{splats.ROOMS[0]}: {found.splats:,} splats to a mesh of {found.faces:,} faces in {found.seconds:.0f} s and "
@@ -113,6 +114,10 @@ def main() -> None:
             f"{name}: furniture that is seen lies {1e3 * found.mean[name]:.1f} mm off the mesh of the splats, 95 % "
             f"within {1e3 * found.p95[name]:.1f} mm"
         )
+    apart = segments.heads()
+    for name, *numbers in found.segments:
+        apart.add_row(f"{name}, splats", *numbers)
+    console.print(apart)
     console.print(
         f"pictures of the splats against the room's own: {found.psnr:.1f} dB (mean of {splats.VIEWS} views, PSNR)"
     )

@@ -1,6 +1,6 @@
 """How well rooms are taken apart: instances and parts against the truth that the embedded rooms are made from.
 
-python -m perf.segments          a row for each room
+python -m perf.segments          a row for each room: mean IoU with and without annotated boxes, labels that are right
 """
 
 import tempfile
@@ -11,6 +11,7 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
+from evaluation.label_scores import label_accuracy
 from evaluation.segment_scores import Score, Truth, scores
 from geometry.distance import MeshDistance
 from geometry.procedural.rooms import ROOMS, BuiltRoom, build_room
@@ -35,6 +36,8 @@ class Means:
     """Of those that are not."""
     parts: float
     """Of the parts of things."""
+    labels: float
+    """Share of the things whose label is right [-]."""
 
 
 def read_room(name: str, seed: int = 0) -> tuple[BuiltRoom, Scan]:
@@ -56,6 +59,11 @@ def without_annotations(scan: Scan) -> Scan:
     return replace(scan, boxes=(), rooms=())
 
 
+def on_mesh(scan: Scan, other: Mesh) -> Scan:
+    """What a source says of a room, with another mesh of it."""
+    return replace(scan, mesh=other, face_node=np.full(len(other.faces), -1, dtype=np.int32))
+
+
 def room_scores(room: BuiltRoom, scan: Scan) -> list[Score]:
     """The scores of a room's own segmentation."""
     return scores(truth_on(room, scan.mesh), segment(scan, SegmentConfig()))
@@ -65,24 +73,42 @@ def means(rows: list[Score]) -> Means:
     """Mean overlaps."""
     things = [row for row in rows if row.label not in SHELL]
     parts = [iou for row in things for _, iou in row.parts]
-    return Means(*(float(np.mean(one)) for one in ([r.iou for r in rows], [r.iou for r in things], parts)))
+    return Means(
+        instances=float(np.mean([row.iou for row in rows])),
+        things=float(np.mean([row.iou for row in things])),
+        parts=float(np.mean(parts)),
+        labels=label_accuracy(things),
+    )
 
 
-def main() -> None:
-    """Measure and print."""
-    table = Table("room", "boxes: all", "things", "parts", "none: all", "things", "parts", box=None)
-    with_boxes: list[Score] = []
-    without: list[Score] = []
+def both_ways(room: BuiltRoom, scan: Scan) -> tuple[list[Score], list[Score]]:
+    """With what the source annotates, and without."""
+    return room_scores(room, scan), room_scores(room, without_annotations(scan))
+
+
+def rows_of(name: str, found: tuple[list[Score], list[Score]]) -> list[str]:
+    """A row of the table."""
+    boxes, none = map(means, found)
+    numbers = (boxes.instances, boxes.things, boxes.parts, none.instances, none.things, none.parts, none.labels)
+    return [name, *(f"{number:.3f}" for number in numbers)]
+
+
+def heads() -> Table:
+    """The table without rows."""
+    return Table("room", "boxes: all", "things", "parts", "none: all", "things", "parts", "labels", box=None)
+
+
+def table() -> Table:
+    """A row for each embedded room, and one for all of them."""
+    result = heads()
+    found = []
     for name in ROOMS:
-        room, scan = read_room(name)
-        found = [room_scores(room, one) for one in (scan, without_annotations(scan))]
-        with_boxes += found[0]
-        without += found[1]
-        table.add_row(name, *(f"{v:.3f}" for one in map(means, found) for v in (one.instances, one.things, one.parts)))
-    total = (means(with_boxes), means(without))
-    table.add_row("all", *(f"{v:.3f}" for one in total for v in (one.instances, one.things, one.parts)))
-    Console(highlight=False, width=120).print(table)
+        found.append(both_ways(*read_room(name)))
+        result.add_row(*rows_of(name, found[-1]))
+    every = ([s for boxes, _ in found for s in boxes], [s for _, none in found for s in none])
+    result.add_row(*rows_of("all", every))
+    return result
 
 
 if __name__ == "__main__":
-    main()
+    Console(highlight=False, width=120).print(table())

@@ -25,6 +25,7 @@ from geometry.splatting.render import Splatter
 from geometry.splatting.surface import mesh_of_splats
 from geometry.splatting.viewpoints import viewpoints
 from geometry.unlit import psnr, unlit
+from perf import segments
 from scene.gaussians import Gaussians
 from scene.mesh import Mesh
 from solver.runtime import available_cores, start
@@ -60,6 +61,8 @@ class Measured:
     """Pictures of FRAME_SPLATS splats a second [1/s]."""
     psnr: float
     """Of pictures of the first room's splats against its own [dB]."""
+    segments: list[list[str]]
+    """Rows of `segments.heads()` for the meshes of splats."""
 
 
 def measured() -> Measured:
@@ -95,17 +98,26 @@ def main() -> None:
     seconds = time.perf_counter() - begin
     memory = 1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     errors = {ROOMS[0]: errors_of(mesh, room, places_in(splats))}
+    taken_apart = [taken_apart_row(ROOMS[0], mesh)]
     for name in ROOMS[1:]:
         other, others = room_of_splats(name)
         found = mesh_of_splats(others, SurfaceConfig(), len(available_cores()))
         errors[name] = errors_of(found, other, places_in(others))
+        taken_apart.append(taken_apart_row(name, found))
     fewer = splats.subset(np.random.default_rng(0).permutation(len(splats))[:FRAME_SPLATS])
     result = Measured(
         len(splats), len(mesh.faces), seconds, memory,
         {name: mean for name, (mean, _) in errors.items()}, {name: p95 for name, (_, p95) in errors.items()},
         frames_a_second(fewer, places_in(splats)[0]), likeness(splats, room.record.mesh),
+        taken_apart,
     )  # fmt: skip
     sys.stdout.write(json.dumps(asdict(result)))
+
+
+def taken_apart_row(name: str, mesh: Mesh) -> list[str]:
+    """How well the mesh of a room's splats is taken apart."""
+    room, scan = segments.read_room(name)
+    return segments.rows_of(name, segments.both_ways(room, segments.on_mesh(scan, mesh)))
 
 
 def room_of_splats(name: str) -> tuple[BuiltRoom, Gaussians]:
