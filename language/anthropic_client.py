@@ -22,12 +22,13 @@ from numpy.typing import NDArray
 from PIL import Image
 from pydantic import BaseModel, ValidationError
 
-from language.replies import AnchorReply, IntentReply, LabelReply, MaterialsReply, RotationReply
+from language.replies import AnchorReply, IntentReply, LabelReply, MaterialsReply, PartsReply, RotationReply
 from language.requests import (
     AnchorRequest,
     IntentRequest,
     LabelRequest,
     MaterialsRequest,
+    PartsRequest,
     PictureMaker,
     RotationRequest,
 )
@@ -47,8 +48,8 @@ MAX_TOKENS = 2048
 SHOWN = 300
 """Characters of a bad reply that an error quotes."""
 
-Request: TypeAlias = IntentRequest | RotationRequest | AnchorRequest | MaterialsRequest | LabelRequest
-Reply = TypeVar("Reply", IntentReply, RotationReply, AnchorReply, MaterialsReply, LabelReply)
+Request: TypeAlias = IntentRequest | RotationRequest | AnchorRequest | MaterialsRequest | LabelRequest | PartsRequest
+Reply = TypeVar("Reply", IntentReply, RotationReply, AnchorReply, MaterialsReply, LabelReply, PartsReply)
 
 
 class AnthropicClient:
@@ -80,6 +81,10 @@ class AnthropicClient:
     def label(self, request: LabelRequest) -> LabelReply:
         """What a thing is, judged from its measures and two pictures."""
         return self._ask("label", request, LabelReply)
+
+    def parts(self, request: PartsRequest) -> PartsReply:
+        """What the parts of a thing are called, judged from their measures and one picture."""
+        return self._ask("parts", request, PartsReply)
 
     def _ask(self, question: str, request: Request, kind: type[Reply]) -> Reply:
         """Ask until the answer is valid, at most ATTEMPTS times."""

@@ -9,13 +9,23 @@ import numpy as np
 from language.lexicon import Thing, default_parts, is_a, lineage, part_words, thing_of, things
 from language.materials import material_words
 from language.priors import prior_of
-from language.replies import AnchorReply, IntentReply, LabelReply, MaterialChoice, MaterialsReply, RotationReply
+from language.replies import (
+    AnchorReply,
+    IntentReply,
+    LabelReply,
+    MaterialChoice,
+    MaterialsReply,
+    PartName,
+    PartsReply,
+    RotationReply,
+)
 from language.requests import (
     AnchorRequest,
     IntentRequest,
     LabelRequest,
     MaterialQuestion,
     MaterialsRequest,
+    PartsRequest,
     PartView,
     PoseView,
     RotationRequest,
@@ -101,6 +111,13 @@ class OfflineClient:
     def label(self, request: LabelRequest) -> LabelReply:
         """The label whose usual shape, size and height fit best."""
         reply = label_of(request)
+        reply.check(request)
+        return reply
+
+    def parts(self, request: PartsRequest) -> PartsReply:
+        """The proposed names: they come from rules already."""
+        names = (PartName(index=p.part.index, name=p.part.name, confidence=p.confidence) for p in request.parts)
+        reply = PartsReply(names=tuple(names), reason="as geometry proposes")
         reply.check(request)
         return reply
 

@@ -9,7 +9,14 @@ from typing import Literal
 
 from pydantic import BaseModel, Field, PositiveFloat
 
-from language.requests import AnchorRequest, IntentRequest, LabelRequest, MaterialsRequest, RotationRequest
+from language.requests import (
+    AnchorRequest,
+    IntentRequest,
+    LabelRequest,
+    MaterialsRequest,
+    PartsRequest,
+    RotationRequest,
+)
 
 Pose = Literal["upright", "upside_down", "on_side", "lying", "standing", "on_back", "on_front", "any"]
 Region = Literal[
@@ -159,3 +166,28 @@ class LabelReply(BaseModel, frozen=True, extra="forbid"):
         """ValueError if it chooses what is not listed."""
         if self.label not in (*request.labels, OTHER):
             raise ValueError(f"label {self.label!r} is not one of {', '.join(request.labels)}, {OTHER}")
+
+
+class PartName(BaseModel, frozen=True, extra="forbid"):
+    """The name of one part."""
+
+    index: int = Field(description="index of a listed part")
+    name: str = Field(description="one of the listed names")
+    confidence: float = Field(ge=0.0, le=1.0, description="probability that the name is right")
+
+
+class PartsReply(BaseModel, frozen=True, extra="forbid"):
+    """One name per part; parts of one name stay separate parts."""
+
+    names: tuple[PartName, ...]
+    reason: str = ""
+
+    def check(self, request: PartsRequest) -> None:
+        """ValueError if a part is not named exactly once or a name is not listed."""
+        asked = sorted(one.part.index for one in request.parts)
+        given = sorted(one.index for one in self.names)
+        if asked != given:
+            raise ValueError(f"names are given to parts {given}, asked were {asked}")
+        for one in self.names:
+            if one.name not in request.names:
+                raise ValueError(f"name {one.name!r} of part {one.index} is not one of {', '.join(request.names)}")

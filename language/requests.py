@@ -218,3 +218,28 @@ class LabelRequest:
     def thickness(self) -> float:
         """Along the thinnest axis of its box [m]."""
         return min(self.size)
+
+
+@dataclass(frozen=True, slots=True)
+class ProposedPart:
+    """A part as geometry found and named it."""
+
+    part: PartView
+    confidence: float
+    """0..1, how well the rule that named it fits."""
+    paint: Vector
+    """Its colour in the picture, sRGB 0..1."""
+
+
+@dataclass(frozen=True, slots=True)
+class PartsRequest:
+    """What the parts of one instance are called."""
+
+    id: str
+    label: str
+    """What the whole is."""
+    parts: tuple[ProposedPart, ...]
+    names: tuple[str, ...]
+    """What a part may be called; the proposed names are among them."""
+    pictures: tuple[PictureMaker, ...] = field(default=(), compare=False)
+    """The instance alone, each part in its paint and with its index."""

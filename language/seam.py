@@ -1,4 +1,4 @@
-"""The seam between stages and language: five questions, and who answers them.
+"""The seam between stages and language: six questions, and who answers them.
 
 Stages call `client(name, model)` and never learn which client they got. `offline` needs nothing, `anthropic` asks a
 model.
@@ -7,8 +7,15 @@ model.
 from enum import StrEnum
 from typing import Protocol
 
-from language.replies import AnchorReply, IntentReply, LabelReply, MaterialsReply, RotationReply
-from language.requests import AnchorRequest, IntentRequest, LabelRequest, MaterialsRequest, RotationRequest
+from language.replies import AnchorReply, IntentReply, LabelReply, MaterialsReply, PartsReply, RotationReply
+from language.requests import (
+    AnchorRequest,
+    IntentRequest,
+    LabelRequest,
+    MaterialsRequest,
+    PartsRequest,
+    RotationRequest,
+)
 
 
 class ClientName(StrEnum):
@@ -39,6 +46,9 @@ class Client(Protocol):
 
     def label(self, request: LabelRequest) -> LabelReply:
         """What a thing is."""
+
+    def parts(self, request: PartsRequest) -> PartsReply:
+        """What the parts of a thing are called."""
 
 
 def client(name: ClientName, model: str = DEFAULT_MODEL) -> Client:

@@ -21,8 +21,10 @@ from language.requests import (
     LabelRequest,
     MaterialQuestion,
     MaterialsRequest,
+    PartsRequest,
     PartView,
     PoseView,
+    ProposedPart,
     RotationRequest,
 )
 from language.seam import Client, ClientName, client
@@ -127,11 +129,18 @@ def label_request() -> LabelRequest:
     )  # fmt: skip
 
 
+def parts_request() -> PartsRequest:
+    views = [PartView(k, name, (0.0, 0.0, 0.4), (1.0, 0.6, 0.1)) for k, name in enumerate(("top", "leg", "leg"))]
+    parts = tuple(ProposedPart(view, 0.7, (1.0, 0.0, 0.0)) for view in views)
+    return PartsRequest("4", "desk", parts, ("board", "leg", "top"), (lambda: np.zeros((8, 8, 3), dtype=np.uint8),))
+
+
 REQUESTS = {
     "rotation": rotation_request,
     "anchor": anchor_request,
     "materials": materials_request,
     "label": label_request,
+    "parts": parts_request,
 }
 
 
@@ -152,7 +161,7 @@ def prepared(question: str, ask) -> Any:
     return ask("put the mug upside down on the desk", "mug") if question == "intent" else REQUESTS[question]()
 
 
-@pytest.mark.parametrize("question", ["intent", "rotation", "anchor", "materials", "label"])
+@pytest.mark.parametrize("question", ["intent", "rotation", "anchor", "materials", "label", "parts"])
 def test_every_client_answers_every_question_with_listed_choices(one, question, ask):
     """A reply is of the right type and passes the check against its request."""
     request = prepared(question, ask)
@@ -243,6 +252,44 @@ def test_a_refused_label_is_an_error(server):
     server.answers = [lambda _: message([{"type": "text", "text": "no"}], "refusal")]
     with pytest.raises(LanguageError, match="refused to answer the question 'label'"):
         client(ClientName.ANTHROPIC).label(label_request())
+
+
+def named(*names: str) -> dict[str, Any]:
+    """An answer that names the parts in order."""
+    return {"names": [{"index": k, "name": name, "confidence": 0.9} for k, name in enumerate(names)]}
+
+
+def test_unlisted_part_names_and_indices_are_asked_again(server):
+    """A part without a name, a part too many and a name that is not offered go back with the reason; one picture."""
+    good = named("top", "board", "leg")
+    server.answers = [
+        call(named("top", "leg")),
+        call(named("top", "throne", "leg")),
+        call(good),
+    ]
+    reply = client(ClientName.ANTHROPIC).parts(parts_request())
+    assert [(one.index, one.name, one.confidence) for one in reply.names] == [
+        (0, "top", 0.9), (1, "board", 0.9), (2, "leg", 0.9),
+    ]  # fmt: skip
+    results = [body["messages"][-1]["content"][0]["content"] for body in server.asked[1:]]
+    assert "[0, 1], asked were [0, 1, 2]" in results[0]
+    assert "'throne' of part 1 is not one of board, leg, top" in results[1]
+    content = server.asked[0]["messages"][0]["content"]
+    assert [block["type"] for block in content] == ["image", "text"]
+    data = json.loads(content[-1]["text"].split("<data>")[1].split("</data>")[0])
+    assert [one["part"]["name"] for one in data["parts"]] == ["top", "leg", "leg"]
+    server.answers = [call(named("top", "leg", "leg", "leg"))]
+    with pytest.raises(LanguageError, match=r"3 invalid answers to 'parts'.*\[0, 1, 2, 3\]"):
+        client(ClientName.ANTHROPIC).parts(parts_request())
+
+
+def test_the_offline_reader_keeps_the_proposed_names():
+    """Rules named the parts already: the same names, just as sure."""
+    request = parts_request()
+    reply = OfflineClient().parts(request)
+    assert [(one.index, one.name, one.confidence) for one in reply.names] == [
+        (p.part.index, p.part.name, p.confidence) for p in request.parts
+    ]
 
 
 def test_text_of_the_prompt_cannot_leave_its_block(server, ask):
