@@ -65,21 +65,34 @@ def _seen(
     rest: Mesh, thing: Mesh, structure: NDArray[np.bool_], box: OrientedBox, distance: float
 ) -> NDArray[np.uint8]:  # fmt: skip
     """The picture from the side from which most of the thing is seen, walls in front of it cut away."""
-    loose = Raycaster(Mesh.concatenate([rest.submesh(np.flatnonzero(~structure)), thing]))
-    seen = [
-        (_visible_share(loose, thing, place) - cost, -k, place)
-        for k, (place, cost) in enumerate(_places(rest, box, distance))
-    ]
-    position = max(seen, key=lambda one: one[:2])[2]
+    loose = rest.submesh(np.flatnonzero(~structure))
+    position = best_place(loose, thing, box, distance, *from_inside(rest.bounds, box))
     shown = rest.submesh(np.flatnonzero(~cut_faces(rest, structure, position, box.center)))
     return picture([shown, thing], Camera(position, box.center, width=SIZE, height=SIZE), samples=1, shadows=False).rgb
 
 
-def _places(rest: Mesh, box: OrientedBox, distance: float) -> list[tuple[Array, float]]:
-    """Places of the camera around a thing, and what is held against each: best is from the middle of the room."""
-    middle = rest.bounds.mean(axis=0) - box.center
-    start = float(np.arctan2(middle[1], middle[0]))
-    sign = -1.0 if middle[2] < -0.3 * float(np.ptp(rest.bounds[:, 2])) else 1.0  # from below under the ceiling
+def from_inside(bounds: Array, box: OrientedBox) -> tuple[Array, bool]:
+    """The way from a thing to the middle of bounds (2, 3), and whether it hangs so high that it is seen from below."""
+    middle = bounds.mean(axis=0) - box.center
+    return middle, bool(middle[2] < -0.3 * float(np.ptp(bounds[:, 2])))
+
+
+def best_place(
+    others: Mesh, thing: Mesh, box: OrientedBox, distance: float, way: Array, from_below: bool
+) -> Array:  # fmt: skip
+    """Where a camera sees most of a thing between others, shape (3,); of equal places the nearest to `way`."""
+    solid = Raycaster(Mesh.concatenate([others, thing]))
+    seen = [
+        (_visible_share(solid, thing, place) - cost, -k, place)
+        for k, (place, cost) in enumerate(_places(box, distance, way, from_below=from_below))
+    ]
+    return max(seen, key=lambda one: one[:2])[2]
+
+
+def _places(box: OrientedBox, distance: float, way: Array, *, from_below: bool) -> list[tuple[Array, float]]:
+    """Places of the camera around a thing, and what is held against each: best is along `way`."""
+    start = float(np.arctan2(way[1], way[0]))
+    sign = -1.0 if from_below else 1.0
     found = []
     for elevation in np.radians(ELEVATIONS):
         for turn in np.linspace(-np.pi, np.pi, DIRECTIONS, endpoint=False):

@@ -1,10 +1,12 @@
 """Stage segment: a scan in, instances with named parts out; for scenes and for the object to be placed.
 
 A scene is divided by its annotated boxes or nodes, else by node names or one label; what is left of a room is divided
-by shape, and a client says what each thing is. Every instance is then divided into parts that cover it without overlap.
+by shape, and a client says what each thing is. Every instance is then divided into parts that cover it without overlap;
+rules propose their names, and a client may choose others.
 """
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,12 +22,13 @@ from geometry.segmentation.parts import find_parts, make_instance, node_words, o
 from language.seam import DEFAULT_MODEL, ClientName, client
 from scene.scan import Scan
 from scene.segmentation import Instance, Segmentation
+from tasks.part_names import with_part_names
 from tasks.room_labels import labelled_room
 from tasks.stage import stage
 
 
 class SegmentConfig(BaseModel, frozen=True, extra="forbid"):
-    """How small a thing may be, and who is asked what a thing is that the source does not name."""
+    """How small a thing may be, and who is asked what things and parts are that the source does not name."""
 
     client: ClientName = ClientName.OFFLINE
     model: str = DEFAULT_MODEL
@@ -50,7 +53,8 @@ def segment(scan: Scan, config: SegmentConfig) -> Segmentation:
         instances.append(replace(instance, confidence=group.confidence) if isinstance(group, Guess) else instance)
         face_instance[group.faces] = index
         face_part[group.faces] = part
-    return Segmentation(scan.mesh, _with_fronts(instances), face_instance, face_part)
+    found = Segmentation(scan.mesh, _with_fronts(instances), face_instance, face_part)
+    return with_part_names(found, partial(client, config.client, config.model))
 
 
 def _groups_without_boxes(scan: Scan, table: FaceTable, config: SegmentConfig) -> list[Group]:
@@ -73,7 +77,8 @@ def segment_object(scan: Scan, config: SegmentConfig) -> Segmentation:
     words = object_node_words(scan.node_names, scan.face_node, faces) if scan.node_names else []
     part, parts, box, front = find_parts(table, faces, label, None, words, as_object=True)
     instance = Instance("object", label, box, parts, front)
-    return Segmentation(scan.mesh, (instance,), np.zeros(len(faces), dtype=np.int32), part)
+    found = Segmentation(scan.mesh, (instance,), np.zeros(len(faces), dtype=np.int32), part)
+    return with_part_names(found, partial(client, config.client, config.model))
 
 
 segment_object_task = stage(segment_object)

@@ -125,14 +125,14 @@ def test_the_heading_of_a_room_does_not_matter() -> None:
 
 
 def test_a_model_is_asked_only_where_nothing_else_says(monkeypatch: pytest.MonkeyPatch) -> None:
-    """With boxes no client is needed; without them the model is, and its absence is an error in one line."""
+    """With boxes around things of one part no client is needed; without boxes the model is, its absence is an error."""
     for name in ("ANTHROPIC_API_KEY", "ANTHROPIC_AUTH_TOKEN", "ANTHROPIC_PROFILE"):
         monkeypatch.delenv(name, raising=False)
     monkeypatch.setenv("ANTHROPIC_BASE_URL", "http://127.0.0.1:9")
     config = SegmentConfig(client=ClientName.ANTHROPIC)
     scan = bare(joined(small_room()))
-    box = LabelBox("1", "wardrobe", OrientedBox(np.array([0.85, 2.3, 1.0]), np.eye(3), np.array([0.66, 0.31, 1.01])))
-    assert "wardrobe" in labels_of(segment(replace(scan, boxes=(box,)), config))
+    box = LabelBox("1", "mirror", OrientedBox(np.array([0.85, 2.3, 1.0]), np.eye(3), np.array([0.66, 0.31, 1.01])))
+    assert "mirror" in labels_of(segment(replace(scan, boxes=(box,)), config))
     with pytest.raises(LanguageError):
         segment(scan, config)
 

@@ -1,0 +1,51 @@
+"""What the parts are called: geometry proposes, a client names.
+
+In: a divided scene or object. Out: the same with the client's names; faces, boxes and the number of parts stay, so two
+parts that get one name remain two.
+"""
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
+
+from geometry.segmentation.labels import SYNONYMS
+from language.lexicon import part_words
+from language.requests import PartsRequest, ProposedPart
+from language.seam import Client
+from scene.segmentation import Instance, Part, Segmentation
+from tasks.part_pictures import paint, parts_picture
+from tasks.views import Sums, part_views, sums_of
+
+
+def with_part_names(scene: Segmentation, client: Callable[[], Client]) -> Segmentation:
+    """Ask what the parts are called: one question for every instance of two parts or more, however many there are.
+
+    Not asked are structure and what an annotation names; the client is made only where there is a question.
+    """
+    asked = [i for i, one in enumerate(scene.instances) if is_asked(one)]
+    if not asked:
+        return scene
+    namer, sums, instances = client(), sums_of(scene), list(scene.instances)
+    for i in asked:
+        reply = namer.parts(parts_request(scene, i, sums))
+        chosen = {one.index: one for one in reply.names}
+        parts = (Part(chosen[k].name, p.box, chosen[k].confidence) for k, p in enumerate(instances[i].parts))
+        instances[i] = replace(instances[i], parts=tuple(parts))
+    return replace(scene, instances=tuple(instances))
+
+
+def is_asked(instance: Instance) -> bool:
+    """Whether there is something to tell apart that the source does not name for certain."""
+    return not instance.structure and len(instance.parts) > 1 and any(p.confidence < 1.0 for p in instance.parts)
+
+
+def parts_request(scene: Segmentation, index: int, sums: Sums) -> PartsRequest:
+    """The question about one instance."""
+    instance = scene.instances[index]
+    parts = tuple(
+        ProposedPart(view, part.confidence, paint(view.index))
+        for view, part in zip(part_views(scene, index, sums), instance.parts, strict=True)
+    )
+    names = {*SYNONYMS, *part_words(), *(part.name for part in instance.parts)}
+    pictures = (partial(parts_picture, scene, index),)
+    return PartsRequest(instance.id, instance.label, parts, tuple(sorted(names)), pictures)
