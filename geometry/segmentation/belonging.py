@@ -117,7 +117,7 @@ def wholes(labels: Sequence[str], traits: Sequence[Traits], pieces: Pieces) -> l
         if rule is None or _root(owner, other) == i:
             continue
         owner[i] = _root(owner, other)
-        name[owner[i]] = rule.becomes or name[owner[i]]
+        name[other] = rule.becomes or name[other]
     roots = [_root(owner, i) for i in range(len(labels))]
     members = {root: tuple(i for i, other in enumerate(roots) if other == root) for root in sorted(set(roots))}
     return [Whole("" if name[root] in ONLY_PARTS else name[root], root, them) for root, them in members.items()]

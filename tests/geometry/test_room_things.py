@@ -142,3 +142,10 @@ def test_what_is_in_a_box_belongs_to_it() -> None:
     walls += [block((0.0, y, 0.0), (0.5, y + 0.02, 0.3)) for y in (-0.02, 0.4)]
     inside, beside = block((0.2, 0.1, 0.01), (0.3, 0.2, 0.11)), block((0.8, 0.1, 0.0), (0.9, 0.2, 0.1))
     assert members(["box", "leg", "toy"], joined(walls), inside, beside) == [("box", (0, 1)), ("toy", (2,))]
+
+
+def test_a_new_name_is_for_what_the_part_is_joined_to() -> None:
+    """A cabinet in a box becomes a basin cabinet by its basin; the box that holds both stays a box."""
+    box, cabinet = block((0.0, 0.0, 0.0), (1.5, 1.0, 1.5)), block((0.2, 0.2, 0.0), (1.0, 0.7, 0.8))
+    basin = block((0.3, 0.3, 0.8), (0.9, 0.6, 0.95))
+    assert members(["box", "cabinet", "basin"], box, cabinet, basin) == [("box", (0, 1, 2))]
