@@ -24,7 +24,7 @@ from geometry.segmentation.things import (
     shoe_parts,
 )
 from scene.box import OrientedBox
-from scene.readers.rectangle import min_area_box
+from scene.rectangle import min_area_box
 from scene.segmentation import Instance, Part
 
 RULES: dict[Category, Callable[[Body], PartMap]] = {

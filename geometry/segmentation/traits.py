@@ -13,7 +13,7 @@ from geometry.segmentation.contacts import Pieces, pieces_of
 from geometry.segmentation.faces import FaceTable
 from geometry.segmentation.unlabelled import Things
 from scene.box import OrientedBox
-from scene.readers.rectangle import min_area_box
+from scene.rectangle import min_area_box
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scene.box import OrientedBox
 from scene.problems import Place, Report, error, lenient, note, refusing, short, warning
 from scene.readers.json_text import read_json
-from scene.readers.rectangle import min_area_box
+from scene.rectangle import min_area_box
 from scene.scan import LabelBox, Room
 from scene.spelling import did_you_mean
 

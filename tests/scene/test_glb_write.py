@@ -14,8 +14,8 @@ from scene.checks.scene_folder import check_scene
 from scene.glb_write import Node, glb_bytes, labelled_nodes
 from scene.mesh import Mesh
 from scene.readers.frame import Role
-from scene.readers.rectangle import min_area_box
 from scene.readers.source import read_scan
+from scene.rectangle import min_area_box
 from scene.sample import SourceOptions
 from scene.segmentation import Instance, Part, Segmentation
 from tasks.mesh import MeshConfig, cleaned

@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from scene.errors import InputError
 from scene.readers.frame import Role
 from scene.readers.interiorgs import read_labels, read_structure
-from scene.readers.rectangle import min_area_box
 from scene.readers.source import read_scan
 from scene.readers.sugar import find_mesh
+from scene.rectangle import min_area_box
 from scene.sample import SourceOptions
 
 SQUARE = "v 0 0 0\nv 3 0 0\nv 3 3 0\nv 0 3 0\nf 1 2 3 4\n"

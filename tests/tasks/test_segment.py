@@ -17,8 +17,8 @@ from scene.box import OrientedBox
 from scene.errors import InputError
 from scene.mesh import Mesh
 from scene.readers.frame import Role
-from scene.readers.rectangle import min_area_box
 from scene.readers.splats import read_splats
+from scene.rectangle import min_area_box
 from scene.sample import SourceOptions
 from scene.scan import LabelBox, Scan
 from scene.segmentation import Segmentation
