@@ -6,7 +6,7 @@ import zlib
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image
+from PIL import Image, UnidentifiedImageError
 
 from scene.errors import FormatError
 
@@ -38,5 +38,7 @@ def _decoded(data: bytes, where: str, mode: str, most: int) -> NDArray[np.uint8]
             if mode == "L" and image.mode.startswith(("I", "F")):  # conversion would cut its values, not scale them
                 raise FormatError(f"{where}: an image with more than 8 bits per pixel; convert it to grey of 8 bits")
             return np.asarray(image.convert(mode), dtype=np.uint8)
+    except UnidentifiedImageError:  # its own words hold an address in memory
+        raise FormatError(f"{where}: the image cannot be decoded (none of the known formats)") from None
     except UNREADABLE as error:
         raise FormatError(f"{where}: the image cannot be decoded ({error})") from None

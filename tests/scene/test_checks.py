@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from PIL import Image
 
 from geometry.procedural.rooms import BuiltRoom, build_room
 from geometry.splats_on_mesh import splats_on_mesh
@@ -135,8 +136,12 @@ STRUCTURE: list[tuple[Callable[[Tree], object], str, int, Severity, str]] = [
 ]
 OCCUPANCY: list[tuple[Callable[[Tree], object], str, int, Severity, str]] = [
     (lambda t: t.update(scale=0), '"scale": 0', 0, E, "above 0"),
-    (lambda t: t.update(upper=[1, 2]), '"upper"', 0, E, "3 finite numbers"),
+    (lambda t: t.update(scale=50), '"scale": 50', 0, E, "up to 10"),
+    (lambda t: t.update(upper=[90, 91]), '"upper"', 0, N, "without z"),
+    (lambda t: t.update(upper=[90]), '"upper"', 0, E, "three finite numbers"),
     (lambda t: t.update(lower=t["upper"], upper=t["lower"]), '"lower"', 0, E, "is not below upper"),
+    (lambda t: t["lower"].__setitem__(2, 99), '"lower"', 0, W, "z of lower"),
+    (lambda t: t.update(min=t["max"], max=t["min"]), '"min"', 0, W, "is above max"),
     (lambda t: t.update(sclae=t.pop("scale")), "{", 0, E, "'scale' is missing; did you mean 'sclae'"),
 ]
 DEFECTS = [
@@ -247,6 +252,14 @@ def test_a_picture_of_another_size_is_told(sound: dict[str, bytes], tmp_path: Pa
         "1024 pixels wide, but lower, upper a",
         "1024 pixels high, but lower, upper a",
     ]
+
+
+def test_a_coloured_picture_is_told(sound: dict[str, bytes], tmp_path: Path) -> None:
+    """It is read by its brightness, which nobody may have meant."""
+    folder = written(tmp_path, sound)
+    with Image.open(folder / "occupancy.png") as image:
+        image.convert("RGB").save(folder / "occupancy.png")
+    assert [(one.severity, "of mode RGB" in one.what) for one in found(folder)] == [(W, True)]
 
 
 def chunk_field(data: bytes, chunk: int, field: int, value: float) -> bytes:

@@ -10,9 +10,12 @@ from hypothesis import strategies as st
 from PIL import Image
 
 from geometry.procedural.rooms import BuiltRoom, build_room
+from scene.checks.findings import Findings
+from scene.checks.occupancy import check_occupancy
 from scene.errors import FormatError, GeometryError, InputError
 from scene.interiorgs_write import write_interiorgs
 from scene.occupancy import FREE, OCCUPIED, UNKNOWN, Occupancy
+from scene.problems import Severity
 from scene.readers.interiorgs import read_structure
 from scene.readers.occupancy import MAX_CELLS, read_occupancy
 from scene.scan import Room
@@ -165,16 +168,76 @@ def test_numbers_that_cannot_be(tmp_path: Path, document: dict[str, object], wor
     assert "occupancy.json" in str(caught.value)
 
 
+BROKEN: list[dict[str, bytes]] = [
+    {"occupancy.json": json.dumps(document).encode()}
+    for document in (
+        [],
+        {},
+        {**DOCUMENT, "scale": 50},
+        {**DOCUMENT, "scale": -1},
+        {**DOCUMENT, "scale": 10**400},
+        {**DOCUMENT, "lower": DOCUMENT["upper"]},
+        {**DOCUMENT, "lower": [-1, 1.0, 0]},
+        {**DOCUMENT, "upper": [1, 1, 3, 1]},
+        {**DOCUMENT, "upper": [1, 1, None]},
+        {**DOCUMENT, "min": [False, 0, 0]},
+        {"scale": "x", "lower": 1, "upper": {"x": 1}, "center": None},
+    )
+] + [
+    {"occupancy.json": b'{"scale": 0.1,\n]'},
+    {"occupancy.json": b""},
+    {"occupancy.json": b"\xff"},
+    {"occupancy.png": b""},
+    {"occupancy.png": b"GIF89a"},
+    {"occupancy.json": b"3", "occupancy.png": b"PNG"},
+]  # fmt: skip
+USABLE: list[dict[str, object]] = [
+    {"lower": [-1, -2], "upper": [1, 1]},
+    {"lower": [-1, -2, 9]},
+    {"scale": 10},
+    {"min": [3, 3, 3], "max": [0, 0, 0]},
+    {"lower": [-1e308, -2, 0], "upper": [1e308, 1, 0]},
+]
+
+
+def errors(folder: Path) -> list[str]:
+    """What the check calls errors, as a reader would say them."""
+    findings = Findings()
+    check_occupancy(folder, findings)
+    return [f"{one.path}: {one.what}" for one in findings.listed if one.severity is Severity.ERROR]
+
+
+@pytest.mark.parametrize("files", BROKEN)
+def test_the_first_error_of_a_check_is_what_the_reader_refuses(tmp_path: Path, files: dict[str, bytes]) -> None:
+    """One set of rules: who checks is told of all that is broken, who reads of the first, in the same words."""
+    scene(tmp_path, some_map())
+    for name, data in files.items():
+        (tmp_path / name).write_bytes(data)
+    with pytest.raises(FormatError) as caught:
+        read_occupancy(tmp_path, ())
+    assert errors(tmp_path)[0] == str(caught.value)
+
+
+@pytest.mark.parametrize("document", USABLE)
+def test_what_is_read_has_no_errors(tmp_path: Path, document: dict[str, object]) -> None:
+    """Odd, but usable."""
+    scene(tmp_path, some_map(), **document)
+    assert read_occupancy(tmp_path, ())[0] is not None
+    assert errors(tmp_path) == []
+
+
 def test_pictures_that_cannot_be(tmp_path: Path) -> None:
     """Too many pixels are refused before they are decoded; so are 16 bits, whose values would be cut."""
     scene(tmp_path, some_map())
     Image.new("1", (8193, 8192)).save(tmp_path / "occupancy.png")
     assert MAX_CELLS < 8193 * 8192
-    with pytest.raises(FormatError, match="8193 x 8192 pixels"):
+    with pytest.raises(FormatError, match="8193 x 8192 pixels") as caught:
         read_occupancy(tmp_path, ())
+    assert errors(tmp_path) == [str(caught.value)]
     Image.fromarray(np.full((4, 4), 60000, np.uint16)).save(tmp_path / "occupancy.png")
-    with pytest.raises(FormatError, match="more than 8 bits"):
+    with pytest.raises(FormatError, match="more than 8 bits") as caught:
         read_occupancy(tmp_path, ())
+    assert errors(tmp_path) == [str(caught.value)]
     with pytest.raises(GeometryError, match="none but 255, 0 and 127"):
         Occupancy(np.full((1, 1), 3, np.uint8), np.zeros(2), np.ones(2))
     with pytest.raises(GeometryError, match="no zero"):
@@ -190,10 +253,11 @@ def test_broken_maps_end_in_one_line(data: st.DataObject, tmp_path_factory: pyte
     for _ in range(data.draw(st.integers(0, 4))):
         content[data.draw(st.integers(0, len(content) - 1))] = data.draw(st.integers(0, 255))
     path.write_bytes(content[: data.draw(st.integers(1, len(content)))])
-    said = ""
+    said, told = "", errors(folder)
     try:
         read_occupancy(folder, ())
     except (FormatError, InputError) as error:
         said = str(error)
+    assert bool(said) is bool(told)
     assert "\n" not in said
     assert not said or path.name in said
