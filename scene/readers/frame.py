@@ -81,7 +81,8 @@ def find_frame(raw: RawMesh, options: SourceOptions, role: Role) -> Frame:
     return Frame(world_from_file, up, unit, source, tuple(notes))
 
 
-def _option(role: Role, name: str) -> str:
+def option_name(role: Role, name: str) -> str:
+    """The option that settles a unit or an axis."""
     return f"--object-{name}" if role is Role.OBJECT else f"--{name}"
 
 
@@ -91,7 +92,7 @@ def _unit(raw: RawMesh, options: SourceOptions, role: Role, notes: list[str]) ->
     limits = LIMITS[role]
     if options.unit != "auto":
         if options.unit not in UNITS:
-            raise InputError(f"{_option(role, 'unit')} {options.unit!r} is not one of auto, {', '.join(UNITS)}")
+            raise InputError(f"{option_name(role, 'unit')} {options.unit!r} is not one of auto, {', '.join(UNITS)}")
         unit, source = UNITS[options.unit], "option"
     elif raw.unit_metres:
         unit, source = raw.unit_metres, "format"
@@ -100,7 +101,7 @@ def _unit(raw: RawMesh, options: SourceOptions, role: Role, notes: list[str]) ->
     elif extent <= limits.centimetres_up_to:
         unit, source = 0.01, "estimate"
         notes.append(
-            f"{extent:.3g} units long and without a stated unit: taken as centimetres ({_option(role, 'unit')})"
+            f"{extent:.3g} units long and without a stated unit: taken as centimetres ({option_name(role, 'unit')})"
         )
     else:
         raise InputError(f"{raw.path}: {_size_line(extent, role)}")
@@ -108,19 +109,19 @@ def _unit(raw: RawMesh, options: SourceOptions, role: Role, notes: list[str]) ->
     if not limits.smallest <= size <= limits.largest:
         raise InputError(
             f"{raw.path}: {size:.4g} m long as a {role} (unit {unit:g} m, by {source}), "
-            f"expected {limits.smallest:g} to {limits.largest:g} m; set {_option(role, 'unit')} to m, cm, mm or in"
+            f"expected {limits.smallest:g} to {limits.largest:g} m; set {option_name(role, 'unit')} to m, cm, mm or in"
         )
     return unit, source
 
 
 def _size_line(extent: float, role: Role) -> str:
     sizes = ", ".join(f"{name}: {extent * UNITS[name]:.3g} m" for name in ("m", "cm", "mm"))
-    return f"{extent:.4g} units long and the file states no unit ({sizes}); set {_option(role, 'unit')}"
+    return f"{extent:.4g} units long and the file states no unit ({sizes}); set {option_name(role, 'unit')}"
 
 
 def _up(raw: RawMesh, options: SourceOptions, role: Role, unit: float, notes: list[str]) -> str:
     """The axis of the file that points up: y, z, -y or -z."""
-    option = _option(role, "up")
+    option = option_name(role, "up")
     if options.up != "auto":
         if options.up not in WORLD_FROM_FILE:
             raise InputError(f"{option} {options.up!r} is not one of auto, {', '.join(WORLD_FROM_FILE)}")

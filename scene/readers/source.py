@@ -10,7 +10,7 @@ import numpy as np
 from scene.errors import FormatError, InputError
 from scene.gaussians import Gaussians
 from scene.mesh import Mesh
-from scene.readers.frame import Frame, Role, find_frame
+from scene.readers.frame import Frame, Role, find_frame, option_name
 from scene.readers.gltf import read_gltf
 from scene.readers.interiorgs import is_interiorgs, read_labels, read_structure
 from scene.readers.obj import read_obj
@@ -34,6 +34,9 @@ READERS = {
 BROKEN = (ArithmeticError, AttributeError, LookupError, RecursionError, StopIteration, TypeError, ValueError)
 """What decoding can raise on bytes that break their format where no check of the reader names the place."""
 
+
+STATED = {"up": "z", "unit": "m"}
+"""What InteriorGS and ScanNet state of their scenes."""
 
 Mesher = Callable[[Gaussians], Mesh]
 """Makes a mesh of Gaussians in metres and z up."""
@@ -59,6 +62,8 @@ def read_scan(
 def _read_folder(folder: Path, options: SourceOptions, role: Role, name: str, mesher: Mesher | None) -> Scan:
     if is_scannet(folder) and not is_interiorgs(folder):
         return _read_scannet(folder, options, role)
+    if is_interiorgs(folder):
+        check_options(folder, options, role)
     mesh_path, notes = find_mesh(folder)
     raw, splats = read_file(mesh_path)
     if not is_interiorgs(folder):
@@ -96,10 +101,21 @@ def _read_scannet(folder: Path, options: SourceOptions, role: Role) -> Scan:
     )
 
 
+def check_options(folder: Path, options: SourceOptions, role: Role) -> None:
+    """Refuse options against what InteriorGS states: its boxes, rooms and map would not turn with the mesh."""
+    for name, given in (("up", options.up), ("unit", options.unit)):
+        if given not in ("auto", STATED[name]):
+            raise InputError(
+                f"{option_name(role, name)} {given}: {folder} has annotations of InteriorGS, which are in metres and "
+                f"z up, as its mesh and splats must be; leave the option out, or bring the files to that"
+            )
+
+
 def stated_frame(raw: RawMesh, options: SourceOptions, role: Role) -> Frame:
-    """InteriorGS and ScanNet state metres and z up, for the mesh too; options still win."""
+    """InteriorGS and ScanNet state metres and z up, for the mesh too; what an option says otherwise is followed."""
     stated = SourceOptions(
-        up="z" if options.up == "auto" else options.up, unit="m" if options.unit == "auto" else options.unit
+        up=STATED["up"] if options.up == "auto" else options.up,
+        unit=STATED["unit"] if options.unit == "auto" else options.unit,
     )
     frame = find_frame(raw, stated, role)
     return replace(frame, unit_source="format" if options.unit == "auto" else "option")

@@ -12,7 +12,7 @@ from scene.occupancy import Occupancy
 from scene.readers.frame import Role, find_frame
 from scene.readers.interiorgs import is_interiorgs, read_labels, read_structure
 from scene.readers.occupancy import read_occupancy
-from scene.readers.source import read_file, stated_frame
+from scene.readers.source import check_options, read_file, stated_frame
 from scene.readers.sugar import COMPRESSED_NAME, find_splats
 from scene.sample import SourceOptions
 from scene.scan import LabelBox, Room
@@ -40,6 +40,9 @@ def read_splat_scene(path: Path, options: SourceOptions) -> SplatScene:
     """Read a folder with Gaussian splats, or a file of them."""
     if not path.exists():
         raise InputError(f"{path}: no such file or folder")
+    annotated = path.is_dir() and is_interiorgs(path)
+    if annotated:
+        check_options(path, options, Role.SCENE)
     found = find_splats(path) if path.is_dir() else path
     if found is None:
         raise InputError(
@@ -48,7 +51,6 @@ def read_splat_scene(path: Path, options: SourceOptions) -> SplatScene:
     raw, splats = read_file(found)
     if splats is None:
         raise InputError(f"{found}: a mesh, not Gaussian splats; give a .ply of splats or a folder with one")
-    annotated = path.is_dir() and is_interiorgs(path)
     frame = (stated_frame if annotated else find_frame)(raw, options, Role.SCENE)
     boxes, notes = read_labels(path) if annotated else ((), ())
     rooms = read_structure(path)[0] if annotated else ()

@@ -14,6 +14,7 @@ from scene.errors import InputError
 from scene.readers.frame import Role
 from scene.readers.interiorgs import read_labels, read_structure
 from scene.readers.source import read_scan
+from scene.readers.splat_scene import read_splat_scene
 from scene.readers.sugar import find_mesh
 from scene.rectangle import min_area_box
 from scene.sample import SourceOptions
@@ -177,6 +178,27 @@ def test_folders_without_a_usable_mesh(tmp_path: Path) -> None:
     assert find_mesh(tmp_path / "c") == (tmp_path / "c" / "3dgs_compressed.ply", ())
     with pytest.raises(InputError, match="packed_rotation"):
         read_scan(tmp_path / "c" / "3dgs_compressed.ply", SourceOptions(), Role.SCENE)
+
+
+@pytest.mark.parametrize(
+    ("options", "role", "named"),
+    [
+        (SourceOptions(up="y"), Role.SCENE, "--up y"),
+        (SourceOptions(unit="cm"), Role.SCENE, "--unit cm"),
+        (SourceOptions(up="-z", unit="m"), Role.OBJECT, "--object-up -z"),
+    ],
+)
+def test_options_against_the_annotations_are_refused(
+    tmp_path: Path, options: SourceOptions, role: Role, named: str
+) -> None:
+    """They would turn the mesh and leave boxes, rooms and the map; what agrees is allowed."""
+    touch(folder_with(tmp_path, [entry(corners([0, 0, 0], [1, 1, 1]), label="bed", ins_id="b")]), "scene.obj")
+    with pytest.raises(InputError, match=f"^{named}: .* metres and z up"):
+        read_scan(tmp_path, options, role)
+    if role is Role.SCENE:
+        with pytest.raises(InputError, match=f"^{named}: .* metres and z up"):
+            read_splat_scene(tmp_path, options)
+    np.testing.assert_array_equal(read_scan(tmp_path, SourceOptions("z", "m"), role).world_from_file, np.eye(4))
 
 
 def test_a_scene_folder_is_metres_and_z_up(tmp_path: Path) -> None:
