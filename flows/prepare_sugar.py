@@ -16,6 +16,7 @@ from rich.console import Console
 from flows.output import readable_json
 from geometry.camera_path import PathConfig, camera_path
 from scene.errors import GeometryError, InputError
+from scene.readers.json_text import read_json
 from scene.readers.splat_scene import SplatScene, read_splat_scene
 from scene.sample import SourceOptions
 from scene.settings import runs_root
@@ -34,7 +35,9 @@ def prepare_sugar(
 ) -> tuple[Path, dict[str, object]]:
     """Prepare a scene; the folder and what its prepared.json holds. Progress goes to standard error unless `quiet`."""
     scene = scene.absolute()
-    folder = (out or runs_root() / "sugar" / scene.stem).absolute()
+    name = scene.name if scene.is_dir() else scene.stem
+    folder = (out or runs_root() / "sugar" / name).absolute()
+    folder = folder.resolve() if folder.is_symlink() else folder  # what it leads to is replaced, not the link
     check_folder(folder, scene)
     with Console(file=sys.stderr, quiet=quiet, highlight=False).status("reading") as status:
         source = read_splat_scene(scene, options)
@@ -44,7 +47,7 @@ def prepare_sugar(
                 draft = Path(beside) / "new"
                 draft.mkdir()
                 record = write_all(draft, folder, scene, source, config, threads, status.update)
-                publish(draft, folder, Path(beside) / "old")
+                publish(draft, folder)
         except OSError as error:
             raise InputError(f"--out {folder}: cannot be written: {error.strerror or error}") from None
     return folder, record
@@ -56,6 +59,20 @@ def check_folder(folder: Path, scene: Path) -> None:
         raise InputError(f"--out {folder} lies in the scene {scene}, whose files are all input; name another place")
     if folder.exists() and not (folder / RECORD).is_file() and any(folder.iterdir()):
         raise InputError(f"--out {folder}: not empty and not made by prepare-sugar (no {RECORD}); name another folder")
+    earlier = earlier_scene(folder)
+    if earlier is not None and earlier.resolve() != scene.resolve():
+        raise InputError(f"{folder} holds what was prepared of {earlier}, not of {scene}; name another with --out")
+
+
+def earlier_scene(folder: Path) -> Path | None:
+    """The scene that an earlier result was made of; None where there is none."""
+    if not (folder / RECORD).is_file():
+        return None
+    record = read_json(folder / RECORD)
+    scene = record.get("scene") if isinstance(record, dict) else None
+    if not isinstance(scene, str):
+        raise InputError(f"{folder / RECORD}: names no scene, so prepare-sugar did not write it; name another --out")
+    return Path(scene)
 
 
 def write_all(
@@ -99,14 +116,39 @@ def place_command(target: Path, source: SplatScene) -> str:
     return f'dcap place {shlex.quote(str(target))} OBJECT "PROMPT"{frame}'
 
 
-def publish(draft: Path, folder: Path, aside: Path) -> None:
-    """Put a finished draft in the folder's place, with what else lay there."""
-    if folder.is_dir():
-        for entry in folder.iterdir():
-            if entry.name not in OWNED:
-                shutil.move(entry, draft / entry.name)
+def publish(draft: Path, folder: Path) -> None:
+    """Put a finished draft in the folder's place, with what else lay there; where that fails, all is as it was."""
+    if not (folder / RECORD).is_file():
+        os.replace(draft, folder)  # nothing or an empty folder is there
+        return
+    # beside the folder, where nothing tidies up: it holds what belongs to others
+    aside = Path(tempfile.mkdtemp(dir=folder.parent, prefix=f".{folder.name}.old."))
+    try:
         os.replace(folder, aside)
-    os.replace(draft, folder)
+        os.replace(draft, folder)
+        move_others(aside, folder)
+    except BaseException:  # an interruption too
+        put_back(aside, folder)
+        raise
+    shutil.rmtree(aside)
+
+
+def move_others(source: Path, target: Path) -> None:
+    """Move what is not ours."""
+    for entry in list(source.iterdir()):
+        if entry.name not in OWNED:
+            os.replace(entry, target / entry.name)
+
+
+def put_back(aside: Path, folder: Path) -> None:
+    """The earlier result, with what else lay there, from wherever it is by now."""
+    if not (aside / RECORD).is_file():
+        aside.rmdir()  # it never left its place
+        return
+    if folder.is_dir():
+        move_others(folder, aside)
+        shutil.rmtree(folder)
+    os.replace(aside, folder)
 
 
 def summary(folder: Path, record: dict[str, object]) -> str:

@@ -2,6 +2,7 @@
 
 import json
 import os
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -11,6 +12,7 @@ import pytest
 from PIL import Image
 
 from flows.cli import run_command
+from flows.prepare_sugar import publish
 from geometry.procedural.rooms import build_room
 from geometry.splats_on_mesh import splats_on_mesh
 from scene.gaussians_write import write_compressed_splats
@@ -154,6 +156,57 @@ def test_a_file_of_splats_gets_a_folder_for_its_mesh(room: Path, tmp_path: Path)
     assert prepare(room / "3dgs_compressed.ply", tmp_path / "out", "--views", "3") == 0
     record = json.loads((tmp_path / "out" / "prepared.json").read_text())
     assert record["then"] == f'dcap place {tmp_path}/out/mesh OBJECT "PROMPT" --up z --unit m'
+
+
+def test_another_scene_does_not_replace_a_result(
+    room: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The default folder has the scene's name, dots and all; of two scenes of one name the second is refused."""
+    monkeypatch.setenv("DCAP_DATA", str(tmp_path / "data"))
+    small = ["--views", "1", "--width", "16", "--height", "16"]
+    scenes = [tmp_path / "a" / "hall.1", tmp_path / "b" / "hall.1"]
+    for scene in scenes:
+        shutil.copytree(room, scene)
+    assert run_command(["dataset", "prepare-sugar", str(scenes[0]), *small]) == 0
+    (result,) = (tmp_path / "data").rglob("prepared.json")
+    assert result.parent.name == "hall.1"
+    before = files(tmp_path / "data")
+    capsys.readouterr()
+    assert run_command(["dataset", "prepare-sugar", str(scenes[1]), *small]) == 2
+    said = capsys.readouterr().err
+    assert all(words in said for words in (str(scenes[0]), str(scenes[1]), str(result.parent), "--out"))
+    assert files(tmp_path / "data") == before
+
+
+@pytest.mark.parametrize("failing", [1, 2, 3, 4])
+@pytest.mark.parametrize("kind", [OSError, KeyboardInterrupt])
+def test_what_ends_a_replacement_leaves_the_old_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, failing: int, kind: type[BaseException]
+) -> None:
+    """At any of its steps (aside, in place, two entries of others): nothing is lost, nothing is left over."""
+    out, draft = tmp_path / "out", tmp_path / "draft"
+    for folder, text in ((out, "old"), (draft, "new")):
+        folder.mkdir()
+        (folder / "prepared.json").write_text(text)
+    for name in ("mesh", "notes"):
+        (out / name).mkdir()
+        (out / name / "a.txt").write_text("mine")
+    before, steps, replace = files(out), iter(range(1, 100)), os.replace
+
+    def failing_replace(source: Path, target: Path) -> None:
+        if next(steps) == failing:
+            raise kind(5, "broken")
+        replace(source, target)
+
+    monkeypatch.setattr(os, "replace", failing_replace)
+    with pytest.raises(kind):
+        publish(draft, out)
+    assert files(out) == before
+    assert {p.name for p in tmp_path.iterdir()} <= {"out", "draft"}
+    monkeypatch.undo()
+    if draft.is_dir():
+        publish(draft, out)
+        assert files(out) == before | {"prepared.json": b"new"}
 
 
 def refused(capsys: pytest.CaptureFixture[str], scene: Path, out: Path) -> str:
