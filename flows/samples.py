@@ -126,9 +126,14 @@ class Row:
     def text(self, key: str) -> str:
         """A word or sentence; a number counts as written, a missing key is told elsewhere."""
         value = self.values.get(key, "missing")
-        if isinstance(value, bool) or not isinstance(value, str | int | float) or not str(value).strip():
+        try:
+            # what else YAML holds may share its parts, which written out are without end
+            text = str(value) if isinstance(value, str | int | float) and not isinstance(value, bool) else ""
+        except ValueError:  # an integer of more than 4300 digits
+            text = ""
+        if not text.strip():
             self.wrong(f"{key} is {short(value)}, expected text", key)
-        return str(value)
+        return text
 
     def mass(self) -> float | None:
         """A mass [kg]."""

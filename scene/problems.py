@@ -78,6 +78,13 @@ def lenient(report: Report) -> Report:
     return lowered
 
 
+_SHORT = reprlib.Repr()
+_SHORT.maxlevel = 3  # six values on each level: the usual six levels make pages
+
+
 def short(value: object) -> str:
     """A value for a message, cut where it is long."""
-    return reprlib.repr(value)
+    try:
+        return _SHORT.repr(value)
+    except ValueError:  # Python writes no integer of more than 4300 digits, which hexadecimal YAML may hold
+        return f"<{type(value).__name__} that is too long to write>"

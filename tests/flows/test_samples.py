@@ -58,6 +58,7 @@ def test_names_and_paths_are_found(tmp_path: Path, monkeypatch: pytest.MonkeyPat
         ("- {id: a, room: null, object: o, prompt: x}", "room is None, expected text"),
         ("- {id: a, room: r, object: [o], prompt: x}", r"object is \['o'\], expected text"),
         ("- {id: a, room: r, object: o, prompt: ' '}", "prompt is ' ', expected text"),
+        (f"- {{id: 0x{'f' * 4000}, room: r, object: o, prompt: x}}", "id is <int that is too long to write>"),
         ("a: b", "expected a list"),
         ("[1, 2", "cannot be read as YAML"),
     ],
@@ -65,6 +66,14 @@ def test_names_and_paths_are_found(tmp_path: Path, monkeypatch: pytest.MonkeyPat
 def test_mistakes_are_named(tmp_path: Path, text: str, message: str) -> None:
     """A wrong dataset is an error that says where and what."""
     with pytest.raises(InputError, match=message):
+        load_samples(written(tmp_path, text))
+
+
+def test_text_that_is_a_tree_of_shared_parts_is_refused(tmp_path: Path) -> None:
+    """Written out it would have 9^40 words: it is named, cut short."""
+    levels = [f"    - &a{k} [{', '.join([f'*a{k - 1}'] * 9)}]" for k in range(1, 41)]
+    text = "\n".join(["- id:", "    - &a0 lol", *levels, "  room: r", "  object: o", "  prompt: x"])
+    with pytest.raises(InputError, match=r"id is .*expected text"):
         load_samples(written(tmp_path, text))
 
 
