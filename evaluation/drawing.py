@@ -51,6 +51,14 @@ class Words:
     """False: read from below, turned by a quarter."""
 
 
+def drawing_suffix(path: Path) -> str:
+    """The suffix that a drawing is saved by; InputError for one that none is."""
+    suffix = path.suffix.lower()
+    if suffix not in SUFFIXES:
+        raise InputError(f"{path}: a drawing is saved as {' or '.join(SUFFIXES)}, not as {suffix or 'no suffix'}")
+    return suffix
+
+
 @dataclass(slots=True)
 class Drawing:
     """Shapes on a white sheet; x to the right, y down, later ones on top."""
@@ -61,9 +69,7 @@ class Drawing:
 
     def save(self, path: Path) -> None:
         """Write a PNG or an SVG by the path's suffix; InputError for another or where nothing can be written."""
-        suffix = path.suffix.lower()
-        if suffix not in SUFFIXES:
-            raise InputError(f"{path}: a drawing is saved as {' or '.join(SUFFIXES)}, not as {suffix or 'no suffix'}")
+        suffix = drawing_suffix(path)
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
             if suffix == ".png":

@@ -16,7 +16,12 @@ SHOWN = (*KINDS, OTHER)
 
 def write_plot(report: DatasetReport, path: Path) -> None:
     """The distribution of deformable supports as PNG or SVG."""
-    supports_drawing([row.kinds for row in report.scenes]).save(path)
+    supports_drawing(_counted(report)).save(path)
+
+
+def _counted(report: DatasetReport) -> list[Counter[str]]:
+    """Kinds of the scenes that could be read: of others nobody knows what they hold."""
+    return [row.kinds for row in report.scenes if row.counted]
 
 
 def as_tree(report: DatasetReport) -> dict[str, object]:
@@ -52,6 +57,7 @@ def totals(report: DatasetReport) -> dict[str, object]:
     kinds: Counter[str] = sum((row.kinds for row in rows), Counter())
     return {
         "scenes": len(rows),
+        "scenes_unreadable": sum(not row.counted for row in rows),
         "scenes_with_deformable_supports": sum(row.kinds.total() > 0 for row in rows),
         "instances": sum(len(row.facts.labels) for row in rows),
         "objects": sum(row.things for row in rows),
@@ -68,7 +74,9 @@ def in_words(report: DatasetReport) -> str:
     """The report as text: findings, table, sums."""
     parts = ["\n".join(str(one) for one in report.findings)]
     if report.scenes:
-        parts += [_table(report.scenes), f"deformable supports: {summary([row.kinds for row in report.scenes])}"]
+        lost = sum(not row.counted for row in report.scenes)
+        left_out = f" ({lost} unreadable left out)" if lost else ""
+        parts += [_table(report.scenes), f"deformable supports: {summary(_counted(report))}{left_out}"]
     if report.objects:
         parts.append(f"meshes by themselves: {len(report.objects)}, {sum(one.faces for one in report.objects)} faces")
     parts.append(", ".join(f"{report.counts[one]} {one}{'s' * (report.counts[one] != 1)}" for one in Severity))

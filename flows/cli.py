@@ -66,8 +66,8 @@ def place(
     up: Annotated[str, typer.Option(help="Up axis of the scene file: z, y, -y, -z or auto.")] = "auto",
     unit: Annotated[str, typer.Option(help="Length unit of the scene file: m, cm, mm, in or auto.")] = "auto",
     object_label: Annotated[str, typer.Option(help="What the object is: mug.")] = "",
-    object_up: Annotated[str, typer.Option(help="Up axis of the object file.")] = "auto",
-    object_unit: Annotated[str, typer.Option(help="Length unit of the object file.")] = "auto",
+    object_up: Annotated[str, typer.Option(help="Up axis of the object file: z, y, -y, -z or auto.")] = "auto",
+    object_unit: Annotated[str, typer.Option(help="Length unit of the object file: m, cm, mm, in or auto.")] = "auto",
     mass: Annotated[float | None, typer.Option(help="Mass of the object [kg]; default: a prior for its kind.")] = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed of everything random.")] = 0,
     resolution: Resolution = None,
@@ -262,7 +262,7 @@ def dataset_prepare_sugar(
     views: Annotated[int, typer.Option(min=1, max=20_000, help="Pictures; SuGaR wants hundreds that overlap.")] = 300,
     width: Annotated[int, typer.Option(min=16, max=1920, help="Of a picture [pixel].")] = 960,
     height: Annotated[int, typer.Option(min=16, max=1920, help="Of a picture [pixel].")] = 720,
-    up: Annotated[str, typer.Option(help="Up axis of the splats: z, y or auto.")] = "auto",
+    up: Annotated[str, typer.Option(help="Up axis of the splats: z, y, -y, -z or auto.")] = "auto",
     unit: Annotated[str, typer.Option(help="Length unit of the splats: m, cm, mm, in or auto.")] = "auto",
     seed: Annotated[int, typer.Option(min=0, help="Seed of the cameras' places.")] = 0,
     threads: Annotated[int, typer.Option(min=0, help="Threads, 0: all cores; never changes a result.")] = 0,
@@ -294,9 +294,12 @@ def dataset_check(
     as_json: Json = False,
 ) -> int:
     """List every problem of a dataset, and what its scenes hold; exit code 2 if there are errors."""
+    from evaluation.drawing import drawing_suffix
     from flows.check_report import as_tree, in_words, write_plot
     from flows.dataset_check import check_dataset
 
+    if plot is not None:
+        drawing_suffix(plot)  # before a check that may take minutes
     report = check_dataset(path)
     print(json.dumps(as_tree(report), indent=2, ensure_ascii=False) if as_json else in_words(report))
     if plot is not None:

@@ -39,6 +39,8 @@ class SceneRow:
     """Instances that are no part of the building."""
     problems: int
     """Errors and warnings in its files."""
+    counted: bool
+    """Whether what it holds is known: some of it was read, or no error hides it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,7 +65,7 @@ def check_dataset(path: Path | None) -> DatasetReport:
     if path is None and not (data_root() / "rooms").is_dir():
         raise InputError(f"{data_root()}: the embedded dataset is not there; make it with `dcap dataset make`")
     path = path or EMBEDDED
-    if not path.exists():
+    if not os.path.exists(path):  # False, not an exception, for a name that no file can have
         raise InputError(f"{path}: no such file or folder")
     findings = Findings()
     sort = _named if path.suffix.lower() in YAML_SUFFIXES else _found
@@ -77,7 +79,7 @@ def check_dataset(path: Path | None) -> DatasetReport:
 def _found(path: Path, findings: Findings) -> tuple[list[Path], list[Path]]:
     """Scenes and objects of a folder; a mesh that is given by itself is a scene."""
     found = layout_of(path, findings)
-    return (found.meshes, []) if path.is_file() else (found.scenes, found.meshes)
+    return (found.meshes, []) if not path.is_dir() else (found.scenes, found.meshes)
 
 
 def _named(path: Path, findings: Findings) -> tuple[list[Path], list[Path]]:
@@ -146,7 +148,8 @@ def _row(facts: SceneFacts, findings: Iterable[Finding]) -> SceneRow:
     things = sum(not _is_structure(label) for label in facts.labels)
     own = [one for one in findings if one.path == facts.path or facts.path in one.path.parents]
     problems = sum(one.severity is not Severity.NOTE for one in own)
-    return SceneRow(facts, deformable_supports(facts.labels), things, problems)
+    counted = bool(facts.labels) or all(one.severity is not Severity.ERROR for one in own)
+    return SceneRow(facts, deformable_supports(facts.labels), things, problems, counted)
 
 
 def _is_structure(label: str) -> bool:

@@ -38,7 +38,7 @@ class Layout:
 
 def layout_of(path: Path, findings: Findings) -> Layout:
     """Scenes and meshes below a folder, or the scene or mesh that it is itself."""
-    if path.is_file():
+    if not path.is_dir():
         return Layout(meshes=[path])
     found = _searched(path, findings)
     for folder in found.empty:

@@ -30,7 +30,7 @@ class SceneFacts:
 
 def check_scene(path: Path, findings: Findings) -> SceneFacts:
     """Check a scene folder or file."""
-    if path.is_file():
+    if not path.is_dir():
         return check_file(path, findings)
     try:
         scannet = None if is_interiorgs(path) else scannet_files(path)
@@ -49,20 +49,27 @@ def check_scene(path: Path, findings: Findings) -> SceneFacts:
     faces = next((shape.faces for shape in shapes if shape.path == used), 0)
     splats = max((shape.splats for shape in shapes), default=0)
     if not annotated and used is not None:
-        names = next((shape.names for shape in shapes if shape.path == used), ())
-        labels = names or (describe(used, path.name if used.parent == path else ""),)
+        own = describe(used, path.name if used.parent == path else "")
+        labels = next((_labels(shape, own) for shape in shapes if shape.path == used), ())
     return SceneFacts(path, labels, faces, splats)
 
 
 def check_file(path: Path, findings: Findings) -> SceneFacts:
     """Check a mesh or splats by themselves."""
     try:
+        if not path.is_file():
+            raise InputError(f"{path}: neither a file nor a folder")
         check_suffix(path)
     except InputError as refused:
         findings.report(path)(error(str(refused).removeprefix(f"{path}: ")))
         return SceneFacts(path, (), 0, 0)
     shape = check_shape(path, findings)
-    return SceneFacts(path, shape.names or (describe(path),), shape.faces, shape.splats)
+    return SceneFacts(path, _labels(shape, describe(path)), shape.faces, shape.splats)
+
+
+def _labels(shape: Shape, own: str) -> tuple[str, ...]:
+    """Names of what a file holds, its own where it names nothing; none where it could not be read."""
+    return shape.names or ((own,) if shape.faces or shape.splats else ())
 
 
 def _shapes(folder: Path, findings: Findings) -> tuple[Path | None, list[Shape]]:

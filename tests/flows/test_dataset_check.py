@@ -73,6 +73,56 @@ def test_the_scenes_and_objects_of_a_dataset_file_are_checked(data: Path) -> Non
     assert (len(row.facts.labels), row.things, dict(row.kinds), row.facts.faces) == (2, 1, {"bed": 1}, 2)
 
 
+def test_texts_that_are_trees_of_shared_parts_are_told(data: Path) -> None:
+    """Written out each would have 9^40 words: they are told at their lines, and the check goes on."""
+    tree = ["  id:", "    - &a0 lol", *(f"    - &a{k} [{', '.join([f'*a{k - 1}'] * 9)}]" for k in range(1, 41))]
+    rows = [
+        "-",
+        *tree,
+        "  room: *a40",
+        "  object: *a40",
+        "  prompt: *a40",
+        "  mass: *a40",
+        "  seed: *a40",
+        "  up: *a40",
+    ]
+    told = [one for one in check_dataset(dataset(data, *rows, GOOD)).findings if one.severity is Severity.ERROR]
+    assert {one.what.split(": ")[1].split(" is ")[0] for one in told} >= {"id", "room", "prompt", "mass", "seed", "up"}
+    assert len({one.line for one in told}) == 7
+    assert all(len(one.what) < 2_000 for one in told)
+
+
+def test_a_name_that_no_file_can_have(data: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Too long for the file system: told like any that is not there."""
+    assert run_command(["dataset", "check", str(data / ("a" * 300))]) == 2
+    assert "no such file or folder" in capsys.readouterr().err
+    (finding,) = check_dataset(dataset(data, GOOD.replace("bedroom", "b" * 300))).findings
+    assert "is neither beside the file" in finding.what
+
+
+def test_a_device_is_no_folder(capsys: pytest.CaptureFixture[str]) -> None:
+    """It is told for what it is not, once."""
+    assert run_command(["dataset", "check", "/dev/null"]) == 2
+    assert "/dev/null: error: neither a file nor a folder" in capsys.readouterr().out
+
+
+def test_scenes_that_cannot_be_read_are_no_scenes_without_supports(data: Path) -> None:
+    """The share of scenes with a deformable support is that of the scenes whose instances are known."""
+    rooms = data / "data" / "rooms"
+    assert "1 scene, 1 (100 %)" in in_words(check_dataset(rooms))
+    (rooms / "torn").mkdir()
+    (rooms / "torn" / "labels.json").write_text("[")
+    (rooms / "bed").mkdir()
+    (rooms / "bed" / "bed.obj").write_text("f 1 2 3\n")
+    report = check_dataset(rooms)
+    assert "1 scene, 1 (100 %) with at least one; median 1, mean 1.0, 1 in all (2 unreadable left out)" in in_words(
+        report
+    )
+    totals = as_tree(report)["totals"]
+    assert isinstance(totals, dict)
+    assert (totals["scenes"], totals["scenes_unreadable"], totals["deformable_supports"]) == (3, 2, 1)
+
+
 def test_intended_outcomes_are_checked(data: Path) -> None:
     """Unreadable ones, and those of samples that are not there."""
     (data / "truth.yaml").write_text("a: {base: bed}\nb: {base: bed}\nc:\n  tops: up\n")
@@ -118,8 +168,11 @@ def test_the_plot_is_written(data: Path, suffix: str, capsys: pytest.CaptureFixt
             assert min(image.size) > 400
     else:
         assert plot.read_text().startswith("<svg")
+    capsys.readouterr()
     assert run_command(["dataset", "check", str(data / "data"), "--plot", str(data / "figure.pdf")]) == 2
-    assert ".pdf" in capsys.readouterr().err
+    captured = capsys.readouterr()
+    assert ".pdf" in captured.err
+    assert captured.out == ""  # refused before anything is checked
 
 
 def test_a_mesh_by_itself_is_checked(data: Path) -> None:
