@@ -11,7 +11,9 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 
 from ruamel.yaml import YAML
+from ruamel.yaml.constructor import ConstructorError, SafeConstructor
 from ruamel.yaml.error import YAMLError
+from ruamel.yaml.nodes import MappingNode
 
 from evaluation.run_folder import folder_name
 from scene.errors import InputError
@@ -33,6 +35,8 @@ UNITS = ("auto", "m", "cm", "mm", "in")
 OPTIONAL = ("room", "scene", "seed", "mass", "label", "up", "unit", "object_label", "object_up", "object_unit")
 HEAVIEST = 1e12
 """A mass that no object has [kg]."""
+MOST_KEYS = 10_000
+"""More keys than anyone writes in one mapping; merges that repeat each other make any number of a short file."""
 CHOICES = {"up": UPS, "unit": UNITS}
 
 
@@ -66,10 +70,24 @@ def check_ids(samples: list[tuple[int, Sample]], report: Report) -> None:
         seen.setdefault(name, one)
 
 
+class BoundedMerges(SafeConstructor):
+    """Refuses mappings that grow without end by merging (`<<`) each other."""
+
+    def flatten_mapping(self, node: MappingNode) -> None:
+        """Put the keys of merged mappings into a mapping."""
+        super().flatten_mapping(node)
+        if len(node.value) > MOST_KEYS:
+            what = f"merging makes {len(node.value)} keys of one mapping, expected at most {MOST_KEYS}"
+            raise ConstructorError(None, None, what, node.start_mark)
+
+
 def load_yaml(path: Path) -> object:
     """The tree of a YAML 1.2 file."""
     try:
-        return YAML(typ="safe", pure=True).load(path.read_text(encoding="utf-8"))
+        yaml = YAML(typ="safe", pure=True)
+        yaml.Constructor = BoundedMerges
+        tree: object = yaml.load(path.read_text(encoding="utf-8"))
+        return tree
     except FileNotFoundError:
         raise InputError(f"{path}: no such file; --dataset takes a YAML file") from None
     except (OSError, ValueError, RecursionError, YAMLError) as broken:
