@@ -31,6 +31,8 @@ from tasks.segment import SegmentConfig, segment, segment_object
 SUPPORTS = frozenset({"mattress", "blanket", "pillow", "seat cushion", "seat", "top", "board", "shade", "rim", "floor"})
 """Parts that things are placed on."""
 MESHES = (".obj", ".glb", ".gltf")
+SAMPLES = "DCAP_SAMPLE_DATA"
+"""The environment variable that names the folder of the sample data."""
 UNREADABLE = "draco"
 """Files of this name are refused by the readers, as they should be."""
 
@@ -121,7 +123,7 @@ def print_rows(rows: list[Row], console: Console) -> None:
 def measured(*, every: bool = False) -> tuple[list[Row], list[Row]]:
     """Rows of the embedded rooms and, if $DCAP_SAMPLE_DATA names it, of the sample data."""
     rooms = [r for name in ROOMS for r in room_rows(name, every=every)]
-    folder = os.environ.get("DCAP_SAMPLE_DATA")
+    folder = os.environ.get(SAMPLES)
     return rooms, list(sample_rows(Path(folder), every=every)) if folder else []
 
 
@@ -132,6 +134,8 @@ def summaries(rooms: list[Row], samples: list[Row]) -> list[str]:
         lines.append(summary("all parts of the embedded rooms", rooms))
     if samples:
         lines.append(summary("sample data", samples))
+    elif SAMPLES not in os.environ:
+        lines.append(f"sample data: not measured ({SAMPLES} is not set)")
     return lines
 
 
