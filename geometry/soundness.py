@@ -61,7 +61,7 @@ def moved(
     given: Mesh, solid: Mesh, *, behind: Mesh | None = None, within: FloatArray | None = None
 ) -> tuple[float, float, float]:
     """Largest and mean distance from what can be seen of the given faces to a solid's surface, and the spacing of the
-    places asked [m].
+    places asked [m]. Places that cannot be seen count in neither.
 
     Places are points spread evenly by area and, for the largest, one close to each corner of each face. `behind` are
     the faces that nothing is seen through, the given ones or more; `within` [m], shape (2, 3), is the box whose places
@@ -73,23 +73,36 @@ def moved(
     area = float(near.face_areas.sum())
     count = int(np.clip(area / FINEST_SPACING**2, 100, MOST_PLACES))
     look = Sight(given, behind)
-    even, corner = (hidden(near, solid, look, within, places) for places in (spread(near, count), corners(near)))
+    even = in_sight(near, solid, look, within, spread(near, count))
+    corner = in_sight(near, solid, look, within, corners(near), share=False)
     most = float(max(even.max(initial=0.0), corner.max(initial=0.0)))
     return most, float(even.mean()) if len(even) else 0.0, float(np.sqrt(area / count))
 
 
-def hidden(
-    mesh: Mesh, solid: Mesh, look: "Sight", within: FloatArray | None, places: tuple[FloatArray, NDArray[np.int64]]
+def in_sight(
+    mesh: Mesh,
+    solid: Mesh,
+    look: "Sight",
+    within: FloatArray | None,
+    places: tuple[FloatArray, NDArray[np.int64]],
+    *,
+    share: bool = True,
 ) -> FloatArray:
-    """How far places (points and their faces) in a box lie off a solid's surface [m], 0 where they cannot be seen."""
+    """How far those of the places (points and their faces) in a box that can be seen lie off a solid's surface [m].
+
+    Whether places that have not moved can be seen is only asked for the `share` of those that have, if there are any.
+    """
     points, face = places
     if within is not None:
         inside = ((points >= within[0]) & (points <= within[1])).all(axis=1)
         points, face = points[inside], face[inside]
     distance = gaps(points, solid)
-    far = np.flatnonzero(distance > UNMOVED)  # what has not moved need not be looked at
-    distance[far[~look.sees(points[far], unit_normals(mesh, face[far]))]] = 0.0
-    return distance
+    kept = distance <= UNMOVED
+    far, still = np.flatnonzero(~kept), np.flatnonzero(kept)
+    kept[far] = look.sees(points[far], unit_normals(mesh, face[far]))
+    if share and kept[far].any():
+        kept[still] = look.sees(points[still], unit_normals(mesh, face[still]))
+    return distance[kept]
 
 
 def reaching_into(mesh: Mesh, box: FloatArray) -> NDArray[np.int64]:
