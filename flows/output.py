@@ -225,6 +225,7 @@ def geometry_row(one: BodyGeometry) -> dict[str, object]:
     return {
         "body": one.body,
         "part": one.part,
+        "method": str(report.method),
         "closed": report.closed,
         "sides_agree": report.agreement,
         "hausdorff_m": report.hausdorff,

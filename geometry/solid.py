@@ -20,6 +20,7 @@ from geometry.boundary import hole_loops, is_closed
 from geometry.cleaning import cleaned, without_scraps
 from geometry.closing import area_vector, borders, capped, slab, walled
 from geometry.distance import INSIDE, MeshDistance, sampled, signed_volume
+from geometry.openings import filled_opening
 from geometry.pieces import own_shells, pieces_of
 from geometry.repair import outer_faces, solid_under
 from geometry.repairs_done import Done, Kind
@@ -28,7 +29,7 @@ from geometry.union import inside_out, manifold_of, mesh_of, united
 from scene.errors import GeometryError
 from scene.mesh import Mesh
 from scene.particles import DistanceGrid
-from scene.repair_report import RepairReport
+from scene.repair_report import Method, RepairReport
 
 FloatArray = NDArray[np.float64]
 
@@ -54,6 +55,8 @@ class Allowed:
     """Cells of a remesh; larger ones where `samples` would not do."""
     samples: int = 6_000_000
     """Most samples of a remesh."""
+    opening: float = 0.5
+    """A border of a support longer than this, seen from above and with faces below it, must not be filled."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,6 +84,13 @@ class Given:
         """`soundness.moved` of what can be seen and matters."""
         return moved(self.visible, solid, behind=self.stood_up, within=self.within)
 
+    def filled(self, solid: MeshDistance, allowed: Allowed) -> float:
+        """Border of the largest opening of a support that a solid fills though it must not [m]; 0: none."""
+        supports = [p for p, floor in zip(self.pieces, self.floors, strict=True) if floor is not None]
+        return filled_opening(
+            supports, self.visible, solid, longest=allowed.opening, shallow=allowed.tolerance, within=self.within
+        )
+
     @property
     def region(self) -> tuple[float, ...]:
         """`within` as numbers for a report."""
@@ -99,8 +109,8 @@ def simulation_ready(
     given = tidied(mesh, floor, done)
     inside = enclosed(given, allowed)
     found = with_faces_kept(given, inside, allowed, done)
-    if found is not None and not found[1].problem:
-        return found
+    if found is not None and (not found[1].problem or given.filled(inside, allowed)):
+        return found  # where what the winding number says is inside is too full, a remesh would be as well
     sampled_anew = remeshed(given, inside, allowed, done)
     # what is sound but hides a little too much is still better than what moves more
     if found is not None and (sampled_anew[1].agreement < SOUND or found[1].hausdorff < sampled_anew[1].hausdorff):
@@ -110,7 +120,8 @@ def simulation_ready(
 
 def used_as_given(field: MeshDistance, given: Given, allowed: Allowed, done: Done) -> RepairReport:
     """The report of a solid whose distance is read from the faces as they are and whose sides are told by winding
-    number: where no way of closing them gives a sound surface that moves nothing.
+    number: where no way of closing them gives a sound surface that moves nothing. Its `agreement` is the share of
+    points whose winding number is nearly a whole one, its `closed` asks for opposite edges only.
     """
     most, mean, spacing = given.moved(field.mesh)
     points = probes(field.mesh)
@@ -127,7 +138,7 @@ def used_as_given(field: MeshDistance, given: Given, allowed: Allowed, done: Don
         problem = f"what can be seen lies up to {1e3 * most:.2g} mm off its surface > {1e3 * allowed.tolerance:.2g} mm"
     done.add(Kind.BY_WINDING)
     return RepairReport(
-        field.closed, agree, most, mean, allowed.tolerance, spacing, volume, 0.0,
+        Method.WINDING, field.closed, agree, most, mean, allowed.tolerance, spacing, volume, 0.0,
         done.sentences(), problem, given.region,
     )  # fmt: skip
 
@@ -283,7 +294,9 @@ def without_crumbs(mesh: Mesh, least: float, done: Done) -> Mesh:
 
 
 def reported(solid: Mesh, given: Given, cell: float, allowed: Allowed, done: Done) -> RepairReport:
-    """Everything measured on a repaired surface."""
+    """Everything measured on a repaired surface. Its `agreement` is the share of points at which winding number and ray
+    parity say the same, its `closed` asks also for good faces wound outwards.
+    """
     closed = well_formed(solid)
     agree = agreement(solid) if closed else 0.0
     most, mean, spacing = given.moved(solid)
@@ -296,7 +309,10 @@ def reported(solid: Mesh, given: Given, cell: float, allowed: Allowed, done: Don
         problem = f"inside and outside disagree at {100.0 * (1.0 - agree):.2g} % of the points asked"
     elif most > allowed.tolerance:
         problem = f"its visible surface moved by {1e3 * most:.2g} mm > {1e3 * allowed.tolerance:.2g} mm"
+    elif around := given.filled(MeshDistance(solid), allowed):
+        problem = f"an opening of {around:.2g} m around, seen from above, is filled"
+    method = Method.REMESHED if cell else Method.CLOSED
     return RepairReport(
-        closed, agree, most, mean, allowed.tolerance, spacing, signed_volume(solid.vertices, solid.faces), cell,
+        method, closed, agree, most, mean, allowed.tolerance, spacing, signed_volume(solid.vertices, solid.faces), cell,
         done.sentences(), problem, given.region,
     )  # fmt: skip

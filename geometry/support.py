@@ -42,7 +42,9 @@ def ready_support(
     """`support_solid` and what it took; only what can be seen within `region` counts, also in height.
 
     The distance is that to the faces with their walls and shadows while those hide nothing that can be seen. Else it is
-    that to one clean closed surface, or to the faces with their holes capped, whichever is better.
+    that to one clean closed surface, or to the faces with their holes capped, whichever is better; but where capping
+    would fill an opening that is seen from above and longer around than `hole_perimeter`, the first is kept, and its
+    report tells what is off.
     """
     field = under_faces(mesh, bottom, region, hole_perimeter)
     done = Done()
@@ -50,12 +52,15 @@ def ready_support(
     as_given = used_as_given(field, given, Allowed(), done.copy())
     if field.closed and not as_given.problem:
         return field, as_given
-    filled = enclosed(given, Allowed())
-    found = with_faces_kept(given, filled, Allowed(), done)
+    allowed = Allowed(opening=hole_perimeter)
+    filled = enclosed(given, allowed)
+    if given.filled(filled, allowed):
+        return field, as_given
+    found = with_faces_kept(given, filled, allowed, done)
     if found is not None and not found[1].problem:
         return MeshDistance(found[0]), found[1]
     # with holes capped instead of continued downwards more of it may be there
-    capped = used_as_given(filled, given, Allowed(), done)
+    capped = used_as_given(filled, given, allowed, done)
     better = capped.agreement >= as_given.agreement and capped.hausdorff < as_given.hausdorff
     return (filled, capped) if better else (field, as_given)
 

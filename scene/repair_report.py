@@ -1,20 +1,38 @@
 """What was repaired on a surface so that it encloses a solid, and how far that moved what can be seen."""
 
 from dataclasses import dataclass
+from enum import StrEnum
+
+
+class Method(StrEnum):
+    """What distances are read from."""
+
+    CLOSED = "closed surface"
+    """The given faces and those that close them."""
+    WINDING = "faces, inside by winding number"
+    """The given faces and, for a support, what lies under them: no clean surface, its sides are told by counting."""
+    REMESHED = "remeshed"
+    """A surface meshed again from a sampled distance."""
 
 
 @dataclass(frozen=True, slots=True)
 class RepairReport:
     """One surface; lengths in metres."""
 
+    method: Method
+    """What distances are read from; `closed` and `agreement` ask less of faces told by winding number."""
     closed: bool
-    """Every directed edge has its opposite, and no face is empty or there twice."""
+    """Every directed edge has its opposite; of a closed or meshed surface also: no face is empty or there twice, and
+    it is wound outwards.
+    """
     agreement: float
-    """Share of points in and around the solid where winding number and ray parity say the same [-]."""
+    """Share of points in and around the solid whose side is beyond doubt [-]: of a closed or meshed surface where
+    winding number and ray parity say the same; by winding number where that is within 0.1 of a whole number.
+    """
     hausdorff: float
     """Largest distance from the visible surface to the repaired one [m]."""
     mean: float
-    """Mean of that distance over the visible area [m]."""
+    """Mean of that distance over what of the surface can be seen [m]."""
     tolerance: float
     """What `hausdorff` had to stay below [m]."""
     spacing: float

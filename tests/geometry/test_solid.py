@@ -18,7 +18,7 @@ from geometry.soundness import agreement, moved, well_formed
 from geometry.support import ready_support
 from scene.errors import GeometryError
 from scene.mesh import Mesh
-from scene.repair_report import RepairReport
+from scene.repair_report import Method, RepairReport
 
 ROUNDING = 2.5e-6  # vertices are welded to 1e-6, single precision of less than 2e-6 is not looked at again
 
@@ -48,6 +48,12 @@ def sheet(count: int = 9, bump: float = 0.0, size: float = 0.4) -> Mesh:
     return Mesh.of(
         np.stack([x, y, z], -1).reshape(-1, 3), np.concatenate([np.stack([a, b, c], 1), np.stack([a, c, d], 1)])
     )
+
+
+def tub(size: tuple[float, float, float] = (1.6, 0.7, 0.5)) -> Mesh:
+    """A box without its top: walls of one layer, wound outwards."""
+    mesh = box(size)
+    return mesh.submesh(np.flatnonzero(mesh.triangles[:, :, 2].min(axis=1) < 0.4999 * size[2]))
 
 
 def with_faces(mesh: Mesh, faces: np.ndarray) -> Mesh:
@@ -281,6 +287,13 @@ def test_a_moved_surface_is_measured() -> None:
     assert well_formed(ball())
 
 
+def test_what_cannot_be_seen_does_not_thin_the_mean() -> None:
+    """A ball around another has shrunk by 1 mm: that is the mean, although the hidden ball has not moved."""
+    inner = ball(0.09)
+    given, solid = (Mesh.concatenate([one, inner]) for one in (ball(0.1), ball(0.099)))
+    assert moved(given, solid)[1] == pytest.approx(1e-3, rel=0.02)
+
+
 def test_only_places_within_the_box_count() -> None:
     """Of two boxes one has shrunk: that is seen in the box around it, not around the other, nor where nothing is."""
     still = box((0.1, 0.1, 0.1), (1.0, 0.0, 0.0))
@@ -314,3 +327,32 @@ def test_a_support_that_keeps_what_the_object_can_reach_is_kept() -> None:
         assert report.closed
         assert not report.problem
         assert (report.repairs == ("faces kept as they are, inside told by winding number",)) == kept
+
+
+@pytest.mark.parametrize("inwards", [False, True])
+def test_an_open_tub_is_not_filled_to_the_brim(inwards: bool) -> None:
+    """However its walls of one layer are wound: the middle is outside, and what is lost is told."""
+    open_tub = tub()
+    mesh = with_faces(open_tub, open_tub.faces[:, ::-1]) if inwards else open_tub
+    floor, region = np.full(len(mesh.faces), -0.25), np.array([[-1.0, -1.0, -0.4], [1.0, 1.0, 0.6]])
+    distance, report = ready_support(mesh, floor, region, 0.25)
+    assert distance(np.array([[0.0, 0.0, 0.0], [0.5, 0.2, -0.1]])).min() > 0.1
+    assert report.method is Method.WINDING
+    assert "can be seen" in report.problem
+    _, whole = simulation_ready(mesh, floor=floor)
+    assert "opening of 4.6 m around, seen from above, is filled" in whole.problem
+
+
+def test_an_opening_that_is_small_covered_or_out_of_reach_may_be_filled() -> None:
+    """A cup is closed like any hole in a support, and so is a tub under a board or where the object does not come."""
+    for mesh, region in (
+        (tub((0.05, 0.05, 0.1)), None),
+        (Mesh.concatenate([tub(), box((1.7, 0.8, 0.02), (0.0, 0.0, 0.27))]), None),
+        (tub(), np.array([[0.4, 0.5, -0.4], [1.0, 1.0, 0.6]])),
+    ):
+        given = tidied(mesh, np.full(len(mesh.faces), mesh.bounds[0, 2]), Done(), region)
+        assert given.filled(MeshDistance(of(trimesh.convex.convex_hull(mesh.vertices))), Allowed(opening=0.25)) == 0.0
+    everywhere = tidied(tub(), np.full(len(tub().faces), -0.25), Done())
+    assert everywhere.filled(MeshDistance(box((1.6, 0.7, 0.5))), Allowed()) == pytest.approx(4.6)
+    assert everywhere.filled(MeshDistance(box((1.6, 0.7, 0.1))), Allowed()) == pytest.approx(4.6)
+    assert everywhere.filled(MeshDistance(box((1.6, 0.7, 0.1), (0.0, 0.0, -0.2))), Allowed()) == 0.0

@@ -5,7 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from perf.repair import SUPPORTS, Row, room_rows, sample_rows
+from perf.repair import SAMPLES, SUPPORTS, Row, room_rows, sample_rows, summaries
+from scene.repair_report import Method, RepairReport
 
 
 def assert_good(rows: list[Row]) -> None:
@@ -22,6 +23,16 @@ def test_every_support_of_an_embedded_room_is_closed(name: str) -> None:
     rows = list(room_rows(name))
     assert {r.part for r in rows} <= SUPPORTS
     assert_good(rows)
+
+
+def test_missing_sample_data_are_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without its folder the table says that a part of it is missing."""
+    report = RepairReport(Method.CLOSED, True, 1.0, 0.0, 0.0, 5e-3, 2e-3, 0.1, 0.0, (), "")
+    rows = [Row("room", "bed", "mattress", True, report, 1.0)]
+    monkeypatch.delenv(SAMPLES, raising=False)
+    assert summaries(rows, [])[-1] == "sample data: not measured (DCAP_SAMPLE_DATA is not set)"
+    monkeypatch.setenv(SAMPLES, "here")
+    assert summaries(rows, rows)[-1].startswith("sample data: 1 of 1 closed")
 
 
 @pytest.mark.third_party

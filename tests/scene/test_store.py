@@ -23,7 +23,7 @@ from scene.mesh import Mesh
 from scene.outcome import Infeasible, Reason
 from scene.particles import DistanceGrid, Particles, SimulationBody
 from scene.renders import Overview, Renders
-from scene.repair_report import BodyGeometry, RepairReport
+from scene.repair_report import BodyGeometry, Method, RepairReport
 from scene.rotation import Rotation
 from scene.sample import Sample, SourceOptions
 from scene.scan import LabelBox, Room, Scan
@@ -65,7 +65,9 @@ def a_body(rigid: bool) -> SimulationBody:
 MATERIAL = Material("foam", 30.0, 5e4, 0.3, 0.6, 0.5, 0.0, "soft", "handbook")
 INSTANCE = Instance("3", "bed", a_box(), (Part("mattress", a_box(), 0.9),), np.array([1.0, 0, 0]))
 
-REPORT = RepairReport(True, 1.0, 1e-4, 1e-5, 5e-3, 2e-3, 0.1, 0.0, ("2 degenerate faces dropped",), "")
+REPORT = RepairReport(
+    Method.CLOSED, True, 1.0, 1e-4, 1e-5, 5e-3, 2e-3, 0.1, 0.0, ("2 degenerate faces dropped",), ""
+)  # fmt: skip
 GEOMETRY = BodyGeometry("bed_0", "mattress, blanket", REPORT)
 VALUES = [
     Anchor("3", "mattress", 0, "center", np.zeros(2), np.zeros(3), np.eye(4), 0.01, np.zeros((4, 2)), "asked"),
