@@ -7,6 +7,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation as Turn
 
 from scene.errors import InputError
+from scene.problems import short
 from scene.sample import Sample
 from scene.spelling import did_you_mean
 
@@ -76,32 +77,44 @@ def read_truth(tree: object, where: str) -> dict[str, Truth]:
     if isinstance(tree, Mapping):
         rows = {str(key): value for key, value in tree.items()}
     elif isinstance(tree, list):
-        rows = {str(row["id"]): row for row in tree if isinstance(row, Mapping) and "id" in row}
+        rows = {
+            str(row["id"]): row
+            for row in tree
+            if isinstance(row, Mapping) and isinstance(row.get("id"), str | int | float)
+        }
     else:
         raise InputError(f"{where}: expected samples, found {type(tree).__name__}")
     return {key: truth_of(row, f"{where}: {key}") for key, row in rows.items()}
 
 
+def text_of(row: Mapping[str, object], key: str, where: str) -> str:
+    """A word; empty where there is none."""
+    value = row.get(key)
+    if value is not None and not isinstance(value, str | int | float):
+        raise InputError(f"{where}: {key} is {short(value)}, expected text")
+    return str(value or "")
+
+
 def truth_of(row: object, where: str) -> Truth:
     """One intended outcome."""
     if not isinstance(row, Mapping):
-        raise InputError(f"{where}: expected keys and values, found {row!r}")
+        raise InputError(f"{where}: expected keys and values, found {short(row)}")
     known = ("id", *(one.name for one in fields(Truth)))
     for key in row:
         if key not in known:
             raise InputError(f"{where}: unknown key {key!r}{did_you_mean(key, known)}")
-    feasible, top = row.get("feasible", True), str(row.get("top") or "")
+    feasible, top = row.get("feasible", True), text_of(row, "top", where)
     if not isinstance(feasible, bool):
-        raise InputError(f"{where}: feasible is {feasible!r}, expected true or false")
+        raise InputError(f"{where}: feasible is {short(feasible)}, expected true or false")
     if top not in ("", *TOPS):
         raise InputError(f"{where}: top {top!r} is not one of {', '.join(TOPS)}")
     return Truth(
-        base=str(row.get("base") or ""),
-        part=str(row.get("part") or ""),
-        region=str(row.get("region") or ""),
+        base=text_of(row, "base", where),
+        part=text_of(row, "part", where),
+        region=text_of(row, "region", where),
         feasible=feasible,
-        reason=str(row.get("reason") or ""),
-        base_id=str(row.get("base_id") or ""),
+        reason=text_of(row, "reason", where),
+        base_id=text_of(row, "base_id", where),
         top=top,
         front=direction(row.get("front"), where),
     )
@@ -113,7 +126,7 @@ def direction(value: object, where: str) -> tuple[float, float] | None:
         return None
     numbers = [float(one) for one in value if isinstance(one, int | float)] if isinstance(value, list) else []
     if len(numbers) != 2 or not np.isfinite(numbers).all() or not np.any(numbers):
-        raise InputError(f"{where}: front is {value!r}, expected a direction [x, y]")
+        raise InputError(f"{where}: front is {short(value)}, expected a direction [x, y]")
     return numbers[0], numbers[1]
 
 

@@ -92,6 +92,17 @@ def test_texts_that_are_trees_of_shared_parts_are_told(data: Path) -> None:
     assert all(len(one.what) < 2_000 for one in told)
 
 
+def test_outcomes_that_are_trees_of_shared_parts_are_told(data: Path) -> None:
+    """As in the dataset file."""
+    tree = ["  base:", "    - &a0 lol", *(f"    - &a{k} [{', '.join([f'*a{k - 1}'] * 9)}]" for k in range(1, 41))]
+    for key in ("part", "top", "front", "feasible"):
+        rows = ["x: *a40", "a:", f"  {key}: *a40"]
+        (data / "truth.yaml").write_text("\n".join(["b:", *tree, *rows]) + "\n")
+        told = [one for one in check_dataset(dataset(data, GOOD)).findings if one.severity is Severity.ERROR]
+        assert [one.path.name for one in told] == ["truth.yaml"] * 3
+        assert all(len(one.what) < 2_000 for one in told)
+
+
 def test_a_name_that_no_file_can_have(data: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Too long for the file system: told like any that is not there."""
     assert run_command(["dataset", "check", str(data / ("a" * 300))]) == 2
