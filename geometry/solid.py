@@ -55,8 +55,9 @@ class Allowed:
     """Cells of a remesh; larger ones where `samples` would not do."""
     samples: int = 6_000_000
     """Most samples of a remesh."""
-    opening: float = 0.5
-    """A border of a support longer than this, seen from above and with faces below it, must not be filled."""
+    opening: float = np.inf
+    """A border of a support longer than this, seen from above and with faces below it, must not be filled. Of a part
+    alone nobody can tell a tub from a mattress whose top a blanket hides: ask only for a whole thing."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -120,7 +120,12 @@ def wholes(labels: Sequence[str], traits: Sequence[Traits], pieces: Pieces) -> l
         name[other] = rule.becomes or name[other]
     roots = [_root(owner, i) for i in range(len(labels))]
     members = {root: tuple(i for i, other in enumerate(roots) if other == root) for root in sorted(set(roots))}
-    return [Whole("" if name[root] in ONLY_PARTS else name[root], root, them) for root, them in members.items()]
+    return [Whole(_called(name, root, them), root, them) for root, them in members.items()]
+
+
+def _called(name: Sequence[str], root: int, members: tuple[int, ...]) -> str:
+    """What a whole is called: as its main thing or, where that is only a part, as the first member that is a thing."""
+    return next((name[i] for i in (root, *members) if name[i] and name[i] not in ONLY_PARTS), "")
 
 
 def _root(owner: list[int], i: int) -> int:
