@@ -12,7 +12,17 @@ from scene.mesh import Mesh
 
 def components(mesh: Mesh) -> NDArray[np.int64]:
     """Number of the connected piece of each face, shape (m,); faces that share a vertex position are connected."""
-    corner = welded(mesh.vertices)[mesh.faces]
+    return _connected(welded(mesh.vertices)[mesh.faces])
+
+
+def index_components(mesh: Mesh) -> NDArray[np.int64]:
+    """The same, connected by vertex index alone, numbered 0, 1, 2 ..."""
+    own = _connected(mesh.faces)
+    return np.asarray(np.unique(own, return_inverse=True)[1], dtype=np.int64).reshape(-1)
+
+
+def _connected(corner: NDArray[np.integer]) -> NDArray[np.int64]:
+    """Number of the piece of each triangle (m, 3) of numbered corners, shape (m,)."""
     count = int(corner.max(initial=0)) + 1
     start, end = corner[:, [0, 1]].ravel(), corner[:, [1, 2]].ravel()
     graph = coo_matrix((np.ones(len(start), dtype=np.int8), (start, end)), shape=(count, count))
@@ -42,15 +52,6 @@ def own_shells(mesh: Mesh) -> list[Mesh]:
     rest = np.flatnonzero(mixed[piece])
     apart = [mesh.submesh(np.flatnonzero(piece == one)) for one in np.flatnonzero(~mixed)]
     return [*apart, mesh.submesh(rest)] if len(rest) or not apart else apart
-
-
-def index_components(mesh: Mesh) -> NDArray[np.int64]:
-    """Number of the piece of each face, shape (m,), connected by vertex index alone."""
-    count = len(mesh.vertices)
-    start, end = mesh.faces[:, [0, 1]].ravel(), mesh.faces[:, [1, 2]].ravel()
-    graph = coo_matrix((np.ones(len(start), dtype=np.int8), (start, end)), shape=(count, count))
-    own = connected_components(graph, directed=False)[1][mesh.faces[:, 0]]
-    return np.asarray(np.unique(own, return_inverse=True)[1], dtype=np.int64).reshape(-1)
 
 
 def uneven(faces: NDArray[np.int32]) -> NDArray[np.bool_]:

@@ -5,7 +5,6 @@ python -m perf.repair [--all]      print the table; --all: every part, not only 
 
 import os
 import sys
-import tempfile
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -15,10 +14,10 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from geometry.procedural.rooms import ROOMS, build_room
+from geometry.procedural.rooms import ROOMS
 from geometry.solid import simulation_ready
 from geometry.support import shell_bottoms
-from scene.interiorgs_write import write_interiorgs
+from perf.segments import read_room
 from scene.mesh import Mesh
 from scene.repair_report import RepairReport
 from scene.sample import SourceOptions
@@ -56,9 +55,7 @@ class Row:
 
 def room_rows(name: str, *, every: bool = False) -> Iterator[Row]:
     """The supports of one embedded room, found by segmenting its files; `every`: all parts of all its things."""
-    with tempfile.TemporaryDirectory() as folder:
-        write_interiorgs(Path(folder) / name, build_room(name, 0).record, 0)
-        scene = segment(mesh(Source(Path(folder) / name), SourceOptions(), MeshConfig()), SegmentConfig())
+    scene = segment(read_room(name)[1], SegmentConfig())
     yield from support_rows(name, scene, every=every)
 
 

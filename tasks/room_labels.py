@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from geometry.segmentation.belonging import wholes
 from geometry.segmentation.boxed import Group
 from geometry.segmentation.faces import FaceTable
-from geometry.segmentation.named import THING, Guess, shell_groups
+from geometry.segmentation.named import THING, shell_groups
 from geometry.segmentation.traits import Traits, describe_things, thing_pieces
 from geometry.segmentation.unlabelled import Things, find_things
 from language.replies import OTHER, LabelReply
@@ -29,8 +29,8 @@ def labelled_room(mesh: Mesh, table: FaceTable, inside: NDArray[np.bool_], clien
     traits = describe_things(table, things, pieces)
     replies = asked(mesh, things, traits, client)
     labels = ["" if reply.label == OTHER else reply.label for reply in replies]
-    found: list[Group] = [
-        Guess(
+    found = [
+        Group(
             "",
             whole.label or THING,
             np.sort(np.concatenate([things.things[i] for i in whole.members])),

@@ -17,7 +17,7 @@ from geometry.segmentation.boxed import Group, boxed_groups
 from geometry.segmentation.faces import FaceTable
 from geometry.segmentation.front import facing_away_from_wall
 from geometry.segmentation.labels import readable
-from geometry.segmentation.named import Guess, named_groups
+from geometry.segmentation.named import named_groups
 from geometry.segmentation.parts import find_parts, make_instance, node_words, object_node_words
 from language.seam import DEFAULT_MODEL, ClientName, client
 from scene.scan import Scan
@@ -50,7 +50,7 @@ def segment(scan: Scan, config: SegmentConfig) -> Segmentation:
             group.id, group.label, table, group.faces, group.axes, _words(scan, group.faces),
             annotated_parts(scan, group.faces),
         )  # fmt: skip
-        instances.append(replace(instance, confidence=group.confidence) if isinstance(group, Guess) else instance)
+        instances.append(replace(instance, confidence=group.confidence))
         face_instance[group.faces] = index
         face_part[group.faces] = part
     found = Segmentation(scan.mesh, _with_fronts(instances), face_instance, face_part)

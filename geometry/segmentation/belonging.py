@@ -10,12 +10,10 @@ from enum import StrEnum
 
 import numpy as np
 
-from geometry.segmentation.contacts import Pieces
+from geometry.segmentation.contacts import FEW, Pieces
 from geometry.segmentation.traits import Traits
 
 ANY = "*"
-FEWEST_PAIRS = 3
-"""Fewer pairs of points are no contact [-]."""
 SLACK = 0.02
 """What sticks out of a box by no more than this is inside [m]."""
 FLOATING = 0.12
@@ -162,7 +160,7 @@ def _strength(bond: Bond, i: int, j: int, traits: Sequence[Traits], pieces: Piec
         if touch is None:
             return 0.0
         counted = pieces.position[touch.b, 2] > a.center[2] if bond is Bond.UNDER else np.ones(len(touch.b), dtype=bool)
-        return float(counted.sum()) if counted.sum() >= FEWEST_PAIRS else 0.0
+        return float(counted.sum()) if counted.sum() >= FEW else 0.0
     if bond is Bond.INSIDE:
         return float(((a.low > b.low - SLACK) & (a.high < b.high + SLACK)).all())
     gap = np.maximum(a.low, b.low) - np.minimum(a.high, b.high)

@@ -44,6 +44,8 @@ class Group:
     faces: NDArray[np.int64]
     axes: NDArray[np.float64] | None
     """Annotated orientation, shape (3, 3)."""
+    confidence: float = 1.0
+    """0..1, how sure the label is; below 1 where it was guessed."""
 
 
 def is_opening(label: str) -> bool:

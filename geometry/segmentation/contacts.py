@@ -16,6 +16,8 @@ SPACING = 0.015
 """Distance of the points that stand for surfaces [m]."""
 REACH = 0.02
 """Surfaces nearer than this touch [m]: more than the spacing of the points, and what scans leave between things."""
+FEW = 3
+"""Fewer pairs of points are no contact [-]."""
 UP = 0.7
 """A surface with a normal of at least this z carries what stands on it [-]."""
 PARALLEL = 0.95

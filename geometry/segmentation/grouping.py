@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from geometry.segmentation.contacts import Piece, Pieces, all_of, inner_distance, patch_area, plan_area
+from geometry.segmentation.contacts import FEW, UP, Piece, Pieces, all_of, inner_distance, patch_area, plan_area
 
 Index = NDArray[np.int64]
 Mask = NDArray[np.bool_]
@@ -30,10 +30,6 @@ STEADY = np.tan(np.deg2rad(8.0))
 """What tips over when it leans by less does not stand by itself [-]."""
 LEVEL = 0.02
 """Points of a carrying surface lie within this of its level [m]."""
-LOOKS_UP = 0.7
-"""... and have a normal of at least this z [-]."""
-FEW = 3
-"""Fewer pairs of points are no contact [-]."""
 HANGING = 0.4
 """Share of a piece's surface that is near the wall it hangs at [-]."""
 FOOT = 0.2
@@ -148,7 +144,7 @@ def _covering(pieces: Pieces, name: int, other: int, on: Mask) -> float:
     height = float(np.median(pieces.position[carrier, 2]))
     points = pieces.alive[other].points
     level = np.abs(pieces.position[points, 2] - height) < LEVEL
-    level &= pieces.normal[points, 2] > LOOKS_UP
+    level &= pieces.normal[points, 2] > UP
     whole = plan_area(pieces.position[np.concatenate([points[level], carrier])])
     share = plan_area(pieces.position[touch.a[on]]) / max(whole, 1e-9)
     return 1.0 + min(share, 1.0) if share > COVERED else 0.0

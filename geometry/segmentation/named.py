@@ -1,7 +1,7 @@
 """Instances of a mesh without annotated boxes: by its nodes, by one label for everything, or by shape alone."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TypeAlias
 
 import numpy as np
@@ -28,14 +28,6 @@ SMALL_ROOM = (1.2, 1.9)
 """A smaller one is at least this broad and high [m], and has walls that look inwards."""
 WALLED = 0.5
 """Share of its outline that walls have at least [-]."""
-
-
-@dataclass(frozen=True, eq=False, slots=True)
-class Guess(Group):
-    """A thing whose label was guessed from its shape."""
-
-    confidence: float
-    """0..1."""
 
 
 def named_groups(table: FaceTable, scan: Scan, taken_apart: TakeApart) -> list[Group]:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from geometry.segmentation.contacts import Pieces, pieces_of
+from geometry.segmentation.contacts import FEW, Pieces, pieces_of
 from geometry.segmentation.faces import FaceTable
 from geometry.segmentation.unlabelled import Things
 from scene.box import OrientedBox
@@ -24,8 +24,6 @@ ON_FLOOR = 0.04
 """What begins this near to the floor stands on it [m]."""
 NEAR_WALL = 0.15
 """What has a point this near to a wall hangs there, if it stands nowhere [m]."""
-FEWEST_PAIRS = 3
-"""Fewer pairs of points are no contact [-]."""
 CELL = 0.04
 """Cell in which outlines are counted [m]: more than the distance of the points that stand for surfaces."""
 CELLS = 24
@@ -176,13 +174,13 @@ def _holder(pieces: Pieces, things: Things, i: int) -> tuple[int, str]:
         return -1, FLOOR
     standing = {other: int(pieces.standing(i, other).sum()) for other in one.touches}
     best = max(standing, key=lambda other: (standing[other], -other), default=-1)
-    if best >= 0 and standing[best] >= FEWEST_PAIRS:
+    if best >= 0 and standing[best] >= FEW:
         return best, ""
     if not np.isnan(levels.ceiling) and one.high[2] > levels.ceiling - ON_FLOOR:
         return -1, CEILING
     if _wall_gap(things, position) < NEAR_WALL:
         return -1, WALL
-    beside = {other: len(touch.a) for other, touch in one.touches.items() if len(touch.a) >= FEWEST_PAIRS}
+    beside = {other: len(touch.a) for other, touch in one.touches.items() if len(touch.a) >= FEW}
     most = max(beside, key=lambda other: (beside[other], -other), default=-1)
     return (most, "") if most >= 0 else (-1, NOTHING)
 
