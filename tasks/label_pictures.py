@@ -20,9 +20,12 @@ LOUD = np.array([255.0, 0.0, 200.0])
 TINT = 0.75
 """Share of the loud colour; the rest lets the thing's own shading and pattern through [-]."""
 ROOM_DISTANCE = 3.5
-"""Distance of the camera that shows the room [m]..."""
-THING_DISTANCE = 2.6
-"""... and, over the diagonal of the thing's box, of both at least [-]."""
+"""Least distance of the camera that shows the room [m]..."""
+ROOM_AROUND = 2.6
+"""... and over the diagonal of the thing's box [-]."""
+THING_DISTANCE = 1.2
+"""Distance of the camera from which a thing fills the picture, over the diagonal of its box [-]: the
+arcsin(0.5 / 1.2) = 25 degrees to each side that it takes at most fit into a field of view of 55 degrees."""
 NEAREST = 0.5
 """The camera does not come nearer [m]."""
 ELEVATIONS = (25.0, 50.0)
@@ -40,7 +43,7 @@ def in_the_room(mesh: Mesh, things: Things, box: OrientedBox, faces: Index) -> N
     rest, thing = _apart(mesh, faces)
     loud = np.rint((1.0 - TINT) * thing.colors + TINT * LOUD).astype(np.uint8)
     painted = Mesh(thing.vertices, thing.faces, loud)
-    return _seen(rest, painted, _others(things, faces), box, max(ROOM_DISTANCE, THING_DISTANCE * box.diagonal))
+    return _seen(rest, painted, _others(things, faces), box, max(ROOM_DISTANCE, ROOM_AROUND * box.diagonal))
 
 
 def close_up(mesh: Mesh, things: Things, box: OrientedBox, faces: Index) -> NDArray[np.uint8]:

@@ -11,11 +11,8 @@ from geometry.picture import Camera, picture
 from language.requests import Vector
 from scene.mesh import Mesh
 from scene.segmentation import Segmentation
-from tasks.label_pictures import SIZE, TINT, best_place, from_inside
+from tasks.label_pictures import SIZE, THING_DISTANCE, TINT, best_place, from_inside
 
-DISTANCE = 1.2
-"""Distance of the camera over the diagonal of the instance's box [-]: the arcsin(0.5 / 1.2) = 25 degrees to each side
-that it takes at most fit into a field of view of 55 degrees."""
 HUE_STEP = 0.381966
 """Turn of the colour wheel from part to part [-]: by the golden section, hues next to each other come late."""
 SATURATION, BRIGHT, DARK = 0.9, 1.0, 0.6
@@ -36,7 +33,8 @@ def parts_picture(scene: Segmentation, index: int) -> NDArray[np.uint8]:
     way, from_below = from_inside(scene.mesh.bounds, instance.box)
     way = way if instance.front is None else instance.front
     box = instance.box
-    position = best_place(Mesh.concatenate([]), Mesh.concatenate(parts), box, DISTANCE * box.diagonal, way, from_below)
+    distance = THING_DISTANCE * box.diagonal
+    position = best_place(Mesh.concatenate([]), Mesh.concatenate(parts), box, distance, way, from_below)
     shot = picture(parts, Camera(position, box.center, width=SIZE, height=SIZE), samples=1, shadows=False)
     return _numbered(shot.rgb, shot.mesh_index)
 
