@@ -10,8 +10,8 @@ from collections.abc import Iterable
 from functools import cache
 
 from language.lexicon import default_parts, is_a, label_words, lineage, thing_of, vocabulary
+from language.material_choice import material_of
 from language.materials import load_materials
-from language.offline import material_of
 from language.requests import MaterialQuestion, PartView
 
 RIGID_ABOVE = 1.0e9
