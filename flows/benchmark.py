@@ -10,9 +10,11 @@ import os
 import time
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor, as_completed
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import asdict, dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
+from threading import Semaphore
 
 import pyarrow as pa
 import pyarrow.parquet as pq
@@ -21,17 +23,24 @@ from evaluation.outcome_table import Row, Truth, read_truth, row_of, totals
 from evaluation.report import write_report
 from evaluation.run_folder import sample_folder
 from flows.display import Display, print_plan, print_table
+from flows.language_options import LEDGER, LanguageOptions
 from flows.output import readable_json, write_placement
 from flows.place import PlaceConfig
 from flows.sample_run import OVERVIEW, STAGES, FailedSample, FinishedSample, Plan, plan_sample, try_sample
 from flows.samples import EMBEDDED, SPLAT_ROOMS, TRUTH, load_samples, load_yaml
 from flows.server import prefect_server
+from language.batch import batch_desk
+from language.ledger import totals as spent
+from language.session import Session
 from scene.errors import InputError
 from scene.sample import Sample, SourceOptions
 from scene.settings import data_root, runs_root
+from tasks.stage import Conduct
 from tasks.stage_process import kill_all
 
 DATASET_SEED = 0
+IN_A_BATCH = 32
+"""Samples whose questions gather for one batch; each waits in a thread and a flow run of its own."""
 SPLATS = 500_000
 """Gaussians per room of the embedded dataset of splats; a scene of InteriorGS has as many."""
 
@@ -53,6 +62,7 @@ class Run:
 def run_benchmark(
     dataset: Path | None,
     config: PlaceConfig,
+    language: LanguageOptions | None = None,
     *,
     limit: int | None = None,
     workers: int = 2,
@@ -63,10 +73,11 @@ def run_benchmark(
     path, samples = dataset_samples(dataset, limit)
     if only_failed:
         samples = failed_before(samples)
-    folder = new_run_folder(path, samples, config)
+    language = language or LanguageOptions()
+    folder = new_run_folder(path, samples, config, language)
     with Display(samples) as display:
         plans = plan_all(samples, config, display)
-        results = run_all(plans, config, folder, workers, display)
+        results = run_all(plans, config, folder, language.session(folder), workers, display)
     rows = tuple(
         row_of(sample, tree, error, truth)
         for (sample, (tree, error)), truth in zip(results.items(), truths_of(path, list(results)), strict=True)
@@ -105,7 +116,7 @@ def plan_all(samples: Sequence[Sample], config: PlaceConfig, display: Display) -
 
 
 def run_all(
-    plans: Sequence[Plan], config: PlaceConfig, folder: Path, workers: int, display: Display
+    plans: Sequence[Plan], config: PlaceConfig, folder: Path, session: Session, workers: int, display: Display
 ) -> dict[Sample, tuple[dict[str, object] | None, str]]:
     """placement.json and error message of every sample; Prefect starts only if some sample has work to do."""
     results: dict[Sample, tuple[dict[str, object] | None, str]] = {plan.sample: (None, "") for plan in plans}
@@ -118,10 +129,13 @@ def run_all(
             results[plan.sample] = settle_result(folder, known, display)
     if not waiting:
         return results
-    with prefect_server() as url, ThreadPoolExecutor(workers) as pool:
+    conduct = Conduct(session=session, slots=Semaphore(workers) if session.batch else None)
+    at_a_time = min(len(waiting), max(workers, IN_A_BATCH)) if session.batch else workers
+    with prefect_server() as url, asking_desk(session, display), ThreadPoolExecutor(at_a_time) as pool:
         display.serving(url)
         futures: dict[Future[FinishedSample | FailedSample], Sample] = {
-            pool.submit(try_sample, sample, config, listener=display.listener(sample)): sample for sample in waiting
+            pool.submit(try_sample, sample, config, conduct=conduct, listener=display.listener(sample)): sample
+            for sample in waiting
         }
         try:
             for future in as_completed(futures):
@@ -131,6 +145,11 @@ def run_all(
             kill_all()  # the threads wait for these processes
             raise
     return results
+
+
+def asking_desk(session: Session, display: Display) -> AbstractContextManager[None]:
+    """A desk for questions in batches, if the run asks in batches."""
+    return batch_desk(Path(session.batch), session, display.say) if session.batch else nullcontext()
 
 
 def settle_result(
@@ -163,7 +182,7 @@ def write_failure(folder: Path, failed: FailedSample) -> None:
     (out / "error.txt").write_text(f"{failed.message}\n\n{failed.details}".rstrip() + "\n")
 
 
-def new_run_folder(dataset: Path, samples: Sequence[Sample], config: PlaceConfig) -> Path:
+def new_run_folder(dataset: Path, samples: Sequence[Sample], config: PlaceConfig, language: LanguageOptions) -> Path:
     """A new folder that says what was asked; `runs/last` points at it."""
     name = f"{dataset.stem}-{datetime.now(UTC):%Y%m%d-%H%M%S}"
     folder = runs_root() / name
@@ -176,6 +195,7 @@ def new_run_folder(dataset: Path, samples: Sequence[Sample], config: PlaceConfig
         "dataset": str(dataset.resolve()),
         "started": datetime.now(UTC).isoformat(timespec="seconds"),
         "config": config.model_dump(mode="json"),
+        "language": asdict(language),
         "samples": [asdict(located(sample)) for sample in samples],
     }
     (folder / "run.json").write_bytes(readable_json(asked))
@@ -198,6 +218,8 @@ def finish(folder: Path, rows: Sequence[Row], seconds: float) -> Run:
     """Write table, summary and report."""
     pq.write_table(pa.Table.from_pylist([asdict(row) for row in rows]), folder / "results.parquet")
     summary: dict[str, object] = {"run": str(folder), **totals(rows), "wall_s": round(seconds, 1)}
+    if (folder / LEDGER).is_file():
+        summary["language"] = spent(folder / LEDGER)
     (folder / "summary.json").write_bytes(readable_json(summary))
     write_report(folder, rows, summary)
     return Run(folder, tuple(rows), summary)
@@ -238,12 +260,15 @@ def rerun_sample(run: str, sample_id: str, stage: str) -> tuple[dict[str, object
     if sample_id not in samples:
         raise InputError(f"{sample_id!r} is not a sample of {folder.name}; it has {', '.join(sorted(samples))}")
     config = PlaceConfig.model_validate(asked["config"])
+    language = LanguageOptions(**asked["language"])
     with Display([samples[sample_id]]) as display, prefect_server() as url:
         display.serving(url)
         result = try_sample(
             samples[sample_id],
             config,
-            refresh=frozenset({stage}),
+            conduct=Conduct(
+                refresh=frozenset({stage}), session=replace(language.session(folder), fresh=True, batch="")
+            ),
             listener=display.listener(samples[sample_id]),
         )
         tree, _ = settle_result(folder, result, display)

@@ -39,7 +39,15 @@ Json = Annotated[bool, typer.Option("--json", help="Print the result as JSON on 
 Workers = Annotated[int, typer.Option(min=1, max=64, help="Samples at a time.")]
 Dataset = Annotated[Path | None, typer.Option(help="YAML list of samples; default: the embedded rooms.")]
 Limit = Annotated[int | None, typer.Option(min=1, help="Only the first so many samples.")]
-Language = Annotated[str, typer.Option(help="Who reads the sentence: offline or anthropic.")]
+Language = Annotated[
+    str, typer.Option(help="Who reads the sentence: offline (default), anthropic or replay.", show_default=False)
+]
+Model = Annotated[str, typer.Option(help="Model to ask; default: claude-sonnet-5-5.", show_default=False)]
+Record = Annotated[
+    str, typer.Option(metavar="DIR", help="Keep a copy of every reply there, for --replay.", show_default=False)
+]
+Replay = Annotated[str, typer.Option(metavar="DIR", help="Answer from the replies recorded there.", show_default=False)]
+MaxCost = Annotated[float | None, typer.Option(help="Spend at most this on a model [USD].")]
 Solver = Annotated[str | None, typer.Option(help="Method of the solver: tl (default) or mls.")]
 Arch = Annotated[
     str, typer.Option(help="Where the solver runs: cpu, cuda (a graphics card) or auto (cuda if it starts).")
@@ -61,7 +69,11 @@ def place(
     object: Annotated[str, typer.Argument(help="Mesh of the object.")],  # noqa: A002 the contract's name
     prompt: Annotated[str, typer.Argument(help='What to do: "put the ball at the centre of the bed".')],
     out: Annotated[Path | None, typer.Option(help="Folder for the results; default: data/runs/place.")] = None,
-    language: Language = "offline",
+    language: Language = "",
+    model: Model = "",
+    record: Record = "",
+    replay: Replay = "",
+    max_cost: MaxCost = None,
     label: Annotated[str, typer.Option(help="What the scene mesh, or its unnamed nodes, shows: table.")] = "",
     up: Annotated[str, typer.Option(help="Up axis of the scene file: z, y, -y, -z or auto.")] = "auto",
     unit: Annotated[str, typer.Option(help="Length unit of the scene file: m, cm, mm, in or auto.")] = "auto",
@@ -104,12 +116,14 @@ def place(
     check_out(folder)
 
     from flows.configure import configured  # after the checks: the stages bring heavy libraries
+    from flows.language_options import LanguageOptions
     from flows.output import result_line, write_placement
     from flows.place_one import place_one
     from tasks.arch import chosen_arch
 
+    asking = LanguageOptions(language, model, record, replay, max_cost)
     config = configured(
-        language=language,
+        language=asking.config(),
         resolution=resolution,
         threads=threads,
         solver=solver or "tl",
@@ -117,7 +131,7 @@ def place(
         stability=stability,
         load_aware=load_aware,
     )
-    tree = write_placement(place_one(sample, config, quiet=as_json), folder)
+    tree = write_placement(place_one(sample, config, asking.session(folder), quiet=as_json), folder)
     print(json.dumps(tree, indent=2, ensure_ascii=False) if as_json else f"{result_line(tree)}\nresults: {folder}")
     return 0 if tree["verdict"] == "at_rest" else INFEASIBLE
 
@@ -165,7 +179,14 @@ def benchmark(
     limit: Limit = None,
     workers: Workers = 2,
     only_failed: Annotated[bool, typer.Option("--only-failed", help="Only what failed in the last run.")] = False,
-    language: Language = "offline",
+    language: Language = "",
+    model: Model = "",
+    record: Record = "",
+    replay: Replay = "",
+    max_cost: MaxCost = None,
+    batch: Annotated[
+        bool, typer.Option("--batch", help="Ask in batches: half the price, answers within minutes to a day.")
+    ] = False,
     as_json: Json = False,
 ) -> int:
     """Place every sample of a dataset and report."""
@@ -174,11 +195,13 @@ def benchmark(
 
     from flows.benchmark import run_benchmark
     from flows.configure import configured
+    from flows.language_options import LanguageOptions
 
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     threads = max(1, cores // workers)  # drops side by side must not fight for the cores
-    config = configured(language=language, threads=threads)
-    run = run_benchmark(dataset, config, limit=limit, workers=workers, only_failed=only_failed)
+    asking = LanguageOptions(language, model, record, replay, max_cost, batch)
+    config = configured(language=asking.config(), threads=threads)
+    run = run_benchmark(dataset, config, asking, limit=limit, workers=workers, only_failed=only_failed)
     if as_json:
         print(json.dumps(run.summary, indent=2, ensure_ascii=False))
     return SOME_FAILED if run.failed else 0
@@ -188,14 +211,18 @@ def benchmark(
 def plan(
     dataset: Dataset = None,
     limit: Limit = None,
-    language: Language = "offline",
+    language: Language = "",
+    model: Model = "",
+    replay: Replay = "",
     as_json: Json = False,
 ) -> int:
     """Show what a benchmark would run and why, without running anything."""
     from flows.benchmark import plan_benchmark
     from flows.configure import configured
+    from flows.language_options import LanguageOptions
 
-    rows = plan_benchmark(dataset, configured(language=language), limit=limit)
+    asking = LanguageOptions(language, model, replay=replay)
+    rows = plan_benchmark(dataset, configured(language=asking.config()), limit=limit)
     if as_json:
         print(json.dumps(rows, indent=2, ensure_ascii=False))
     return 0

@@ -3,14 +3,16 @@
 from pydantic import BaseModel, ValidationError
 
 from flows.place import PlaceConfig
+from language.seam import LanguageConfig
 from scene.errors import InputError
 
-LANGUAGES = ("offline", "anthropic")
+ASKING = ("segment", "intent", "rotation", "anchor", "materials")
+"""Stages that ask questions."""
 
 
 def configured(
     *,
-    language: str = "offline",
+    language: LanguageConfig | None = None,
     resolution: float | None = None,
     threads: int = 0,
     solver: str = "tl",
@@ -21,10 +23,9 @@ def configured(
     """The default configuration with the user's choices in it; `arch` is cpu or cuda: a key of the cache must not
     depend on what this machine has."""
     config = PlaceConfig()
-    if language not in LANGUAGES:
-        raise InputError(f"--language {language!r} is not one of {', '.join(LANGUAGES)}")
-    for stage in ("segment", "intent", "rotation", "anchor", "materials"):
-        config = with_setting(config, stage, {"client": language}, f"--language {language}")
+    for stage in ASKING:
+        part = getattr(config, stage).model_copy(update={"language": language or LanguageConfig()})
+        config = config.model_copy(update={stage: part})
     config = with_setting(config, "materials", {"load_aware": load_aware}, "--load-aware")
     if resolution is not None:
         config = with_setting(config, "particles", {"cell": resolution}, f"--resolution {resolution}")

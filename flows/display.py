@@ -16,6 +16,7 @@ from rich.text import Text
 
 from evaluation.outcome_table import Row
 from flows.sample_run import STAGES, OnEvent, Plan
+from language.ledger import in_words
 from scene.sample import Sample
 from tasks.stage import Event, StageEvent
 
@@ -99,6 +100,10 @@ class Display:
 
         return on_event
 
+    def say(self, text: str) -> None:
+        """A line that is not about one sample."""
+        self.console.print(text)
+
     def finished(self, sample: Sample) -> None:
         """A sample is done."""
         self.count(sample)
@@ -149,6 +154,8 @@ def print_table(rows: Sequence[Row], summary: Mapping[str, object], folder: Path
         table.add_row(row.sample, row.error[:60] or verdict, on, row.expected, mark, f"{row.seconds:.1f}", style=style)
     console.print(table)
     console.print(summary_line(summary))
+    if isinstance(spent := summary.get("language"), Mapping):
+        console.print(in_words(spent))
     console.print(f"report: {folder / 'report.html'}")
 
 

@@ -1,6 +1,7 @@
 """One placement for a person: says what is cached, starts a server only if something must run, shows the stages."""
 
 import sys
+from pathlib import Path
 
 from rich.console import Console
 from rich.text import Text
@@ -8,12 +9,16 @@ from rich.text import Text
 from flows.place import PlaceConfig
 from flows.sample_run import STAGES, FinishedSample, plan_sample, run_sample
 from flows.server import prefect_server
+from language.ledger import in_words, totals
+from language.session import Session
 from scene.sample import Sample
-from tasks.stage import Event, StageEvent
+from tasks.stage import Conduct, Event, StageEvent
 
 
-def place_one(sample: Sample, config: PlaceConfig, *, quiet: bool) -> FinishedSample:
+def place_one(sample: Sample, config: PlaceConfig, session: Session, *, quiet: bool) -> FinishedSample:
     """Place one sample; stage lines go to standard error unless `quiet`."""
+    if session.ledger:  # of an earlier placement into the same folder
+        Path(session.ledger).unlink(missing_ok=True)
     console = Console(file=sys.stderr, quiet=quiet, highlight=False)
     plan = plan_sample(sample, config)
     if plan.failed is not None:
@@ -31,7 +36,10 @@ def place_one(sample: Sample, config: PlaceConfig, *, quiet: bool) -> FinishedSa
             else:
                 console.print(stage_line(event))
 
-        return run_sample(sample, config, listener=show)
+        finished = run_sample(sample, config, conduct=Conduct(session=session), listener=show)
+    if session.ledger and Path(session.ledger).is_file():
+        console.print(in_words(totals(Path(session.ledger))))
+    return finished
 
 
 def stage_line(event: StageEvent) -> str:

@@ -2,7 +2,7 @@
 
 import traceback
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from typing import TYPE_CHECKING
 
@@ -135,14 +135,16 @@ def run_sample(
     sample: Sample,
     config: PlaceConfig,
     *,
-    refresh: frozenset[str] = frozenset(),
+    conduct: Conduct | None = None,
     listener: OnEvent | None = None,
 ) -> FinishedSample:
-    """Run the stages of a sample as one Prefect flow; needs a server."""
+    """Run the stages of a sample as one Prefect flow; needs a server. `conduct` says how, but for its events."""
     diary = Diary(listener)
+    conduct = conduct or Conduct()
     flow = place_flow().with_options(flow_run_name=sample.id.replace("{", "(").replace("}", ")"))
     try:
-        with conducting(Conduct(refresh=refresh, on_event=diary)):
+        session = replace(conduct.session, sample=sample.id)
+        with conducting(replace(conduct, on_event=diary, session=session)):
             placement, overview = flow(sample, config)
     except DcapError as error:
         raise type(error)(in_users_words(str(error), sample)) from error
@@ -153,12 +155,12 @@ def try_sample(
     sample: Sample,
     config: PlaceConfig,
     *,
-    refresh: frozenset[str] = frozenset(),
+    conduct: Conduct | None = None,
     listener: OnEvent | None = None,
 ) -> FinishedSample | FailedSample:
     """As `run_sample`, but a failure of this sample is a value: the others go on."""
     try:
-        return run_sample(sample, config, refresh=refresh, listener=listener)
+        return run_sample(sample, config, conduct=conduct, listener=listener)
     except Exception as error:  # the border between samples: reported in full, never hidden
         return FailedSample(sample, error)
 

@@ -4,11 +4,15 @@ It answers only from the request and the lexicon's files, the same way every tim
 understand.
 """
 
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
 from language.lexicon import thing_of
 from language.material_choice import chosen_material
 from language.part_choice import chosen_part, moved_into_which, one_of_a_whole
 from language.pose_choice import chosen_pose
 from language.priors import prior_of
+from language.questions import ANCHOR, INTENT, LABEL, MATERIALS, PARTS, ROTATION, Question, ReplyT, RequestT
 from language.replies import (
     AnchorReply,
     IntentReply,
@@ -34,78 +38,94 @@ from language.target import facing_of, target_of
 class OfflineClient:
     """Reads with the grammar, chooses with rules."""
 
-    def intent(self, request: IntentRequest) -> IntentReply:
-        """Which base, how big, how heavy, which orientation and region."""
-        reading = read(request.prompt)
-        target = target_of(reading, request)
-        prior = prior_of(reading.theme, request.item.label, request.item.size)
-        facing, unclear = facing_of(reading, target, request)
-        words = " ".join(w for w in (reading.pose_words, reading.facing.text if reading.facing else "") if w)
-        reply = IntentReply.model_validate(
-            {
-                "base_id": target.base.id if target.base else "",
-                "missing": target.missing,
-                "object_name": prior.name,
-                "size": prior.size,
-                "spread": prior.spread,
-                "mass": prior.mass,
-                "hollow": prior.hollow,
-                "pose": reading.pose,
-                "facing": facing,
-                "orientation_words": words,
-                "part": target.part,
-                "which": target.which,
-                "regions": tuple(target.regions),
-                "references": tuple(target.references),
-                "region_words": ", ".join(target.words),
-                "not_understood": tuple(dict.fromkeys((*reading.not_understood, *target.not_understood, *unclear))),
-                "notes": (*prior.notes, *target.notes),
-            }
-        )
-        reply.check(request)
+    def ask(self, question: Question[RequestT, ReplyT], request: RequestT) -> ReplyT:
+        """The answer to one question."""
+        answer: Callable[[RequestT], ReplyT] = ANSWERS[question.name]
+        reply = answer(request)
+        question.check(reply, request)
         return reply
 
-    def rotation(self, request: RotationRequest) -> RotationReply:
-        """The listed pose that fits the words, else how such a thing usually rests."""
-        thing = thing_of(request.object_name)
-        pose, reason = chosen_pose(request, thing)
-        facings = {facing.id for facing in request.facings}
-        facing = request.facing if request.facing in facings else "aligned"
-        reply = RotationReply(pose_id=pose.id, facing_id=facing, reason=reason)
-        reply.check(request)
-        return reply
+    def ask_all(self, question: Question[RequestT, ReplyT], requests: Sequence[RequestT]) -> list[ReplyT]:
+        """One after the other."""
+        return [self.ask(question, request) for request in requests]
 
-    def anchor(self, request: AnchorRequest) -> AnchorReply:
-        """The asked part, else the one that usually carries things; the region is the asked one."""
-        part, reason = chosen_part(request)
-        regions = request.asked_regions
-        if moved_into_which(request, part):
-            regions = tuple(r for r in regions if r not in ("left", "right", "middle", "center"))
-            reason += f"; the {request.asked_regions[0]} one of several"
-        if one_of_a_whole(request, part):
-            regions = (request.asked_which, *regions)
-        reply = AnchorReply.model_validate(
-            {"part_index": part.index, "regions": regions, "references": request.asked_references, "reason": reason}
-        )
-        reply.check(request)
-        return reply
 
-    def materials(self, request: MaterialsRequest) -> MaterialsReply:
-        """By the thing's own list, by part name, by category, by words; else a stated fallback."""
-        known = {material.id for material in request.library}
-        reply = MaterialsReply(choices=tuple(chosen_material(question, known) for question in request.questions))
-        reply.check(request)
-        return reply
+def intent(request: IntentRequest) -> IntentReply:
+    """Which base, how big, how heavy, which orientation and region."""
+    reading = read(request.prompt)
+    target = target_of(reading, request)
+    prior = prior_of(reading.theme, request.item.label, request.item.size)
+    facing, unclear = facing_of(reading, target, request)
+    words = " ".join(w for w in (reading.pose_words, reading.facing.text if reading.facing else "") if w)
+    return IntentReply.model_validate(
+        {
+            "base_id": target.base.id if target.base else "",
+            "missing": target.missing,
+            "object_name": prior.name,
+            "size": prior.size,
+            "spread": prior.spread,
+            "mass": prior.mass,
+            "hollow": prior.hollow,
+            "pose": reading.pose,
+            "facing": facing,
+            "orientation_words": words,
+            "part": target.part,
+            "which": target.which,
+            "regions": tuple(target.regions),
+            "references": tuple(target.references),
+            "region_words": ", ".join(target.words),
+            "not_understood": tuple(dict.fromkeys((*reading.not_understood, *target.not_understood, *unclear))),
+            "notes": (*prior.notes, *target.notes),
+        }
+    )
 
-    def label(self, request: LabelRequest) -> LabelReply:
-        """The label whose usual shape, size and height fit best."""
-        reply = label_of(request)
-        reply.check(request)
-        return reply
 
-    def parts(self, request: PartsRequest) -> PartsReply:
-        """The proposed names: they come from rules already."""
-        names = (PartName(index=p.part.index, name=p.part.name, confidence=p.confidence) for p in request.parts)
-        reply = PartsReply(names=tuple(names), reason="as geometry proposes")
-        reply.check(request)
-        return reply
+def rotation(request: RotationRequest) -> RotationReply:
+    """The listed pose that fits the words, else how such a thing usually rests."""
+    thing = thing_of(request.object_name)
+    pose, reason = chosen_pose(request, thing)
+    facings = {facing.id for facing in request.facings}
+    facing = request.facing if request.facing in facings else "aligned"
+    return RotationReply(pose_id=pose.id, facing_id=facing, reason=reason)
+
+
+def anchor(request: AnchorRequest) -> AnchorReply:
+    """The asked part, else the one that usually carries things; the region is the asked one."""
+    part, reason = chosen_part(request)
+    regions = request.asked_regions
+    if moved_into_which(request, part):
+        regions = tuple(r for r in regions if r not in ("left", "right", "middle", "center"))
+        reason += f"; the {request.asked_regions[0]} one of several"
+    if one_of_a_whole(request, part):
+        regions = (request.asked_which, *regions)
+    return AnchorReply.model_validate(
+        {"part_index": part.index, "regions": regions, "references": request.asked_references, "reason": reason}
+    )
+
+
+def materials(request: MaterialsRequest) -> MaterialsReply:
+    """By the thing's own list, by part name, by category, by words; else a stated fallback."""
+    known = {material.id for material in request.library}
+    return MaterialsReply(choices=tuple(chosen_material(question, known) for question in request.questions))
+
+
+def label(request: LabelRequest) -> LabelReply:
+    """The label whose usual shape, size and height fit best."""
+    return label_of(request)
+
+
+def parts(request: PartsRequest) -> PartsReply:
+    """The proposed names: they come from rules already."""
+    names = (PartName(index=p.part.index, name=p.part.name, confidence=p.confidence) for p in request.parts)
+    return PartsReply(names=tuple(names), reason="as geometry proposes")
+
+
+ANSWERS: Mapping[str, Callable[[Any], Any]] = {
+    INTENT.name: intent,
+    ROTATION.name: rotation,
+    ANCHOR.name: anchor,
+    MATERIALS.name: materials,
+    LABEL.name: label,
+    PARTS.name: parts,
+}
+"""Who answers which question."""

@@ -1,21 +1,17 @@
-"""The seam between stages and language: six questions, and who answers them.
+"""The seam between stages and language: one protocol, and who stands behind it.
 
-Stages call `client(name, model)` and never learn which client they got. `offline` needs nothing, `anthropic` asks a
-model.
+Stages call `client(config.language)` and never learn which client they got. `offline` needs nothing, `anthropic` asks
+a model, `replay` gives recorded answers again. What does not decide a result (where replies are kept, what may be
+spent) is no part of a stage's configuration: see language/session.py.
 """
 
+from collections.abc import Sequence
 from enum import StrEnum
 from typing import Protocol
 
-from language.replies import AnchorReply, IntentReply, LabelReply, MaterialsReply, PartsReply, RotationReply
-from language.requests import (
-    AnchorRequest,
-    IntentRequest,
-    LabelRequest,
-    MaterialsRequest,
-    PartsRequest,
-    RotationRequest,
-)
+from pydantic import BaseModel
+
+from language.questions import Question, ReplyT, RequestT
 
 
 class ClientName(StrEnum):
@@ -23,40 +19,39 @@ class ClientName(StrEnum):
 
     OFFLINE = "offline"
     ANTHROPIC = "anthropic"
+    REPLAY = "replay"
 
 
 DEFAULT_MODEL = "claude-sonnet-5-5"
-"""Model that `anthropic` asks unless told otherwise."""
+"""Model that is asked unless told otherwise."""
+
+
+class LanguageConfig(BaseModel, frozen=True, extra="forbid"):
+    """Who answers a stage's questions: the same in all stages of a run."""
+
+    client: ClientName = ClientName.OFFLINE
+    model: str = ""
+    """Model that is asked, or was when the replies were recorded; empty where none is."""
+    recording: str = ""
+    """Which recording is written or replayed, empty for none: a result that left nothing in it must not be taken."""
 
 
 class Client(Protocol):
-    """Answers each question with a reply that passed its own `check`."""
+    """Answers questions with replies that passed their own check; LanguageError if it cannot."""
 
-    def intent(self, request: IntentRequest) -> IntentReply:
-        """Which base, how big, how heavy, which orientation and region."""
+    def ask(self, question: Question[RequestT, ReplyT], request: RequestT) -> ReplyT:
+        """The answer to one question."""
 
-    def rotation(self, request: RotationRequest) -> RotationReply:
-        """Which rotation."""
-
-    def anchor(self, request: AnchorRequest) -> AnchorReply:
-        """Which part and region."""
-
-    def materials(self, request: MaterialsRequest) -> MaterialsReply:
-        """Which material for each part."""
-
-    def label(self, request: LabelRequest) -> LabelReply:
-        """What a thing is."""
-
-    def parts(self, request: PartsRequest) -> PartsReply:
-        """What the parts of a thing are called."""
+    def ask_all(self, question: Question[RequestT, ReplyT], requests: Sequence[RequestT]) -> list[ReplyT]:
+        """Answers to questions that do not depend on each other, in their order."""
 
 
-def client(name: ClientName, model: str = DEFAULT_MODEL) -> Client:
-    """The client of that name."""
-    if name is ClientName.ANTHROPIC:
-        from language.anthropic_client import AnthropicClient
+def client(config: LanguageConfig) -> Client:
+    """The client that a configuration names."""
+    if config.client is ClientName.OFFLINE:
+        from language.offline import OfflineClient
 
-        return AnthropicClient(model)
-    from language.offline import OfflineClient
+        return OfflineClient()
+    from language.model_client import model_client
 
-    return OfflineClient()
+    return model_client(config.model or DEFAULT_MODEL, replay=config.client is ClientName.REPLAY)

@@ -1,11 +1,11 @@
 """Names things by shape, size and height: each label of `lexicon/shapes.csv` says what is usual for it.
 
-In: a `LabelRequest`. Out: the label that fits best, and how sure that is. A row gives, for some measures, four numbers:
-limits and, between them, the usual range. They are household dimensions as commonly known (`estimate`), not measured
-from data. One rule scores all labels: a measure is as likely as a density that is even over the usual range and falls
-off as a normal distribution beyond it, its limits two standard deviations away; what a row leaves open, and the label
-`thing`, are even over everything. Measures of one thing depend on each other, so their evidence is counted in part.
-The confidence is the probability of the best label among all of them; below DOUBT a thing stays a thing.
+In: a `LabelRequest`. Out: the label that fits best, and how sure that is. A row gives, for some measures, four
+numbers: limits and, between them, the usual range. They are household dimensions as commonly known (`estimate`), not
+measured from data. One rule scores all labels: a measure is as likely as a density that is even over the usual range
+and falls off as a normal distribution beyond it, its limits two standard deviations away; what a row leaves open, and
+the label `thing`, are even over everything. Measures of one thing depend on each other, so their evidence is counted
+in part. The confidence is the probability of the best label among all of them; below DOUBT a thing stays a thing.
 """
 
 import math

@@ -26,6 +26,10 @@ class LanguageError(DcapError):
     """A prompt was not understood, or a model's reply was invalid to the end."""
 
 
+class BudgetError(LanguageError):
+    """What may be spent on a model is spent."""
+
+
 class StoreError(DcapError):
     """An artifact is missing or does not match its digest."""
 

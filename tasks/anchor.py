@@ -17,9 +17,10 @@ from geometry.landing import SHARES, Landing, Refusal, Spot, vertical_gap
 from geometry.poses import center_of_mass
 from geometry.raycast import Raycaster
 from geometry.regions import Frame, Region, regions
+from language.questions import ANCHOR
 from language.replies import AnchorReply
 from language.requests import AnchorRequest
-from language.seam import DEFAULT_MODEL, ClientName, client
+from language.seam import LanguageConfig, client
 from scene.anchor import Anchor
 from scene.intent import Intent
 from scene.mesh import Mesh
@@ -40,9 +41,7 @@ LIFT = 0.05
 class AnchorConfig(BaseModel, frozen=True, extra="forbid"):
     """Who is asked, and where the drop starts."""
 
-    client: ClientName = ClientName.OFFLINE
-    model: str = DEFAULT_MODEL
-    """Only for clients that ask a model."""
+    language: LanguageConfig = LanguageConfig()
     clearance: PositiveFloat = 0.01
     """Smallest vertical gap at the start [m]; the paper's 1 cm."""
 
@@ -67,7 +66,7 @@ def anchor(
     center = center_of_mass(mesh)
     pose[:3, 3] = -center
     mesh = item.mesh.transformed(pose)
-    reply = client(config.client, config.model).anchor(request_of(scene, base, intent, mesh))
+    reply = client(config.language).ask(ANCHOR, request_of(scene, base, intent, mesh))
     caster = Raycaster(scene.mesh)
     choice = choice_of(scene, base, intent, reply, reply.part_index, mesh)
     choice, covered = topmost(scene, base, intent, reply, choice, mesh, caster)

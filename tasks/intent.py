@@ -10,9 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, PositiveFloat
 
+from language.questions import INTENT
 from language.replies import IntentReply
 from language.requests import IntentRequest
-from language.seam import DEFAULT_MODEL, ClientName, client
+from language.seam import LanguageConfig, client
 from scene.errors import InputError
 from scene.intent import Intent, OrientationRequest, RegionRequest
 from scene.outcome import Infeasible, Reason
@@ -27,9 +28,7 @@ LONGEST_PROMPT = 1000
 class IntentConfig(BaseModel, frozen=True, extra="forbid"):
     """Who is asked, and how far a mesh may be rescaled."""
 
-    client: ClientName = ClientName.OFFLINE
-    model: str = DEFAULT_MODEL
-    """Only for clients that ask a model."""
+    language: LanguageConfig = LanguageConfig()
     smallest_scale: PositiveFloat = 1e-3
     """Lower clamp of the isotropic factor [-]: millimetres read as metres."""
     largest_scale: PositiveFloat = 1e3
@@ -47,7 +46,7 @@ def intent(
     if mass is not None and not (np.isfinite(mass) and mass > 0):
         raise InputError(f"--mass {mass} is not a positive number of kilograms")
     request = IntentRequest(prompt, object_view(item), instance_views(scene), vector(room_center(scene)))
-    reply = client(config.client, config.model).intent(request)
+    reply = client(config.language).ask(INTENT, request)
     if not reply.base_id:
         return not_found(reply, request)
     scale, scale_note = scale_of(np.array(reply.size), np.array(request.item.size), reply.spread, config)

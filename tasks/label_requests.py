@@ -10,15 +10,15 @@ from language.requests import LabelRequest, PictureMaker
 from language.shapes import labels
 
 
-def label_order(traits: Sequence[Traits]) -> list[int]:
-    """Numbers of the things such that what carries comes before what it carries, wherever that is possible."""
-    waiting, order = dict.fromkeys(range(len(traits))), list[int]()
+def label_levels(traits: Sequence[Traits]) -> list[list[int]]:
+    """Numbers of the things, level by level: where possible, what carries is in a level before what it carries."""
+    waiting, levels = dict.fromkeys(range(len(traits))), list[list[int]]()
     while waiting:
         free = [i for i in waiting if traits[i].holder not in waiting]
-        for i in free or [next(iter(waiting))]:  # two that lean on each other: the larger one first
-            order.append(i)
+        levels.append(free or [next(iter(waiting))])  # two that lean on each other: the larger one first
+        for i in levels[-1]:
             del waiting[i]
-    return order
+    return levels
 
 
 def label_request(

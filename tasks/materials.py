@@ -11,9 +11,10 @@ import numpy as np
 from pydantic import BaseModel, NonNegativeFloat, PositiveFloat
 
 from language.materials import load_materials
+from language.questions import MATERIALS
 from language.replies import MaterialChoice
 from language.requests import MaterialQuestion, MaterialsRequest
-from language.seam import DEFAULT_MODEL, ClientName, client
+from language.seam import LanguageConfig, client
 from scene.anchor import Anchor
 from scene.intent import Intent
 from scene.materials import Material, Model, PartMaterial, PartMaterials
@@ -29,9 +30,7 @@ OBJECT = "object"
 class MaterialsConfig(BaseModel, frozen=True, extra="forbid"):
     """Who is asked, and where soft ends."""
 
-    client: ClientName = ClientName.OFFLINE
-    model: str = DEFAULT_MODEL
-    """Only for clients that ask a model."""
+    language: LanguageConfig = LanguageConfig()
     rigid_above: PositiveFloat = 1.0e9
     """Young's modulus above which a part is rigid [Pa]; the paper's 1 GPa."""
     paper_limits: bool = False
@@ -52,7 +51,7 @@ def materials(
     library = load_materials()
     questions = [*object_questions(item, intent), *base_and_neighbours(scene, item, anchor, config)]
     request = MaterialsRequest(intent.object_name, tuple(questions), tuple(library.values()))
-    reply = client(config.client, config.model).materials(request)
+    reply = client(config.language).ask(MATERIALS, request)
     given = {(choice.body, choice.part_index): choice for choice in reply.choices}
     rows = [part_material(q, given[q.body, q.part.index], library, intent, config) for q in questions]
     notes: tuple[str, ...] = ()

@@ -10,6 +10,7 @@ from functools import partial
 
 from geometry.segmentation.labels import SYNONYMS
 from language.lexicon import part_words
+from language.questions import PARTS
 from language.requests import PartsRequest, ProposedPart
 from language.seam import Client
 from scene.segmentation import Instance, Part, Segmentation
@@ -25,9 +26,9 @@ def with_part_names(scene: Segmentation, client: Callable[[], Client]) -> Segmen
     asked = [i for i, one in enumerate(scene.instances) if is_asked(one)]
     if not asked:
         return scene
-    namer, sums, instances = client(), sums_of(scene), list(scene.instances)
-    for i in asked:
-        reply = namer.parts(parts_request(scene, i, sums))
+    sums, instances = sums_of(scene), list(scene.instances)
+    replies = client().ask_all(PARTS, [parts_request(scene, i, sums) for i in asked])
+    for i, reply in zip(asked, replies, strict=True):
         chosen = {one.index: one for one in reply.names}
         parts = (Part(chosen[k].name, p.box, chosen[k].confidence) for k, p in enumerate(instances[i].parts))
         instances[i] = replace(instances[i], parts=tuple(parts))

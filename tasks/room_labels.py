@@ -1,7 +1,7 @@
 """A room without annotations: its shell, and the things in it with the labels that a client gave them.
 
 In: the faces that nobody named. Out: groups of faces with labels and how sure those are. Each thing is one question;
-what carries others is asked first, so that what lies on a bed knows it.
+what carries others is asked first, so that what lies on a bed knows it; things of one level are asked together.
 """
 
 from functools import partial
@@ -15,11 +15,13 @@ from geometry.segmentation.faces import FaceTable
 from geometry.segmentation.named import THING, shell_groups
 from geometry.segmentation.traits import Traits, describe_things, thing_pieces
 from geometry.segmentation.unlabelled import Things, find_things
+from language.questions import LABEL
 from language.replies import OTHER, LabelReply
+from language.requests import LabelRequest
 from language.seam import Client
 from scene.mesh import Mesh
 from tasks.label_pictures import close_up, in_the_room
-from tasks.label_requests import label_order, label_request
+from tasks.label_requests import label_levels, label_request
 
 
 def labelled_room(mesh: Mesh, table: FaceTable, inside: NDArray[np.bool_], client: Client) -> list[Group]:
@@ -45,10 +47,14 @@ def labelled_room(mesh: Mesh, table: FaceTable, inside: NDArray[np.bool_], clien
 def asked(mesh: Mesh, things: Things, traits: tuple[Traits, ...], client: Client) -> list[LabelReply]:
     """The client's answer for each thing."""
     known: dict[int, LabelReply] = {}
-    for i in label_order(traits):
+
+    def request(i: int) -> LabelRequest:
         pictures = (
             partial(in_the_room, mesh, things, traits[i].box, things.things[i]),
             partial(close_up, mesh, things, traits[i].box, things.things[i]),
         )
-        known[i] = client.label(label_request(i, traits, known, pictures))
+        return label_request(i, traits, known, pictures)
+
+    for level in label_levels(traits):
+        known.update(zip(level, client.ask_all(LABEL, [request(i) for i in level]), strict=True))
     return [known[i] for i in range(len(traits))]

@@ -17,9 +17,10 @@ from scipy.spatial.transform import Rotation as Turn
 from geometry.picture import Camera, picture
 from geometry.poses import StablePose, about_z, front_of, stable_poses, symmetry_about_z
 from geometry.regions import smallest_rectangle
+from language.questions import ROTATION
 from language.replies import RotationReply
 from language.requests import FacingView, PoseView, RotationRequest, Vector
-from language.seam import DEFAULT_MODEL, ClientName, client
+from language.seam import LanguageConfig, client
 from scene.errors import GeometryError
 from scene.intent import Intent
 from scene.mesh import Mesh
@@ -43,9 +44,7 @@ AXIS_COLORS = {"x": (214, 40, 40), "y": (30, 140, 50), "z": (40, 70, 210)}
 class RotationConfig(BaseModel, frozen=True, extra="forbid"):
     """Who is asked, and how large the pictures are."""
 
-    client: ClientName = ClientName.OFFLINE
-    model: str = DEFAULT_MODEL
-    """Only for clients that ask a model."""
+    language: LanguageConfig = LanguageConfig()
     picture_size: PositiveInt = 512
     """Width and height [pixels]."""
 
@@ -71,7 +70,7 @@ def rotation(
         has_front=has_front,
         pictures=tuple(partial(np.copy, one) for one in pictures),
     )
-    reply = client(config.client, config.model).rotation(request)
+    reply = client(config.language).ask(ROTATION, request)
     matrix = matrix_of(reply, request, scene, base, mesh)
     if np.abs(matrix @ matrix.T - np.eye(3)).max() > 1e-9 or np.linalg.det(matrix) < 0:
         raise GeometryError(f"the chosen rotation is not orthonormal: {matrix.tolist()}")

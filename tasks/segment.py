@@ -19,7 +19,7 @@ from geometry.segmentation.front import facing_away_from_wall
 from geometry.segmentation.labels import readable
 from geometry.segmentation.named import named_groups
 from geometry.segmentation.parts import find_parts, make_instance, node_words, object_node_words
-from language.seam import DEFAULT_MODEL, ClientName, client
+from language.seam import LanguageConfig, client
 from scene.scan import Scan
 from scene.segmentation import Instance, Segmentation
 from tasks.part_names import with_part_names
@@ -30,9 +30,7 @@ from tasks.stage import stage
 class SegmentConfig(BaseModel, frozen=True, extra="forbid"):
     """How small a thing may be, and who is asked what things and parts are that the source does not name."""
 
-    client: ClientName = ClientName.OFFLINE
-    model: str = DEFAULT_MODEL
-    """Only for clients that ask a model."""
+    language: LanguageConfig = LanguageConfig()
     min_faces: PositiveInt = 2
     """Instances with fewer faces are left out [-]: a stray triangle is noise, two make a floor."""
 
@@ -54,14 +52,14 @@ def segment(scan: Scan, config: SegmentConfig) -> Segmentation:
         face_instance[group.faces] = index
         face_part[group.faces] = part
     found = Segmentation(scan.mesh, _with_fronts(instances), face_instance, face_part)
-    return with_part_names(found, partial(client, config.client, config.model))
+    return with_part_names(found, partial(client, config.language))
 
 
 def _groups_without_boxes(scan: Scan, table: FaceTable, config: SegmentConfig) -> list[Group]:
     """By names; a client is made, and so asked, only where there is a room to be taken apart."""
 
     def taken_apart(inside: NDArray[np.bool_]) -> list[Group]:
-        return labelled_room(scan.mesh, table, inside, client(config.client, config.model))
+        return labelled_room(scan.mesh, table, inside, client(config.language))
 
     return named_groups(table, scan, taken_apart)
 
@@ -78,7 +76,7 @@ def segment_object(scan: Scan, config: SegmentConfig) -> Segmentation:
     part, parts, box, front = find_parts(table, faces, label, None, words, as_object=True)
     instance = Instance("object", label, box, parts, front)
     found = Segmentation(scan.mesh, (instance,), np.zeros(len(faces), dtype=np.int32), part)
-    return with_part_names(found, partial(client, config.client, config.model))
+    return with_part_names(found, partial(client, config.language))
 
 
 segment_object_task = stage(segment_object)

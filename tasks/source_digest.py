@@ -17,6 +17,9 @@ from pathlib import Path
 PACKAGES = frozenset({"flows", "tasks", "solver", "scene", "geometry", "language", "evaluation"})
 MACHINERY = frozenset(
     {
+        "language.ledger",
+        "language.reply_folder",
+        "language.session",
         "scene.codec",
         "scene.settings",
         "scene.source_files",

@@ -11,16 +11,18 @@ Prefect is imported on the first run, not before: planning needs no server and m
 import inspect
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from contextvars import ContextVar
 from dataclasses import dataclass, field
 from enum import StrEnum
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
+from threading import Semaphore
 from typing import TYPE_CHECKING, Any, get_type_hints
 
 from pydantic import BaseModel
 
+from language.session import Session, current_session, speaking
 from scene.codec import from_tree, to_tree
 from scene.errors import StoreError
 from scene.outcome import Infeasible
@@ -71,6 +73,10 @@ class Conduct:
     refresh: frozenset[str] = frozenset()
     """Stages to compute again although they have a record."""
     on_event: Callable[[StageEvent], None] = lambda event: None
+    session: Session = field(default_factory=Session)
+    """How questions are asked."""
+    slots: Semaphore | None = None
+    """How many stages may compute at a time; a stage that waits for a reply gives its slot to another."""
     ran: bool = field(default=False, init=False)
     """Whether the stage called last computed something."""
 
@@ -175,7 +181,8 @@ class Stage:
         conduct.ran = True
         conduct.on_event(StageEvent(self.name, Event.STARTED))
         begin = time.perf_counter()
-        done = self._compute_anywhere(deciders["inputs"], config, progress_to(log, conduct, self.name))
+        with conduct.slots or nullcontext(), speaking(conduct.session, partial(given_back, conduct.slots)):
+            done = self._compute_anywhere(deciders["inputs"], config, progress_to(log, conduct, self.name))
         log.info(
             "%s: %s %s, %.2f s (%.2f s with loading and saving), %.1f KiB",
             self.name,
@@ -196,6 +203,7 @@ class Stage:
             "function": self.function.__name__,
             "inputs": inputs,
             "config": config,
+            "session": current_session().to_json(),
         }
         return run_in_process(job, on_progress)
 
@@ -229,6 +237,19 @@ def stage(
     """The task of a pure function; `process` gives each run a fresh process of its own, or those that it says of by
     their inputs."""
     return Stage(function, process=process, name=name or function.__name__)
+
+
+@contextmanager
+def given_back(slots: Semaphore | None) -> Iterator[None]:
+    """Without the slot that this thread holds; waits for one at the end."""
+    if slots is None:
+        yield
+        return
+    slots.release()
+    try:
+        yield
+    finally:
+        slots.acquire()
 
 
 def deciding(tree: Any) -> Any:

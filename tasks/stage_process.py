@@ -19,6 +19,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from typing import IO, Any
 
+from language.session import Session, speaking
 from scene import errors
 from scene.settings import PROJECT_ROOT
 from tasks.source_digest import PACKAGES
@@ -120,7 +121,8 @@ def main() -> None:
 
     try:
         function = getattr(importlib.import_module(job["module"]), job["function"])
-        done = stage(function).compute(job["inputs"], job["config"])
+        with speaking(Session(**job["session"])):
+            done = stage(function).compute(job["inputs"], job["config"])
     except errors.DcapError as error:
         say(report, error={"type": type(error).__name__, "message": str(error)})
         return

@@ -1,6 +1,25 @@
-"""Settings of all tests: random examples are the same in every run, so that a green gate stays green."""
+"""Settings of all tests: random examples are the same in every run; the model's stand-in."""
 
+import os
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from fake_api import KEY, FakeApi
 from hypothesis import settings
 
 settings.register_profile("fixed", derandomize=True, deadline=None)
 settings.load_profile("fixed")
+
+
+@pytest.fixture
+def api(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[FakeApi]:
+    """A stand-in for the model; the environment points to it, and no reply of another test is kept."""
+    server = FakeApi()
+    monkeypatch.setenv("ANTHROPIC_API_KEY", KEY)
+    monkeypatch.setenv("ANTHROPIC_BASE_URL", server.url)
+    monkeypatch.setenv("NO_PROXY", "127.0.0.1")
+    if "DCAP_DATA" not in os.environ:
+        monkeypatch.setenv("DCAP_DATA", str(tmp_path / "data"))
+    yield server
+    server.close()

@@ -11,6 +11,7 @@ import pytest
 
 from flows.benchmark import failed_before, new_run_folder, rerun_sample, write_failure
 from flows.cli import run_command
+from flows.language_options import LanguageOptions
 from flows.place import PlaceConfig
 from flows.sample_run import FailedSample
 from scene.errors import InputError, LanguageError
@@ -20,6 +21,7 @@ from scene.store import Store
 PIPELINE = """
 import numpy as np
 from pydantic import BaseModel
+from flows.language_options import LanguageOptions
 from flows.place import Placement
 from scene.anchor import Anchor
 from scene.box import OrientedBox
@@ -180,7 +182,7 @@ def test_what_the_last_run_did_not_ask_for_did_not_fail(tmp_path: Path, monkeypa
     """After a run of two samples of three, one good and one failed, only the failed one is run again."""
     monkeypatch.setenv("DCAP_DATA", str(tmp_path))
     good, bad, later = (Sample(name, "room", "ball", "put it") for name in ("good", "bad", "later"))
-    run = new_run_folder(tmp_path / "set.yaml", [good, bad], PlaceConfig())
+    run = new_run_folder(tmp_path / "set.yaml", [good, bad], PlaceConfig(), LanguageOptions())
     write_failure(run, FailedSample(bad, InputError("no such file")))
     (run / "samples" / "good").mkdir()
     (run / "samples" / "good" / "placement.json").write_text("{}")
@@ -213,7 +215,7 @@ def test_a_rerun_that_breaks_is_not_bad_input(
     """The sample's failure is kept in the run and reaches the caller as what it is, so that its exit code stands."""
     monkeypatch.setenv("DCAP_DATA", str(tmp_path))
     sample = Sample("odd", "room", "ball", "put it")
-    run = new_run_folder(tmp_path / "set.yaml", [sample], PlaceConfig())
+    run = new_run_folder(tmp_path / "set.yaml", [sample], PlaceConfig(), LanguageOptions())
     monkeypatch.setattr("flows.benchmark.prefect_server", lambda: nullcontext("http://nowhere/api"))
     monkeypatch.setattr("flows.benchmark.try_sample", lambda sample, config, **_: FailedSample(sample, error))
     with pytest.raises(type(error), match=str(error).rstrip("?")):

@@ -2,7 +2,7 @@
 
 import pytest
 
-from language.offline import OfflineClient
+from language.offline import intent
 from scene.errors import LanguageError
 
 # prompt | base | part | which | regions | references | pose | facing
@@ -80,7 +80,7 @@ put the ball on the mattress of the right bed | bed_1 | mattress | | | | any |
 def test_sentence_is_read_as_a_person_reads_it(line, ask):
     """Base, part, region, reference, pose and facing are those a person would name."""
     prompt, base, part, which, regions, references, pose, facing = [cell.strip() for cell in line.split("|")]
-    reply = OfflineClient().intent(ask(prompt))
+    reply = intent(ask(prompt))
     found = (
         reply.base_id,
         reply.part,
@@ -113,7 +113,7 @@ def test_sentence_is_read_as_a_person_reads_it(line, ask):
 def test_what_is_no_placement_of_one_thing_is_refused(prompt, ask):
     """Nothing is guessed: an empty, foreign, negated or multiple request raises LanguageError in one line."""
     with pytest.raises(LanguageError) as error:
-        OfflineClient().intent(ask(prompt))
+        intent(ask(prompt))
     assert "\n" not in str(error.value)
 
 
@@ -129,7 +129,7 @@ def test_what_is_no_placement_of_one_thing_is_refused(prompt, ask):
 )
 def test_missing_things_are_named(prompt, missing, ask):
     """A target that is not there gives no base, says what is missing and what there is."""
-    reply = OfflineClient().intent(ask(prompt))
+    reply = intent(ask(prompt))
     assert reply.base_id == ""
     assert missing in reply.missing
 
@@ -145,7 +145,7 @@ def test_missing_things_are_named(prompt, missing, ask):
 )
 def test_leftover_words_are_reported(prompt, word, ask):
     """What the reader cannot use is listed, not dropped."""
-    reply = OfflineClient().intent(ask(prompt))
+    reply = intent(ask(prompt))
     assert reply.base_id == "desk_0"
     assert word in reply.not_understood
 
@@ -163,7 +163,7 @@ def test_leftover_words_are_reported(prompt, word, ask):
 )
 def test_the_more_specific_name_gives_the_prior(prompt, label, name, ask):
     """The prompt's noun counts unless the file's name is a kind of it."""
-    assert OfflineClient().intent(ask(prompt, label)).object_name == name
+    assert intent(ask(prompt, label)).object_name == name
 
 
 def test_every_known_phrase_survives_tokenising():

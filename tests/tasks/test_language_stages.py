@@ -10,7 +10,7 @@ from geometry.poses import about_z, center_of_mass
 from geometry.raycast import Raycaster
 from language.replies import RotationReply
 from language.requests import FacingView, RotationRequest
-from language.seam import ClientName
+from language.seam import ClientName, LanguageConfig
 from scene.anchor import Anchor
 from scene.box import OrientedBox
 from scene.errors import InputError, LanguageError
@@ -522,5 +522,6 @@ def test_unknown_things_get_a_stated_fallback():
 
 def test_configs_survive_json():
     """Every configuration round-trips."""
-    for config in (IntentConfig(), RotationConfig(), AnchorConfig(client=ClientName.ANTHROPIC), MaterialsConfig()):
+    model = LanguageConfig(client=ClientName.ANTHROPIC)
+    for config in (IntentConfig(), RotationConfig(), AnchorConfig(language=model), MaterialsConfig()):
         assert type(config).model_validate_json(config.model_dump_json()) == config

@@ -1,6 +1,7 @@
 """Geometry proposes part names, a client decides: names and confidences change, faces and boxes stay."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -8,9 +9,10 @@ import pytest
 from geometry.primitives import Box
 from geometry.procedural.shapes import joined, moved
 from language.offline import OfflineClient
+from language.questions import PARTS, Question
 from language.replies import PartName, PartsReply
 from language.requests import PartsRequest
-from language.seam import ClientName
+from language.seam import ClientName, LanguageConfig
 from scene.errors import LanguageError
 from scene.mesh import Mesh
 from scene.scan import Scan
@@ -53,7 +55,8 @@ class Namer(OfflineClient):
         self.name = name
         self.asked: list[PartsRequest] = []
 
-    def parts(self, request: PartsRequest) -> PartsReply:
+    def ask(self, question: Question[Any, Any], request: PartsRequest) -> Any:
+        assert question is PARTS
         self.asked.append(request)
         names = tuple(PartName(index=p.part.index, name=self.name, confidence=0.3) for p in request.parts)
         reply = PartsReply(names=names[::-1])
@@ -118,7 +121,7 @@ def test_a_model_that_cannot_be_asked_is_an_error(monkeypatch: pytest.MonkeyPatc
     for name in ("ANTHROPIC_API_KEY", "ANTHROPIC_AUTH_TOKEN", "ANTHROPIC_PROFILE"):
         monkeypatch.delenv(name, raising=False)
     monkeypatch.setenv("ANTHROPIC_BASE_URL", "http://127.0.0.1:9")
-    config = SegmentConfig(client=ClientName.ANTHROPIC)
+    config = SegmentConfig(language=LanguageConfig(client=ClientName.ANTHROPIC))
     assert parts_of(segment_object(table("book"), config)) == parts_of(segment_object(table("book"), SegmentConfig()))
     with pytest.raises(LanguageError):
         segment_object(dumbbell(), config)

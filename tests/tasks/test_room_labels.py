@@ -1,6 +1,7 @@
 """Rooms without annotations: what is found in them has names, sizes and parts, whoever is asked."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,9 +12,10 @@ from geometry.primitives import Box
 from geometry.procedural.rooms import build_room
 from geometry.procedural.shapes import joined, moved, turned
 from language.offline import OfflineClient
+from language.questions import LABEL, Question
 from language.replies import LabelReply
 from language.requests import LabelRequest
-from language.seam import ClientName
+from language.seam import ClientName, LanguageConfig
 from scene.box import OrientedBox
 from scene.errors import LanguageError
 from scene.mesh import Mesh
@@ -129,7 +131,7 @@ def test_a_model_is_asked_only_where_nothing_else_says(monkeypatch: pytest.Monke
     for name in ("ANTHROPIC_API_KEY", "ANTHROPIC_AUTH_TOKEN", "ANTHROPIC_PROFILE"):
         monkeypatch.delenv(name, raising=False)
     monkeypatch.setenv("ANTHROPIC_BASE_URL", "http://127.0.0.1:9")
-    config = SegmentConfig(client=ClientName.ANTHROPIC)
+    config = SegmentConfig(language=LanguageConfig(client=ClientName.ANTHROPIC))
     scan = bare(joined(small_room()))
     box = LabelBox("1", "mirror", OrientedBox(np.array([0.85, 2.3, 1.0]), np.eye(3), np.array([0.66, 0.31, 1.01])))
     assert "mirror" in labels_of(segment(replace(scan, boxes=(box,)), config))
@@ -142,7 +144,9 @@ def test_the_client_decides_and_sees_each_thing(monkeypatch: pytest.MonkeyPatch)
     asked: list[LabelRequest] = []
 
     class Painter(OfflineClient):
-        def label(self, request: LabelRequest) -> LabelReply:
+        def ask(self, question: Question[Any, Any], request: Any) -> Any:
+            if question is not LABEL:
+                return super().ask(question, request)
             asked.append(request)
             return LabelReply(label="piano" if request.size[2] > 1.0 else "other", confidence=0.7)
 

@@ -213,6 +213,7 @@ def job(function: str, data: Path) -> dict[str, object]:
         "function": function,
         "inputs": {"mesh": {"ref": ref.to_json()}},
         "config": None,
+        "session": {},
     }
 
 
@@ -247,7 +248,13 @@ def test_a_child_dies_with_its_parent(tmp_path: Path) -> None:
         """)
     )
     mark = tmp_path / "pid"
-    work = {"module": "fake_sleep", "function": "nap", "inputs": {"path": {"value": str(mark)}}, "config": None}
+    work = {
+        "module": "fake_sleep",
+        "function": "nap",
+        "inputs": {"path": {"value": str(mark)}},
+        "config": None,
+        "session": {},
+    }
     program = f"from tasks.stage_process import run_in_process; run_in_process({work!r}, print)"
     root = str(Path(__file__).parents[2])
     environment = os.environ | {"PYTHONPATH": f"{root}{os.pathsep}{tmp_path}", "DCAP_DATA": str(tmp_path)}

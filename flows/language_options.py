@@ -1,0 +1,102 @@
+"""What the command line says about language: who answers, what is recorded, what may be spent.
+
+In: the options. Out: the part that decides results (`LanguageConfig`) and the part that does not (`Session`).
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from language.ledger import check_budget
+from language.reply_folder import ReplyFolder
+from language.seam import DEFAULT_MODEL, ClientName, LanguageConfig
+from language.session import Session
+from scene.errors import InputError
+
+LEDGER = "usage.jsonl"
+"""Name of the ledger in a run's folder."""
+DESK = "batch-desk"
+"""Name of the batch desk's folder in a run's folder."""
+
+
+@dataclass(frozen=True, slots=True)
+class LanguageOptions:
+    """The options as they were given."""
+
+    language: str = ""
+    """offline, anthropic or replay; empty: replay where a recording is named, else offline."""
+    model: str = ""
+    record: str = ""
+    replay: str = ""
+    max_cost: float | None = None
+    batch: bool = False
+
+    @property
+    def client(self) -> ClientName:
+        """Who answers; InputError for options that contradict each other."""
+        name = self.language or (ClientName.REPLAY if self.replay else ClientName.OFFLINE)
+        if name not in list(ClientName):
+            raise InputError(f"--language {name!r} is not one of {', '.join(ClientName)}")
+        client = ClientName(name)
+        if client is ClientName.REPLAY and not self.replay:
+            raise InputError("--language replay needs --replay DIR, a folder that --record DIR has written")
+        if client is not ClientName.REPLAY and self.replay:
+            raise InputError(f"--replay {self.replay} is for --language replay, not {client}")
+        if client is not ClientName.ANTHROPIC:
+            given = {"--record": self.record, "--max-cost": self.max_cost, "--batch": self.batch}
+            asks = next((option for option, value in given.items() if value), None)
+            if asks:
+                raise InputError(f"{asks} is for --language anthropic: {client} asks no model")
+        if client is ClientName.OFFLINE and self.model:
+            raise InputError(f"--model {self.model} is for --language anthropic or replay: offline asks no model")
+        return client
+
+    def config(self) -> LanguageConfig:
+        """What decides the stages' results."""
+        client = self.client
+        if client is ClientName.OFFLINE:
+            return LanguageConfig()
+        if client is ClientName.REPLAY:
+            folder = ReplyFolder(Path(self.replay))
+            return LanguageConfig(client=client, model=recorded_model(folder, self.model), recording=folder.content())
+        model = self.model or DEFAULT_MODEL
+        check_budget(model, self.max_cost)
+        return LanguageConfig(client=client, model=model, recording=recording_of(self.record))
+
+    def session(self, folder: Path) -> Session:
+        """What does not; ledger and batch desk lie in the run's folder."""
+        if self.client is ClientName.OFFLINE:
+            return Session()
+        return Session(
+            record=whole(self.record),
+            replay=whole(self.replay),
+            ledger=str(folder.resolve() / LEDGER),
+            max_cost=self.max_cost,
+            batch=str(folder.resolve() / DESK) if self.batch else "",
+        )
+
+
+def recorded_model(folder: ReplyFolder, wanted: str) -> str:
+    """The model whose replies a recording holds; InputError if there is none or the choice is open."""
+    models = folder.models()
+    if not models:
+        raise InputError(f"--replay {folder.root}: no recorded replies there; record some with --record DIR")
+    if wanted and wanted not in models:
+        raise InputError(f"--replay {folder.root} has replies of {', '.join(models)}, none of --model {wanted}")
+    if not wanted and len(models) > 1:
+        raise InputError(f"--replay {folder.root} has replies of {', '.join(models)}; choose one with --model")
+    return wanted or models[0]
+
+
+def recording_of(folder: str) -> str:
+    """Name of the recording in a folder, empty for none; InputError if it cannot be written."""
+    if not folder:
+        return ""
+    try:
+        return ReplyFolder(Path(folder)).mark()
+    except OSError as error:
+        raise InputError(f"--record {folder}: {error.strerror}; give a folder") from None
+
+
+def whole(path: str) -> str:
+    """An absolute path, empty for none."""
+    return str(Path(path).resolve()) if path else ""

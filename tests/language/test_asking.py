@@ -1,0 +1,310 @@
+"""What asking leaves behind: kept replies, recordings, the ledger and its budget, batches; and the key nowhere."""
+
+import json
+import threading
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+import pytest
+from fake_api import KEY, FakeApi, fails, offline_model, says
+from questions_at_hand import materials_request, rotation_request
+
+import language.batch
+from language.batch import Desk, batch_desk
+from language.ledger import Ledger, Usage, check_budget, in_words, most, price_of, prices, read_lines, totals
+from language.payload import payload_of
+from language.questions import INTENT, MATERIALS, ROTATION
+from language.reply_folder import ReplyFolder
+from language.seam import ClientName, LanguageConfig, client
+from language.session import Session, current_session, idling, speaking
+from scene.errors import BudgetError, InputError, LanguageError
+
+NAME = "claude-sonnet-5-5"
+MODEL = LanguageConfig(client=ClientName.ANTHROPIC, model=NAME)
+REPLAY = LanguageConfig(client=ClientName.REPLAY, model=NAME)
+
+
+def files(root: Path) -> dict[str, bytes]:
+    return {str(path.relative_to(root)): path.read_bytes() for path in sorted(root.rglob("*")) if path.is_file()}
+
+
+def test_a_question_is_asked_once(api: FakeApi, ask, tmp_path):
+    """The same question gets its kept reply, from any session; a fresh one asks again."""
+    ledger = tmp_path / "usage.jsonl"
+    with speaking(Session(ledger=str(ledger), sample="a")):
+        first = client(MODEL).ask(INTENT, ask("put the mug on the desk"))
+        assert client(MODEL).ask(INTENT, ask("put the mug on the desk")) == first
+    assert len(api.asked) == 1
+    assert [line["how"] for line in read_lines(ledger)] == ["asked", "kept"]
+    with speaking(Session(fresh=True)):
+        client(MODEL).ask(INTENT, ask("put the mug on the desk"))
+    assert len(api.asked) == 2
+
+
+def test_another_model_is_asked_anew(api: FakeApi, ask):
+    """Replies of one model are none of another."""
+    for name in (NAME, "claude-opus-5-5"):
+        client(MODEL.model_copy(update={"model": name})).ask(INTENT, ask("put the mug on the desk"))
+    assert [body["model"] for body in api.asked] == [NAME, "claude-opus-5-5"]
+
+
+def test_a_recording_holds_what_was_used_and_answers_alone(api: FakeApi, ask, tmp_path):
+    """Kept replies are copied into a recording too; it answers when nobody can be asked, with the invalid turns."""
+    good = offline_model
+    api.answers = [says("nonsense"), good]
+    asked = ask("put the mug on the desk")
+    first = client(MODEL).ask(INTENT, asked)
+    with speaking(Session(record=str(tmp_path / "r"))):
+        client(MODEL).ask(INTENT, asked)
+    api.answers = [fails(500, "nobody")]
+    assert ReplyFolder(tmp_path / "r").models() == [NAME]
+    with speaking(Session(replay=str(tmp_path / "r"), kept=str(tmp_path / "none"))):
+        assert client(REPLAY).ask(INTENT, asked) == first
+        with pytest.raises(LanguageError, match=r"no reply of claude-sonnet-5-5 to this question 'intent'.*--record"):
+            client(REPLAY).ask(INTENT, ask("put the mug on the shelf"))
+    assert len(api.asked) == 2
+
+
+def test_a_damaged_recording_is_named(api: FakeApi, ask, tmp_path):
+    """A file that is no reply is an error with its path."""
+    with speaking(Session(record=str(tmp_path / "r"))):
+        client(MODEL).ask(INTENT, ask("put the mug on the desk"))
+    (path,) = (tmp_path / "r").rglob("*.json")
+    path.write_text("{")
+    with speaking(Session(replay=str(tmp_path / "r"))), pytest.raises(LanguageError, match=path.name):
+        client(REPLAY).ask(INTENT, ask("put the mug on the desk"))
+
+
+def test_the_content_of_a_recording_names_it(tmp_path):
+    """Other replies, another digest; its mark is given once."""
+    folder = ReplyFolder(tmp_path)
+    empty = folder.content()
+    folder.write(NAME, "ab" * 32, {}, {"content": []})
+    one = folder.content()
+    folder.write(NAME, "cd" * 32, {}, {"content": []})
+    assert len({empty, one, folder.content()}) == 3
+    assert folder.mark() == folder.mark()
+
+
+def test_the_digest_is_of_what_a_model_sees(ask):
+    """Equal questions have equal digests, whatever the model; another sentence or picture has another."""
+    request = rotation_request()
+    assert payload_of(ROTATION, request).digest == payload_of(ROTATION, rotation_request()).digest
+    digests = {payload_of(INTENT, ask(text)).digest for text in ("put it on the desk", "put it on the bed")}
+    assert len(digests) == 2
+    assert payload_of(ROTATION, request).followed_by({"role": "user", "content": []}).digest not in digests
+
+
+def test_the_key_is_nowhere(api: FakeApi, ask, tmp_path, capfd):
+    """Neither kept replies nor recording nor ledger nor output hold the key; the server got it."""
+    with speaking(Session(record=str(tmp_path / "r"), ledger=str(tmp_path / "usage.jsonl"))):
+        client(MODEL).ask(INTENT, ask("put the mug on the desk"))
+    assert KEY in " ".join(api.headers[0].values())
+    found = files(tmp_path)
+    assert len(found) > 2
+    assert not [name for name, data in found.items() if KEY.encode() in data]
+    assert KEY not in "".join(capfd.readouterr())
+
+
+# ledger and budget --------------------------------------------------------------------------------------------------
+
+
+def test_a_reply_costs_what_its_tokens_cost(api: FakeApi, ask, tmp_path):
+    """Each kind of token at its own price per million; kept replies cost nothing."""
+    tokens = {"input_tokens": 3000, "output_tokens": 500, "cache_creation_input_tokens": 2000,
+              "cache_read_input_tokens": 10_000}  # fmt: skip
+    price = price_of(NAME)
+    assert price is not None
+    expected = (3000 * price.input + 500 * price.output + 2000 * price.cache_write + 10_000 * price.cache_read) / 1e6
+    api.answers = [lambda body: with_usage(offline_model(body), tokens)]
+    ledger = tmp_path / "usage.jsonl"
+    with speaking(Session(ledger=str(ledger), sample="a")):
+        for _ in range(2):
+            client(MODEL).ask(INTENT, ask("put the mug on the desk"))
+    found = totals(ledger)
+    assert found["usd"] == pytest.approx(expected, abs=1e-6)
+    assert (found["asked"], found["kept"], found["output_tokens"]) == (1, 1, 500)
+    assert "15000 tokens in (10000 from the cache), 500 out" in in_words(found)
+
+
+def with_usage(answer: tuple[int, dict[str, Any]], tokens: dict[str, int]) -> tuple[int, dict[str, Any]]:
+    return answer[0], answer[1] | {"usage": tokens}
+
+
+def test_an_unknown_price_is_said(tmp_path):
+    """Tokens of a model without a price are counted, their cost is unknown, and no budget can be kept for it."""
+    ledger = Ledger(tmp_path / "usage.jsonl")
+    ledger.settle("x", "someone-else", "intent", {"usage": {"input_tokens": 5, "output_tokens": 1}}, how="asked")
+    assert totals(tmp_path / "usage.jsonl")["usd"] is None
+    assert "unknown price" in in_words(totals(tmp_path / "usage.jsonl"))
+    with pytest.raises(InputError, match="someone-else is not known"):
+        check_budget("someone-else", 1.0)
+    for wrong in (0.0, -1.0, float("nan"), float("inf")):
+        with pytest.raises(InputError, match="--max-cost"):
+            check_budget(NAME, wrong)
+
+
+def test_every_price_has_a_source_and_makes_sense():
+    """Reading the cache is cheaper than fresh input, writing it dearer, output dearest."""
+    for price in prices().values():
+        assert 0 < price.cache_read < price.input < price.cache_write < price.output
+
+
+@pytest.mark.parametrize("make", [rotation_request, materials_request])
+def test_the_most_that_a_question_costs_is_more_than_its_tokens(make: Callable[[], Any]):
+    """The bound exceeds the text at 2.5 bytes a token and the longest answer."""
+    question = ROTATION if make is rotation_request else MATERIALS
+    payload, price = payload_of(question, make()), price_of(NAME)
+    assert price is not None
+    text = len(json.dumps(payload.readable()))
+    assert most(payload, price, 100) > (text / 2.5 * price.input + 100 * price.output) / 1e6
+
+
+def test_a_budget_is_never_exceeded_and_stops_in_one_line(api: FakeApi, ask, tmp_path):
+    """Many at once: what is asked fits, the others raise BudgetError; what was released can be spent."""
+    requests = [ask(f"put the mug on the desk {'please ' * n}") for n in range(12)]
+    price = price_of(NAME)
+    assert price is not None
+    bound = most(payload_of(INTENT, requests[-1]), price, 8192)
+    budget = 3.5 * bound
+    session = Session(ledger=str(tmp_path / "usage.jsonl"), max_cost=budget)
+
+    def one(request: Any) -> str:
+        with speaking(session):
+            try:
+                client(MODEL).ask(INTENT, request)
+            except BudgetError as error:
+                return str(error)
+        return ""
+
+    tokens = {"input_tokens": 0, "output_tokens": int(1e6 * bound / price.output)}
+    api.answers = [lambda body: with_usage(offline_model(body), tokens)]
+    with ThreadPoolExecutor(6) as pool:
+        said = list(pool.map(one, requests))
+    spent = totals(tmp_path / "usage.jsonl")["usd"]
+    assert isinstance(spent, float)
+    assert 0 < spent <= budget
+    assert len(api.asked) == said.count("") == 3
+    assert all("--max-cost" in text and "\n" not in text for text in said if text)
+
+
+def test_a_failed_call_gives_its_reservation_back(api: FakeApi, ask, tmp_path):
+    """An error of the server costs nothing."""
+    price = price_of(NAME)
+    assert price is not None
+    budget = 1.2 * most(payload_of(INTENT, ask("put the mug on the desk")), price, 8192)
+    session = Session(ledger=str(tmp_path / "usage.jsonl"), max_cost=budget)
+    api.answers = [fails(400, "invalid_request_error"), fails(400, "invalid_request_error"), offline_model]
+    with speaking(session):
+        for _ in range(2):
+            with pytest.raises(LanguageError, match="400"):
+                client(MODEL).ask(INTENT, ask("put the mug on the desk"))
+        client(MODEL).ask(INTENT, ask("put the mug on the desk"))
+
+
+# batches ------------------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def quick(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A desk that does not wait for long."""
+    monkeypatch.setattr(language.batch, "QUIET_S", 0.3)
+    monkeypatch.setattr(language.batch, "POLL_S", 0.02)
+    monkeypatch.setattr(language.batch, "ASK_AGAIN_S", 0.1)
+
+
+def in_batches(session: Session, requests: list[Any]) -> list[Any]:
+    """Answers or errors, each asked in a thread of its own."""
+
+    def one(request: Any) -> Any:
+        with speaking(session):
+            try:
+                return client(MODEL).ask(INTENT, request)
+            except LanguageError as error:
+                return error
+
+    with batch_desk(Path(session.batch), session), ThreadPoolExecutor(len(requests)) as pool:
+        return list(pool.map(one, requests))
+
+
+def test_questions_go_together_at_half_the_price(api: FakeApi, quick, ask, tmp_path):
+    """Many questions, one batch; an invalid answer goes into the next; every reply is kept."""
+    api.answers = [says("nonsense"), offline_model]
+    session = Session(ledger=str(tmp_path / "usage.jsonl"), batch=str(tmp_path / "desk"), sample="a")
+    requests = [ask(f"put the mug on the desk {'please ' * n}") for n in range(5)]
+    found = in_batches(session, requests)
+    assert [reply.base_id for reply in found] == ["desk_0"] * 5
+    assert [len(batch) for batch in api.batches.values()] == [5, 1]
+    total, price = totals(tmp_path / "usage.jsonl"), price_of(NAME)
+    assert price is not None
+    assert total["batch"] == 6
+    assert total["usd"] == pytest.approx(0.5 * 6 * Usage(1000, 100).cost(price))
+    asked = len(api.asked)
+    assert client(MODEL).ask(INTENT, requests[0]) == found[0]
+    assert len(api.asked) == asked
+
+
+def test_what_fails_in_a_batch_fails_alone(api: FakeApi, quick, ask, tmp_path):
+    """One question that errs and one that expires are errors in a line; the others get their answers."""
+    api.answers = [fails(400, "invalid_request_error"), fails(410, "expired"), offline_model]
+    found = in_batches(
+        Session(batch=str(tmp_path / "desk")), [ask(f"put the mug on the desk {'please ' * n}") for n in range(4)]
+    )
+    errors = sorted(str(one) for one in found if isinstance(one, LanguageError))
+    assert len(errors) == 2
+    assert "expired" in errors[0]
+    assert "invalid_request_error" in errors[1]
+
+
+def test_a_batch_that_cannot_be_sent_is_told_to_all(api: FakeApi, quick, ask, tmp_path, monkeypatch):
+    """If the API does not take the batch, each question fails with its words."""
+    monkeypatch.setattr(api, "post", lambda path, body: fails(403, "permission_error")(body))
+    found = in_batches(Session(batch=str(tmp_path / "desk")), [ask("put the mug on the desk")])
+    assert "403" in str(found[0])
+
+
+def test_a_killed_run_s_batch_is_collected_by_the_next(api: FakeApi, quick, ask, tmp_path):
+    """Replies of a batch that nobody waited for are kept by the next desk: nothing is paid twice."""
+    request = ask("put the mug on the desk")
+    kept = ReplyFolder(Session().kept_folder)
+    desk = Desk(tmp_path / "desk", kept, lambda text: None)
+    (tmp_path / "desk").mkdir()
+    waiting = threading.Thread(target=in_thread, args=(Session(batch=str(tmp_path / "desk")), request), daemon=True)
+    waiting.start()
+    while not list((tmp_path / "desk").glob("*.json")):
+        waiting.join(0.02)
+    desk.send(NAME, list((tmp_path / "desk").glob("*.json")))
+    (tmp_path / "desk" / "closed").write_text("killed")
+    waiting.join(5.0)
+    assert not waiting.is_alive()
+    (reply,) = in_batches(Session(batch=str(tmp_path / "desk2")), [request])
+    assert reply.base_id == "desk_0"
+    assert not list((kept.root / "batches").glob("*.json"))
+
+
+def in_thread(session: Session, request: Any) -> None:
+    with speaking(session), pytest.raises(LanguageError, match="closed"):
+        client(MODEL).ask(INTENT, request)
+
+
+def test_many_questions_of_one_stage_give_its_slot_back_once(api: FakeApi, quick, ask, tmp_path):
+    """While a stage waits for a batch its slot is free, and taken again afterwards, however many questions it has."""
+    free = []
+
+    class Slot:
+        def __enter__(self) -> None:
+            free.append(1)
+
+        def __exit__(self, *_: object) -> None:
+            free.append(-1)
+
+    session = Session(batch=str(tmp_path / "desk"))
+    with batch_desk(tmp_path / "desk", session), speaking(session, Slot):
+        requests = [ask(f"put the mug on the desk {'please ' * n}") for n in range(4)]
+        assert len(client(MODEL).ask_all(INTENT, requests)) == 4
+        assert current_session() is session
+        with idling():
+            assert free == [1, -1, 1]
+    assert free == [1, -1, 1, -1]

@@ -1,0 +1,69 @@
+"""One request of each kind, with what any client needs to answer it."""
+
+import numpy as np
+
+from language.materials import load_materials
+from language.questions import ANCHOR, LABEL, MATERIALS, PARTS, ROTATION
+from language.requests import (
+    AnchorRequest,
+    FacingView,
+    LabelRequest,
+    MaterialQuestion,
+    MaterialsRequest,
+    PartsRequest,
+    PartView,
+    PoseView,
+    ProposedPart,
+    RotationRequest,
+)
+
+
+def pose(name: str, up: tuple[float, float, float], probability: float = 0.2) -> PoseView:
+    eye = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+    turned = ((1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, -1.0))
+    return PoseView(name, eye if up[2] > 0 else turned, probability, up, (0.0, -1.0, 0.0), (0.1, 0.1, 0.1))
+
+
+def rotation_request() -> RotationRequest:
+    poses = (pose("upright", (0.0, 0.0, 1.0)), pose("flip_y", (0.0, 0.0, -1.0)))
+    facings = (FacingView("aligned", (0.0, -1.0, 0.0)), FacingView("keep", (0.0, 0.0, 0.0)))
+    shot = [lambda k=k: np.full((8, 8, 3), 10 * k, dtype=np.uint8) for k in range(3)]
+    return RotationRequest("mug upside down", "mug", "upside_down", "", poses, facings, 1, False, tuple(shot))
+
+
+def anchor_request() -> AnchorRequest:
+    parts = (
+        PartView(0, "leg", (0.0, 0.0, 0.35), (1.0, 0.6, 0.7), 0.1),
+        PartView(1, "top", (0.0, 0.0, 0.73), (1.0, 0.6, 0.03), 0.6),
+    )
+    right, front = (1.0, 0.0, 0.0), (0.0, -1.0, 0.0)
+    return AnchorRequest("", "mug", (0.1, 0.1), "table", parts, "", "", ("left",), (), right, front)
+
+
+def materials_request() -> MaterialsRequest:
+    part = PartView(0, "body", (0.0, 0.0, 0.0), (0.1, 0.1, 0.1), 0.01)
+    return MaterialsRequest("", (MaterialQuestion("object", "mug", part),), tuple(load_materials().values()))
+
+
+def label_request() -> LabelRequest:
+    shot = [lambda k=k: np.full((8, 8, 3), 10 * k, dtype=np.uint8) for k in range(2)]
+    return LabelRequest(
+        "thing_3", (2.0, 1.6, 0.9), 0.0, 0.9, 0.5, 2.0, 0.4, 1, 0.55, 1.0, 0.8, 0.05, "floor", "floor", 0.02, 2,
+        (0.8, 0.8, 0.8), 12.0, 0.4, ("bed", "sofa", "desk"), tuple(shot),
+    )  # fmt: skip
+
+
+def parts_request() -> PartsRequest:
+    views = [PartView(k, name, (0.0, 0.0, 0.4), (1.0, 0.6, 0.1)) for k, name in enumerate(("top", "leg", "leg"))]
+    parts = tuple(ProposedPart(view, 0.7, (1.0, 0.0, 0.0)) for view in views)
+    return PartsRequest("4", "desk", parts, ("board", "leg", "top"), (lambda: np.zeros((8, 8, 3), dtype=np.uint8),))
+
+
+AT_HAND = (
+    (ROTATION, rotation_request),
+    (ANCHOR, anchor_request),
+    (MATERIALS, materials_request),
+    (LABEL, label_request),
+    (PARTS, parts_request),
+)
+"""Questions that need no scene, with their requests."""
