@@ -37,21 +37,14 @@ class Found:
 
 def named(noun: Noun, instances: Sequence[InstanceView]) -> tuple[InstanceView, ...]:
     """Instances whose label is what the noun says: the same words, the same thing, or a kind of it."""
-    words = tuple(noun_words(noun))
-    exact = tuple(i for i in instances if words and words == tuple(label_words(i.label)))
+    words = tuple(label_words(noun.name))
+    exact = tuple(i for i in instances if words == tuple(label_words(i.label)))
     if exact:
         return exact
     if noun.thing:
         same = tuple(i for i in instances if label_thing(i) == noun.thing)
         return same or tuple(i for i in instances if label_thing(i) and is_a(label_thing(i), noun.thing))
     return tuple(i for i in instances if words and contains_words(label_words(i.label), words))
-
-
-def noun_words(noun: Noun) -> list[str]:
-    """The words of a noun phrase without article, sides, colour and owner."""
-    own = noun.text.split(" of ")[0]
-    drop = {"the", "a", "an", "this", "that", "my", "your", "our", "its", noun.colour, *noun.sides}
-    return [word for word in label_words(own) if word not in drop]
 
 
 def contains_words(label: list[str], words: tuple[str, ...]) -> bool:
@@ -117,9 +110,12 @@ def restricted(
     found: Sequence[InstanceView], place: Place, instances: Sequence[InstanceView]
 ) -> list[InstanceView] | None:
     """Those that stand in the relation to the named thing; None if that thing is not there."""
-    if place.relation == "which":
-        return [by_side(list(found), side, (0, 0, 0)) for side in place.nouns[0].sides[:1]] or None
-    others = [i for i in candidates(place.nouns[0], instances) if i not in found]
+    noun = place.nouns[0]
+    if noun.colour and noun.pronoun == "one":
+        return [min(found, key=lambda i: colour_distance(i, noun.colour))]
+    if place.relation == "which" or noun.is_region:
+        return [by_side(list(found), side, (0, 0, 0)) for side in noun.sides[:1]] or None
+    others = [i for i in candidates(noun, instances) if i not in found]
     if not others:
         return None
     if place.relation == "away":

@@ -1,16 +1,22 @@
 """Noun phrases: a head with what stands before it and whose it is.
 
-In: the tokens of one phrase. Out: a `Noun` that keeps every reading of its head; the scene decides later between a
-thing, a
-part and a region ("back" of a sofa, "pillow", "shelf").
+In: a cursor at the first token of one. Out: a `Noun` that keeps every reading of its head; the scene decides later
+between a thing, a part and a region ("back" of a sofa, "pillow", "shelf"). Grammar, as in `sentence`:
+
+    noun     = simple [ GENITIVE noun ] { OF noun | COUNT }     the bed's left corner, the second shelf from the top
+    simple   = { FILLER } { modifier | name | UNKNOWN }         a name as often as it comes: "bed corner"
+    modifier = DET | SIDE | COLOUR | QUALITY | NUMBER | BOTH
+    name     = THING | PART | REGION | PRONOUN | ONE | VIEWER
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
-from language.words import Token
+from language.words import Cursor, Token
 
 MODIFIERS = ("det", "side", "colour", "quality", "number", "both")
 NOUNS = ("thing", "part", "region")
+STARTS = (*MODIFIERS, *NOUNS, "pronoun", "one", "viewer", "unknown")
+"""Kinds of tokens that a noun phrase may start with."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -18,6 +24,8 @@ class Noun:
     """A noun phrase with all that its head may mean."""
 
     text: str
+    name: str = ""
+    """Its own words without article, sides, colour and owner: what a label may say."""
     thing: str = ""
     """Thing id, empty if the head is none."""
     parts: tuple[str, ...] = ()
@@ -32,8 +40,8 @@ class Noun:
     owner: "Noun | None" = None
     """The whole of "part of whole"."""
     plural: bool = False
-    unknown: tuple[str, ...] = ()
-    """Words in it that are not known."""
+    encloses: bool = False
+    """One goes into it rather than onto it: a drawer, a basket."""
 
     @property
     def is_region(self) -> bool:
@@ -46,64 +54,107 @@ class Noun:
         return not (self.thing or self.parts or self.region or self.pronoun or self.sides)
 
 
-def replaced(noun: Noun, *, text: str = "", owner: Noun | None = None, sides: tuple[str, ...] | None = None) -> Noun:
-    """The noun with something added."""
-    innermost = noun.owner if noun.owner is not None else owner
-    return Noun(
-        text=text or noun.text,
-        thing=noun.thing,
-        parts=noun.parts,
-        region=noun.region,
-        pronoun=noun.pronoun,
-        sides=noun.sides if sides is None else sides,
-        colour=noun.colour,
-        owner=innermost,
-        plural=noun.plural,
-        unknown=noun.unknown,
-    )
+def at_noun(cursor: Cursor, ahead: int = 0) -> bool:
+    """Whether a noun phrase starts here, or so many tokens ahead; fillers before it are skipped."""
+    while cursor.here("filler", ahead=ahead) and not cursor.here("det", ahead=ahead):
+        ahead += 1
+    return starts(cursor, ahead)
+
+
+def starts(cursor: Cursor, ahead: int = 0) -> bool:
+    """Whether a noun phrase can start with this very token."""
+    return cursor.here(*STARTS, ahead=ahead) and not cursor.here("conj", ahead=ahead)
+
+
+def noun_phrase(cursor: Cursor) -> Noun:
+    """simple [ GENITIVE noun ] { OF noun | COUNT }."""
+    begin = cursor.index
+    noun = simple(cursor)
+    if cursor.here("genitive") and at_noun(cursor, 1):
+        cursor.take()
+        noun = owned(noun_phrase(cursor), noun)
+    while True:
+        if cursor.here("of") and at_noun(cursor, 1):
+            cursor.take()
+            noun = owned(noun, noun_phrase(cursor))
+        elif cursor.here("count") and (counted(noun) or not noun.sides):
+            noun = counting(noun, cursor.take().value("count"))
+        else:
+            return replace(noun, text=cursor.text(begin))
+
+
+def simple(cursor: Cursor) -> Noun:
+    """{ FILLER } { modifier | name | UNKNOWN }."""
+    begin = cursor.index
+    words: list[Token] = []
+    while not cursor.at_end:
+        if skipped(cursor, words):
+            cursor.take()
+        elif goes_on(cursor, words):
+            words.append(cursor.take())
+        else:
+            break
+    return noun_of(words, cursor.text(begin))
+
+
+def skipped(cursor: Cursor, words: list[Token]) -> bool:
+    """A filler before the name ("the very edge"), or the word between two colours ("yellow and white")."""
+    if cursor.here("conj"):
+        return bool(words) and words[-1].has("colour") and cursor.here("colour", ahead=1)
+    filler = cursor.here("filler") and not cursor.here(*STARTS)
+    return filler and starts(cursor, 1) and not any(word.has(*NOUNS) for word in words)
+
+
+def goes_on(cursor: Cursor, words: list[Token]) -> bool:
+    """Whether the token still belongs to the phrase: after its name, no article and no verb does."""
+    if not starts(cursor) or (cursor.here("relation") and not cursor.here("side")):
+        return False
+    if cursor.here("verb") and words and not cursor.here("side", *NOUNS):
+        return False
+    named = any(word.has(*NOUNS) and not word.has("det") for word in words)
+    return not (named and cursor.here("det", "pronoun", "number"))
 
 
 def noun_of(words: list[Token], text: str) -> Noun:
     """The noun phrase that these tokens make: the last noun is the head, an earlier thing its owner."""
-    unknown = tuple(t.text for t in words if t.has("unknown"))
-    head_index = head_of(words)
-    if head_index is None:
+    several = any(t.has("number", "both") or t.value("pronoun") == "them" for t in words)
+    index = next((i for i in range(len(words) - 1, -1, -1) if words[i].has(*NOUNS)), None)
+    if index is None:
         sides = tuple(t.value("side") for t in words if t.has("side"))
-        pronoun = next((kind for kind in ("one", "viewer") if any(t.has(kind) for t in words)), "")
-        if not pronoun and not unknown and not sides and any(t.has("pronoun") for t in words):
-            pronoun = "it"
-        several = is_plural(words) or any(t.value("pronoun") == "them" for t in words)
-        return Noun(text=text, pronoun=pronoun, sides=sides, colour=colour_of(words), plural=several, unknown=unknown)
-    head, before = words[head_index], words[:head_index]
+        said = sides or any(t.has("unknown") for t in words)
+        kinds = ("one", "viewer") if said else ("one", "viewer", "pronoun")
+        pronoun = next((kind for kind in kinds if any(t.has(kind) for t in words)), "")
+        pronoun = "it" if pronoun == "pronoun" else pronoun
+        name, colour = name_of(words), colour_of(words)
+        return Noun(text, name, pronoun=pronoun, sides=sides, colour=colour, plural=several)
+    head, before = words[index], words[:index]
     sides = tuple(t.value("side") for t in before if t.has("side") and not t.has("thing"))
-    owner = owner_of(head, before, text)
     return Noun(
         text=text,
+        name=name_of(words[: index + 1]),
         thing=head.value("thing"),
         parts=head.values("part"),
         region=head.value("region"),
-        sides=sides + ((head.value("side"),) if head.has("side") and not head.has("region") and not sides else ()),
+        sides=sides or ((head.value("side"),) if head.has("side") and not head.has("region") else ()),
         colour=colour_of(before),
-        owner=owner,
-        plural=head.plural() or any(t.has("both") for t in before),
-        unknown=unknown,
+        owner=owner_before(head, before),
+        plural=several or head.plural(),
+        encloses=head.has("encloses"),
     )
 
 
-def head_of(words: list[Token]) -> int | None:
-    """Index of the last noun; a word that may be side or noun ("back", "top") counts as noun only at the end."""
-    for index in range(len(words) - 1, -1, -1):
-        if words[index].has(*NOUNS):
-            return index
-    return None
+def name_of(words: list[Token]) -> str:
+    """What the words say apart from article, sides and colour; the last one counts as the head."""
+    kept = [t for t in words[:-1] if not t.has("det", "side", "colour", "number", "both")]
+    return " ".join(t.text for t in (*kept, *words[-1:]))
 
 
-def owner_of(head: Token, before: list[Token], text: str) -> Noun | None:
+def owner_before(head: Token, before: list[Token]) -> Noun | None:
     """The thing named before a part or region: "bed corner", "sofa arm"."""
     things = [t for t in before if t.has("thing") and not t.has("side", "quality")]
     if not things or not head.has("part", "region"):
         return None
-    return Noun(text=things[-1].text, thing=things[-1].value("thing"), parts=things[-1].values("part"))
+    return Noun(things[-1].text, things[-1].text, thing=things[-1].value("thing"), parts=things[-1].values("part"))
 
 
 def colour_of(words: list[Token]) -> str:
@@ -111,6 +162,18 @@ def colour_of(words: list[Token]) -> str:
     return next((t.value("colour") for t in words if t.has("colour")), "")
 
 
-def is_plural(words: list[Token]) -> bool:
-    """Whether the words speak of several."""
-    return any(t.has("number", "both") or t.plural() for t in words)
+def owned(noun: Noun, owner: Noun) -> Noun:
+    """The noun with its owner; "the corner of the cushion of the sofa" is the cushion's."""
+    innermost = owned(noun.owner, owner) if noun.owner is not None else owner
+    return replace(noun, owner=innermost)
+
+
+def counted(noun: Noun) -> bool:
+    """Whether it is "the second one" of several."""
+    return any(side.isdigit() for side in noun.sides)
+
+
+def counting(noun: Noun, where: str) -> Noun:
+    """ "the second shelf from the top"; without a number, the one at that end."""
+    sides = tuple(f"{side} from {where}" if side.isdigit() else side for side in noun.sides)
+    return replace(noun, sides=sides or (where,))

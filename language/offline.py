@@ -74,7 +74,7 @@ def intent(request: IntentRequest) -> IntentReply:
             "regions": tuple(target.regions),
             "references": tuple(target.references),
             "region_words": ", ".join(target.words),
-            "not_understood": tuple(dict.fromkeys((*reading.not_understood, *target.not_understood, *unclear))),
+            "not_understood": tuple(dict.fromkeys((*target.not_understood, *unclear))),
             "notes": (*prior.notes, *target.notes),
         }
     )

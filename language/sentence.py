@@ -1,27 +1,27 @@
 """The grammar of placement sentences: what is moved, and the phrases that say where and how; no scene is needed.
 
 In: a prompt. Out: a `Reading`. Grammar (brackets: optional, braces: any number; words in capitals are kinds of the
-lexicon):
+lexicon); each line is a method of `Reader`, nouns are read in `nouns`:
 
-    sentence  = { FILLER } clause { ("and" | ",") clause }
-    clause    = [ VERB ] [ noun ] { place | POSE | FACE noun | noun }
-    place     = RELATION noun [ "and" noun ]
-    noun      = { DET | SIDE | COLOUR | QUALITY | NUMBER } [ { THING | PART | unknown } head ] [ "of" noun ]
-    head      = THING | PART | REGION | ONE | PRONOUN | unknown
+    sentence = { clause }
+    clause   = { element } [ VERB { element } ]
+    element  = place | facing | POSE | RESTRICT | noun | FILLER
+    place    = RELATION [ noun [ "and" noun ] ]                        two nouns after "between"
+    facing   = FACE noun
 
-The first noun of a placing (or picking) clause is what is moved. In "pick A near B and place it on C" only the last
-placing clause says where. What fits nowhere is kept and reported. A sentence that is no placement of one thing raises
-LanguageError.
+The first noun of a clause is what is moved. In "pick A near B and place it on C" only the last clause says where; in
+"open A and put B in it" the first only says what "it" is. Every word is used by one of these rules or reported: what
+no rule kept is the reading's `not_understood`. A sentence that is no placement of one thing raises LanguageError.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
-from language.nouns import MODIFIERS, NOUNS, Noun, noun_of, replaced
-from language.words import Token, tokens_of
+from language.nouns import Noun, at_noun, noun_phrase, starts
+from language.words import Cursor, Token, tokens_of
 from scene.errors import LanguageError
 
-POSE_VERBS = {"lying": "lying", "standing": "standing", "upside_down": "upside_down"}
 SUPPORT = frozenset({"on", "in"})
+EXAMPLE = "say what to put where, for example: put the ball on the bed"
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,6 +34,8 @@ class Place:
     restrict: bool
     """It says which one is meant ("the bed that is near the window"), not where to go."""
     text: str
+    attached: bool = False
+    """It follows a noun without a pause, so that it may say which one: "the bed on the left"."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,6 +59,8 @@ class Reading:
     """upright, standing, upside_down, on_side, lying, on_back, on_front or any."""
     pose_words: str
     facing: Facing | None
+    aside: tuple[str, ...]
+    """Phrases that are understood and do not say where to put it: where it is picked up."""
     not_understood: tuple[str, ...]
 
 
@@ -64,258 +68,252 @@ class Reading:
 class Clause:
     """A clause while it is read."""
 
-    verb: str
+    kind: str = ""
+    """place, pick, be, other (no placement), or empty as long as no verb was read."""
     theme: Noun | None = None
     places: list[Place] = field(default_factory=list)
+    verb_pose: str = ""
+    poses: list[Token] = field(default_factory=list)
+    facing: Facing | None = None
+
+    @property
+    def says_where(self) -> bool:
+        """Whether its places are where to go."""
+        return self.kind not in ("pick", "other")
 
 
 def read(prompt: str) -> Reading:
     """Read a prompt; LanguageError if it is not the placement of one thing."""
     tokens = tokens_of(prompt)
     if not any(token.text != "," for token in tokens):
-        raise LanguageError("the prompt is empty; say what to put where, for example: put the ball on the bed")
-    return Reader(prompt, tokens).reading()
+        raise LanguageError(f"the prompt is empty; {EXAMPLE}")
+    for token in tokens:
+        if token.has("negation", "choice"):
+            raise LanguageError(
+                f"prompt {prompt!r}: {token.text!r} is not understood; say the one place where to put it"
+            )
+    reader = Reader(tokens)
+    clauses = reader.sentence()
+    check(prompt, clauses)
+    return reading_of(clauses, reader.lost())
 
 
 class Reader:
-    """Goes through the tokens once, from left to right."""
+    """Goes through the tokens once, from left to right; each method reads what its line of the grammar says."""
 
-    def __init__(self, prompt: str, tokens: list[Token]) -> None:
-        self.prompt = prompt
-        self.tokens = tokens
-        self.index = 0
-        self.clauses: list[Clause] = [Clause("")]
-        self.pose, self.pose_words = "any", ""
-        self.verb_pose = ""
-        self.facing: Facing | None = None
-        self.left_over: list[str] = []
+    def __init__(self, tokens: list[Token]) -> None:
+        self.cursor = Cursor(tokens)
+        self.kept: set[int] = set()
+        """Indices of the tokens that a rule used."""
         self.last_noun: Noun | None = None
+        """What "it" is, after "open the drawer"."""
         self.restrict = False
+        """The next place says which one is meant."""
 
-    def reading(self) -> Reading:
-        """The whole sentence."""
-        while self.index < len(self.tokens):
-            self.step()
-        placing = [clause for clause in self.clauses if clause.verb not in ("pick", "other")]
-        moved = [clause for clause in self.clauses if clause.verb != "other"]
-        themes = [clause.theme for clause in moved if clause.theme and clause.theme.pronoun != "it"]
-        self.check_clauses(placing, themes)
-        places = [place for clause in placing for place in clause.places]
-        pose = self.pose if self.pose_words else (self.verb_pose or "any")
-        return Reading(
-            theme=themes[0] if themes else None,
-            places=tuple(places),
-            pose=pose,
-            pose_words=self.pose_words or ("" if not self.verb_pose else self.verb_pose),
-            facing=self.facing,
-            not_understood=tuple(dict.fromkeys(self.left_over)),
+    def sentence(self) -> list[Clause]:
+        """{ clause }."""
+        clauses = []
+        while not self.cursor.at_end:
+            clauses.append(self.clause())
+        return clauses
+
+    def clause(self) -> Clause:
+        """{ element } [ VERB { element } ]."""
+        clause = Clause()
+        while not self.cursor.at_end:
+            if not self.at_verb(clause):
+                self.element(clause)
+            elif (clause.kind or clause.places) and self.cursor.tokens[self.cursor.index].value("verb") != "be":
+                break
+            else:
+                self.verb(clause)
+        return clause
+
+    def at_verb(self, clause: Clause) -> bool:
+        """Whether a verb comes; after one, a word that may be a noun is one ("stand"), unless "and" precedes it."""
+        here = self.cursor.here
+        return here("verb") and not (
+            clause.kind and here("thing", "part", "region") and not here("conj", "pause", ahead=-1)
         )
 
-    def check_clauses(self, placing: list[Clause], themes: list[Noun]) -> None:
-        """Refuse what is no placement of one thing."""
-        others = [clause for clause in self.clauses if clause.verb == "other"]
-        if not any(clause.verb or clause.places for clause in placing):
-            what = "asks for something else than a placement" if others else "says no place"
-            raise LanguageError(
-                f"prompt {self.prompt!r} {what}; say what to put where, for example: put the ball on the bed"
-            )
-        if len({theme.text for theme in themes}) > 1 or any(theme.plural for theme in themes[:1]):
-            names = " and ".join(dict.fromkeys(theme.text for theme in themes))
-            raise LanguageError(
-                f"prompt {self.prompt!r} moves more than one thing ({names}); place one object at a time"
-            )
-        later = [clause.theme for clause in placing if clause.places][1:]
-        if any(theme is not None and theme.plural for theme in later):
-            raise LanguageError(f"prompt {self.prompt!r} moves several things; place one object at a time")
+    def verb(self, clause: Clause) -> None:
+        """VERB: what kind of clause it is, and the pose that it says ("lay", "stand", "flip")."""
+        token = self.cursor.take()
+        kind = token.value("verb")
+        if kind != "other":
+            self.keep(self.cursor.index - 1)
+        if kind == "be":
+            clause.kind = clause.kind or "place"
+        elif kind in ("place", "pick", "other"):
+            clause.kind = kind
+        else:
+            clause.kind, clause.verb_pose = "place", kind
 
-    # one step ------------------------------------------------------------------------------------------------------
-
-    def step(self) -> None:
-        """Read one token, or a phrase that starts with it."""
-        token = self.tokens[self.index]
-        clause = self.clauses[-1]
-        if token.has("negation"):
-            raise LanguageError(
-                f"prompt {self.prompt!r}: {token.text!r} is not understood; say where to put it instead"
-            )
-        if token.has("verb") and not (token.has(*NOUNS) and clause.verb and not self.after_conjunction()):
-            self.verb(token)
-        elif clause.verb == "other":
-            self.skip_foreign(token)
-        elif token.has("pose"):
-            self.pose, self.pose_words = token.value("pose"), f"{self.pose_words} {token.text}".strip()
-            self.index += 1
-        elif token.has("face"):
-            self.face(token)
-        elif token.has("relation"):
-            self.place(token)
-        elif token.has("restrict"):
+    def element(self, clause: Clause) -> None:
+        """place | facing | POSE | RESTRICT | noun | FILLER."""
+        here = self.cursor.here
+        if clause.kind == "other":
+            self.topic()
+        elif here("pose"):
+            self.keep(self.cursor.index)
+            clause.poses.append(self.cursor.take())
+        elif here("face"):
+            self.facing(clause)
+        elif here("relation"):
+            self.place(clause)
+        elif here("restrict"):
+            self.keep(self.cursor.index)
+            self.cursor.take()
             self.restrict = True
-            self.index += 1
-        elif self.starts_noun(token):
-            self.bare_noun()
+        elif starts(self.cursor):
+            self.noun(clause)
         else:
-            if not token.has("pause", "conj", "filler", "of"):
-                self.left_over.append(token.text)
-            self.index += 1
+            self.cursor.take()
 
-    def after_conjunction(self) -> bool:
-        """Whether the token before is `and` or a comma."""
-        return self.index > 0 and self.tokens[self.index - 1].has("conj", "pause")
-
-    def verb(self, token: Token) -> None:
-        """A verb opens a clause, unless it only goes on with one that has no verb yet."""
-        value = token.value("verb")
-        self.index += 1
-        if value == "be":
-            self.clauses[-1].verb = self.clauses[-1].verb or "place"
-            return
-        if value in POSE_VERBS:
-            self.verb_pose, value = POSE_VERBS[value], "place"
-        if value == "other":
-            self.left_over.append(token.text)
-        if self.clauses[-1].verb or self.clauses[-1].places:
-            self.clauses.append(Clause(value))
+    def topic(self) -> None:
+        """Inside "close the drawer": remember the noun for a later "it"."""
+        if starts(self.cursor):
+            self.last_noun = noun_phrase(self.cursor)
         else:
-            self.clauses[-1].verb = value
+            self.cursor.take()
 
-    def skip_foreign(self, token: Token) -> None:
-        """Inside "close the drawer": remember the noun for a later "it", report the words."""
-        if self.starts_noun(token):
-            self.last_noun = self.noun()
-            self.left_over.append(self.last_noun.text)
-        else:
-            self.index += 1
-
-    def place(self, token: Token) -> None:
-        """RELATION noun [ "and" noun ]."""
-        begin = self.index
-        relation = token.value("relation")
-        self.index += 1
-        nouns = [self.referred(self.noun())] if self.at_noun() else []
-        if relation == "between" and nouns and self.here("conj") and self.at_noun(1):
-            self.index += 1
-            nouns.append(self.noun())
-        text = " ".join(t.text for t in self.tokens[begin : self.index])
+    def place(self, clause: Clause) -> None:
+        """RELATION [ noun [ "and" noun ] ]; "put it inside" means what was spoken of before."""
+        begin = self.cursor.index
+        attached = not self.cursor.here("pause", ahead=-1)
+        relation = self.cursor.take().value("relation")
+        nouns = [noun_phrase(self.cursor)] if at_noun(self.cursor) else []
+        if relation == "between" and nouns and self.cursor.here("conj") and at_noun(self.cursor, 1):
+            self.cursor.take()
+            nouns.append(noun_phrase(self.cursor))
         if not nouns and relation in SUPPORT and self.last_noun is not None:
-            nouns = [self.last_noun]  # "open the drawer and put it inside"
+            nouns = [self.last_noun]
         if not nouns:
-            self.left_over.append(text)
             return
+        self.keep(begin)
+        nouns = [self.referred(noun, relation) for noun in nouns]
         self.last_noun = nouns[0]
-        self.clauses[-1].places.append(Place(relation, tuple(nouns), self.restrict, text))
+        clause.places.append(Place(relation, tuple(nouns), self.restrict, self.cursor.text(begin), attached))
         self.restrict = False
 
-    def referred(self, noun: Noun) -> Noun:
-        """The noun that "it" stands for after "on", where a clause before spoke of something."""
-        if noun.pronoun == "it" and self.last_noun is not None:
-            return self.last_noun
-        return noun
-
-    def face(self, token: Token) -> None:
+    def facing(self, clause: Clause) -> None:
         """FACE noun."""
-        begin = self.index
-        self.index += 1
-        if not self.at_noun():
-            self.left_over.append(token.text)
-            return
-        noun = self.noun()
-        text = " ".join(t.text for t in self.tokens[begin : self.index])
-        self.facing = Facing(token.value("face"), noun, text)
+        begin = self.cursor.index
+        mode = self.cursor.take().value("face")
+        if at_noun(self.cursor):
+            clause.facing = Facing(mode, noun_phrase(self.cursor), self.cursor.text(begin))
+            self.keep(begin)
 
-    def bare_noun(self) -> None:
+    def noun(self, clause: Clause) -> None:
         """A noun without a relation: what is moved, a region, or "the one" that explains the noun before."""
-        clause = self.clauses[-1]
-        noun = self.noun()
+        begin = self.cursor.index
+        noun = noun_phrase(self.cursor)
+        self.restrict = self.restrict or (noun.pronoun == "one" and bool(clause.places))
         if noun.pronoun == "one" and clause.places:
-            self.restrict = True
             if noun.sides or noun.colour:
                 clause.places.append(Place("which", (noun,), True, noun.text))
-        elif noun.is_region:
+        elif noun.is_region and not (clause.theme is None and thing_and_region(noun)):
             clause.places.append(Place("at", (noun,), False, noun.text))
         elif clause.theme is None and not clause.places:
-            clause.theme = noun
-            if self.here("conj") and self.at_noun(1):
-                self.second_theme(noun)
-        elif noun.pronoun != "it" and not (noun.parts and self.here("face")):  # "with its screen facing ..."
-            self.left_over.append(noun.text)
-
-    def second_theme(self, first: Noun) -> None:
-        """ "the mug and the book": two things to move, unless a region follows."""
-        back = self.index
-        self.index += 1
-        second = self.noun()
-        if second.is_region or second.pronoun:
-            self.index = back
+            self.theme(clause, noun)
+        elif noun.pronoun != "it" and not (noun.parts and self.cursor.here("face")):  # "with its screen facing ..."
             return
-        raise LanguageError(
-            f"prompt {self.prompt!r} moves more than one thing ({first.text} and {second.text}); "
-            "place one object at a time"
-        )
+        self.keep(begin)
 
-    # noun phrases --------------------------------------------------------------------------------------------------
+    def theme(self, clause: Clause, noun: Noun) -> None:
+        """What is moved; "the mug dead centre" is a mug and a region, "the mug and the book" are two things."""
+        if noun.owner is not None and thing_and_region(noun):
+            clause.places.append(Place("at", (replace(noun, owner=noun.owner.owner),), False, noun.text))
+            noun = replace(noun.owner, owner=None)
+        clause.theme = noun
+        back = self.cursor.index
+        if self.cursor.here("conj") and at_noun(self.cursor, 1):
+            self.cursor.take()
+            second = noun_phrase(self.cursor)
+            if second.is_region or second.pronoun:
+                self.cursor.index = back
+            else:
+                clause.theme = replace(noun, text=f"{noun.text} and {second.text}", plural=True)
 
-    def here(self, *kinds: str) -> bool:
-        """Whether the next token may be one of these kinds."""
-        return self.index < len(self.tokens) and self.tokens[self.index].has(*kinds)
+    def referred(self, noun: Noun, relation: str) -> Noun:
+        """What "it" stands for: the drawer of the cabinet to put things in, the cabinet to put them on."""
+        if noun.pronoun != "it" or self.last_noun is None:
+            return noun
+        last = self.last_noun
+        return last.owner if relation == "on" and last.encloses and last.owner is not None else last
 
-    def at_noun(self, ahead: int = 0) -> bool:
-        """Whether a noun phrase starts here, or so many tokens ahead; fillers before it are skipped."""
-        index = self.index + ahead
-        while index < len(self.tokens) and self.tokens[index].has("filler") and not self.tokens[index].has("det"):
-            index += 1
-        return index < len(self.tokens) and self.starts_noun(self.tokens[index])
+    # words that no rule used ---------------------------------------------------------------------------------------
 
-    def starts_noun(self, token: Token) -> bool:
-        """Whether a noun phrase can start with this token."""
-        return token.has(*MODIFIERS, *NOUNS, "pronoun", "one", "viewer", "unknown") and not token.has("conj")
+    def keep(self, begin: int) -> None:
+        """The tokens from there up to here, or the one there, are used, apart from unknown words."""
+        indices = range(begin, max(self.cursor.index, begin + 1))
+        self.kept.update(i for i in indices if not self.cursor.tokens[i].has("unknown"))
 
-    def noun(self) -> Noun:
-        """{ modifiers } { nouns } [ "of" noun ]."""
-        begin = self.index
-        words: list[Token] = []
-        while self.index < len(self.tokens):
-            token = self.tokens[self.index]
-            skippable = token.has("filler") and not token.has(*MODIFIERS, *NOUNS, "pronoun", "one", "unknown", "viewer")
-            if skippable and self.continues() and not any(w.has(*NOUNS) for w in words):
-                self.index += 1
-                continue
-            if token.has("conj") and words and words[-1].has("colour") and self.next_is("colour"):
-                self.index += 1  # "the yellow and white mug"
-                continue
-            if not self.starts_noun(token) or (token.has("relation") and not token.has("side")):
-                break
-            if token.has("verb") and words and not token.has("side", *NOUNS):
-                break
-            if token.has("det", "pronoun", "number") and any(w.has(*NOUNS) and not w.has("det") for w in words):
-                break
-            words.append(token)
-            self.index += 1
-        head = noun_of(words, " ".join(t.text for t in self.tokens[begin : self.index]))
-        self.left_over.extend(head.unknown if not head.is_unknown else ())
-        return self.with_count(self.with_owner(head))
+    def lost(self) -> tuple[str, ...]:
+        """Runs of tokens that no rule used, without the fillers around them."""
+        runs: list[list[Token]] = [[]]
+        for index, token in enumerate(self.cursor.tokens):
+            if index in self.kept or token.has("pause"):
+                runs.append([])
+            else:
+                runs[-1].append(token)
+        found = (trimmed(run) for run in runs)
+        return tuple(dict.fromkeys(text for text in found if text))
 
-    def next_is(self, kind: str) -> bool:
-        """Whether the token after this one may be of that kind."""
-        return self.index + 1 < len(self.tokens) and self.tokens[self.index + 1].has(kind)
 
-    def continues(self) -> bool:
-        """Whether the phrase goes on after this filler."""
-        return self.index + 1 < len(self.tokens) and self.starts_noun(self.tokens[self.index + 1])
+def thing_and_region(noun: Noun) -> bool:
+    """Two nouns side by side of which the second is only a region: "mug dead centre"."""
+    return noun.is_region and noun.owner is not None and noun.name.startswith(noun.owner.name)
 
-    def with_owner(self, head: Noun) -> Noun:
-        """ "of the bed"."""
-        if not (self.here("of") and self.at_noun(1)):
-            return head
-        self.index += 1
-        owner = self.referred(self.noun())
-        return replaced(head, owner=owner, text=f"{head.text} of {owner.text}")
 
-    def with_count(self, head: Noun) -> Noun:
-        """ "the second shelf from the top"."""
-        if not self.here("count"):
-            return head
-        where = self.tokens[self.index].value("count")
-        self.index += 1
-        sides = tuple(f"{side} from {where}" if side.isdigit() else side for side in head.sides)
-        return replaced(head, sides=sides or (where,))
+def trimmed(run: list[Token]) -> str:
+    """The words of a run without fillers, articles and "and" at its ends."""
+    bare = [index for index, token in enumerate(run) if not token.has("filler", "conj", "of", "genitive", "det")]
+    return " ".join(token.text for token in run[bare[0] : bare[-1] + 1]) if bare else ""
+
+
+# from clauses to a reading ------------------------------------------------------------------------------------------
+
+
+def check(prompt: str, clauses: list[Clause]) -> None:
+    """Refuse what is no placement of one thing."""
+    placing = [clause for clause in clauses if clause.says_where]
+    if not any(clause.kind or clause.places for clause in placing):
+        what = "asks for something else than a placement" if len(placing) < len(clauses) else "says no place"
+        raise LanguageError(f"prompt {prompt!r} {what}; {EXAMPLE}")
+    moved = themes(clauses)
+    several = any(clause.theme is not None and clause.theme.plural for clause in clauses if clause.kind != "other")
+    if several or any(not alike(moved[0], theme) for theme in moved[1:]):
+        listed = f" ({' and '.join(dict.fromkeys(theme.text for theme in moved))})" if moved else ""
+        raise LanguageError(f"prompt {prompt!r} moves more than one thing{listed}; place one object at a time")
+
+
+def themes(clauses: list[Clause]) -> list[Noun]:
+    """What is moved, clause by clause."""
+    nouns = (clause.theme for clause in clauses if clause.kind != "other")
+    return [noun for noun in nouns if noun is not None and noun.pronoun != "it"]
+
+
+def alike(one: Noun, other: Noun) -> bool:
+    """Whether two phrases can mean one thing: "the red mug", then "the mug"."""
+    colours, sides = {one.colour, other.colour} - {""}, {one.sides, other.sides} - {()}
+    return one.name == other.name and len(colours) < 2 and len(sides) < 2
+
+
+def reading_of(clauses: list[Clause], lost: tuple[str, ...]) -> Reading:
+    """The clauses as one reading: the last pose counts, a said pose before one that a verb implies."""
+    moved = themes(clauses)
+    placing = [clause for clause in clauses if clause.says_where]
+    poses = [token for clause in placing for token in clause.poses]
+    implied = next((clause.verb_pose for clause in reversed(placing) if clause.verb_pose), "")
+    places = [place for clause in placing for place in clause.places]
+    elsewhere = [place.text for clause in clauses if not clause.says_where for place in clause.places]
+    return Reading(
+        theme=moved[0] if moved else None,
+        places=tuple(place for place in places if place.relation != "source"),
+        pose=poses[-1].value("pose") if poses else implied or "any",
+        pose_words=" ".join(token.text for token in poses) or implied,
+        facing=next((clause.facing for clause in reversed(placing) if clause.facing), None),
+        aside=(*elsewhere, *(place.text for place in places if place.relation == "source")),
+        not_understood=lost,
+    )

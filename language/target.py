@@ -21,30 +21,17 @@ from language.ground import (
     part_of,
     stands_on,
 )
-from language.lexicon import inside_parts, lineage
+from language.lexicon import inside_parts, label_words, lineage
 from language.nouns import Noun
+from language.placing import BESIDE, PLACEABLE, bare_region, names_support, placing_of, whole
 from language.requests import InstanceView, IntentRequest
 from language.sentence import SUPPORT, Place, Reading
-from scene.errors import LanguageError
 
-BESIDE = {
-    "near": ("near",),
-    "against": ("near",),
-    "next_to": ("next_to",),
-    "between": ("between",),
-    "under": ("under",),
-    "left_of": ("left", "next_to"),
-    "right_of": ("right", "next_to"),
-    "front_of": ("front", "next_to"),
-    "behind": ("back", "next_to"),
-}
-"""Regions that a relation to another thing asks for."""
 SIDE_REGIONS = {"left": "left", "right": "right", "front": "front", "back": "back", "head": "head", "foot": "foot",
                 "top": "back", "bottom": "front", "middle": "middle"}  # fmt: skip
 """Sides as regions of a horizontal surface, seen like a page: the top is far away."""
 PART_REGIONS = {"headboard": "head", "footboard": "foot", "back": "back"}
 """Where a part would be that the segmentation did not find."""
-PLACEABLE = frozenset({"at", *SUPPORT})
 
 
 @dataclass(slots=True)
@@ -73,48 +60,28 @@ class Target:
 
 
 def target_of(reading: Reading, request: IntentRequest) -> Target:
-    """Ground the places of a sentence."""
+    """Ground the places of a sentence; LanguageError if none names a support or a neighbour."""
     target = Target()
-    support = next((p for p in reading.places if names_base(p)), None)
-    if support is not None:
-        ground_support(target, support, reading, request)
+    main = placing_of(reading).place
+    if names_support(main):
+        ground_support(target, main, reading, request)
     else:
-        ground_by_neighbour(target, reading, request)
-    if target.base is None:
-        return target
+        ground_by_neighbour(target, main, request)
     for place in reading.places:
-        if target.missing:
-            break
-        if place is not support and not place.restrict and place not in target.used:
+        said = place is main and names_support(main)
+        if target.base is not None and not said and not place.restrict and place not in target.used:
             ground_further(target, place, request)
-    if support is not None and target.base is not None:
-        ground_own_region(target, support, request)
+    if target.base is not None and names_support(main):
+        ground_own_region(target, main, request)
+    target.not_understood[:0] = still_unknown(reading.not_understood, target, request)
     return target
 
 
-def base_noun(place: Place) -> Noun:
-    """The noun that names a thing in "on the edge of the bed", "on the bed"."""
-    noun = place.nouns[0]
-    return noun.owner if noun.owner is not None else noun
-
-
-def names_base(place: Place) -> bool:
-    """Whether the place can name the support."""
-    noun = base_noun(place)
-    edge_of = place.relation in ("near", "against") and place.nouns[0].region != "" and place.nouns[0].owner is not None
-    on_it = place.relation in PLACEABLE or edge_of
-    return on_it and not place.restrict and not noun.is_region and noun.pronoun == "" and not bare_region(noun)
-
-
-def bare_region(noun: Noun) -> bool:
-    """A word like "back" or "head" that could be a part but has no thing to belong to."""
-    return bool(noun.sides or noun.region) and not noun.thing and noun.owner is None and not plain_part(noun)
-
-
-def plain_part(noun: Noun) -> bool:
-    """Whether a noun without owner names a part for certain ("mattress", not "back")."""
-    ambiguous = {"back", "top", "side", "head", "base"}
-    return any(part not in ambiguous for part in noun.parts)
+def still_unknown(phrases: Sequence[str], target: Target, request: IntentRequest) -> list[str]:
+    """Phrases whose words are not those of a label that was found: a scene may name what the lexicon does not know."""
+    ids = {*target.references, target.base.id if target.base is not None else ""}
+    said = {word for i in request.instances if i.id in ids for word in label_words(i.label)}
+    return [phrase for phrase in phrases if not said.issuperset(label_words(phrase))]
 
 
 # the base -----------------------------------------------------------------------------------------------------------
@@ -122,7 +89,7 @@ def plain_part(noun: Noun) -> bool:
 
 def ground_support(target: Target, support: Place, reading: Reading, request: IntentRequest) -> None:
     """The base from the place that names it."""
-    noun = base_noun(support)
+    noun = whole(support)
     found = candidates(noun, request.instances)
     if noun.thing == "room":
         floor = floor_of(request.instances)
@@ -155,13 +122,21 @@ def narrowing(reading: Reading, support: Place, found: Sequence[InstanceView], r
     """Places that say which of several is meant."""
     if len(found) < 2:
         return []
-    later = [p for p in reading.places if p is not support]
-    return [p for p in later if p.restrict or says_which(p, found, request)]
+    index = reading.places.index(support)
+    chosen = [p for p in reading.places[index + 1 : index + 2] if says_side(p) and not whole(support).sides]
+    later = [p for p in reading.places if p is not support and p not in chosen]
+    return chosen + [p for p in later if p.restrict or says_which(p, found, request)]
+
+
+def says_side(place: Place) -> bool:
+    """ "the bed on the left", without a pause: one of two beds, not the left of a bed."""
+    noun = place.nouns[0]
+    return place.attached and place.relation in PLACEABLE and noun.is_region and not noun.region
 
 
 def says_which(place: Place, found: Sequence[InstanceView], request: IntentRequest) -> bool:
     """A place that names something apart from the candidates: "the bed near the window", "the tray on the desk"."""
-    noun = base_noun(place)
+    noun = whole(place)
     if noun.is_region or bare_region(noun) or place.relation == "between":
         return False
     others = [i for i in named(noun, request.instances) if i not in found]
@@ -178,28 +153,19 @@ def set_part(target: Target, noun: Noun) -> None:
         target.words.append(noun.text)
 
 
-def ground_by_neighbour(target: Target, reading: Reading, request: IntentRequest) -> None:
-    """No support is named: what the thing next to it stands on, or the floor."""
-    for place in reading.places:
-        noun = base_noun(place)
-        if place.relation not in BESIDE or noun.is_region or noun.pronoun:
-            continue
-        if found := named(noun, request.instances):
-            thing = choose(found, noun, (), request.instances, request.room_center).instances[0]
-            target.base = (
-                floor_of(request.instances) if place.relation == "under" else carrier(thing, request.instances)
-            )
-        elif found := owners(noun, request.instances):
-            target.base = choose(found, noun, (), request.instances, request.room_center).instances[0]
-        if target.base is None:
-            target.missing = noun.text if not found else "floor"
-        else:
-            target.notes.append(f"{place.text}: on {target.base.label}, as no support is named")
-        return
-    raise LanguageError(
-        f"the prompt names no support in {', '.join(repr(p.text) for p in reading.places) or 'it'}; "
-        f"say on what to put it, for example: on the {next((i.label for i in request.instances), 'table')}"
-    )
+def ground_by_neighbour(target: Target, place: Place, request: IntentRequest) -> None:
+    """No support is named: what has the part or carries the thing of which the place speaks, or the floor."""
+    noun = whole(place)
+    if found := named(noun, request.instances):
+        thing = choose(found, noun, (), request.instances, request.room_center).instances[0]
+        of_it = noun is not place.nouns[0] and part_of(place.nouns[0], thing) and place.relation != "under"
+        target.base = thing if of_it else carrier(thing, request.instances)
+    elif found := owners(noun, request.instances):
+        target.base = choose(found, noun, (), request.instances, request.room_center).instances[0]
+    if target.base is None:
+        target.missing = noun.text if not found else "floor"
+    else:
+        target.notes.append(f"{place.text}: on {target.base.label}, as no support is named")
 
 
 # where on it --------------------------------------------------------------------------------------------------------
@@ -235,7 +201,8 @@ def ground_further(target: Target, place: Place, request: IntentRequest) -> None
     """A place beside the one that named the base."""
     noun = place.nouns[0]
     assert target.base is not None
-    if place.relation in ("away", "which"):
+    unclear = place.relation == "between" and any(noun.region for noun in place.nouns)
+    if place.relation in ("away", "which") or unclear:
         target.not_understood.append(place.text)
     elif place.relation in PLACEABLE:
         ground_on_again(target, place, request)
@@ -263,7 +230,7 @@ def ground_on_again(target: Target, place: Place, request: IntentRequest) -> Non
             )
         else:
             region_words(target, noun)
-    elif noun.is_unknown:
+    elif noun.pronoun != "it" and target.base not in named(noun, request.instances):  # a second support
         target.not_understood.append(place.text)
 
 

@@ -37,6 +37,34 @@ class Token:
         return bool(nouns) and all(m.plural for m in nouns)
 
 
+@dataclass(slots=True)
+class Cursor:
+    """A place among the tokens, from which phrases are read."""
+
+    tokens: list[Token]
+    index: int = 0
+
+    @property
+    def at_end(self) -> bool:
+        """Whether every token is read."""
+        return self.index >= len(self.tokens)
+
+    def here(self, *kinds: str, ahead: int = 0) -> bool:
+        """Whether the next token, or the one so many further, may be one of these kinds."""
+        index = self.index + ahead
+        return 0 <= index < len(self.tokens) and self.tokens[index].has(*kinds)
+
+    def take(self) -> Token:
+        """The next token; the cursor moves on."""
+        token = self.tokens[self.index]
+        self.index += 1
+        return token
+
+    def text(self, begin: int) -> str:
+        """The words from there up to here."""
+        return " ".join(token.text for token in self.tokens[begin : self.index])
+
+
 def tokens_of(text: str) -> list[Token]:
     """The prompt as tokens."""
     words = split_words(text)
