@@ -15,7 +15,9 @@ from language.words import Cursor, Token
 
 MODIFIERS = ("det", "side", "colour", "quality", "number", "both")
 NOUNS = ("thing", "part", "region")
-STARTS = (*MODIFIERS, *NOUNS, "pronoun", "one", "viewer", "unknown")
+SAYING = (*MODIFIERS[1:], *NOUNS, "pronoun", "one", "viewer", "unknown")
+"""Kinds of tokens that can make a noun phrase alone; an article cannot."""
+STARTS = ("det", *SAYING)
 """Kinds of tokens that a noun phrase may start with."""
 
 
@@ -55,15 +57,16 @@ class Noun:
 
 
 def at_noun(cursor: Cursor, ahead: int = 0) -> bool:
-    """Whether a noun phrase starts here, or so many tokens ahead; fillers before it are skipped."""
-    while cursor.here("filler", ahead=ahead) and not cursor.here("det", ahead=ahead):
+    """Whether a noun phrase starts here, or so many tokens ahead; fillers and articles alone are none."""
+    while cursor.here("filler", "det", ahead=ahead) and not cursor.here(*SAYING, ahead=ahead):
         ahead += 1
     return starts(cursor, ahead)
 
 
 def starts(cursor: Cursor, ahead: int = 0) -> bool:
     """Whether a noun phrase can start with this very token."""
-    return cursor.here(*STARTS, ahead=ahead) and not cursor.here("conj", ahead=ahead)
+    relation = cursor.here("relation", ahead=ahead) and not cursor.here("side", ahead=ahead)
+    return cursor.here(*STARTS, ahead=ahead) and not relation and not cursor.here("conj", ahead=ahead)
 
 
 def noun_phrase(cursor: Cursor) -> Noun:
@@ -77,7 +80,7 @@ def noun_phrase(cursor: Cursor) -> Noun:
         if cursor.here("of") and at_noun(cursor, 1):
             cursor.take()
             noun = owned(noun, noun_phrase(cursor))
-        elif cursor.here("count") and (counted(noun) or not noun.sides):
+        elif cursor.here("count") and counted(noun) and not starts(cursor, 1):
             noun = counting(noun, cursor.take().value("count"))
         else:
             return replace(noun, text=cursor.text(begin))
@@ -102,14 +105,12 @@ def skipped(cursor: Cursor, words: list[Token]) -> bool:
     if cursor.here("conj"):
         return bool(words) and words[-1].has("colour") and cursor.here("colour", ahead=1)
     filler = cursor.here("filler") and not cursor.here(*STARTS)
-    return filler and starts(cursor, 1) and not any(word.has(*NOUNS) for word in words)
+    return filler and at_noun(cursor, 1) and not any(word.has(*NOUNS) for word in words)
 
 
 def goes_on(cursor: Cursor, words: list[Token]) -> bool:
     """Whether the token still belongs to the phrase: after its name, no article and no verb does."""
-    if not starts(cursor) or (cursor.here("relation") and not cursor.here("side")):
-        return False
-    if cursor.here("verb") and words and not cursor.here("side", *NOUNS):
+    if not starts(cursor) or (cursor.here("verb") and words and not cursor.here("side", *NOUNS)):
         return False
     named = any(word.has(*NOUNS) and not word.has("det") for word in words)
     return not (named and cursor.here("det", "pronoun", "number"))
@@ -174,6 +175,5 @@ def counted(noun: Noun) -> bool:
 
 
 def counting(noun: Noun, where: str) -> Noun:
-    """ "the second shelf from the top"; without a number, the one at that end."""
-    sides = tuple(f"{side} from {where}" if side.isdigit() else side for side in noun.sides)
-    return replace(noun, sides=sides or (where,))
+    """ "the second shelf from the top"."""
+    return replace(noun, sides=tuple(f"{side} from {where}" if side.isdigit() else side for side in noun.sides))

@@ -7,7 +7,7 @@ lexicon); each line is a method of `Reader`, nouns are read in `nouns`:
     clause   = { element } [ VERB { element } ]
     element  = place | facing | POSE | RESTRICT | noun | FILLER
     place    = RELATION [ noun [ "and" noun ] ]                        two nouns after "between"
-    facing   = FACE noun
+    facing   = [ noun ] FACE noun                                      "its screen facing the window"
 
 The first noun of a clause is what is moved. In "pick A near B and place it on C" only the last clause says where; in
 "open A and put B in it" the first only says what "it" is. Every word is used by one of these rules or reported: what
@@ -60,7 +60,7 @@ class Reading:
     pose_words: str
     facing: Facing | None
     aside: tuple[str, ...]
-    """Phrases that are understood and do not say where to put it: where it is picked up."""
+    """Phrases that are understood and do not say where to put it: where it is picked up, its name once more."""
     not_understood: tuple[str, ...]
 
 
@@ -68,6 +68,7 @@ class Reading:
 class Clause:
     """A clause while it is read."""
 
+    begin: int
     kind: str = ""
     """place, pick, be, other (no placement), or empty as long as no verb was read."""
     theme: Noun | None = None
@@ -75,6 +76,11 @@ class Clause:
     verb_pose: str = ""
     poses: list[Token] = field(default_factory=list)
     facing: Facing | None = None
+
+    def texts(self) -> list[str]:
+        """What it says of places, poses and facings."""
+        facing = [self.facing.text] if self.facing is not None else []
+        return [*(place.text for place in self.places), *(token.text for token in self.poses), *facing]
 
     @property
     def says_where(self) -> bool:
@@ -119,7 +125,7 @@ class Reader:
 
     def clause(self) -> Clause:
         """{ element } [ VERB { element } ]."""
-        clause = Clause()
+        clause = Clause(self.cursor.index)
         while not self.cursor.at_end:
             if not self.at_verb(clause):
                 self.element(clause)
@@ -138,10 +144,9 @@ class Reader:
 
     def verb(self, clause: Clause) -> None:
         """VERB: what kind of clause it is, and the pose that it says ("lay", "stand", "flip")."""
-        token = self.cursor.take()
-        kind = token.value("verb")
-        if kind != "other":
-            self.keep(self.cursor.index - 1)
+        kind = self.use().value("verb")
+        if kind == "other":
+            self.kept.difference_update(range(clause.begin, self.cursor.index))
         if kind == "be":
             clause.kind = clause.kind or "place"
         elif kind in ("place", "pick", "other"):
@@ -155,24 +160,22 @@ class Reader:
         if clause.kind == "other":
             self.topic()
         elif here("pose"):
-            self.keep(self.cursor.index)
-            clause.poses.append(self.cursor.take())
+            clause.poses.append(self.use())
         elif here("face"):
-            self.facing(clause)
+            self.facing(clause, self.cursor.index)
         elif here("relation"):
             self.place(clause)
         elif here("restrict"):
-            self.keep(self.cursor.index)
-            self.cursor.take()
+            self.use()
             self.restrict = True
-        elif starts(self.cursor):
+        elif starts(self.cursor) and at_noun(self.cursor):
             self.noun(clause)
         else:
             self.cursor.take()
 
     def topic(self) -> None:
         """Inside "close the drawer": remember the noun for a later "it"."""
-        if starts(self.cursor):
+        if starts(self.cursor) and at_noun(self.cursor):
             self.last_noun = noun_phrase(self.cursor)
         else:
             self.cursor.take()
@@ -188,7 +191,7 @@ class Reader:
             nouns.append(noun_phrase(self.cursor))
         if not nouns and relation in SUPPORT and self.last_noun is not None:
             nouns = [self.last_noun]
-        if not nouns:
+        if not nouns or (relation == "source" and nouns[0].region):  # "5 cm from the edge"
             return
         self.keep(begin)
         nouns = [self.referred(noun, relation) for noun in nouns]
@@ -196,11 +199,10 @@ class Reader:
         clause.places.append(Place(relation, tuple(nouns), self.restrict, self.cursor.text(begin), attached))
         self.restrict = False
 
-    def facing(self, clause: Clause) -> None:
-        """FACE noun."""
-        begin = self.cursor.index
+    def facing(self, clause: Clause, begin: int) -> None:
+        """[ noun ] FACE noun, from the first of them on."""
         mode = self.cursor.take().value("face")
-        if at_noun(self.cursor):
+        if at_noun(self.cursor) and clause.facing is None:
             clause.facing = Facing(mode, noun_phrase(self.cursor), self.cursor.text(begin))
             self.keep(begin)
 
@@ -208,17 +210,24 @@ class Reader:
         """A noun without a relation: what is moved, a region, or "the one" that explains the noun before."""
         begin = self.cursor.index
         noun = noun_phrase(self.cursor)
-        self.restrict = self.restrict or (noun.pronoun == "one" and bool(clause.places))
         if noun.pronoun == "one" and clause.places:
             if noun.sides or noun.colour:
                 clause.places.append(Place("which", (noun,), True, noun.text))
+            else:
+                self.restrict = True
         elif noun.is_region and not (clause.theme is None and thing_and_region(noun)):
             clause.places.append(Place("at", (noun,), False, noun.text))
         elif clause.theme is None and not clause.places:
             self.theme(clause, noun)
-        elif noun.pronoun != "it" and not (noun.parts and self.cursor.here("face")):  # "with its screen facing ..."
+        elif clause.theme is not None and clause.places and self.cursor.here("relation") and noun.thing:
+            clause.theme = several(clause.theme, noun)  # "... and a mug on the desk"
+        elif noun.parts and self.cursor.here("face"):
+            self.facing(clause, begin)
             return
-        self.keep(begin)
+        elif noun.pronoun != "it":
+            return
+        if noun.pronoun != "it" or not (noun.colour or noun.owner):  # "it red" says nothing that is used
+            self.keep(begin)
 
     def theme(self, clause: Clause, noun: Noun) -> None:
         """What is moved; "the mug dead centre" is a mug and a region, "the mug and the book" are two things."""
@@ -233,7 +242,7 @@ class Reader:
             if second.is_region or second.pronoun:
                 self.cursor.index = back
             else:
-                clause.theme = replace(noun, text=f"{noun.text} and {second.text}", plural=True)
+                clause.theme = several(noun, second)
 
     def referred(self, noun: Noun, relation: str) -> Noun:
         """What "it" stands for: the drawer of the cabinet to put things in, the cabinet to put them on."""
@@ -244,9 +253,15 @@ class Reader:
 
     # words that no rule used ---------------------------------------------------------------------------------------
 
+    def use(self) -> Token:
+        """The next token, kept."""
+        token = self.cursor.take()
+        self.keep(self.cursor.index - 1)
+        return token
+
     def keep(self, begin: int) -> None:
-        """The tokens from there up to here, or the one there, are used, apart from unknown words."""
-        indices = range(begin, max(self.cursor.index, begin + 1))
+        """The tokens from there up to here are used, apart from unknown words."""
+        indices = range(begin, self.cursor.index)
         self.kept.update(i for i in indices if not self.cursor.tokens[i].has("unknown"))
 
     def lost(self) -> tuple[str, ...]:
@@ -266,6 +281,11 @@ def thing_and_region(noun: Noun) -> bool:
     return noun.is_region and noun.owner is not None and noun.name.startswith(noun.owner.name)
 
 
+def several(one: Noun, other: Noun) -> Noun:
+    """Two things to be moved."""
+    return replace(one, text=f"{one.text} and {other.text}", plural=True)
+
+
 def trimmed(run: list[Token]) -> str:
     """The words of a run without fillers, articles and "and" at its ends."""
     bare = [index for index, token in enumerate(run) if not token.has("filler", "conj", "of", "genitive", "det")]
@@ -282,8 +302,8 @@ def check(prompt: str, clauses: list[Clause]) -> None:
         what = "asks for something else than a placement" if len(placing) < len(clauses) else "says no place"
         raise LanguageError(f"prompt {prompt!r} {what}; {EXAMPLE}")
     moved = themes(clauses)
-    several = any(clause.theme is not None and clause.theme.plural for clause in clauses if clause.kind != "other")
-    if several or any(not alike(moved[0], theme) for theme in moved[1:]):
+    plural = any(clause.theme is not None and clause.theme.plural for clause in clauses if clause.kind != "other")
+    if plural or any(not alike(moved[0], theme) for theme in moved[1:]):
         listed = f" ({' and '.join(dict.fromkeys(theme.text for theme in moved))})" if moved else ""
         raise LanguageError(f"prompt {prompt!r} moves more than one thing{listed}; place one object at a time")
 
@@ -307,13 +327,15 @@ def reading_of(clauses: list[Clause], lost: tuple[str, ...]) -> Reading:
     poses = [token for clause in placing for token in clause.poses]
     implied = next((clause.verb_pose for clause in reversed(placing) if clause.verb_pose), "")
     places = [place for clause in placing for place in clause.places]
-    elsewhere = [place.text for clause in clauses if not clause.says_where for place in clause.places]
+    facings = [clause.facing for clause in placing if clause.facing is not None]
+    elsewhere = [text for clause in clauses if not clause.says_where for text in clause.texts()]
+    sources = [place.text for place in places if place.relation == "source"]
     return Reading(
         theme=moved[0] if moved else None,
         places=tuple(place for place in places if place.relation != "source"),
         pose=poses[-1].value("pose") if poses else implied or "any",
         pose_words=" ".join(token.text for token in poses) or implied,
-        facing=next((clause.facing for clause in reversed(placing) if clause.facing), None),
-        aside=(*elsewhere, *(place.text for place in places if place.relation == "source")),
-        not_understood=lost,
+        facing=facings[-1] if facings else None,
+        aside=(*elsewhere, *sources, *(theme.text for theme in moved[1:])),
+        not_understood=(*lost, *(facing.text for facing in facings[:-1])),
     )

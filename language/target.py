@@ -80,8 +80,9 @@ def target_of(reading: Reading, request: IntentRequest) -> Target:
 def still_unknown(phrases: Sequence[str], target: Target, request: IntentRequest) -> list[str]:
     """Phrases whose words are not those of a label that was found: a scene may name what the lexicon does not know."""
     ids = {*target.references, target.base.id if target.base is not None else ""}
+    told = " ".join(target.not_understood)
     said = {word for i in request.instances if i.id in ids for word in label_words(i.label)}
-    return [phrase for phrase in phrases if not said.issuperset(label_words(phrase))]
+    return [phrase for phrase in phrases if phrase not in told and not said.issuperset(label_words(phrase))]
 
 
 # the base -----------------------------------------------------------------------------------------------------------
@@ -178,12 +179,12 @@ def ground_own_region(target: Target, support: Place, request: IntentRequest) ->
     if noun.owner is None:
         return
     part = part_of(noun, target.base)
-    if noun.region or (part and noun.sides and support.relation not in SUPPORT):
+    if part and support.relation in SUPPORT:
+        set_part(target, noun)
+    elif noun.region or noun.sides:
         region_words(target, noun)
     elif part:
         set_part(target, noun)
-    elif noun.sides:
-        region_words(target, noun)
     if noun.owner is not None and not target.part and not named(noun.owner, request.instances):
         set_part(target, noun.owner)
 
