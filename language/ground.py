@@ -115,6 +115,8 @@ def restricted(
         return [min(found, key=lambda i: colour_distance(i, noun.colour))]
     if place.relation == "which" or noun.is_region:
         return [by_side(list(found), side, (0, 0, 0)) for side in noun.sides[:1]] or None
+    if place.relation in ("on", "in") and (meant := [i for i in named(noun, instances) if i in found]):
+        return list(choose(meant, noun, (), instances, (0, 0, 0)).instances[:1])
     others = [i for i in candidates(noun, instances) if i not in found]
     if not others:
         return None

@@ -140,7 +140,10 @@ def says_which(place: Place, found: Sequence[InstanceView], request: IntentReque
     noun = whole(place)
     if noun.is_region or bare_region(noun) or place.relation == "between":
         return False
-    others = [i for i in named(noun, request.instances) if i not in found]
+    meant = named(noun, request.instances)
+    if place.relation in SUPPORT and place.nouns[0].owner is None and any(i in found for i in meant):
+        return True  # "the pillow on the right bed"
+    others = [i for i in meant if i not in found]
     return bool(others) and not any(stands_on(other, one) for other in others for one in found)
 
 
@@ -185,7 +188,8 @@ def ground_own_region(target: Target, support: Place, request: IntentRequest) ->
         region_words(target, noun)
     elif part:
         set_part(target, noun)
-    if noun.owner is not None and not target.part and not named(noun.owner, request.instances):
+    part_of_whole = noun.owner.owner is not None or not named(noun.owner, request.instances)
+    if part_of_whole and not target.part:  # "the corner of the mattress of the bed"
         set_part(target, noun.owner)
 
 
@@ -195,7 +199,7 @@ def region_words(target: Target, noun: Noun) -> None:
     if noun.region and noun.region != "side":
         names.append(noun.region)
     target.add_regions(names)
-    target.words.append(noun.text)
+    (target.words if names else target.not_understood).append(noun.text)
 
 
 def ground_further(target: Target, place: Place, request: IntentRequest) -> None:
