@@ -2,7 +2,8 @@
 
 import pytest
 
-from language.offline import intent
+from language.offline import OfflineClient
+from language.questions import INTENT
 from scene.errors import LanguageError
 
 # prompt | base | part | which | regions | references | pose | facing
@@ -80,7 +81,7 @@ put the ball on the mattress of the right bed | bed_1 | mattress | | | | any |
 def test_sentence_is_read_as_a_person_reads_it(line, ask):
     """Base, part, region, reference, pose and facing are those a person would name."""
     prompt, base, part, which, regions, references, pose, facing = [cell.strip() for cell in line.split("|")]
-    reply = intent(ask(prompt))
+    reply = OfflineClient().ask(INTENT, ask(prompt))
     found = (
         reply.base_id,
         reply.part,
@@ -113,7 +114,7 @@ def test_sentence_is_read_as_a_person_reads_it(line, ask):
 def test_what_is_no_placement_of_one_thing_is_refused(prompt, ask):
     """Nothing is guessed: an empty, foreign, negated or multiple request raises LanguageError in one line."""
     with pytest.raises(LanguageError) as error:
-        intent(ask(prompt))
+        OfflineClient().ask(INTENT, ask(prompt))
     assert "\n" not in str(error.value)
 
 
@@ -129,7 +130,7 @@ def test_what_is_no_placement_of_one_thing_is_refused(prompt, ask):
 )
 def test_missing_things_are_named(prompt, missing, ask):
     """A target that is not there gives no base, says what is missing and what there is."""
-    reply = intent(ask(prompt))
+    reply = OfflineClient().ask(INTENT, ask(prompt))
     assert reply.base_id == ""
     assert missing in reply.missing
 
@@ -145,7 +146,7 @@ def test_missing_things_are_named(prompt, missing, ask):
 )
 def test_leftover_words_are_reported(prompt, word, ask):
     """What the reader cannot use is listed, not dropped."""
-    reply = intent(ask(prompt))
+    reply = OfflineClient().ask(INTENT, ask(prompt))
     assert reply.base_id == "desk_0"
     assert word in reply.not_understood
 
@@ -163,7 +164,7 @@ def test_leftover_words_are_reported(prompt, word, ask):
 )
 def test_the_more_specific_name_gives_the_prior(prompt, label, name, ask):
     """The prompt's noun counts unless the file's name is a kind of it."""
-    assert intent(ask(prompt, label)).object_name == name
+    assert OfflineClient().ask(INTENT, ask(prompt, label)).object_name == name
 
 
 def test_every_known_phrase_survives_tokenising():

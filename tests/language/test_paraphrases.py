@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from language.offline import OfflineClient
+from language.questions import INTENT
 from scene.errors import LanguageError
 
 TABLE = Path(__file__).with_name("paraphrases.txt")
@@ -32,9 +33,9 @@ def test_paraphrase_is_read_as_a_person_reads_it(line, ask):
     prompt, base, cell = (text.strip() for text in line.split("|"))
     if base == "!":
         with pytest.raises(LanguageError):
-            OfflineClient().intent(ask(prompt))
+            OfflineClient().ask(INTENT, ask(prompt))
         return
-    reply = OfflineClient().intent(ask(prompt))
+    reply = OfflineClient().ask(INTENT, ask(prompt))
     assert reply.base_id == base.strip("?")
     assert bool(reply.missing) == (base == "?")
     if base != "?":

@@ -5,6 +5,7 @@ from hypothesis import strategies as st
 
 from language.lexicon import split_words, vocabulary
 from language.offline import OfflineClient
+from language.questions import INTENT
 from language.sentence import Reading, read
 from language.words import tokens_of
 from scene.errors import LanguageError
@@ -53,7 +54,7 @@ def test_every_word_is_used_or_reported(prompt: str):
 def test_any_prompt_is_answered_or_refused_in_one_line(prompt: str, ask):
     """In a room, every prompt gives a checked reply that reports the unknown words, or a LanguageError."""
     try:
-        reply = OfflineClient().intent(ask(prompt))
+        reply = OfflineClient().ask(INTENT, ask(prompt))
     except LanguageError as caught:
         said = str(caught)
     else:
