@@ -1,9 +1,12 @@
 """The library is complete, physical and hard to get wrong."""
 
+import math
+from collections import Counter
+
 import pytest
 
 from language.lexicon import part_words, things
-from language.materials import COLUMNS, load_materials
+from language.materials import COLUMNS, FAMILIES, SOURCED, families, load_materials, sources_of
 from scene.errors import InputError
 
 
@@ -42,7 +45,8 @@ def test_lexicon_names_only_rows_of_the_library():
     assert named <= library.keys()
 
 
-GOOD = "a,A,100,1e6,0.3,0.5,0.4,0.001,soft,x,estimate"
+GOOD = "a,A,100,1e6,0.3,0.5,0.4,0.001,foam,soft,x,estimate"
+PAGE = '"density, poisson_ratio: https://a.page/b | rest: estimate"'
 
 
 @pytest.mark.parametrize(
@@ -54,7 +58,14 @@ GOOD = "a,A,100,1e6,0.3,0.5,0.4,0.001,soft,x,estimate"
         (GOOD.replace("100", "nan"), "density"),
         (GOOD.replace("100", "heavy"), "not a number"),
         (GOOD.replace("soft", "gas"), "class"),
+        (GOOD.replace("foam", "air"), "family"),
         (GOOD.replace("estimate", ""), "source"),
+        (GOOD.replace("estimate", "a book"), "source"),
+        (GOOD.replace("estimate", PAGE.replace(" | rest: estimate", "")), "no source of youngs_modulus"),
+        (GOOD.replace("estimate", PAGE.replace("density", "mass")), "source of 'mass'"),
+        (GOOD.replace("estimate", PAGE.replace("poisson_ratio", "density")), "source of 'density'"),
+        (GOOD.replace("estimate", PAGE.replace("https://a.page/b", "a.page")), "'COLUMNS: URL"),
+        (GOOD + "\n" + GOOD.replace("a,A", "b,B"), "'x' names a already"),
         (GOOD + "\n" + GOOD, "twice"),
         ("a,b", "fields"),
     ],
@@ -66,6 +77,48 @@ def test_a_bad_row_is_refused_with_its_line(tmp_path, row, words):
     with pytest.raises(InputError, match=words) as error:
         load_materials(file)
     assert f"{file}:" in str(error.value)
+
+
+def test_a_source_says_which_columns_it_holds_for():
+    """Named columns have the page, with how the number follows from it; the rest is an estimate."""
+    found = sources_of(
+        "density: https://a.page | youngs_modulus: https://b.page (EPS22: 50 kPa at 1 %) | rest: estimate", ""
+    )
+    assert found["density"] == "https://a.page"
+    assert found["youngs_modulus"] == "https://b.page (EPS22: 50 kPa at 1 %)"
+    assert {found[name] for name in SOURCED[2:]} == {"estimate"}
+    assert set(sources_of("estimate", "").values()) == {"estimate"}
+
+
+def test_most_densities_and_moduli_come_from_a_page():
+    """At least 60 rows have both from pages."""
+    pages = [sources_of(material.source, "") for material in load_materials().values()]
+    assert sum(found["density"] != "estimate" != found["youngs_modulus"] for found in pages) >= 60
+
+
+def test_every_family_is_there():
+    """Foams to food, each with at least two rows but for leather."""
+    counted = Counter(families().values())
+    assert set(counted) == set(FAMILIES)
+    assert all(count >= 2 for family, count in counted.items() if family != "leather")
+
+
+MEASURED = [
+    ("wood_oak", "wood_oak", 0.5, 0.5), ("brick", "wood_oak", 0.6, 0.6), ("wood_oak", "steel", 0.2, 0.6),
+    ("wood_oak", "concrete", 0.62, 0.62), ("cast_iron", "wood_oak", 0.49, 0.49), ("brass", "steel", 0.51, 0.51),
+    ("copper", "steel", 0.53, 0.53), ("aluminium", "steel", 0.61, 0.61), ("glass", "steel", 0.5, 0.7),
+    ("leather", "steel", 0.4, 0.56), ("rubber_soft", "concrete", 1.0, 1.0), ("apple", "apple", 0.42, 0.42),
+    ("ptfe", "ptfe", 0.04, 0.04),
+]  # fmt: skip
+"""Measured friction of clean, dry pairs, as published tables of pairs give it: lowest and highest."""
+
+
+@pytest.mark.parametrize(("one", "other", "low", "high"), MEASURED)
+def test_the_geometric_mean_comes_near_measured_pairs(one, other, low, high):
+    """Within a factor of 1.4 of what was measured: tables differ from each other by as much."""
+    library = load_materials()
+    friction = math.sqrt(library[one].static_friction * library[other].static_friction)
+    assert low / 1.4 <= friction <= 1.4 * high
 
 
 def test_things_are_plausible():
