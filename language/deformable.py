@@ -9,8 +9,8 @@ from collections import Counter
 from collections.abc import Iterable
 from functools import cache
 
-from language.lexicon import default_parts, is_a, label_words, lineage, thing_of, vocabulary
-from language.material_choice import material_of
+from language.lexicon import default_parts, is_a, label_words, lineage, thing_of
+from language.material_choice import material_of, parts_named
 from language.materials import load_materials
 from language.requests import MaterialQuestion, PartView
 
@@ -35,9 +35,6 @@ KINDS = {
 OTHER = "other"
 """Furniture that carries softly and is none of KINDS."""
 
-UPHOLSTERED = frozenset(("soft", "upholstered", "padded", "cushioned", "fabric", "leather", "velvet", "beanbag"))
-"""Words that make a seat soft whose kind is not."""
-
 
 def deformable_supports(labels: Iterable[str]) -> Counter[str]:
     """How many of the labels are deformable supports, by kind."""
@@ -49,21 +46,13 @@ def deformable_kind(label: str) -> str:
     """The kind of deformable support that a label names; empty if it names none."""
     thing = thing_of(label)
     if thing is None:
-        return MATTRESS if MATTRESS in _parts(label) and _is_soft(label, MATTRESS) else ""
+        return MATTRESS if MATTRESS in parts_named(label_words(label)) and _is_soft(label, MATTRESS) else ""
     kind = next((kind for kind, things in KINDS.items() if any(is_a(thing.id, one) for one in things)), "")
     if not kind and not is_a(thing.id, "furniture"):
         return ""
     bases = [base for base in lineage(thing.id) if base in default_parts()]
     carrying = default_parts()[bases[0]][0] if bases else "body"
-    soft = _is_soft(label, carrying) or (kind == "soft seat" and bool(UPHOLSTERED & set(label_words(label))))
-    return (kind or OTHER) if soft else ""
-
-
-def _parts(label: str) -> set[str]:
-    """Parts that the label, or its last words, mean."""
-    words = label_words(label)
-    meanings = [vocabulary().get(tuple(words[begin:]), frozenset()) for begin in range(len(words))]
-    return {meaning.value for found in meanings for meaning in found if meaning.kind == "part"}
+    return (kind or OTHER) if _is_soft(label, carrying) else ""
 
 
 def _is_soft(label: str, part: str) -> bool:

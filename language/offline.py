@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from language.lexicon import thing_of
-from language.material_choice import chosen_material
+from language.material_choice import chosen_materials
 from language.part_choice import chosen_part, moved_into_which, one_of_a_whole
 from language.pose_choice import chosen_pose
 from language.priors import prior_of
@@ -104,9 +104,8 @@ def anchor(request: AnchorRequest) -> AnchorReply:
 
 
 def materials(request: MaterialsRequest) -> MaterialsReply:
-    """By the thing's own list, by part name, by category, by words; else a stated fallback."""
-    known = {material.id for material in request.library}
-    return MaterialsReply(choices=tuple(chosen_material(question, known) for question in request.questions))
+    """By what words say, the thing's own list, category and part name; else a stated fallback."""
+    return MaterialsReply(choices=tuple(chosen_materials(request)))
 
 
 def label(request: LabelRequest) -> LabelReply:

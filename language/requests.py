@@ -165,6 +165,8 @@ class MaterialsRequest:
     prompt: str
     questions: tuple[MaterialQuestion, ...]
     library: tuple[Material, ...]
+    base_id: str = ""
+    """The instance that carries the object: what the prompt says of such a thing, it says of this one."""
     pictures: tuple[PictureMaker, ...] = field(default=(), compare=False)
 
 

@@ -1,6 +1,6 @@
 """Stage 6, materials: one row of the library for each part, rigid above 1 GPa, everything else soft.
 
-In: scene, object, intent and anchor. Out: `PartMaterials`: the object's parts, the base's, then the neighbours'
+In: scene, object, intent, anchor and prompt. Out: `PartMaterials`: the object's parts, the base's, then the neighbours'
 within reach (those only as obstacles). Rows are picked, never mixed. The density of a hollow thing is made to fit the
 mass prior where its particles are filled; the reason says so.
 """
@@ -25,6 +25,7 @@ from tasks.stiff_parts import stiffened
 from tasks.views import part_views, sums_of
 
 OBJECT = "object"
+LIMITED = "materials are clamped to the paper's limits (E 5e4 to 5e9 Pa, density 30 to 8000 kg/m3, friction 0.05 to 1)"
 
 
 class MaterialsConfig(BaseModel, frozen=True, extra="forbid"):
@@ -34,7 +35,7 @@ class MaterialsConfig(BaseModel, frozen=True, extra="forbid"):
     rigid_above: PositiveFloat = 1.0e9
     """Young's modulus above which a part is rigid [Pa]; the paper's 1 GPa."""
     paper_limits: bool = False
-    """Clamp the rows as the paper's section 4.3 does; makes every foam alike."""
+    """Clamp the rows as the paper's section 4.3 does (`--paper-limits`); makes every foam alike."""
     load_aware: bool = False
     """Parts of object and base that nobody would see give under the object's weight are rigid too."""
     invisible: PositiveFloat = 5e-5
@@ -45,18 +46,20 @@ class MaterialsConfig(BaseModel, frozen=True, extra="forbid"):
 
 
 def materials(
-    scene: Segmentation, item: Segmentation, intent: Intent, anchor: Anchor, config: MaterialsConfig
+    scene: Segmentation, item: Segmentation, intent: Intent, anchor: Anchor, prompt: str, config: MaterialsConfig
 ) -> PartMaterials | Infeasible:
     """Ask once for all parts."""
     library = load_materials()
     questions = [*object_questions(item, intent), *base_and_neighbours(scene, item, anchor, config)]
-    request = MaterialsRequest(intent.object_name, tuple(questions), tuple(library.values()))
+    rows_alone = tuple(replace(row, source="") for row in library.values())  # where they come from helps nobody choose
+    request = MaterialsRequest(prompt, tuple(questions), rows_alone, anchor.base_id)
     reply = client(config.language).ask(MATERIALS, request)
     given = {(choice.body, choice.part_index): choice for choice in reply.choices}
     rows = [part_material(q, given[q.body, q.part.index], library, intent, config) for q in questions]
-    notes: tuple[str, ...] = ()
+    notes: tuple[str, ...] = (LIMITED,) if config.paper_limits else ()
     if config.load_aware:
-        rows, notes = stiffened(rows, scene, item, intent, anchor, config.invisible)
+        rows, stiff = stiffened(rows, scene, item, intent, anchor, config.invisible)
+        notes += stiff
     return PartMaterials(tuple(rows), "paper_limits" if config.paper_limits else "none", notes)
 
 

@@ -467,7 +467,7 @@ def test_one_row_per_part_and_the_gigapascal_rule():
     """Object first, then the base; wood is rigid, the mattress is soft, each with a reason."""
     item = thing("mug", mug())
     meant, _, found = placed("put the mug on the bed", item)
-    chosen = materials(ROOM, item, meant, found, MaterialsConfig())
+    chosen = materials(ROOM, item, meant, found, "", MaterialsConfig())
     assert not isinstance(chosen, Infeasible)
     assert chosen.rows[0].body == "object"
     assert chosen.of("bed", 1).model is Model.MPM
@@ -481,14 +481,29 @@ def test_paper_limits_are_an_option():
     """Off by default; on, soft foam is clamped to 5e4 Pa and the reason says so."""
     item = thing("ball", ball())
     meant, _, found = placed("put the ball on the bed", item)
-    plain = materials(ROOM, item, meant, found, MaterialsConfig())
-    clamped = materials(ROOM, item, meant, found, MaterialsConfig(paper_limits=True))
+    plain = materials(ROOM, item, meant, found, "", MaterialsConfig())
+    clamped = materials(ROOM, item, meant, found, "", MaterialsConfig(paper_limits=True))
     assert not isinstance(plain, Infeasible)
     assert not isinstance(clamped, Infeasible)
     assert plain.of("bed", 1).material.youngs_modulus < 5e4
     assert clamped.of("bed", 1).material.youngs_modulus == 5e4
     assert "limits" in clamped.of("bed", 1).reason
     assert (plain.limits, clamped.limits) == ("none", "paper_limits")
+    assert "paper's limits" in clamped.notes[0]
+    assert plain.notes == ()
+
+
+def test_materials_hear_the_whole_prompt():
+    """What the sentence calls the object and its support made of counts, each for its own."""
+    item = thing("mug", mug())
+    prompt = "put the steel mug on the glass table"
+    meant, _, found = placed(prompt, item)
+    chosen = materials(ROOM, item, meant, found, prompt, MaterialsConfig())
+    assert isinstance(chosen, PartMaterials)
+    top = next(row for row in chosen.rows if row.body == meant.base_id and row.part in ("top", "body"))
+    assert (chosen.rows[0].material.id, top.material.id) == ("steel", "glass")
+    assert "'glass'" in top.reason
+    assert chosen.rows[0].material.source.startswith("density")
 
 
 @pytest.mark.parametrize(("share", "model"), [(1.4, Model.RIGID), (0.7, Model.MPM)])
@@ -497,12 +512,12 @@ def test_what_nobody_would_see_give_is_rigid_if_asked(share, model):
     is known to a factor of 2.7, so the dent, which goes with its cube root, to 1.4."""
     item = thing("ball", ball(0.1))
     meant, _, found = placed("put the ball on the mattress", item)
-    plain = materials(ROOM, item, meant, found, MaterialsConfig())
+    plain = materials(ROOM, item, meant, found, "", MaterialsConfig())
     assert isinstance(plain, PartMaterials)
     foam = plain.of("bed", 1).material
     effective = foam.youngs_modulus / (1.0 - foam.poisson_ratio**2)
     dent = (9.0 * (meant.mass * 9.81) ** 2 / (16.0 * 0.1 * effective**2)) ** (1.0 / 3.0)
-    aware = materials(ROOM, item, meant, found, MaterialsConfig(load_aware=True, invisible=share * dent))
+    aware = materials(ROOM, item, meant, found, "", MaterialsConfig(load_aware=True, invisible=share * dent))
     assert isinstance(aware, PartMaterials)
     row = aware.of("bed", 1)
     assert row.model is model
@@ -515,7 +530,7 @@ def test_unknown_things_get_a_stated_fallback():
     """Nothing known of name and part: the reason starts with the word fallback."""
     item = thing("zorb", ball())
     meant, _, found = placed("put the zorb on the bed", item)
-    chosen = materials(ROOM, item, meant, found, MaterialsConfig())
+    chosen = materials(ROOM, item, meant, found, "", MaterialsConfig())
     assert not isinstance(chosen, Infeasible)
     assert chosen.rows[0].reason.startswith("fallback")
 
