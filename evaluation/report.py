@@ -26,6 +26,8 @@ class Card:
     stages: tuple[tuple[str, float, float], ...]
     """(name, seconds, share of the longest stage of this sample in percent)."""
     facts: tuple[tuple[str, str], ...]
+    materials: tuple[tuple[str, str, str], ...]
+    """(part, material, reason)."""
     warnings: tuple[str, ...]
     folder: str
 
@@ -67,6 +69,7 @@ def card_of(folder: Path, row: Row) -> Card:
         pictures=pictures,
         stages=stage_bars(tree.get("timings")),
         facts=facts_of(row, tree),
+        materials=materials_of(tree),
         warnings=tuple(str(one) for one in warnings) if isinstance(warnings, list) else (),
         folder=link,
     )
@@ -108,6 +111,14 @@ def facts_of(row: Row, tree: Mapping[str, object]) -> tuple[tuple[str, str], ...
         names = [f"{one['part']}: {one['material']}" for one in materials if isinstance(one, Mapping)]
         facts.append(("materials", ", ".join(dict.fromkeys(names))))
     return tuple((name, value) for name, value in facts if value)
+
+
+def materials_of(tree: Mapping[str, object]) -> tuple[tuple[str, str, str], ...]:
+    """What each part of object, base and neighbours is taken to be made of, and why; what is alike once."""
+    rows = tree.get("materials")
+    found = [one for one in rows if isinstance(one, Mapping)] if isinstance(rows, list) else []
+    named = ((f"{one['body']}, {one['part']}", str(one["material"]), str(one.get("reason", ""))) for one in found)
+    return tuple(dict.fromkeys(named))
 
 
 def tiles_of(summary: Mapping[str, object]) -> list[tuple[str, str, str]]:

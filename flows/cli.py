@@ -57,6 +57,10 @@ LoadAware = Annotated[
     bool,
     typer.Option("--load-aware", help="What gives less than 0.05 mm under the load is rigid too, not only E > 1 GPa."),
 ]
+PaperLimits = Annotated[
+    bool,
+    typer.Option("--paper-limits", help="Clamp the materials as the paper does (E >= 5e4 Pa ...): every foam alike."),
+]
 Resolution = Annotated[float | None, typer.Option(help="Cell size at the contact [m]; default: from the physics.")]
 Threads = Annotated[int, typer.Option(min=0, help="Threads of the solver, 0: all cores; never changes a result.")]
 
@@ -88,6 +92,7 @@ def place(
     arch: Arch = "cpu",
     stability: Stability = False,
     load_aware: LoadAware = False,
+    paper_limits: PaperLimits = False,
     as_json: Json = False,
 ) -> int:
     """Place one object in one scene."""
@@ -130,6 +135,7 @@ def place(
         arch=chosen_arch(arch),
         stability=stability,
         load_aware=load_aware,
+        paper_limits=paper_limits,
     )
     tree = write_placement(place_one(sample, config, asking.session(folder), quiet=as_json), folder)
     print(json.dumps(tree, indent=2, ensure_ascii=False) if as_json else f"{result_line(tree)}\nresults: {folder}")
@@ -187,6 +193,7 @@ def benchmark(
     batch: Annotated[
         bool, typer.Option("--batch", help="Ask in batches: half the price, answers within minutes to a day.")
     ] = False,
+    paper_limits: PaperLimits = False,
     as_json: Json = False,
 ) -> int:
     """Place every sample of a dataset and report."""
@@ -200,7 +207,7 @@ def benchmark(
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     threads = max(1, cores // workers)  # drops side by side must not fight for the cores
     asking = LanguageOptions(language, model, record, replay, max_cost, batch)
-    config = configured(language=asking.config(), threads=threads)
+    config = configured(language=asking.config(), threads=threads, paper_limits=paper_limits)
     run = run_benchmark(dataset, config, asking, limit=limit, workers=workers, only_failed=only_failed)
     if as_json:
         print(json.dumps(run.summary, indent=2, ensure_ascii=False))
@@ -214,6 +221,7 @@ def plan(
     language: Language = "",
     model: Model = "",
     replay: Replay = "",
+    paper_limits: PaperLimits = False,
     as_json: Json = False,
 ) -> int:
     """Show what a benchmark would run and why, without running anything."""
@@ -222,7 +230,7 @@ def plan(
     from flows.language_options import LanguageOptions
 
     asking = LanguageOptions(language, model, replay=replay)
-    rows = plan_benchmark(dataset, configured(language=asking.config()), limit=limit)
+    rows = plan_benchmark(dataset, configured(language=asking.config(), paper_limits=paper_limits), limit=limit)
     if as_json:
         print(json.dumps(rows, indent=2, ensure_ascii=False))
     return 0

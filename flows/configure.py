@@ -19,6 +19,7 @@ def configured(
     arch: str = "cpu",
     stability: bool = False,
     load_aware: bool = False,
+    paper_limits: bool = False,
 ) -> PlaceConfig:
     """The default configuration with the user's choices in it; `arch` is cpu or cuda: a key of the cache must not
     depend on what this machine has."""
@@ -27,6 +28,7 @@ def configured(
         part = getattr(config, stage).model_copy(update={"language": language or LanguageConfig()})
         config = config.model_copy(update={stage: part})
     config = with_setting(config, "materials", {"load_aware": load_aware}, "--load-aware")
+    config = with_setting(config, "materials", {"paper_limits": paper_limits}, "--paper-limits")
     if resolution is not None:
         config = with_setting(config, "particles", {"cell": resolution}, f"--resolution {resolution}")
     physics = config.drop.solver.model_dump() | {"arch": arch, "method": solver, "stability": stability}

@@ -216,6 +216,7 @@ def material_row(row: PartMaterial) -> dict[str, object]:
         "poisson_ratio": row.material.poisson_ratio,
         "static_friction": row.material.static_friction,
         "dynamic_friction": row.material.dynamic_friction,
+        "source": row.material.source,
     }
 
 

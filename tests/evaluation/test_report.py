@@ -33,7 +33,7 @@ def placement(verdict: str, reason: str | None) -> dict[str, object]:
         "visible_fraction": 0.9,
         "timings": {"mesh": 1.5, "drop": 6.0},
         "contacts": [{"area_m2": 1e-3, "normal_force_n": 3.9}],
-        "materials": [{"body": "object", "part": "body", "material": "rubber"}],
+        "materials": [{"body": "object", "part": "body", "material": "rubber", "reason": "usual for a <ball>"}],
         "warnings": ["mattress cropped to 0.8 m"],
     }
 
@@ -83,7 +83,8 @@ def test_the_page_shows_every_sample(run: tuple[Path, list[Row]]) -> None:
     page = write_report(folder, rows, {**totals(rows), "wall_s": 3.0}).read_text()
     assert page.count('<article class="card') == 4
     assert "balance the ball on the &lt;lampshade&gt; &amp; stay" in page
-    for words in (PROMPTS[0], "infeasible: toppled", "no piano; there are bed and sofa", "x: no such file", "1.50 s"):
+    for words in (PROMPTS[0], "infeasible: toppled", "no piano; there are bed and sofa", "x: no such file", "1.50 s",
+                  "object, body: <b>rubber</b> (usual for a &lt;ball&gt;)"):  # fmt: skip
         assert words in page
     links = re.findall(r'(?:src|href)="([^"]+)"', page)
     assert sum(link.endswith(".png") for link in links) == 2 * 2 * 3

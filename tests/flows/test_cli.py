@@ -68,11 +68,13 @@ def test_the_arch_decides_a_result() -> None:
 
 def test_options_of_the_physics_reach_their_stages() -> None:
     """Each decides a result of its own stage."""
-    config = configured(stability=True, load_aware=True)
+    config = configured(stability=True, load_aware=True, paper_limits=True)
     assert config.drop.solver.stability
     assert config.materials.load_aware
+    assert config.materials.paper_limits
     assert not configured().drop.solver.stability
     assert not configured().materials.load_aware
+    assert not configured().materials.paper_limits
 
 
 def obj_of(vertices: str, faces: str) -> bytes:

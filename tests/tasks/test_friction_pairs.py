@@ -1,0 +1,57 @@
+"""The friction of a pair: the geometric mean of the two rows unless the pair is given, in placements and in cases."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from language.materials import load_materials
+from scene.mesh import Mesh
+from scene.particles import DistanceGrid, Particles
+from solver.model import Model
+from tasks.case_bodies import build_bodies
+from tasks.case_file import Case
+from tasks.drop import model_of
+from tasks.scenario import rigid_body
+
+NAMES = ("steel", "granite")
+CORNERS = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
+TETRAHEDRON = Mesh.of(CORNERS, [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
+GRID = DistanceGrid(np.zeros(3), 1.0, np.zeros((3, 3, 3), np.float32))
+
+
+def placed() -> Model:
+    """A placement's model of two rigid bodies."""
+    library = load_materials()
+    bodies = (rigid_body(name, name, True, TETRAHEDRON, GRID, library[name]) for name in NAMES)
+    return model_of(Particles(tuple(bodies), (), 0.1, ()))
+
+
+def from_case(*pairs: dict[str, object]) -> Model:
+    """A case's model of two rigid bodies."""
+    shape = {"box": {"size": [1, 1, 1]}}
+    bodies = [
+        {"name": name, "shape": shape, "position": [0, 0, 0], "material": name, "motion": "fixed"} for name in NAMES
+    ]
+    case = Case.model_validate({"bodies": bodies, "friction_pairs": list(pairs)})
+    given = tuple((p.a, p.b, p.static_friction, p.dynamic_friction) for p in case.friction_pairs)
+    return Model(tuple(build_bodies(case, Path(), 0.25)[0]), np.zeros(3), given)
+
+
+@pytest.mark.parametrize("model", [placed, from_case])
+def test_a_pair_has_the_geometric_mean_of_its_rows(model) -> None:
+    """sqrt(mu_a mu_b), static and dynamic."""
+    steel, granite = (load_materials()[name] for name in NAMES)
+    made = model()
+    expected = (
+        math.sqrt(steel.static_friction * granite.static_friction),
+        math.sqrt(steel.dynamic_friction * granite.dynamic_friction),
+    )
+    assert made.friction(*made.bodies) == pytest.approx(expected)
+
+
+def test_a_given_pair_wins_in_either_order() -> None:
+    """`friction_pairs` of a case names bodies, not an order."""
+    made = from_case({"a": "granite", "b": "steel", "static_friction": 0.3, "dynamic_friction": 0.2})
+    assert made.friction(*made.bodies) == made.friction(*made.bodies[::-1]) == (0.3, 0.2)
