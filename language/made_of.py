@@ -137,6 +137,15 @@ def said_of_part(prompt: str, part: str) -> list[str]:
     return next((around(tokens, i, part) for i, t in enumerate(tokens) if part in parts_begun_by(t)), [])
 
 
+def material_words_about(prompt: str, *wholes: str) -> set[str]:
+    """Words of the prompt that name materials of these things."""
+    found: set[str] = set()
+    for index, whole in enumerate(wholes):
+        said = said_of_thing(prompt, whole, last=index > 0) if whole else []
+        found.update(word for named in materials_in(said, head=False) for word in named.phrase.split())
+    return found
+
+
 def parts_begun_by(token: Token) -> set[str]:
     """Parts that a phrase means, or begins with: "top of"."""
     first = vocabulary().get((token.text.split()[0],), frozenset()) if token.text.split() else frozenset()

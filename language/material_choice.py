@@ -60,7 +60,7 @@ def material_of(question: MaterialQuestion, known: Collection[str], said: Collec
         for named in materials_in(words, head=False):
             row = row_of_part(named, whole, question.part.name, usual)
             if row in known:
-                return row, f"the {source} says {named.phrase!r}, which the {question.part.name} is made of"
+                return row, f"the {source} says {named.phrase!r}: the {question.part.name} is meant"
     return usual, reason
 
 

@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from language.lexicon import thing_of
+from language.made_of import material_words_about
 from language.material_choice import chosen_materials
 from language.part_choice import chosen_part, moved_into_which, one_of_a_whole
 from language.pose_choice import chosen_pose
@@ -56,6 +57,9 @@ def intent(request: IntentRequest) -> IntentReply:
     target = target_of(reading, request)
     prior = prior_of(reading.theme, request.item.label, request.item.size)
     facing, unclear = facing_of(reading, target, request)
+    base = thing_of(target.base.label) if target.base else None
+    used = material_words_about(request.prompt, prior.name, base.id if base else "")
+    unclear = tuple(word for word in (*target.not_understood, *unclear) if word not in used)
     words = " ".join(w for w in (reading.pose_words, reading.facing.text if reading.facing else "") if w)
     return IntentReply.model_validate(
         {
@@ -74,7 +78,7 @@ def intent(request: IntentRequest) -> IntentReply:
             "regions": tuple(target.regions),
             "references": tuple(target.references),
             "region_words": ", ".join(target.words),
-            "not_understood": tuple(dict.fromkeys((*target.not_understood, *unclear))),
+            "not_understood": tuple(dict.fromkeys(unclear)),
             "notes": (*prior.notes, *target.notes),
         }
     )

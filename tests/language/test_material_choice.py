@@ -7,6 +7,7 @@ from language.made_of import FAMILIES as GENERIC
 from language.made_of import MADE_OF, materials_in, named_phrases
 from language.material_choice import OBJECT, USUAL, chosen_materials
 from language.materials import FAMILIES, families, load_materials
+from language.offline import OfflineClient
 from language.requests import MaterialQuestion, MaterialsRequest, PartView
 
 LIBRARY = tuple(load_materials().values())
@@ -137,6 +138,13 @@ def test_the_reason_says_whose_word_it_was() -> None:
 def test_unknown_things_get_a_fallback_that_says_so(label: str, part: str, material: str, reason: str) -> None:
     """Soft if a word says soft, else rigid."""
     assert chosen(OBJECT, label, part) == (material, reason)
+
+
+def test_words_for_materials_count_as_understood(ask) -> None:
+    """Those of object and support; the same word elsewhere stays unknown."""
+    client = OfflineClient()
+    assert client.intent(ask("put the steel mug on the velvet sofa", "mug")).not_understood == ()
+    assert "velvet" in client.intent(ask("put the mug on the sofa with velvet", "mug")).not_understood
 
 
 def test_a_colour_is_no_material() -> None:
