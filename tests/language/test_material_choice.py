@@ -8,6 +8,7 @@ from language.made_of import MADE_OF, materials_in, named_phrases
 from language.material_choice import OBJECT, USUAL, chosen_materials
 from language.materials import FAMILIES, families, load_materials
 from language.offline import OfflineClient
+from language.questions import INTENT
 from language.requests import MaterialQuestion, MaterialsRequest, PartView
 
 LIBRARY = tuple(load_materials().values())
@@ -143,8 +144,8 @@ def test_unknown_things_get_a_fallback_that_says_so(label: str, part: str, mater
 def test_words_for_materials_count_as_understood(ask) -> None:
     """Those of object and support; the same word elsewhere stays unknown."""
     client = OfflineClient()
-    assert client.intent(ask("put the steel mug on the velvet sofa", "mug")).not_understood == ()
-    assert "velvet" in client.intent(ask("put the mug on the sofa with velvet", "mug")).not_understood
+    assert client.ask(INTENT, ask("put the steel mug on the velvet sofa", "mug")).not_understood == ()
+    assert "velvet" in client.ask(INTENT, ask("put the mug on the sofa with velvet", "mug")).not_understood
 
 
 def test_a_colour_is_no_material() -> None:
