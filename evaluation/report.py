@@ -9,6 +9,7 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from evaluation.outcome_table import AT_REST, Row
 from evaluation.run_folder import sample_folder
+from language.ledger import in_words
 
 TEMPLATES = Path(__file__).parent / "templates"
 PICTURES = (("clean", "before"), ("asked", "as asked"), ("settled", "after"), ("closeup", "contact"))
@@ -43,7 +44,7 @@ def write_report(folder: Path, rows: Sequence[Row], summary: Mapping[str, object
         lstrip_blocks=True,
     )
     page = environment.get_template("report.html.j2").render(
-        title=folder.name, cards=cards, summary=summary, tiles=tiles_of(summary)
+        title=folder.name, cards=cards, summary=summary, tiles=tiles_of(summary), asked=asked_of(summary)
     )
     path = folder / "report.html"
     draft = folder / ".report.html"
@@ -119,6 +120,12 @@ def materials_of(tree: Mapping[str, object]) -> tuple[tuple[str, str, str], ...]
     found = [one for one in rows if isinstance(one, Mapping)] if isinstance(rows, list) else []
     named = ((f"{one['body']}, {one['part']}", str(one["material"]), str(one.get("reason", ""))) for one in found)
     return tuple(dict.fromkeys(named))
+
+
+def asked_of(summary: Mapping[str, object]) -> str:
+    """Who was asked, and what that took; empty where no model was."""
+    spent = summary.get("language")
+    return f"{', '.join(spent['models'])}: {in_words(spent)}" if isinstance(spent, Mapping) else ""
 
 
 def tiles_of(summary: Mapping[str, object]) -> list[tuple[str, str, str]]:

@@ -7,6 +7,7 @@ by the next.
 """
 
 import json
+import shutil
 import threading
 import time
 import uuid
@@ -83,6 +84,7 @@ def batch_desk(folder: Path, session: Session, tell: Callable[[str], None] = lam
     finally:
         desk.stopped.set()
         thread.join(timeout=5.0)
+    shutil.rmtree(folder, ignore_errors=True)  # nobody waits any more
 
 
 @dataclass(slots=True)

@@ -21,7 +21,6 @@ from scene.store import Store
 PIPELINE = """
 import numpy as np
 from pydantic import BaseModel
-from flows.language_options import LanguageOptions
 from flows.place import Placement
 from scene.anchor import Anchor
 from scene.box import OrientedBox

@@ -1,0 +1,153 @@
+"""A whole run with a model: asked at once or in batches, recorded, replayed with nobody to ask, stopped by its budget.
+
+The model is a stand-in on the loopback interface.
+"""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+import trimesh
+from fake_api import KEY, FakeApi
+
+from flows.language_options import LanguageOptions
+from language.reply_folder import ReplyFolder
+from scene.errors import InputError
+from scene.settings import PROJECT_ROOT
+
+DATASET = """
+- {id: lacks, scene: room.glb, object: cube.stl, prompt: put the steel cube on the piano}
+- {id: rests, scene: room.glb, object: cube.stl, prompt: put the steel cube on the table}
+"""
+RUN_OF_ITS_OWN = ("timings", "wall_s", "seconds")
+"""Keys that tell how long something took."""
+
+
+@pytest.fixture
+def dataset(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, api: FakeApi) -> Path:
+    """A table on a floor, a cube, and two sentences."""
+    scene = trimesh.Scene()
+    table = trimesh.creation.box(bounds=[(-0.4, 0.0, -0.3), (0.4, 0.7, 0.3)])
+    floor = trimesh.creation.box(bounds=[(-1.5, -0.02, -1.5), (1.5, 0.0, 1.5)])
+    for name, mesh in (("table", table), ("floor", floor)):
+        scene.add_geometry(mesh, node_name=name, geom_name=name)
+    scene.export(tmp_path / "room.glb")
+    trimesh.creation.box(extents=(0.06, 0.06, 0.06)).export(tmp_path / "cube.stl")
+    (tmp_path / "set.yaml").write_text(DATASET)
+    monkeypatch.delenv("PREFECT_API_URL", raising=False)
+    return tmp_path / "set.yaml"
+
+
+def run(dataset: Path, *options: str, expected: int = 0) -> Path:
+    """The folder of a benchmark run in a process of its own."""
+    command = [sys.executable, "-m", "flows.cli", "benchmark", "--dataset", str(dataset), *options]
+    environment = os.environ | {"DCAP_DATA": str(dataset.parent / "data"), "PYTHONPATH": str(PROJECT_ROOT)}
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+    assert done.returncode == expected, done.stderr
+    (dataset.parent / "told.log").open("a").write(done.stdout + done.stderr)
+    return (dataset.parent / "data" / "runs" / "last").resolve()
+
+
+def contents(folder: Path) -> dict[str, object]:
+    """What the samples' files hold, without how long it took."""
+    found: dict[str, object] = {}
+    for path in sorted((folder / "samples").rglob("*")):
+        if path.is_file():
+            data = path.read_bytes()
+            found[str(path.relative_to(folder))] = timeless(json.loads(data)) if path.suffix == ".json" else data
+    return found
+
+
+def timeless(tree: Any) -> Any:
+    """JSON without how long something took."""
+    if isinstance(tree, dict):
+        return {key: timeless(value) for key, value in tree.items() if key not in RUN_OF_ITS_OWN}
+    return [timeless(one) for one in tree] if isinstance(tree, list) else tree
+
+
+@pytest.mark.slow
+def test_a_recorded_run_replays_to_the_same_bytes(dataset: Path, api: FakeApi, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Asked at once, in batches, or replayed with no server and no key: the same files. The key is nowhere."""
+    recording = dataset.parent / "recording"
+    asking = ("--language", "anthropic", "--max-cost", "5")
+    first = run(dataset, *asking, "--record", str(recording))
+    spent = json.loads((first / "summary.json").read_text())["language"]
+    assert spent["asked"] == len(api.asked) > 4
+    assert spent["usd"] == pytest.approx(len(api.asked) * (1000 * 2 + 100 * 10) / 1e6)
+    assert f"{spent['asked']} replies asked for" in (first / "report.html").read_text()
+    assert set(contents(first)) >= {
+        "samples/rests/object.ply",
+        "samples/rests/closeup.png",
+        "samples/lacks/placement.json",
+    }
+
+    in_batches = run(dataset, *asking, "--batch", "--model", "claude-opus-5-5")
+    assert contents(in_batches) == contents(first)
+    assert json.loads((in_batches / "summary.json").read_text())["language"]["batch"] == spent["asked"]
+    assert api.batches
+
+    for name in ("ANTHROPIC_API_KEY", "ANTHROPIC_AUTH_TOKEN"):
+        monkeypatch.delenv(name, raising=False)
+    asked = len(api.asked)
+    replayed = run(dataset, "--replay", str(recording))
+    assert contents(replayed) == contents(first)
+    assert len(api.asked) == asked
+
+    files = [path for path in dataset.parent.rglob("*") if path.is_file()]
+    assert len(files) > 50
+    assert not [path for path in files if KEY.encode() in path.read_bytes()]
+
+
+@pytest.mark.slow
+def test_a_spent_budget_stops_in_a_line(dataset: Path, api: FakeApi) -> None:
+    """Nothing is asked that may exceed the budget; the samples say so, and a larger budget goes on from there."""
+    asking = ("--language", "anthropic")
+    stopped = run(dataset, *asking, "--limit", "1", "--max-cost", "0.01", expected=4)
+    assert not api.asked
+    assert (
+        (stopped / "samples" / "lacks" / "error.txt")
+        .read_text()
+        .startswith("--max-cost 0.01 USD: 0.0000 USD are spent")
+    )
+    gone_on = run(dataset, *asking, "--limit", "1", "--max-cost", "5", "--only-failed")
+    assert len(json.loads((gone_on / "run.json").read_text())["samples"]) == 1
+
+
+@pytest.mark.parametrize(
+    ("options", "word"),
+    [
+        (LanguageOptions("oracle"), "oracle"),
+        (LanguageOptions("replay"), "--replay DIR"),
+        (LanguageOptions("anthropic", replay="x"), "--language replay"),
+        (LanguageOptions(record="x"), "--record"),
+        (LanguageOptions("offline", max_cost=1.0), "--max-cost"),
+        (LanguageOptions(batch=True), "--batch"),
+        (LanguageOptions(model="m"), "--model"),
+        (LanguageOptions(replay="nowhere"), "no recorded replies"),
+        (LanguageOptions("anthropic", "someone-else", max_cost=1.0), "price of someone-else"),
+        (LanguageOptions("anthropic", max_cost=-1.0), "--max-cost -1.0"),
+        (LanguageOptions("anthropic", record="/proc/nobody"), "--record /proc/nobody"),
+    ],
+)
+def test_options_that_cannot_be_meant_are_named(options: LanguageOptions, word: str) -> None:
+    """One line that names the option."""
+    with pytest.raises(InputError, match=word) as error:
+        options.config()
+    assert "\n" not in str(error.value)
+
+
+def test_a_recording_of_two_models_needs_a_choice(tmp_path: Path) -> None:
+    """Its only model is taken; of two one must be chosen."""
+    folder = ReplyFolder(tmp_path)
+    folder.write("one", "ab" * 32, {}, {})
+    assert LanguageOptions(replay=str(tmp_path)).config().model == "one"
+    folder.write("two", "ab" * 32, {}, {})
+    with pytest.raises(InputError, match="one, two; choose"):
+        LanguageOptions(replay=str(tmp_path)).config()
+    assert LanguageOptions(model="two", replay=str(tmp_path)).config().model == "two"
+    with pytest.raises(InputError, match="none of --model three"):
+        LanguageOptions(model="three", replay=str(tmp_path)).config()
