@@ -5,6 +5,7 @@ that means something to the grammar stands in those files; the code knows kinds 
 """
 
 import csv
+import math
 import re
 import unicodedata
 from collections.abc import Iterator, Mapping
@@ -21,6 +22,10 @@ PARTS = "lexicon/parts.csv"
 PHRASES = "lexicon/phrases.csv"
 DEFAULTS = "lexicon/defaults.csv"
 Words = tuple[str, ...]
+Size = tuple[float, float, float]
+ESTIMATE = "estimate"
+SOURCE = re.compile(r"size: (?P<size>\S+); mass: (?P<mass>\S+)|(?P<both>\S+)")
+"""One word for both, or one for each."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,8 +35,9 @@ class Thing:
     id: str
     parent: str
     """More general category, or empty."""
-    size: tuple[float, float, float]
-    """Typical extents, largest first [m]."""
+    sizes: tuple[Size, ...]
+    """Typical extents, largest first [m]; more than one where it is met in several shapes: folded and spread out, closed
+    and open, rolled up and laid out."""
     spread: float
     """Real ones are between size / spread and size * spread [-]."""
     mass: float
@@ -42,6 +48,15 @@ class Thing:
     """How it lies when nothing is said: upright, flat or any."""
     materials: Mapping[str, str]
     """Material id by part name."""
+    size_source: str
+    """Address of a page that states the extent that tells its size (length, height or diameter), or `estimate`."""
+    mass_source: str
+    """Address of a page that states its mass, or `estimate`."""
+
+    @property
+    def size(self) -> Size:
+        """Extents of the shape it is most often met in, largest first [m]."""
+        return self.sizes[0]
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,23 +92,53 @@ def rows(name: str) -> Iterator[dict[str, str]]:
 @cache
 def things() -> Mapping[str, Thing]:
     """All things by id."""
-    return MappingProxyType({row["id"]: thing_row(row) for row in rows(THINGS)})
+    found: dict[str, Thing] = {}
+    for row in rows(THINGS):
+        if row["id"] in found:
+            raise InputError(f"{FOLDER / THINGS}: {row['id']!r} stands there twice")
+        try:
+            found[row["id"]] = thing_row(row)
+        except ValueError as error:
+            raise InputError(f"{FOLDER / THINGS}: row {row['id']!r}: {error}") from error
+    return MappingProxyType(found)
 
 
 def thing_row(row: Mapping[str, str]) -> Thing:
-    """One row of things.csv."""
-    size = sorted((float(s) for s in row["size_m"].split("x")), reverse=True)
+    """One row of things.csv; ValueError if a field is none."""
+    spread, mass = float(row["spread"]), float(row["mass_kg"])
+    if not (1.0 <= spread <= 5.0 and 0.0 < mass < math.inf):
+        raise ValueError(f"spread {spread:g} is not within 1 to 5 or mass {mass:g} kg is not positive")
+    size_source, mass_source = sources_of(row["source"])
     pairs = (entry.split("=") for entry in row["materials"].split("|") if entry)
     return Thing(
         id=row["id"],
         parent=row["parent"],
-        size=(size[0], size[1], size[2]),
-        spread=float(row["spread"]),
-        mass=float(row["mass_kg"]),
+        sizes=tuple(size_of(size) for size in row["size_m"].split("|")),
+        spread=spread,
+        mass=mass,
         hollow=row["hollow"] == "1",
         rest=row["rest"],
         materials=MappingProxyType(dict(pairs)),
+        size_source=size_source,
+        mass_source=mass_source,
     )
+
+
+def size_of(text: str) -> Size:
+    """Extents such as 0.3x0.2x0.1, largest first [m]."""
+    extents = sorted((float(extent) for extent in text.split("x")), reverse=True)
+    if len(extents) != 3 or not 0.0 < extents[2] <= extents[0] < math.inf:
+        raise ValueError(f"size {text!r} is not three positive metres, 0.3x0.2x0.1")
+    return extents[0], extents[1], extents[2]
+
+
+def sources_of(text: str) -> tuple[str, str]:
+    """Where size and mass come from: `estimate` or an address for both, or `size: ...; mass: ...`."""
+    match = SOURCE.fullmatch(text)
+    found = (match["size"] or match["both"], match["mass"] or match["both"]) if match else ("", "")
+    if not all(one == ESTIMATE or re.match(r"https?://[^/]+/", one) for one in found):
+        raise ValueError(f"source {text!r} is neither 'estimate', nor an address, nor 'size: ...; mass: ...' of these")
+    return found
 
 
 @cache
