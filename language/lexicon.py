@@ -36,8 +36,8 @@ class Thing:
     parent: str
     """More general category, or empty."""
     sizes: tuple[Size, ...]
-    """Typical extents, largest first [m]; more than one where it is met in several shapes: folded and spread out, closed
-    and open, rolled up and laid out."""
+    """Typical extents, largest first [m]; more than one where it is met in several shapes: folded and spread out,
+    closed and open, rolled up and laid out."""
     spread: float
     """Real ones are between size / spread and size * spread [-]."""
     mass: float

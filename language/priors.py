@@ -1,17 +1,25 @@
 """Size and mass priors of the object by its name.
 
 In: the noun of the prompt and the label of the file. Out: the more specific of the two, with the lexicon's numbers;
-masses follow the size of the mesh. An unknown name keeps the mesh's own size and says so.
+masses follow the size of the mesh. An unknown name keeps the mesh's own size as long as anything in a home may be that
+large, else the unit that makes it so is taken, and a note says what was assumed.
 """
 
+import math
 from dataclasses import dataclass
 
-from language.lexicon import Thing, is_a, thing_of, things
+from language.lexicon import Size, Thing, is_a, thing_of, things
 from language.nouns import Noun
 
 GENERIC = frozenset({"toy", "food", "fruit", "clothes", "furniture", "cutlery", "structure", "object"})
 UNKNOWN_DENSITY = 150.0
 """Mass of an unknown thing over the volume of its bounding box [kg/m^3]: most household things are 50 to 500."""
+UNKNOWN_LENGTH = (0.005, 3.0)
+"""The longest extent of an unknown thing, a coin to a pole: a mesh within stays as it is [m]."""
+TYPICAL_LENGTH = 0.25
+"""Where several units are possible, the one that brings the longest extent nearest to this is taken [m]."""
+UNITS = {"centimetres": 0.01, "millimetres": 0.001, "inches": 0.0254}
+"""What a file may have counted as a metre [m]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -19,8 +27,8 @@ class Prior:
     """What is known of the object from its name."""
 
     name: str
-    size: tuple[float, float, float]
-    """Extents, largest first [m]."""
+    sizes: tuple[Size, ...]
+    """Extents of each shape it is met in, largest first [m]; the most usual one first."""
     spread: float
     mass: float
     """[kg]."""
@@ -39,15 +47,28 @@ def object_thing(theme: Noun | None, label: str) -> Thing | None:
     return said
 
 
-def prior_of(theme: Noun | None, label: str, size: tuple[float, float, float]) -> Prior:
-    """The prior for an object whose mesh has these extents [m]."""
+def prior_of(theme: Noun | None, label: str, size: Size) -> Prior:
+    """The prior for an object whose mesh has these extents, largest first [m]."""
     thing = object_thing(theme, label)
     if thing is not None:
-        return Prior(thing.id, thing.size, thing.spread, thing.mass, thing.hollow, mismatch(theme, label, thing))
+        return Prior(thing.id, thing.sizes, thing.spread, thing.mass, thing.hollow, mismatch(theme, label, thing))
     name = theme.text.removeprefix("the ").removeprefix("a ") if theme is not None and not theme.pronoun else label
-    mass = max(1e-3, UNKNOWN_DENSITY * size[0] * size[1] * size[2])
-    note = f"{name!r} is not in the lexicon: the mesh keeps its size; {UNKNOWN_DENSITY:g} kg/m^3 of its box are assumed"
-    return Prior(name, size, 1.0, mass, True, (note,))
+    scale, assumed = unknown_scale(size[0])
+    length, width, height = (scale * extent for extent in size)
+    mass = max(1e-3, UNKNOWN_DENSITY * length * width * height)
+    note = f"{name!r} is not in the lexicon: {assumed}; {UNKNOWN_DENSITY:g} kg/m^3 of its box are assumed"
+    return Prior(name, ((length, width, height),), 1.0, mass, True, (note,))
+
+
+def unknown_scale(longest: float) -> tuple[float, str]:
+    """Factor for a mesh of an unknown thing with this longest extent [m], and what that assumes."""
+    if UNKNOWN_LENGTH[0] <= longest <= UNKNOWN_LENGTH[1]:
+        return 1.0, "the mesh keeps its size"
+    fitting = [unit for unit in UNITS if UNKNOWN_LENGTH[0] <= longest * UNITS[unit] <= UNKNOWN_LENGTH[1]]
+    if not fitting:
+        return TYPICAL_LENGTH / longest, f"nothing at home is {longest:.3g} m long, so {TYPICAL_LENGTH:g} m are assumed"
+    unit = min(fitting, key=lambda name: abs(math.log(longest * UNITS[name] / TYPICAL_LENGTH)))
+    return UNITS[unit], f"nothing at home is {longest:.3g} m long, so {unit} are assumed"
 
 
 def mismatch(theme: Noun | None, label: str, chosen: Thing) -> tuple[str, ...]:

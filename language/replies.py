@@ -25,6 +25,8 @@ Region = Literal[
 ]  # fmt: skip
 SPECIAL_FACINGS = ("wall", "door", "viewer", "room", "left", "right", "front", "back")
 Metres = PositiveFloat
+MOST_STATES = 3
+"""Sizes of one thing beside the usual one."""
 OTHER = "other"
 """The label of what none of the listed ones fits."""
 
@@ -36,6 +38,11 @@ class IntentReply(BaseModel, frozen=True, extra="forbid"):
     missing: str = Field(default="", description="what the prompt asks for and the scene does not have; else empty")
     object_name: str = Field(min_length=1, max_length=80, description="category of the object, one to three words")
     size: tuple[Metres, Metres, Metres] = Field(description="realistic extents of the object, largest first [m]")
+    alternative_sizes: tuple[tuple[Metres, Metres, Metres], ...] = Field(
+        default=(),
+        description="extents of the same object in its other states, each largest first [m]: spread out where size is "
+        "folded, laid out where it is rolled up, closed where it is open; empty if it has one state only",
+    )
     spread: float = Field(default=1.4, ge=1.0, le=5.0, description="factor by which real ones are larger or smaller")
     mass: float = Field(gt=0, le=5000, description="realistic mass of the object [kg]")
     hollow: bool = Field(default=False, description="mass is not density times the volume of its closed mesh")
@@ -67,8 +74,11 @@ class IntentReply(BaseModel, frozen=True, extra="forbid"):
             return
         if self.base_id not in by_id:
             raise ValueError(f"base_id {self.base_id!r} is not one of {', '.join(by_id)}")
-        if not 1e-3 <= max(self.size) <= 20:
-            raise ValueError(f"size {self.size} is not between 1 mm and 20 m")
+        for size in (self.size, *self.alternative_sizes):
+            if not 1e-3 <= max(size) <= 20:
+                raise ValueError(f"size {size} is not between 1 mm and 20 m")
+        if len(self.alternative_sizes) > MOST_STATES:
+            raise ValueError(f"alternative_sizes has {len(self.alternative_sizes)} entries > {MOST_STATES}")
         parts = {part.name for part in by_id[self.base_id].parts}
         if self.part and self.part not in parts:
             raise ValueError(f"part {self.part!r} is not one of {', '.join(sorted(parts))}")

@@ -1,9 +1,9 @@
 """Stage 3, intent: one question about the sentence; its answer fixes base, size, mass, orientation and region.
 
 In: the segmented scene and object, the prompt, a mass where the user gives one. Out: `Intent`, or `target_not_found`
-with what there is. One isotropic factor (median over the sorted axes, clamped) makes the mesh as large as such things
-are; a mesh of a plausible size stays as it is. The mass prior follows the size: with the volume, for hollow things
-with the surface.
+with what there is. One isotropic factor makes the mesh as large as such things are (see tasks/rescale.py); a mesh of a
+plausible size stays as it is. The mass prior follows the size: with the volume, for hollow things with the surface, for
+sheets with the area.
 """
 
 import numpy as np
@@ -18,11 +18,14 @@ from scene.errors import InputError
 from scene.intent import Intent, OrientationRequest, RegionRequest
 from scene.outcome import Infeasible, Reason
 from scene.segmentation import Segmentation
+from tasks.rescale import Rescale, rescale
 from tasks.stage import stage
 from tasks.views import instance_of, instance_views, object_view, room_center, vector
 
 LONGEST_PROMPT = 1000
 """Characters; more is no instruction to place one object."""
+SHEET = 0.05
+"""Thickness over width below which a thing is a sheet: meshes of sheets have any thickness."""
 
 
 class IntentConfig(BaseModel, frozen=True, extra="forbid"):
@@ -49,20 +52,21 @@ def intent(
     reply = client(config.language).ask(INTENT, request)
     if not reply.base_id:
         return not_found(reply, request)
-    scale, scale_note = scale_of(np.array(reply.size), np.array(request.item.size), reply.spread, config)
-    weight, mass_note = mass_of(reply, np.array(request.item.size) * scale, mass, config)
+    extents = np.array(request.item.size)
+    fit = scale_of(reply, extents, config)
+    weight, mass_note = mass_of(reply, fit.shape, extents * fit.scale, mass, config)
     return Intent(
         base_id=reply.base_id,
         base_label=instance_of(scene, reply.base_id).label,
         object_name=reply.object_name,
-        size=np.sort(np.array(reply.size))[::-1],
+        size=fit.shape,
         mass=weight,
         hollow=reply.hollow,
-        scale=scale,
+        scale=fit.scale,
         orientation=OrientationRequest(reply.pose, reply.facing, reply.orientation_words),
         region=RegionRequest(reply.part, reply.regions, reply.references, reply.region_words, reply.which),
         not_understood=reply.not_understood,
-        notes=(*reply.notes, scale_note, mass_note),
+        notes=(*reply.notes, fit.note, mass_note),
         mass_given=mass is not None,
     )
 
@@ -82,27 +86,29 @@ def not_found(reply: IntentReply, request: IntentRequest) -> Infeasible:
     )
 
 
-def scale_of(
-    prior: NDArray[np.float64], extents: NDArray[np.float64], spread: float, config: IntentConfig
-) -> tuple[float, str]:
-    """Isotropic factor from the mesh's extents to the prior's, both largest first [m], and why."""
-    ratio = float(np.median(prior / np.maximum(extents, 1e-9)))
-    shown = " x ".join(f"{e:.3g}" for e in extents)
-    if 1.0 / spread <= ratio <= spread:
-        return 1.0, f"the mesh of {shown} m is of a plausible size and is not rescaled"
-    scale = float(np.clip(ratio, config.smallest_scale, config.largest_scale))
-    clamped = "" if scale == ratio else f", clamped from {ratio:.3g}"
-    return scale, f"the mesh of {shown} m is scaled by {scale:.4g} (median over axes{clamped})"
+def scale_of(reply: IntentReply, extents: NDArray[np.float64], config: IntentConfig) -> Rescale:
+    """Isotropic factor for a mesh of these extents [m], the shape it was compared with, and why."""
+    shapes = np.array([reply.size, *reply.alternative_sizes])
+    return rescale(shapes, extents, reply.spread, (config.smallest_scale, config.largest_scale))
 
 
 def mass_of(
-    reply: IntentReply, size: NDArray[np.float64], mass: float | None, config: IntentConfig
+    reply: IntentReply,
+    shape: NDArray[np.float64],
+    size: NDArray[np.float64],
+    mass: float | None,
+    config: IntentConfig,
 ) -> tuple[float, str]:
-    """Mass [kg] for the scaled extents [m], and why."""
+    """Mass [kg] for the scaled extents where the usual ones are `shape` [m], both largest first, and why."""
     if mass is not None:
         return float(mass), f"mass {mass:.3g} kg was given"
-    ratio = float(np.prod(size) / np.prod(reply.size))
-    factor = float(np.clip(ratio ** (2.0 / 3.0) if reply.hollow else ratio, 1 / config.mass_factor, config.mass_factor))
+    ratio = size / shape
+    if shape[2] < SHEET * shape[1]:
+        factor, kind = float(ratio[0] * ratio[1]), "a sheet, so with the area"
+    elif reply.hollow:
+        factor, kind = float(np.prod(ratio)) ** (2.0 / 3.0), "hollow, so with the surface"
+    else:
+        factor, kind = float(np.prod(ratio)), "with the volume"
+    factor = float(np.clip(factor, 1 / config.mass_factor, config.mass_factor))
     weight = reply.mass * factor
-    kind = "hollow, so with the surface" if reply.hollow else "with the volume"
     return weight, f"mass {weight:.3g} kg: {reply.mass:.3g} kg at the usual size, scaled {kind} by {factor:.3g}"
