@@ -58,10 +58,11 @@ def rescale(shapes: Array, extents: Array, spread: float, limits: tuple[float, f
     shapes, extents = np.sort(shapes, axis=1)[:, ::-1], np.sort(extents)[::-1]
     ratios = np.median(shapes / np.maximum(extents, 1e-9), axis=1)
     shown = sizes(extents)
-    kept = int(np.argmin(np.abs(np.log(ratios))))
-    if within(ratios[kept], spread):
-        return Rescale(1.0, shapes[kept], f"the mesh of {shown} m is of a plausible size and is not rescaled")
-    alike = int(np.argmin([misfit(shape, extents) for shape in shapes]))
+    by_likeness = np.argsort([misfit(shape, extents) for shape in shapes], kind="stable")
+    for index in by_likeness:
+        if within(ratios[index], spread):
+            return Rescale(1.0, shapes[index], f"the mesh of {shown} m is of a plausible size and is not rescaled")
+    alike = by_likeness[0]
     ratio = float(ratios[alike])
     units = possible_units(extents[0])
     fitting = [name for name in units if within(ratio / units[name], spread) and limits[0] <= units[name] <= limits[1]]

@@ -1,0 +1,60 @@
+"""What a closed mesh weighs in the drop: hollow things as such things do, not density times volume."""
+
+import numpy as np
+import pytest
+import trimesh
+
+from scene.anchor import Anchor
+from scene.box import OrientedBox
+from scene.intent import Intent
+from scene.mesh import Mesh
+from scene.particles import Particles
+from scene.rotation import Rotation
+from scene.segmentation import Instance, Part, Segmentation
+from tasks.anchor import AnchorConfig, anchor
+from tasks.intent import IntentConfig, intent
+from tasks.materials import MaterialsConfig, materials
+from tasks.particles import particles
+from tasks.rotation import RotationConfig, rotation
+from tasks.scenario import ParticlesConfig
+
+
+def one(label: str, part: str, shape: trimesh.Trimesh) -> Segmentation:
+    """One thing of one part."""
+    mesh = Mesh.of(shape.vertices, shape.faces)
+    low, high = mesh.bounds
+    box = OrientedBox((low + high) / 2, np.eye(3), (high - low) / 2)
+    index = np.zeros(len(mesh.faces), np.int32)
+    return Segmentation(mesh, (Instance(label, label, box, (Part(part, box, 1.0),), None),), index, index)
+
+
+TABLE = one("table", "top", trimesh.creation.box(bounds=[(-0.6, -0.4, 0.7), (0.6, 0.4, 0.74)]))
+
+
+@pytest.mark.parametrize(
+    ("label", "shape", "usual", "solid"),
+    [
+        ("basketball", trimesh.creation.icosphere(3, 0.12), 0.62, 0.5),
+        ("vase", trimesh.creation.cylinder(0.07, 0.26, sections=32), 0.95, 5.0),
+        ("laptop", trimesh.creation.box((0.35, 0.24, 0.02)), 1.9, 3.0),
+    ],
+)
+def test_hollow_things_weigh_what_such_things_weigh(label, shape, usual, solid):
+    """Within 15 % of the usual mass (the mesh is about, not exactly, of the usual size), and the effective density is
+    said; `solid` is what the library's density would make of the closed mesh, at least."""
+    item = one(label, "body", shape)
+    meant = intent(TABLE, item, f"put the {label} on the table", None, IntentConfig())
+    assert isinstance(meant, Intent)
+    assert (meant.scale, meant.hollow) == (1.0, True)
+    turned = rotation(TABLE, item, meant, "", RotationConfig(picture_size=64))
+    assert isinstance(turned, Rotation)
+    found = anchor(TABLE, item, meant, turned, AnchorConfig())
+    assert isinstance(found, Anchor)
+    rows = materials(TABLE, item, meant, found, MaterialsConfig())
+    filled = particles(TABLE, item, meant, found, rows, ParticlesConfig(base_cells=500, object_cells=1000))  # type: ignore[arg-type]
+    assert isinstance(filled, Particles)
+    body = filled.bodies[0]
+    assert body.mass == pytest.approx(usual, rel=0.15)
+    assert "density is set" in rows.rows[0].reason  # type: ignore[union-attr]
+    assert rows.rows[0].material.density * shape.volume > solid  # type: ignore[union-attr]
+    assert any(f"so that it weighs {meant.mass:.3g} kg" in note for note in filled.notes)
