@@ -1,0 +1,80 @@
+"""Sizes and masses that the stage makes of an answer."""
+
+import numpy as np
+import pytest
+import trimesh
+
+from language.offline import OfflineClient
+from language.replies import MOST_STATES, IntentReply
+from language.requests import IntentRequest
+from scene.box import OrientedBox
+from scene.intent import Intent
+from scene.mesh import Mesh
+from scene.segmentation import Instance, Part, Segmentation
+from tasks.intent import IntentConfig, intent, scale_of
+from tasks.views import instance_views, object_view, room_center, vector
+
+
+def block(label: str, *size: float) -> Segmentation:
+    """A block of one part."""
+    shape = trimesh.creation.box(size)
+    mesh = Mesh.of(shape.vertices, shape.faces)
+    box = OrientedBox(np.zeros(3), np.eye(3), np.array(size) / 2)
+    index = np.zeros(len(mesh.faces), np.int32)
+    return Segmentation(mesh, (Instance(label, label, box, (Part("top", box, 1.0),), None),), index, index)
+
+
+TABLE = block("table", 1.2, 0.8, 0.04)
+
+
+def asked(item: Segmentation) -> Intent:
+    found = intent(TABLE, item, f"put the {item.instances[0].label} on the table", None, IntentConfig())
+    assert isinstance(found, Intent)
+    return found
+
+
+@pytest.mark.parametrize("unit", [1.0, 0.01, 0.001])
+@pytest.mark.parametrize("thickness", [0.001, 0.006, 0.012])
+def test_a_spread_towel_weighs_what_it_weighs_folded(thickness, unit):
+    """It is compared with the spread size, whatever its unit, and its weight goes with its area: meshes of cloth have
+    any thickness."""
+    folded = asked(block("bath towel", 0.28, 0.35, 0.06))
+    spread = asked(block("bath towel", 0.72 / unit, 1.38 / unit, thickness / unit))
+    assert (folded.scale, spread.scale) == (1.0, unit)
+    assert folded.size.tolist() == [0.35, 0.28, 0.06]
+    assert spread.size.tolist() == [1.38, 0.72, 0.006]
+    assert spread.mass == pytest.approx(folded.mass, rel=1e-9)
+
+
+def test_an_unknown_thing_in_centimetres_becomes_one_of_a_home():
+    """A zorb of 24 m is one of 24 cm, and the notes say what was assumed."""
+    found = asked(block("zorb", 24.0, 20.0, 18.0))
+    assert found.scale == 0.01
+    assert any("not in the lexicon" in note and "centimetres are assumed" in note for note in found.notes)
+
+
+def answered(**changes: object) -> tuple[IntentReply, IntentRequest]:
+    """A good answer with something changed, and its question."""
+    item = block("towel", 0.3, 0.24, 0.05)
+    request = IntentRequest("put it on the table", object_view(item), instance_views(TABLE), vector(room_center(TABLE)))
+    good = OfflineClient().intent(request)
+    assert len(good.alternative_sizes) == 1
+    return IntentReply.model_validate(good.model_dump() | changes), request
+
+
+@pytest.mark.parametrize(
+    ("sizes", "words"),
+    [([(30.0, 1.0, 1.0)], "20 m"), ([(0.3, 0.2, 0.1)] * (MOST_STATES + 1), "entries")],
+)
+def test_absurd_alternative_sizes_are_no_answer(sizes, words):
+    """Each is held to the limits of the size itself, and there are few."""
+    reply, request = answered(alternative_sizes=sizes)
+    with pytest.raises(ValueError, match=words):
+        reply.check(request)
+
+
+def test_a_size_in_any_order_is_sorted():
+    """A model may list width before length: axes are compared by length."""
+    reply, _ = answered(size=(0.05, 0.3, 0.24), alternative_sizes=())
+    fit = scale_of(reply, np.array([6.0, 30.0, 24.0]), IntentConfig())
+    assert (fit.scale, fit.shape.tolist()) == (0.01, [0.3, 0.24, 0.05])
