@@ -45,13 +45,13 @@ class Intent:
     object_name: str
     """Category of the object: ball, mug, plush toy ..."""
     size: NDArray[np.float64]
-    """Size prior, extents sorted descending [m], shape (3,)."""
+    """Size prior in the state that the mesh shows (folded ...), extents sorted descending [m], shape (3,)."""
     mass: float
     """Mass prior [kg]."""
     hollow: bool
     """Its mass is not density times the volume of its closed mesh."""
     scale: float
-    """Isotropic factor applied to the object mesh (median over axes, clamped)."""
+    """Isotropic factor applied to the object mesh: 1, that of a unit, or to the usual size (tasks/rescale.py)."""
     orientation: OrientationRequest
     region: RegionRequest
     not_understood: tuple[str, ...]

@@ -5,6 +5,8 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
+from geometry.procedural.objects import OBJECTS as EMBEDDED
+from geometry.procedural.objects import build_object
 from language.lexicon import Thing, is_a, things
 from language.priors import UNKNOWN_LENGTH, prior_of
 from tasks.rescale import rescale
@@ -102,3 +104,13 @@ def test_an_unknown_thing_is_never_larger_than_a_home_holds(exponent):
     scale = rescale(np.array(prior.sizes), np.array(size), prior.spread, (1e-9, 1e9)).scale
     assert scale * longest == pytest.approx(prior.sizes[0][0], rel=1e-9)
     assert ("keeps its size" in prior.notes[0]) == (low <= longest <= high)
+
+
+@pytest.mark.parametrize("name", ["mug", "apple", "toy_car", "book", "tennis_ball", "pillow"])
+def test_embedded_objects_come_out_at_the_size_they_were_made(name):
+    """Made in metres, centimetres and inches: exactly; in a unit of their own (a radius, 0.55 m): within 2 %, for they
+    are of the usual size."""
+    points = np.concatenate([s.vertices for part in build_object(name).parts for s in part.solids])
+    unit = EMBEDDED[name].unit
+    scale, _ = decided(things()[name.replace("_", " ")], np.ptp(points, axis=0))
+    assert scale == pytest.approx(unit, rel=0.0 if unit in UNITS.values() else 0.02)
