@@ -1,0 +1,125 @@
+"""How far a chosen rotation is from the ones that a person would accept, and the room in which it is asked."""
+
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import trimesh
+import yaml
+from numpy.typing import NDArray
+
+from geometry.procedural.furniture_decor import table_lamp
+from geometry.procedural.objects import build_object
+from scene.box import OrientedBox
+from scene.intent import Intent
+from scene.mesh import Mesh
+from scene.rotation import Rotation
+from scene.segmentation import Instance, Part, Segmentation
+from tasks.intent import IntentConfig, intent
+from tasks.rotation import RotationConfig, rotation
+
+Array = NDArray[np.float64]
+Alternative = dict[str, str | float]
+TRUTH = yaml.safe_load((Path(__file__).parent / "rotation_truth.yaml").read_text())
+DIRECTIONS = {
+    "up": (0, 0, 1), "down": (0, 0, -1), "window": (1, 0, 0), "left": (-1, 0, 0), "wall": (0, 1, 0), "user": (0, -1, 0),
+}  # fmt: skip
+OWN = {"x": (1, 0, 0), "-x": (-1, 0, 0), "y": (0, 1, 0), "-y": (0, -1, 0), "z": (0, 0, 1), "-z": (0, 0, -1)}
+
+
+def error_deg(matrix: Array, alternatives: list[Alternative]) -> float:
+    """Smallest angle that brings a rotation to one that is accepted [degrees]; 0 where any is."""
+    return min((distance_deg(matrix, one) for one in alternatives), default=0.0)
+
+
+def distance_deg(matrix: Array, alternative: Alternative) -> float:
+    """Angle of the turn that is missing; where two axes are said, that of the whole rotation [degrees]."""
+    pinned: list[tuple[Array, Array]] = []
+    errors = [0.0]
+    for axis, where in alternative.items():
+        own = np.array(OWN.get(axis) or [float(n) for n in axis.split()], float)
+        own /= np.linalg.norm(own)
+        now = matrix @ own
+        if where in DIRECTIONS:
+            pinned.append((own, np.array(DIRECTIONS[str(where)], float)))
+            errors.append(float(np.degrees(np.arccos(np.clip(now @ pinned[-1][1], -1, 1)))))
+        elif where == "diagonal":
+            off = np.degrees(np.arctan2(now[1], now[0])) % 90.0 - 45.0
+            errors.append(max(abs(off), abs(float(np.degrees(np.arcsin(np.clip(now[2], -1, 1)))))))
+        else:
+            height = 0.0 if where == "level" else float(where)
+            errors.append(abs(float(np.degrees(np.arcsin(np.clip(now[2], -1, 1)))) - height))
+    if len(pinned) == 2:
+        (a, b), (c, d) = pinned
+        wanted = np.c_[b, d, np.cross(b, d)] @ np.c_[a, c, np.cross(a, c)].T
+        return float(np.degrees(np.arccos(np.clip((np.trace(wanted.T @ matrix) - 1) / 2, -1, 1))))
+    return max(errors)
+
+
+def segmentation(things: dict[str, tuple[str, Array | None, list[tuple[str, Mesh]]]]) -> Segmentation:
+    """Instances by id: label, front and named solids."""
+    instances, meshes, face_instance, face_part = [], [], [], []
+    for index, (name, (label, front, solids)) in enumerate(things.items()):
+        parts = tuple(Part(part, box_of(mesh), 1.0) for part, mesh in solids)
+        whole = Mesh.concatenate([mesh for _, mesh in solids])
+        structure = label in ("floor", "wall", "window")
+        instances.append(Instance(name, label, box_of(whole), parts, front, structure))
+        for number, (_, mesh) in enumerate(solids):
+            meshes.append(Mesh.of(mesh.vertices, mesh.faces))
+            face_instance += [index] * len(mesh.faces)
+            face_part += [number] * len(mesh.faces)
+    mesh = Mesh.concatenate(meshes)
+    return Segmentation(mesh, tuple(instances), np.array(face_instance, np.int32), np.array(face_part, np.int32))
+
+
+def box_of(mesh: Mesh) -> OrientedBox:
+    low, high = mesh.bounds
+    return OrientedBox((low + high) / 2, np.eye(3), np.maximum((high - low) / 2, 1e-6))
+
+
+def block(low: tuple[float, float, float], high: tuple[float, float, float]) -> Mesh:
+    shape = trimesh.creation.box(bounds=[low, high])
+    return Mesh.of(shape.vertices, shape.faces)
+
+
+@cache
+def room() -> Segmentation:
+    """A desk whose user sits at -y, the wall behind it, a window at +x."""
+    user = np.array([0.0, -1.0, 0.0])
+    return segmentation(
+        {
+            "desk": ("desk", user, [("top", block((-0.8, -0.4, 0.72), (0.8, 0.4, 0.75))),
+                                    ("leg", block((-0.7, -0.3, 0.0), (-0.6, 0.3, 0.72)))]),
+            "floor": ("floor", None, [("floor", block((-3, -3, -0.1), (3, 0.5, 0.0)))]),
+            "wall": ("wall", None, [("wall", block((-3, 0.5, 0), (3, 0.6, 2.5)))]),
+            "window": ("window", None, [("window", block((2.95, -0.6, 0.8), (3.0, 0.6, 2.0)))]),
+        }
+    )  # fmt: skip
+
+
+@cache
+def parts_of(name: str) -> tuple[tuple[str, Mesh], ...]:
+    """The named parts of an object in its own axes."""
+    whole = table_lamp((220, 200, 180), (120, 140, 150), 3) if name == "table_lamp" else build_object(name)
+    return tuple((part.name, Mesh.concatenate(list(part.solids))) for part in whole.parts)
+
+
+def chosen(name: str, words: str, own_from_file: Array) -> Rotation:
+    """What the stages answer for an object whose file has its axes turned by `own_from_file`, shape (3, 3)."""
+    pose = np.eye(4)
+    pose[:3, :3] = own_from_file
+    label = TRUTH["objects"][name]["name"]
+    item = segmentation({"object": (label, None, [(part, mesh.transformed(pose)) for part, mesh in parts_of(name)])})
+    prompt = f"Put the {label} on the desk, {words}." if words else f"Put the {label} on the desk."
+    meant = intent(room(), item, prompt, None, IntentConfig())
+    assert isinstance(meant, Intent), meant
+    turned = rotation(room(), item, meant, prompt, RotationConfig(picture_size=16))
+    assert isinstance(turned, Rotation), turned
+    return turned
+
+
+def case_error(name: str, wording: str, file_from_own: Array) -> float:
+    """Error of one case [degrees]."""
+    words = {**TRUTH["wordings"], **TRUTH["more_wordings"]}[wording]
+    matrix = chosen(name, words, file_from_own).matrix @ file_from_own
+    return error_deg(matrix, TRUTH["objects"][name][wording])
