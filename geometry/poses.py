@@ -33,6 +33,10 @@ SYMMETRY_SAMPLES = 4000
 SYMMETRY_TOLERANCE = 0.025
 """Mean distance between surface and turned surface over the radius that counts as equal [-]; scans have 0.01."""
 DEFAULT_FRONT = np.array([0.0, -1.0, 0.0])
+USUAL_FRONTS = np.array([[1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
+"""Where files that are long in x or y have their front."""
+OBLONG = 1.15
+"""A thing longer than this times its width has a long side [-]."""
 FRONTS = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 BEYOND = 0.1
 """One half must reach beyond the other by this share of the larger horizontal extent to mean a front [-]."""
@@ -71,8 +75,8 @@ def center_of_mass(mesh: Mesh) -> Array:
     return np.asarray(origin + (area[:, None] * (a + b + c)).sum(axis=0) / (3.0 * area.sum()))
 
 
-def stable_poses(mesh: Mesh) -> list[StablePose]:
-    """Stable poses, most probable first; at least one."""
+def stable_poses(mesh: Mesh, *, most: int = MOST_POSES, least: float = LEAST_SHARE) -> list[StablePose]:
+    """Stable poses, most probable first; at least one, at most so many, each with at least that share."""
     center = center_of_mass(mesh)
     points = mesh.vertices[np.unique(mesh.faces)] - center
     hull = ConvexHull(with_thickness(points))
@@ -82,7 +86,8 @@ def stable_poses(mesh: Mesh) -> list[StablePose]:
     rest = ends_of_tipping(normal, offset, corners, hull.neighbors)
     share = np.bincount(rest, solid_angles(corners), len(normal)) / (4.0 * np.pi)
     area = 0.5 * np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
-    return merged(normal, np.maximum(offset, 0.0), share, area)
+    poses = merged(normal, np.maximum(offset, 0.0), share, area)
+    return [pose for pose in poses if pose.probability >= least][:most] or poses[:1]
 
 
 def with_thickness(points: Array) -> Array:
@@ -152,7 +157,7 @@ def merged(normal: Array, offset: Array, share: Array, area: Array) -> list[Stab
             )
         )
     poses.sort(key=lambda pose: (-round(pose.probability, 6), *np.round(-pose.down, 4)))
-    return [p for p in poses if p.probability >= LEAST_SHARE][:MOST_POSES] or poses[:1]
+    return poses
 
 
 def turn_between(a: Array, b: Array) -> Array:
@@ -205,14 +210,25 @@ def surface_points(mesh: Mesh, count: int) -> Array:
     return np.asarray(a + u[:, None] * (b - a) + v[:, None] * (c - a))
 
 
-def front_of(mesh: Mesh) -> tuple[Array, bool]:
-    """Horizontal unit vector out of the front in the mesh frame, and whether the shape says so.
+def front_of(mesh: Mesh, side: str = "") -> tuple[Array, bool]:
+    """Horizontal unit vector out of the front in the mesh frame, and whether shape or category say so.
 
     The front is where the lower half reaches out beyond the upper (a keyboard before its screen, the legs of a sitting
     bear, the seat before a backrest); else where the upper half overhangs (the head of an animal on four legs); else
     where the lower half's middle lies before the upper's (the toe of a shoe). Where nothing differs it is -y, which is
-    the front of a glTF file (its +z) after the change to z up.
+    the front of a glTF file (its +z) after the change to z up. `side` is what the category says: `long`, the front is
+    at an end of the longer side (a car), `short`, in the middle of it (a screen); it decides the axis, not the end.
     """
+    front, told = shaped_front(mesh)
+    size = np.ptp(mesh.bounds, axis=0)[:2]
+    if not side or size.max() < OBLONG * size.min():
+        return front, told
+    axis = int(np.argmax(size)) if side == "long" else int(np.argmin(size))
+    return (front if abs(front[axis]) > 0.5 else USUAL_FRONTS[axis]), True
+
+
+def shaped_front(mesh: Mesh) -> tuple[Array, bool]:
+    """The front and whether the shape says so."""
     points = surface_points(mesh, SYMMETRY_SAMPLES)
     low, high = points.min(axis=0), points.max(axis=0)
     upper = points[:, 2] > 0.5 * (low[2] + high[2])

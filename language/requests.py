@@ -82,7 +82,7 @@ class PoseView:
     """A way to rest: an orientation before any turn about the vertical."""
 
     id: str
-    """upright, flip_x, flip_y, flip_z, stable_0 ..."""
+    """upright (as in the file), flip_x, flip_y, flip_z, on_left_side ..., righted (as its shape says), stable_0 ..."""
     rotation: tuple[Vector, Vector, Vector]
     """Rows of the rotation from the mesh frame to the world."""
     probability: float
@@ -121,7 +121,11 @@ class RotationRequest:
     symmetry: int
     """Order of the rotational symmetry about the mesh's z axis; 0: any angle, 1: none."""
     has_front: bool
-    """Whether the shape tells front from back."""
+    """Whether shape or category tell front from back."""
+    stands: bool = True
+    """Whether it would stand on a plane as it is in its file."""
+    righting: float = 0.0
+    """How much more the shape speaks for `righted` than for `upright`: from 0.5 clearly; 0 where it is not listed."""
     pictures: tuple[PictureMaker, ...] = field(default=(), compare=False)
     """Exactly three: the flips about x, y, z."""
 

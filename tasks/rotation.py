@@ -1,9 +1,10 @@
 """Stage 4, rotation: three pictures of the object over its base, one rotation back.
 
 In: scene, object, intent and prompt. Out: `Rotation`: R*, orthonormal, and exactly three pictures, the object flipped
-by 180 degrees about x, y and z with the base fixed. Listed to choose from: the pose of the file, the flips, quarter
-turns and the stable poses of the convex hull, each before a turn about the vertical; and directions for the front.
-The front of an object is what `geometry.poses.front_of` says: where its lower half reaches out, else -y of the mesh.
+by 180 degrees about x, y and z with the base fixed. Listed to choose from: the pose of the file, its flips and quarter
+turns, the same of the pose in which the shape stands where that is another (a file that is lying or overturned), and
+the stable poses of the convex hull, each before a turn about the vertical; and directions for the front. The front of
+an object is what `geometry.poses.front_of` says: where its lower half reaches out, else -y of the mesh.
 """
 
 from functools import partial
@@ -17,6 +18,8 @@ from scipy.spatial.transform import Rotation as Turn
 from geometry.picture import Camera, picture
 from geometry.poses import StablePose, about_z, front_of, stable_poses, symmetry_about_z
 from geometry.regions import smallest_rectangle
+from geometry.upright import stands_as_read, upright_pose
+from language.fronts import front_side
 from language.questions import ROTATION
 from language.replies import RotationReply
 from language.requests import FacingView, PoseView, RotationRequest, Vector
@@ -55,8 +58,8 @@ def rotation(
     """Ask once with all choices and pictures, then build the matrix."""
     base = instance_of(scene, intent.base_id)
     mesh = item.mesh.transformed(np.diag([intent.scale] * 3 + [1.0]))
-    front, has_front = front_of(mesh)
-    poses = pose_views(mesh, front)
+    own, righting = standing_pose(mesh)
+    poses = pose_views(mesh, own, front_side(intent.object_name))
     place = wished_place(scene, base, intent, 0.5 * float(np.ptp(mesh.bounds[:, :2], axis=0).max()))
     pictures = three_flips(scene, base, mesh, place, config.picture_size)
     request = RotationRequest(
@@ -66,8 +69,10 @@ def rotation(
         facing=intent.orientation.facing,
         poses=poses,
         facings=facings(scene, base, place, intent.orientation.facing),
-        symmetry=symmetry_about_z(mesh),
-        has_front=has_front,
+        symmetry=symmetry_about_z(turned(mesh, own)),
+        has_front=front_of(turned(mesh, own), front_side(intent.object_name))[1],
+        stands=stands_as_read(mesh),
+        righting=righting,
         pictures=tuple(partial(np.copy, one) for one in pictures),
     )
     reply = client(config.language).ask(ROTATION, request)
@@ -91,20 +96,45 @@ def refined(prompt: str, intent: Intent) -> str:
 # choices ------------------------------------------------------------------------------------------------------------
 
 
-def pose_views(mesh: Mesh, front: Array) -> tuple[PoseView, ...]:
-    """All poses that can be chosen, that of the file first."""
+def standing_pose(mesh: Mesh) -> tuple[Array, float]:
+    """Rotation to the pose in which the shape stands, and how much better; none and 0 where that is as in the file."""
+    own, gain = upright_pose(mesh)
+    return (np.eye(3), 0.0) if gain <= 0.0 or own[2, 2] > np.cos(SAME_POSE) else (own, gain)
+
+
+def pose_views(mesh: Mesh, own: Array, side: str) -> tuple[PoseView, ...]:
+    """All poses that can be chosen, that of the file first; `own` is how it stands by its shape, shape (3, 3)."""
     stable = stable_poses(mesh)
-    side = np.cross(front, (0.0, 0.0, 1.0))
-    turns = {"upright": np.eye(3)} | {f"flip_{axis}": np.diag(diagonal) for axis, diagonal in FLIPS.items()}
-    for name, axis, angle in (
-        ("on_left_side", front, -90.0), ("on_right_side", front, 90.0),
-        ("on_back", side, 90.0), ("on_front", side, -90.0),
-    ):  # fmt: skip
-        turns[name] = Turn.from_rotvec(np.radians(angle) * axis).as_matrix()
-    views = [pose_view(name, matrix, probability_of(matrix, stable), mesh, front) for name, matrix in turns.items()]
+    frames = {"upright": np.eye(3)} | ({} if np.allclose(own, np.eye(3)) else {"righted": own})
+    views = []
+    for frame, matrix in frames.items():
+        front = matrix.T @ front_of(turned(mesh, matrix), side)[0]
+        views += [
+            pose_view(name, turn @ matrix, probability_of(turn @ matrix, stable), mesh, front)
+            for name, turn in turns_of(frame, matrix @ front).items()
+        ]
     for number, pose in enumerate(stable):
         views.append(pose_view(f"stable_{number}", pose.rotation, pose.probability, mesh, front))
     return tuple(views)
+
+
+def turns_of(frame: str, front: Array) -> dict[str, Array]:
+    """Standing, the half turns about x, y, z and the quarter turns on to sides, back and front, by id."""
+    side = np.cross(front, (0.0, 0.0, 1.0))
+    prefix = "" if frame == "upright" else f"{frame}_"
+    quarters = {"on_left_side": -front, "on_right_side": front, "on_back": side, "on_front": -side}
+    return (
+        {frame: np.eye(3)}
+        | {f"{prefix}flip_{axis}": np.diag(diagonal) for axis, diagonal in FLIPS.items()}
+        | {prefix + name: np.asarray(Turn.from_rotvec(np.pi / 2 * axis).as_matrix()) for name, axis in quarters.items()}
+    )
+
+
+def turned(mesh: Mesh, matrix: Array) -> Mesh:
+    """The mesh under a rotation."""
+    pose = np.eye(4)
+    pose[:3, :3] = matrix
+    return mesh.transformed(pose)
 
 
 def probability_of(matrix: Array, stable: list[StablePose]) -> float:
@@ -150,7 +180,8 @@ def matrix_of(reply: RotationReply, request: RotationRequest, scene: Segmentatio
         yaw = 0.0
     else:
         facing = next(f for f in request.facings if f.id == reply.facing_id)
-        yaw = yaw_between(looking(pose), np.array(facing.direction))
+        ahead = looking(pose) if request.has_front else nearest_side(mesh, matrix, looking(pose))
+        yaw = yaw_between(ahead, np.array(facing.direction))
     return np.asarray(about_z(yaw + np.radians(reply.turn_deg)) @ matrix)
 
 
@@ -161,6 +192,13 @@ def looking(pose: PoseView) -> Array:
         if flat is not None and np.linalg.norm(axis[:2]) > 0.3:
             return flat
     return np.array([0.0, -1.0, 0.0])
+
+
+def nearest_side(mesh: Mesh, matrix: Array, ahead: Array) -> Array:
+    """The outward side of the plan's smallest rectangle that is nearest to a direction: what has no front has sides."""
+    along, _ = smallest_rectangle((mesh.vertices @ matrix.T)[:, :2])
+    sides = [np.array([x, y, 0.0]) for x, y in (along, -along, (-along[1], along[0]), (along[1], -along[0]))]
+    return max(sides, key=lambda side: float(side @ ahead))
 
 
 def yaw_between(a: Array, b: Array) -> float:

@@ -104,12 +104,22 @@ def parts_of(name: str) -> tuple[tuple[str, Mesh], ...]:
     return tuple((part.name, Mesh.concatenate(list(part.solids))) for part in whole.parts)
 
 
-def chosen(name: str, words: str, own_from_file: Array) -> Rotation:
-    """What the stages answer for an object whose file has its axes turned by `own_from_file`, shape (3, 3)."""
+def parts_read(read: Segmentation) -> tuple[tuple[str, Mesh], ...]:
+    """The parts of an object that a stage has taken apart."""
+    faces = [np.flatnonzero(read.face_part == k) for k in range(len(read.instances[0].parts))]
+    whole = read.mesh
+    return tuple(
+        (part.name, Mesh.of(whole.vertices, whole.faces[chosen]))
+        for part, chosen in zip(read.instances[0].parts, faces, strict=True)
+        if len(chosen)
+    )
+
+
+def chosen(label: str, parts: tuple[tuple[str, Mesh], ...], words: str, file_from_own: Array) -> Rotation:
+    """What the stages answer for an object whose file has its axes turned by `file_from_own`, shape (3, 3)."""
     pose = np.eye(4)
-    pose[:3, :3] = own_from_file
-    label = TRUTH["objects"][name]["name"]
-    item = segmentation({"object": (label, None, [(part, mesh.transformed(pose)) for part, mesh in parts_of(name)])})
+    pose[:3, :3] = file_from_own
+    item = segmentation({"object": (label, None, [(part, mesh.transformed(pose)) for part, mesh in parts])})
     prompt = f"Put the {label} on the desk, {words}." if words else f"Put the {label} on the desk."
     meant = intent(room(), item, prompt, None, IntentConfig())
     assert isinstance(meant, Intent), meant
@@ -118,8 +128,8 @@ def chosen(name: str, words: str, own_from_file: Array) -> Rotation:
     return turned
 
 
-def case_error(name: str, wording: str, file_from_own: Array) -> float:
-    """Error of one case [degrees]."""
+def case_error(truth: dict[str, object], parts: tuple[tuple[str, Mesh], ...], wording: str, pose: Array) -> float:
+    """Error of one case [degrees]; `pose` turns the object's own axes into those of its file, shape (3, 3)."""
     words = {**TRUTH["wordings"], **TRUTH["more_wordings"]}[wording]
-    matrix = chosen(name, words, file_from_own).matrix @ file_from_own
-    return error_deg(matrix, TRUTH["objects"][name][wording])
+    matrix = chosen(str(truth["name"]), parts, words, pose).matrix @ pose
+    return error_deg(matrix, truth[wording])  # type: ignore[arg-type]
