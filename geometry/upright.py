@@ -1,9 +1,10 @@
 """Which side of a mesh is down when it stands, told by its shape alone: for files that are lying, tilted or overturned.
 
-In: a mesh and one direction of it that may be down. Out: what such a stand is worth: whether the centre of mass lies over
-the footprint, how broad that is, how low the centre, whether a hollow opens upwards, whether the shape is round about
-the vertical. `upright_pose` weighs them; the features follow Fu, Cohen-Or, Dror, Sheffer: Upright orientation of
-man-made objects, 2008 (stability, symmetry); the hollow and the weights are ours, from household things.
+In: a mesh and one direction of it that may be down. Out: what such a stand is worth: whether the centre of mass lies
+over the footprint, how broad that is, how low the centre, whether a hollow opens upwards, whether the shape is round
+about the vertical. `upright_pose` weighs them. Features of this kind: Fu, Cohen-Or, Dror, Sheffer: Upright orientation
+of man-made objects, 2008; the hollow and the weights are ours, from household things. Furniture on legs looks
+overturned to them: its hollow is below.
 """
 
 from dataclasses import dataclass

@@ -173,4 +173,3 @@ def on_side(request: RotationRequest, default: PoseView, wanted: str) -> PoseVie
         return max(level, abs(tilt_deg(pose.front[2]))) if with_front else level
 
     return closest(kin(request, default), miss)
-

@@ -110,7 +110,7 @@ class RotationReply(BaseModel, frozen=True, extra="forbid"):
         facings = [facing.id for facing in request.facings]
         if self.facing_id not in facings:
             raise ValueError(f"facing_id {self.facing_id!r} is not one of {', '.join(facings)}")
-        if self.quaternion is not None and abs(math.hypot(*self.quaternion) - 1.0) > 0.05:
+        if self.quaternion is not None and not abs(math.hypot(*self.quaternion) - 1.0) < 0.05:
             raise ValueError(f"quaternion {self.quaternion} has length {math.hypot(*self.quaternion):.3f}, not 1")
 
 

@@ -122,12 +122,12 @@ class RotationRequest:
     """Order of the rotational symmetry about the mesh's z axis; 0: any angle, 1: none."""
     has_front: bool
     """Whether shape or category tell front from back."""
+    pictures: tuple[PictureMaker, ...] = field(default=(), compare=False)
+    """Exactly three: the flips about x, y, z."""
     stands: bool = True
     """Whether it would stand on a plane as it is in its file."""
     righting: float = 0.0
     """How much more the shape speaks for `righted` than for `upright`: from 0.5 clearly; 0 where it is not listed."""
-    pictures: tuple[PictureMaker, ...] = field(default=(), compare=False)
-    """Exactly three: the flips about x, y, z."""
 
 
 @dataclass(frozen=True, slots=True)

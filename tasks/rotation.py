@@ -18,13 +18,13 @@ from scipy.spatial.transform import Rotation as Turn
 from geometry.picture import Camera, picture
 from geometry.poses import StablePose, about_z, front_of, stable_poses, symmetry_about_z
 from geometry.regions import smallest_rectangle
-from geometry.upright import stands_as_read, upright_pose
+from geometry.upright import outermost, stands_as_read, upright_pose
 from language.fronts import front_side
 from language.questions import ROTATION
 from language.replies import RotationReply
 from language.requests import FacingView, PoseView, RotationRequest, Vector
 from language.seam import LanguageConfig, client
-from scene.errors import GeometryError
+from scene.errors import GeometryError, LanguageError
 from scene.intent import Intent
 from scene.mesh import Mesh
 from scene.outcome import Infeasible
@@ -39,6 +39,8 @@ SAME_POSE = np.radians(12.0)
 """A pose has the probability of the stable pose within this angle [rad]."""
 ELONGATED = 1.15
 """A thing longer than this times its width is laid along its support [-]."""
+ROUNDED = 0.05
+"""So far from 1 may the length of a quaternion be that a model wrote with few digits [-]."""
 FLIPS = {"x": (1.0, -1.0, -1.0), "y": (-1.0, 1.0, -1.0), "z": (-1.0, -1.0, 1.0)}
 """Diagonals of the 180-degree rotations."""
 AXIS_COLORS = {"x": (214, 40, 40), "y": (30, 140, 50), "z": (40, 70, 210)}
@@ -77,10 +79,12 @@ def rotation(
     )
     reply = client(config.language).ask(ROTATION, request)
     matrix = matrix_of(reply, request, scene, base, mesh)
-    if np.abs(matrix @ matrix.T - np.eye(3)).max() > 1e-9 or np.linalg.det(matrix) < 0:
+    # asked so that a matrix of nan is refused too
+    if not (np.abs(matrix @ matrix.T - np.eye(3)).max() < 1e-9 and np.linalg.det(matrix) > 0):
         raise GeometryError(f"the chosen rotation is not orthonormal: {matrix.tolist()}")
     said = "" if not intent.orientation.words else f"; the prompt says {intent.orientation.words!r}"
-    return Rotation(matrix, pictures, request.prompt, reply.pose_id, f"{reply.reason}, {reply.facing_id}{said}")
+    candidate, facing = (reply.pose_id, reply.facing_id) if reply.quaternion is None else ("quaternion", "as given")
+    return Rotation(matrix, pictures, request.prompt, candidate, f"{reply.reason}, {facing}{said}")
 
 
 rotation_task = stage(rotation)
@@ -171,7 +175,7 @@ def facings(scene: Segmentation, base: Instance, place: Array, asked: str) -> tu
 def matrix_of(reply: RotationReply, request: RotationRequest, scene: Segmentation, base: Instance, mesh: Mesh) -> Array:
     """R* of a reply, shape (3, 3)."""
     if reply.quaternion is not None:
-        return np.asarray(Turn.from_quat(reply.quaternion, scalar_first=True).as_matrix())
+        return matrix_of_quaternion(np.array(reply.quaternion))
     pose = next(p for p in request.poses if p.id == reply.pose_id)
     matrix = np.array(pose.rotation)
     if reply.facing_id == "aligned":
@@ -185,6 +189,14 @@ def matrix_of(reply: RotationReply, request: RotationRequest, scene: Segmentatio
     return np.asarray(about_z(yaw + np.radians(reply.turn_deg)) @ matrix)
 
 
+def matrix_of_quaternion(quaternion: Array) -> Array:
+    """The rotation of (w, x, y, z), made unit where rounding left it nearly so, shape (3, 3)."""
+    length = float(np.linalg.norm(quaternion))
+    if not abs(length - 1.0) < ROUNDED:
+        raise LanguageError(f"the chosen quaternion {quaternion.tolist()} has length {length:.3g}, not 1")
+    return np.asarray(Turn.from_quat(quaternion, scalar_first=True).as_matrix())
+
+
 def looking(pose: PoseView) -> Array:
     """Where the object looks, horizontally: along its front, or, where that is vertical, along its own up."""
     for axis in (pose.front, pose.up):
@@ -196,7 +208,7 @@ def looking(pose: PoseView) -> Array:
 
 def nearest_side(mesh: Mesh, matrix: Array, ahead: Array) -> Array:
     """The outward side of the plan's smallest rectangle that is nearest to a direction: what has no front has sides."""
-    along, _ = smallest_rectangle((mesh.vertices @ matrix.T)[:, :2])
+    along, _ = smallest_rectangle((outermost(mesh.vertices) @ matrix.T)[:, :2])
     sides = [np.array([x, y, 0.0]) for x, y in (along, -along, (-along[1], along[0]), (along[1], -along[0]))]
     return max(sides, key=lambda side: float(side @ ahead))
 
@@ -207,12 +219,13 @@ def yaw_between(a: Array, b: Array) -> float:
 
 
 def aligned_yaw(mesh: Mesh, matrix: Array, request: RotationRequest, scene: Segmentation, base: Instance) -> float:
-    """Front to the viewer; without a front the long side across the base, or along a slender one [rad]."""
+    """Front to the viewer, lying, feet to the viewer; without a front the long side across, or along a slender base."""
     frame = part_frame(scene, base, base.box)
     pose = next(p for p in request.poses if np.allclose(p.rotation, matrix))
     if request.has_front:
-        return yaw_between(looking(pose), np.array([*frame.front, 0.0]))
-    own, size = smallest_rectangle((mesh.vertices @ matrix.T)[:, :2])
+        lies = abs(pose.front[2]) > abs(pose.up[2])  # on a bed, its head to the head end
+        return yaw_between(looking(pose), np.array([*(-frame.front if lies else frame.front), 0.0]))
+    own, size = smallest_rectangle((outermost(mesh.vertices) @ matrix.T)[:, :2])
     if size[0] < ELONGATED * size[1]:
         return 0.0 if request.symmetry == 0 else smallest_turn(own, frame.right, quarter=True)
     across = 2.0 * frame.half[0] >= size[0] or frame.half[0] >= frame.half[1]
@@ -263,9 +276,9 @@ def annotated(rgb: NDArray[np.uint8], axis: str, camera: Camera, center: Array, 
     image = Image.fromarray(rgb)
     draw = ImageDraw.Draw(image)
     unit = np.eye(3)["xyz".index(axis)]
-    ends = camera.project(center + np.outer([-0.75 * extent, 0.75 * extent], unit))[:, :2]
     color = AXIS_COLORS[axis]
     width = max(2, image.width // 170)
+    ends = inside(camera.project(center + np.outer([-0.75 * extent, 0.75 * extent], unit))[:, :2], image, 9 * width)
     draw.line([tuple(ends[0]), tuple(ends[1])], fill=color, width=width)
     arrow_head(draw, ends[0], ends[1], color, 5 * width)
     turn_mark(draw, 0.5 * ends[0] + 0.5 * ends[1], ends[1] - ends[0], color, width)
@@ -274,8 +287,17 @@ def annotated(rgb: NDArray[np.uint8], axis: str, camera: Camera, center: Array, 
     box = draw.textbbox((0, 0), text, font=font)
     draw.rectangle([0, 0, box[2] + 16, box[3] + 12], fill=(255, 255, 255))
     draw.text((8, 4), text, fill=color, font=font)
-    draw.text((ends[1][0] + 6, ends[1][1] - 6), axis, fill=color, font=font)
+    tip = ends[1] + 7 * width * (ends[1] - ends[0]) / max(float(np.linalg.norm(ends[1] - ends[0])), 1e-6)
+    draw.text((float(tip[0]), float(tip[1])), axis, fill=color, font=font, anchor="mm")
     return np.asarray(image, dtype=np.uint8).copy()
+
+
+def inside(ends: Array, image: Image.Image, margin: int) -> Array:
+    """A line from both ends (2, 2) drawn in to its middle as far as it takes to lie in the picture [pixels]."""
+    middle, half = ends.mean(axis=0), 0.5 * (ends[1] - ends[0])
+    room = np.minimum(middle, np.array(image.size) - middle) - margin
+    share = min(1.0, float((np.maximum(room, 1.0) / np.maximum(np.abs(half), 1e-6)).min()))
+    return np.array([middle - share * half, middle + share * half])
 
 
 def arrow_head(draw: ImageDraw.ImageDraw, start: Array, end: Array, color: tuple[int, int, int], size: int) -> None:
