@@ -86,7 +86,7 @@ THINGS = [
     ("mug", "body", "put the mug made of glass on the desk", "glass"),
     ("ceramic vase", "body", "", "glazed_ceramic"),
     ("crystal vase", "body", "", "crystal_glass"),
-    ("plastic bottle", "body", "", "hdpe"),
+    ("plastic bottle", "body", "", "pet"),
     ("glass bottle", "body", "", "glass"),
     ("rubber duck", "body", "", "pvc_soft"),
     ("silver laptop", "body", "", "aluminium"),

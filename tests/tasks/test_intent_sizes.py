@@ -5,6 +5,7 @@ import pytest
 import trimesh
 
 from language.offline import OfflineClient
+from language.questions import INTENT
 from language.replies import MOST_STATES, IntentReply
 from language.requests import IntentRequest
 from scene.box import OrientedBox
@@ -57,7 +58,7 @@ def answered(**changes: object) -> tuple[IntentReply, IntentRequest]:
     """A good answer with something changed, and its question."""
     item = block("towel", 0.3, 0.24, 0.05)
     request = IntentRequest("put it on the table", object_view(item), instance_views(TABLE), vector(room_center(TABLE)))
-    good = OfflineClient().intent(request)
+    good = OfflineClient().ask(INTENT, request)
     assert len(good.alternative_sizes) == 1
     return IntentReply.model_validate(good.model_dump() | changes), request
 

@@ -50,7 +50,7 @@ def test_hollow_things_weigh_what_such_things_weigh(label, shape, usual, solid):
     assert isinstance(turned, Rotation)
     found = anchor(TABLE, item, meant, turned, AnchorConfig())
     assert isinstance(found, Anchor)
-    rows = materials(TABLE, item, meant, found, MaterialsConfig())
+    rows = materials(TABLE, item, meant, found, "", MaterialsConfig())
     filled = particles(TABLE, item, meant, found, rows, ParticlesConfig(base_cells=500, object_cells=1000))  # type: ignore[arg-type]
     assert isinstance(filled, Particles)
     body = filled.bodies[0]

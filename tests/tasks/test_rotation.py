@@ -3,11 +3,13 @@
 import os
 from itertools import cycle
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation as Turn
 
+from language.questions import Question
 from language.replies import RotationReply
 from language.requests import FacingView, PoseView, RotationRequest
 from scene.errors import LanguageError
@@ -93,7 +95,7 @@ class Chooser:
         self.reply = reply
         self.asked: list[RotationRequest] = []
 
-    def rotation(self, request: RotationRequest) -> RotationReply:
+    def ask(self, question: Question[Any, Any], request: RotationRequest) -> RotationReply:
         self.asked.append(request)
         return self.reply
 
