@@ -1,0 +1,131 @@
+"""How well sentences are aimed in the embedded rooms: base, part and region of intent and anchor against the truth.
+
+python -m perf.aims          shares of the embedded samples, and every sample that is wrong
+"""
+
+import tempfile
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+from rich.console import Console
+from rich.table import Table
+
+from evaluation.aim_scores import Aim, Marks, aim_of, marks, shares
+from evaluation.outcome_table import Truth, read_truth
+from flows.samples import EMBEDDED, TRUTH, load_yaml
+from geometry.procedural.objects import OBJECTS, build_object
+from geometry.procedural.rooms import BuiltRoom
+from geometry.procedural.shapes import joined
+from perf.segments import read_room
+from scene.anchor import Anchor
+from scene.errors import LanguageError
+from scene.intent import Intent
+from scene.object_write import write_object
+from scene.outcome import Infeasible, Reason
+from scene.readers.frame import Role
+from scene.sample import SourceOptions
+from scene.segmentation import Segmentation
+from scene.store import Source
+from tasks.anchor import AnchorConfig, anchor
+from tasks.intent import IntentConfig, intent
+from tasks.mesh import MeshConfig, mesh
+from tasks.rotation import RotationConfig, rotation
+from tasks.segment import SegmentConfig, segment, segment_object
+
+BEFORE_THE_DROP = ("", Reason.TARGET_NOT_FOUND, Reason.NO_SUPPORT_HIT, Reason.TOO_LARGE_FOR_TARGET)
+"""Reasons that show before anything is simulated; other infeasible samples have an anchor."""
+NOT_UNDERSTOOD = "not_understood"
+"""Stands for a sentence that is refused."""
+PICTURES = RotationConfig(picture_size=64)
+"""The offline client looks at none."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Shot:
+    """What the stages up to the anchor made of one sentence."""
+
+    scene: Segmentation
+    item: Segmentation
+    intent: Intent | Infeasible | None
+    """None for a sentence that was refused."""
+    anchor: Anchor | Infeasible | None
+    message: str
+    """What a person is told: the anchor's reason, or why there is none."""
+
+    @property
+    def aim(self) -> Aim:
+        """In words."""
+        return Aim(reason=NOT_UNDERSTOOD) if self.intent is None else aim_of(self.intent, self.anchor)
+
+
+@cache
+def room_of(name: str) -> tuple[BuiltRoom, Segmentation]:
+    """An embedded room, as made and as taken apart from its files."""
+    room, scan = read_room(name)
+    return room, segment(scan, SegmentConfig())
+
+
+@cache
+def item_of(name: str) -> Segmentation:
+    """An embedded object, taken apart from its file."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / f"{name}{OBJECTS[name].suffix}"
+        write_object(path, [(part.name, joined(part.solids)) for part in build_object(name).parts])
+        return segment_object(mesh(Source(path), SourceOptions(), MeshConfig(role=Role.OBJECT)), SegmentConfig())
+
+
+def shot(room: str, item: str, prompt: str) -> Shot:
+    """Intent, rotation and anchor for a sentence in an embedded room."""
+    scene, thing = room_of(room)[1], item_of(item)
+    try:
+        meant = intent(scene, thing, prompt, None, IntentConfig())
+    except LanguageError as error:
+        return Shot(scene, thing, None, None, str(error))
+    if isinstance(meant, Infeasible):
+        return Shot(scene, thing, meant, None, meant.message)
+    turned = rotation(scene, thing, meant, prompt, PICTURES)
+    if isinstance(turned, Infeasible):
+        return Shot(scene, thing, turned, None, turned.message)
+    found = anchor(scene, thing, meant, turned, AnchorConfig())
+    return Shot(scene, thing, meant, found, found.message if isinstance(found, Infeasible) else found.reason)
+
+
+def aim_from(truth: Truth) -> Aim:
+    """What of an intended outcome shows before the drop."""
+    reason = truth.reason if truth.reason in BEFORE_THE_DROP else ""
+    return Aim(truth.base_id, truth.part, truth.region, reason=reason)
+
+
+def embedded() -> list[tuple[str, Shot, Aim, Marks]]:
+    """Every embedded sample: its id, what came of it, what should have, and what is right."""
+    truths = read_truth(load_yaml(EMBEDDED.parent / TRUTH), TRUTH)
+    rows = load_yaml(EMBEDDED)
+    assert isinstance(rows, list)
+    result = []
+    for row in rows:
+        found = shot(row["room"], row["object"], row["prompt"])
+        wanted = aim_from(truths[row["id"]])
+        result.append((row["id"], found, wanted, marks(wanted, found.aim)))
+    return result
+
+
+def table(rows: list[tuple[str, Shot, Aim, Marks]]) -> Table:
+    """The shares, then what is wrong."""
+    result = Table("sample", "wanted", "found", "says", box=None, title_justify="left")
+    numbers = ", ".join(f"{name} {share:.1%}" for name, share in shares(row[3] for row in rows).items())
+    result.title = f"{len(rows)} samples right: {numbers}"
+    for name, found, wanted, mark in rows:
+        if not mark.all_right:
+            result.add_row(name, in_words(wanted), in_words(found.aim), found.message)
+    return result
+
+
+def in_words(aim: Aim) -> str:
+    """One line."""
+    words = (aim.reason, aim.base, aim.part, aim.region, " ".join(sorted(aim.beside)))
+    return " | ".join(word for word in words if word)
+
+
+if __name__ == "__main__":
+    Console(highlight=False, width=200).print(table(embedded()))
