@@ -1,12 +1,12 @@
 """Where on a surface an object fits, and how high above it it must start.
 
 In: the scene, which of its faces are the support, and the object in its orientation. Out: the spot nearest to a
-wished point where the object's underside is over the support and nothing else is in the way, and the lift that leaves
-a given clearance.
+wished point where the object's underside is over the support and nothing else is in the way, and how high the object
+is there when it touches.
 
 The object's underside and the scene below it are sampled by vertical rays on one grid, so that overhangs of the
-object (the handle of a mug) may reach over lower neighbours. The final gap is measured from the vertices of both
-meshes as well.
+object (the handle of a mug) may reach over lower neighbours. What is thinner than the grid, or upright, rays may miss:
+who finds it there by measuring the meshes adds it (`add`) and asks again.
 """
 
 from collections.abc import Iterator
@@ -21,14 +21,17 @@ from geometry.regions import Region, inside
 from scene.mesh import Mesh
 
 Array = NDArray[np.float64]
-HEADROOM = 0.03
-"""Free height over the object while it is looked for a place [m]: the clearance and some slack."""
+HEADROOM = 0.012
+"""Free height over the object while it is looked for a place [m]: the clearance and a little slack."""
 STEPPED = 0.015
 """Neighbours that lift the object by less than this do not count as being in the way [m]: scan noise, seams."""
 LOWEST = 0.08
 """The underside that must be supported: what lies within this share of the height over the lowest point [-]."""
 SHARES = (0.97, 0.85, 0.7, 0.5)
 """Shares of the underside that shall be over the support, best first; with less than half the object tips."""
+DROP = 0.05
+"""Where the support lies this far below the contact it does not carry [m]: a seat beside its arm, a lid before its
+cistern; scans of soft things are uneven by less."""
 SAMPLES = 24
 """Samples along the object's shorter horizontal side [-]."""
 FINEST, COARSEST = 0.003, 0.025
@@ -38,6 +41,18 @@ ROOM_HEIGHT = 3.0
 MOST_SAMPLES = 600_000
 """Rays for one surface; larger ones are sampled more coarsely."""
 BATCH = 256
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Columns:
+    """The scene seen from above the support, on the grid."""
+
+    height: Array
+    """Of the first surface [m]; inf inside of something, -inf where nothing is, shape (rows, columns)."""
+    support: NDArray[np.bool_]
+    """Whether that is the support, shape (rows, columns)."""
+    face: NDArray[np.int64]
+    """Face of the scene that is there, -1 for none, shape (rows, columns)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,24 +66,28 @@ class Spot:
     """Share of the underside over the support [-]."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, eq=False, slots=True)
 class Refusal:
     """Why there is none."""
 
     hit: bool
-    """Whether any ray in the region met the support."""
+    """Whether the support has a surface in the region, be it covered or not."""
     best_share: float
     """Largest supported share of the underside without anything in the way [-]."""
     blocked: float
     """Share of the aimed-at spots where something is in the way [-]."""
+    blockers: NDArray[np.int64]
+    """Face of the scene that is most in the way at each such spot, shape (k,)."""
 
 
 class Landing:
     """One object over one support: both sampled once, then asked for places."""
 
-    def __init__(self, caster: Raycaster, is_support: NDArray[np.bool_], item: Mesh, low: Array, high: Array) -> None:
-        """`item`: oriented, its origin at what goes over the spot. `low`, `high`: the support's bounds [m]."""
+    def __init__(self, scene: Mesh, caster: Raycaster, is_support: NDArray[np.bool_], item: Mesh) -> None:
+        """`is_support`: which faces of the scene. `item`: oriented, its origin at what goes over the spot."""
         self.caster, self.is_support = caster, is_support
+        self.support = scene.submesh(np.flatnonzero(is_support))
+        low, high = self.support.bounds
         size = np.ptp(item.bounds, axis=0)
         self.height = float(size[2])
         area = float(np.prod(high[:2] - low[:2] + 2.0 * size[:2]))
@@ -79,6 +98,7 @@ class Landing:
         reach = np.abs(item.bounds[:, :2]).max(axis=0) + 4 * self.cell
         self.origin = low[:2] - reach
         self.count = np.ceil((high[:2] + reach - self.origin) / self.cell).astype(int) + 1
+        self.refused = np.zeros(self.count, dtype=bool)
 
     def _sample_item(self, item: Mesh) -> None:
         """Height of the underside over the object's origin on the grid."""
@@ -97,8 +117,8 @@ class Landing:
         self.around, self.around_under = widened(self.offset, self.under)
 
     @cached_property
-    def surface(self) -> tuple[Array, NDArray[np.bool_]]:
-        """Height under each grid point (inf where blocked, -inf where nothing is) and whether it is the support."""
+    def surface(self) -> Columns:
+        """The scene under each grid point."""
         i, j = np.meshgrid(np.arange(self.count[0]), np.arange(self.count[1]), indexing="ij")
         start = np.c_[self.origin + self.cell * np.c_[i.ravel(), j.ravel()], np.full(i.size, self.top)]
         hits = self.caster.cast(start, np.tile([0.0, 0.0, -1.0], (i.size, 1)))
@@ -111,17 +131,35 @@ class Landing:
         if support.any() and upward[support].mean() > 0.8:
             height[hit & (hits.normal[:, 2] < -0.1) | self._inside(start)] = np.inf
             support &= np.isfinite(height)
-        return height.reshape(i.shape), support.reshape(i.shape)
+        return Columns(height.reshape(i.shape), support.reshape(i.shape), hits.face.astype(np.int64).reshape(i.shape))
+
+    def add(self, points: Array, faces: NDArray[np.int64]) -> None:
+        """Points (n, 3) on faces (n,) of the scene that no ray met: their columns are that high at least."""
+        index = np.rint((points[:, :2] - self.origin) / self.cell).astype(np.int64)
+        known = ((index >= 0) & (index < self.count)).all(axis=1)
+        column = tuple(index[known].T)
+        np.maximum.at(self.surface.height, column, points[known, 2])
+        self.surface.support[column] &= self.is_support[faces[known]]
+        self.surface.face[column] = faces[known]
+
+    def refuse(self, spot: Spot, reach: int) -> None:
+        """Leave out a spot and those up to so many samples from it."""
+        low = np.maximum(self._index(spot) - reach, 0)
+        high = self._index(spot) + reach + 1
+        self.refused[low[0] : high[0], low[1] : high[1]] = True
 
     def _inside(self, start: Array) -> NDArray[np.bool_]:
         """Whether a ray up soon leaves something through a face that looks up: then it began inside, shape (n,)."""
         hits = self.caster.cast(start, np.tile([0.0, 0.0, 1.0], (len(start), 1)))
         return np.asarray((hits.normal[:, 2] > 0.1) & (hits.distance < ROOM_HEIGHT))
 
-    def find(self, region: Region, share: float) -> Spot | None:
-        """The spot nearest to the region's target that has this much support and nothing in the way."""
+    def find(self, region: Region, share: float, drop: float = np.inf) -> Spot | None:
+        """The spot nearest to the region's target that has this much support and nothing in the way.
+
+        Where the support lies more than `drop` [m] below the contact it does not count.
+        """
         for batch in self._batches(region):
-            lift, supported, _ = self._judge(batch)
+            lift, supported, _ = self._judge(batch, drop)
             good = np.flatnonzero((lift <= STEPPED) & (supported >= share))
             if len(good):
                 x, y = self.origin + self.cell * batch[good[0]]
@@ -131,17 +169,39 @@ class Landing:
     def refusal(self, region: Region) -> Refusal:
         """Why the region has no spot."""
         best, blocked, total = 0.0, 0, 0
+        blockers: list[NDArray[np.int64]] = []
         for batch in self._batches(region):
             lift, supported, _ = self._judge(batch)
             free = lift <= STEPPED
             best = max(best, float(supported[free].max(initial=0.0)))
             blocked, total = blocked + int((~free).sum()), total + len(batch)
-        return Refusal(total > 0, best, blocked / max(total, 1))
+            blockers.append(self._in_the_way(batch[~free]))
+        if total == 0:
+            covered, faces = self._covered(region)
+            return Refusal(covered, 0.0, float(covered), faces)
+        return Refusal(True, best, blocked / total, np.concatenate(blockers))
+
+    def _covered(self, region: Region) -> tuple[bool, NDArray[np.int64]]:
+        """Whether the support lies under other things everywhere in the region, and the faces of these."""
+        index = np.argwhere(np.ones(self.count, dtype=bool))
+        index = index[inside(region.polygon, self.origin + self.cell * index, margin=1e-6)]
+        above = np.c_[self.origin + self.cell * index, np.full(len(index), self.support.bounds[1, 2] + 1.0)]
+        under = Raycaster(self.support).cast(above, np.tile([0.0, 0.0, -1.0], (len(above), 1))).face >= 0
+        faces = self.surface.face[tuple(index[under].T)]
+        return bool(under.any()), faces[faces >= 0]
+
+    def _in_the_way(self, index: NDArray[np.int64]) -> NDArray[np.int64]:
+        """For each grid point the face of the scene that lifts the object most, shape (n,)."""
+        rows, columns = index[:, :1] + self.around[:, 0], index[:, 1:] + self.around[:, 1]
+        own = self.surface.support[rows, columns]
+        lift = np.where(own, -np.inf, self.surface.height[rows, columns] - self.around_under)
+        most = (np.arange(len(index)), lift.argmax(axis=1))
+        faces = self.surface.face[rows, columns][most]
+        return np.asarray(faces[faces >= 0])
 
     def _batches(self, region: Region) -> Iterator[NDArray[np.int64]]:
         """Grid points of the region that are over the support, nearest to the target first."""
-        _, support = self.surface
-        index = np.argwhere(support)
+        index = np.argwhere(self.surface.support & ~self.refused)
         position = self.origin + self.cell * index
         keep = inside(region.polygon, position, margin=1e-6)
         index, position = index[keep], position[keep]
@@ -153,7 +213,7 @@ class Landing:
         for begin in range(0, len(order), BATCH):
             yield index[order[begin : begin + BATCH]]
 
-    def _judge(self, index: NDArray[np.int64]) -> tuple[Array, Array, Array]:
+    def _judge(self, index: NDArray[np.int64], drop: float = np.inf) -> tuple[Array, Array, Array]:
         """For each grid point: how much others lift the object [m], the supported share, the origin's height [m]."""
         below, on = self._below(index, self.offset)
         needed = below - self.under
@@ -162,18 +222,22 @@ class Landing:
         others = np.where(own, -np.inf, below - self.around_under).max(axis=1)
         with np.errstate(invalid="ignore"):
             lift = np.where(np.isfinite(alone), others - alone, np.inf)
-        return lift, on[:, self.lowest].mean(axis=1), needed.max(axis=1)
+        carried = on & (needed >= (alone - drop)[:, None])
+        return lift, carried[:, self.lowest].mean(axis=1), needed.max(axis=1)
 
     def _below(self, index: NDArray[np.int64], offset: NDArray[np.int64]) -> tuple[Array, NDArray[np.bool_]]:
         """Height of the surface and whether it is the support, under each offset from each grid point."""
-        height, support = self.surface
         rows, columns = index[:, :1] + offset[:, 0], index[:, 1:] + offset[:, 1]
-        return height[rows, columns], support[rows, columns]
+        return self.surface.height[rows, columns], self.surface.support[rows, columns]
 
     def start_height(self, spot: Spot) -> float:
         """Height of the origin at which the sampled underside touches [m]."""
-        index = np.rint((np.array([[spot.x, spot.y]]) - self.origin) / self.cell).astype(np.int64)
-        return float(self._judge(index)[2][0])
+        return float(self._judge(self._index(spot)[None])[2][0])
+
+    def _index(self, spot: Spot) -> NDArray[np.int64]:
+        """Row and column of a spot, shape (2,)."""
+        steps: NDArray[np.int64] = np.rint((np.array([spot.x, spot.y]) - self.origin) / self.cell).astype(np.int64)
+        return steps
 
 
 def widened(offset: NDArray[np.int64], under: Array) -> tuple[NDArray[np.int64], Array]:
@@ -185,19 +249,3 @@ def widened(offset: NDArray[np.int64], under: Array) -> tuple[NDArray[np.int64],
     spread = np.min([padded[i : i + grid.shape[0], j : j + grid.shape[1]] for i in range(3) for j in range(3)], axis=0)
     where = np.argwhere(np.isfinite(spread))
     return where + low, spread[tuple(where.T)]
-
-
-def vertical_gap(item: Mesh, item_caster: Raycaster, scene: Mesh, scene_caster: Raycaster, limit: float) -> float:
-    """Smallest vertical distance from the object down to the scene, from the vertices of both [m]; inf without any.
-
-    `limit`: scene vertices higher than this are not below the object [m].
-    """
-    down, up = np.array([[0.0, 0.0, -1.0]]), np.array([[0.0, 0.0, 1.0]])
-    used = item.vertices[np.unique(item.faces)]
-    first = scene_caster.cast(used, np.repeat(down, len(used), axis=0)).distance
-    low, high = item.bounds
-    x, y, z = scene.vertices.T
-    beneath = (x >= low[0]) & (x <= high[0]) & (y >= low[1]) & (y <= high[1]) & (z < limit)
-    points = scene.vertices[beneath]
-    second = item_caster.cast(points, np.repeat(up, len(points), axis=0)).distance
-    return float(min(first.min(initial=np.inf), second.min(initial=np.inf)))

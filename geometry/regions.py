@@ -80,11 +80,16 @@ def frame_of(box: OrientedBox, front: Array | None, room_center: Array) -> Frame
     return Frame(box.center[:2].copy(), right, np.asarray(direction), np.array([half[1 - axis], half[axis]]))
 
 
-def regions(frame: Frame, names: Sequence[str], references: Sequence[OrientedBox], radius: float) -> list[Region]:
-    """Areas for the names, best first; the whole part where nothing is asked."""
+def regions(
+    frame: Frame, names: Sequence[str], references: Sequence[OrientedBox], radius: float, view: Frame | None = None
+) -> list[Region]:
+    """Areas for the names, best first; the whole part where nothing is asked.
+
+    `view`: whose left and front are meant beside references; the part's unless given.
+    """
     beside = [n for n in names if n in ("near", "next_to", "between", "under")]
     if beside and references:
-        area = beside_region(frame, beside[0], names, references, radius)
+        area = beside_region(frame, view or frame, beside[0], names, references, radius)
         return [area] if area is not None else []
     directions = [SIDES[n] for n in names if n in SIDES]
     if "corner" in names:
@@ -156,7 +161,7 @@ def strip(frame: Frame, direction: tuple[int, int], radius: float) -> Region:
 
 
 def beside_region(
-    frame: Frame, relation: str, names: Sequence[str], references: Sequence[OrientedBox], radius: float
+    frame: Frame, view: Frame, relation: str, names: Sequence[str], references: Sequence[OrientedBox], radius: float
 ) -> Region | None:
     """Near, next to, between or under other things, cut to the part; None if that leaves nothing."""
     rings = [box.corners[:4, :2] for box in references]
@@ -169,7 +174,7 @@ def beside_region(
     target = middle
     for name in names:
         if name in SIDES and relation in ("near", "next_to"):
-            direction = SIDES[name][0] * frame.right + SIDES[name][1] * frame.front
+            direction = SIDES[name][0] * view.right + SIDES[name][1] * view.front
             polygon = clipped_half_plane(polygon, middle, -direction)
             target = target + direction * (float(np.max((rings[0] - middle) @ direction)) + radius)
     whole = rectangle(frame, (-1.0, -1.0), (1.0, 1.0), (0.0, 0.0)).polygon

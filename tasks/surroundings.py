@@ -6,6 +6,7 @@ In: scene and intent. Out: the viewer's frame of a part, boxes of references, di
 import numpy as np
 from numpy.typing import NDArray
 
+from geometry.pieces import components
 from geometry.regions import Frame, frame_of, regions
 from scene.box import OrientedBox
 from scene.intent import Intent
@@ -16,6 +17,8 @@ Array = NDArray[np.float64]
 PART = "part:"
 WIDE = 1.2
 """Things longer than this are faced at their nearest point, smaller ones at their middle [m]: walls, sofas."""
+LARGE = 0.2
+"""Pieces of a part with this share of its largest piece's faces count as things of their own [-]: a sofa's arms."""
 
 
 def part_frame(scene: Segmentation, base: Instance, box: OrientedBox) -> Frame:
@@ -24,10 +27,46 @@ def part_frame(scene: Segmentation, base: Instance, box: OrientedBox) -> Frame:
 
 
 def boxes_of(scene: Segmentation, base: Instance, reference: str) -> list[OrientedBox]:
-    """Boxes of a referenced instance, or of all parts of that name of the base."""
+    """Boxes of a referenced instance, or of all pieces of the parts of that name of the base."""
     if reference.startswith(PART):
-        return [part.box for part in base.parts if part.name == reference.removeprefix(PART)]
+        named = [number for number, part in enumerate(base.parts) if part.name == reference.removeprefix(PART)]
+        return [box for number in named for box in piece_boxes(scene, base, number)]
     return [scene.instances[scene.index_of(reference)].box]
+
+
+def piece_boxes(scene: Segmentation, base: Instance, index: int) -> list[OrientedBox]:
+    """A box for each large connected piece of a part, turned like the part's."""
+    box = base.parts[index].box
+    mine = np.flatnonzero((scene.face_instance == scene.index_of(base.id)) & (scene.face_part == index))
+    piece = components(scene.mesh.submesh(mine))
+    numbers, count = np.unique(piece, return_counts=True)
+    large = numbers[count >= LARGE * count.max(initial=0)]
+    if len(large) < 2:
+        return [box]
+    return [box_about(box, scene.mesh.triangles[mine[piece == number]].reshape(-1, 3)) for number in large]
+
+
+def box_about(like: OrientedBox, points: Array) -> OrientedBox:
+    """The box about points (n, 3) that is turned like another one."""
+    local = like.to_local(points)
+    low, high = local.min(axis=0), local.max(axis=0)
+    return OrientedBox(like.to_world(0.5 * (low + high)[None])[0], like.axes, 0.5 * (high - low))
+
+
+def reference_frame(scene: Segmentation, base: Instance, names: tuple[str, ...]) -> Frame | None:
+    """Whose left and front are meant: on the floor those of a single thing that has a front; else None, the part's."""
+    if not base.structure or len(names) != 1 or names[0].startswith(PART):
+        return None
+    one = scene.instances[scene.index_of(names[0])]
+    return None if one.front is None else part_frame(scene, one, one.box)
+
+
+def apart(a: OrientedBox, b: OrientedBox) -> float:
+    """Horizontal distance of the axis-aligned boxes about two boxes [m]."""
+    low, high = (np.stack([one.corners[:, :2].min(axis=0) for one in (a, b)]),
+                 np.stack([one.corners[:, :2].max(axis=0) for one in (a, b)]))  # fmt: skip
+    gap = np.maximum(low.max(axis=0) - high.min(axis=0), 0.0)
+    return float(np.linalg.norm(gap))
 
 
 def reference_boxes(scene: Segmentation, base: Instance, names: tuple[str, ...], near: Array) -> list[OrientedBox]:

@@ -408,8 +408,8 @@ def test_full_target_is_too_large_as_well():
     assert found.reason is Reason.TOO_LARGE_FOR_TARGET
 
 
-def test_no_ray_meets_a_part_under_a_lid():
-    """A mattress with a board right on it everywhere: no_support_hit."""
+def test_part_under_a_lid_is_full():
+    """A mattress with a board right on it everywhere has no room, and the board is named."""
     room = segmentation(
         {
             "bed": ("bed", None, [("mattress", block((-0.5, -0.5, 0.0), (0.5, 0.5, 0.3)))]),
@@ -418,6 +418,26 @@ def test_no_ray_meets_a_part_under_a_lid():
     )
     item = thing("ball", ball(0.1))
     meant = intent(room, item, "put the ball on the mattress", None, IntentConfig())
+    assert isinstance(meant, Intent)
+    turned = rotation(room, item, meant, "", SMALL)
+    assert isinstance(turned, Rotation)
+    found = anchor(room, item, meant, turned, AnchorConfig())
+    assert isinstance(found, Infeasible)
+    assert found.reason is Reason.TOO_LARGE_FOR_TARGET
+    assert found.evidence["in_the_way"] == [{"id": "lid", "name": "box", "share": 1.0}]
+
+
+def test_no_ray_meets_the_hole_of_a_ring():
+    """In the middle of a frame of four boards there is no surface: no_support_hit."""
+    rim = [
+        block((-0.5, -0.5, 0.0), (0.5, -0.4, 0.3)),
+        block((-0.5, 0.4, 0.0), (0.5, 0.5, 0.3)),
+        block((-0.5, -0.4, 0.0), (-0.4, 0.4, 0.3)),
+        block((0.4, -0.4, 0.0), (0.5, 0.4, 0.3)),
+    ]
+    room = segmentation({"bench": ("bench", None, [("seat", Mesh.concatenate(rim))])})
+    item = thing("ball", ball(0.1))
+    meant = intent(room, item, "put the ball in the middle of the bench", None, IntentConfig())
     assert isinstance(meant, Intent)
     turned = rotation(room, item, meant, "", SMALL)
     assert isinstance(turned, Rotation)
