@@ -55,6 +55,22 @@ class Columns:
     """Face of the scene that is there, -1 for none, shape (rows, columns)."""
 
 
+@dataclass(frozen=True, eq=False, slots=True)
+class Verdict:
+    """How the object would lie over some grid points."""
+
+    index: NDArray[np.int64]
+    """Row and column, shape (n, 2)."""
+    lift: Array
+    """How much what is not the support lifts the object [m], shape (n,)."""
+    share: Array
+    """Share of the underside over the support [-], shape (n,)."""
+    level: Array
+    """Share over the support where that is no further than DROP below the contact [-], shape (n,)."""
+    height: Array
+    """Height of the object's origin when it touches [m], shape (n,)."""
+
+
 @dataclass(frozen=True, slots=True)
 class Spot:
     """A place for the object."""
@@ -99,6 +115,7 @@ class Landing:
         self.origin = low[:2] - reach
         self.count = np.ceil((high[:2] + reach - self.origin) / self.cell).astype(int) + 1
         self.refused = np.zeros(self.count, dtype=bool)
+        self._known: dict[bytes, tuple[list[Verdict], Iterator[NDArray[np.int64]]]] = {}
 
     def _sample_item(self, item: Mesh) -> None:
         """Height of the underside over the object's origin on the grid."""
@@ -141,6 +158,7 @@ class Landing:
         np.maximum.at(self.surface.height, column, points[known, 2])
         self.surface.support[column] &= self.is_support[faces[known]]
         self.surface.face[column] = faces[known]
+        self._known.clear()
 
     def refuse(self, spot: Spot, reach: int) -> None:
         """Leave out a spot and those up to so many samples from it."""
@@ -153,29 +171,28 @@ class Landing:
         hits = self.caster.cast(start, np.tile([0.0, 0.0, 1.0], (len(start), 1)))
         return np.asarray((hits.normal[:, 2] > 0.1) & (hits.distance < ROOM_HEIGHT))
 
-    def find(self, region: Region, share: float, drop: float = np.inf) -> Spot | None:
+    def find(self, region: Region, share: float, *, level: bool) -> Spot | None:
         """The spot nearest to the region's target that has this much support and nothing in the way.
 
-        Where the support lies more than `drop` [m] below the contact it does not count.
+        `level`: the support must be no further than DROP below the contact to count.
         """
-        for batch in self._batches(region):
-            lift, supported, _ = self._judge(batch, drop)
-            good = np.flatnonzero((lift <= STEPPED) & (supported >= share))
+        for seen in self._verdicts(region):
+            supported = seen.level if level else seen.share
+            good = np.flatnonzero((seen.lift <= STEPPED) & (supported >= share) & ~self.refused[tuple(seen.index.T)])
             if len(good):
-                x, y = self.origin + self.cell * batch[good[0]]
-                return Spot(float(x), float(y), float(supported[good[0]]))
+                x, y = self.origin + self.cell * seen.index[good[0]]
+                return Spot(float(x), float(y), float(seen.share[good[0]]))
         return None
 
     def refusal(self, region: Region) -> Refusal:
         """Why the region has no spot."""
         best, blocked, total = 0.0, 0, 0
         blockers: list[NDArray[np.int64]] = []
-        for batch in self._batches(region):
-            lift, supported, _ = self._judge(batch)
-            free = lift <= STEPPED
-            best = max(best, float(supported[free].max(initial=0.0)))
-            blocked, total = blocked + int((~free).sum()), total + len(batch)
-            blockers.append(self._in_the_way(batch[~free]))
+        for seen in self._verdicts(region):
+            free = (seen.lift <= STEPPED) & ~self.refused[tuple(seen.index.T)]
+            best = max(best, float(seen.share[free].max(initial=0.0)))
+            blocked, total = blocked + int((~free).sum()), total + len(free)
+            blockers.append(self._in_the_way(seen.index[~free]))
         if total == 0:
             covered, faces = self._covered(region)
             return Refusal(covered, 0.0, float(covered), faces)
@@ -199,9 +216,20 @@ class Landing:
         faces = self.surface.face[rows, columns][most]
         return np.asarray(faces[faces >= 0])
 
+    def _verdicts(self, region: Region) -> Iterator[Verdict]:
+        """Grid points of the region that are over the support, nearest to the target first, each judged once."""
+        key = region.polygon.tobytes() + region.target.tobytes()
+        if key not in self._known:
+            self._known[key] = ([], self._batches(region))
+        known, rest = self._known[key]
+        yield from known
+        for batch in rest:
+            known.append(self._judge(batch))
+            yield known[-1]
+
     def _batches(self, region: Region) -> Iterator[NDArray[np.int64]]:
-        """Grid points of the region that are over the support, nearest to the target first."""
-        index = np.argwhere(self.surface.support & ~self.refused)
+        """The grid points to judge, a number at a time."""
+        index = np.argwhere(self.surface.support)
         position = self.origin + self.cell * index
         keep = inside(region.polygon, position, margin=1e-6)
         index, position = index[keep], position[keep]
@@ -213,8 +241,8 @@ class Landing:
         for begin in range(0, len(order), BATCH):
             yield index[order[begin : begin + BATCH]]
 
-    def _judge(self, index: NDArray[np.int64], drop: float = np.inf) -> tuple[Array, Array, Array]:
-        """For each grid point: how much others lift the object [m], the supported share, the origin's height [m]."""
+    def _judge(self, index: NDArray[np.int64]) -> Verdict:
+        """How the object would lie over each grid point (n, 2)."""
         below, on = self._below(index, self.offset)
         needed = below - self.under
         alone = np.where(on, needed, -np.inf).max(axis=1)
@@ -222,8 +250,8 @@ class Landing:
         others = np.where(own, -np.inf, below - self.around_under).max(axis=1)
         with np.errstate(invalid="ignore"):
             lift = np.where(np.isfinite(alone), others - alone, np.inf)
-        carried = on & (needed >= (alone - drop)[:, None])
-        return lift, carried[:, self.lowest].mean(axis=1), needed.max(axis=1)
+        near = on[:, self.lowest] & (needed[:, self.lowest] >= alone[:, None] - DROP)
+        return Verdict(index, lift, on[:, self.lowest].mean(axis=1), near.mean(axis=1), needed.max(axis=1))
 
     def _below(self, index: NDArray[np.int64], offset: NDArray[np.int64]) -> tuple[Array, NDArray[np.bool_]]:
         """Height of the surface and whether it is the support, under each offset from each grid point."""
@@ -232,7 +260,7 @@ class Landing:
 
     def start_height(self, spot: Spot) -> float:
         """Height of the origin at which the sampled underside touches [m]."""
-        return float(self._judge(self._index(spot)[None])[2][0])
+        return float(self._judge(self._index(spot)[None]).height[0])
 
     def _index(self, spot: Spot) -> NDArray[np.int64]:
         """Row and column of a spot, shape (2,)."""

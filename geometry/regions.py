@@ -24,6 +24,8 @@ END = 0.3
 """Head and foot begin this far from the middle, over the half extent [-]."""
 NEAR, NEXT = 0.5, 0.15
 """Near ends this far from the reference's box, next to this far, both plus the object's radius [m]."""
+VIEWER = 0.03
+"""Of places all around a thing that on the viewer's side is taken: the aim lies this far towards him [m]."""
 SIDES = {"left": (-1, 0), "right": (1, 0), "front": (0, 1), "back": (0, -1), "head": (0, -1), "foot": (0, 1)}
 """Directions (right, front)."""
 
@@ -172,6 +174,8 @@ def beside_region(
     else:
         polygon = grown(np.concatenate(rings), reach)
     target = middle
+    if relation != "between" and not any(name in SIDES for name in names):
+        target = middle + VIEWER * view.front
     for name in names:
         if name in SIDES and relation in ("near", "next_to"):
             direction = SIDES[name][0] * view.right + SIDES[name][1] * view.front

@@ -11,20 +11,17 @@ from dataclasses import dataclass
 import numpy as np
 
 from geometry.clearance import Clearance
-from geometry.landing import DROP, SHARES, Landing, Spot
+from geometry.landing import SHARES, Landing, Spot
 from geometry.regions import Region
 
-PASSES = (*((share, DROP) for share in SHARES if share >= 0.7), *((share, np.inf) for share in SHARES))
-"""Supported share of the underside and how far below the contact the support may be there [m], best first: what is
-level, else slopes and steps."""
-LIFT = 0.05
-"""The gap is first measured from this height over the sampled contact [m]; more than any sampling error."""
+PASSES = (*((share, True) for share in SHARES if share >= 0.7), *((share, False) for share in SHARES))
+"""Supported share of the underside, and whether the support must be level there, best first."""
 EXACT = 1e-5
 """How near the gap comes to what is asked [m]."""
 ROUNDS = 3
 """A gap is measured, corrected and measured again; the second time it is right unless something is in the way."""
-PATIENCE = 8
-"""After so many spots that fail, the spots around the next one are left out more widely [-]."""
+PATIENCE = 2
+"""After so many spots that fail, the spots around the next one are left out one sample further [-]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,26 +39,26 @@ class Start:
 
 def set_down(landing: Landing, exact: Clearance, areas: Sequence[Region], gap: float) -> Start | None:
     """The best supported free spot; of equally good ones the nearest to the aim of the first area."""
-    failed = 0
-    for share, drop in PASSES:
+    failed, before = 0, None
+    for share, level in PASSES:
         for area in areas:
-            while (spot := landing.find(area, share, drop)) is not None:
+            while (spot := landing.find(area, share, level=level)) is not None:
                 start = hover(landing, exact, spot, gap)
                 if start is not None:
                     return Start(area, spot, *start)
-                landing.refuse(spot, failed // PATIENCE)
-                failed += 1
+                if spot == before:  # with all that is known now it looked free again, and is not
+                    landing.refuse(spot, failed // PATIENCE)
+                    failed += 1
+                before = spot
     return None
 
 
 def hover(landing: Landing, exact: Clearance, spot: Spot, gap: float) -> tuple[float, float] | None:
     """Height of the origin with the asked gap and the gap measured there [m]; None where something is in the way."""
-    place = np.array([spot.x, spot.y, landing.start_height(spot) + LIFT])
+    place = np.array([spot.x, spot.y, landing.start_height(spot) + gap])
     measured = exact.gap(place)
     for _ in range(ROUNDS):
-        if not np.isfinite(measured):
-            return None
-        if abs(measured - gap) <= EXACT:
+        if abs(measured - gap) <= EXACT or not np.isfinite(measured):
             break
         place[2] += gap - measured
         measured = exact.gap(place)

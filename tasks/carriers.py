@@ -30,13 +30,13 @@ def carriers(scene: Segmentation, base: Instance, index: int, *, named: bool, ca
     if base.parts[index].name not in COVERS or (named and exposed(scene, base, index, caster) > SEEN):
         return [own]
     parts = [number for number, part in enumerate(base.parts) if part.name in COVERS]
-    mine = scene.face_instance == scene.index_of(base.id)
-    return [np.logical_and(mine, np.isin(scene.face_part, parts))]
+    covers = (scene.face_instance == scene.index_of(base.id)) & np.isin(scene.face_part, parts)
+    return [np.asarray(covers)]
 
 
 def faces_of(scene: Segmentation, base: Instance, index: int) -> Mask:
     """The faces of a part, shape (faces,)."""
-    return (scene.face_instance == scene.index_of(base.id)) & (scene.face_part == index)
+    return np.asarray((scene.face_instance == scene.index_of(base.id)) & (scene.face_part == index))
 
 
 def coverings(scene: Segmentation, base: Instance, index: int) -> Mask:

@@ -54,11 +54,14 @@ def box_about(like: OrientedBox, points: Array) -> OrientedBox:
 
 
 def reference_frame(scene: Segmentation, base: Instance, names: tuple[str, ...]) -> Frame | None:
-    """Whose left and front are meant: on the floor those of a single thing that has a front; else None, the part's."""
+    """Whose left and front are meant: on the floor those of a single thing; else None, the part's.
+
+    Doors and walls are seen from the room, as are things without a front.
+    """
     if not base.structure or len(names) != 1 or names[0].startswith(PART):
         return None
     one = scene.instances[scene.index_of(names[0])]
-    return None if one.front is None else part_frame(scene, one, one.box)
+    return frame_of(one.box, None if one.structure else one.front, room_center(scene))
 
 
 def apart(a: OrientedBox, b: OrientedBox) -> float:
