@@ -99,15 +99,24 @@ def aim_from(truth: Truth) -> Aim:
 
 def embedded() -> list[tuple[str, Shot, Aim, Marks]]:
     """Every embedded sample: its id, what came of it, what should have, and what is right."""
-    truths = read_truth(load_yaml(EMBEDDED.parent / TRUTH), TRUTH)
-    rows = load_yaml(EMBEDDED)
-    assert isinstance(rows, list)
-    result = []
-    for row in rows:
+    truths, result = read_truths(), []
+    for row in read_samples():
         found = shot(row["room"], row["object"], row["prompt"])
         wanted = aim_from(truths[row["id"]])
         result.append((row["id"], found, wanted, marks(wanted, found.aim)))
     return result
+
+
+def read_truths() -> dict[str, Truth]:
+    """The intended outcomes of the embedded samples."""
+    return read_truth(load_yaml(EMBEDDED.parent / TRUTH), TRUTH)
+
+
+def read_samples() -> list[dict[str, str]]:
+    """The embedded samples as written: id, room, object, prompt."""
+    rows = load_yaml(EMBEDDED)
+    assert isinstance(rows, list)
+    return rows
 
 
 def table(rows: list[tuple[str, Shot, Aim, Marks]]) -> Table:

@@ -47,7 +47,7 @@ def no_room(
         f"way, {100 * SHARES[-1]:.0f} % are needed"
     )
     if blockers:
-        text += f"; in the way: {', '.join(name for _, name, _ in blockers)}"
+        text += f"; in the way: {', '.join(dict.fromkeys(name for _, name, _ in blockers))}"
     return Infeasible(Reason.TOO_LARGE_FOR_TARGET, text, evidence)
 
 

@@ -148,7 +148,7 @@ def depth(points: np.ndarray, solids: list[Mesh]) -> float:
     return max((float(-MeshDistance(solid)(points).min()) for solid in solids), default=-np.inf)
 
 
-@settings(max_examples=40)
+@settings(max_examples=15)
 @given(
     st.sampled_from(["ball", "block", "bar", "bottle", "stool", "mug"]),
     st.integers(0, 10_000),
@@ -174,15 +174,15 @@ def test_every_start_is_clear(kind, seed, amplitude):
 def test_two_edges_that_cross_count():
     """A bar across a roof's ridge touches it between all vertices of both: still 1 cm, though both are coarse."""
     roof = Mesh.of(
-        np.array([[-0.5, -0.4, 0], [0.5, -0.4, 0], [0.5, 0.4, 0], [-0.5, 0.4, 0], [-0.5, 0, 0.2], [0.5, 0, 0.3]]),
+        np.array([[-0.3, -0.1, 0], [0.3, -0.1, 0], [0.3, 0.1, 0], [-0.3, 0.1, 0], [-0.3, 0, 0.05], [0.3, 0, 0.11]]),
         np.array([[0, 1, 5], [0, 5, 4], [2, 3, 4], [2, 4, 5], [1, 2, 5], [3, 0, 4], [0, 3, 2], [0, 2, 1]]),
     )
-    bar = block((-0.02, -0.3, -0.01), (0.02, 0.3, 0.01))
+    bar = block((-0.02, -0.1, -0.01), (0.02, 0.1, 0.01))
     scene = scene_of(roof, [])
     start = scene.start(bar)
     assert start is not None
-    # the ridge climbs 0.1 in 1 m: under the bar's higher long edge it is at 0.25 + 0.1 x
-    ridge = 0.25 + 0.1 * (start.spot.x + 0.02)
+    # the ridge climbs 0.06 in 0.6 m: under the bar's higher long edge it is at 0.08 + 0.1 x
+    ridge = 0.08 + 0.1 * (start.spot.x + 0.02)
     assert start.height - 0.01 - ridge == pytest.approx(GAP, abs=1e-4)
 
 

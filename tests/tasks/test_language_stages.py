@@ -473,6 +473,110 @@ def test_blanket_on_top_takes_the_object():
     assert (center.part, head.part) == ("blanket", "mattress")
 
 
+def test_middle_of_the_bed_is_the_beds_not_the_blankets():
+    """A blanket on the lower half carries, but "the middle" is that of the whole bed: 0, not -0.5."""
+    bed = [
+        ("mattress", block((-0.75, -0.95, 0.3), (0.75, 0.95, 0.5))),
+        ("blanket", block((-0.75, -0.95, 0.501), (0.75, 0.1, 0.55))),
+    ]
+    room = segmentation({"bed": ("bed", (0.0, -1.0, 0.0), bed)})
+    _, _, found = placed("put the ball in the middle of the bed", thing("tennis ball", ball(0.033)), room)
+    _, _, named = placed("put the ball in the middle of the blanket", thing("tennis ball", ball(0.033)), room)
+    assert found.part == named.part == "blanket"
+    assert found.surface_point[1] == pytest.approx(0.0, abs=0.01)
+    assert named.surface_point[1] == pytest.approx(-0.425, abs=0.01)
+
+
+def hall() -> Segmentation:
+    """A floor with a rug under a table, a bench by the wall at -y with a chair beside it, a door at -x."""
+    return segmentation(
+        {
+            "floor": ("floor", None, [("floor", block((-2, -2, -0.1), (2, 2, 0.0)))]),
+            "rug": ("rug", None, [("body", block((-1, -0.6, 0.0), (1, 0.6, 0.012)))]),
+            "table": ("table", None, [("top", block((-0.6, -0.4, 0.46), (0.6, 0.4, 0.5))),
+                                      ("leg", block((-0.02, -0.02, 0.012), (0.02, 0.02, 0.46)))]),
+            "bench": ("bench", (0.0, 1.0, 0.0), [("seat", block((-0.5, -1.9, 0.0), (0.5, -1.5, 0.45)))]),
+            "chair": ("chair", (0.0, 1.0, 0.0), [("seat", block((0.9, -1.9, 0.0), (1.3, -1.5, 0.45)))]),
+            "stove": ("stove", (0.0, -1.0, 0.0), [("top", block((-0.3, 1.6, 0.0), (0.3, 2.0, 0.85)))]),
+            "door": ("door", (-1.0, 0.0, 0.0), [("body", block((-2.05, 0.2, 0.0), (-1.97, 1.2, 2.0)))]),
+        }
+    )  # fmt: skip
+
+
+HALL = hall()
+
+
+def test_rug_carries_where_the_floor_is_covered():
+    """Under a table that stands on a rug no floor is bare: the ball goes on the rug; elsewhere on the floor."""
+    _, _, under = placed("put the ball under the table", thing("ball", ball(0.1)), HALL)
+    _, _, bare = placed("put the ball on the floor next to the bench", thing("ball", ball(0.1)), HALL)
+    assert (under.base_id, under.part) == ("rug", "body")
+    assert "the rug lies on the floor" in under.reason
+    assert np.abs(under.surface_point[:2]).max() < 0.6
+    assert bare.base_id == "floor"
+
+
+@pytest.mark.parametrize(
+    ("words", "low", "high"),
+    [
+        ("in front of the bench", (-0.6, -1.5), (0.6, -1.2)),
+        # the viewer stands in the room and looks along -y: his left is +x
+        ("to the left of the bench", (0.5, -2.0), (0.8, -1.4)),
+        ("in front of the door", (-2.0, 0.1), (-1.6, 1.3)),
+    ],
+)
+def test_beside_a_thing_on_the_floor_its_own_front_counts(words, low, high):
+    """Left and front are those of the bench; a door is seen from the room although its own front looks out of it."""
+    _, _, found = placed(f"put the ball on the floor {words}", thing("ball", ball(0.1)), HALL)
+    assert (np.array(low) <= found.surface_point[:2]).all()
+    assert (found.surface_point[:2] <= np.array(high)).all()
+
+
+def test_neighbour_says_which_one_is_meant():
+    """ "The chair next to the bench" is no place on the chair; "on the chair next to the stove" 3 m away is refused."""
+    mug_thing = thing("mug", mug())
+    _, _, found = placed("put the mug on the chair next to the bench", mug_thing, HALL)
+    assert found.base_id == "chair"
+    assert found.region == "center"
+    assert "which chair is meant" in found.reason
+    meant = intent(HALL, mug_thing, "put the mug on the chair next to the stove", None, IntentConfig())
+    assert isinstance(meant, Intent)
+    turned = rotation(HALL, mug_thing, meant, "", SMALL)
+    assert isinstance(turned, Rotation)
+    refused = anchor(HALL, mug_thing, meant, turned, AnchorConfig())
+    assert isinstance(refused, Infeasible)
+    assert refused.reason is Reason.NO_SUPPORT_HIT
+
+
+def test_near_a_part_of_two_pieces_is_near_one_of_them():
+    """The arms of a sofa are one part; "next to the arm" is at one of its ends, not in the middle between them."""
+    arms = Mesh.concatenate([block((x, -0.4, 0.0), (x + 0.2, 0.4, 0.6)) for x in (-1.1, 0.9)])
+    parts = [("seat cushion", block((-0.9, -0.4, 0.2), (0.9, 0.4, 0.4))), ("arm", arms)]
+    room = segmentation({"sofa": ("sofa", (0.0, -1.0, 0.0), parts)})
+    _, _, found = placed("put the ball on the sofa next to the arm", thing("ball", ball(0.1)), room)
+    assert 0.9 - 0.15 - 0.2 <= abs(found.surface_point[0]) <= 0.9 - 0.1 + 0.01
+
+
+def test_full_target_names_what_is_in_the_way():
+    """A desk covered with books but for gaps of 5 cm: too large, with the books and the lamp by name."""
+    things = {"desk": ("desk", (0.0, -1.0, 0.0), [("top", block((-0.6, -0.3, 0.7), (0.6, 0.3, 0.74)))])}
+    for row in range(4):
+        low = (-0.6 + 0.25 * row, -0.3, 0.74)
+        things[f"book_{row}"] = ("book", None, [("body", block(low, (low[0] + 0.2, 0.3, 0.8)))])
+    things["lamp"] = ("table lamp", None, [("base", block((0.4, -0.3, 0.74), (0.6, 0.3, 1.0)))])
+    room, item = segmentation(things), thing("bowl", ball(0.1))
+    meant = intent(room, item, "put the bowl on the desk", None, IntentConfig())
+    assert isinstance(meant, Intent)
+    turned = rotation(room, item, meant, "", SMALL)
+    assert isinstance(turned, Rotation)
+    found = anchor(room, item, meant, turned, AnchorConfig())
+    assert isinstance(found, Infeasible)
+    assert found.reason is Reason.TOO_LARGE_FOR_TARGET
+    assert "in the way: book" in found.message
+    assert found.evidence["blocked_share"] == 1.0
+    assert {row["id"] for row in found.evidence["in_the_way"]} <= {*things}
+
+
 def test_stages_are_deterministic():
     """Same input, same anchor, bit for bit."""
     item = thing("mug", mug())
