@@ -83,21 +83,23 @@ def frame_of(box: OrientedBox, front: Array | None, room_center: Array) -> Frame
 
 
 def regions(
-    frame: Frame, names: Sequence[str], references: Sequence[OrientedBox], radius: float, view: Frame | None = None
+    frame: Frame, names: Sequence[str], references: Sequence[OrientedBox], reach: Array, view: Frame | None = None
 ) -> list[Region]:
     """Areas for the names, best first; the whole part where nothing is asked.
 
+    `reach`: half extents of the object along the frame's right and front [m], shape (2,).
     `view`: whose left and front are meant beside references; the part's unless given.
     """
+    radius = float(reach.max())
     beside = [n for n in names if n in ("near", "next_to", "between", "under")]
     if beside and references:
         area = beside_region(frame, view or frame, beside[0], names, references, radius)
         return [area] if area is not None else []
     directions = [SIDES[n] for n in names if n in SIDES]
     if "corner" in names:
-        return [strip(frame, d, radius) for d in corner_directions(directions)]
+        return [strip(frame, d, reach) for d in corner_directions(directions)]
     if "edge" in names:
-        return [strip(frame, d, radius) for d in edge_directions(frame, directions)]
+        return [strip(frame, d, reach) for d in edge_directions(frame, directions)]
     if directions:
         return [half_region(frame, names)]
     if "center" in names or "middle" in names:
@@ -148,13 +150,13 @@ def edge_directions(frame: Frame, directions: Sequence[tuple[int, int]]) -> list
     return [(1, 0), (-1, 0), (0, 1), (0, -1)]
 
 
-def strip(frame: Frame, direction: tuple[int, int], radius: float) -> Region:
+def strip(frame: Frame, direction: tuple[int, int], reach: Array) -> Region:
     """The outer strip on one side, or the outer corner on two."""
     low, high, target = [-1.0, -1.0], [1.0, 1.0], [0.0, 0.0]
     for axis in (0, 1):
         half = max(float(frame.half[axis]), 1e-9)
-        depth = min(1.0, max(EDGE, 1.5 * radius / half))
-        aim = max(0.0, 1.0 - (radius + BRINK) / half)
+        depth = min(1.0, max(EDGE, 1.5 * reach[axis] / half))
+        aim = max(0.0, 1.0 - (reach[axis] + BRINK) / half)
         if direction[axis] > 0:
             low[axis], target[axis] = 1.0 - depth, aim
         elif direction[axis] < 0:

@@ -1,7 +1,7 @@
 """The start over a support: the best spot at which an object hovers with exact clearance and cuts through nothing.
 
 In: an object over a scene, sampled (`Landing`) and exact (`Clearance`), and the areas to try. Out: the spot nearest to
-the first area's aim, and the height there. The samples propose; the meshes decide. Where they cut through each other
+an area's aim, and the height there. The samples propose; the meshes decide. Where they cut through each other
 what the samples missed is added to them, and they propose again.
 """
 
@@ -20,6 +20,8 @@ EXACT = 1e-5
 """How near the gap comes to what is asked [m]."""
 ROUNDS = 3
 """A gap is measured, corrected and measured again; the second time it is right unless something is in the way."""
+ALIKE = 0.05
+"""Distances from the aim that differ by less than this are alike [m]: any of four corners, the viewer's first."""
 PATIENCE = 2
 """After so many spots that fail, the spots around the next one are left out one sample further [-]."""
 
@@ -38,19 +40,31 @@ class Start:
 
 
 def set_down(landing: Landing, exact: Clearance, areas: Sequence[Region], gap: float) -> Start | None:
-    """The best supported free spot; of equally good ones the nearest to the aim of the first area."""
+    """The best supported free spot; of equally good ones the nearest to its area's aim, earlier areas first."""
     failed, before = 0, None
     for share, level in PASSES:
-        for area in areas:
-            while (spot := landing.find(area, share, level=level)) is not None:
-                start = hover(landing, exact, spot, gap)
-                if start is not None:
-                    return Start(area, spot, *start)
-                if spot == before:  # with all that is known now it looked free again, and is not
-                    landing.refuse(spot, failed // PATIENCE)
-                    failed += 1
-                before = spot
+        while (found := nearest(landing, areas, share, level=level)) is not None:
+            area, spot = found
+            start = hover(landing, exact, spot, gap)
+            if start is not None:
+                return Start(area, spot, *start)
+            if spot == before:  # with all that is known now it looked free again, and is not
+                landing.refuse(spot, failed // PATIENCE)
+                failed += 1
+            before = spot
     return None
+
+
+def nearest(landing: Landing, areas: Sequence[Region], share: float, *, level: bool) -> tuple[Region, Spot] | None:
+    """Of each area's best spot the one nearest to its aim, the earlier area's if they are about as near."""
+    best: tuple[int, Region, Spot] | None = None
+    for area in areas:
+        spot = landing.find(area, share, level=level)
+        if spot is not None:
+            steps = round(float(np.hypot(*(area.target - (spot.x, spot.y)))) / ALIKE)
+            if best is None or steps < best[0]:
+                best = steps, area, spot
+    return None if best is None else best[1:]
 
 
 def hover(landing: Landing, exact: Clearance, spot: Spot, gap: float) -> tuple[float, float] | None:

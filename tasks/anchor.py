@@ -127,7 +127,7 @@ def choice_of(scene: Segmentation, base: Instance, intent: Intent, reply: Anchor
     areas = areas_of(scene, base, frame, reply, index, mesh)
     if not areas and all(apart(base.box, box) < NEIGHBOUR for box in boxes_of_reply(scene, base, reply, index)):
         names, note = (), f"; {intent.region.words!r} is taken to say which {base.label} is meant"
-        areas = regions(frame, (), [], radius_of(mesh))
+        areas = regions(frame, (), [], reach_of(mesh, frame))
     if reply.point is not None:
         areas = [replace(area, target=frame.world(np.array(reply.point))) for area in areas]
     if not names and not note and sum(part.name == base.parts[index].name for part in base.parts) > 1:
@@ -143,7 +143,7 @@ def areas_of(
     # "near the pillow" with two pillows: the nearer one first; "between" takes all of them together
     groups = [[box] for box in boxes] if boxes and "between" not in reply.regions else [boxes]
     view = reference_frame(scene, base, reply.references) or frame
-    return [area for group in groups for area in regions(frame, reply.regions, group, radius_of(mesh), view)]
+    return [area for group in groups for area in regions(frame, reply.regions, group, reach_of(mesh, frame), view)]
 
 
 def boxes_of_reply(scene: Segmentation, base: Instance, reply: AnchorReply, index: int) -> list[OrientedBox]:
@@ -151,9 +151,9 @@ def boxes_of_reply(scene: Segmentation, base: Instance, reply: AnchorReply, inde
     return reference_boxes(scene, base, reply.references, base.parts[index].box.center)
 
 
-def radius_of(mesh: Mesh) -> float:
-    """Half the larger horizontal extent [m]."""
-    return 0.5 * float(np.ptp(mesh.bounds[:, :2], axis=0).max())
+def reach_of(mesh: Mesh, frame: Frame) -> Array:
+    """Half extents along a frame's right and front [m], shape (2,)."""
+    return np.asarray(0.5 * np.ptp(mesh.vertices[:, :2] @ np.stack([frame.right, frame.front], axis=1), axis=0))
 
 
 # setting ------------------------------------------------------------------------------------------------------------

@@ -88,7 +88,7 @@ def wished_place(scene: Segmentation, base: Instance, intent: Intent, radius: fl
     box = next((part.box for part in base.parts if part.name == intent.region.part), base.parts[widest].box)
     frame = part_frame(scene, base, box)
     references = reference_boxes(scene, base, intent.region.references, box.center)
-    areas = regions(frame, intent.region.names, references, radius)
+    areas = regions(frame, intent.region.names, references, np.full(2, radius))
     xy = areas[0].target if areas else box.center[:2]
     return np.array([*xy, box.top])
 

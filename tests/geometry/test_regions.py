@@ -47,14 +47,14 @@ MIDDLE = np.zeros(3)
 def test_sides_are_those_of_a_viewer_before_the_front(names, sign):
     """Left is left of who looks at the front; front is his side; the head is the far end."""
     frame = frame_of(box(0, 0, 2.0, 1.0), FRONT, MIDDLE)
-    target = regions(frame, names, [], 0.1)[0].target
+    target = regions(frame, names, [], np.full(2, 0.1))[0].target
     assert [int(np.sign(round(float(t), 9))) for t in target] == list(sign)
 
 
 def test_sides_turn_with_the_furniture():
     """A bed against another wall has its left where its own viewer has it."""
     frame = frame_of(box(0, 0, 2.0, 1.0), np.array([1.0, 0.0, 0.0]), MIDDLE)
-    left = regions(frame, ("left",), [], 0.1)[0].target
+    left = regions(frame, ("left",), [], np.full(2, 0.1))[0].target
     # the viewer stands at +x and looks along -x: his left is -y
     assert left[1] < 0
     assert left[0] == pytest.approx(0.0)
@@ -77,7 +77,7 @@ def test_every_region_is_convex_on_the_part_and_holds_its_target(names, yaw, rad
     """Polygons are counter-clockwise, inside the part's rectangle, and contain the point to aim at."""
     part = box(1.0, -2.0, 2.0, 1.2, yaw)
     frame = frame_of(part, np.append(part.axes[:2, 1], 0.0), MIDDLE)
-    areas = regions(frame, names, [], radius)
+    areas = regions(frame, names, [], np.full(2, radius))
     assert areas
     for area in areas:
         assert np.array_equal(counter_clockwise(area.polygon), area.polygon)
@@ -89,17 +89,17 @@ def test_near_lies_around_the_reference_and_between_in_the_middle():
     """Near a pillow: around it, cut to the mattress; between two: their middle."""
     frame = frame_of(box(0, 0, 1.6, 2.0), FRONT, MIDDLE)
     left, right = box(-0.4, 0.7, 0.5, 0.4), box(0.4, 0.7, 0.5, 0.4)
-    near = regions(frame, ("near",), [left], 0.1)[0]
+    near = regions(frame, ("near",), [left], np.full(2, 0.1))[0]
     assert np.allclose(near.target, (-0.4, 0.7 - VIEWER))  # a little to the viewer's side
     assert near.polygon[:, 0].min() >= -0.8 - 1e-9
-    between = regions(frame, ("between",), [left, right], 0.1)[0]
+    between = regions(frame, ("between",), [left, right], np.full(2, 0.1))[0]
     assert np.allclose(between.target, (0.0, 0.7))
 
 
 def test_left_of_a_thing_is_on_its_left():
     """Left of the lamp leaves out everything right of its middle."""
     frame = frame_of(box(0, 0, 2.0, 1.0), FRONT, MIDDLE)
-    area = regions(frame, ("left", "next_to"), [box(0.2, 0.1, 0.2, 0.2)], 0.1)[0]
+    area = regions(frame, ("left", "next_to"), [box(0.2, 0.1, 0.2, 0.2)], np.full(2, 0.1))[0]
     assert area.polygon[:, 0].max() <= 0.2 + 1e-9
     assert area.target[0] == pytest.approx(0.2 - 0.1 - 0.1)
 
@@ -107,7 +107,7 @@ def test_left_of_a_thing_is_on_its_left():
 def test_reference_far_away_leaves_nothing():
     """Next to a thing three metres from the table there is no table."""
     frame = frame_of(box(0, 0, 1.0, 1.0), FRONT, MIDDLE)
-    assert regions(frame, ("next_to",), [box(3.5, 0, 0.2, 0.2)], 0.1) == []
+    assert regions(frame, ("next_to",), [box(3.5, 0, 0.2, 0.2)], np.full(2, 0.1)) == []
 
 
 def test_clipping_gives_the_common_area():
