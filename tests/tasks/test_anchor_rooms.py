@@ -150,7 +150,7 @@ def test_embedded_samples_are_aimed_right(rooms):
 
 @pytest.mark.parametrize("rooms", EVERY)
 def test_new_sentences_are_aimed_right(rooms):
-    """Of sentences that nobody tuned for, nine in ten are understood, and what is understood is at its place."""
+    """Of sentences whose meaning was written down first, most are understood, and these are at their place."""
     rows, wrong = [], []
     for row in (one for one in SENTENCES if one["room"] in rooms):
         found = shot(row["room"], row["object"], row["prompt"])
