@@ -31,6 +31,7 @@ from flows.samples import EMBEDDED, SPLAT_ROOMS, TRUTH, load_samples, load_yaml
 from flows.server import prefect_server
 from language.batch import batch_desk
 from language.ledger import totals as spent
+from language.seam import ClientName
 from language.session import Session
 from scene.errors import InputError
 from scene.sample import Sample, SourceOptions
@@ -131,7 +132,8 @@ def run_all(
         return results
     conduct = Conduct(session=session, slots=Semaphore(workers) if session.batch else None)
     at_a_time = min(len(waiting), max(workers, IN_A_BATCH)) if session.batch else workers
-    with prefect_server() as url, asking_desk(session, display), ThreadPoolExecutor(at_a_time) as pool:
+    # the desk closes before the pool waits for the threads that wait for it
+    with prefect_server() as url, ThreadPoolExecutor(at_a_time) as pool, asking_desk(session, display):
         display.serving(url)
         futures: dict[Future[FinishedSample | FailedSample], Sample] = {
             pool.submit(try_sample, sample, config, conduct=conduct, listener=display.listener(sample)): sample
@@ -195,7 +197,7 @@ def new_run_folder(dataset: Path, samples: Sequence[Sample], config: PlaceConfig
         "dataset": str(dataset.resolve()),
         "started": datetime.now(UTC).isoformat(timespec="seconds"),
         "config": config.model_dump(mode="json"),
-        "language": asdict(language),
+        "language": asdict(language.located()),
         "samples": [asdict(located(sample)) for sample in samples],
     }
     (folder / "run.json").write_bytes(readable_json(asked))
@@ -249,26 +251,28 @@ def plan_benchmark(dataset: Path | None, config: PlaceConfig, *, limit: int | No
     ]
 
 
-def rerun_sample(run: str, sample_id: str, stage: str) -> tuple[dict[str, object], Path]:
+def rerun_sample(run: str, sample_id: str, stage: str, max_cost: float | None = None) -> tuple[dict[str, object], Path]:
     """Compute one stage of one sample again; its placement.json and the run's report, both written anew."""
     known = dict.fromkeys((*STAGES, OVERVIEW))
     if stage not in known:
         raise InputError(f"--stage {stage!r} is not one of {', '.join(known)}")
     folder = find_run(run)
     asked = json.loads((folder / "run.json").read_text())
+    if "language" not in asked:
+        raise InputError(f"{folder.name} was made by an older version of dcap; run the benchmark again")
     samples = {one["id"]: sample_from_json(one) for one in asked["samples"]}
     if sample_id not in samples:
         raise InputError(f"{sample_id!r} is not a sample of {folder.name}; it has {', '.join(sorted(samples))}")
     config = PlaceConfig.model_validate(asked["config"])
-    language = LanguageOptions(**asked["language"])
+    language = replace(LanguageOptions(**asked["language"]), max_cost=max_cost, batch=False)
+    if language.client is ClientName.REPLAY and language.config() != config.intent.language:
+        raise InputError(f"--replay {language.replay}: the recording has changed since {folder.name}; run it again")
     with Display([samples[sample_id]]) as display, prefect_server() as url:
         display.serving(url)
         result = try_sample(
             samples[sample_id],
             config,
-            conduct=Conduct(
-                refresh=frozenset({stage}), session=replace(language.session(folder), fresh=True, batch="")
-            ),
+            conduct=Conduct(refresh=frozenset({stage}), session=replace(language.session(folder), fresh=True)),
             listener=display.listener(samples[sample_id]),
         )
         tree, _ = settle_result(folder, result, display)

@@ -241,13 +241,14 @@ def rerun(
     run: Annotated[str, typer.Argument(help="Name or folder of a run, or 'last'.")],
     sample: Annotated[str, typer.Argument(help="Id of a sample.")],
     stage: Annotated[str, typer.Option(help="Stage to compute again.")],
+    max_cost: MaxCost = None,
     as_json: Json = False,
 ) -> int:
     """Compute one stage of one sample again; later stages only where their inputs changed."""
     from flows.benchmark import rerun_sample
     from flows.output import result_line
 
-    tree, page = rerun_sample(run, sample, stage)
+    tree, page = rerun_sample(run, sample, stage, max_cost)
     print(json.dumps(tree, indent=2, ensure_ascii=False) if as_json else f"{result_line(tree)}\nreport: {page}")
     return 0 if tree["verdict"] == "at_rest" else INFEASIBLE
 

@@ -3,9 +3,10 @@
 In: the options. Out: the part that decides results (`LanguageConfig`) and the part that does not (`Session`).
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
+from language.anthropic_api import endpoint
 from language.ledger import check_budget
 from language.reply_folder import ReplyFolder
 from language.seam import DEFAULT_MODEL, ClientName, LanguageConfig
@@ -29,6 +30,10 @@ class LanguageOptions:
     replay: str = ""
     max_cost: float | None = None
     batch: bool = False
+
+    def located(self) -> "LanguageOptions":
+        """The options with whole paths: a run is repeated from any working directory."""
+        return replace(self, record=whole(self.record), replay=whole(self.replay))
 
     @property
     def client(self) -> ClientName:
@@ -57,10 +62,11 @@ class LanguageOptions:
             return LanguageConfig()
         if client is ClientName.REPLAY:
             folder = ReplyFolder(Path(self.replay))
-            return LanguageConfig(client=client, model=recorded_model(folder, self.model), recording=folder.content())
+            model, _, host = recorded_model(folder, self.model).partition("@")
+            return LanguageConfig(client=client, model=model, endpoint=host, recording=folder.content())
         model = self.model or DEFAULT_MODEL
         check_budget(model, self.max_cost)
-        return LanguageConfig(client=client, model=model, recording=recording_of(self.record))
+        return LanguageConfig(client=client, model=model, endpoint=endpoint(), recording=recording_of(self.record))
 
     def session(self, folder: Path) -> Session:
         """What does not; ledger and batch desk lie in the run's folder."""
@@ -80,11 +86,12 @@ def recorded_model(folder: ReplyFolder, wanted: str) -> str:
     models = folder.models()
     if not models:
         raise InputError(f"--replay {folder.root}: no recorded replies there; record some with --record DIR")
-    if wanted and wanted not in models:
+    fitting = [name for name in models if wanted in ("", name, name.partition("@")[0])]
+    if not fitting:
         raise InputError(f"--replay {folder.root} has replies of {', '.join(models)}, none of --model {wanted}")
-    if not wanted and len(models) > 1:
-        raise InputError(f"--replay {folder.root} has replies of {', '.join(models)}; choose one with --model")
-    return wanted or models[0]
+    if len(fitting) > 1:
+        raise InputError(f"--replay {folder.root} has replies of {', '.join(fitting)}; choose one with --model")
+    return fitting[0]
 
 
 def recording_of(folder: str) -> str:

@@ -1,27 +1,28 @@
 """Questions in batches, at half the price: stages lay them on a desk and wait, the desk sends what has gathered.
 
-`ask_in_batch` (in a stage, whatever its process) writes a file to the desk's folder and waits for the reply. `Desk`
-(in the process of the run) sends all waiting questions as one batch of the Message Batches API when none has come for
-a while, and keeps each reply as soon as its batch has ended. A batch that was open when a run was killed is collected
-by the next.
+`ask_in_batch` (in a stage, whatever its process) writes a file to the desk's folder and waits for the reply. `Desk` (in
+the process of the run) sends all waiting questions as one batch of the Message Batches API when none has come for a
+while, keeps each reply as soon as its batch has ended, and writes what it cost. A question is sent once, however many
+wait for it. A batch that was open when a run was killed is collected by the next.
 """
 
 import json
+import os
 import shutil
 import threading
 import time
-import uuid
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from language.ledger import BATCH_FACTOR
+from language.ledger import BATCH_FACTOR, Ledger, is_alive
 from language.payload import Payload
 from language.reply_folder import Message, ReplyFolder, write_whole
 from language.session import Session, idling
-from scene.errors import LanguageError
+from scene import errors
+from scene.errors import BudgetError, DcapError, LanguageError, RefusedError
 
 POLL_S = 0.2
 """How often waiting questions and the desk look at the folder [s]."""
@@ -33,58 +34,63 @@ MOST_BYTES = 100_000_000
 """Largest batch; the API takes 256 MB."""
 OPEN = "batches"
 """Folder of the open batches, beside the kept replies."""
+CLOSED = "closed"
+"""File by which a desk says that it answers no more."""
 
 
-def ask_in_batch(model: str, payload: Payload, session: Session, kept: ReplyFolder) -> Message:
-    """Lay a question on the desk and wait for its reply."""
-    from language.anthropic_api import MAX_TOKENS, call_of, ledger_of
+def ask_in_batch(name: str, model: str, payload: Payload, session: Session, kept: ReplyFolder) -> Message:
+    """Lay a question on the desk and wait for its reply; replies are kept under `name`."""
+    from language.anthropic_api import call_of, size_of
 
     desk, digest = Path(session.batch), payload.digest
-    ledger = ledger_of(session)
-    reservation = ledger.reserve(model, payload, MAX_TOKENS, BATCH_FACTOR)
+    (desk / f"{digest}.error").unlink(missing_ok=True)  # of an earlier try
     asked = {"question": payload.question, **payload.readable()}
-    write_whole(desk / f"{digest}.json", {"model": model, "call": call_of(model, payload), "asked": asked})
-    try:
-        with idling():
-            message = waited_for(desk, kept, model, digest)
-    except LanguageError:
-        ledger.release(reservation)
-        raise
-    ledger.settle(reservation, model, payload.question, message, how="batch", factor=BATCH_FACTOR)
-    return message
+    laid = {"name": name, "model": model, "sample": session.sample, "call": call_of(model, payload), "asked": asked}
+    if desk.is_dir():
+        write_whole(desk / f"{digest}.json", laid | {"size": size_of(payload)})
+    with idling():
+        return waited_for(desk, kept, name, digest)
 
 
-def waited_for(desk: Path, kept: ReplyFolder, model: str, digest: str) -> Message:
+def waited_for(desk: Path, kept: ReplyFolder, name: str, digest: str) -> Message:
     """The reply, once the desk has kept it."""
-    failed, closed = desk / f"{digest}.error", desk / "closed"
+    failed, closed = desk / f"{digest}.error", desk / CLOSED
     while True:
-        message = kept.read(model, digest)
+        message = kept.read(name, digest)
         if message is not None:
             return message
         if failed.is_file():
-            text = failed.read_text()
-            failed.unlink(missing_ok=True)  # the next run may ask again
-            raise LanguageError(text)
-        if closed.is_file():
-            raise LanguageError(f"the batch desk has closed: {closed.read_text() or 'the run has ended'}")
+            raise told_error(failed)
+        if closed.is_file() or not desk.is_dir():
+            raise LanguageError("the run has ended before the batch had an answer; the next one collects it")
         time.sleep(POLL_S)
+
+
+def told_error(path: Path) -> DcapError:
+    """The error that the desk has written."""
+    with suppress(OSError, ValueError, KeyError):
+        told = json.loads(path.read_bytes())
+        kind: type[DcapError] = getattr(errors, told["type"])
+        return kind(told["message"])
+    return LanguageError("the question could not be asked")  # somebody laid it again meanwhile
 
 
 @contextmanager
 def batch_desk(folder: Path, session: Session, tell: Callable[[str], None] = lambda text: None) -> Iterator[None]:
-    """A desk for the questions that are asked in this block."""
-    for old in folder.glob("*"):
-        old.unlink()
-    folder.mkdir(parents=True, exist_ok=True)
-    desk = Desk(folder, ReplyFolder(session.kept_folder), tell)
+    """A desk for the questions that are asked in this block; whoever still waits afterwards is sent home."""
+    shutil.rmtree(folder, ignore_errors=True)
+    folder.mkdir(parents=True)
+    ledger = Ledger(Path(session.ledger) if session.ledger else None, session.max_cost)
+    desk = Desk(folder, ReplyFolder(session.kept_folder), ledger, tell)
     thread = threading.Thread(target=desk.serve, name="batch desk", daemon=True)
     thread.start()
     try:
         yield
     finally:
         desk.stopped.set()
+        (folder / CLOSED).touch()
         thread.join(timeout=5.0)
-    shutil.rmtree(folder, ignore_errors=True)  # nobody waits any more
+        shutil.rmtree(folder, ignore_errors=True)
 
 
 @dataclass(slots=True)
@@ -93,105 +99,168 @@ class Desk:
 
     folder: Path
     kept: ReplyFolder
+    ledger: Ledger
     tell: Callable[[str], None]
     stopped: threading.Event = field(default_factory=threading.Event)
     asked_at: dict[str, float] = field(default_factory=dict)
     """When the API was last asked about each open batch [s of the monotonic clock]."""
 
     def serve(self) -> None:
-        """Work until stopped; whatever ends it is told to those who wait."""
-        reason = ""
+        """Work until stopped; what ends it is said, and told to those who wait."""
         try:
             while not self.stopped.wait(POLL_S):
                 self.step()
-        except Exception as error:  # told to every waiting question, which raises it in its own sample
-            reason = f"{type(error).__name__}: {error}"
+        except Exception as error:  # every waiting question raises it in its own sample
+            self.tell(f"the batch desk has failed: {type(error).__name__}: {error}")
         finally:
-            (self.folder / "closed").write_text(reason)
+            with suppress(OSError):
+                (self.folder / CLOSED).touch()
 
     def step(self) -> None:
         """Send what has gathered, collect what has ended."""
-        waiting = sorted(self.folder.glob("*.json"))
+        batches = self.open_batches()
+        sent = {digest for _, batch in batches for digest in batch["questions"]}
+        waiting = [path for path in sorted(self.folder.glob("*.json")) if path.stem not in sent]
         if waiting and time.time() - max(path.stat().st_mtime for path in waiting) >= QUIET_S:
-            for model, paths in grouped(waiting):
-                self.send(model, paths)
-        for path in sorted((self.kept.root / OPEN).glob("*.json")):
+            for paths in bundles(waiting):
+                self.send(paths)
+        for path, batch in batches:
             if time.monotonic() - self.asked_at.get(path.stem, -ASK_AGAIN_S) >= ASK_AGAIN_S:
                 self.asked_at[path.stem] = time.monotonic()
-                self.collect(path)
+                self.collect(path, batch)
 
-    def send(self, model: str, paths: list[Path]) -> None:
-        """One batch of these questions."""
-        from language.anthropic_api import connection, told_in_a_line
+    def open_batches(self) -> list[tuple[Path, dict[str, Any]]]:
+        """Batches of this desk, and those of runs that are gone."""
+        found = []
+        for path in sorted((self.kept.root / OPEN).glob("*.json")):
+            with suppress(FileNotFoundError):
+                batch = json.loads(path.read_bytes())
+                if batch["process"] == os.getpid() or not is_alive(int(batch["process"])):
+                    found.append((path, batch))
+        return found
 
-        calls = {path.stem: json.loads(path.read_bytes()) for path in paths}
-        requests: list[Any] = [{"custom_id": digest, "params": call["call"]} for digest, call in calls.items()]
+    def send(self, paths: list[Path]) -> None:
+        """One batch of these questions, as far as the budget goes."""
+        from language.anthropic_api import MAX_TOKENS, connection, told_in_a_line
+
+        laid: dict[str, dict[str, Any]] = {}
+        for path in paths:
+            question = json.loads(path.read_bytes())
+            try:
+                booked = self.ledger.reserve(
+                    question["model"], question["asked"]["question"], question["size"], MAX_TOKENS, BATCH_FACTOR
+                )
+            except BudgetError as error:
+                self.fail([path.stem], error)
+                continue
+            laid[path.stem] = question | {"booked": booked}
+        if not laid:
+            return
+        requests: list[Any] = [{"custom_id": digest, "params": one["call"]} for digest, one in laid.items()]
         try:
-            with told_in_a_line(model):
+            with told_in_a_line("the batch"):
                 batch = connection().messages.batches.create(requests=requests)
         except LanguageError as error:
-            self.fail(calls, str(error))
+            if isinstance(error, RefusedError):
+                for one in laid.values():
+                    self.ledger.release(one["booked"])
+            self.fail(laid, error)
             return
-        told = {digest: {"model": model, "asked": call["asked"]} for digest, call in calls.items()}
-        write_whole(self.kept.root / OPEN / f"{batch.id}.json", told)
-        for path in paths:
-            path.unlink()
-        self.tell(f"batch {batch.id} of {len(calls)} questions sent")
+        questions = {
+            digest: {name: one[name] for name in ("name", "model", "sample", "asked", "booked")}
+            for digest, one in laid.items()
+        }
+        write_whole(self.kept.root / OPEN / f"{batch.id}.json", {"process": os.getpid(), "questions": questions})
+        self.tell(f"batch {batch.id} of {len(laid)} questions sent")
 
-    def collect(self, path: Path) -> None:
+    def collect(self, path: Path, batch: Mapping[str, Any]) -> None:
         """Keep the replies of a batch if it has ended."""
         from language.anthropic_api import connection, told_in_a_line
 
-        told = json.loads(path.read_bytes())
+        questions, own = batch["questions"], batch["process"] == os.getpid()
         try:
             with told_in_a_line("the batch"):
-                batch = connection().messages.batches.retrieve(path.stem)
-                if batch.processing_status != "ended":
+                if connection().messages.batches.retrieve(path.stem).processing_status != "ended":
                     return
-                results = list(connection().messages.batches.results(path.stem))
-        except LanguageError as error:
-            self.tell(f"batch {path.stem}: {error}; it is asked for again")
+                results = {one.custom_id: one.result for one in connection().messages.batches.results(path.stem)}
+        except RefusedError as error:
+            self.tell(f"batch {path.stem}: {error}; it is given up")
+            self.give_up(questions, error, own=own)
+            path.unlink(missing_ok=True)
             return
-        for one in results:
-            digest = one.custom_id
-            if one.result.type == "succeeded":
-                message = one.result.message.model_dump(mode="json", exclude_unset=True)
-                self.kept.write(told[digest]["model"], digest, told[digest]["asked"], message)
+        except LanguageError as error:
+            self.tell(f"batch {path.stem}: {error}; it is looked at again")
+            return
+        for digest, question in questions.items():
+            result = results.get(digest)
+            message = reply_of(result)
+            if message is None:
+                self.give_up({digest: question}, LanguageError(f"{question['model']}: {why(result)}"), own=own)
             else:
-                self.fail([digest], f"{told[digest]['model']}: the question {why(one.result)}")
-        missing = told.keys() - {one.custom_id for one in results}
-        self.fail(missing, "the batch ended without an answer to the question")
-        path.unlink()
+                self.kept.write(question["name"], digest, question["asked"], message)
+                self.book(question, message, own=own)
+            if own or message is not None:
+                (self.folder / f"{digest}.json").unlink(missing_ok=True)
+        path.unlink(missing_ok=True)
         self.tell(f"batch {path.stem}: {len(results)} replies")
 
-    def fail(self, digests: Any, reason: str) -> None:
+    def book(self, question: Mapping[str, Any], message: Message, *, own: bool) -> None:
+        """Write what a reply took; one of a run that is gone is booked anew."""
+        self.ledger.settle(
+            question["booked"] if own else f"collected {question['booked']}",
+            question["model"],
+            question["asked"]["question"],
+            message,
+            how="batch",
+            factor=BATCH_FACTOR,
+            sample=question["sample"],
+        )
+
+    def give_up(self, questions: Mapping[str, Any], error: DcapError, *, own: bool) -> None:
+        """What a batch of ours did not answer fails; what one of a run that is gone did not is asked anew."""
+        if not own:
+            return
+        for question in questions.values():
+            self.ledger.release(question["booked"])  # only replies are charged
+        self.fail(questions, error)
+
+    def fail(self, digests: Iterable[str], error: DcapError) -> None:
         """Tell those who wait that there will be no reply."""
         for digest in digests:
+            write_whole(self.folder / f"{digest}.error", {"type": type(error).__name__, "message": str(error)})
             (self.folder / f"{digest}.json").unlink(missing_ok=True)
-            draft = self.folder / f".{uuid.uuid4().hex[:8]}"
-            draft.write_text(reason)
-            draft.replace(self.folder / f"{digest}.error")
 
 
-def grouped(paths: list[Path]) -> Iterator[tuple[str, list[Path]]]:
-    """Questions by model, none of the groups too large for a batch."""
-    groups: dict[str, list[Path]] = {}
-    sizes: dict[str, int] = {}
+def bundles(paths: list[Path]) -> Iterator[list[Path]]:
+    """Questions in groups, none too large for a batch."""
+    group: list[Path] = []
+    size = 0
     for path in paths:
-        model = str(json.loads(path.read_bytes())["model"])
-        size = path.stat().st_size
-        if sizes.get(model, 0) + size > MOST_BYTES and groups.get(model):
-            yield model, groups.pop(model)
-            sizes[model] = 0
-        groups.setdefault(model, []).append(path)
-        sizes[model] = sizes.get(model, 0) + size
-    yield from groups.items()
+        if group and size + path.stat().st_size > MOST_BYTES:
+            yield group
+            group, size = [], 0
+        group.append(path)
+        size += path.stat().st_size
+    if group:
+        yield group
+
+
+def reply_of(result: Any) -> Message | None:
+    """The reply in a batch's result, None if there is none that one can use."""
+    from language.anthropic_api import well_formed
+
+    if result is None or result.type != "succeeded":
+        return None
+    message = result.message.model_dump(mode="json", exclude_unset=True)
+    return message if well_formed(message) else None
 
 
 def why(result: Any) -> str:
     """Why a question of a batch has no reply."""
+    if result is None:
+        return "the batch ended without an answer to the question"
     if result.type == "errored":
         inner = getattr(result.error, "error", None)
-        return f"failed: {getattr(inner, 'message', 'unknown error')}"
-    told = {"expired": "expired before it was answered", "canceled": "was cancelled"}
-    return told.get(result.type, f"came back as {result.type}")
+        return f"the question failed: {getattr(inner, 'message', 'unknown error')}"
+    told = {"expired": "expired before it was answered", "canceled": "was cancelled", "succeeded": "got no message"}
+    return f"the question {told.get(result.type, f'came back as {result.type}')}"

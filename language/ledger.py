@@ -8,6 +8,7 @@ share a ledger.
 import csv
 import fcntl
 import json
+import os
 import uuid
 from collections import Counter
 from collections.abc import Iterator, Mapping
@@ -17,7 +18,6 @@ from functools import cache
 from pathlib import Path
 from typing import IO
 
-from language.payload import Payload
 from language.reply_folder import Message
 from scene.errors import BudgetError, InputError
 
@@ -25,10 +25,6 @@ PRICES = Path(__file__).with_name("prices.csv")
 MILLION = 1e6
 BATCH_FACTOR = 0.5
 """Price of a token in a batch over its usual price: the API's discount."""
-BYTES_A_TOKEN = 2.0
-"""JSON of numbers has 2.5 to 3 bytes a token; fewer here, so that a reservation is never too small."""
-PICTURE_TOKENS = 5000
-"""More than the API takes for a picture of its largest size."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,11 +84,9 @@ def check_budget(model: str, max_cost: float | None) -> None:
         raise InputError(f"--max-cost: the price of {model} is not known; add a row to {PRICES}")
 
 
-def most(payload: Payload, price: Price, max_tokens: int) -> float:
-    """More than a call can cost [USD]: every byte of it written to the cache, the longest answer."""
-    pictures = sum(block.get("type") == "image" for m in payload.messages for block in m["content"])
-    text = len(json.dumps(payload.readable())) / BYTES_A_TOKEN + pictures * PICTURE_TOKENS
-    return float(text * price.cache_write + max_tokens * price.output) / MILLION
+def most(text_bytes: int, price: Price, max_tokens: int) -> float:
+    """More than a call can cost [USD]: every byte of it a token written to the cache, the longest answer."""
+    return (text_bytes * price.cache_write + max_tokens * price.output) / MILLION
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,21 +98,22 @@ class Ledger:
     max_cost: float | None = None
     sample: str = ""
 
-    def reserve(self, model: str, payload: Payload, max_tokens: int, factor: float = 1.0) -> str:
-        """Set aside what a call may cost at most, and name the reservation; BudgetError if too little is left."""
+    def reserve(self, model: str, question: str, size: int, max_tokens: int, factor: float = 1.0) -> str:
+        """Set aside what a call of so many bytes may cost at most, and name the reservation; BudgetError if too little
+        is left."""
         name = uuid.uuid4().hex[:12]
         price = price_of(model)
         if self.path is None or self.max_cost is None or price is None:
             return name
-        needed = factor * most(payload, price, max_tokens)
+        needed = factor * most(size, price, max_tokens)
         with locked(self.path) as file:
             taken = sum(lines_of(file).values())
             if taken + needed > self.max_cost:
                 raise BudgetError(
                     f"--max-cost {self.max_cost:g} USD: {taken:.4f} USD are spent or set aside, and the question "
-                    f"{payload.question!r} may cost up to {needed:.4f}; raise --max-cost to go on"
+                    f"{question!r} may cost up to {needed:.4f}; raise --max-cost to go on"
                 )
-            append(file, {"reserved": name, "usd": needed})
+            append(file, {"reserved": name, "process": os.getpid(), "usd": needed})
         return name
 
     def release(self, name: str) -> None:
@@ -127,13 +122,15 @@ class Ledger:
             with locked(self.path) as file:
                 append(file, {"settles": name, "usd": 0.0})
 
-    def settle(self, name: str, model: str, question: str, message: Message, *, how: str, factor: float = 1.0) -> None:
+    def settle(
+        self, name: str, model: str, question: str, message: Message, *, how: str, factor: float = 1.0, sample: str = ""
+    ) -> None:
         """Write what a reply took; `how` is asked, batch or kept."""
         if self.path is None:
             return
         usage, price = Usage.of(message), price_of(model)
         cost = 0.0 if how == "kept" else factor * usage.cost(price) if price else None
-        line = {"settles": name, "sample": self.sample, "question": question, "model": model, "how": how}
+        line = {"settles": name, "sample": sample or self.sample, "question": question, "model": model, "how": how}
         with locked(self.path) as file:
             append(file, {**line, **asdict(usage), "usd": cost})
 
@@ -188,10 +185,25 @@ def append(file: IO[str], line: Mapping[str, object]) -> None:
 
 
 def lines_of(file: IO[str]) -> dict[str, float]:
-    """Cost by reservation: what is set aside until it is settled, then what was spent [USD]."""
+    """Cost by reservation: what is set aside until it is settled, then what was spent [USD]; what a process had set
+    aside that is gone is free again."""
     file.seek(0)
     cost: dict[str, float] = {}
     for text in file:
         line = json.loads(text)
-        cost[line.get("reserved") or line["settles"]] = line["usd"] or 0.0
+        if "reserved" in line:
+            cost[line["reserved"]] = line["usd"] if line["process"] == os.getpid() or is_alive(line["process"]) else 0.0
+        else:
+            cost[line["settles"]] = line["usd"] or 0.0
     return cost
+
+
+def is_alive(process: int) -> bool:
+    """Whether a process of this machine runs."""
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    except PermissionError:
+        return True
+    return True

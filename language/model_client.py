@@ -15,9 +15,11 @@ from typing import Any
 
 from pydantic import ValidationError
 
+from language.ledger import Ledger
 from language.payload import Payload, payload_of, rejection
 from language.questions import Question, ReplyT, RequestT
 from language.reply_folder import Message, ReplyFolder
+from language.seam import ClientName, LanguageConfig
 from language.session import Session, current_session, idling, speaking
 from scene.errors import InputError, LanguageError
 
@@ -61,7 +63,7 @@ class ModelClient:
             payload = payload.followed_by(*turn, rejection(problem))
         raise LanguageError(
             f"{self.model} gave {ATTEMPTS} invalid answers to {question.name!r}, last: {problem}; "
-            f"{answer[:SHOWN]}{self._aside(sent)}"
+            f"{' '.join(answer.split())[:SHOWN]}{self._aside(sent)}"
         )
 
     def ask_all(self, question: Question[RequestT, ReplyT], requests: Sequence[RequestT]) -> list[ReplyT]:
@@ -73,58 +75,66 @@ class ModelClient:
         # in a batch all wait together: the slot is given back once, here, and not again by each thread
         with idling() if session.batch else nullcontext(), speaking(session), ThreadPoolExecutor(at_once) as pool:
             tasks = [pool.submit(contextvars.copy_context().run, self.ask, question, one) for one in requests]
-            return [task.result() for task in tasks]
+            try:
+                return [task.result() for task in tasks]
+            except BaseException:
+                pool.shutdown(wait=False, cancel_futures=True)  # what has not begun is not asked
+                raise
 
     def _aside(self, digests: Sequence[str]) -> str:
         path = self._reject(digests)
         return "" if path is None else f"; the reply is kept in {path}"
 
 
-def model_client(model: str, *, replay: bool) -> ModelClient:
+def model_client(config: LanguageConfig) -> ModelClient:
     """The client for a model in this session: the API behind what is kept, or a recording."""
     session = current_session()
-    if replay:
-        return ModelClient(model, replayed(model, session), lambda _: None)
+    if config.client is ClientName.REPLAY:
+        return ModelClient(config.model, replayed(config.source, session), lambda _: None)
     kept = ReplyFolder(session.kept_folder)
-    return ModelClient(model, kept_or_asked(model, session, kept), lambda digests: kept.reject(model, digests))
+    return ModelClient(
+        config.model, kept_or_asked(config, session, kept), lambda digests: kept.reject(config.source, digests)
+    )
 
 
-def replayed(model: str, session: Session) -> Send:
+def replayed(name: str, session: Session) -> Send:
     """Answers from a recording only."""
     if not session.replay:
         raise InputError("--language replay needs --replay DIR, a folder that --record DIR has written")
     folder = ReplyFolder(Path(session.replay))
 
     def send(payload: Payload) -> Message:
-        message = folder.read(model, payload.digest)
+        message = folder.read(name, payload.digest)
         if message is None:
             raise LanguageError(
-                f"{folder.root} has no reply of {model} to this question {payload.question!r} ({payload.digest[:12]}): "
-                "scene, prompt or our templates have changed since; record it again with --language anthropic --record"
+                f"{folder.root} has no reply of {name} to this question {payload.question!r} ({payload.digest[:12]}): "
+                "scene, prompt, pictures or our templates have changed since; record it again with "
+                "--language anthropic --record"
             )
         return message
 
     return send
 
 
-def kept_or_asked(model: str, session: Session, kept: ReplyFolder) -> Send:
+def kept_or_asked(config: LanguageConfig, session: Session, kept: ReplyFolder) -> Send:
     """Answers from what is kept, else from the API; every reply that is used goes into the recording."""
     from language.anthropic_api import ask_at_once
     from language.batch import ask_in_batch
 
+    name, model = config.source, config.model
     recording = ReplyFolder(Path(session.record)) if session.record else None
 
     def send(payload: Payload) -> Message:
-        message = None if session.fresh else kept.read(model, payload.digest)
+        message = None if session.fresh else kept.read(name, payload.digest)
         if message is not None:
             note_kept(model, payload, message, session)
         elif session.batch:
-            message = ask_in_batch(model, payload, session, kept)
+            message = ask_in_batch(name, model, payload, session, kept)
         else:
             message = ask_at_once(model, payload, session)
-            kept.keep(model, payload, message)
+            kept.keep(name, payload, message)
         if recording is not None:
-            recording.keep(model, payload, message)
+            recording.keep(name, payload, message)
         return message
 
     return send
@@ -132,8 +142,6 @@ def kept_or_asked(model: str, session: Session, kept: ReplyFolder) -> Send:
 
 def note_kept(model: str, payload: Payload, message: Message, session: Session) -> None:
     """A line for a reply that cost nothing this time."""
-    from language.ledger import Ledger
-
     ledger = Ledger(Path(session.ledger) if session.ledger else None, sample=session.sample)
     ledger.settle("", model, payload.question, message, how="kept")
 

@@ -44,21 +44,28 @@ class Payload:
 
     @property
     def digest(self) -> str:
-        """SHA-256 of all that a model sees, 64 hex digits."""
-        return hashlib.sha256(json.dumps(self._tree(), sort_keys=True).encode()).hexdigest()
+        """SHA-256 of all that a model sees, pictures by their pixels: 64 hex digits."""
+        return hashlib.sha256(json.dumps(self.readable(), sort_keys=True).encode()).hexdigest()
 
-    def _tree(self) -> dict[str, Any]:
-        return {"system": self.system, "messages": list(self.messages), "schema": self.schema}
+    @property
+    def bytes(self) -> int:
+        """Length of its text, and so more than the tokens of its text: a token has at least one byte."""
+        return len(json.dumps(self.readable(), ensure_ascii=False).encode())
+
+    @property
+    def pictures(self) -> int:
+        """Number of pictures."""
+        return sum(block.get("type") == "image" for message in self.messages for block in message["content"])
 
     def readable(self) -> dict[str, Any]:
-        """The payload for a person: pictures by their digest."""
-        tree: dict[str, Any] = json.loads(json.dumps(self._tree()))
-        for message in tree["messages"]:
+        """The payload for a person: pictures by the digest of their pixels, which no PNG writer changes."""
+        tree = {"system": self.system, "messages": list(self.messages), "schema": self.schema}
+        found: dict[str, Any] = json.loads(json.dumps(tree))
+        for message in found["messages"]:
             for block in message["content"]:
                 if isinstance(block, dict) and block.get("type") == "image":
-                    data = block["source"].pop("data")
-                    block["source"]["sha256"] = hashlib.sha256(data.encode()).hexdigest()
-        return tree
+                    block["source"] = {"pixels_sha256": pixel_digest(block["source"]["data"])}
+        return found
 
     def followed_by(self, *messages: Mapping[str, Any]) -> "Payload":
         """The conversation with more turns."""
@@ -87,8 +94,9 @@ def data_text(question: str, data: Mapping[str, object]) -> str:
 
 
 def rejection(reason: str) -> dict[str, Any]:
-    """The turn that says why an answer cannot be used."""
-    return {"role": "user", "content": [{"type": "text", "text": f"Not usable: {reason}. Answer again."}]}
+    """The turn that says why an answer cannot be used; the reason is data, for it quotes names."""
+    text = template("rejected.j2").render(reason=reason)
+    return {"role": "user", "content": [{"type": "text", "text": text}]}
 
 
 @cache
@@ -132,6 +140,12 @@ def picture_block(make: PictureMaker) -> dict[str, object]:
     """A picture as the API takes it."""
     data = base64.standard_b64encode(png(make())).decode()
     return {"type": "image", "source": {"type": "base64", "media_type": "image/png", "data": data}}
+
+
+def pixel_digest(data: str) -> str:
+    """SHA-256 of a picture's size and pixels, from its PNG in base64."""
+    picture = np.asarray(Image.open(io.BytesIO(base64.standard_b64decode(data))))
+    return hashlib.sha256(str(picture.shape).encode() + picture.tobytes()).hexdigest()
 
 
 def png(rgb: NDArray[np.uint8]) -> bytes:

@@ -31,7 +31,7 @@ OTHER = "other"
 """The label of what none of the listed ones fits."""
 
 
-class IntentReply(BaseModel, frozen=True, extra="forbid"):
+class IntentReply(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False):
     """Base, size, mass, orientation and region."""
 
     base_id: str = Field(description="id of the listed instance that shall carry the object; empty if it is not there")
@@ -91,7 +91,7 @@ class IntentReply(BaseModel, frozen=True, extra="forbid"):
             raise ValueError(f"facing {self.facing!r} is not listed")
 
 
-class RotationReply(BaseModel, frozen=True, extra="forbid"):
+class RotationReply(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False):
     """One rotation: a listed pose turned about the vertical, or any rotation as a quaternion."""
 
     pose_id: str = Field(description="id of a listed pose")
@@ -114,7 +114,7 @@ class RotationReply(BaseModel, frozen=True, extra="forbid"):
             raise ValueError(f"quaternion {self.quaternion} has length {math.hypot(*self.quaternion):.3f}, not 1")
 
 
-class AnchorReply(BaseModel, frozen=True, extra="forbid"):
+class AnchorReply(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False):
     """A part and a region on it, or a point."""
 
     part_index: int = Field(description="index of a listed part")
@@ -137,7 +137,7 @@ class AnchorReply(BaseModel, frozen=True, extra="forbid"):
             raise ValueError(f"point {self.point} is outside -1..1")
 
 
-class MaterialChoice(BaseModel, frozen=True, extra="forbid"):
+class MaterialChoice(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False):
     """A library row for one part."""
 
     body: str
@@ -146,7 +146,7 @@ class MaterialChoice(BaseModel, frozen=True, extra="forbid"):
     reason: str = ""
 
 
-class MaterialsReply(BaseModel, frozen=True, extra="forbid"):
+class MaterialsReply(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False):
     """One choice per question."""
 
     choices: tuple[MaterialChoice, ...]
@@ -165,7 +165,7 @@ class MaterialsReply(BaseModel, frozen=True, extra="forbid"):
                 )
 
 
-class LabelReply(BaseModel, frozen=True, extra="forbid"):
+class LabelReply(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False):
     """What a thing is."""
 
     label: str = Field(description="one of the listed labels, or other")
@@ -178,7 +178,7 @@ class LabelReply(BaseModel, frozen=True, extra="forbid"):
             raise ValueError(f"label {self.label!r} is not one of {', '.join(request.labels)}, {OTHER}")
 
 
-class PartName(BaseModel, frozen=True, extra="forbid"):
+class PartName(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False):
     """The name of one part."""
 
     index: int = Field(description="index of a listed part")
@@ -186,7 +186,7 @@ class PartName(BaseModel, frozen=True, extra="forbid"):
     confidence: float = Field(ge=0.0, le=1.0, description="probability that the name is right")
 
 
-class PartsReply(BaseModel, frozen=True, extra="forbid"):
+class PartsReply(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False):
     """One name per part; parts of one name stay separate parts."""
 
     names: tuple[PartName, ...]

@@ -30,10 +30,17 @@ class LanguageConfig(BaseModel, frozen=True, extra="forbid"):
     """Who answers a stage's questions: the same in all stages of a run."""
 
     client: ClientName = ClientName.OFFLINE
-    model: str = ""
-    """Model that is asked, or was when the replies were recorded; empty where none is."""
+    model: str = DEFAULT_MODEL
+    """Model that is asked, or was when the replies were recorded; offline asks none."""
+    endpoint: str = ""
+    """Host that is asked where it is not the usual one: a stand-in answers differently."""
     recording: str = ""
     """Which recording is written or replayed, empty for none: a result that left nothing in it must not be taken."""
+
+    @property
+    def source(self) -> str:
+        """Under which name replies are kept."""
+        return f"{self.model}@{self.endpoint}" if self.endpoint else self.model
 
 
 class Client(Protocol):
@@ -54,4 +61,4 @@ def client(config: LanguageConfig) -> Client:
         return OfflineClient()
     from language.model_client import model_client
 
-    return model_client(config.model or DEFAULT_MODEL, replay=config.client is ClientName.REPLAY)
+    return model_client(config)

@@ -26,6 +26,10 @@ class LanguageError(DcapError):
     """A prompt was not understood, or a model's reply was invalid to the end."""
 
 
+class RefusedError(LanguageError):
+    """A model's API has told that it does not take a call: nothing was done, nothing is charged."""
+
+
 class BudgetError(LanguageError):
     """What may be spent on a model is spent."""
 

@@ -1,6 +1,5 @@
 """Settings of all tests: random examples are the same in every run; the model's stand-in."""
 
-import os
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -19,7 +18,6 @@ def api(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[FakeApi]:
     monkeypatch.setenv("ANTHROPIC_API_KEY", KEY)
     monkeypatch.setenv("ANTHROPIC_BASE_URL", server.url)
     monkeypatch.setenv("NO_PROXY", "127.0.0.1")
-    if "DCAP_DATA" not in os.environ:
-        monkeypatch.setenv("DCAP_DATA", str(tmp_path / "data"))
+    monkeypatch.setenv("DCAP_DATA", str(tmp_path / "data"))  # never the user's own replies
     yield server
     server.close()

@@ -1,6 +1,7 @@
 """What asking leaves behind: kept replies, recordings, the ledger and its budget, batches; and the key nowhere."""
 
 import json
+import os
 import threading
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -12,6 +13,7 @@ from fake_api import KEY, FakeApi, fails, offline_model, says
 from questions_at_hand import materials_request, rotation_request
 
 import language.batch
+from language.anthropic_api import size_of
 from language.batch import Desk, batch_desk
 from language.ledger import Ledger, Usage, check_budget, in_words, most, price_of, prices, read_lines, totals
 from language.payload import payload_of
@@ -153,13 +155,14 @@ def test_every_price_has_a_source_and_makes_sense():
 
 
 @pytest.mark.parametrize("make", [rotation_request, materials_request])
-def test_the_most_that_a_question_costs_is_more_than_its_tokens(make: Callable[[], Any]):
-    """The bound exceeds the text at 2.5 bytes a token and the longest answer."""
+def test_a_call_is_counted_at_its_bytes_and_pictures(make: Callable[[], Any]):
+    """No token is shorter than a byte: the bound exceeds the text that is sent, and each picture's w h / 750."""
     question = ROTATION if make is rotation_request else MATERIALS
-    payload, price = payload_of(question, make()), price_of(NAME)
-    assert price is not None
-    text = len(json.dumps(payload.readable()))
-    assert most(payload, price, 100) > (text / 2.5 * price.input + 100 * price.output) / 1e6
+    payload = payload_of(question, make())
+    texts = [block["text"] for block in payload.messages[0]["content"] if block["type"] == "text"]
+    pictures = 3 if make is rotation_request else 0
+    assert payload.pictures == pictures
+    assert size_of(payload) > len("".join(texts).encode()) + pictures * 960 * 720 / 750
 
 
 def test_a_budget_is_never_exceeded_and_stops_in_one_line(api: FakeApi, ask, tmp_path):
@@ -167,7 +170,7 @@ def test_a_budget_is_never_exceeded_and_stops_in_one_line(api: FakeApi, ask, tmp
     requests = [ask(f"put the mug on the desk {'please ' * n}") for n in range(12)]
     price = price_of(NAME)
     assert price is not None
-    bound = most(payload_of(INTENT, requests[-1]), price, 8192)
+    bound = most(size_of(payload_of(INTENT, requests[-1])), price, 8192)
     budget = 3.5 * bound
     session = Session(ledger=str(tmp_path / "usage.jsonl"), max_cost=budget)
 
@@ -194,7 +197,7 @@ def test_a_failed_call_gives_its_reservation_back(api: FakeApi, ask, tmp_path):
     """An error of the server costs nothing."""
     price = price_of(NAME)
     assert price is not None
-    budget = 1.2 * most(payload_of(INTENT, ask("put the mug on the desk")), price, 8192)
+    budget = 1.2 * most(size_of(payload_of(INTENT, ask("put the mug on the desk"))), price, 8192)
     session = Session(ledger=str(tmp_path / "usage.jsonl"), max_cost=budget)
     api.answers = [fails(400, "invalid_request_error"), fails(400, "invalid_request_error"), offline_model]
     with speaking(session):
@@ -258,35 +261,106 @@ def test_what_fails_in_a_batch_fails_alone(api: FakeApi, quick, ask, tmp_path):
     assert "invalid_request_error" in errors[1]
 
 
+def test_one_question_of_many_samples_is_sent_and_paid_once(api: FakeApi, quick, ask, tmp_path):
+    """Samples that ask the same share one place in the batch, its answer and its cost; or its failure."""
+    ledger = tmp_path / "usage.jsonl"
+    session = Session(ledger=str(ledger), batch=str(tmp_path / "desk"))
+    found = in_batches(session, [ask("put the mug on the desk")] * 4)
+    assert [reply.base_id for reply in found] == ["desk_0"] * 4
+    assert [len(batch) for batch in api.batches.values()] == [1]
+    assert totals(ledger)["batch"] == 1
+    api.answers = [fails(410, "expired")]
+    found = in_batches(session, [ask("put the mug on the shelf")] * 4)
+    assert all(isinstance(one, LanguageError) for one in found)
+    assert [len(batch) for batch in api.batches.values()] == [1, 1]
+
+
 def test_a_batch_that_cannot_be_sent_is_told_to_all(api: FakeApi, quick, ask, tmp_path, monkeypatch):
-    """If the API does not take the batch, each question fails with its words."""
+    """If the API does not take the batch, each question fails with its words, and nothing is booked."""
     monkeypatch.setattr(api, "post", lambda path, body: fails(403, "permission_error")(body))
-    found = in_batches(Session(batch=str(tmp_path / "desk")), [ask("put the mug on the desk")])
+    ledger = tmp_path / "usage.jsonl"
+    found = in_batches(
+        Session(batch=str(tmp_path / "desk"), ledger=str(ledger), max_cost=9.0), [ask("put the mug on the desk")]
+    )
     assert "403" in str(found[0])
+    assert totals(ledger)["usd"] == 0.0
+    assert read_lines(ledger)[-1]["usd"] == 0.0
 
 
-def test_a_killed_run_s_batch_is_collected_by_the_next(api: FakeApi, quick, ask, tmp_path):
-    """Replies of a batch that nobody waited for are kept by the next desk: nothing is paid twice."""
-    request = ask("put the mug on the desk")
-    kept = ReplyFolder(Session().kept_folder)
-    desk = Desk(tmp_path / "desk", kept, lambda text: None)
-    (tmp_path / "desk").mkdir()
-    waiting = threading.Thread(target=in_thread, args=(Session(batch=str(tmp_path / "desk")), request), daemon=True)
-    waiting.start()
-    while not list((tmp_path / "desk").glob("*.json")):
-        waiting.join(0.02)
-    desk.send(NAME, list((tmp_path / "desk").glob("*.json")))
-    (tmp_path / "desk" / "closed").write_text("killed")
+def test_a_batch_that_the_api_forgot_fails(api: FakeApi, quick, ask, tmp_path, monkeypatch):
+    """A batch of another key, or one too old, is given up at once and not asked for again for ever."""
+    monkeypatch.setattr(api, "get", lambda path: fails(404, "not_found_error")({}))
+    found = in_batches(Session(batch=str(tmp_path / "desk")), [ask("put the mug on the desk")])
+    assert "404" in str(found[0])
+    assert not list((Session().kept_folder / "batches").glob("*.json"))
+
+
+def test_a_batch_keeps_to_the_budget(api: FakeApi, quick, ask, tmp_path):
+    """What does not fit is not sent and says so; the rest is answered."""
+    requests = [ask(f"put the mug on the desk {'please ' * n}") for n in range(4)]
+    price = price_of(NAME)
+    assert price is not None
+    budget = 2.5 * 0.5 * most(size_of(payload_of(INTENT, requests[-1])), price, 8192)
+    session = Session(ledger=str(tmp_path / "usage.jsonl"), max_cost=budget, batch=str(tmp_path / "desk"))
+    found = in_batches(session, requests)
+    assert sum(isinstance(one, BudgetError) for one in found) == 2
+    assert [len(batch) for batch in api.batches.values()] == [2]
+
+
+def test_whoever_waits_is_sent_home_when_the_run_ends(api: FakeApi, quick, ask, tmp_path):
+    """A question whose batch takes a day does not keep an interrupted run: it fails as soon as the desk closes."""
+    api.polls = 10**6
+    session, said = Session(batch=str(tmp_path / "desk")), []
+
+    def wait() -> None:
+        with speaking(session), pytest.raises(LanguageError, match="the run has ended") as error:
+            client(MODEL).ask(INTENT, ask("put the mug on the desk"))
+        said.append(str(error.value))
+
+    with batch_desk(tmp_path / "desk", session):
+        waiting = threading.Thread(target=wait)
+        waiting.start()
+        while not api.batches:
+            waiting.join(0.02)
     waiting.join(5.0)
-    assert not waiting.is_alive()
-    (reply,) = in_batches(Session(batch=str(tmp_path / "desk2")), [request])
+    assert said
+    assert not (tmp_path / "desk").exists()
+
+
+def test_a_killed_run_s_batch_is_collected_by_the_next(api: FakeApi, quick, ask, tmp_path, monkeypatch):
+    """Replies of a batch that nobody waited for are kept and booked by the next desk: nothing is sent twice."""
+    request, ledger = ask("put the mug on the desk"), tmp_path / "usage.jsonl"
+    test_whoever_waits_is_sent_home_when_the_run_ends(api, quick, ask, tmp_path)
+    (left,) = (Session().kept_folder / "batches").glob("*.json")
+    left.write_text(json.dumps(json.loads(left.read_text()) | {"process": 2**22 + 1}))  # beyond any process of Linux
+    api.polls = 1
+    (reply,) = in_batches(Session(batch=str(tmp_path / "desk2"), ledger=str(ledger)), [request])
     assert reply.base_id == "desk_0"
-    assert not list((kept.root / "batches").glob("*.json"))
+    assert len(api.batches) == 1
+    assert totals(ledger)["batch"] == 1
+    assert not left.exists()
 
 
-def in_thread(session: Session, request: Any) -> None:
-    with speaking(session), pytest.raises(LanguageError, match="closed"):
-        client(MODEL).ask(INTENT, request)
+def test_what_a_killed_run_s_batch_lacks_is_asked_anew(api: FakeApi, quick, ask, tmp_path):
+    """An old failure is no answer to a question of today."""
+    request = ask("put the mug on the desk")
+    digest = payload_of(INTENT, request).digest
+    questions = {digest: {"name": NAME, "model": NAME, "sample": "", "asked": {"question": "intent"}, "booked": "x"}}
+    left = Session().kept_folder / "batches" / "msgbatch_0.json"
+    left.parent.mkdir(parents=True)
+    left.write_text(json.dumps({"process": 2**22 + 1, "questions": questions}))
+    api.batches["msgbatch_0"] = []
+    (reply,) = in_batches(Session(batch=str(tmp_path / "desk")), [request])
+    assert reply.base_id == "desk_0"
+    assert [len(batch) for batch in api.batches.values()] == [0, 1]
+
+
+def test_a_batch_of_another_run_is_left_alone(api: FakeApi, ask, tmp_path):
+    """What a run that is alive has sent is its own to collect."""
+    left = Session().kept_folder / "batches" / "msgbatch_7.json"
+    left.parent.mkdir(parents=True)
+    left.write_text(json.dumps({"process": os.getppid(), "questions": {}}))
+    assert Desk(tmp_path, ReplyFolder(Session().kept_folder), Ledger(None), lambda text: None).open_batches() == []
 
 
 def test_many_questions_of_one_stage_give_its_slot_back_once(api: FakeApi, quick, ask, tmp_path):
