@@ -24,6 +24,8 @@ DEFAULTS = "lexicon/defaults.csv"
 Words = tuple[str, ...]
 Size = tuple[float, float, float]
 ESTIMATE = "estimate"
+WORD_OR_MARK = re.compile(r"(?<!\S)-\d+(?:\.\d+)?|\d+\.\d+|[^\W_]+|[,.;:!?]")
+"""Words and numbers, and the marks that separate clauses."""
 SOURCE = re.compile(r"size: (?P<size>\S+); mass: (?P<mass>\S+)|(?P<both>\S+)")
 """One word for both, or one for each."""
 
@@ -184,8 +186,8 @@ def plural(word: str) -> str:
 
 def split_words(text: str) -> list[str]:
     """Lower-case words; marks that separate clauses come out as `,`."""
-    plain = unicodedata.normalize("NFKC", text).casefold()
-    return [w if w[0].isalnum() else "," for w in re.findall(r"[^\W_]+|[,.;:!?]", plain)]
+    plain = unicodedata.normalize("NFKC", text).casefold().replace("\N{DEGREE SIGN}", " degrees ")
+    return [w if w[-1].isalnum() else "," for w in WORD_OR_MARK.findall(plain)]
 
 
 @cache

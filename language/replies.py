@@ -52,6 +52,13 @@ class IntentReply(BaseModel, frozen=True, extra="forbid"):
         description="listed instance id, part:NAME, wall, door, viewer, room or a side; away: before it for the "
         "opposite; empty if nothing is said",
     )
+    turn_deg: float = Field(
+        default=0.0,
+        ge=-360,
+        le=360,
+        description="turn about the vertical that the prompt asks for, beyond the facing or the usual alignment, "
+        "counterclockwise seen from above [degrees]; diagonally: 45; 0 if nothing is said",
+    )
     orientation_words: str = ""
     part: str = Field(default="", description="name of a listed part of the base, empty if none is asked for")
     which: str = Field(
@@ -96,7 +103,12 @@ class RotationReply(BaseModel, frozen=True, extra="forbid"):
 
     pose_id: str = Field(description="id of a listed pose")
     facing_id: str = Field(default="aligned", description="id of a listed facing")
-    turn_deg: float = Field(default=0.0, ge=-360, le=360, description="further turn about the vertical [degrees]")
+    turn_deg: float = Field(
+        default=0.0,
+        ge=-360,
+        le=360,
+        description="further turn about the vertical, counterclockwise seen from above [degrees]",
+    )
     quaternion: tuple[float, float, float, float] | None = Field(
         default=None, description="w, x, y, z from the mesh frame to the world; replaces all of the above if given"
     )

@@ -128,6 +128,8 @@ class RotationRequest:
     """Whether it would stand on a plane as it is in its file."""
     righting: float = 0.0
     """How much more the shape speaks for `righted` than for `upright`: from 0.5 clearly; 0 where it is not listed."""
+    turn_deg: float = 0.0
+    """Turn about the vertical that the prompt asks for, counterclockwise seen from above [degrees]."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,7 +5,8 @@ lexicon); each line is a method of `Reader`, nouns are read in `nouns`:
 
     sentence = { clause }
     clause   = { element } [ VERB { element } ]
-    element  = place | facing | POSE | RESTRICT | noun | FILLER
+    element  = turn | place | facing | POSE | RESTRICT | noun | FILLER
+    turn                                                               see `turns`
     place    = RELATION [ noun [ "and" noun ] ]                        two nouns after "between"
     facing   = [ noun ] FACE noun                                      "its screen facing the window"
 
@@ -17,6 +18,7 @@ no rule kept is the reading's `not_understood`. A sentence that is no placement 
 from dataclasses import dataclass, field, replace
 
 from language.nouns import Noun, at_noun, noun_phrase, starts
+from language.turns import Turn, is_to, turn_length, turn_of
 from language.words import Cursor, Token, tokens_of
 from scene.errors import LanguageError
 
@@ -58,6 +60,9 @@ class Reading:
     pose: str
     """upright, standing, upside_down, on_side, lying, on_back, on_front or any."""
     pose_words: str
+    turn: float
+    """About the vertical, counterclockwise seen from above [degrees]."""
+    turn_words: str
     facing: Facing | None
     aside: tuple[str, ...]
     """Phrases that are understood and do not say where to put it: where it is picked up, its name once more."""
@@ -76,11 +81,15 @@ class Clause:
     verb_pose: str = ""
     poses: list[Token] = field(default_factory=list)
     facing: Facing | None = None
+    turning: bool = False
+    """Its verb is "turn": an angle after it is how far."""
+    turns: list[Turn] = field(default_factory=list)
 
     def texts(self) -> list[str]:
-        """What it says of places, poses and facings."""
+        """What it says of places, poses, turns and facings."""
+        turns = [turn.text for turn in self.turns]
         facing = [self.facing.text] if self.facing is not None else []
-        return [*(place.text for place in self.places), *(token.text for token in self.poses), *facing]
+        return [*(place.text for place in self.places), *(token.text for token in self.poses), *turns, *facing]
 
     @property
     def says_where(self) -> bool:
@@ -151,14 +160,18 @@ class Reader:
             clause.kind = clause.kind or "place"
         elif kind in ("place", "pick", "other"):
             clause.kind = kind
+        elif kind == "turning":
+            clause.kind, clause.turning = "place", True
         else:
             clause.kind, clause.verb_pose = "place", kind
 
     def element(self, clause: Clause) -> None:
-        """place | facing | POSE | RESTRICT | noun | FILLER."""
+        """turn | place | facing | POSE | RESTRICT | noun | FILLER."""
         here = self.cursor.here
         if clause.kind == "other":
             self.topic()
+        elif length := turn_length(self.cursor, said=clause.turning):
+            self.turn(clause, length)
         elif here("pose"):
             clause.poses.append(self.use())
         elif here("face"):
@@ -179,6 +192,18 @@ class Reader:
             self.last_noun = noun_phrase(self.cursor)
         else:
             self.cursor.take()
+
+    def turn(self, clause: Clause, length: int) -> None:
+        """That many tokens are a turn; what its angle is measured from ("to the edge") is no place."""
+        begin = self.cursor.index
+        turn = turn_of(self.cursor, length)
+        self.keep(begin)
+        if turn is not None:
+            clause.turns.append(turn)
+        if is_to(self.cursor):
+            self.cursor.take()
+            if at_noun(self.cursor):
+                noun_phrase(self.cursor)
 
     def place(self, clause: Clause) -> None:
         """RELATION [ noun [ "and" noun ] ]; "put it inside" means what was spoken of before."""
@@ -328,6 +353,7 @@ def reading_of(clauses: list[Clause], lost: tuple[str, ...]) -> Reading:
     implied = next((clause.verb_pose for clause in reversed(placing) if clause.verb_pose), "")
     places = [place for clause in placing for place in clause.places]
     facings = [clause.facing for clause in placing if clause.facing is not None]
+    turns = [turn for clause in placing for turn in clause.turns]
     elsewhere = [text for clause in clauses if not clause.says_where for text in clause.texts()]
     sources = [place.text for place in places if place.relation == "source"]
     return Reading(
@@ -335,7 +361,9 @@ def reading_of(clauses: list[Clause], lost: tuple[str, ...]) -> Reading:
         places=tuple(place for place in places if place.relation != "source"),
         pose=poses[-1].value("pose") if poses else implied or "any",
         pose_words=" ".join(token.text for token in poses) or implied,
+        turn=turns[-1].degrees if turns else 0.0,
+        turn_words=turns[-1].text if turns else "",
         facing=facings[-1] if facings else None,
         aside=(*elsewhere, *sources, *(theme.text for theme in moved[1:])),
-        not_understood=(*lost, *(facing.text for facing in facings[:-1])),
+        not_understood=(*lost, *(facing.text for facing in facings[:-1]), *(turn.text for turn in turns[:-1])),
     )

@@ -16,6 +16,8 @@ class OrientationRequest:
     """Id of an instance or 'part:NAME' or 'wall' | 'door' | 'viewer' to face; empty: nothing said."""
     words: str
     """The words it was read from."""
+    turn_deg: float = 0.0
+    """Turn about the vertical beyond the facing or the usual alignment, counterclockwise seen from above [degrees]."""
 
 
 @dataclass(frozen=True, slots=True)
