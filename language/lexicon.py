@@ -70,6 +70,8 @@ class PartWord:
     """Things that have it."""
     material: str
     """Usual material id."""
+    front: bool
+    """It is what looks at something when the whole does: a screen, an eye."""
 
 
 @dataclass(frozen=True, slots=True, order=True)
@@ -147,7 +149,10 @@ def sources_of(text: str) -> tuple[str, str]:
 def part_words() -> Mapping[str, PartWord]:
     """All kinds of parts by id."""
     return MappingProxyType(
-        {row["id"]: PartWord(row["id"], tuple(row["owners"].split("|")), row["material"]) for row in rows(PARTS)}
+        {
+            row["id"]: PartWord(row["id"], tuple(row["owners"].split("|")), row["material"], row["front"] == "1")
+            for row in rows(PARTS)
+        }
     )
 
 

@@ -42,6 +42,8 @@ class Noun:
     owner: "Noun | None" = None
     """The whole of "part of whole"."""
     plural: bool = False
+    toward: "Noun | None" = None
+    """What it looks at: "the edge facing the sofa"."""
     encloses: bool = False
     """One goes into it rather than onto it: a drawer, a basket."""
 

@@ -18,7 +18,10 @@ from language.requests import (
     RotationRequest,
 )
 
-Pose = Literal["upright", "upside_down", "on_side", "lying", "standing", "on_back", "on_front", "any"]
+Pose = Literal[
+    "upright", "upside_down", "on_side", "on_left_side", "on_right_side", "lying", "standing", "on_back", "on_front",
+    "any",
+]  # fmt: skip
 Region = Literal[
     "center", "left", "right", "front", "back", "head", "foot", "edge", "corner", "near", "next_to", "between",
     "middle", "under", "any",
@@ -46,7 +49,9 @@ class IntentReply(BaseModel, frozen=True, extra="forbid"):
     spread: float = Field(default=1.4, ge=1.0, le=5.0, description="factor by which real ones are larger or smaller")
     mass: float = Field(gt=0, le=5000, description="realistic mass of the object [kg]")
     hollow: bool = Field(default=False, description="mass is not density times the volume of its closed mesh")
-    pose: Pose = Field(default="any", description="orientation that the prompt asks for")
+    pose: Pose = Field(
+        default="any", description="orientation that the prompt asks for; upright: right way up, standing: on end"
+    )
     facing: str = Field(
         default="",
         description="listed instance id, part:NAME, wall, door, viewer, room or a side; away: before it for the "

@@ -17,6 +17,7 @@ no rule kept is the reading's `not_understood`. A sentence that is no placement 
 
 from dataclasses import dataclass, field, replace
 
+from language.lexicon import is_a, part_words
 from language.nouns import Noun, at_noun, noun_phrase, starts
 from language.turns import Turn, is_to, turn_length, turn_of
 from language.words import Cursor, Token, tokens_of
@@ -58,7 +59,7 @@ class Reading:
     """What is moved; None if only "it" or nothing was said."""
     places: tuple[Place, ...]
     pose: str
-    """upright, standing, upside_down, on_side, lying, on_back, on_front or any."""
+    """upright, standing, upside_down, on_side, on_left_side, on_right_side, lying, on_back, on_front or any."""
     pose_words: str
     turn: float
     """About the vertical, counterclockwise seen from above [degrees]."""
@@ -124,6 +125,8 @@ class Reader:
         """What "it" is, after "open the drawer"."""
         self.restrict = False
         """The next place says which one is meant."""
+        self.last_place_ends = -1
+        """Index of the token after the last place."""
 
     def sentence(self) -> list[Clause]:
         """{ clause }."""
@@ -172,7 +175,7 @@ class Reader:
             self.topic()
         elif length := turn_length(self.cursor, said=clause.turning):
             self.turn(clause, length)
-        elif here("pose"):
+        elif here("pose") and not here("relation"):
             clause.poses.append(self.use())
         elif here("face"):
             self.facing(clause, self.cursor.index)
@@ -209,7 +212,8 @@ class Reader:
         """RELATION [ noun [ "and" noun ] ]; "put it inside" means what was spoken of before."""
         begin = self.cursor.index
         attached = not self.cursor.here("pause", ahead=-1)
-        relation = self.cursor.take().value("relation")
+        token = self.cursor.take()
+        relation = token.value("relation")
         nouns = [noun_phrase(self.cursor)] if at_noun(self.cursor) else []
         if relation == "between" and nouns and self.cursor.here("conj") and at_noun(self.cursor, 1):
             self.cursor.take()
@@ -219,17 +223,26 @@ class Reader:
         if not nouns or (relation == "source" and nouns[0].region):  # "5 cm from the edge"
             return
         self.keep(begin)
+        clause.poses += [token] if token.has("pose") else []  # "leaning against the wall"
         nouns = [self.referred(noun, relation) for noun in nouns]
         self.last_noun = nouns[0]
         clause.places.append(Place(relation, tuple(nouns), self.restrict, self.cursor.text(begin), attached))
         self.restrict = False
+        self.last_place_ends = self.cursor.index
 
     def facing(self, clause: Clause, begin: int) -> None:
-        """[ noun ] FACE noun, from the first of them on."""
-        mode = self.cursor.take().value("face")
-        if at_noun(self.cursor) and clause.facing is None:
-            clause.facing = Facing(mode, noun_phrase(self.cursor), self.cursor.text(begin))
-            self.keep(begin)
+        """[ noun ] FACE noun, from the first of them on; after an edge it says which edge."""
+        mode = self.cursor.take().value("face") or "toward"
+        if not at_noun(self.cursor) or clause.facing is not None:
+            return
+        edge = clause.places[-1] if clause.places and self.last_place_ends == begin else None
+        noun = noun_phrase(self.cursor)
+        self.keep(begin)
+        if edge is not None and edge.nouns[0].region == "edge" and mode == "toward":
+            text = f"{edge.text} {self.cursor.text(begin)}"
+            clause.places[-1] = replace(edge, nouns=(replace(edge.nouns[0], toward=noun),), text=text)
+        else:
+            clause.facing = Facing(mode, noun, self.cursor.text(begin))
 
     def noun(self, clause: Clause) -> None:
         """A noun without a relation: what is moved, a region, or "the one" that explains the noun before."""
@@ -244,15 +257,22 @@ class Reader:
             clause.places.append(Place("at", (noun,), False, noun.text))
         elif clause.theme is None and not clause.places:
             self.theme(clause, noun)
-        elif clause.theme is not None and clause.places and self.cursor.here("relation") and noun.thing:
-            clause.theme = several(clause.theme, noun)  # "... and a mug on the desk"
-        elif noun.parts and self.cursor.here("face"):
+        elif self.is_front(noun, clause.theme):
             self.facing(clause, begin)
             return
+        elif clause.theme is not None and clause.places and self.cursor.here("relation") and noun.thing:
+            clause.theme = several(clause.theme, noun)  # "... and a mug on the desk"
         elif noun.pronoun != "it":
             return
         if noun.pronoun != "it" or not (noun.colour or noun.owner):  # "it red" says nothing that is used
             self.keep(begin)
+
+    def is_front(self, noun: Noun, theme: Noun | None) -> bool:
+        """Whether it is the side of what is moved that looks at something: "its screen towards the window"."""
+        parts = [part_words()[part] for part in noun.parts if part_words()[part].front]
+        whole = theme.thing if theme is not None else ""
+        own = not whole or any(is_a(whole, owner) for part in parts for owner in part.owners)
+        return bool(parts) and own and self.cursor.here("face", "toward")
 
     def theme(self, clause: Clause, noun: Noun) -> None:
         """What is moved; "the mug dead centre" is a mug and a region, "the mug and the book" are two things."""

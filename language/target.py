@@ -185,7 +185,7 @@ def ground_own_region(target: Target, support: Place, request: IntentRequest) ->
     if part and support.relation in SUPPORT:
         set_part(target, noun)
     elif noun.region or noun.sides:
-        region_words(target, noun)
+        region_words(target, noun, request)
     elif part:
         set_part(target, noun)
     part_of_whole = noun.owner.owner is not None or not named(noun.owner, request.instances)
@@ -193,13 +193,17 @@ def ground_own_region(target: Target, support: Place, request: IntentRequest) ->
         set_part(target, noun.owner)
 
 
-def region_words(target: Target, noun: Noun) -> None:
-    """Sides and region of a noun as region names."""
+def region_words(target: Target, noun: Noun, request: IntentRequest) -> None:
+    """Sides and region of a noun as region names; of an edge, what it looks at as reference."""
     names = [SIDE_REGIONS[side] for side in noun.sides if side in SIDE_REGIONS]
     if noun.region and noun.region != "side":
         names.append(noun.region)
     target.add_regions(names)
     (target.words if names else target.not_understood).append(noun.text)
+    if noun.toward is not None:
+        seen = references_of(noun.toward, target, request, several=False)
+        target.add_references(seen)
+        (target.words if seen else target.not_understood).append(noun.toward.text)
 
 
 def ground_further(target: Target, place: Place, request: IntentRequest) -> None:
@@ -214,7 +218,7 @@ def ground_further(target: Target, place: Place, request: IntentRequest) -> None
     elif (noun.region or noun.is_region) and (
         noun.owner is None or noun.region in ("edge", "corner", "center", "middle")
     ):
-        region_words(target, noun)
+        region_words(target, noun, request)
     else:
         beside(target, place, request)
 
@@ -234,7 +238,7 @@ def ground_on_again(target: Target, place: Place, request: IntentRequest) -> Non
                 target, Place(f"{(noun.sides or ('near',))[0]}_of", (noun.owner or noun,), False, place.text), request
             )
         else:
-            region_words(target, noun)
+            region_words(target, noun, request)
     elif noun.pronoun != "it" and target.base not in named(noun, request.instances):  # a second support
         target.not_understood.append(place.text)
 

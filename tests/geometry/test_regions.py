@@ -51,6 +51,14 @@ def test_sides_are_those_of_a_viewer_before_the_front(names, sign):
     assert [int(np.sign(round(float(t), 9))) for t in target] == list(sign)
 
 
+@pytest.mark.parametrize("away", [(3.0, 0.2), (-3.0, -0.2), (0.2, 3.0), (-0.2, -3.0)])
+def test_edge_that_looks_at_a_thing_is_the_one_on_its_side(away):
+    """One edge remains, on the side on which the thing stands, however far off it is."""
+    areas = regions(frame_of(box(0, 0, 2.0, 1.0), FRONT, MIDDLE), ("edge",), [box(*away, 0.5, 0.5)], np.full(2, 0.1))
+    assert len(areas) == 1
+    assert [int(s) for s in np.sign(areas[0].target.round(9))] == [int(np.trunc(c / 3.0)) for c in away]
+
+
 def test_sides_turn_with_the_furniture():
     """A bed against another wall has its left where its own viewer has it."""
     frame = frame_of(box(0, 0, 2.0, 1.0), np.array([1.0, 0.0, 0.0]), MIDDLE)

@@ -252,6 +252,13 @@ def test_words_turn_the_book(words, height):
         assert np.ptp(mesh.vertices @ turned.matrix.T, axis=0)[2] == pytest.approx(height, abs=1e-3)
 
 
+@pytest.mark.parametrize(("words", "down"), [("on its left side", (1, 0, 0)), ("on its right side", (-1, 0, 0))])
+def test_hands_are_those_of_the_toy(words, down):
+    """The toy looks along -y, so its left is +x: that side points down (15 degrees)."""
+    turned = oriented(f"lay the teddy {words} on the bed", thing("teddy", toy()))
+    assert (turned.matrix @ down)[2] == pytest.approx(-1.0, abs=1 - np.cos(np.radians(15)))
+
+
 def toy() -> Mesh:
     """A seated figure that looks along -y: body and legs before it."""
     return Mesh.concatenate(
@@ -268,6 +275,9 @@ def toy() -> Mesh:
         ("facing me", (0, -1)),
         ("facing left", (-1, 0)),
         ("", (0, -1)),
+        ("rotated by 90 degrees clockwise", (-1, 0)),
+        ("facing the wall, turned 90 degrees to the left", (-1, 0)),
+        ("turned around", (0, 1)),
     ],
 )
 def test_front_looks_where_the_words_say(words, direction):
