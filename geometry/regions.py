@@ -196,6 +196,14 @@ def beside_region(
     return Region(polygon, closest_inside(frame, target))
 
 
+def both(areas: Sequence[Region]) -> list[Region]:
+    """What all areas have in common, aimed at in its middle; nothing where they do not overlap."""
+    polygon = areas[0].polygon if areas else np.zeros((0, 2))
+    for area in areas[1:]:
+        polygon = clipped(polygon, area.polygon)
+    return [Region(polygon, polygon.mean(axis=0))] if len(areas) > 1 and len(polygon) >= 3 else []
+
+
 def closest_inside(frame: Frame, point: Array) -> Array:
     """The point moved on to the part's rectangle [m], shape (2,)."""
     return frame.world(np.clip(frame.local(point), -1.0, 1.0))

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from language.lexicon import is_a, label_words, thing_of
+from language.lexicon import is_a, label_words, thing_of, things
 from language.nouns import Noun
 from language.requests import InstanceView
 from language.sentence import Place
@@ -43,8 +43,15 @@ def named(noun: Noun, instances: Sequence[InstanceView]) -> tuple[InstanceView, 
         return exact
     if noun.thing:
         same = tuple(i for i in instances if label_thing(i) == noun.thing)
-        return same or tuple(i for i in instances if label_thing(i) and is_a(label_thing(i), noun.thing))
+        kinds = tuple(i for i in instances if label_thing(i) and is_a(label_thing(i), noun.thing))
+        return same or kinds or tuple(i for i in instances if label_thing(i) == close_kin(noun.thing))
     return tuple(i for i in instances if words and contains_words(label_words(i.label), words))
+
+
+def close_kin(thing_id: str) -> str:
+    """What a kind of a kind may be labelled: a desk lamp as a table lamp, but no armchair as a chair; else empty."""
+    parent = things()[thing_id].parent if thing_id in things() else ""
+    return parent if parent in things() and things()[parent].parent in things() else ""
 
 
 def contains_words(label: list[str], words: tuple[str, ...]) -> bool:
@@ -151,6 +158,7 @@ def by_side(found: list[InstanceView], side: str, room_center: Sequence[float]) 
     if index is None:
         number = int(side.split()[0]) if side.split()[0].isdigit() else 1
         index = min(number, len(ordered)) - 1
+        index = -1 - index if side.endswith("from right") else index
     return ordered[index]
 
 

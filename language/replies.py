@@ -10,6 +10,7 @@ from typing import Literal
 from pydantic import BaseModel, Field, PositiveFloat
 
 from language.requests import (
+    PART_SIDES,
     AnchorRequest,
     IntentRequest,
     LabelRequest,
@@ -72,7 +73,11 @@ class IntentReply(BaseModel, frozen=True, extra="forbid"):
         "below",
     )
     regions: tuple[Region, ...] = ()
-    references: tuple[str, ...] = Field(default=(), description="listed instance ids or part:NAME of the base")
+    references: tuple[str, ...] = Field(
+        default=(),
+        description="listed instance ids, or part:NAME of the base; of several, part:NAME/left, right, front, back, "
+        "top or bottom",
+    )
     region_words: str = ""
     not_understood: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
@@ -96,7 +101,8 @@ class IntentReply(BaseModel, frozen=True, extra="forbid"):
             raise ValueError(f"part {self.part!r} is not one of {', '.join(sorted(parts))}")
         targets = {*by_id, *(f"part:{name}" for name in parts)}
         for reference in self.references:
-            if reference not in targets:
+            name, _, side = reference.partition("/") if reference.startswith("part:") else (reference, "", "")
+            if name not in targets or side not in ("", *PART_SIDES):
                 raise ValueError(f"reference {reference!r} is neither a listed instance nor a part of {self.base_id}")
         facing = self.facing.removeprefix("away:")
         if facing and facing not in targets and facing not in SPECIAL_FACINGS:

@@ -14,6 +14,8 @@ from numpy.typing import NDArray
 from scene.materials import Material
 
 Vector = tuple[float, float, float]
+PART_SIDES = ("left", "right", "front", "back", "top", "bottom")
+"""Which of several parts of one name a reference `part:NAME/SIDE` means."""
 PictureMaker = Callable[[], NDArray[np.uint8]]
 """Makes an RGB picture, shape (h, w, 3); called only by clients that look."""
 

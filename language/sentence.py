@@ -7,7 +7,7 @@ lexicon); each line is a method of `Reader`, nouns are read in `nouns`:
     clause   = { element } [ VERB { element } ]
     element  = turn | place | facing | POSE | RESTRICT | noun | FILLER
     turn                                                               see `turns`
-    place    = RELATION [ noun [ "and" noun ] ]                        two nouns after "between"
+    place    = RELATION [ noun [ "and" noun ] ]                        two nouns after "between", or beside both
     facing   = [ noun ] FACE noun                                      "its screen facing the window"
 
 The first noun of a clause is what is moved. In "pick A near B and place it on C" only the last clause says where; in
@@ -24,6 +24,8 @@ from language.words import Cursor, Token, tokens_of
 from scene.errors import LanguageError
 
 SUPPORT = frozenset({"on", "in"})
+NEIGHBOURING = frozenset({"near", "next_to"})
+"""Relations that one can have to two things at once."""
 EXAMPLE = "say what to put where, for example: put the ball on the bed"
 
 
@@ -215,9 +217,8 @@ class Reader:
         token = self.cursor.take()
         relation = token.value("relation")
         nouns = [noun_phrase(self.cursor)] if at_noun(self.cursor) else []
-        if relation == "between" and nouns and self.cursor.here("conj") and at_noun(self.cursor, 1):
-            self.cursor.take()
-            nouns.append(noun_phrase(self.cursor))
+        if nouns and self.cursor.here("conj") and at_noun(self.cursor, 1):
+            nouns += self.second(relation)
         if not nouns and relation in SUPPORT and self.last_noun is not None:
             nouns = [self.last_noun]
         if not nouns or (relation == "source" and nouns[0].region):  # "5 cm from the edge"
@@ -229,6 +230,17 @@ class Reader:
         clause.places.append(Place(relation, tuple(nouns), self.restrict, self.cursor.text(begin), attached))
         self.restrict = False
         self.last_place_ends = self.cursor.index
+
+    def second(self, relation: str) -> list[Noun]:
+        """The noun after "and": of "between", or of "next to A and B" where the sentence ends or pauses with it."""
+        back = self.cursor.index
+        self.cursor.take()
+        noun = noun_phrase(self.cursor)
+        ends = self.cursor.at_end or self.cursor.here("pause")
+        if relation == "between" or (relation in NEIGHBOURING and ends and noun.thing and not noun.region):
+            return [noun]
+        self.cursor.index = back
+        return []
 
     def facing(self, clause: Clause, begin: int) -> None:
         """[ noun ] FACE noun, from the first of them on; after an edge it says which edge."""

@@ -24,12 +24,14 @@ from language.ground import (
 from language.lexicon import inside_parts, label_words, lineage
 from language.nouns import Noun
 from language.placing import BESIDE, PLACEABLE, bare_region, names_support, placing_of, whole
-from language.requests import InstanceView, IntentRequest
+from language.requests import PART_SIDES, InstanceView, IntentRequest
 from language.sentence import SUPPORT, Place, Reading
 
 SIDE_REGIONS = {"left": "left", "right": "right", "front": "front", "back": "back", "head": "head", "foot": "foot",
-                "top": "back", "bottom": "front", "middle": "middle"}  # fmt: skip
+                "top": "back", "bottom": "front", "nearest": "front", "middle": "middle"}  # fmt: skip
 """Sides as regions of a horizontal surface, seen like a page: the top is far away."""
+REACH = 0.5
+"""Beside a second thing farther from the support than this nothing can be put [m]."""
 PART_REGIONS = {"headboard": "head", "footboard": "foot", "back": "back"}
 """Where a part would be that the segmentation did not find."""
 
@@ -100,7 +102,8 @@ def ground_support(target: Target, support: Place, reading: Reading, request: In
         target.notes.append(f"the scene has {inventory(request.instances)}")
         return
     target.used = narrowing(reading, support, found, request)
-    chosen = choose(found, noun, target.used, request.instances, request.room_center)
+    able = carrying(reading, support, found, request)
+    chosen = choose(able, noun, target.used, request.instances, request.room_center)
     target.base = chosen.instances[0]
     if chosen.note:
         target.notes.append(f"{noun.text}: {chosen.note}")
@@ -127,6 +130,19 @@ def narrowing(reading: Reading, support: Place, found: Sequence[InstanceView], r
     chosen = [p for p in reading.places[index + 1 : index + 2] if says_side(p) and not whole(support).sides]
     later = [p for p in reading.places if p is not support and p not in chosen]
     return chosen + [p for p in later if p.restrict or says_which(p, found, request)]
+
+
+def carrying(
+    reading: Reading, support: Place, found: Sequence[InstanceView], request: IntentRequest
+) -> Sequence[InstanceView]:
+    """Of several, those that carry what a place is beside, "the table next to the lamp"; the place says where too."""
+    if whole(support).sides or whole(support).colour:
+        return found
+    for place in reading.places:
+        if place is not support and place.relation in BESIDE and place.relation != "between":
+            others = [i for i in named(whole(place), request.instances) if i not in found]
+            found = [one for one in found if any(stands_on(other, one) for other in others)] or found
+    return found
 
 
 def says_side(place: Place) -> bool:
@@ -248,6 +264,9 @@ def beside(target: Target, place: Place, request: IntentRequest) -> None:
     assert target.base is not None
     references: list[str] = []
     for noun in place.nouns:
+        if references and place.relation != "between" and not within_reach(noun, target.base, request):
+            target.not_understood.append(noun.text)
+            continue
         found = references_of(noun, target, request, several=place.relation == "between" and len(place.nouns) == 1)
         if not found:
             part = next((p for p in noun.parts if p in PART_REGIONS), "")
@@ -267,6 +286,11 @@ def beside(target: Target, place: Place, request: IntentRequest) -> None:
     target.words.append(place.text)
 
 
+def within_reach(noun: Noun, base: InstanceView, request: IntentRequest) -> bool:
+    """Whether a thing of that name is so near the base that one can be beside it there."""
+    return any(gap(i, base) < REACH for i in named(noun, request.instances)) or part_of(noun, base) != ""
+
+
 def references_of(noun: Noun, target: Target, request: IntentRequest, *, several: bool) -> list[str]:
     """Ids of the things, or `part:NAME`, that a relation speaks of; those nearest to the base."""
     assert target.base is not None
@@ -275,7 +299,8 @@ def references_of(noun: Noun, target: Target, request: IntentRequest, *, several
     near_ones = [i for i in found if gap(i, base) < 0.05]
     part = part_of(noun, base)
     if part and not near_ones:
-        return [f"part:{part}"]
+        side = next((side for side in noun.sides if side in PART_SIDES and side != part), "")
+        return [f"part:{part}/{side}" if side and not several else f"part:{part}"]
     if not found:
         return []
     if several:
