@@ -560,7 +560,7 @@ def test_neighbour_says_which_one_is_meant():
 
 @pytest.mark.parametrize(("words", "signs"), [("arm", (-1, 1)), ("right arm", (1,)), ("left arm", (-1,))])
 def test_near_a_part_of_two_pieces_is_near_one_of_them(words, signs):
-    """The arms of a sofa are one part; "next to the arm" is at one of its ends, not in the middle between them; the viewer's
+    """The arms of a sofa are one part; "next to the arm" is at one of its ends, not between them; the viewer's
     right is +x."""
     arms = Mesh.concatenate([block((x, -0.4, 0.0), (x + 0.2, 0.4, 0.6)) for x in (-1.1, 0.9)])
     parts = [("seat cushion", block((-0.9, -0.4, 0.2), (0.9, 0.4, 0.4))), ("arm", arms)]
