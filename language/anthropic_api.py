@@ -54,7 +54,7 @@ def connection() -> anthropic.Anthropic:
     try:
         return _connection(*_access())
     except anthropic.AnthropicError as error:
-        raise LanguageError(f"no access to Anthropic: {first_line(error)}; set ANTHROPIC_API_KEY") from None
+        raise no_access(error) from None
 
 
 def call_of(model: str, payload: Payload) -> dict[str, Any]:
@@ -87,7 +87,13 @@ def told_in_a_line(model: str) -> Iterator[None]:
     except anthropic.APIError as error:
         raise LanguageError(f"{model} cannot be reached: {type(error).__name__}: {first_line(error)}") from None
     except (TypeError, anthropic.AnthropicError) as error:
-        raise LanguageError(f"no access to Anthropic: {first_line(error)}; set ANTHROPIC_API_KEY") from None
+        raise no_access(error) from None
+
+
+def no_access(error: Exception) -> LanguageError:
+    """What is said where the SDK finds no key, or cannot use what it found."""
+    why = first_line(error) if any(_access()[:2]) else "there is no key"
+    return LanguageError(f"no access to Anthropic: {why}; set ANTHROPIC_API_KEY")
 
 
 def message_of(error: anthropic.APIStatusError) -> str:

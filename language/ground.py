@@ -22,6 +22,8 @@ COLOURS: dict[str, tuple[float, float, float]] = {
     "brown": (0.45, 0.3, 0.2), "pink": (0.9, 0.6, 0.7), "purple": (0.5, 0.25, 0.6),
 }  # fmt: skip
 """Typical sRGB values of colour words."""
+NO_KIND = frozenset({"", "furniture", "structure"})
+"""Parents that hold things together that nobody would take for each other."""
 STANDS_ON = 0.12
 """A thing stands on what has its top within this height of its bottom [m]; a mattress gives way that much."""
 
@@ -36,7 +38,10 @@ class Found:
 
 
 def named(noun: Noun, instances: Sequence[InstanceView]) -> tuple[InstanceView, ...]:
-    """Instances whose label is what the noun says: the same words, the same thing, or a kind of it."""
+    """Instances whose label is what the noun says: the same words or thing, a kind of it, or the kind that it is.
+
+    An ottoman may be labelled as a stool; a piano is not what is labelled as furniture.
+    """
     words = tuple(label_words(noun.name))
     exact = tuple(i for i in instances if words == tuple(label_words(i.label)))
     if exact:
@@ -44,14 +49,14 @@ def named(noun: Noun, instances: Sequence[InstanceView]) -> tuple[InstanceView, 
     if noun.thing:
         same = tuple(i for i in instances if label_thing(i) == noun.thing)
         kinds = tuple(i for i in instances if label_thing(i) and is_a(label_thing(i), noun.thing))
-        return same or kinds or tuple(i for i in instances if label_thing(i) == close_kin(noun.thing))
+        return same or kinds or tuple(i for i in instances if is_wider(i, noun))
     return tuple(i for i in instances if words and contains_words(label_words(i.label), words))
 
 
-def close_kin(thing_id: str) -> str:
-    """What a kind of a kind may be labelled: a desk lamp as a table lamp, but no armchair as a chair; else empty."""
-    parent = things()[thing_id].parent if thing_id in things() else ""
-    return parent if parent in things() and things()[parent].parent in things() else ""
+def is_wider(instance: InstanceView, noun: Noun) -> bool:
+    """Whether a label names the kind that the noun's thing is: a stool, where an ottoman is asked for."""
+    parent = things()[noun.thing].parent if noun.thing in things() else ""
+    return parent not in NO_KIND and label_thing(instance) == parent
 
 
 def contains_words(label: list[str], words: tuple[str, ...]) -> bool:

@@ -1,8 +1,7 @@
 """How questions are asked in this run: where replies are kept, what may be spent. Never decides what a reply says.
 
 A flow opens a session (`with speaking(...)`), stages run inside it, and a stage that runs in a process of its own
-gets it as JSON. Without one, replies are kept beside the other things that can be computed again, and nothing is
-counted.
+gets it as JSON. Without one, replies are kept in the data folder, and nothing is counted.
 """
 
 from collections.abc import Callable, Iterator
@@ -11,7 +10,7 @@ from contextvars import ContextVar
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from scene.settings import cache_root
+from scene.settings import replies_root
 
 
 @dataclass(frozen=True, slots=True)
@@ -19,7 +18,7 @@ class Session:
     """Everything about asking that is no part of a stage's configuration."""
 
     kept: str = ""
-    """Folder of raw replies that outlives the run; empty: `replies` in the cache."""
+    """Folder of raw replies that outlives the run; empty: `replies` of the data folder."""
     record: str = ""
     """Folder that gets a copy of every reply that is used."""
     replay: str = ""
@@ -38,7 +37,7 @@ class Session:
     @property
     def kept_folder(self) -> Path:
         """Folder of raw replies that outlives the run."""
-        return Path(self.kept) if self.kept else cache_root() / "replies"
+        return Path(self.kept) if self.kept else replies_root()
 
     def to_json(self) -> dict[str, object]:
         """Plain form for a process of its own."""

@@ -11,7 +11,7 @@ from rich.console import Console
 from rich.table import Table
 
 from geometry.raycast import Raycaster
-from perf import repair, segments, splats
+from perf import aims, repair, segments, splats
 from perf.drops import drop_rows, mls_speed
 from scene.mesh import Mesh
 from scene.settings import PROJECT_ROOT
@@ -104,6 +104,7 @@ def main() -> None:
     for line in repair.summaries(*repair.measured()):
         console.print(line)
     console.print(segments.table())
+    console.print(aims.table(aims.embedded()))
     found = splats.measured()
     console.print(
         f"{splats.ROOMS[0]}: {found.splats:,} splats to a mesh of {found.faces:,} faces in {found.seconds:.0f} s and "

@@ -25,6 +25,11 @@ def cache_root() -> Path:
     return data_root() / "cache"
 
 
+def replies_root() -> Path:
+    """Folder of raw replies of models: they cost money, so they are not in the cache."""
+    return data_root() / "replies"
+
+
 def runs_root() -> Path:
     """Folder with one sub-folder per benchmark run."""
     return data_root() / "runs"

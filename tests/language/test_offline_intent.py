@@ -174,3 +174,10 @@ def test_every_known_phrase_survives_tokenising():
 
     broken = [" ".join(words) for words in vocabulary() if len(tokens_of(" ".join(words))) != 1]
     assert broken == []
+
+
+def test_a_wider_label_is_taken_and_said(ask):
+    """An office chair may be labelled as a chair: it is taken, and a note says so."""
+    reply = OfflineClient().ask(INTENT, ask("put the book on the office chair"))
+    assert reply.base_id == "chair_0"
+    assert "the chair is taken for the office chair" in reply.notes

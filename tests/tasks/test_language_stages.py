@@ -518,7 +518,7 @@ HALL = hall()
 
 def test_rug_carries_where_the_floor_is_covered():
     """Under a table that stands on a rug no floor is bare: the ball goes on the rug; elsewhere on the floor."""
-    _, _, under = placed("put the ball under the table", thing("ball", ball(0.1)), HALL)
+    _, _, under = placed("put the ball on the floor under the table", thing("ball", ball(0.1)), HALL)
     _, _, bare = placed("put the ball on the floor next to the bench", thing("ball", ball(0.1)), HALL)
     assert (under.base_id, under.part) == ("rug", "body")
     assert "the rug lies on the floor" in under.reason
