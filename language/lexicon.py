@@ -234,8 +234,14 @@ def label_words(label: str) -> list[str]:
     return words[: words.index("with")] if "with" in words[1:] else words
 
 
+def is_for(thing_id: str, following: str) -> bool:
+    """Whether an unknown word after a food names what one treats it with: a cheese grinder is no cheese."""
+    known = (following,) in vocabulary()
+    return not known and re.fullmatch(r"[a-z]{3,}(er|or)s?", following) is not None and is_a(thing_id, "food")
+
+
 def thing_of(label: str) -> Thing | None:
-    """The thing that a label names: its longest known phrase, the last of equals."""
+    """The thing that a label names: its longest known phrase, the last of equals; None for a tool named after food."""
     words = label_words(label)
     best: tuple[int, int, str] | None = None
     for begin in range(len(words)):
@@ -243,4 +249,6 @@ def thing_of(label: str) -> Thing | None:
             for meaning in sorted(vocabulary().get(tuple(words[begin:end]), ())):
                 if meaning.kind == "thing" and (best is None or (end - begin, end) >= best[:2]):
                     best = (end - begin, end, meaning.value)
-    return things()[best[2]] if best else None
+    if best is None or any(is_for(best[2], word) for word in words[best[1] : best[1] + 1]):
+        return None
+    return things()[best[2]]

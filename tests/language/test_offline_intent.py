@@ -160,6 +160,8 @@ def test_leftover_words_are_reported(prompt, word, ask):
         ("put the toy on the bed", "koala low resolution", "plush toy"),
         ("put the book on the bed", "ball", "book"),
         ("put the frobnicator on the bed", "thing", "frobnicator"),
+        ("put the cheese mangler on the bed", "thing", "cheese mangler"),
+        ("put the cheese grater on the bed", "thing", "grater"),
     ],
 )
 def test_the_more_specific_name_gives_the_prior(prompt, label, name, ask):
