@@ -119,7 +119,7 @@ def placement_tree(finished: FinishedSample, values: Values, artifacts: Mapping[
         "reason": reason,
         "message": values.infeasible.message if values.infeasible else None,
         "prompt": finished.sample.prompt,
-        "base": {"id": intent.base_id, "label": intent.base_label} if intent else None,
+        "base": base_of(values),
         "part": anchor.part if anchor else None,
         "region": anchor.region if anchor else None,
         "region_missed": region_missed(support_point(settled, body), anchor.region_polygon)
@@ -144,6 +144,14 @@ def placement_tree(finished: FinishedSample, values: Values, artifacts: Mapping[
     plain = to_tree(tree, "", {})
     assert isinstance(plain, dict)
     return plain
+
+
+def base_of(values: Values) -> dict[str, str] | None:
+    """What carries the object: the anchor's instance, perhaps a rug on the floor asked for; else the asked one."""
+    intent, anchor = values.intent, values.anchor
+    if anchor and values.scene:
+        return {"id": anchor.base_id, "label": values.scene.instances[values.scene.index_of(anchor.base_id)].label}
+    return {"id": intent.base_id, "label": intent.base_label} if intent else None
 
 
 def mass_of(values: Values) -> float | None:

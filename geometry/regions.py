@@ -99,7 +99,7 @@ def regions(
     if "corner" in names:
         return [strip(frame, d, reach) for d in corner_directions(directions)]
     if "edge" in names:
-        return [strip(frame, d, reach) for d in edge_directions(frame, directions)]
+        return [strip(frame, d, reach) for d in edge_directions(frame, directions, references)]
     if directions:
         return [half_region(frame, names)]
     if "center" in names or "middle" in names:
@@ -141,10 +141,16 @@ def corner_directions(directions: Sequence[tuple[int, int]]) -> list[tuple[int, 
     return [c for c in corners if right in (0, c[0]) and front in (0, c[1])]
 
 
-def edge_directions(frame: Frame, directions: Sequence[tuple[int, int]]) -> list[tuple[int, int]]:
-    """The asked edge, or all four, the viewer's first, then the longer ones."""
+def edge_directions(
+    frame: Frame, directions: Sequence[tuple[int, int]], references: Sequence[OrientedBox] = ()
+) -> list[tuple[int, int]]:
+    """The asked edge, the one that looks at the references, or all four, the viewer's first, then the longer ones."""
     if directions:
         return [(sum(d[0] for d in directions), sum(d[1] for d in directions))]
+    if references:
+        away = np.mean([box.center[:2] for box in references], axis=0) - frame.center
+        sides = [(1, 0), (-1, 0), (0, 1), (0, -1)]
+        return [max(sides, key=lambda side: float(away @ (side[0] * frame.right + side[1] * frame.front)))]
     if frame.half[0] >= frame.half[1]:
         return [(0, 1), (1, 0), (-1, 0), (0, -1)]
     return [(1, 0), (-1, 0), (0, 1), (0, -1)]
@@ -188,6 +194,14 @@ def beside_region(
     if len(polygon) < 3:
         return None
     return Region(polygon, closest_inside(frame, target))
+
+
+def both(areas: Sequence[Region]) -> list[Region]:
+    """What all areas have in common, aimed at in its middle; nothing where they do not overlap."""
+    polygon = areas[0].polygon if areas else np.zeros((0, 2))
+    for area in areas[1:]:
+        polygon = clipped(polygon, area.polygon)
+    return [Region(polygon, polygon.mean(axis=0))] if len(areas) > 1 and len(polygon) >= 3 else []
 
 
 def closest_inside(frame: Frame, point: Array) -> Array:

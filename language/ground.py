@@ -163,6 +163,7 @@ def by_side(found: list[InstanceView], side: str, room_center: Sequence[float]) 
     if index is None:
         number = int(side.split()[0]) if side.split()[0].isdigit() else 1
         index = min(number, len(ordered)) - 1
+        index = -1 - index if side.endswith("from right") else index
     return ordered[index]
 
 

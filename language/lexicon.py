@@ -24,6 +24,8 @@ DEFAULTS = "lexicon/defaults.csv"
 Words = tuple[str, ...]
 Size = tuple[float, float, float]
 ESTIMATE = "estimate"
+WORD_OR_MARK = re.compile(r"(?<!\S)-\d+(?:\.\d+)?|\d+\.\d+|[^\W_]+|[,.;:!?]")
+"""Words and numbers, and the marks that separate clauses."""
 SOURCE = re.compile(r"size: (?P<size>\S+); mass: (?P<mass>\S+)|(?P<both>\S+)")
 """One word for both, or one for each."""
 
@@ -68,6 +70,8 @@ class PartWord:
     """Things that have it."""
     material: str
     """Usual material id."""
+    front: bool
+    """It is what looks at something when the whole does: a screen, an eye."""
 
 
 @dataclass(frozen=True, slots=True, order=True)
@@ -145,7 +149,10 @@ def sources_of(text: str) -> tuple[str, str]:
 def part_words() -> Mapping[str, PartWord]:
     """All kinds of parts by id."""
     return MappingProxyType(
-        {row["id"]: PartWord(row["id"], tuple(row["owners"].split("|")), row["material"]) for row in rows(PARTS)}
+        {
+            row["id"]: PartWord(row["id"], tuple(row["owners"].split("|")), row["material"], row["front"] == "1")
+            for row in rows(PARTS)
+        }
     )
 
 
@@ -184,8 +191,8 @@ def plural(word: str) -> str:
 
 def split_words(text: str) -> list[str]:
     """Lower-case words; marks that separate clauses come out as `,`."""
-    plain = unicodedata.normalize("NFKC", text).casefold()
-    return [w if w[0].isalnum() else "," for w in re.findall(r"[^\W_]+|[,.;:!?]", plain)]
+    plain = unicodedata.normalize("NFKC", text).casefold().replace("\N{DEGREE SIGN}", " degrees ")
+    return [w if w[-1].isalnum() else "," for w in WORD_OR_MARK.findall(plain)]
 
 
 @cache
@@ -227,8 +234,14 @@ def label_words(label: str) -> list[str]:
     return words[: words.index("with")] if "with" in words[1:] else words
 
 
+def is_for(thing_id: str, following: str) -> bool:
+    """Whether an unknown word after a food names what one treats it with: a cheese grinder is no cheese."""
+    known = (following,) in vocabulary()
+    return not known and re.fullmatch(r"[a-z]{3,}(er|or)s?", following) is not None and is_a(thing_id, "food")
+
+
 def thing_of(label: str) -> Thing | None:
-    """The thing that a label names: its longest known phrase, the last of equals."""
+    """The thing that a label names: its longest known phrase, the last of equals; None for a tool named after food."""
     words = label_words(label)
     best: tuple[int, int, str] | None = None
     for begin in range(len(words)):
@@ -236,4 +249,6 @@ def thing_of(label: str) -> Thing | None:
             for meaning in sorted(vocabulary().get(tuple(words[begin:end]), ())):
                 if meaning.kind == "thing" and (best is None or (end - begin, end) >= best[:2]):
                     best = (end - begin, end, meaning.value)
-    return things()[best[2]] if best else None
+    if best is None or any(is_for(best[2], word) for word in words[best[1] : best[1] + 1]):
+        return None
+    return things()[best[2]]

@@ -11,6 +11,7 @@ between a thing, a part and a region ("back" of a sofa, "pillow", "shelf"). Gram
 
 from dataclasses import dataclass, replace
 
+from language.lexicon import is_for
 from language.words import Cursor, Token
 
 MODIFIERS = ("det", "side", "colour", "quality", "number", "both")
@@ -42,6 +43,8 @@ class Noun:
     owner: "Noun | None" = None
     """The whole of "part of whole"."""
     plural: bool = False
+    toward: "Noun | None" = None
+    """What it looks at: "the edge facing the sofa"."""
     encloses: bool = False
     """One goes into it rather than onto it: a drawer, a basket."""
 
@@ -129,6 +132,8 @@ def noun_of(words: list[Token], text: str) -> Noun:
         name, colour = name_of(words), colour_of(words)
         return Noun(text, name, pronoun=pronoun, sides=sides, colour=colour, plural=several)
     head, before = words[index], words[:index]
+    if any(is_for(head.value("thing"), token.text) for token in words[index + 1 : index + 2]):
+        return Noun(text, name_of(words), colour=colour_of(before), plural=several)
     sides = tuple(t.value("side") for t in before if t.has("side") and not t.has("thing"))
     return Noun(
         text=text,

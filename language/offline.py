@@ -60,7 +60,8 @@ def intent(request: IntentRequest) -> IntentReply:
     base = thing_of(target.base.label) if target.base else None
     used = material_words_about(request.prompt, prior.name, base.id if base else "")
     unclear = tuple(word for word in (*target.not_understood, *unclear) if word not in used)
-    words = " ".join(w for w in (reading.pose_words, reading.facing.text if reading.facing else "") if w)
+    said = (reading.pose_words, reading.facing.text if reading.facing else "", reading.turn_words)
+    words = " ".join(word for word in said if word)
     return IntentReply.model_validate(
         {
             "base_id": target.base.id if target.base else "",
@@ -73,6 +74,7 @@ def intent(request: IntentRequest) -> IntentReply:
             "hollow": prior.hollow,
             "pose": reading.pose,
             "facing": facing,
+            "turn_deg": reading.turn,
             "orientation_words": words,
             "part": target.part,
             "which": target.which,
@@ -91,7 +93,7 @@ def rotation(request: RotationRequest) -> RotationReply:
     pose, reason = chosen_pose(request, thing)
     facings = {facing.id for facing in request.facings}
     facing = request.facing if request.facing in facings else "aligned"
-    return RotationReply(pose_id=pose.id, facing_id=facing, reason=reason)
+    return RotationReply(pose_id=pose.id, facing_id=facing, turn_deg=request.turn_deg, reason=reason)
 
 
 def anchor(request: AnchorRequest) -> AnchorReply:

@@ -51,7 +51,7 @@ def one_of_a_whole(request: AnchorRequest, part: PartView) -> bool:
 
 def which_of(alike: list[PartView], which: str, request: AnchorRequest) -> PartView:
     """The left, right, top, bottom, middle or n-th of parts with the same name; else the one that carries best."""
-    word, counted = which.split()[0] if which else "", which.endswith("from top")
+    word, counted = which.split()[0] if which else "", which.split()[-1] if which else ""
     along = sorted(alike, key=lambda p: (round(float(np.dot(p.center, request.right)), 3), p.index))
     upward = sorted(alike, key=lambda p: (round(p.center[2], 3), p.index))
     if word in ("left", "right"):
@@ -65,7 +65,8 @@ def which_of(alike: list[PartView], which: str, request: AnchorRequest) -> PartV
         stacked = np.ptp([p.center[2] for p in alike]) > 0.1
         return (upward if stacked else along)[len(alike) // 2]
     if word.isdigit():
-        order = upward[::-1] if counted else upward
+        order = along if counted in ("left", "right") else upward
+        order = order[::-1] if counted in ("top", "right") else order
         return order[min(int(word), len(order)) - 1]
     if word == "last":
         return upward[0]

@@ -21,6 +21,8 @@ RIGHTING = 0.5
 """So much more must the shape speak for another side for a file that could stand to be lying or overturned [-]."""
 CONTAINERS = frozenset({"mug", "cup", "glass", "bowl", "basket", "bucket", "pot", "vase", "jar", "hat"})
 """Things whose opening is their face."""
+HANDS = {"on_left_side": 1.0, "on_right_side": -1.0}
+"""Which side is down, as a factor of the axis that points to the thing's own left."""
 Miss = Callable[[PoseView], float]
 """How far a pose is from what is asked [degrees]."""
 
@@ -39,11 +41,13 @@ def chosen_pose(request: RotationRequest, thing: Thing | None) -> tuple[PoseView
         return turned_over(request, default), f"{name}: upside down"
     if wanted in ("on_back", "on_front"):
         return by_front(request, default, wanted), f"{name}: on its {wanted.removeprefix('on_')}"
+    if wanted in HANDS:
+        return on_hand(request, default, wanted), f"{name}: {wanted.replace('on_', 'on its ').replace('_', ' ')}"
     return on_side(request, default, wanted), f"{name}: on its side"
 
 
 def meant(request: RotationRequest, thing: Thing | None, default: PoseView) -> str:
-    """What the words come to for such a thing: any, standing, upside_down, on_back, on_front, on_side or lying."""
+    """What the words come to for such a thing: a pose among those of the reply apart from upright."""
     wanted, rest = request.pose, thing.rest if thing else "upright"
     if wanted in ("any", "") or (wanted == "upright" and rest == "upright"):
         return "any"
@@ -136,8 +140,8 @@ def closest(poses: list[PoseView], miss: Miss) -> PoseView:
 
 
 def standing(request: RotationRequest, default: PoseView, rest: str) -> PoseView:
-    """On end: the default of upright things, else the tallest pose, stable if possible, turned little."""
-    if rest == "upright":
+    """On end: the default of upright things that are high, else the tallest pose, stable if possible, turned little."""
+    if rest == "upright" and not is_low(default, LOW):
         return default
     # a file that is tilted is high for that reason alone
     stable = [pose for pose in request.poses if pose.probability > 0]
@@ -162,6 +166,13 @@ def by_front(request: RotationRequest, default: PoseView, wanted: str) -> PoseVi
     """The front up (on its back) or down."""
     sign = 1.0 if wanted == "on_back" else -1.0
     return closest(kin(request, default), lambda pose: 90.0 - tilt_deg(sign * pose.front[2]))
+
+
+def on_hand(request: RotationRequest, default: PoseView, wanted: str) -> PoseView:
+    """On its own left or right side, as its front has them."""
+    left = np.array(default.rotation).T @ np.cross((0.0, 0.0, 1.0), default.front)
+    sign = HANDS[wanted]
+    return closest(kin(request, default), lambda pose: 90.0 + tilt_deg(sign * (np.array(pose.rotation) @ left)[2]))
 
 
 def on_side(request: RotationRequest, default: PoseView, wanted: str) -> PoseView:

@@ -10,6 +10,7 @@ from typing import Literal
 from pydantic import BaseModel, Field, PositiveFloat
 
 from language.requests import (
+    PART_SIDES,
     AnchorRequest,
     IntentRequest,
     LabelRequest,
@@ -18,7 +19,10 @@ from language.requests import (
     RotationRequest,
 )
 
-Pose = Literal["upright", "upside_down", "on_side", "lying", "standing", "on_back", "on_front", "any"]
+Pose = Literal[
+    "upright", "upside_down", "on_side", "on_left_side", "on_right_side", "lying", "standing", "on_back", "on_front",
+    "any",
+]  # fmt: skip
 Region = Literal[
     "center", "left", "right", "front", "back", "head", "foot", "edge", "corner", "near", "next_to", "between",
     "middle", "under", "any",
@@ -46,11 +50,20 @@ class IntentReply(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False):
     spread: float = Field(default=1.4, ge=1.0, le=5.0, description="factor by which real ones are larger or smaller")
     mass: float = Field(gt=0, le=5000, description="realistic mass of the object [kg]")
     hollow: bool = Field(default=False, description="mass is not density times the volume of its closed mesh")
-    pose: Pose = Field(default="any", description="orientation that the prompt asks for")
+    pose: Pose = Field(
+        default="any", description="orientation that the prompt asks for; upright: right way up, standing: on end"
+    )
     facing: str = Field(
         default="",
         description="listed instance id, part:NAME, wall, door, viewer, room or a side; away: before it for the "
         "opposite; empty if nothing is said",
+    )
+    turn_deg: float = Field(
+        default=0.0,
+        ge=-360,
+        le=360,
+        description="turn about the vertical that the prompt asks for, beyond the facing or the usual alignment, "
+        "counterclockwise seen from above [degrees]; diagonally: 45; 0 if nothing is said",
     )
     orientation_words: str = ""
     part: str = Field(default="", description="name of a listed part of the base, empty if none is asked for")
@@ -60,7 +73,11 @@ class IntentReply(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False):
         "below",
     )
     regions: tuple[Region, ...] = ()
-    references: tuple[str, ...] = Field(default=(), description="listed instance ids or part:NAME of the base")
+    references: tuple[str, ...] = Field(
+        default=(),
+        description="listed instance ids, or part:NAME of the base; of several, part:NAME/left, right, front, back, "
+        "top or bottom",
+    )
     region_words: str = ""
     not_understood: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
@@ -84,7 +101,8 @@ class IntentReply(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False):
             raise ValueError(f"part {self.part!r} is not one of {', '.join(sorted(parts))}")
         targets = {*by_id, *(f"part:{name}" for name in parts)}
         for reference in self.references:
-            if reference not in targets:
+            name, _, side = reference.partition("/") if reference.startswith("part:") else (reference, "", "")
+            if name not in targets or side not in ("", *PART_SIDES):
                 raise ValueError(f"reference {reference!r} is neither a listed instance nor a part of {self.base_id}")
         facing = self.facing.removeprefix("away:")
         if facing and facing not in targets and facing not in SPECIAL_FACINGS:
@@ -96,7 +114,12 @@ class RotationReply(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False)
 
     pose_id: str = Field(description="id of a listed pose")
     facing_id: str = Field(default="aligned", description="id of a listed facing")
-    turn_deg: float = Field(default=0.0, ge=-360, le=360, description="further turn about the vertical [degrees]")
+    turn_deg: float = Field(
+        default=0.0,
+        ge=-360,
+        le=360,
+        description="further turn about the vertical, counterclockwise seen from above [degrees]",
+    )
     quaternion: tuple[float, float, float, float] | None = Field(
         default=None, description="w, x, y, z from the mesh frame to the world; replaces all of the above if given"
     )

@@ -14,6 +14,8 @@ from numpy.typing import NDArray
 from scene.materials import Material
 
 Vector = tuple[float, float, float]
+PART_SIDES = ("left", "right", "front", "back", "top", "bottom")
+"""Which of several parts of one name a reference `part:NAME/SIDE` means."""
 PictureMaker = Callable[[], NDArray[np.uint8]]
 """Makes an RGB picture, shape (h, w, 3); called only by clients that look."""
 
@@ -128,6 +130,8 @@ class RotationRequest:
     """Whether it would stand on a plane as it is in its file."""
     righting: float = 0.0
     """How much more the shape speaks for `righted` than for `upright`: from 0.5 clearly; 0 where it is not listed."""
+    turn_deg: float = 0.0
+    """Turn about the vertical that the prompt asks for, counterclockwise seen from above [degrees]."""
 
 
 @dataclass(frozen=True, slots=True)

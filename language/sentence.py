@@ -5,8 +5,9 @@ lexicon); each line is a method of `Reader`, nouns are read in `nouns`:
 
     sentence = { clause }
     clause   = { element } [ VERB { element } ]
-    element  = place | facing | POSE | RESTRICT | noun | FILLER
-    place    = RELATION [ noun [ "and" noun ] ]                        two nouns after "between"
+    element  = turn | place | facing | POSE | RESTRICT | noun | FILLER
+    turn                                                               see `turns`
+    place    = RELATION [ noun [ "and" noun ] ]                        two nouns after "between", or beside both
     facing   = [ noun ] FACE noun                                      "its screen facing the window"
 
 The first noun of a clause is what is moved. In "pick A near B and place it on C" only the last clause says where; in
@@ -16,11 +17,15 @@ no rule kept is the reading's `not_understood`. A sentence that is no placement 
 
 from dataclasses import dataclass, field, replace
 
+from language.lexicon import is_a, part_words
 from language.nouns import Noun, at_noun, noun_phrase, starts
+from language.turns import Turn, is_to, turn_length, turn_of
 from language.words import Cursor, Token, tokens_of
 from scene.errors import LanguageError
 
 SUPPORT = frozenset({"on", "in"})
+NEIGHBOURING = frozenset({"near", "next_to"})
+"""Relations that one can have to two things at once."""
 EXAMPLE = "say what to put where, for example: put the ball on the bed"
 
 
@@ -56,8 +61,11 @@ class Reading:
     """What is moved; None if only "it" or nothing was said."""
     places: tuple[Place, ...]
     pose: str
-    """upright, standing, upside_down, on_side, lying, on_back, on_front or any."""
+    """upright, standing, upside_down, on_side, on_left_side, on_right_side, lying, on_back, on_front or any."""
     pose_words: str
+    turn: float
+    """About the vertical, counterclockwise seen from above [degrees]."""
+    turn_words: str
     facing: Facing | None
     aside: tuple[str, ...]
     """Phrases that are understood and do not say where to put it: where it is picked up, its name once more."""
@@ -76,11 +84,15 @@ class Clause:
     verb_pose: str = ""
     poses: list[Token] = field(default_factory=list)
     facing: Facing | None = None
+    turning: bool = False
+    """Its verb is "turn": an angle after it is how far."""
+    turns: list[Turn] = field(default_factory=list)
 
     def texts(self) -> list[str]:
-        """What it says of places, poses and facings."""
+        """What it says of places, poses, turns and facings."""
+        turns = [turn.text for turn in self.turns]
         facing = [self.facing.text] if self.facing is not None else []
-        return [*(place.text for place in self.places), *(token.text for token in self.poses), *facing]
+        return [*(place.text for place in self.places), *(token.text for token in self.poses), *turns, *facing]
 
     @property
     def says_where(self) -> bool:
@@ -115,6 +127,8 @@ class Reader:
         """What "it" is, after "open the drawer"."""
         self.restrict = False
         """The next place says which one is meant."""
+        self.last_place_ends = -1
+        """Index of the token after the last place."""
 
     def sentence(self) -> list[Clause]:
         """{ clause }."""
@@ -151,15 +165,19 @@ class Reader:
             clause.kind = clause.kind or "place"
         elif kind in ("place", "pick", "other"):
             clause.kind = kind
+        elif kind == "turning":
+            clause.kind, clause.turning = "place", True
         else:
             clause.kind, clause.verb_pose = "place", kind
 
     def element(self, clause: Clause) -> None:
-        """place | facing | POSE | RESTRICT | noun | FILLER."""
+        """turn | place | facing | POSE | RESTRICT | noun | FILLER."""
         here = self.cursor.here
         if clause.kind == "other":
             self.topic()
-        elif here("pose"):
+        elif length := turn_length(self.cursor, said=clause.turning):
+            self.turn(clause, length)
+        elif here("pose") and not here("relation"):
             clause.poses.append(self.use())
         elif here("face"):
             self.facing(clause, self.cursor.index)
@@ -180,31 +198,63 @@ class Reader:
         else:
             self.cursor.take()
 
+    def turn(self, clause: Clause, length: int) -> None:
+        """That many tokens are a turn; what its angle is measured from ("to the edge") is no place."""
+        begin = self.cursor.index
+        turn = turn_of(self.cursor, length)
+        self.keep(begin)
+        if turn is not None:
+            clause.turns.append(turn)
+        if is_to(self.cursor):
+            self.cursor.take()
+            if at_noun(self.cursor):
+                noun_phrase(self.cursor)
+
     def place(self, clause: Clause) -> None:
         """RELATION [ noun [ "and" noun ] ]; "put it inside" means what was spoken of before."""
         begin = self.cursor.index
         attached = not self.cursor.here("pause", ahead=-1)
-        relation = self.cursor.take().value("relation")
+        token = self.cursor.take()
+        relation = token.value("relation")
         nouns = [noun_phrase(self.cursor)] if at_noun(self.cursor) else []
-        if relation == "between" and nouns and self.cursor.here("conj") and at_noun(self.cursor, 1):
-            self.cursor.take()
-            nouns.append(noun_phrase(self.cursor))
+        if nouns and self.cursor.here("conj") and at_noun(self.cursor, 1):
+            nouns += self.second(relation)
         if not nouns and relation in SUPPORT and self.last_noun is not None:
             nouns = [self.last_noun]
         if not nouns or (relation == "source" and nouns[0].region):  # "5 cm from the edge"
             return
         self.keep(begin)
+        clause.poses += [token] if token.has("pose") else []  # "leaning against the wall"
         nouns = [self.referred(noun, relation) for noun in nouns]
         self.last_noun = nouns[0]
         clause.places.append(Place(relation, tuple(nouns), self.restrict, self.cursor.text(begin), attached))
         self.restrict = False
+        self.last_place_ends = self.cursor.index
+
+    def second(self, relation: str) -> list[Noun]:
+        """The noun after "and": of "between", or of "next to A and B" where the sentence ends or pauses with it."""
+        back = self.cursor.index
+        self.cursor.take()
+        noun = noun_phrase(self.cursor)
+        ends = self.cursor.at_end or self.cursor.here("pause")
+        if relation == "between" or (relation in NEIGHBOURING and ends and noun.thing and not noun.region):
+            return [noun]
+        self.cursor.index = back
+        return []
 
     def facing(self, clause: Clause, begin: int) -> None:
-        """[ noun ] FACE noun, from the first of them on."""
-        mode = self.cursor.take().value("face")
-        if at_noun(self.cursor) and clause.facing is None:
-            clause.facing = Facing(mode, noun_phrase(self.cursor), self.cursor.text(begin))
-            self.keep(begin)
+        """[ noun ] FACE noun, from the first of them on; after an edge it says which edge."""
+        mode = self.cursor.take().value("face") or "toward"
+        if not at_noun(self.cursor) or clause.facing is not None:
+            return
+        edge = clause.places[-1] if clause.places and self.last_place_ends == begin else None
+        noun = noun_phrase(self.cursor)
+        self.keep(begin)
+        if edge is not None and edge.nouns[0].region == "edge" and mode == "toward":
+            text = f"{edge.text} {self.cursor.text(begin)}"
+            clause.places[-1] = replace(edge, nouns=(replace(edge.nouns[0], toward=noun),), text=text)
+        else:
+            clause.facing = Facing(mode, noun, self.cursor.text(begin))
 
     def noun(self, clause: Clause) -> None:
         """A noun without a relation: what is moved, a region, or "the one" that explains the noun before."""
@@ -219,15 +269,22 @@ class Reader:
             clause.places.append(Place("at", (noun,), False, noun.text))
         elif clause.theme is None and not clause.places:
             self.theme(clause, noun)
-        elif clause.theme is not None and clause.places and self.cursor.here("relation") and noun.thing:
-            clause.theme = several(clause.theme, noun)  # "... and a mug on the desk"
-        elif noun.parts and self.cursor.here("face"):
+        elif self.is_front(noun, clause.theme):
             self.facing(clause, begin)
             return
+        elif clause.theme is not None and clause.places and self.cursor.here("relation") and noun.thing:
+            clause.theme = several(clause.theme, noun)  # "... and a mug on the desk"
         elif noun.pronoun != "it":
             return
         if noun.pronoun != "it" or not (noun.colour or noun.owner):  # "it red" says nothing that is used
             self.keep(begin)
+
+    def is_front(self, noun: Noun, theme: Noun | None) -> bool:
+        """Whether it is the side of what is moved that looks at something: "its screen towards the window"."""
+        parts = [part_words()[part] for part in noun.parts if part_words()[part].front]
+        whole = theme.thing if theme is not None else ""
+        own = not whole or any(is_a(whole, owner) for part in parts for owner in part.owners)
+        return bool(parts) and own and self.cursor.here("face", "toward")
 
     def theme(self, clause: Clause, noun: Noun) -> None:
         """What is moved; "the mug dead centre" is a mug and a region, "the mug and the book" are two things."""
@@ -328,6 +385,7 @@ def reading_of(clauses: list[Clause], lost: tuple[str, ...]) -> Reading:
     implied = next((clause.verb_pose for clause in reversed(placing) if clause.verb_pose), "")
     places = [place for clause in placing for place in clause.places]
     facings = [clause.facing for clause in placing if clause.facing is not None]
+    turns = [turn for clause in placing for turn in clause.turns]
     elsewhere = [text for clause in clauses if not clause.says_where for text in clause.texts()]
     sources = [place.text for place in places if place.relation == "source"]
     return Reading(
@@ -335,7 +393,9 @@ def reading_of(clauses: list[Clause], lost: tuple[str, ...]) -> Reading:
         places=tuple(place for place in places if place.relation != "source"),
         pose=poses[-1].value("pose") if poses else implied or "any",
         pose_words=" ".join(token.text for token in poses) or implied,
+        turn=turns[-1].degrees if turns else 0.0,
+        turn_words=turns[-1].text if turns else "",
         facing=facings[-1] if facings else None,
         aside=(*elsewhere, *sources, *(theme.text for theme in moved[1:])),
-        not_understood=(*lost, *(facing.text for facing in facings[:-1])),
+        not_understood=(*lost, *(facing.text for facing in facings[:-1]), *(turn.text for turn in turns[:-1])),
     )

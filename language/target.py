@@ -25,12 +25,14 @@ from language.ground import (
 from language.lexicon import inside_parts, label_words, lineage
 from language.nouns import Noun
 from language.placing import BESIDE, PLACEABLE, bare_region, names_support, placing_of, whole
-from language.requests import InstanceView, IntentRequest
+from language.requests import PART_SIDES, InstanceView, IntentRequest
 from language.sentence import SUPPORT, Place, Reading
 
 SIDE_REGIONS = {"left": "left", "right": "right", "front": "front", "back": "back", "head": "head", "foot": "foot",
-                "top": "back", "bottom": "front", "middle": "middle"}  # fmt: skip
+                "top": "back", "bottom": "front", "nearest": "front", "middle": "middle"}  # fmt: skip
 """Sides as regions of a horizontal surface, seen like a page: the top is far away."""
+REACH = 0.5
+"""Beside a second thing farther from the support than this nothing can be put [m]."""
 PART_REGIONS = {"headboard": "head", "footboard": "foot", "back": "back"}
 """Where a part would be that the segmentation did not find."""
 
@@ -101,7 +103,8 @@ def ground_support(target: Target, support: Place, reading: Reading, request: In
         target.notes.append(f"the scene has {inventory(request.instances)}")
         return
     target.used = narrowing(reading, support, found, request)
-    chosen = choose(found, noun, target.used, request.instances, request.room_center)
+    able = carrying(reading, support, found, request)
+    chosen = choose(able, noun, target.used, request.instances, request.room_center)
     target.base = chosen.instances[0]
     if chosen.note:
         target.notes.append(f"{noun.text}: {chosen.note}")
@@ -130,6 +133,19 @@ def narrowing(reading: Reading, support: Place, found: Sequence[InstanceView], r
     chosen = [p for p in reading.places[index + 1 : index + 2] if says_side(p) and not whole(support).sides]
     later = [p for p in reading.places if p is not support and p not in chosen]
     return chosen + [p for p in later if p.restrict or says_which(p, found, request)]
+
+
+def carrying(
+    reading: Reading, support: Place, found: Sequence[InstanceView], request: IntentRequest
+) -> Sequence[InstanceView]:
+    """Of several, those that carry what a place is beside, "the table next to the lamp"; the place says where too."""
+    if whole(support).sides or whole(support).colour:
+        return found
+    for place in reading.places:
+        if place is not support and place.relation in BESIDE and place.relation != "between":
+            others = [i for i in named(whole(place), request.instances) if i not in found]
+            found = [one for one in found if any(stands_on(other, one) for other in others)] or found
+    return found
 
 
 def says_side(place: Place) -> bool:
@@ -188,7 +204,7 @@ def ground_own_region(target: Target, support: Place, request: IntentRequest) ->
     if part and support.relation in SUPPORT:
         set_part(target, noun)
     elif noun.region or noun.sides:
-        region_words(target, noun)
+        region_words(target, noun, request)
     elif part:
         set_part(target, noun)
     part_of_whole = noun.owner.owner is not None or not named(noun.owner, request.instances)
@@ -196,13 +212,17 @@ def ground_own_region(target: Target, support: Place, request: IntentRequest) ->
         set_part(target, noun.owner)
 
 
-def region_words(target: Target, noun: Noun) -> None:
-    """Sides and region of a noun as region names."""
+def region_words(target: Target, noun: Noun, request: IntentRequest) -> None:
+    """Sides and region of a noun as region names; of an edge, what it looks at as reference."""
     names = [SIDE_REGIONS[side] for side in noun.sides if side in SIDE_REGIONS]
     if noun.region and noun.region != "side":
         names.append(noun.region)
     target.add_regions(names)
     (target.words if names else target.not_understood).append(noun.text)
+    if noun.toward is not None:
+        seen = references_of(noun.toward, target, request, several=False)
+        target.add_references(seen)
+        (target.words if seen else target.not_understood).append(noun.toward.text)
 
 
 def ground_further(target: Target, place: Place, request: IntentRequest) -> None:
@@ -217,7 +237,7 @@ def ground_further(target: Target, place: Place, request: IntentRequest) -> None
     elif (noun.region or noun.is_region) and (
         noun.owner is None or noun.region in ("edge", "corner", "center", "middle")
     ):
-        region_words(target, noun)
+        region_words(target, noun, request)
     else:
         beside(target, place, request)
 
@@ -237,7 +257,7 @@ def ground_on_again(target: Target, place: Place, request: IntentRequest) -> Non
                 target, Place(f"{(noun.sides or ('near',))[0]}_of", (noun.owner or noun,), False, place.text), request
             )
         else:
-            region_words(target, noun)
+            region_words(target, noun, request)
     elif noun.pronoun != "it" and target.base not in named(noun, request.instances):  # a second support
         target.not_understood.append(place.text)
 
@@ -247,6 +267,9 @@ def beside(target: Target, place: Place, request: IntentRequest) -> None:
     assert target.base is not None
     references: list[str] = []
     for noun in place.nouns:
+        if references and place.relation != "between" and not within_reach(noun, target.base, request):
+            target.not_understood.append(noun.text)
+            continue
         found = references_of(noun, target, request, several=place.relation == "between" and len(place.nouns) == 1)
         if not found:
             part = next((p for p in noun.parts if p in PART_REGIONS), "")
@@ -266,6 +289,11 @@ def beside(target: Target, place: Place, request: IntentRequest) -> None:
     target.words.append(place.text)
 
 
+def within_reach(noun: Noun, base: InstanceView, request: IntentRequest) -> bool:
+    """Whether a thing of that name is so near the base that one can be beside it there."""
+    return any(gap(i, base) < REACH for i in named(noun, request.instances)) or part_of(noun, base) != ""
+
+
 def references_of(noun: Noun, target: Target, request: IntentRequest, *, several: bool) -> list[str]:
     """Ids of the things, or `part:NAME`, that a relation speaks of; those nearest to the base."""
     assert target.base is not None
@@ -274,7 +302,8 @@ def references_of(noun: Noun, target: Target, request: IntentRequest, *, several
     near_ones = [i for i in found if gap(i, base) < 0.05]
     part = part_of(noun, base)
     if part and not near_ones:
-        return [f"part:{part}"]
+        side = next((side for side in noun.sides if side in PART_SIDES and side != part), "")
+        return [f"part:{part}/{side}" if side and not several else f"part:{part}"]
     if not found:
         return []
     if several:

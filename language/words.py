@@ -1,15 +1,18 @@
 """A prompt cut into tokens: known phrases with everything they may mean, and unknown words.
 
-In: text. Out: tokens in order; the longest known phrase at each place wins. Nothing is lost: every word is in some
-token.
+In: text. Out: tokens in order; the longest known phrase at each place wins, and a number with its unit is one token.
+Nothing is lost: every word is in some token.
 """
 
+import re
 from dataclasses import dataclass
 
 from language.lexicon import Meaning, longest_phrase, split_words, vocabulary
 
 UNKNOWN = frozenset({Meaning("unknown", "")})
 PAUSE = frozenset({Meaning("pause", "")})
+HUNDRED = 100.0
+"""The number word that multiplies what stands before it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,8 +84,38 @@ def longest_at(words: list[str], begin: int) -> tuple[Token, int]:
     """The longest known phrase that starts here, and its length in words."""
     if words[begin] == ",":
         return Token(",", PAUSE), 1
+    if length := angle_length(words, begin):
+        degrees = f"{number(words[begin : begin + length - 1]):g}"
+        return Token(" ".join(words[begin : begin + length]), frozenset({Meaning("angle", degrees)})), length
     for length in range(min(longest_phrase(), len(words) - begin), 0, -1):
         phrase = tuple(words[begin : begin + length])
         if phrase in vocabulary():
             return Token(" ".join(phrase), vocabulary()[phrase]), length
     return Token(words[begin], UNKNOWN), 1
+
+
+def angle_length(words: list[str], begin: int) -> int:
+    """How many words from there on are an angle, "forty five degrees" or "-30 deg"; 0 if none is."""
+    end = begin
+    while end < len(words) and (is_digits(words[end]) or of_kind(words[end], "numeral")):
+        end += 1
+    return end + 1 - begin if end > begin and end < len(words) and of_kind(words[end], "unit") else 0
+
+
+def number(words: list[str]) -> float:
+    """What digits or number words amount to: "forty five" is 45, "two hundred seventy" 270."""
+    total = 0.0
+    for word in words:
+        value = float(word) if is_digits(word) else float(of_kind(word, "numeral"))
+        total = total * value if value == HUNDRED and total > 0 else total + value
+    return total
+
+
+def is_digits(word: str) -> bool:
+    """Whether a word is a number in digits."""
+    return re.fullmatch(r"-?\d+(\.\d+)?", word) is not None
+
+
+def of_kind(word: str, kind: str) -> str:
+    """What one word means as that kind; empty if it is none."""
+    return next((m.value for m in vocabulary().get((word,), ()) if m.kind == kind), "")

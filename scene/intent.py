@@ -11,11 +11,14 @@ class OrientationRequest:
     """What the prompt says about orientation."""
 
     pose: str
-    """upright | upside_down | on_side | lying | standing | any (nothing said)."""
+    """upright (right way up) | standing (on end) | upside_down | on_side | on_left_side | on_right_side | lying |
+    on_back | on_front | any (nothing said)."""
     facing: str
     """Id of an instance or 'part:NAME' or 'wall' | 'door' | 'viewer' to face; empty: nothing said."""
     words: str
     """The words it was read from."""
+    turn_deg: float = 0.0
+    """Turn about the vertical beyond the facing or the usual alignment, counterclockwise seen from above [degrees]."""
 
 
 @dataclass(frozen=True, slots=True)

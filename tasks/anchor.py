@@ -17,7 +17,7 @@ from geometry.clearance import Clearance
 from geometry.landing import SHARES, Landing
 from geometry.poses import center_of_mass
 from geometry.raycast import Raycaster
-from geometry.regions import Frame, Region, regions
+from geometry.regions import Frame, Region, both, regions
 from geometry.set_down import Start, set_down
 from language.questions import ANCHOR
 from language.replies import AnchorReply
@@ -143,7 +143,11 @@ def areas_of(
     # "near the pillow" with two pillows: the nearer one first; "between" takes all of them together
     groups = [[box] for box in boxes] if boxes and "between" not in reply.regions else [boxes]
     view = reference_frame(scene, base, reply.references) or frame
-    return [area for group in groups for area in regions(frame, reply.regions, group, reach_of(mesh, frame), view)]
+    one_by_one = [regions(frame, reply.regions, group, reach_of(mesh, frame), view) for group in groups]
+    areas = [area for found in one_by_one for area in found]
+    if len(reply.references) > 1 and "between" not in reply.regions:
+        areas[:0] = both(areas)  # "next to the lamp and the book": where the two meet, if they do
+    return areas
 
 
 def boxes_of_reply(scene: Segmentation, base: Instance, reply: AnchorReply, index: int) -> list[OrientedBox]:

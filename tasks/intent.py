@@ -63,7 +63,7 @@ def intent(
         mass=weight,
         hollow=reply.hollow,
         scale=fit.scale,
-        orientation=OrientationRequest(reply.pose, reply.facing, reply.orientation_words),
+        orientation=OrientationRequest(reply.pose, reply.facing, reply.orientation_words, reply.turn_deg),
         region=RegionRequest(reply.part, reply.regions, reply.references, reply.region_words, reply.which),
         not_understood=reply.not_understood,
         notes=(*reply.notes, fit.note, mass_note),

@@ -75,6 +75,7 @@ def rotation(
         has_front=front_of(turned(mesh, own), front_side(intent.object_name))[1],
         stands=stands_as_read(mesh),
         righting=righting,
+        turn_deg=intent.orientation.turn_deg,
         pictures=tuple(partial(np.copy, one) for one in pictures),
     )
     reply = client(config.language).ask(ROTATION, request)

@@ -15,6 +15,7 @@ from tasks.views import part_views, room_center
 
 Array = NDArray[np.float64]
 PART = "part:"
+UP = np.array([0.0, 0.0, 1.0])
 WIDE = 1.2
 """Things longer than this are faced at their nearest point, smaller ones at their middle [m]: walls, sofas."""
 LARGE = 0.2
@@ -29,9 +30,18 @@ def part_frame(scene: Segmentation, base: Instance, box: OrientedBox) -> Frame:
 def boxes_of(scene: Segmentation, base: Instance, reference: str) -> list[OrientedBox]:
     """Boxes of a referenced instance, or of all pieces of the parts of that name of the base."""
     if reference.startswith(PART):
-        named = [number for number, part in enumerate(base.parts) if part.name == reference.removeprefix(PART)]
-        return [box for number in named for box in piece_boxes(scene, base, number)]
+        name, _, side = reference.removeprefix(PART).partition("/")
+        named = [number for number, part in enumerate(base.parts) if part.name == name]
+        boxes = [box for number in named for box in piece_boxes(scene, base, number)]
+        return boxes if not side else outermost_box(boxes, side, part_frame(scene, base, base.box))
     return [scene.instances[scene.index_of(reference)].box]
+
+
+def outermost_box(boxes: list[OrientedBox], side: str, frame: Frame) -> list[OrientedBox]:
+    """The left one, the front one, the upper one, as the viewer of the frame sees them."""
+    right, front = np.append(frame.right, 0.0), np.append(frame.front, 0.0)
+    ways = {"left": -right, "right": right, "front": front, "back": -front, "top": UP, "bottom": -UP}
+    return [max(boxes, key=lambda box: float(box.center @ ways[side]))] if boxes else []
 
 
 def piece_boxes(scene: Segmentation, base: Instance, index: int) -> list[OrientedBox]:

@@ -9,6 +9,7 @@ from geometry.poses import about_z
 from geometry.regions import (
     SIDES,
     VIEWER,
+    both,
     clipped,
     convex_hull,
     counter_clockwise,
@@ -49,6 +50,25 @@ def test_sides_are_those_of_a_viewer_before_the_front(names, sign):
     frame = frame_of(box(0, 0, 2.0, 1.0), FRONT, MIDDLE)
     target = regions(frame, names, [], np.full(2, 0.1))[0].target
     assert [int(np.sign(round(float(t), 9))) for t in target] == list(sign)
+
+
+@pytest.mark.parametrize("away", [(3.0, 0.2), (-3.0, -0.2), (0.2, 3.0), (-0.2, -3.0)])
+def test_edge_that_looks_at_a_thing_is_the_one_on_its_side(away):
+    """One edge remains, on the side on which the thing stands, however far off it is."""
+    areas = regions(frame_of(box(0, 0, 2.0, 1.0), FRONT, MIDDLE), ("edge",), [box(*away, 0.5, 0.5)], np.full(2, 0.1))
+    assert len(areas) == 1
+    assert [int(s) for s in np.sign(areas[0].target.round(9))] == [int(np.trunc(c / 3.0)) for c in away]
+
+
+def test_beside_both_is_where_the_areas_meet():
+    """Two areas that overlap have one in common, which lies in both; two apart have none."""
+    frame = frame_of(box(0, 0, 2.0, 1.0), FRONT, MIDDLE)
+    areas = [regions(frame, ("near",), [box(x, 0.0, 0.2, 0.2)], np.full(2, 0.05))[0] for x in (-0.3, 0.3)]
+    (common,) = both(areas)
+    assert all(inside(area.polygon, np.array([common.target, *common.polygon])).all() for area in areas)
+    assert common.target == pytest.approx((0.0, 0.0), abs=1e-6)
+    far = [regions(frame, ("next_to",), [box(x, 0.0, 0.2, 0.2)], np.full(2, 0.05))[0] for x in (-0.8, 0.8)]
+    assert both(far) == both([]) == []
 
 
 def test_sides_turn_with_the_furniture():

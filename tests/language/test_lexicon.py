@@ -39,7 +39,9 @@ def test_no_word_names_two_things():
         ("toothbrush", "toothbrush"),
         ("soap dispenser", "soap dispenser"), ("bar of soap", "soap"), ("waste bin", "trash can"), ("pail", "bucket"),
         ("ketchup", "ketchup"), ("jam jar", "jar"), ("kitchen worktop", "counter"), ("wine glass", "wine glass"),
-        ("sunglasses", "glasses"), ("Knives", "knife"), ("BookShelves_01", "shelf"), ("mice", "mouse"),
+        ("sunglasses", "glasses"),
+        ("cheese grater", "grater"), ("egg cup", "egg cup"), ("washstand", "bathroom cabinet"),
+        ("Knives", "knife"), ("BookShelves_01", "shelf"), ("mice", "mouse"),
     ],
 )  # fmt: skip
 def test_kinds_that_differ_in_size_are_rows_of_their_own(label, name):
@@ -47,6 +49,43 @@ def test_kinds_that_differ_in_size_are_rows_of_their_own(label, name):
     found = thing_of(label)
     assert found is not None
     assert found.id == name
+
+
+FOOD = [one.id for one in things().values() if is_a(one.id, "food")]
+
+
+@pytest.mark.parametrize("tool", ["shredder", "mangler", "compactor", "squasher"])
+def test_a_tool_named_after_food_is_no_food(tool):
+    """An unknown word after any food names another thing, whose size and material are not the food's."""
+    taken = {food: found.id for food in FOOD if (found := thing_of(f"{food} {tool}")) is not None}
+    assert taken == {}
+    assert thing_of(f"red apple {tool}") is None
+
+
+@pytest.mark.parametrize("file", ["apple_scan", "011_banana textured", "cheese.lowpoly", "obj apple ycb"])
+def test_other_words_of_a_file_do_not_hide_food(file):
+    """What stands in file names beside the thing says nothing of it."""
+    found = thing_of(file)
+    assert found is not None
+    assert is_a(found.id, "food")
+
+
+LABELS = """
+chair|armchair|high chair|stool|massage chair|sofa|multi person sofa|sofa combination
+bed|functional bed|bed combination
+dining table|table|teatable|conference table|side table|desk|toilet|basin|hand sink combination|basin cabinet|tv
+refrigerator|freezer|shelf|cabinet|wardrobe|storage cabinet|display cabinet|tv cabinet|bedside table|trash can
+floor lamp|table lamp|plant|flowerpot|potted plant|wall|floor|ceiling|room|door|window|carpet|rug|chandelier|downlights
+spotlight|strip light|curtain|book|fruit|toiletries|quilt|pillow|body pillow|blanket|cushion|towel
+"""
+
+
+@pytest.mark.parametrize("label", LABELS.replace("\n", "|").strip("|").split("|"))
+def test_labels_of_annotated_rooms_are_known(label):
+    """Every label that says something is a thing, in any case of letters; a mattress is known as a part."""
+    found = thing_of(label.title())
+    assert found is not None
+    assert found == thing_of(label)
 
 
 def test_kinds_of_kinds_end():

@@ -14,7 +14,7 @@ Place the mug upside down on the desk | desk_0 | | | | | upside_down |
 put the mug bottom up on the desk | desk_0 | | | | | upside_down |
 Lay the vase on its side on the desk. | desk_0 | | | | | on_side |
 lay the vase on the desk | desk_0 | | | | | lying |
-stand the book on the desk | desk_0 | | | | | standing |
+stand the book on the desk | desk_0 | | | | | upright |
 put the plush toy on the right bed facing the pillow | bed_1 | | | | | any | part:pillow
 put the teddy on the sofa looking at the window | sofa_0 | | | | | any | window_0
 put the teddy with its back to the wall on the sofa | sofa_0 | | | | | any | away:wall_0
@@ -160,6 +160,8 @@ def test_leftover_words_are_reported(prompt, word, ask):
         ("put the toy on the bed", "koala low resolution", "plush toy"),
         ("put the book on the bed", "ball", "book"),
         ("put the frobnicator on the bed", "thing", "frobnicator"),
+        ("put the cheese mangler on the bed", "thing", "cheese mangler"),
+        ("put the cheese grater on the bed", "thing", "grater"),
     ],
 )
 def test_the_more_specific_name_gives_the_prior(prompt, label, name, ask):

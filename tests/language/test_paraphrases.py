@@ -13,7 +13,7 @@ from language.questions import INTENT
 from scene.errors import LanguageError
 
 TABLE = Path(__file__).with_name("paraphrases.txt")
-KEYS = ("part", "which", "regions", "refs", "pose", "facing", "lost")
+KEYS = ("part", "which", "regions", "refs", "pose", "facing", "turn", "lost")
 
 
 def sentences() -> list[str]:
@@ -24,7 +24,7 @@ def sentences() -> list[str]:
 def expected(cell: str) -> dict[str, str]:
     """ "which=2 from top regions=left" as a dictionary with every key."""
     said = re.findall(rf"({'|'.join(KEYS)})=(.*?)(?= (?:{'|'.join(KEYS)})=|$)", cell)
-    return {**dict.fromkeys(KEYS, ""), "pose": "any", **dict(said)}
+    return {**dict.fromkeys(KEYS, ""), "pose": "any", "turn": "0", **dict(said)}
 
 
 @pytest.mark.parametrize("line", sentences(), ids=lambda line: line.split(" | ")[0][:60])
@@ -46,5 +46,6 @@ def test_paraphrase_is_read_as_a_person_reads_it(line, ask):
             "refs": ",".join(reply.references),
             "pose": reply.pose,
             "facing": reply.facing,
+            "turn": f"{reply.turn_deg:g}",
             "lost": ",".join(reply.not_understood),
         }

@@ -1,5 +1,6 @@
 """No word of a prompt disappears, whatever the prompt; and what a sentence asks is known before any scene is."""
 
+import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
@@ -14,11 +15,29 @@ FIXED = HealthCheck.function_scoped_fixture
 """`ask` is the same function for every example."""
 NONSENSE = ("glorbix", "wibbly", "zzyzx", "qwop", "brillig", "7up")
 KNOWN = sorted({word for phrase in vocabulary() for word in phrase if len(vocabulary().get((word,), ())) == 1})
-PLAIN = ("put", "the", "ball", "on", "bed", "left", "desk", "next to", "and", ",", "of", "it", "facing", "in", "red")
+PLAIN = (
+    "put",
+    "the",
+    "ball",
+    "on",
+    "bed",
+    "left",
+    "desk",
+    "next to",
+    "and",
+    ",",
+    "of",
+    "it",
+    "facing",
+    "in",
+    "red",
+    "rotated",
+    "30 degrees",
+)
 PROMPTS = st.lists(
     st.one_of(st.sampled_from(PLAIN), st.sampled_from(KNOWN), st.sampled_from(NONSENSE)), min_size=1, max_size=12
 ).map(" ".join)
-SAYS_SOMETHING = ("thing", "part", "region", "side", "colour", "relation", "face", "pose", "unknown")
+SAYS_SOMETHING = ("thing", "part", "region", "side", "colour", "relation", "face", "pose", "angle", "unknown")
 EMPTY = ("filler", "det", "conj", "of", "pronoun", "verb", "restrict", "genitive", "quality")
 """Kinds of words that may be dropped: they add nothing of their own, or are used up by the grammar."""
 
@@ -29,7 +48,7 @@ def phrases(reading: Reading) -> list[str]:
     facing = [reading.facing.text] if reading.facing is not None else []
     return [
         *theme, *facing, *(place.text for place in reading.places), *reading.aside, *reading.not_understood,
-        reading.pose_words,
+        reading.pose_words, reading.turn_words,
     ]  # fmt: skip
 
 
@@ -61,3 +80,16 @@ def test_any_prompt_is_answered_or_refused_in_one_line(prompt: str, ask):
         said = " ".join((*reply.not_understood, reply.missing))
         assert all(token.text in said.split() for token in tokens_of(prompt) if token.has("unknown"))
     assert "\n" not in said
+
+
+@pytest.mark.parametrize(
+    ("words", "degrees"),
+    [
+        ("90 degrees", 90), ("-12.5 deg", -12.5), ("7°", 7), ("forty-five degrees", 45), ("400 degrees", 40),
+        ("one hundred eighty degrees", 180), ("270 degrees clockwise", -270),
+    ],
+)  # fmt: skip
+def test_angles_are_numbers_in_words_or_digits(words, degrees):
+    """A number and its unit are one token; whole turns fall away."""
+    reading = read(f"put the mug on the desk rotated by {words}")
+    assert (reading.turn, reading.not_understood) == (degrees, ())

@@ -252,6 +252,13 @@ def test_words_turn_the_book(words, height):
         assert np.ptp(mesh.vertices @ turned.matrix.T, axis=0)[2] == pytest.approx(height, abs=1e-3)
 
 
+@pytest.mark.parametrize(("words", "down"), [("on its left side", (1, 0, 0)), ("on its right side", (-1, 0, 0))])
+def test_hands_are_those_of_the_toy(words, down):
+    """The toy looks along -y, so its left is +x: that side points down (15 degrees)."""
+    turned = oriented(f"lay the teddy {words} on the bed", thing("teddy", toy()))
+    assert (turned.matrix @ down)[2] == pytest.approx(-1.0, abs=1 - np.cos(np.radians(15)))
+
+
 def toy() -> Mesh:
     """A seated figure that looks along -y: body and legs before it."""
     return Mesh.concatenate(
@@ -268,6 +275,9 @@ def toy() -> Mesh:
         ("facing me", (0, -1)),
         ("facing left", (-1, 0)),
         ("", (0, -1)),
+        ("rotated by 90 degrees clockwise", (-1, 0)),
+        ("facing the wall, turned 90 degrees to the left", (-1, 0)),
+        ("turned around", (0, 1)),
     ],
 )
 def test_front_looks_where_the_words_say(words, direction):
@@ -548,12 +558,15 @@ def test_neighbour_says_which_one_is_meant():
     assert refused.reason is Reason.NO_SUPPORT_HIT
 
 
-def test_near_a_part_of_two_pieces_is_near_one_of_them():
-    """The arms of a sofa are one part; "next to the arm" is at one of its ends, not in the middle between them."""
+@pytest.mark.parametrize(("words", "signs"), [("arm", (-1, 1)), ("right arm", (1,)), ("left arm", (-1,))])
+def test_near_a_part_of_two_pieces_is_near_one_of_them(words, signs):
+    """The arms of a sofa are one part; "next to the arm" is at one of its ends, not between them; the viewer's
+    right is +x."""
     arms = Mesh.concatenate([block((x, -0.4, 0.0), (x + 0.2, 0.4, 0.6)) for x in (-1.1, 0.9)])
     parts = [("seat cushion", block((-0.9, -0.4, 0.2), (0.9, 0.4, 0.4))), ("arm", arms)]
     room = segmentation({"sofa": ("sofa", (0.0, -1.0, 0.0), parts)})
-    _, _, found = placed("put the ball on the sofa next to the arm", thing("ball", ball(0.1)), room)
+    _, _, found = placed(f"put the ball on the sofa next to the {words}", thing("ball", ball(0.1)), room)
+    assert np.sign(found.surface_point[0]) in signs
     assert 0.9 - 0.15 - 0.2 <= abs(found.surface_point[0]) <= 0.9 - 0.1 + 0.01
 
 
