@@ -179,7 +179,7 @@ class Reader:
             self.turn(clause, length)
         elif here("pose") and not here("relation"):
             clause.poses.append(self.use())
-        elif here("face"):
+        elif here("face") or (clause.turning and not clause.places and here("toward")):  # "turn it towards the wall"
             self.facing(clause, self.cursor.index)
         elif here("relation"):
             self.place(clause)
