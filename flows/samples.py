@@ -22,6 +22,7 @@ from scene.readers.sugar import MESH_SUFFIXES
 from scene.sample import Sample, SourceOptions
 from scene.settings import PROJECT_ROOT, data_root
 from scene.spelling import did_you_mean
+from scene.units import METRES
 
 EMBEDDED = PROJECT_ROOT / "data" / "rooms.yaml"
 """The dataset that the project makes itself."""
@@ -31,7 +32,7 @@ TRUTH = "truth.yaml"
 """Intended outcomes of a dataset's samples, beside it; read after a run, never by a stage."""
 REQUIRED = ("id", "object", "prompt")
 UPS = ("auto", "y", "z", "-y", "-z")
-UNITS = ("auto", "m", "cm", "mm", "in")
+UNITS = ("auto", *METRES)
 OPTIONAL = ("room", "scene", "seed", "mass", "label", "up", "unit", "object_label", "object_up", "object_unit")
 HEAVIEST = 1e12
 """A mass that no object has [kg]."""

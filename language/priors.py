@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 from language.lexicon import Size, Thing, is_a, thing_of, things
 from language.nouns import Noun
+from scene.units import TAKEN_AS_METRES
 
 GENERIC = frozenset({"toy", "food", "fruit", "clothes", "furniture", "cutlery", "structure", "object"})
 UNKNOWN_DENSITY = 150.0
@@ -18,8 +19,6 @@ UNKNOWN_LENGTH = (0.005, 3.0)
 """The longest extent of an unknown thing, a coin to a pole: a mesh within stays as it is [m]."""
 TYPICAL_LENGTH = 0.25
 """Where several units are possible, the one that brings the longest extent nearest to this is taken [m]."""
-UNITS = {"centimetres": 0.01, "millimetres": 0.001, "inches": 0.0254}
-"""What a file may have counted as a metre [m]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,13 +61,14 @@ def prior_of(theme: Noun | None, label: str, size: Size) -> Prior:
 
 def unknown_scale(longest: float) -> tuple[float, str]:
     """Factor for a mesh of an unknown thing with this longest extent [m], and what that assumes."""
-    if UNKNOWN_LENGTH[0] <= longest <= UNKNOWN_LENGTH[1]:
+    low, high = UNKNOWN_LENGTH
+    if low <= longest <= high:
         return 1.0, "the mesh keeps its size"
-    fitting = [unit for unit in UNITS if UNKNOWN_LENGTH[0] <= longest * UNITS[unit] <= UNKNOWN_LENGTH[1]]
+    fitting = {name: unit for name, unit in TAKEN_AS_METRES.items() if low <= longest * unit <= high}
     if not fitting:
         return TYPICAL_LENGTH / longest, f"nothing at home is {longest:.3g} m long, so {TYPICAL_LENGTH:g} m are assumed"
-    unit = min(fitting, key=lambda name: abs(math.log(longest * UNITS[name] / TYPICAL_LENGTH)))
-    return UNITS[unit], f"nothing at home is {longest:.3g} m long, so {unit} are assumed"
+    name = min(fitting, key=lambda name: abs(math.log(longest * fitting[name] / TYPICAL_LENGTH)))
+    return fitting[name], f"nothing at home is {longest:.3g} m long, so {name} are assumed"
 
 
 def mismatch(theme: Noun | None, label: str, chosen: Thing) -> tuple[str, ...]:

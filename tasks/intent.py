@@ -109,6 +109,8 @@ def mass_of(
         factor, kind = float(np.prod(ratio)) ** (2.0 / 3.0), "hollow, so with the surface"
     else:
         factor, kind = float(np.prod(ratio)), "with the volume"
-    factor = float(np.clip(factor, 1 / config.mass_factor, config.mass_factor))
-    weight = reply.mass * factor
-    return weight, f"mass {weight:.3g} kg: {reply.mass:.3g} kg at the usual size, scaled {kind} by {factor:.3g}"
+    used = float(np.clip(factor, 1 / config.mass_factor, config.mass_factor))
+    clamped = "" if used == factor else f", clamped from {factor:.3g} (mass_factor {config.mass_factor:g})"
+    weight = reply.mass * used
+    note = f"mass {weight:.3g} kg: {reply.mass:.3g} kg at the usual size, scaled {kind} by {used:.3g}{clamped}"
+    return weight, note

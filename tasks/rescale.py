@@ -17,17 +17,16 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from scene.readers.frame import LIMITS, UNITS, Role
+from scene.readers.frame import LIMITS, Role
+from scene.units import METRES, TAKEN_AS_METRES
 
 Array = NDArray[np.float64]
 
-TAKEN_AS_METRES = {"centimetres": UNITS["cm"], "inches": UNITS["in"], "millimetres": UNITS["mm"]}
-"""Factor by what the file's unit really is, where it was read as metres [-]."""
 TAKEN_AS_CENTIMETRES = {
-    "inches taken as centimetres": UNITS["in"] / UNITS["cm"],
-    "millimetres taken as centimetres": UNITS["mm"] / UNITS["cm"],
+    "inches taken as centimetres": METRES["in"] / METRES["cm"],
+    "millimetres taken as centimetres": METRES["mm"] / METRES["cm"],
 }
-"""The same where the reader found no unit and took centimetres [-]."""
+"""Factor by what the file's unit really is, where the reader found none and took centimetres [-]."""
 SLACK = 1e-6
 """Of the spread, for rounding."""
 THINNEST = 1e-3
@@ -81,7 +80,7 @@ def rescale(shapes: Array, extents: Array, spread: float, limits: tuple[float, f
 def possible_units(longest: float) -> dict[str, float]:
     """Factors that undo a unit that was read wrongly, for a mesh with this longest extent [m]."""
     guessed = LIMITS[Role.OBJECT].metres_up_to, LIMITS[Role.OBJECT].centimetres_up_to
-    read_as_centimetres = guessed[0] * UNITS["cm"] < longest <= guessed[1] * UNITS["cm"]
+    read_as_centimetres = guessed[0] * METRES["cm"] < longest <= guessed[1] * METRES["cm"]
     return TAKEN_AS_METRES | TAKEN_AS_CENTIMETRES if read_as_centimetres else TAKEN_AS_METRES
 
 

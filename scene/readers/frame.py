@@ -16,10 +16,7 @@ from scene.errors import InputError
 from scene.readers.raw import RawMesh
 from scene.readers.up_axis import contradicts_standard, estimated_up, up_of_scene
 from scene.sample import SourceOptions
-
-UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254}
-"""Length of each unit [m]."""
-
+from scene.units import METRES
 
 WORLD_FROM_FILE = {
     "z": [[1, 0, 0], [0, 1, 0], [0, 0, 1]],
@@ -91,15 +88,15 @@ def _unit(raw: RawMesh, options: SourceOptions, role: Role, notes: list[str]) ->
     extent = float(np.ptp(raw.vertices, axis=0).max())
     limits = LIMITS[role]
     if options.unit != "auto":
-        if options.unit not in UNITS:
-            raise InputError(f"{option_name(role, 'unit')} {options.unit!r} is not one of auto, {', '.join(UNITS)}")
-        unit, source = UNITS[options.unit], "option"
+        if options.unit not in METRES:
+            raise InputError(f"{option_name(role, 'unit')} {options.unit!r} is not one of auto, {', '.join(METRES)}")
+        unit, source = METRES[options.unit], "option"
     elif raw.unit_metres:
         unit, source = raw.unit_metres, "format"
     elif extent <= limits.metres_up_to:
-        unit, source = 1.0, "estimate"
+        unit, source = METRES["m"], "estimate"
     elif extent <= limits.centimetres_up_to:
-        unit, source = 0.01, "estimate"
+        unit, source = METRES["cm"], "estimate"
         notes.append(
             f"{extent:.3g} units long and without a stated unit: taken as centimetres ({option_name(role, 'unit')})"
         )
@@ -115,7 +112,7 @@ def _unit(raw: RawMesh, options: SourceOptions, role: Role, notes: list[str]) ->
 
 
 def _size_line(extent: float, role: Role) -> str:
-    sizes = ", ".join(f"{name}: {extent * UNITS[name]:.3g} m" for name in ("m", "cm", "mm"))
+    sizes = ", ".join(f"{name}: {extent * METRES[name]:.3g} m" for name in ("m", "cm", "mm"))
     return f"{extent:.4g} units long and the file states no unit ({sizes}); set {option_name(role, 'unit')}"
 
 

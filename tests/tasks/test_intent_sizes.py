@@ -12,7 +12,7 @@ from scene.box import OrientedBox
 from scene.intent import Intent
 from scene.mesh import Mesh
 from scene.segmentation import Instance, Part, Segmentation
-from tasks.intent import IntentConfig, intent, scale_of
+from tasks.intent import IntentConfig, intent, mass_of, scale_of
 from tasks.views import instance_views, object_view, room_center, vector
 
 
@@ -79,3 +79,20 @@ def test_a_size_in_any_order_is_sorted():
     reply, _ = answered(size=(0.05, 0.3, 0.24), alternative_sizes=())
     fit = scale_of(reply, np.array([6.0, 30.0, 24.0]), IntentConfig())
     assert (fit.scale, fit.shape.tolist()) == (0.01, [0.3, 0.24, 0.05])
+
+
+@pytest.mark.parametrize(
+    ("ratio", "factor", "words"),
+    [
+        (1.1, 1.1**3, ""),
+        (3.0, 5.0, ", clamped from 27 (mass_factor 5)"),
+        (0.5, 0.2, ", clamped from 0.125 (mass_factor 5)"),
+    ],
+)
+def test_a_clamped_mass_says_so(ratio, factor, words):
+    """The note names the clamp and the factor that the size alone would give."""
+    reply, _ = answered(size=(0.3, 0.2, 0.1), alternative_sizes=(), hollow=False, mass=2.0)
+    usual = np.array(reply.size)
+    weight, note = mass_of(reply, usual, ratio * usual, None, IntentConfig())
+    assert weight == pytest.approx(2.0 * factor)
+    assert note.endswith(f"with the volume by {factor:.3g}{words}")
