@@ -6,7 +6,7 @@ head are the far side.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -63,6 +63,8 @@ class Region:
     """World xy [m], convex, counter-clockwise, shape (k, 2)."""
     target: Array
     """World xy [m], shape (2,)."""
+    name: str = ""
+    """Its words, where it is only one of what was asked for; else empty."""
 
 
 def frame_of(box: OrientedBox, front: Array | None, room_center: Array) -> Frame:
@@ -95,12 +97,14 @@ def regions(
     if beside and references:
         area = beside_region(frame, view or frame, beside[0], names, references, radius)
         return [area] if area is not None else []
-    directions = [SIDES[n] for n in names if n in SIDES]
+    sides = [n for n in names if n in SIDES]
     if "corner" in names:
-        return [strip(frame, d, reach) for d in corner_directions(directions)]
+        return [strip(frame, d, reach) for d in corner_directions([SIDES[n] for n in sides])]
+    if "edge" in names and opposite(sides):
+        return [replace(strip(frame, SIDES[n], reach), name=f"{n} edge") for n in sides]
     if "edge" in names:
-        return [strip(frame, d, reach) for d in edge_directions(frame, directions)]
-    if directions:
+        return [strip(frame, d, reach) for d in edge_directions(frame, [SIDES[n] for n in sides])]
+    if sides:
         return [half_region(frame, names)]
     if "center" in names or "middle" in names:
         return [rectangle(frame, (-CENTER, -CENTER), (CENTER, CENTER), (0.0, 0.0))]
@@ -133,12 +137,18 @@ def half_region(frame: Frame, names: Sequence[str]) -> Region:
     return rectangle(frame, low.tolist(), high.tolist(), target.tolist())
 
 
+def opposite(sides: Sequence[str]) -> bool:
+    """Whether two of the sides lie across from each other: no place is on both, so either is meant."""
+    directions = {SIDES[n] for n in sides}
+    return any((-right, -front) in directions for right, front in directions)
+
+
 def corner_directions(directions: Sequence[tuple[int, int]]) -> list[tuple[int, int]]:
     """The asked corner, or all that fit, those at the viewer's side first."""
-    right = next((d[0] for d in directions if d[0]), 0)
-    front = next((d[1] for d in directions if d[1]), 0)
+    right = {d[0] for d in directions if d[0]} or {1, -1}
+    front = {d[1] for d in directions if d[1]} or {1, -1}
     corners = [(1, 1), (-1, 1), (1, -1), (-1, -1)]
-    return [c for c in corners if right in (0, c[0]) and front in (0, c[1])]
+    return [c for c in corners if c[0] in right and c[1] in front]
 
 
 def edge_directions(frame: Frame, directions: Sequence[tuple[int, int]]) -> list[tuple[int, int]]:

@@ -173,7 +173,7 @@ def anchored(
         base_id=carrier.id,
         part=part.name,
         part_index=index,
-        region=choice.region or "center",
+        region=start.region.name or choice.region or "center",
         local=part_frame(scene, carrier, part.box).local(spot),
         surface_point=hit.position[0],
         world_from_object=world_from_object,

@@ -577,6 +577,18 @@ def test_full_target_names_what_is_in_the_way():
     assert {row["id"] for row in found.evidence["in_the_way"]} <= {*things}
 
 
+def test_one_of_two_edges_is_named():
+    """At "the left or right edge" the anchor says at which of the two the object went, and it is there."""
+    item = thing("tennis ball", ball(0.033))
+    meant, turned, _ = placed("put the ball on the edge of the mattress", item)
+    both = replace(meant, region=replace(meant.region, names=("left", "right", "edge")))
+    found = anchor(ROOM, item, both, turned, AnchorConfig())
+    assert isinstance(found, Anchor)
+    side = {"left edge": -1.0, "right edge": 1.0}[found.region]
+    # the mattress ends at 0.75 m; the ball's radius and 2 cm remain
+    assert found.surface_point[0] == pytest.approx(side * (0.75 - 0.033 - 0.02), abs=0.01)
+
+
 def test_stages_are_deterministic():
     """Same input, same anchor, bit for bit."""
     item = thing("mug", mug())
