@@ -117,9 +117,12 @@ def asked(base: Instance, index: int, intent: Intent) -> bool:
 
 
 def choice_of(scene: Segmentation, base: Instance, intent: Intent, reply: AnchorReply, mesh: Mesh) -> Choice:
-    """The areas that the reply means on the part; those of a bed lie on its mattress, whatever covers it."""
+    """The areas that the reply means on the part; words for a place on a bed mean its mattress, whatever covers it.
+
+    A point is one of the part that was chosen, and stays on it.
+    """
     index = reply.part_index
-    if base.parts[index].name in COVERS and not asked(base, index, intent):
+    if base.parts[index].name in COVERS and reply.point is None and not asked(base, index, intent):
         index = next((number for number, part in enumerate(base.parts) if part.name == "mattress"), index)
     frame = part_frame(scene, base, base.parts[index].box)
     names: tuple[str, ...] = reply.regions

@@ -8,7 +8,7 @@ import trimesh
 
 from geometry.poses import about_z, center_of_mass
 from geometry.raycast import Raycaster
-from language.replies import RotationReply
+from language.replies import AnchorReply, RotationReply
 from language.requests import FacingView, RotationRequest
 from language.seam import ClientName, LanguageConfig
 from scene.anchor import Anchor
@@ -20,7 +20,7 @@ from scene.mesh import Mesh
 from scene.outcome import Infeasible, Reason
 from scene.rotation import Rotation
 from scene.segmentation import Instance, Part, Segmentation
-from tasks.anchor import AnchorConfig, anchor
+from tasks.anchor import AnchorConfig, anchor, choice_of
 from tasks.intent import IntentConfig, intent
 from tasks.materials import MaterialsConfig, materials
 from tasks.rotation import RotationConfig, matrix_of, pose_views, rotation
@@ -485,6 +485,23 @@ def test_middle_of_the_bed_is_the_beds_not_the_blankets():
     assert found.part == named.part == "blanket"
     assert found.surface_point[1] == pytest.approx(0.0, abs=0.01)
     assert named.surface_point[1] == pytest.approx(-0.425, abs=0.01)
+
+
+def test_point_is_one_of_the_part_that_was_chosen():
+    """Right and front of a blanket on the lower half are 0.75 and -0.95 m of the room; without a point a choice of the
+    blanket means the bed's middle."""
+    bed = [
+        ("mattress", block((-0.75, -0.95, 0.3), (0.75, 0.95, 0.5))),
+        ("blanket", block((-0.75, -0.95, 0.501), (0.75, 0.1, 0.55))),
+    ]
+    room, item = segmentation({"bed": ("bed", (0.0, -1.0, 0.0), bed)}), thing("tennis ball", ball(0.033))
+    meant, _, _ = placed("put the ball on the bed", item, room)
+    # half the way to the right: 0.375 m; half the way to the front: from -0.425 by half of 0.525 m
+    pointed = choice_of(room, room.instances[0], meant, AnchorReply(part_index=1, point=(0.5, 0.5)), item.mesh)
+    plain = choice_of(room, room.instances[0], meant, AnchorReply(part_index=1), item.mesh)
+    assert (pointed.index, plain.index) == (1, 0)
+    assert np.allclose(pointed.areas[0].target, (0.375, -0.6875))
+    assert np.allclose(plain.areas[0].target, (0.0, 0.0))
 
 
 def hall() -> Segmentation:
