@@ -17,7 +17,7 @@ from geometry.clearance import Clearance
 from geometry.landing import SHARES, Landing
 from geometry.poses import center_of_mass
 from geometry.raycast import Raycaster
-from geometry.regions import Frame, Region, regions
+from geometry.regions import Frame, Region, distance_beside, regions
 from geometry.set_down import Start, set_down
 from language.questions import ANCHOR
 from language.replies import AnchorReply
@@ -31,7 +31,7 @@ from scene.outcome import Infeasible
 from scene.rotation import Rotation
 from scene.segmentation import Instance, Segmentation
 from tasks.carriers import COVERS, carriers, owner
-from tasks.no_room import no_room
+from tasks.no_room import no_room, not_on_it
 from tasks.stage import stage
 from tasks.surroundings import apart, part_frame, reference_boxes, reference_frame
 from tasks.views import instance_of, part_views
@@ -60,6 +60,8 @@ class Choice:
     """Region words that the areas mean; empty for the whole part."""
     note: str = ""
     """How the region was understood."""
+    beside: float | None = None
+    """How far from the part the asked place lies [m]; None where it is on it."""
 
 
 def anchor(
@@ -74,6 +76,8 @@ def anchor(
     mesh = item.mesh.transformed(pose)
     reply = client(config.language).ask(ANCHOR, request_of(scene, base, intent, mesh))
     choice = choice_of(scene, base, intent, reply, mesh)
+    if choice.beside is not None:
+        return not_on_it(base, choice.index, intent, choice.beside)
     caster = Raycaster(scene.mesh)
     exact = Clearance(mesh, scene.mesh, caster)
     landing = None
@@ -127,10 +131,15 @@ def choice_of(scene: Segmentation, base: Instance, intent: Intent, reply: Anchor
     frame = part_frame(scene, base, base.parts[index].box)
     names: tuple[str, ...] = reply.regions
     note = ""
-    areas = areas_of(scene, base, frame, reply, index, mesh)
-    if not areas and all(apart(base.box, box) < NEIGHBOUR for box in boxes_of_reply(scene, base, reply, index)):
+    groups = groups_of(scene, base, reply, index)
+    view, reach = reference_frame(scene, base, reply.references) or frame, reach_of(mesh, frame)
+    areas = [area for group in groups for area in regions(frame, names, group, reach, view)]
+    if not areas and all(apart(base.box, box) < NEIGHBOUR for group in groups for box in group):
         names, note = (), f"; {intent.region.words!r} is taken to say which {base.label} is meant"
-        areas = regions(frame, (), [], reach_of(mesh, frame))
+        areas = regions(frame, (), [], reach)
+    if not areas:
+        away = min(distance_beside(frame, names, group, reach, view) for group in groups)
+        return Choice(index, frame, [], " ".join(names), beside=away)
     if reply.point is not None:
         areas = [replace(area, target=frame.world(np.array(reply.point))) for area in areas]
     if not names and not note and sum(part.name == base.parts[index].name for part in base.parts) > 1:
@@ -138,20 +147,13 @@ def choice_of(scene: Segmentation, base: Instance, intent: Intent, reply: Anchor
     return Choice(index, frame, areas, " ".join(names), note)
 
 
-def areas_of(
-    scene: Segmentation, base: Instance, frame: Frame, reply: AnchorReply, index: int, mesh: Mesh
-) -> list[Region]:
-    """The areas of a part that the reply's regions mean, best first."""
-    boxes = boxes_of_reply(scene, base, reply, index)
-    # "near the pillow" with two pillows: the nearer one first; "between" takes all of them together
-    groups = [[box] for box in boxes] if boxes and "between" not in reply.regions else [boxes]
-    view = reference_frame(scene, base, reply.references) or frame
-    return [area for group in groups for area in regions(frame, reply.regions, group, reach_of(mesh, frame), view)]
+def groups_of(scene: Segmentation, base: Instance, reply: AnchorReply, index: int) -> list[list[OrientedBox]]:
+    """Boxes of what the regions refer to, those that make an area together in a group, the nearest to the part first.
 
-
-def boxes_of_reply(scene: Segmentation, base: Instance, reply: AnchorReply, index: int) -> list[OrientedBox]:
-    """Boxes of what the regions refer to, the nearest to the part first."""
-    return reference_boxes(scene, base, reply.references, base.parts[index].box.center)
+    "Near the pillow" with two pillows is near one of them; "between" takes all together.
+    """
+    boxes = reference_boxes(scene, base, reply.references, base.parts[index].box.center)
+    return [[box] for box in boxes] if boxes and "between" not in reply.regions else [boxes]
 
 
 def reach_of(mesh: Mesh, frame: Frame) -> Array:

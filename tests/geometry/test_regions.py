@@ -12,6 +12,7 @@ from geometry.regions import (
     clipped,
     convex_hull,
     counter_clockwise,
+    distance_beside,
     frame_of,
     inside,
     regions,
@@ -134,6 +135,26 @@ def test_reference_far_away_leaves_nothing():
     """Next to a thing three metres from the table there is no table."""
     frame = frame_of(box(0, 0, 1.0, 1.0), FRONT, MIDDLE)
     assert regions(frame, ("next_to",), [box(3.5, 0, 0.2, 0.2)], np.full(2, 0.1)) == []
+
+
+@pytest.mark.parametrize(
+    ("names", "place", "away"),
+    [
+        # the thing's side less 15 cm and the object's 10 cm; the part's side is at 0.5 m
+        (("next_to",), (3.5, 0.0), 3.4 - 0.25 - 0.5),
+        (("near",), (3.5, 0.0), 3.4 - 0.6 - 0.5),
+        # right of the thing begins at its middle
+        (("next_to", "right"), (3.5, 0.0), 3.5 - 0.5),
+        # corner to corner, along the diagonal
+        (("near",), (2.1, 1.6), np.hypot(1.5, 1.0) - 0.6),
+    ],
+)
+def test_place_beside_the_part_says_how_far(names, place, away):
+    """Where nothing is left, the distance from the place to the part is that of their nearest points."""
+    frame, thing = frame_of(box(0, 0, 1.0, 1.0), FRONT, MIDDLE), box(*place, 0.2, 0.2)
+    assert regions(frame, names, [thing], np.full(2, 0.1)) == []
+    # a 16-gon lies inside its circle by up to 1 - cos(pi / 16) = 2 % of at most 0.6 m
+    assert distance_beside(frame, names, [thing], np.full(2, 0.1)) == pytest.approx(away, abs=0.012)
 
 
 def test_clipping_gives_the_common_area():

@@ -563,6 +563,12 @@ def test_neighbour_says_which_one_is_meant():
     refused = anchor(HALL, mug_thing, meant, turned, AnchorConfig())
     assert isinstance(refused, Infeasible)
     assert refused.reason is Reason.NO_SUPPORT_HIT
+    # the chair's corner (0.9, -1.5) to the stove's (0.3, 1.6), less 15 cm and half of the mug, whose sides are 8.4 to
+    # 11.7 cm long as it is turned; a hull of 16 corners lies inside of its circle by 1 - cos(pi / 16) = 2 %
+    far = np.hypot(0.6, 3.1)
+    assert far - (0.15 + 0.117 / 2) <= refused.evidence["beside_m"] <= far - 0.98 * (0.15 + 0.084 / 2)
+    assert f"{refused.evidence['beside_m']:.2f} m beside the seat of chair" in refused.message
+    assert "no ray" not in refused.message
 
 
 def test_near_a_part_of_two_pieces_is_near_one_of_them():
