@@ -21,7 +21,6 @@ from geometry.regions import Frame, Region, distance_beside, regions
 from geometry.set_down import Start, set_down
 from language.questions import ANCHOR
 from language.replies import AnchorReply
-from language.requests import AnchorRequest
 from language.seam import LanguageConfig, client
 from scene.anchor import Anchor
 from scene.box import OrientedBox
@@ -30,11 +29,12 @@ from scene.mesh import Mesh
 from scene.outcome import Infeasible
 from scene.rotation import Rotation
 from scene.segmentation import Instance, Segmentation
+from tasks.anchor_request import anchor_request
 from tasks.carriers import COVERS, carriers, owner
 from tasks.no_room import no_room, not_on_it
 from tasks.stage import stage
 from tasks.surroundings import apart, part_frame, reference_boxes, reference_frame
-from tasks.views import instance_of, part_views
+from tasks.views import instance_of
 
 Array = NDArray[np.float64]
 NEIGHBOUR = 1.5
@@ -65,7 +65,7 @@ class Choice:
 
 
 def anchor(
-    scene: Segmentation, item: Segmentation, intent: Intent, rotation: Rotation, config: AnchorConfig
+    scene: Segmentation, item: Segmentation, intent: Intent, rotation: Rotation, prompt: str, config: AnchorConfig
 ) -> Anchor | Infeasible:
     """Choose part and region, find a free spot, set the object over it."""
     base = instance_of(scene, intent.base_id)
@@ -74,7 +74,7 @@ def anchor(
     mesh = item.mesh.transformed(pose)
     pose[:3, 3] = -center_of_mass(mesh)
     mesh = item.mesh.transformed(pose)
-    reply = client(config.language).ask(ANCHOR, request_of(scene, base, intent, mesh))
+    reply = client(config.language).ask(ANCHOR, anchor_request(scene, base, intent, prompt, mesh))
     choice = choice_of(scene, base, intent, reply, mesh)
     if choice.beside is not None:
         return not_on_it(base, choice.index, intent, choice.beside)
@@ -94,25 +94,6 @@ anchor_task = stage(anchor)
 
 
 # choosing -----------------------------------------------------------------------------------------------------------
-
-
-def request_of(scene: Segmentation, base: Instance, intent: Intent, mesh: Mesh) -> AnchorRequest:
-    """What the client needs to choose."""
-    frame = part_frame(scene, base, base.box)
-    size = np.ptp(mesh.bounds, axis=0)
-    return AnchorRequest(
-        prompt=intent.region.words,
-        object_name=intent.object_name,
-        footprint=(float(size[0]), float(size[1])),
-        base_label=base.label,
-        parts=part_views(scene, scene.index_of(base.id)),
-        asked_part=intent.region.part,
-        asked_which=intent.region.which,
-        asked_regions=intent.region.names,
-        asked_references=intent.region.references,
-        right=(float(frame.right[0]), float(frame.right[1]), 0.0),
-        front=(float(frame.front[0]), float(frame.front[1]), 0.0),
-    )
 
 
 def asked(base: Instance, index: int, intent: Intent) -> bool:

@@ -117,7 +117,7 @@ def placed(prompt: str, item: Segmentation, room: Segmentation = ROOM) -> tuple[
     assert isinstance(meant, Intent)
     turned = rotation(room, item, meant, prompt, SMALL)
     assert isinstance(turned, Rotation)
-    found = anchor(room, item, meant, turned, AnchorConfig())
+    found = anchor(room, item, meant, turned, prompt, AnchorConfig())
     assert isinstance(found, Anchor), found
     return meant, turned, found
 
@@ -381,7 +381,7 @@ def test_too_large_says_so_with_numbers():
     assert isinstance(meant, Intent)
     turned = rotation(ROOM, item, meant, "", SMALL)
     assert isinstance(turned, Rotation)
-    found = anchor(ROOM, item, meant, turned, AnchorConfig())
+    found = anchor(ROOM, item, meant, turned, "", AnchorConfig())
     assert isinstance(found, Infeasible)
     assert found.reason is Reason.TOO_LARGE_FOR_TARGET
     assert "0.90 x 2.00" in found.message
@@ -403,7 +403,7 @@ def test_full_target_is_too_large_as_well():
     assert isinstance(meant, Intent)
     turned = rotation(room, item, meant, "", SMALL)
     assert isinstance(turned, Rotation)
-    found = anchor(room, item, meant, turned, AnchorConfig())
+    found = anchor(room, item, meant, turned, "", AnchorConfig())
     assert isinstance(found, Infeasible)
     assert found.reason is Reason.TOO_LARGE_FOR_TARGET
 
@@ -421,7 +421,7 @@ def test_part_under_a_lid_is_full():
     assert isinstance(meant, Intent)
     turned = rotation(room, item, meant, "", SMALL)
     assert isinstance(turned, Rotation)
-    found = anchor(room, item, meant, turned, AnchorConfig())
+    found = anchor(room, item, meant, turned, "", AnchorConfig())
     assert isinstance(found, Infeasible)
     assert found.reason is Reason.TOO_LARGE_FOR_TARGET
     assert found.evidence["in_the_way"] == [{"id": "lid", "name": "box", "share": 1.0}]
@@ -441,7 +441,7 @@ def test_no_ray_meets_the_hole_of_a_ring():
     assert isinstance(meant, Intent)
     turned = rotation(room, item, meant, "", SMALL)
     assert isinstance(turned, Rotation)
-    found = anchor(room, item, meant, turned, AnchorConfig())
+    found = anchor(room, item, meant, turned, "", AnchorConfig())
     assert isinstance(found, Infeasible)
     assert found.reason is Reason.NO_SUPPORT_HIT
 
@@ -458,7 +458,7 @@ def test_shelf_boards_have_headroom():
     assert isinstance(meant, Intent)
     turned = rotation(room, tall, meant, "", SMALL)
     assert isinstance(turned, Rotation)
-    assert isinstance(anchor(room, tall, meant, turned, AnchorConfig()), Infeasible)
+    assert isinstance(anchor(room, tall, meant, turned, "", AnchorConfig()), Infeasible)
 
 
 def test_blanket_on_top_takes_the_object():
@@ -560,7 +560,7 @@ def test_neighbour_says_which_one_is_meant():
     assert isinstance(meant, Intent)
     turned = rotation(HALL, mug_thing, meant, "", SMALL)
     assert isinstance(turned, Rotation)
-    refused = anchor(HALL, mug_thing, meant, turned, AnchorConfig())
+    refused = anchor(HALL, mug_thing, meant, turned, "", AnchorConfig())
     assert isinstance(refused, Infeasible)
     assert refused.reason is Reason.NO_SUPPORT_HIT
     # the chair's corner (0.9, -1.5) to the stove's (0.3, 1.6), less 15 cm and half of the mug, whose sides are 8.4 to
@@ -592,7 +592,7 @@ def test_full_target_names_what_is_in_the_way():
     assert isinstance(meant, Intent)
     turned = rotation(room, item, meant, "", SMALL)
     assert isinstance(turned, Rotation)
-    found = anchor(room, item, meant, turned, AnchorConfig())
+    found = anchor(room, item, meant, turned, "", AnchorConfig())
     assert isinstance(found, Infeasible)
     assert found.reason is Reason.TOO_LARGE_FOR_TARGET
     assert "in the way: book" in found.message
@@ -605,7 +605,7 @@ def test_one_of_two_edges_is_named():
     item = thing("tennis ball", ball(0.033))
     meant, turned, _ = placed("put the ball on the edge of the mattress", item)
     both = replace(meant, region=replace(meant.region, names=("left", "right", "edge")))
-    found = anchor(ROOM, item, both, turned, AnchorConfig())
+    found = anchor(ROOM, item, both, turned, "", AnchorConfig())
     assert isinstance(found, Anchor)
     side = {"left edge": -1.0, "right edge": 1.0}[found.region]
     # the mattress ends at 0.75 m; the ball's radius and 2 cm remain
