@@ -72,7 +72,7 @@ def place(sample: Sample, config: PlaceConfig) -> Placement:
     item = segment_object_task(object_scan, config=config.segment)
     intent = intent_task(scene, item, sample.prompt, sample.mass, config=config.intent)
     rotation = rotation_task(scene, item, intent, sample.prompt, config=config.rotation)
-    anchor = anchor_task(scene, item, intent, rotation, config=config.anchor)
+    anchor = anchor_task(scene, item, intent, rotation, sample.prompt, config=config.anchor)
     materials = materials_task(scene, item, intent, anchor, sample.prompt, config=config.materials)
     particles = particles_task(scene, item, intent, anchor, materials, config=config.particles)
     settled = drop_task(particles, anchor, intent, sample.seed, config=config.drop)

@@ -151,13 +151,21 @@ class Landing:
         return Columns(height.reshape(i.shape), support.reshape(i.shape), hits.face.astype(np.int64).reshape(i.shape))
 
     def add(self, points: Array, faces: NDArray[np.int64]) -> None:
-        """Points (n, 3) on faces (n,) of the scene that no ray met: their columns are that high at least."""
+        """Points (n, 3) on faces (n,) of the scene that no ray met: their columns are that high at least.
+
+        Of all that is in one column the highest is kept as its face, and one thing that does not carry blocks it.
+        """
         index = np.rint((points[:, :2] - self.origin) / self.cell).astype(np.int64)
         known = ((index >= 0) & (index < self.count)).all(axis=1)
-        column = tuple(index[known].T)
-        np.maximum.at(self.surface.height, column, points[known, 2])
-        self.surface.support[column] &= self.is_support[faces[known]]
-        self.surface.face[column] = faces[known]
+        rising = np.flatnonzero(known)[np.argsort(points[known, 2], kind="stable")]
+        column, height, face = tuple(index[rising].T), points[rising, 2], faces[rising]
+        own = self.is_support[face]
+        # what lies in the support, under its surface, is what is in the way there all the same
+        named = (height >= self.surface.height[column]) | (self.surface.support[column] & ~own)
+        # the highest comes last; of repeated indices numpy keeps the last
+        self.surface.face[tuple(index[rising[named]].T)] = face[named]
+        np.maximum.at(self.surface.height, column, height)
+        np.logical_and.at(self.surface.support, column, own)
         self._known.clear()
 
     def refuse(self, spot: Spot, reach: int) -> None:

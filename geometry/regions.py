@@ -6,7 +6,7 @@ head are the far side.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,8 +22,8 @@ BRINK = 0.02
 """Free rim left between the object and the edge that it is put near [m]."""
 END = 0.3
 """Head and foot begin this far from the middle, over the half extent [-]."""
-NEAR, NEXT = 0.5, 0.15
-"""Near ends this far from the reference's box, next to this far, both plus the object's radius [m]."""
+BESIDE = {"near": 0.5, "next_to": 0.15, "between": 0.0, "under": 0.0}
+"""How far from the reference's box a place beside it ends, plus the object's radius [m]."""
 VIEWER = 0.03
 """Of places all around a thing that on the viewer's side is taken: the aim lies this far towards him [m]."""
 SIDES = {"left": (-1, 0), "right": (1, 0), "front": (0, 1), "back": (0, -1), "head": (0, -1), "foot": (0, 1)}
@@ -63,6 +63,8 @@ class Region:
     """World xy [m], convex, counter-clockwise, shape (k, 2)."""
     target: Array
     """World xy [m], shape (2,)."""
+    name: str = ""
+    """Its words, where it is only one of what was asked for; else empty."""
 
 
 def frame_of(box: OrientedBox, front: Array | None, room_center: Array) -> Frame:
@@ -91,16 +93,18 @@ def regions(
     `view`: whose left and front are meant beside references; the part's unless given.
     """
     radius = float(reach.max())
-    beside = [n for n in names if n in ("near", "next_to", "between", "under")]
+    beside = [n for n in names if n in BESIDE]
     if beside and references:
         area = beside_region(frame, view or frame, beside[0], names, references, radius)
         return [area] if area is not None else []
-    directions = [SIDES[n] for n in names if n in SIDES]
+    sides = [n for n in names if n in SIDES]
     if "corner" in names:
-        return [strip(frame, d, reach) for d in corner_directions(directions)]
+        return [strip(frame, d, reach) for d in corner_directions([SIDES[n] for n in sides])]
+    if "edge" in names and opposite(sides):
+        return [replace(strip(frame, SIDES[n], reach), name=f"{n} edge") for n in sides]
     if "edge" in names:
-        return [strip(frame, d, reach) for d in edge_directions(frame, directions, references)]
-    if directions:
+        return [strip(frame, d, reach) for d in edge_directions(frame, [SIDES[n] for n in sides], references)]
+    if sides:
         return [half_region(frame, names)]
     if "center" in names or "middle" in names:
         return [rectangle(frame, (-CENTER, -CENTER), (CENTER, CENTER), (0.0, 0.0))]
@@ -133,12 +137,18 @@ def half_region(frame: Frame, names: Sequence[str]) -> Region:
     return rectangle(frame, low.tolist(), high.tolist(), target.tolist())
 
 
+def opposite(sides: Sequence[str]) -> bool:
+    """Whether two of the sides lie across from each other: no place is on both, so either is meant."""
+    directions = {SIDES[n] for n in sides}
+    return any((-right, -front) in directions for right, front in directions)
+
+
 def corner_directions(directions: Sequence[tuple[int, int]]) -> list[tuple[int, int]]:
     """The asked corner, or all that fit, those at the viewer's side first."""
-    right = next((d[0] for d in directions if d[0]), 0)
-    front = next((d[1] for d in directions if d[1]), 0)
+    right = {d[0] for d in directions if d[0]} or {1, -1}
+    front = {d[1] for d in directions if d[1]} or {1, -1}
     corners = [(1, 1), (-1, 1), (1, -1), (-1, -1)]
-    return [c for c in corners if right in (0, c[0]) and front in (0, c[1])]
+    return [c for c in corners if c[0] in right and c[1] in front]
 
 
 def edge_directions(
@@ -174,9 +184,29 @@ def beside_region(
     frame: Frame, view: Frame, relation: str, names: Sequence[str], references: Sequence[OrientedBox], radius: float
 ) -> Region | None:
     """Near, next to, between or under other things, cut to the part; None if that leaves nothing."""
+    polygon, target = beside_area(view, relation, names, references, radius)
+    polygon = clipped(polygon, outline(frame))
+    return Region(polygon, closest_inside(frame, target)) if len(polygon) >= 3 else None
+
+
+def distance_beside(
+    frame: Frame, names: Sequence[str], references: Sequence[OrientedBox], reach: Array, view: Frame | None = None
+) -> float:
+    """How far a place beside other things lies from the part, where `regions` finds none on it [m]."""
+    relation = next(n for n in names if n in BESIDE)
+    polygon, _ = beside_area(view or frame, relation, names, references, float(reach.max()))
+    # both left and right of a thing is nowhere: then the thing itself
+    ring = polygon if len(polygon) else np.concatenate([box.corners[:4, :2] for box in references])
+    return gap_between(ring, outline(frame))
+
+
+def beside_area(
+    view: Frame, relation: str, names: Sequence[str], references: Sequence[OrientedBox], radius: float
+) -> tuple[Array, Array]:
+    """The polygon near, next to, between or under other things, wherever it lies, and its aim [m]."""
     rings = [box.corners[:4, :2] for box in references]
     middle = np.mean([box.center[:2] for box in references], axis=0)
-    reach = radius + {"near": NEAR, "next_to": NEXT, "between": 0.0, "under": 0.0}[relation]
+    reach = radius + BESIDE[relation]
     if relation == "between" and len(references) > 1:
         polygon = grown(np.array([box.center[:2] for box in references]), max(radius, 0.1))
     else:
@@ -189,11 +219,12 @@ def beside_region(
             direction = SIDES[name][0] * view.right + SIDES[name][1] * view.front
             polygon = clipped_half_plane(polygon, middle, -direction)
             target = target + direction * (float(np.max((rings[0] - middle) @ direction)) + radius)
-    whole = rectangle(frame, (-1.0, -1.0), (1.0, 1.0), (0.0, 0.0)).polygon
-    polygon = clipped(polygon, whole)
-    if len(polygon) < 3:
-        return None
-    return Region(polygon, closest_inside(frame, target))
+    return polygon, target
+
+
+def outline(frame: Frame) -> Array:
+    """The part's rectangle [m], shape (4, 2)."""
+    return rectangle(frame, (-1.0, -1.0), (1.0, 1.0), (0.0, 0.0)).polygon
 
 
 def both(areas: Sequence[Region]) -> list[Region]:
@@ -290,6 +321,18 @@ def clipped_half_plane(polygon: Array, point: Array, outward: Array) -> Array:
             share = distance[k] / (distance[k] - distance[following])
             kept.append(polygon[k] + share * (polygon[following] - polygon[k]))
     return np.array(kept).reshape(-1, 2)
+
+
+def gap_between(a: Array, b: Array) -> float:
+    """Smallest distance between the rims of two polygons [m]; between polygons that are apart one end is a corner."""
+
+    def to_rim(points: Array, ring: Array) -> float:
+        edge = np.roll(ring, -1, axis=0) - ring
+        offset = points[:, None] - ring
+        share = np.einsum("nkj,kj->nk", offset, edge) / np.maximum(np.einsum("kj,kj->k", edge, edge), 1e-18)
+        return float(np.linalg.norm(offset - np.clip(share, 0.0, 1.0)[..., None] * edge, axis=-1).min())
+
+    return min(to_rim(a, b), to_rim(b, a))
 
 
 def inside(polygon: Array, points: Array, *, margin: float = 1e-9) -> NDArray[np.bool_]:

@@ -135,10 +135,26 @@ class RotationRequest:
 
 
 @dataclass(frozen=True, slots=True)
+class BoxView:
+    """A box as seen by who looks at the base's front."""
+
+    id: str
+    """A part's index, an instance's id or `part:NAME`."""
+    label: str
+    center: Vector
+    """To the right, to the front and up from the middle of the base's box [m]."""
+    size: Vector
+    """Extents along right, front and up [m]."""
+
+
+@dataclass(frozen=True, slots=True)
 class AnchorRequest:
     """Which part and where on it."""
 
     prompt: str
+    """The whole sentence."""
+    region_words: str
+    """Those of its words that were read as the place."""
     object_name: str
     footprint: tuple[float, float]
     """Horizontal extents of the object in its pre-drop orientation [m]."""
@@ -152,7 +168,14 @@ class AnchorRequest:
     """Unit vector to the right of a viewer who looks at the base's front."""
     front: Vector
     """Unit vector from the base towards that viewer."""
+    part_boxes: tuple[BoxView, ...] = ()
+    """Of all parts, in the order of `parts`."""
+    references: tuple[BoxView, ...] = ()
+    """Of what `asked_references` name; several where a thing has several pieces."""
+    neighbours: tuple[BoxView, ...] = ()
+    """Of what stands or hangs on, over and beside the base."""
     pictures: tuple[PictureMaker, ...] = field(default=(), compare=False)
+    """One: the base from above, the viewer's side at the bottom."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -87,7 +87,7 @@ def shot(room: str, item: str, prompt: str) -> Shot:
     turned = rotation(scene, thing, meant, prompt, PICTURES)
     if isinstance(turned, Infeasible):
         return Shot(scene, thing, turned, None, turned.message)
-    found = anchor(scene, thing, meant, turned, AnchorConfig())
+    found = anchor(scene, thing, meant, turned, prompt, AnchorConfig())
     return Shot(scene, thing, meant, found, found.message if isinstance(found, Infeasible) else found.reason)
 
 

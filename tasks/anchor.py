@@ -17,11 +17,10 @@ from geometry.clearance import Clearance
 from geometry.landing import SHARES, Landing
 from geometry.poses import center_of_mass
 from geometry.raycast import Raycaster
-from geometry.regions import Frame, Region, both, regions
+from geometry.regions import Frame, Region, both, distance_beside, regions
 from geometry.set_down import Start, set_down
 from language.questions import ANCHOR
 from language.replies import AnchorReply
-from language.requests import AnchorRequest
 from language.seam import LanguageConfig, client
 from scene.anchor import Anchor
 from scene.box import OrientedBox
@@ -30,11 +29,12 @@ from scene.mesh import Mesh
 from scene.outcome import Infeasible
 from scene.rotation import Rotation
 from scene.segmentation import Instance, Segmentation
+from tasks.anchor_request import anchor_request
 from tasks.carriers import COVERS, carriers, owner
-from tasks.no_room import no_room
+from tasks.no_room import no_room, not_on_it
 from tasks.stage import stage
 from tasks.surroundings import apart, part_frame, reference_boxes, reference_frame
-from tasks.views import instance_of, part_views
+from tasks.views import instance_of
 
 Array = NDArray[np.float64]
 NEIGHBOUR = 1.5
@@ -60,10 +60,12 @@ class Choice:
     """Region words that the areas mean; empty for the whole part."""
     note: str = ""
     """How the region was understood."""
+    beside: float | None = None
+    """How far from the part the asked place lies [m]; None where it is on it."""
 
 
 def anchor(
-    scene: Segmentation, item: Segmentation, intent: Intent, rotation: Rotation, config: AnchorConfig
+    scene: Segmentation, item: Segmentation, intent: Intent, rotation: Rotation, prompt: str, config: AnchorConfig
 ) -> Anchor | Infeasible:
     """Choose part and region, find a free spot, set the object over it."""
     base = instance_of(scene, intent.base_id)
@@ -72,8 +74,10 @@ def anchor(
     mesh = item.mesh.transformed(pose)
     pose[:3, 3] = -center_of_mass(mesh)
     mesh = item.mesh.transformed(pose)
-    reply = client(config.language).ask(ANCHOR, request_of(scene, base, intent, mesh))
+    reply = client(config.language).ask(ANCHOR, anchor_request(scene, base, intent, prompt, mesh))
     choice = choice_of(scene, base, intent, reply, mesh)
+    if choice.beside is not None:
+        return not_on_it(base, choice.index, intent, choice.beside)
     caster = Raycaster(scene.mesh)
     exact = Clearance(mesh, scene.mesh, caster)
     landing = None
@@ -92,42 +96,33 @@ anchor_task = stage(anchor)
 # choosing -----------------------------------------------------------------------------------------------------------
 
 
-def request_of(scene: Segmentation, base: Instance, intent: Intent, mesh: Mesh) -> AnchorRequest:
-    """What the client needs to choose."""
-    frame = part_frame(scene, base, base.box)
-    size = np.ptp(mesh.bounds, axis=0)
-    return AnchorRequest(
-        prompt=intent.region.words,
-        object_name=intent.object_name,
-        footprint=(float(size[0]), float(size[1])),
-        base_label=base.label,
-        parts=part_views(scene, scene.index_of(base.id)),
-        asked_part=intent.region.part,
-        asked_which=intent.region.which,
-        asked_regions=intent.region.names,
-        asked_references=intent.region.references,
-        right=(float(frame.right[0]), float(frame.right[1]), 0.0),
-        front=(float(frame.front[0]), float(frame.front[1]), 0.0),
-    )
-
-
 def asked(base: Instance, index: int, intent: Intent) -> bool:
     """Whether the prompt names this part."""
     return base.parts[index].name == intent.region.part
 
 
 def choice_of(scene: Segmentation, base: Instance, intent: Intent, reply: AnchorReply, mesh: Mesh) -> Choice:
-    """The areas that the reply means on the part; those of a bed lie on its mattress, whatever covers it."""
+    """The areas that the reply means on the part; words for a place on a bed mean its mattress, whatever covers it.
+
+    A point is one of the part that was chosen, and stays on it.
+    """
     index = reply.part_index
-    if base.parts[index].name in COVERS and not asked(base, index, intent):
+    if base.parts[index].name in COVERS and reply.point is None and not asked(base, index, intent):
         index = next((number for number, part in enumerate(base.parts) if part.name == "mattress"), index)
     frame = part_frame(scene, base, base.parts[index].box)
     names: tuple[str, ...] = reply.regions
     note = ""
-    areas = areas_of(scene, base, frame, reply, index, mesh)
-    if not areas and all(apart(base.box, box) < NEIGHBOUR for box in boxes_of_reply(scene, base, reply, index)):
+    groups = groups_of(scene, base, reply, index)
+    view, reach = reference_frame(scene, base, reply.references) or frame, reach_of(mesh, frame)
+    areas = [area for group in groups for area in regions(frame, names, group, reach, view)]
+    if len(reply.references) > 1 and "between" not in names:
+        areas[:0] = both(areas)  # "next to the lamp and the book": where the two meet, if they do
+    if not areas and all(apart(base.box, box) < NEIGHBOUR for group in groups for box in group):
         names, note = (), f"; {intent.region.words!r} is taken to say which {base.label} is meant"
-        areas = regions(frame, (), [], reach_of(mesh, frame))
+        areas = regions(frame, (), [], reach)
+    if not areas:
+        away = min(distance_beside(frame, names, group, reach, view) for group in groups)
+        return Choice(index, frame, [], " ".join(names), beside=away)
     if reply.point is not None:
         areas = [replace(area, target=frame.world(np.array(reply.point))) for area in areas]
     if not names and not note and sum(part.name == base.parts[index].name for part in base.parts) > 1:
@@ -135,24 +130,13 @@ def choice_of(scene: Segmentation, base: Instance, intent: Intent, reply: Anchor
     return Choice(index, frame, areas, " ".join(names), note)
 
 
-def areas_of(
-    scene: Segmentation, base: Instance, frame: Frame, reply: AnchorReply, index: int, mesh: Mesh
-) -> list[Region]:
-    """The areas of a part that the reply's regions mean, best first."""
-    boxes = boxes_of_reply(scene, base, reply, index)
-    # "near the pillow" with two pillows: the nearer one first; "between" takes all of them together
-    groups = [[box] for box in boxes] if boxes and "between" not in reply.regions else [boxes]
-    view = reference_frame(scene, base, reply.references) or frame
-    one_by_one = [regions(frame, reply.regions, group, reach_of(mesh, frame), view) for group in groups]
-    areas = [area for found in one_by_one for area in found]
-    if len(reply.references) > 1 and "between" not in reply.regions:
-        areas[:0] = both(areas)  # "next to the lamp and the book": where the two meet, if they do
-    return areas
+def groups_of(scene: Segmentation, base: Instance, reply: AnchorReply, index: int) -> list[list[OrientedBox]]:
+    """Boxes of what the regions refer to, those that make an area together in a group, the nearest to the part first.
 
-
-def boxes_of_reply(scene: Segmentation, base: Instance, reply: AnchorReply, index: int) -> list[OrientedBox]:
-    """Boxes of what the regions refer to, the nearest to the part first."""
-    return reference_boxes(scene, base, reply.references, base.parts[index].box.center)
+    "Near the pillow" with two pillows is near one of them; "between" takes all together.
+    """
+    boxes = reference_boxes(scene, base, reply.references, base.parts[index].box.center)
+    return [[box] for box in boxes] if boxes and "between" not in reply.regions else [boxes]
 
 
 def reach_of(mesh: Mesh, frame: Frame) -> Array:
@@ -177,7 +161,7 @@ def anchored(
         base_id=carrier.id,
         part=part.name,
         part_index=index,
-        region=choice.region or "center",
+        region=start.region.name or choice.region or "center",
         local=part_frame(scene, carrier, part.box).local(spot),
         surface_point=hit.position[0],
         world_from_object=world_from_object,

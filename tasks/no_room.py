@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from geometry.landing import SHARES, Landing, Refusal
+from geometry.landing import SHARES, Landing
 from geometry.regions import Frame, Region
 from scene.intent import Intent
 from scene.mesh import Mesh
@@ -22,7 +22,7 @@ def no_room(
 ) -> Infeasible:  # fmt: skip
     """The refusal with its evidence; `mesh`: the object as it would lie there."""
     part, size, space = base.parts[index], np.ptp(mesh.bounds, axis=0), 2.0 * frame.half
-    reasons = [landing.refusal(area) for area in areas] or [Refusal(False, 0.0, 0.0, np.zeros(0, dtype=np.int64))]
+    reasons = [landing.refusal(area) for area in areas]
     best = max(reason.best_share for reason in reasons)
     blockers = in_the_way(scene, base, np.concatenate([reason.blockers for reason in reasons]))
     evidence: dict[str, object] = {
@@ -49,6 +49,21 @@ def no_room(
     if blockers:
         text += f"; in the way: {', '.join(dict.fromkeys(name for _, name, _ in blockers))}"
     return Infeasible(Reason.TOO_LARGE_FOR_TARGET, text, evidence)
+
+
+def not_on_it(base: Instance, index: int, intent: Intent, away: float) -> Infeasible:
+    """The refusal of a place beside something that is too far from the part: no part of the place is on it."""
+    part, words = base.parts[index], intent.region.words
+    place = f"the asked place ({words})" if words else "the asked place"
+    evidence: dict[str, object] = {
+        "base": base.id,
+        "part": part.name,
+        "region": " ".join(intent.region.names),
+        "references": list(intent.region.references),
+        "beside_m": round(away, 4),
+    }
+    text = f"{place} lies {away:.2f} m beside the {part.name} of {base.label}, not on it"
+    return Infeasible(Reason.NO_SUPPORT_HIT, text, evidence)
 
 
 def in_the_way(scene: Segmentation, base: Instance, faces: NDArray[np.int64]) -> list[tuple[str, str, float]]:

@@ -13,6 +13,7 @@ from geometry.regions import (
     clipped,
     convex_hull,
     counter_clockwise,
+    distance_beside,
     frame_of,
     inside,
     regions,
@@ -105,6 +106,32 @@ def test_every_region_is_convex_on_the_part_and_holds_its_target(names, yaw, rad
         assert inside(area.polygon, area.target[None], margin=1e-9).all()
 
 
+@pytest.mark.parametrize(
+    ("names", "ends"),
+    [
+        (("left", "right", "edge"), {"left edge": (-1, 0), "right edge": (1, 0)}),
+        (("front", "back", "edge"), {"front edge": (0, -1), "back edge": (0, 1)}),
+        (("left", "foot", "head", "edge"), {"left edge": (-1, 0), "foot edge": (0, -1), "head edge": (0, 1)}),
+    ],
+)
+def test_edges_across_from_each_other_are_tried_one_by_one(names, ends):
+    """No place is at the left and at the right edge: each is an area of its own, under its name, at the part's end."""
+    frame = frame_of(box(0, 0, 2.0, 2.0), FRONT, MIDDLE)
+    areas = {area.name: area for area in regions(frame, names, [], np.full(2, 0.1))}
+    assert [*areas] == [*ends]
+    for name, end in ends.items():
+        # 2 cm and the object's half width from the end of 1 m
+        assert np.allclose(areas[name].target, 0.88 * np.array(end))
+        assert not inside(areas[name].polygon, np.zeros((1, 2))).any()
+
+
+def test_corners_on_both_sides_are_all_that_fit():
+    """The left or right corners in front are two, of which none is forgotten."""
+    frame = frame_of(box(0, 0, 2.0, 2.0), FRONT, MIDDLE)
+    areas = regions(frame, ("left", "right", "front", "corner"), [], np.full(2, 0.1))
+    assert sorted(np.sign(area.target).tolist() for area in areas) == [[-1, -1], [1, -1]]
+
+
 def test_near_lies_around_the_reference_and_between_in_the_middle():
     """Near a pillow: around it, cut to the mattress; between two: their middle."""
     frame = frame_of(box(0, 0, 1.6, 2.0), FRONT, MIDDLE)
@@ -128,6 +155,26 @@ def test_reference_far_away_leaves_nothing():
     """Next to a thing three metres from the table there is no table."""
     frame = frame_of(box(0, 0, 1.0, 1.0), FRONT, MIDDLE)
     assert regions(frame, ("next_to",), [box(3.5, 0, 0.2, 0.2)], np.full(2, 0.1)) == []
+
+
+@pytest.mark.parametrize(
+    ("names", "place", "away"),
+    [
+        # the thing's side less 15 cm and the object's 10 cm; the part's side is at 0.5 m
+        (("next_to",), (3.5, 0.0), 3.4 - 0.25 - 0.5),
+        (("near",), (3.5, 0.0), 3.4 - 0.6 - 0.5),
+        # right of the thing begins at its middle
+        (("next_to", "right"), (3.5, 0.0), 3.5 - 0.5),
+        # corner to corner, along the diagonal
+        (("near",), (2.1, 1.6), np.hypot(1.5, 1.0) - 0.6),
+    ],
+)
+def test_place_beside_the_part_says_how_far(names, place, away):
+    """Where nothing is left, the distance from the place to the part is that of their nearest points."""
+    frame, thing = frame_of(box(0, 0, 1.0, 1.0), FRONT, MIDDLE), box(*place, 0.2, 0.2)
+    assert regions(frame, names, [thing], np.full(2, 0.1)) == []
+    # a 16-gon lies inside its circle by up to 1 - cos(pi / 16) = 2 % of at most 0.6 m
+    assert distance_beside(frame, names, [thing], np.full(2, 0.1)) == pytest.approx(away, abs=0.012)
 
 
 def test_clipping_gives_the_common_area():

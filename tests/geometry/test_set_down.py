@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 import trimesh
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from geometry.clearance import Clearance
@@ -19,6 +19,7 @@ from scene.mesh import Mesh
 
 GAP = 0.01
 WIDE, DEEP = 1.2, 0.9
+KINDS = ("ball", "block", "bar", "bottle", "stool", "mug")
 SQUARE = np.array([[-WIDE, -DEEP], [WIDE, -DEEP], [WIDE, DEEP], [-WIDE, DEEP]]) / 2.0
 
 
@@ -121,6 +122,14 @@ def scene_of(support: Mesh, others: list[Mesh]) -> Scene:
     return Scene(mesh, np.arange(len(mesh.faces)) < len(support.faces))
 
 
+def dropped(kind: str, seed: int, amplitude: float) -> tuple[Mesh, list[Mesh], list[Mesh], Start | None]:
+    """A random support, closed solids on it, those of an object, and where it is set down."""
+    rng = np.random.default_rng(seed)
+    support, others, solids = blanket(rng, amplitude), neighbours(rng), objects(kind, rng)
+    aim = float(rng.uniform(-0.4, 0.4)), float(rng.uniform(-0.3, 0.3))
+    return support, others, solids, scene_of(support, others).start(Mesh.concatenate(solids), aim)
+
+
 def moved(mesh: Mesh, start: Start) -> Mesh:
     pose = np.eye(4)
     pose[:3, 3] = start.spot.x, start.spot.y, start.height
@@ -150,18 +159,15 @@ def depth(points: np.ndarray, solids: list[Mesh]) -> float:
 
 @settings(max_examples=15)
 @given(
-    st.sampled_from(["ball", "block", "bar", "bottle", "stool", "mug"]),
+    st.sampled_from(KINDS),
     st.integers(0, 10_000),
     st.floats(0.0, 0.03),
 )
 def test_every_start_is_clear(kind, seed, amplitude):
     """The closest point is 1 cm above what is beneath it, none is closer, and no solid reaches into another one."""
-    rng = np.random.default_rng(seed)
-    support, others, solids = blanket(rng, amplitude), neighbours(rng), objects(kind, rng)
+    support, others, solids, start = dropped(kind, seed, amplitude)
     scene, item = scene_of(support, others), Mesh.concatenate(solids)
-    start = scene.start(item, (float(rng.uniform(-0.4, 0.4)), float(rng.uniform(-0.3, 0.3))))
-    if start is None:  # so full that nothing is free: judged by the tests below
-        return
+    assume(start is not None)  # so full that nothing is free: judged by the tests below
     placed = moved(item, start)
     assert start.gap == pytest.approx(GAP, abs=1e-4)
     # columns never see less than the exact gap, but for rounding; they see at most what slopes of 1 hide in 2 mm
@@ -169,6 +175,12 @@ def test_every_start_is_clear(kind, seed, amplitude):
     here = [moved(solid, start) for solid in solids]
     assert depth(surface_points(placed, 0.01), [support, *others]) < 1e-4
     assert depth(surface_points(scene.mesh, 0.05), here) < 1e-4
+
+
+def test_most_random_scenes_have_a_place():
+    """Supports of 1.1 m2 with at most seven things of together under 0.5 m2: at least five objects in six find one."""
+    starts = [dropped(kind, 7 * number, 0.01)[3] for number in (1, 2) for kind in KINDS]
+    assert sum(start is not None for start in starts) >= 10
 
 
 def test_two_edges_that_cross_count():
@@ -252,3 +264,17 @@ def test_the_free_spot_nearest_to_the_aim_is_found():
     assert start.spot.y > -0.05
     assert depth(surface_points(moved(ball(0.05), start), 0.01), books) < 0
     assert scene.start(block((-0.33, -0.33, 0.0), (0.33, 0.33, 0.1))) is None  # 0.41 x 0.46 m are less than half of it
+
+
+@pytest.mark.parametrize("order", [(0, 1, 2), (2, 1, 0), (1, 2, 0)])
+def test_one_blocker_among_several_points_of_a_column_blocks_it(order):
+    """Points of a thing and of the table in one column, in any order: the spot is taken, and by the thing's highest."""
+    scene = scene_of(block((-0.6, -0.45, -0.03), (0.6, 0.45, 0.0)), [rod(0.001, 0.0, 0.2, 0.5, 0.4)])
+    landing = Landing(scene.mesh, Raycaster(scene.mesh), scene.support, ball(0.05))
+    x, y = landing.origin + landing.cell * np.rint(-landing.origin / landing.cell)
+    there = Region(np.array([[x, y]]) + 0.4 * landing.cell * SQUARE / np.abs(SQUARE), np.array([x, y]))
+    tip, root, table = len(scene.mesh.faces) - 1, len(scene.mesh.faces) - 2, 0
+    points = np.array([[x, y, 0.2], [x + 1e-4, y, 0.1], [x, y + 1e-4, 0.0]])
+    landing.add(points[list(order)], np.array([tip, root, table])[list(order)])
+    assert landing.find(there, 0.5, level=False) is None
+    assert landing.refusal(there).blockers.tolist() == [tip]

@@ -6,6 +6,7 @@ from language.materials import load_materials
 from language.questions import ANCHOR, LABEL, MATERIALS, PARTS, ROTATION
 from language.requests import (
     AnchorRequest,
+    BoxView,
     FacingView,
     LabelRequest,
     MaterialQuestion,
@@ -37,7 +38,11 @@ def anchor_request() -> AnchorRequest:
         PartView(1, "top", (0.0, 0.0, 0.73), (1.0, 0.6, 0.03), 0.6),
     )
     right, front = (1.0, 0.0, 0.0), (0.0, -1.0, 0.0)
-    return AnchorRequest("", "mug", (0.1, 0.1), "table", parts, "", "", ("left",), (), right, front)
+    boxes = (BoxView("lamp_1", "table lamp", (0.3, 0.1, 0.5), (0.2, 0.2, 0.4)),)
+    return AnchorRequest(
+        "put the mug on the left of the table", "on the left", "mug", (0.1, 0.1), "table", parts, "", "", ("left",), (),
+        right, front, neighbours=boxes, pictures=(lambda: np.full((8, 8, 3), 70, dtype=np.uint8),),
+    )  # fmt: skip
 
 
 def materials_request() -> MaterialsRequest:

@@ -58,7 +58,7 @@ def test_object_starts_one_centimetre_over_the_asked_part(support, label, item, 
     assert isinstance(meant, Intent)
     turned = rotation(scene, thing, meant, prompt, RotationConfig(picture_size=64))
     assert isinstance(turned, Rotation)
-    found = anchor(scene, thing, meant, turned, AnchorConfig())
+    found = anchor(scene, thing, meant, turned, prompt, AnchorConfig())
     assert isinstance(found, Anchor)
     assert found.part == part
     points = thing.mesh.transformed(found.world_from_object).vertices

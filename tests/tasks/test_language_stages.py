@@ -8,7 +8,7 @@ import trimesh
 
 from geometry.poses import about_z, center_of_mass
 from geometry.raycast import Raycaster
-from language.replies import RotationReply
+from language.replies import AnchorReply, RotationReply
 from language.requests import FacingView, RotationRequest
 from language.seam import ClientName, LanguageConfig
 from scene.anchor import Anchor
@@ -20,7 +20,7 @@ from scene.mesh import Mesh
 from scene.outcome import Infeasible, Reason
 from scene.rotation import Rotation
 from scene.segmentation import Instance, Part, Segmentation
-from tasks.anchor import AnchorConfig, anchor
+from tasks.anchor import AnchorConfig, anchor, choice_of
 from tasks.intent import IntentConfig, intent
 from tasks.materials import MaterialsConfig, materials
 from tasks.rotation import RotationConfig, matrix_of, pose_views, rotation
@@ -117,7 +117,7 @@ def placed(prompt: str, item: Segmentation, room: Segmentation = ROOM) -> tuple[
     assert isinstance(meant, Intent)
     turned = rotation(room, item, meant, prompt, SMALL)
     assert isinstance(turned, Rotation)
-    found = anchor(room, item, meant, turned, AnchorConfig())
+    found = anchor(room, item, meant, turned, prompt, AnchorConfig())
     assert isinstance(found, Anchor), found
     return meant, turned, found
 
@@ -391,7 +391,7 @@ def test_too_large_says_so_with_numbers():
     assert isinstance(meant, Intent)
     turned = rotation(ROOM, item, meant, "", SMALL)
     assert isinstance(turned, Rotation)
-    found = anchor(ROOM, item, meant, turned, AnchorConfig())
+    found = anchor(ROOM, item, meant, turned, "", AnchorConfig())
     assert isinstance(found, Infeasible)
     assert found.reason is Reason.TOO_LARGE_FOR_TARGET
     assert "0.90 x 2.00" in found.message
@@ -413,7 +413,7 @@ def test_full_target_is_too_large_as_well():
     assert isinstance(meant, Intent)
     turned = rotation(room, item, meant, "", SMALL)
     assert isinstance(turned, Rotation)
-    found = anchor(room, item, meant, turned, AnchorConfig())
+    found = anchor(room, item, meant, turned, "", AnchorConfig())
     assert isinstance(found, Infeasible)
     assert found.reason is Reason.TOO_LARGE_FOR_TARGET
 
@@ -431,7 +431,7 @@ def test_part_under_a_lid_is_full():
     assert isinstance(meant, Intent)
     turned = rotation(room, item, meant, "", SMALL)
     assert isinstance(turned, Rotation)
-    found = anchor(room, item, meant, turned, AnchorConfig())
+    found = anchor(room, item, meant, turned, "", AnchorConfig())
     assert isinstance(found, Infeasible)
     assert found.reason is Reason.TOO_LARGE_FOR_TARGET
     assert found.evidence["in_the_way"] == [{"id": "lid", "name": "box", "share": 1.0}]
@@ -451,7 +451,7 @@ def test_no_ray_meets_the_hole_of_a_ring():
     assert isinstance(meant, Intent)
     turned = rotation(room, item, meant, "", SMALL)
     assert isinstance(turned, Rotation)
-    found = anchor(room, item, meant, turned, AnchorConfig())
+    found = anchor(room, item, meant, turned, "", AnchorConfig())
     assert isinstance(found, Infeasible)
     assert found.reason is Reason.NO_SUPPORT_HIT
 
@@ -468,7 +468,7 @@ def test_shelf_boards_have_headroom():
     assert isinstance(meant, Intent)
     turned = rotation(room, tall, meant, "", SMALL)
     assert isinstance(turned, Rotation)
-    assert isinstance(anchor(room, tall, meant, turned, AnchorConfig()), Infeasible)
+    assert isinstance(anchor(room, tall, meant, turned, "", AnchorConfig()), Infeasible)
 
 
 def test_blanket_on_top_takes_the_object():
@@ -495,6 +495,23 @@ def test_middle_of_the_bed_is_the_beds_not_the_blankets():
     assert found.part == named.part == "blanket"
     assert found.surface_point[1] == pytest.approx(0.0, abs=0.01)
     assert named.surface_point[1] == pytest.approx(-0.425, abs=0.01)
+
+
+def test_point_is_one_of_the_part_that_was_chosen():
+    """Right and front of a blanket on the lower half are 0.75 and -0.95 m of the room; without a point a choice of the
+    blanket means the bed's middle."""
+    bed = [
+        ("mattress", block((-0.75, -0.95, 0.3), (0.75, 0.95, 0.5))),
+        ("blanket", block((-0.75, -0.95, 0.501), (0.75, 0.1, 0.55))),
+    ]
+    room, item = segmentation({"bed": ("bed", (0.0, -1.0, 0.0), bed)}), thing("tennis ball", ball(0.033))
+    meant, _, _ = placed("put the ball on the bed", item, room)
+    # half the way to the right: 0.375 m; half the way to the front: from -0.425 by half of 0.525 m
+    pointed = choice_of(room, room.instances[0], meant, AnchorReply(part_index=1, point=(0.5, 0.5)), item.mesh)
+    plain = choice_of(room, room.instances[0], meant, AnchorReply(part_index=1), item.mesh)
+    assert (pointed.index, plain.index) == (1, 0)
+    assert np.allclose(pointed.areas[0].target, (0.375, -0.6875))
+    assert np.allclose(plain.areas[0].target, (0.0, 0.0))
 
 
 def hall() -> Segmentation:
@@ -553,9 +570,15 @@ def test_neighbour_says_which_one_is_meant():
     assert isinstance(meant, Intent)
     turned = rotation(HALL, mug_thing, meant, "", SMALL)
     assert isinstance(turned, Rotation)
-    refused = anchor(HALL, mug_thing, meant, turned, AnchorConfig())
+    refused = anchor(HALL, mug_thing, meant, turned, "", AnchorConfig())
     assert isinstance(refused, Infeasible)
     assert refused.reason is Reason.NO_SUPPORT_HIT
+    # the chair's corner (0.9, -1.5) to the stove's (0.3, 1.6), less 15 cm and half of the mug, whose sides are 8.4 to
+    # 11.7 cm long as it is turned; a hull of 16 corners lies inside of its circle by 1 - cos(pi / 16) = 2 %
+    far = np.hypot(0.6, 3.1)
+    assert far - (0.15 + 0.117 / 2) <= refused.evidence["beside_m"] <= far - 0.98 * (0.15 + 0.084 / 2)
+    assert f"{refused.evidence['beside_m']:.2f} m beside the seat of chair" in refused.message
+    assert "no ray" not in refused.message
 
 
 @pytest.mark.parametrize(("words", "signs"), [("arm", (-1, 1)), ("right arm", (1,)), ("left arm", (-1,))])
@@ -582,12 +605,24 @@ def test_full_target_names_what_is_in_the_way():
     assert isinstance(meant, Intent)
     turned = rotation(room, item, meant, "", SMALL)
     assert isinstance(turned, Rotation)
-    found = anchor(room, item, meant, turned, AnchorConfig())
+    found = anchor(room, item, meant, turned, "", AnchorConfig())
     assert isinstance(found, Infeasible)
     assert found.reason is Reason.TOO_LARGE_FOR_TARGET
     assert "in the way: book" in found.message
     assert found.evidence["blocked_share"] == 1.0
     assert {row["id"] for row in found.evidence["in_the_way"]} <= {*things}
+
+
+def test_one_of_two_edges_is_named():
+    """At "the left or right edge" the anchor says at which of the two the object went, and it is there."""
+    item = thing("tennis ball", ball(0.033))
+    meant, turned, _ = placed("put the ball on the edge of the mattress", item)
+    both = replace(meant, region=replace(meant.region, names=("left", "right", "edge")))
+    found = anchor(ROOM, item, both, turned, "", AnchorConfig())
+    assert isinstance(found, Anchor)
+    side = {"left edge": -1.0, "right edge": 1.0}[found.region]
+    # the mattress ends at 0.75 m; the ball's radius and 2 cm remain
+    assert found.surface_point[0] == pytest.approx(side * (0.75 - 0.033 - 0.02), abs=0.01)
 
 
 def test_stages_are_deterministic():

@@ -48,7 +48,7 @@ def test_hollow_things_weigh_what_such_things_weigh(label, shape, usual, solid):
     assert (meant.scale, meant.hollow) == (1.0, True)
     turned = rotation(TABLE, item, meant, "", RotationConfig(picture_size=64))
     assert isinstance(turned, Rotation)
-    found = anchor(TABLE, item, meant, turned, AnchorConfig())
+    found = anchor(TABLE, item, meant, turned, "", AnchorConfig())
     assert isinstance(found, Anchor)
     rows = materials(TABLE, item, meant, found, "", MaterialsConfig())
     filled = particles(TABLE, item, meant, found, rows, ParticlesConfig(base_cells=500, object_cells=1000))  # type: ignore[arg-type]

@@ -1,0 +1,115 @@
+"""What the question of the anchor tells a client, in rooms of boxes."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import trimesh
+from fake_api import data_of
+
+from language.replies import AnchorReply
+from language.seam import ClientName, LanguageConfig
+from scene.anchor import Anchor
+from scene.box import OrientedBox
+from scene.intent import Intent
+from scene.mesh import Mesh
+from scene.rotation import Rotation
+from scene.segmentation import Instance, Part, Segmentation
+from tasks import anchor_request as made
+from tasks.anchor import AnchorConfig, anchor
+from tasks.anchor_request import anchor_request
+from tasks.intent import IntentConfig, intent
+from tasks.rotation import RotationConfig, rotation
+
+Corners = tuple[tuple[float, float, float], tuple[float, float, float]]
+RED, GREEN, GREY = (220, 30, 30), (30, 200, 30), (150, 150, 150)
+SENTENCE = "put the box on the table next to the lamp"
+
+
+def room(*things: tuple[str, str, Corners, tuple[int, int, int]]) -> Segmentation:
+    """Instances of one part each, all looking along -x: id, label, corners and colour."""
+    instances, meshes, owner = [], [], []
+    for number, (name, label, (low, high), color) in enumerate(things):
+        shape = trimesh.creation.box(bounds=[low, high])
+        meshes.append(Mesh(shape.vertices, shape.faces, np.tile(np.array(color, np.uint8), (8, 1))))
+        half = (np.array(high) - low) / 2
+        box = OrientedBox(np.array(low) + half, np.eye(3), half)
+        part = Part("top" if label == "table" else "body", box, 1.0)
+        instances.append(Instance(name, label, box, (part,), np.array([-1.0, 0.0, 0.0]), label == "floor"))
+        owner += [number] * len(shape.faces)
+    index = np.array(owner, np.int32)
+    return Segmentation(Mesh.concatenate(meshes), tuple(instances), index, np.zeros_like(index))
+
+
+ROOM = room(
+    ("table", "table", ((0.0, 0.0, 0.7), (1.0, 2.0, 0.75)), GREY),
+    ("red", "lamp", ((0.1, 0.2, 0.75), (0.3, 0.5, 1.05)), RED),
+    ("green", "box", ((0.7, 1.6, 0.75), (0.9, 1.8, 0.85)), GREEN),
+    ("far", "box", ((3.0, 0.0, 0.0), (3.5, 0.5, 0.5)), GREY),
+    ("floor", "floor", ((-2.0, -2.0, -0.1), (4.0, 4.0, 0.0)), GREY),
+)
+ITEM = room(("object", "box", ((0.0, 0.0, 0.0), (0.1, 0.1, 0.1)), GREY))
+
+
+def asked(prompt: str) -> Intent:
+    found = intent(ROOM, ITEM, prompt, None, IntentConfig())
+    assert isinstance(found, Intent)
+    return found
+
+
+def test_sentence_and_boxes_are_in_the_question():
+    """The lamp is given as the viewer sees it, who stands at -x: his right is -y, his side is -x."""
+    request = anchor_request(ROOM, ROOM.instances[0], asked(SENTENCE), SENTENCE, ITEM.mesh)
+    assert request.prompt == SENTENCE
+    lamp = request.references[0]
+    assert (lamp.id, lamp.label, len(request.references)) == ("red", "lamp", 1)
+    # its middle (0.2, 0.35, 0.9) less the table's (0.5, 1.0, 0.725), turned
+    assert lamp.center == pytest.approx((0.65, 0.3, 0.175))
+    assert lamp.size == pytest.approx((0.3, 0.2, 0.3))
+    assert {one.id for one in request.neighbours} == {"red", "green"}
+    top = request.part_boxes[request.parts[0].index]
+    assert (top.id, top.label) == ("0", "top")
+    assert top.size == pytest.approx((2.0, 1.0, 0.05))
+
+
+def test_part_that_is_referred_to_goes_by_its_name():
+    """Next to the table's own top: its box in the middle of the table, under the id that a reply may choose."""
+    meant = asked(SENTENCE)
+    meant = replace(meant, region=replace(meant.region, references=("part:top",)))
+    request = anchor_request(ROOM, ROOM.instances[0], meant, SENTENCE, ITEM.mesh)
+    assert [(one.id, one.label, one.center) for one in request.references] == [("part:top", "top", (0.0, 0.0, 0.0))]
+    AnchorReply(part_index=0, references=("part:top",)).check(request)
+
+
+def test_model_is_told_the_sentence_and_chooses_as_the_offline_reader_does(api):
+    """The stage hands the whole sentence and one picture over; the same choice gives the same start."""
+    meant = asked(SENTENCE)
+    turned = rotation(ROOM, ITEM, meant, SENTENCE, RotationConfig(picture_size=64))
+    assert isinstance(turned, Rotation)
+    model = LanguageConfig(client=ClientName.ANTHROPIC)
+    found = anchor(ROOM, ITEM, meant, turned, SENTENCE, AnchorConfig(language=model))
+    alone = anchor(ROOM, ITEM, meant, turned, SENTENCE, AnchorConfig())
+    assert isinstance(found, Anchor)
+    assert isinstance(alone, Anchor)
+    assert np.array_equal(found.world_from_object, alone.world_from_object)
+    (body,) = api.asked
+    assert data_of(body)["prompt"] == SENTENCE
+    assert [block["type"] for block in body["messages"][0]["content"]] == ["image", "text"]
+
+
+def test_picture_shows_the_base_as_the_viewer_sees_it(monkeypatch):
+    """Nothing is drawn before a client looks; then red is right of green and nearer to the lower edge."""
+    drawn = []
+    real = made.base_from_above
+    monkeypatch.setattr(made, "base_from_above", lambda *args: drawn.append(1) or real(*args))
+    request = anchor_request(ROOM, ROOM.instances[0], asked(SENTENCE), SENTENCE, ITEM.mesh)
+    assert not drawn
+    (make,) = request.pictures
+    rgb = make().astype(int)
+    assert len(drawn) == 1
+    red = np.argwhere((rgb[..., 0] > 100) & (rgb[..., 1:].max(axis=-1) < 80)).mean(axis=0)
+    green = np.argwhere((rgb[..., 1] > 90) & (rgb[..., 0] < 80) & (rgb[..., 2] < 80)).mean(axis=0)
+    # 1.35 m apart along the table and 0.6 m across it; the picture is 2.5 m wide at the table's top and 512 pixels
+    scale = 512 / 2.5
+    assert red[1] - green[1] == pytest.approx(1.35 * scale, rel=0.1)
+    assert red[0] - green[0] == pytest.approx(0.6 * scale, rel=0.15)
