@@ -35,7 +35,7 @@ def segmentation(things: dict[str, tuple[str, Corner | None, Sequence[Solid]]]) 
         structure = label in STRUCTURE
         instances.append(Instance(name, label, box_of(whole), parts, ahead, structure))
         for number, (_, mesh) in enumerate(solids):
-            meshes.append(mesh)
+            meshes.append(Mesh.of(mesh.vertices, mesh.faces))  # without colours
             face_instance += [index] * len(mesh.faces)
             face_part += [number] * len(mesh.faces)
     mesh = Mesh.concatenate(meshes)
@@ -119,3 +119,4 @@ def hall() -> Segmentation:
 
 ROOM = bedroom()
 HALL = hall()
+CUBE = thing("cube", block((-0.03, -0.03, 0.0), (0.03, 0.03, 0.06)))

@@ -3,7 +3,7 @@
 A replay is recorded first, from the model's stand-in, and then answers alone: what it would ask for is an error.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeVar
@@ -41,12 +41,14 @@ class Stages:
 
     def answered(self, run: Callable[[LanguageConfig], T]) -> T:
         """What `run` gives when this client answers."""
-        if self.client is not ClientName.REPLAY:
-            return run(LanguageConfig(client=self.client, model=MODEL))
+        if self.client is ClientName.OFFLINE:
+            return run(LanguageConfig())
         assert self.api is not None
-        recording = str(self.folder / "recording")
-        with speaking(Session(record=recording)):
-            run(LanguageConfig(client=ClientName.ANTHROPIC, model=MODEL))
+        recording, kept = str(self.folder / "recording"), str(self.folder / "kept")
+        with speaking(Session(record=recording, kept=kept)):
+            found = run(LanguageConfig(client=ClientName.ANTHROPIC, model=MODEL))
+        if self.client is ClientName.ANTHROPIC:
+            return found
         asked = len(self.api.asked)
         with speaking(Session(replay=recording, kept=str(self.folder / "nothing"))):
             found = run(LanguageConfig(client=ClientName.REPLAY, model=MODEL))
@@ -111,3 +113,8 @@ def set_over(
     """Intent, rotation and anchor."""
     meant, pose = turned(prompt, item, room, language)
     return meant, pose, anchor(room, item, meant, pose, AnchorConfig(language=language))
+
+
+def with_each(cases: Sequence[tuple[object, ...]], *told: object) -> list[tuple[object, ...]]:
+    """Cases with a client before each: offline for all, every client for those whose first value is told."""
+    return [(one, *case) for case in cases for one in (ClientName if case[0] in told else (ClientName.OFFLINE,))]
