@@ -13,7 +13,7 @@ from pathlib import Path
 import pyarrow.parquet as pq
 import pytest
 import trimesh
-from fake_api import KEY, FakeApi
+from fake_api import KEY, FakeApi, fails, question_of, self_willed
 
 from flows.language_options import LanguageOptions
 from language.reply_folder import ReplyFolder
@@ -45,7 +45,12 @@ def dataset(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, api: FakeApi) -> Pa
 
 def run(dataset: Path, *options: str, expected: int = 0) -> Path:
     """The folder of a benchmark run in a process of its own."""
-    command = [sys.executable, "-m", "flows.cli", "benchmark", "--dataset", str(dataset), *options]
+    return dcap(dataset, "benchmark", "--dataset", str(dataset), *options, expected=expected)
+
+
+def dcap(dataset: Path, *words: str, expected: int = 0) -> Path:
+    """The folder of the last run after a command in a process of its own."""
+    command = [sys.executable, "-m", "flows.cli", *words]
     environment = os.environ | {"DCAP_DATA": str(dataset.parent / "data"), "PYTHONPATH": str(PROJECT_ROOT)}
     done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
     assert done.returncode == expected, done.stderr
@@ -110,6 +115,38 @@ def test_a_spent_budget_stops_in_a_line(dataset: Path, api: FakeApi) -> None:
     )
     gone_on = run(dataset, *asking, "--limit", "1", "--max-cost", "5", "--only-failed")
     assert len(json.loads((gone_on / "run.json").read_text())["samples"]) == 1
+
+
+@pytest.mark.slow
+def test_a_rerun_asks_again_and_keeps_what_it_hears(dataset: Path, api: FakeApi) -> None:
+    """The stage's question goes out although a reply is kept; later runs and the recording have the new one alone."""
+    recording = dataset.parent / "recording"
+    asking = ("--language", "anthropic", "--limit", "1", "--record", str(recording))
+    first = run(dataset, *asking)
+    assert "piano" in outcome(first)["message"]
+    asked = [question_of(body) for body in api.asked]
+    assert any('\\"missing\\":\\"the piano' in path.read_text() for path in recording.rglob("*.json"))
+    api.answers = [self_willed(intent={"missing": "a harpsichord"})]
+    assert dcap(dataset, "rerun", "last", "lacks", "--stage", "intent", expected=3) == first
+    assert "harpsichord" in outcome(first)["message"]
+    assert "harpsichord" in (first / "report.html").read_text()
+    assert [question_of(body) for body in api.asked] == [*asked, "intent"]
+    assert json.loads((first / "summary.json").read_text())["language"]["asked"] == len(asked) + 1
+
+    api.answers = [fails(500, "nobody_may_ask")]
+    later = run(dataset, *asking)
+    assert later != first
+    assert outcome(later)["message"] == outcome(first)["message"]
+    assert len(api.asked) == len(asked) + 1
+    for folder in (recording, dataset.parent / "data" / "replies"):
+        replies = [path.read_text() for path in folder.rglob("*.json")]
+        assert any("harpsichord" in text for text in replies)
+        assert not any('\\"missing\\":\\"the piano' in text for text in replies)
+
+
+def outcome(folder: Path) -> dict[str, str]:
+    """What became of the sample that lacks its base."""
+    return dict(json.loads((folder / "samples" / "lacks" / "placement.json").read_text()))
 
 
 @pytest.mark.parametrize(

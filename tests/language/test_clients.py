@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from fake_api import KEY, FakeApi, data_of, fails, message, says
+from fake_api import KEY, FakeApi, data_of, fails, message, reason_of, says
 from PIL import Image
 from questions_at_hand import AT_HAND, anchor_request, label_request, parts_request, rotation_request
 
@@ -76,8 +76,7 @@ def good_intent(ask) -> dict[str, Any]:
 
 def reasons(api: FakeApi) -> list[str]:
     """What each follow-up says was wrong."""
-    turns = [body["messages"][-1]["content"][0]["text"] for body in api.asked if len(body["messages"]) > 1]
-    return [json.loads(turn.split("<data>")[1].split("</data>")[0]) for turn in turns]
+    return [reason_of(body) for body in api.asked if len(body["messages"]) > 1]
 
 
 def test_invalid_answers_are_asked_again_with_the_reason(api, ask):

@@ -6,7 +6,7 @@ at the end, schema keywords that its grammar does not know. `answers` are given 
 
 import json
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from datetime import UTC, datetime
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
@@ -187,6 +187,12 @@ def data_of(body: Body) -> Body:
     return found
 
 
+def reason_of(body: Body) -> str:
+    """Why the last answer could not be used, as a follow-up says it."""
+    text = body["messages"][-1]["content"][0]["text"]
+    return str(json.loads(text.split("<data>")[1].split("</data>")[0]))
+
+
 def question_of(body: Body) -> str:
     """The name of the question."""
     return str(body["messages"][0]["content"][-1]["text"]).split()[1]
@@ -197,3 +203,15 @@ def offline_model(body: Body) -> Answer:
     question = QUESTIONS[question_of(body)]
     request = TypeAdapter(question.request).validate_python(data_of(body))
     return message(OfflineClient().ask(question, request).model_dump_json())  # type: ignore[type-var]
+
+
+def self_willed(**changes: Mapping[str, object] | Callable[[Body], Body]) -> Callable[[Body], Answer]:
+    """A model that differs from the offline reader: by question, the fields it answers otherwise, or how it does."""
+
+    def model(body: Body) -> Answer:
+        _, reply = offline_model(body)
+        good = json.loads(reply["content"][-1]["text"])
+        change = changes.get(question_of(body), {})
+        return message(json.dumps(change(good) if callable(change) else good | dict(change)))
+
+    return model

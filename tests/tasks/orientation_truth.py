@@ -4,17 +4,16 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
-import trimesh
 import yaml
+from box_rooms import block, segmentation
 from numpy.typing import NDArray
 
 from geometry.procedural.furniture_decor import table_lamp
 from geometry.procedural.objects import build_object
-from scene.box import OrientedBox
 from scene.intent import Intent
 from scene.mesh import Mesh
 from scene.rotation import Rotation
-from scene.segmentation import Instance, Part, Segmentation
+from scene.segmentation import Segmentation
 from tasks.intent import IntentConfig, intent
 from tasks.rotation import RotationConfig, rotation
 
@@ -56,36 +55,10 @@ def distance_deg(matrix: Array, alternative: Alternative) -> float:
     return max(errors)
 
 
-def segmentation(things: dict[str, tuple[str, Array | None, list[tuple[str, Mesh]]]]) -> Segmentation:
-    """Instances by id: label, front and named solids."""
-    instances, meshes, face_instance, face_part = [], [], [], []
-    for index, (name, (label, front, solids)) in enumerate(things.items()):
-        parts = tuple(Part(part, box_of(mesh), 1.0) for part, mesh in solids)
-        whole = Mesh.concatenate([mesh for _, mesh in solids])
-        structure = label in ("floor", "wall", "window")
-        instances.append(Instance(name, label, box_of(whole), parts, front, structure))
-        for number, (_, mesh) in enumerate(solids):
-            meshes.append(Mesh.of(mesh.vertices, mesh.faces))
-            face_instance += [index] * len(mesh.faces)
-            face_part += [number] * len(mesh.faces)
-    mesh = Mesh.concatenate(meshes)
-    return Segmentation(mesh, tuple(instances), np.array(face_instance, np.int32), np.array(face_part, np.int32))
-
-
-def box_of(mesh: Mesh) -> OrientedBox:
-    low, high = mesh.bounds
-    return OrientedBox((low + high) / 2, np.eye(3), np.maximum((high - low) / 2, 1e-6))
-
-
-def block(low: tuple[float, float, float], high: tuple[float, float, float]) -> Mesh:
-    shape = trimesh.creation.box(bounds=[low, high])
-    return Mesh.of(shape.vertices, shape.faces)
-
-
 @cache
 def room() -> Segmentation:
     """A desk whose user sits at -y, the wall behind it, a window at +x."""
-    user = np.array([0.0, -1.0, 0.0])
+    user = (0.0, -1.0, 0.0)
     return segmentation(
         {
             "desk": ("desk", user, [("top", block((-0.8, -0.4, 0.72), (0.8, 0.4, 0.75))),

@@ -3,26 +3,23 @@
 import numpy as np
 import pytest
 import trimesh
+from box_rooms import segmentation
 
 from language.offline import OfflineClient
 from language.questions import INTENT
 from language.replies import MOST_STATES, IntentReply
 from language.requests import IntentRequest
-from scene.box import OrientedBox
 from scene.intent import Intent
 from scene.mesh import Mesh
-from scene.segmentation import Instance, Part, Segmentation
+from scene.segmentation import Segmentation
 from tasks.intent import IntentConfig, intent, mass_of, scale_of
 from tasks.views import instance_views, object_view, room_center, vector
 
 
 def block(label: str, *size: float) -> Segmentation:
     """A block of one part."""
-    shape = trimesh.creation.box(size)
-    mesh = Mesh.of(shape.vertices, shape.faces)
-    box = OrientedBox(np.zeros(3), np.eye(3), np.array(size) / 2)
-    index = np.zeros(len(mesh.faces), np.int32)
-    return Segmentation(mesh, (Instance(label, label, box, (Part("top", box, 1.0),), None),), index, index)
+    mesh = trimesh.creation.box(size)
+    return segmentation({label: (label, None, [("top", Mesh.of(mesh.vertices, mesh.faces))])})
 
 
 TABLE = block("table", 1.2, 0.8, 0.04)

@@ -1,16 +1,15 @@
 """What a closed mesh weighs in the drop: hollow things as such things do, not density times volume."""
 
-import numpy as np
 import pytest
 import trimesh
+from box_rooms import segmentation
 
 from scene.anchor import Anchor
-from scene.box import OrientedBox
 from scene.intent import Intent
 from scene.mesh import Mesh
 from scene.particles import Particles
 from scene.rotation import Rotation
-from scene.segmentation import Instance, Part, Segmentation
+from scene.segmentation import Segmentation
 from tasks.anchor import AnchorConfig, anchor
 from tasks.intent import IntentConfig, intent
 from tasks.materials import MaterialsConfig, materials
@@ -21,11 +20,7 @@ from tasks.scenario import ParticlesConfig
 
 def one(label: str, part: str, shape: trimesh.Trimesh) -> Segmentation:
     """One thing of one part."""
-    mesh = Mesh.of(shape.vertices, shape.faces)
-    low, high = mesh.bounds
-    box = OrientedBox((low + high) / 2, np.eye(3), (high - low) / 2)
-    index = np.zeros(len(mesh.faces), np.int32)
-    return Segmentation(mesh, (Instance(label, label, box, (Part(part, box, 1.0),), None),), index, index)
+    return segmentation({label: (label, None, [(part, Mesh.of(shape.vertices, shape.faces))])})
 
 
 TABLE = one("table", "top", trimesh.creation.box(bounds=[(-0.6, -0.4, 0.7), (0.6, 0.4, 0.74)]))

@@ -1,0 +1,120 @@
+"""The stages that ask, one after the other, with whichever client: tests say what is placed and look at what comes out.
+
+A replay is recorded first, from the model's stand-in, and then answers alone: what it would ask for is an error.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TypeVar
+
+from box_rooms import ROOM
+from fake_api import FakeApi
+
+from language.seam import ClientName, LanguageConfig
+from language.session import Session, speaking
+from scene.anchor import Anchor
+from scene.intent import Intent
+from scene.materials import PartMaterials
+from scene.outcome import Infeasible
+from scene.rotation import Rotation
+from scene.segmentation import Segmentation
+from tasks.anchor import AnchorConfig, anchor
+from tasks.intent import IntentConfig, intent
+from tasks.materials import MaterialsConfig, materials
+from tasks.rotation import RotationConfig, rotation
+
+MODEL = "claude-sonnet-5-5"
+PICTURE_SIZE = 64
+"""Width and height of the rotation's pictures [pixels]."""
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True, slots=True)
+class Stages:
+    """The stages with one client; all but `offline` need the stand-in and a folder."""
+
+    client: ClientName = ClientName.OFFLINE
+    api: FakeApi | None = None
+    folder: Path = Path()
+
+    def answered(self, run: Callable[[LanguageConfig], T]) -> T:
+        """What `run` gives when this client answers."""
+        if self.client is ClientName.OFFLINE:
+            return run(LanguageConfig())
+        assert self.api is not None
+        recording, kept = str(self.folder / "recording"), str(self.folder / "kept")
+        with speaking(Session(record=recording, kept=kept)):
+            found = run(LanguageConfig(client=ClientName.ANTHROPIC, model=MODEL))
+        if self.client is ClientName.ANTHROPIC:
+            return found
+        asked = len(self.api.asked)
+        with speaking(Session(replay=recording, kept=str(self.folder / "nothing"))):
+            found = run(LanguageConfig(client=ClientName.REPLAY, model=MODEL))
+        assert len(self.api.asked) == asked
+        return found
+
+    def meant(
+        self,
+        prompt: str,
+        item: Segmentation,
+        room: Segmentation = ROOM,
+        *,
+        mass: float | None = None,
+        config: IntentConfig | None = None,
+    ) -> Intent | Infeasible:
+        """Intent only."""
+        plain = config or IntentConfig()
+        return self.answered(
+            lambda language: intent(room, item, prompt, mass, plain.model_copy(update={"language": language}))
+        )
+
+    def oriented(self, prompt: str, item: Segmentation, room: Segmentation = ROOM) -> Rotation:
+        """Intent and rotation."""
+        return self.answered(lambda language: turned(prompt, item, room, language)[1])
+
+    def tried(self, prompt: str, item: Segmentation, room: Segmentation = ROOM) -> Anchor | Infeasible:
+        """Intent, rotation and anchor, whatever the anchor says."""
+        return self.answered(lambda language: set_over(prompt, item, room, language)[2])
+
+    def placed(self, prompt: str, item: Segmentation, room: Segmentation = ROOM) -> tuple[Intent, Rotation, Anchor]:
+        """Intent, rotation and anchor where there is a place."""
+        meant, pose, found = self.answered(lambda language: set_over(prompt, item, room, language))
+        assert isinstance(found, Anchor), found
+        return meant, pose, found
+
+    def made_of(self, prompt: str, item: Segmentation, room: Segmentation = ROOM) -> PartMaterials:
+        """All four stages."""
+
+        def run(language: LanguageConfig) -> PartMaterials | Infeasible:
+            meant, _, found = set_over(prompt, item, room, language)
+            assert isinstance(found, Anchor), found
+            return materials(room, item, meant, found, prompt, MaterialsConfig(language=language))
+
+        rows = self.answered(run)
+        assert isinstance(rows, PartMaterials), rows
+        return rows
+
+
+def turned(prompt: str, item: Segmentation, room: Segmentation, language: LanguageConfig) -> tuple[Intent, Rotation]:
+    """Intent and rotation."""
+    meant = intent(room, item, prompt, None, IntentConfig(language=language))
+    assert isinstance(meant, Intent), meant
+    config = RotationConfig(language=language, picture_size=PICTURE_SIZE)
+    pose = rotation(room, item, meant, prompt, config)
+    assert isinstance(pose, Rotation), pose
+    return meant, pose
+
+
+def set_over(
+    prompt: str, item: Segmentation, room: Segmentation, language: LanguageConfig
+) -> tuple[Intent, Rotation, Anchor | Infeasible]:
+    """Intent, rotation and anchor."""
+    meant, pose = turned(prompt, item, room, language)
+    return meant, pose, anchor(room, item, meant, pose, prompt, AnchorConfig(language=language))
+
+
+def with_each(cases: Sequence[tuple[object, ...]], *told: object) -> list[tuple[object, ...]]:
+    """Cases with a client before each: offline for all, every client for those whose first value is told."""
+    return [(one, *case) for case in cases for one in (ClientName if case[0] in told else (ClientName.OFFLINE,))]

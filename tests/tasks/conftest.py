@@ -1,0 +1,20 @@
+"""The stages with each client."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from stage_chain import Stages
+
+from language.seam import ClientName
+
+
+@pytest.fixture(params=list(ClientName))
+def stages(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Stages]:
+    """Offline, with the model's stand-in, and with what that was recorded to say; the latter two must have asked it."""
+    if request.param is ClientName.OFFLINE:
+        yield Stages()
+        return
+    api = request.getfixturevalue("api")
+    yield Stages(request.param, api, tmp_path)
+    assert api.asked

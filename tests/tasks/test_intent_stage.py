@@ -1,0 +1,125 @@
+"""What the stage makes of a sentence and a mesh: base, scale and mass, or what is missing."""
+
+import numpy as np
+import pytest
+from box_rooms import ball, block, book, segmentation, thing
+from stage_chain import Stages
+
+from language.seam import ClientName, LanguageConfig
+from scene.errors import InputError, LanguageError
+from scene.intent import Intent
+from scene.outcome import Infeasible, Reason
+from scene.segmentation import Segmentation
+from tasks.anchor import AnchorConfig
+from tasks.intent import IntentConfig
+from tasks.materials import MaterialsConfig
+from tasks.rotation import RotationConfig
+
+OFFLINE = Stages()
+
+
+@pytest.mark.parametrize(
+    ("unit", "scale"),
+    [(1.0, 1.0), (0.01, 0.01), (0.0254, 0.0254), (0.001, 0.001), (0.55, 1.0)],
+    ids=["m", "cm", "in", "mm", "a small ball"],
+)
+def test_scale_undoes_the_unit(stages, unit, scale):
+    """A ball of 20 cm in any unit comes out between the lexicon's limits; a plausible size is kept."""
+    item = thing("ball", ball(0.1 / unit if scale != 1.0 else 0.1 * unit))
+    meant = stages.meant("put the ball on the bed", item)
+    assert isinstance(meant, Intent)
+    assert meant.scale == pytest.approx(scale, rel=0.02)  # the icosphere's extents are 2 % short of its diameter
+
+
+def test_scale_is_clamped():
+    """A mesh a million times too small grows by the clamp, not more."""
+    item = thing("ball", ball(1e-7))
+    meant = OFFLINE.meant("put the ball on the bed", item, config=IntentConfig(largest_scale=100.0))
+    assert isinstance(meant, Intent)
+    assert meant.scale == 100.0
+
+
+def test_given_mass_wins(stages):
+    """--mass 2.5 is the mass."""
+    meant = stages.meant("put the ball on the bed", thing("ball", ball()), mass=2.5)
+    assert isinstance(meant, Intent)
+    assert meant.mass == 2.5
+
+
+@pytest.mark.parametrize("mass", [0.0, -1.0, float("nan"), float("inf")])
+def test_absurd_mass_is_refused(mass):
+    """Only positive finite kilograms."""
+    with pytest.raises(InputError, match="mass"):
+        OFFLINE.meant("put the ball on the bed", thing("ball", ball()), mass=mass)
+
+
+def test_mass_follows_the_size(stages):
+    """A book one and a half times as long, wide and thick weighs 1.5^3 times as much, within the clamp of 5."""
+    small = stages.meant("put the book on the bed", thing("book", book()))
+    pose = np.diag([1.5, 1.5, 1.5, 1.0])
+    large = stages.meant("put the book on the bed", thing("book", book().transformed(pose)))
+    assert isinstance(small, Intent)
+    assert isinstance(large, Intent)
+    assert large.mass / small.mass == pytest.approx(1.5**3, rel=1e-6)
+
+
+def test_missing_target_is_infeasible_and_lists_what_is_there(stages):
+    """target_not_found with the labels of the room."""
+    found = stages.meant("put the ball on the piano", thing("ball", ball()))
+    assert isinstance(found, Infeasible)
+    assert found.reason is Reason.TARGET_NOT_FOUND
+    assert "piano" in found.message
+    assert "bed" in found.message
+    assert found.evidence["asked"] == "the piano"
+
+
+@pytest.mark.parametrize("prompt", ["", "hello there", "x" * 2000])
+def test_useless_prompts_are_refused(prompt):
+    """Exit code 2 and nothing placed."""
+    with pytest.raises((LanguageError, InputError)) as error:
+        OFFLINE.meant(prompt, thing("ball", ball()))
+    assert error.value.exit_code == 2
+
+
+def test_book_is_the_object_and_bed_the_base(stages):
+    """A known noun after the relation is the base, whatever the file's name."""
+    meant = stages.meant("put the book on the bed", thing("bed sheet", book()))
+    assert isinstance(meant, Intent)
+    assert (meant.object_name, meant.base_id) == ("book", "bed")
+
+
+@pytest.mark.parametrize(
+    ("words", "base"),
+    [
+        ("the left bed", "bed_a"),
+        ("the right bed", "bed_b"),
+        ("the bed near the window", "bed_b"),
+        ("the bed next to the door", "bed_a"),
+        ("the smaller bed", "bed_a"),
+    ],
+)
+def test_one_of_two_beds_is_told_by_the_words(stages, words, base):
+    """Side, neighbour and size tell them apart, from their boxes."""
+    meant = stages.meant(f"put the book on {words}", thing("book", book()), two_beds())
+    assert isinstance(meant, Intent)
+    assert (meant.base_id, meant.base_label) == (base, "bed")
+
+
+def two_beds() -> Segmentation:
+    """A smaller bed by the door at -x and a larger one by the window at +x, both with their feet to -y."""
+    ahead = (0.0, -1.0, 0.0)
+    return segmentation(
+        {
+            "bed_a": ("bed", ahead, [("mattress", block((-1.9, -1.0, 0.0), (-1.0, 1.0, 0.5)))]),
+            "bed_b": ("bed", ahead, [("mattress", block((0.4, -1.0, 0.0), (1.9, 1.0, 0.5)))]),
+            "door": ("door", None, [("body", block((-2.1, -0.5, 0.0), (-2.0, 0.5, 2.0)))]),
+            "window": ("window", None, [("body", block((2.0, -0.5, 0.8), (2.1, 0.5, 2.0)))]),
+        }
+    )
+
+
+def test_configs_survive_json():
+    """Every configuration round-trips."""
+    model = LanguageConfig(client=ClientName.ANTHROPIC)
+    for config in (IntentConfig(), RotationConfig(), AnchorConfig(language=model), MaterialsConfig()):
+        assert type(config).model_validate_json(config.model_dump_json()) == config

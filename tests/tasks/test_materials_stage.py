@@ -1,0 +1,73 @@
+"""One row of the library for each part, with its reason."""
+
+import pytest
+from box_rooms import CUBE, ROOM, ball, block, mug, thing
+from stage_chain import Stages
+
+from scene.materials import Model, PartMaterials
+from scene.outcome import Infeasible
+from tasks.materials import MaterialsConfig, materials
+
+OFFLINE = Stages()
+
+
+def test_one_row_per_part_and_the_gigapascal_rule(stages):
+    """Object first, then the base; wood is rigid, the mattress is soft, each with a reason."""
+    chosen = stages.made_of("put the mug on the bed", thing("mug", mug()))
+    assert chosen.rows[0].body == "object"
+    assert chosen.of("bed", 1).model is Model.MPM
+    assert chosen.of("bed", 0).model is Model.RIGID
+    assert all(row.reason for row in chosen.rows)
+    assert all((row.material.youngs_modulus > 1e9) == (row.model is Model.RIGID) for row in chosen.rows)
+    assert "weighs" in chosen.rows[0].reason
+
+
+def test_paper_limits_are_an_option():
+    """Off by default; on, soft foam is clamped to 5e4 Pa and the reason says so."""
+    item = thing("ball", ball())
+    meant, _, found = OFFLINE.placed("put the ball on the bed", item)
+    plain = materials(ROOM, item, meant, found, "", MaterialsConfig())
+    clamped = materials(ROOM, item, meant, found, "", MaterialsConfig(paper_limits=True))
+    assert not isinstance(plain, Infeasible)
+    assert not isinstance(clamped, Infeasible)
+    assert plain.of("bed", 1).material.youngs_modulus < 5e4
+    assert clamped.of("bed", 1).material.youngs_modulus == 5e4
+    assert "limits" in clamped.of("bed", 1).reason
+    assert (plain.limits, clamped.limits) == ("none", "paper_limits")
+    assert "paper's limits" in clamped.notes[0]
+    assert plain.notes == ()
+
+
+def test_materials_hear_the_whole_prompt(stages):
+    """What the sentence calls the object and its support made of counts, each for its own."""
+    chosen = stages.made_of("put the steel cube on the glass table", CUBE)
+    top = next(row for row in chosen.rows if row.body == "table" and row.part in ("top", "body"))
+    assert (chosen.rows[0].material.id, top.material.id) == ("steel", "glass")
+    assert "'glass'" in top.reason
+    assert chosen.rows[0].material.source.startswith("density")
+
+
+@pytest.mark.parametrize(("share", "model"), [(1.4, Model.RIGID), (0.7, Model.MPM)])
+def test_what_nobody_would_see_give_is_rigid_if_asked(share, model):
+    """On either side of the dent that Hertz predicts for the ball in the mattress; the curvature of a ball of triangles
+    is known to a factor of 2.7, so the dent, which goes with its cube root, to 1.4."""
+    item = thing("ball", ball(0.1))
+    meant, _, found = OFFLINE.placed("put the ball on the mattress", item)
+    plain = materials(ROOM, item, meant, found, "", MaterialsConfig())
+    assert isinstance(plain, PartMaterials)
+    foam = plain.of("bed", 1).material
+    effective = foam.youngs_modulus / (1.0 - foam.poisson_ratio**2)
+    dent = (9.0 * (meant.mass * 9.81) ** 2 / (16.0 * 0.1 * effective**2)) ** (1.0 / 3.0)
+    aware = materials(ROOM, item, meant, found, "", MaterialsConfig(load_aware=True, invisible=share * dent))
+    assert isinstance(aware, PartMaterials)
+    row = aware.of("bed", 1)
+    assert row.model is model
+    assert ("load-aware" in row.reason) == (model is Model.RIGID)
+    assert any("mattress" in note for note in aware.notes) == (model is Model.RIGID)
+    assert (plain.of("bed", 1).model, plain.notes) == (Model.MPM, ())
+
+
+def test_unknown_things_get_a_stated_fallback():
+    """Nothing known of name and part: the reason starts with the word fallback."""
+    chosen = OFFLINE.made_of("put the zorb on the bed", thing("zorb", block((0.0, 0.0, 0.0), (0.1, 0.1, 0.1))))
+    assert chosen.rows[0].reason.startswith("fallback")

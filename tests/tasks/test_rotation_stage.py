@@ -1,0 +1,111 @@
+"""Three pictures and one rotation: where up and front come to point for what the words say."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from box_rooms import ROOM, book, mug, thing, toy
+from stage_chain import Stages, with_each
+
+from geometry.poses import about_z
+from language.replies import RotationReply
+from language.requests import FacingView, RotationRequest
+from scene.rotation import Rotation
+from tasks.rotation import matrix_of, pose_views
+
+OFFLINE = Stages()
+
+
+def test_three_pictures_and_a_rotation(stages):
+    """Exactly three different pictures of the asked size, one orthonormal matrix."""
+    turned = stages.oriented("put the mug on the bed", thing("mug", mug()))
+    assert [p.shape for p in turned.pictures] == [(64, 64, 3)] * 3
+    assert not np.array_equal(turned.pictures[0], turned.pictures[2])
+    assert np.allclose(turned.matrix @ turned.matrix.T, np.eye(3), atol=1e-12)
+    assert np.linalg.det(turned.matrix) == pytest.approx(1.0)
+
+
+def up_of(turned: Rotation) -> np.ndarray:
+    return turned.matrix[:, 2]
+
+
+@pytest.mark.parametrize(
+    ("stages", "words", "vertical"),
+    with_each(
+        [("", 1), ("upright", 1), ("upside down", -1), ("on its side", 0), ("lying down", 0), ("standing", 1)],
+        "upside down",
+    ),
+    indirect=["stages"],
+)
+def test_words_turn_the_mug(stages, words, vertical):
+    """The mug's own axis points up, down or sideways as the words say (15 degrees)."""
+    turned = stages.oriented(f"put the mug {words} on the bed", thing("mug", mug()))
+    assert up_of(turned)[2] == pytest.approx(vertical, abs=np.sin(np.radians(15)))
+
+
+@pytest.mark.parametrize(
+    ("words", "height"), [("", 0.03), ("lying flat", 0.03), ("standing", 0.23), ("on its side", 0.16)]
+)
+def test_words_turn_the_book(words, height):
+    """A book lies on its largest face unless told otherwise, however its file has it."""
+    upright = book().transformed(np.array([[0, 0, 1, 0], [0, 1, 0, 0], [-1, 0, 0, 0], [0, 0, 0, 1]], dtype=float))
+    for mesh in (book(), upright):
+        turned = OFFLINE.oriented(f"put the book {words} on the bed", thing("book", mesh))
+        assert np.ptp(mesh.vertices @ turned.matrix.T, axis=0)[2] == pytest.approx(height, abs=1e-3)
+
+
+@pytest.mark.parametrize(("words", "down"), [("on its left side", (1, 0, 0)), ("on its right side", (-1, 0, 0))])
+def test_hands_are_those_of_the_toy(words, down):
+    """The toy looks along -y, so its left is +x: that side points down (15 degrees)."""
+    turned = OFFLINE.oriented(f"lay the teddy {words} on the bed", thing("teddy", toy()))
+    assert (turned.matrix @ down)[2] == pytest.approx(-1.0, abs=1 - np.cos(np.radians(15)))
+
+
+@pytest.mark.parametrize(
+    ("stages", "words", "direction"),
+    with_each(
+        [
+            ("facing the pillows", (0, 1)),
+            ("facing the wall", (0, 1)),
+            ("facing away from the wall", (0, -1)),
+            ("facing me", (0, -1)),
+            ("facing left", (-1, 0)),
+            ("", (0, -1)),
+            ("rotated by 90 degrees clockwise", (-1, 0)),
+            ("facing the wall, turned 90 degrees to the left", (-1, 0)),
+            ("turned around", (0, 1)),
+        ],
+        "facing the pillows",
+        "facing left",
+    ),
+    indirect=["stages"],
+)
+def test_front_looks_where_the_words_say(stages, words, direction):
+    """The toy's front, -y in its mesh, points there; without words to the bed's front (15 degrees)."""
+    turned = stages.oriented(f"put the teddy on the bed {words}", thing("teddy", toy()))
+    ahead = turned.matrix @ (0.0, -1.0, 0.0)
+    assert float(ahead[:2] @ direction) > np.cos(np.radians(15))
+
+
+def test_yaw_is_aligned_with_the_support(stages):
+    """A book whose file is turned by 30 degrees lies parallel to the bed: its extents are those of the unturned one."""
+    pose = np.eye(4)
+    pose[:3, :3] = about_z(np.radians(30))
+    mesh = book().transformed(pose)
+    turned = stages.oriented("put the book on the bed", thing("book", mesh))
+    extents = np.ptp(mesh.vertices @ turned.matrix.T, axis=0)
+    assert np.sort(extents[:2]) == pytest.approx([0.16, 0.23], abs=1e-6)
+
+
+def test_any_rotation_may_be_chosen():
+    """A quaternion in the reply is the rotation, also where it is no listed pose; unit length is checked."""
+    half = np.sqrt(0.5)
+    reply = RotationReply(pose_id="upright", quaternion=(half, half, 0.0, 0.0))
+    request = RotationRequest("", "mug", "any", "", pose_views(mug(), np.eye(3), ""), (), 1, False)
+    matrix = matrix_of(reply, request, ROOM, ROOM.instances[0], mug())
+    assert np.allclose(matrix @ (0.0, 1.0, 0.0), (0.0, 0.0, 1.0), atol=1e-12)
+    facings = (FacingView("aligned", (0.0, -1.0, 0.0)),)
+    listed = replace(request, facings=facings)
+    reply.check(listed)
+    with pytest.raises(ValueError, match="length"):
+        RotationReply(pose_id="upright", quaternion=(1.0, 1.0, 0.0, 0.0)).check(listed)
