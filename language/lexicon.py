@@ -1,7 +1,8 @@
 """The words that the offline reader knows: things with sizes and masses, parts, and phrases, from CSV files beside it.
 
 In: `lexicon/*.csv`. Out: frozen rows, and one vocabulary that maps word sequences to what they may mean. Every word
-that means something to the grammar stands in those files; the code knows kinds of words, never the words.
+that means something to the grammar stands in those files; its code knows kinds of words. Where one word needs a rule of
+its own (a container's opening, the sRGB value of a colour), the table stands beside that rule.
 """
 
 import csv
