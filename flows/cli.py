@@ -13,6 +13,8 @@ from typing import Annotated
 
 import typer
 
+from flows.cli_checks import Json, check_out, check_physics, choice
+from flows.data_cli import cache_app, dataset_app
 from flows.samples import UNITS, UPS
 from scene.errors import DcapError, InputError
 from scene.sample import Sample, SourceOptions
@@ -30,12 +32,9 @@ app = typer.Typer(
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
 )
-dataset_app = typer.Typer(help="Make the embedded dataset, check any.", no_args_is_help=True, rich_markup_mode=None)
-cache_app = typer.Typer(help="What has been computed.", no_args_is_help=True, rich_markup_mode=None)
 app.add_typer(dataset_app, name="dataset")
 app.add_typer(cache_app, name="cache")
 
-Json = Annotated[bool, typer.Option("--json", help="Print the result as JSON on standard output.")]
 Workers = Annotated[int, typer.Option(min=1, max=64, help="Samples at a time.")]
 Dataset = Annotated[Path | None, typer.Option(help="YAML list of samples; default: the embedded rooms.")]
 Limit = Annotated[int | None, typer.Option(min=1, help="Only the first so many samples.")]
@@ -271,125 +270,6 @@ def ui(port: Annotated[int, typer.Option(min=1, max=65535, help="Port on this ma
         print(f"{url.removesuffix('/api')}  (stop with Ctrl-C)", flush=True)
         signal.pause()
     return 0
-
-
-@dataset_app.command("make")
-def dataset_make(
-    folder: Annotated[Path | None, typer.Option(help="Where to; default: data/.")] = None,
-    seed: Annotated[int, typer.Option(min=0, help="Seed of rooms and objects.")] = 0,
-    rooms: Annotated[str, typer.Option(help="Comma-separated names of the only rooms to make; default: all.")] = "",
-    splats: Annotated[
-        int, typer.Option(min=0, max=4_000_000, help="Write each room as so many Gaussian splats too (500000).")
-    ] = 0,
-) -> int:
-    """Generate the embedded rooms and objects where they are missing."""
-    from flows.benchmark import ensure_dataset
-    from scene.settings import data_root
-
-    chosen = [name.strip() for name in rooms.split(",") if name.strip()]
-    print(ensure_dataset(folder or data_root(), seed, rooms=chosen, splats=splats))
-    return 0
-
-
-@dataset_app.command("prepare-sugar")
-def dataset_prepare_sugar(
-    scene: Annotated[Path, typer.Argument(help="Folder (InteriorGS, or one with splats) or PLY of Gaussian splats.")],
-    out: Annotated[Path | None, typer.Option(help="Folder for the results; default: data/runs/sugar/NAME.")] = None,
-    views: Annotated[int, typer.Option(min=1, max=20_000, help="Pictures; SuGaR wants hundreds that overlap.")] = 300,
-    width: Annotated[int, typer.Option(min=16, max=1920, help="Of a picture [pixel].")] = 960,
-    height: Annotated[int, typer.Option(min=16, max=1920, help="Of a picture [pixel].")] = 720,
-    up: Annotated[str, typer.Option(help="Up axis of the splats: z, y, -y, -z or auto.")] = "auto",
-    unit: Annotated[str, typer.Option(help="Length unit of the splats: m, cm, mm, in or auto.")] = "auto",
-    seed: Annotated[int, typer.Option(min=0, help="Seed of the cameras' places.")] = 0,
-    threads: Annotated[int, typer.Option(min=0, help="Threads, 0: all cores; never changes a result.")] = 0,
-    as_json: Json = False,
-) -> int:
-    """Render posed views of a scene of splats and write what SuGaR takes to make a mesh of them."""
-    options = SourceOptions(choice("--up", up, UPS), choice("--unit", unit, UNITS))
-    if out is not None:
-        check_out(out)
-
-    from flows.prepare_sugar import prepare_sugar, summary
-    from geometry.camera_path import PathConfig
-
-    config = PathConfig(views=views, width=width, height=height, seed=seed)
-    folder, record = prepare_sugar(scene, out, options, config, threads=threads, quiet=as_json)
-    print(json.dumps(record, indent=2, ensure_ascii=False) if as_json else summary(folder, record))
-    return 0
-
-
-@dataset_app.command("check")
-def dataset_check(
-    path: Annotated[
-        Path | None,
-        typer.Argument(help="Dataset file (YAML), folder of scenes, scene or mesh; default: the embedded dataset."),
-    ] = None,
-    plot: Annotated[
-        Path | None, typer.Option(help="Draw the deformable supports per scene there, as .png or .svg.")
-    ] = None,
-    as_json: Json = False,
-) -> int:
-    """List every problem of a dataset, and what its scenes hold; exit code 2 if there are errors."""
-    from evaluation.drawing import drawing_suffix
-    from flows.check_report import as_tree, in_words, write_plot
-    from flows.dataset_check import check_dataset
-
-    if plot is not None:
-        drawing_suffix(plot)  # before a check that may take minutes
-    report = check_dataset(path)
-    print(json.dumps(as_tree(report), indent=2, ensure_ascii=False) if as_json else in_words(report))
-    if plot is not None:
-        write_plot(report, plot)
-    return 2 if report.failed else 0
-
-
-@cache_app.command("ls")
-def cache_ls(as_json: Json = False) -> int:
-    """List what has been computed, by kind."""
-    from flows.cache_report import cache_listing
-
-    return cache_listing(as_json=as_json)
-
-
-@cache_app.command("verify")
-def cache_verify(as_json: Json = False) -> int:
-    """Read every artifact and compare it with its digest; damaged ones are computed again when needed."""
-    from flows.cache_report import cache_verification
-
-    return cache_verification(as_json=as_json)
-
-
-LARGEST_RESOLUTION_M = 1.0
-"""A cell larger than this resolves nothing that can be placed in a room [m]."""
-SOLVERS = ("tl", "mls")
-ARCHS = ("auto", "cpu", "cuda")
-
-
-def choice(option: str, value: str, allowed: tuple[str, ...]) -> str:
-    """A value from a closed list."""
-    if value not in allowed:
-        raise InputError(f"{option} {value!r} is not one of {', '.join(allowed)}")
-    return value
-
-
-def check_physics(resolution: float | None, solver: str | None, arch: str, stability: bool) -> None:
-    """Refuse options of the solver that cannot be right."""
-    if resolution is not None and not 0 < resolution < LARGEST_RESOLUTION_M:
-        raise InputError(f"--resolution {resolution} is not a cell size between 0 and {LARGEST_RESOLUTION_M} m")
-    if solver is not None:
-        choice("--solver", solver, SOLVERS)
-    choice("--arch", arch, ARCHS)
-    if stability and solver == "mls":
-        raise InputError("--stability needs --solver tl; mls verifies no rest state that could be pushed")
-
-
-def check_out(folder: Path) -> None:
-    """Refuse a result folder that cannot be one before anything is computed."""
-    nearest = next(one for one in (folder, *folder.absolute().parents) if os.path.exists(one))  # False if unreadable
-    if not nearest.is_dir():
-        raise InputError(f"--out {folder}: {nearest} is a file; give a folder")
-    if not os.access(nearest, os.W_OK | os.X_OK):
-        raise InputError(f"--out {folder}: {nearest} is not writable")
 
 
 def complain(message: str) -> None:
