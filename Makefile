@@ -48,9 +48,9 @@ check: $(READY) ## format, lint, types, imports and fast tests; about a minute
 benchmark: $(READY) ## place every sample of the embedded dataset; tables, pictures, HTML report
 	$(BIN)/dcap benchmark
 
-demo: $(READY) ## one placement: a ball at the centre of a bed
+demo: $(READY) ## one placement: a ball on a bed
 	$(BIN)/dcap dataset make
-	$(BIN)/dcap place "$(DATA)/rooms/bedroom_01" "$(DATA)/objects/ball.glb" "put the ball at the centre of the bed" --out "$(OUT)"
+	$(BIN)/dcap place "$(DATA)/rooms/bedroom_01" "$(DATA)/objects/ball.glb" "put the ball in the middle of the blanket" --out "$(OUT)"
 
 ui: $(READY) ## Prefect's pages over all runs, on http://127.0.0.1:4200
 	$(BIN)/dcap ui
