@@ -1,8 +1,8 @@
-"""What a run asks and spends: a line of JSON per reply, and a budget that is never exceeded.
+"""What a run asks and spends: a line of JSON per reply, and a budget that nothing is asked beyond.
 
 Before a question is asked, the most that it can cost is set aside; if that does not fit into what is left,
-BudgetError. When the reply is there, the line of its true cost takes its place. Threads and processes of one machine
-share a ledger.
+BudgetError. When the reply is there, the line of its true cost takes its place; a call that is lost on the way stays
+counted at its most. Threads and processes of one machine share a ledger.
 """
 
 import csv
