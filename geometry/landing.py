@@ -32,6 +32,13 @@ SHARES = (0.97, 0.85, 0.7, 0.5)
 DROP = 0.05
 """Where the support lies this far below the contact it does not carry [m]: a seat beside its arm, a lid before its
 cistern; scans of soft things are uneven by less."""
+STEADY = float(np.tan(np.radians(4.0)))
+"""A place is steady where the object does not come down more steeply than this, however it is moved a little [-]: no
+crest that it rolls off, no slope that it slides down."""
+MOVED = (0.25, 0.5, 1.0)
+"""How far it is moved to see that, in its larger horizontal extents [-]; much less would measure a scan's noise."""
+NEARBY = 2.0
+"""How far from the aim a steady place is looked for, in the same extents [-]."""
 SAMPLES = 24
 """Samples along the object's shorter horizontal side [-]."""
 FINEST, COARSEST = 0.003, 0.025
@@ -131,6 +138,7 @@ class Landing:
         self.offset = np.c_[i[hit], j[hit]]
         self.under = start[hit, 2] + hits.distance[hit]
         self.lowest = self.under <= self.under.min() + max(LOWEST * self.height, 0.004)
+        self.extent = float(np.ptp(item.bounds[:, :2], axis=0).max())
         self.around, self.around_under = widened(self.offset, self.under)
 
     @cached_property
@@ -179,14 +187,22 @@ class Landing:
         hits = self.caster.cast(start, np.tile([0.0, 0.0, 1.0], (len(start), 1)))
         return np.asarray((hits.normal[:, 2] > 0.1) & (hits.distance < ROOM_HEIGHT))
 
-    def find(self, region: Region, share: float, *, level: bool) -> Spot | None:
+    def find(self, region: Region, share: float, *, level: bool, steady: bool = False) -> Spot | None:
         """The spot nearest to the region's target that has this much support and nothing in the way.
 
-        `level`: the support must be no further than DROP below the contact to count.
+        `level`: the support must be no further than DROP below the contact to count; `steady`: the object must not come
+        down when it is moved a little, and the spot must be nearby.
         """
         for seen in self._verdicts(region):
             supported = seen.level if level else seen.share
-            good = np.flatnonzero((seen.lift <= STEPPED) & (supported >= share) & ~self.refused[tuple(seen.index.T)])
+            fits = (seen.lift <= STEPPED) & (supported >= share) & ~self.refused[tuple(seen.index.T)]
+            if steady:
+                away = np.linalg.norm(self.origin + self.cell * seen.index - region.target, axis=1)
+                if away.min() > NEARBY * self.extent:
+                    return None
+                fits &= away <= NEARBY * self.extent
+                fits[fits] = self._descent(seen.index[fits], seen.height[fits]) <= STEADY
+            good = np.flatnonzero(fits)
             if len(good):
                 x, y = self.origin + self.cell * seen.index[good[0]]
                 return Spot(float(x), float(y), float(seen.share[good[0]]))
@@ -260,6 +276,23 @@ class Landing:
             lift = np.where(np.isfinite(alone), others - alone, np.inf)
         near = on[:, self.lowest] & (needed[:, self.lowest] >= alone[:, None] - DROP)
         return Verdict(index, lift, on[:, self.lowest].mean(axis=1), near.mean(axis=1), needed.max(axis=1))
+
+    def _descent(self, index: NDArray[np.int64], height: Array) -> Array:
+        """How steeply the object comes down at most when it is moved about the support from each grid point, where it
+        touches at such a height [-], shape (n,)."""
+        angle = np.radians(45.0 * np.arange(8))
+        circle = np.c_[np.cos(angle), np.sin(angle)]
+        low, high = -self.around.min(axis=0), self.count - 1 - self.around.max(axis=0)
+        steepest = np.zeros(len(index))
+        for part in MOVED:
+            reach = max(round(part * self.extent / self.cell), 1)
+            moved = np.clip(index[:, None] + np.rint(reach * circle).astype(np.int64), low, high).reshape(-1, 2)
+            there = [self._judge(moved[k : k + BATCH]) for k in range(0, len(moved), BATCH)]
+            # off the support is over its edge, and no reason not to lie there
+            reached = [np.where(seen.level >= SHARES[-1], seen.height, np.inf) for seen in there]
+            lowest = np.concatenate([np.zeros(0), *reached]).reshape(len(index), len(circle)).min(axis=1)
+            steepest = np.maximum(steepest, (height - lowest) / (reach * self.cell))
+        return steepest
 
     def _below(self, index: NDArray[np.int64], offset: NDArray[np.int64]) -> tuple[Array, NDArray[np.bool_]]:
         """Height of the surface and whether it is the support, under each offset from each grid point."""

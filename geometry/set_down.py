@@ -14,8 +14,12 @@ from geometry.clearance import Clearance
 from geometry.landing import SHARES, Landing, Spot
 from geometry.regions import Region
 
-PASSES = (*((share, True) for share in SHARES if share >= 0.7), *((share, False) for share in SHARES))
-"""Supported share of the underside, and whether the support must be level there, best first."""
+PASSES = (
+    (SHARES[0], True, True),
+    *((share, True, False) for share in SHARES if share >= 0.7),
+    *((share, False, False) for share in SHARES),
+)
+"""Supported share of the underside, whether the support must be level there, and the place steady; best first."""
 EXACT = 1e-5
 """How near the gap comes to what is asked [m]."""
 ROUNDS = 3
@@ -40,10 +44,11 @@ class Start:
 
 
 def set_down(landing: Landing, exact: Clearance, areas: Sequence[Region], gap: float) -> Start | None:
-    """The best supported free spot; of equally good ones the nearest to its area's aim, earlier areas first."""
+    """The best supported free spot, a steady one if there is one nearby; of equally good ones the nearest to its area's
+    aim, earlier areas first."""
     failed, before = 0, None
-    for share, level in PASSES:
-        while (found := nearest(landing, areas, share, level=level)) is not None:
+    for share, level, steady in PASSES:
+        while (found := nearest(landing, areas, share, level=level, steady=steady)) is not None:
             area, spot = found
             start = hover(landing, exact, spot, gap)
             if start is not None:
@@ -55,11 +60,13 @@ def set_down(landing: Landing, exact: Clearance, areas: Sequence[Region], gap: f
     return None
 
 
-def nearest(landing: Landing, areas: Sequence[Region], share: float, *, level: bool) -> tuple[Region, Spot] | None:
+def nearest(
+    landing: Landing, areas: Sequence[Region], share: float, *, level: bool, steady: bool = False
+) -> tuple[Region, Spot] | None:
     """Of each area's best spot the one nearest to its aim, the earlier area's if they are about as near."""
     best: tuple[int, Region, Spot] | None = None
     for area in areas:
-        spot = landing.find(area, share, level=level)
+        spot = landing.find(area, share, level=level, steady=steady)
         if spot is not None:
             steps = round(float(np.hypot(*(area.target - (spot.x, spot.y)))) / ALIKE)
             if best is None or steps < best[0]:
