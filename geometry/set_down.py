@@ -14,9 +14,11 @@ from geometry.clearance import Clearance
 from geometry.landing import SHARES, Landing, Spot
 from geometry.regions import Region
 
+LEVEL = 0.7
+"""Least share with which a level place is looked for before an uneven one is taken [-]."""
 PASSES = (
     (SHARES[0], True, True),
-    *((share, True, False) for share in SHARES if share >= 0.7),
+    *((share, True, False) for share in SHARES if share >= LEVEL),
     *((share, False, False) for share in SHARES),
 )
 """Supported share of the underside, whether the support must be level there, and the place steady; best first."""

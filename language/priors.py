@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 from language.lexicon import Size, Thing, is_a, thing_of, things
 from language.nouns import Noun
+from language.replies import LONGEST_NAME
 from scene.units import TAKEN_AS_METRES
 
 GENERIC = frozenset({"toy", "food", "fruit", "clothes", "furniture", "cutlery", "structure", "object"})
@@ -17,6 +18,8 @@ UNKNOWN_DENSITY = 150.0
 """Mass of an unknown thing over the volume of its bounding box [kg/m^3]: most household things are 50 to 500."""
 UNKNOWN_LENGTH = (0.005, 3.0)
 """The longest extent of an unknown thing, a coin to a pole: a mesh within stays as it is [m]."""
+THINNEST = 1e-4
+"""A sheet of paper: what a mesh without thickness is taken for [m]."""
 TYPICAL_LENGTH = 0.25
 """Where several units are possible, the one that brings the longest extent nearest to this is taken [m]."""
 
@@ -51,9 +54,10 @@ def prior_of(theme: Noun | None, label: str, size: Size) -> Prior:
     thing = object_thing(theme, label)
     if thing is not None:
         return Prior(thing.id, thing.sizes, thing.spread, thing.mass, thing.hollow, mismatch(theme, label, thing))
-    name = theme.text.removeprefix("the ").removeprefix("a ") if theme is not None and not theme.pronoun else label
-    scale, assumed = unknown_scale(size[0])
-    length, width, height = (scale * extent for extent in size)
+    said = theme.text.removeprefix("the ").removeprefix("a ") if theme is not None and not theme.pronoun else label
+    name = said[:LONGEST_NAME] or "object"
+    scale, assumed = unknown_scale(max(size[0], THINNEST))
+    length, width, height = (max(scale * extent, THINNEST) for extent in size)
     mass = max(1e-3, UNKNOWN_DENSITY * length * width * height)
     note = f"{name!r} is not in the lexicon: {assumed}; {UNKNOWN_DENSITY:g} kg/m^3 of its box are assumed"
     return Prior(name, ((length, width, height),), 1.0, mass, True, (note,))

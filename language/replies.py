@@ -29,6 +29,10 @@ Region = Literal[
 ]  # fmt: skip
 SPECIAL_FACINGS = ("wall", "door", "viewer", "room", "left", "right", "front", "back")
 Metres = PositiveFloat
+LONGEST_NAME = 80
+"""Characters of what a thing is called [-]."""
+ROUNDED = 0.05
+"""So far from 1 may the length of a quaternion be that a model wrote with few digits [-]."""
 MOST_STATES = 3
 """Sizes of one thing beside the usual one."""
 OTHER = "other"
@@ -40,7 +44,9 @@ class IntentReply(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False):
 
     base_id: str = Field(description="id of the listed instance that shall carry the object; empty if it is not there")
     missing: str = Field(default="", description="what the prompt asks for and the scene does not have; else empty")
-    object_name: str = Field(min_length=1, max_length=80, description="category of the object, one to three words")
+    object_name: str = Field(
+        min_length=1, max_length=LONGEST_NAME, description="category of the object, one to three words"
+    )
     size: tuple[Metres, Metres, Metres] = Field(description="realistic extents of the object, largest first [m]")
     alternative_sizes: tuple[tuple[Metres, Metres, Metres], ...] = Field(
         default=(),
@@ -133,7 +139,7 @@ class RotationReply(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False)
         facings = [facing.id for facing in request.facings]
         if self.facing_id not in facings:
             raise ValueError(f"facing_id {self.facing_id!r} is not one of {', '.join(facings)}")
-        if self.quaternion is not None and not abs(math.hypot(*self.quaternion) - 1.0) < 0.05:
+        if self.quaternion is not None and not abs(math.hypot(*self.quaternion) - 1.0) < ROUNDED:
             raise ValueError(f"quaternion {self.quaternion} has length {math.hypot(*self.quaternion):.3f}, not 1")
 
 

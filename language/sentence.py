@@ -26,6 +26,8 @@ from scene.errors import LanguageError
 SUPPORT = frozenset({"on", "in"})
 NEIGHBOURING = frozenset({"near", "next_to"})
 """Relations that one can have to two things at once."""
+SIDED = {"left_of": "left", "right_of": "right", "front_of": "front", "behind": "back"}
+MIDDLES = frozenset({"center", "middle"})
 EXAMPLE = "say what to put where, for example: put the ball on the bed"
 
 
@@ -41,6 +43,8 @@ class Place:
     text: str
     attached: bool = False
     """It follows a noun without a pause, so that it may say which one: "the bed on the left"."""
+    clause: int = 0
+    """Which of the clauses says it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -223,6 +227,13 @@ class Reader:
             nouns = [self.last_noun]
         if not nouns or (relation == "source" and nouns[0].region):  # "5 cm from the edge"
             return
+        if nouns[0].is_unknown and self.cursor.here("length"):  # "close to 10 cm from the edge"
+            return
+        if relation in SIDED and nouns[0].is_region:
+            if nouns[0].region not in MIDDLES:  # "left of the edge"
+                return
+            side = SIDED[relation]  # "left of the middle of the desk" is on its left
+            relation, nouns = "at", [replace(nouns[0], region="", sides=(side,))]
         self.keep(begin)
         clause.poses += [token] if token.has("pose") else []  # "leaning against the wall"
         nouns = [self.referred(noun, relation) for noun in nouns]
@@ -383,7 +394,7 @@ def reading_of(clauses: list[Clause], lost: tuple[str, ...]) -> Reading:
     placing = [clause for clause in clauses if clause.says_where]
     poses = [token for clause in placing for token in clause.poses]
     implied = next((clause.verb_pose for clause in reversed(placing) if clause.verb_pose), "")
-    places = [place for clause in placing for place in clause.places]
+    places = [replace(place, clause=index) for index, clause in enumerate(placing) for place in clause.places]
     facings = [clause.facing for clause in placing if clause.facing is not None]
     turns = [turn for clause in placing for turn in clause.turns]
     elsewhere = [text for clause in clauses if not clause.says_where for text in clause.texts()]

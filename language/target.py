@@ -132,7 +132,7 @@ def narrowing(reading: Reading, support: Place, found: Sequence[InstanceView], r
     index = reading.places.index(support)
     chosen = [p for p in reading.places[index + 1 : index + 2] if says_side(p) and not whole(support).sides]
     later = [p for p in reading.places if p is not support and p not in chosen]
-    return chosen + [p for p in later if p.restrict or says_which(p, found, request)]
+    return chosen + [p for p in later if p.restrict or (p.clause == support.clause and says_which(p, found, request))]
 
 
 def carrying(

@@ -21,7 +21,7 @@ from geometry.regions import smallest_rectangle
 from geometry.upright import outermost, stands_as_read, upright_pose
 from language.fronts import front_side
 from language.questions import ROTATION
-from language.replies import RotationReply
+from language.replies import ROUNDED, RotationReply
 from language.requests import FacingView, PoseView, RotationRequest, Vector
 from language.seam import LanguageConfig, client
 from scene.errors import GeometryError, LanguageError
@@ -39,8 +39,6 @@ SAME_POSE = np.radians(12.0)
 """A pose has the probability of the stable pose within this angle [rad]."""
 ELONGATED = 1.15
 """A thing longer than this times its width is laid along its support [-]."""
-ROUNDED = 0.05
-"""So far from 1 may the length of a quaternion be that a model wrote with few digits [-]."""
 FLIPS = {"x": (1.0, -1.0, -1.0), "y": (-1.0, 1.0, -1.0), "z": (-1.0, -1.0, 1.0)}
 """Diagonals of the 180-degree rotations."""
 AXIS_COLORS = {"x": (214, 40, 40), "y": (30, 140, 50), "z": (40, 70, 210)}

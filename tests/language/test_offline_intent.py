@@ -1,5 +1,7 @@
 """What the offline reader understands, sentence by sentence, in a room with two beds."""
 
+from dataclasses import replace
+
 import pytest
 
 from language.offline import OfflineClient
@@ -74,6 +76,11 @@ lay the dumbbell flat on the sofa cushion | sofa_0 | seat cushion | | | | lying 
 place the towel over the arm of the couch | sofa_0 | arm | | | | any |
 put the mug on the bedside table beside the table lamp | night_0 | | | next_to | lamp_0 | any |
 put the ball on the mattress of the right bed | bed_1 | mattress | | | | any |
+put the ball on the desk left of the centre | desk_0 | | | left | | any |
+put the ball right of the middle of the desk | desk_0 | | | right | | any |
+put the ball on the desk, behind the middle | desk_0 | | | back | | any |
+put the ball on the sofa, then move it to the left | sofa_0 | | | left | | any |
+put the ball on the sofa and place it on the seat cushion | sofa_0 | seat cushion | | | | any |
 """.strip().splitlines()
 
 
@@ -108,6 +115,8 @@ def test_sentence_is_read_as_a_person_reads_it(line, ask):
         "put the ball upside down",
         "put it",
         "what is on the bed?",
+        "put the ball at least 30 cm from the headboard of the bed",
+        "put the ball close to 10 cm from the edge of the desk",
         "Leg den Ball auf das Bett",
     ],
 )
@@ -142,6 +151,9 @@ def test_missing_things_are_named(prompt, missing, ask):
         ("put the ball on the desk away from the laptop", "away from the laptop"),
         ("put the ball quixotically on the desk", "quixotically"),
         ("put the mug on the desk facing the television", "facing the television"),
+        ("put the mug on the desk left of the edge", "left of the edge"),
+        ("put the mug on the desk near 10 cm", "near 10 cm"),
+        ("put the mug on the desk, then move it to the bed", "to the bed"),
     ],
 )
 def test_leftover_words_are_reported(prompt, word, ask):
@@ -167,6 +179,22 @@ def test_leftover_words_are_reported(prompt, word, ask):
 def test_the_more_specific_name_gives_the_prior(prompt, label, name, ask):
     """The prompt's noun counts unless the file's name is a kind of it."""
     assert OfflineClient().ask(INTENT, ask(prompt, label)).object_name == name
+
+
+def test_a_later_clause_does_not_choose(ask):
+    """Of two beds, one near the desk: what a second clause says of the desk is no word about the bed."""
+    one = OfflineClient().ask(INTENT, ask("put the ball on the bed, then move it to the desk"))
+    assert one.base_id == OfflineClient().ask(INTENT, ask("put the ball on the bed")).base_id
+    assert one.not_understood == ("to the desk",)
+
+
+@pytest.mark.parametrize(("label", "size"), [("x" * 200, (0.2, 0.1, 0.1)), ("", (0.2, 0.1, 0.1)), ("q", (0.2, 0.1, 0))])
+def test_a_strange_file_gets_a_prior(label, size, ask):
+    """A file of a long name, of none, or without thickness is still an object."""
+    request = ask("put it on the bed", label)
+    reply = OfflineClient().ask(INTENT, replace(request, item=replace(request.item, size=size)))
+    assert 0 < len(reply.object_name) <= 80
+    assert min(reply.size) > 0
 
 
 def test_every_known_phrase_survives_tokenising():
