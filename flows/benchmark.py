@@ -30,6 +30,7 @@ from flows.sample_run import OVERVIEW, STAGES, FailedSample, FinishedSample, Pla
 from flows.samples import EMBEDDED, SPLAT_ROOMS, TRUTH, load_samples, load_yaml
 from flows.server import prefect_server
 from language.batch import batch_desk
+from language.ledger import check_budget
 from language.ledger import totals as spent
 from language.seam import ClientName
 from language.session import Session
@@ -267,6 +268,7 @@ def rerun_sample(run: str, sample_id: str, stage: str, max_cost: float | None = 
     language = replace(LanguageOptions(**asked["language"]), max_cost=max_cost, batch=False)
     if language.client is ClientName.REPLAY and language.config() != config.intent.language:
         raise InputError(f"--replay {language.replay}: the recording has changed since {folder.name}; run it again")
+    check_budget(config.intent.language.model, max_cost)
     with Display([samples[sample_id]]) as display, prefect_server() as url:
         display.serving(url)
         result = try_sample(

@@ -16,6 +16,7 @@ import typer
 from flows.cli_checks import Json, check_out, check_physics, choice
 from flows.data_cli import cache_app, dataset_app
 from flows.samples import UNITS, UPS
+from language.seam import DEFAULT_MODEL
 from scene.errors import DcapError, InputError
 from scene.sample import Sample, SourceOptions
 from scene.settings import runs_root
@@ -41,7 +42,7 @@ Limit = Annotated[int | None, typer.Option(min=1, help="Only the first so many s
 Language = Annotated[
     str, typer.Option(help="Who reads the sentence: offline (default), anthropic or replay.", show_default=False)
 ]
-Model = Annotated[str, typer.Option(help="Model to ask; default: claude-sonnet-5-5.", show_default=False)]
+Model = Annotated[str, typer.Option(help="Model to ask; default: " + DEFAULT_MODEL + ".", show_default=False)]
 Record = Annotated[
     str, typer.Option(metavar="DIR", help="Keep a copy of every reply there, for --replay.", show_default=False)
 ]
@@ -219,6 +220,7 @@ def plan(
     limit: Limit = None,
     language: Language = "",
     model: Model = "",
+    record: Record = "",
     replay: Replay = "",
     paper_limits: PaperLimits = False,
     as_json: Json = False,
@@ -228,8 +230,10 @@ def plan(
     from flows.configure import configured
     from flows.language_options import LanguageOptions
 
-    asking = LanguageOptions(language, model, replay=replay)
-    rows = plan_benchmark(dataset, configured(language=asking.config(), paper_limits=paper_limits), limit=limit)
+    asking = LanguageOptions(language, model, record, replay)
+    rows = plan_benchmark(
+        dataset, configured(language=asking.config(plan=True), paper_limits=paper_limits), limit=limit
+    )
     if as_json:
         print(json.dumps(rows, indent=2, ensure_ascii=False))
     return 0

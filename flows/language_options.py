@@ -5,10 +5,11 @@ In: the options. Out: the part that decides results (`LanguageConfig`) and the p
 
 from dataclasses import dataclass, replace
 from pathlib import Path
+from urllib.parse import unquote
 
 from language.anthropic_api import endpoint
 from language.ledger import check_budget
-from language.reply_folder import ReplyFolder
+from language.reply_folder import MARK, ReplyFolder
 from language.seam import DEFAULT_MODEL, ClientName, LanguageConfig
 from language.session import Session
 from scene.errors import InputError
@@ -55,18 +56,22 @@ class LanguageOptions:
             raise InputError(f"--model {self.model} is for --language anthropic or replay: offline asks no model")
         return client
 
-    def config(self) -> LanguageConfig:
-        """What decides the stages' results."""
+    def config(self, *, plan: bool = False) -> LanguageConfig:
+        """What decides the stages' results; for a `plan` nothing is written."""
         client = self.client
         if client is ClientName.OFFLINE:
             return LanguageConfig()
         if client is ClientName.REPLAY:
             folder = ReplyFolder(Path(self.replay))
             model, _, host = recorded_model(folder, self.model).partition("@")
-            return LanguageConfig(client=client, model=model, endpoint=host, recording=folder.content())
+            return LanguageConfig(client=client, model=unquote(model), endpoint=host, recording=folder.content())
         model = self.model or DEFAULT_MODEL
+        if model.startswith("."):  # it names a folder
+            raise InputError(f"--model {model!r} is not the name of a model")
         check_budget(model, self.max_cost)
-        return LanguageConfig(client=client, model=model, endpoint=endpoint(), recording=recording_of(self.record))
+        return LanguageConfig(
+            client=client, model=model, endpoint=endpoint(), recording=recording_of(self.record, plan=plan)
+        )
 
     def session(self, folder: Path) -> Session:
         """What does not; ledger and batch desk lie in the run's folder."""
@@ -86,7 +91,7 @@ def recorded_model(folder: ReplyFolder, wanted: str) -> str:
     models = folder.models()
     if not models:
         raise InputError(f"--replay {folder.root}: no recorded replies there; record some with --record DIR")
-    fitting = [name for name in models if wanted in ("", name, name.partition("@")[0])]
+    fitting = [name for name in models if wanted in ("", name, unquote(name.partition("@")[0]))]
     if not fitting:
         raise InputError(f"--replay {folder.root} has replies of {', '.join(models)}, none of --model {wanted}")
     if len(fitting) > 1:
@@ -94,14 +99,18 @@ def recorded_model(folder: ReplyFolder, wanted: str) -> str:
     return fitting[0]
 
 
-def recording_of(folder: str) -> str:
-    """Name of the recording in a folder, empty for none; InputError if it cannot be written."""
+def recording_of(folder: str, *, plan: bool) -> str:
+    """Name of the recording in a folder, empty for none; InputError if it cannot be written. A plan's is not begun."""
     if not folder:
         return ""
+    if plan and not (Path(folder) / MARK).exists():
+        return "to be begun"
     try:
         return ReplyFolder(Path(folder)).mark()
     except OSError as error:
         raise InputError(f"--record {folder}: {error.strerror}; give a folder") from None
+    except (ValueError, KeyError, TypeError):
+        raise InputError(f"--record {folder}: its {MARK} is damaged; remove that file or give another folder") from None
 
 
 def whole(path: str) -> str:

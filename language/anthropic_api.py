@@ -22,6 +22,8 @@ from language.reply_folder import Message
 from language.session import Session
 from scene.errors import LanguageError, RefusedError
 
+USUAL = "api.anthropic.com"
+"""Where the SDK asks unless told otherwise."""
 RETRIES = 5
 """Times the SDK tries again after a rate limit, an overload or a lost connection."""
 TIMEOUT = 300.0
@@ -57,8 +59,10 @@ def size_of(payload: Payload) -> int:
 
 
 def endpoint() -> str:
-    """Host that is asked where it is not the usual one, fit for a file name; empty for the usual one."""
-    return urlsplit(os.environ.get("ANTHROPIC_BASE_URL", "")).netloc.rpartition("@")[2].replace(":", "-")
+    """Address that is asked where it is not the usual one, fit for a file name; empty for the usual one."""
+    url = urlsplit(os.environ.get("ANTHROPIC_BASE_URL", ""))
+    address = url.netloc.rpartition("@")[2] + url.path.rstrip("/")
+    return "" if address == USUAL else address.replace(":", "-").replace("/", "-")
 
 
 def connection() -> anthropic.Anthropic:

@@ -17,7 +17,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from language.ledger import BATCH_FACTOR, Ledger, is_alive
+from language.ledger import BATCH_FACTOR, Ledger, is_alive, locked
 from language.payload import Payload
 from language.reply_folder import Message, ReplyFolder, write_whole
 from language.session import Session, idling
@@ -120,7 +120,9 @@ class Desk:
         """Send what has gathered, collect what has ended."""
         batches = self.open_batches()
         sent = {digest for _, batch in batches for digest in batch["questions"]}
-        waiting = [path for path in sorted(self.folder.glob("*.json")) if path.stem not in sent]
+        waiting = [
+            path for path in sorted(self.folder.glob("*.json")) if path.stem not in sent and not self.known(path)
+        ]
         if waiting and time.time() - max(path.stat().st_mtime for path in waiting) >= QUIET_S:
             for paths in bundles(waiting):
                 self.send(paths)
@@ -129,13 +131,25 @@ class Desk:
                 self.asked_at[path.stem] = time.monotonic()
                 self.collect(path, batch)
 
+    def known(self, path: Path) -> bool:
+        """Whether the reply is there already: whoever laid the question looked just before it was kept."""
+        laid = json.loads(path.read_bytes())
+        known = self.kept.read(laid["name"], path.stem) is not None
+        if known:
+            path.unlink(missing_ok=True)
+        return known
+
     def open_batches(self) -> list[tuple[Path, dict[str, Any]]]:
-        """Batches of this desk, and those of runs that are gone."""
+        """Batches of this desk, and those of runs that are gone: what it takes over no other desk collects."""
+        folder = self.kept.root / OPEN
         found = []
-        for path in sorted((self.kept.root / OPEN).glob("*.json")):
-            with suppress(FileNotFoundError):
+        for path in sorted(folder.glob("*.json")):
+            with locked(folder / "lock"), suppress(FileNotFoundError):
                 batch = json.loads(path.read_bytes())
-                if batch["process"] == os.getpid() or not is_alive(int(batch["process"])):
+                if batch["process"] != os.getpid() and not is_alive(int(batch["process"])):
+                    batch |= {"process": os.getpid(), "inherited": True}
+                    write_whole(path, batch)
+                if batch["process"] == os.getpid():
                     found.append((path, batch))
         return found
 
@@ -177,7 +191,7 @@ class Desk:
         """Keep the replies of a batch if it has ended."""
         from language.anthropic_api import connection, told_in_a_line
 
-        questions, own = batch["questions"], batch["process"] == os.getpid()
+        questions, own = batch["questions"], not batch.get("inherited", False)
         try:
             with told_in_a_line("the batch"):
                 if connection().messages.batches.retrieve(path.stem).processing_status != "ended":

@@ -1,8 +1,9 @@
 """What a run asks and spends: a line of JSON per reply, and a budget that nothing is asked beyond.
 
 Before a question is asked, the most that it can cost is set aside; if that does not fit into what is left,
-BudgetError. When the reply is there, the line of its true cost takes its place; a call that is lost on the way stays
-counted at its most. Threads and processes of one machine share a ledger.
+BudgetError. When the reply is there, the line of its true cost takes its place. A call that is lost on the way stays
+counted at its most as long as the run lives; what a killed run had under way is free again, though it may be charged,
+and so may an attempt that timed out before one that succeeded. Threads and processes of one machine share a ledger.
 """
 
 import csv
@@ -102,9 +103,10 @@ class Ledger:
         """Set aside what a call of so many bytes may cost at most, and name the reservation; BudgetError if too little
         is left."""
         name = uuid.uuid4().hex[:12]
-        price = price_of(model)
-        if self.path is None or self.max_cost is None or price is None:
+        if self.path is None or self.max_cost is None:
             return name
+        check_budget(model, self.max_cost)
+        price = prices()[model]
         needed = factor * most(size, price, max_tokens)
         with locked(self.path) as file:
             taken = sum(lines_of(file).values())

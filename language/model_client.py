@@ -118,7 +118,7 @@ def replayed(name: str, session: Session) -> Send:
 
 def kept_or_asked(config: LanguageConfig, session: Session, kept: ReplyFolder) -> Send:
     """Answers from what is kept, else from the API; every reply that is used goes into the recording."""
-    from language.anthropic_api import ask_at_once
+    from language.anthropic_api import ask_at_once, endpoint
     from language.batch import ask_in_batch
 
     name, model = config.source, config.model
@@ -128,6 +128,11 @@ def kept_or_asked(config: LanguageConfig, session: Session, kept: ReplyFolder) -
         message = None if session.fresh else kept.read(name, payload.digest)
         if message is not None:
             note_kept(model, payload, message, session)
+        elif endpoint() != config.endpoint:
+            raise InputError(
+                f"the run asks {config.endpoint or 'the usual address'}, $ANTHROPIC_BASE_URL names "
+                f"{endpoint() or 'none'} now; set it as it was, or start a new run"
+            )
         elif session.batch:
             message = ask_in_batch(name, model, payload, session, kept)
         else:

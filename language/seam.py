@@ -8,6 +8,7 @@ spent) is no part of a stage's configuration: see language/session.py.
 from collections.abc import Sequence
 from enum import StrEnum
 from typing import Protocol
+from urllib.parse import quote
 
 from pydantic import BaseModel
 
@@ -39,8 +40,9 @@ class LanguageConfig(BaseModel, frozen=True, extra="forbid"):
 
     @property
     def source(self) -> str:
-        """Under which name replies are kept."""
-        return f"{self.model}@{self.endpoint}" if self.endpoint else self.model
+        """Under which name replies are kept, fit for a file name."""
+        name = quote(self.model, safe="")  # behind gateways models are called "maker/model"
+        return f"{name}@{self.endpoint}" if self.endpoint else name
 
 
 class Client(Protocol):

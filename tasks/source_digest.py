@@ -17,6 +17,8 @@ from pathlib import Path
 PACKAGES = frozenset({"flows", "tasks", "solver", "scene", "geometry", "language", "evaluation"})
 MACHINERY = frozenset(
     {
+        "language.anthropic_api",
+        "language.batch",
         "language.ledger",
         "language.reply_folder",
         "language.session",

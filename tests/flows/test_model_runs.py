@@ -51,11 +51,11 @@ def run(dataset: Path, *options: str, expected: int = 0) -> Path:
 def dcap(dataset: Path, *words: str, expected: int = 0) -> Path:
     """The folder of the last run after a command in a process of its own."""
     command = [sys.executable, "-m", "flows.cli", *words]
-    environment = os.environ | {"DCAP_DATA": str(dataset.parent / "data"), "PYTHONPATH": str(PROJECT_ROOT)}
+    environment = os.environ | {"PYTHONPATH": str(PROJECT_ROOT)}
     done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
     assert done.returncode == expected, done.stderr
     (dataset.parent / "told.log").open("a").write(done.stdout + done.stderr)
-    return (dataset.parent / "data" / "runs" / "last").resolve()
+    return (Path(os.environ["DCAP_DATA"]) / "runs" / "last").resolve()
 
 
 def contents(folder: Path) -> dict[str, object]:
@@ -93,6 +93,7 @@ def test_a_recorded_run_replays_to_the_same_bytes(dataset: Path, api: FakeApi, m
     for name in ("ANTHROPIC_API_KEY", "ANTHROPIC_AUTH_TOKEN"):
         monkeypatch.delenv(name, raising=False)
     asked = len(api.asked)
+    monkeypatch.setenv("DCAP_DATA", str(dataset.parent / "elsewhere"))  # nothing is known there
     replayed = run(dataset, "--replay", str(recording))
     assert contents(replayed) == contents(first)
     assert len(api.asked) == asked
@@ -123,6 +124,7 @@ def test_a_rerun_asks_again_and_keeps_what_it_hears(dataset: Path, api: FakeApi)
     recording = dataset.parent / "recording"
     asking = ("--language", "anthropic", "--limit", "1", "--record", str(recording))
     first = run(dataset, *asking)
+    assert dcap(dataset, "rerun", "last", "lacks", "--stage", "intent", "--max-cost", "nan", expected=2) == first
     assert "piano" in outcome(first)["message"]
     asked = [question_of(body) for body in api.asked]
     assert any('\\"missing\\":\\"the piano' in path.read_text() for path in recording.rglob("*.json"))
@@ -163,6 +165,7 @@ def outcome(folder: Path) -> dict[str, str]:
         (LanguageOptions("anthropic", "someone-else", max_cost=1.0), "price of someone-else"),
         (LanguageOptions("anthropic", max_cost=-1.0), "--max-cost -1.0"),
         (LanguageOptions("anthropic", record="/proc/nobody"), "--record /proc/nobody"),
+        (LanguageOptions("anthropic", "../elsewhere"), "--model '../elsewhere'"),
     ],
 )
 def test_options_that_cannot_be_meant_are_named(options: LanguageOptions, word: str) -> None:
@@ -170,6 +173,17 @@ def test_options_that_cannot_be_meant_are_named(options: LanguageOptions, word: 
     with pytest.raises(InputError, match=word) as error:
         options.config()
     assert "\n" not in str(error.value)
+
+
+def test_a_damaged_recording_and_a_plan_s(tmp_path: Path) -> None:
+    """A mark that is none is named; a plan begins no recording, and one that is begun has its name."""
+    asking = LanguageOptions("anthropic", record=str(tmp_path / "r"))
+    assert asking.config(plan=True).recording == "to be begun"
+    assert not (tmp_path / "r").exists()
+    assert asking.config().recording == asking.config(plan=True).recording
+    (tmp_path / "r" / "recording.json").write_text("{")
+    with pytest.raises(InputError, match=r"recording\.json is damaged"):
+        asking.config()
 
 
 def test_a_recording_of_two_models_needs_a_choice(tmp_path: Path) -> None:

@@ -13,7 +13,8 @@ from fake_api import KEY, FakeApi, fails, offline_model, says
 from questions_at_hand import materials_request, rotation_request
 
 import language.batch
-from language.anthropic_api import size_of
+from flows.language_options import LanguageOptions
+from language.anthropic_api import endpoint, size_of
 from language.batch import Desk, batch_desk
 from language.ledger import Ledger, Usage, check_budget, in_words, most, price_of, prices, read_lines, totals
 from language.payload import payload_of
@@ -50,6 +51,44 @@ def test_another_model_is_asked_anew(api: FakeApi, ask):
     for name in (NAME, "claude-opus-5-5"):
         client(MODEL.model_copy(update={"model": name})).ask(INTENT, ask("put the mug on the desk"))
     assert [body["model"] for body in api.asked] == [NAME, "claude-opus-5-5"]
+
+
+def test_another_address_than_the_run_s_is_not_asked(api: FakeApi, ask, monkeypatch):
+    """Its replies would be kept under the wrong name; what is kept already needs nobody."""
+    asked = ask("put the mug on the desk")
+    first = client(MODEL).ask(INTENT, asked)
+    monkeypatch.setattr("language.anthropic_api.USUAL", "api.anthropic.com")
+    assert endpoint() == api.url.partition("//")[2].replace(":", "-")
+    assert client(MODEL).ask(INTENT, asked) == first
+    with pytest.raises(InputError, match=r"the usual address, \$ANTHROPIC_BASE_URL names 127"):
+        client(MODEL).ask(INTENT, ask("put the mug on the bed"))
+    assert len(api.asked) == 1
+
+
+@pytest.mark.parametrize(
+    ("url", "name"),
+    [
+        ("", ""),
+        ("https://api.anthropic.com", ""),
+        ("https://api.anthropic.com/", ""),
+        ("https://me:secret@gate.example:8080/maker/v2/", "gate.example-8080-maker-v2"),
+    ],
+)
+def test_an_address_names_a_folder(monkeypatch: pytest.MonkeyPatch, url: str, name: str):
+    """The usual one none, another one its host and path without its password."""
+    monkeypatch.setenv("ANTHROPIC_BASE_URL", url)
+    assert endpoint() == name
+
+
+def test_a_model_of_any_name_can_be_replayed(api: FakeApi, ask, tmp_path):
+    """Gateways call models "maker/model"; their replies stay in one folder of the recording."""
+    name = "maker/model@2026"
+    with speaking(Session(record=str(tmp_path / "r"))):
+        first = client(MODEL.model_copy(update={"model": name})).ask(INTENT, ask("put the mug on the desk"))
+    config = LanguageOptions(replay=str(tmp_path / "r")).config()
+    assert (config.model, config.endpoint) == (name, "")
+    with speaking(Session(replay=str(tmp_path / "r"))):
+        assert client(config).ask(INTENT, ask("put the mug on the desk")) == first
 
 
 def test_a_recording_holds_what_was_used_and_answers_alone(api: FakeApi, ask, tmp_path):
@@ -143,6 +182,8 @@ def test_an_unknown_price_is_said(tmp_path):
     assert "unknown price" in in_words(totals(tmp_path / "usage.jsonl"))
     with pytest.raises(InputError, match="someone-else is not known"):
         check_budget("someone-else", 1.0)
+    with pytest.raises(InputError, match="someone-else is not known"):
+        Ledger(tmp_path / "usage.jsonl", 1.0).reserve("someone-else", "intent", 1, 1)
     for wrong in (0.0, -1.0, float("nan"), float("inf")):
         with pytest.raises(InputError, match="--max-cost"):
             check_budget(NAME, wrong)
@@ -353,6 +394,29 @@ def test_what_a_killed_run_s_batch_lacks_is_asked_anew(api: FakeApi, quick, ask,
     (reply,) = in_batches(Session(batch=str(tmp_path / "desk")), [request])
     assert reply.base_id == "desk_0"
     assert [len(batch) for batch in api.batches.values()] == [0, 1]
+
+
+def test_what_is_answered_already_is_not_sent(api: FakeApi, quick, ask, tmp_path):
+    """A question that was laid just when its reply was kept leaves the desk unsent."""
+    payload, kept = payload_of(INTENT, ask("put the mug on the desk")), ReplyFolder(Session().kept_folder)
+    kept.keep(NAME, payload, {"content": []})
+    laid = tmp_path / f"{payload.digest}.json"
+    laid.write_text(json.dumps({"name": NAME}))
+    os.utime(laid, (0, 0))
+    Desk(tmp_path, kept, Ledger(None), lambda text: None).step()
+    assert not api.batches
+    assert not laid.exists()
+
+
+def test_one_desk_inherits_a_batch(api: FakeApi, ask, tmp_path, monkeypatch):
+    """Of two live runs the first to look collects what a killed one has sent."""
+    left = Session().kept_folder / "batches" / "msgbatch_7.json"
+    left.parent.mkdir(parents=True)
+    left.write_text(json.dumps({"process": 2**22 + 1, "questions": {}}))
+    first = Desk(tmp_path, ReplyFolder(Session().kept_folder), Ledger(None), lambda text: None)
+    assert [batch["inherited"] for _, batch in first.open_batches()] == [True]
+    monkeypatch.setattr(os, "getpid", os.getppid)
+    assert first.open_batches() == []
 
 
 def test_a_batch_of_another_run_is_left_alone(api: FakeApi, ask, tmp_path):

@@ -311,4 +311,4 @@ def test_no_key_is_said_in_one_line(monkeypatch, tmp_path, ask):
         monkeypatch.setenv(name, str(tmp_path))
     monkeypatch.setenv("ANTHROPIC_BASE_URL", "http://127.0.0.1:9")
     with pytest.raises(LanguageError, match="ANTHROPIC_API_KEY"):
-        client(MODEL).ask(INTENT, prepared(INTENT, ask))
+        client(MODEL.model_copy(update={"endpoint": "127.0.0.1-9"})).ask(INTENT, prepared(INTENT, ask))

@@ -121,7 +121,7 @@ def test_a_model_that_cannot_be_asked_is_an_error(monkeypatch: pytest.MonkeyPatc
     for name in ("ANTHROPIC_API_KEY", "ANTHROPIC_AUTH_TOKEN", "ANTHROPIC_PROFILE"):
         monkeypatch.delenv(name, raising=False)
     monkeypatch.setenv("ANTHROPIC_BASE_URL", "http://127.0.0.1:9")
-    config = SegmentConfig(language=LanguageConfig(client=ClientName.ANTHROPIC))
+    config = SegmentConfig(language=LanguageConfig(client=ClientName.ANTHROPIC, endpoint="127.0.0.1-9"))
     assert parts_of(segment_object(table("book"), config)) == parts_of(segment_object(table("book"), SegmentConfig()))
     with pytest.raises(LanguageError):
         segment_object(dumbbell(), config)

@@ -131,7 +131,7 @@ def test_a_model_is_asked_only_where_nothing_else_says(monkeypatch: pytest.Monke
     for name in ("ANTHROPIC_API_KEY", "ANTHROPIC_AUTH_TOKEN", "ANTHROPIC_PROFILE"):
         monkeypatch.delenv(name, raising=False)
     monkeypatch.setenv("ANTHROPIC_BASE_URL", "http://127.0.0.1:9")
-    config = SegmentConfig(language=LanguageConfig(client=ClientName.ANTHROPIC))
+    config = SegmentConfig(language=LanguageConfig(client=ClientName.ANTHROPIC, endpoint="127.0.0.1-9"))
     scan = bare(joined(small_room()))
     box = LabelBox("1", "mirror", OrientedBox(np.array([0.85, 2.3, 1.0]), np.eye(3), np.array([0.66, 0.31, 1.01])))
     assert "mirror" in labels_of(segment(replace(scan, boxes=(box,)), config))
