@@ -191,18 +191,23 @@ class Landing:
         """The spot nearest to the region's target that has this much support and nothing in the way.
 
         `level`: the support must be no further than DROP below the contact to count; `steady`: the object must not come
-        down when it is moved a little, and the spot must be nearby.
+        down when it is moved a little, and the spot must be nearby. On a narrow support, where the nearest spot has
+        the edge beside it, no steady one is looked for: who asks for a ridge means the ridge.
         """
+        nearest = True
         for seen in self._verdicts(region):
             supported = seen.level if level else seen.share
-            fits = (seen.lift <= STEPPED) & (supported >= share) & ~self.refused[tuple(seen.index.T)]
+            good = np.flatnonzero((seen.lift <= STEPPED) & (supported >= share) & ~self.refused[tuple(seen.index.T)])
             if steady:
                 away = np.linalg.norm(self.origin + self.cell * seen.index - region.target, axis=1)
                 if away.min() > NEARBY * self.extent:
                     return None
-                fits &= away <= NEARBY * self.extent
-                fits[fits] = self._descent(seen.index[fits], seen.height[fits]) <= STEADY
-            good = np.flatnonzero(fits)
+                good = good[away[good] <= NEARBY * self.extent]
+                descent, broad = self._around(seen.index[good], seen.height[good])
+                if nearest and len(good) and not broad[0]:
+                    return None
+                nearest &= len(good) == 0
+                good = good[descent <= STEADY]
             if len(good):
                 x, y = self.origin + self.cell * seen.index[good[0]]
                 return Spot(float(x), float(y), float(seen.share[good[0]]))
@@ -277,22 +282,22 @@ class Landing:
         near = on[:, self.lowest] & (needed[:, self.lowest] >= alone[:, None] - DROP)
         return Verdict(index, lift, on[:, self.lowest].mean(axis=1), near.mean(axis=1), needed.max(axis=1))
 
-    def _descent(self, index: NDArray[np.int64], height: Array) -> Array:
+    def _around(self, index: NDArray[np.int64], height: Array) -> tuple[Array, NDArray[np.bool_]]:
         """How steeply the object comes down at most when it is moved about the support from each grid point, where it
-        touches at such a height [-], shape (n,)."""
+        touches at such a height [-], and whether the support goes on all around; both of shape (n,)."""
         angle = np.radians(45.0 * np.arange(8))
         circle = np.c_[np.cos(angle), np.sin(angle)]
         low, high = -self.around.min(axis=0), self.count - 1 - self.around.max(axis=0)
-        steepest = np.zeros(len(index))
-        for part in MOVED:
+        steepest, broad = np.zeros(len(index)), np.ones(len(index), dtype=bool)
+        for part in MOVED if len(index) else ():
             reach = max(round(part * self.extent / self.cell), 1)
             moved = np.clip(index[:, None] + np.rint(reach * circle).astype(np.int64), low, high).reshape(-1, 2)
             there = [self._judge(moved[k : k + BATCH]) for k in range(0, len(moved), BATCH)]
-            # off the support is over its edge, and no reason not to lie there
-            reached = [np.where(seen.level >= SHARES[-1], seen.height, np.inf) for seen in there]
-            lowest = np.concatenate([np.zeros(0), *reached]).reshape(len(index), len(circle)).min(axis=1)
+            on = np.concatenate([seen.level for seen in there]).reshape(-1, len(circle)) >= SHARES[-1]
+            lowest = np.where(on, np.concatenate([seen.height for seen in there]).reshape(on.shape), np.inf).min(axis=1)
             steepest = np.maximum(steepest, (height - lowest) / (reach * self.cell))
-        return steepest
+            broad &= on.all(axis=1)
+        return steepest, broad
 
     def _below(self, index: NDArray[np.int64], offset: NDArray[np.int64]) -> tuple[Array, NDArray[np.bool_]]:
         """Height of the surface and whether it is the support, under each offset from each grid point."""
