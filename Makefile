@@ -43,7 +43,7 @@ check: $(READY) ## format, lint, types, imports and fast tests; about a minute
 	$(BIN)/ruff check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports --no-logo
-	$(BIN)/pytest $(PARALLEL) -m "not slow and not third_party and not gpu"
+	$(BIN)/pytest $(PARALLEL) -m "not slow and not sweep and not third_party and not gpu"
 
 benchmark: $(READY) ## place every sample of the embedded dataset; tables, pictures, HTML report
 	$(BIN)/dcap benchmark
