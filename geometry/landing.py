@@ -203,7 +203,7 @@ class Landing:
                 if away.min() > NEARBY * self.extent:
                     return None
                 good = good[away[good] <= NEARBY * self.extent]
-                descent, broad = self._around(seen.index[good], seen.height[good])
+                descent, broad = self._surroundings(seen.index[good], seen.height[good])
                 if nearest and len(good) and not broad[0]:
                     return None
                 nearest &= len(good) == 0
@@ -282,7 +282,7 @@ class Landing:
         near = on[:, self.lowest] & (needed[:, self.lowest] >= alone[:, None] - DROP)
         return Verdict(index, lift, on[:, self.lowest].mean(axis=1), near.mean(axis=1), needed.max(axis=1))
 
-    def _around(self, index: NDArray[np.int64], height: Array) -> tuple[Array, NDArray[np.bool_]]:
+    def _surroundings(self, index: NDArray[np.int64], height: Array) -> tuple[Array, NDArray[np.bool_]]:
         """How steeply the object comes down at most when it is moved about the support from each grid point, where it
         touches at such a height [-], and whether the support goes on all around; both of shape (n,)."""
         angle = np.radians(45.0 * np.arange(8))

@@ -27,6 +27,7 @@ SUPPORT = frozenset({"on", "in"})
 NEIGHBOURING = frozenset({"near", "next_to"})
 """Relations that one can have to two things at once."""
 SIDED = {"left_of": "left", "right_of": "right", "front_of": "front", "behind": "back"}
+"""The side of a support that a relation to its middle means."""
 MIDDLES = frozenset({"center", "middle"})
 EXAMPLE = "say what to put where, for example: put the ball on the bed"
 
