@@ -41,6 +41,7 @@ def test_two_bonded_boxes_tip_about_the_edge_that_one_of_them_would_stay_behind(
     assert result.verdict == ("left_target" if bonded else "at_rest")
 
 
+@pytest.mark.slow
 def test_a_soft_body_keeps_its_rigid_buttons(lab):
     """Two rigid beads sunk halfway into the top of a soft block end where the surface under them is, and the floor
     carries the weight of all three."""

@@ -158,6 +158,7 @@ def test_nothing_is_thrown_off_and_nothing_falls_through(lab, mass, side, E):
     assert result.bodies[0].rotation[2, 2] > np.cos(np.radians(1.0))
 
 
+@pytest.mark.slow
 def test_springs_that_become_stiffer_throw_nothing_up(lab):
     """Near rest contacts are stiffened until the penetration is invisible; that a ball rises out of it is no motion."""
     slab = lab.soft("slab", lab.Box(np.array([0.3, 0.3, 0.1])), [0, 0, -0.05], E=2e4, cell=0.02,

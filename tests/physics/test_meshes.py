@@ -25,6 +25,7 @@ def resting_points(result, mesh, index=0):
     return placed, placed[:, 2] < placed[:, 2].min() + PENETRATION
 
 
+@pytest.mark.slow
 def test_a_mug_on_its_side_rests_on_a_face_of_its_hull(lab):
     """A rigid body rests on a plane on a face of its convex hull that has the centre of mass above it, here with the
     handle as one of the feet or lying flat; the points that carry it are vertices of that face."""

@@ -47,6 +47,7 @@ def momentum(one):
     return one.soft.sums[:, 4:10].sum(axis=0)
 
 
+@pytest.mark.slow
 def test_a_step_keeps_momentum_and_angular_momentum_of_a_free_soft_body(lab):
     """Internal stress and both transfers change neither, to float precision, whatever the strains (APIC)."""
     one = shaken(stepping(lab, blob(lab), gravity=(0, 0, 0), damping_ratio=0.0))

@@ -29,6 +29,7 @@ def pushed(lab, size, mu, *, at=0.0, count=2, **config):
     return result.certificate["stability"]
 
 
+@pytest.mark.slow
 def test_a_tall_box_tips_where_its_weight_leaves_the_edge(lab):
     """F / W = half width / height of the centre of mass = 0.25, below friction."""
     found = pushed(lab, [0.05, 0.05, 0.2], 1.0)
@@ -40,6 +41,7 @@ def test_a_tall_box_tips_where_its_weight_leaves_the_edge(lab):
     assert found["grade"] == min(row["held"] for row in found["bodies"]["box"]["directions"])
 
 
+@pytest.mark.slow
 def test_a_wide_low_block_slides_at_friction_and_so_is_more_stable_than_a_tall_one(lab):
     """F / W = mu = 0.5, where tipping would take 4; it slides without turning."""
     found = pushed(lab, [0.2, 0.2, 0.05], 0.5)
@@ -62,6 +64,7 @@ def test_a_block_near_an_edge_is_least_stable_towards_it(lab):
         assert 0.5 - STEP <= row["held"] <= 0.5 + SLIDES
 
 
+@pytest.mark.slow
 def test_pushing_changes_neither_the_rest_state_nor_its_history(lab):
     """The same result but for the grade."""
     box = lab.rigid("box", lab.Box(np.array([0.1, 0.1, 0.1])), [0, 0, 0.051])
@@ -74,6 +77,7 @@ def test_pushing_changes_neither_the_rest_state_nor_its_history(lab):
         assert (graded.history[name] == series).all()
 
 
+@pytest.mark.slow
 def test_trials_leave_nothing_behind(lab):
     """A second test of the same rest state finds the same numbers to the last bit."""
     box = lab.rigid("box", lab.Box(np.array([0.1, 0.1, 0.1])), [0, 0, 0.0501])
@@ -92,6 +96,7 @@ def test_what_does_not_rest_is_not_graded(lab):
     assert result.certificate["stability"]["done"] is False
 
 
+@pytest.mark.slow
 def test_a_ball_rolls_where_its_resistance_ends(lab):
     """F / W = b / R = 0.07; on the way it leans on the gentle spring of rolling.py and takes its time to come back."""
     ball = lab.rigid("ball", lab.Capsule(0.05, 0.0), [0, 0, 0.0501], rolling=3.5e-3, edge=0.003, spacing=0.0015)

@@ -247,6 +247,7 @@ def test_same_input_same_bytes() -> None:
     assert encode(again) == encode(ball_on_bed())
 
 
+@pytest.mark.slow
 def test_a_blanket_is_a_thin_layer_on_the_mattress() -> None:
     """Under a blanket seen as a sheet only, its material reaches 2 cm down; below it is the mattress, down to the
     frame.
@@ -283,6 +284,7 @@ def test_a_solid_thing_weighs_density_times_volume() -> None:
         assert np.allclose(body.inertia, expected * 0.01 / 6.0 * np.eye(3), rtol=1e-9, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_a_rigid_core_moves_with_its_soft_body() -> None:
     """A foam block with a wooden ball in it: core nodes lie in the ball, mass is the sum of both, cells fit the
     budget.
@@ -326,6 +328,7 @@ def test_config_round_trips_through_json() -> None:
     assert ParticlesConfig.model_validate_json(config.model_dump_json()) == config
 
 
+@pytest.mark.slow
 def test_faces_under_the_object_are_a_third_of_a_cell_or_meet_their_budget() -> None:
     """Where a budget makes them longer a note says so; budget and length belong to the box that may be touched."""
     cells = ball_on_bed().resolution
