@@ -38,7 +38,7 @@ test: $(READY) ## all tests
 sweep: $(READY) ## the long physics tests: whole ranges of mass, stiffness and resolution; hours
 	$(BIN)/pytest -m sweep
 
-check: $(READY) ## format, lint, types, imports and fast tests; about a minute
+check: $(READY) ## format, lint, types, imports and fast tests; about three minutes
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/mypy

@@ -120,9 +120,7 @@ class Desk:
         """Send what has gathered, collect what has ended."""
         batches = self.open_batches()
         sent = {digest for _, batch in batches for digest in batch["questions"]}
-        waiting = [
-            path for path in sorted(self.folder.glob("*.json")) if path.stem not in sent and not self.known(path)
-        ]
+        waiting = [path for path in sorted(self.folder.glob("*.json")) if path.stem not in sent]
         if waiting and time.time() - max(path.stat().st_mtime for path in waiting) >= QUIET_S:
             for paths in bundles(waiting):
                 self.send(paths)
@@ -130,14 +128,6 @@ class Desk:
             if time.monotonic() - self.asked_at.get(path.stem, -ASK_AGAIN_S) >= ASK_AGAIN_S:
                 self.asked_at[path.stem] = time.monotonic()
                 self.collect(path, batch)
-
-    def known(self, path: Path) -> bool:
-        """Whether the reply is there already: whoever laid the question looked just before it was kept."""
-        laid = json.loads(path.read_bytes())
-        known = self.kept.read(laid["name"], path.stem) is not None
-        if known:
-            path.unlink(missing_ok=True)
-        return known
 
     def open_batches(self) -> list[tuple[Path, dict[str, Any]]]:
         """Batches of this desk, and those of runs that are gone: what it takes over no other desk collects."""
@@ -160,6 +150,9 @@ class Desk:
         laid: dict[str, dict[str, Any]] = {}
         for path in paths:
             question = json.loads(path.read_bytes())
+            if self.kept.read(question["name"], path.stem) is not None:  # kept while the question was being laid
+                path.unlink(missing_ok=True)
+                continue
             try:
                 booked = self.ledger.reserve(
                     question["model"], question["asked"]["question"], question["size"], MAX_TOKENS, BATCH_FACTOR
