@@ -138,6 +138,10 @@ def place(
         paper_limits=paper_limits,
     )
     tree = write_placement(place_one(sample, config, asking.session(folder), quiet=as_json), folder)
+    warnings = tree["warnings"]
+    assert isinstance(warnings, list)
+    for warning in warnings:
+        print(f"note: {warning}", file=sys.stderr)
     print(json.dumps(tree, indent=2, ensure_ascii=False) if as_json else f"{result_line(tree)}\nresults: {folder}")
     return 0 if tree["verdict"] == "at_rest" else INFEASIBLE
 
