@@ -19,26 +19,26 @@ from threading import Semaphore
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from evaluation.outcome_table import Row, Truth, read_truth, row_of, totals
-from evaluation.report import write_report
-from evaluation.run_folder import sample_folder
-from flows.display import Display, print_plan, print_table
-from flows.language_options import LEDGER, LanguageOptions
+from dcap.evaluation.outcome_table import Row, Truth, read_truth, row_of, totals
+from dcap.evaluation.report import write_report
+from dcap.evaluation.run_folder import sample_folder
+from dcap.language.model.batch import batch_desk
+from dcap.language.model.ledger import check_budget
+from dcap.language.model.ledger import totals as spent
+from dcap.language.protocol.client import ClientName
+from dcap.language.protocol.session import Session
+from dcap.scene.errors import InputError
+from dcap.scene.settings import data_root, runs_root
+from dcap.scene.types.sample import Sample, SourceOptions
+from flows.cli.display import Display, print_plan, print_table
+from flows.cli.language_options import LEDGER, LanguageOptions
 from flows.output import readable_json, write_placement
 from flows.place import PlaceConfig
 from flows.sample_run import OVERVIEW, STAGES, FailedSample, FinishedSample, Plan, plan_sample, try_sample
 from flows.samples import EMBEDDED, SPLAT_ROOMS, TRUTH, load_samples, load_yaml
 from flows.server import prefect_server
-from language.batch import batch_desk
-from language.ledger import check_budget
-from language.ledger import totals as spent
-from language.seam import ClientName
-from language.session import Session
-from scene.errors import InputError
-from scene.sample import Sample, SourceOptions
-from scene.settings import data_root, runs_root
-from tasks.stage import Conduct
-from tasks.stage_process import kill_all
+from tasks.runner.process import kill_all
+from tasks.runner.stage import Conduct
 
 DATASET_SEED = 0
 IN_A_BATCH = 32

@@ -15,17 +15,19 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-import geometry.procedural
-from geometry import splats_on_mesh as splat_maker
-from geometry.procedural.objects import OBJECTS, build_object
-from geometry.procedural.rooms import ROOMS, build_room
-from geometry.procedural.shapes import joined
-from geometry.splats_on_mesh import splats_on_mesh
-from scene import gaussians_write, interiorgs_write, object_write
-from scene.errors import InputError
-from scene.interiorgs_write import write_interiorgs, write_interiorgs_splats
-from scene.object_write import write_object
-from scene.spelling import did_you_mean
+import dcap.synthetic
+from dcap.geometry.splatting import on_mesh as splat_maker
+from dcap.geometry.splatting.on_mesh import splats_on_mesh
+from dcap.scene.errors import InputError
+from dcap.scene.spelling import did_you_mean
+from dcap.scene.writers import gaussians as gaussians_write
+from dcap.scene.writers import interiorgs as interiorgs_write
+from dcap.scene.writers import objects as object_write
+from dcap.scene.writers.interiorgs import write_interiorgs, write_interiorgs_splats
+from dcap.scene.writers.objects import write_object
+from dcap.synthetic.objects import OBJECTS, build_object
+from dcap.synthetic.rooms import ROOMS, build_room
+from dcap.synthetic.shapes import joined
 
 SPLAT_ROOMS = "splat_rooms"
 """Folder of the rooms that are splats."""
@@ -55,7 +57,7 @@ def make_dataset(folder: Path, seed: int = 0, *, rooms: Sequence[str] = (), spla
 
 def _code_digest() -> str:
     """Digest of the source that decides what is made."""
-    package = Path(str(geometry.procedural.__file__)).parent
+    package = Path(str(dcap.synthetic.__file__)).parent
     files = [str(interiorgs_write.__file__), str(object_write.__file__), __file__]
     return _digest_of([*sorted(package.glob("*.py")), *map(Path, files)])
 

@@ -1,7 +1,7 @@
 """`dcap dataset check`: every problem of a dataset by path and line, and what its scenes hold.
 
 In: a dataset file (YAML), a folder of scenes, one scene or one mesh. Nothing is written. The scenes' own checks are in
-scene/checks; here are those of the dataset file and of the intended outcomes beside it.
+dcap/scene/checks; here are those of the dataset file and of the intended outcomes beside it.
 """
 
 import os
@@ -10,20 +10,20 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from evaluation.outcome_table import read_truth
+from dcap.evaluation.outcome_table import read_truth
+from dcap.language.offline.deformable import deformable_supports
+from dcap.language.offline.lexicon import is_a, thing_of
+from dcap.scene.checks.findings import Finding, Findings
+from dcap.scene.checks.layout import layout_of
+from dcap.scene.checks.places import yaml_lines
+from dcap.scene.checks.scene_folder import SceneFacts, check_scene
+from dcap.scene.errors import InputError
+from dcap.scene.problems import Place, Report, Severity, error, short, warning
+from dcap.scene.readers.sugar import MESH_SUFFIXES
+from dcap.scene.settings import data_root
+from dcap.scene.spelling import did_you_mean
+from dcap.scene.types.sample import Sample
 from flows.samples import EMBEDDED, TRUTH, find, load_yaml, samples_of
-from language.deformable import deformable_supports
-from language.lexicon import is_a, thing_of
-from scene.checks.findings import Finding, Findings
-from scene.checks.layout import layout_of
-from scene.checks.places import yaml_lines
-from scene.checks.scene_folder import SceneFacts, check_scene
-from scene.errors import InputError
-from scene.problems import Place, Report, Severity, error, short, warning
-from scene.readers.sugar import MESH_SUFFIXES
-from scene.sample import Sample
-from scene.settings import data_root
-from scene.spelling import did_you_mean
 
 YAML_SUFFIXES = (".yaml", ".yml")
 

@@ -13,23 +13,23 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation as Turn
 
-from evaluation.region import region_missed
+from dcap.evaluation.region import region_missed
+from dcap.scene.store.artifacts import Ref, Store
+from dcap.scene.store.codec import mesh_to_ply, to_tree
+from dcap.scene.types.anchor import Anchor
+from dcap.scene.types.intent import Intent
+from dcap.scene.types.materials import PartMaterial, PartMaterials
+from dcap.scene.types.mesh import Mesh
+from dcap.scene.types.outcome import Infeasible
+from dcap.scene.types.particles import Particles
+from dcap.scene.types.renders import Renders
+from dcap.scene.types.repair_report import BodyGeometry
+from dcap.scene.types.scan import Scan
+from dcap.scene.types.segmentation import Segmentation
+from dcap.scene.types.settled import Settled, SettledBody
+from dcap.scene.writers.glb import Node, glb_bytes, labelled_nodes
 from flows.sample_run import FinishedSample
-from scene.anchor import Anchor
-from scene.codec import mesh_to_ply, to_tree
-from scene.glb_write import Node, glb_bytes, labelled_nodes
-from scene.intent import Intent
-from scene.materials import PartMaterial, PartMaterials
-from scene.mesh import Mesh
-from scene.outcome import Infeasible
-from scene.particles import Particles
-from scene.renders import Renders
-from scene.repair_report import BodyGeometry
-from scene.scan import Scan
-from scene.segmentation import Segmentation
-from scene.settled import Settled, SettledBody
-from scene.store import Ref, Store
-from tasks.render import settled_item, settled_scene
+from tasks.render.stage import settled_item, settled_scene
 
 AT_REST = "at_rest"
 PICTURES = ("clean", "asked", "settled", "closeup")

@@ -4,21 +4,21 @@ from dataclasses import dataclass
 
 from pydantic import BaseModel
 
-from scene.outcome import Infeasible
-from scene.readers.frame import Role
-from scene.sample import Sample
-from scene.store import Ref, Store
-from tasks.anchor import AnchorConfig, anchor_task
-from tasks.drop import DropConfig, drop_task
-from tasks.intent import IntentConfig, intent_task
-from tasks.materials import MaterialsConfig, materials_task
-from tasks.mesh import MeshConfig, mesh_task
+from dcap.scene.readers.frame import Role
+from dcap.scene.store.artifacts import Ref, Store
+from dcap.scene.types.outcome import Infeasible
+from dcap.scene.types.sample import Sample
+from tasks.anchor.stage import AnchorConfig, anchor_task
+from tasks.drop.stage import DropConfig, drop_task
+from tasks.intent.stage import IntentConfig, intent_task
+from tasks.materials.stage import MaterialsConfig, materials_task
+from tasks.mesh.stage import MeshConfig, mesh_task
 from tasks.overview import OverviewConfig, overview_task
-from tasks.particles import particles_task
-from tasks.render import RenderConfig, render_task
-from tasks.rotation import RotationConfig, rotation_task
-from tasks.scenario import ParticlesConfig
-from tasks.segment import SegmentConfig, segment_object_task, segment_task
+from tasks.particles.scenario import ParticlesConfig
+from tasks.particles.stage import particles_task
+from tasks.render.stage import RenderConfig, render_task
+from tasks.rotation.stage import RotationConfig, rotation_task
+from tasks.segment.stage import SegmentConfig, segment_object_task, segment_task
 
 
 class PlaceConfig(BaseModel, frozen=True, extra="forbid"):

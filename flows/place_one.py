@@ -6,13 +6,13 @@ from pathlib import Path
 from rich.console import Console
 from rich.text import Text
 
+from dcap.language.model.ledger import in_words, totals
+from dcap.language.protocol.session import Session
+from dcap.scene.types.sample import Sample
 from flows.place import PlaceConfig
 from flows.sample_run import STAGES, FinishedSample, plan_sample, run_sample
 from flows.server import prefect_server
-from language.ledger import in_words, totals
-from language.session import Session
-from scene.sample import Sample
-from tasks.stage import Conduct, Event, StageEvent
+from tasks.runner.stage import Conduct, Event, StageEvent
 
 
 def place_one(sample: Sample, config: PlaceConfig, session: Session, *, quiet: bool) -> FinishedSample:

@@ -13,15 +13,15 @@ from pathlib import Path
 
 from rich.console import Console
 
+from dcap.geometry.splatting.camera_path import PathConfig, camera_path
+from dcap.scene.errors import GeometryError, InputError
+from dcap.scene.readers.json_text import read_json
+from dcap.scene.readers.splat_scene import SplatScene, read_splat_scene
+from dcap.scene.settings import runs_root
+from dcap.scene.types.sample import SourceOptions
+from dcap.scene.writers.sugar import run_script, train_command, write_picture, write_sugar_model
 from flows.output import readable_json
-from geometry.camera_path import PathConfig, camera_path
-from scene.errors import GeometryError, InputError
-from scene.readers.json_text import read_json
-from scene.readers.splat_scene import SplatScene, read_splat_scene
-from scene.sample import SourceOptions
-from scene.settings import runs_root
-from scene.sugar_write import run_script, train_command, write_picture, write_sugar_model
-from tasks.sugar_views import colmap_model, names, pictures
+from tasks.mesh.sugar_views import colmap_model, names, pictures
 
 RECORD = "prepared.json"
 """By this file a folder is known to be ours."""

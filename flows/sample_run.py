@@ -6,12 +6,12 @@ from dataclasses import dataclass, replace
 from functools import cache
 from typing import TYPE_CHECKING
 
+from dcap.scene.errors import DcapError
+from dcap.scene.store.artifacts import Ref, Store
+from dcap.scene.types.sample import Sample
 from flows.place import PlaceConfig, Placement, overlook, place
-from scene.errors import DcapError
-from scene.sample import Sample
-from scene.store import Ref, Store
-from tasks.records import Record, why_not_cached
-from tasks.stage import Conduct, Event, NotCachedError, StageEvent, conducting
+from tasks.runner.records import Record, why_not_cached
+from tasks.runner.stage import Conduct, Event, NotCachedError, StageEvent, conducting
 
 if TYPE_CHECKING:
     from prefect import Flow

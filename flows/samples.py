@@ -15,14 +15,14 @@ from ruamel.yaml.constructor import ConstructorError, SafeConstructor
 from ruamel.yaml.error import YAMLError
 from ruamel.yaml.nodes import MappingNode
 
-from evaluation.run_folder import folder_name
-from scene.errors import InputError
-from scene.problems import Report, error, refusing, short
-from scene.readers.sugar import MESH_SUFFIXES
-from scene.sample import Sample, SourceOptions
-from scene.settings import PROJECT_ROOT, data_root
-from scene.spelling import did_you_mean
-from scene.units import METRES
+from dcap.evaluation.run_folder import folder_name
+from dcap.scene.errors import InputError
+from dcap.scene.problems import Report, error, refusing, short
+from dcap.scene.readers.sugar import MESH_SUFFIXES
+from dcap.scene.settings import PROJECT_ROOT, data_root
+from dcap.scene.spelling import did_you_mean
+from dcap.scene.types.sample import Sample, SourceOptions
+from dcap.scene.types.units import METRES
 
 EMBEDDED = PROJECT_ROOT / "data" / "rooms.yaml"
 """The dataset that the project makes itself."""

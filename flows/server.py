@@ -20,8 +20,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from scene.errors import DcapError
-from scene.settings import PROJECT_ROOT, cache_root
+from dcap.scene.errors import DcapError
+from dcap.scene.settings import PROJECT_ROOT, cache_root
 
 START_SECONDS = 90.0
 """A first start creates the database, which takes 8 s on two idle cores."""

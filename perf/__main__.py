@@ -10,13 +10,13 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from geometry.raycast import Raycaster
+from dcap.geometry.raycast import Raycaster
+from dcap.scene.settings import PROJECT_ROOT
+from dcap.scene.store.artifacts import Store
+from dcap.scene.types.mesh import Mesh
 from perf import aims, repair, segments, splats
 from perf.drops import drop_rows, mls_speed
-from scene.mesh import Mesh
-from scene.settings import PROJECT_ROOT
-from scene.store import Store
-from tasks.source_digest import libraries, parsed, source_digests
+from tasks.runner.digests import libraries, parsed, source_digests
 
 REPEATS = 5
 GRID = 700
@@ -73,7 +73,7 @@ def ray_rows(mesh: Mesh) -> list[tuple[str, float, str, float]]:
 
 def digest_rows() -> list[tuple[str, float, str, float]]:
     """Finding out whether code has changed against reading it."""
-    path = PROJECT_ROOT / "tasks" / "drop.py"
+    path = PROJECT_ROOT / "tasks" / "drop" / "stage.py"
 
     def fresh() -> None:
         parsed.cache_clear()

@@ -11,27 +11,27 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
-from evaluation.aim_scores import Aim, Marks, aim_of, marks, shares
-from evaluation.outcome_table import Truth, read_truth
+from dcap.evaluation.aim_scores import Aim, Marks, aim_of, marks, shares
+from dcap.evaluation.outcome_table import Truth, read_truth
+from dcap.scene.errors import LanguageError
+from dcap.scene.readers.frame import Role
+from dcap.scene.store.artifacts import Source
+from dcap.scene.types.anchor import Anchor
+from dcap.scene.types.intent import Intent
+from dcap.scene.types.outcome import Infeasible, Reason
+from dcap.scene.types.sample import SourceOptions
+from dcap.scene.types.segmentation import Segmentation
+from dcap.scene.writers.objects import write_object
+from dcap.synthetic.objects import OBJECTS, build_object
+from dcap.synthetic.rooms import BuiltRoom
+from dcap.synthetic.shapes import joined
 from flows.samples import EMBEDDED, TRUTH, load_yaml
-from geometry.procedural.objects import OBJECTS, build_object
-from geometry.procedural.rooms import BuiltRoom
-from geometry.procedural.shapes import joined
 from perf.segments import read_room
-from scene.anchor import Anchor
-from scene.errors import LanguageError
-from scene.intent import Intent
-from scene.object_write import write_object
-from scene.outcome import Infeasible, Reason
-from scene.readers.frame import Role
-from scene.sample import SourceOptions
-from scene.segmentation import Segmentation
-from scene.store import Source
-from tasks.anchor import AnchorConfig, anchor
-from tasks.intent import IntentConfig, intent
-from tasks.mesh import MeshConfig, mesh
-from tasks.rotation import RotationConfig, rotation
-from tasks.segment import SegmentConfig, segment, segment_object
+from tasks.anchor.stage import AnchorConfig, anchor
+from tasks.intent.stage import IntentConfig, intent
+from tasks.mesh.stage import MeshConfig, mesh
+from tasks.rotation.stage import RotationConfig, rotation
+from tasks.segment.stage import SegmentConfig, segment, segment_object
 
 BEFORE_THE_DROP = ("", Reason.TARGET_NOT_FOUND, Reason.NO_SUPPORT_HIT, Reason.TOO_LARGE_FOR_TARGET)
 """Reasons that show before anything is simulated; other infeasible samples have an anchor."""

@@ -17,7 +17,7 @@ from perf.peers.reference import DEPTH
 from solver.kernels import mls
 from solver.mls.grid import Grid, Particles
 from solver.runtime import start
-from tasks.case import run_case
+from tasks.case.run import run_case
 
 CELLS = (1e-2, 5e-3, 3.5e-3, 2e-3, 1.3e-3)
 """Resolutions [m] at which the softer reference drop has 10 thousand to a million particles."""

@@ -14,18 +14,18 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from geometry.procedural.rooms import ROOMS
-from geometry.solid import simulation_ready
-from geometry.support import shell_bottoms
+from dcap.geometry.solid.closed import simulation_ready
+from dcap.geometry.solid.support import shell_bottoms
+from dcap.scene.store.artifacts import Source
+from dcap.scene.types.mesh import Mesh
+from dcap.scene.types.repair_report import RepairReport
+from dcap.scene.types.sample import SourceOptions
+from dcap.scene.types.segmentation import Segmentation
+from dcap.synthetic.rooms import ROOMS
 from perf.segments import read_room
-from scene.mesh import Mesh
-from scene.repair_report import RepairReport
-from scene.sample import SourceOptions
-from scene.segmentation import Segmentation
-from scene.store import Source
-from tasks.mesh import MeshConfig, mesh
-from tasks.scenario import ParticlesConfig
-from tasks.segment import SegmentConfig, segment, segment_object
+from tasks.mesh.stage import MeshConfig, mesh
+from tasks.particles.scenario import ParticlesConfig
+from tasks.segment.stage import SegmentConfig, segment, segment_object
 
 SUPPORTS = frozenset({"mattress", "blanket", "pillow", "seat cushion", "seat", "top", "board", "shade", "rim", "floor"})
 """Parts that things are placed on."""

@@ -11,17 +11,17 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from evaluation.label_scores import label_accuracy
-from evaluation.segment_scores import Score, Truth, scores
-from geometry.distance import MeshDistance
-from geometry.procedural.rooms import ROOMS, BuiltRoom, build_room
-from scene.interiorgs_write import write_interiorgs
-from scene.mesh import Mesh
-from scene.sample import SourceOptions
-from scene.scan import Scan
-from scene.store import Source
-from tasks.mesh import MeshConfig, mesh
-from tasks.segment import SegmentConfig, segment
+from dcap.evaluation.label_scores import label_accuracy
+from dcap.evaluation.segment_scores import Score, Truth, scores
+from dcap.geometry.distance import MeshDistance
+from dcap.scene.store.artifacts import Source
+from dcap.scene.types.mesh import Mesh
+from dcap.scene.types.sample import SourceOptions
+from dcap.scene.types.scan import Scan
+from dcap.scene.writers.interiorgs import write_interiorgs
+from dcap.synthetic.rooms import ROOMS, BuiltRoom, build_room
+from tasks.mesh.stage import MeshConfig, mesh
+from tasks.segment.stage import SegmentConfig, segment
 
 SHELL = ("wall", "floor", "ceiling")
 

@@ -14,20 +14,20 @@ from dataclasses import asdict, dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from geometry.camera_path import PathConfig, camera_path
-from geometry.distance import MeshDistance
-from geometry.procedural.rooms import BuiltRoom, build_room
-from geometry.raycast import Raycaster
-from geometry.splats_on_mesh import splats_on_mesh
-from geometry.splatting.camera import looking
-from geometry.splatting.config import SurfaceConfig
-from geometry.splatting.render import Splatter
-from geometry.splatting.surface import mesh_of_splats
-from geometry.splatting.viewpoints import viewpoints
-from geometry.unlit import psnr, unlit
+from dcap.geometry.distance import MeshDistance
+from dcap.geometry.raycast import Raycaster
+from dcap.geometry.rendering.unlit import psnr, unlit
+from dcap.geometry.splatting.camera import looking
+from dcap.geometry.splatting.camera_path import PathConfig, camera_path
+from dcap.geometry.splatting.config import SurfaceConfig
+from dcap.geometry.splatting.on_mesh import splats_on_mesh
+from dcap.geometry.splatting.render import Splatter
+from dcap.geometry.splatting.surface import mesh_of_splats
+from dcap.geometry.splatting.viewpoints import viewpoints
+from dcap.scene.types.gaussians import Gaussians
+from dcap.scene.types.mesh import Mesh
+from dcap.synthetic.rooms import BuiltRoom, build_room
 from perf import segments
-from scene.gaussians import Gaussians
-from scene.mesh import Mesh
 from solver.runtime import available_cores, start
 
 ROOMS = ("bedroom_01", "living_01", "kids_01")

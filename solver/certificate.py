@@ -8,12 +8,12 @@ from numpy.typing import NDArray
 
 from solver.box import bounds
 from solver.config import SolverConfig
-from solver.contact import ContactQuery, Contacts
+from solver.contact.query import ContactQuery, Contacts
 from solver.kernels.query import largest_particle_speed
-from solver.model import Model
-from solver.soft import SoftSystem
-from solver.state import State
-from solver.step import StepReport, carried_weights
+from solver.model.bodies import Model
+from solver.model.soft import SoftSystem
+from solver.model.state import State
+from solver.tl.step import StepReport, carried_weights
 
 LOADED_SHARE = 0.01  # gap and penetration are judged over points that carry more than this share of the peak pressure
 

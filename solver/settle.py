@@ -5,20 +5,20 @@ from dataclasses import replace
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from solver.bonds import bond_table
 from solver.certificate import Signals, certificate, contact_table
 from solver.config import SolverConfig
-from solver.contact import Contacts
-from solver.course import Course, Progress
-from solver.disturbance import Memory, kick
+from solver.contact.bonds import bond_table
+from solver.contact.query import Contacts
 from solver.errors import ModelError
 from solver.mls import drop as mls
-from solver.model import Model
+from solver.model.bodies import Model
+from solver.model.state import State, start_state
 from solver.result import AT_REST, LEFT_TARGET, NO_EQUILIBRIUM, RestBody, Result, beside, carried
 from solver.runtime import start
-from solver.stability import grade
-from solver.state import State, start_state
-from solver.step import StepReport
+from solver.tl.disturbance import Memory, kick
+from solver.tl.simulation import Course, Progress
+from solver.tl.stability import grade
+from solver.tl.step import StepReport
 
 CARE = 0.1  # of the tolerance, for a body that is in balance, slower than NEARLY times the threshold, and not slowing
 NEARLY, STALLED = 10.0, 0.9

@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from solver.config import SolverConfig
 from solver.errors import UnstableStep
-from solver.grid import graded_planes
-from solver.model import Body, Model, SignedDistance, SoftParts
+from solver.model.bodies import Body, Model, SignedDistance, SoftParts
+from solver.model.grid import graded_planes
 from solver.settle import settle
 
 SIDE = 0.1  # of each cube [m]

@@ -1,6 +1,6 @@
 """What `--arch` stands for on this machine, settled before anything is computed or looked up in the cache."""
 
-from scene.errors import InputError
+from dcap.scene.errors import InputError
 from solver.errors import ArchError
 from solver.runtime import available_arch
 

@@ -7,14 +7,14 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, PositiveFloat, PositiveInt
 
-from geometry.cutaway import cut_faces
-from geometry.picture import Camera, picture
-from scene.anchor import Anchor
-from scene.intent import Intent
-from scene.mesh import Mesh
-from scene.renders import Overview
-from scene.segmentation import Segmentation
-from tasks.stage import stage
+from dcap.geometry.rendering.cutaway import cut_faces
+from dcap.geometry.rendering.picture import Camera, picture
+from dcap.scene.types.anchor import Anchor
+from dcap.scene.types.intent import Intent
+from dcap.scene.types.mesh import Mesh
+from dcap.scene.types.renders import Overview
+from dcap.scene.types.segmentation import Segmentation
+from tasks.runner.stage import stage
 
 Array = NDArray[np.float64]
 

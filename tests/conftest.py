@@ -17,7 +17,7 @@ def api(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[FakeApi]:
     server = FakeApi()
     monkeypatch.setenv("ANTHROPIC_API_KEY", KEY)
     monkeypatch.setenv("ANTHROPIC_BASE_URL", server.url)
-    monkeypatch.setattr("language.anthropic_api.USUAL", server.url.partition("//")[2])
+    monkeypatch.setattr("dcap.language.model.anthropic_api.USUAL", server.url.partition("//")[2])
     monkeypatch.setenv("NO_PROXY", "127.0.0.1")
     monkeypatch.setenv("DCAP_DATA", str(tmp_path / "data"))  # never the user's own replies
     yield server

@@ -15,8 +15,8 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
+from dcap.scene.settings import PROJECT_ROOT
 from perf.peers.reference import DEPTH, Outcome
-from scene.settings import PROJECT_ROOT
 
 PEERS_PYTHON = PROJECT_ROOT / ".venv-peers" / "bin" / "python"
 """Taken where it exists: the peers pin versions of their own, so they get an environment of their own."""

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from perf.drops import reference
 from perf.peers import reference as ref
-from tasks.case import run_case
+from tasks.case.run import run_case
 
 
 def main() -> None:

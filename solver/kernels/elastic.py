@@ -5,8 +5,8 @@ Piola-Kirchhoff stress, V particle volume, g_a reference gradient of the shape f
 
 Fixed-corotated energy [S12, Eq. 3.2]: psi = mu |F - R|^2 + lambda / 2 (J - 1)^2, P = 2 mu (F - R) + lambda (J - 1)
 cof F, with the cell's mean volume change in place of J - 1 (mean dilatation, Q1/P0 [N74]) and with bending
-as in solver/bending.py. The tangent is that at rest, turned with the cell (warped stiffness [M04]), and the true one
-without its negative part [S19] where strain is large.
+as in solver/model/bending.py. The tangent is that at rest, turned with the cell (warped stiffness [M04]), and the
+true one without its negative part [S19] where strain is large.
 
 [S12] Stomakhin, Howes, Schroeder, Teran: Energetically consistent invertible elasticity. SCA 2012.
 [M04] Mueller, Gross: Interactive virtual materials. Graphics Interface 2004.
@@ -20,7 +20,7 @@ Methods Appl. Mech. Eng. 4, 1974.
 
 import taichi as ti
 
-from solver.bending import MODES
+from solver.model.bending import MODES
 
 vec3 = ti.types.vector(3, ti.f64)
 mat3 = ti.types.matrix(3, 3, ti.f64)
@@ -131,7 +131,7 @@ def load3(A: ti.template(), p: ti.i32) -> mat3:
 
 @ti.func
 def add_bending_relief(X: mat83, h: vec3, relief: ti.types.ndarray(), c: ti.i32, total: ti.template()) -> ti.f64:
-    """Adds dE/dx of the relief to `total` (8, 3) and returns its energy E; modes as in solver/bending.py."""
+    """Adds dE/dx of the relief to `total` (8, 3) and returns its energy E; modes as in solver/model/bending.py."""
     f, a = ti.Matrix.zero(ti.f64, 3, 3), ti.Matrix.zero(ti.f64, 3, 3)  # rows: f_x, f_y, f_z and a_xy, a_xz, a_yz
     for n in ti.static(range(8)):
         for d in ti.static(range(3)):

@@ -10,8 +10,8 @@ from scipy.spatial import cKDTree
 from solver.kernels import mls
 from solver.mls.grid import Grid, Particles
 from solver.mls.particles import Sample, held, sample
-from solver.model import Model
-from solver.state import cross_matrix
+from solver.model.bodies import Model
+from solver.model.state import cross_matrix
 
 Array = NDArray[np.float64]
 

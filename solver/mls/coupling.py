@@ -15,11 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from solver.config import SolverConfig
+from solver.contact.predict import contact_stiffness
 from solver.kernels import mls
 from solver.mls.bodies import SoftBodies
 from solver.mls.rigid import RigidBodies
-from solver.model import Body, Model, SignedDistance
-from solver.predict import contact_stiffness
+from solver.model.bodies import Body, Model, SignedDistance
 
 Array = NDArray[np.float64]
 

@@ -27,7 +27,7 @@ from solver.mls.outcome import Outcome, outcome
 from solver.mls.particles import PER_AXIS, distance
 from solver.mls.plates import THIN, Plates, thin_bodies
 from solver.mls.rigid import RigidBodies
-from solver.model import Body, Model
+from solver.model.bodies import Body, Model
 from solver.result import AT_REST, LEFT_TARGET, NO_EQUILIBRIUM, Result, beside, carried
 
 Array = NDArray[np.float64]

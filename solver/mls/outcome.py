@@ -11,14 +11,14 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from solver.certificate import Signals
-from solver.contact import vertex_areas
+from solver.contact.query import vertex_areas
 from solver.mls.bodies import SoftBodies
 from solver.mls.coupling import Coupling
 from solver.mls.particles import distance
 from solver.mls.rigid import RigidBodies
-from solver.model import Model
+from solver.model.bodies import Model
+from solver.model.state import best_rigid_motion
 from solver.result import RestBody
-from solver.state import best_rigid_motion
 
 Array = NDArray[np.float64]
 Momentum = tuple[Array, Array, Array]

@@ -12,8 +12,8 @@ from scipy.ndimage import map_coordinates
 from scipy.spatial import cKDTree
 
 from solver.errors import ModelError
-from solver.model import CORE, HELD, Body, SignedDistance, SoftParts
-from solver.soft import lame, locate, shape_values
+from solver.model.bodies import CORE, HELD, Body, SignedDistance, SoftParts
+from solver.model.soft import lame, locate, shape_values
 
 PER_AXIS = 2  # particles per cell and axis: the least that quadratic B-splines integrate without gaps
 LEAST_SHARE = 0.1  # parts of a lattice cell smaller than this share of it are left to their neighbours

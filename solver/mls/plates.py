@@ -15,7 +15,7 @@ from solver.kernels import mls
 from solver.mls.bodies import SoftBodies
 from solver.mls.coupling import Coupling
 from solver.mls.rigid import RigidBodies
-from solver.model import Model
+from solver.model.bodies import Model
 
 Array = NDArray[np.float64]
 

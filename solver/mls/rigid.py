@@ -17,11 +17,11 @@ from itertools import permutations
 import numpy as np
 from numpy.typing import NDArray
 
-from solver import soft as soft_system
 from solver.config import SolverConfig
-from solver.contact import ContactQuery, Contacts, Pair, vertex_areas
-from solver.model import Body, Model
-from solver.state import State, cross_matrix, rotate, start_state
+from solver.contact.query import ContactQuery, Contacts, Pair, vertex_areas
+from solver.model import soft as soft_system
+from solver.model.bodies import Body, Model
+from solver.model.state import State, cross_matrix, rotate, start_state
 
 Array = NDArray[np.float64]
 

@@ -9,34 +9,34 @@ from pathlib import Path
 import pyarrow.parquet as pq
 import pytest
 
+from dcap.scene.errors import InputError, LanguageError
+from dcap.scene.store.artifacts import Store
+from dcap.scene.types.sample import Sample
 from flows.benchmark import failed_before, new_run_folder, rerun_sample, write_failure
-from flows.cli import run_command
-from flows.language_options import LanguageOptions
+from flows.cli.app import run_command
+from flows.cli.language_options import LanguageOptions
 from flows.place import PlaceConfig
 from flows.sample_run import FailedSample
-from scene.errors import InputError, LanguageError
-from scene.sample import Sample
-from scene.store import Store
 
 PIPELINE = """
 import numpy as np
 from pydantic import BaseModel
 from flows.place import Placement
-from scene.anchor import Anchor
-from scene.box import OrientedBox
-from scene.errors import GeometryError
-from scene.intent import Intent, OrientationRequest, RegionRequest
-from scene.materials import Material, Model, PartMaterial, PartMaterials
-from scene.mesh import Mesh
-from scene.outcome import Infeasible, Reason
-from scene.particles import Particles
-from scene.renders import Renders
-from scene.rotation import Rotation
-from scene.scan import Scan
-from scene.segmentation import Instance, Part, Segmentation
-from scene.settled import Settled, SettledBody
-from scene.store import Source, Store
-from tasks.stage import stage
+from dcap.scene.types.anchor import Anchor
+from dcap.scene.types.box import OrientedBox
+from dcap.scene.errors import GeometryError
+from dcap.scene.types.intent import Intent, OrientationRequest, RegionRequest
+from dcap.scene.types.materials import Material, Model, PartMaterial, PartMaterials
+from dcap.scene.types.mesh import Mesh
+from dcap.scene.types.outcome import Infeasible, Reason
+from dcap.scene.types.particles import Particles
+from dcap.scene.types.renders import Renders
+from dcap.scene.types.rotation import Rotation
+from dcap.scene.types.scan import Scan
+from dcap.scene.types.segmentation import Instance, Part, Segmentation
+from dcap.scene.types.settled import Settled, SettledBody
+from dcap.scene.store.artifacts import Source, Store
+from tasks.runner.stage import stage
 
 MESH = Mesh.of(np.random.default_rng(0).random((30, 3)), np.arange(30).reshape(10, 3))
 BOX = OrientedBox(np.zeros(3), np.eye(3), np.ones(3))

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from flows.cli import run_command
-from flows.configure import configured
-from tasks.stage import deciding
+from flows.cli.app import run_command
+from flows.cli.configure import configured
+from tasks.runner.stage import deciding
 
 
 def failed(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:

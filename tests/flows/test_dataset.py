@@ -6,18 +6,18 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-from evaluation.outcome_table import read_truth
+from dcap.evaluation.outcome_table import read_truth
+from dcap.geometry.distance import MeshDistance
+from dcap.geometry.splatting.on_mesh import splats_on_mesh
+from dcap.scene.errors import InputError
+from dcap.scene.readers.splats import CHUNK, read_splats
+from dcap.scene.readers.sugar import COMPRESSED_NAME, has_only_splats
+from dcap.scene.types.outcome import Reason
+from dcap.scene.writers.gaussians import morton_order
+from dcap.synthetic.objects import OBJECTS
+from dcap.synthetic.rooms import ROOMS, build_room
 from flows import dataset
 from flows.samples import EMBEDDED, TRUTH, load_yaml
-from geometry.distance import MeshDistance
-from geometry.procedural.objects import OBJECTS
-from geometry.procedural.rooms import ROOMS, build_room
-from geometry.splats_on_mesh import splats_on_mesh
-from scene.errors import InputError
-from scene.gaussians_write import morton_order
-from scene.outcome import Reason
-from scene.readers.splats import CHUNK, read_splats
-from scene.readers.sugar import COMPRESSED_NAME, has_only_splats
 
 
 @pytest.fixture(scope="module")

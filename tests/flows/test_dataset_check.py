@@ -8,13 +8,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from PIL import Image
 
-from flows.check_report import as_tree, in_words
-from flows.cli import run_command
+from dcap.scene.problems import Severity
+from dcap.synthetic.objects import OBJECTS
+from dcap.synthetic.rooms import ROOMS
+from flows.cli.app import run_command
+from flows.cli.check_report import as_tree, in_words
 from flows.dataset_check import check_dataset
 from flows.samples import EMBEDDED, SPLAT_ROOMS, load_yaml
-from geometry.procedural.objects import OBJECTS
-from geometry.procedural.rooms import ROOMS
-from scene.problems import Severity
 
 SQUARE = "v 0 0 0\nv 3 0 0\nv 3 3 0\nv 0 3 0\nf 1 2 3 4\n"
 BOX = [{"x": x, "y": y, "z": z} for x in (0, 1) for y in (0, 2) for z in (0, 0.5)]

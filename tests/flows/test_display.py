@@ -5,12 +5,12 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
-from evaluation.outcome_table import row_of, totals
-from flows.display import Display, print_plan, print_table
+from dcap.evaluation.outcome_table import row_of, totals
+from dcap.scene.errors import InputError
+from dcap.scene.types.sample import Sample
+from flows.cli.display import Display, print_plan, print_table
 from flows.sample_run import STAGES, FailedSample, Plan
-from scene.errors import InputError
-from scene.sample import Sample
-from tasks.stage import Event, StageEvent
+from tasks.runner.stage import Event, StageEvent
 
 ONE, TWO, THREE = (Sample(name, "room", "ball", "put it") for name in ("one", "two", "three"))
 

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
+from dcap.scene.types.anchor import Anchor
+from dcap.scene.types.box import OrientedBox
+from dcap.scene.types.intent import Intent, OrientationRequest, RegionRequest
+from dcap.scene.types.mesh import Mesh
+from dcap.scene.types.segmentation import Instance, Part, Segmentation
 from flows.output import Values, base_of
-from scene.anchor import Anchor
-from scene.box import OrientedBox
-from scene.intent import Intent, OrientationRequest, RegionRequest
-from scene.mesh import Mesh
-from scene.segmentation import Instance, Part, Segmentation
 
 BOX = OrientedBox(np.zeros(3), np.eye(3), np.ones(3))
 SCENE = Segmentation(

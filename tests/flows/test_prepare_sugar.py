@@ -11,15 +11,15 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from flows.cli import run_command
+from dcap.geometry.splatting.on_mesh import splats_on_mesh
+from dcap.scene.readers.colmap import read_colmap
+from dcap.scene.readers.splats import read_splats
+from dcap.scene.readers.sugar import find_mesh, has_only_splats
+from dcap.scene.writers.gaussians import write_compressed_splats
+from dcap.scene.writers.interiorgs import MESH_NAME, write_interiorgs
+from dcap.synthetic.rooms import build_room
+from flows.cli.app import run_command
 from flows.prepare_sugar import publish
-from geometry.procedural.rooms import build_room
-from geometry.splats_on_mesh import splats_on_mesh
-from scene.gaussians_write import write_compressed_splats
-from scene.interiorgs_write import MESH_NAME, write_interiorgs
-from scene.readers.colmap import read_colmap
-from scene.readers.splats import read_splats
-from scene.readers.sugar import find_mesh, has_only_splats
 
 TRAIN = """
 import argparse, json, os, pathlib

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
+from dcap.scene.errors import InputError
 from flows.samples import load_samples
-from scene.errors import InputError
 
 
 def written(folder: Path, text: str) -> Path:

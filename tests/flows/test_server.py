@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
+from dcap.scene.settings import PROJECT_ROOT
 from flows.server import is_healthy, is_server, prefect_server
-from scene.settings import PROJECT_ROOT
 
 OTHER = """
 import sys

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 import trimesh
 
-from flows.cli import run_command
-from scene.codec import mesh_from_ply
-from scene.store import Store
+from dcap.scene.store.artifacts import Store
+from dcap.scene.store.codec import mesh_from_ply
+from flows.cli.app import run_command
 
 TOP_M = 0.75
 SIDE_M = 0.06

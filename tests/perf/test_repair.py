@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
+from dcap.scene.types.repair_report import Method, RepairReport
 from perf.repair import SAMPLES, SUPPORTS, Row, room_rows, sample_rows, summaries
-from scene.repair_report import Method, RepairReport
 
 
 def assert_good(rows: list[Row]) -> None:

@@ -6,17 +6,17 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from geometry.distance import distance_grid
-from geometry.fill import fill
-from geometry.primitives import Box, Capsule, Cylinder
-from geometry.repair import mass_properties
+from dcap.geometry.distance import distance_grid
+from dcap.geometry.primitives import Box, Capsule, Cylinder
+from dcap.geometry.solid.fill import fill
+from dcap.geometry.solid.repair import mass_properties
+from dcap.scene.types.mesh import Mesh
 from perf.peers.reference import DEPTH
-from scene.mesh import Mesh
 from solver.config import SolverConfig
-from solver.grid import graded_planes
-from solver.model import HELD, Body, Model, SignedDistance, SoftParts
+from solver.model.bodies import HELD, Body, Model, SignedDistance, SoftParts
+from solver.model.grid import graded_planes
 from solver.settle import settle
-from tasks.case import run_case
+from tasks.case.run import run_case
 
 GRAVITY = 9.81
 

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 from solver.config import SolverConfig
-from solver.disturbance import assemblies, struck
 from solver.errors import ModelError
-from solver.model import Model
+from solver.model.bodies import Model
+from solver.model.state import start_state
 from solver.runtime import start
 from solver.settle import Drop, settle
-from solver.state import start_state
+from solver.tl.disturbance import assemblies, struck
 
 
 def settled(lab, bonds, *bodies, **config):

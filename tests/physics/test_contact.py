@@ -5,10 +5,10 @@ import pytest
 from threadpoolctl import threadpool_limits
 
 from solver.config import SolverConfig
-from solver.model import Model
+from solver.model.bodies import Model
+from solver.model.state import start_state
 from solver.runtime import start
 from solver.settle import Drop
-from solver.state import start_state
 
 
 def hertz_radius(load, modulus, radius):

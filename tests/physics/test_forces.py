@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from solver.config import SolverConfig
-from solver.model import Model
+from solver.model.bodies import Model
 from solver.runtime import start
 from solver.settle import Drop
 

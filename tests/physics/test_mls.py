@@ -10,7 +10,7 @@ import pytest
 from solver.config import SolverConfig
 from solver.errors import ModelError, UnstableStep
 from solver.mls.drop import Drop
-from solver.model import Model
+from solver.model.bodies import Model
 from solver.reference.mls import grid_to_particles, particles_to_grid
 from solver.runtime import start
 from solver.settle import settle
@@ -176,7 +176,8 @@ def test_the_result_does_not_depend_on_the_number_of_threads():
     """1, 2 and 4 threads, each in a process of its own, give identical bytes."""
     program = (
         "import hashlib, sys; import numpy as np; sys.path.insert(0, sys.argv[1]); import conftest as lab\n"
-        "from solver.config import SolverConfig; from solver.model import Model; from solver.settle import settle\n"
+        "from solver.config import SolverConfig; from solver.model.bodies import Model\n"
+        "from solver.settle import settle\n"
         "b = lab.soft('blob', lab.Capsule(0.05, 0.0), [0, 0, 0.052], E=3e4, cell=0.0125)\n"
         "r = lab.rigid('ball', lab.Capsule(0.03, 0.0), [0.01, 0, 0.15], mass=0.1)\n"
         "c = SolverConfig(threads=int(sys.argv[2]), method='mls', mls_cell=0.01, step_limit=15)\n"

@@ -5,11 +5,11 @@ import pytest
 
 from solver.config import SolverConfig
 from solver.errors import UnstableStep
-from solver.linear import conjugate_gradient, minimal_residual
-from solver.model import Model
+from solver.model.bodies import Model
+from solver.model.state import start_state
 from solver.runtime import start
 from solver.settle import Drop
-from solver.state import start_state
+from solver.tl.linear import conjugate_gradient, minimal_residual
 
 DOWN, ASIDE, DT = 2e-5, 1e-4, 4e-3  # penetration and slip [m] at which every point slides; step [s]
 

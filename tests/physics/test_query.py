@@ -6,10 +6,10 @@ from scipy import ndimage
 from scipy.interpolate import RegularGridInterpolator
 
 from solver.config import SolverConfig
-from solver.model import Model
+from solver.model.bodies import Model
+from solver.model.state import start_state
 from solver.runtime import start
 from solver.settle import Drop
-from solver.state import start_state
 
 SIZE = np.array([0.2, 0.16, 0.12])
 STRETCH = np.array([[1.1, 0.2, 0.0], [-0.1, 0.9, 0.05], [0.0, 0.1, 0.8]])  # F, with shear and a turn

@@ -7,9 +7,9 @@ import pytest
 import trimesh
 from scipy.spatial.transform import Rotation
 
-from geometry.procedural.objects import build_object
-from scene.mesh import Mesh
-from solver.contact import Contacts
+from dcap.scene.types.mesh import Mesh
+from dcap.synthetic.objects import build_object
+from solver.contact.query import Contacts
 
 
 def slope(angle):

@@ -6,11 +6,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from solver.config import SolverConfig
-from solver.disturbance import Memory
-from solver.model import Model
+from solver.model.bodies import Model
+from solver.model.state import start_state
 from solver.settle import Drop
-from solver.stability import directions, grade, largest_held
-from solver.state import start_state
+from solver.tl.disturbance import Memory
+from solver.tl.stability import directions, grade, largest_held
 
 STEP = SolverConfig().push_step
 # under a push that is too large by e the body moves 4 e L in the time it acts, or leaves its balance by a factor e per

@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from tasks.case import run_case
+from tasks.case.run import run_case
 
 DENSITY = 1000.0  # of the load, so that its size follows from its mass [kg/m^3]
 WIDE, THICK = 10.0, 5.0  # sides and thickness of the slab over the load's half height

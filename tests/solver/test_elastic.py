@@ -4,15 +4,15 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from geometry.fill import octants
-from geometry.primitives import Box
+from dcap.geometry.primitives import Box
+from dcap.geometry.solid.fill import octants
 from solver.config import SolverConfig
 from solver.kernels import elastic
-from solver.model import Body, Model, SignedDistance, SoftParts
+from solver.model.bodies import Body, Model, SignedDistance, SoftParts
+from solver.model.state import start_state
 from solver.reference.elastic import energy, polar_rotation, stress
 from solver.runtime import start
 from solver.settle import Drop
-from solver.state import start_state
 
 MU, LAM = 4e4, 6e4
 

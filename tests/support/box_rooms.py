@@ -5,9 +5,9 @@ from collections.abc import Sequence
 import numpy as np
 import trimesh
 
-from scene.box import OrientedBox
-from scene.mesh import Mesh
-from scene.segmentation import Instance, Part, Segmentation
+from dcap.scene.types.box import OrientedBox
+from dcap.scene.types.mesh import Mesh
+from dcap.scene.types.segmentation import Instance, Part, Segmentation
 
 Corner = tuple[float, float, float]
 Solid = tuple[str, Mesh]

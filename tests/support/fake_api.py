@@ -14,8 +14,8 @@ from typing import Any
 
 from pydantic import TypeAdapter
 
-from language.offline import OfflineClient
-from language.questions import ANCHOR, INTENT, LABEL, MATERIALS, PARTS, ROTATION
+from dcap.language.offline.client import OfflineClient
+from dcap.language.protocol.questions import ANCHOR, INTENT, LABEL, MATERIALS, PARTS, ROTATION
 
 KEY = "sk-never-to-be-shown"
 Body = dict[str, Any]

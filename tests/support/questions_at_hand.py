@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from language.materials import load_materials
-from language.questions import ANCHOR, LABEL, MATERIALS, PARTS, ROTATION
-from language.requests import (
+from dcap.language.material_table import load_materials
+from dcap.language.protocol.questions import ANCHOR, LABEL, MATERIALS, PARTS, ROTATION
+from dcap.language.protocol.requests import (
     AnchorRequest,
     BoxView,
     FacingView,

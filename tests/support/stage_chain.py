@@ -11,18 +11,18 @@ from typing import TypeVar
 from box_rooms import ROOM
 from fake_api import FakeApi
 
-from language.seam import ClientName, LanguageConfig
-from language.session import Session, speaking
-from scene.anchor import Anchor
-from scene.intent import Intent
-from scene.materials import PartMaterials
-from scene.outcome import Infeasible
-from scene.rotation import Rotation
-from scene.segmentation import Segmentation
-from tasks.anchor import AnchorConfig, anchor
-from tasks.intent import IntentConfig, intent
-from tasks.materials import MaterialsConfig, materials
-from tasks.rotation import RotationConfig, rotation
+from dcap.language.protocol.client import ClientName, LanguageConfig
+from dcap.language.protocol.session import Session, speaking
+from dcap.scene.types.anchor import Anchor
+from dcap.scene.types.intent import Intent
+from dcap.scene.types.materials import PartMaterials
+from dcap.scene.types.outcome import Infeasible
+from dcap.scene.types.rotation import Rotation
+from dcap.scene.types.segmentation import Segmentation
+from tasks.anchor.stage import AnchorConfig, anchor
+from tasks.intent.stage import IntentConfig, intent
+from tasks.materials.stage import MaterialsConfig, materials
+from tasks.rotation.stage import RotationConfig, rotation
 
 MODEL = "claude-sonnet-5-5"
 PICTURE_SIZE = 64

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from stage_chain import Stages
 
-from language.seam import ClientName
+from dcap.language.protocol.client import ClientName
 
 
 @pytest.fixture(params=list(ClientName))

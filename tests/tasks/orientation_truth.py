@@ -8,14 +8,14 @@ import yaml
 from box_rooms import block, segmentation
 from numpy.typing import NDArray
 
-from geometry.procedural.furniture_decor import table_lamp
-from geometry.procedural.objects import build_object
-from scene.intent import Intent
-from scene.mesh import Mesh
-from scene.rotation import Rotation
-from scene.segmentation import Segmentation
-from tasks.intent import IntentConfig, intent
-from tasks.rotation import RotationConfig, rotation
+from dcap.scene.types.intent import Intent
+from dcap.scene.types.mesh import Mesh
+from dcap.scene.types.rotation import Rotation
+from dcap.scene.types.segmentation import Segmentation
+from dcap.synthetic.furniture.decor import table_lamp
+from dcap.synthetic.objects import build_object
+from tasks.intent.stage import IntentConfig, intent
+from tasks.rotation.stage import RotationConfig, rotation
 
 Array = NDArray[np.float64]
 Alternative = dict[str, str | float]

@@ -7,19 +7,19 @@ import pytest
 import trimesh
 from fake_api import data_of
 
-from language.replies import AnchorReply
-from language.seam import ClientName, LanguageConfig
-from scene.anchor import Anchor
-from scene.box import OrientedBox
-from scene.intent import Intent
-from scene.mesh import Mesh
-from scene.rotation import Rotation
-from scene.segmentation import Instance, Part, Segmentation
-from tasks import anchor_request as made
-from tasks.anchor import AnchorConfig, anchor
-from tasks.anchor_request import anchor_request
-from tasks.intent import IntentConfig, intent
-from tasks.rotation import RotationConfig, rotation
+from dcap.language.protocol.client import ClientName, LanguageConfig
+from dcap.language.protocol.replies import AnchorReply
+from dcap.scene.types.anchor import Anchor
+from dcap.scene.types.box import OrientedBox
+from dcap.scene.types.intent import Intent
+from dcap.scene.types.mesh import Mesh
+from dcap.scene.types.rotation import Rotation
+from dcap.scene.types.segmentation import Instance, Part, Segmentation
+from tasks.anchor.request import anchor_request
+from tasks.anchor.stage import AnchorConfig, anchor
+from tasks.anchor import request as made
+from tasks.intent.stage import IntentConfig, intent
+from tasks.rotation.stage import RotationConfig, rotation
 
 Corners = tuple[tuple[float, float, float], tuple[float, float, float]]
 RED, GREEN, GREY = (220, 30, 30), (30, 200, 30), (150, 150, 150)

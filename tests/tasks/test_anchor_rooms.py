@@ -10,11 +10,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from evaluation.aim_scores import Aim, marks, shares
+from dcap.evaluation.aim_scores import Aim, marks, shares
+from dcap.scene.types.anchor import Anchor
+from dcap.synthetic.rooms import ROOMS, BuiltRoom
 from flows.samples import load_yaml
-from geometry.procedural.rooms import ROOMS, BuiltRoom
 from perf.aims import Shot, aim_from, read_samples, read_truths, room_of, shot
-from scene.anchor import Anchor
 
 SENTENCES = load_yaml(Path(__file__).parent / "data" / "sentences.yaml")
 QUICK = ("bedroom_01", "living_02", "hall_01")

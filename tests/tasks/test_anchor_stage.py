@@ -7,14 +7,14 @@ import pytest
 from box_rooms import CUBE, HALL, ROOM, ball, block, mug, segmentation, thing
 from stage_chain import Stages, with_each
 
-from geometry.poses import center_of_mass
-from geometry.raycast import Raycaster
-from language.replies import AnchorReply
-from scene.anchor import Anchor
-from scene.mesh import Mesh
-from scene.outcome import Infeasible, Reason
-from scene.segmentation import Segmentation
-from tasks.anchor import AnchorConfig, anchor, choice_of
+from dcap.geometry.placement.poses import center_of_mass
+from dcap.geometry.raycast import Raycaster
+from dcap.language.protocol.replies import AnchorReply
+from dcap.scene.types.anchor import Anchor
+from dcap.scene.types.mesh import Mesh
+from dcap.scene.types.outcome import Infeasible, Reason
+from dcap.scene.types.segmentation import Segmentation
+from tasks.anchor.stage import AnchorConfig, anchor, choice_of
 
 OFFLINE = Stages()
 

@@ -6,11 +6,11 @@ import sys
 
 import pytest
 
-from scene.errors import InputError
+from dcap.scene.errors import InputError
 from solver.errors import UnstableStep
-from tasks.case import run_case
-from tasks.case_bodies import build_bodies
-from tasks.case_file import Case, read_case
+from tasks.case.bodies import build_bodies
+from tasks.case.file import Case, read_case
+from tasks.case.run import run_case
 
 CUBE = """
 bodies:
@@ -111,7 +111,7 @@ def test_an_earlier_result_is_replaced_and_other_files_stay(case_file, tmp_path,
     def broken(*_):
         raise UnstableStep("t = 0.1 s: step ends with 7 of the free weight unbalanced")
 
-    monkeypatch.setattr("tasks.case.settle", broken)
+    monkeypatch.setattr("tasks.case.run.settle", broken)
     result = run_case(case_file(CUBE), out, quiet=True)
     assert result["verdict"] == "unstable_step"
     assert json.loads((out / "result.json").read_text())["warnings"] == result["warnings"]
@@ -150,7 +150,17 @@ def test_results_do_not_depend_on_the_number_of_threads(tmp_path):
     found = []
     for threads in (1, 2, 4):
         out = tmp_path / str(threads)
-        command = [sys.executable, "-m", "flows.cli", "drop", str(path), "--out", str(out), "--threads", str(threads)]
+        command = [
+            sys.executable,
+            "-m",
+            "flows.cli",
+            "drop",
+            str(path),
+            "--out",
+            str(out),
+            "--threads",
+            str(threads),
+        ]
         subprocess.run(command, check=True, capture_output=True)
         tree = json.loads((out / "result.json").read_text())
         found.append({k: v for k, v in tree.items() if k not in ("wall_s", "timings")})

@@ -6,16 +6,16 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from geometry.distance import distance_grid
-from geometry.primitives import Box, Capsule, Primitive
-from scene.anchor import Anchor
-from scene.intent import Intent, OrientationRequest, RegionRequest
-from scene.mesh import Mesh
-from scene.outcome import Infeasible, Reason
-from scene.particles import Particles, SimulationBody
-from scene.settled import Settled
+from dcap.geometry.distance import distance_grid
+from dcap.geometry.primitives import Box, Capsule, Primitive
+from dcap.scene.types.anchor import Anchor
+from dcap.scene.types.intent import Intent, OrientationRequest, RegionRequest
+from dcap.scene.types.mesh import Mesh
+from dcap.scene.types.outcome import Infeasible, Reason
+from dcap.scene.types.particles import Particles, SimulationBody
+from dcap.scene.types.settled import Settled
 from solver.config import SolverConfig
-from tasks.drop import DropConfig, carried_share, drop, tilt_of, toppling, turn_of, with_checks
+from tasks.drop.stage import DropConfig, carried_share, drop, tilt_of, toppling, turn_of, with_checks
 
 
 def body(

@@ -6,14 +6,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from language.materials import load_materials
-from scene.mesh import Mesh
-from scene.particles import DistanceGrid, Particles
-from solver.model import Model
-from tasks.case_bodies import build_bodies
-from tasks.case_file import Case
-from tasks.drop import model_of
-from tasks.scenario import rigid_body
+from dcap.language.material_table import load_materials
+from dcap.scene.types.mesh import Mesh
+from dcap.scene.types.particles import DistanceGrid, Particles
+from solver.model.bodies import Model
+from tasks.case.bodies import build_bodies
+from tasks.case.file import Case
+from tasks.drop.stage import model_of
+from tasks.particles.scenario import rigid_body
 
 NAMES = ("steel", "granite")
 CORNERS = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])

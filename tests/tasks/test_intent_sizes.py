@@ -5,15 +5,15 @@ import pytest
 import trimesh
 from box_rooms import segmentation
 
-from language.offline import OfflineClient
-from language.questions import INTENT
-from language.replies import MOST_STATES, IntentReply
-from language.requests import IntentRequest
-from scene.intent import Intent
-from scene.mesh import Mesh
-from scene.segmentation import Segmentation
-from tasks.intent import IntentConfig, intent, mass_of, scale_of
-from tasks.views import instance_views, object_view, room_center, vector
+from dcap.language.offline.client import OfflineClient
+from dcap.language.protocol.questions import INTENT
+from dcap.language.protocol.replies import MOST_STATES, IntentReply
+from dcap.language.protocol.requests import IntentRequest
+from dcap.scene.types.intent import Intent
+from dcap.scene.types.mesh import Mesh
+from dcap.scene.types.segmentation import Segmentation
+from tasks.intent.stage import IntentConfig, intent, mass_of, scale_of
+from tasks.requests.views import instance_views, object_view, room_center, vector
 
 
 def block(label: str, *size: float) -> Segmentation:

@@ -5,15 +5,15 @@ import pytest
 from box_rooms import ball, block, book, segmentation, thing
 from stage_chain import Stages
 
-from language.seam import ClientName, LanguageConfig
-from scene.errors import InputError, LanguageError
-from scene.intent import Intent
-from scene.outcome import Infeasible, Reason
-from scene.segmentation import Segmentation
-from tasks.anchor import AnchorConfig
-from tasks.intent import IntentConfig
-from tasks.materials import MaterialsConfig
-from tasks.rotation import RotationConfig
+from dcap.language.protocol.client import ClientName, LanguageConfig
+from dcap.scene.errors import InputError, LanguageError
+from dcap.scene.types.intent import Intent
+from dcap.scene.types.outcome import Infeasible, Reason
+from dcap.scene.types.segmentation import Segmentation
+from tasks.anchor.stage import AnchorConfig
+from tasks.intent.stage import IntentConfig
+from tasks.materials.stage import MaterialsConfig
+from tasks.rotation.stage import RotationConfig
 
 OFFLINE = Stages()
 

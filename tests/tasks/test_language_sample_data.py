@@ -7,19 +7,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from geometry.raycast import Raycaster
-from scene.anchor import Anchor
-from scene.intent import Intent
-from scene.readers.frame import Role
-from scene.readers.source import read_scan
-from scene.rotation import Rotation
-from scene.sample import SourceOptions
-from scene.segmentation import Segmentation
-from tasks.anchor import AnchorConfig, anchor
-from tasks.intent import IntentConfig, intent
-from tasks.mesh import MeshConfig, cleaned
-from tasks.rotation import RotationConfig, rotation
-from tasks.segment import SegmentConfig, segment, segment_object
+from dcap.geometry.raycast import Raycaster
+from dcap.scene.readers.frame import Role
+from dcap.scene.readers.source import read_scan
+from dcap.scene.types.anchor import Anchor
+from dcap.scene.types.intent import Intent
+from dcap.scene.types.rotation import Rotation
+from dcap.scene.types.sample import SourceOptions
+from dcap.scene.types.segmentation import Segmentation
+from tasks.anchor.stage import AnchorConfig, anchor
+from tasks.intent.stage import IntentConfig, intent
+from tasks.mesh.stage import MeshConfig, cleaned
+from tasks.rotation.stage import RotationConfig, rotation
+from tasks.segment.stage import SegmentConfig, segment, segment_object
 
 FOLDER = Path(os.environ.get("DCAP_SAMPLE_DATA", "nowhere"))
 pytestmark = [

@@ -6,10 +6,10 @@ from pathlib import Path
 import pytest
 
 from solver.config import SolverConfig
-from tasks.case import run_case
-from tasks.case_file import Case
-from tasks.materials import MaterialsConfig
-from tasks.stiff_bodies import load_aware
+from tasks.case.file import Case
+from tasks.case.run import run_case
+from tasks.case.stiff_bodies import load_aware
+from tasks.materials.stage import MaterialsConfig
 
 INVISIBLE = SolverConfig().penetration_target
 BALL = {"name": "ball", "shape": {"sphere": {"radius": 0.05}}, "position": [0, 0, 0.1501], "mass": 1.0,

@@ -4,9 +4,9 @@ import pytest
 from box_rooms import CUBE, ROOM, ball, block, mug, thing
 from stage_chain import Stages
 
-from scene.materials import Model, PartMaterials
-from scene.outcome import Infeasible
-from tasks.materials import MaterialsConfig, materials
+from dcap.scene.types.materials import Model, PartMaterials
+from dcap.scene.types.outcome import Infeasible
+from tasks.materials.stage import MaterialsConfig, materials
 
 OFFLINE = Stages()
 

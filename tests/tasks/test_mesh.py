@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 import trimesh
 
-from geometry.distance import MeshDistance
-from geometry.splats_on_mesh import splats_on_mesh
-from geometry.splatting.config import SurfaceConfig
-from scene.errors import InputError
-from scene.gaussians_write import write_splats
-from scene.mesh import Mesh
-from scene.sample import SourceOptions
-from scene.store import Source, Store
-from tasks.mesh import MeshConfig, mesh, needs_process
+from dcap.geometry.distance import MeshDistance
+from dcap.geometry.splatting.config import SurfaceConfig
+from dcap.geometry.splatting.on_mesh import splats_on_mesh
+from dcap.scene.errors import InputError
+from dcap.scene.store.artifacts import Source, Store
+from dcap.scene.types.mesh import Mesh
+from dcap.scene.types.sample import SourceOptions
+from dcap.scene.writers.gaussians import write_splats
+from tasks.mesh.stage import MeshConfig, mesh, needs_process
 
 SQUARE = "v 0 0 0 1 0 0\nv 1 0 0 1 0 0\nv 1 1 0 1 0 0\nv 0 1 0 1 0 0\n"
 

@@ -4,18 +4,18 @@ import pytest
 import trimesh
 from box_rooms import segmentation
 
-from scene.anchor import Anchor
-from scene.intent import Intent
-from scene.mesh import Mesh
-from scene.particles import Particles
-from scene.rotation import Rotation
-from scene.segmentation import Segmentation
-from tasks.anchor import AnchorConfig, anchor
-from tasks.intent import IntentConfig, intent
-from tasks.materials import MaterialsConfig, materials
-from tasks.particles import particles
-from tasks.rotation import RotationConfig, rotation
-from tasks.scenario import ParticlesConfig
+from dcap.scene.types.anchor import Anchor
+from dcap.scene.types.intent import Intent
+from dcap.scene.types.mesh import Mesh
+from dcap.scene.types.particles import Particles
+from dcap.scene.types.rotation import Rotation
+from dcap.scene.types.segmentation import Segmentation
+from tasks.anchor.stage import AnchorConfig, anchor
+from tasks.intent.stage import IntentConfig, intent
+from tasks.materials.stage import MaterialsConfig, materials
+from tasks.particles.scenario import ParticlesConfig
+from tasks.particles.stage import particles
+from tasks.rotation.stage import RotationConfig, rotation
 
 
 def one(label: str, part: str, shape: trimesh.Trimesh) -> Segmentation:

@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from scene.anchor import Anchor
-from scene.box import OrientedBox
-from scene.mesh import Mesh
-from scene.segmentation import Instance, Part, Segmentation
+from dcap.scene.types.anchor import Anchor
+from dcap.scene.types.box import OrientedBox
+from dcap.scene.types.mesh import Mesh
+from dcap.scene.types.segmentation import Instance, Part, Segmentation
 from tasks.overview import OverviewConfig, overview
 
 CORNERS = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], dtype=float)

@@ -6,21 +6,21 @@ from typing import Any
 import numpy as np
 import pytest
 
-from geometry.primitives import Box
-from geometry.procedural.shapes import joined, moved
-from language.offline import OfflineClient
-from language.questions import PARTS, Question
-from language.replies import PartName, PartsReply
-from language.requests import PartsRequest
-from language.seam import ClientName, LanguageConfig
-from scene.errors import LanguageError
-from scene.mesh import Mesh
-from scene.scan import Scan
-from scene.segmentation import Part, Segmentation
-from tasks.label_pictures import SIZE, TINT
-from tasks.part_names import with_part_names
-from tasks.part_pictures import paint
-from tasks.segment import SegmentConfig, segment, segment_object
+from dcap.geometry.primitives import Box
+from dcap.language.offline.client import OfflineClient
+from dcap.language.protocol.client import ClientName, LanguageConfig
+from dcap.language.protocol.questions import PARTS, Question
+from dcap.language.protocol.replies import PartName, PartsReply
+from dcap.language.protocol.requests import PartsRequest
+from dcap.scene.errors import LanguageError
+from dcap.scene.types.mesh import Mesh
+from dcap.scene.types.scan import Scan
+from dcap.scene.types.segmentation import Part, Segmentation
+from dcap.synthetic.shapes import joined, moved
+from tasks.requests.pictures import SIZE, TINT
+from tasks.segment.part_names import with_part_names
+from tasks.segment.part_pictures import paint
+from tasks.segment.stage import SegmentConfig, segment, segment_object
 
 
 def block(low: tuple[float, float, float], high: tuple[float, float, float]) -> Mesh:
@@ -84,7 +84,7 @@ def test_a_client_may_rename_parts(monkeypatch: pytest.MonkeyPatch, stage, scan:
     """Scene and object are asked once per thing; parts that get one name stay parts, faces and boxes stay."""
     namer = Namer(name)
     plain = stage(scan, SegmentConfig())
-    monkeypatch.setattr("tasks.segment.client", lambda *_: namer)
+    monkeypatch.setattr("tasks.segment.stage.client", lambda *_: namer)
     check_only_names_differ(plain, stage(scan, SegmentConfig()), name)
     (request,) = namer.asked
     proposed = [(p.part.name, p.confidence) for p in request.parts]
@@ -98,7 +98,7 @@ def test_the_offline_reader_changes_nothing_and_draws_nothing(monkeypatch: pytes
     def drawn(*_: object) -> None:
         raise AssertionError("a picture was made")
 
-    monkeypatch.setattr("tasks.part_names.parts_picture", drawn)
+    monkeypatch.setattr("tasks.segment.part_names.parts_picture", drawn)
     found = segment(table(), SegmentConfig())
     again = with_part_names(found, OfflineClient)
     assert [p for p, _ in parts_of(found)] == ["top", "leg"]
@@ -130,7 +130,7 @@ def test_a_model_that_cannot_be_asked_is_an_error(monkeypatch: pytest.MonkeyPatc
 def test_the_picture_shows_each_part_in_its_paint(monkeypatch: pytest.MonkeyPatch) -> None:
     """Top and legs are seen in hues of their own, as the request says, with white numbers on them."""
     namer = Namer("leg")
-    monkeypatch.setattr("tasks.segment.client", lambda *_: namer)
+    monkeypatch.setattr("tasks.segment.stage.client", lambda *_: namer)
     segment(table(), SegmentConfig())
     (make,) = namer.asked[0].pictures
     rgb = make().astype(np.float64) / 255.0

@@ -7,20 +7,20 @@ import numpy as np
 import pytest
 import trimesh
 
-from geometry.distance import sampler
-from geometry.raycast import Raycaster
-from scene.anchor import Anchor
-from scene.box import OrientedBox
-from scene.codec import encode
-from scene.errors import GeometryError
-from scene.intent import Intent, OrientationRequest, RegionRequest
-from scene.materials import Material, Model, PartMaterial, PartMaterials
-from scene.mesh import Mesh
-from scene.particles import Particles
-from scene.segmentation import Instance, Part, Segmentation
-from tasks.footprint import GRAVITY, predicted_footprint
-from tasks.particles import particles
-from tasks.scenario import CORE, FREE, HELD, ParticlesConfig, scenario
+from dcap.geometry.distance import sampler
+from dcap.geometry.raycast import Raycaster
+from dcap.scene.errors import GeometryError
+from dcap.scene.store.codec import encode
+from dcap.scene.types.anchor import Anchor
+from dcap.scene.types.box import OrientedBox
+from dcap.scene.types.intent import Intent, OrientationRequest, RegionRequest
+from dcap.scene.types.materials import Material, Model, PartMaterial, PartMaterials
+from dcap.scene.types.mesh import Mesh
+from dcap.scene.types.particles import Particles
+from dcap.scene.types.segmentation import Instance, Part, Segmentation
+from tasks.bodies.footprint import GRAVITY, predicted_footprint
+from tasks.particles.scenario import CORE, FREE, HELD, ParticlesConfig, scenario
+from tasks.particles.stage import particles
 
 FOAM = Material("foam", 50.0, 2e4, 0.3, 0.6, 0.5, 0.002, "soft", "test")
 WOOD = Material("wood", 700.0, 1e10, 0.3, 0.5, 0.4, 0.001, "rigid", "test")

@@ -7,16 +7,16 @@ from functools import cache
 import numpy as np
 import trimesh
 
-from geometry.picture import Camera
-from geometry.repair import subdivide_near
-from scene.anchor import Anchor
-from scene.box import OrientedBox
-from scene.mesh import Mesh
-from scene.outcome import Infeasible, Reason
-from scene.renders import Renders
-from scene.segmentation import Instance, Part, Segmentation
-from scene.settled import Settled, SettledBody
-from tasks.render import RenderConfig, render, settled_item, settled_scene, shown, structure_faces, tinted
+from dcap.geometry.rendering.picture import Camera
+from dcap.geometry.solid.repair import subdivide_near
+from dcap.scene.types.anchor import Anchor
+from dcap.scene.types.box import OrientedBox
+from dcap.scene.types.mesh import Mesh
+from dcap.scene.types.outcome import Infeasible, Reason
+from dcap.scene.types.renders import Renders
+from dcap.scene.types.segmentation import Instance, Part, Segmentation
+from dcap.scene.types.settled import Settled, SettledBody
+from tasks.render.stage import RenderConfig, render, settled_item, settled_scene, shown, structure_faces, tinted
 
 RADIUS, DEPTH, TOP = 0.1, 0.03, 0.5
 SMALL = RenderConfig(size=160)

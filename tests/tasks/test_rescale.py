@@ -5,11 +5,11 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from geometry.procedural.objects import OBJECTS as EMBEDDED
-from geometry.procedural.objects import build_object
-from language.lexicon import Thing, is_a, things
-from language.priors import UNKNOWN_LENGTH, prior_of
-from tasks.rescale import rescale
+from dcap.language.offline.lexicon import Thing, is_a, things
+from dcap.language.offline.priors import UNKNOWN_LENGTH, prior_of
+from dcap.synthetic.objects import OBJECTS as EMBEDDED
+from dcap.synthetic.objects import build_object
+from tasks.intent.rescale import rescale
 
 LIMITS = (1e-3, 1e3)
 UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254}

@@ -6,23 +6,23 @@ from typing import Any
 import numpy as np
 import pytest
 
-from evaluation.label_scores import label_accuracy, means_the_same
-from evaluation.segment_scores import Score, Truth, scores
-from geometry.primitives import Box
-from geometry.procedural.rooms import build_room
-from geometry.procedural.shapes import joined, moved, turned
-from language.offline import OfflineClient
-from language.questions import LABEL, Question
-from language.replies import LabelReply
-from language.requests import LabelRequest
-from language.seam import ClientName, LanguageConfig
-from scene.box import OrientedBox
-from scene.errors import LanguageError
-from scene.mesh import Mesh
-from scene.scan import LabelBox, Scan
-from scene.segmentation import Segmentation
-from tasks.label_pictures import LOUD, SIZE
-from tasks.segment import SegmentConfig, segment
+from dcap.evaluation.label_scores import label_accuracy, means_the_same
+from dcap.evaluation.segment_scores import Score, Truth, scores
+from dcap.geometry.primitives import Box
+from dcap.language.offline.client import OfflineClient
+from dcap.language.protocol.client import ClientName, LanguageConfig
+from dcap.language.protocol.questions import LABEL, Question
+from dcap.language.protocol.replies import LabelReply
+from dcap.language.protocol.requests import LabelRequest
+from dcap.scene.errors import LanguageError
+from dcap.scene.types.box import OrientedBox
+from dcap.scene.types.mesh import Mesh
+from dcap.scene.types.scan import LabelBox, Scan
+from dcap.scene.types.segmentation import Segmentation
+from dcap.synthetic.rooms import build_room
+from dcap.synthetic.shapes import joined, moved, turned
+from tasks.requests.pictures import LOUD, SIZE
+from tasks.segment.stage import SegmentConfig, segment
 
 STRUCTURE = {"floor", "wall", "ceiling"}
 
@@ -152,7 +152,7 @@ def test_the_client_decides_and_sees_each_thing(monkeypatch: pytest.MonkeyPatch)
 
     table, cup = block((0.3, 0.3, 0.001), (1.2, 0.9, 0.7)), block((0.6, 0.5, 0.7), (0.75, 0.65, 0.85))
     shell, wardrobe, _ = small_room()
-    monkeypatch.setattr("tasks.segment.client", lambda *_: Painter())
+    monkeypatch.setattr("tasks.segment.stage.client", lambda *_: Painter())
     found = segment(bare(joined([shell, wardrobe, table, cup])), SegmentConfig())
     assert len(asked) == 3
     assert asked[-1].held_by == asked[1].id

@@ -9,16 +9,16 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation as Turn
 
-from language.questions import Question
-from language.replies import RotationReply
-from language.requests import FacingView, PoseView, RotationRequest
-from scene.errors import LanguageError
-from scene.readers.frame import Role
-from scene.readers.source import read_scan
-from scene.rotation import Rotation
-from scene.sample import SourceOptions
-from tasks.mesh import MeshConfig, cleaned
-from tasks.segment import SegmentConfig, segment_object
+from dcap.language.protocol.questions import Question
+from dcap.language.protocol.replies import RotationReply
+from dcap.language.protocol.requests import FacingView, PoseView, RotationRequest
+from dcap.scene.errors import LanguageError
+from dcap.scene.readers.frame import Role
+from dcap.scene.readers.source import read_scan
+from dcap.scene.types.rotation import Rotation
+from dcap.scene.types.sample import SourceOptions
+from tasks.mesh.stage import MeshConfig, cleaned
+from tasks.segment.stage import SegmentConfig, segment_object
 from tests.tasks.orientation_truth import TRUTH, Array, case_error, chosen, error_deg, parts_of, parts_read
 
 FOLDER = Path(os.environ.get("DCAP_SAMPLE_DATA", "nowhere"))
@@ -103,7 +103,7 @@ class Chooser:
 def rotated_by(reply: RotationReply, monkeypatch: pytest.MonkeyPatch) -> tuple[Rotation, RotationRequest]:
     """The stage's result for a mug when its client answers with that reply, and what the client was asked."""
     chooser = Chooser(reply)
-    monkeypatch.setattr("tasks.rotation.client", lambda *_: chooser)
+    monkeypatch.setattr("tasks.rotation.stage.client", lambda *_: chooser)
     turned = chosen("mug", parts_of("mug"), "upside down", AS_MADE)
     return turned, chooser.asked[0]
 

@@ -7,11 +7,11 @@ import pytest
 from box_rooms import ROOM, book, mug, thing, toy
 from stage_chain import Stages, with_each
 
-from geometry.poses import about_z
-from language.replies import RotationReply
-from language.requests import FacingView, RotationRequest
-from scene.rotation import Rotation
-from tasks.rotation import matrix_of, pose_views
+from dcap.geometry.placement.poses import about_z
+from dcap.language.protocol.replies import RotationReply
+from dcap.language.protocol.requests import FacingView, RotationRequest
+from dcap.scene.types.rotation import Rotation
+from tasks.rotation.stage import matrix_of, pose_views
 
 OFFLINE = Stages()
 

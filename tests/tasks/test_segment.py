@@ -11,20 +11,20 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from geometry.distance import MeshDistance
-from geometry.segmentation.faces import FaceTable
-from scene.box import OrientedBox
-from scene.errors import InputError
-from scene.mesh import Mesh
-from scene.readers.frame import Role
-from scene.readers.splats import read_splats
-from scene.rectangle import min_area_box
-from scene.sample import SourceOptions
-from scene.scan import LabelBox, Scan
-from scene.segmentation import Segmentation
-from scene.store import Source
-from tasks.mesh import MeshConfig, mesh
-from tasks.segment import SegmentConfig, segment, segment_object
+from dcap.geometry.distance import MeshDistance
+from dcap.geometry.segmentation.faces import FaceTable
+from dcap.scene.errors import InputError
+from dcap.scene.readers.frame import Role
+from dcap.scene.readers.splats import read_splats
+from dcap.scene.store.artifacts import Source
+from dcap.scene.types.box import OrientedBox
+from dcap.scene.types.mesh import Mesh
+from dcap.scene.types.rectangle import min_area_box
+from dcap.scene.types.sample import SourceOptions
+from dcap.scene.types.scan import LabelBox, Scan
+from dcap.scene.types.segmentation import Segmentation
+from tasks.mesh.stage import MeshConfig, mesh
+from tasks.segment.stage import SegmentConfig, segment, segment_object
 
 Color = tuple[int, int, int]
 WOOD, WHITE, BLUE, GREY, RED = (120, 80, 50), (240, 240, 235), (60, 90, 200), (150, 150, 150), (200, 40, 40)

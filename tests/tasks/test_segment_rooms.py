@@ -2,7 +2,7 @@
 
 import pytest
 
-from geometry.procedural.rooms import ROOMS
+from dcap.synthetic.rooms import ROOMS
 from perf.repair import SUPPORTS
 from perf.segments import means, read_room, room_scores
 

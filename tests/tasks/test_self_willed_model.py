@@ -9,10 +9,10 @@ from fake_api import FakeApi, offline_model, question_of, reason_of, self_willed
 from scipy.spatial.transform import Rotation as Turn
 from stage_chain import Stages
 
-from geometry.poses import about_z
-from language.seam import ClientName
-from scene.errors import LanguageError
-from scene.intent import Intent
+from dcap.geometry.placement.poses import about_z
+from dcap.language.protocol.client import ClientName
+from dcap.scene.errors import LanguageError
+from dcap.scene.types.intent import Intent
 
 ON_THE_BED = "put the cube on the bed"
 

@@ -4,20 +4,22 @@ from pathlib import Path
 
 import pytest
 
-from tasks.source_digest import libraries, source_digests
+from tasks.runner.digests import libraries, source_digests
 
 FILES = {
+    "dcap/__init__.py": "",
     "tasks/__init__.py": "",
     "tasks/fill.py": (
-        '"""Doc."""\nfrom geometry.grid import cells\nfrom tasks.stage import stage\n\ndef fill(x): return cells(x)\n'
+        '"""Doc."""\nfrom dcap.geometry.grid import cells\nfrom tasks.runner.stage import stage\n'
+        '\ndef fill(x): return cells(x)\n'
     ),
-    "tasks/stage.py": "def stage(f): return f\n",
-    "geometry/__init__.py": "",
-    "geometry/grid.py": "import numpy as np\nfrom scene import box\n\ndef cells(x):\n    return np.floor(x)\n",
-    "geometry/other.py": "def unused(): return 1\n",
-    "scene/__init__.py": "",
-    "scene/box.py": 'TABLE = "materials.csv"\n\ndef size():\n    from scene.late import late\n    return late()\n',
-    "scene/late.py": "def late(): return 3\n",
+    "tasks/runner/stage.py": "def stage(f): return f\n",
+    "dcap/geometry/__init__.py": "",
+    "dcap/geometry/grid.py": "import numpy as np\nfrom dcap.scene import box\ndef cells(x):\n    return np.floor(x)\n",
+    "dcap/geometry/other.py": "def unused(): return 1\n",
+    "dcap/scene/__init__.py": "",
+    "dcap/scene/box.py": 'TABLE = "materials.csv"\ndef f():\n    from dcap.scene.late import late\n    return late()\n',
+    "dcap/scene/late.py": "def late(): return 3\n",
     "materials.csv": "foam,30\n",
 }  # fmt: skip
 
@@ -26,7 +28,7 @@ FILES = {
 def root(tmp_path: Path) -> Path:
     """A small project."""
     for name, text in FILES.items():
-        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / name).write_text(text)
     return tmp_path
 
@@ -39,18 +41,18 @@ def digests(root: Path) -> dict[str, str]:
 def test_reachable_files(root: Path) -> None:
     """Imports count through modules, packages, functions and named data files; the machinery of stages does not."""
     assert set(digests(root)) == {
-        "tasks/fill.py", "geometry/__init__.py", "geometry/grid.py", "scene/__init__.py", "scene/box.py",
-        "scene/late.py", "materials.csv",
+        "tasks/fill.py", "dcap/geometry/__init__.py", "dcap/geometry/grid.py", "dcap/scene/__init__.py",
+        "dcap/scene/box.py", "dcap/scene/late.py", "materials.csv",
     }  # fmt: skip
 
 
 @pytest.mark.parametrize(
     ("name", "old", "new"),
     [
-        ("geometry/grid.py", "floor", "ceil"),
-        ("scene/late.py", "3", "4"),
+        ("dcap/geometry/grid.py", "floor", "ceil"),
+        ("dcap/scene/late.py", "3", "4"),
         ("materials.csv", "30", "31"),
-        ("geometry/__init__.py", "", "FLAG = 1\n"),
+        ("dcap/geometry/__init__.py", "", "FLAG = 1\n"),
     ],
 )
 def test_a_reachable_change_counts(root: Path, name: str, old: str, new: str) -> None:
@@ -65,11 +67,11 @@ def test_a_reachable_change_counts(root: Path, name: str, old: str, new: str) ->
 @pytest.mark.parametrize(
     ("name", "old", "new"),
     [
-        ("geometry/other.py", "1", "2"),
-        ("tasks/stage.py", "return f", "return None"),
+        ("dcap/geometry/other.py", "1", "2"),
+        ("tasks/runner/stage.py", "return f", "return None"),
         ("tasks/fill.py", "Doc.", "Another docstring."),
-        ("geometry/grid.py", "    return", "    # a comment\n    return"),
-        ("geometry/grid.py", "def cells(x):\n", 'def cells(x):\n    """Doc."""\n'),
+        ("dcap/geometry/grid.py", "    return", "    # a comment\n    return"),
+        ("dcap/geometry/grid.py", "def cells(x):\n", 'def cells(x):\n    """Doc."""\n'),
     ],
 )
 def test_other_changes_do_not_count(root: Path, name: str, old: str, new: str) -> None:

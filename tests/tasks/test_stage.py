@@ -12,23 +12,23 @@ from types import ModuleType
 import numpy as np
 import pytest
 
-from scene.errors import GeometryError
-from scene.mesh import Mesh
-from scene.outcome import Infeasible, Reason
-from scene.store import Ref, Store
-from tasks.file_lock import FileLocks
-from tasks.records import read_record, records_root, usable_key, why_not_cached
-from tasks.stage import Conduct, Event, NotCachedError, StageEvent, conducting
-from tasks.stage_process import StageProcessError, run_in_process
+from dcap.scene.errors import GeometryError
+from dcap.scene.store.artifacts import Ref, Store
+from dcap.scene.types.mesh import Mesh
+from dcap.scene.types.outcome import Infeasible, Reason
+from tasks.runner.locks import FileLocks
+from tasks.runner.process import StageProcessError, run_in_process
+from tasks.runner.records import read_record, records_root, usable_key, why_not_cached
+from tasks.runner.stage import Conduct, Event, NotCachedError, StageEvent, conducting
 
 STAGES = """
 import logging, os, sys
 import numpy as np
 from pydantic import BaseModel
-from scene.errors import GeometryError
-from scene.mesh import Mesh
-from scene.sample import SourceOptions
-from tasks.stage import stage
+from dcap.scene.errors import GeometryError
+from dcap.scene.types.mesh import Mesh
+from dcap.scene.types.sample import SourceOptions
+from tasks.runner.stage import stage
 
 class MakeConfig(BaseModel, frozen=True, extra="forbid"):
     size: float = 1.0
@@ -39,7 +39,7 @@ def make(seed: int, options: SourceOptions, config: MakeConfig) -> Mesh:
 
 def double(mesh: Mesh) -> Mesh:
     print("noise on standard output")
-    logging.getLogger("geometry.double").info("half way", extra={"progress": 0.5})
+    logging.getLogger("dcap.geometry.double").info("half way", extra={"progress": 0.5})
     return mesh.transformed(np.diag([2.0, 2.0, 2.0, 1.0]))
 
 def fail(mesh: Mesh) -> Mesh:
@@ -91,7 +91,7 @@ def run(fake: ModuleType, seed: int, **conduct: object) -> tuple[Ref, list[tuple
     """make, then double, as a flow; what was returned and what happened."""
     from prefect import Flow
 
-    from scene.sample import SourceOptions
+    from dcap.scene.types.sample import SourceOptions
 
     events: list[tuple[str, Event]] = []
 
@@ -118,7 +118,7 @@ def test_infeasible_passes_through(fake: ModuleType) -> None:
 
 def test_looking_up_runs_nothing(fake: ModuleType) -> None:
     """With lookup_only, a stage without a record raises and says what it would be made from."""
-    from scene.sample import SourceOptions
+    from dcap.scene.types.sample import SourceOptions
 
     with conducting(Conduct(lookup_only=True)), pytest.raises(NotCachedError) as caught:
         fake.make_task(77, SourceOptions())
@@ -128,7 +128,7 @@ def test_looking_up_runs_nothing(fake: ModuleType) -> None:
 
 def test_the_key_holds_what_decides(fake: ModuleType) -> None:
     """Seed, options and settings change the key; the number of threads does not."""
-    from scene.sample import SourceOptions
+    from dcap.scene.types.sample import SourceOptions
 
     def key(seed: int, options: SourceOptions, **config: object) -> str:
         inputs = {"seed": seed, "options": options}
@@ -255,7 +255,7 @@ def test_a_child_dies_with_its_parent(tmp_path: Path) -> None:
         "config": None,
         "session": {},
     }
-    program = f"from tasks.stage_process import run_in_process; run_in_process({work!r}, print)"
+    program = f"from tasks.runner.process import run_in_process; run_in_process({work!r}, print)"
     root = str(Path(__file__).parents[2])
     environment = os.environ | {"PYTHONPATH": f"{root}{os.pathsep}{tmp_path}", "DCAP_DATA": str(tmp_path)}
     parent = subprocess.Popen([sys.executable, "-c", program], env=environment)
@@ -292,7 +292,7 @@ def test_locks_exclude_and_let_go(tmp_path: Path) -> None:
     assert locks.acquire_lock("a", "two", acquire_timeout=0)
     locks.release_lock("a", "two")
     program = (
-        f"import os; from pathlib import Path; from tasks.file_lock import FileLocks;"
+        f"import os; from pathlib import Path; from tasks.runner.locks import FileLocks;"
         f"FileLocks(Path({str(tmp_path)!r})).acquire_lock('b', 'x'); os.kill(os.getpid(), 9)"
     )
     root = str(Path(__file__).parents[2])

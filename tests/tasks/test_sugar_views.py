@@ -3,15 +3,15 @@
 import numpy as np
 import pytest
 
-from geometry.procedural.shapes import joined, moved, rounded_box
-from geometry.raycast import Raycaster
-from geometry.splats_on_mesh import splats_on_mesh
-from geometry.splatting.camera import Camera, looking
-from geometry.unlit import psnr, unlit
-from scene.gaussians import DC, Gaussians
-from scene.mesh import Mesh
-from scene.sugar_write import cameras_json
-from tasks.sugar_views import colmap_model, names, pictures
+from dcap.geometry.raycast import Raycaster
+from dcap.geometry.rendering.unlit import psnr, unlit
+from dcap.geometry.splatting.camera import Camera, looking
+from dcap.geometry.splatting.on_mesh import splats_on_mesh
+from dcap.scene.types.gaussians import DC, Gaussians
+from dcap.scene.types.mesh import Mesh
+from dcap.scene.writers.sugar import cameras_json
+from dcap.synthetic.shapes import joined, moved, rounded_box
+from tasks.mesh.sugar_views import colmap_model, names, pictures
 
 PLACE = np.array([0.3, -0.2, 0.9])
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from perf.segments import read_room
-from tasks.segment import SegmentConfig, segment
+from tasks.segment.stage import SegmentConfig, segment
 
 WITH_FRONT = (
     "armchair", "basin cabinet", "bed", "bedside table", "bookshelf", "cabinet", "chair", "desk", "multi person sofa",

@@ -1,0 +1,1 @@
+"""Deformable, contact-aware object placement."""

@@ -1,0 +1,80 @@
+"""Whether a sentence was aimed as it was meant: support, part and region against what a person wrote down.
+
+Left out of the truth means left open by the sentence: that is not compared and not counted.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from dcap.evaluation.outcome_table import same_region
+from dcap.scene.types.anchor import Anchor
+from dcap.scene.types.intent import Intent
+from dcap.scene.types.outcome import Infeasible
+
+
+@dataclass(frozen=True, slots=True)
+class Aim:
+    """Where an object goes, in words."""
+
+    base: str = ""
+    """Id of the instance that carries it; in a truth empty where several will do."""
+    part: str = ""
+    region: str = ""
+    """Region words in any order; in a truth empty where the sentence leaves it open."""
+    beside: frozenset[str] = frozenset()
+    """Instance ids and part:NAME that the region refers to; in a truth empty where that is open."""
+    reason: str = ""
+    """Reason code if there is no such place."""
+
+
+@dataclass(frozen=True, slots=True)
+class Marks:
+    """What is right; None where the truth leaves it open."""
+
+    base: bool | None
+    part: bool | None
+    region: bool | None
+    beside: bool | None
+    reason: bool | None
+
+    @property
+    def all_right(self) -> bool:
+        """Nothing that was compared is wrong."""
+        return all(getattr(self, field.name) is not False for field in fields(self))
+
+
+def aim_of(intent: Intent | Infeasible, anchor: Anchor | Infeasible | None) -> Aim:
+    """The aim that two stages found; without an anchor what the intent asks for."""
+    if isinstance(intent, Infeasible):
+        return Aim(reason=intent.reason)
+    asked = Aim(intent.base_id, intent.region.part, " ".join(intent.region.names), frozenset(intent.region.references))
+    if anchor is None:
+        return asked
+    if isinstance(anchor, Infeasible):
+        part = str(anchor.evidence.get("part", ""))
+        return Aim(asked.base, part, asked.region, asked.beside, anchor.reason)
+    return Aim(anchor.base_id, anchor.part, anchor.region, asked.beside)
+
+
+def marks(truth: Aim, found: Aim) -> Marks:
+    """Compare; a refusal where the truth has a place is wrong."""
+    return Marks(
+        base=found.base == truth.base if truth.base else None,
+        part=found.part == truth.part if truth.part else None,
+        region=same_region(found.region, truth.region) if truth.region else None,
+        beside=found.beside == truth.beside if truth.beside else None,
+        reason=found.reason == truth.reason if truth.reason or found.reason else None,
+    )
+
+
+def shares(rows: Iterable[Marks]) -> dict[str, float]:
+    """Share of the compared ones that are right, by what was compared, and of the rows without any fault [-]."""
+    rows = list(rows)
+    result = {}
+    for field in fields(Marks):
+        compared = [getattr(row, field.name) for row in rows if getattr(row, field.name) is not None]
+        result[field.name] = float(np.mean(compared)) if compared else 1.0
+    result["all"] = float(np.mean([row.all_right for row in rows])) if rows else 1.0
+    return result

@@ -1,0 +1,227 @@
+"""One row per sample: what came out, what was intended, and whether they agree."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+from scipy.spatial.transform import Rotation as Turn
+
+from dcap.scene.errors import InputError
+from dcap.scene.problems import short
+from dcap.scene.spelling import did_you_mean
+from dcap.scene.types.sample import Sample
+
+AT_REST = "at_rest"
+SAME_REGION = {"middle": "center"}
+"""Region words that mean the same place."""
+TOPS = ("up", "down", "sideways")
+QUADRANT_DEG = 45.0
+"""A word for a direction means the nearest of up, down and the four sides: half of a right angle off at most."""
+
+
+@dataclass(frozen=True, slots=True)
+class Truth:
+    """The intended outcome of a sample; no stage sees it."""
+
+    base: str
+    """Label of the intended support."""
+    part: str
+    region: str
+    """Canonical region words that the sentence asks for; empty if it asks for none."""
+    feasible: bool
+    reason: str
+    """Intended reason code; empty if feasible."""
+    base_id: str = ""
+    """Id of the intended support; empty if several will do."""
+    top: str = ""
+    """Where the object's own top (+z as read) points: up, down or sideways; empty if the sentence leaves it open."""
+    front: tuple[float, float] | None = None
+    """World xy direction of the object's own front (+y as read); None if the sentence leaves it open."""
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """The outcome of one sample."""
+
+    sample: str
+    scene: str
+    object: str
+    prompt: str
+    verdict: str
+    """at_rest, infeasible or failed."""
+    reason: str
+    message: str
+    base: str
+    base_id: str
+    part: str
+    region: str
+    region_missed: bool
+    mass: float
+    """[kg], 0 where unknown."""
+    scale: float
+    visible_fraction: float
+    seconds: float
+    """Sum of the stages' times when they were computed [s]."""
+    error: str
+    """Why the sample failed; empty if it did not."""
+    expected: str
+    """Intended outcome in words; empty if nobody stated one."""
+    feasible_intended: bool | None
+    """Whether it ought to come to rest; None if nobody said."""
+    as_expected: bool | None
+    """Whether verdict, reason, support, part, region and orientation are the intended ones."""
+
+
+def read_truth(tree: object, where: str) -> dict[str, Truth]:
+    """Intended outcomes by sample id, from a list with `id` or a mapping by id."""
+    if isinstance(tree, Mapping):
+        rows = {str(key): value for key, value in tree.items()}
+    elif isinstance(tree, list):
+        rows = {
+            str(row["id"]): row
+            for row in tree
+            if isinstance(row, Mapping) and isinstance(row.get("id"), str | int | float)
+        }
+    else:
+        raise InputError(f"{where}: expected samples, found {type(tree).__name__}")
+    return {key: truth_of(row, f"{where}: {key}") for key, row in rows.items()}
+
+
+def text_of(row: Mapping[str, object], key: str, where: str) -> str:
+    """A word; empty where there is none."""
+    value = row.get(key)
+    if value is not None and not isinstance(value, str | int | float):
+        raise InputError(f"{where}: {key} is {short(value)}, expected text")
+    return str(value or "")
+
+
+def truth_of(row: object, where: str) -> Truth:
+    """One intended outcome."""
+    if not isinstance(row, Mapping):
+        raise InputError(f"{where}: expected keys and values, found {short(row)}")
+    known = ("id", *(one.name for one in fields(Truth)))
+    for key in row:
+        if key not in known:
+            raise InputError(f"{where}: unknown key {key!r}{did_you_mean(key, known)}")
+    feasible, top = row.get("feasible", True), text_of(row, "top", where)
+    if not isinstance(feasible, bool):
+        raise InputError(f"{where}: feasible is {short(feasible)}, expected true or false")
+    if top not in ("", *TOPS):
+        raise InputError(f"{where}: top {top!r} is not one of {', '.join(TOPS)}")
+    return Truth(
+        base=text_of(row, "base", where),
+        part=text_of(row, "part", where),
+        region=text_of(row, "region", where),
+        feasible=feasible,
+        reason=text_of(row, "reason", where),
+        base_id=text_of(row, "base_id", where),
+        top=top,
+        front=direction(row.get("front"), where),
+    )
+
+
+def direction(value: object, where: str) -> tuple[float, float] | None:
+    """A horizontal direction from a list of two numbers; None stays None."""
+    if value is None:
+        return None
+    numbers = [float(one) for one in value if isinstance(one, int | float)] if isinstance(value, list) else []
+    if len(numbers) != 2 or not np.isfinite(numbers).all() or not np.any(numbers):
+        raise InputError(f"{where}: front is {short(value)}, expected a direction [x, y]")
+    return numbers[0], numbers[1]
+
+
+def row_of(sample: Sample, tree: Mapping[str, object] | None, error: str, truth: Truth | None) -> Row:
+    """The row of a sample from its placement.json or its error."""
+    found: Mapping[str, object] = tree or {}
+    base = found.get("base")
+    timings = found.get("timings")
+    row = Row(
+        sample=sample.id,
+        scene=sample.scene,
+        object=sample.object,
+        prompt=sample.prompt,
+        verdict=str(found.get("verdict", "failed")),
+        reason=str(found.get("reason") or ""),
+        message=str(found.get("message") or ""),
+        base=str(base["label"]) if isinstance(base, Mapping) else "",
+        base_id=str(base["id"]) if isinstance(base, Mapping) else "",
+        part=str(found.get("part") or ""),
+        region=str(found.get("region") or ""),
+        region_missed=bool(found.get("region_missed")),
+        mass=number(found.get("mass")),
+        scale=number(found.get("scale")),
+        visible_fraction=number(found.get("visible_fraction")),
+        seconds=round(sum(timings.values()), 3) if isinstance(timings, Mapping) else 0.0,
+        error=error if tree is None else "",
+        expected=in_words(truth) if truth else "",
+        feasible_intended=truth.feasible if truth else None,
+        as_expected=None,
+    )
+    return row if truth is None else replace(row, as_expected=agrees(row, found.get("pose"), truth))
+
+
+def number(value: object) -> float:
+    """A number, 0 where there is none."""
+    return float(value) if isinstance(value, int | float) else 0.0
+
+
+def agrees(row: Row, pose: object, truth: Truth) -> bool:
+    """Whether the outcome is the intended one."""
+    if truth.base not in ("", row.base) or truth.base_id not in ("", row.base_id):
+        return False
+    if not truth.feasible:
+        return row.verdict == "infeasible" and row.reason == truth.reason
+    there = truth.part in ("", row.part) and same_region(row.region, truth.region) and not row.region_missed
+    return row.verdict == AT_REST and there and oriented(pose, truth)
+
+
+def same_region(found: str, intended: str) -> bool:
+    """Whether two regions are the same words in any order, or none is intended."""
+    found_words, words = ({SAME_REGION.get(word, word) for word in one.split()} for one in (found, intended))
+    return not words or found_words == words
+
+
+def oriented(pose: object, truth: Truth) -> bool:
+    """Whether the object's own top and front point where they should."""
+    if not truth.top and truth.front is None:
+        return True
+    if not isinstance(pose, Mapping):
+        return False
+    axes = Turn.from_quat(pose["quaternion"], scalar_first=True).as_matrix()
+    near = np.cos(np.radians(QUADRANT_DEG))
+    height = axes[2, 2]
+    tops = {"": True, "up": height >= near, "down": height <= -near, "sideways": abs(height) < near}
+    if truth.front is None:
+        return bool(tops[truth.top])
+    ahead = np.array(truth.front) / np.linalg.norm(truth.front)
+    return bool(tops[truth.top] and axes[:2, 1] @ ahead >= near)
+
+
+def in_words(truth: Truth) -> str:
+    """An intended outcome in words."""
+    if not truth.feasible:
+        return f"infeasible: {truth.reason}"
+    where = " ".join(word for word in (truth.base, truth.part) if word)
+    asked = [f"on {where}"] if where else []
+    asked += [truth.region] if truth.region else []
+    asked += [f"top {truth.top}"] if truth.top else []
+    asked += [f"front towards ({truth.front[0]:g}, {truth.front[1]:g})"] if truth.front else []
+    return f"at rest {', '.join(asked)}".rstrip()
+
+
+def totals(rows: Sequence[Row]) -> dict[str, object]:
+    """Honest counts."""
+    feasible = [row for row in rows if row.feasible_intended is True]
+    infeasible = [row for row in rows if row.feasible_intended is False]
+    return {
+        "samples": len(rows),
+        "at_rest": sum(row.verdict == AT_REST for row in rows),
+        "infeasible": sum(row.verdict == "infeasible" for row in rows),
+        "failed": sum(row.error != "" for row in rows),
+        "region_missed": sum(row.verdict == AT_REST and row.region_missed for row in rows),
+        "feasible_intended": len(feasible),
+        "feasible_as_intended": sum(bool(row.as_expected) for row in feasible),
+        "infeasible_intended": len(infeasible),
+        "infeasible_with_right_reason": sum(bool(row.as_expected) for row in infeasible),
+        "compute_s": round(sum(row.seconds for row in rows), 1),
+    }

@@ -1,0 +1,81 @@
+"""How well a segmentation agrees with the truth of a generated room: intersection over union of areas.
+
+Truth and result are given face by face on the same mesh. Each true instance is compared with one found instance, such
+that the overlaps add up to as much as possible: annotations leave ids out, so these do not tell.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import linear_sum_assignment
+
+from dcap.scene.types.segmentation import Segmentation
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Truth:
+    """What each face of a mesh really is."""
+
+    ids: tuple[str, ...]
+    labels: tuple[str, ...]
+    face_instance: NDArray[np.int32]
+    """Index of the instance of each face, shape (m,)."""
+    face_part: NDArray[np.object_]
+    """Part name of each face, shape (m,)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Score:
+    """One instance of the truth."""
+
+    id: str
+    label: str
+    found_id: str
+    """Empty: nothing that overlaps it."""
+    found_label: str
+    iou: float
+    parts: tuple[tuple[str, float], ...]
+    """IoU of each part of the truth with what is found under the same name in the found instance."""
+
+
+def overlaps(truth: Truth, found: Segmentation) -> NDArray[np.float64]:
+    """IoU of every true with every found instance, shape (true, found)."""
+    area = found.mesh.face_areas
+    rows, columns = len(truth.ids), len(found.instances)
+    key = truth.face_instance.astype(np.int64) * (columns + 1) + found.face_instance + 1
+    both = np.bincount(key, area, rows * (columns + 1)).reshape(rows, columns + 1)
+    union = both.sum(axis=1)[:, None] + both.sum(axis=0)[None] - both
+    return np.asarray((both / np.maximum(union, 1e-12))[:, 1:], dtype=np.float64)
+
+
+def scores(truth: Truth, found: Segmentation) -> list[Score]:
+    """A row for each true instance that has faces, in order."""
+    iou = overlaps(truth, found)
+    partner = dict(zip(*(index.tolist() for index in linear_sum_assignment(iou, maximize=True)), strict=True))
+    present = np.unique(truth.face_instance)
+    return [_score(truth, found, int(i), partner.get(int(i), -1), iou) for i in present]
+
+
+def _score(truth: Truth, found: Segmentation, true: int, other: int, iou: NDArray[np.float64]) -> Score:
+    if other < 0 or iou[true, other] == 0.0:
+        names = sorted(set(truth.face_part[truth.face_instance == true].tolist()))
+        return Score(truth.ids[true], truth.labels[true], "", "", 0.0, tuple((name, 0.0) for name in names))
+    one = found.instances[other]
+    return Score(
+        truth.ids[true], truth.labels[true], one.id, one.label, float(iou[true, other]),
+        _part_scores(truth, found, true, other),
+    )  # fmt: skip
+
+
+def _part_scores(truth: Truth, found: Segmentation, true: int, other: int) -> tuple[tuple[str, float], ...]:
+    """IoU by part name; parts of one name count together."""
+    area = found.mesh.face_areas
+    mine, there = found.face_instance == other, truth.face_instance == true
+    names = np.array([part.name for part in found.instances[other].parts], dtype=object)
+    found_name = np.where(mine, names[np.where(mine, found.face_part, 0)], "")
+    result = []
+    for name in sorted(set(truth.face_part[there].tolist())):
+        a, b = found_name == name, there & (truth.face_part == name)
+        result.append((name, float(area[a & b].sum() / max(area[a | b].sum(), 1e-12))))
+    return tuple(result)

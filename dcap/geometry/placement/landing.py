@@ -1,0 +1,325 @@
+"""Where on a surface an object fits, and how high above it it must start.
+
+In: the scene, which of its faces are the support, and the object in its orientation. Out: the spot nearest to a
+wished point where the object's underside is over the support and nothing else is in the way, and how high the object
+is there when it touches.
+
+The object's underside and the scene below it are sampled by vertical rays on one grid, so that overhangs of the
+object (the handle of a mug) may reach over lower neighbours. What is thinner than the grid, or upright, rays may miss:
+who finds it there by measuring the meshes adds it (`add`) and asks again.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dcap.geometry.placement.regions import Region, inside
+from dcap.geometry.raycast import Raycaster
+from dcap.scene.types.mesh import Mesh
+
+Array = NDArray[np.float64]
+HEADROOM = 0.012
+"""Free height over the object while it is looked for a place [m]: the clearance and a little slack."""
+STEPPED = 0.015
+"""Neighbours that lift the object by less than this do not count as being in the way [m]: scan noise, seams."""
+LOWEST = 0.08
+"""The underside that must be supported: what lies within this share of the height over the lowest point [-]."""
+SHARES = (0.97, 0.85, 0.7, 0.5)
+"""Shares of the underside that shall be over the support, best first; with less than half the object tips."""
+DROP = 0.05
+"""Where the support lies this far below the contact it does not carry [m]: a seat beside its arm, a lid before its
+cistern; scans of soft things are uneven by less."""
+STEADY = float(np.tan(np.radians(4.0)))
+"""A place is steady where the object does not come down more steeply than this, however it is moved a little [-]: no
+crest that it rolls off, no slope that it slides down."""
+MOVED = (0.25, 0.5, 1.0)
+"""How far it is moved to see that, in its larger horizontal extents [-]; much less would measure a scan's noise."""
+NEARBY = 2.0
+"""How far from the aim a steady place is looked for, in the same extents [-]."""
+SAMPLES = 24
+"""Samples along the object's shorter horizontal side [-]."""
+FINEST, COARSEST = 0.003, 0.025
+"""Limits of the sampling distance [m]."""
+ROOM_HEIGHT = 3.0
+"""How far up a sample looks for the top of something that it began inside of, a door or a wardrobe [m]."""
+MOST_SAMPLES = 600_000
+"""Rays for one surface; larger ones are sampled more coarsely."""
+BATCH = 256
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Columns:
+    """The scene seen from above the support, on the grid."""
+
+    height: Array
+    """Of the first surface [m]; inf inside of something, -inf where nothing is, shape (rows, columns)."""
+    support: NDArray[np.bool_]
+    """Whether that is the support, shape (rows, columns)."""
+    face: NDArray[np.int64]
+    """Face of the scene that is there, -1 for none, shape (rows, columns)."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Verdict:
+    """How the object would lie over some grid points."""
+
+    index: NDArray[np.int64]
+    """Row and column, shape (n, 2)."""
+    lift: Array
+    """How much what is not the support lifts the object [m], shape (n,)."""
+    share: Array
+    """Share of the underside over the support [-], shape (n,)."""
+    level: Array
+    """Share over the support where that is no further than DROP below the contact [-], shape (n,)."""
+    height: Array
+    """Height of the object's origin when it touches [m], shape (n,)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Spot:
+    """A place for the object."""
+
+    x: float
+    """Where the object's origin goes [m]."""
+    y: float
+    share: float
+    """Share of the underside over the support [-]."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Refusal:
+    """Why there is none."""
+
+    hit: bool
+    """Whether the support has a surface in the region, be it covered or not."""
+    best_share: float
+    """Largest supported share of the underside without anything in the way [-]."""
+    blocked: float
+    """Share of the aimed-at spots where something is in the way [-]."""
+    blockers: NDArray[np.int64]
+    """Face of the scene that is most in the way at each such spot, shape (k,)."""
+
+
+class Landing:
+    """One object over one support: both sampled once, then asked for places."""
+
+    def __init__(self, scene: Mesh, caster: Raycaster, is_support: NDArray[np.bool_], item: Mesh) -> None:
+        """`is_support`: which faces of the scene. `item`: oriented, its origin at what goes over the spot."""
+        self.caster, self.is_support = caster, is_support
+        self.support = scene.submesh(np.flatnonzero(is_support))
+        low, high = self.support.bounds
+        size = np.ptp(item.bounds, axis=0)
+        self.height = float(size[2])
+        area = float(np.prod(high[:2] - low[:2] + 2.0 * size[:2]))
+        cell = float(np.clip(size[:2].min() / SAMPLES, FINEST, COARSEST))
+        self.cell = max(cell, float(np.sqrt(area / MOST_SAMPLES)))
+        self.top = float(high[2]) + self.height + HEADROOM
+        self._sample_item(item)
+        reach = np.abs(item.bounds[:, :2]).max(axis=0) + 4 * self.cell
+        self.origin = low[:2] - reach
+        self.count = np.ceil((high[:2] + reach - self.origin) / self.cell).astype(int) + 1
+        self.refused = np.zeros(self.count, dtype=bool)
+        self._known: dict[bytes, tuple[list[Verdict], Iterator[NDArray[np.int64]]]] = {}
+
+    def _sample_item(self, item: Mesh) -> None:
+        """Height of the underside over the object's origin on the grid."""
+        low = np.floor(item.bounds[0, :2] / self.cell).astype(int)
+        high = np.ceil(item.bounds[1, :2] / self.cell).astype(int)
+        i, j = (
+            k.ravel()
+            for k in np.meshgrid(*(np.arange(a, b + 1) for a, b in zip(low, high, strict=True)), indexing="ij")
+        )
+        start = np.c_[i * self.cell, j * self.cell, np.full(len(i), item.bounds[0, 2] - 1.0)]
+        hits = Raycaster(item).cast(start, np.tile([0.0, 0.0, 1.0], (len(i), 1)))
+        hit = hits.face >= 0
+        self.offset = np.c_[i[hit], j[hit]]
+        self.under = start[hit, 2] + hits.distance[hit]
+        self.lowest = self.under <= self.under.min() + max(LOWEST * self.height, 0.004)
+        self.extent = float(np.ptp(item.bounds[:, :2], axis=0).max())
+        self.around, self.around_under = widened(self.offset, self.under)
+
+    @cached_property
+    def surface(self) -> Columns:
+        """The scene under each grid point."""
+        i, j = np.meshgrid(np.arange(self.count[0]), np.arange(self.count[1]), indexing="ij")
+        start = np.c_[self.origin + self.cell * np.c_[i.ravel(), j.ravel()], np.full(i.size, self.top)]
+        hits = self.caster.cast(start, np.tile([0.0, 0.0, -1.0], (i.size, 1)))
+        hit = hits.face >= 0
+        height = np.where(hit, self.top - hits.distance, -np.inf)
+        support = np.zeros(i.size, dtype=bool)
+        support[hit] = self.is_support[hits.face[hit]]
+        upward = hits.normal[:, 2] >= 0
+        # where the support itself is wound the wrong way round, normals say nothing
+        if support.any() and upward[support].mean() > 0.8:
+            height[hit & (hits.normal[:, 2] < -0.1) | self._inside(start)] = np.inf
+            support &= np.isfinite(height)
+        return Columns(height.reshape(i.shape), support.reshape(i.shape), hits.face.astype(np.int64).reshape(i.shape))
+
+    def add(self, points: Array, faces: NDArray[np.int64]) -> None:
+        """Points (n, 3) on faces (n,) of the scene that no ray met: their columns are that high at least.
+
+        Of all that is in one column the highest is kept as its face, and one thing that does not carry blocks it.
+        """
+        index = np.rint((points[:, :2] - self.origin) / self.cell).astype(np.int64)
+        known = ((index >= 0) & (index < self.count)).all(axis=1)
+        rising = np.flatnonzero(known)[np.argsort(points[known, 2], kind="stable")]
+        column, height, face = tuple(index[rising].T), points[rising, 2], faces[rising]
+        own = self.is_support[face]
+        # what lies in the support, under its surface, is what is in the way there all the same
+        named = (height >= self.surface.height[column]) | (self.surface.support[column] & ~own)
+        # the highest comes last; of repeated indices numpy keeps the last
+        self.surface.face[tuple(index[rising[named]].T)] = face[named]
+        np.maximum.at(self.surface.height, column, height)
+        np.logical_and.at(self.surface.support, column, own)
+        self._known.clear()
+
+    def refuse(self, spot: Spot, reach: int) -> None:
+        """Leave out a spot and those up to so many samples from it."""
+        low = np.maximum(self._index(spot) - reach, 0)
+        high = self._index(spot) + reach + 1
+        self.refused[low[0] : high[0], low[1] : high[1]] = True
+
+    def _inside(self, start: Array) -> NDArray[np.bool_]:
+        """Whether a ray up soon leaves something through a face that looks up: then it began inside, shape (n,)."""
+        hits = self.caster.cast(start, np.tile([0.0, 0.0, 1.0], (len(start), 1)))
+        return np.asarray((hits.normal[:, 2] > 0.1) & (hits.distance < ROOM_HEIGHT))
+
+    def find(self, region: Region, share: float, *, level: bool, steady: bool = False) -> Spot | None:
+        """The spot nearest to the region's target that has this much support and nothing in the way.
+
+        `level`: the support must be no further than DROP below the contact to count; `steady`: the object must not come
+        down when it is moved a little, and the spot must be nearby. On a narrow support, where the nearest spot has
+        the edge beside it, no steady one is looked for: who asks for a ridge means the ridge.
+        """
+        nearest = True
+        for seen in self._verdicts(region):
+            supported = seen.level if level else seen.share
+            good = np.flatnonzero((seen.lift <= STEPPED) & (supported >= share) & ~self.refused[tuple(seen.index.T)])
+            if steady:
+                away = np.linalg.norm(self.origin + self.cell * seen.index - region.target, axis=1)
+                if away.min() > NEARBY * self.extent:
+                    return None
+                good = good[away[good] <= NEARBY * self.extent]
+                descent, broad = self._surroundings(seen.index[good], seen.height[good])
+                if nearest and len(good) and not broad[0]:
+                    return None
+                nearest &= len(good) == 0
+                good = good[descent <= STEADY]
+            if len(good):
+                x, y = self.origin + self.cell * seen.index[good[0]]
+                return Spot(float(x), float(y), float(seen.share[good[0]]))
+        return None
+
+    def refusal(self, region: Region) -> Refusal:
+        """Why the region has no spot."""
+        best, blocked, total = 0.0, 0, 0
+        blockers: list[NDArray[np.int64]] = []
+        for seen in self._verdicts(region):
+            free = (seen.lift <= STEPPED) & ~self.refused[tuple(seen.index.T)]
+            best = max(best, float(seen.share[free].max(initial=0.0)))
+            blocked, total = blocked + int((~free).sum()), total + len(free)
+            blockers.append(self._in_the_way(seen.index[~free]))
+        if total == 0:
+            covered, faces = self._covered(region)
+            return Refusal(covered, 0.0, float(covered), faces)
+        return Refusal(True, best, blocked / total, np.concatenate(blockers))
+
+    def _covered(self, region: Region) -> tuple[bool, NDArray[np.int64]]:
+        """Whether the support lies under other things everywhere in the region, and the faces of these."""
+        index = np.argwhere(np.ones(self.count, dtype=bool))
+        index = index[inside(region.polygon, self.origin + self.cell * index, margin=1e-6)]
+        above = np.c_[self.origin + self.cell * index, np.full(len(index), self.support.bounds[1, 2] + 1.0)]
+        under = Raycaster(self.support).cast(above, np.tile([0.0, 0.0, -1.0], (len(above), 1))).face >= 0
+        faces = self.surface.face[tuple(index[under].T)]
+        return bool(under.any()), faces[faces >= 0]
+
+    def _in_the_way(self, index: NDArray[np.int64]) -> NDArray[np.int64]:
+        """For each grid point the face of the scene that lifts the object most, shape (n,)."""
+        rows, columns = index[:, :1] + self.around[:, 0], index[:, 1:] + self.around[:, 1]
+        own = self.surface.support[rows, columns]
+        lift = np.where(own, -np.inf, self.surface.height[rows, columns] - self.around_under)
+        most = (np.arange(len(index)), lift.argmax(axis=1))
+        faces = self.surface.face[rows, columns][most]
+        return np.asarray(faces[faces >= 0])
+
+    def _verdicts(self, region: Region) -> Iterator[Verdict]:
+        """Grid points of the region that are over the support, nearest to the target first, each judged once."""
+        key = region.polygon.tobytes() + region.target.tobytes()
+        if key not in self._known:
+            self._known[key] = ([], self._batches(region))
+        known, rest = self._known[key]
+        yield from known
+        for batch in rest:
+            known.append(self._judge(batch))
+            yield known[-1]
+
+    def _batches(self, region: Region) -> Iterator[NDArray[np.int64]]:
+        """The grid points to judge, a number at a time."""
+        index = np.argwhere(self.surface.support)
+        position = self.origin + self.cell * index
+        keep = inside(region.polygon, position, margin=1e-6)
+        index, position = index[keep], position[keep]
+        reach = self.around.min(axis=0), self.around.max(axis=0)
+        fits = ((index + reach[0] >= 0) & (index + reach[1] < self.count)).all(axis=1)
+        index, position = index[fits], position[fits]
+        distance = np.linalg.norm(position - region.target, axis=1)
+        order = np.lexsort((index[:, 1], index[:, 0], np.round(distance, 6)))
+        for begin in range(0, len(order), BATCH):
+            yield index[order[begin : begin + BATCH]]
+
+    def _judge(self, index: NDArray[np.int64]) -> Verdict:
+        """How the object would lie over each grid point (n, 2)."""
+        below, on = self._below(index, self.offset)
+        needed = below - self.under
+        alone = np.where(on, needed, -np.inf).max(axis=1)
+        below, own = self._below(index, self.around)
+        others = np.where(own, -np.inf, below - self.around_under).max(axis=1)
+        with np.errstate(invalid="ignore"):
+            lift = np.where(np.isfinite(alone), others - alone, np.inf)
+        near = on[:, self.lowest] & (needed[:, self.lowest] >= alone[:, None] - DROP)
+        return Verdict(index, lift, on[:, self.lowest].mean(axis=1), near.mean(axis=1), needed.max(axis=1))
+
+    def _surroundings(self, index: NDArray[np.int64], height: Array) -> tuple[Array, NDArray[np.bool_]]:
+        """How steeply the object comes down at most when it is moved about the support from each grid point, where it
+        touches at such a height [-], and whether the support goes on all around; both of shape (n,)."""
+        angle = np.radians(45.0 * np.arange(8))
+        circle = np.c_[np.cos(angle), np.sin(angle)]
+        low, high = -self.around.min(axis=0), self.count - 1 - self.around.max(axis=0)
+        steepest, broad = np.zeros(len(index)), np.ones(len(index), dtype=bool)
+        for part in MOVED if len(index) else ():
+            reach = max(round(part * self.extent / self.cell), 1)
+            moved = np.clip(index[:, None] + np.rint(reach * circle).astype(np.int64), low, high).reshape(-1, 2)
+            there = [self._judge(moved[k : k + BATCH]) for k in range(0, len(moved), BATCH)]
+            on = np.concatenate([seen.level for seen in there]).reshape(-1, len(circle)) >= SHARES[-1]
+            lowest = np.where(on, np.concatenate([seen.height for seen in there]).reshape(on.shape), np.inf).min(axis=1)
+            steepest = np.maximum(steepest, (height - lowest) / (reach * self.cell))
+            broad &= on.all(axis=1)
+        return steepest, broad
+
+    def _below(self, index: NDArray[np.int64], offset: NDArray[np.int64]) -> tuple[Array, NDArray[np.bool_]]:
+        """Height of the surface and whether it is the support, under each offset from each grid point."""
+        rows, columns = index[:, :1] + offset[:, 0], index[:, 1:] + offset[:, 1]
+        return self.surface.height[rows, columns], self.surface.support[rows, columns]
+
+    def start_height(self, spot: Spot) -> float:
+        """Height of the origin at which the sampled underside touches [m]."""
+        return float(self._judge(self._index(spot)[None]).height[0])
+
+    def _index(self, spot: Spot) -> NDArray[np.int64]:
+        """Row and column of a spot, shape (2,)."""
+        steps: NDArray[np.int64] = np.rint((np.array([spot.x, spot.y]) - self.origin) / self.cell).astype(np.int64)
+        return steps
+
+
+def widened(offset: NDArray[np.int64], under: Array) -> tuple[NDArray[np.int64], Array]:
+    """The underside one sample wider all around, each sample as low as its lowest neighbour."""
+    low = offset.min(axis=0) - 1
+    grid = np.full(np.ptp(offset, axis=0) + 3, np.inf)
+    grid[tuple((offset - low).T)] = under
+    padded = np.pad(grid, 1, constant_values=np.inf)
+    spread = np.min([padded[i : i + grid.shape[0], j : j + grid.shape[1]] for i in range(3) for j in range(3)], axis=0)
+    where = np.argwhere(np.isfinite(spread))
+    return where + low, spread[tuple(where.T)]

@@ -1,0 +1,255 @@
+"""How a thing comes to rest on a plane, how it is symmetric, and where its front is.
+
+In: a mesh. Out: stable poses of its convex hull with the share of directions that lead to each, the order of its
+rotational symmetry about z, and the horizontal direction of its front. Everything is deterministic.
+
+A face of the hull is stable if the centre of mass lies above it. From an unstable face the body tips over the edge
+that the centre's projection lies beyond the farthest, on to the neighbour behind it; the solid angles of such faces
+count for the face where the tipping ends [G94].
+
+[G94] Goldberg, Mirtich, Zhuang, Craig, Carlisle, Canny: Part pose statistics, 1999 (quasi-static estimate).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import ConvexHull, cKDTree
+
+from dcap.geometry.solid.boundary import is_closed
+from dcap.scene.errors import GeometryError
+from dcap.scene.types.mesh import Mesh
+
+Array = NDArray[np.float64]
+MERGE_ANGLE = np.radians(8.0)
+"""Stable faces closer than this are one pose [rad]: the foot of a scanned mug is many faces."""
+MOST_POSES = 24
+"""More poses than that are those of a ball or a pebble, where one is as good as another [-]."""
+LEAST_SHARE = 0.004
+"""Poses with less than this share of all directions are left out [-]."""
+SHEET = 1e-4
+"""Half thickness given to a flat mesh over its largest extent [-]."""
+SYMMETRY_SAMPLES = 4000
+SYMMETRY_TOLERANCE = 0.025
+"""Mean distance between surface and turned surface over the radius that counts as equal [-]; scans have 0.01."""
+DEFAULT_FRONT = np.array([0.0, -1.0, 0.0])
+USUAL_FRONTS = np.array([[1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
+"""Where files that are long in x or y have their front."""
+OBLONG = 1.15
+"""A thing longer than this times its width has a long side [-]."""
+FRONTS = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
+BEYOND = 0.1
+"""One half must reach beyond the other by this share of the larger horizontal extent to mean a front [-]."""
+FRONT_REACH = 0.06
+"""So far must the halves' middles lie apart to mean a front, over the larger horizontal extent [-]."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class StablePose:
+    """One way to rest on a horizontal plane."""
+
+    rotation: Array
+    """From the mesh frame to the world: turns the resting face down by the smallest angle, shape (3, 3)."""
+    probability: float
+    """Share of all directions from which it comes to rest like that [-]."""
+    down: Array
+    """Outward normal of the resting face in the mesh frame, shape (3,)."""
+    height: float
+    """Height of the centre of mass over the plane [m]."""
+    area: float
+    """Area of the resting face [m^2]."""
+
+
+def center_of_mass(mesh: Mesh) -> Array:
+    """Centre of the volume if the mesh is closed, else of the surface [m], shape (3,)."""
+    a, b, c = mesh.triangles.transpose(1, 0, 2)
+    origin = mesh.bounds.mean(axis=0)
+    a, b, c = a - origin, b - origin, c - origin
+    volume = np.einsum("ij,ij->i", a, np.cross(b, c)) / 6.0
+    box = float(np.prod(np.ptp(mesh.bounds, axis=0)))
+    if is_closed(mesh) and volume.sum() > 1e-3 * box:
+        return np.asarray(origin + (volume[:, None] * (a + b + c)).sum(axis=0) / (4.0 * volume.sum()))
+    area = mesh.face_areas
+    if area.sum() == 0.0:
+        raise GeometryError("the mesh has no area")
+    return np.asarray(origin + (area[:, None] * (a + b + c)).sum(axis=0) / (3.0 * area.sum()))
+
+
+def stable_poses(mesh: Mesh, *, most: int = MOST_POSES, least: float = LEAST_SHARE) -> list[StablePose]:
+    """Stable poses, most probable first; at least one, at most so many, each with at least that share."""
+    center = center_of_mass(mesh)
+    points = mesh.vertices[np.unique(mesh.faces)] - center
+    hull = ConvexHull(with_thickness(points))
+    points = hull.points
+    normal, offset = hull.equations[:, :3], -hull.equations[:, 3]
+    corners = points[hull.simplices]
+    rest = ends_of_tipping(normal, offset, corners, hull.neighbors)
+    share = np.bincount(rest, solid_angles(corners), len(normal)) / (4.0 * np.pi)
+    area = 0.5 * np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    poses = merged(normal, np.maximum(offset, 0.0), share, area)
+    return [pose for pose in poses if pose.probability >= least][:most] or poses[:1]
+
+
+def with_thickness(points: Array) -> Array:
+    """The points, or, if they lie in a plane, the points moved to both sides of it by a little [m], shape (n, 3)."""
+    _, extents, axes = np.linalg.svd(points - points.mean(axis=0), full_matrices=False)
+    if extents[2] > 1e-6 * extents[0]:
+        return points
+    shift = SHEET * float(np.ptp(points, axis=0).max()) * axes[2]
+    return np.concatenate([points + shift, points - shift])
+
+
+def ends_of_tipping(normal: Array, offset: Array, corners: Array, neighbors: NDArray[np.int32]) -> NDArray[np.int64]:
+    """For each face the one where the body comes to rest, shape (m,)."""
+    count = len(normal)
+    following = np.arange(count)
+    foot = offset[:, None] * normal  # projection of the centre of mass (the origin) on to each face's plane
+    beyond = np.full((count, 3), -np.inf)
+    for k in range(3):  # neighbour k lies across the edge opposite to corner k
+        a, b, c = corners[:, (k + 1) % 3], corners[:, (k + 2) % 3], corners[:, k]
+        edge = b - a
+        outward = np.cross(edge, normal)
+        outward *= np.sign(np.einsum("ij,ij->i", outward, a - c))[:, None]
+        length = np.linalg.norm(outward, axis=1)
+        beyond[:, k] = np.einsum("ij,ij->i", foot - a, outward) / np.maximum(length, 1e-30)
+    worst = np.argmax(beyond, axis=1)
+    unstable = beyond[np.arange(count), worst] > 1e-9 * max(float(offset.max()), 1e-30)
+    across = neighbors[np.arange(count), worst].astype(np.int64)
+    # tipping lowers the centre, or stays level on the way to another triangle of the same side
+    lower = offset[across] < offset + 1e-9 * max(float(offset.max()), 1e-30)
+    following[unstable & lower] = across[unstable & lower]
+    for _ in range(count.bit_length() + 1):
+        following = following[following]
+    return following
+
+
+def solid_angles(corners: Array) -> Array:
+    """Solid angle of each triangle seen from the origin [sr], shape (m,) (van Oosterom and Strackee 1983)."""
+    a, b, c = (corners[:, k] for k in range(3))
+    la, lb, lc = (np.linalg.norm(x, axis=1) for x in (a, b, c))
+    top = np.abs(np.einsum("ij,ij->i", a, np.cross(b, c)))
+    bottom = la * lb * lc + sum(np.einsum("ij,ij->i", x, y) * z for x, y, z in ((a, b, lc), (b, c, la), (c, a, lb)))
+    return np.asarray(2.0 * np.arctan2(top, bottom))
+
+
+def merged(normal: Array, offset: Array, share: Array, area: Array) -> list[StablePose]:
+    """Neighbouring stable faces as one pose, most probable first."""
+    left = np.flatnonzero(share > 0)
+    # equal shares (a box's two triangles per side) are ordered by direction, so that rounding does not choose
+    order = left[np.lexsort((*np.round(normal[left], 6).T, -np.round(share[left], 9)))]
+    poses: list[StablePose] = []
+    taken = np.zeros(len(normal), dtype=bool)
+    for first in order:
+        if taken[first]:
+            continue
+        group = order[(normal[order] @ normal[first] > np.cos(MERGE_ANGLE)) & ~taken[order]]
+        taken[group] = True
+        weight = share[group] * np.maximum(area[group], 1e-30)
+        down = (weight[:, None] * normal[group]).sum(axis=0)
+        down /= np.linalg.norm(down)
+        poses.append(
+            StablePose(
+                turn_between(down, np.array([0.0, 0.0, -1.0])),
+                float(share[group].sum()),
+                down,
+                float(np.average(offset[group], weights=weight)),
+                float(area[group].sum()),
+            )
+        )
+    poses.sort(key=lambda pose: (-round(pose.probability, 6), *np.round(-pose.down, 4)))
+    return poses
+
+
+def turn_between(a: Array, b: Array) -> Array:
+    """The rotation by the smallest angle that takes unit vector a to b; about y for opposite ones, shape (3, 3)."""
+    cosine = float(a @ b)
+    if cosine < -1.0 + 1e-9:
+        return np.diag([-1.0, 1.0, -1.0]) if abs(a[2]) > 0.5 else np.diag([-1.0, -1.0, 1.0])
+    axis = np.cross(a, b)
+    cross = np.array([[0.0, -axis[2], axis[1]], [axis[2], 0.0, -axis[0]], [-axis[1], axis[0], 0.0]])
+    return np.asarray(np.eye(3) + cross + cross @ cross / (1.0 + cosine))
+
+
+def about_z(angle: float) -> Array:
+    """Rotation about the vertical [rad], shape (3, 3)."""
+    c, s = np.cos(angle), np.sin(angle)
+    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+
+
+def symmetry_about_z(mesh: Mesh) -> int:
+    """Order of the rotational symmetry about the vertical through its centroid: 0 any angle, n n-fold, 1 none."""
+    points = surface_points(mesh, SYMMETRY_SAMPLES)
+    points = points - np.array([*points.mean(axis=0)[:2], 0.0])
+    radius = float(np.linalg.norm(points[:, :2], axis=1).max())
+    if radius == 0.0:
+        return 0
+    tree = cKDTree(points)
+    spacing = float(np.median(tree.query(points, k=2)[0][:, 1]))
+    limit = SYMMETRY_TOLERANCE * radius + spacing
+
+    def same(angle_deg: float) -> bool:
+        turned = points @ about_z(np.radians(angle_deg)).T
+        distance = tree.query(turned)[0]
+        return bool(distance.mean() < limit and np.quantile(distance, 0.99) < 4.0 * limit)
+
+    # 37 and 53 degrees are no multiple of a fraction of a full turn that could be met by chance
+    if same(37.0) and same(53.0):
+        return 0
+    return next((n for n in (8, 6, 5, 4, 3, 2) if same(360.0 / n)), 1)
+
+
+def surface_points(mesh: Mesh, count: int) -> Array:
+    """Points spread over the surface by area with a fixed low-discrepancy sequence [m], shape (count, 3)."""
+    total = np.cumsum(mesh.face_areas)
+    steps = (np.arange(count) + 0.5) / count
+    face = np.minimum(np.searchsorted(total, steps * total[-1]), len(total) - 1)
+    u, v = np.mod(0.5 + np.arange(count)[:, None] * (0.7548776662466927, 0.5698402909980532), 1.0).T  # R2 sequence
+    over = u + v > 1.0
+    u, v = np.where(over, 1.0 - u, u), np.where(over, 1.0 - v, v)
+    a, b, c = mesh.triangles[face].transpose(1, 0, 2)
+    return np.asarray(a + u[:, None] * (b - a) + v[:, None] * (c - a))
+
+
+def front_of(mesh: Mesh, side: str = "") -> tuple[Array, bool]:
+    """Horizontal unit vector out of the front in the mesh frame, and whether shape or category say so.
+
+    The front is where the lower half reaches out beyond the upper (a keyboard before its screen, the legs of a sitting
+    bear, the seat before a backrest); else where the upper half overhangs (the head of an animal on four legs); else
+    where the lower half's middle lies before the upper's (the toe of a shoe). Where nothing differs it is -y, which is
+    the front of a glTF file (its +z) after the change to z up. `side` is what the category says: `long`, the front is
+    at an end of the longer side (a car), `short`, in the middle of it (a screen); it decides the axis, not the end.
+    """
+    front, told = shaped_front(mesh)
+    size = np.ptp(mesh.bounds, axis=0)[:2]
+    if not side or size.max() < OBLONG * size.min():
+        return front, told
+    axis = int(np.argmax(size)) if side == "long" else int(np.argmin(size))
+    return (front if abs(front[axis]) > 0.5 else USUAL_FRONTS[axis]), True
+
+
+def shaped_front(mesh: Mesh) -> tuple[Array, bool]:
+    """The front and whether the shape says so."""
+    points = surface_points(mesh, SYMMETRY_SAMPLES)
+    low, high = points.min(axis=0), points.max(axis=0)
+    upper = points[:, 2] > 0.5 * (low[2] + high[2])
+    if upper.sum() < 20 or (~upper).sum() < 20:
+        return DEFAULT_FRONT, False
+    size = float(np.max(high[:2] - low[:2]))
+    reach = reaches(points[~upper, :2], points[upper, :2]) / size
+    ahead = int(np.argmax(reach - np.roll(reach, 2)))
+    if reach[ahead] > BEYOND and reach[ahead] - reach[(ahead + 2) % 4] > BEYOND:
+        return FRONTS[ahead], True
+    over = int(np.argmin(reach))
+    if reach[over] < -BEYOND and reach[(over + 2) % 4] > -0.5 * BEYOND:
+        return FRONTS[over], True
+    middle = FRONTS[:, :2] @ (points[~upper, :2].mean(axis=0) - points[upper, :2].mean(axis=0)) / size
+    if middle.max() < FRONT_REACH:
+        return DEFAULT_FRONT, False
+    return FRONTS[int(np.argmax(middle))], True
+
+
+def reaches(lower: Array, upper: Array) -> Array:
+    """How far lower points reach beyond upper ones towards +x, +y, -x, -y [m]; negative: an overhang, shape (4,)."""
+    ways = FRONTS[:, :2]
+    # the outermost two per cent may be an ear, a lace or scan noise
+    return np.asarray(np.quantile(lower @ ways.T, 0.98, axis=0) - np.quantile(upper @ ways.T, 0.98, axis=0))

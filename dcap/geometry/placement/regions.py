@@ -1,0 +1,344 @@
+"""Words such as "left edge" or "next to the pillow" as areas of a horizontal surface.
+
+In: the frame of a part (its box, and the side from which a viewer looks at the furniture's front) and region names.
+Out: areas with a point to aim at, best first. Left and right are the viewer's, front is the viewer's side, back and
+head are the far side.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dcap.scene.types.box import OrientedBox
+
+Array = NDArray[np.float64]
+CENTER = 0.35
+"""Half width of the central area over the part's half extent [-]."""
+EDGE = 0.35
+"""Depth of an edge area over the part's half extent [-]."""
+BRINK = 0.02
+"""Free rim left between the object and the edge that it is put near [m]."""
+END = 0.3
+"""Head and foot begin this far from the middle, over the half extent [-]."""
+BESIDE = {"near": 0.5, "next_to": 0.15, "between": 0.0, "under": 0.0}
+"""How far from the reference's box a place beside it ends, plus the object's radius [m]."""
+VIEWER = 0.03
+"""Of places all around a thing that on the viewer's side is taken: the aim lies this far towards him [m]."""
+SIDES = {"left": (-1, 0), "right": (1, 0), "front": (0, 1), "back": (0, -1), "head": (0, -1), "foot": (0, 1)}
+"""Directions (right, front)."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Frame:
+    """A part's rectangle seen by the viewer."""
+
+    center: Array
+    """World xy [m], shape (2,)."""
+    right: Array
+    """Unit vector to the viewer's right, shape (2,)."""
+    front: Array
+    """Unit vector towards the viewer, shape (2,)."""
+    half: Array
+    """Half extents along right and front [m], shape (2,)."""
+
+    def world(self, local: object) -> Array:
+        """Points (..., 2) given as right and front, -1..1, in world xy [m]."""
+        scaled = np.asarray(local, dtype=np.float64) * self.half
+        return np.asarray(self.center + scaled[..., :1] * self.right + scaled[..., 1:] * self.front)
+
+    def local(self, points: Array) -> Array:
+        """World xy points (..., 2) as right and front, -1..1."""
+        offset = np.asarray(points) - self.center
+        both = np.stack([offset @ self.right, offset @ self.front], axis=-1)
+        return np.asarray(both / np.maximum(self.half, 1e-9))
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Region:
+    """An area and where in it to aim."""
+
+    polygon: Array
+    """World xy [m], convex, counter-clockwise, shape (k, 2)."""
+    target: Array
+    """World xy [m], shape (2,)."""
+    name: str = ""
+    """Its words, where it is only one of what was asked for; else empty."""
+
+
+def frame_of(box: OrientedBox, front: Array | None, room_center: Array) -> Frame:
+    """The frame of a part: the box side nearest to the front; without a front the long side towards the room."""
+    axes, half = box.axes[:2, :2], box.half_extents[:2]
+    sides = [(axes[:, k] * sign, k) for k in (0, 1) for sign in (1.0, -1.0)]
+    if front is not None and np.linalg.norm(front[:2]) > 0:
+        direction, axis = max(sides, key=lambda s: float(s[0] @ front[:2]))
+    else:
+        axis = 1 if half[0] >= half[1] else 0
+        direction = axes[:, axis]
+        inward = float(direction @ (room_center[:2] - box.center[:2]))
+        # in the middle of the room neither long side is nearer: the viewer stands towards -y, as on a floor plan
+        away = inward < 0 if abs(inward) > 0.1 else float(direction @ (0.01, 1.0)) > 0
+        direction = -direction if away else direction
+    right = np.array([-direction[1], direction[0]])  # z x front
+    return Frame(box.center[:2].copy(), right, np.asarray(direction), np.array([half[1 - axis], half[axis]]))
+
+
+def regions(
+    frame: Frame, names: Sequence[str], references: Sequence[OrientedBox], reach: Array, view: Frame | None = None
+) -> list[Region]:
+    """Areas for the names, best first; the whole part where nothing is asked.
+
+    `reach`: half extents of the object along the frame's right and front [m], shape (2,).
+    `view`: whose left and front are meant beside references; the part's unless given.
+    """
+    radius = float(reach.max())
+    beside = [n for n in names if n in BESIDE]
+    if beside and references:
+        area = beside_region(frame, view or frame, beside[0], names, references, radius)
+        return [area] if area is not None else []
+    sides = [n for n in names if n in SIDES]
+    if "corner" in names:
+        return [strip(frame, d, reach) for d in corner_directions([SIDES[n] for n in sides])]
+    if "edge" in names and opposite(sides):
+        return [replace(strip(frame, SIDES[n], reach), name=f"{n} edge") for n in sides]
+    if "edge" in names:
+        return [strip(frame, d, reach) for d in edge_directions(frame, [SIDES[n] for n in sides], references)]
+    if sides:
+        return [half_region(frame, names)]
+    if "center" in names or "middle" in names:
+        return [rectangle(frame, (-CENTER, -CENTER), (CENTER, CENTER), (0.0, 0.0))]
+    return [rectangle(frame, (-1.0, -1.0), (1.0, 1.0), (0.0, 0.0))]
+
+
+def rectangle(frame: Frame, low: Sequence[float], high: Sequence[float], target: Sequence[float]) -> Region:
+    """A rectangle in the part's frame."""
+    ring = [(low[0], low[1]), (high[0], low[1]), (high[0], high[1]), (low[0], high[1])]
+    return Region(counter_clockwise(frame.world(ring)), frame.world(target))
+
+
+def half_region(frame: Frame, names: Sequence[str]) -> Region:
+    """Left half, back half, head, the front left quarter ..."""
+    low, high = np.array([-1.0, -1.0]), np.array([1.0, 1.0])
+    target = np.zeros(2)
+    for name in names:
+        if name not in SIDES:
+            continue
+        axis = 0 if SIDES[name][0] else 1
+        sign = SIDES[name][axis]
+        bound = END if name in ("head", "foot") else 0.0
+        if sign > 0:
+            low[axis] = max(low[axis], bound)
+        else:
+            high[axis] = min(high[axis], -bound)
+        target[axis] = sign * (1.0 + bound) / 2.0
+    if (low >= high).any():  # "left" and "right" at once: what is common to both is the middle
+        return rectangle(frame, (-CENTER, -1.0), (CENTER, 1.0), (0.0, 0.0))
+    return rectangle(frame, low.tolist(), high.tolist(), target.tolist())
+
+
+def opposite(sides: Sequence[str]) -> bool:
+    """Whether two of the sides lie across from each other: no place is on both, so either is meant."""
+    directions = {SIDES[n] for n in sides}
+    return any((-right, -front) in directions for right, front in directions)
+
+
+def corner_directions(directions: Sequence[tuple[int, int]]) -> list[tuple[int, int]]:
+    """The asked corner, or all that fit, those at the viewer's side first."""
+    right = {d[0] for d in directions if d[0]} or {1, -1}
+    front = {d[1] for d in directions if d[1]} or {1, -1}
+    corners = [(1, 1), (-1, 1), (1, -1), (-1, -1)]
+    return [c for c in corners if c[0] in right and c[1] in front]
+
+
+def edge_directions(
+    frame: Frame, directions: Sequence[tuple[int, int]], references: Sequence[OrientedBox] = ()
+) -> list[tuple[int, int]]:
+    """The asked edge, the one that looks at the references, or all four, the viewer's first, then the longer ones."""
+    if directions:
+        return [(sum(d[0] for d in directions), sum(d[1] for d in directions))]
+    if references:
+        away = np.mean([box.center[:2] for box in references], axis=0) - frame.center
+        sides = [(1, 0), (-1, 0), (0, 1), (0, -1)]
+        return [max(sides, key=lambda side: float(away @ (side[0] * frame.right + side[1] * frame.front)))]
+    if frame.half[0] >= frame.half[1]:
+        return [(0, 1), (1, 0), (-1, 0), (0, -1)]
+    return [(1, 0), (-1, 0), (0, 1), (0, -1)]
+
+
+def strip(frame: Frame, direction: tuple[int, int], reach: Array) -> Region:
+    """The outer strip on one side, or the outer corner on two."""
+    low, high, target = [-1.0, -1.0], [1.0, 1.0], [0.0, 0.0]
+    for axis in (0, 1):
+        half = max(float(frame.half[axis]), 1e-9)
+        depth = min(1.0, max(EDGE, 1.5 * reach[axis] / half))
+        aim = max(0.0, 1.0 - (reach[axis] + BRINK) / half)
+        if direction[axis] > 0:
+            low[axis], target[axis] = 1.0 - depth, aim
+        elif direction[axis] < 0:
+            high[axis], target[axis] = depth - 1.0, -aim
+    return rectangle(frame, low, high, target)
+
+
+def beside_region(
+    frame: Frame, view: Frame, relation: str, names: Sequence[str], references: Sequence[OrientedBox], radius: float
+) -> Region | None:
+    """Near, next to, between or under other things, cut to the part; None if that leaves nothing."""
+    polygon, target = beside_area(view, relation, names, references, radius)
+    polygon = clipped(polygon, outline(frame))
+    return Region(polygon, closest_inside(frame, target)) if len(polygon) >= 3 else None
+
+
+def distance_beside(
+    frame: Frame, names: Sequence[str], references: Sequence[OrientedBox], reach: Array, view: Frame | None = None
+) -> float:
+    """How far a place beside other things lies from the part, where `regions` finds none on it [m]."""
+    relation = next(n for n in names if n in BESIDE)
+    polygon, _ = beside_area(view or frame, relation, names, references, float(reach.max()))
+    # both left and right of a thing is nowhere: then the thing itself
+    ring = polygon if len(polygon) else np.concatenate([box.corners[:4, :2] for box in references])
+    return gap_between(ring, outline(frame))
+
+
+def beside_area(
+    view: Frame, relation: str, names: Sequence[str], references: Sequence[OrientedBox], radius: float
+) -> tuple[Array, Array]:
+    """The polygon near, next to, between or under other things, wherever it lies, and its aim [m]."""
+    rings = [box.corners[:4, :2] for box in references]
+    middle = np.mean([box.center[:2] for box in references], axis=0)
+    reach = radius + BESIDE[relation]
+    if relation == "between" and len(references) > 1:
+        polygon = grown(np.array([box.center[:2] for box in references]), max(radius, 0.1))
+    else:
+        polygon = grown(np.concatenate(rings), reach)
+    target = middle
+    if relation != "between" and not any(name in SIDES for name in names):
+        target = middle + VIEWER * view.front
+    for name in names:
+        if name in SIDES and relation in ("near", "next_to"):
+            direction = SIDES[name][0] * view.right + SIDES[name][1] * view.front
+            polygon = clipped_half_plane(polygon, middle, -direction)
+            target = target + direction * (float(np.max((rings[0] - middle) @ direction)) + radius)
+    return polygon, target
+
+
+def outline(frame: Frame) -> Array:
+    """The part's rectangle [m], shape (4, 2)."""
+    return rectangle(frame, (-1.0, -1.0), (1.0, 1.0), (0.0, 0.0)).polygon
+
+
+def both(areas: Sequence[Region]) -> list[Region]:
+    """What all areas have in common, aimed at in its middle; nothing where they do not overlap."""
+    polygon = areas[0].polygon if areas else np.zeros((0, 2))
+    for area in areas[1:]:
+        polygon = clipped(polygon, area.polygon)
+    return [Region(polygon, polygon.mean(axis=0))] if len(areas) > 1 and len(polygon) >= 3 else []
+
+
+def closest_inside(frame: Frame, point: Array) -> Array:
+    """The point moved on to the part's rectangle [m], shape (2,)."""
+    return frame.world(np.clip(frame.local(point), -1.0, 1.0))
+
+
+# polygons -----------------------------------------------------------------------------------------------------------
+
+
+def counter_clockwise(polygon: Array) -> Array:
+    """The same ring, counter-clockwise."""
+    x, y = polygon.T
+    area = float(np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y))
+    return polygon if area >= 0 else polygon[::-1].copy()
+
+
+def grown(points: Array, distance: float) -> Array:
+    """Convex hull of discs about points, as the hull of 16-gons [m], shape (k, 2)."""
+    angle = 2.0 * np.pi * np.arange(16) / 16
+    circle = max(distance, 1e-3) * np.c_[np.cos(angle), np.sin(angle)]
+    return convex_hull((points[:, None] + circle).reshape(-1, 2))
+
+
+def convex_hull(points: Array) -> Array:
+    """Convex hull, counter-clockwise (Andrew's monotone chain), shape (k, 2)."""
+    order = np.unique(np.round(points, 9), axis=0)
+
+    def chain(sequence: Array) -> list[Array]:
+        hull: list[Array] = []
+        for p in sequence:
+            while len(hull) > 1 and turn(hull[-2], hull[-1], p) <= 0:
+                hull.pop()
+            hull.append(p)
+        return hull[:-1]
+
+    return np.array([*chain(order), *chain(order[::-1])])
+
+
+def smallest_rectangle(points: Array) -> tuple[Array, Array]:
+    """Long axis as a unit vector and extents, longer first [m], of the rectangle of least area about points (n, 2)."""
+    ring = convex_hull(points)
+    edges = np.roll(ring, -1, axis=0) - ring
+    length = np.linalg.norm(edges, axis=1)
+    best: tuple[float, Array, Array] | None = None
+    for edge, size in zip(edges, length, strict=True):
+        if size == 0.0:
+            continue
+        along = edge / size
+        across = np.array([-along[1], along[0]])
+        extents = np.array([np.ptp(ring @ along), np.ptp(ring @ across)])
+        area = float(extents.prod())
+        # an area that is smaller by rounding only does not replace the first
+        if best is None or area < best[0] * (1.0 - 1e-6):
+            longer_first = extents[0] >= extents[1]
+            best = (area, along if longer_first else across, np.sort(extents)[::-1])
+    if best is None:
+        return np.array([1.0, 0.0]), np.zeros(2)
+    return best[1], best[2]
+
+
+def turn(a: Array, b: Array, c: Array) -> float:
+    """Twice the signed area of a triangle [m^2]: positive for a left turn."""
+    return float((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]))
+
+
+def clipped(polygon: Array, window: Array) -> Array:
+    """A convex polygon cut to a convex counter-clockwise window (Sutherland and Hodgman 1974), shape (k, 2)."""
+    for a, b in zip(window, np.roll(window, -1, axis=0), strict=True):
+        outward = np.array([b[1] - a[1], a[0] - b[0]])
+        polygon = clipped_half_plane(polygon, a, outward)
+        if len(polygon) == 0:
+            break
+    return polygon
+
+
+def clipped_half_plane(polygon: Array, point: Array, outward: Array) -> Array:
+    """What of a polygon lies behind a line."""
+    distance = (polygon - point) @ outward
+    kept: list[Array] = []
+    for k in range(len(polygon)):
+        following = (k + 1) % len(polygon)
+        if distance[k] <= 0:
+            kept.append(polygon[k])
+        if (distance[k] < 0 < distance[following]) or (distance[following] < 0 < distance[k]):
+            share = distance[k] / (distance[k] - distance[following])
+            kept.append(polygon[k] + share * (polygon[following] - polygon[k]))
+    return np.array(kept).reshape(-1, 2)
+
+
+def gap_between(a: Array, b: Array) -> float:
+    """Smallest distance between the rims of two polygons [m]; between polygons that are apart one end is a corner."""
+
+    def to_rim(points: Array, ring: Array) -> float:
+        edge = np.roll(ring, -1, axis=0) - ring
+        offset = points[:, None] - ring
+        share = np.einsum("nkj,kj->nk", offset, edge) / np.maximum(np.einsum("kj,kj->k", edge, edge), 1e-18)
+        return float(np.linalg.norm(offset - np.clip(share, 0.0, 1.0)[..., None] * edge, axis=-1).min())
+
+    return min(to_rim(a, b), to_rim(b, a))
+
+
+def inside(polygon: Array, points: Array, *, margin: float = 1e-9) -> NDArray[np.bool_]:
+    """Which points (n, 2) lie in a convex counter-clockwise polygon, shape (n,)."""
+    within = np.ones(len(points), dtype=bool)
+    for a, b in zip(polygon, np.roll(polygon, -1, axis=0), strict=True):
+        edge = b - a
+        within &= edge[0] * (points[:, 1] - a[1]) - edge[1] * (points[:, 0] - a[0]) >= -margin
+    return within

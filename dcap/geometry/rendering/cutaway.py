@@ -1,0 +1,54 @@
+"""Walls and ceilings between a camera and what it looks at: which faces to leave out of the picture.
+
+A structure's face is cut when its plane has the camera on one side and the target on the other, and a ceiling always.
+Scans are noisy, so planes are snapped to the room's own axes first: one wall is cut or kept as a whole.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dcap.scene.types.mesh import Mesh
+
+LEVEL_COS = 0.7  # a face whose normal is within 45 degrees of the vertical is floor or ceiling
+OVERHEAD = 0.8  # level structure higher than this [m] above the target is ceiling: always open, so that light comes in
+SLACK = 0.02  # a plane nearer than this [m] to the target does not hide it
+
+
+def cut_faces(
+    mesh: Mesh, structure: NDArray[np.bool_], camera: NDArray[np.float64], target: NDArray[np.float64]
+) -> NDArray[np.bool_]:
+    """Structure faces (a mask over the mesh's faces) whose plane separates the camera from the target, shape (m,)."""
+    cut = np.zeros(len(mesh.faces), dtype=bool)
+    index = np.flatnonzero(structure)
+    if len(index) == 0:
+        return cut
+    normal = snapped(mesh.face_normals[index])
+    center = mesh.triangles[index].mean(axis=1)
+    side = np.einsum("ij,ij->i", normal, target - center)
+    other = np.einsum("ij,ij->i", normal, camera - center)
+    ceiling = (np.abs(normal[:, 2]) > LEVEL_COS) & (center[:, 2] > target[2] + OVERHEAD)
+    cut[index] = ((np.abs(side) > SLACK) & (side * other < 0.0)) | ceiling
+    return cut
+
+
+def snapped(normal: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Area normals (n, 3) as unit vectors along the nearest of the room's axes, shape (n, 3)."""
+    area = np.linalg.norm(normal, axis=1)
+    unit = normal / np.maximum(area, 1e-30)[:, None]
+    upright = np.abs(unit[:, 2]) < LEVEL_COS
+    axis = room_axis(unit[upright], area[upright])
+    frame = np.stack([axis, np.array([-axis[1], axis[0], 0.0]), np.array([0.0, 0.0, 1.0])])
+    share = unit @ frame.T
+    share[~upright, :2] = 0.0
+    share[upright, 2] = 0.0
+    return np.asarray(frame[np.argmax(np.abs(share), axis=1)])
+
+
+def room_axis(unit: NDArray[np.float64], area: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The horizontal direction that most wall area faces, modulo quarter turns, unit vector (3,)."""
+    if len(unit) == 0:
+        return np.array([1.0, 0.0, 0.0])
+    angle = np.arctan2(unit[:, 1], unit[:, 0])
+    # quarter turns fall together on the fourfold angle
+    mean = np.angle(np.sum(area * np.exp(4j * angle))) / 4.0
+    return np.array([np.cos(mean), np.sin(mean), 0.0])

@@ -1,0 +1,116 @@
+"""Per-face quantities of a mesh and the graph of faces that share an edge."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+
+from dcap.scene.types.mesh import Mesh
+
+MAX_POINTS = 400_000
+"""Most points that `surface_points` lays; beyond it they lie farther apart [-]."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class FaceTable:
+    """What segmentation needs to know of every face."""
+
+    corners: NDArray[np.float64]
+    """Corner positions [m], shape (m, 3, 3)."""
+    center: NDArray[np.float64]
+    """[m], shape (m, 3)."""
+    normal: NDArray[np.float64]
+    """Unit normals (zero for faces without area), shape (m, 3)."""
+    area: NDArray[np.float64]
+    """[m^2], shape (m,)."""
+    lab: NDArray[np.float64]
+    """Mean colour in CIELAB, shape (m, 3)."""
+    pairs: NDArray[np.int64]
+    """Faces that share an edge, shape (e, 2)."""
+    component: NDArray[np.int64]
+    """Connected component by shared edges, shape (m,)."""
+
+    @classmethod
+    def of(cls, mesh: Mesh) -> "FaceTable":
+        """Measure a mesh."""
+        corners = mesh.triangles
+        weighted = mesh.face_normals
+        length = np.linalg.norm(weighted, axis=1)
+        pairs = shared_edges(welded_index(mesh.vertices)[mesh.faces])
+        return cls(
+            corners=corners,
+            center=corners.mean(axis=1),
+            normal=weighted / np.maximum(length, 1e-30)[:, None],
+            area=0.5 * length,
+            lab=lab_from_srgb(mesh.colors[mesh.faces].mean(axis=1)),
+            pairs=pairs,
+            component=connected_regions(len(corners), pairs, np.ones(len(pairs), dtype=bool)),
+        )
+
+
+def welded_index(vertices: NDArray[np.float64]) -> NDArray[np.int64]:
+    """A number per place: vertices split for colour or texture count as one, shape (n,)."""
+    step = 1e-6 * max(float(np.ptp(vertices, axis=0).max()), 1e-9)
+    keys = np.rint((vertices - vertices.min(axis=0)) / step).astype(np.int64)
+    # One number per place: 2^21 > 1e6 steps per axis.
+    packed = (keys[:, 0] << 42) | (keys[:, 1] << 21) | keys[:, 2]
+    return np.asarray(np.unique(packed, return_inverse=True)[1]).reshape(-1)
+
+
+def shared_edges(faces: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Pairs of faces that share an edge, shape (e, 2).
+
+    An edge of more than two faces is where separate solids touch (a mattress on its frame): it joins nothing.
+    """
+    sides = np.sort(faces[:, [[0, 1], [1, 2], [2, 0]]], axis=2).reshape(-1, 2)
+    key = sides[:, 0] * (int(faces.max(initial=0)) + 1) + sides[:, 1]
+    order = np.argsort(key, kind="stable")
+    same = key[order][1:] == key[order][:-1]
+    alone = np.r_[True, ~same]
+    only_two = same & alone[:-1] & np.r_[~same[1:], True]
+    owner = order // 3
+    return np.stack([owner[:-1][only_two], owner[1:][only_two]], axis=1)
+
+
+def connected_regions(count: int, pairs: NDArray[np.int64], joined: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """Regions of faces when only the `joined` pairs connect, shape (count,)."""
+    a, b = pairs[joined].T
+    graph = coo_matrix((np.ones(len(a), dtype=np.int8), (a, b)), shape=(count, count))
+    return np.asarray(connected_components(graph, directed=False)[1], dtype=np.int64)
+
+
+def surface_points(
+    corners: NDArray[np.float64], area: NDArray[np.float64], spacing: float
+) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Points about `spacing` apart on every face, its middle at least, and the face of each."""
+    spacing = max(spacing, float(np.sqrt(area.sum() / MAX_POINTS)))
+    count = 1 + (area / spacing**2).astype(np.int64)
+    owner = np.repeat(np.arange(len(area)), count)
+    number = np.arange(len(owner)) - np.repeat(np.cumsum(count) - count, count)
+    # R2 sequence (M. Roberts, 2018): even and without a random generator.
+    u = (0.5 + 0.7548776662466927 * number) % 1.0
+    v = (0.5 + 0.5698402909980532 * number) % 1.0
+    beyond = u + v > 1.0
+    u, v = np.where(beyond, 1.0 - u, u), np.where(beyond, 1.0 - v, v)
+    a, b, c = corners[owner].transpose(1, 0, 2)
+    return a + u[:, None] * (b - a) + v[:, None] * (c - a), owner
+
+
+def renumbered(labels: NDArray[np.integer]) -> NDArray[np.int64]:
+    """The same partition numbered 0, 1, 2 ... in order of value."""
+    return np.asarray(np.unique(labels, return_inverse=True)[1], dtype=np.int64).reshape(-1)
+
+
+def lab_from_srgb(srgb: NDArray[np.floating]) -> NDArray[np.float64]:
+    """CIELAB (D65) of sRGB colours 0..255, shape (..., 3). Source: IEC 61966-2-1 and CIE 15."""
+    value = np.asarray(srgb, dtype=np.float64) / 255.0
+    linear = np.where(value <= 0.04045, value / 12.92, ((value + 0.055) / 1.055) ** 2.4)
+    xyz_from_rgb = np.array(
+        [[0.4124564, 0.3575761, 0.1804375], [0.2126729, 0.7151522, 0.0721750], [0.0193339, 0.1191920, 0.9503041]]
+    )
+    xyz = linear @ xyz_from_rgb.T / np.array([0.95047, 1.0, 1.08883])
+    root = np.where(xyz > (6 / 29) ** 3, np.cbrt(xyz), xyz / (3 * (6 / 29) ** 2) + 4 / 29)
+    x, y, z = np.moveaxis(root, -1, 0)
+    return np.stack([116 * y - 16, 500 * (x - y), 200 * (y - z)], axis=-1)

@@ -1,0 +1,172 @@
+"""Instances of a mesh without annotated boxes: by its nodes, by one label for everything, or by shape alone."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dcap.geometry.segmentation.annotated import annotated_groups
+from dcap.geometry.segmentation.boxed import Group
+from dcap.geometry.segmentation.contacts import pieces_of
+from dcap.geometry.segmentation.faces import FaceTable, connected_regions, renumbered
+from dcap.geometry.segmentation.labels import (
+    Category,
+    category_of,
+    part_word,
+    plain_structure,
+    readable,
+    says_something,
+)
+from dcap.geometry.segmentation.shell import Shell
+from dcap.geometry.segmentation.structure import wall_number
+from dcap.scene.types.scan import Scan
+
+Index: TypeAlias = NDArray[np.int64]
+TakeApart: TypeAlias = Callable[[NDArray[np.bool_]], list[Group]]
+"""Takes the unnamed faces of a room apart: from a mask, shape (m,), to the things there."""
+
+THING = "thing"
+"""What nobody could name."""
+ROOM_SIZE = 3.2
+"""What is this long and has a floor is a room [m]."""
+SMALL_ROOM = (1.2, 1.9)
+"""A smaller one is at least this broad and high [m], and has walls that look inwards."""
+WALLED = 0.5
+"""Share of its outline that walls have at least [-]."""
+
+
+def named_groups(table: FaceTable, scan: Scan, taken_apart: TakeApart) -> list[Group]:
+    """Instances by annotated nodes, then by the names in the file; what is unnamed is taken apart if it is a room, else
+    it has the scan's label."""
+    every = np.arange(len(table.area))
+    if scan.node_labels:
+        groups, silent = annotated_groups(scan)
+        return with_ids(groups + _spoken_groups(table, scan, silent, taken_apart))
+    if _is_one_thing(_top_names(scan.node_names), scan.label):
+        return with_ids(_unnamed_groups(table, every, readable(scan.label), taken_apart))
+    return with_ids(_spoken_groups(table, scan, every, taken_apart))
+
+
+def _spoken_groups(table: FaceTable, scan: Scan, faces: Index, taken_apart: TakeApart) -> list[Group]:
+    """Instances among some faces by the names of their nodes."""
+    top = _top_names(scan.node_names)
+    node_label = [readable(name) if says_something(name) else "" for name in top]
+    label = np.array([*node_label, ""], dtype=object)[scan.face_node[faces]]
+    thing = np.array([*(top.index(name) for name in top), -1])[scan.face_node[faces]]
+    groups: list[Group] = []
+    for name in [one for one in dict.fromkeys(node_label) if one]:
+        mine = np.flatnonzero(label == name)
+        if category_of(name) is Category.STRUCTURE:
+            groups += _named_structure(table, faces[mine], name)
+        else:
+            groups += [Group("", name, faces[mine[own]], None) for own in _apart(table, faces[mine], thing[mine])]
+    unnamed = faces[label == ""]
+    return groups + (_unnamed_groups(table, unnamed, readable(scan.label), taken_apart) if len(unnamed) else [])
+
+
+def _apart(table: FaceTable, faces: NDArray[np.int64], thing: NDArray[np.int64]) -> list[NDArray[np.int64]]:
+    """Faces of one name by the node that they belong to (chair, chair.001); nodes that touch are one thing."""
+    node = renumbered(thing)
+    count = int(node.max(initial=-1)) + 1
+    if count < 2:
+        return [np.arange(len(faces))] if count else []
+    piece = np.full(len(table.area), -1, dtype=np.int64)
+    piece[faces] = node
+    touching = [(a, b) for a, one in pieces_of(table, piece).alive.items() for b in one.touches]
+    pairs = np.array(touching, dtype=np.int64).reshape(-1, 2)
+    group = connected_regions(count, pairs, np.ones(len(pairs), dtype=bool))[node]
+    return [np.flatnonzero(group == i) for i in dict.fromkeys(group.tolist())]
+
+
+def _named_structure(table: FaceTable, faces: NDArray[np.int64], name: str) -> list[Group]:
+    """Floor or ceiling; the walls of a room, named as one, are told apart by their planes."""
+    label = plain_structure(name)
+    if label != "wall":
+        return [Group("", label, faces, None)]
+    inside = np.zeros(len(table.area), dtype=bool)
+    inside[faces] = True
+    number = wall_number(table, [], inside, np.zeros_like(inside))
+    number = np.where(inside & (number < 0), int(number.max()) + 1, number)
+    return [Group("", label, np.flatnonzero(inside & (number == i)), None) for i in np.unique(number[faces])]
+
+
+def _top_names(names: Sequence[str]) -> list[str]:
+    """The outermost name that tells things apart: wrappers that hold everything are taken off."""
+    trails = [name.split("/") for name in names]
+    while trails and all(len(t) > 1 for t in trails) and len({t[0] for t in trails}) == 1:
+        trails = [t[1:] for t in trails]
+    return [next((piece for piece in trail if says_something(piece)), trail[-1]) for trail in trails]
+
+
+def _is_one_thing(top: Sequence[str], label: str) -> bool:
+    """One node, only nameless nodes, or nodes that are all parts of the labelled thing."""
+    telling = [name for name in top if says_something(name)]
+    if len(top) <= 1 or not telling:
+        return True
+    parts = [name for name in telling if part_word(name) and category_of(name) in (Category.OTHER, category_of(label))]
+    return len(parts) == len(telling) and not any(readable(name) == readable(label) for name in telling)
+
+
+def _unnamed_groups(table: FaceTable, faces: Index, label: str, taken_apart: TakeApart) -> list[Group]:
+    """What is unnamed in a furnished room is taken apart; anything else is one thing."""
+    if not _is_room(table, np.arange(len(table.area)), label):
+        return [Group("", label, faces, None)]
+    inside = np.zeros(len(table.area), dtype=bool)
+    inside[faces] = True
+    return [group for group in taken_apart(inside) if len(group.faces)]
+
+
+def shell_groups(shell: Shell) -> list[Group]:
+    """Floor, ceiling and walls of a room that was taken apart."""
+    groups = [
+        Group("", name, np.flatnonzero(mask), None)
+        for name, mask in (("floor", shell.floor), ("ceiling", shell.ceiling))
+    ]
+    return groups + [Group("", "wall", np.flatnonzero(shell.wall == i), None) for i in range(len(shell.planes))]
+
+
+def _is_room(table: FaceTable, faces: Index, label: str) -> bool:
+    """A floor under most of it, and large or walled; a label that names furniture does not make a hall of a bed."""
+    points = table.corners[faces].reshape(-1, 3)
+    size = np.ptp(points, axis=0)
+    small = bool(size[:2].max() < ROOM_SIZE)
+    if small and (size[:2].min() < SMALL_ROOM[0] or size[2] < SMALL_ROOM[1] or not _is_walled(table, faces)):
+        return False
+    z = table.center[faces, 2]
+    low = (z < points[:, 2].min() + 0.15 * size[2]) & (table.normal[faces, 2] > 0.8)
+    covered = float(table.area[faces][low].sum()) / float(np.prod(size[:2]))
+    furniture = category_of(label) not in (Category.OTHER, Category.STRUCTURE)
+    return covered > 0.5 and not (furniture and size[:2].max() < 2.0 * ROOM_SIZE)
+
+
+def _is_walled(table: FaceTable, faces: Index) -> bool:
+    """Whether upright faces near the outline look inwards and make up a good part of it: a room, and no cupboard."""
+    center, normal, area = table.center[faces], table.normal[faces], table.area[faces]
+    low, high = table.corners[faces].reshape(-1, 3).min(axis=0), table.corners[faces].reshape(-1, 3).max(axis=0)
+    size = high - low
+    inward = np.zeros(len(faces), dtype=bool)
+    for axis in (0, 1):
+        inward |= (center[:, axis] < low[axis] + 0.15 * size[axis]) & (normal[:, axis] > 0.8)
+        inward |= (center[:, axis] > high[axis] - 0.15 * size[axis]) & (normal[:, axis] < -0.8)
+    return float(area[inward].sum()) > WALLED * 2.0 * float(size[:2].sum() * size[2])
+
+
+def with_ids(groups: list[Group]) -> list[Group]:
+    """Give every group without an id one made of its label, numbered where a label repeats or the id is taken."""
+    labels = [group.label for group in groups]
+    taken = {group.id for group in groups}
+    seen: dict[str, int] = {}
+    named = []
+    for group in groups:
+        plain = group.label.replace(" ", "_") or THING
+        unique = group.id or plain
+        if not group.id and (labels.count(group.label) > 1 or plain in taken):
+            number = seen.get(plain, 0)
+            while f"{plain}_{number}" in taken:
+                number += 1
+            unique, seen[plain] = f"{plain}_{number}", number + 1
+        taken.add(unique)
+        named.append(replace(group, id=unique, label=group.label or THING))
+    return named

@@ -1,0 +1,1 @@
+"""Named parts of one instance, by the rule of its category."""

@@ -1,0 +1,195 @@
+"""One instance in the frame of its own box: the view that part rules work in.
+
+x and y run along the box's horizontal axes from its middle, z from its bottom; all in metres. A `Piece` is a connected
+patch of faces with its extents. Rules assign names to pieces where a piece is one part, and to faces where a fused scan
+makes one piece of several parts.
+"""
+
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from dcap.geometry.segmentation.convex import convex_pieces
+from dcap.geometry.segmentation.faces import FaceTable, renumbered, surface_points
+from dcap.geometry.segmentation.regions import color_regions, merged_crumbs
+from dcap.scene.types.box import OrientedBox
+
+UPWARD = 0.75
+"""A face with a normal of at least this z looks up: within 41 degrees, so that noise of a scan does not matter [-]."""
+
+
+FUSED = 0.7
+"""A component of which less than this share belongs to a body is a scan that fused it with others [-]."""
+
+DENSE_FACES = 2000
+"""A body of at least this many faces is a scan or finely made [-]."""
+
+SPECK_FACES = 16
+"""Loose patches of fewer faces are what a scan tears off, not things [-]."""
+
+MAP_CELLS = 64
+"""Cells of the height map along the longer side of a body [-]."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Piece:
+    """A connected patch of an instance."""
+
+    index: int
+    faces: NDArray[np.int64]
+    """Face numbers within the body."""
+    low: NDArray[np.float64]
+    """Lower extent [m], shape (3,)."""
+    high: NDArray[np.float64]
+    """Upper extent [m], shape (3,)."""
+    area: float
+    """[m^2]."""
+    up_area: float
+    """Area that looks up [m^2]."""
+
+    @property
+    def size(self) -> NDArray[np.float64]:
+        """Extents [m], shape (3,)."""
+        return self.high - self.low
+
+    @property
+    def middle(self) -> NDArray[np.float64]:
+        """Centre of the extents [m], shape (3,)."""
+        return 0.5 * (self.low + self.high)
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Body:
+    """The faces of one instance in its box frame."""
+
+    corners: NDArray[np.float64]
+    """Shape (k, 3, 3) [m]."""
+    center: NDArray[np.float64]
+    """Shape (k, 3) [m]."""
+    normal: NDArray[np.float64]
+    area: NDArray[np.float64]
+    lab: NDArray[np.float64]
+    pairs: NDArray[np.int64]
+    """Neighbouring faces, numbers within the body, shape (e, 2)."""
+    piece: NDArray[np.int64]
+    """Piece of each face, shape (k,)."""
+    size: NDArray[np.float64]
+    """Extents of the body [m], shape (3,)."""
+    frame: OrientedBox
+    """The box whose frame this is."""
+    open_up: NDArray[np.bool_]
+    """Faces that look up and have nothing of the body above them, shape (k,)."""
+
+    @property
+    def up(self) -> NDArray[np.bool_]:
+        """Faces that look up, shape (k,)."""
+        return np.asarray(self.normal[:, 2] > UPWARD)
+
+    @property
+    def down(self) -> NDArray[np.bool_]:
+        """Faces that look down, shape (k,)."""
+        return np.asarray(self.normal[:, 2] < -UPWARD)
+
+    def pieces(self) -> list[Piece]:
+        """All pieces with their extents, largest area first."""
+        order = np.argsort(self.piece, kind="stable")
+        starts = np.searchsorted(self.piece[order], np.arange(int(self.piece.max(initial=-1)) + 2))
+        found = [self._piece(i, order[a:b]) for i, (a, b) in enumerate(pairwise(starts))]
+        return sorted(found, key=lambda p: -p.area)
+
+    def _piece(self, index: int, faces: NDArray[np.int64]) -> Piece:
+        points = self.corners[faces].reshape(-1, 3)
+        # Spikes of a scan: the outermost half per cent of many corners says nothing.
+        low, high = np.percentile(points, [0.5, 99.5], axis=0) if len(faces) > 200 else (points.min(0), points.max(0))
+        up_area = float(self.area[faces][self.up[faces]].sum())
+        return Piece(index, faces, low, high, float(self.area[faces].sum()), up_area)
+
+    def with_pieces(self, piece: NDArray[np.int64]) -> "Body":
+        """The same body cut differently."""
+        return replace(self, piece=renumbered(piece))
+
+    def split_by_color(self, faces: NDArray[np.int64], *, smallest: float = 0.01) -> "Body":
+        """The same body with the given faces cut into patches of one colour each."""
+        inside = np.full(len(self.area), -1)
+        inside[faces] = np.arange(len(faces))
+        pairs = inside[self.pairs]
+        pairs = pairs[(pairs >= 0).all(axis=1)]
+        region = color_regions(self.lab[faces], self.area[faces], pairs, smallest=smallest)
+        piece = self.piece.copy()
+        piece[faces] = int(self.piece.max()) + 1 + region
+        return self.with_pieces(piece)
+
+
+def make_body(table: FaceTable, faces: NDArray[np.int64], box: OrientedBox) -> Body:
+    """The given faces in the frame of `box`; pieces are connected components, crumbs of noise joined to neighbours."""
+    inside = np.full(len(table.area), -1)
+    inside[faces] = np.arange(len(faces))
+    pairs = inside[table.pairs]
+    pairs = pairs[(pairs >= 0).all(axis=1)]
+    corners = box.to_local(table.corners[faces].reshape(-1, 3))
+    corners[:, 2] += box.half_extents[2]
+    corners = corners.reshape(-1, 3, 3)
+    area = table.area[faces]
+    piece = merged_crumbs(renumbered(_pieces(table, faces, area)), area, pairs, smallest=1e-4)
+    piece = _without_specks(piece, corners.mean(axis=1))
+    return Body(
+        corners=corners, center=corners.mean(axis=1), normal=table.normal[faces] @ box.axes, area=area,
+        lab=table.lab[faces], pairs=pairs, piece=piece, size=2.0 * box.half_extents, frame=box,
+        open_up=(table.normal[faces, 2] > UPWARD) & _open_above(corners, area),
+    )  # fmt: skip
+
+
+def _pieces(table: FaceTable, faces: NDArray[np.int64], area: NDArray[np.float64]) -> NDArray[np.int64]:
+    """Piece of each of the faces, shape (k,): components, those that reach far beyond these faces cut in grooves."""
+    component = table.component[faces]
+    count = int(table.component.max(initial=-1)) + 1
+    inside = np.bincount(component, area, count)
+    fused = (inside < FUSED * np.bincount(table.component, table.area, count))[component]
+    piece = component.copy()
+    if fused.any():
+        piece[fused] = count + convex_pieces(table, faces[fused])
+    return piece
+
+
+def _without_specks(piece: NDArray[np.int64], center: NDArray[np.float64]) -> NDArray[np.int64]:
+    """In a dense scan, loose patches of a few faces belong to the piece that is nearest, shape (k,)."""
+    speck = np.bincount(piece)[piece] < SPECK_FACES
+    if len(piece) < DENSE_FACES or not speck.any() or speck.all():
+        return piece
+    nearest = cKDTree(center[~speck]).query(center[speck])[1]
+    result = piece.copy()
+    result[speck] = piece[~speck][nearest]
+    return renumbered(result)
+
+
+def _open_above(corners: NDArray[np.float64], area: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Faces most of which are the highest thing at their place, shape (k,).
+
+    A height map: points on all faces, their highest per cell of a grid. A face is open if half its points come within
+    a cell's width of the map.
+    """
+    low, size = corners.reshape(-1, 3).min(axis=0), np.ptp(corners.reshape(-1, 3), axis=0)
+    cell = max(float(size[:2].max()) / MAP_CELLS, 1e-9)
+    points, owner = surface_points(corners, area, 0.5 * cell)
+    column = np.floor((points[:, :2] - low[:2]) / cell).astype(np.int64)
+    number = column[:, 0] * (MAP_CELLS + 2) + column[:, 1]
+    highest = np.full((MAP_CELLS + 2) ** 2, -np.inf)
+    np.maximum.at(highest, number, points[:, 2])
+    is_open = points[:, 2] > highest[number] - cell
+    return np.asarray(np.bincount(owner, is_open, len(area)) >= 0.5 * np.bincount(owner, minlength=len(area)))
+
+
+def level_of(height: NDArray[np.float64], weight: NDArray[np.float64], width: float) -> float:
+    """The height at which most weight lies within `width` [m]: the mean of the heaviest window; nan without weight."""
+    if not len(height) or weight.sum() <= 0:
+        return float("nan")
+    order = np.argsort(height, kind="stable")
+    sorted_height, total = height[order], np.cumsum(weight[order])
+    end = np.searchsorted(sorted_height, sorted_height + width, side="right") - 1
+    inside = total[end] - total + weight[order]
+    best = int(np.argmax(inside))
+    window = order[best : int(end[best]) + 1]
+    return float(np.average(height[window], weights=weight[window]))

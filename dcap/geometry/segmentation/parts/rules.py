@@ -1,0 +1,214 @@
+"""From one instance's faces to named parts with boxes: the rule of its category, or the names of its nodes."""
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dcap.geometry.segmentation.faces import FaceTable, connected_regions, renumbered
+from dcap.geometry.segmentation.labels import (
+    Category,
+    category_of,
+    part_word,
+    plain_structure,
+    readable,
+    says_something,
+)
+from dcap.geometry.segmentation.parts.bed import bed_parts
+from dcap.geometry.segmentation.parts.body import Body, make_body
+from dcap.geometry.segmentation.parts.partmap import PartMap
+from dcap.geometry.segmentation.parts.seating import chair_parts, sofa_parts, stool_parts
+from dcap.geometry.segmentation.parts.tables import basin_parts, cabinet_parts, other_parts, shelf_parts, table_parts
+from dcap.geometry.segmentation.parts.things import (
+    bathtub_parts,
+    dumbbell_parts,
+    flat_parts,
+    lamp_parts,
+    laptop_parts,
+    plant_parts,
+    plush_parts,
+    shoe_parts,
+)
+from dcap.geometry.segmentation.regions import merged_crumbs
+from dcap.scene.types.box import OrientedBox
+from dcap.scene.types.rectangle import min_area_box
+from dcap.scene.types.segmentation import Instance, Part
+
+RULES: dict[Category, Callable[[Body], PartMap]] = {
+    Category.BED: bed_parts,
+    Category.SOFA: sofa_parts,
+    Category.CHAIR: chair_parts,
+    Category.STOOL: stool_parts,
+    Category.TABLE: table_parts,
+    Category.CABINET: cabinet_parts,
+    Category.SHELF: shelf_parts,
+    Category.LAMP: lamp_parts,
+    Category.BATHTUB: bathtub_parts,
+    Category.FLAT: flat_parts,
+    Category.DUMBBELL: dumbbell_parts,
+    Category.SHOE: shoe_parts,
+    Category.LAPTOP: laptop_parts,
+    Category.PLUSH: plush_parts,
+    Category.PLANT: plant_parts,
+    Category.BASIN: basin_parts,
+    Category.OTHER: other_parts,
+}
+"""The part rule of each category."""
+
+SMALLEST_PATCH = 2e-3
+"""Patches of one name below this share of the instance's area join their neighbour [-]."""
+
+STACK_GAP = 0.35
+"""Patches above each other and nearer than this share of the thing's depth are two sides of one part [-]."""
+
+THINNEST = 5e-4
+"""Half thickness that the box of a sheet is given [m], so that no box is without volume."""
+
+AXES_TIE = 1.06
+"""A part's box keeps the instance's axes unless a turned one has a footprint smaller by this factor [-]."""
+
+ONLY_SCENE_THINGS = frozenset(
+    {
+        Category.OTHER,
+        Category.CABINET,
+        Category.TABLE,
+        Category.SHELF,
+        Category.STRUCTURE,
+        Category.BED,
+        Category.SOFA,
+        Category.BASIN,
+    }
+)
+"""Categories whose rules are for furniture: as an object to be placed such a thing is one body."""
+
+
+def find_parts(
+    table: FaceTable,
+    faces: NDArray[np.int64],
+    label: str,
+    axes: NDArray[np.float64] | None,
+    node_words: Sequence[str],
+    *,
+    annotated: tuple[NDArray[np.int64], list[str]] | None = None,
+    as_object: bool = False,
+) -> tuple[NDArray[np.int32], tuple[Part, ...], OrientedBox, NDArray[np.float64] | None]:
+    """Parts of one instance.
+
+    `axes` (3, 3) is the annotated orientation, None to find it; `node_words` names the part of each face as its node
+    says (empty where it does not); `annotated` are parts that are known, a number per face and their names, which then
+    only lack boxes. Returns the part of each face (k,), the parts, the box and the front (world).
+    """
+    box = _box_of(table.corners[faces].reshape(-1, 3), axes, tie=1.0)
+    body = make_body(table, faces, box)
+    parts = _named_by_nodes(body, node_words) or _rule(label, as_object=as_object)(body)
+    if category_of(label) is Category.STRUCTURE:
+        parts = PartMap.filled(len(faces), plain_structure(label))
+    index, names = _grouped(body, parts) if annotated is None else annotated
+    confidence = parts.confidence if annotated is None else 1.0
+    found = tuple(
+        Part(name, _box_of(table.corners[faces[index == i]].reshape(-1, 3), box.axes, tie=AXES_TIE), confidence)
+        for i, name in enumerate(names)
+    )
+    front = None if parts.front is None else box.axes @ parts.front
+    return index.astype(np.int32), found, box, front
+
+
+def _rule(label: str, *, as_object: bool) -> Callable[[Body], PartMap]:
+    category = category_of(label)
+    return flat_parts if as_object and category in ONLY_SCENE_THINGS else RULES.get(category, flat_parts)
+
+
+def _named_by_nodes(body: Body, node_words: Sequence[str]) -> PartMap | None:
+    """Parts by node names, where they name two parts or more and nearly all of the surface."""
+    if not node_words:
+        return None
+    names = np.array(node_words, dtype=object)
+    named = names != ""
+    if len(set(names[named])) < 2 or body.area[named].sum() < 0.9 * body.area.sum():
+        return None
+    main = max(set(names[named]), key=lambda n: float(body.area[names == n].sum()))
+    names[~named] = main
+    return PartMap(names, confidence=0.95, separate=frozenset({"pillow", "board"}))
+
+
+def _grouped(body: Body, parts: PartMap) -> tuple[NDArray[np.int64], list[str]]:
+    """Part number per face and the name of each part; larger parts come first."""
+    kinds = sorted(set(parts.names))
+    code = np.array([kinds.index(name) for name in parts.names], dtype=np.int64)
+    same = code[body.pairs[:, 0]] == code[body.pairs[:, 1]]
+    region = connected_regions(len(code), body.pairs, same)
+    region = merged_crumbs(region, body.area, body.pairs, smallest=SMALLEST_PATCH)
+    code = _main_code(region, code, body.area, len(kinds))
+    part = code.copy()
+    for kind in sorted(parts.separate & set(kinds)):
+        chosen = np.flatnonzero(code == kinds.index(kind))
+        part[chosen] = len(kinds) + int(part.max()) + _stacks(body, chosen, region)
+    part = renumbered(part)
+    order = np.argsort(-np.bincount(part, body.area), kind="stable")
+    rank = np.empty(len(order), dtype=np.int64)
+    rank[order] = np.arange(len(order))
+    part = rank[part]
+    first = np.unique(part, return_index=True)[1]
+    return part, [kinds[code[i]] for i in first]
+
+
+def _main_code(
+    region: NDArray[np.int64], code: NDArray[np.int64], area: NDArray[np.float64], kinds: int
+) -> NDArray[np.int64]:
+    """Each region takes the name that most of its area carries, shape (k,)."""
+    votes = np.bincount(region * kinds + code, area + 1e-15, (int(region.max()) + 1) * kinds).reshape(-1, kinds)
+    return np.asarray(np.argmax(votes, axis=1)[region], dtype=np.int64)
+
+
+def _stacks(body: Body, faces: NDArray[np.int64], region: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Patches that overlap from above and lie close together are one part: the two sides of a board, shape (k,)."""
+    patches, number = np.unique(region[faces], return_inverse=True)
+    points = [body.corners[faces[number == i]].reshape(-1, 3) for i in range(len(patches))]
+    low, high = np.array([p.min(axis=0) for p in points]), np.array([p.max(axis=0) for p in points])
+    close = STACK_GAP * float(body.size[:2].min())
+    group = np.arange(len(patches))
+    for i in range(len(patches)):
+        for j in range(i):
+            overlap = np.minimum(high[i], high[j]) - np.maximum(low[i], low[j])
+            smaller = np.minimum(high[i] - low[i], high[j] - low[j])
+            if (overlap[:2] > 0.5 * smaller[:2]).all() and overlap[2] > -close:
+                group[group == group[i]] = group[j]
+    return np.asarray(group[number], dtype=np.int64)
+
+
+def _box_of(points: NDArray[np.float64], axes: NDArray[np.float64] | None, *, tie: float) -> OrientedBox:
+    """Box of points along given axes, or along the best ones where those are clearly better."""
+    best = min_area_box(points)
+    chosen = best
+    if axes is not None:
+        local = points @ axes
+        low, high = local.min(axis=0), local.max(axis=0)
+        given = OrientedBox(axes @ (0.5 * (low + high)), axes, 0.5 * (high - low))
+        better = tie > 1.0 and np.prod(given.half_extents[:2]) > tie * np.prod(best.half_extents[:2])
+        chosen = best if better else given
+    return OrientedBox(chosen.center, chosen.axes, np.maximum(chosen.half_extents, THINNEST))
+
+
+def node_words(names: Sequence[str], face_node: NDArray[np.int32], faces: NDArray[np.int64]) -> list[str]:
+    """The part that the node of each face names, '' where it names none."""
+    return _spread([part_word(name.rsplit("/", 1)[-1]) for name in names], face_node, faces)
+
+
+def object_node_words(names: Sequence[str], face_node: NDArray[np.int32], faces: NDArray[np.int64]) -> list[str]:
+    """As `node_words`, but any telling name is a part: the nodes of one object can be nothing else."""
+    own = [name.rsplit("/", 1)[-1] for name in names]
+    return _spread([part_word(n) or (readable(n) if says_something(n) else "") for n in own], face_node, faces)
+
+
+def _spread(words: Sequence[str], face_node: NDArray[np.int32], faces: NDArray[np.int64]) -> list[str]:
+    return [words[node] if node >= 0 else "" for node in face_node[faces]]
+
+
+def make_instance(
+    instance_id: str, label: str, table: FaceTable, faces: NDArray[np.int64], axes: NDArray[np.float64] | None,
+    words: Sequence[str], annotated: tuple[NDArray[np.int64], list[str]] | None = None,
+) -> tuple[Instance, NDArray[np.int32]]:  # fmt: skip
+    """One instance of a scene and the part of each of its faces (k,)."""
+    face_part, parts, box, front = find_parts(table, faces, label, axes, words, annotated=annotated)
+    structure = category_of(label) is Category.STRUCTURE
+    return Instance(instance_id, label, box, parts, front, structure=structure), face_part

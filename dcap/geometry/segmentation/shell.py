@@ -1,0 +1,189 @@
+"""The shell of a room without annotations: floor, ceiling and walls, without what lies flat on them.
+
+A rug, a picture or a door leaf is within centimetres of the surface that carries it. Patches of the shell's level that
+are raised or of another colour than most of it are things of their own.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dcap.geometry.segmentation.contacts import plan_hull
+from dcap.geometry.segmentation.faces import FaceTable
+from dcap.geometry.segmentation.regions import COLOR_STEP, color_regions
+from dcap.geometry.segmentation.structure import (
+    PLANE_BAND,
+    Levels,
+    ceiling_faces,
+    find_levels,
+    floor_faces,
+    wall_number,
+)
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+RAISED = 0.005
+"""A patch this much off the level of the shell is a thing [m]: a thin rug, beyond the noise of scans."""
+FACING = 0.7
+"""Cosine of the angle between a patch and its level [-]."""
+LEAST_PATCH = 0.02
+"""A smaller patch is noise or dirt [m^2]."""
+COMPACT = 0.6
+"""A thing fills this share of its convex hull [-]; what runs around the room does not."""
+DEEPEST_FRONT = 0.9
+"""Furniture is at most this deep [m]."""
+LARGEST_FLUSH = 12.0
+"""Surface of the largest thing on a wall, both sides of a wide window [m^2]; more is a room that the scan fused."""
+SKIRTING = 0.16
+"""A patch of wall that ends this low is its skirting [m]."""
+CRUMBS = 1e-4
+"""Patches below this share of the level's area join their neighbours [-]."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Shell:
+    """Which faces are the room's own."""
+
+    floor: Mask
+    """Shape (m,)."""
+    ceiling: Mask
+    wall: NDArray[np.int64]
+    """Number of the wall of each face, -1 for none, shape (m,)."""
+    planes: Array
+    """Unit normal into the room and offset of each wall, normal . x = offset, shape (walls, 4)."""
+    levels: Levels
+
+    @property
+    def any(self) -> Mask:
+        """Faces of floor, ceiling and walls, shape (m,)."""
+        return np.asarray(self.floor | self.ceiling | (self.wall >= 0))
+
+    def distance(self, points: Array) -> Array:
+        """Distance of points (n, 3) to the nearest wall plane or the ceiling [m], shape (n,)."""
+        away = np.abs(points @ self.planes[:, :3].T - self.planes[:, 3])
+        if not np.isnan(self.levels.ceiling):
+            away = np.concatenate([away, np.abs(points[:, 2:] - self.levels.ceiling)], axis=1)
+        return np.asarray(away.min(axis=1, initial=np.inf))
+
+
+def find_shell(table: FaceTable, inside: Mask) -> Shell:
+    """Floor, ceiling and walls among the faces in `inside`, shape (m,)."""
+    levels = find_levels(table)
+    floor = inside & floor_faces(table, levels)
+    ceiling = inside & ceiling_faces(table, levels) & ~floor
+    wall = wall_number(table, [], inside & ~floor & ~ceiling, np.zeros_like(inside))
+    wall = _without_fronts(table, wall)
+    planes = np.array([_plane(table, wall == i) for i in range(int(wall.max(initial=-1)) + 1)]).reshape(-1, 4)
+    if floor.any():
+        floor &= ~_patches(table, floor, np.array([0.0, 0.0, 1.0, levels.floor]))
+    for i, plane in enumerate(planes):
+        flat = _patches(table, wall == i, plane)
+        wall[flat] = -1
+    wall[_skirting(table, inside & ~floor & ~ceiling & (wall < 0), planes, levels)] = 0
+    wall = _nearest_wall(table, _whole(table, wall), planes)
+    return Shell(floor, ceiling, wall, planes, levels)
+
+
+def _without_fronts(table: FaceTable, wall: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Planes that have a larger one close behind them are fronts of furniture, shape (m,)."""
+    count = int(wall.max(initial=-1)) + 1
+    planes = [_plane(table, wall == i) for i in range(count)]
+    area = np.bincount(wall[wall >= 0], table.area[wall >= 0], count)
+    number, result = 0, np.full_like(wall, -1)
+    for i, plane in enumerate(planes):
+        behind = [
+            plane[3] - other[3] for j, other in enumerate(planes) if area[j] > area[i] and plane[:3] @ other[:3] > 0.95
+        ]
+        if not any(0.0 < depth < DEEPEST_FRONT for depth in behind):
+            result[wall == i] = number
+            number += 1
+    return result
+
+
+def _whole(table: FaceTable, wall: NDArray[np.int64]) -> NDArray[np.int64]:
+    """A component that is mostly no wall, none of it is: the frame of a picture and what it shows, shape (m,)."""
+    on_wall = np.bincount(table.component, table.area * (wall >= 0))
+    whole = np.bincount(table.component, table.area)
+    small = whole < LARGEST_FLUSH
+    return np.where((on_wall < 0.5 * whole)[table.component] & small[table.component], -1, wall)
+
+
+def _plane(table: FaceTable, faces: Mask) -> Array:
+    """Mean normal, level, and median offset of a wall's faces, shape (4,)."""
+    normal = np.average(table.normal[faces], axis=0, weights=table.area[faces] + 1e-15)
+    normal[2] = 0.0
+    normal /= max(float(np.linalg.norm(normal)), 1e-12)
+    offset = table.center[faces] @ normal
+    order = np.argsort(offset)
+    half = np.searchsorted(np.cumsum(table.area[faces][order]), 0.5 * table.area[faces].sum())
+    return np.append(normal, offset[order[min(int(half), len(order) - 1)]])
+
+
+def _patches(table: FaceTable, level: Mask, plane: Array) -> Mask:
+    """Faces of a level that belong to compact patches off it or of another colour, shape (m,).
+
+    The other side of a floor or wall that has one is no patch.
+    """
+    near = np.abs(table.center @ plane[:3] - plane[3]) < PLANE_BAND
+    faces = np.flatnonzero(level & near & (table.normal @ plane[:3] > FACING))
+    if not len(faces):
+        return np.zeros(len(level), dtype=bool)
+    index = np.full(len(level), -1)
+    index[faces] = np.arange(len(faces))
+    pairs = index[table.pairs]
+    pairs = pairs[(pairs >= 0).all(axis=1)]
+    region = color_regions(table.lab[faces], table.area[faces], pairs, smallest=CRUMBS)
+    area = np.bincount(region, table.area[faces])
+    offset = table.center[faces] @ plane[:3] - plane[3]
+    main = region == int(np.argmax(area))
+    shade = np.average(table.lab[faces][main], axis=0, weights=table.area[faces][main])
+    base = float(np.median(offset[main]))
+    odd = []
+    for patch in np.flatnonzero(area > LEAST_PATCH):
+        mine = region == patch
+        other = np.linalg.norm(np.average(table.lab[faces][mine], axis=0, weights=table.area[faces][mine]) - shade)
+        if not main[mine].any() and (abs(float(np.median(offset[mine])) - base) > RAISED or other > COLOR_STEP):
+            odd.append(mine)
+    result = np.zeros(len(level), dtype=bool)
+    result[faces[_compact(table, faces, odd, plane[:3])]] = True
+    return result
+
+
+def _compact(table: FaceTable, faces: NDArray[np.int64], patches: list[Mask], normal: Array) -> Mask:
+    """Faces in patches that fill, together with those inside of them, most of their convex hull, shape (k,)."""
+    across = np.array([normal[1], -normal[0], 0.0]) if abs(normal[2]) < 0.5 else np.array([1.0, 0.0, 0.0])
+    axes = np.stack([across, np.cross(normal, across)], axis=1)
+    middle = table.center[faces] @ axes
+    odd = np.any(patches, axis=0) if patches else np.zeros(len(faces), dtype=bool)
+    result = np.zeros(len(faces), dtype=bool)
+    for mine in patches:
+        hull = plan_hull(table.corners[faces[mine]].reshape(-1, 3) @ axes)
+        if hull is None:
+            continue
+        inside = odd & (middle @ hull.equations[:, :2].T + hull.equations[:, 2] < 1e-6).all(axis=1)
+        if table.area[faces[inside]].sum() > COMPACT * hull.volume:
+            result |= inside
+    return result
+
+
+def _skirting(table: FaceTable, rest: Mask, planes: Array, levels: Levels) -> Mask:
+    """Low strips along the walls, shape (m,)."""
+    if not len(planes) or np.isnan(levels.floor):
+        return np.zeros_like(rest)
+    near = np.abs(table.center @ planes[:, :3].T - planes[:, 3]).min(axis=1) < PLANE_BAND
+    top = np.full(int(table.component.max(initial=0)) + 1, -np.inf)
+    np.maximum.at(top, table.component, table.corners[:, :, 2].max(axis=1))
+    return np.asarray(rest & near & (top[table.component] < levels.floor + SKIRTING))
+
+
+def _nearest_wall(table: FaceTable, wall: NDArray[np.int64], planes: Array) -> NDArray[np.int64]:
+    """The wall in whose plane each face of a wall lies, shape (m,)."""
+    faces = np.flatnonzero(wall >= 0)
+    result = wall.copy()
+    if len(faces):
+        away = np.abs(table.center[faces] @ planes[:, :3].T - planes[:, 3])
+        away += 1.0 - np.abs(table.normal[faces] @ planes[:, :3].T)
+        result[faces] = np.argmin(away, axis=1)
+    return result

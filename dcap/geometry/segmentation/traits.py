@@ -1,0 +1,230 @@
+"""What can be measured of an unnamed thing in a room: how large it is, how it is built, what holds it.
+
+In: a room taken apart. Out: one `Traits` per thing, in the same order. Nothing is named here.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from dcap.geometry.segmentation.contacts import FEW, Pieces, pieces_of
+from dcap.geometry.segmentation.faces import FaceTable
+from dcap.geometry.segmentation.unlabelled import Things
+from dcap.scene.types.box import OrientedBox
+from dcap.scene.types.rectangle import min_area_box
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+
+FLOOR, WALL, CEILING, NOTHING = "floor", "wall", "ceiling", "nothing"
+"""What of the room may hold a thing."""
+ON_FLOOR = 0.04
+"""What begins this near to the floor stands on it [m]."""
+NEAR_WALL = 0.15
+"""What has a point this near to a wall hangs there, if it stands nowhere [m]."""
+CELL = 0.04
+"""Cell in which outlines are counted [m]: more than the distance of the points that stand for surfaces."""
+CELLS = 24
+"""... and at most this many along the longer side of an outline [-]."""
+LEVEL_BAND = 0.03
+"""Points of one level lie within this height [m]."""
+LEVEL_SHARE = 0.3
+"""A level covers this share of the thing's plan at least [-]."""
+LOOKS_UP = 0.75
+"""A surface with a normal of at least this z looks up [-]."""
+NEIGHBOURS = 9
+"""Points over whose normals roughness is measured [-]."""
+SLICES = 16
+"""Slices of height in which the outline is measured [-]."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Traits:
+    """Measures of one thing. Lengths in metres, heights above the floor, shares 0..1."""
+
+    box: OrientedBox
+    """Smallest upright box around it."""
+    length: float
+    """Longer horizontal side of the box."""
+    width: float
+    """Shorter horizontal side."""
+    height: float
+    bottom: float
+    top: float
+    level_height: float
+    """Height of the main upward surface; nan where nothing looks up."""
+    level_area: float
+    """Its area [m^2]."""
+    rise: float
+    """How far the thing rises above its main upward surface."""
+    levels: int
+    """Upward surfaces that cover a good part of the plan."""
+    closed: float
+    """Share of its outline seen from the side that is filled; the smaller of the two sides."""
+    covered: float
+    """Share of the plan's rectangle that is filled, seen from above."""
+    waist: float
+    """Breadth where it is narrowest over where it is widest."""
+    rough: float
+    """0: smooth surfaces, towards 2/3: leaves."""
+    holder: int
+    """Number of the thing that it stands on or touches most, -1: none."""
+    held_by: str
+    """FLOOR, WALL, CEILING, NOTHING, or empty: the holder."""
+    wall_gap: float
+    """Distance of its nearest point to a wall; inf without walls."""
+    carries: int
+    """How many things stand on it."""
+    color: tuple[float, float, float]
+    """Mean sRGB colour, 0..1."""
+    varied: float
+    """Distance from its mean colour that a twentieth of its surface exceeds [CIELAB units]."""
+    balance: float
+    """Height of the middle of the surface within the box: 0 at its bottom, 1 at its top."""
+
+
+def describe_things(table: FaceTable, things: Things, pieces: Pieces) -> tuple[Traits, ...]:
+    """Measure all things of a room; `pieces` are what `thing_pieces` makes of them."""
+    holder = [_holder(pieces, things, i) for i in range(len(things.things))]
+    carries = np.bincount([h for h, _ in holder if h >= 0], minlength=len(holder))
+    return tuple(
+        _traits(table, things, pieces, i, *holder[i], int(carries[i])) for i in range(len(things.things))
+    )  # fmt: skip
+
+
+def thing_pieces(table: FaceTable, things: Things) -> Pieces:
+    """The things as sampled pieces, numbered in their order."""
+    number = np.full(len(table.area), -1, dtype=np.int64)
+    for i, faces in enumerate(things.things):
+        number[faces] = i
+    return pieces_of(table, number)
+
+
+def _traits(
+    table: FaceTable, things: Things, pieces: Pieces, i: int, holder: int, held_by: str, carries: int
+) -> Traits:  # fmt: skip
+    faces, one = things.things[i], pieces.alive[i]
+    floor = _floor(table, things)
+    box = min_area_box(table.corners[faces].reshape(-1, 3))
+    position, weight = pieces.position[one.points], pieces.weight[one.points]
+    local, up = (position - box.center) @ box.axes, pieces.normal[one.points, 2] > LOOKS_UP
+    width, length = sorted(2.0 * box.half_extents[:2])
+    heights, areas = _levels(local[up, 2], weight[up], 4.0 * float(np.prod(box.half_extents[:2])))
+    main = int(np.argmax(areas)) if len(areas) else -1
+    level = float(heights[main]) + box.center[2] if main >= 0 else float("nan")
+    return Traits(
+        box=box, length=float(length), width=float(width), height=float(2.0 * box.half_extents[2]),
+        bottom=float(box.bottom - floor), top=float(box.top - floor),
+        level_height=float(level - floor), level_area=float(areas[main]) if main >= 0 else 0.0,
+        rise=float(box.top - (level if main >= 0 else box.bottom)),
+        levels=int((areas > LEVEL_SHARE * 4.0 * np.prod(box.half_extents[:2])).sum()),
+        closed=min(_filled(local[:, [axis, 2]]) for axis in (0, 1)), covered=_filled(local[:, :2]),
+        waist=_waist(local), rough=_roughness(position, pieces.normal[one.points]),
+        holder=holder, held_by=held_by, wall_gap=_wall_gap(things, position), carries=carries,
+        color=_color(table, faces), varied=_varied(table, faces),
+        balance=float(np.average(local[:, 2], weights=weight) / max(2.0 * box.half_extents[2], 1e-9) + 0.5),
+    )  # fmt: skip
+
+
+def _floor(table: FaceTable, things: Things) -> float:
+    """Height of the floor, of the lowest point where there is none [m]."""
+    level = things.shell.levels.floor
+    return float(table.corners[..., 2].min()) if np.isnan(level) else level
+
+
+def _color(table: FaceTable, faces: Index) -> tuple[float, float, float]:
+    red, green, blue = srgb_from_lab(np.average(table.lab[faces], axis=0, weights=table.area[faces] + 1e-15))
+    return float(red), float(green), float(blue)
+
+
+def _varied(table: FaceTable, faces: Index) -> float:
+    """Distance from the mean colour that a twentieth of the surface exceeds [CIELAB units]."""
+    weight = table.area[faces] + 1e-15
+    away = np.linalg.norm(table.lab[faces] - np.average(table.lab[faces], axis=0, weights=weight), axis=1)
+    order = np.argsort(away, kind="stable")
+    total = np.cumsum(weight[order])
+    return float(away[order[min(int(np.searchsorted(total, 0.95 * total[-1])), len(order) - 1)]])
+
+
+def srgb_from_lab(lab: Array) -> Array:
+    """sRGB 0..1 of CIELAB (D65) colours, shape (..., 3): what `lab_from_srgb` undoes. Source: CIE 15, IEC 61966-2-1."""
+    y = (lab[..., 0] + 16.0) / 116.0
+    root = np.stack([y + lab[..., 1] / 500.0, y, y - lab[..., 2] / 200.0], axis=-1)
+    xyz = np.where(root > 6 / 29, root**3, 3 * (6 / 29) ** 2 * (root - 4 / 29)) * [0.95047, 1.0, 1.08883]
+    rgb_from_xyz = np.array([[3.2406, -1.5372, -0.4986], [-0.9689, 1.8758, 0.0415], [0.0557, -0.2040, 1.0570]])
+    linear = np.clip(xyz @ rgb_from_xyz.T, 0.0, 1.0)
+    return np.asarray(np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055))
+
+
+def _wall_gap(things: Things, position: Array) -> float:
+    """Distance to the nearest wall plane [m]."""
+    planes = things.shell.planes
+    if not len(planes):
+        return float("inf")
+    return float(np.abs(position @ planes[:, :3].T - planes[:, 3]).min())
+
+
+def _holder(pieces: Pieces, things: Things, i: int) -> tuple[int, str]:
+    """What a thing stands on, hangs on or leans against: (number of a thing or -1, name of a part of the room)."""
+    one, levels = pieces.alive[i], things.shell.levels
+    position = pieces.position[one.points]
+    if not np.isnan(levels.floor) and one.low[2] < levels.floor + ON_FLOOR:
+        return -1, FLOOR
+    standing = {other: int(pieces.standing(i, other).sum()) for other in one.touches}
+    best = max(standing, key=lambda other: (standing[other], -other), default=-1)
+    if best >= 0 and standing[best] >= FEW:
+        return best, ""
+    if not np.isnan(levels.ceiling) and one.high[2] > levels.ceiling - ON_FLOOR:
+        return -1, CEILING
+    if _wall_gap(things, position) < NEAR_WALL:
+        return -1, WALL
+    beside = {other: len(touch.a) for other, touch in one.touches.items() if len(touch.a) >= FEW}
+    most = max(beside, key=lambda other: (beside[other], -other), default=-1)
+    return (most, "") if most >= 0 else (-1, NOTHING)
+
+
+def _levels(height: Array, area: Array, plan: float) -> tuple[Array, Array]:
+    """Heights and areas of the upward surfaces, the heaviest windows of height first taken, each of shape (k,)."""
+    heights, areas = [], []
+    order = np.argsort(height, kind="stable")
+    z, weight = height[order], area[order].copy()
+    while weight.sum() > 0.02 * plan:
+        total = np.concatenate([[0.0], np.cumsum(weight)])
+        end = np.searchsorted(z, z + LEVEL_BAND, side="right")
+        inside = total[end] - total[:-1]
+        best = int(np.argmax(inside))
+        window = slice(best, int(end[best]))
+        if inside[best] <= 0.02 * plan:
+            break
+        heights.append(float(np.average(z[window], weights=weight[window] + 1e-15)))
+        areas.append(float(inside[best]))
+        weight[window] = 0.0
+    return np.array(heights), np.array(areas)
+
+
+def _filled(points: Array) -> float:
+    """Share of the cells of the bounding rectangle of points (n, 2) that hold one."""
+    low, size = points.min(axis=0), np.ptp(points, axis=0)
+    cell = max(CELL, float(size.max()) / CELLS)
+    count = np.maximum(np.rint(size / cell).astype(np.int64), 1)
+    number = np.minimum((points - low) / np.maximum(size, 1e-9) * count, count - 1).astype(np.int64)
+    return len(np.unique(number[:, 0] * count[1] + number[:, 1])) / float(count.prod())
+
+
+def _waist(local: Array) -> float:
+    """Breadth of the narrowest slice of height over that of the widest."""
+    z = local[:, 2]
+    number = np.minimum((z - z.min()) / max(float(np.ptp(z)), 1e-9) * SLICES, SLICES - 1).astype(np.int64)
+    breadth = [float(np.ptp(local[number == k, :2], axis=0).max()) for k in np.unique(number)]
+    return min(breadth) / max(*breadth, 1e-9) if len(breadth) > 1 else 1.0
+
+
+def _roughness(position: Array, normal: Array) -> float:
+    """One minus the share of the normals of neighbouring points that lies along their main direction, 0..2/3."""
+    if len(position) < NEIGHBOURS:
+        return 0.0
+    near = normal[cKDTree(position).query(position, NEIGHBOURS)[1]]
+    spread = np.linalg.eigvalsh(np.einsum("nki,nkj->nij", near, near) / NEIGHBOURS)
+    return float(1.0 - spread[:, -1].mean())

@@ -1,0 +1,53 @@
+"""Things in a room without annotations: the shell, and what stands or hangs in it, not yet named."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dcap.geometry.segmentation.contacts import pieces_of
+from dcap.geometry.segmentation.convex import convex_pieces
+from dcap.geometry.segmentation.faces import FaceTable, connected_regions
+from dcap.geometry.segmentation.grouping import Surroundings, grouped
+from dcap.geometry.segmentation.shell import Shell, find_shell
+
+Index = NDArray[np.int64]
+Mask = NDArray[np.bool_]
+
+FUSED = 0.05
+"""A component with more than this share of its area on the shell is fused with the room [-]."""
+BY_WALL = 0.15
+"""What comes this near to a wall or the ceiling may hang there [m]: curtains do at a hand's breadth."""
+LEAST_THING = 0.015
+"""Surface of the smallest thing [m^2]: a tea cup."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Things:
+    """A room taken apart."""
+
+    shell: Shell
+    things: tuple[Index, ...]
+    """Faces of each thing, largest surface first."""
+
+
+def find_things(table: FaceTable, inside: Mask) -> Things:
+    """Take the faces in `inside`, shape (m,), apart; crumbs are left out."""
+    shell = find_shell(table, inside)
+    pieces = pieces_of(table, _pieces(table, inside & ~shell.any, shell))
+    grouped(pieces, Surroundings(shell.levels.floor, shell.distance(pieces.position) < BY_WALL))
+    found = sorted(pieces.alive.items(), key=lambda one: (-one[1].area, one[0]))
+    return Things(shell, tuple(np.sort(piece.faces) for _, piece in found if piece.area > LEAST_THING))
+
+
+def _pieces(table: FaceTable, rest: Mask, shell: Shell) -> Index:
+    """Piece of each face, -1 where it is the shell's, shape (m,): components, those of a fused scan cut in grooves."""
+    count = int(table.component.max(initial=-1)) + 1
+    share = np.bincount(table.component, table.area * shell.any, count)
+    fused = share > FUSED * np.bincount(table.component, table.area, count)
+    alone, cut = np.flatnonzero(rest & ~fused[table.component]), np.flatnonzero(rest & fused[table.component])
+    piece = np.full(len(rest), -1, dtype=np.int64)
+    inside = rest[table.pairs[:, 0]] & rest[table.pairs[:, 1]]
+    piece[alone] = connected_regions(len(rest), table.pairs, inside)[alone]
+    piece[cut] = len(rest) + convex_pieces(table, cut)
+    return piece

@@ -1,0 +1,1 @@
+"""Solids: from the faces of a scan to closed surfaces, and from those to particles."""

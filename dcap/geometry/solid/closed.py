@@ -1,0 +1,319 @@
+"""A closed, oriented solid of the faces of one part, and a report of what that took.
+
+In: the faces of one part as scanned or modelled: an open sheet, a surface seen from above only, several closed shells
+that overlap, a soup. Out: a closed surface wound outwards, without degenerate and duplicate faces, whose inside and
+outside are beyond doubt, and measurements of how far it is from the visible faces. The given faces are kept where
+that is possible: closed with walls down to a floor or with flat caps, and made one by a boolean union. The first way
+whose result is sound and encloses what the generalised winding number of the given faces does is taken. Where none
+is, the solid is sampled and meshed again by marching cubes.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import manifold3d
+import numpy as np
+from numpy.typing import NDArray
+from skimage.measure import marching_cubes
+
+from dcap.geometry.distance import INSIDE, MeshDistance, sampled, signed_volume
+from dcap.geometry.solid.boundary import hole_loops, is_closed
+from dcap.geometry.solid.cleaning import cleaned, without_scraps
+from dcap.geometry.solid.closing import area_vector, borders, capped, slab, walled
+from dcap.geometry.solid.openings import filled_opening
+from dcap.geometry.solid.pieces import own_shells, pieces_of
+from dcap.geometry.solid.repair import outer_faces, solid_under
+from dcap.geometry.solid.repairs_done import Done, Kind
+from dcap.geometry.solid.soundness import NEAR, agreement, moved, probes, well_formed
+from dcap.geometry.solid.union import inside_out, manifold_of, mesh_of, united
+from dcap.scene.errors import GeometryError
+from dcap.scene.types.mesh import Mesh
+from dcap.scene.types.particles import DistanceGrid
+from dcap.scene.types.repair_report import Method, RepairReport
+
+FloatArray = NDArray[np.float64]
+
+SAME_SOLID = 0.98  # least overlap (intersection over union) of a repair with what the winding number says is inside
+SOUND = 0.999  # least share of points on which winding number and parity agree: rays graze an edge now and then
+SHEET = 1.5  # a piece of less than this times the area of the caps that would close it is a sheet, not a vessel
+NONZERO = 0.01  # share of a cell that a sample is away from the surface at least
+WHOLE = 0.1  # a winding number nearer than this to a whole one leaves no doubt
+COARSER = 0.05  # share of a cell by which a remesh may be simplified
+LOOSE = 0.25  # share of sheets in the surface of a support that may be ignored
+CRUMB = 8.0  # pieces of a remesh smaller than this many cells are noise
+
+
+@dataclass(frozen=True, slots=True)
+class Allowed:
+    """What a repair may do; lengths in metres."""
+
+    tolerance: float = 5e-3
+    """The visible surface may move this far."""
+    thickness: float = 0.03
+    """A sheet that encloses nothing becomes this thick."""
+    cell: float = 2e-3
+    """Cells of a remesh; larger ones where `samples` would not do."""
+    samples: int = 6_000_000
+    """Most samples of a remesh."""
+    opening: float = np.inf
+    """A border of a support longer than this, seen from above and with faces below it, must not be filled. Of a part
+    alone nobody can tell a tub from a mattress whose top a blanket hides: ask only for a whole thing."""
+
+
+@dataclass(frozen=True, eq=False)
+class Given:
+    """The cleaned faces of a part."""
+
+    pieces: tuple[Mesh, ...]
+    """Its connected pieces."""
+    floors: tuple[float | None, ...]
+    """What each piece is solid down to [m]; None: as far as its own faces say."""
+    within: FloatArray | None = None
+    """Where it matters how far what can be seen is from the solid [m], shape (2, 3); None: everywhere."""
+
+    @cached_property
+    def visible(self) -> Mesh:
+        """All faces."""
+        return Mesh.concatenate(list(self.pieces))
+
+    @cached_property
+    def stood_up(self) -> Mesh:
+        """All faces, and walls and bottoms under supports: nobody looks in from below."""
+        return Mesh.concatenate([on_floor(p, f, Done()) for p, f in zip(self.pieces, self.floors, strict=True)])
+
+    def moved(self, solid: Mesh) -> tuple[float, float, float]:
+        """`soundness.moved` of what can be seen and matters."""
+        return moved(self.visible, solid, behind=self.stood_up, within=self.within)
+
+    def filled(self, solid: MeshDistance, allowed: Allowed) -> float:
+        """Border of the largest opening of a support that a solid fills though it must not [m]; 0: none."""
+        supports = [p for p, floor in zip(self.pieces, self.floors, strict=True) if floor is not None]
+        return filled_opening(
+            supports, self.visible, solid, longest=allowed.opening, shallow=allowed.tolerance, within=self.within
+        )
+
+    @property
+    def region(self) -> tuple[float, ...]:
+        """`within` as numbers for a report."""
+        return () if self.within is None else tuple(self.within.reshape(-1).tolist())
+
+
+def simulation_ready(
+    mesh: Mesh, *, floor: FloatArray | None = None, allowed: Allowed = Allowed()
+) -> tuple[Mesh, RepairReport]:
+    """The closed surface of a part, and its report.
+
+    `floor` [m], shape (m,), one height per face, is given for supports that may have been seen from above only: they
+    are solid down to it. What cannot be made a good solid is returned as near as it came; the report says why.
+    """
+    done = Done()
+    given = tidied(mesh, floor, done)
+    inside = enclosed(given, allowed)
+    found = with_faces_kept(given, inside, allowed, done)
+    if found is not None and (not found[1].problem or given.filled(inside, allowed)):
+        return found  # where what the winding number says is inside is too full, a remesh would be as well
+    sampled_anew = remeshed(given, inside, allowed, done)
+    # what is sound but hides a little too much is still better than what moves more
+    if found is not None and (sampled_anew[1].agreement < SOUND or found[1].hausdorff < sampled_anew[1].hausdorff):
+        return found
+    return sampled_anew
+
+
+def used_as_given(field: MeshDistance, given: Given, allowed: Allowed, done: Done) -> RepairReport:
+    """The report of a solid whose distance is read from the faces as they are and whose sides are told by winding
+    number: where no way of closing them gives a sound surface that moves nothing. Its `agreement` is the share of
+    points whose winding number is nearly a whole one, its `closed` asks for opposite edges only.
+    """
+    most, mean, spacing = given.moved(field.mesh)
+    points = probes(field.mesh)
+    points = points[field.unsigned(points) > NEAR]
+    winding = field.winding(points)
+    agree = float((np.abs(winding - np.round(winding)) < WHOLE).mean())
+    single = field.closed and bool(np.isin(np.round(winding), (0.0, 1.0)).all())
+    box = float(np.prod(1.1 * np.ptp(field.mesh.bounds, axis=0)))
+    volume = field.volume if single else box * float((winding > INSIDE).mean())
+    problem = ""
+    if agree < SOUND:
+        problem = f"at {100.0 * (1.0 - agree):.2g} % of the points asked it is half inside"
+    elif most > allowed.tolerance:
+        problem = f"what can be seen lies up to {1e3 * most:.2g} mm off its surface > {1e3 * allowed.tolerance:.2g} mm"
+    done.add(Kind.BY_WINDING)
+    return RepairReport(
+        Method.WINDING, field.closed, agree, most, mean, allowed.tolerance, spacing, volume, 0.0,
+        done.sentences(), problem, given.region,
+    )  # fmt: skip
+
+
+def tidied(mesh: Mesh, floor: FloatArray | None, done: Done, within: FloatArray | None = None) -> Given:
+    """The faces cleaned and divided into connected pieces of one floor, without scraps."""
+    pieces: list[Mesh] = []
+    floors: list[float | None] = []
+    for level in [None] if floor is None else np.unique(floor).tolist():
+        group = mesh if level is None else mesh.submesh(np.flatnonzero(floor == level))
+        found = [p for apart in own_shells(group) for p in pieces_of(cleaned(apart, done))]
+        pieces += found
+        floors += [level] * len(found)
+    kept = without_scraps(pieces, done)
+    if len(kept) == 0:
+        raise GeometryError(f"none of {len(mesh.faces)} faces has an area: there is nothing to make a solid of")
+    return Given(tuple(pieces[i] for i in kept), tuple(floors[i] for i in kept), within)
+
+
+def is_sheet(piece: Mesh) -> bool:
+    """Whether the caps that would close an open piece are about as large as the piece: it encloses nothing."""
+    caps = sum(float(np.linalg.norm(area_vector(piece.vertices[loop]))) for loop in hole_loops(piece))
+    return float(piece.face_areas.sum()) < SHEET * caps
+
+
+def looks_down(piece: Mesh) -> bool:
+    """Whether more of a piece is an underside than a top: what it belongs to lies above it."""
+    return float(piece.face_normals[:, 2].sum()) < 0.0
+
+
+def enclosed(given: Given, allowed: Allowed) -> MeshDistance:
+    """Distance to the faces, with the sign of their generalised winding number; under a support's faces down to its
+    floor, in a sheet over its thickness.
+    """
+    soup = []
+    for piece, floor in zip(given.pieces, given.floors, strict=True):
+        below, holes = borders(piece)
+        if is_sheet(piece) and (floor is None or not below or looks_down(piece)):
+            soup.append(slab(piece, allowed.thickness, Done()))
+        elif floor is None:
+            soup.append(piece)
+        else:
+            whole = capped(piece, holes, Done())
+            solid = solid_under(whole, np.full(len(whole.faces), floor))
+            soup.append(inside_out(solid) if signed_volume(solid.vertices, solid.faces) < 0.0 else solid)
+    sides = Mesh.concatenate(soup)
+    if not is_closed(sides):
+        return MeshDistance(sides)
+    hull = outer_faces(sides)
+    return MeshDistance(sides.submesh(hull) if len(hull) else sides, sides=sides)
+
+
+def with_faces_kept(
+    given: Given, inside: MeshDistance, allowed: Allowed, done: Done
+) -> tuple[Mesh, RepairReport] | None:
+    """The first way of closing the pieces and uniting them that is good; else the one that moves least of what can be
+    seen; None if none gives a sound solid.
+    """
+    ways = [with_caps] if all(floor is None for floor in given.floors) else [with_walls, with_caps]
+    best = None
+    for way in ways:
+        told = done.copy()
+        closed = [way(piece, floor, allowed, told) for piece, floor in zip(given.pieces, given.floors, strict=True)]
+        solid = united(closed, told)
+        if solid is None or not well_formed(solid):
+            continue
+        report = reported(solid, given, 0.0, allowed, told)
+        if report.agreement < SOUND or not (same_solid(solid, inside) or (way is not with_walls and vessels(given))):
+            continue
+        if not report.problem:
+            return solid, report
+        if best is None or report.hausdorff < best[1].hausdorff:
+            best = solid, report
+    return best
+
+
+def vessels(given: Given) -> bool:
+    """Whether nearly all pieces of a support end below by themselves: then a cap on each is as good as its floor."""
+    if any(floor is None for floor in given.floors):
+        return False
+    area = np.array([float(p.face_areas.sum()) for p in given.pieces])
+    return float(area[[is_sheet(p) for p in given.pieces]].sum()) < LOOSE * float(area.sum())
+
+
+def with_walls(piece: Mesh, floor: float | None, allowed: Allowed, done: Done) -> Mesh:
+    """A piece of a support closed by walls down to its floor."""
+    below, holes = borders(piece)
+    if floor is None or not below or (is_sheet(piece) and looks_down(piece)):
+        return with_caps(piece, floor, allowed, done)
+    return walled(capped(piece, holes, done), below, floor, done)
+
+
+def on_floor(piece: Mesh, floor: float | None, done: Done) -> Mesh:
+    """A piece of a support with walls down to its floor where it ends below; its holes stay open."""
+    below = borders(piece)[0] if floor is not None else []
+    if floor is None or not below or (is_sheet(piece) and looks_down(piece)):
+        return piece
+    return walled(piece, below, floor, done)
+
+
+def with_caps(piece: Mesh, floor: float | None, allowed: Allowed, done: Done) -> Mesh:
+    """A piece closed by caps, a sheet by a second side."""
+    return slab(piece, allowed.thickness, done) if is_sheet(piece) else capped(piece, hole_loops(piece), done)
+
+
+def same_solid(solid: Mesh, inside: MeshDistance) -> bool:
+    """Whether a repair encloses what the given faces do, by their generalised winding number."""
+    points = probes(solid, inside.mesh)
+    one, two = MeshDistance(solid).inside(points), inside.inside(points)
+    return float((one & two).sum()) >= SAME_SOLID * float((one | two).sum())
+
+
+def remeshed(given: Given, inside: MeshDistance, allowed: Allowed, done: Done) -> tuple[Mesh, RepairReport]:
+    """The surface of the sampled solid by marching cubes."""
+    low, high = inside.mesh.bounds
+    cell = max(allowed.cell, float(np.prod(high - low + 4.0 * allowed.cell) / allowed.samples) ** (1.0 / 3.0))
+    grid = sampled(inside, low - 2.0 * cell, high + 2.0 * cell, cell)
+    if not grid.values.min() < 0.0:
+        raise GeometryError(
+            f"{len(given.visible.faces)} faces enclose nothing at {1e3 * cell:.2g} mm; give a finer cell or a thickness"
+        )
+    done = done.copy()
+    done.add(Kind.REMESHED, cell)
+    solid = without_crumbs(level_set(grid), CRUMB * cell**3, done)
+    return solid, reported(solid, given, cell, allowed, done)
+
+
+def level_set(grid: DistanceGrid) -> Mesh:
+    """The zero of a sampled distance as a closed surface, with no more faces than a twentieth of a cell demands."""
+    least = NONZERO * grid.spacing  # a sample on the surface would make faces without area
+    values = np.where(np.abs(grid.values) < least, np.copysign(least, grid.values), grid.values)
+    rim = np.ones(values.shape, dtype=bool)
+    rim[1:-1, 1:-1, 1:-1] = False
+    values[rim] = np.abs(values[rim])  # nothing reaches out of the samples
+    points, faces, _, _ = marching_cubes(values, 0.0, allow_degenerate=False)  # type: ignore[no-untyped-call]
+    rough = Mesh.of(grid.origin + grid.spacing * points, faces)
+    rough = inside_out(rough) if signed_volume(rough.vertices, rough.faces) < 0.0 else rough
+    found = manifold_of(rough)
+    if found.status() != manifold3d.Error.NoError:
+        return rough
+    coarse = mesh_of(found.simplify(COARSER * grid.spacing), [rough])
+    return coarse if well_formed(coarse) else rough  # collapsed edges leave a face without area now and then
+
+
+def without_crumbs(mesh: Mesh, least: float, done: Done) -> Mesh:
+    """The mesh without pieces of less than `least` volume [m^3]."""
+    pieces = pieces_of(mesh)
+    volume = [signed_volume(p.vertices, p.faces) for p in pieces]
+    large = [i for i, v in enumerate(volume) if abs(v) > least] or list(range(len(pieces)))
+    for crumb in set(range(len(pieces))) - set(large):
+        done.add(Kind.CRUMB, abs(volume[crumb]))
+    return Mesh.concatenate([pieces[i] for i in large])
+
+
+def reported(solid: Mesh, given: Given, cell: float, allowed: Allowed, done: Done) -> RepairReport:
+    """Everything measured on a repaired surface. Its `agreement` is the share of points at which winding number and ray
+    parity say the same, its `closed` asks also for good faces wound outwards.
+    """
+    closed = well_formed(solid)
+    agree = agreement(solid) if closed else 0.0
+    most, mean, spacing = given.moved(solid)
+    problem = ""
+    if not is_closed(solid):
+        problem = "it is not closed"
+    elif not closed:
+        problem = "it has degenerate or duplicate faces, or encloses nothing"
+    elif agree < SOUND:
+        problem = f"inside and outside disagree at {100.0 * (1.0 - agree):.2g} % of the points asked"
+    elif most > allowed.tolerance:
+        problem = f"its visible surface moved by {1e3 * most:.2g} mm > {1e3 * allowed.tolerance:.2g} mm"
+    elif around := given.filled(MeshDistance(solid), allowed):
+        problem = f"an opening of {around:.2g} m around, seen from above, is filled"
+    method = Method.REMESHED if cell else Method.CLOSED
+    return RepairReport(
+        method, closed, agree, most, mean, allowed.tolerance, spacing, signed_volume(solid.vertices, solid.faces), cell,
+        done.sentences(), problem, given.region,
+    )  # fmt: skip

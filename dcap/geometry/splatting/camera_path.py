@@ -1,0 +1,256 @@
+"""Cameras that together show a scene of Gaussians: looking around where one can walk, and around its furniture.
+
+In: Gaussians in metres and z up, and what is known of the scene (a map of the floor, rooms, labelled boxes). Out:
+upright cameras that overlap, none of them inside of something or in front of nothing but a near surface. Where there is
+no map, cameras stand where Gaussians lie all around; what has no inside is looked at from all sides. Same input, same
+cameras.
+"""
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from itertools import chain, islice, zip_longest
+from typing import Annotated
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel, Field, NonNegativeInt, PositiveFloat, PositiveInt
+from scipy.ndimage import distance_transform_edt
+
+from dcap.geometry.segmentation.labels import Category, category_of
+from dcap.geometry.splatting.camera import Camera, looking
+from dcap.geometry.splatting.filled_cells import FilledCells, filled_cells
+from dcap.geometry.splatting.viewpoints import CANDIDATES, bulk, far_apart_index, inner_places, outer_places
+from dcap.scene.types.box import OrientedBox
+from dcap.scene.types.gaussians import Gaussians
+from dcap.scene.types.occupancy import Occupancy
+from dcap.scene.types.scan import LabelBox, Room
+
+Array = NDArray[np.float64]
+
+FURNITURE = frozenset({
+    Category.BED, Category.SOFA, Category.CHAIR, Category.STOOL, Category.TABLE, Category.CABINET, Category.SHELF,
+    Category.BATHTUB, Category.BASIN,
+})  # fmt: skip
+"""What things are put on or into, and what is looked at from all around."""
+MOST_STANDS = 6000
+"""Places on the floor that are considered [-]."""
+AIM_HEIGHT, AIM_AWAY = 1.2, 2.0
+"""Who looks around looks at what is so high above the floor, so far away [m]: low cameras look up, high ones down."""
+NOD = np.deg2rad(12.0)
+"""Every other picture of a place looks higher by this, the others lower [rad]."""
+GOLDEN = np.pi * (3.0 - np.sqrt(5.0))
+"""Turn from each place's first direction to the next one's [rad]: no two look the same way."""
+RAYS = (8, 6)
+"""Columns and rows of rays that find out what a camera sees [-]."""
+OPEN, SEEN = 0.5, 0.2
+"""Shares of those that must go far enough, and that must hit anything [-]."""
+ALONGSIDE = 0.4
+"""Least distance of a camera from the box of what it looks at [m]."""
+STEEPNESS = (np.deg2rad(5.0), np.deg2rad(50.0))
+"""How far down a camera looks at furniture, if it can [rad]."""
+UNHIDDEN = 0.4
+"""Share of a piece's box that nothing may stand before, relative to the best place [-]."""
+RINGS = (0.8, 1.4)
+"""Distances of cameras from a piece, over the one that shows all of it [-]."""
+RING_WIDTH = 0.15
+"""How far off such a distance a camera may be, over it [-]."""
+MOST_AROUND = 24
+"""Cameras that look at one piece of furniture, while there are others to look at [-]."""
+MOST_LOOKS = 200
+"""Places near a ring from which one tries to see a piece [-]."""
+BOX_POINTS = np.array([(x, y, z) for x in (-1, 0, 1) for y in (-1, 0, 1) for z in (-1, 0, 1)], dtype=np.float64)
+"""Where on a box one looks, over its half extents [-]."""
+
+
+class PathConfig(BaseModel, frozen=True, extra="forbid"):
+    """How many pictures, and of what kind."""
+
+    views: PositiveInt = 300
+    """Cameras."""
+    width: PositiveInt = 960
+    """[pixel]."""
+    height: PositiveInt = 720
+    field_of_view_deg: Annotated[float, Field(gt=0.0, lt=170.0)] = 75.0
+    """Horizontal [degree]."""
+    directions: PositiveInt = 8
+    """Pictures per place when looking around."""
+    orbits: Annotated[float, Field(ge=0.0, le=1.0)] = 0.5
+    """Share of the cameras that look at furniture, if there is any [-]."""
+    heights: tuple[PositiveFloat, ...] = (0.9, 1.5, 2.0)
+    """Of the cameras above the floor [m]."""
+    clearance: PositiveFloat = 0.25
+    """Least distance of a camera from what is opaque [m]."""
+    nearest: PositiveFloat = 1.0
+    """A camera that sees nothing but what is nearer than this is left out [m]."""
+    seed: NonNegativeInt = 0
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class CameraPath:
+    """Where pictures are taken from."""
+
+    cameras: tuple[Camera, ...]
+    notes: tuple[str, ...]
+    """What was assumed or could not be done, one sentence each."""
+
+
+def camera_path(
+    splats: Gaussians,
+    config: PathConfig,
+    *,
+    boxes: Sequence[LabelBox] = (),
+    rooms: Sequence[Room] = (),
+    occupancy: Occupancy | None = None,
+) -> CameraPath:
+    """Up to `config.views` cameras: around furniture first, then looking around."""
+    random = np.random.default_rng(config.seed)
+    cells = filled_cells(splats)
+    stands, notes = standing_places(splats, cells, config, random, rooms, occupancy)
+    if not len(stands):
+        return CameraPath(tuple(all_around(splats, config)), notes)
+    pieces = [one for one in boxes if category_of(one.label) in FURNITURE]
+    found, hidden = orbits(pieces, stands, cells, config)
+    if hidden:
+        notes += (f"no free place shows {', '.join(hidden)}",)
+    around = worthwhile(found, cells, config)
+    wanted = min(round(config.orbits * config.views), MOST_AROUND * len(pieces))
+    cameras = list(islice(around, wanted))
+    floor = cells.floor(stands)
+    walk = walking(stands, float(bulk(splats)[0][2]) if floor is None else floor, config)
+    cameras += islice(chain(worthwhile(walk, cells, config), around), config.views - len(cameras))
+    if len(cameras) < config.views:
+        notes += (f"{len(cameras)} of {config.views} views: there are no more places to stand",)
+    return CameraPath(tuple(cameras), notes)
+
+
+def standing_places(
+    splats: Gaussians,
+    cells: FilledCells,
+    config: PathConfig,
+    random: np.random.Generator,
+    rooms: Sequence[Room],
+    occupancy: Occupancy | None,
+) -> tuple[Array, tuple[str, ...]]:
+    """Where a camera may be [m], in random order, shape (n, 3), and notes."""
+    if occupancy is None:
+        return inner_places(splats, CANDIDATES, config.seed), ()
+    inside = occupancy.within([room.profile for room in rooms])
+    free = occupancy.free & inside if (occupancy.free & inside).any() else occupancy.free
+    distance = distance_transform_edt(np.pad(free, 1))[1:-1, 1:-1] * occupancy.scale
+    rows, columns = np.nonzero(distance > config.clearance)
+    some = random.permutation(len(rows))[:MOST_STANDS]
+    flat = np.c_[occupancy.world(rows[some], columns[some]), np.zeros(len(some))]
+    floor = cells.floor(flat)
+    if floor is not None:
+        places = (flat[:, None] + [[0.0, 0.0, floor + height] for height in config.heights]).reshape(-1, 3)
+        places = places[random.permutation(len(places))]
+        places = places[cells.clearance(places) > config.clearance]
+        if len(places):
+            return places, ()
+    note = "no free cell of occupancy.png has room for a camera: cameras stand where splats lie all around"
+    return inner_places(splats, CANDIDATES, config.seed), (note,)
+
+
+def walking(stands: Array, floor: float, config: PathConfig) -> Iterator[Camera]:
+    """Looking around at places far apart from each other; `floor` is its height [m]."""
+    # twice as many places as needed, for cameras that will be left out
+    count = -(-2 * config.views // config.directions)
+    for number, k in enumerate(far_apart_index(stands[:, :2], count)):
+        down = np.arctan2(stands[k, 2] - floor - AIM_HEIGHT, AIM_AWAY)
+        for i in range(config.directions):
+            yaw = number * GOLDEN + 2.0 * np.pi * i / config.directions
+            pitch = -down + (NOD if i % 2 else -NOD)
+            ahead = np.array([np.cos(yaw) * np.cos(pitch), np.sin(yaw) * np.cos(pitch), np.sin(pitch)])
+            yield _looking(stands[k], stands[k] + ahead, config)
+
+
+def orbits(
+    pieces: Sequence[LabelBox], stands: Array, cells: FilledCells, config: PathConfig
+) -> tuple[list[Camera], tuple[str, ...]]:
+    """Cameras around each piece by turns, largest piece first, at two distances by turns; and names of pieces that no
+    place shows."""
+    pieces = sorted(pieces, key=lambda one: (-float(np.prod(one.box.half_extents)), one.id))
+    each = -(-2 * round(config.orbits * config.views) // max(len(pieces), 1)) if pieces else 0
+    found = [_orbit(one.box, stands, cells, config, each) for one in pieces]
+    hidden = tuple(one.label for one, cameras in zip(pieces, found, strict=True) if not cameras and each)
+    return [camera for turn in zip_longest(*found) for camera in turn if camera is not None], hidden
+
+
+def _orbit(box: OrientedBox, stands: Array, cells: FilledCells, config: PathConfig, count: int) -> list[Camera]:
+    """Up to `count` cameras that look at a box, from all sides that one can stand at."""
+    whole = 0.5 * box.diagonal / np.sin(_least_half_angle(config))
+    distance = np.linalg.norm(stands - box.center, axis=1)
+    local = np.abs(box.to_local(stands)) - box.half_extents
+    apart = np.linalg.norm(np.maximum(local, 0.0), axis=1) > ALONGSIDE
+    rings = [
+        _ring(box, stands[apart], distance[apart], max(factor * whole, config.nearest), cells, -(-count // 2))
+        for factor in RINGS
+    ]
+    turns = chain.from_iterable(zip_longest(*rings))
+    return [_looking(place, box.center, config) for place in turns if place is not None]
+
+
+def _ring(
+    box: OrientedBox, stands: Array, distance: Array, wanted: float, cells: FilledCells, count: int
+) -> list[Array]:
+    """Places at about a distance, or as near to it as there are, that see a box."""
+    off = np.abs(np.log(distance / wanted))
+    order = np.argsort(off, kind="stable")
+    near = order[: max(int((off < RING_WIDTH).sum()), 4 * count)]
+    down = np.arcsin((stands[near, 2] - box.center[2]) / distance[near])
+    steep = (down > STEEPNESS[0]) & (down < STEEPNESS[1])
+    near = (near[steep] if steep.any() else near)[:MOST_LOOKS]
+    shown = unhidden(box, stands[near], cells)
+    places = stands[near[(shown > 0.0) & (shown >= UNHIDDEN * shown.max(initial=0.0))]]
+    return list(places[far_apart_index(places[:, :2], count)])
+
+
+def unhidden(box: OrientedBox, places: Array, cells: FilledCells) -> Array:
+    """Share of the box's corners, edges and sides with nothing before it, seen from places (n, 3) outside [-]."""
+    targets = box.to_world(BOX_POINTS * box.half_extents)
+    way = (targets[None] - places[:, None]).reshape(-1, 3)
+    way /= np.linalg.norm(way, axis=1, keepdims=True)
+    origins = np.repeat(places, len(targets), axis=0)
+    # cells that the thing fills reach beyond its box
+    entry = entries(box, origins, way, margin=2.0 * cells.size)
+    clear = cells.cast(origins, way, entry - cells.size) == np.inf
+    return np.asarray(clear.reshape(len(places), len(targets)).mean(axis=1))
+
+
+def entries(box: OrientedBox, origins: Array, directions: Array, margin: float) -> Array:
+    """Distance at which rays (n, 3) that meet a box grown by `margin` enter it [m], 0 from inside, shape (n,)."""
+    start, way = box.to_local(origins), directions @ box.axes
+    with np.errstate(divide="ignore", invalid="ignore"):  # along a side: infinite, or nothing where on it
+        sides = (np.stack([-(box.half_extents + margin), box.half_extents + margin]) - start[:, None]) / way[:, None]
+    return np.asarray(np.maximum(np.nanmin(sides, axis=1).max(axis=1), 0.0))
+
+
+def worthwhile(cameras: Iterable[Camera], cells: FilledCells, config: PathConfig) -> Iterator[Camera]:
+    """Those that stand free, with something to see that is not right before them."""
+    for camera in cameras:
+        columns, rows = (
+            ((np.arange(count) + 0.5) * size / count).astype(np.int64)
+            for count, size in zip(RAYS, (camera.width, camera.height), strict=True)
+        )
+        r, c = np.meshgrid(rows, columns, indexing="ij")
+        ways = camera.directions(r.ravel(), c.ravel())
+        distance = cells.cast(np.broadcast_to(camera.position, ways.shape), ways)
+        free = distance.min() > 0.0 and (distance > config.nearest).mean() >= OPEN
+        if free and np.isfinite(distance).mean() >= SEEN:
+            yield camera
+
+
+def all_around(splats: Gaussians, config: PathConfig) -> Iterator[Camera]:
+    """Around what has no inside, so far away that all of it is in the picture."""
+    places, center = outer_places(splats, config.views, 2.0 * _least_half_angle(config))
+    return (_looking(place, center, config) for place in places)
+
+
+def _looking(place: Array, target: Array, config: PathConfig) -> Camera:
+    return looking(place, target, config.width, config.height, np.deg2rad(config.field_of_view_deg))
+
+
+def _least_half_angle(config: PathConfig) -> float:
+    """Half of the narrower field of view [rad]."""
+    half = 0.5 * np.deg2rad(config.field_of_view_deg)
+    return float(np.arctan(np.tan(half) * min(1.0, config.height / config.width)))

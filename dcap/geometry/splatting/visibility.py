@@ -1,0 +1,59 @@
+"""Which Gaussians are part of the visible surface, and from where each is seen best.
+
+A share of a pixel is not enough to tell: in a layer of overlapping Gaussians, one that comes last in the order by depth
+has no more of it than one of a layer below, between two of the first. The place tells: what lies behind the plane of
+the Gaussian that stops most of the light in its pixel is hidden.
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dcap.geometry.splatting.camera import Camera
+from dcap.geometry.splatting.config import SurfaceConfig
+from dcap.geometry.splatting.render import Splatter, View
+from dcap.geometry.splatting.viewpoints import viewpoints
+
+Array = NDArray[np.float64]
+Progress = Callable[[float, str], None]
+
+
+def best_origins(
+    splatter: Splatter, gap: NDArray[np.float32], config: SurfaceConfig, progress: Progress | None = None
+) -> Array:
+    """The camera that sees each Gaussian best, frontally and from near [m], shape (n, 3); NaN where none does. `gap` is
+    the distance of Gaussians around each [m], shape (n,)."""
+    splats = splatter.splats
+    flat = np.take_along_axis(splatter.axes, splats.log_scale.argmin(axis=1)[:, None, None], axis=2)[:, :, 0]
+    best, origin = np.zeros(len(splats)), np.full((len(splats), 3), np.nan)
+    cameras = viewpoints(splats, config.places, config.pixels)
+    for i, camera in enumerate(cameras):
+        view = splatter.view(camera)
+        visible = np.flatnonzero(view.weight > config.seen)
+        visible = visible[behind(splats.position, flat, view, camera, visible) <= config.slack * gap[visible]]
+        away = camera.position - splats.position[visible]
+        distance = np.linalg.norm(away, axis=1)
+        score = view.weight[visible] * np.abs(np.einsum("ni,ni->n", flat[visible], away)) / distance**2
+        better = score > best[visible]
+        best[visible[better]], origin[visible[better]] = score[better], camera.position
+        if progress is not None:
+            progress(0.5 * (i + 1) / len(cameras), f"view {i + 1} of {len(cameras)}")
+    return origin
+
+
+def behind(
+    position: NDArray[np.float32], flat: NDArray[np.float32], view: View, camera: Camera, index: NDArray[np.int64]
+) -> Array:
+    """How far the Gaussians with these numbers lie behind the plane of the one in front in their middle's pixel [m],
+    shape (k,): negative before it or where nothing is in front, infinite where the middle is not in the picture.
+
+    `flat` are the thinnest axes (n, 3) of all Gaussians at `position` (n, 3)."""
+    place = position[index].astype(np.float64)
+    column, row = np.floor(camera.project(place)).astype(np.int64).T
+    inside = (column >= 0) & (column < camera.width) & (row >= 0) & (row < camera.height)
+    front = view.front[np.where(inside, row, 0), np.where(inside, column, 0)]
+    normal = flat[front].astype(np.float64)
+    normal *= np.sign(np.einsum("ni,ni->n", camera.position - position[front], normal))[:, None]
+    depth = np.einsum("ni,ni->n", position[front] - place, normal)
+    return np.where(inside, np.where(front >= 0, depth, -np.inf), np.inf)

@@ -1,0 +1,152 @@
+"""The library of materials: one row of `materials.csv` per material, checked on reading.
+
+In: the CSV file with SI units in its header. Out: `Material` by id. Guaranteed: every number is finite and physical,
+dynamic friction does not exceed static friction, no word names two rows, and each number has a source.
+
+`source` is `estimate`, or entries that say for which columns they hold, without units, and `rest` for all others:
+
+    density, youngs_modulus: https://a.page (what was read there) | static_friction: https://b.page | rest: estimate
+
+A page was opened and states the number or a range that holds it; what stands in brackets says how the number follows
+from the page. For soft things of many fibres or layers the modulus is an effective one in compression; the name says
+so.
+"""
+
+import csv
+import math
+import re
+from collections.abc import Mapping
+from functools import cache
+from pathlib import Path
+
+from dcap.scene.errors import InputError
+from dcap.scene.settings import PROJECT_ROOT
+from dcap.scene.types.materials import Material
+
+LIBRARY = "materials.csv"
+COLUMNS = (
+    "id", "name", "density_kg_m3", "youngs_modulus_pa", "poisson_ratio", "static_friction", "dynamic_friction",
+    "rolling_resistance_m", "family", "class", "synonyms", "source",
+)  # fmt: skip
+FAMILIES = (
+    "foam", "upholstery", "filling", "textile", "leather", "wood", "metal", "glass", "ceramic", "plastic", "rubber",
+    "paper", "stone", "food", "other",
+)  # fmt: skip
+CLASSES = ("rigid", "soft", "thin")
+RANGES = {
+    "density_kg_m3": (1.0, 25_000.0),
+    "youngs_modulus_pa": (1.0e2, 1.0e12),
+    "poisson_ratio": (0.0, 0.499),
+    "static_friction": (0.0, 2.0),
+    "dynamic_friction": (0.0, 2.0),
+    "rolling_resistance_m": (0.0, 0.05),
+}
+"""Physical limits: from down to osmium, from jelly to diamond, from PTFE to rubber."""
+SOURCED = tuple(name.removesuffix(unit) for name, unit in zip(RANGES, ("_kg_m3", "_pa", "", "", "", "_m"), strict=True))
+"""Columns as they are called in `source`."""
+ESTIMATE, REST = "estimate", "rest"
+PAGE = re.compile(r"https?://[^\s|]+( \([^|]+\))?")
+
+
+def load_materials(path: Path | None = None) -> dict[str, Material]:
+    """All materials by id, in the order of the file; the project's own library by default."""
+    file = PROJECT_ROOT / LIBRARY if path is None else path
+    found: dict[str, Material] = {}
+    claimed: dict[str, str] = {}
+    for line, row in rows(file):
+        if row["id"] in found:
+            raise InputError(f"{file}:{line}: material {row['id']!r} is listed twice")
+        found[row["id"]] = material(row, f"{file}:{line}")
+        for word in words_of(row):
+            if claimed.setdefault(word, row["id"]) != row["id"]:
+                raise InputError(f"{file}:{line}: {word!r} names {claimed[word]} already")
+    return found
+
+
+def rows(file: Path) -> list[tuple[int, dict[str, str]]]:
+    """Line number and fields of each row."""
+    try:
+        with file.open(newline="", encoding="utf-8") as text:
+            reader = csv.DictReader(text)
+            if tuple(reader.fieldnames or ()) != COLUMNS:
+                raise InputError(f"{file}:1: columns {reader.fieldnames}, expected {','.join(COLUMNS)}")
+            return [(reader.line_num, row) for row in reader]
+    except OSError as error:
+        raise InputError(f"{file}: cannot be read: {error.strerror}") from error
+
+
+def material(row: Mapping[str, str], where: str) -> Material:
+    """One row, checked."""
+    if None in row or None in row.values():
+        raise InputError(f"{where}: expected {len(COLUMNS)} fields")
+    values = {name: number(row[name], name, where) for name in RANGES}
+    if values["dynamic_friction"] > values["static_friction"]:
+        raise InputError(f"{where}: dynamic friction {values['dynamic_friction']} > static {values['static_friction']}")
+    if row["class"] not in CLASSES:
+        raise InputError(f"{where}: class {row['class']!r} is not one of {', '.join(CLASSES)}")
+    if row["family"] not in FAMILIES:
+        raise InputError(f"{where}: family {row['family']!r} is not one of {', '.join(FAMILIES)}")
+    sources_of(row["source"], where)
+    return Material(
+        id=row["id"],
+        density=values["density_kg_m3"],
+        youngs_modulus=values["youngs_modulus_pa"],
+        poisson_ratio=values["poisson_ratio"],
+        static_friction=values["static_friction"],
+        dynamic_friction=values["dynamic_friction"],
+        rolling_resistance=values["rolling_resistance_m"],
+        kind=row["class"],
+        source=row["source"],
+    )
+
+
+def number(text: str, name: str, where: str) -> float:
+    """A number within its physical range."""
+    low, high = RANGES[name]
+    try:
+        value = float(text)
+    except ValueError:
+        raise InputError(f"{where}: {name} {text!r} is not a number") from None
+    if not (math.isfinite(value) and low <= value <= high):
+        raise InputError(f"{where}: {name} {text} is outside {low:g}..{high:g}")
+    return value
+
+
+def sources_of(text: str, where: str) -> dict[str, str]:
+    """Page or `estimate` of each column; every column has exactly one."""
+    if not text:
+        raise InputError(f"{where}: no source; write 'estimate' where there is none")
+    if text == ESTIMATE:
+        return dict.fromkeys(SOURCED, ESTIMATE)
+    found: dict[str, str] = {}
+    for entry in text.split(" | "):
+        columns, _, reference = entry.partition(": ")
+        if reference != ESTIMATE and not PAGE.fullmatch(reference):
+            raise InputError(
+                f"{where}: source {entry!r} is not 'COLUMNS: URL', 'COLUMNS: URL (how)' or 'rest: estimate'"
+            )
+        for column in [c for c in SOURCED if c not in found] if columns == REST else columns.split(", "):
+            if column not in SOURCED or column in found:
+                raise InputError(f"{where}: source of {column!r}, expected each of {', '.join(SOURCED)} once")
+            found[column] = reference
+    missing = [column for column in SOURCED if column not in found]
+    if missing:
+        raise InputError(f"{where}: no source of {', '.join(missing)}; end with 'rest: estimate'")
+    return found
+
+
+def words_of(row: Mapping[str, str]) -> set[str]:
+    """What a row is called: its id and its synonyms, lower case."""
+    return {row["id"].replace("_", " "), *(word for word in row["synonyms"].lower().split("|") if word)}
+
+
+@cache
+def material_words() -> dict[str, str]:
+    """Material id by each word or phrase that names it."""
+    return {word: row["id"] for _, row in rows(PROJECT_ROOT / LIBRARY) for word in words_of(row)}
+
+
+@cache
+def families() -> dict[str, str]:
+    """Family of each material: wood, metal, foam ..."""
+    return {row["id"]: row["family"] for _, row in rows(PROJECT_ROOT / LIBRARY)}

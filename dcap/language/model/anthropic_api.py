@@ -1,0 +1,158 @@
+"""Anthropic's API through the official SDK: one question at once; dcap/language/model/batch.py sends many.
+
+The key comes from the environment only (the SDK reads ANTHROPIC_API_KEY, and ANTHROPIC_BASE_URL where another address
+is wanted); it reaches no log, no artifact and no cache key. Rate limits, overload, 5xx and lost connections are tried
+again by the SDK with growing pauses.
+"""
+
+import json
+import os
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from functools import cache
+from pathlib import Path
+from typing import Any
+from urllib.parse import urlsplit
+
+import anthropic
+
+from dcap.language.model.ledger import Ledger
+from dcap.language.model.payload import CACHED, Payload
+from dcap.language.model.reply_folder import Message
+from dcap.language.protocol.session import Session
+from dcap.scene.errors import LanguageError, RefusedError
+
+USUAL = "api.anthropic.com"
+"""Where the SDK asks unless told otherwise."""
+RETRIES = 5
+"""Times the SDK tries again after a rate limit, an overload or a lost connection."""
+TIMEOUT = 300.0
+"""Longest wait for one answer [s]; a model may think before it answers."""
+MAX_TOKENS = 8192
+"""Longest answer, thoughts included; the largest reply (materials of 30 parts) takes about 1500."""
+PICTURE_TOKENS = 5000
+"""More than a picture takes: the API documents width x height / 750, and ours have at most 960 x 720 pixels."""
+PASSING = (408, 409, 429)
+"""Client errors that go by: whether such a call was charged is not said."""
+SHOWN = 300
+"""Characters of a server's message that an error quotes."""
+
+
+def ask_at_once(model: str, payload: Payload, session: Session) -> Message:
+    """The API's reply to one call."""
+    ledger = Ledger(Path(session.ledger) if session.ledger else None, session.max_cost, session.sample)
+    booked = ledger.reserve(model, payload.question, size_of(payload), MAX_TOKENS)
+    try:
+        with told_in_a_line(model):
+            raw = connection().messages.with_raw_response.create(**call_of(model, payload))
+    except RefusedError:
+        ledger.release(booked)
+        raise
+    message = as_message(model, raw.http_response.text)
+    ledger.settle(booked, model, payload.question, message, how="asked")
+    return message
+
+
+def size_of(payload: Payload) -> int:
+    """More than the tokens of a call: the bytes of its text, and what pictures take at most."""
+    return payload.bytes + PICTURE_TOKENS * payload.pictures
+
+
+def endpoint() -> str:
+    """Address that is asked where it is not the usual one, fit for a file name; empty for the usual one."""
+    url = urlsplit(os.environ.get("ANTHROPIC_BASE_URL", ""))
+    address = url.netloc.rpartition("@")[2] + url.path.rstrip("/")
+    return "" if address == USUAL else address.replace(":", "-").replace("/", "-")
+
+
+def connection() -> anthropic.Anthropic:
+    """The SDK's client for the present environment."""
+    try:
+        return _connection(*_access())
+    except anthropic.AnthropicError as error:
+        raise no_access(error) from None
+
+
+def call_of(model: str, payload: Payload) -> dict[str, Any]:
+    """The arguments of one call: the answer is one JSON object of the reply's form."""
+    return {
+        "model": model,
+        "max_tokens": MAX_TOKENS,
+        "system": [{"type": "text", "text": payload.system, **CACHED}],
+        "messages": list(payload.messages),
+        "output_config": {
+            "format": {"type": "json_schema", "schema": anthropic.transform_schema(dict(payload.schema))}
+        },
+    }
+
+
+def as_message(model: str, text: str) -> Message:
+    """A reply as it came; LanguageError if it is no message."""
+    try:
+        message = json.loads(text)
+    except ValueError:
+        message = None
+    if not well_formed(message):
+        raise LanguageError(f"{model} sent what is no message: {one_line(text)}")
+    return dict(message)
+
+
+def well_formed(message: object) -> bool:
+    """Whether it is a message with a list of blocks, texts in the text blocks."""
+    if not isinstance(message, Mapping) or not isinstance(message.get("content"), list):
+        return False
+    blocks = message["content"]
+    return all(
+        isinstance(block, Mapping) and (block.get("type") != "text" or isinstance(block.get("text"), str))
+        for block in blocks
+    )
+
+
+@contextmanager
+def told_in_a_line(model: str) -> Iterator[None]:
+    """Failures of the SDK as LanguageError in one line, without headers and key; RefusedError: nothing was done."""
+    try:
+        yield
+    except anthropic.APIStatusError as error:
+        refused = 400 <= error.status_code < 500 and error.status_code not in PASSING
+        kind = RefusedError if refused else LanguageError
+        raise kind(f"{model} answered HTTP {error.status_code}: {message_of(error)}") from None
+    except anthropic.APITimeoutError:
+        raise LanguageError(f"{model} gave no answer within {TIMEOUT:.0f} s, {RETRIES + 1} times") from None
+    except anthropic.APIError as error:
+        raise LanguageError(f"{model} cannot be reached: {type(error).__name__}: {one_line(str(error))}") from None
+    except anthropic.AnthropicError as error:
+        raise no_access(error) from None
+    except TypeError as error:
+        if "authentication" not in str(error):
+            raise
+        raise no_access(error) from None
+
+
+def no_access(error: Exception) -> RefusedError:
+    """What is said where the SDK finds no key, or cannot use what it found."""
+    why = one_line(str(error)) if any(_access()[:2]) else "there is no key"
+    return RefusedError(f"no access to Anthropic: {why}; set ANTHROPIC_API_KEY")
+
+
+def message_of(error: anthropic.APIStatusError) -> str:
+    """The server's own words, without headers."""
+    body = error.body
+    inner = body.get("error") if isinstance(body, Mapping) else None
+    return one_line(str(inner.get("message") if isinstance(inner, Mapping) else error.message))
+
+
+def one_line(text: str) -> str:
+    """The beginning of a text, in one line."""
+    return " ".join(text.split())[:SHOWN]
+
+
+def _access() -> tuple[str, ...]:
+    """What decides the connection: tests and long processes may change it."""
+    names = ("ANTHROPIC_API_KEY", "ANTHROPIC_AUTH_TOKEN", "ANTHROPIC_BASE_URL")
+    return tuple(os.environ.get(name, "") for name in names)
+
+
+@cache
+def _connection(*_: str) -> anthropic.Anthropic:
+    return anthropic.Anthropic(max_retries=RETRIES, timeout=TIMEOUT)

@@ -1,0 +1,273 @@
+"""Questions in batches, at half the price: stages lay them on a desk and wait, the desk sends what has gathered.
+
+`ask_in_batch` (in a stage, whatever its process) writes a file to the desk's folder and waits for the reply. `Desk` (in
+the process of the run) sends all waiting questions as one batch of the Message Batches API when none has come for a
+while, keeps each reply as soon as its batch has ended, and writes what it cost. A question is sent once, however many
+wait for it. A batch that was open when a run was killed is collected by the next.
+"""
+
+import json
+import os
+import shutil
+import threading
+import time
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from dcap.language.model.ledger import BATCH_FACTOR, Ledger, is_alive, locked
+from dcap.language.model.payload import Payload
+from dcap.language.model.reply_folder import Message, ReplyFolder, write_whole
+from dcap.language.protocol.session import Session, idling
+from dcap.scene import errors
+from dcap.scene.errors import BudgetError, DcapError, LanguageError, RefusedError
+
+POLL_S = 0.2
+"""How often waiting questions and the desk look at the folder [s]."""
+QUIET_S = 5.0
+"""A batch goes off when no question has come for so long [s]."""
+ASK_AGAIN_S = 20.0
+"""How often the API is asked whether a batch has ended [s]; they take minutes to hours."""
+MOST_BYTES = 100_000_000
+"""Largest batch; the API takes 256 MB."""
+OPEN = "batches"
+"""Folder of the open batches, beside the kept replies."""
+CLOSED = "closed"
+"""File by which a desk says that it answers no more."""
+
+
+def ask_in_batch(name: str, model: str, payload: Payload, session: Session, kept: ReplyFolder) -> Message:
+    """Lay a question on the desk and wait for its reply; replies are kept under `name`."""
+    from dcap.language.model.anthropic_api import call_of, size_of
+
+    desk, digest = Path(session.batch), payload.digest
+    (desk / f"{digest}.error").unlink(missing_ok=True)  # of an earlier try
+    asked = {"question": payload.question, **payload.readable()}
+    laid = {"name": name, "model": model, "sample": session.sample, "call": call_of(model, payload), "asked": asked}
+    if desk.is_dir():
+        write_whole(desk / f"{digest}.json", laid | {"size": size_of(payload)})
+    with idling():
+        return waited_for(desk, kept, name, digest)
+
+
+def waited_for(desk: Path, kept: ReplyFolder, name: str, digest: str) -> Message:
+    """The reply, once the desk has kept it."""
+    failed, closed = desk / f"{digest}.error", desk / CLOSED
+    while True:
+        message = kept.read(name, digest)
+        if message is not None:
+            return message
+        if failed.is_file():
+            raise told_error(failed)
+        if closed.is_file() or not desk.is_dir():
+            raise LanguageError("the run has ended before the batch had an answer; the next one collects it")
+        time.sleep(POLL_S)
+
+
+def told_error(path: Path) -> DcapError:
+    """The error that the desk has written."""
+    with suppress(OSError, ValueError, KeyError):
+        told = json.loads(path.read_bytes())
+        kind: type[DcapError] = getattr(errors, told["type"])
+        return kind(told["message"])
+    return LanguageError("the question could not be asked")  # somebody laid it again meanwhile
+
+
+@contextmanager
+def batch_desk(folder: Path, session: Session, tell: Callable[[str], None] = lambda text: None) -> Iterator[None]:
+    """A desk for the questions that are asked in this block; whoever still waits afterwards is sent home."""
+    shutil.rmtree(folder, ignore_errors=True)
+    folder.mkdir(parents=True)
+    ledger = Ledger(Path(session.ledger) if session.ledger else None, session.max_cost)
+    desk = Desk(folder, ReplyFolder(session.kept_folder), ledger, tell)
+    thread = threading.Thread(target=desk.serve, name="batch desk", daemon=True)
+    thread.start()
+    try:
+        yield
+    finally:
+        desk.stopped.set()
+        (folder / CLOSED).touch()
+        thread.join(timeout=5.0)
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+@dataclass(slots=True)
+class Desk:
+    """Sends what waits in its folder, batch by batch."""
+
+    folder: Path
+    kept: ReplyFolder
+    ledger: Ledger
+    tell: Callable[[str], None]
+    stopped: threading.Event = field(default_factory=threading.Event)
+    asked_at: dict[str, float] = field(default_factory=dict)
+    """When the API was last asked about each open batch [s of the monotonic clock]."""
+
+    def serve(self) -> None:
+        """Work until stopped; what ends it is said, and told to those who wait."""
+        try:
+            while not self.stopped.wait(POLL_S):
+                self.step()
+        except Exception as error:  # every waiting question raises it in its own sample
+            self.tell(f"the batch desk has failed: {type(error).__name__}: {error}")
+        finally:
+            with suppress(OSError):
+                (self.folder / CLOSED).touch()
+
+    def step(self) -> None:
+        """Send what has gathered, collect what has ended."""
+        batches = self.open_batches()
+        sent = {digest for _, batch in batches for digest in batch["questions"]}
+        waiting = [path for path in sorted(self.folder.glob("*.json")) if path.stem not in sent]
+        if waiting and time.time() - max(path.stat().st_mtime for path in waiting) >= QUIET_S:
+            for paths in bundles(waiting):
+                self.send(paths)
+        for path, batch in batches:
+            if time.monotonic() - self.asked_at.get(path.stem, -ASK_AGAIN_S) >= ASK_AGAIN_S:
+                self.asked_at[path.stem] = time.monotonic()
+                self.collect(path, batch)
+
+    def open_batches(self) -> list[tuple[Path, dict[str, Any]]]:
+        """Batches of this desk, and those of runs that are gone: what it takes over no other desk collects."""
+        folder = self.kept.root / OPEN
+        found = []
+        for path in sorted(folder.glob("*.json")):
+            with locked(folder / "lock"), suppress(FileNotFoundError):
+                batch = json.loads(path.read_bytes())
+                if batch["process"] != os.getpid() and not is_alive(int(batch["process"])):
+                    batch |= {"process": os.getpid(), "inherited": True}
+                    write_whole(path, batch)
+                if batch["process"] == os.getpid():
+                    found.append((path, batch))
+        return found
+
+    def send(self, paths: list[Path]) -> None:
+        """One batch of these questions, as far as the budget goes."""
+        from dcap.language.model.anthropic_api import MAX_TOKENS, connection, told_in_a_line
+
+        laid: dict[str, dict[str, Any]] = {}
+        for path in paths:
+            question = json.loads(path.read_bytes())
+            if self.kept.read(question["name"], path.stem) is not None:  # kept while the question was being laid
+                path.unlink(missing_ok=True)
+                continue
+            try:
+                booked = self.ledger.reserve(
+                    question["model"], question["asked"]["question"], question["size"], MAX_TOKENS, BATCH_FACTOR
+                )
+            except BudgetError as error:
+                self.fail([path.stem], error)
+                continue
+            laid[path.stem] = question | {"booked": booked}
+        if not laid:
+            return
+        requests: list[Any] = [{"custom_id": digest, "params": one["call"]} for digest, one in laid.items()]
+        try:
+            with told_in_a_line("the batch"):
+                batch = connection().messages.batches.create(requests=requests)
+        except LanguageError as error:
+            if isinstance(error, RefusedError):
+                for one in laid.values():
+                    self.ledger.release(one["booked"])
+            self.fail(laid, error)
+            return
+        questions = {
+            digest: {name: one[name] for name in ("name", "model", "sample", "asked", "booked")}
+            for digest, one in laid.items()
+        }
+        write_whole(self.kept.root / OPEN / f"{batch.id}.json", {"process": os.getpid(), "questions": questions})
+        self.tell(f"batch {batch.id} of {len(laid)} questions sent")
+
+    def collect(self, path: Path, batch: Mapping[str, Any]) -> None:
+        """Keep the replies of a batch if it has ended."""
+        from dcap.language.model.anthropic_api import connection, told_in_a_line
+
+        questions, own = batch["questions"], not batch.get("inherited", False)
+        try:
+            with told_in_a_line("the batch"):
+                if connection().messages.batches.retrieve(path.stem).processing_status != "ended":
+                    return
+                results = {one.custom_id: one.result for one in connection().messages.batches.results(path.stem)}
+        except RefusedError as error:
+            self.tell(f"batch {path.stem}: {error}; it is given up")
+            self.give_up(questions, error, own=own)
+            path.unlink(missing_ok=True)
+            return
+        except LanguageError as error:
+            self.tell(f"batch {path.stem}: {error}; it is looked at again")
+            return
+        for digest, question in questions.items():
+            result = results.get(digest)
+            message = reply_of(result)
+            if message is None:
+                self.give_up({digest: question}, LanguageError(f"{question['model']}: {why(result)}"), own=own)
+            else:
+                self.kept.write(question["name"], digest, question["asked"], message)
+                self.book(question, message, own=own)
+            if own or message is not None:
+                (self.folder / f"{digest}.json").unlink(missing_ok=True)
+        path.unlink(missing_ok=True)
+        self.tell(f"batch {path.stem}: {len(results)} replies")
+
+    def book(self, question: Mapping[str, Any], message: Message, *, own: bool) -> None:
+        """Write what a reply took; one of a run that is gone is booked anew."""
+        self.ledger.settle(
+            question["booked"] if own else f"collected {question['booked']}",
+            question["model"],
+            question["asked"]["question"],
+            message,
+            how="batch",
+            factor=BATCH_FACTOR,
+            sample=question["sample"],
+        )
+
+    def give_up(self, questions: Mapping[str, Any], error: DcapError, *, own: bool) -> None:
+        """What a batch of ours did not answer fails; what one of a run that is gone did not is asked anew."""
+        if not own:
+            return
+        for question in questions.values():
+            self.ledger.release(question["booked"])  # only replies are charged
+        self.fail(questions, error)
+
+    def fail(self, digests: Iterable[str], error: DcapError) -> None:
+        """Tell those who wait that there will be no reply."""
+        for digest in digests:
+            write_whole(self.folder / f"{digest}.error", {"type": type(error).__name__, "message": str(error)})
+            (self.folder / f"{digest}.json").unlink(missing_ok=True)
+
+
+def bundles(paths: list[Path]) -> Iterator[list[Path]]:
+    """Questions in groups, none too large for a batch."""
+    group: list[Path] = []
+    size = 0
+    for path in paths:
+        if group and size + path.stat().st_size > MOST_BYTES:
+            yield group
+            group, size = [], 0
+        group.append(path)
+        size += path.stat().st_size
+    if group:
+        yield group
+
+
+def reply_of(result: Any) -> Message | None:
+    """The reply in a batch's result, None if there is none that one can use."""
+    from dcap.language.model.anthropic_api import well_formed
+
+    if result is None or result.type != "succeeded":
+        return None
+    message = result.message.model_dump(mode="json", exclude_unset=True)
+    return message if well_formed(message) else None
+
+
+def why(result: Any) -> str:
+    """Why a question of a batch has no reply."""
+    if result is None:
+        return "the batch ended without an answer to the question"
+    if result.type == "errored":
+        inner = getattr(result.error, "error", None)
+        return f"the question failed: {getattr(inner, 'message', 'unknown error')}"
+    told = {"expired": "expired before it was answered", "canceled": "was cancelled", "succeeded": "got no message"}
+    return f"the question {told.get(result.type, f'came back as {result.type}')}"

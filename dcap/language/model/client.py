@@ -1,0 +1,174 @@
+"""The client behind which a model answers, now or when it was recorded: asks, checks, and asks again with the reason.
+
+In: a question. Out: a reply that passed pydantic and its check against the request. An answer that is invalid goes
+back with the reason, a bounded number of times; then the replies are put aside for a person to read, and the stage
+fails.
+"""
+
+import contextvars
+import json
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import nullcontext
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from dcap.language.model.ledger import Ledger
+from dcap.language.model.payload import Payload, payload_of, rejection
+from dcap.language.model.reply_folder import Message, ReplyFolder
+from dcap.language.protocol.client import ClientName, LanguageConfig
+from dcap.language.protocol.questions import Question, ReplyT, RequestT
+from dcap.language.protocol.session import Session, current_session, idling, speaking
+from dcap.scene.errors import InputError, LanguageError
+
+ATTEMPTS = 3
+"""Times a question is asked before an invalid answer becomes an error."""
+AT_A_TIME = 4
+"""Questions of one stage that are under way together."""
+MOST_IN_A_BATCH = 256
+"""The same where they wait for a batch: threads that sleep."""
+SHOWN = 300
+"""Characters of a bad answer that an error quotes."""
+
+Send = Callable[[Payload], Message]
+
+
+class ModelClient:
+    """Asks one model through `send`."""
+
+    def __init__(self, model: str, send: Send, reject: Callable[[Sequence[str]], Path | None]) -> None:
+        self.model = model
+        self._send = send
+        self._reject = reject
+
+    def ask(self, question: Question[RequestT, ReplyT], request: RequestT) -> ReplyT:
+        """The answer, asked for at most ATTEMPTS times."""
+        payload = payload_of(question, request)
+        sent: list[str] = []
+        problem = answer = ""
+        for _ in range(ATTEMPTS):
+            message = self._send(payload)
+            sent.append(payload.digest)
+            if message.get("stop_reason") == "refusal":
+                raise LanguageError(f"{self.model} refused to answer the question {question.name!r}{self._aside(sent)}")
+            answer = text_of(message)
+            try:
+                return question.parsed(json_of(answer, message), request)
+            except ValueError as error:
+                problem = reason_of(error)
+            given = message.get("content")
+            turn = [{"role": "assistant", "content": given}] if given else []  # the API takes no empty turn
+            payload = payload.followed_by(*turn, rejection(problem))
+        raise LanguageError(
+            f"{self.model} gave {ATTEMPTS} invalid answers to {question.name!r}, last: {problem}; "
+            f"{' '.join(answer.split())[:SHOWN]}{self._aside(sent)}"
+        )
+
+    def ask_all(self, question: Question[RequestT, ReplyT], requests: Sequence[RequestT]) -> list[ReplyT]:
+        """Several at a time, in a batch all of them; the first that fails ends it."""
+        if len(requests) < 2:
+            return [self.ask(question, request) for request in requests]
+        session = current_session()
+        at_once = min(len(requests), MOST_IN_A_BATCH if session.batch else AT_A_TIME)
+        # in a batch all wait together: the slot is given back once, here, and not again by each thread
+        with idling() if session.batch else nullcontext(), speaking(session), ThreadPoolExecutor(at_once) as pool:
+            tasks = [pool.submit(contextvars.copy_context().run, self.ask, question, one) for one in requests]
+            try:
+                return [task.result() for task in tasks]
+            except BaseException:
+                pool.shutdown(wait=False, cancel_futures=True)  # what has not begun is not asked
+                raise
+
+    def _aside(self, digests: Sequence[str]) -> str:
+        path = self._reject(digests)
+        return "" if path is None else f"; the reply is kept in {path}"
+
+
+def model_client(config: LanguageConfig) -> ModelClient:
+    """The client for a model in this session: the API behind what is kept, or a recording."""
+    session = current_session()
+    if config.client is ClientName.REPLAY:
+        return ModelClient(config.model, replayed(config.source, session), lambda _: None)
+    kept = ReplyFolder(session.kept_folder)
+    return ModelClient(
+        config.model, kept_or_asked(config, session, kept), lambda digests: kept.reject(config.source, digests)
+    )
+
+
+def replayed(name: str, session: Session) -> Send:
+    """Answers from a recording only."""
+    if not session.replay:
+        raise InputError("--language replay needs --replay DIR, a folder that --record DIR has written")
+    folder = ReplyFolder(Path(session.replay))
+
+    def send(payload: Payload) -> Message:
+        message = folder.read(name, payload.digest)
+        if message is None:
+            raise LanguageError(
+                f"{folder.root} has no reply of {name} to this question {payload.question!r} ({payload.digest[:12]}): "
+                "scene, prompt, pictures or our templates have changed since; record it again with "
+                "--language anthropic --record"
+            )
+        return message
+
+    return send
+
+
+def kept_or_asked(config: LanguageConfig, session: Session, kept: ReplyFolder) -> Send:
+    """Answers from what is kept, else from the API; every reply that is used goes into the recording."""
+    from dcap.language.model.anthropic_api import ask_at_once, endpoint
+    from dcap.language.model.batch import ask_in_batch
+
+    name, model = config.source, config.model
+    recording = ReplyFolder(Path(session.record)) if session.record else None
+
+    def send(payload: Payload) -> Message:
+        message = None if session.fresh else kept.read(name, payload.digest)
+        if message is not None:
+            note_kept(model, payload, message, session)
+        elif endpoint() != config.endpoint:
+            raise InputError(
+                f"the run asks {config.endpoint or 'the usual address'}, $ANTHROPIC_BASE_URL names "
+                f"{endpoint() or 'none'} now; set it as it was, or start a new run"
+            )
+        elif session.batch:
+            message = ask_in_batch(name, model, payload, session, kept)
+        else:
+            message = ask_at_once(model, payload, session)
+            kept.keep(name, payload, message)
+        if recording is not None:
+            recording.keep(name, payload, message)
+        return message
+
+    return send
+
+
+def note_kept(model: str, payload: Payload, message: Message, session: Session) -> None:
+    """A line for a reply that cost nothing this time."""
+    ledger = Ledger(Path(session.ledger) if session.ledger else None, sample=session.sample)
+    ledger.settle("", model, payload.question, message, how="kept")
+
+
+def text_of(message: Message) -> str:
+    """What the model says, without what it thinks."""
+    return "".join(block.get("text", "") for block in message.get("content", []) if block.get("type") == "text")
+
+
+def json_of(text: str, message: Message) -> Any:
+    """An answer as JSON; ValueError if it is none."""
+    if message.get("stop_reason") == "max_tokens":
+        raise ValueError("the answer was cut off: give a shorter one")
+    try:
+        return json.loads(text)
+    except ValueError as error:
+        raise ValueError(f"the answer is not one JSON object ({error})") from None
+
+
+def reason_of(error: ValueError) -> str:
+    """What is wrong, in one line."""
+    if isinstance(error, ValidationError):
+        first = error.errors()[0]
+        return f"{'.'.join(str(part) for part in first['loc']) or 'answer'}: {first['msg']}"
+    return str(error)

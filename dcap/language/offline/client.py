@@ -1,0 +1,147 @@
+"""The client that needs no model: a transparent reader of sentences and a chooser over the lexicon.
+
+It answers only from the request and the lexicon's files, the same way every time, and says what it did not
+understand.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+from dcap.language.offline.lexicon import thing_of
+from dcap.language.offline.made_of import material_words_about
+from dcap.language.offline.material_choice import chosen_materials
+from dcap.language.offline.part_choice import chosen_part, moved_into_which, one_of_a_whole
+from dcap.language.offline.pose_choice import chosen_pose
+from dcap.language.offline.priors import prior_of
+from dcap.language.offline.sentence import read
+from dcap.language.offline.shapes import label_of
+from dcap.language.offline.target import facing_of, target_of
+from dcap.language.protocol.questions import (
+    ANCHOR,
+    INTENT,
+    LABEL,
+    MATERIALS,
+    PARTS,
+    ROTATION,
+    Question,
+    ReplyT,
+    RequestT,
+)
+from dcap.language.protocol.replies import (
+    AnchorReply,
+    IntentReply,
+    LabelReply,
+    MaterialsReply,
+    PartName,
+    PartsReply,
+    RotationReply,
+)
+from dcap.language.protocol.requests import (
+    AnchorRequest,
+    IntentRequest,
+    LabelRequest,
+    MaterialsRequest,
+    PartsRequest,
+    RotationRequest,
+)
+
+
+class OfflineClient:
+    """Reads with the grammar, chooses with rules."""
+
+    def ask(self, question: Question[RequestT, ReplyT], request: RequestT) -> ReplyT:
+        """The answer to one question."""
+        answer: Callable[[RequestT], ReplyT] = ANSWERS[question.name]
+        reply = answer(request)
+        question.check(reply, request)
+        return reply
+
+    def ask_all(self, question: Question[RequestT, ReplyT], requests: Sequence[RequestT]) -> list[ReplyT]:
+        """One after the other."""
+        return [self.ask(question, request) for request in requests]
+
+
+def intent(request: IntentRequest) -> IntentReply:
+    """Which base, how big, how heavy, which orientation and region."""
+    reading = read(request.prompt)
+    target = target_of(reading, request)
+    prior = prior_of(reading.theme, request.item.label, request.item.size)
+    facing, unclear = facing_of(reading, target, request)
+    base = thing_of(target.base.label) if target.base else None
+    used = material_words_about(request.prompt, prior.name, base.id if base else "")
+    unclear = tuple(word for word in (*target.not_understood, *unclear) if word not in used)
+    said = (reading.pose_words, reading.facing.text if reading.facing else "", reading.turn_words)
+    words = " ".join(word for word in said if word)
+    return IntentReply.model_validate(
+        {
+            "base_id": target.base.id if target.base else "",
+            "missing": target.missing,
+            "object_name": prior.name,
+            "size": prior.sizes[0],
+            "alternative_sizes": prior.sizes[1:],
+            "spread": prior.spread,
+            "mass": prior.mass,
+            "hollow": prior.hollow,
+            "pose": reading.pose,
+            "facing": facing,
+            "turn_deg": reading.turn,
+            "orientation_words": words,
+            "part": target.part,
+            "which": target.which,
+            "regions": tuple(target.regions),
+            "references": tuple(target.references),
+            "region_words": ", ".join(target.words),
+            "not_understood": tuple(dict.fromkeys(unclear)),
+            "notes": (*prior.notes, *target.notes),
+        }
+    )
+
+
+def rotation(request: RotationRequest) -> RotationReply:
+    """The listed pose that fits the words, else how such a thing usually rests."""
+    thing = thing_of(request.object_name)
+    pose, reason = chosen_pose(request, thing)
+    facings = {facing.id for facing in request.facings}
+    facing = request.facing if request.facing in facings else "aligned"
+    return RotationReply(pose_id=pose.id, facing_id=facing, turn_deg=request.turn_deg, reason=reason)
+
+
+def anchor(request: AnchorRequest) -> AnchorReply:
+    """The asked part, else the one that usually carries things; the region is the asked one."""
+    part, reason = chosen_part(request)
+    regions = request.asked_regions
+    if moved_into_which(request, part):
+        regions = tuple(r for r in regions if r not in ("left", "right", "middle", "center"))
+        reason += f"; the {request.asked_regions[0]} one of several"
+    if one_of_a_whole(request, part):
+        regions = (request.asked_which, *regions)
+    return AnchorReply.model_validate(
+        {"part_index": part.index, "regions": regions, "references": request.asked_references, "reason": reason}
+    )
+
+
+def materials(request: MaterialsRequest) -> MaterialsReply:
+    """By what words say, the thing's own list, category and part name; else a stated fallback."""
+    return MaterialsReply(choices=tuple(chosen_materials(request)))
+
+
+def label(request: LabelRequest) -> LabelReply:
+    """The label whose usual shape, size and height fit best."""
+    return label_of(request)
+
+
+def parts(request: PartsRequest) -> PartsReply:
+    """The proposed names: they come from rules already."""
+    names = (PartName(index=p.part.index, name=p.part.name, confidence=p.confidence) for p in request.parts)
+    return PartsReply(names=tuple(names), reason="as geometry proposes")
+
+
+ANSWERS: Mapping[str, Callable[[Any], Any]] = {
+    INTENT.name: intent,
+    ROTATION.name: rotation,
+    ANCHOR.name: anchor,
+    MATERIALS.name: materials,
+    LABEL.name: label,
+    PARTS.name: parts,
+}
+"""Who answers which question."""

@@ -1,0 +1,68 @@
+"""Which things of a scene give way under what is put on them, by their labels alone.
+
+The paper counts deformable supports per scene (its figure 3): beds, sofas, cushions, blankets and so on. Here a label
+counts if the lexicon knows it as one of KINDS, or as furniture that carries, and the library's material of the part
+that carries is soft: its Young's modulus does not exceed 1 GPa. Nothing is measured: a scan may hold a wooden bed.
+"""
+
+from collections import Counter
+from collections.abc import Iterable
+from functools import cache
+
+from dcap.language.material_table import load_materials
+from dcap.language.offline.lexicon import default_parts, is_a, label_words, lineage, thing_of
+from dcap.language.offline.material_choice import material_of, parts_named
+from dcap.language.protocol.requests import MaterialQuestion, PartView
+
+RIGID_ABOVE = 1.0e9
+"""Young's modulus above which a part is rigid [Pa]; the paper's 1 GPa."""
+
+MATTRESS = "mattress"
+"""A part that scenes annotate by itself."""
+
+KINDS = {
+    "bed": ("bed",),
+    "sofa": ("sofa",),
+    "soft seat": ("armchair", "chair", "stool", "bench"),
+    MATTRESS: (),
+    "pillow or cushion": ("pillow", "cushion"),
+    "blanket or towel": ("blanket", "sheet", "towel"),
+    "soft toy": ("plush toy",),
+    "rug": ("rug",),
+}
+"""Kinds of deformable supports and the things that belong to each, in the order in which they are shown."""
+
+OTHER = "other"
+"""Furniture that carries softly and is none of KINDS."""
+
+
+def deformable_supports(labels: Iterable[str]) -> Counter[str]:
+    """How many of the labels are deformable supports, by kind."""
+    return Counter(kind for label in labels if (kind := deformable_kind(label)))
+
+
+@cache
+def deformable_kind(label: str) -> str:
+    """The kind of deformable support that a label names; empty if it names none."""
+    thing = thing_of(label)
+    if thing is None:
+        return MATTRESS if MATTRESS in parts_named(label_words(label)) and _is_soft(label, MATTRESS) else ""
+    kind = next((kind for kind, things in KINDS.items() if any(is_a(thing.id, one) for one in things)), "")
+    if not kind and not is_a(thing.id, "furniture"):
+        return ""
+    bases = [base for base in lineage(thing.id) if base in default_parts()]
+    carrying = default_parts()[bases[0]][0] if bases else "body"
+    return (kind or OTHER) if _is_soft(label, carrying) else ""
+
+
+def _is_soft(label: str, part: str) -> bool:
+    """Whether the library's material for a part of a thing is not rigid."""
+    library = _moduli()
+    view = PartView(0, part, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+    material, _ = material_of(MaterialQuestion("", label, view), set(library))
+    return library[material] <= RIGID_ABOVE
+
+
+@cache
+def _moduli() -> dict[str, float]:
+    return {name: material.youngs_modulus for name, material in load_materials().items()}

@@ -1,0 +1,184 @@
+"""Noun phrases: a head with what stands before it and whose it is.
+
+In: a cursor at the first token of one. Out: a `Noun` that keeps every reading of its head; the scene decides later
+between a thing, a part and a region ("back" of a sofa, "pillow", "shelf"). Grammar, as in `sentence`:
+
+    noun     = simple [ GENITIVE noun ] { OF noun | COUNT }     the bed's left corner, the second shelf from the top
+    simple   = { FILLER } { modifier | name | UNKNOWN }         a name as often as it comes: "bed corner"
+    modifier = DET | SIDE | COLOUR | QUALITY | NUMBER | BOTH
+    name     = THING | PART | REGION | PRONOUN | ONE | VIEWER
+"""
+
+from dataclasses import dataclass, replace
+
+from dcap.language.offline.lexicon import is_for
+from dcap.language.offline.words import Cursor, Token
+
+MODIFIERS = ("det", "side", "colour", "quality", "number", "both")
+NOUNS = ("thing", "part", "region")
+SAYING = (*MODIFIERS[1:], *NOUNS, "pronoun", "one", "viewer", "unknown")
+"""Kinds of tokens that can make a noun phrase alone; an article cannot."""
+STARTS = ("det", *SAYING)
+"""Kinds of tokens that a noun phrase may start with."""
+
+
+@dataclass(frozen=True, slots=True)
+class Noun:
+    """A noun phrase with all that its head may mean."""
+
+    text: str
+    name: str = ""
+    """Its own words without article, sides, colour and owner: what a label may say."""
+    thing: str = ""
+    """Thing id, empty if the head is none."""
+    parts: tuple[str, ...] = ()
+    """Part ids that the head may mean."""
+    region: str = ""
+    """Region that the head may mean: center, middle, edge, corner, side, head, foot, any."""
+    pronoun: str = ""
+    """it, one or viewer."""
+    sides: tuple[str, ...] = ()
+    """left, top, 2, largest ... before the head, or the head itself ("the left")."""
+    colour: str = ""
+    owner: "Noun | None" = None
+    """The whole of "part of whole"."""
+    plural: bool = False
+    toward: "Noun | None" = None
+    """What it looks at: "the edge facing the sofa"."""
+    encloses: bool = False
+    """One goes into it rather than onto it: a drawer, a basket."""
+
+    @property
+    def is_region(self) -> bool:
+        """Whether it can only mean a region ("the left", "the far corner")."""
+        return not self.thing and not self.parts and not self.pronoun and bool(self.region or self.sides)
+
+    @property
+    def is_unknown(self) -> bool:
+        """Whether the head is a word that nobody taught us."""
+        return not (self.thing or self.parts or self.region or self.pronoun or self.sides)
+
+
+def at_noun(cursor: Cursor, ahead: int = 0) -> bool:
+    """Whether a noun phrase starts here, or so many tokens ahead; fillers and articles alone are none."""
+    while cursor.here("filler", "det", ahead=ahead) and not cursor.here(*SAYING, ahead=ahead):
+        ahead += 1
+    return starts(cursor, ahead)
+
+
+def starts(cursor: Cursor, ahead: int = 0) -> bool:
+    """Whether a noun phrase can start with this very token."""
+    relation = cursor.here("relation", ahead=ahead) and not cursor.here("side", ahead=ahead)
+    return cursor.here(*STARTS, ahead=ahead) and not relation and not cursor.here("conj", ahead=ahead)
+
+
+def noun_phrase(cursor: Cursor) -> Noun:
+    """simple [ GENITIVE noun ] { OF noun | COUNT }."""
+    begin = cursor.index
+    noun = simple(cursor)
+    if cursor.here("genitive") and at_noun(cursor, 1):
+        cursor.take()
+        noun = owned(noun_phrase(cursor), noun)
+    while True:
+        if cursor.here("of") and at_noun(cursor, 1):
+            cursor.take()
+            noun = owned(noun, noun_phrase(cursor))
+        elif cursor.here("count") and counted(noun) and not starts(cursor, 1):
+            noun = counting(noun, cursor.take().value("count"))
+        else:
+            return replace(noun, text=cursor.text(begin))
+
+
+def simple(cursor: Cursor) -> Noun:
+    """{ FILLER } { modifier | name | UNKNOWN }."""
+    begin = cursor.index
+    words: list[Token] = []
+    while not cursor.at_end:
+        if skipped(cursor, words):
+            cursor.take()
+        elif goes_on(cursor, words):
+            words.append(cursor.take())
+        else:
+            break
+    return noun_of(words, cursor.text(begin))
+
+
+def skipped(cursor: Cursor, words: list[Token]) -> bool:
+    """A filler before the name ("the very edge"), or the word between two colours ("yellow and white")."""
+    if cursor.here("conj"):
+        return bool(words) and words[-1].has("colour") and cursor.here("colour", ahead=1)
+    filler = cursor.here("filler") and not cursor.here(*STARTS)
+    return filler and at_noun(cursor, 1) and not any(word.has(*NOUNS) for word in words)
+
+
+def goes_on(cursor: Cursor, words: list[Token]) -> bool:
+    """Whether the token still belongs to the phrase: after its name, no article and no verb does."""
+    if not starts(cursor) or (cursor.here("verb") and words and not cursor.here("side", *NOUNS)):
+        return False
+    named = any(word.has(*NOUNS) and not word.has("det") for word in words)
+    return not (named and cursor.here("det", "pronoun", "number"))
+
+
+def noun_of(words: list[Token], text: str) -> Noun:
+    """The noun phrase that these tokens make: the last noun is the head, an earlier thing its owner."""
+    several = any(t.has("number", "both") or t.value("pronoun") == "them" for t in words)
+    index = next((i for i in range(len(words) - 1, -1, -1) if words[i].has(*NOUNS)), None)
+    if index is None:
+        sides = tuple(t.value("side") for t in words if t.has("side"))
+        said = sides or any(t.has("unknown") for t in words)
+        kinds = ("one", "viewer") if said else ("one", "viewer", "pronoun")
+        pronoun = next((kind for kind in kinds if any(t.has(kind) for t in words)), "")
+        pronoun = "it" if pronoun == "pronoun" else pronoun
+        name, colour = name_of(words), colour_of(words)
+        return Noun(text, name, pronoun=pronoun, sides=sides, colour=colour, plural=several)
+    head, before = words[index], words[:index]
+    if any(is_for(head.value("thing"), token.text) for token in words[index + 1 : index + 2]):
+        return Noun(text, name_of(words), colour=colour_of(before), plural=several)
+    sides = tuple(t.value("side") for t in before if t.has("side") and not t.has("thing"))
+    return Noun(
+        text=text,
+        name=name_of(words[: index + 1]),
+        thing=head.value("thing"),
+        parts=head.values("part"),
+        region=head.value("region"),
+        sides=sides or ((head.value("side"),) if head.has("side") and not head.has("region") else ()),
+        colour=colour_of(before),
+        owner=owner_before(head, before),
+        plural=several or head.plural(),
+        encloses=head.has("encloses"),
+    )
+
+
+def name_of(words: list[Token]) -> str:
+    """What the words say apart from article, sides and colour; the last one counts as the head."""
+    kept = [t for t in words[:-1] if not t.has("det", "side", "colour", "number", "both")]
+    return " ".join(t.text for t in (*kept, *words[-1:]))
+
+
+def owner_before(head: Token, before: list[Token]) -> Noun | None:
+    """The thing named before a part or region: "bed corner", "sofa arm"."""
+    things = [t for t in before if t.has("thing") and not t.has("side", "quality")]
+    if not things or not head.has("part", "region"):
+        return None
+    return Noun(things[-1].text, things[-1].text, thing=things[-1].value("thing"), parts=things[-1].values("part"))
+
+
+def colour_of(words: list[Token]) -> str:
+    """The first colour, as long as it is not a noun as well ("orange")."""
+    return next((t.value("colour") for t in words if t.has("colour")), "")
+
+
+def owned(noun: Noun, owner: Noun) -> Noun:
+    """The noun with its owner; "the corner of the cushion of the sofa" is the cushion's."""
+    innermost = owned(noun.owner, owner) if noun.owner is not None else owner
+    return replace(noun, owner=innermost)
+
+
+def counted(noun: Noun) -> bool:
+    """Whether it is "the second one" of several."""
+    return any(side.isdigit() for side in noun.sides)
+
+
+def counting(noun: Noun, where: str) -> Noun:
+    """ "the second shelf from the top"."""
+    return replace(noun, sides=tuple(f"{side} from {where}" if side.isdigit() else side for side in noun.sides))

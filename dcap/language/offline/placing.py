@@ -1,0 +1,108 @@
+"""What a sentence asks for, before any scene is looked at: an object, a relation, and what it is a relation to.
+
+In: a `Reading`. Out: a `Placing`, with the one place among the reading's that names the support; the grounding in a
+scene starts from the same place.
+"""
+
+from dataclasses import dataclass
+
+from dcap.language.offline.nouns import Noun
+from dcap.language.offline.sentence import SUPPORT, Place, Reading
+from dcap.scene.errors import LanguageError
+
+BESIDE = {
+    "near": ("near",),
+    "against": ("near",),
+    "next_to": ("next_to",),
+    "between": ("between",),
+    "under": ("under",),
+    "left_of": ("left", "next_to"),
+    "right_of": ("right", "next_to"),
+    "front_of": ("front", "next_to"),
+    "behind": ("back", "next_to"),
+}
+"""Regions that a relation to another thing asks for."""
+PLACEABLE = frozenset({"at", *SUPPORT})
+
+
+@dataclass(frozen=True, slots=True)
+class Placing:
+    """An object in a relation to a reference."""
+
+    object: Noun | None
+    """What is moved; None if the sentence says only "it"."""
+    relation: str
+    """on, in, at, under, next_to, near, against, between, left_of, right_of, front_of or behind."""
+    reference: Noun
+    """The thing or part that the relation is to; of several (between) the first."""
+    place: Place
+    """The phrase that says so."""
+    not_understood: tuple[str, ...]
+
+
+def placing_of(reading: Reading) -> Placing:
+    """The placement that a sentence asks for; LanguageError if it names nothing to put the object on or beside."""
+    place = support_place(reading) or neighbour_place(reading)
+    if place is None:
+        said = ", ".join(repr(place.text) for place in reading.places) or "it"
+        raise LanguageError(f"the prompt names no support in {said}; say on what to put it, for example: on the table")
+    reference = reference_of(place)
+    return Placing(reading.theme, relation_of(place, reference), reference, place, reading.not_understood)
+
+
+def support_place(reading: Reading) -> Place | None:
+    """The first place that names what carries the object."""
+    return next((place for place in reading.places if names_support(place)), None)
+
+
+def neighbour_place(reading: Reading) -> Place | None:
+    """Where no support is named: the first place beside, between or under something."""
+    return next((place for place in reading.places if place.relation in BESIDE and names_thing(whole(place))), None)
+
+
+def reference_of(place: Place) -> Noun:
+    """The thing or part of a place: the bed in "on the left edge of the bed", the drawer in "in its drawer"."""
+    noun = place.nouns[0]
+    while noun.owner is not None and (noun.region or not (noun.thing or noun.parts)):
+        noun = noun.owner
+    return noun
+
+
+def relation_of(place: Place, reference: Noun) -> str:
+    """The relation to the reference: one goes into a drawer, and is on a bed in the middle of which one is."""
+    if place.relation in PLACEABLE and reference.encloses:
+        return "on" if place.relation == "on" else "in"
+    of_a_region = reference is not place.nouns[0]
+    return "on" if of_a_region and place.relation in (*PLACEABLE, "near", "against") else place.relation
+
+
+def whole(place: Place) -> Noun:
+    """The noun that names a thing in "on the edge of the bed", "on the bed"."""
+    noun = place.nouns[0]
+    while noun.owner is not None:
+        noun = noun.owner
+    return noun
+
+
+def names_support(place: Place) -> bool:
+    """Whether the place can name the support."""
+    noun = place.nouns[0]
+    edge_of = place.relation in ("near", "against") and noun.region != "" and noun.owner is not None
+    on_it = place.relation in PLACEABLE or edge_of
+    return on_it and not place.restrict and names_thing(whole(place)) and not bare_region(whole(place))
+
+
+def names_thing(noun: Noun) -> bool:
+    """Whether it is more than a region or a pronoun."""
+    return not noun.is_region and noun.pronoun == ""
+
+
+def bare_region(noun: Noun) -> bool:
+    """A word like "back" or "head" that could be a part but has no thing to belong to."""
+    return bool(noun.sides or noun.region) and not noun.thing and noun.owner is None and not plain_part(noun)
+
+
+def plain_part(noun: Noun) -> bool:
+    """Whether a noun without owner names a part for certain ("mattress", not "back")."""
+    ambiguous = {"back", "top", "side", "head", "base"}
+    return any(part not in ambiguous for part in noun.parts)

@@ -1,0 +1,186 @@
+"""The offline choice of a pose: what the words ask for, else how such a thing usually rests.
+
+In: the rotation question with its listed poses. Out: one of them and why. Nothing is known but the poses' own numbers
+(probability, extents, where up and front point) and the lexicon's way of resting. Words name an exact pose; a stable
+pose close to it is taken instead, since the thing would roll there anyway; one farther away is not what was asked.
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from dcap.language.offline.fronts import FrontSide, front_side
+from dcap.language.offline.lexicon import Thing, is_a
+from dcap.language.protocol.requests import PoseView, RotationRequest
+
+CLOSE = 15.0
+"""A stable pose this near to what the words say is what they say [degrees]."""
+LOW = 0.75
+"""A thing less high than this times its length lies already [-]."""
+RIGHTING = 0.5
+"""So much more must the shape speak for another side for a file that could stand to be lying or overturned [-]."""
+CONTAINERS = frozenset({"mug", "cup", "glass", "bowl", "basket", "bucket", "pot", "vase", "jar", "hat"})
+"""Things whose opening is their face."""
+HANDS = {"on_left_side": 1.0, "on_right_side": -1.0}
+"""Which side is down, as a factor of the axis that points to the thing's own left."""
+Miss = Callable[[PoseView], float]
+"""How far a pose is from what is asked [degrees]."""
+
+
+def chosen_pose(request: RotationRequest, thing: Thing | None) -> tuple[PoseView, str]:
+    """The pose and why."""
+    rest = thing.rest if thing else "upright"
+    default, why = default_pose(request, thing)
+    name = request.object_name
+    wanted = meant(request, thing, default)
+    if wanted == "any":
+        return default, f"{name}: {why}"
+    if wanted == "standing":
+        return standing(request, default, rest), f"{name}: stands on end"
+    if wanted == "upside_down":
+        return turned_over(request, default), f"{name}: upside down"
+    if wanted in ("on_back", "on_front"):
+        return by_front(request, default, wanted), f"{name}: on its {wanted.removeprefix('on_')}"
+    if wanted in HANDS:
+        return on_hand(request, default, wanted), f"{name}: {wanted.replace('on_', 'on its ').replace('_', ' ')}"
+    return on_side(request, default, wanted), f"{name}: on its side"
+
+
+def meant(request: RotationRequest, thing: Thing | None, default: PoseView) -> str:
+    """What the words come to for such a thing: a pose among those of the reply apart from upright."""
+    wanted, rest = request.pose, thing.rest if thing else "upright"
+    if wanted in ("any", "") or (wanted == "upright" and rest == "upright"):
+        return "any"
+    if wanted == "upright":
+        return "standing"
+    if wanted == "lying" and (rest != "upright" or (request.has_front and is_low(default, LOW))):
+        return "any"
+    if wanted == "on_side" and rest == "any" and is_low(default, 0.99):
+        return "any"  # a dumbbell lies on its side
+    if wanted == "lying" and thing is not None and is_a(thing.id, "toy") and request.has_front:
+        return "on_back"  # a creature that lies down lies on its back
+    topped = rest == "flat" or front_side(request.object_name) is FrontSide.LONG  # its face or its back is its top
+    if wanted == "on_front" and thing is not None and any(is_a(thing.id, c) for c in CONTAINERS):
+        return "upside_down"
+    if topped and wanted in ("on_back", "on_front"):
+        return "any" if (wanted == "on_back") == (rest == "flat") else "upside_down"
+    return wanted
+
+
+def is_low(default: PoseView, share: float) -> bool:
+    """Whether it lies already as it usually rests: a shoe, a car, a laptop."""
+    return default.size[2] < share * max(default.size[:2])
+
+
+def default_pose(request: RotationRequest, thing: Thing | None) -> tuple[PoseView, str]:
+    """How the thing rests when nothing is said."""
+    rest = thing.rest if thing else "upright"
+    upright = by_id(request, "upright")
+    stable = [pose for pose in request.poses if pose.probability > 0]
+    if rest == "flat" and stable:
+        lowest = min(pose.size[2] for pose in (*stable, upright))
+        if upright.size[2] <= 1.1 * lowest:
+            return upright, "lies flat as in its file"
+        flat = [pose for pose in stable if pose.size[2] <= 1.1 * lowest]
+        # of the two flat sides the one that needs the smaller turn from the file
+        return max(
+            flat, key=lambda pose: (round(trace(pose), 6), pose.probability, pose.id)
+        ), "lies flat on its largest face"
+    if rest == "any" and upright.probability == 0 and stable:
+        return max(stable, key=lambda pose: (pose.probability, pose.id)), "rests as it most probably falls"
+    if rest == "upright" and to_right(request, thing):
+        return by_id(request, "righted"), "put upright: its file is lying, tilted or overturned"
+    return upright, "upright as in its file"
+
+
+def to_right(request: RotationRequest, thing: Thing | None) -> bool:
+    """Whether the file's pose is not trusted: it could not stand, or its shape speaks clearly for another side.
+
+    Furniture stands on legs and is open below, which the shape takes for an opening: there the file is believed.
+    """
+    if request.righting == 0.0:
+        return False
+    known = thing is not None and not is_a(thing.id, "furniture")
+    return not request.stands or (known and request.righting > RIGHTING)
+
+
+def by_id(request: RotationRequest, pose_id: str) -> PoseView:
+    """The pose of that id."""
+    return next(pose for pose in request.poses if pose.id == pose_id)
+
+
+def kin(request: RotationRequest, default: PoseView) -> list[PoseView]:
+    """The poses whose words are meant from the default: those of the file or those of the righted pose; stable ones."""
+    if not default.id.startswith("righted"):
+        return [pose for pose in request.poses if not pose.id.startswith("righted")]
+    return [pose for pose in request.poses if pose.id.startswith(("righted", "stable"))]
+
+
+def trace(pose: PoseView) -> float:
+    """Trace of the rotation: the larger, the smaller the turn."""
+    return pose.rotation[0][0] + pose.rotation[1][1] + pose.rotation[2][2]
+
+
+def own_up(pose: PoseView, default: PoseView) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
+    """Where the axis that points up in the default pose points in this pose."""
+    return np.asarray(np.array(pose.rotation) @ np.array(default.rotation).T @ (0.0, 0.0, 1.0))
+
+
+def tilt_deg(height: float) -> float:
+    """Angle of a unit vector above the horizontal, by its vertical component [degrees]."""
+    return float(np.degrees(np.arcsin(np.clip(height, -1.0, 1.0))))
+
+
+def closest(poses: list[PoseView], miss: Miss) -> PoseView:
+    """The most probable stable pose close to what is asked, else the one that is exactly that."""
+    stable = [pose for pose in poses if pose.probability > 0 and miss(pose) < CLOSE]
+    if stable:
+        return max(stable, key=lambda pose: (pose.probability, -round(miss(pose), 3), -pose.size[2], pose.id))
+    return min(poses, key=lambda pose: (round(miss(pose), 3), pose.size[2], pose.id))
+
+
+def standing(request: RotationRequest, default: PoseView, rest: str) -> PoseView:
+    """On end: the default of upright things that are high, else the tallest pose, stable if possible, turned little."""
+    if rest == "upright" and not is_low(default, LOW):
+        return default
+    # a file that is tilted is high for that reason alone
+    stable = [pose for pose in request.poses if pose.probability > 0]
+    high = max(pose.size[2] for pose in request.poses)
+    steady = bool(stable) and not request.stands and max(pose.size[2] for pose in stable) > 0.8 * high
+    poses = stable if steady else list(request.poses)
+    tallest = max(pose.size[2] for pose in poses)
+    fitting = [pose for pose in poses if pose.size[2] >= 0.97 * tallest]
+    return max(fitting, key=lambda pose: (pose.probability > 0, round(trace(pose), 6), pose.probability))
+
+
+def turned_over(request: RotationRequest, default: PoseView) -> PoseView:
+    """Half a turn about a horizontal axis, the front kept where it was as far as possible."""
+    over = [pose for pose in kin(request, default) if own_up(pose, default)[2] < -0.99]
+    kept = np.array(default.front)
+    return max(
+        over or [by_id(request, "flip_y")], key=lambda p: (round(float(np.dot(p.front, kept)), 3), p.probability)
+    )
+
+
+def by_front(request: RotationRequest, default: PoseView, wanted: str) -> PoseView:
+    """The front up (on its back) or down."""
+    sign = 1.0 if wanted == "on_back" else -1.0
+    return closest(kin(request, default), lambda pose: 90.0 - tilt_deg(sign * pose.front[2]))
+
+
+def on_hand(request: RotationRequest, default: PoseView, wanted: str) -> PoseView:
+    """On its own left or right side, as its front has them."""
+    left = np.array(default.rotation).T @ np.cross((0.0, 0.0, 1.0), default.front)
+    sign = HANDS[wanted]
+    return closest(kin(request, default), lambda pose: 90.0 + tilt_deg(sign * (np.array(pose.rotation) @ left)[2]))
+
+
+def on_side(request: RotationRequest, default: PoseView, wanted: str) -> PoseView:
+    """The own vertical made level; on its side, the front too."""
+    with_front = wanted == "on_side" and request.has_front
+
+    def miss(pose: PoseView) -> float:
+        level = abs(tilt_deg(own_up(pose, default)[2]))
+        return max(level, abs(tilt_deg(pose.front[2]))) if with_front else level
+
+    return closest(kin(request, default), miss)

@@ -1,0 +1,154 @@
+"""Names things by shape, size and height: each label of `lexicon/shapes.csv` says what is usual for it.
+
+In: a `LabelRequest`. Out: the label that fits best, and how sure that is. A row gives, for some measures, four
+numbers: limits and, between them, the usual range. They are household dimensions as commonly known (`estimate`), not
+measured from data. One rule scores all labels: a measure is as likely as a density that is even over the usual range
+and falls off as a normal distribution beyond it, its limits two standard deviations away; what a row leaves open, and
+the label `thing`, are even over everything. Measures of one thing depend on each other, so their evidence is counted
+in part. The confidence is the probability of the best label among all of them; below DOUBT a thing stays a thing.
+"""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cache
+
+from dcap.language.offline.lexicon import rows
+from dcap.language.protocol.replies import OTHER, LabelReply
+from dcap.language.protocol.requests import LabelRequest
+from dcap.scene.errors import InputError
+
+SHAPES = "lexicon/shapes.csv"
+EVIDENCE = 0.5
+"""Share of the evidence of one measure that is counted [-]: size, level and outline are not independent."""
+DOUBT = 0.35
+"""Least probability of a label that is given [-]; a doubtful one mostly competes with a kind of the same thing."""
+FARTHEST = 6.0
+"""No measure speaks against a label by more than this many standard deviations: scans have holes [-]."""
+HELD, NOT_HELD = 0.9, 0.03
+"""Probability that a thing is held by what is usual for it, and by one other kind of thing [-]."""
+NOTHING_KNOWN = 0.2
+"""How common things are that no row describes, in the unit of the column `common` [-]."""
+BLUR = 0.05
+"""Least standard deviation [-]: of a logarithm for lengths, of a share otherwise."""
+
+EVEN = {
+    "length": 6.0, "width": 6.0, "height": 6.0, "bottom": 3.0, "level": 3.0, "rise": 3.0, "levels": 6.0, "closed": 1.0,
+    "covered": 1.0, "waist": 1.0, "rough": 0.67, "gap": 3.0, "light": 1.0, "varied": 80.0,
+    "green": 0.4, "share": 1.0, "balance": 1.0,
+}  # fmt: skip
+"""Range over which a measure is spread if nothing is known [its unit; natural logarithm for the three sizes]."""
+LOGARITHMIC = frozenset({"length", "width", "height"})
+"""Measures of which a ratio counts, not a difference."""
+LEAST_BLUR = {"levels": 0.5, "varied": 3.0, "bottom": 0.02, "gap": 0.02, "rise": 0.02, "rough": 0.02, "green": 0.01}
+"""Least standard deviation of the measures that are no shares [their unit]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Usual:
+    """Usual range of one measure, with limits."""
+
+    low: float
+    high: float
+    below: float
+    """Standard deviation below the range."""
+    above: float
+
+    @classmethod
+    def of(cls, name: str, numbers: list[float]) -> "Usual":
+        """From limit, low, high, limit."""
+        least, low, high, most = (math.log(n) for n in numbers) if name in LOGARITHMIC else numbers
+        blur = LEAST_BLUR.get(name, BLUR)
+        return cls(low, high, max(0.5 * (low - least), blur), max(0.5 * (most - high), blur))
+
+    def log_density(self, value: float) -> float:
+        """Logarithm of the density at a value."""
+        away = max((self.low - value) / self.below, (value - self.high) / self.above, 0.0)
+        whole = self.high - self.low + math.sqrt(0.5 * math.pi) * (self.below + self.above)
+        return -0.5 * min(away, FARTHEST) ** 2 - math.log(whole)
+
+
+@dataclass(frozen=True, slots=True)
+class Shape:
+    """What is usual for one label."""
+
+    label: str
+    """Several rows may have the same one."""
+    held_by: tuple[str, ...]
+    """floor, wall, ceiling, nothing, or labels."""
+    common: float
+    """How often such things are in a home, compared with others."""
+    traits: Mapping[str, Usual]
+
+    def log_probability(self, held_by: str, measures: Mapping[str, float]) -> float:
+        """Logarithm of how well measures fit, up to a constant that is the same for all labels."""
+        held = HELD / len(self.held_by) ** EVIDENCE if held_by in self.held_by else NOT_HELD
+        fit = sum(
+            usual.log_density(measures[name]) + math.log(EVEN[name])
+            for name, usual in self.traits.items()
+            if name in measures
+        )
+        return math.log(self.common) + math.log(held) + EVIDENCE * fit
+
+
+@cache
+def shapes() -> tuple[Shape, ...]:
+    """All rows."""
+    return tuple(shape_row(row) for row in rows(SHAPES))
+
+
+def shape_row(row: Mapping[str, str]) -> Shape:
+    """One row of shapes.csv, checked."""
+    traits = {}
+    for entry in row["traits"].split("|"):
+        name, _, text = entry.partition("=")
+        numbers = [float(number) for number in text.split()]
+        if name not in EVEN or len(numbers) != 4 or numbers != sorted(numbers):
+            raise InputError(f"{SHAPES}: {row['label']}: {entry!r} is not a measure with four rising numbers")
+        traits[name] = Usual.of(name, numbers)
+    return Shape(row["label"], tuple(row["held_by"].split("|")), float(row["common"]), traits)
+
+
+def labels() -> tuple[str, ...]:
+    """What a thing may be called."""
+    return tuple(dict.fromkeys(shape.label for shape in shapes()))
+
+
+def measures_of(request: LabelRequest) -> dict[str, float]:
+    """The request's numbers under the names of the table; what could not be measured is left out."""
+    length, width, height = (max(size, 1e-3) for size in request.size)
+    red, green, blue = request.color
+    found = {
+        "length": math.log(length), "width": math.log(width), "height": math.log(height), "bottom": request.bottom,
+        "level": request.level_height, "rise": request.rise, "levels": float(request.levels),
+        "closed": request.closed, "covered": request.covered, "waist": request.waist, "rough": request.rough,
+        "gap": request.wall_gap, "light": 0.2126 * red + 0.7152 * green + 0.0722 * blue, "varied": request.varied,
+        "green": green - 0.5 * (red + blue), "share": min(request.level_area / (length * width), 1.0),
+        "balance": request.balance,
+    }  # fmt: skip
+    return {name: value for name, value in found.items() if value is not None}
+
+
+def probabilities(request: LabelRequest) -> dict[str, float]:
+    """Probability of every label that may be chosen, and of `other`; they add up to 1."""
+    measures = measures_of(request)
+    score = [
+        (one.label, one.log_probability(request.holder, measures)) for one in shapes() if one.label in request.labels
+    ]
+    score.append((OTHER, math.log(NOTHING_KNOWN * NOT_HELD)))
+    best = max(value for _, value in score)
+    total = sum(math.exp(value - best) for _, value in score)
+    result = dict.fromkeys((label for label, _ in score), 0.0)
+    for label, value in score:
+        result[label] += math.exp(value - best) / total
+    return result
+
+
+def label_of(request: LabelRequest) -> LabelReply:
+    """The most probable label, `other` where none is probable."""
+    ranked = sorted(probabilities(request).items(), key=lambda one: (-one[1], one[0]))
+    (first, sure), (second, less) = ranked[0], ranked[1] if len(ranked) > 1 else (OTHER, 0.0)
+    length, width, height = request.size
+    shape = f"{length:.2f} x {width:.2f} x {height:.2f} m, held by {request.holder}"
+    reason = f"{shape}: {first} {sure:.0%}, {second} {less:.0%}"
+    return LabelReply(label=first if sure >= DOUBT else OTHER, confidence=sure, reason=reason)

@@ -1,0 +1,232 @@
+"""What a client may answer: validated types that choose only among what the request lists.
+
+Shape and ranges are checked by pydantic; `check` compares with the request and raises ValueError with one sentence
+that can be shown to a model as it is. A reply that fails is no reply.
+"""
+
+import math
+from typing import Literal
+
+from pydantic import BaseModel, Field, PositiveFloat
+
+from dcap.language.protocol.requests import (
+    PART_SIDES,
+    AnchorRequest,
+    IntentRequest,
+    LabelRequest,
+    MaterialsRequest,
+    PartsRequest,
+    RotationRequest,
+)
+
+Pose = Literal[
+    "upright", "upside_down", "on_side", "on_left_side", "on_right_side", "lying", "standing", "on_back", "on_front",
+    "any",
+]  # fmt: skip
+Region = Literal[
+    "center", "left", "right", "front", "back", "head", "foot", "edge", "corner", "near", "next_to", "between",
+    "middle", "under", "any",
+]  # fmt: skip
+SPECIAL_FACINGS = ("wall", "door", "viewer", "room", "left", "right", "front", "back")
+Metres = PositiveFloat
+LONGEST_NAME = 80
+"""Characters of what a thing is called [-]."""
+ROUNDED = 0.05
+"""So far from 1 may the length of a quaternion be that a model wrote with few digits [-]."""
+MOST_STATES = 3
+"""Sizes of one thing beside the usual one."""
+OTHER = "other"
+"""The label of what none of the listed ones fits."""
+
+
+class IntentReply(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False):
+    """Base, size, mass, orientation and region."""
+
+    base_id: str = Field(description="id of the listed instance that shall carry the object; empty if it is not there")
+    missing: str = Field(default="", description="what the prompt asks for and the scene does not have; else empty")
+    object_name: str = Field(
+        min_length=1, max_length=LONGEST_NAME, description="category of the object, one to three words"
+    )
+    size: tuple[Metres, Metres, Metres] = Field(description="realistic extents of the object, largest first [m]")
+    alternative_sizes: tuple[tuple[Metres, Metres, Metres], ...] = Field(
+        default=(),
+        description="extents of the same object in its other states, each largest first [m]: spread out where size is "
+        "folded, laid out where it is rolled up, closed where it is open; empty if it has one state only",
+    )
+    spread: float = Field(default=1.4, ge=1.0, le=5.0, description="factor by which real ones are larger or smaller")
+    mass: float = Field(gt=0, le=5000, description="realistic mass of the object [kg]")
+    hollow: bool = Field(default=False, description="mass is not density times the volume of its closed mesh")
+    pose: Pose = Field(
+        default="any", description="orientation that the prompt asks for; upright: right way up, standing: on end"
+    )
+    facing: str = Field(
+        default="",
+        description="listed instance id, part:NAME, wall, door, viewer, room or a side; away: before it for the "
+        "opposite; empty if nothing is said",
+    )
+    turn_deg: float = Field(
+        default=0.0,
+        ge=-360,
+        le=360,
+        description="turn about the vertical that the prompt asks for, beyond the facing or the usual alignment, "
+        "counterclockwise seen from above [degrees]; diagonally: 45; 0 if nothing is said",
+    )
+    orientation_words: str = ""
+    part: str = Field(default="", description="name of a listed part of the base, empty if none is asked for")
+    which: str = Field(
+        default="",
+        description="which of several parts of that name: left, right, top, bottom, middle, or a number counted from "
+        "below",
+    )
+    regions: tuple[Region, ...] = ()
+    references: tuple[str, ...] = Field(
+        default=(),
+        description="listed instance ids, or part:NAME of the base; of several, part:NAME/left, right, front, back, "
+        "top or bottom",
+    )
+    region_words: str = ""
+    not_understood: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+
+    def check(self, request: IntentRequest) -> None:
+        """ValueError if it chooses what is not listed."""
+        by_id = {instance.id: instance for instance in request.instances}
+        if not self.base_id:
+            if not self.missing:
+                raise ValueError("base_id is empty but missing does not say what the scene lacks")
+            return
+        if self.base_id not in by_id:
+            raise ValueError(f"base_id {self.base_id!r} is not one of {', '.join(by_id)}")
+        for size in (self.size, *self.alternative_sizes):
+            if not 1e-3 <= max(size) <= 20:
+                raise ValueError(f"size {size} is not between 1 mm and 20 m")
+        if len(self.alternative_sizes) > MOST_STATES:
+            raise ValueError(f"alternative_sizes has {len(self.alternative_sizes)} entries > {MOST_STATES}")
+        parts = {part.name for part in by_id[self.base_id].parts}
+        if self.part and self.part not in parts:
+            raise ValueError(f"part {self.part!r} is not one of {', '.join(sorted(parts))}")
+        targets = {*by_id, *(f"part:{name}" for name in parts)}
+        for reference in self.references:
+            name, _, side = reference.partition("/") if reference.startswith("part:") else (reference, "", "")
+            if name not in targets or side not in ("", *PART_SIDES):
+                raise ValueError(f"reference {reference!r} is neither a listed instance nor a part of {self.base_id}")
+        facing = self.facing.removeprefix("away:")
+        if facing and facing not in targets and facing not in SPECIAL_FACINGS:
+            raise ValueError(f"facing {self.facing!r} is not listed")
+
+
+class RotationReply(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False):
+    """One rotation: a listed pose turned about the vertical, or any rotation as a quaternion."""
+
+    pose_id: str = Field(description="id of a listed pose")
+    facing_id: str = Field(default="aligned", description="id of a listed facing")
+    turn_deg: float = Field(
+        default=0.0,
+        ge=-360,
+        le=360,
+        description="further turn about the vertical, counterclockwise seen from above [degrees]",
+    )
+    quaternion: tuple[float, float, float, float] | None = Field(
+        default=None, description="w, x, y, z from the mesh frame to the world; replaces all of the above if given"
+    )
+    reason: str = ""
+
+    def check(self, request: RotationRequest) -> None:
+        """ValueError if it chooses what is not listed."""
+        poses = [pose.id for pose in request.poses]
+        if self.pose_id not in poses:
+            raise ValueError(f"pose_id {self.pose_id!r} is not one of {', '.join(poses)}")
+        facings = [facing.id for facing in request.facings]
+        if self.facing_id not in facings:
+            raise ValueError(f"facing_id {self.facing_id!r} is not one of {', '.join(facings)}")
+        if self.quaternion is not None and not abs(math.hypot(*self.quaternion) - 1.0) < ROUNDED:
+            raise ValueError(f"quaternion {self.quaternion} has length {math.hypot(*self.quaternion):.3f}, not 1")
+
+
+class AnchorReply(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False):
+    """A part and a region on it, or a point."""
+
+    part_index: int = Field(description="index of a listed part")
+    regions: tuple[Region, ...] = ()
+    references: tuple[str, ...] = ()
+    point: tuple[float, float] | None = Field(
+        default=None, description="aim on the part: right and front of its middle, -1..1; empty: the region decides"
+    )
+    reason: str = ""
+
+    def check(self, request: AnchorRequest) -> None:
+        """ValueError if it chooses what is not listed."""
+        indices = [part.index for part in request.parts]
+        if self.part_index not in indices:
+            raise ValueError(f"part_index {self.part_index} is not one of {indices}")
+        unlisted = [r for r in self.references if r not in request.asked_references]
+        if unlisted:
+            raise ValueError(f"reference {unlisted[0]!r} is not one of {', '.join(request.asked_references) or 'none'}")
+        if self.point is not None and max(abs(c) for c in self.point) > 1:
+            raise ValueError(f"point {self.point} is outside -1..1")
+
+
+class MaterialChoice(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False):
+    """A library row for one part."""
+
+    body: str
+    part_index: int
+    material: str = Field(description="id of a listed material")
+    reason: str = ""
+
+
+class MaterialsReply(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False):
+    """One choice per question."""
+
+    choices: tuple[MaterialChoice, ...]
+
+    def check(self, request: MaterialsRequest) -> None:
+        """ValueError if a question is not answered exactly once or a material is not listed."""
+        asked = [(q.body, q.part.index) for q in request.questions]
+        given = [(c.body, c.part_index) for c in self.choices]
+        if sorted(asked) != sorted(given):
+            raise ValueError(f"choices answer {sorted(given)}, asked were {sorted(asked)}")
+        known = {material.id for material in request.library}
+        for choice in self.choices:
+            if choice.material not in known:
+                raise ValueError(
+                    f"material {choice.material!r} of {choice.body}/{choice.part_index} is not in the library"
+                )
+
+
+class LabelReply(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False):
+    """What a thing is."""
+
+    label: str = Field(description="one of the listed labels, or other")
+    confidence: float = Field(ge=0.0, le=1.0, description="probability that the label is right")
+    reason: str = ""
+
+    def check(self, request: LabelRequest) -> None:
+        """ValueError if it chooses what is not listed."""
+        if self.label not in (*request.labels, OTHER):
+            raise ValueError(f"label {self.label!r} is not one of {', '.join(request.labels)}, {OTHER}")
+
+
+class PartName(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False):
+    """The name of one part."""
+
+    index: int = Field(description="index of a listed part")
+    name: str = Field(description="one of the listed names")
+    confidence: float = Field(ge=0.0, le=1.0, description="probability that the name is right")
+
+
+class PartsReply(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False):
+    """One name per part; parts of one name stay separate parts."""
+
+    names: tuple[PartName, ...]
+    reason: str = ""
+
+    def check(self, request: PartsRequest) -> None:
+        """ValueError if a part is not named exactly once or a name is not listed."""
+        asked = sorted(one.part.index for one in request.parts)
+        given = sorted(one.index for one in self.names)
+        if asked != given:
+            raise ValueError(f"names are given to parts {given}, asked were {asked}")
+        for one in self.names:
+            if one.name not in request.names:
+                raise ValueError(f"name {one.name!r} of part {one.index} is not one of {', '.join(request.names)}")

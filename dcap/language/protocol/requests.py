@@ -1,0 +1,278 @@
+"""What a client is asked: everything that any client may need to choose, in plain values and with pictures on demand.
+
+Geometry is computed by the stages; a request lists the choices by id, and a reply can only pick among them. All
+lengths in metres, world frame, z up. Text that came from files or prompts is data for the clients, never an
+instruction.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dcap.scene.types.materials import Material
+
+Vector = tuple[float, float, float]
+PART_SIDES = ("left", "right", "front", "back", "top", "bottom")
+"""Which of several parts of one name a reference `part:NAME/SIDE` means."""
+PictureMaker = Callable[[], NDArray[np.uint8]]
+"""Makes an RGB picture, shape (h, w, 3); called only by clients that look."""
+
+
+@dataclass(frozen=True, slots=True)
+class PartView:
+    """A part as a client sees it."""
+
+    index: int
+    name: str
+    center: Vector
+    """[m]."""
+    size: Vector
+    """Extents along its box axes [m]."""
+    support_area: float = 0.0
+    """Upward-facing area [m^2]."""
+    color: Vector = (0.5, 0.5, 0.5)
+    """Mean sRGB colour, 0..1."""
+
+
+@dataclass(frozen=True, slots=True)
+class InstanceView:
+    """An instance as a client sees it."""
+
+    id: str
+    label: str
+    center: Vector
+    size: Vector
+    """Extents along its box axes [m]."""
+    low: Vector
+    """Lowest corner of the axis-aligned bounds of its box [m]."""
+    high: Vector
+    """Highest corner [m]."""
+    front: Vector | None
+    """Unit vector out of its front."""
+    structure: bool
+    color: Vector
+    """Mean sRGB colour, 0..1."""
+    parts: tuple[PartView, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class ObjectView:
+    """The object to place."""
+
+    label: str
+    size: Vector
+    """Extents of the mesh as read, largest first [m]."""
+    parts: tuple[PartView, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class IntentRequest:
+    """Which instance, how big, how heavy, and what the prompt says about orientation and region."""
+
+    prompt: str
+    item: ObjectView
+    instances: tuple[InstanceView, ...]
+    room_center: Vector
+    """Middle of the scene [m]."""
+    pictures: tuple[PictureMaker, ...] = field(default=(), compare=False)
+
+
+@dataclass(frozen=True, slots=True)
+class PoseView:
+    """A way to rest: an orientation before any turn about the vertical."""
+
+    id: str
+    """upright (as in the file), flip_x, flip_y, flip_z, on_left_side ..., righted (as its shape says), stable_0 ..."""
+    rotation: tuple[Vector, Vector, Vector]
+    """Rows of the rotation from the mesh frame to the world."""
+    probability: float
+    """Share of directions from which it comes to rest like that; 0 where it is no stable pose."""
+    up: Vector
+    """Where the mesh's own z axis points in the world."""
+    front: Vector
+    """Where the mesh's own front points in the world."""
+    size: Vector
+    """Extents along world x, y, z in that pose [m]."""
+
+
+@dataclass(frozen=True, slots=True)
+class FacingView:
+    """Something that the front may look at, with the turn that achieves it."""
+
+    id: str
+    """`keep`, `aligned`, an instance id, `part:NAME`, `wall`, `viewer` ..."""
+    direction: Vector
+    """Horizontal unit vector from the target place towards it."""
+
+
+@dataclass(frozen=True, slots=True)
+class RotationRequest:
+    """Which rotation."""
+
+    prompt: str
+    """Refined: what is placed where, and what was said about orientation."""
+    object_name: str
+    pose: str
+    """What the prompt says: upright, upside_down ... or any."""
+    facing: str
+    """What the prompt says the front shall look at; empty: nothing."""
+    poses: tuple[PoseView, ...]
+    facings: tuple[FacingView, ...]
+    symmetry: int
+    """Order of the rotational symmetry about the mesh's z axis; 0: any angle, 1: none."""
+    has_front: bool
+    """Whether shape or category tell front from back."""
+    pictures: tuple[PictureMaker, ...] = field(default=(), compare=False)
+    """Exactly three: the flips about x, y, z."""
+    stands: bool = True
+    """Whether it would stand on a plane as it is in its file."""
+    righting: float = 0.0
+    """How much more the shape speaks for `righted` than for `upright`: from 0.5 clearly; 0 where it is not listed."""
+    turn_deg: float = 0.0
+    """Turn about the vertical that the prompt asks for, counterclockwise seen from above [degrees]."""
+
+
+@dataclass(frozen=True, slots=True)
+class BoxView:
+    """A box as seen by who looks at the base's front."""
+
+    id: str
+    """A part's index, an instance's id or `part:NAME`."""
+    label: str
+    center: Vector
+    """To the right, to the front and up from the middle of the base's box [m]."""
+    size: Vector
+    """Extents along right, front and up [m]."""
+
+
+@dataclass(frozen=True, slots=True)
+class AnchorRequest:
+    """Which part and where on it."""
+
+    prompt: str
+    """The whole sentence."""
+    region_words: str
+    """Those of its words that were read as the place."""
+    object_name: str
+    footprint: tuple[float, float]
+    """Horizontal extents of the object in its pre-drop orientation [m]."""
+    base_label: str
+    parts: tuple[PartView, ...]
+    asked_part: str
+    asked_which: str
+    asked_regions: tuple[str, ...]
+    asked_references: tuple[str, ...]
+    right: Vector
+    """Unit vector to the right of a viewer who looks at the base's front."""
+    front: Vector
+    """Unit vector from the base towards that viewer."""
+    part_boxes: tuple[BoxView, ...] = ()
+    """Of all parts, in the order of `parts`."""
+    references: tuple[BoxView, ...] = ()
+    """Of what `asked_references` name; several where a thing has several pieces."""
+    neighbours: tuple[BoxView, ...] = ()
+    """Of what stands or hangs on, over and beside the base."""
+    pictures: tuple[PictureMaker, ...] = field(default=(), compare=False)
+    """One: the base from above, the viewer's side at the bottom."""
+
+
+@dataclass(frozen=True, slots=True)
+class MaterialQuestion:
+    """One part whose material is asked."""
+
+    body: str
+    """`object` or an instance id."""
+    label: str
+    """What the whole is."""
+    part: PartView
+
+
+@dataclass(frozen=True, slots=True)
+class MaterialsRequest:
+    """Which row of the library for each part."""
+
+    prompt: str
+    questions: tuple[MaterialQuestion, ...]
+    library: tuple[Material, ...]
+    base_id: str = ""
+    """The instance that carries the object: what the prompt says of such a thing, it says of this one."""
+    pictures: tuple[PictureMaker, ...] = field(default=(), compare=False)
+
+
+@dataclass(frozen=True, slots=True)
+class LabelRequest:
+    """What is a thing found in a room without annotations."""
+
+    id: str
+    size: Vector
+    """Longer and shorter horizontal side and height of its smallest upright box [m]."""
+    bottom: float
+    """Height above the floor [m]."""
+    top: float
+    """Height above the floor [m]."""
+    level_height: float | None
+    """Height of its main upward surface above the floor [m]; None where nothing looks up."""
+    level_area: float
+    """[m^2]."""
+    rise: float
+    """How far it rises above that surface [m]."""
+    levels: int
+    """Upward surfaces that cover a good part of its plan: boards of a shelf."""
+    closed: float
+    """Share of its outline seen from the side that is filled, 0..1."""
+    covered: float
+    """Share of the rectangle around it, seen from above, that is filled, 0..1."""
+    waist: float
+    """Breadth where it is narrowest over where it is widest, 0..1."""
+    rough: float
+    """0: smooth, 0.1 and more: leaves, folds."""
+    held_by: str
+    """floor, wall, ceiling, nothing, or the id of the thing that carries it."""
+    holder: str
+    """The same, with the label of that thing instead of its id."""
+    wall_gap: float | None
+    """Distance to the nearest wall [m]; None without walls."""
+    carries: int
+    """How many things stand on it."""
+    color: Vector
+    """Mean sRGB colour, 0..1."""
+    varied: float
+    """Distance from its mean colour that a twentieth of its surface exceeds [CIELAB units]."""
+    balance: float
+    """Height of the middle of its surface within its box: 0 at the bottom, 1 at the top."""
+    labels: tuple[str, ...]
+    """What it may be called, besides `other`."""
+    pictures: tuple[PictureMaker, ...] = field(default=(), compare=False)
+    """The room with the thing in a loud colour, and the thing from near."""
+
+    @property
+    def thickness(self) -> float:
+        """Along the thinnest axis of its box [m]."""
+        return min(self.size)
+
+
+@dataclass(frozen=True, slots=True)
+class ProposedPart:
+    """A part as geometry found and named it."""
+
+    part: PartView
+    confidence: float
+    """0..1, how well the rule that named it fits."""
+    paint: Vector
+    """Its colour in the picture, sRGB 0..1."""
+
+
+@dataclass(frozen=True, slots=True)
+class PartsRequest:
+    """What the parts of one instance are called."""
+
+    id: str
+    label: str
+    """What the whole is."""
+    parts: tuple[ProposedPart, ...]
+    names: tuple[str, ...]
+    """What a part may be called; the proposed names are among them."""
+    pictures: tuple[PictureMaker, ...] = field(default=(), compare=False)
+    """The instance alone, each part in its paint and with its index."""

@@ -1,0 +1,177 @@
+"""labels.json and structure.json: what the readers say of them, and what only both together show.
+
+Boxes far from every room, below the floor or annotated twice are usual in InteriorGS, so these are warnings.
+"""
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dcap.scene.checks.findings import Findings
+from dcap.scene.checks.places import Lines, json_lines, repeated_keys
+from dcap.scene.errors import FormatError
+from dcap.scene.problems import Place, Problem, Report, error, short, warning
+from dcap.scene.readers.interiorgs import LABELS, STRUCTURE, LabelEntry, label_entries, structure_of
+from dcap.scene.readers.json_text import read_json
+from dcap.scene.types.scan import LabelBox, Room
+
+BURIED = 0.1
+"""A box whose top is this far below the floor [m] belongs to nothing that can be seen."""
+OUTSIDE = 1.0
+"""A box this far from every room [m] stands on no floor."""
+SAME = 1e-3
+"""Boxes that differ by less are the same [m]."""
+SMALLEST_ROOM = 0.01
+"""Area below which a profile is a line [m^2]."""
+
+
+def check_annotations(folder: Path, findings: Findings) -> tuple[LabelBox, ...]:
+    """Check both files of a folder; returns the labelled boxes that can be used."""
+    rooms: tuple[Room, ...] = ()
+    if (folder / STRUCTURE).is_file():
+        document, report = read_tree(folder / STRUCTURE, findings)
+        if document is not None:
+            rooms, _ = structure_of(document, report)
+            for problem in structure_problems(document, rooms):
+                report(problem)
+    else:
+        findings.report(folder / STRUCTURE)(warning("is missing: rooms, walls and openings are not known"))
+    if not (folder / LABELS).is_file():
+        findings.report(folder / LABELS)(warning("is missing: instances are found by shape alone"))
+        return ()
+    document, report = read_tree(folder / LABELS, findings)
+    if document is None:
+        return ()
+    entries = label_entries(document, report)
+    for problem in label_problems(entries, rooms):
+        report(problem)
+    return tuple(entry.box for entry in entries if entry.box is not None)
+
+
+def read_tree(path: Path, findings: Findings) -> tuple[object | None, Report]:
+    """The tree of a JSON file, None where it has none, and a report that knows its lines."""
+    try:
+        document, text = read_json(path), path.read_text("utf-8-sig")
+    except FormatError as broken:
+        line = getattr(broken.__context__, "lineno", 0)
+        findings.report(path)(error(str(broken).removeprefix(f"{path}: "), line=line))
+        return None, findings.report(path)
+    except OSError as broken:
+        findings.report(path)(error(f"cannot be read: {broken.strerror}"))
+        return None, findings.report(path)
+    lines: Lines = json_lines(text)
+    for place, line in repeated_keys(text):
+        findings.report(path)(warning(f"key {place[-1]!r} is given twice; only the last one counts", line=line))
+    if document is None:
+        findings.report(path)(error("the file holds null", line=1))
+    return document, findings.report(path, lines)
+
+
+def label_problems(entries: Sequence[LabelEntry], rooms: Sequence[Room]) -> Iterator[Problem]:
+    """What is odd about boxes that are sound by themselves."""
+    known = [(entry.place, entry.box) for entry in entries if entry.box is not None]
+    floor = min((box.box.top for _, box in known if box.label == "floor"), default=0.0)
+    seen: dict[bytes, LabelBox] = {}
+    for place, box in known:
+        at = (*place, "bounding_box")
+        corners = box.box.corners
+        if box.box.top < floor - BURIED:
+            yield warning(f"{_named(box)} ends {floor - box.box.top:.2f} m below the floor; remove it", at)
+        if rooms and (away := min(_distance(corners[:, :2], room) for room in rooms)) > OUTSIDE:
+            yield warning(f"{_named(box)} is {away:.2f} m away from every room; check its corners", at)
+        key = np.round(np.sort(corners, axis=0) / SAME).astype(np.int64).tobytes()
+        if key in seen:
+            yield warning(f"{_named(box)} has the same box as {_named(seen[key])}; keep one of them", at)
+        seen.setdefault(key, box)
+
+
+def _named(box: LabelBox) -> str:
+    return f"{box.label} ({box.id})"
+
+
+def _distance(footprint: NDArray[np.float64], room: Room) -> float:
+    """Between the rectangles around a footprint (n, 2) and a room [m]."""
+    apart = np.maximum(
+        room.profile.min(axis=0) - footprint.max(axis=0), footprint.min(axis=0) - room.profile.max(axis=0)
+    )
+    return float(np.linalg.norm(np.maximum(apart, 0.0)))
+
+
+def structure_problems(document: object, rooms: Sequence[Room]) -> Iterator[Problem]:
+    """What the reader of structure.json does not need: sound polygons, sizes of what stands in the rooms."""
+    if not isinstance(document, dict):
+        return
+    if not rooms:
+        yield warning("no room with a floor polygon: nothing says where the floor is", ("rooms",))
+    yield from _profile_problems(document.get("rooms"))
+    yield from _thing_problems(document.get("ins"))
+
+
+def _profile_problems(entries: object) -> Iterator[Problem]:
+    """Floor polygons without area or that cross themselves."""
+    for index, entry in enumerate(entries if isinstance(entries, list) else []):
+        try:
+            profile = np.array([_xy(point) for point in entry["profile"]], dtype=np.float64).reshape(-1, 2)
+        except (KeyError, TypeError, ValueError, IndexError, OverflowError):
+            continue  # the reader has said so
+        if len(profile) < 3 or not np.isfinite(profile).all():
+            continue
+        place: Place = ("rooms", index, "profile")
+        if (crossing := crossing_edges(profile)) is not None:
+            edges = f"edges {crossing[0]} and {crossing[1]}"
+            yield warning(f"profile of room {index} crosses itself ({edges}); give its corners in order", place)
+        elif area(profile) < SMALLEST_ROOM:
+            yield warning(f"profile of room {index} has an area of {area(profile):.2g} m2; give its corners", place)
+
+
+def _xy(point: object) -> list[float]:
+    values = [point[k] for k in "xy"] if isinstance(point, dict) else list(point)[:2]  # type: ignore[call-overload]
+    return [float(value) for value in values]
+
+
+def area(polygon: NDArray[np.float64]) -> float:
+    """Area of a polygon (n, 2) by the shoelace formula [m^2]."""
+    x, y = (polygon - polygon[0]).T
+    return float(abs(x @ np.roll(y, -1) - y @ np.roll(x, -1)) / 2)
+
+
+def crossing_edges(polygon: NDArray[np.float64]) -> tuple[int, int] | None:
+    """The first two edges of a polygon (n, 2) that cross each other in their insides."""
+    ends = np.roll(polygon, -1, axis=0)
+
+    def side(a: NDArray[np.float64], b: NDArray[np.float64], c: NDArray[np.float64]) -> NDArray[np.float64]:
+        u, v = b - a, c - a
+        return np.asarray(u[..., 0] * v[..., 1] - u[..., 1] * v[..., 0])
+
+    for i in range(len(polygon) - 2):
+        j = np.arange(i + 2, len(polygon) - (i == 0))  # the last edge is a neighbour of the first
+        a, b, c, d = polygon[i], ends[i], polygon[j], ends[j]
+        apart = (side(a, b, c) * side(a, b, d) < 0) & (side(c, d, a) * side(c, d, b) < 0)
+        if apart.any():
+            return i, int(j[np.argmax(apart)])
+    return None
+
+
+def _thing_problems(things: object) -> Iterator[Problem]:
+    """`ins`: labels, positions and sizes."""
+    if things is not None and not isinstance(things, list):
+        yield warning(f"'ins' is not a list of objects, but {short(things)}", ("ins",))
+    for index, thing in enumerate(things if isinstance(things, list) else []):
+        if not isinstance(thing, dict):
+            yield warning(f"entry {index} of 'ins' is {short(thing)}, expected an object", ("ins", index))
+            continue
+        for key in ("position", "size"):
+            value = thing.get(key)
+            if not _is_vector(value, least=0.0 if key == "size" else -np.inf):
+                what = f"{key} of entry {index} of 'ins' is {short(value)}, expected three finite numbers"
+                yield warning(what + (", none below 0" if key == "size" else ""), ("ins", index, key))
+
+
+def _is_vector(value: object, least: float) -> bool:
+    try:
+        vector = np.array(value, dtype=np.float64)
+    except (TypeError, ValueError, OverflowError):
+        return False
+    return vector.shape == (3,) and bool((np.isfinite(vector) & (vector >= least)).all())

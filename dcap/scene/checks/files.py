@@ -1,0 +1,106 @@
+"""Mesh files and Gaussian splats, by the rules of their readers."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TypeVar
+
+import numpy as np
+
+from dcap.scene.checks.findings import Findings
+from dcap.scene.checks.places import Lines, json_lines
+from dcap.scene.errors import InputError
+from dcap.scene.problems import Place, Problem, Report, Severity, error, note, warning
+from dcap.scene.readers.raw import RawMesh
+from dcap.scene.readers.source import BROKEN, READERS
+from dcap.scene.readers.splats import check_splats
+from dcap.scene.readers.sugar import is_splats
+
+MANY = 0.1
+"""A share of faces without area above this is no rounding but a damaged mesh [-]."""
+
+Found = TypeVar("Found")
+
+
+@dataclass(frozen=True, slots=True)
+class Shape:
+    """What a file holds; zeros where it could not be read."""
+
+    path: Path
+    faces: int = 0
+    splats: int = 0
+    vertices: int = 0
+    names: tuple[str, ...] = ()
+    """What its annotated instances are labelled as, else names of its nodes or groups."""
+
+
+def check_shape(path: Path, findings: Findings) -> Shape:
+    """Check one mesh file, with the materials and textures it names, or one file of splats."""
+    report = findings.report(path, _lines(path))
+    if is_splats(path):
+        return Shape(path, splats=_guarded(path, report, lambda: check_splats(path, report), 0))
+    return _guarded(path, report, lambda: _check_mesh(path, report), Shape(path))
+
+
+def _check_mesh(path: Path, report: Report) -> Shape:
+    told: list[Severity] = []
+
+    def also(problem: Problem) -> None:
+        told.append(problem.severity)
+        report(problem)
+
+    try:
+        raw = READERS[path.suffix.lower()](path, also)
+    except (InputError, *BROKEN):
+        if Severity.ERROR in told:  # what is left of a broken file may be no mesh: that says nothing new
+            return Shape(path)
+        raise
+    for one in raw.notes:
+        report(warning(one))
+    bad = raw.degenerate
+    if bad.any():
+        what = (
+            f"{int(bad.sum())} of {len(bad)} faces have no area (first: face {int(np.argmax(bad))}); they are dropped"
+        )
+        report(warning(what) if bad.mean() > MANY else note(what))
+    return Shape(path, faces=len(raw.faces), vertices=len(raw.vertices), names=_names(raw))
+
+
+def _names(raw: RawMesh) -> tuple[str, ...]:
+    """One per annotated instance, whose parts are nodes of their own, and one per node that nobody annotated."""
+    if not raw.node_labels:
+        return raw.node_names
+    named = zip(raw.node_names, raw.node_labels, strict=True)
+    found = {name if label is None else name.split("/")[0]: name if label is None else label for name, label in named}
+    return tuple(one for one in found.values() if one)
+
+
+def _guarded(path: Path, report: Report, check: Callable[[], Found], otherwise: Found) -> Found:
+    """What a check returns; a file that breaks off in the middle is one more error."""
+    try:
+        return check()
+    except InputError as broken:
+        report(error(str(broken).removeprefix(f"{path}: ")))
+    except OSError as broken:
+        report(error(f"cannot be read: {broken.strerror}"))
+    except BROKEN as broken:
+        report(error(f"the file contradicts its format ({type(broken).__name__}: {broken})"))
+    return otherwise
+
+
+def _lines(path: Path) -> Lines | None:
+    """Lines of the places in a glTF text; other formats state theirs."""
+    if path.suffix.lower() != ".gltf":
+        return None
+    known: list[Lines] = []
+
+    def line(place: Place) -> int:
+        if not place:
+            return 0
+        try:
+            known[:] = known or [json_lines(path.read_text("utf-8"))]
+        except (OSError, ValueError):  # JSON in another encoding
+            return 0
+        return known[0](place)
+
+    return line

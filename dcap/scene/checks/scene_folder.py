@@ -1,0 +1,87 @@
+"""One scene: a folder with everything in it, or a mesh or splats by itself."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from dcap.scene.checks.annotations import check_annotations
+from dcap.scene.checks.files import Shape, check_shape
+from dcap.scene.checks.findings import Findings
+from dcap.scene.checks.layout import MARKS, mesh_files
+from dcap.scene.checks.occupancy import check_occupancy
+from dcap.scene.checks.scannet import check_scannet
+from dcap.scene.errors import InputError
+from dcap.scene.problems import error
+from dcap.scene.readers.interiorgs import is_interiorgs
+from dcap.scene.readers.scannet import scannet_files
+from dcap.scene.readers.sugar import check_suffix, describe, find_mesh
+
+
+@dataclass(frozen=True, slots=True)
+class SceneFacts:
+    """What a scene holds, as far as its files say so."""
+
+    path: Path
+    labels: tuple[str, ...]
+    """Labels of its instances: of annotated boxes, else names of nodes, else of the file."""
+    faces: int
+    """Faces of the mesh that is used; 0 if it is a scene of splats."""
+    splats: int
+
+
+def check_scene(path: Path, findings: Findings) -> SceneFacts:
+    """Check a scene folder or file."""
+    if not path.is_dir():
+        return check_file(path, findings)
+    try:
+        scannet = None if is_interiorgs(path) else scannet_files(path)
+        if scannet is not None:
+            shape, labels = check_scannet(scannet, findings)
+            return SceneFacts(path, labels, shape.faces, shape.splats)
+        annotated = is_interiorgs(path) or any((path / name).is_file() for name in MARKS)
+        labels = ()
+        if annotated:
+            labels = tuple(box.label for box in check_annotations(path, findings))
+            check_occupancy(path, findings)
+        used, shapes = _shapes(path, findings)
+    except OSError as broken:
+        findings.report(path)(error(f"cannot be read: {broken.strerror}"))
+        return SceneFacts(path, (), 0, 0)
+    faces = next((shape.faces for shape in shapes if shape.path == used), 0)
+    splats = max((shape.splats for shape in shapes), default=0)
+    if not annotated and used is not None:
+        own = describe(used, path.name if used.parent == path else "")
+        labels = next((_labels(shape, own) for shape in shapes if shape.path == used), ())
+    return SceneFacts(path, labels, faces, splats)
+
+
+def check_file(path: Path, findings: Findings) -> SceneFacts:
+    """Check a mesh or splats by themselves."""
+    try:
+        if not path.is_file():
+            raise InputError(f"{path}: neither a file nor a folder")
+        check_suffix(path)
+    except InputError as refused:
+        findings.report(path)(error(str(refused).removeprefix(f"{path}: ")))
+        return SceneFacts(path, (), 0, 0)
+    shape = check_shape(path, findings)
+    return SceneFacts(path, _labels(shape, describe(path)), shape.faces, shape.splats)
+
+
+def _labels(shape: Shape, own: str) -> tuple[str, ...]:
+    """Names of what a file holds, its own where it names nothing; none where it could not be read."""
+    return shape.names or ((own,) if shape.faces or shape.splats else ())
+
+
+def _shapes(folder: Path, findings: Findings) -> tuple[Path | None, list[Shape]]:
+    """The mesh or splats that are used, and what every such file of the folder holds."""
+    files = mesh_files(folder)
+    used: Path | None = None
+    try:
+        used, _ = find_mesh(folder)
+    except InputError as missing:
+        what = str(missing).removeprefix(f"{folder}: ")
+        hint = "" if files else "; put 3dgs_compressed.ply or a mesh there"
+        findings.report(folder)(error(what + hint))
+    if used is not None and used not in files:
+        files.append(used)
+    return used, [check_shape(path, findings) for path in files]

@@ -1,0 +1,134 @@
+"""Units and axes: from the file's own coordinates to metres, right-handed, z up.
+
+Order of trust: the user's option, then the format's standard, then an estimate from the content; always reported.
+An estimate never assumes millimetres or inches: those differ from a mesh a thousand times too large by nothing but the
+user's word, so a mesh of such a size is refused with the option that settles it. Centimetres are assumed only where
+millimetres would make less than 4 cm of it: what is that long or longer is never taken ten times too large.
+"""
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dcap.scene.errors import InputError
+from dcap.scene.readers.raw import RawMesh
+from dcap.scene.readers.up_axis import contradicts_standard, estimated_up, up_of_scene
+from dcap.scene.types.sample import SourceOptions
+from dcap.scene.types.units import METRES
+
+WORLD_FROM_FILE = {
+    "z": [[1, 0, 0], [0, 1, 0], [0, 0, 1]],
+    "y": [[1, 0, 0], [0, 0, -1], [0, 1, 0]],  # (x, y, z) -> (x, -z, y)
+    "-y": [[1, 0, 0], [0, 0, 1], [0, -1, 0]],
+    "-z": [[1, 0, 0], [0, -1, 0], [0, 0, -1]],
+}
+"""Rotation that brings each axis of a file up: a turn about its x."""
+
+
+class Role(StrEnum):
+    """What a mesh is used as: it decides which sizes are plausible and which option is named."""
+
+    SCENE = "scene"
+    OBJECT = "object"
+
+
+@dataclass(frozen=True)
+class Limits:
+    """Sizes (largest extent) that make sense for a role."""
+
+    smallest: float
+    """Below it the mesh is refused [m]."""
+    largest: float
+    """Above it the mesh is refused [m]."""
+    metres_up_to: float
+    """A mesh without a stated unit is taken as metres up to this many units [-]."""
+    centimetres_up_to: float
+    """... and as centimetres up to this many [-]; beyond, the user must say. Equal to the above: never."""
+
+
+LIMITS = {
+    Role.SCENE: Limits(smallest=0.005, largest=200.0, metres_up_to=40.0, centimetres_up_to=40.0),
+    Role.OBJECT: Limits(smallest=0.001, largest=20.0, metres_up_to=3.0, centimetres_up_to=40.0),
+}
+"""A scene is anything from a mug to a hall; an object is something that a person puts down.
+Of 40 to 600 units a scene is as well a room in centimetres as a stool in millimetres: only the user knows."""
+
+
+@dataclass(frozen=True)
+class Frame:
+    """How a file's coordinates map to ours."""
+
+    world_from_file: NDArray[np.float64]
+    """Shape (4, 4)."""
+    up: str
+    unit_metres: float
+    unit_source: str
+    notes: tuple[str, ...]
+
+
+def find_frame(raw: RawMesh, options: SourceOptions, role: Role) -> Frame:
+    """Decide unit and up axis, and refuse a mesh of absurd size."""
+    notes: list[str] = []
+    unit, source = _unit(raw, options, role, notes)
+    up = _up(raw, options, role, unit, notes)
+    world_from_file = np.eye(4)
+    world_from_file[:3, :3] = unit * np.array(WORLD_FROM_FILE[up])
+    return Frame(world_from_file, up, unit, source, tuple(notes))
+
+
+def option_name(role: Role, name: str) -> str:
+    """The option that settles a unit or an axis."""
+    return f"--object-{name}" if role is Role.OBJECT else f"--{name}"
+
+
+def _unit(raw: RawMesh, options: SourceOptions, role: Role, notes: list[str]) -> tuple[float, str]:
+    """Length of the file's unit [m] and who said so."""
+    extent = float(np.ptp(raw.vertices, axis=0).max())
+    limits = LIMITS[role]
+    if options.unit != "auto":
+        if options.unit not in METRES:
+            raise InputError(f"{option_name(role, 'unit')} {options.unit!r} is not one of auto, {', '.join(METRES)}")
+        unit, source = METRES[options.unit], "option"
+    elif raw.unit_metres:
+        unit, source = raw.unit_metres, "format"
+    elif extent <= limits.metres_up_to:
+        unit, source = METRES["m"], "estimate"
+    elif extent <= limits.centimetres_up_to:
+        unit, source = METRES["cm"], "estimate"
+        notes.append(
+            f"{extent:.3g} units long and without a stated unit: taken as centimetres ({option_name(role, 'unit')})"
+        )
+    else:
+        raise InputError(f"{raw.path}: {_size_line(extent, role)}")
+    size = extent * unit
+    if not limits.smallest <= size <= limits.largest:
+        raise InputError(
+            f"{raw.path}: {size:.4g} m long as a {role} (unit {unit:g} m, by {source}), "
+            f"expected {limits.smallest:g} to {limits.largest:g} m; set {option_name(role, 'unit')} to m, cm, mm or in"
+        )
+    return unit, source
+
+
+def _size_line(extent: float, role: Role) -> str:
+    sizes = ", ".join(f"{name}: {extent * METRES[name]:.3g} m" for name in ("m", "cm", "mm"))
+    return f"{extent:.4g} units long and the file states no unit ({sizes}); set {option_name(role, 'unit')}"
+
+
+def _up(raw: RawMesh, options: SourceOptions, role: Role, unit: float, notes: list[str]) -> str:
+    """The axis of the file that points up: y, z, -y or -z."""
+    option = option_name(role, "up")
+    if options.up != "auto":
+        if options.up not in WORLD_FROM_FILE:
+            raise InputError(f"{option} {options.up!r} is not one of auto, {', '.join(WORLD_FROM_FILE)}")
+        return options.up
+    if raw.up:
+        other = "z" if raw.up == "y" else "y"
+        if contradicts_standard(raw):
+            notes.append(f"{other} taken as up against the format's {raw.up}: it stands on it ({option})")
+            return other
+        return raw.up
+    up, why = (role is Role.SCENE and up_of_scene(raw, unit)) or estimated_up(raw)
+    notes.append(f"{up} taken as up, estimated from {why} ({option})")
+    return up

@@ -1,0 +1,351 @@
+"""glTF 2.0 meshes (.glb, .gltf): the node tree, triangles, base colours and textures.
+
+Guaranteed: compressed files are refused by name, and every accessor is checked against its buffer, before any of it is
+decoded. Source: Khronos, "glTF 2.0 Specification", sections 3.5 (nodes), 3.6 (accessors), 3.7 (geometry), 4 (GLB).
+"""
+
+import base64
+from pathlib import Path
+from urllib.parse import unquote
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dcap.scene.errors import FormatError, InputError
+from dcap.scene.problems import Report, error, refusing
+from dcap.scene.readers.accessor import INCONSISTENT, Accessors
+from dcap.scene.readers.companions import absence, beside
+from dcap.scene.readers.gltf_document import Entry, Json, binary_chunk, entries, read_document, require
+from dcap.scene.readers.image import read_image
+from dcap.scene.readers.raw import Paint, RawMesh, check_face_count, check_vertex_count, read_bytes
+from dcap.scene.readers.srgb import srgb_from_linear
+
+COMPRESSED = {
+    "KHR_draco_mesh_compression": "`gltf-transform copy in.glb out.glb`",
+    "EXT_meshopt_compression": "`gltf-transform copy in.glb out.glb`, or pack again with gltfpack without -c",
+    "KHR_meshopt_compression": "`gltf-transform copy in.glb out.glb`, or pack again with gltfpack without -c",
+}
+"""Extensions that hide the geometry, and how to decode each."""
+
+UNDERSTOOD = {
+    "KHR_mesh_quantization", "KHR_texture_transform", "KHR_materials_unlit", "EXT_texture_webp",
+    "KHR_materials_specular", "KHR_materials_ior", "KHR_materials_clearcoat", "KHR_materials_transmission",
+    "KHR_materials_volume", "KHR_lights_punctual", "KHR_materials_sheen", "KHR_materials_emissive_strength",
+    "KHR_materials_variants", "KHR_materials_pbrSpecularGlossiness", "KHR_materials_iridescence",
+    "KHR_materials_anisotropy", "KHR_xmp_json_ld",
+}  # fmt: skip
+"""Required extensions that do not change shape, or that we read."""
+
+DEEPEST_NODE = 256
+"""Levels of the node tree: far above any scene that people make, far below Python's limit of recursion."""
+
+LONGEST_NAME = 200
+"""Letters of a name that are kept: trails join up to `DEEPEST_NODE` of them."""
+
+
+def read_gltf(path: Path, report: Report | None = None) -> RawMesh:
+    """Read the default scene of a glTF file; with a `report`, accessors and faces that are broken are told."""
+    report = report or refusing(path)
+    data = read_bytes(path)
+    document, end = read_document(path, data)
+    _refuse_extensions(path, document)
+    accessors = Accessors(path, document, _buffers(path, document, binary_chunk(path, data, end)), report)
+    return _Builder(path, document, accessors, report).build()
+
+
+def _refuse_extensions(path: Path, document: Json) -> None:
+    """Refuse compression, named with its remedy, and required extensions that we do not know."""
+    used = {str(e) for key in ("extensionsUsed", "extensionsRequired") for e in require(path, document, key, list, [])}
+    used |= _at_work(path, document)
+    for name, remedy in COMPRESSED.items():
+        if name in used:
+            raise FormatError(f"{path}: compressed with {name}, which is not read; decode it first: {remedy}")
+    unknown = sorted(str(e) for e in require(path, document, "extensionsRequired", list, []) if e not in UNDERSTOOD)
+    if unknown:
+        raise FormatError(f"{path}: requires the extension {', '.join(unknown)}, which is not read")
+
+
+def _at_work(path: Path, document: Json) -> set[str]:
+    """Extensions of primitives and buffer views, which some writers forget to declare."""
+    primitives = [p for mesh in entries(path, document, "meshes") for p in mesh.get("primitives") or ()]
+    found = [one.get("extensions") for one in (*primitives, *entries(path, document, "bufferViews"))]
+    return {str(name) for one in found if isinstance(one, dict) for name in one}
+
+
+def _buffers(path: Path, document: Json, binary: bytes | None) -> list[bytes]:
+    """All buffers, each at least as long as it says."""
+    buffers = []
+    for index, entry in enumerate(entries(path, document, "buffers")):
+        uri = require(path, entry, "uri", str, "")
+        data = _uri_bytes(path, uri) if uri else binary
+        length = require(path, entry, "byteLength", int, 0)
+        if data is None or len(data) < length:
+            found = 0 if data is None else len(data)
+            raise FormatError(
+                f"{path}: buffer {index} promises {length} bytes, {found} are there: the file is truncated"
+            )
+        buffers.append(data)
+    return buffers
+
+
+def _uri_bytes(path: Path, uri: str) -> bytes:
+    """Bytes of a data URI, or of a file beside the document."""
+    if uri.startswith("data:"):
+        try:
+            return base64.b64decode(uri.partition(",")[2], validate=True)
+        except ValueError as error:
+            raise FormatError(f"{path}: a data URI is broken: {error}") from None
+    found = beside(path.parent, unquote(uri))
+    if found is None:
+        raise FormatError(f"{path}: the file {unquote(uri)!r} that it names {absence(unquote(uri))}")
+    return read_bytes(path.parent / found)
+
+
+class _Builder:
+    """Collects the primitives of the node tree into one mesh."""
+
+    def __init__(self, path: Path, document: Json, accessors: Accessors, report: Report) -> None:
+        self.path, self.document, self.accessors, self.report = path, document, accessors, report
+        self.nodes, self.meshes, self.materials = (
+            entries(path, document, key) for key in ("nodes", "meshes", "materials")
+        )
+        self.visited: set[int] = set()
+        self.notes: list[str] = []
+        self.names: list[str] = []
+        self.labels: list[str | None] = []
+        self.taken: dict[tuple[str, ...], int] = {}
+        self.textures: list[NDArray[np.uint8]] = []
+        self.texture_slot: dict[int, int] = {}
+        self.vertices: list[NDArray[np.float64]] = []
+        self.colors: list[NDArray[np.uint8] | None] = []
+        self.faces: list[NDArray[np.int64]] = []
+        self.face_node: list[NDArray[np.int32]] = []
+        self.face_color: list[NDArray[np.uint8]] = []
+        self.face_texture: list[NDArray[np.int32]] = []
+        self.corner_uv: list[NDArray[np.float64]] = []
+        self.vertex_count = 0
+        self.face_count = 0
+
+    def build(self) -> RawMesh:
+        """Walk the default scene and join what it holds."""
+        for root in self._roots():
+            self._visit(root, np.eye(4), (), None, 0)
+        if not self.faces:
+            raise InputError(f"{self.path}: no triangles in its scene: nothing to place on or to place")
+        painted = any((c != 200).any() for c in self.face_color) or self.textures
+        colored = any(c is not None for c in self.colors)
+        white = [
+            np.full((len(v), 3), 255, np.uint8) if c is None else c
+            for v, c in zip(self.vertices, self.colors, strict=True)
+        ]
+        return RawMesh(
+            path=self.path, vertices=np.concatenate(self.vertices), faces=np.concatenate(self.faces),
+            colors=np.concatenate(white) if colored else None, paint=self._paint() if painted or not colored else None,
+            face_node=np.concatenate(self.face_node), node_names=tuple(self.names), up="y", unit_metres=1.0,
+            notes=tuple(dict.fromkeys(self.notes)),
+            node_labels=tuple(self.labels) if any(label is not None for label in self.labels) else (),
+        )  # fmt: skip
+
+    def _paint(self) -> Paint:
+        return Paint(
+            np.concatenate(self.face_color),
+            np.concatenate(self.face_texture),
+            np.concatenate(self.corner_uv),
+            tuple(self.textures),
+        )
+
+    def _roots(self) -> list[int]:
+        """Root nodes of the default scene; without scenes, all nodes that are nobody's child."""
+        scenes = entries(self.path, self.document, "scenes")
+        if scenes:
+            scene = require(self.path, self.document, "scene", int, 0)
+            if not 0 <= scene < len(scenes):
+                raise FormatError(f"{self.path}: glTF key 'scene' is {scene}, the file has {len(scenes)} scenes")
+            return [int(i) for i in scenes[scene].get("nodes", [])]
+        children = {child for node in self.nodes for child in node.get("children", [])}
+        return [i for i in range(len(self.nodes)) if i not in children]
+
+    def _visit(
+        self, index: int, world_from_parent: NDArray[np.float64], trail: tuple[str, ...], label: str | None, depth: int
+    ) -> None:
+        """Collect a node and what is below it; `label` is what its instance is annotated as, where trails begin."""
+        if index in self.visited:
+            raise FormatError(f"{self.path}: node {index} has two parents, or is its own ancestor")
+        if depth == DEEPEST_NODE:
+            raise FormatError(f"{self.path}: node {index} lies more than {DEEPEST_NODE} nodes deep; flatten the tree")
+        self.visited.add(index)
+        try:
+            world_from_node, trail, label = self._take(index, world_from_parent, trail, label)
+            children = [int(child) for child in self.nodes[index].get("children", [])]
+        except INCONSISTENT as broken:
+            raise FormatError(
+                f"{self.path}: node {index} is inconsistent ({type(broken).__name__}: {broken})"
+            ) from None
+        for child in children:
+            self._visit(child, world_from_node, trail, label, depth + 1)
+
+    def _take(
+        self, index: int, world_from_parent: NDArray[np.float64], trail: tuple[str, ...], label: str | None
+    ) -> tuple[NDArray[np.float64], tuple[str, ...], str | None]:
+        """Collect what one node draws; its own frame, trail and label."""
+        node = self.nodes[index]
+        world_from_node = world_from_parent @ _local_matrix(node)
+        mesh = self.meshes[int(node["mesh"])] if "mesh" in node else None
+        own = _annotated_label(node)
+        if own is not None:
+            trail, label = (), own
+        trail = self._unique((*trail, _name(node, mesh, index)))
+        if mesh is not None:
+            self.names.append("/".join(trail))
+            self.labels.append(label)
+            for primitive in mesh["primitives"]:
+                self._add(primitive, world_from_node, len(self.names) - 1)
+        return world_from_node, trail, label
+
+    def _unique(self, trail: tuple[str, ...]) -> tuple[str, ...]:
+        """The trail with a number behind its last name where a node before has the same: they are two things."""
+        free = trail
+        while free in self.taken:
+            self.taken[trail] += 1
+            free = (*trail[:-1], f"{trail[-1]}.{self.taken[trail]}")
+        self.taken[free] = 1
+        return free
+
+    def _add(self, primitive: Entry, world_from_node: NDArray[np.float64], node: int) -> None:
+        """Append one primitive; points and lines are left out."""
+        mode = int(primitive.get("mode", 4))
+        if mode not in (4, 5, 6):
+            self.notes.append("points and lines are ignored")
+            return
+        attributes: dict[str, int] = primitive["attributes"]
+        position = self.accessors.read(attributes["POSITION"]).astype(np.float64)
+        index = np.arange(len(position))
+        if "indices" in primitive:
+            index = self.accessors.read(int(primitive["indices"])).reshape(-1).astype(np.int64)
+        faces = _triangles(index, mode)
+        wrong = (faces < 0) | (faces >= len(position))
+        if wrong.any():
+            what = f"a face uses vertex {faces[wrong][0]}, its primitive has {len(position)} ({self.names[node]})"
+            self.report(error(what, ("accessors", int(primitive.get("indices", attributes["POSITION"])))))
+            faces = faces[~wrong.any(axis=1)]
+        self.face_count += len(faces)
+        check_face_count(self.path, self.face_count)
+        check_vertex_count(self.path, self.vertex_count + len(position))
+        if np.linalg.det(world_from_node[:3, :3]) < 0:
+            faces = faces[:, ::-1]
+        self.vertices.append(position @ world_from_node[:3, :3].T + world_from_node[:3, 3])
+        self.faces.append(faces + self.vertex_count)
+        self.vertex_count += len(position)
+        self.colors.append(self._vertex_colors(attributes, len(position)))
+        self.face_node.append(np.full(len(faces), node, dtype=np.int32))
+        self._add_paint(primitive, attributes, faces)
+
+    def _vertex_colors(self, attributes: dict[str, int], count: int) -> NDArray[np.uint8] | None:
+        """COLOR_0 as bytes. The standard says linear; the tools that write it mostly mean sRGB, and so do we."""
+        if "COLOR_0" not in attributes:
+            return None
+        values = self.accessors.read(attributes["COLOR_0"])[:, :3]
+        levels = values.astype(np.float64) * (1.0 if values.dtype == np.uint8 else 255.0)
+        return np.clip(np.rint(levels), 0, 255).astype(np.uint8) if levels.shape == (count, 3) else None
+
+    def _add_paint(self, primitive: Entry, attributes: dict[str, int], faces: NDArray[np.int64]) -> None:
+        """Base colour and texture of one primitive."""
+        color, slot, uv = (200, 200, 200), -1, np.zeros((len(faces), 3, 2))
+        if "material" in primitive:
+            material = self.materials[int(primitive["material"])]
+            color, texture = _base_color(material)
+            coordinates = attributes.get(f"TEXCOORD_{int(texture.get('texCoord', 0))}") if texture else None
+            if texture and coordinates is not None:
+                slot = self._texture(int(texture["index"]))
+                flat = _transformed_uv(self.accessors.read(coordinates).astype(np.float64), texture)
+                uv = np.stack([flat[:, 0], 1.0 - flat[:, 1]], axis=1)[faces]
+        elif "COLOR_0" in attributes:
+            color = (255, 255, 255)
+        self.face_color.append(np.tile(np.array(color, dtype=np.uint8), (len(faces), 1)))
+        self.face_texture.append(np.full(len(faces), slot, dtype=np.int32))
+        self.corner_uv.append(uv)
+
+    def _texture(self, index: int) -> int:
+        """Slot of a texture's decoded image; -1 where its image is missing."""
+        entry = entries(self.path, self.document, "textures")[index]
+        source = entry.get("extensions", {}).get("EXT_texture_webp", {}).get("source", entry.get("source"))
+        if source is None:
+            return -1
+        if int(source) not in self.texture_slot:
+            image = self._image(int(source))
+            self.texture_slot[int(source)] = -1 if image is None else len(self.textures)
+            self.textures += [] if image is None else [image]
+        return self.texture_slot[int(source)]
+
+    def _image(self, index: int) -> NDArray[np.uint8] | None:
+        entry = entries(self.path, self.document, "images")[index]
+        where = f"{self.path}: image {index}"
+        if "bufferView" in entry:
+            return read_image(self.accessors.view(int(entry["bufferView"])), where)
+        uri = require(self.path, entry, "uri", str, "")
+        if not uri.startswith("data:") and beside(self.path.parent, unquote(uri)) is None:
+            self.notes.append(f"texture {uri!r} {absence(unquote(uri))}: the material's colour is used")
+            return None
+        return read_image(_uri_bytes(self.path, uri), where)
+
+
+def _name(node: Entry, mesh: Entry | None, index: int) -> str:
+    """The node's name, else its mesh's; '/' is for trails."""
+    return str(node.get("name") or (mesh or {}).get("name") or f"node_{index}")[:LONGEST_NAME].replace("/", "_")
+
+
+def _annotated_label(node: Entry) -> str | None:
+    """What a node is annotated as: `label` of its extras, as `dcap.scene.writers.glb` writes it."""
+    extras = node.get("extras")
+    label = extras.get("label") if isinstance(extras, dict) else None
+    return " ".join(label.lower().split()) if isinstance(label, str) else None
+
+
+def _local_matrix(node: Entry) -> NDArray[np.float64]:
+    """parent_from_node of a node, from its matrix or its translation, rotation and scale."""
+    if "matrix" in node:
+        return np.array(node["matrix"], dtype=np.float64).reshape(4, 4).T
+    x, y, z, w = np.array(node.get("rotation", [0, 0, 0, 1]), dtype=np.float64)
+    rotation = np.array([
+        [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+        [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+        [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+    ])  # fmt: skip
+    matrix = np.eye(4)
+    matrix[:3, :3] = rotation * np.array(node.get("scale", [1, 1, 1]), dtype=np.float64)
+    matrix[:3, 3] = np.array(node.get("translation", [0, 0, 0]), dtype=np.float64)
+    return matrix
+
+
+def _triangles(index: NDArray[np.int64], mode: int) -> NDArray[np.int64]:
+    """Vertex triples of triangles (4), a strip (5) or a fan (6)."""
+    if mode == 4:
+        return index[: len(index) // 3 * 3].reshape(-1, 3)
+    if len(index) < 3:
+        return np.zeros((0, 3), dtype=np.int64)
+    if mode == 6:
+        return np.stack([np.full(len(index) - 2, index[0]), index[1:-1], index[2:]], axis=1)
+    strip = np.stack([index[:-2], index[1:-1], index[2:]], axis=1)
+    strip[1::2] = strip[1::2, [1, 0, 2]]
+    return strip
+
+
+def _base_color(material: Entry) -> tuple[tuple[int, int, int], Entry]:
+    """Base colour (sRGB) and texture reference of a material, also in its older specular-glossiness form."""
+    older: Entry = material.get("extensions", {}).get("KHR_materials_pbrSpecularGlossiness", {})
+    modern: Entry = material.get("pbrMetallicRoughness", {})
+    factor = modern.get("baseColorFactor", older.get("diffuseFactor", [1, 1, 1, 1]))
+    texture = modern.get("baseColorTexture") or older.get("diffuseTexture") or {}
+    red, green, blue = srgb_from_linear(np.array(factor, dtype=np.float64)[:3]).tolist()
+    return (red, green, blue), texture
+
+
+def _transformed_uv(uv: NDArray[np.float64], texture: Entry) -> NDArray[np.float64]:
+    """Texture coordinates after KHR_texture_transform."""
+    transform: Entry = texture.get("extensions", {}).get("KHR_texture_transform", {})
+    if not transform:
+        return uv
+    angle = float(transform.get("rotation", 0.0))
+    turn = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
+    scaled = uv * np.array(transform.get("scale", [1.0, 1.0]), dtype=np.float64)
+    return np.asarray(scaled @ turn.T) + np.array(transform.get("offset", [0.0, 0.0]), dtype=np.float64)

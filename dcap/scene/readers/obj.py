@@ -1,0 +1,238 @@
+"""Wavefront OBJ meshes: any polygons, negative indices, vertex colours, objects, groups, MTL colours and textures.
+
+Every index is checked; polygons are kept whole until `polygons.triangulate` cuts them, so quads are never lost.
+"""
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dcap.scene.errors import InputError
+from dcap.scene.problems import Report, error, refusing
+from dcap.scene.readers.companions import library_names
+from dcap.scene.readers.mtl import Material, read_mtl
+from dcap.scene.readers.polygons import triangulate
+from dcap.scene.readers.raw import Paint, RawMesh, check_face_count, check_vertex_count, read_bytes
+
+CORNER = re.compile(rb"-?\d{1,18}(?:/(?:-?\d{1,18})?){0,2}")
+"""One corner of a face: position, texture coordinate and normal."""
+
+
+@dataclass
+class Lines:
+    """The file's lines by kind, in file order, without their keyword."""
+
+    vertex: list[bytes] = field(default_factory=list)
+    texture: list[bytes] = field(default_factory=list)
+    face: list[bytes] = field(default_factory=list)
+    face_line: list[int] = field(default_factory=list)
+    """Line number of each face, for messages."""
+    seen: list[tuple[int, int]] = field(default_factory=list)
+    """Vertices and texture coordinates read before each face (negative indices count from there)."""
+    switches: dict[str, list[tuple[int, str]]] = field(default_factory=lambda: {"o": [], "g": [], "usemtl": []})
+    """(first face, name) of every object, group and material."""
+
+
+def read_obj(path: Path, report: Report | None = None) -> RawMesh:
+    """Read an OBJ file and the MTL and images beside it; with a `report`, broken lines are told and left out."""
+    report = report or refusing(path)
+    data = read_bytes(path)
+    lines = _sort_lines(data)
+    check_face_count(path, len(lines.face))
+    check_vertex_count(path, max(len(lines.vertex), len(lines.texture)))
+    numbers = _numbers(report, data, "v", lines.vertex, 3)
+    vertices = numbers[:, :3].copy()
+    if not len(vertices) or not lines.face:
+        raise InputError(f"{path}: no faces ({len(vertices)} vertices): nothing to place on or to place")
+    uv = _numbers(report, data, "vt", lines.texture, 1)
+    faces, face_uv, owner = _faces(path, report, lines, vertices, len(uv))
+    named = lines.switches["o"] or lines.switches["g"]
+    face_node, names = _spread(named, len(lines.face))
+    notes: list[str] = []
+    library: dict[str, Material] = {}
+    for name in library_names(data):
+        library |= read_mtl(path.parent, name, notes)
+    paint = _paint(lines, library, uv, face_uv, owner)
+    return RawMesh(
+        path=path, vertices=vertices, faces=faces, colors=_vertex_colors(numbers), paint=paint,
+        face_node=face_node[owner], node_names=names, up="", unit_metres=0.0, notes=tuple(notes),
+    )  # fmt: skip
+
+
+def _statements(data: bytes) -> Iterator[tuple[int, bytes, bytes]]:
+    """Line number, keyword and the rest of every line; a line that ends in a backslash goes on in the next."""
+    text = data.replace(b"\r\n", b"\n").replace(b"\r", b"\n").replace(b"\\\n", b" ")
+    for number, line in enumerate(text.split(b"\n"), start=1):
+        key, _, rest = line.strip().replace(b"\t", b" ").partition(b" ")
+        yield number, key, rest
+
+
+def _sort_lines(data: bytes) -> Lines:
+    """Split the text and sort its lines by keyword."""
+    lines = Lines()
+    for number, key, rest in _statements(data):
+        if key == b"v":
+            lines.vertex.append(rest)
+        elif key == b"vt":
+            lines.texture.append(rest)
+        elif key == b"f":
+            lines.face.append(rest)
+            lines.face_line.append(number)
+            lines.seen.append((len(lines.vertex), len(lines.texture)))
+        elif key in (b"o", b"g", b"usemtl"):
+            lines.switches[key.decode()].append((len(lines.face), rest.strip().decode("utf-8", "replace")))
+    return lines
+
+
+def _numbers(report: Report, data: bytes, keyword: str, rows: list[bytes], least: int) -> NDArray[np.float64]:
+    """Rows of numbers as one array; rows of unequal length are cut to the shortest, broken ones are zeros."""
+    if not rows:
+        return np.zeros((0, least))
+    counts = [len(row.split()) for row in rows]
+    width = min(counts)
+    try:
+        if least <= width == max(counts):
+            return np.array(b" ".join(rows).split(), dtype=np.float64).reshape(-1, width)
+        if least <= width:
+            return np.array([row.split()[:width] for row in rows], dtype=np.float64)
+    except ValueError:
+        pass
+    broken = [_broken(row, least) for row in rows]
+    at = [number for number, key, _ in _statements(data) if key == keyword.encode()]
+    for number, why in zip(at, broken, strict=True):
+        if why:
+            report(error(why.format(keyword), line=number))
+    width = min((count for count, why in zip(counts, broken, strict=True) if not why), default=least)
+    zeros = [b"0"] * width
+    return np.array(
+        [zeros if why else row.split()[:width] for row, why in zip(rows, broken, strict=True)], dtype=np.float64
+    )
+
+
+def _broken(row: bytes, least: int) -> str:
+    """What is wrong with a row of at least so many numbers, with a place for its keyword; empty if it is sound."""
+    words = row.split()
+    if len(words) < least:
+        return f"'{{}}' has {len(words)} values, expected {least}"
+    try:
+        np.array(words, dtype=np.float64)
+    except ValueError:
+        text = " ".join(word.decode("latin-1") for word in words).replace("{", "{{").replace("}", "}}")
+        return f"{text!r} in a '{{}}' line is not all numbers"
+    return ""
+
+
+def _vertex_colors(numbers: NDArray[np.float64]) -> NDArray[np.uint8] | None:
+    """Colours written after the position, 0..1 or 0..255."""
+    if numbers.shape[1] < 6:
+        return None
+    values = numbers[:, -3:]
+    return np.clip(np.rint(values * (255.0 if np.nanmax(values) <= 1.0 else 1.0)), 0, 255).astype(np.uint8)
+
+
+def _faces(
+    path: Path, report: Report, lines: Lines, vertices: NDArray[np.float64], uv_count: int
+) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
+    """Triangles (t, 3), their texture coordinate indices (t, 3; -1 for none) and their face line (t,)."""
+    corners = np.array([len(row.split()) for row in lines.face])
+    for bad in np.flatnonzero(corners < 3):
+        report(error(f"a face of {corners[bad]} corners", line=lines.face_line[bad]))
+    check_face_count(path, int(np.maximum(corners - 2, 0).sum()))
+    parts = [(np.zeros((0, 3), np.int64), np.zeros((0, 3), np.int64), np.zeros(0, np.int64))]
+    for count in np.unique(corners[corners >= 3]):
+        index, numbers = _indices(report, lines, np.flatnonzero(corners == count), int(count))
+        position, wrong = _resolved(lines, numbers, index[..., 0], len(vertices), 0)
+        for row in np.flatnonzero(wrong.any(axis=1)):
+            what = f"a face uses vertex {index[row, wrong[row], 0][0]}, the file has {len(vertices)}"
+            report(error(what, line=lines.face_line[numbers[row]]))
+        sound = ~wrong.any(axis=1)
+        texture, absent = _resolved(lines, numbers, index[..., 1], uv_count, 1)
+        texture = np.where(absent, -1, texture)[sound]
+        position, numbers = position[sound], numbers[sound]
+        triples, polygon = triangulate(vertices, position)
+        position, texture = (np.take_along_axis(of[polygon], triples, axis=1) for of in (position, texture))
+        parts.append((position, texture, numbers[polygon]))
+    owner = np.concatenate([part[2] for part in parts])
+    order = np.argsort(owner, kind="stable")
+    return np.concatenate([p[0] for p in parts])[order], np.concatenate([p[1] for p in parts])[order], owner[order]
+
+
+def _indices(
+    report: Report, lines: Lines, numbers: NDArray[np.int64], count: int
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Position and texture indices as written (0: absent), shape (faces, count, 2), and the faces that have them."""
+    rows = [lines.face[i] for i in numbers]
+    text = b" ".join(rows)
+    tokens = text.split()
+    slashes = tokens[0].count(b"/")
+    same = text.count(b"/") == slashes * len(tokens) and all(t.count(b"/") == slashes for t in tokens)
+    if same and b"/ " not in text + b" ":
+        try:
+            flat = np.array(text.replace(b"//", b"/0/").replace(b"/", b" ").split(), dtype=np.int64)
+            table = flat.reshape(len(rows), count, slashes + 1)
+            return table[..., :2] if slashes else np.concatenate([table, np.zeros_like(table)], axis=-1), numbers
+        except (ValueError, OverflowError):
+            pass
+    sound = np.array([_readable(row) for row in rows], dtype=bool)
+    for i in numbers[~sound]:
+        report(error(f"face {lines.face[i].decode('latin-1')!r} is not understood", line=lines.face_line[i]))
+    tokens = [token for row, good in zip(rows, sound, strict=True) if good for token in row.split()]
+    pairs = [[int(word or 0) for word in [*t.split(b"/"), b""][:2]] for t in tokens]
+    return np.array(pairs, dtype=np.int64).reshape(-1, count, 2), numbers[sound]
+
+
+def _readable(row: bytes) -> bool:
+    """Whether every corner of a face line is a whole number and at most two more after slashes."""
+    return all(CORNER.fullmatch(token) for token in row.split())
+
+
+def _resolved(
+    lines: Lines, numbers: NDArray[np.int64], index: NDArray[np.int64], count: int, kind: int
+) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+    """1-based and negative indices to 0-based ones, and which of them the file does not have."""
+    resolved = index - 1
+    if (index < 0).any():
+        seen = np.array([lines.seen[i][kind] for i in numbers])[:, None]
+        resolved = np.where(index < 0, seen + index, resolved)
+    return resolved, (resolved >= count) | (resolved < 0)
+
+
+def _spread(switches: list[tuple[int, str]], count: int) -> tuple[NDArray[np.int32], tuple[str, ...]]:
+    """Name index per face (-1 before the first switch) and the names in order of appearance."""
+    names = tuple(dict.fromkeys(name for start, name in switches if name))
+    index = np.full(count, -1, dtype=np.int32)
+    for start, name in switches:
+        index[start:] = names.index(name) if name else -1
+    return index, names
+
+
+def _paint(
+    lines: Lines,
+    library: dict[str, Material],
+    uv: NDArray[np.float64],
+    face_uv: NDArray[np.int64],
+    owner: NDArray[np.int64],
+) -> Paint | None:
+    """Material colours and textures of the faces; None where the file names no material that exists."""
+    material_index, names = _spread(lines.switches["usemtl"], len(lines.face))
+    if not names or not library:
+        return None
+    plain = Material()
+    materials = [library.get(name, plain) for name in names] + [plain]
+    textures = tuple(m.texture for m in materials if m.texture is not None)
+    numbers = np.cumsum([m.texture is not None for m in materials]) - 1
+    slot = np.array(
+        [n if m.texture is not None else -1 for n, m in zip(numbers, materials, strict=True)], dtype=np.int32
+    )
+    face_material = material_index[owner]
+    has_uv = (face_uv >= 0).all(axis=1) & (uv.shape[1] >= 2)
+    return Paint(
+        face_color=np.array([m.color for m in materials], dtype=np.uint8)[face_material],
+        face_texture=np.where(has_uv, slot[face_material], -1).astype(np.int32),
+        corner_uv=uv[face_uv, :2] if uv.shape[1] >= 2 and len(uv) else np.zeros((len(face_uv), 3, 2)),
+        textures=textures,
+    )

@@ -1,0 +1,170 @@
+"""InteriorGS' map of the floor: occupancy.json and occupancy.png.
+
+The columns of the picture run against x: x = upper[0] - column * scale, y = lower[1] + row * scale. Programs that read
+these maps differ in the mirror and in half a pixel, so both are checked against the rooms of structure.json: of the
+mappings the one with most free cells inside rooms is taken, the one above where they tie or where there are no rooms.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import isfinite
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dcap.scene.errors import InputError
+from dcap.scene.problems import Report, error, note, refusing, short, warning
+from dcap.scene.readers.image import read_gray
+from dcap.scene.readers.json_text import read_json
+from dcap.scene.readers.raw import read_bytes
+from dcap.scene.spelling import did_you_mean
+from dcap.scene.types.occupancy import FREE, OCCUPIED, UNKNOWN, Occupancy
+from dcap.scene.types.scan import Room
+
+MAX_CELLS = 8192 * 8192
+"""Largest map [pixels]; they are nominally 1024 x 1024."""
+LARGEST_SCALE = 10.0
+"""A cell larger than this shows no place to stand [m]."""
+NAMES = ("occupancy.json", "occupancy.png")
+CORNERS, USUAL = ("lower", "upper"), ("center", "min", "max")
+"""Points that a map needs besides its scale, and points that it has as a rule."""
+
+
+@dataclass(frozen=True, slots=True)
+class MapExtent:
+    """Where a map lies."""
+
+    scale: float
+    """Side of a cell [m]."""
+    lower: tuple[float, float]
+    """Least x and y [m]."""
+    upper: tuple[float, float]
+    """Greatest x and y [m]."""
+
+
+def read_occupancy(folder: Path, rooms: Sequence[Room]) -> tuple[Occupancy | None, tuple[str, ...]]:
+    """The map of a scene folder, None where it has none, and notes on what was assumed."""
+    missing = [name for name in NAMES if not (folder / name).is_file()]
+    if missing:
+        return None, (f"{' and '.join(missing)} missing: no map of free places",) if len(missing) < len(NAMES) else ()
+    document, picture = (folder / name for name in NAMES)
+    extent = map_extent(read_json(document), refusing(document))
+    cells = map_cells(picture, refusing(picture))
+    if extent is None or cells is None:
+        return None, ()  # not reached: what leaves them out is refused
+    candidates = _mappings(cells, extent)
+    profiles = [room.profile for room in rooms]
+    inside = {name: int((one.free & one.within(profiles)).sum()) if profiles else 0 for name, one in candidates.items()}
+    documented = next(iter(candidates))
+    best = max(inside, key=lambda name: inside[name])  # the first of equals
+    notes = []
+    if best != documented:
+        notes.append(
+            f"occupancy.png is read {best}: {inside[best]} free cells are inside rooms then, "
+            f"{inside[documented]} as documented ({documented})"
+        )
+    if profiles and not inside[best]:
+        notes.append("occupancy.png has no free cell inside a room of structure.json")
+    return candidates[best], tuple(notes)
+
+
+def _mappings(cells: NDArray[np.uint8], extent: MapExtent) -> dict[str, Occupancy]:
+    """Ways to read the picture by name, the documented one first."""
+    scale, lower, upper = extent.scale, extent.lower, extent.upper
+    return {
+        f"{mirror} with {place}": Occupancy(
+            cells,
+            np.array([x + sign * shift * scale, lower[1] + shift * scale]),
+            np.array([sign * scale, scale]),
+        )
+        for mirror, x, sign in (("mirrored", upper[0], -1.0), ("unmirrored", lower[0], 1.0))
+        for place, shift in (("cells around whole numbers", 0.0), ("cells from whole numbers on", 0.5))
+    }
+
+
+def map_extent(document: object, report: Report) -> MapExtent | None:
+    """What occupancy.json says; None where it does not tell where the map lies."""
+    if not isinstance(document, dict):
+        report(error(f"not an object, but {short(document)}"))
+        return None
+    scale = _scale(document, report)
+    lower, upper = (_point(document, key, report) for key in CORNERS)
+    _, least, most = (_point(document, key, report) for key in USUAL)
+    if least and most and any(a > b for a, b in zip(least, most, strict=False)):
+        report(warning(f"min {least} is above max {most}; neither is used", ("min",)))
+    if lower is None or upper is None:
+        return None
+    if lower[0] >= upper[0] or lower[1] >= upper[1]:
+        report(error(f"lower {lower} is not below upper {upper} in x and y", ("lower",)))
+        return None
+    if any(a > b for a, b in zip(lower[2:], upper[2:], strict=False)):
+        report(warning(f"z of lower {lower} is above that of upper {upper}; neither is used", ("lower",)))
+    return MapExtent(scale, (lower[0], lower[1]), (upper[0], upper[1])) if scale is not None else None
+
+
+def _scale(document: dict[str, object], report: Report) -> float | None:
+    """Side of a cell [m]; None where it is missing or none."""
+    if "scale" not in document:
+        report(error(f"key 'scale' is missing{did_you_mean('scale', document)}"))
+        return None
+    value = document["scale"]
+    number = _number(value)
+    if number is None or not 0.0 < number <= LARGEST_SCALE:
+        expected = f"metres per pixel above 0 and up to {LARGEST_SCALE:g}"
+        report(error(f"scale is {short(value)}, expected {expected}", ("scale",)))
+        return None
+    return number
+
+
+def _point(document: dict[str, object], key: str, report: Report) -> list[float] | None:
+    """x, y and, as a rule, z [m] of a key; None where they are missing or none."""
+    if key not in document:
+        what = f"key {key!r} is missing{did_you_mean(key, document)}"
+        report(error(what) if key in CORNERS else note(what))
+        return None
+    value = document[key]
+    numbers = [_number(one) for one in value] if isinstance(value, list) else []
+    point = [number for number in numbers if number is not None]
+    if len(numbers) not in (2, 3) or len(point) < len(numbers):
+        report(error(f"{key} is {short(value)}, expected three finite numbers x, y, z", (key,)))
+        return None
+    if len(point) == 2:
+        report(note(f"{key} is {point}, without z; x and y suffice", (key,)))
+    return point
+
+
+def _number(value: object) -> float | None:
+    """A finite number; None where it is none."""
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return None
+    try:
+        return float(value) if isfinite(value) else None
+    except OverflowError:  # an integer beyond all floats
+        return None
+
+
+def map_cells(path: Path, report: Report) -> NDArray[np.uint8] | None:
+    """FREE, OCCUPIED or UNKNOWN by the pixels of occupancy.png, shape (rows, columns); None where it cannot be read."""
+    try:
+        gray = read_gray(read_bytes(path), str(path), MAX_CELLS)
+    except InputError as broken:
+        report(error(str(broken).removeprefix(f"{path}: ")))
+        return None
+    except OSError as broken:
+        report(error(f"cannot be read: {broken.strerror}"))
+        return None
+    cells = _levels(gray)
+    odd = gray[gray != cells]
+    if len(odd):
+        levels = f"{OCCUPIED}, {UNKNOWN} and {FREE}, such as {odd.min()}"
+        report(note(f"{len(odd)} pixels have other levels than {levels}: the nearest of them counts"))
+    return cells
+
+
+def _levels(gray: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Each pixel as the nearest of the three values: a map that was scaled has others at its borders."""
+    out = np.full(gray.shape, UNKNOWN, dtype=np.uint8)
+    out[gray < (OCCUPIED + UNKNOWN) // 2] = OCCUPIED
+    out[gray > (UNKNOWN + FREE) // 2] = FREE
+    return out

@@ -1,0 +1,178 @@
+"""One door for every foreign scene and object: a path in, a `Scan` in metres and z up out."""
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from dcap.scene.errors import FormatError, InputError
+from dcap.scene.readers.frame import Frame, Role, find_frame, option_name
+from dcap.scene.readers.gltf import read_gltf
+from dcap.scene.readers.interiorgs import is_interiorgs, read_labels, read_structure
+from dcap.scene.readers.obj import read_obj
+from dcap.scene.readers.paint import bake
+from dcap.scene.readers.ply import read_ply
+from dcap.scene.readers.raw import RawMesh
+from dcap.scene.readers.scannet import is_scannet, read_scannet
+from dcap.scene.readers.splats import discs, read_splats
+from dcap.scene.readers.stl import read_stl
+from dcap.scene.readers.sugar import check_suffix, describe, find_mesh, is_splats
+from dcap.scene.readers.usd import USD_SUFFIXES, read_usd
+from dcap.scene.types.gaussians import Gaussians
+from dcap.scene.types.mesh import Mesh
+from dcap.scene.types.sample import SourceOptions
+from dcap.scene.types.scan import LabelBox, Room, Scan
+
+READERS = {
+    ".glb": read_gltf, ".gltf": read_gltf, ".obj": read_obj, ".ply": read_ply, ".stl": read_stl,
+    **dict.fromkeys(USD_SUFFIXES, read_usd),
+}  # fmt: skip
+"""Reader by file suffix."""
+
+BROKEN = (ArithmeticError, AttributeError, LookupError, RecursionError, StopIteration, TypeError, ValueError)
+"""What decoding can raise on bytes that break their format where no check of the reader names the place."""
+
+
+STATED = {"up": "z", "unit": "m"}
+"""What InteriorGS and ScanNet state of their scenes."""
+
+Mesher = Callable[[Gaussians], Mesh]
+"""Makes a mesh of Gaussians in metres and z up."""
+
+
+def read_scan(
+    path: Path, options: SourceOptions, role: Role, *, folder: str = "", mesher: Mesher | None = None
+) -> Scan:
+    """Read a folder (InteriorGS, ScanNet, SuGaR, or one with a single mesh), a mesh file or Gaussian splats.
+
+    `folder` is the name of the folder that was given, or that a given file lay in, where `path` is a copy of it. Splats
+    without a mesh need a `mesher`.
+    """
+    if not path.exists():
+        raise InputError(f"{path}: no such file or folder")
+    if path.is_dir():
+        return _read_folder(path, options, role, folder, mesher)
+    raw, splats = read_file(path)
+    frame = find_frame(raw, options, role)
+    return _scan(raw, frame, label=options.label or describe(path, folder), mesh=_meshed(path, splats, frame, mesher))
+
+
+def _read_folder(folder: Path, options: SourceOptions, role: Role, name: str, mesher: Mesher | None) -> Scan:
+    if is_scannet(folder) and not is_interiorgs(folder):
+        return _read_scannet(folder, options, role)
+    if is_interiorgs(folder):
+        check_options(folder, options, role)
+    mesh_path, notes = find_mesh(folder)
+    raw, splats = read_file(mesh_path)
+    if not is_interiorgs(folder):
+        frame = find_frame(raw, options, role)
+        own = describe(mesh_path, name if mesh_path.parent == folder else "")
+        mesh = _meshed(mesh_path, splats, frame, mesher)
+        return _scan(raw, frame, label=options.label or own, notes=notes, mesh=mesh)
+    with readable(folder):
+        boxes, label_notes = read_labels(folder)
+        rooms, structure = read_structure(folder)
+    frame = stated_frame(raw, options, role)
+    boxes = boxes + tuple(box for box in structure if not any(_same_thing(box, other) for other in boxes))
+    mesh = _meshed(mesh_path, splats, frame, mesher)
+    return _scan(raw, frame, label=options.label, notes=notes + label_notes, boxes=boxes, rooms=rooms, mesh=mesh)
+
+
+def _same_thing(box: LabelBox, other: LabelBox) -> bool:
+    """Whether a wall or opening of structure.json is annotated in labels.json too."""
+    if box.id == other.id:
+        return True
+    near = (
+        other.box.contains(box.box.center[None], margin=0.1)[0]
+        or box.box.contains(other.box.center[None], margin=0.1)[0]
+    )
+    return bool(near) and box.label in other.label.split()
+
+
+def _read_scannet(folder: Path, options: SourceOptions, role: Role) -> Scan:
+    """The aligned mesh of a scene of ScanNet and its instances."""
+    with readable(folder):
+        raw, file_from_scanned = read_scannet(folder)
+    frame = stated_frame(raw, options, role)
+    return _scan(
+        raw, replace(frame, world_from_file=frame.world_from_file @ file_from_scanned), label=options.label, mesh=None
+    )
+
+
+def check_options(folder: Path, options: SourceOptions, role: Role) -> None:
+    """Refuse options against what InteriorGS states: its boxes, rooms and map would not turn with the mesh."""
+    for name, given in (("up", options.up), ("unit", options.unit)):
+        if given not in ("auto", STATED[name]):
+            raise InputError(
+                f"{option_name(role, name)} {given}: {folder} has annotations of InteriorGS, which are in metres and "
+                f"z up, as its mesh and splats must be; leave the option out, or bring the files to that"
+            )
+
+
+def stated_frame(raw: RawMesh, options: SourceOptions, role: Role) -> Frame:
+    """InteriorGS and ScanNet state metres and z up, for the mesh too; what an option says otherwise is followed."""
+    stated = SourceOptions(
+        up=STATED["up"] if options.up == "auto" else options.up,
+        unit=STATED["unit"] if options.unit == "auto" else options.unit,
+    )
+    frame = find_frame(raw, stated, role)
+    return replace(frame, unit_source="format" if options.unit == "auto" else "option")
+
+
+@contextmanager
+def readable(path: Path) -> Iterator[None]:
+    """Turns what broken bytes make the decoding raise into one line."""
+    try:
+        yield
+    except OSError as error:
+        raise FormatError(f"{path}: cannot be read: {error.strerror}") from None
+    except BROKEN as error:
+        raise FormatError(f"{path}: the file contradicts its format ({type(error).__name__}: {error})") from None
+
+
+def read_file(path: Path) -> tuple[RawMesh, Gaussians | None]:
+    """A mesh, or Gaussians with the discs that they look like as a mesh, which units and axes are found by."""
+    check_suffix(path)
+    with readable(path):
+        if is_splats(path):
+            splats = read_splats(path)
+            return discs(path, splats), splats
+        return READERS[path.suffix.lower()](path), None
+
+
+def _meshed(path: Path, splats: Gaussians | None, frame: Frame, mesher: Mesher | None) -> Mesh | None:
+    """The surface of splats in the world frame; None where there are none."""
+    if splats is None:
+        return None
+    if mesher is None:
+        raise InputError(f"{path}: Gaussian splats, not a mesh")
+    return mesher(splats.transformed(frame.world_from_file))
+
+
+def _scan(
+    raw: RawMesh,
+    frame: Frame,
+    *,
+    label: str,
+    mesh: Mesh | None,
+    notes: tuple[str, ...] = (),
+    boxes: tuple[LabelBox, ...] = (),
+    rooms: tuple[Room, ...] = (),
+) -> Scan:
+    """Bake the colours and bring everything to the world frame, unless that was done (`mesh`)."""
+    if mesh is None:
+        vertices, faces, colors, face_node = bake(raw)
+        baked = Mesh(np.ascontiguousarray(vertices), faces.astype(np.int32), np.ascontiguousarray(colors))
+        mesh = baked.transformed(frame.world_from_file)
+    else:
+        face_node = np.full(len(mesh.faces), -1, dtype=np.int32)
+        notes += (f"no mesh: the surface is reconstructed from Gaussian splats ({len(mesh.faces)} faces)",)
+    return Scan(
+        mesh=mesh, face_node=face_node, node_names=raw.node_names, boxes=boxes,
+        rooms=rooms,
+        label=" ".join(label.replace("_", " ").lower().split()), world_from_file=frame.world_from_file, up=frame.up,
+        unit_metres=frame.unit_metres, unit_source=frame.unit_source, notes=raw.notes + frame.notes + notes,
+        node_labels=raw.node_labels,
+    )  # fmt: skip

@@ -1,0 +1,61 @@
+"""A scene as Gaussians with what is known of it: labelled boxes, rooms, a map of the floor; in metres and z up."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dcap.scene.errors import InputError
+from dcap.scene.readers.frame import Role, find_frame
+from dcap.scene.readers.interiorgs import is_interiorgs, read_labels, read_structure
+from dcap.scene.readers.occupancy import read_occupancy
+from dcap.scene.readers.source import check_options, read_file, stated_frame
+from dcap.scene.readers.sugar import COMPRESSED_NAME, find_splats
+from dcap.scene.types.gaussians import Gaussians
+from dcap.scene.types.occupancy import Occupancy
+from dcap.scene.types.sample import SourceOptions
+from dcap.scene.types.scan import LabelBox, Room
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class SplatScene:
+    """What a folder or file of splats says."""
+
+    path: Path
+    """The file of splats."""
+    splats: Gaussians
+    boxes: tuple[LabelBox, ...]
+    rooms: tuple[Room, ...]
+    occupancy: Occupancy | None
+    annotated: bool
+    """A folder with InteriorGS' annotations: the format states units and axes."""
+    world_from_file: NDArray[np.float64]
+    """Maps the file's own coordinates to ours, shape (4, 4)."""
+    notes: tuple[str, ...]
+    """What was assumed or ignored on reading, one sentence each."""
+
+
+def read_splat_scene(path: Path, options: SourceOptions) -> SplatScene:
+    """Read a folder with Gaussian splats, or a file of them."""
+    if not path.exists():
+        raise InputError(f"{path}: no such file or folder")
+    annotated = path.is_dir() and is_interiorgs(path)
+    if annotated:
+        check_options(path, options, Role.SCENE)
+    found = find_splats(path) if path.is_dir() else path
+    if found is None:
+        raise InputError(
+            f"{path}: no Gaussian splats in this folder (looked for {COMPRESSED_NAME} and other .ply files of splats)"
+        )
+    raw, splats = read_file(found)
+    if splats is None:
+        raise InputError(f"{found}: a mesh, not Gaussian splats; give a .ply of splats or a folder with one")
+    frame = (stated_frame if annotated else find_frame)(raw, options, Role.SCENE)
+    boxes, notes = read_labels(path) if annotated else ((), ())
+    rooms = read_structure(path)[0] if annotated else ()
+    occupancy, map_notes = read_occupancy(path, rooms) if path.is_dir() else (None, ())
+    return SplatScene(
+        found, splats.transformed(frame.world_from_file), boxes, rooms, occupancy, annotated, frame.world_from_file,
+        raw.notes + frame.notes + notes + map_notes,
+    )  # fmt: skip

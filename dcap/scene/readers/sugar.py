@@ -1,0 +1,121 @@
+"""Where a folder keeps its mesh: SuGaR's output names first, then any single mesh.
+
+Source: SuGaR repository, sugar_extractors/: refined `sugarfine_*.obj` (with texture), coarse `sugarmesh_*.ply`.
+"""
+
+import re
+from pathlib import Path
+
+from dcap.scene.errors import FormatError, InputError
+from dcap.scene.readers.ply_table import HEADER_LIMIT, read_header
+from dcap.scene.readers.splats import describes_splats
+from dcap.scene.readers.usd import USD_SUFFIXES
+
+MESH_SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".stl", *USD_SUFFIXES)
+
+COMPRESSED_NAME = "3dgs_compressed.ply"
+"""What InteriorGS calls the splats of a scene."""
+
+GENERIC_STEMS = {
+    "textured",
+    "model",
+    "mesh",
+    "scene",
+    "object",
+    "untitled",
+    "output",
+    "export",
+    "nontextured",
+    "geometry",
+}
+"""File stems that say nothing about the thing: the folder's name says more."""
+
+
+def check_suffix(path: Path) -> None:
+    """Refuse a file that no reader reads."""
+    if path.suffix.lower() not in MESH_SUFFIXES:
+        suffix = path.suffix or "no suffix"
+        raise InputError(f"{path}: {suffix} is not a mesh format that is read ({', '.join(MESH_SUFFIXES)})")
+
+
+def find_mesh(folder: Path) -> tuple[Path, tuple[str, ...]]:
+    """The mesh of a scene folder, or its Gaussian splats where it has no mesh, and notes on the choice."""
+    for pattern in ("*.obj", "refined_mesh/**/*.obj", "output/refined_mesh/**/*.obj"):
+        found = sorted(folder.glob(pattern))
+        if found:
+            return _choose(folder, found)
+    for pattern in ("sugarmesh_*.ply", "coarse_mesh/**/sugarmesh_*.ply", "output/coarse_mesh/**/sugarmesh_*.ply"):
+        found = sorted(folder.glob(pattern))
+        if found:
+            return _choose(folder, found)
+    meshes = sorted(p for p in folder.iterdir() if p.suffix.lower() in MESH_SUFFIXES and not is_splats(p))
+    stages = [p for p in meshes if p.suffix.lower() in USD_SUFFIXES]
+    meshes = [p for p in meshes if p not in stages]
+    splats = None if meshes else find_splats(folder)
+    if splats is not None:
+        return splats, ()
+    meshes = meshes or stages  # a stage beside others shows what they do, and needs a library
+    if len(meshes) == 1:
+        return meshes[0], ()
+    if meshes:
+        raise InputError(f"{folder}: {len(meshes)} meshes ({', '.join(p.name for p in meshes)}); name one of them")
+    raise InputError(
+        f"{folder}: no mesh in this folder (looked for {', '.join(MESH_SUFFIXES)} and SuGaR's output folders)"
+    )
+
+
+def find_splats(folder: Path) -> Path | None:
+    """The Gaussian splats of a scene folder, whether or not it has a mesh too; None where there are none."""
+    found = sorted((p for p in folder.glob("*.ply") if is_splats(p)), key=lambda p: (p.name != COMPRESSED_NAME, p.name))
+    if len(found) > 1 and found[0].name != COMPRESSED_NAME:
+        raise InputError(f"{folder}: {len(found)} files of splats ({', '.join(p.name for p in found)}); name one")
+    return found[0] if found else None
+
+
+def _choose(folder: Path, found: list[Path]) -> tuple[Path, tuple[str, ...]]:
+    """Post-processed before raw, then the most triangles by name, then the first by name."""
+    ranked = sorted(found, key=lambda p: ("postprocessed" not in p.stem, -_number(p, "decim"), str(p)))
+    if len(ranked) == 1:
+        return ranked[0], ()
+    others = ", ".join(str(p.relative_to(folder)) for p in ranked[1:4])
+    return ranked[0], (f"{ranked[0].name} chosen among {len(ranked)} meshes (others: {others})",)
+
+
+def _number(path: Path, key: str) -> int:
+    match = re.search(rf"{key}(\d+)", path.stem)
+    return int(match.group(1)) if match else 0
+
+
+def is_splats(path: Path) -> bool:
+    """Whether a PLY holds Gaussian splats (by its header)."""
+    if path.suffix.lower() != ".ply" or not path.is_file():
+        return False
+    with path.open("rb") as stream:
+        start = stream.read(HEADER_LIMIT)
+    try:
+        return describes_splats(read_header(path, start))
+    except FormatError:
+        return False  # what is wrong is said where the file is read
+
+
+def has_only_splats(path: Path) -> bool:
+    """Whether a file is, or a folder has nothing better than, Gaussian splats."""
+    if not path.is_dir():
+        return is_splats(path)
+    try:
+        return is_splats(find_mesh(path)[0])
+    except InputError:
+        return False
+
+
+def is_generic(path: Path) -> bool:
+    """Whether a file's name says nothing about the thing."""
+    return path.stem.lower() in GENERIC_STEMS
+
+
+def describe(path: Path, folder: str = "") -> str:
+    """What a mesh is, by its name: the file's stem, or the folder's where the stem says nothing.
+
+    `folder` is the name of the folder that the file was given in, where it does not lie there any more.
+    """
+    return (folder or path.parent.name or path.stem) if is_generic(path) else path.stem

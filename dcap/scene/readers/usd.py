@@ -1,0 +1,70 @@
+"""USD scenes (.usd, .usda, .usdc, .usdz): their meshes with transforms, instances, unit and up axis.
+
+Needs the optional library `usd-core`. It runs in a process of its own with a limit on time and memory, as a broken
+binary can keep it busy for ever. Guaranteed: a file that refers to others is refused where they are missing, and every
+index is checked.
+"""
+
+import importlib.util
+import io
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+
+from dcap.scene.errors import FormatError, InputError
+from dcap.scene.problems import Report, error
+from dcap.scene.readers import usd_stage
+from dcap.scene.readers.raw import RawMesh, read_bytes
+
+USD_SUFFIXES = (".usd", ".usda", ".usdc", ".usdz")
+
+MAGIC = (b"#usda", b"PXR-USDC", b"PK\x03\x04")
+"""How texts, binaries and packages begin."""
+
+CPU_SECONDS = 60
+"""Processor time that reading may take [s], and as much again per 50 MB: a sound file of 20 MB takes a few."""
+
+MEMORY = 4 << 30
+"""Address space that it may take [bytes], half of it for the library itself, and a hundred times the file."""
+
+
+def read_usd(path: Path, report: Report | None = None) -> RawMesh:
+    """Read every mesh of a stage; helpers and what is hidden only where there is nothing else.
+
+    With a `report`, the first thing that is wrong is told as well as raised: what is left of a stage is not looked at.
+    """
+    data = read_bytes(path)
+    if not data.startswith(MAGIC):
+        raise FormatError(f"{path}: begins neither as a text nor as a binary nor as a package of USD")
+    if importlib.util.find_spec("pxr") is None:
+        raise InputError(
+            f"{path}: USD is read with the library usd-core, which is not installed: `pip install 'dcap[usd]'`; "
+            "or export the scene as GLB"
+        )
+    limits = (CPU_SECONDS * (1 + len(data) // 50_000_000), MEMORY + 100 * len(data))
+    done = subprocess.run(
+        [sys.executable, usd_stage.__file__, str(path), *map(str, limits)],
+        capture_output=True,
+        env=os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)},
+        check=False,
+    )
+    if done.returncode == usd_stage.REFUSED:
+        found = json.loads(done.stdout.splitlines()[-1])
+        if report is not None:
+            report(error(found["message"].removeprefix(f"{path}: ")))
+        raise (FormatError if found["broken"] else InputError)(found["message"])
+    if done.returncode:
+        raise FormatError(
+            f"{path}: USD's library broke over it (exit {done.returncode}; limits {limits[0]} s, {limits[1]} bytes)"
+        )
+    arrays = np.load(io.BytesIO(done.stdout), allow_pickle=False)
+    return RawMesh(
+        path=path, vertices=arrays["vertices"], faces=arrays["faces"],
+        colors=arrays.get("colors"), paint=None, face_node=arrays["face_node"],
+        node_names=tuple(arrays["names"].tolist()), up=str(arrays["up"]), unit_metres=float(arrays["unit_metres"]),
+        notes=(),
+    )  # fmt: skip

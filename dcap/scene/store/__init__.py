@@ -1,0 +1,1 @@
+"""Values and foreign files kept by the digest of their content."""

@@ -1,0 +1,254 @@
+"""Values of the pipeline as plain files, and back.
+
+A value becomes `value.json` (structure, numbers, names) plus one file per mesh (PLY), large array (Parquet) and picture
+(PNG). `value.json` names those files where they belong, so everything can be read without this module. Guaranteed:
+equal values give equal bytes, and decoding gives back the same dtypes, shapes and numbers, bit for bit.
+"""
+
+import io
+import json
+from collections.abc import Mapping
+from dataclasses import fields, is_dataclass
+from enum import Enum
+from math import isfinite, prod
+from types import UnionType
+from typing import Union, get_args, get_origin, get_type_hints
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+from numpy.typing import NDArray
+from PIL import Image
+
+from dcap.scene.errors import StoreError
+from dcap.scene.types.anchor import Anchor
+from dcap.scene.types.box import OrientedBox
+from dcap.scene.types.intent import Intent, OrientationRequest, RegionRequest
+from dcap.scene.types.materials import Material, PartMaterial, PartMaterials
+from dcap.scene.types.mesh import Mesh
+from dcap.scene.types.outcome import Infeasible
+from dcap.scene.types.particles import DistanceGrid, Particles, SimulationBody
+from dcap.scene.types.renders import Overview, Renders
+from dcap.scene.types.repair_report import BodyGeometry, RepairReport
+from dcap.scene.types.rotation import Rotation
+from dcap.scene.types.sample import Sample, SourceOptions
+from dcap.scene.types.scan import LabelBox, Room, Scan
+from dcap.scene.types.segmentation import Instance, Part, Segmentation
+from dcap.scene.types.settled import Settled, SettledBody
+
+VALUE_FILE = "value.json"
+INLINE_ITEMS = 48
+"""Arrays up to this many numbers are written into value.json: a 4x4 matrix or an 8-corner box is best read in place."""
+NAMED_COLUMNS = {1: ("value",), 2: ("x", "y"), 3: ("x", "y", "z")}
+MOST_COLUMNS = 16
+"""Arrays of shape (n, k) get one Parquet column per k up to this width; wider or deeper ones are flattened."""
+
+KINDS: dict[str, type] = {
+    one.__name__: one
+    for one in (
+        Anchor, BodyGeometry, DistanceGrid, Infeasible, Instance, Intent, LabelBox, Material, Mesh, OrientationRequest,
+        OrientedBox, Overview, Part, Particles, PartMaterial, PartMaterials, RegionRequest, Renders, RepairReport, Room,
+        Rotation, Sample, Scan, Segmentation, Settled, SettledBody, SimulationBody, SourceOptions,
+    )
+}  # fmt: skip
+"""Every type that may be stored, by the name that `value.json` gives it: files outlive moves between modules."""
+
+type_hints: dict[type, dict[str, object]] = {}
+
+
+def encode(value: object) -> dict[str, bytes]:
+    """The files of one value by name; `value.json` is always among them."""
+    files: dict[str, bytes] = {}
+    tree = to_tree(value, "", files)
+    return {VALUE_FILE: canonical_json(tree, indent=1), **files}
+
+
+def decode(files: Mapping[str, bytes]) -> object:
+    """The value that `encode` made these files of."""
+    return from_tree(json.loads(files[VALUE_FILE]), object, files)
+
+
+def canonical_json(tree: object, *, indent: int | None = None) -> bytes:
+    """JSON with sorted keys and without NaN: equal trees give equal bytes."""
+    text = json.dumps(tree, sort_keys=True, allow_nan=False, ensure_ascii=False, indent=indent)
+    return text.encode()
+
+
+def to_tree(value: object, path: str, files: dict[str, bytes]) -> object:
+    """JSON tree of a value; what does not belong into JSON is added to `files` under a name made of `path`."""
+    if value is None or isinstance(value, bool | str):
+        return value.value if isinstance(value, Enum) else value
+    if isinstance(value, np.ndarray):
+        return array_to_tree(value, path or "array", files)
+    if isinstance(value, int | np.integer | np.bool_):
+        return value.item() if isinstance(value, np.generic) else int(value)
+    if isinstance(value, float | np.floating):
+        return float(value) if isfinite(value) else {"$float": repr(float(value))}
+    if isinstance(value, Mesh):
+        return {"$mesh": add_file(files, f"{path or 'mesh'}.ply", mesh_to_ply(value))}
+    if is_dataclass(value) and not isinstance(value, type):
+        return dataclass_to_tree(value, path, files)
+    if isinstance(value, Mapping):
+        return {check_key(key, path): to_tree(item, join(path, key), files) for key, item in value.items()}
+    if isinstance(value, tuple | list):
+        return [to_tree(item, join(path, str(index)), files) for index, item in enumerate(value)]
+    raise StoreError(f"{path or 'value'}: a {type(value).__name__} cannot be stored")
+
+
+def dataclass_to_tree(value: object, path: str, files: dict[str, bytes]) -> object:
+    """A frozen dataclass of scene/ as an object with its type's name."""
+    name = type(value).__name__
+    if KINDS.get(name) is not type(value):
+        raise StoreError(f"{path or 'value'}: {type(value).__module__}.{name} is not among the stored types")
+    tree: dict[str, object] = {"$type": name}
+    for one in fields(value):  # type: ignore[arg-type]
+        tree[one.name] = to_tree(getattr(value, one.name), join(path, one.name), files)
+    return tree
+
+
+def array_to_tree(array: NDArray[np.generic], path: str, files: dict[str, bytes]) -> object:
+    """Small arrays in place, pictures as PNG, everything else as Parquet."""
+    about: dict[str, object] = {"dtype": str(array.dtype), "shape": list(array.shape)}
+    if array.dtype == np.uint8 and array.ndim == 3 and array.shape[2] in (3, 4) and array.size:
+        return {"$png": add_file(files, f"{path}.png", array_to_png(array))}
+    if array.size <= INLINE_ITEMS and (array.dtype.kind != "f" or bool(np.isfinite(array).all())):
+        return {"$array": array.tolist(), **about}
+    return {"$parquet": add_file(files, f"{path}.parquet", array_to_parquet(array)), **about}
+
+
+def from_tree(tree: object, hint: object, files: Mapping[str, bytes]) -> object:
+    """The value of one node of the tree; `hint` is the declared type and tells tuples and enums."""
+    if isinstance(tree, dict):
+        return object_from_tree(tree, hint, files)
+    if isinstance(tree, list):
+        return sequence_from_tree(tree, hint, files)
+    kind = enum_of(hint)
+    return kind(tree) if kind is not None and tree is not None else tree
+
+
+def object_from_tree(tree: dict[str, object], hint: object, files: Mapping[str, bytes]) -> object:
+    """A mesh, array, picture, number, dataclass or plain dict."""
+    if "$mesh" in tree:
+        return mesh_from_ply(files[str(tree["$mesh"])])
+    if "$png" in tree:
+        return np.array(Image.open(io.BytesIO(files[str(tree["$png"])])))
+    if "$float" in tree:
+        return float(str(tree["$float"]))
+    if "$array" in tree:
+        return np.array(tree["$array"], dtype=str(tree["dtype"])).reshape(shape_of(tree))
+    if "$parquet" in tree:
+        return array_from_parquet(files[str(tree["$parquet"])], str(tree["dtype"]), shape_of(tree))
+    if "$type" in tree:
+        return dataclass_from_tree(tree, files)
+    arguments = get_args(hint)
+    inner = arguments[1] if len(arguments) == 2 else object
+    return {key: from_tree(item, inner, files) for key, item in tree.items()}
+
+
+def dataclass_from_tree(tree: dict[str, object], files: Mapping[str, bytes]) -> object:
+    """The dataclass that the tree names."""
+    kind = KINDS[str(tree["$type"])]
+    hints = type_hints.setdefault(kind, get_type_hints(kind))
+    return kind(**{key: from_tree(item, hints[key], files) for key, item in tree.items() if key != "$type"})
+
+
+def sequence_from_tree(tree: list[object], hint: object, files: Mapping[str, bytes]) -> object:
+    """A tuple where the field's type says so, else a list."""
+    if get_origin(hint) is not tuple:
+        arguments = get_args(hint)
+        return [from_tree(item, arguments[0] if arguments else object, files) for item in tree]
+    inner = get_args(hint)
+    each = [inner[0]] * len(tree) if len(inner) == 2 and inner[1] is ... else list(inner)
+    return tuple(from_tree(item, one, files) for item, one in zip(tree, each, strict=True))
+
+
+def enum_of(hint: object) -> type[Enum] | None:
+    """The enum in a declared type, looking through `X | None`."""
+    options = get_args(hint) if get_origin(hint) in (Union, UnionType) else (hint,)
+    return next((one for one in options if isinstance(one, type) and issubclass(one, Enum)), None)
+
+
+def shape_of(tree: Mapping[str, object]) -> tuple[int, ...]:
+    """The recorded shape."""
+    shape = tree["shape"]
+    assert isinstance(shape, list)
+    return tuple(int(n) for n in shape)
+
+
+def join(path: str, name: str) -> str:
+    """File name stem of a nested field."""
+    return f"{path}-{name}" if path else name
+
+
+def check_key(key: object, path: str) -> str:
+    """A dict key that JSON and file names can carry."""
+    if not isinstance(key, str) or key.startswith("$"):
+        raise StoreError(f"{path or 'value'}: {key!r} cannot be a key of a stored dict")
+    return key
+
+
+def add_file(files: dict[str, bytes], name: str, data: bytes) -> str:
+    """Add one file and return its name, made safe for every file system."""
+    safe = "".join(c if c.isalnum() or c in "-_." else "_" for c in name)
+    while safe in files or safe == VALUE_FILE:
+        safe = f"_{safe}"
+    files[safe] = data
+    return safe
+
+
+def array_to_png(array: NDArray[np.generic]) -> bytes:
+    """A lossless picture, (h, w, 3) or (h, w, 4) uint8."""
+    buffer = io.BytesIO()
+    Image.fromarray(np.ascontiguousarray(array)).save(buffer, "PNG", compress_level=6)
+    return buffer.getvalue()
+
+
+def array_to_parquet(array: NDArray[np.generic]) -> bytes:
+    """A table with one column per last axis of a matrix, else a single column in C order."""
+    wide = array.ndim == 2 and 0 < array.shape[1] <= MOST_COLUMNS
+    columns = list(array.T) if wide else [array.reshape(-1)]
+    names = NAMED_COLUMNS.get(len(columns), tuple(f"c{i}" for i in range(len(columns))))
+    table = pa.table([pa.array(np.ascontiguousarray(c)) for c in columns], names=list(names))
+    buffer = io.BytesIO()
+    pq.write_table(table, buffer, compression="zstd", use_dictionary=array.dtype.kind != "f", write_statistics=False)
+    return buffer.getvalue()
+
+
+def array_from_parquet(data: bytes, dtype: str, shape: tuple[int, ...]) -> NDArray[np.generic]:
+    """The array that `array_to_parquet` wrote."""
+    table = pq.read_table(io.BytesIO(data), use_threads=False)
+    columns = [column.to_numpy(zero_copy_only=False).astype(dtype, copy=False) for column in table.itercolumns()]
+    array = np.stack(columns, axis=1) if len(columns) > 1 else columns[0]
+    if array.size != prod(shape):
+        raise StoreError(f"a table holds {array.size} numbers, expected shape {shape}")
+    return np.array(array.reshape(shape), order="C")
+
+
+VERTEX = np.dtype([("position", "<f8", 3), ("color", "u1", 3)])
+FACE = np.dtype([("count", "u1"), ("indices", "<i4", 3)])
+HEADER_END = b"end_header\n"
+
+
+def mesh_to_ply(mesh: Mesh) -> bytes:
+    """Binary little-endian PLY with double positions, so that nothing is lost."""
+    header = (
+        "ply\nformat binary_little_endian 1.0\ncomment metres, right-handed, z up\n"
+        f"element vertex {len(mesh.vertices)}\n"
+        "property double x\nproperty double y\nproperty double z\n"
+        "property uchar red\nproperty uchar green\nproperty uchar blue\n"
+        f"element face {len(mesh.faces)}\nproperty list uchar int vertex_indices\n"
+    )
+    vertices = np.empty(len(mesh.vertices), VERTEX)
+    vertices["position"], vertices["color"] = mesh.vertices, mesh.colors
+    faces = np.empty(len(mesh.faces), FACE)
+    faces["count"], faces["indices"] = 3, mesh.faces
+    return header.encode() + HEADER_END + vertices.tobytes() + faces.tobytes()
+
+
+def mesh_from_ply(data: bytes) -> Mesh:
+    """The mesh that `mesh_to_ply` wrote; foreign PLY files are read elsewhere."""
+    start = data.index(HEADER_END) + len(HEADER_END)
+    counts = [int(line.split()[2]) for line in data[:start].splitlines() if line.startswith(b"element")]
+    vertices = np.frombuffer(data, VERTEX, counts[0], start)
+    faces = np.frombuffer(data, FACE, counts[1], start + vertices.nbytes)
+    return Mesh(vertices["position"].copy(), faces["indices"].copy(), vertices["color"].copy())

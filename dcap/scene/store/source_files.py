@@ -1,0 +1,85 @@
+"""Which files make up a foreign scene or mesh: the file itself and what it names.
+
+A folder gives all its files, one of ScanNet those that are read (its recordings take gigabytes); an OBJ brings its MTL
+files and their textures, a glTF its buffers and pictures. Only what lies in the file's own folder counts, and ground
+truth never does. Absurd inputs are refused before anything is read.
+"""
+
+import os
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+
+from dcap.scene.errors import InputError
+from dcap.scene.readers.companions import companions
+from dcap.scene.readers.interiorgs import is_interiorgs
+from dcap.scene.readers.scannet import scannet_files
+from dcap.scene.readers.sugar import MESH_SUFFIXES, check_suffix, is_generic
+
+MOST_BYTES = 4 << 30
+"""Largest input in total; the largest InteriorGS scene or SuGaR mesh is well below 1 GiB."""
+MOST_FILES = 2000
+"""Most files of a scene folder; more means that the wrong folder was given."""
+GROUND_TRUTH = ("truth", "ground_truth", "groundtruth", "ground-truth")
+"""Stems of files that no stage may see."""
+
+
+def source_files(path: Path) -> tuple[str, dict[str, Path]]:
+    """Name of the main file (`.` for a folder) and all files by their name relative to the main file's folder."""
+    if not path.exists():
+        raise InputError(f"{path}: no such file or folder")
+    if path.is_dir():
+        scannet = None if is_interiorgs(path) else scannet_files(path)
+        files = folder_files(path) if scannet is None else ((file.name, file) for file in scannet.present)
+        return ".", checked(path, files)
+    if not path.is_file():
+        raise InputError(f"{path}: neither a file nor a folder")
+    check_suffix(path)
+    check_size(path, path.stat().st_size)
+    named = {path.name: path} | {name: path.parent / name for name in companions(path)}
+    return path.name, checked(path, named.items())
+
+
+def telling_folder(path: Path, files: Iterable[str]) -> str:
+    """Name of the folder where it, not the file's name, tells what a mesh is; else empty.
+
+    `files` are the names that `source_files` gave. A scene with annotations is not named at all.
+    """
+    folder = Path(os.path.abspath(path if path.is_dir() else path.parent))
+    if path.is_dir() and (is_interiorgs(path) or scannet_files(path) is not None):
+        return ""
+    meshes = (Path(name) for name in files if "/" not in name and Path(name).suffix.lower() in MESH_SUFFIXES)
+    generic = next((mesh for mesh in meshes if is_generic(mesh)), None)
+    return "" if generic is None else folder.name or generic.stem  # the root folder has no name
+
+
+def checked(path: Path, files: Iterable[tuple[str, Path]]) -> dict[str, Path]:
+    """The files by name, if they are neither too many nor too large nor none."""
+    found: dict[str, Path] = {}
+    total = 0
+    for name, file in files:
+        found[name] = file
+        total += file.stat().st_size
+        check_size(path, total)
+        if len(found) > MOST_FILES:
+            raise InputError(f"{path}: more than {MOST_FILES} files; give the folder of one scene")
+    if not found:
+        raise InputError(f"{path}: an empty folder")
+    return found
+
+
+def check_size(path: Path, size: int) -> None:
+    """Refuse what cannot be a sensible input."""
+    if size > MOST_BYTES:
+        limit = MOST_BYTES / 2**30
+        raise InputError(f"{path}: {size / 2**30:.1f} GiB > {limit:.0f} GiB; decimate the mesh or give one scene")
+    if size == 0 and path.is_file():
+        raise InputError(f"{path}: an empty file")
+
+
+def folder_files(folder: Path) -> Iterator[tuple[str, Path]]:
+    """All plain files below a folder but hidden ones and ground truth."""
+    for file in folder.rglob("*"):
+        name = file.relative_to(folder)
+        hidden = any(part.startswith(".") for part in name.parts)
+        if file.is_file() and not hidden and file.stem.lower() not in GROUND_TRUTH:
+            yield name.as_posix(), file

@@ -1,0 +1,38 @@
+"""Where to drop: part, region, surface point and pre-drop pose."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dcap.scene.types.arrays import check_array
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Anchor:
+    """The pre-drop pose."""
+
+    base_id: str
+    part: str
+    """Name of the part hit."""
+    part_index: int
+    """Index into the base instance's parts."""
+    region: str
+    """Canonical region words joined by spaces, 'center' if nothing was asked."""
+    local: NDArray[np.float64]
+    """Anchor in the part's box frame, -1..1 along its axes, shape (2,)."""
+    surface_point: NDArray[np.float64]
+    """x_s: where the ray along gravity hits the part [m], shape (3,)."""
+    world_from_object: NDArray[np.float64]
+    """Pre-drop pose: object mesh (as read) to world: translation @ R* @ scale, shape (4, 4)."""
+    clearance: float
+    """Smallest vertical gap between the object and what lies beneath it at the start [m]."""
+    region_polygon: NDArray[np.float64]
+    """Asked region on the part, world xy [m], shape (k, 2), counter-clockwise; used only for `region_missed`."""
+    reason: str
+
+    def __post_init__(self) -> None:
+        check_array("local", self.local, 2)
+        check_array("surface_point", self.surface_point, 3)
+        check_array("world_from_object", self.world_from_object, 4, 4)
+        check_array("region_polygon", self.region_polygon, None, 2)

@@ -1,0 +1,177 @@
+"""3D Gaussian splats: what a scan by Gaussian splatting consists of [K23].
+
+Fields are kept as the formats store them (logarithms, logits, harmonics), so that reading and writing lose nothing;
+properties give what they stand for.
+
+[K23] Kerbl, Kopanas, Leimkuehler, Drettakis: 3D Gaussian splatting for real-time radiance field rendering. ACM Trans.
+Graph. 42(4), 2023.
+"""
+
+from dataclasses import dataclass, replace
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dcap.scene.errors import GeometryError
+from dcap.scene.types.arrays import check_array
+
+F32 = NDArray[np.float32]
+
+DC = 0.28209479177387814
+"""The constant spherical harmonic, 1 / (2 sqrt(pi)) [-]."""
+
+COEFFICIENTS = {0: 0, 1: 3, 2: 8, 3: 15}
+"""Harmonics above the constant one, per colour channel, by degree."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Gaussians:
+    """n anisotropic Gaussians with opacity and view-dependent colour, single precision."""
+
+    position: F32
+    """Centres [m], shape (n, 3)."""
+    log_scale: F32
+    """Natural logarithms of the standard deviations [m] along the own axes, shape (n, 3)."""
+    rotation: F32
+    """Quaternions (w, x, y, z) of any length, world from own axes, shape (n, 4)."""
+    logit: F32
+    """Opacity alpha as ln(alpha / (1 - alpha)), shape (n,)."""
+    dc: F32
+    """Constant harmonic per channel: linear in sRGB colour, (colour - 1/2) / DC, shape (n, 3)."""
+    rest: F32
+    """Higher harmonics, channel by channel, shape (n, 3, k) with k of COEFFICIENTS."""
+
+    def __post_init__(self) -> None:
+        n = len(self.position)
+        check_array("positions of Gaussians", self.position, None, 3)
+        for name, array, *shape in (
+            ("log scales", self.log_scale, 3), ("rotations", self.rotation, 4), ("logits", self.logit),
+            ("constant harmonics", self.dc, 3), ("harmonics", self.rest, 3, None),
+        ):  # fmt: skip
+            check_array(f"{name} of Gaussians", array, n, *shape)
+        if self.rest.shape[2] not in COEFFICIENTS.values():
+            raise GeometryError(f"Gaussians have {self.rest.shape[2]} harmonics per channel, expected 0, 3, 8 or 15")
+
+    def __len__(self) -> int:
+        return len(self.position)
+
+    @property
+    def degree(self) -> int:
+        """Highest degree of the harmonics."""
+        return next(degree for degree, count in COEFFICIENTS.items() if count == self.rest.shape[2])
+
+    @property
+    def scale(self) -> F32:
+        """Standard deviations [m], shape (n, 3)."""
+        return np.asarray(np.exp(self.log_scale), dtype=np.float32)
+
+    @property
+    def opacity(self) -> F32:
+        """Alpha [-], shape (n,)."""
+        return np.asarray(1.0 / (1.0 + np.exp(-self.logit)), dtype=np.float32)
+
+    @property
+    def color(self) -> NDArray[np.uint8]:
+        """sRGB colour without the dependence on the view, shape (n, 3)."""
+        return np.asarray(np.clip(np.rint(255.0 * (DC * self.dc + 0.5)), 0, 255), dtype=np.uint8)
+
+    @property
+    def axes(self) -> F32:
+        """Rotation matrices, columns are the own axes in the world, shape (n, 3, 3)."""
+        w, x, y, z = (self.rotation / np.linalg.norm(self.rotation, axis=1, keepdims=True)).T
+        rows = [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+        ]
+        return np.stack([np.stack(row, axis=-1) for row in rows], axis=1)
+
+    def subset(self, index: NDArray[np.integer] | NDArray[np.bool_]) -> Self:
+        """The given Gaussians only."""
+        return replace(
+            self, position=self.position[index], log_scale=self.log_scale[index], rotation=self.rotation[index],
+            logit=self.logit[index], dc=self.dc[index], rest=self.rest[index],
+        )  # fmt: skip
+
+    def transformed(self, world_from_file: NDArray[np.float64]) -> Self:
+        """Moved, turned and scaled by a similarity (4, 4); the harmonics turn along. GeometryError for another map."""
+        linear, shift = world_from_file[:3, :3], world_from_file[:3, 3]
+        factor = float(np.cbrt(np.linalg.det(linear)))
+        turn = linear / factor if factor > 0.0 else linear
+        if factor <= 0.0 or not np.allclose(turn @ turn.T, np.eye(3), atol=1e-6):
+            raise GeometryError("Gaussians can be moved, turned and scaled alike in all directions, nothing else")
+        return replace(
+            self,
+            position=(self.position @ linear.T + shift).astype(np.float32),
+            log_scale=(self.log_scale + np.log(factor)).astype(np.float32),
+            rotation=_product(_quaternion(turn), self.rotation).astype(np.float32),
+            rest=_turned_harmonics(self.rest, turn, self.degree),
+        )
+
+
+def harmonics(directions: NDArray[np.float64], degree: int) -> NDArray[np.float64]:
+    """Real spherical harmonics of degrees 1 to `degree` in the order and with the signs of [K23], shape (n, k).
+
+    Directions (n, 3) are unit vectors.
+    """
+    x, y, z = directions.T
+    one = np.sqrt(3.0 / (4.0 * np.pi))
+    columns = [-one * y, one * z, -one * x]
+    if degree > 1:
+        two = np.sqrt(15.0 / (4.0 * np.pi))
+        columns += [
+            two * x * y, -two * y * z, np.sqrt(5.0 / (16.0 * np.pi)) * (2 * z * z - x * x - y * y), -two * x * z,
+            0.5 * two * (x * x - y * y),
+        ]  # fmt: skip
+    if degree > 2:
+        a, b, c, d = (np.sqrt(v / np.pi) for v in (35.0 / 32.0, 105.0 / 4.0, 21.0 / 32.0, 7.0 / 16.0))
+        columns += [
+            -a * y * (3 * x * x - y * y), b * x * y * z, -c * y * (4 * z * z - x * x - y * y),
+            d * z * (2 * z * z - 3 * x * x - 3 * y * y), -c * x * (4 * z * z - x * x - y * y),
+            0.5 * b * z * (x * x - y * y), -a * x * (x * x - 3 * y * y),
+        ]  # fmt: skip
+    return np.stack(columns[: COEFFICIENTS[degree]], axis=1)
+
+
+def _turned_harmonics(rest: F32, turn: NDArray[np.float64], degree: int) -> F32:
+    """Coefficients (n, 3, k) of the same colours seen from turned directions.
+
+    A turned function has harmonics of the same degree only; its coefficients follow from its values at more directions
+    than there are unknowns.
+    """
+    if degree == 0:
+        return rest
+    random = np.random.default_rng(0).standard_normal((64, 3))
+    directions = random / np.linalg.norm(random, axis=1, keepdims=True)
+    before, after = harmonics(directions @ turn, degree), harmonics(directions, degree)
+    out = np.empty_like(rest)
+    first = 0
+    for band in range(1, degree + 1):
+        at = slice(first, first + 2 * band + 1)
+        first = at.stop
+        map_ = np.linalg.lstsq(after[:, at], before[:, at], rcond=None)[0]
+        out[:, :, at] = rest[:, :, at] @ map_.T
+    return out
+
+
+def _quaternion(turn: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(w, x, y, z) of a rotation matrix, from the eigenvector of its largest eigenvalue (Bar-Itzhack 2000)."""
+    xx, xy, xz, yx, yy, yz, zx, zy, zz = turn.ravel()
+    K = np.array(
+        [
+            [xx - yy - zz, yx + xy, zx + xz, zy - yz],
+            [yx + xy, yy - xx - zz, zy + yz, xz - zx],
+            [zx + xz, zy + yz, zz - xx - yy, yx - xy],
+            [zy - yz, xz - zx, yx - xy, xx + yy + zz],
+        ]
+    )
+    x, y, z, w = np.linalg.eigh(K)[1][:, -1]
+    return np.array([w, x, y, z]) * (1.0 if w >= 0.0 else -1.0)
+
+
+def _product(a: NDArray[np.float64], b: F32) -> NDArray[np.float64]:
+    """Quaternion products a b of one (4,) with many (n, 4)."""
+    w, x, y, z = a
+    left = np.array([[w, -x, -y, -z], [x, w, -z, y], [y, z, w, -x], [z, -y, x, w]])
+    return np.asarray(b @ left.T)

@@ -1,0 +1,64 @@
+"""What the sentence asks for: support, size and mass of the object, orientation and region in words."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True, slots=True)
+class OrientationRequest:
+    """What the prompt says about orientation."""
+
+    pose: str
+    """upright (right way up) | standing (on end) | upside_down | on_side | on_left_side | on_right_side | lying |
+    on_back | on_front | any (nothing said)."""
+    facing: str
+    """Id of an instance or 'part:NAME' or 'wall' | 'door' | 'viewer' to face; empty: nothing said."""
+    words: str
+    """The words it was read from."""
+    turn_deg: float = 0.0
+    """Turn about the vertical beyond the facing or the usual alignment, counterclockwise seen from above [degrees]."""
+
+
+@dataclass(frozen=True, slots=True)
+class RegionRequest:
+    """What the prompt says about where on the support."""
+
+    part: str
+    """Part name asked for, or empty."""
+    names: tuple[str, ...]
+    """Among: center, left, right, front, back, head, foot, edge, corner, near, next_to, between, middle, any; combined
+    ('left', 'front')."""
+    references: tuple[str, ...]
+    """Instance ids or 'part:NAME' that near / next_to / between refer to."""
+    words: str
+    """The words it was read from."""
+    which: str = ""
+    """Which of several parts of that name: left, right, top, bottom, middle or a number counted from below; or
+    empty."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Intent:
+    """One answer to one question."""
+
+    base_id: str
+    base_label: str
+    object_name: str
+    """Category of the object: ball, mug, plush toy ..."""
+    size: NDArray[np.float64]
+    """Size prior in the state that the mesh shows (folded ...), extents sorted descending [m], shape (3,)."""
+    mass: float
+    """Mass prior [kg]."""
+    hollow: bool
+    """Its mass is not density times the volume of its closed mesh."""
+    scale: float
+    """Isotropic factor applied to the object mesh: 1, that of a unit, or to the usual size (`tasks.intent.rescale`)."""
+    orientation: OrientationRequest
+    region: RegionRequest
+    not_understood: tuple[str, ...]
+    """Words that were left over."""
+    notes: tuple[str, ...]
+    mass_given: bool = False
+    """The mass comes from the user and is not to be replaced by density times volume."""

@@ -1,0 +1,36 @@
+"""Writes objects as GLB (a named node per part, y up as the standard asks), OBJ or PLY (one mesh, z up as given).
+
+Vertex colours are the sRGB bytes of the mesh. Same input, same bytes.
+"""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from dcap.scene.errors import InputError
+from dcap.scene.types.mesh import Mesh
+from dcap.scene.writers.glb import Node, glb_bytes
+from dcap.scene.writers.interiorgs import write_ply
+
+
+def write_object(path: Path, parts: Sequence[tuple[str, Mesh]]) -> None:
+    """Write named parts; the suffix chooses the format."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    whole = Mesh.concatenate([mesh for _, mesh in parts])
+    if path.suffix == ".glb":
+        path.write_bytes(glb_bytes([Node(name, mesh) for name, mesh in parts]))
+    elif path.suffix == ".ply":
+        write_ply(path, whole)
+    elif path.suffix == ".obj":
+        path.write_text(_obj(whole), encoding="ascii")
+    else:
+        raise InputError(f"{path}: objects are written as .glb, .obj or .ply, not {path.suffix!r}")
+
+
+def _obj(mesh: Mesh) -> str:
+    """Vertices with colours 0..1 behind them, as many tools read and write them."""
+    rows = np.hstack([mesh.vertices, mesh.colors / 255.0])
+    vertices = [f"v {x:.6f} {y:.6f} {z:.6f} {r:.4f} {g:.4f} {b:.4f}" for x, y, z, r, g, b in rows.tolist()]
+    faces = [f"f {a} {b} {c}" for a, b, c in (mesh.faces + 1).tolist()]
+    return "\n".join([*vertices, *faces, ""])

@@ -1,0 +1,1 @@
+"""Furniture built from closed solids, one file per family."""

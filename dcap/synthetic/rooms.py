@@ -1,0 +1,147 @@
+"""The embedded rooms: names, and a room built into a scan with its annotations and truth."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dcap.scene.types.box import OrientedBox
+from dcap.scene.writers.interiorgs import Hole, Label, RoomRecord, Wall
+from dcap.synthetic import rooms_day, rooms_night
+from dcap.synthetic.room import WALL_THICKNESS, WALLS, Opening, Room, shell, to_room
+from dcap.synthetic.scan import RoomScan, Surface, scan
+from dcap.synthetic.shapes import Array, moved, rotation
+
+ROOMS: dict[str, Callable[[int], Room]] = {
+    build.__name__: build
+    for build in (
+        rooms_night.bedroom_01,
+        rooms_night.bedroom_02,
+        rooms_night.bedroom_03,
+        rooms_night.guest_01,
+        rooms_night.kids_01,
+        rooms_night.kids_02,
+        rooms_night.bathroom_01,
+        rooms_night.bathroom_02,
+        rooms_day.living_01,
+        rooms_day.living_02,
+        rooms_day.living_03,
+        rooms_day.study_01,
+        rooms_day.study_02,
+        rooms_day.dining_01,
+        rooms_day.dining_02,
+        rooms_day.hall_01,
+    )
+}
+
+BOX_MARGIN = 0.001
+"""Boxes are this much larger than what they hold [m]."""
+NOT_STANDING = ("rug", "ceiling lamp", "picture", "mirror", "window", "curtain")
+"""Things that leave the floor free in the occupancy map."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class BuiltRoom:
+    """A room ready to be written."""
+
+    record: RoomRecord
+    instance_ids: tuple[str, ...]
+    """Truth: id per instance index; unlike in the annotation, never empty."""
+    instance_labels: tuple[str, ...]
+    """Lower case."""
+    face_instance: NDArray[np.int32]
+    """Truth: index of the instance of each face of the mesh, shape (m,)."""
+    face_part: NDArray[np.object_]
+    """Truth: part name of each face, shape (m,)."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class _Thing:
+    label: str
+    yaw_deg: float
+    boxed: bool
+
+
+def build_room(name: str, seed: int) -> BuiltRoom:
+    """Furnish, scan and annotate one room; rooms lie at a place of their own in the world."""
+    number = list(ROOMS).index(name)
+    own_seed = seed * 1000 + 17 * number
+    room = ROOMS[name](own_seed)
+    rng = np.random.default_rng(own_seed)
+    offset = np.round(rng.uniform(-4.0, 4.0, 2), 3)
+    things, surfaces = _surfaces(room, offset)
+    scanned = scan(surfaces, own_seed)
+    ids = tuple(str(int(n)) for n in rng.choice(np.arange(100, 1000), len(things), replace=False))
+    boxes = [_box(scanned, index, thing.yaw_deg) for index, thing in enumerate(things)]
+    record = RoomRecord(
+        kind=room.kind,
+        profile=offset + np.array([[0, 0], [room.width, 0], [room.width, room.depth], [0, room.depth]]),
+        walls=_walls(room, offset),
+        holes=tuple(_hole(room, o, offset) for o in room.openings),
+        labels=_labels(room, things, boxes, ids, rng),
+        obstacles=tuple(
+            box.corners[:4, :2]
+            for thing, box in zip(things, boxes, strict=True)
+            if thing.boxed and thing.label not in ("floor", "ceiling", *NOT_STANDING) and box.bottom < 1.8
+        ),
+        mesh=scanned.mesh,
+    )
+    return BuiltRoom(record, ids, tuple(t.label.lower() for t in things), scanned.face_instance, scanned.face_part)
+
+
+def _surfaces(room: Room, offset: Array) -> tuple[list[_Thing], list[Surface]]:
+    """Every instance of the room and every surface, in world coordinates."""
+    around = shell(room)
+    things: list[_Thing] = []
+    surfaces: list[Surface] = []
+    walls: dict[str, int] = {}
+    for label, mesh in around.sheets:
+        walls[label] = len(things)
+        things.append(_Thing(label.split()[0], 0.0, boxed=not label.startswith("wall")))
+        surfaces.append(Surface(moved(mesh, *offset), walls[label], label.split()[0], closed=False))
+    placed = [(item, 0.0) for item in around.things] + [(p.piece, p.yaw_deg) for p in room.things]
+    for item, yaw_deg in placed:
+        if item.label not in walls:
+            things.append(_Thing(item.label, yaw_deg, boxed=True))
+        index = walls.get(item.label, len(things) - 1)
+        surfaces += [Surface(moved(m, *offset), index, p.name, closed=True) for p in item.parts for m in p.solids]
+    return things, surfaces
+
+
+def _box(scanned: RoomScan, instance: int, yaw_deg: float) -> OrientedBox:
+    """The box of an instance's faces, turned like the piece."""
+    axes = rotation("z", yaw_deg)
+    faces = scanned.mesh.faces[scanned.face_instance == instance]
+    local = scanned.mesh.vertices[np.unique(faces)] @ axes
+    low, high = local.min(axis=0) - BOX_MARGIN, local.max(axis=0) + BOX_MARGIN
+    return OrientedBox(axes @ ((low + high) / 2), axes, (high - low) / 2)
+
+
+def _labels(room: Room, things: list[_Thing], boxes: list[OrientedBox], ids: tuple[str, ...],
+            rng: np.random.Generator) -> tuple[Label, ...]:  # fmt: skip
+    """Annotations in mixed case and random order: a room and walls without boxes, a ceiling lamp without an id."""
+    labels = [Label("", "room", None)]
+    for index, thing in enumerate(things):
+        name = thing.label.capitalize() if rng.random() < 0.4 else thing.label
+        box = boxes[index] if thing.boxed else None
+        labels.append(Label("" if thing.label == "ceiling lamp" else ids[index], name, box))
+    return tuple(labels[int(i)] for i in rng.permutation(len(labels)))
+
+
+def _walls(room: Room, offset: Array) -> tuple[Wall, ...]:
+    """Centre lines of the four walls, which lie outside of the floor polygon."""
+    walls = []
+    for name in WALLS:
+        length = room.width if name in ("south", "north") else room.depth
+        middle = WALL_THICKNESS / 2
+        ends = to_room(room, name, np.array([[-middle, middle, 0.0], [length + middle, middle, 0.0]]))[:, :2] + offset
+        walls.append(Wall(ends[0], ends[1], WALL_THICKNESS, room.height))
+    return tuple(walls)
+
+
+def _hole(room: Room, o: Opening, offset: Array) -> Hole:
+    low, high, a, b = o.sill, o.sill + o.height, o.at - o.width / 2, o.at + o.width / 2
+    depth = WALL_THICKNESS / 2
+    corners = to_room(room, o.wall, np.array([[a, depth, low], [b, depth, low], [b, depth, high], [a, depth, high]]))
+    return Hole(o.kind, corners + np.array([*offset, 0.0]), WALL_THICKNESS)

@@ -1,0 +1,1 @@
+"""Objects to place, built from closed solids, one file per family."""

@@ -1,0 +1,316 @@
+"""The command line: `dcap place|benchmark|plan|rerun|drop|report|dataset|cache|ui`.
+
+Results go to standard output, everything else to standard error. Exit codes: 0 at rest or done, 2 bad input, 3
+understood but infeasible, 4 some samples of a benchmark failed. An error that a user can mend is one line.
+"""
+
+import json
+import os
+import signal
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from dcap.language.protocol.client import DEFAULT_MODEL
+from dcap.scene.errors import DcapError, InputError
+from dcap.scene.settings import runs_root
+from dcap.scene.types.sample import Sample, SourceOptions
+from flows.cli.checks import Json, check_out, check_physics, choice
+from flows.cli.data import cache_app, dataset_app
+from flows.samples import UNITS, UPS
+
+INFEASIBLE = 3
+SOME_FAILED = 4
+INTERRUPTED = 130
+
+app = typer.Typer(
+    name="dcap",
+    help="Deformable, contact-aware placement: an object at rest in a scene, from a sentence.",
+    no_args_is_help=True,
+    add_completion=False,
+    rich_markup_mode=None,
+    pretty_exceptions_enable=False,
+)
+app.add_typer(dataset_app, name="dataset")
+app.add_typer(cache_app, name="cache")
+
+Workers = Annotated[int, typer.Option(min=1, max=64, help="Samples at a time.")]
+Dataset = Annotated[Path | None, typer.Option(help="YAML list of samples; default: the embedded rooms.")]
+Limit = Annotated[int | None, typer.Option(min=1, help="Only the first so many samples.")]
+Language = Annotated[
+    str, typer.Option(help="Who reads the sentence: offline (default), anthropic or replay.", show_default=False)
+]
+Model = Annotated[str, typer.Option(help="Model to ask; default: " + DEFAULT_MODEL + ".", show_default=False)]
+Record = Annotated[
+    str, typer.Option(metavar="DIR", help="Keep a copy of every reply there, for --replay.", show_default=False)
+]
+Replay = Annotated[str, typer.Option(metavar="DIR", help="Answer from the replies recorded there.", show_default=False)]
+MaxCost = Annotated[float | None, typer.Option(help="Spend at most this on a model [USD].")]
+Solver = Annotated[str | None, typer.Option(help="Method of the solver: tl (default) or mls.")]
+Arch = Annotated[
+    str, typer.Option(help="Where the solver runs: cpu, cuda (a graphics card) or auto (cuda if it starts).")
+]
+Stability = Annotated[bool, typer.Option("--stability", help="Push what rests around; grade what it can take.")]
+LoadAware = Annotated[
+    bool,
+    typer.Option("--load-aware", help="What gives less than 0.05 mm under the load is rigid too, not only E > 1 GPa."),
+]
+PaperLimits = Annotated[
+    bool,
+    typer.Option("--paper-limits", help="Clamp the materials as the paper does (E >= 5e4 Pa ...): every foam alike."),
+]
+Resolution = Annotated[float | None, typer.Option(help="Cell size at the contact [m]; default: from the physics.")]
+Threads = Annotated[int, typer.Option(min=0, help="Threads of the solver, 0: all cores; never changes a result.")]
+
+
+@app.command()
+def place(
+    scene: Annotated[
+        str, typer.Argument(help="Folder (InteriorGS, ScanNet, SuGaR) or mesh (GLB, OBJ, PLY, STL, USD).")
+    ],
+    object: Annotated[str, typer.Argument(help="Mesh of the object.")],  # noqa: A002 the contract's name
+    prompt: Annotated[str, typer.Argument(help='What to do: "put the ball at the centre of the bed".')],
+    out: Annotated[Path | None, typer.Option(help="Folder for the results; default: data/runs/place.")] = None,
+    language: Language = "",
+    model: Model = "",
+    record: Record = "",
+    replay: Replay = "",
+    max_cost: MaxCost = None,
+    label: Annotated[str, typer.Option(help="What the scene mesh, or its unnamed nodes, shows: table.")] = "",
+    up: Annotated[str, typer.Option(help="Up axis of the scene file: z, y, -y, -z or auto.")] = "auto",
+    unit: Annotated[str, typer.Option(help="Length unit of the scene file: m, cm, mm, in or auto.")] = "auto",
+    object_label: Annotated[str, typer.Option(help="What the object is: mug.")] = "",
+    object_up: Annotated[str, typer.Option(help="Up axis of the object file: z, y, -y, -z or auto.")] = "auto",
+    object_unit: Annotated[str, typer.Option(help="Length unit of the object file: m, cm, mm, in or auto.")] = "auto",
+    mass: Annotated[float | None, typer.Option(help="Mass of the object [kg]; default: a prior for its kind.")] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of everything random.")] = 0,
+    resolution: Resolution = None,
+    threads: Threads = 0,
+    solver: Solver = None,
+    arch: Arch = "cpu",
+    stability: Stability = False,
+    load_aware: LoadAware = False,
+    paper_limits: PaperLimits = False,
+    as_json: Json = False,
+) -> int:
+    """Place one object in one scene."""
+    if not prompt.strip():
+        raise InputError('PROMPT is empty; say what to do, for example "put the ball at the centre of the bed"')
+    try:
+        prompt.encode()
+    except UnicodeEncodeError:
+        raise InputError("PROMPT is not valid UTF-8; check the terminal's encoding") from None
+    if mass is not None and not 0 < mass < float("inf"):
+        raise InputError(f"--mass {mass} is not a positive number of kilograms")
+    sample = Sample(
+        id=f"{Path(object).stem} in {Path(scene).name}",
+        scene=scene,
+        object=object,
+        prompt=prompt,
+        scene_options=SourceOptions(choice("--up", up, UPS), choice("--unit", unit, UNITS), label),
+        object_options=SourceOptions(
+            choice("--object-up", object_up, UPS), choice("--object-unit", object_unit, UNITS), object_label
+        ),
+        mass=mass,
+        seed=seed,
+    )
+    check_physics(resolution, solver, arch, stability)
+    folder = out or runs_root() / "place"
+    check_out(folder)
+
+    from flows.cli.configure import configured  # after the checks: the stages bring heavy libraries
+    from flows.cli.language_options import LanguageOptions
+    from flows.output import result_line, write_placement
+    from flows.place_one import place_one
+    from tasks.arch import chosen_arch
+
+    asking = LanguageOptions(language, model, record, replay, max_cost)
+    config = configured(
+        language=asking.config(),
+        resolution=resolution,
+        threads=threads,
+        solver=solver or "tl",
+        arch=chosen_arch(arch),
+        stability=stability,
+        load_aware=load_aware,
+        paper_limits=paper_limits,
+    )
+    tree = write_placement(place_one(sample, config, asking.session(folder), quiet=as_json), folder)
+    warnings = tree["warnings"]
+    assert isinstance(warnings, list)
+    for warning in warnings:
+        print(f"note: {warning}", file=sys.stderr)
+    print(json.dumps(tree, indent=2, ensure_ascii=False) if as_json else f"{result_line(tree)}\nresults: {folder}")
+    return 0 if tree["verdict"] == "at_rest" else INFEASIBLE
+
+
+@app.command()
+def drop(
+    case: Annotated[Path, typer.Argument(help="Case file: bodies, shapes, materials.")],
+    out: Annotated[Path, typer.Option(help="Folder for the results.")],
+    solver: Solver = None,
+    resolution: Resolution = None,
+    threads: Threads = 0,
+    arch: Arch = "cpu",
+    stability: Stability = False,
+    load_aware: LoadAware = False,
+    as_json: Json = False,
+) -> int:
+    """Physics only: settle the bodies of a case file."""
+    if not case.is_file():
+        raise InputError(f"{case}: no such file")
+    check_physics(resolution, solver, arch, stability)
+    check_out(out)
+
+    from tasks.arch import chosen_arch
+    from tasks.case.run import run_case
+
+    tree = run_case(
+        case,
+        out,
+        solver=solver or "tl",
+        arch=chosen_arch(arch),
+        resolution=resolution,
+        threads=threads,
+        stability=stability,
+        load_aware=load_aware,
+        quiet=as_json,
+    )
+    print(json.dumps(tree, indent=2) if as_json else f"{tree['verdict']}\nresults: {out}")
+    return 0 if tree["verdict"] == "at_rest" else INFEASIBLE
+
+
+@app.command()
+def benchmark(
+    dataset: Dataset = None,
+    methods: Annotated[str, typer.Option(help="Comma-separated methods; there is one so far: dcap.")] = "dcap",
+    limit: Limit = None,
+    workers: Workers = 2,
+    only_failed: Annotated[bool, typer.Option("--only-failed", help="Only what failed in the last run.")] = False,
+    language: Language = "",
+    model: Model = "",
+    record: Record = "",
+    replay: Replay = "",
+    max_cost: MaxCost = None,
+    batch: Annotated[
+        bool, typer.Option("--batch", help="Ask in batches: half the price, answers within minutes to a day.")
+    ] = False,
+    paper_limits: PaperLimits = False,
+    as_json: Json = False,
+) -> int:
+    """Place every sample of a dataset and report."""
+    for method in methods.split(","):
+        choice("--methods", method.strip(), ("dcap",))
+
+    from flows.benchmark import run_benchmark
+    from flows.cli.configure import configured
+    from flows.cli.language_options import LanguageOptions
+
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    threads = max(1, cores // workers)  # drops side by side must not fight for the cores
+    asking = LanguageOptions(language, model, record, replay, max_cost, batch)
+    config = configured(language=asking.config(), threads=threads, paper_limits=paper_limits)
+    run = run_benchmark(dataset, config, asking, limit=limit, workers=workers, only_failed=only_failed)
+    if as_json:
+        print(json.dumps(run.summary, indent=2, ensure_ascii=False))
+    return SOME_FAILED if run.failed else 0
+
+
+@app.command()
+def plan(
+    dataset: Dataset = None,
+    limit: Limit = None,
+    language: Language = "",
+    model: Model = "",
+    record: Record = "",
+    replay: Replay = "",
+    paper_limits: PaperLimits = False,
+    as_json: Json = False,
+) -> int:
+    """Show what a benchmark would run and why, without running anything."""
+    from flows.benchmark import plan_benchmark
+    from flows.cli.configure import configured
+    from flows.cli.language_options import LanguageOptions
+
+    asking = LanguageOptions(language, model, record, replay)
+    rows = plan_benchmark(
+        dataset, configured(language=asking.config(plan=True), paper_limits=paper_limits), limit=limit
+    )
+    if as_json:
+        print(json.dumps(rows, indent=2, ensure_ascii=False))
+    return 0
+
+
+@app.command()
+def rerun(
+    run: Annotated[str, typer.Argument(help="Name or folder of a run, or 'last'.")],
+    sample: Annotated[str, typer.Argument(help="Id of a sample.")],
+    stage: Annotated[str, typer.Option(help="Stage to compute again.")],
+    max_cost: MaxCost = None,
+    as_json: Json = False,
+) -> int:
+    """Compute one stage of one sample again; later stages only where their inputs changed."""
+    from flows.benchmark import rerun_sample
+    from flows.output import result_line
+
+    tree, page = rerun_sample(run, sample, stage, max_cost)
+    print(json.dumps(tree, indent=2, ensure_ascii=False) if as_json else f"{result_line(tree)}\nreport: {page}")
+    return 0 if tree["verdict"] == "at_rest" else INFEASIBLE
+
+
+@app.command()
+def report(run: Annotated[str, typer.Argument(help="Name or folder of a run, or 'last'.")]) -> int:
+    """Write a run's HTML report again."""
+    from flows.benchmark import rewrite_report
+
+    print(rewrite_report(run))
+    return 0
+
+
+@app.command()
+def ui(port: Annotated[int, typer.Option(min=1, max=65535, help="Port on this machine.")] = 4200) -> int:
+    """Serve Prefect's pages over all runs until interrupted."""
+    from flows.server import prefect_server
+
+    with prefect_server(port) as url:
+        print(f"{url.removesuffix('/api')}  (stop with Ctrl-C)", flush=True)
+        signal.pause()
+    return 0
+
+
+def complain(message: str) -> None:
+    """One line on standard error; help stays as it is."""
+    if message.startswith("Usage:"):
+        print(message, file=sys.stderr)
+        return
+    print(f"dcap: {' '.join(message.split())}", file=sys.stderr)
+
+
+def main() -> None:
+    """Run the command line and exit with the contract's code."""
+    sys.exit(run_command(sys.argv[1:]))
+
+
+def run_command(arguments: list[str]) -> int:
+    """Exit code of a command line."""
+    from tasks.runner.process import kill_all
+
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(INTERRUPTED))
+    try:
+        result = typer.main.get_command(app).main(arguments, prog_name="dcap", standalone_mode=False)
+        return int(result or 0)
+    except typer.Exit as finished:
+        return finished.exit_code
+    except typer.TyperException as error:
+        complain(error.format_message())
+        return 2
+    except DcapError as error:
+        complain(str(error))
+        return error.exit_code
+    except (KeyboardInterrupt, typer.Abort):
+        complain("interrupted")
+        return INTERRUPTED
+    finally:
+        kill_all()

@@ -1,0 +1,100 @@
+"""The commands about data: `dcap dataset make|check|prepare-sugar` and `dcap cache ls|verify`."""
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from dcap.scene.types.sample import SourceOptions
+from flows.cli.checks import Json, check_out, choice
+from flows.samples import UNITS, UPS
+
+dataset_app = typer.Typer(help="Make the embedded dataset, check any.", no_args_is_help=True, rich_markup_mode=None)
+cache_app = typer.Typer(help="What has been computed.", no_args_is_help=True, rich_markup_mode=None)
+
+
+@dataset_app.command("make")
+def dataset_make(
+    folder: Annotated[Path | None, typer.Option(help="Where to; default: data/.")] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of rooms and objects.")] = 0,
+    rooms: Annotated[str, typer.Option(help="Comma-separated names of the only rooms to make; default: all.")] = "",
+    splats: Annotated[
+        int, typer.Option(min=0, max=4_000_000, help="Write each room as so many Gaussian splats too (500000).")
+    ] = 0,
+) -> int:
+    """Generate the embedded rooms and objects where they are missing."""
+    from dcap.scene.settings import data_root
+    from flows.benchmark import ensure_dataset
+
+    chosen = [name.strip() for name in rooms.split(",") if name.strip()]
+    print(ensure_dataset(folder or data_root(), seed, rooms=chosen, splats=splats))
+    return 0
+
+
+@dataset_app.command("prepare-sugar")
+def dataset_prepare_sugar(
+    scene: Annotated[Path, typer.Argument(help="Folder (InteriorGS, or one with splats) or PLY of Gaussian splats.")],
+    out: Annotated[Path | None, typer.Option(help="Folder for the results; default: data/runs/sugar/NAME.")] = None,
+    views: Annotated[int, typer.Option(min=1, max=20_000, help="Pictures; SuGaR wants hundreds that overlap.")] = 300,
+    width: Annotated[int, typer.Option(min=16, max=1920, help="Of a picture [pixel].")] = 960,
+    height: Annotated[int, typer.Option(min=16, max=1920, help="Of a picture [pixel].")] = 720,
+    up: Annotated[str, typer.Option(help="Up axis of the splats: z, y, -y, -z or auto.")] = "auto",
+    unit: Annotated[str, typer.Option(help="Length unit of the splats: m, cm, mm, in or auto.")] = "auto",
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the cameras' places.")] = 0,
+    threads: Annotated[int, typer.Option(min=0, help="Threads, 0: all cores; never changes a result.")] = 0,
+    as_json: Json = False,
+) -> int:
+    """Render posed views of a scene of splats and write what SuGaR takes to make a mesh of them."""
+    options = SourceOptions(choice("--up", up, UPS), choice("--unit", unit, UNITS))
+    if out is not None:
+        check_out(out)
+
+    from dcap.geometry.splatting.camera_path import PathConfig
+    from flows.prepare_sugar import prepare_sugar, summary
+
+    config = PathConfig(views=views, width=width, height=height, seed=seed)
+    folder, record = prepare_sugar(scene, out, options, config, threads=threads, quiet=as_json)
+    print(json.dumps(record, indent=2, ensure_ascii=False) if as_json else summary(folder, record))
+    return 0
+
+
+@dataset_app.command("check")
+def dataset_check(
+    path: Annotated[
+        Path | None,
+        typer.Argument(help="Dataset file (YAML), folder of scenes, scene or mesh; default: the embedded dataset."),
+    ] = None,
+    plot: Annotated[
+        Path | None, typer.Option(help="Draw the deformable supports per scene there, as .png or .svg.")
+    ] = None,
+    as_json: Json = False,
+) -> int:
+    """List every problem of a dataset, and what its scenes hold; exit code 2 if there are errors."""
+    from dcap.evaluation.drawing import drawing_suffix
+    from flows.cli.check_report import as_tree, in_words, write_plot
+    from flows.dataset_check import check_dataset
+
+    if plot is not None:
+        drawing_suffix(plot)  # before a check that may take minutes
+    report = check_dataset(path)
+    print(json.dumps(as_tree(report), indent=2, ensure_ascii=False) if as_json else in_words(report))
+    if plot is not None:
+        write_plot(report, plot)
+    return 2 if report.failed else 0
+
+
+@cache_app.command("ls")
+def cache_ls(as_json: Json = False) -> int:
+    """List what has been computed, by kind."""
+    from flows.cli.cache_report import cache_listing
+
+    return cache_listing(as_json=as_json)
+
+
+@cache_app.command("verify")
+def cache_verify(as_json: Json = False) -> int:
+    """Read every artifact and compare it with its digest; damaged ones are computed again when needed."""
+    from flows.cli.cache_report import cache_verification
+
+    return cache_verification(as_json=as_json)

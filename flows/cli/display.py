@@ -1,0 +1,173 @@
+"""What a benchmark shows while it runs, and the tables it ends with; all on standard error."""
+
+import sys
+import threading
+import time
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+from rich.console import Console, Group, RenderableType
+from rich.live import Live
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+from rich.table import Table
+from rich.text import Text
+
+from dcap.evaluation.outcome_table import Row
+from dcap.language.model.ledger import in_words
+from dcap.scene.types.sample import Sample
+from flows.sample_run import STAGES, OnEvent, Plan
+from tasks.runner.stage import Event, StageEvent
+
+SHOWN_WIDTH = 46
+WIDTH = 160
+
+
+def console_on_stderr() -> Console:
+    """A console that shows words as they are and does not break lines where nobody looks at a terminal."""
+    width = None if sys.stderr.isatty() else WIDTH
+    return Console(file=sys.stderr, highlight=False, markup=False, emoji=False, width=width)
+
+
+class Display:
+    """Live progress: samples done, the stages at work, and the time left."""
+
+    def __init__(self, samples: Sequence[Sample]) -> None:
+        self.console = console_on_stderr()
+        self.progress = Progress(
+            SpinnerColumn(),
+            TextColumn("{task.description}"),
+            BarColumn(),
+            MofNCompleteColumn(),
+            TimeElapsedColumn(),
+            TextColumn("{task.fields[left]}"),
+            console=self.console,
+        )
+        self.bar = self.progress.add_task("planning", total=len(samples), left="")
+        self.begin = time.monotonic()
+        self.stages = {sample.id: len(STAGES) for sample in samples}
+        """Number of stages of every sample that planning has not settled, as far as one can see."""
+        self.stages_done = dict.fromkeys(self.stages, 0)
+        self.ran = 0
+        self.at_work: dict[str, tuple[str, str, float]] = {}
+        self.lock = threading.Lock()
+        self.live = Live(console=self.console, refresh_per_second=4, get_renderable=self.rendered)
+
+    def __enter__(self) -> Self:
+        self.live.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.live.stop()
+
+    def rendered(self) -> RenderableType:
+        """The bar and one line per sample at work."""
+        with self.lock:
+            done, total = sum(self.stages_done.values()), sum(self.stages.values())
+            stages = Text(f"  {done} of {total} stages" if done or self.at_work else "")
+            lines = [stages] + [Text(work_line(sample, *work)) for sample, work in self.at_work.items()]
+        return Group(self.progress, *lines)
+
+    def planned(self, plan: Plan) -> None:
+        """One sample has been looked up."""
+        with self.lock:
+            if plan.finished is not None or plan.failed is not None:
+                del self.stages[plan.sample.id]
+            else:
+                self.stages[plan.sample.id] = plan.stage_count
+        self.progress.advance(self.bar)
+
+    def serving(self, url: str) -> None:
+        """Work begins; the runs can be watched at `url`."""
+        self.console.print(f"Prefect: {url.removesuffix('/api')}")
+        self.begin = time.monotonic()
+        self.progress.reset(self.bar, total=len(self.stages), description="placing", left="")
+
+    def listener(self, sample: Sample) -> OnEvent:
+        """Where the stages of one sample report."""
+
+        def on_event(event: StageEvent) -> None:
+            with self.lock:
+                if event.event in (Event.STARTED, Event.PROGRESS):
+                    since = self.at_work.get(sample.id, ("", "", 0.0))
+                    begun = since[2] if since[0] == event.stage else time.monotonic()
+                    self.at_work[sample.id] = (event.stage, event.text, begun)
+                else:
+                    self.stages_done[sample.id] += 1
+
+        return on_event
+
+    def say(self, text: str) -> None:
+        """A line that is not about one sample."""
+        self.console.print(text)
+
+    def finished(self, sample: Sample) -> None:
+        """A sample is done."""
+        self.count(sample)
+
+    def failed(self, sample: Sample, message: str) -> None:
+        """A sample did not get through."""
+        self.console.print(Text("failed", "red"), f"{sample.id}: {message}")
+        self.count(sample)
+
+    def count(self, sample: Sample) -> None:
+        """Move the bar, however the sample ended; what planning has settled has moved it already."""
+        if sample.id not in self.stages:
+            return
+        with self.lock:
+            self.at_work.pop(sample.id, None)
+            self.ran += 1
+            self.stages[sample.id] = self.stages_done[sample.id]  # now one knows
+            left = (time.monotonic() - self.begin) / self.ran * (len(self.stages) - self.ran)
+        self.progress.update(self.bar, completed=self.ran, left=f"about {left / 60:.0f} min left" if left > 60 else "")
+
+
+def work_line(sample: str, stage: str, text: str, since: float) -> str:
+    """A sample at work in a line."""
+    seconds = time.monotonic() - since
+    return f"  {sample[:SHOWN_WIDTH]:<{SHOWN_WIDTH}} {stage:<14} {seconds:5.0f} s  {text[:40]}"
+
+
+def print_plan(plans: Sequence[Plan]) -> None:
+    """What would run, per sample, and a line of totals."""
+    console = console_on_stderr()
+    table = Table("sample", "cached", "would run", "why", box=None)
+    for plan in plans:
+        count = "all" if plan.finished else ("-" if plan.failed else f"{len(plan.cached)} of {plan.stage_count}")
+        table.add_row(plan.sample.id, count, plan.missing or "-", plan.failed.message if plan.failed else plan.why)
+    console.print(table)
+    console.print(f"{sum(plan.finished is not None for plan in plans)} of {len(plans)} samples are cached")
+
+
+def print_table(rows: Sequence[Row], summary: Mapping[str, object], folder: Path) -> None:
+    """The results of a run."""
+    console = console_on_stderr()
+    table = Table("sample", "verdict", "on", "expected", "", "s", box=None)
+    for row in rows:
+        verdict = row.verdict if not row.reason else f"{row.verdict}: {row.reason}"
+        mark = "" if row.as_expected is None else ("yes" if row.as_expected else "NO")
+        on = f"{row.base} {row.part}".strip() + (" (region missed)" if row.region_missed else "")
+        style = "red" if row.error else ("yellow" if row.as_expected is False else "")
+        table.add_row(row.sample, row.error[:60] or verdict, on, row.expected, mark, f"{row.seconds:.1f}", style=style)
+    console.print(table)
+    console.print(summary_line(summary))
+    if isinstance(spent := summary.get("language"), Mapping):
+        console.print(in_words(spent))
+    console.print(f"report: {folder / 'report.html'}")
+
+
+def summary_line(summary: Mapping[str, object]) -> str:
+    """The counts in a sentence."""
+    line = (
+        f"{summary['samples']} samples: {summary['at_rest']} at rest, {summary['infeasible']} infeasible, "
+        f"{summary['failed']} failed"
+    )
+    if summary["feasible_intended"] or summary["infeasible_intended"]:
+        line += (
+            f"; as intended {summary['feasible_as_intended']} of {summary['feasible_intended']} feasible and "
+            f"{summary['infeasible_with_right_reason']} of {summary['infeasible_intended']} infeasible"
+        )
+    return f"{line}; {summary['wall_s']} s"

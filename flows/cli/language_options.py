@@ -1,0 +1,118 @@
+"""What the command line says about language: who answers, what is recorded, what may be spent.
+
+In: the options. Out: the part that decides results (`LanguageConfig`) and the part that does not (`Session`).
+"""
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from urllib.parse import unquote
+
+from dcap.language.model.anthropic_api import endpoint
+from dcap.language.model.ledger import check_budget
+from dcap.language.model.reply_folder import MARK, ReplyFolder
+from dcap.language.protocol.client import DEFAULT_MODEL, ClientName, LanguageConfig
+from dcap.language.protocol.session import Session
+from dcap.scene.errors import InputError
+
+LEDGER = "usage.jsonl"
+"""Name of the ledger in a run's folder."""
+DESK = "batch-desk"
+"""Name of the batch desk's folder in a run's folder."""
+
+
+@dataclass(frozen=True, slots=True)
+class LanguageOptions:
+    """The options as they were given."""
+
+    language: str = ""
+    """offline, anthropic or replay; empty: replay where a recording is named, else offline."""
+    model: str = ""
+    record: str = ""
+    replay: str = ""
+    max_cost: float | None = None
+    batch: bool = False
+
+    def located(self) -> "LanguageOptions":
+        """The options with whole paths: a run is repeated from any working directory."""
+        return replace(self, record=whole(self.record), replay=whole(self.replay))
+
+    @property
+    def client(self) -> ClientName:
+        """Who answers; InputError for options that contradict each other."""
+        name = self.language or (ClientName.REPLAY if self.replay else ClientName.OFFLINE)
+        if name not in list(ClientName):
+            raise InputError(f"--language {name!r} is not one of {', '.join(ClientName)}")
+        client = ClientName(name)
+        if client is ClientName.REPLAY and not self.replay:
+            raise InputError("--language replay needs --replay DIR, a folder that --record DIR has written")
+        if client is not ClientName.REPLAY and self.replay:
+            raise InputError(f"--replay {self.replay} is for --language replay, not {client}")
+        if client is not ClientName.ANTHROPIC:
+            given = {"--record": self.record, "--max-cost": self.max_cost, "--batch": self.batch}
+            asks = next((option for option, value in given.items() if value), None)
+            if asks:
+                raise InputError(f"{asks} is for --language anthropic: {client} asks no model")
+        if client is ClientName.OFFLINE and self.model:
+            raise InputError(f"--model {self.model} is for --language anthropic or replay: offline asks no model")
+        return client
+
+    def config(self, *, plan: bool = False) -> LanguageConfig:
+        """What decides the stages' results; for a `plan` nothing is written."""
+        client = self.client
+        if client is ClientName.OFFLINE:
+            return LanguageConfig()
+        if client is ClientName.REPLAY:
+            folder = ReplyFolder(Path(self.replay))
+            model, _, host = recorded_model(folder, self.model).partition("@")
+            return LanguageConfig(client=client, model=unquote(model), endpoint=host, recording=folder.content())
+        model = self.model or DEFAULT_MODEL
+        if model.startswith("."):  # it names a folder
+            raise InputError(f"--model {model!r} is not the name of a model")
+        check_budget(model, self.max_cost)
+        return LanguageConfig(
+            client=client, model=model, endpoint=endpoint(), recording=recording_of(self.record, plan=plan)
+        )
+
+    def session(self, folder: Path) -> Session:
+        """What does not; ledger and batch desk lie in the run's folder."""
+        if self.client is ClientName.OFFLINE:
+            return Session()
+        return Session(
+            record=whole(self.record),
+            replay=whole(self.replay),
+            ledger=str(folder.resolve() / LEDGER),
+            max_cost=self.max_cost,
+            batch=str(folder.resolve() / DESK) if self.batch else "",
+        )
+
+
+def recorded_model(folder: ReplyFolder, wanted: str) -> str:
+    """The model whose replies a recording holds; InputError if there is none or the choice is open."""
+    models = folder.models()
+    if not models:
+        raise InputError(f"--replay {folder.root}: no recorded replies there; record some with --record DIR")
+    fitting = [name for name in models if wanted in ("", name, unquote(name.partition("@")[0]))]
+    if not fitting:
+        raise InputError(f"--replay {folder.root} has replies of {', '.join(models)}, none of --model {wanted}")
+    if len(fitting) > 1:
+        raise InputError(f"--replay {folder.root} has replies of {', '.join(fitting)}; choose one with --model")
+    return fitting[0]
+
+
+def recording_of(folder: str, *, plan: bool) -> str:
+    """Name of the recording in a folder, empty for none; InputError if it cannot be written. A plan's is not begun."""
+    if not folder:
+        return ""
+    if plan and not (Path(folder) / MARK).exists():
+        return "to be begun"
+    try:
+        return ReplyFolder(Path(folder)).mark()
+    except OSError as error:
+        raise InputError(f"--record {folder}: {error.strerror}; give a folder") from None
+    except (ValueError, KeyError, TypeError):
+        raise InputError(f"--record {folder}: its {MARK} is damaged; remove that file or give another folder") from None
+
+
+def whole(path: str) -> str:
+    """An absolute path, empty for none."""
+    return str(Path(path).resolve()) if path else ""

@@ -1,0 +1,1 @@
+"""Contact between bodies: the query, friction, bonds, rolling resistance, predictions."""

@@ -1,0 +1,139 @@
+"""Bonds: two bodies that stay together where they touch at the start, soft or rigid, fixed or free.
+
+Surface points of either body that start within REACH of the other are tied to the material point of the other that lies
+there: a spring without rest length in all three directions, implicit on both sides like a contact but without a limit.
+Its stiffness makes the stretch under a load of LOADS times the free weight invisible (the penetration target); where
+one side is soft a spring far stiffer than its cells would only cost iterations.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solver.errors import ModelError
+from solver.model.bodies import Body, Model, SignedDistance
+from solver.model.soft import SoftBody, SoftSystem, locate, shape_values
+from solver.model.state import State
+
+REACH = 2e-3  # surface points nearer to the other body than this [m] are bonded to it
+LEAST_POINTS = 3  # fewer leave a hinge
+LOADS = 10.0  # a bond is made for this multiple of the free bodies' weight: an impact of a few centimetres
+STIFF = 100.0  # largest stiffness of a bonded point over E times the cell of a soft side [-]
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Tie:
+    """How a set of points moves with one body: with nodes of its field, or with its frame."""
+
+    body: int
+    rest: NDArray[np.float64]
+    """Start positions [m], shape (k, 3)."""
+    node: NDArray[np.int64]
+    """Nodes of each point, shape (k, 8)."""
+    weight: NDArray[np.float64]
+    """Their shape values, zero for a rigid body, shape (k, 8)."""
+
+    def position(self, model: Model, state: State) -> NDArray[np.float64]:
+        """Where the points are now [m], shape (k, 3)."""
+        if self.weight.any():
+            return np.asarray(np.einsum("ka,kai->ki", self.weight, state.x[self.node]))
+        body = model.bodies[self.body]
+        return np.asarray((self.rest - body.center_of_mass) @ state.rotation[self.body].T + state.center[self.body])
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Bond:
+    """The tied points of two bodies."""
+
+    a: Tie
+    b: Tie
+    stiffness: NDArray[np.float64]
+    """Per point [N/m], shape (k,)."""
+
+    def force(self, model: Model, state: State) -> NDArray[np.float64]:
+        """On body a [N], shape (k, 3)."""
+        return -self.stiffness[:, None] * (self.a.position(model, state) - self.b.position(model, state))
+
+
+def build_bonds(model: Model, soft: SoftSystem, target: float) -> list[Bond]:
+    """The bonds of a model; `target` is the stretch that is aimed at [m]. Raises ModelError for bodies that do not
+    touch."""
+    names = [body.name for body in model.bodies]
+    gravity = max(float(np.linalg.norm(model.gravity)), 1.0)
+    free_weight = gravity * sum(body.mass for body in model.bodies if not body.fixed)
+    soft_of = {s.index: s for s in soft.bodies}
+    out = []
+    for one, two in model.bonds:
+        a, b = names.index(one), names.index(two)
+        points = np.concatenate([_near(model.bodies[a], model.bodies[b]), _near(model.bodies[b], model.bodies[a])])
+        ties = [_tie(i, points, soft, soft_of.get(i)) for i in (a, b)]
+        both = ties[0][1] & ties[1][1]
+        if both.sum() < LEAST_POINTS:
+            raise ModelError(
+                f"bond {one!r}, {two!r}: {int(both.sum())} surface points lie within {1e3 * REACH:g} mm of the other "
+                f"body at the start, need {LEAST_POINTS}; move the bodies together or refine their surfaces"
+            )
+        kept = [_only(tie, both) for tie, _ in ties]
+        stiffness = LOADS * free_weight / target / both.sum()
+        for body in (model.bodies[a], model.bodies[b]):
+            if body.soft is not None:
+                cell = min(float(np.diff(p).min()) for p in body.soft.planes)
+                stiffness = min(stiffness, STIFF * float(body.soft.youngs_modulus.max()) * cell)
+        out.append(Bond(kept[0], kept[1], np.full(int(both.sum()), stiffness)))
+    return out
+
+
+def _near(body: Body, other: Body) -> NDArray[np.float64]:
+    """Surface points of a body within REACH of the other, or inside it."""
+    return body.vertices[distance_at(other.distance, body.vertices) <= REACH]
+
+
+def distance_at(grid: SignedDistance, points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Trilinear signed distance [m] at points (n, 3), infinite outside of the samples."""
+    last = np.array(grid.values.shape) - 1
+    at = (points - grid.origin) / grid.spacing
+    inside = ((at >= 0.0) & (at <= last)).all(axis=1)
+    low = np.clip(at.astype(np.int64), 0, last - 1)
+    weight = shape_values(at - low)
+    corner = low[:, None] + np.array(list(np.ndindex(2, 2, 2)))
+    values = grid.values[corner[..., 0], corner[..., 1], corner[..., 2]]
+    return np.where(inside, (weight * values).sum(axis=1), np.inf)
+
+
+def _tie(
+    index: int, points: NDArray[np.float64], soft: SoftSystem, one: SoftBody | None
+) -> tuple[Tie, NDArray[np.bool_]]:
+    """The tie of points (k, 3) to a body, and which of them lie in a cell of it."""
+    node, weight = np.zeros((len(points), 8), dtype=np.int64), np.zeros((len(points), 8))
+    if one is None:
+        return Tie(index, points, node, weight), np.ones(len(points), dtype=bool)
+    inside = np.all([(points[:, a] >= p[0]) & (points[:, a] <= p[-1]) for a, p in enumerate(one.planes)], axis=0)
+    flat, local = locate(one.planes, points[inside])
+    cell = np.full(len(points), -1)
+    cell[inside] = one.cell_id.ravel()[flat]
+    weight[inside] = shape_values(local)
+    node[cell >= 0] = soft.cell_node[cell[cell >= 0]]
+    return Tie(index, points, node, weight), cell >= 0
+
+
+def _only(tie: Tie, keep: NDArray[np.bool_]) -> Tie:
+    return Tie(tie.body, tie.rest[keep], tie.node[keep], tie.weight[keep])
+
+
+def bond_table(model: Model, bonds: Sequence[Bond], state: State) -> list[dict[str, object]]:
+    """One row per bond for the certificate: points, force and largest stretch."""
+    rows: list[dict[str, object]] = []
+    for bond in bonds:
+        force = bond.force(model, state)
+        rows.append(
+            {
+                "a": model.bodies[bond.a.body].name,
+                "b": model.bodies[bond.b.body].name,
+                "points": len(force),
+                "force_n": float(np.linalg.norm(force.sum(axis=0))),
+                "stretch_m": float((np.linalg.norm(force, axis=1) / bond.stiffness).max()),
+            }
+        )
+    return rows

@@ -1,0 +1,1 @@
+"""The constant and the changing part of a simulation: bodies, soft system, state."""

@@ -1,0 +1,315 @@
+"""All soft bodies of a model as one set of cells, nodes and particles.
+
+Cells without material near a body's surface are filled with a very weak fictitious material (finite cell method
+[P07]): it carries the displacement field smoothly past the surface, so that surface points and contact queries always
+lie in a valid cell, and it gives nodes that see only a sliver of material a bounded stiffness.
+
+[P07] Parvizian, Duester, Rank: Finite cell method. Computational Mechanics 41, 2007.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from solver.errors import ModelError
+from solver.model.bending import bending_relief
+from solver.model.bodies import CORE, FREE, HELD, Body, Model, SoftParts
+
+FICTITIOUS_STIFFNESS = 1e-3  # alpha: adds less than 0.1 % to a body's stiffness, keeps the tangent's condition bounded
+EXTENSION_CELLS = (
+    1  # rings of fictitious cells around the surface: a point of another body is at most a few millimetres away
+)
+FULL_OCTANT = 0.999  # a particle with this share of its octant needs no fictitious partner
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class SoftBody:
+    """Where one body lives in the common arrays."""
+
+    index: int
+    """Index of the body in the model."""
+    planes: tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
+    cell_id: NDArray[np.int32]
+    """Global cell per grid cell, -1 where there is none, shape (kx - 1, ky - 1, kz - 1)."""
+    nodes: slice
+    """Its nodes in the common arrays."""
+    particles: slice
+    """Its particles in the common arrays."""
+    surface_node: NDArray[np.int32]
+    """Nodes of the cell that holds each surface vertex, shape (n, 8)."""
+    surface_weight: NDArray[np.float64]
+    """Shape values there, shape (n, 8)."""
+    near_surface: NDArray[np.int32]
+    """Nodes of the cells at most one cell from a surface vertex: where contact queries end up, shape (k,)."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class SoftSystem:
+    """Common arrays; cells c, nodes n, particles p (sorted by cell)."""
+
+    bodies: tuple[SoftBody, ...]
+    rest: NDArray[np.float64]
+    """Node reference positions [m], shape (n, 3)."""
+    mass: NDArray[np.float64]
+    """Lumped node masses [kg], shape (n,)."""
+    held: NDArray[np.bool_]
+    """Nodes that stand still, shape (n,)."""
+    core: NDArray[np.int32]
+    """Model index of the body whose rigid core the node belongs to, -1 for none, shape (n,)."""
+    gravity_share: NDArray[np.float64]
+    """1 where the node's weight acts on the field, 0 for a loaded body, shape (n,)."""
+    cell_node: NDArray[np.int32]
+    """Nodes of each cell, local index 4 i + 2 j + k, shape (c, 8)."""
+    cell_size: NDArray[np.float64]
+    """Edge lengths [m], shape (c, 3)."""
+    cell_start: NDArray[np.int32]
+    """First particle of each cell, shape (c + 1,)."""
+    node_cell: NDArray[np.int32]
+    """Cells around each node by octant, -1 for none, shape (n, 8)."""
+    neighbour: NDArray[np.int32]
+    """27-point stencil, -1 for none, shape (n, 27)."""
+    local: NDArray[np.float64]
+    """Particle positions in their cell, 0..1, shape (p, 3)."""
+    volume: NDArray[np.float64]
+    """Effective volumes [m^3] (fictitious ones scaled by alpha), shape (p,)."""
+    mu: NDArray[np.float64]
+    """Shear modulus [Pa], shape (p,)."""
+    lam: NDArray[np.float64]
+    """First Lame parameter [Pa], shape (p,)."""
+    real: NDArray[np.bool_]
+    """True for particles of material, False for fictitious ones, shape (p,)."""
+    relief: NDArray[np.float64]
+    """What bends each cell like a plate [N/m], solver/model/bending.py, shape (c, 9)."""
+
+
+def lame(
+    youngs_modulus: NDArray[np.float64], poisson_ratio: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Lame parameters (mu, lambda) [Pa] from E [Pa] and nu."""
+    mu = youngs_modulus / (2.0 * (1.0 + poisson_ratio))
+    lam = youngs_modulus * poisson_ratio / ((1.0 + poisson_ratio) * (1.0 - 2.0 * poisson_ratio))
+    return mu, lam
+
+
+def build(model: Model) -> SoftSystem:
+    """Lay out the cells, nodes and particles of all soft bodies of the model."""
+    pieces = [_Piece.of(i, body, _padded(body.soft)) for i, body in enumerate(model.bodies) if body.soft is not None]
+    return _join(pieces)
+
+
+def _padded(soft: SoftParts) -> SoftParts:
+    """Add planes beyond every side of the grid that is not held as a whole, so that the field can extend past the
+    surface."""
+    planes, before, after = [], [], []
+    for axis, p in enumerate(soft.planes):
+        sides = [np.take(soft.node_state, end, axis=axis) for end in (0, -1)]
+        low, high = (0 if (side == HELD).all() else EXTENSION_CELLS for side in sides)
+        below = p[0] - (p[1] - p[0]) * np.arange(low, 0, -1)
+        above = p[-1] + (p[-1] - p[-2]) * np.arange(1, high + 1)
+        planes.append(np.concatenate([below, p, above]))
+        before.append(low)
+        after.append(high)
+    state = np.pad(soft.node_state, list(zip(before, after, strict=True)), constant_values=FREE)
+    return replace(soft, planes=(planes[0], planes[1], planes[2]), node_state=state)
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class _Piece:
+    """One body's arrays with local numbering."""
+
+    index: int
+    soft: SoftParts
+    cell_id: NDArray[np.int32]
+    cells: NDArray[np.int64]
+    node_grid: NDArray[np.int64]
+    node_id: NDArray[np.int32]
+    particle_cell: NDArray[np.int64]
+    local: NDArray[np.float64]
+    volume: NDArray[np.float64]
+    mu: NDArray[np.float64]
+    lam: NDArray[np.float64]
+    mass: NDArray[np.float64]
+    real: NDArray[np.bool_]
+    surface_cell: NDArray[np.int64]
+    surface_local: NDArray[np.float64]
+    near_surface_cell: NDArray[np.int64]
+
+    @classmethod
+    def of(cls, index: int, body: Body, soft: SoftParts) -> "_Piece":
+        shape = tuple(len(p) - 1 for p in soft.planes)
+        flat, local = locate(soft.planes, soft.position)
+        surface_flat, surface_local = locate(soft.planes, body.vertices)
+        active = np.zeros(int(np.prod(shape)), dtype=bool)
+        active[surface_flat] = True
+        active = ndimage.binary_dilation(
+            active.reshape(shape), structure=np.ones((3, 3, 3), dtype=bool), iterations=EXTENSION_CELLS
+        ).ravel()
+        near_surface = np.flatnonzero(active)
+        active[flat] = True
+        cells = np.flatnonzero(active)
+        cell_id = np.full(len(active), -1, dtype=np.int32)
+        cell_id[cells] = np.arange(len(cells), dtype=np.int32)
+        node_grid, node_id = _nodes(cells, shape)
+        mu, lam = lame(soft.youngs_modulus, soft.poisson_ratio)
+        ghost_cell, ghost_local, ghost_volume = _fictitious(soft, cells, shape, flat, local)
+        reference = int(np.argmin(soft.youngs_modulus))
+        count = len(ghost_cell)
+        return cls(
+            index, soft, cell_id.reshape(shape), cells, node_grid, node_id,
+            cell_id[np.concatenate([flat, ghost_cell])].astype(np.int64),
+            np.concatenate([local, ghost_local]),
+            np.concatenate([soft.volume, FICTITIOUS_STIFFNESS * ghost_volume]),
+            np.concatenate([mu, np.full(count, mu[reference])]),
+            np.concatenate([lam, np.full(count, lam[reference])]),
+            np.concatenate([soft.volume * soft.density, np.zeros(count)]),
+            np.concatenate([np.ones(len(flat), dtype=bool), np.zeros(count, dtype=bool)]),
+            cell_id[surface_flat].astype(np.int64), surface_local, cell_id[near_surface].astype(np.int64),
+        )  # fmt: skip
+
+
+def locate(
+    planes: tuple[NDArray[np.float64], ...], points: NDArray[np.float64]
+) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Flat grid cell and local coordinates (0..1) of points (n, 3); raises ModelError for a point outside of the
+    grid."""
+    index = np.empty(points.shape, dtype=np.int64)
+    local = np.empty(points.shape)
+    for axis, p in enumerate(planes):
+        slack = 1e-6 * (p[-1] - p[0])
+        outside = (points[:, axis] < p[0] - slack) | (points[:, axis] > p[-1] + slack)
+        if outside.any():
+            worst = points[np.flatnonzero(outside)[0]]
+            raise ModelError(f"point {worst.tolist()} lies outside of the grid [{p[0]}, {p[-1]}] on axis {axis}")
+        index[:, axis] = np.clip(np.searchsorted(p, points[:, axis], side="right") - 1, 0, len(p) - 2)
+        local[:, axis] = (points[:, axis] - p[index[:, axis]]) / np.diff(p)[index[:, axis]]
+    shape = tuple(len(p) - 1 for p in planes)
+    return np.ravel_multi_index(tuple(index.T), shape), np.clip(local, 0.0, 1.0)
+
+
+def shape_values(local: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Trilinear shape values at local coordinates (n, 3), local node order 4 i + 2 j + k, shape (n, 8)."""
+    low_high = np.stack([1.0 - local, local], axis=2)
+    product = np.einsum("ni,nj,nk->nijk", low_high[:, 0], low_high[:, 1], low_high[:, 2])
+    return np.asarray(product, dtype=np.float64).reshape(-1, 8)
+
+
+def _nodes(cells: NDArray[np.int64], shape: tuple[int, ...]) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
+    """Grid indices (n, 3) of the nodes that the cells use, and the node number per grid node (-1: unused)."""
+    corner = np.stack(np.unravel_index(cells, shape), axis=1)
+    node_shape = tuple(s + 1 for s in shape)
+    used = np.zeros(node_shape, dtype=bool)
+    for offset in np.ndindex(2, 2, 2):
+        used[tuple((corner + offset).T)] = True
+    grid = np.argwhere(used)
+    number = np.full(node_shape, -1, dtype=np.int32)
+    number[tuple(grid.T)] = np.arange(len(grid), dtype=np.int32)
+    return grid, number
+
+
+def _fictitious(
+    soft: SoftParts,
+    cells: NDArray[np.int64],
+    shape: tuple[int, ...],
+    flat: NDArray[np.int64],
+    local: NDArray[np.float64],
+) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]:
+    """Cell, local position and missing volume of the octants that material does not fill."""
+    sizes = np.stack(np.meshgrid(*[np.diff(p) for p in soft.planes], indexing="ij"), axis=-1).reshape(-1, 3)
+    octant_volume = sizes.prod(axis=1) / 8.0
+    octant = (local >= 0.5) @ np.array([4, 2, 1])
+    filled = np.bincount(flat * 8 + octant, weights=soft.volume, minlength=8 * int(np.prod(shape)))
+    every = (cells[:, None] * 8 + np.arange(8)).ravel()
+    missing = octant_volume[every // 8] - filled[every]
+    keep = missing > (1.0 - FULL_OCTANT) * octant_volume[every // 8]
+    every, missing = every[keep], missing[keep]
+    position = 0.25 + 0.5 * np.stack([(every % 8) // 4, (every % 4) // 2, every % 2], axis=1)
+    return every // 8, position, missing
+
+
+def _join(pieces: list[_Piece]) -> SoftSystem:
+    """Number cells, nodes and particles through; particles sorted by cell (stable, so the order is reproducible)."""
+    bodies, parts = [], []
+    cell_offset = node_offset = particle_offset = 0
+    for piece in pieces:
+        shape = piece.cell_id.shape
+        corner = np.stack(np.unravel_index(piece.cells, shape), axis=1)
+        cell_node = np.stack([piece.node_id[tuple((corner + o).T)] for o in np.ndindex(2, 2, 2)], axis=1) + node_offset
+        order = np.argsort(piece.particle_cell, kind="stable")
+        counts = np.bincount(piece.particle_cell, minlength=len(piece.cells))
+        sizes = np.stack([np.diff(p)[corner[:, a]] for a, p in enumerate(piece.soft.planes)], axis=1)
+        rest = np.stack([p[piece.node_grid[:, a]] for a, p in enumerate(piece.soft.planes)], axis=1)
+        weights = shape_values(piece.local)
+        node_of_particle = cell_node[piece.particle_cell] - node_offset
+        mass = np.bincount(
+            node_of_particle.ravel(), weights=(weights * piece.mass[:, None]).ravel(), minlength=len(rest)
+        )
+        state = piece.soft.node_state[tuple(piece.node_grid.T)]
+        parts.append(
+            {
+                "rest": rest,
+                "mass": mass,
+                "held": state == HELD,
+                "core": np.where(state == CORE, piece.index, -1).astype(np.int32),
+                "gravity_share": np.full(len(rest), 0.0 if piece.soft.loaded else 1.0),
+                "cell_node": cell_node.astype(np.int32),
+                "cell_size": sizes,
+                "count": counts,
+                "node_cell": _around(piece.node_grid, piece.cell_id, np.ndindex(2, 2, 2), -1, cell_offset),
+                "neighbour": _around(piece.node_grid, piece.node_id, np.ndindex(3, 3, 3), -1, node_offset),
+                "local": piece.local[order],
+                "volume": piece.volume[order],
+                "mu": piece.mu[order],
+                "lam": piece.lam[order],
+                "real": piece.real[order],
+            }
+        )
+        bodies.append(
+            SoftBody(
+                piece.index,
+                piece.soft.planes,
+                np.where(piece.cell_id >= 0, piece.cell_id + cell_offset, -1).astype(np.int32),
+                slice(node_offset, node_offset + len(rest)),
+                slice(particle_offset, particle_offset + len(order)),
+                cell_node[piece.surface_cell].astype(np.int32),
+                shape_values(piece.surface_local),
+                np.unique(cell_node[piece.near_surface_cell]).astype(np.int32),
+            )
+        )
+        cell_offset += len(piece.cells)
+        node_offset += len(rest)
+        particle_offset += len(order)
+    if not parts:
+        return empty()
+    joined = {k: np.concatenate([p[k] for p in parts]) for k in parts[0]}
+    start = np.concatenate([[0], np.cumsum(joined.pop("count"))]).astype(np.int32)
+    relief = bending_relief(
+        joined["cell_size"], start, joined["local"], joined["volume"], joined["mu"], joined["lam"]
+    )  # fmt: skip
+    return SoftSystem(bodies=tuple(bodies), cell_start=start, relief=relief, **joined)
+
+
+def _around(
+    grid: NDArray[np.int64], number: NDArray[np.int32], offsets: np.ndindex, shift: int, base: int
+) -> NDArray[np.int32]:
+    """Numbers found at grid + offset + shift, plus `base`; -1 outside or where there is none."""
+    columns = []
+    for offset in offsets:
+        at = grid + offset + shift
+        inside = np.asarray(((at >= 0) & (at < np.array(number.shape))).all(axis=1))
+        found = np.where(inside, number[tuple(np.where(inside[:, None], at, 0).T)], -1)
+        columns.append(np.where(found >= 0, found + base, -1))
+    return np.stack(columns, axis=1).astype(np.int32)
+
+
+def empty() -> SoftSystem:
+    """A system without soft bodies."""
+    none = np.zeros(0)
+    return SoftSystem(
+        bodies=(), rest=np.zeros((0, 3)), mass=none, held=none.astype(bool), core=none.astype(np.int32),
+        gravity_share=none,
+        cell_node=np.zeros((0, 8), np.int32), cell_size=np.zeros((0, 3)), cell_start=np.zeros(1, np.int32),
+        node_cell=np.zeros((0, 8), np.int32), neighbour=np.zeros((0, 27), np.int32), local=np.zeros((0, 3)),
+        volume=none, mu=none, lam=none, real=none.astype(bool), relief=np.zeros((0, 9)),
+    )  # fmt: skip

@@ -1,0 +1,231 @@
+"""A coarse space for the conjugate gradients: few trilinear modes per soft body, and the moving frames.
+
+Smoothing alone is slow in exactly the modes that matter here: a stiff light body that moves as a whole, a slab
+that gives way under a ball. The coarse space holds them: trilinear functions on a lattice of few cells per axis over
+each body's grid (they contain every rigid and affine motion) and the six motions of every frame. It is added to a
+smoother S as a second level [T05, Sec. 3]: z = S r + P (P^T A P)^-1 P^T r, with the exact Galerkin product, contacts
+included.
+
+[T05] Toselli, Widlund: Domain Decomposition Methods. Springer 2005.
+"""
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import linalg, sparse
+
+from solver.kernels import elastic
+from solver.kernels import sparse as products
+from solver.model.soft import SoftBody, SoftSystem, shape_values
+
+CELLS_PER_AXIS = 4  # 125 lattice nodes: the dense solve stays far below the cost of one fine product
+CELLS_PER_GRADED_AXIS = 6  # but along a graded grid's longer axes: halves the iterations
+GRADED = 1.5  # largest over smallest cell from which a grid counts as graded
+SHIFT = 1e-10  # relative diagonal shift that keeps lattice nodes with hardly any material solvable
+
+
+@dataclass(eq=False, slots=True)
+class CoarseSpace:
+    """Constant part: lattices and interpolation, built once."""
+
+    prolong: sparse.csr_matrix
+    """Scalar interpolation P from lattice nodes to fine nodes, zero rows for held and core nodes, shape (n, m)."""
+    corner: NDArray[np.int32]
+    """Lattice nodes around each node, shape (n, 8)."""
+    value: NDArray[np.float64]
+    """Their weights, zero for held and core nodes, shape (n, 8)."""
+    rows: tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.float64]]
+    """P^T by rows: starts, nodes and weights."""
+    every: dict[int, sparse.csr_matrix]
+    """P for all unknowns (displacements and frames) by number of frames."""
+    inertia: sparse.csr_matrix
+    """P^T M P, shape (m, m)."""
+    cell_node: NDArray[np.int64]
+    """Lattice nodes of each coarse cell, shape (C, 8)."""
+    start: NDArray[np.int32]
+    member: NDArray[np.int32]
+    weight: NDArray[np.float64]
+    """Coarse shape values at each fine cell's nodes, shape (c, 8, 8)."""
+    blocks: NDArray[np.float64]
+    body_nodes: list[slice]
+    """Lattice nodes of each soft body."""
+    stiffness: NDArray[np.float64]
+    """P^T K P of the elastic tangent, shape (3 m, 3 m)."""
+
+    def restrict(self, nodes: NDArray[np.float64]) -> NDArray[np.float64]:
+        """P^T of node forces (n, 3), shape (m, 3)."""
+        out = np.empty((self.count, 3))
+        products.restrict(*self.rows, nodes, out)
+        return out
+
+    def all_unknowns(self, frames: int) -> sparse.csr_matrix:
+        """P for displacements and the motions of frames, which are their own coarse unknowns."""
+        if frames not in self.every:
+            parts = [sparse.kron(self.prolong, sparse.eye(3)), *([sparse.eye(6 * frames)] if frames else [])]
+            self.every[frames] = sparse.block_diag(parts, format="csr")
+        return self.every[frames]
+
+    @property
+    def count(self) -> int:
+        """Number of lattice nodes."""
+        return int(self.prolong.shape[1])
+
+    def refresh(self, cell_tangent: NDArray[np.float32]) -> None:
+        """Rebuild the elastic Galerkin product from the fine cells' tangents."""
+        elastic.coarse_tangents(self.start, self.member, cell_tangent, self.weight, self.blocks)
+        m = self.count
+        dense = np.zeros((m, m, 3, 3))
+        rows, columns = np.repeat(self.cell_node, 8, axis=1), np.tile(self.cell_node, (1, 8))
+        np.add.at(dense, (rows.ravel(), columns.ravel()), self.blocks.reshape(-1, 3, 3))
+        self.stiffness = dense.transpose(0, 2, 1, 3).reshape(3 * m, 3 * m)
+
+    def turn(self, body: int, rotation: NDArray[np.float64]) -> None:
+        """Turn the elastic product of one soft body as a whole: R K_ab R^T per pair of lattice nodes."""
+        nodes = self.body_nodes[body]
+        at = slice(3 * nodes.start, 3 * nodes.stop)
+        count = nodes.stop - nodes.start
+        blocks = self.stiffness[at, at].reshape(count, 3, count, 3)
+        turned = np.einsum("ij,ajbk,lk->aibl", rotation, blocks, rotation, optimize=True)
+        self.stiffness[at, at] = turned.reshape(3 * count, 3 * count)
+
+
+def build_coarse(soft: SoftSystem) -> CoarseSpace:
+    """Lay a lattice over every soft body."""
+    node_rows, node_columns, node_values = [], [], []
+    cell_node, members, weights = [], [], np.zeros((len(soft.cell_node), 8, 8))
+    offset, ends = 0, [0]
+    free = ~(soft.held | (soft.core >= 0))
+    for body in soft.bodies:
+        planes, lattice_shape = _lattice(body)
+        nodes = np.arange(body.nodes.start, body.nodes.stop)
+        corner, local = _position(planes, soft.rest[nodes])
+        index = _corners(corner, lattice_shape) + offset
+        values = shape_values(local) * free[nodes][:, None]
+        node_rows.append(np.repeat(nodes, 8))
+        node_columns.append(index.ravel())
+        node_values.append(values.ravel())
+        fine = body.cell_id[body.cell_id >= 0]
+        middle = soft.rest[soft.cell_node[fine]].mean(axis=1)
+        home, _ = _position(planes, middle)
+        low = np.stack([p[home[:, a]] for a, p in enumerate(planes)], axis=1)
+        size = np.stack([np.diff(p)[home[:, a]] for a, p in enumerate(planes)], axis=1)
+        inside = (soft.rest[soft.cell_node[fine]] - low[:, None]) / size[:, None]
+        weights[fine] = shape_values(inside.reshape(-1, 3)).reshape(-1, 8, 8) * free[soft.cell_node[fine]][:, :, None]
+        used, group = np.unique(
+            np.ravel_multi_index(tuple(home.T), tuple(s - 1 for s in lattice_shape)), return_inverse=True
+        )
+        cell_node.append(
+            _corners(np.stack(np.unravel_index(used, tuple(s - 1 for s in lattice_shape)), axis=1), lattice_shape)
+            + offset
+        )
+        members += [fine[group == g] for g in range(len(used))]
+        offset += int(np.prod(lattice_shape))
+        ends.append(offset)
+    prolong = sparse.csr_matrix(
+        (np.concatenate(node_values), (np.concatenate(node_rows), np.concatenate(node_columns))),
+        shape=(len(soft.rest), offset),
+    )
+    keep = np.flatnonzero(np.asarray(abs(prolong).sum(axis=0)).ravel() > 0.0)
+    number = np.full(offset, 0)
+    corner, value = np.concatenate(node_columns).reshape(-1, 8), np.concatenate(node_values).reshape(-1, 8)
+    number[keep] = np.arange(len(keep))
+    ends = np.searchsorted(keep, ends).tolist()
+    coarse_cells = number[np.concatenate(cell_node)]
+    prolong = prolong[:, keep].tocsr()
+    restrict = prolong.T.tocsr()
+    restrict.sort_indices()
+    inertia = (prolong.T @ sparse.diags(soft.mass) @ prolong).tocsr()
+    counts = np.array([len(m) for m in members])
+    return CoarseSpace(
+        prolong,
+        number[corner].astype(np.int32),
+        value,
+        (restrict.indptr.astype(np.int32), restrict.indices.astype(np.int32), restrict.data),
+        {},
+        inertia,
+        coarse_cells,
+        np.concatenate([[0], np.cumsum(counts)]).astype(np.int32),
+        np.concatenate(members).astype(np.int32),
+        weights,
+        np.zeros((len(members), 8, 8, 9)),
+        [slice(a, b) for a, b in pairwise(ends)],
+        np.zeros((3 * len(keep), 3 * len(keep))),
+    )
+
+
+def _lattice(body: SoftBody) -> tuple[list[NDArray[np.float64]], tuple[int, int, int]]:
+    """Planes of the body's grid, so that each fine cell lies in one coarse cell: equally spaced in the mean of their
+    number and their position. By number alone the lattice would lie where the cells are fine, by position alone where
+    they are coarse; the slow modes are in between."""
+    thin = int(np.argmin([p[-1] - p[0] for p in body.planes]))
+    planes = []
+    for axis, p in enumerate(body.planes):
+        gaps = np.diff(p)
+        cells = CELLS_PER_GRADED_AXIS if gaps.max() > GRADED * gaps.min() and axis != thin else CELLS_PER_AXIS
+        where = 0.5 * np.linspace(0.0, 1.0, len(p)) + 0.5 * (p - p[0]) / (p[-1] - p[0])
+        wanted = np.linspace(0.0, 1.0, min(len(gaps), cells) + 1)
+        planes.append(p[np.unique(np.abs(where[:, None] - wanted).argmin(axis=0))])
+    return planes, (len(planes[0]), len(planes[1]), len(planes[2]))
+
+
+def _position(
+    planes: list[NDArray[np.float64]], points: NDArray[np.float64]
+) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Coarse cell (n, 3) and local coordinates (n, 3) of points."""
+    index = np.stack(
+        [np.clip(np.searchsorted(p, points[:, a], side="right") - 1, 0, len(p) - 2) for a, p in enumerate(planes)],
+        axis=1,
+    )
+    low = np.stack([p[index[:, a]] for a, p in enumerate(planes)], axis=1)
+    size = np.stack([np.diff(p)[index[:, a]] for a, p in enumerate(planes)], axis=1)
+    return index, (points - low) / size
+
+
+def _corners(index: NDArray[np.int64], shape: tuple[int, int, int]) -> NDArray[np.int64]:
+    """Flat lattice nodes of coarse cells, local order 4 i + 2 j + k, shape (n, 8)."""
+    return np.stack([np.ravel_multi_index(tuple((index + o).T), shape) for o in np.ndindex(2, 2, 2)], axis=1)
+
+
+class CoarseSolve:
+    """The dense Galerkin matrix of one Newton step, factorised."""
+
+    def __init__(
+        self,
+        space: CoarseSpace,
+        terms: list[tuple[sparse.csr_matrix, sparse.csr_matrix]],
+        frame_blocks: NDArray[np.float64],
+        coupling: dict[int, NDArray[np.float64]],
+        stiffness_scale: float,
+        dt: float,
+    ) -> None:
+        """`terms` (J, T): J^T T J over all unknowns is added to elasticity and inertia."""
+        self.space = space
+        m, frames = space.count, len(frame_blocks)
+        matrix = np.zeros((3 * m + 6 * frames, 3 * m + 6 * frames))
+        matrix[: 3 * m, : 3 * m] = stiffness_scale * space.stiffness
+        inertia = space.inertia.toarray() / dt**2
+        for axis in range(3):
+            matrix[axis : 3 * m : 3, axis : 3 * m : 3] += inertia
+        for f in range(frames):
+            at = slice(3 * m + 6 * f, 3 * m + 6 * f + 6)
+            matrix[at, at] += frame_blocks[f]
+            if f in coupling:
+                matrix[: 3 * m, at] += coupling[f]
+                matrix[at, : 3 * m] += coupling[f].T
+        for jacobian, tangent in terms:
+            rows = jacobian @ space.all_unknowns(frames)
+            matrix += (rows.T @ (tangent @ rows)).toarray()
+        diagonal = np.diagonal(matrix)
+        matrix[np.diag_indices(len(matrix))] += SHIFT * diagonal.max() + np.where(diagonal > 0.0, 0.0, 1.0)
+        self.factor = linalg.cho_factor(matrix, lower=True, overwrite_a=True, check_finite=False)
+
+    def apply(
+        self, nodes: NDArray[np.float64], frames: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """(P^T A P)^-1 P^T of a residual: motions of the lattice nodes (m, 3) and of the frames (b, 6)."""
+        right = np.concatenate([self.space.restrict(nodes).ravel(), frames.ravel()])
+        y = linalg.cho_solve(self.factor, right, check_finite=False)
+        split = 3 * self.space.count
+        return y[:split].reshape(-1, 3), y[split:].reshape(-1, 6)

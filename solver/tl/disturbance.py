@@ -1,0 +1,188 @@
+"""What a rest state does when it is disturbed: followed until it is quiet again, has gone, or the time is up.
+
+A rest state is verified with a small kick; a graded push (stability.py) ends in the same way: let go and watch.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solver.certificate import Signals
+from solver.contact.query import ContactQuery
+from solver.model.state import State
+from solver.tl.simulation import Course, Progress
+
+KICK_NOISE = 0.1  # share of a kick's speed below which growth is the noise of solving to a tolerance
+# of a speed in a quarter of a period's steps: what grows slower rolls in a neutral balance, it does not fall over
+GROWTH = 1.25
+
+
+@dataclass(frozen=True, slots=True)
+class Reach:
+    """How far free bodies have moved."""
+
+    distance: float
+    """Of a centre of mass [m]."""
+    angle: float
+    """Of a body [rad]."""
+
+    @classmethod
+    def between(cls, course: Course, rest: State, state: State) -> "Reach":
+        """Largest of all free bodies."""
+        return cls(*course.distance(rest, state))
+
+    def within(self, bound: "Reach") -> bool:
+        """Neither farther nor turned more than the bound."""
+        return self.distance <= bound.distance and self.angle <= bound.angle
+
+
+@dataclass(frozen=True, slots=True)
+class Patience:
+    """When to stop following what has not come to rest."""
+
+    gone: Reach
+    """Beyond it at once."""
+    reach: Reach
+    """Beyond it at the end of a period."""
+    speed: float
+    """Faster at the end of a period, over the kick's speed [-]."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Memory:
+    """What contacts remember of the way to a rest state: friction's anchors, sliding points, rolling torques."""
+
+    pairs: tuple[tuple[NDArray[np.float64], NDArray[np.bool_], NDArray[np.float64]], ...]
+    rolling: dict[tuple[int, int], NDArray[np.float64]]
+
+    @classmethod
+    def of(cls, query: ContactQuery) -> "Memory":
+        """As it is now."""
+        pairs = tuple((p.anchor.copy(), p.sliding.copy(), p.guess.copy()) for p in query.pairs)
+        return cls(pairs, {k: v.copy() for k, v in query.rolling_torque.items()})
+
+    def restore(self, query: ContactQuery) -> None:
+        """As it was, so that trials do not depend on their order."""
+        for pair, (anchor, sliding, guess) in zip(query.pairs, self.pairs, strict=True):
+            pair.anchor, pair.sliding, pair.guess = anchor.copy(), sliding.copy(), guess.copy()
+        query.rolling_torque = {k: v.copy() for k, v in self.rolling.items()}
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Aftermath:
+    """How a disturbance ended."""
+
+    state: State
+    stable: bool
+    """At rest again, near where it was."""
+    reach: Reach
+    """From the rest state to the end."""
+    farthest: float
+    """Largest distance on the way [m]."""
+    speed_left: float
+    """Largest speed at the end over the kick's, 0 below the rest thresholds [-]."""
+    growing: bool
+    segments: int
+    """Periods of kick_seconds that it took."""
+
+
+def kick(course: Course, rest: State, progress: Progress | None) -> tuple[State, bool, dict[str, object]]:
+    """Kick a rest state and follow it: where that ends, whether the rest was stable, and the certificate's part."""
+    c = course.config
+    state = struck(course, rest)
+    begin = len(course.history)
+    bound = Reach(c.kick_distance * course.length, c.kick_angle)
+    # a stable state does not gain speed from a kick
+    end = follow(course, rest, state, bound, Patience(Reach(np.inf, np.inf), bound, 1.0), progress)
+    return end.state, end.stable, {
+        "done": True, "stable": end.stable, "speed_m_s": c.kick_speed, "angular_speed_rad_s": c.kick_angular_speed,
+        "seconds": end.segments * c.kick_seconds, "steps": len(course.history) - begin, "growing": end.growing,
+        "speed_left": {"value": end.speed_left, "threshold": c.kick_decay},
+        "distance_m": {"value": end.reach.distance, "threshold": bound.distance, "largest": end.farthest},
+        "angle_rad": {"value": end.reach.angle, "threshold": bound.angle},
+    }  # fmt: skip
+
+
+def struck(course: Course, rest: State) -> State:
+    """A rest state in which everything free has got the kick, seeded, bonded bodies as one."""
+    c = course.config
+    random = np.random.default_rng(c.seed)
+    state = standing(rest)
+    for group in assemblies(course):
+        direction, axis = (d / np.linalg.norm(d) for d in random.normal(size=(2, 3)))
+        mass = np.array([course.mass[i] for i in group])
+        centers = np.array([course.center(state, i) for i in group])
+        arms = centers - mass @ centers / mass.sum()
+        reach = float(np.linalg.norm(arms, axis=1).max())
+        # however long the arms, no member gets more than twice the kick's speed
+        spin = min(c.kick_angular_speed, c.kick_speed / max(reach, 1e-12)) * axis
+        for i, arm in zip(group, arms, strict=True):
+            course.give(state, i, c.kick_speed * direction + np.cross(spin, arm), spin)
+    return state
+
+
+def assemblies(course: Course) -> list[list[int]]:
+    """Free bodies by the free bodies that they are bonded to, directly or through others: each group moves as one."""
+    groups: list[list[int]] = []
+    for i in course.free:
+        bodies = course.model.bodies
+        joined = [g for g in groups if any(course.model.bonded(bodies[i], bodies[j]) for j in g)]
+        groups = [g for g in groups if g not in joined] + [sorted([i, *(j for g in joined for j in g)])]
+    return sorted(groups)
+
+
+def standing(rest: State) -> State:
+    """A rest state without the last of its motion."""
+    state = rest.copy()
+    state.stop()
+    return state
+
+
+def follow(
+    course: Course, rest: State, state: State, near: Reach, patience: Patience, progress: Progress | None
+) -> Aftermath:
+    """Let a disturbed state go on from where it is; it is stable if it comes to rest within `near` of the rest state.
+
+    Rolling resistance is gentle from here on (rolling.py).
+    """
+    c = course.config
+    start, farthest, dt = state.time, 0.0, 0.5 * course.balance_step()
+    course.query.gentle = True
+    undecided, segment = True, 0
+    while undecided and segment < c.kick_segments:
+        segment += 1
+        first = len(course.history)
+        while state.time < start + segment * c.kick_seconds - 1e-9:
+            state, report, dt = course.step(state, dt)
+            course.record(state, report, progress)
+            reach = Reach.between(course, rest, state)
+            farthest = max(farthest, reach.distance)
+            if not reach.within(patience.gone):
+                return Aftermath(state, False, reach, farthest, np.inf, True, segment)
+        left, growing = _speed_left(course, course.history[first:])
+        moving = growing or left > c.kick_decay
+        undecided = moving and reach.within(patience.reach) and left <= patience.speed
+    return Aftermath(state, reach.within(near) and not moving, reach, farthest, left, growing, segment)
+
+
+def _speed_left(course: Course, followed: list[Signals]) -> tuple[float, bool]:
+    """Largest speed at the end over the kick's (0 where it is below the rest thresholds) and whether it still grows.
+
+    An unstable balance gains speed by a factor e in about sqrt(L / 2g): 0.1 s for L = 0.2 m, and GROWTH in a quarter of
+    half a second for L = 6 m. A wobble may look like it for half its period, so growth alone only asks for more time.
+    """
+    c = course.config
+    quarter = max(len(followed) // 4, 2)
+    before, end = course.rows(followed[-2 * quarter : -quarter]), course.rows(followed[-quarter:])
+    left, growing = 0.0, False
+    kicks = {
+        "linear_speed": c.kick_speed,
+        "angular_speed": c.kick_angular_speed,
+        "particle_speed": 2.0 * c.kick_speed,
+    }
+    for name, speed in kicks.items():
+        now = end[name]["value"]
+        left = max(left, now / speed if now > end[name]["threshold"] else 0.0)
+        growing |= now > GROWTH * max(before[name]["value"], KICK_NOISE * speed)
+    return left, growing

@@ -1,0 +1,304 @@
+"""The linear system of one Newton step, matrix-free but for the contacts, and its solvers.
+
+Unknowns in one array: node displacements (n, 3), then frame motions (b, 6: translation, rotation vector about the
+frame's centre). Held nodes do not move; core nodes move with their frame. The matrix is symmetric positive
+semi-definite:
+
+    (1 + beta / dt) K + M / dt^2 + J^T T J + W^T T_r W
+
+with J the relative displacement of the contact points, W the relative rotation of pairs that resist rolling. What T
+lacks is that the friction limits of points follow the normal force, which is not symmetric; it is added on demand
+(that limits of rolling resistance do so too is left out: they are small).
+
+[S86] Saad, Schultz: GMRES: a generalized minimal residual algorithm. SIAM J. Sci. Stat. Comput. 7(3), 1986.
+[S94] Shewchuk: An introduction to the conjugate gradient method without the agonizing pain. 1994.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse as scipy_sparse
+from scipy.linalg import blas
+from scipy.sparse.linalg import LinearOperator, gmres
+
+from solver.contact.query import Contacts
+from solver.kernels import sparse
+from solver.model.soft import SoftSystem
+from solver.model.state import cross_matrix
+from solver.tl.coarse import CoarseSolve
+from solver.tl.tangent import ElasticTangent
+
+Vector = tuple[NDArray[np.float64], NDArray[np.float64]]
+Flat = NDArray[np.float64]
+
+RESTART = 40  # vectors that GMRES keeps, 24 bytes a node each; ten to thirty are usual
+
+
+@dataclass(eq=False, slots=True)
+class Frames:
+    """The moving frames of a model at one state."""
+
+    index: list[int]
+    """Model index of each frame's body."""
+    center: NDArray[np.float64]
+    """Reference points [m], shape (b, 3)."""
+    mass: NDArray[np.float64]
+    """Own masses [kg] (zero for cores, whose mass sits in their nodes), shape (b,)."""
+    inertia: NDArray[np.float64]
+    """Own inertia, world axes [kg m^2], shape (b, 3, 3)."""
+    tied: list[NDArray[np.int64]]
+    """Core nodes of each frame."""
+    arm: list[NDArray[np.float64]]
+    """Positions of the core nodes relative to the frame's centre [m]."""
+
+
+class TangentSystem:
+    """Applies the matrix and its two-level preconditioner."""
+
+    def __init__(
+        self,
+        soft: SoftSystem,
+        tangent: ElasticTangent,
+        contacts: Contacts,
+        frames: Frames,
+        dt: float,
+        damping: float,
+    ) -> None:
+        self.soft = soft
+        self.elastic = tangent
+        self.dt = dt
+        self.contacts = contacts
+        self.frames = frames
+        self.stiffness_scale = 1.0 + damping / dt
+        self.node_inertia = soft.mass / dt**2
+        self.free = ~(soft.held | (soft.core >= 0))
+        self.tied_down = np.flatnonzero(~self.free)
+        self.frame_inertia = self._frame_inertia(dt)
+        soft_bodies = {s.index for s in soft.bodies}
+        self.place = {body: f for f, body in enumerate(frames.index) if body not in soft_bodies}
+        """Frame of each free rigid body."""
+        self.nodes = 3 * len(soft.rest)
+        """Where the frames begin in the array of unknowns."""
+        self.size = self.nodes + 6 * len(frames.index)
+        self.jacobian = self._jacobian()
+        self.rolling = self._rolling_rows()
+        self.has_cores = any(len(t) for t in frames.tied)
+
+    def _frame_inertia(self, dt: float) -> NDArray[np.float64]:
+        out = np.zeros((len(self.frames.index), 6, 6))
+        out[:, :3, :3] = self.frames.mass[:, None, None] * np.eye(3) / dt**2
+        out[:, 3:, 3:] = self.frames.inertia / dt**2
+        return out
+
+    def _jacobian(self) -> scipy_sparse.csr_matrix:
+        """J, shape (3 k, size)."""
+        count = len(self.contacts.a)
+        nodes = scipy_sparse.kron(self.contacts.gather, scipy_sparse.eye(3), format="csr")[:, : self.nodes]
+        if not self.frames.index or not count:
+            return scipy_sparse.hstack([nodes, scipy_sparse.csr_matrix((3 * count, self.size - self.nodes))], "csr")
+        frames = np.zeros((count, 3, len(self.frames.index), 6))
+        for body, f in self.place.items():
+            for which, sign in ((self.contacts.a, 1.0), (self.contacts.b, -1.0)):
+                points = np.flatnonzero(which == body)
+                frames[points, :, f, :3] += sign * np.eye(3)
+                frames[points, :, f, 3:] -= sign * cross_matrix(self.contacts.position[points] - self.frames.center[f])
+        return scipy_sparse.hstack([nodes, scipy_sparse.csr_matrix(frames.reshape(3 * count, -1))], format="csr")
+
+    def _rolling_rows(self) -> list[tuple[NDArray[np.float64], scipy_sparse.csr_matrix]]:
+        """Tangent (3, 3) and rows of W (3, size) of each pair that resists rolling."""
+        return [(r.tangent, self._turn_rows(r.a) - self._turn_rows(r.b)) for r in self.contacts.rolling]
+
+    def _turn_rows(self, index: int) -> scipy_sparse.csr_matrix:
+        """Rotation vector of a body from the unknowns, shape (3, size)."""
+        rows = scipy_sparse.lil_matrix((3, self.size))
+        if index in self.contacts.spins:
+            spin = self.contacts.spins[index]
+            rows[:, 3 * spin.nodes.start : 3 * spin.nodes.stop] = spin.map
+        elif index in self.place:
+            at = self.nodes + 6 * self.place[index] + 3
+            rows[:, at : at + 3] = np.eye(3)
+        return rows.tocsr()
+
+    def split(self, flat: Flat) -> Vector:
+        """Views of the nodes' part (n, 3) and the frames' part (b, 6)."""
+        return flat[: self.nodes].reshape(-1, 3), flat[self.nodes :].reshape(-1, 6)
+
+    def expand(self, flat: Flat) -> Flat:
+        """The same motion with the core nodes filled in from their frames."""
+        if self.has_cores:
+            flat = flat.copy()
+            nodes, frames = self.split(flat)
+            for f, tied in enumerate(self.frames.tied):
+                if len(tied):
+                    nodes[tied] = frames[f, :3] + np.cross(frames[f, 3:], self.frames.arm[f])
+        return flat
+
+    def reduce(self, flat: Flat) -> Flat:
+        """Forces, in place, with those of the core nodes moved to their frames; held nodes drop out."""
+        nodes, frames = self.split(flat)
+        if self.has_cores:
+            for f, tied in enumerate(self.frames.tied):
+                if len(tied):
+                    frames[f, :3] += nodes[tied].sum(axis=0)
+                    frames[f, 3:] += np.cross(self.frames.arm[f], nodes[tied]).sum(axis=0)
+        nodes[self.tied_down] = 0.0
+        return flat
+
+    def contact_forces(self) -> Flat:
+        """Forces of contact and of rolling resistance on nodes and frames, before `reduce`."""
+        out = np.asarray(self.jacobian.T @ self.contacts.force.ravel())
+        for rolling, (_, rows) in zip(self.contacts.rolling, self.rolling, strict=True):
+            out += rows.T @ rolling.torque
+        return out
+
+    def prepare(self, *, coupled: bool = False) -> None:
+        """Assemble the contacts and factorise the preconditioner: once before the products.
+
+        Products are `coupled` if the limits of friction are to follow the normal forces; the preconditioner never is.
+        """
+        tangent = self._blocks(self.contacts.tangent)
+        self.contact = (self.jacobian.T @ (tangent @ self.jacobian)).tocsr()
+        self.terms = [(self.jacobian, tangent), *((rows, scipy_sparse.csr_matrix(t)) for t, rows in self.rolling)]
+        """J^T T J over all unknowns, of contact and of rolling, as (J, T)."""
+        self.inverse = self._preconditioner()
+        if coupled:
+            follows = self._blocks(self.contacts.coupling)
+            self.contact = (self.contact + self.jacobian.T @ (follows @ self.jacobian)).tocsr()
+
+    def _blocks(self, blocks: NDArray[np.float64]) -> scipy_sparse.csr_matrix:
+        """The points' 3 x 3 matrices (k, 3, 3) as blocks on the diagonal, shape (3 k, 3 k)."""
+        count = len(blocks)
+        rows = (blocks, np.arange(count), np.arange(count + 1))
+        return scipy_sparse.bsr_matrix(rows, shape=(3 * count, 3 * count)).tocsr()
+
+    def multiply(self, direction: Flat) -> Flat:
+        """Matrix times vector."""
+        p = self.expand(direction)
+        out = self._elastic_and_inertia(p)
+        if self.contact.nnz:
+            out += self.contact @ p
+        for tangent, rows in self.rolling:
+            out += rows.T @ (tangent @ (rows @ p))
+        return self.reduce(out)
+
+    def _elastic_and_inertia(self, p: Flat) -> Flat:
+        out = np.empty(self.size)
+        nodes, frames = self.split(out)
+        if len(nodes):
+            sparse.multiply(
+                self.soft.neighbour, self.elastic.stencil, self.stiffness_scale, self.node_inertia, self.split(p)[0],
+                nodes,
+            )  # fmt: skip
+        frames[:] = np.einsum("bij,bj->bi", self.frame_inertia, self.split(p)[1])
+        return out
+
+    def _preconditioner(self) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
+        """Inverses of the 3x3 node blocks (n, 3, 3), zero where nodes are not free, and of the 6x6 frame blocks."""
+        frames = self.frame_inertia.copy()
+        more = np.zeros((len(self.soft.rest), 9))
+        if len(self.contacts.a):
+            if len(more):
+                squared = self.contacts.gather.multiply(self.contacts.gather).T
+                more += np.asarray(squared @ self.contacts.tangent.reshape(-1, 9))[: len(more)]
+            own = self.contact[self.nodes :, self.nodes :].toarray()
+            for f in range(len(frames)):
+                frames[f] += own[6 * f : 6 * f + 6, 6 * f : 6 * f + 6]
+        for tangent, rows in self.rolling:
+            turn = rows[:, self.nodes :].toarray()
+            for f in range(len(frames)):
+                frames[f] += turn[:, 6 * f : 6 * f + 6].T @ tangent @ turn[:, 6 * f : 6 * f + 6]
+        nodes = np.zeros((len(more), 3, 3), dtype=np.float32)
+        if len(nodes):
+            sparse.invert_diagonal(
+                self.elastic.stencil, self.stiffness_scale, self.node_inertia, more, self.free.astype(np.int32), nodes
+            )
+        own_stiffness, coupling = self._core_coupling()
+        frames += own_stiffness
+        self.second = None
+        if self.elastic.coarse is not None:
+            self.second = CoarseSolve(
+                self.elastic.coarse, self.terms, self.frame_inertia + own_stiffness, coupling,
+                self.stiffness_scale, self.dt,
+            )  # fmt: skip
+        return nodes, np.asarray(np.linalg.inv(frames), np.float64)
+
+    def _core_coupling(self) -> tuple[NDArray[np.float64], dict[int, NDArray[np.float64]]]:
+        """Forces of the six unit motions of each core: on the frames (b, 6, 6), and on the lattice, (3 m, 6) each."""
+        own = np.zeros_like(self.frame_inertia)
+        coupling = {}
+        for f, tied in enumerate(self.frames.tied):
+            if not len(tied):
+                continue
+            columns = []
+            for motion in range(6):
+                unit = np.zeros(self.size)
+                unit[self.nodes + 6 * f + motion] = 1.0
+                forces = self._elastic_and_inertia(self.expand(unit))
+                forces[self.nodes :] = 0.0
+                if self.elastic.coarse is not None:
+                    columns.append(self.elastic.coarse.restrict(self.split(forces)[0]).ravel())
+                own[f, :, motion] += self.split(self.reduce(forces))[1][f]
+            coupling[f] = np.stack(columns, axis=1)
+        return own, coupling
+
+    def precondition(self, residual: Flat) -> Flat:
+        """A symmetric Gauss-Seidel sweep over the nodes, the frames' own blocks, and the coarse space added to both."""
+        out = np.empty(self.size)
+        nodes, frames = self.split(out)
+        node_residual, frame_residual = self.split(residual)
+        frames[:] = np.einsum("bij,bj->bi", self.inverse[1], frame_residual)
+        if self.second is not None:
+            lattice, more = self.second.apply(node_residual, frame_residual)
+            frames += more
+            sparse.precondition(
+                self.soft.neighbour, self.elastic.half, self.elastic.unit, self.stiffness_scale, self.inverse[0],
+                node_residual, self.second.space.corner, self.second.space.value, lattice, self.elastic.sweep, nodes,
+            )  # fmt: skip
+        return out
+
+
+def conjugate_gradient(system: TangentSystem, right: Flat, tolerance: float, limit: int) -> tuple[Flat, int]:
+    """Solve system @ y = right until the preconditioned residual norm falls by `tolerance` [S94, B3]; returns (y,
+    iterations)."""
+    system.prepare()
+    add = blas.daxpy  # in place: numpy would make a copy of every term
+    y, r = np.zeros_like(right), right.copy()
+    z = system.precondition(r)
+    p = z.copy()
+    rho = start = float(r @ z)
+    count = 0
+    while count < limit and rho > tolerance**2 * start and rho > 0.0:
+        q = system.multiply(p)
+        curvature = float(p @ q)
+        if curvature <= 0.0:
+            break
+        alpha = rho / curvature
+        add(p, y, a=alpha)
+        add(q, r, a=-alpha)
+        z = system.precondition(r)
+        rho, previous = float(r @ z), rho
+        p *= rho / previous
+        p += z
+        count += 1
+    return y, count
+
+
+def minimal_residual(system: TangentSystem, right: Flat, tolerance: float, limit: int) -> tuple[Flat, int]:
+    """The same with friction limits that follow the normal forces: the matrix is not symmetric, so GMRES solves it
+    [S86], until the 2-norm of the residual falls by `tolerance` with and without the preconditioner; returns (y,
+    products)."""
+    system.prepare(coupled=True)
+    count = 0
+
+    def multiply(direction: Flat) -> Flat:
+        nonlocal count
+        count += 1
+        return system.multiply(direction)
+
+    shape = (system.size, system.size)
+    y, _ = gmres(
+        LinearOperator(shape, matvec=multiply, dtype=np.float64), right, rtol=tolerance, restart=min(RESTART, limit),
+        maxiter=max(1, limit // RESTART), M=LinearOperator(shape, matvec=system.precondition, dtype=np.float64),
+    )  # fmt: skip
+    return np.asarray(y, dtype=np.float64), count

@@ -1,0 +1,229 @@
+"""One simulation as it is stepped: how long a step is, what is measured after it, and where bodies are."""
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solver.certificate import Signals, measure, rest_rows
+from solver.config import SolverConfig
+from solver.contact.bonds import build_bonds
+from solver.contact.predict import contact_stiffness
+from solver.contact.query import ContactQuery, Pair, vertex_areas
+from solver.errors import ModelError, UnstableStep
+from solver.model import soft as soft_system
+from solver.model.bodies import Body, Model
+from solver.model.soft import SoftSystem
+from solver.model.state import State, best_rigid_motion
+from solver.tl.step import Stepper, StepReport
+
+Progress = Callable[[int, float, Signals], None]
+Load = Callable[[float], NDArray[np.float64]]
+"""The time at which a step ends [s] -> the acceleration of each body besides gravity [m/s^2], shape (b, 3)."""
+
+CELL_STIFFNESS = 4.0  # first guess of the contact stiffness per area, in E / cell size; adapted to the target near rest
+SHORTER = 0.1  # of a step that resolves elastic waves: what it may be shortened to in an impact
+STEP_GROWTH = 1.25  # growth of the step when Newton converges easily
+LEAST_GRAVITY = 1e-12  # [m/s^2], so that what is measured by weights stays finite where nothing pulls
+
+
+class Course:
+    """Bodies, contacts and the history of their motion."""
+
+    def __init__(self, model: Model, config: SolverConfig) -> None:
+        self.model = model
+        self.config = config
+        self.soft = soft_system.build(model)
+        self.soft_of = {one.index: one for one in self.soft.bodies}
+        self.free = [i for i, b in enumerate(model.bodies) if not b.fixed]
+        self.watched = self.free or [s.index for s in self.soft.bodies]
+        self.mass = {i: self._mass(i) for i in self.watched}
+        self.gravity = max(float(np.linalg.norm(model.gravity)), LEAST_GRAVITY)
+        if not self.watched:
+            raise ModelError("nothing can move: every body is rigid and fixed")
+        self.length = max(model.bodies[i].size for i in self.watched)
+        self.weight = sum(self.mass.values()) * self.gravity
+        pairs = contact_pairs(model, self.soft, config, self.gravity)
+        self.query = ContactQuery(model, self.soft, pairs, build_bonds(model, self.soft, config.penetration_target))
+        weights = np.full(len(model.bodies), self.weight)
+        weights[self.free] = [self.mass[i] * self.gravity for i in self.free]
+        self.stepper = Stepper(model, self.soft, self.query, config, weights)
+        if not config.inertia:
+            self.stepper.damping = predicted_damping(model, config, {i: self.mass[i] for i in self.free}, self.gravity)
+        self.wave_step = config.inertia_step * crossing_seconds(model) if config.inertia else np.inf
+        """Longest step that resolves elastic waves [s]."""
+        self.care = 1.0
+        """Factor of the tolerance to which steps at rest are solved."""
+        self.correcting: list[tuple[int, NDArray[np.float64]]] = []
+        """Bodies whose contacts became stiffer, and the normals there. The next step brings positions into balance with
+        that, which is no motion: velocities stay, but for the approach along the normals, which ends."""
+        self.history: list[Signals] = []
+        self.warnings: list[str] = []
+
+    def _mass(self, index: int) -> float:
+        if (one := self.soft_of.get(index)) is not None:
+            return float(self.soft.mass[one.nodes].sum())
+        return self.model.bodies[index].mass
+
+    def step(self, state: State, dt: float, load: Load | None = None) -> tuple[State, StepReport, float]:
+        """One accepted step of at most `dt` [s] and the proposal for the next; `load` acts besides gravity."""
+        speed = self.history[-1].speed if self.history else 0.0
+        dt = min(dt, self._longest_step(speed))
+        moving = speed > self.config.moving_speed * np.sqrt(self.gravity * self.length) and not self.config.inertia
+        shortest = min(self.config.shortest_step_seconds, SHORTER * self.wave_step)
+        tolerance = self.config.moving_tolerance if moving else self.care * self.config.newton_tolerance
+        while True:
+            self.stepper.push[:] = 0.0 if load is None else load(state.time + dt)
+            after, report = self.stepper.advance(state, dt, tolerance)
+            bound = self.config.acceptable_residual * (1.0 + self.config.impact_share * speed / (self.gravity * dt))
+            if report.residual <= bound:
+                break
+            if dt <= shortest:
+                name = self.model.bodies[report.worst].name
+                raise UnstableStep(
+                    f"t = {state.time:.4f} s: step of {dt:.1e} s ends with {report.residual:.2g} of what body {name!r} "
+                    f"weighs or carries unbalanced, most of it at {np.round(report.where, 4).tolist()} m, after "
+                    f"{report.newton} Newton iterations (bound {bound:.2g}: acceptable_residual = "
+                    f"{self.config.acceptable_residual}, more in an impact); fastest body {speed:.2g} m/s, "
+                    f"{report.inverted} inverted particles"
+                )
+            dt = max(0.5 * dt, shortest)
+        self.query.remember(report.contacts)
+        if self.correcting:
+            after.move_as(state)
+            for index, normal in self.correcting:
+                self._end_approach(after, index, normal)
+            self.correcting = []
+        easy = report.newton <= self.config.newton_limit // 2 and (len(report.contacts.a) > 0 or not self.free)
+        return after, report, dt * (STEP_GROWTH if easy else 1.0)
+
+    def _end_approach(self, state: State, index: int, normal: NDArray[np.float64]) -> None:
+        """Take the motion along a unit normal out of a body; what is clamped comes to a stand."""
+        one, body = self.soft_of.get(index), self.model.bodies[index]
+        if one is None and not body.fixed:
+            state.velocity[index] -= (state.velocity[index] @ normal) * normal
+        elif one is not None and body.fixed:
+            state.v[one.nodes] = 0.0
+        elif one is not None:
+            mass = self.soft.mass[one.nodes]
+            state.v[one.nodes] -= (mass @ state.v[one.nodes] @ normal / mass.sum()) * normal
+
+    def _longest_step(self, speed: float) -> float:
+        """No free body may skip a contact; what only hangs on a clamp has none to skip and no path to get wrong."""
+        if not self.free:
+            return min(self.config.hanging_step_seconds, self.wave_step)
+        distance = max(self.config.step_distance, self.config.step_share * self.length)
+        reach = max(distance / max(speed, 1e-12), self.config.shortest_step_seconds)
+        return min(reach, self.balance_step(), self.wave_step)
+
+    def balance_step(self) -> float:
+        """Longest step that follows a loss of balance [s]."""
+        return self.config.longest_step * float(np.sqrt(0.5 * self.length / self.gravity))
+
+    def give(
+        self, state: State, index: int, velocity: NDArray[np.float64], angular_velocity: NDArray[np.float64]
+    ) -> None:
+        """Add a rigid motion [m/s], [rad/s] about its centre of mass to what a free body does."""
+        state.velocity[index] += velocity
+        state.angular_velocity[index] += angular_velocity
+        if (one := self.soft_of.get(index)) is not None:
+            arm = state.x[one.nodes] - self.center(state, index)
+            state.v[one.nodes] += velocity + np.cross(angular_velocity, arm)
+
+    def record(self, state: State, report: StepReport, progress: Progress | None) -> Signals:
+        """Measure an accepted step and add it to the history."""
+        weights = self.stepper.weights
+        signals = measure(self.model, self.soft, self.query, self.watched, self.mass, weights, state, report)
+        self.history.append(signals)
+        if progress is not None:
+            progress(len(self.history), state.time, signals)
+        return signals
+
+    def rows(self, window: list[Signals]) -> dict[str, dict[str, float]]:
+        """Value and threshold of every rest signal over a window of steps."""
+        return rest_rows(window, self.config, self.gravity, self.length)
+
+    def center(self, state: State, index: int) -> NDArray[np.float64]:
+        """Centre of mass of a body [m], shape (3,)."""
+        if (one := self.soft_of.get(index)) is not None:
+            m = self.soft.mass[one.nodes]
+            return np.asarray(m @ state.x[one.nodes] / m.sum())
+        return np.asarray(state.center[index])
+
+    def distance(self, rest: State, state: State) -> tuple[float, float]:
+        """Largest distance of a centre of mass [m] and largest turn [rad] of any free body between two states."""
+        distance = max(float(np.linalg.norm(self.center(state, i) - self.center(rest, i))) for i in self.free)
+        angle = 0.0
+        for i in self.free:
+            a, b = self.motion(rest, i)[0], self.motion(state, i)[0]
+            angle = max(angle, float(np.arccos(np.clip((np.trace(b @ a.T) - 1.0) / 2.0, -1.0, 1.0))))
+        return distance, angle
+
+    def motion(self, state: State, index: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """World-from-start rotation (3, 3) and translation (3,) [m] of a body, best fit for a free soft one."""
+        one = self.soft_of.get(index)
+        if one is not None and not self.model.bodies[index].fixed:
+            return best_rigid_motion(self.soft.rest[one.nodes], state.x[one.nodes], self.soft.mass[one.nodes])
+        rotation = state.rotation[index]
+        return rotation, state.center[index] - rotation @ self.model.bodies[index].center_of_mass
+
+    def speed(self, state: State, index: int) -> float:
+        """Bound of the speed of any point of a body [m/s]."""
+        if (one := self.soft_of.get(index)) is not None:
+            return float(np.linalg.norm(state.v[one.nodes], axis=1).max())
+        reach = 0.5 * self.model.bodies[index].size
+        return float(np.linalg.norm(state.velocity[index]) + reach * np.linalg.norm(state.angular_velocity[index]))
+
+
+def contact_pairs(model: Model, soft: SoftSystem, config: SolverConfig, gravity: float) -> list[Pair]:
+    """Every ordered pair of bodies that can push each other, with its first contact stiffness per point."""
+    pairs = []
+    for a, one in enumerate(model.bodies):
+        for b, two in enumerate(model.bodies):
+            if a == b or (one.fixed and two.fixed) or model.bonded(one, two):
+                continue
+            area = vertex_areas(one)
+            # what three points need to carry the load at the penetration that is aimed at: more only makes impacts hard
+            load = max(body.mass for body in (one, two) if not body.fixed) * max(gravity, 1.0)
+            stiffness = np.full(len(area), load / (3.0 * config.penetration_target))
+            if one.soft is not None or two.soft is not None:
+                cell, modulus = softest(one, two)
+                stiffness = np.minimum(stiffness, CELL_STIFFNESS * modulus / cell * np.minimum(area, cell**2))
+            mu_s, mu_d = model.friction(one, two)
+            points = len(one.vertices)
+            anchor, guess = np.zeros((points, 3)), np.full((points, 3), np.nan)
+            pairs.append(Pair(a, b, mu_s, mu_d, stiffness, area, anchor, np.zeros(points, dtype=bool), guess))
+    return pairs
+
+
+def softest(one: Body, two: Body) -> tuple[float, float]:
+    """Cell under the contact [m] and smallest Young's modulus [Pa] of a pair of which at least one is soft."""
+    parts = [b.soft for b in (one, two) if b.soft is not None]
+    cell = min(max(float(np.diff(p).min()) for p in s.planes) for s in parts)
+    return cell, min(float(s.youngs_modulus.min()) for s in parts)
+
+
+def crossing_seconds(model: Model) -> float:
+    """Shortest time [s] that a wave of speed sqrt(E / rho) takes along the thinnest side of a soft body."""
+    times = [np.inf]
+    for body in model.bodies:
+        if body.soft is not None:
+            speed = float(np.sqrt(body.soft.youngs_modulus / body.soft.density).max())
+            times.append(float(np.ptp(body.vertices, axis=0).min()) / speed)
+    return min(times)
+
+
+def predicted_damping(model: Model, config: SolverConfig, mass: dict[int, float], gravity: float) -> float:
+    """Stiffness-proportional damping beta [s] that damps the bounce of the free bodies on their soft partners.
+
+    omega = sqrt(k / m) with k the Hertz stiffness of the heaviest free body on the softest part; beta = 2 zeta / omega.
+    """
+    moduli = [float(b.soft.youngs_modulus.min()) for b in model.bodies if b.soft is not None]
+    if not moduli or not mass or gravity == 0.0:
+        return 0.0
+    heaviest = max(mass, key=lambda i: mass[i])
+    body = model.bodies[heaviest]
+    extent = np.ptp(body.vertices, axis=0)
+    radius = 0.25 * float(extent[0] + extent[1])
+    stiffness = contact_stiffness(mass[heaviest] * gravity, radius, min(moduli), 0.3)
+    return 2.0 * config.damping_ratio / float(np.sqrt(stiffness / mass[heaviest]))

@@ -1,0 +1,160 @@
+"""How far a verified rest state can be pushed before it is lost.
+
+Each free body in turn is pushed horizontally at its centre of mass, in directions all around, by a force that grows to
+a share of its weight, stays, and is taken away. The push is held if everything then comes to rest where it was; a
+search brackets the largest one that is. For a rigid body on a level rigid floor the answer is a formula: it slides at
+mu_s, or tips at (distance of the edge) / (height of the centre of mass), whichever is less. The same number is the
+horizontal acceleration, in units of gravity, that what it stands on may have.
+
+No randomness, and every trial starts from the same state: same model and config, same grade.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solver.errors import UnstableStep
+from solver.model.state import State
+from solver.tl.disturbance import Memory, Patience, Reach, follow, standing
+from solver.tl.simulation import Course, Progress
+
+GONE = Reach(0.5, np.pi / 3.0)  # half its size away, or turned by 60 degrees: lost, whatever comes after [-], [rad]
+
+
+@dataclass(eq=False, slots=True)
+class Pushes:
+    """Trials of one body in one direction, all from the same rest state."""
+
+    course: Course
+    rest: State
+    memory: Memory
+    """What contacts remembered at the rest state."""
+    index: int
+    direction: NDArray[np.float64]
+    """Horizontal unit vector, shape (3,)."""
+    ends: dict[int, Reach] = field(default_factory=dict)
+    """How far bodies had moved when each push, in units of push_step, was judged."""
+    steps: int = 0
+
+    def held(self, level: int, progress: Progress | None) -> bool:
+        """Whether everything comes back to rest after a push of `level` times push_step of the weight.
+
+        A push that the solver cannot follow is lost, with a warning.
+        """
+        course, kept = self.course, self.course.history
+        course.history = []
+        self.memory.restore(course.query)
+        try:
+            held, self.ends[level] = self._push(level * course.config.push_step, progress)
+        except UnstableStep as error:
+            held, self.ends[level] = False, Reach(np.inf, np.inf)
+            course.warnings.append(f"stability: a push counts as lost because the solver cannot follow it: {error}")
+        self.steps += len(course.history)
+        course.history = kept
+        return held
+
+    def _push(self, share: float, progress: Progress | None) -> tuple[bool, Reach]:
+        course, c = self.course, self.course.config
+        size = course.model.bodies[self.index].size
+        gone = Reach(GONE.distance * size, GONE.angle)
+        seconds = c.push_time * float(np.sqrt(0.5 * size / course.gravity))
+        full = np.zeros((len(course.model.bodies), 3))
+        full[self.index] = share * course.gravity * self.direction
+
+        def load(time: float) -> NDArray[np.float64]:
+            return min((time - self.rest.time) / seconds, 1.0) * full
+
+        state, dt = standing(self.rest), 0.5 * course.balance_step()
+        course.query.gentle = True
+        while state.time < self.rest.time + 2.0 * seconds - 1e-9:
+            state, report, dt = course.step(state, dt, load)
+            course.record(state, report, progress)
+            reach = Reach.between(course, self.rest, state)
+            if not reach.within(gone):
+                return False, reach
+        near = Reach(c.push_distance * size, c.push_angle)
+        end = follow(course, self.rest, state, near, Patience(gone, gone, np.inf), progress)
+        return end.stable, end.reach
+
+    def bracket(self, most: int, guess: int | None, progress: Progress | None) -> tuple[int, dict[str, object]]:
+        """The largest level held, and the certificate's row."""
+        level = largest_held(lambda one: self.held(one, progress), most, guess)
+        lost = self.ends.get(level + 1)
+        unit = self.course.config.push_step
+        return level, {
+            "direction": (np.round(self.direction, 12) + 0.0).tolist(), "held": round(level * unit, 9),
+            "lost": None if lost is None else round((level + 1) * unit, 9), "trials": len(self.ends),
+            "lost_moved_m": finite(lost.distance) if lost else None,
+            "lost_turned_rad": finite(lost.angle) if lost else None,
+        }  # fmt: skip
+
+
+def grade(course: Course, rest: State, memory: Memory, progress: Progress | None) -> dict[str, object]:
+    """The certificate's `stability`: for every free body and direction the largest push held and the smallest lost,
+    over the body's weight (lost is null where the largest one tried was held), and the smallest of all held ones.
+
+    The course's history stays as it was.
+    """
+    c = course.config
+    if course.gravity <= 0.0:
+        return {"done": False, "reason": "without gravity there is no weight to compare a push with"}
+    most, steps, trials = max(1, round(c.push_most / c.push_step)), 0, 0
+    quarter = max(1, c.push_directions // 4)  # directions back to a quarter turn, after which many things look the same
+    bodies: dict[str, object] = {}
+    grades: list[float] = []
+    for index in course.free:
+        rows: list[dict[str, object]] = []
+        found: list[int] = []
+        for direction in directions(course.model.gravity, c.push_directions):
+            pushes = Pushes(course, rest, memory, index, direction)
+            guess = found[-quarter] if len(found) >= quarter else None
+            level, row = pushes.bracket(most, guess, progress)
+            found.append(level)
+            rows.append(row)
+            steps, trials = steps + pushes.steps, trials + len(pushes.ends)
+        grades.append(min(float(str(row["held"])) for row in rows))
+        bodies[course.model.bodies[index].name] = {"grade": grades[-1], "directions": rows}
+    return {
+        "done": True, "grade": min(grades), "bodies": bodies, "trials": trials, "steps": steps,
+        "bounds": {"distance_share": c.push_distance, "angle_rad": c.push_angle, "step": c.push_step},
+    }  # fmt: skip
+
+
+def largest_held(held: Callable[[int], bool], most: int, guess: int | None) -> int:
+    """Largest level 0..most that `held` is true for, if it is true up to some level and false above; 0 is not tried.
+
+    Bisection, log2(most + 1) rounded up trials; with a guess in strides that double away from it, at most two more than
+    twice as many, and two where it is right.
+    """
+    low, high = 0, most + 1
+    if guess is not None:
+        probe, stride = guess + 1, 1
+        up = probe < high and held(probe)
+        low, high = (probe, high) if up else (low, probe)
+        while low < (probe := low + stride if up else high - stride) < high:
+            holds = held(probe)
+            low, high = (probe, high) if holds else (low, probe)
+            if holds != up:
+                break
+            stride *= 2
+    while high - low > 1:
+        level = (low + high) // 2
+        low, high = (level, high) if held(level) else (low, level)
+    return low
+
+
+def directions(gravity: NDArray[np.float64], count: int) -> NDArray[np.float64]:
+    """Unit vectors evenly around the vertical, first along x (along y where x is vertical), shape (count, 3)."""
+    up = -gravity / np.linalg.norm(gravity)
+    axis = np.eye(3)[0 if abs(up[0]) < 0.9 else 1]
+    first = axis - (axis @ up) * up
+    first /= np.linalg.norm(first)
+    angle = 2.0 * np.pi * np.arange(count) / count
+    return np.asarray(np.cos(angle)[:, None] * first + np.sin(angle)[:, None] * np.cross(up, first))
+
+
+def finite(value: float) -> float | None:
+    """For JSON."""
+    return value if np.isfinite(value) else None

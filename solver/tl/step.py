@@ -1,0 +1,319 @@
+"""One implicit step: backward Euler in true time with true masses, solved by Newton and conjugate gradients.
+
+    M (v' - v) / dt = f(x') ,  x' = x + dt v'
+
+Soft and rigid bodies, contact on both sides and friction are one system, so no side of a contact can outrun the
+other. Backward Euler damps elastic vibration strongly and leaves slow rigid motion nearly untouched, which is what a
+path to rest needs; stiffness-proportional damping beta K (Kelvin-Voigt) stands for the loss of real foams [B96, Sec.
+9.3.3].
+
+[B96] Bathe: Finite Element Procedures, Prentice Hall 1996.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solver.config import SolverConfig
+from solver.contact.query import ContactQuery, Contacts
+from solver.errors import UnstableStep
+from solver.kernels import elastic, sparse
+from solver.model.bodies import Model
+from solver.model.soft import SoftSystem
+from solver.model.state import State, rotate, turn_between
+from solver.tl.linear import Flat, Frames, TangentSystem, Vector, conjugate_gradient, minimal_residual
+from solver.tl.tangent import ElasticTangent
+
+# Newton cycles between contact states where an iteration leaves more than STALLED of the residual [-], often since a
+# loose solution pushes a point at the edge of a contact in and out. From then on linear systems are solved to TIGHTER
+# times their tolerance [-], with friction limits that follow the normal force, and moves halved down to SHORTEST [-]
+STALLED, TIGHTER, SHORTEST = 0.7, 0.01, 0.125
+
+
+@dataclass(eq=False, slots=True)
+class StepReport:
+    """What one step cost and how well it was solved."""
+
+    newton: int
+    linear: int
+    residual: float
+    """Largest residual of a body over its weight, or over what it carries where that is more [-]."""
+    worst: int
+    """The body that has it."""
+    where: NDArray[np.float64]
+    """Where on it most is out of balance [m]: a node, or the centre of a rigid body, shape (3,)."""
+    contacts: Contacts
+    frame_residual: NDArray[np.float64]
+    inverted: int
+    """Particles of material with det F <= 0."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Trial:
+    """A guess of the state at the end of a step."""
+
+    state: State
+    contacts: Contacts
+    system: TangentSystem
+    right: Flat
+    """What is out of balance: forces on nodes [N], forces [N] and torques [N m] on frames, shape (3 n + 6 b,)."""
+    residual: float
+    """Its size as in StepReport [-]."""
+    worst: int
+
+
+def carried_weights(weights: NDArray[np.float64], contacts: Contacts) -> NDArray[np.float64]:
+    """What residuals of each body are measured by [N], shape (b,): its weight, or what it carries where that is more,
+    at most the largest weight. A sheet under a book is in balance as far as the book is."""
+    return np.asarray(np.clip(contacts.burden(len(weights)), weights, weights.max()))
+
+
+class Stepper:
+    """Work arrays of one simulation; `advance` moves a state by one step."""
+
+    def __init__(
+        self, model: Model, soft: SoftSystem, query: ContactQuery, config: SolverConfig, weights: NDArray[np.float64]
+    ) -> None:
+        self.model = model
+        self.soft = soft
+        self.query = query
+        self.config = config
+        self.weights = weights
+        """Weight of each body [N], of fixed ones that of all free ones, shape (b,)."""
+        self.damping = 0.0
+        self.theta = config.inertia_theta if config.inertia else 1.0
+        """Where in a step forces and contacts are taken [-]."""
+        self.push = np.zeros((len(model.bodies), 3))
+        """Acceleration that acts on each body besides gravity [m/s^2], shape (b, 3)."""
+        cells, particles = len(soft.cell_node), len(soft.volume)
+        self.cell_force = np.zeros((cells, 8, 3))
+        self.tangent = ElasticTangent(soft, config.tangent_refresh)
+        self.deformation = np.zeros((particles, 9))
+        self.volume_ratio = np.ones(particles)
+        self.energy = np.zeros(particles)
+        self.frame_bodies = [
+            i for i, b in enumerate(model.bodies) if not b.fixed and (b.soft is None or (soft.core == i).any())
+        ]
+        self.tied = [np.flatnonzero(soft.core == i) for i in self.frame_bodies]
+        self.touched: set[int] = set()
+        """Bodies in contact at the end of the last step."""
+
+    def frames(self, state: State) -> Frames:
+        """The moving frames at a state."""
+        rigid = [self.model.bodies[i].soft is None for i in self.frame_bodies]
+        turned = [state.rotation[i] @ self.model.bodies[i].inertia @ state.rotation[i].T for i in self.frame_bodies]
+        return Frames(
+            self.frame_bodies,
+            state.center[self.frame_bodies],
+            np.array([self.model.bodies[i].mass if r else 0.0 for i, r in zip(self.frame_bodies, rigid, strict=True)]),
+            np.array([t if r else np.zeros((3, 3)) for t, r in zip(turned, rigid, strict=True)]).reshape(-1, 3, 3),
+            self.tied,
+            [state.x[t] - state.center[i] for t, i in zip(self.tied, self.frame_bodies, strict=True)],
+        )
+
+    def elastic_forces(self, state: State) -> NDArray[np.float64]:
+        """Elastic node forces [N], shape (n, 3); updates the particles' deformation, rotation and energy."""
+        f = np.zeros_like(state.x)
+        if len(f):
+            s = self.soft
+            elastic.cell_forces(
+                state.x, s.cell_node, s.cell_size, s.cell_start, s.local, s.volume, s.mu, s.lam, s.relief,
+                state.polar,
+                self.deformation, self.volume_ratio, self.energy, self.cell_force,
+            )  # fmt: skip
+            elastic.gather_forces(s.node_cell, self.cell_force, f)
+        return f
+
+    def advance(self, state: State, dt: float, tolerance: float) -> tuple[State, StepReport]:
+        """The state after `dt` [s], solved to `tolerance` of every body's weight; raises UnstableStep for a state that
+        is not finite.
+
+        A backward Euler step to theta dt, and from there straight on: with theta = 1/2 the implicit midpoint rule.
+        """
+        whole, dt = dt, self.theta * dt
+        before = state.copy()
+        total, count, stalled = 0, 0, False
+        self.query.seconds = dt
+        trial = self._linearise(self._predict(before, dt), before, dt)
+        while trial.residual > tolerance and count < self.config.newton_limit:
+            solve = minimal_residual if stalled and trial.contacts.coupling.any() else conjugate_gradient
+            tolerable = (TIGHTER if stalled else 1.0) * self.config.linear_tolerance
+            move, iterations = solve(trial.system, trial.right, tolerable, self.config.linear_limit)
+            total += iterations
+            count += 1
+            best = self._after_move(trial, move, before, dt, halve=stalled)
+            stalled |= count > 1 and best.residual > STALLED * trial.residual
+            trial = best
+        after, contacts = trial.state, trial.contacts
+        self._finish(after, before, dt)
+        if self.theta < 1.0:
+            self._go_on(after, before, whole)
+            self.query.seconds = whole
+            contacts = self.query.find(after, before)  # what friction remembers is the end of the whole step
+        self.touched = {int(i) for i in np.union1d(contacts.a, contacts.b)}
+        inverted = int((self.volume_ratio[self.soft.real] <= 0.0).sum())
+        frames = trial.system.split(trial.right)[1]
+        where = self._worst_place(trial)
+        return after, StepReport(count, total, trial.residual, trial.worst, where, contacts, frames, inverted)
+
+    def _after_move(self, trial: Trial, move: Flat, before: State, dt: float, *, halve: bool) -> Trial:
+        """What a Newton move leads to; with `halve` the best of it and its halves, until one gains enough."""
+        move = self._capped(trial.system, move)
+        best = latest = self._linearise(self._move(trial.state, trial.system, move), before, dt)
+        share = 1.0
+        while halve and best.residual > STALLED * trial.residual and share > SHORTEST:
+            share *= 0.5
+            latest = self._linearise(self._move(trial.state, trial.system, share * move), before, dt)
+            best = min(best, latest, key=lambda one: one.residual)
+        if latest is not best:  # forces, tangent and contact memory belong to what was looked at last
+            best = self._linearise(best.state, before, dt)
+        return best
+
+    def _linearise(self, state: State, before: State, dt: float) -> Trial:
+        """Forces, contacts and the system of a state at the end of a step; raises UnstableStep if it is not finite."""
+        self._require_finite(state, dt)
+        force = self.elastic_forces(state)
+        self.tangent.refresh(state, self.deformation)
+        contacts = self.query.find(state, before)
+        system = TangentSystem(self.soft, self.tangent, contacts, self.frames(state), dt, self.damping)
+        right = self._residual(system, state, before, force, dt)
+        residual, worst = self._size(system.split(right), contacts)
+        if not np.isfinite(residual):
+            raise self._not_finite("forces on", worst, state, dt)
+        return Trial(state, contacts, system, right, residual, worst)
+
+    def _require_finite(self, state: State, dt: float) -> None:
+        """Raise UnstableStep for a body whose position is not finite."""
+        for body in self.soft.bodies:
+            if not np.isfinite(state.x[body.nodes]).all():
+                raise self._not_finite("positions of", body.index, state, dt)
+        for i in self.frame_bodies:
+            if not (np.isfinite(state.center[i]).all() and np.isfinite(state.rotation[i]).all()):
+                raise self._not_finite("positions of", i, state, dt)
+
+    def _not_finite(self, what: str, body: int, state: State, dt: float) -> UnstableStep:
+        one = self.model.bodies[body]
+        return UnstableStep(
+            f"t = {state.time:.4f} s: in a step of {dt:.2e} s {what} body {one.name!r} (placed at "
+            f"{np.round(one.center_of_mass, 3).tolist()} m) are not finite"
+        )
+
+    def _predict(self, state: State, dt: float) -> State:
+        """Where everything goes on as it moved; what touched nothing falls."""
+        after = state.copy()
+        after.x = state.x + dt * state.v
+        fall = dt**2 * self.model.gravity
+        for body in self.soft.bodies:
+            if not self.model.bodies[body.index].fixed and body.index not in self.touched:
+                after.x[body.nodes] += fall
+        for i in self.frame_bodies:
+            after.center[i] = state.center[i] + dt * state.velocity[i]
+            if i not in self.touched:
+                after.center[i] += fall
+            after.rotation[i] = rotate(state.rotation[i], dt * state.angular_velocity[i])
+        return self._tie(after)
+
+    def _tie(self, state: State) -> State:
+        """Put core nodes where their frame says, held nodes where they were."""
+        for i, tied in zip(self.frame_bodies, self.tied, strict=True):
+            if len(tied):
+                arm = self.soft.rest[tied] - self.model.bodies[i].center_of_mass
+                state.x[tied] = arm @ state.rotation[i].T + state.center[i]
+        state.x[self.soft.held] = self.soft.rest[self.soft.held]
+        return state
+
+    def _residual(
+        self, system: TangentSystem, after: State, before: State, elastic_force: NDArray[np.float64], dt: float
+    ) -> Flat:
+        """Force minus inertia on every degree of freedom."""
+        gravity = self.model.gravity
+        velocity = (after.x - before.x) / dt
+        out = system.contact_forces()
+        nodes, frames = system.split(out)
+        nodes += elastic_force + (self.soft.mass * self.soft.gravity_share)[:, None] * gravity
+        for body in self.soft.bodies:
+            nodes[body.nodes] += self.soft.mass[body.nodes, None] * self.push[body.index]
+        nodes -= self.soft.mass[:, None] * (velocity - before.v) / dt
+        if self.damping > 0.0 and len(nodes):
+            drag = np.empty_like(nodes)
+            none = np.zeros(len(nodes))
+            sparse.multiply(self.soft.neighbour, self.tangent.stencil, self.damping, none, velocity, drag)
+            nodes -= drag
+        for f, i in enumerate(self.frame_bodies):
+            linear = (after.center[i] - before.center[i]) / dt
+            angular = turn_between(before.rotation[i], after.rotation[i]) / dt
+            frames[f, :3] += system.frames.mass[f] * (gravity + self.push[i] - (linear - before.velocity[i]) / dt)
+            frames[f, 3:] -= system.frames.inertia[f] @ (angular - before.angular_velocity[i]) / dt
+        return system.reduce(out)
+
+    def _size(self, residual: Vector, contacts: Contacts) -> tuple[float, int]:
+        """Largest residual of a body over its weight or what it carries [-]: of its nodes (2-norm), its force, and its
+        torque over half its size; and which body that is."""
+        scale = carried_weights(self.weights, contacts)
+        parts = np.zeros(len(self.model.bodies))
+        for body in self.soft.bodies:
+            nodes = residual[0][body.nodes]
+            parts[body.index] = np.sqrt((nodes**2).sum())
+            if not self.model.bodies[body.index].fixed:  # many small residuals of one sign move a body as a whole
+                parts[body.index] = np.maximum(parts[body.index], np.linalg.norm(nodes.sum(axis=0)))
+        for index, spin in contacts.spins.items():
+            torque = np.cross(spin.arm, residual[0][spin.nodes]).sum(axis=0)
+            parts[index] = np.maximum(parts[index], np.linalg.norm(torque) / (0.5 * self.model.bodies[index].size))
+        for f, i in enumerate(self.frame_bodies):
+            torque = np.linalg.norm(residual[1][f, 3:]) / (0.5 * self.model.bodies[i].size)
+            parts[i] = np.max([parts[i], np.linalg.norm(residual[1][f, :3]), torque])
+        parts /= scale
+        worst = int(np.argmax(parts))  # the first that is not a number, if there is one
+        return float(parts[worst]), worst
+
+    def _worst_place(self, trial: Trial) -> NDArray[np.float64]:
+        """StepReport.where."""
+        for body in self.soft.bodies:
+            if body.index == trial.worst:
+                nodes = trial.system.split(trial.right)[0][body.nodes]
+                return np.array(trial.state.x[body.nodes][int(np.argmax((nodes**2).sum(axis=1)))])
+        return np.array(trial.state.center[trial.worst])
+
+    def _capped(self, system: TangentSystem, move: Flat) -> Flat:
+        """A Newton move, shortened so that no point jumps past a contact."""
+        nodes, frames = system.split(system.expand(move))
+        reach = [float(np.abs(nodes).max())] if len(nodes) else []
+        for f, i in enumerate(self.frame_bodies):
+            reach.append(
+                float(np.linalg.norm(frames[f, :3]) + 0.5 * self.model.bodies[i].size * np.linalg.norm(frames[f, 3:]))
+            )
+        return min(1.0, self.config.longest_move / max([*reach, 1e-30])) * move
+
+    def _move(self, state: State, system: TangentSystem, move: Flat) -> State:
+        """Apply a Newton move."""
+        nodes, frames = system.split(system.expand(move))
+        after = state.copy()
+        after.x = state.x + nodes
+        for f, i in enumerate(self.frame_bodies):
+            after.center[i] = state.center[i] + frames[f, :3]
+            after.rotation[i] = rotate(state.rotation[i], frames[f, 3:])
+        return self._tie(after)
+
+    def _finish(self, after: State, before: State, dt: float) -> None:
+        after.v = (after.x - before.x) / dt
+        for i in self.frame_bodies:
+            after.velocity[i] = (after.center[i] - before.center[i]) / dt
+            after.angular_velocity[i] = turn_between(before.rotation[i], after.rotation[i]) / dt
+        after.time = before.time + dt
+
+    def _go_on(self, after: State, before: State, dt: float) -> None:
+        """From the state at theta dt to that at dt: positions and velocities are linear in between."""
+        more = 1.0 / self.theta
+        after.x = before.x + more * (after.x - before.x)
+        after.v = before.v + more * (after.v - before.v)
+        for i in self.frame_bodies:
+            turn = turn_between(before.rotation[i], after.rotation[i])
+            after.center[i] = before.center[i] + more * (after.center[i] - before.center[i])
+            after.rotation[i] = rotate(before.rotation[i], more * turn)
+            after.velocity[i] = before.velocity[i] + more * (after.velocity[i] - before.velocity[i])
+            after.angular_velocity[i] = before.angular_velocity[i] + more * (
+                after.angular_velocity[i] - before.angular_velocity[i]
+            )
+        self._tie(after)
+        after.time = before.time + dt

@@ -1,0 +1,1 @@
+"""Stage 5, anchor: the part and the place on it."""

@@ -1,0 +1,49 @@
+"""The picture of a base from above, with what stands on it and beside it; made only if a client looks."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image, ImageDraw, ImageFont
+
+from dcap.geometry.placement.regions import Frame
+from dcap.geometry.rendering.picture import Camera, picture
+from dcap.scene.types.segmentation import Instance, Segmentation
+from tasks.requests.pictures import SIZE
+
+AROUND = 1.25
+"""Half width of the picture at the base's top over the base's half extent [-]: a rim of what is beside it."""
+HEADROOM = 1.0
+"""What hangs higher than this over the base's top would hide it [m]."""
+FOV_DEG = 30.0
+"""Narrow, so that high things lean outward little [degrees]."""
+LETTERS = 20
+"""Height of the words at the rim [pixels]."""
+
+
+def base_from_above(
+    scene: Segmentation, base: Instance, frame: Frame, others: Sequence[Instance]
+) -> NDArray[np.uint8]:  # fmt: skip
+    """The viewer's side at the bottom, his right at the right, shape (SIZE, SIZE, 3)."""
+    shown = [base, *(one for one in others if one.box.bottom < base.box.top + HEADROOM)]
+    meshes = [scene.instance_mesh(scene.index_of(one.id)) for one in shown]
+    height = AROUND * float(frame.half.max()) / np.tan(np.radians(FOV_DEG / 2.0))
+    # above everything that is shown
+    height = max(height, *(float(mesh.bounds[1, 2]) - base.box.top + 0.2 for mesh in meshes))
+    up = (-float(frame.front[0]), -float(frame.front[1]), 0.0)
+    position, target = (np.array([*frame.center, base.box.top + above]) for above in (height, 0.0))
+    camera = Camera(position, target, up, FOV_DEG, SIZE, SIZE)
+    return with_sides(picture(meshes, camera, samples=1, shadows=False).rgb)
+
+
+def with_sides(rgb: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """The names of the four sides at the rim."""
+    image = Image.fromarray(rgb)
+    draw, font = ImageDraw.Draw(image), ImageFont.load_default(size=LETTERS)
+    width, height = image.size
+    for word, place, align in (
+        ("back", (width / 2, 4), "ma"), ("front", (width / 2, height - 4), "md"),
+        ("left", (4, height / 2), "lm"), ("right", (width - 4, height / 2), "rm"),
+    ):  # fmt: skip
+        draw.text(place, word, "white", font, align, stroke_width=2, stroke_fill="black")
+    return np.asarray(image, dtype=np.uint8).copy()

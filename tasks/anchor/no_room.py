@@ -1,0 +1,82 @@
+"""Why an object has no place: the numbers behind `too_large_for_target` and `no_support_hit`; what is in the way."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dcap.geometry.placement.landing import SHARES, Landing
+from dcap.geometry.placement.regions import Frame, Region
+from dcap.scene.types.intent import Intent
+from dcap.scene.types.mesh import Mesh
+from dcap.scene.types.outcome import Infeasible, Reason
+from dcap.scene.types.segmentation import Instance, Segmentation
+
+NAMED, LEAST = 3, 0.05
+"""So many things in the way are named, each of which is so at this share of the spots at least [-]."""
+
+
+def no_room(
+    scene: Segmentation, base: Instance, index: int, frame: Frame, landing: Landing, areas: Sequence[Region],
+    intent: Intent, mesh: Mesh,
+) -> Infeasible:  # fmt: skip
+    """The refusal with its evidence; `mesh`: the object as it would lie there."""
+    part, size, space = base.parts[index], np.ptp(mesh.bounds, axis=0), 2.0 * frame.half
+    reasons = [landing.refusal(area) for area in areas]
+    best = max(reason.best_share for reason in reasons)
+    blockers = in_the_way(scene, base, np.concatenate([reason.blockers for reason in reasons]))
+    evidence: dict[str, object] = {
+        "base": base.id,
+        "part": part.name,
+        "region": " ".join(intent.region.names) or "whole surface",
+        "footprint_m": [round(float(s), 4) for s in size[:2]],
+        "height_m": round(float(size[2]), 4),
+        "part_size_m": [round(float(s), 4) for s in space],
+        "best_supported_share": round(best, 4),
+        "needed_share": SHARES[-1],
+        "blocked_share": round(max(reason.blocked for reason in reasons), 4),
+        "in_the_way": [{"id": one, "name": name, "share": round(share, 4)} for one, name, share in blockers],
+    }
+    words = intent.region.words if intent.region.names else ""
+    where = f"the {part.name} of {base.label}" + (f" ({words})" if words else "")
+    if not any(reason.hit for reason in reasons):
+        return Infeasible(Reason.NO_SUPPORT_HIT, f"no ray along gravity meets {where}", evidence)
+    text = (
+        f"{intent.object_name} of {size[0]:.2f} x {size[1]:.2f} m does not fit on {where}, {space[0]:.2f} x "
+        f"{space[1]:.2f} m: at best {100 * best:.0f} % of its underside would be supported without anything in the "
+        f"way, {100 * SHARES[-1]:.0f} % are needed"
+    )
+    if blockers:
+        text += f"; in the way: {', '.join(dict.fromkeys(name for _, name, _ in blockers))}"
+    return Infeasible(Reason.TOO_LARGE_FOR_TARGET, text, evidence)
+
+
+def not_on_it(base: Instance, index: int, intent: Intent, away: float) -> Infeasible:
+    """The refusal of a place beside something that is too far from the part: no part of the place is on it."""
+    part, words = base.parts[index], intent.region.words
+    place = f"the asked place ({words})" if words else "the asked place"
+    evidence: dict[str, object] = {
+        "base": base.id,
+        "part": part.name,
+        "region": " ".join(intent.region.names),
+        "references": list(intent.region.references),
+        "beside_m": round(away, 4),
+    }
+    text = f"{place} lies {away:.2f} m beside the {part.name} of {base.label}, not on it"
+    return Infeasible(Reason.NO_SUPPORT_HIT, text, evidence)
+
+
+def in_the_way(scene: Segmentation, base: Instance, faces: NDArray[np.int64]) -> list[tuple[str, str, float]]:
+    """Id, name and share of the spots of what is in the way most often; parts of the base go by their own names."""
+    if len(faces) == 0:
+        return []
+    key = np.stack([scene.face_instance[faces], scene.face_part[faces]], axis=1).astype(np.int64)
+    key[key[:, 0] != scene.index_of(base.id), 1] = -1
+    kinds, count = np.unique(key[key[:, 0] >= 0], axis=0, return_counts=True)
+    order = np.argsort(-count, kind="stable")[:NAMED]
+    result = []
+    for (instance, part), number in zip(kinds[order].tolist(), count[order].tolist(), strict=True):
+        one, share = scene.instances[instance], number / len(faces)
+        if share >= LEAST:
+            result.append((one.id, one.label if part < 0 else one.parts[part].name, share))
+    return result

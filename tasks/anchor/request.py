@@ -1,0 +1,88 @@
+"""The question of the anchor: what a client needs to choose a part and a place on it.
+
+In: scene, base, intent, sentence and the object as it will lie. Out: an `AnchorRequest` with boxes in the frame of who
+looks at the base's front, and with a picture of the base from above that is made only if a client looks.
+"""
+
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dcap.geometry.placement.regions import Frame
+from dcap.language.protocol.requests import AnchorRequest, BoxView
+from dcap.scene.types.box import OrientedBox
+from dcap.scene.types.intent import Intent
+from dcap.scene.types.mesh import Mesh
+from dcap.scene.types.segmentation import Instance, Segmentation
+from tasks.anchor.base_picture import base_from_above
+from tasks.requests.surroundings import apart, boxes_of, part_frame
+from tasks.requests.views import part_views, vector
+
+BESIDE = 0.6
+"""Things within this distance of a base are shown with it [m]."""
+MOST = 40
+"""So many of them at most, the nearest: on a floor stands everything."""
+
+
+def anchor_request(scene: Segmentation, base: Instance, intent: Intent, prompt: str, mesh: Mesh) -> AnchorRequest:
+    """What the client needs to choose."""
+    frame = part_frame(scene, base, base.box)
+    size = np.ptp(mesh.bounds, axis=0)
+    others = neighbours(scene, base)
+    return AnchorRequest(
+        prompt=prompt,
+        region_words=intent.region.words,
+        object_name=intent.object_name,
+        footprint=(float(size[0]), float(size[1])),
+        base_label=base.label,
+        parts=part_views(scene, scene.index_of(base.id)),
+        asked_part=intent.region.part,
+        asked_which=intent.region.which,
+        asked_regions=intent.region.names,
+        asked_references=intent.region.references,
+        right=(float(frame.right[0]), float(frame.right[1]), 0.0),
+        front=(float(frame.front[0]), float(frame.front[1]), 0.0),
+        part_boxes=tuple(box_view(str(k), part.name, part.box, frame, base) for k, part in enumerate(base.parts)),
+        references=asked_boxes(scene, base, intent, frame),
+        neighbours=tuple(box_view(one.id, one.label, one.box, frame, base) for one in others),
+        pictures=(partial(base_from_above, scene, base, frame, others),),
+    )
+
+
+def asked_boxes(scene: Segmentation, base: Instance, intent: Intent, frame: Frame) -> tuple[BoxView, ...]:
+    """The boxes of what the region refers to; a part of two pieces has two."""
+    return tuple(
+        box_view(name, label_of(scene, name), box, frame, base)
+        for name in intent.region.references
+        for box in boxes_of(scene, base, name)
+    )
+
+
+def label_of(scene: Segmentation, reference: str) -> str:
+    """What a reference is called."""
+    kind, _, part = reference.partition(":")
+    return part if kind == "part" else scene.instances[scene.index_of(reference)].label
+
+
+def neighbours(scene: Segmentation, base: Instance) -> list[Instance]:
+    """What stands or hangs on, over and beside the base, the nearest first."""
+    away = [
+        (apart(base.box, one.box), float(np.linalg.norm(one.box.center - base.box.center)), one.id, one)
+        for one in scene.instances
+        if one.id != base.id and not one.structure
+    ]
+    return [one for gap, _, _, one in sorted(away, key=lambda row: row[:3]) if gap < BESIDE][:MOST]
+
+
+def box_view(name: str, label: str, box: OrientedBox, frame: Frame, base: Instance) -> BoxView:
+    """A box as seen by who looks at the base's front."""
+    axes = axes_of(frame)
+    local = (box.corners - base.box.center) @ axes.T
+    low, high = local.min(axis=0), local.max(axis=0)
+    return BoxView(name, label, vector(0.5 * (low + high)), vector(high - low))
+
+
+def axes_of(frame: Frame) -> NDArray[np.float64]:
+    """Right, front and up as rows, shape (3, 3)."""
+    return np.array([[*frame.right, 0.0], [*frame.front, 0.0], [0.0, 0.0, 1.0]])

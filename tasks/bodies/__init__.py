@@ -1,0 +1,1 @@
+"""What cases and placements share in building bodies: footprints and background grids."""

@@ -1,0 +1,1 @@
+"""`dcap drop`: physics cases from YAML files."""

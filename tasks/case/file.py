@@ -1,0 +1,201 @@
+"""The case file of `dcap drop`: its keys, their ranges, and how a mistake in it is reported.
+
+In: a YAML 1.2 file as in docs/formats.md. Out: a checked `Case`. Every key is checked before anything is computed; an
+unknown one is an error that names the nearest known key.
+"""
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import BaseModel, Field, NonNegativeFloat, NonNegativeInt, PositiveFloat, ValidationError, model_validator
+from ruamel.yaml import YAML
+from ruamel.yaml.error import YAMLError
+
+from dcap.geometry.primitives import Box, Capsule, Cylinder, Primitive
+from dcap.language.material_table import load_materials
+from dcap.scene.errors import InputError
+from dcap.scene.spelling import did_you_mean
+
+RIGID_ABOVE = 1e9  # Young's modulus [Pa] above which `model: auto` is rigid (the paper's section 3)
+UNIT_TOLERANCE = 0.01  # of a quaternion's length: two decimals, as people write them
+
+Vector3 = Annotated[list[float], Field(min_length=3, max_length=3)]
+Strict = {"extra": "forbid", "frozen": True, "allow_inf_nan": False}
+
+
+class BoxShape(BaseModel, **Strict):
+    """A box."""
+
+    size: Annotated[list[PositiveFloat], Field(min_length=3, max_length=3)]
+
+
+class SphereShape(BaseModel, **Strict):
+    """A sphere."""
+
+    radius: PositiveFloat
+
+
+class CylinderShape(BaseModel, **Strict):
+    """A cylinder along local z."""
+
+    radius: PositiveFloat
+    height: PositiveFloat
+
+
+class CapsuleShape(BaseModel, **Strict):
+    """A capsule along local z; `length` is its straight part."""
+
+    radius: PositiveFloat
+    length: NonNegativeFloat
+
+
+class Shape(BaseModel, **Strict):
+    """Exactly one of the five."""
+
+    box: BoxShape | None = None
+    sphere: SphereShape | None = None
+    cylinder: CylinderShape | None = None
+    capsule: CapsuleShape | None = None
+    mesh: str | None = None
+
+    @model_validator(mode="after")
+    def _one(self) -> "Shape":
+        given = [k for k, v in self if v is not None]
+        if len(given) != 1:
+            raise ValueError(f"give exactly one of box, sphere, cylinder, capsule, mesh; got {given or 'none'}")
+        return self
+
+
+class CaseMaterial(BaseModel, **Strict):
+    """Material constants in SI units."""
+
+    density: PositiveFloat
+    youngs_modulus: PositiveFloat
+    poisson_ratio: Annotated[float, Field(gt=-1.0, lt=0.5)]
+    static_friction: NonNegativeFloat
+    dynamic_friction: NonNegativeFloat
+    rolling_resistance: NonNegativeFloat = 0.0
+
+
+class CaseBody(BaseModel, **Strict):
+    """One body."""
+
+    name: Annotated[str, Field(min_length=1, pattern=r"^[A-Za-z0-9_.-]+$")]
+    shape: Shape
+    position: Vector3
+    quaternion: Annotated[list[float], Field(min_length=4, max_length=4)] = [1.0, 0.0, 0.0, 0.0]
+    velocity: Vector3 = [0.0, 0.0, 0.0]
+    angular_velocity: Vector3 = [0.0, 0.0, 0.0]
+    motion: Literal["free", "fixed"] = "free"
+    clamp: Literal["x_min", "x_max", "y_min", "y_max", "z_min", "z_max", "bottom", "sides_and_bottom", "none"] = (
+        "bottom"
+    )
+    rest_shape: Literal["loaded", "unloaded"] | None = None
+    material: CaseMaterial | str
+    mass: PositiveFloat | None = None
+    model: Literal["auto", "rigid", "mpm"] = "auto"
+
+    @model_validator(mode="after")
+    def _unit(self) -> "CaseBody":
+        length = float(np.linalg.norm(self.quaternion))
+        if abs(length - 1.0) > UNIT_TOLERANCE:
+            raise ValueError(f"quaternion {self.quaternion} has length {length:.3g} instead of 1")
+        return self
+
+
+class FrictionPair(BaseModel, **Strict):
+    """Friction of one pair of bodies."""
+
+    a: str
+    b: str
+    static_friction: NonNegativeFloat
+    dynamic_friction: NonNegativeFloat
+
+
+class Case(BaseModel, **Strict):
+    """A whole case file."""
+
+    gravity: Vector3 = [0.0, 0.0, -9.81]
+    seed: NonNegativeInt = 0
+    resolution: Literal["auto"] | PositiveFloat = "auto"
+    inertia: bool = False
+    bodies: Annotated[list[CaseBody], Field(min_length=1)]
+    bonds: list[Annotated[list[str], Field(min_length=2, max_length=2)]] = []
+    friction_pairs: list[FrictionPair] = []
+
+
+def read_case(path: Path) -> Case:
+    """The checked case of a YAML 1.2 file; raises InputError with file, key and value."""
+    try:
+        document = YAML(typ="safe", pure=True).load(path.read_text())
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror}") from error
+    except (YAMLError, UnicodeDecodeError) as error:
+        raise InputError(f"{path}: is not YAML: {' '.join(str(error).split())}") from error
+    if not isinstance(document, dict):
+        raise InputError(f"{path}: holds no keys; a case needs at least `bodies`")
+    try:
+        case = Case.model_validate(document)
+    except ValidationError as error:
+        raise InputError(f"{path}: {_first_complaint(error)}") from error
+    names = [b.name for b in case.bodies]
+    if len(set(names)) != len(names):
+        raise InputError(f"{path}: bodies: names must differ, got {names}")
+    for body in case.bodies:
+        try:
+            material = material_of(body)
+        except InputError as error:
+            raise InputError(f"{path}: {error}") from error
+        if body.motion == "fixed" and body.clamp == "none" and not is_rigid(body, material):
+            raise InputError(
+                f"{path}: bodies.{body.name}.clamp: a fixed soft body with clamp none would fall; name a face"
+            )
+    if case.resolution == "auto" and not any(case.gravity):
+        raise InputError(f"{path}: gravity [0, 0, 0]: no load to choose the cells by; give a resolution")
+    return case
+
+
+def _first_complaint(error: ValidationError) -> str:
+    """One line: key, what is wrong, which value, nearest known key."""
+    complaints = error.errors(include_url=False)
+    first = next((c for c in complaints if c["type"] == "extra_forbidden"), complaints[0])  # a typo explains the rest
+    where = ".".join(str(part) for part in first["loc"])
+    if first["type"] == "extra_forbidden":
+        known = sorted({*Case.model_fields, *CaseBody.model_fields, *CaseMaterial.model_fields, *Shape.model_fields})
+        return f"{where}: unknown key" + (did_you_mean(first["loc"][-1], known) or f"; known are {known}")
+    return f"{where}: {first['msg']} (got {first.get('input')!r})"
+
+
+def material_of(body: CaseBody) -> CaseMaterial:
+    """The constants, from the case or from materials.csv."""
+    if isinstance(body.material, CaseMaterial):
+        return body.material
+    library = load_materials()
+    if body.material not in library:
+        hint = did_you_mean(body.material, library)
+        raise InputError(f"bodies.{body.name}.material: {body.material!r} is not in materials.csv{hint}")
+    row = library[body.material]
+    return CaseMaterial(
+        density=row.density, youngs_modulus=row.youngs_modulus, poisson_ratio=row.poisson_ratio,
+        static_friction=row.static_friction, dynamic_friction=row.dynamic_friction,
+        rolling_resistance=row.rolling_resistance,
+    )  # fmt: skip
+
+
+def is_rigid(body: CaseBody, material: CaseMaterial) -> bool:
+    """Whether the body is simulated as rigid."""
+    return body.model == "rigid" or (body.model == "auto" and material.youngs_modulus > RIGID_ABOVE)
+
+
+def primitive_of(shape: Shape) -> Primitive | None:
+    """The primitive of a shape, None for a mesh."""
+    if shape.box:
+        return Box(np.asarray(shape.box.size, dtype=np.float64))
+    if shape.sphere:
+        return Capsule(shape.sphere.radius, 0.0)
+    if shape.cylinder:
+        return Cylinder(shape.cylinder.radius, shape.cylinder.height)
+    if shape.capsule:
+        return Capsule(shape.capsule.radius, shape.capsule.length)
+    return None

@@ -1,0 +1,157 @@
+"""`dcap drop`: a physics case from a YAML file to `result.json`, one PLY per body at rest and `history.parquet`."""
+
+import json
+import os
+import sys
+import tempfile
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+from scipy.spatial.transform import Rotation
+
+from dcap.scene.errors import GeometryError, InputError
+from dcap.scene.store.codec import mesh_to_ply
+from dcap.scene.types.mesh import Mesh
+from solver.certificate import Signals
+from solver.config import SolverConfig
+from solver.errors import ArchError, ModelError, UnstableStep
+from solver.model.bodies import Body, Model
+from solver.result import Result
+from solver.settle import settle
+from solver.warmup import warm_up
+from tasks.case.bodies import build_bodies
+from tasks.case.file import Case, read_case
+from tasks.case.stiff_bodies import load_aware as stiffened
+
+
+def run_case(
+    path: Path,
+    out: Path,
+    *,
+    solver: str = "tl",
+    arch: str = "cpu",
+    resolution: float | None = None,
+    threads: int = 0,
+    stability: bool = False,
+    load_aware: bool = False,
+    quiet: bool = False,
+) -> dict[str, object]:
+    """Read, simulate and write a case; returns the content of result.json."""
+    case = read_case(path)
+    begin = time.perf_counter()
+    chosen = resolution or (case.resolution if isinstance(case.resolution, float) else None)
+    notes: list[str] = []
+    try:
+        if load_aware:
+            case, notes = stiffened(case, path.parent, SolverConfig().penetration_target)
+        bodies, cell = build_bodies(case, path.parent, chosen)
+    except (ModelError, GeometryError) as error:
+        raise InputError(f"{path}: {error}") from error
+    pairs = tuple((p.a, p.b, p.static_friction, p.dynamic_friction) for p in case.friction_pairs)
+    built = begin
+    try:
+        bonds = tuple((a, b) for a, b in case.bonds)
+        model = Model(tuple(bodies), np.asarray(case.gravity, dtype=np.float64), pairs, bonds)
+        config = SolverConfig.model_validate(
+            {
+                "threads": threads, "seed": case.seed, "arch": arch, "method": solver, "inertia": case.inertia,
+                "stability": stability, "mls_cell": chosen if solver == "mls" else None,
+            }
+        )  # fmt: skip
+        warm_up(model, config)  # compilation is not part of wall_s
+        built = time.perf_counter()
+        result = settle(model, config, None if quiet else _progress)
+        cell = float(str(result.certificate.get("cell_m", cell)))
+    except (ModelError, ArchError) as error:
+        raise InputError(f"{path}: {error}") from error
+    except UnstableStep as error:
+        broken = _broken(error, bodies, cell, notes)
+        broken |= {"wall_s": time.perf_counter() - built, "timings": {"build_s": built - begin}}
+        write_case(out, broken, bodies, None)
+        return broken
+    done = time.perf_counter()
+    result = replace(result, warnings=(*notes, *result.warnings))
+    summary = summarise(case, bodies, result, cell)
+    summary |= {"wall_s": done - built, "timings": {"build_s": built - begin, "drop_s": done - built}}
+    write_case(out, summary, bodies, result)
+    return summary
+
+
+def _progress(step: int, seconds: float, signals: Signals) -> None:
+    if step % 10 == 0:
+        sys.stderr.write(
+            f"step {step:4d}  t = {seconds:6.3f} s  speed {signals.speed:9.2e} m/s  "
+            f"unbalanced force {signals.force_residual:8.1e}\n"
+        )
+
+
+def _broken(error: UnstableStep, bodies: list[Body], cell: float, notes: list[str]) -> dict[str, object]:
+    """result.json of a drop without a last state that can be believed, without times."""
+    return {
+        "verdict": "unstable_step", "bodies": {body.name: None for body in bodies}, "contacts": [], "residual": None,
+        "resolution": cell, "simulated_s": None, "relaxation_steps": None, "steps": None, "particles": None,
+        "certificate": None, "warnings": [*notes, str(error)],
+    }  # fmt: skip
+
+
+def summarise(case: Case, bodies: list[Body], result: Result, cell: float) -> dict[str, object]:
+    """result.json without times."""
+    described = {}
+    for given, body, rest in zip(case.bodies, bodies, result.bodies, strict=True):
+        start = Rotation.from_quat(np.roll(given.quaternion, -1))
+        turned = Rotation.from_matrix(rest.rotation) * start
+        described[body.name] = {
+            "position": (rest.rotation @ np.asarray(given.position) + rest.translation).tolist(),
+            "quaternion": turned.as_quat(canonical=True, scalar_first=True).tolist(),
+            "aabb": [rest.vertices.min(axis=0).tolist(), rest.vertices.max(axis=0).tolist()],
+            "max_speed": rest.speed,
+            "max_displacement": float(np.linalg.norm(rest.vertices - body.vertices, axis=1).max()),
+        }
+    signals = result.certificate["signals"]
+    assert isinstance(signals, dict)
+    return {
+        "verdict": result.verdict,
+        "bodies": described,
+        "contacts": list(result.contacts),
+        "residual": {"force": signals["force_residual"]["value"], "torque": signals["torque_residual"]["value"]},
+        "resolution": cell,
+        "simulated_s": result.simulated_seconds,
+        "relaxation_steps": int(result.history["newton"].sum()),
+        "steps": result.steps,
+        "particles": result.particles,
+        "certificate": result.certificate,
+        "warnings": list(result.warnings),
+    }
+
+
+def write_case(out: Path, summary: dict[str, object], bodies: list[Body], result: Result | None) -> None:
+    """Write the files beside their place and move them in, result.json last: whoever sees it sees everything.
+
+    Files of an earlier result are replaced or removed; whatever else lies in the folder stays.
+    """
+    out.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(dir=out, prefix=".writing-") as name:
+        draft = Path(name)
+        if result is not None:
+            for body, rest in zip(bodies, result.bodies, strict=True):
+                (draft / f"{body.name}.ply").write_bytes(mesh_to_ply(Mesh.of(rest.vertices, body.faces)))
+            pq.write_table(pa.table({k: pa.array(v) for k, v in result.history.items()}), draft / "history.parquet")
+        (draft / "result.json").write_text(json.dumps(summary, indent=2) + "\n")
+        written = [path.name for path in sorted(draft.iterdir()) if path.name != "result.json"]
+        for old in {*_files_of(out), "result.json", "history.parquet"}.difference(written):
+            (out / old).unlink(missing_ok=True)
+        for file in [*written, "result.json"]:
+            os.replace(draft / file, out / file)
+
+
+def _files_of(out: Path) -> list[str]:
+    """PLY files that an earlier result.json in the folder speaks of."""
+    try:
+        bodies = json.loads((out / "result.json").read_text())["bodies"]
+        return [f"{name}.ply" for name in bodies if Path(name).name == name]
+    except (OSError, ValueError, KeyError, TypeError):
+        return []

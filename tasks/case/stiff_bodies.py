@@ -1,0 +1,53 @@
+"""`dcap drop --load-aware`: bodies of a case that nobody would see give under the load become rigid.
+
+In: a checked case. Out: the same case with `model: rigid` where the predicted deflection is below a bound, and one
+sentence for each. Only bodies with `model: auto`; what is asked to be soft stays soft.
+"""
+
+from pathlib import Path
+
+import numpy as np
+
+from solver.contact.predict import deflection
+from tasks.case.bodies import Solid
+from tasks.case.file import Case
+
+
+def load_aware(case: Case, folder: Path, invisible: float) -> tuple[Case, list[str]]:
+    """Make rigid what gives less than `invisible` [m] under the weight of all free bodies together.
+
+    Hertz's indentation by the smallest curvature there is, and bending as a bar clamped at one end, unless the body is
+    clamped at its bottom: then a bar as high as it is. Without a free body or gravity there is no load to predict from
+    and nothing is changed.
+    """
+    solids = [Solid(body, folder) for body in case.bodies]
+    weight = float(np.linalg.norm(case.gravity)) * sum(s.mass for s in solids if not s.fixed)
+    if weight == 0.0:
+        return case, []
+    radius = min(s.curvature_radius() for s in solids)
+    bodies, notes = [], []
+    for solid in solids:
+        m, body = solid.material, solid.body
+        depth = deflection(weight, radius, sides_of(solid), m.youngs_modulus, m.poisson_ratio)
+        if not solid.rigid and body.model == "auto" and depth < invisible:
+            body = body.model_copy(update={"model": "rigid"})
+            notes.append(
+                f"{body.name} is treated as rigid: at E {m.youngs_modulus:.3g} Pa it would give {1e3 * depth:.2g} mm "
+                f"under {weight:.3g} N, below {1e3 * invisible:.2g} mm (load-aware)"
+            )
+        bodies.append(body)
+    return case.model_copy(update={"bodies": bodies}), notes
+
+
+def sides_of(solid: Solid) -> tuple[float, float, float]:
+    """Length, width and thickness [m] of the bar that a body is at most."""
+    if solid.primitive is not None:
+        extent = 2.0 * solid.primitive.half_extents
+    else:
+        assert solid.given is not None
+        extent = np.ptp(solid.given.bounds, axis=0)
+    x, y, z = (float(side) for side in extent)
+    if solid.fixed and solid.body.clamp in ("bottom", "z_min", "sides_and_bottom"):
+        return z, max(x, y), min(x, y)
+    thickness, width, length = sorted((x, y, z))
+    return length, width, thickness

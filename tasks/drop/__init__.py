@@ -1,0 +1,1 @@
+"""Stage 8, drop: the object comes to rest."""

@@ -1,0 +1,228 @@
+"""Stage 8, drop: from bodies and a pre-drop pose to the state at rest, or to the reason why there is none.
+
+In: particles (bodies as arrays), the anchor (what was asked) and the intent. Out: `Settled` with verdict `at_rest`,
+its contacts and certificate, or `Infeasible` with the drop's reason code and the same certificate as evidence.
+"""
+
+import logging
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel, NonNegativeInt, PositiveFloat
+from scipy.spatial.transform import Rotation
+
+from dcap.scene.errors import InputError
+from dcap.scene.types.anchor import Anchor
+from dcap.scene.types.intent import Intent
+from dcap.scene.types.mesh import Mesh
+from dcap.scene.types.outcome import Infeasible, Reason
+from dcap.scene.types.particles import Particles, SimulationBody
+from dcap.scene.types.settled import Settled, SettledBody
+from solver.certificate import Signals
+from solver.config import SolverConfig
+from solver.errors import ArchError, UnstableStep
+from solver.model.bodies import Body, Model, SignedDistance, SoftParts
+from solver.result import AT_REST, NO_EQUILIBRIUM, Result
+from solver.settle import settle
+from tasks.runner.stage import stage
+
+Array = NDArray[np.float64]
+
+LOG = logging.getLogger(__name__)
+
+REPORTED = 10  # steps between two lines of progress
+GRAVITY = (0.0, 0.0, -9.81)  # standard gravity [m/s^2], as in the paper's section 4.3
+
+
+class DropConfig(BaseModel, frozen=True, extra="forbid"):
+    """How the drop is simulated and judged."""
+
+    solver: SolverConfig = SolverConfig()
+    threads: NonNegativeInt = 0
+    """Worker threads, 0: all cores; never changes a result."""
+    topple_angle: PositiveFloat = 0.7854
+    """Change of the object's own tilt that is toppling, where an orientation was asked [rad]."""
+    turn_angle: PositiveFloat = 0.7854
+    """Turn about the vertical that is looking elsewhere, where a facing was asked [rad]."""
+    object_share: PositiveFloat = 0.5
+    """Share of the object's weight that the base must carry for the object to be on it [-]."""
+
+
+def drop(particles: Particles, anchor: Anchor, intent: Intent, seed: int, config: DropConfig) -> Settled | Infeasible:
+    """Settle the object and judge the outcome against what was asked."""
+    model = model_of(particles)
+    solver = config.solver.model_copy(update={"threads": config.threads, "seed": seed})
+    try:
+        result = settle(model, solver, _progress)
+    except ArchError as error:  # a run from a machine with a graphics card, repeated on one without
+        raise InputError(f"arch {error}") from error
+    except UnstableStep as error:
+        return Infeasible(Reason.UNSTABLE_STEP, str(error), {})
+    settled = with_checks(settled_of(particles, result), particles, anchor, intent, config)
+    moving = result.verdict == NO_EQUILIBRIUM
+    if not moving and (toppled := toppling(settled, intent)) is not None:
+        return toppled  # also where it went on to leave the simulated region: falling over came first
+    if result.verdict != AT_REST:
+        return Infeasible(Reason(result.verdict), _story(result), evidence(settled))
+    return judge(settled, anchor)
+
+
+def _progress(step: int, seconds: float, signals: Signals) -> None:
+    if step % REPORTED == 0:
+        LOG.info("step %d, %.2f s, %.2g m/s", step, seconds, signals.speed)
+
+
+def model_of(particles: Particles) -> Model:
+    """The solver's model of the simulation bodies."""
+    return Model(tuple(_body(b) for b in particles.bodies), np.array(GRAVITY), particles.friction_pairs)
+
+
+def _body(body: SimulationBody) -> Body:
+    soft = None
+    if not body.rigid:
+        soft = SoftParts(
+            body.particle_position,
+            body.particle_volume,
+            body.particle_density,
+            body.particle_youngs_modulus,
+            body.particle_poisson_ratio,
+            (body.grid_x, body.grid_y, body.grid_z),
+            body.node_held,
+            loaded=body.fixed,
+        )
+    distance = SignedDistance(body.distance.origin, body.distance.spacing, body.distance.values)
+    return Body(
+        body.name, body.fixed, body.surface.vertices, body.surface.faces, distance, body.mass, body.center_of_mass,
+        body.inertia, body.static_friction, body.dynamic_friction, body.rolling_resistance, soft,
+    )  # fmt: skip
+
+
+def settled_of(particles: Particles, result: Result) -> Settled:
+    """The solver's result in the words of the pipeline."""
+    bodies = []
+    for body, rest in zip(particles.bodies, result.bodies, strict=True):
+        surface = Mesh(rest.vertices, body.surface.faces, body.surface.colors)
+        bodies.append(
+            SettledBody(
+                body.name, surface, rest.translation, quaternion(rest.rotation), rest.vertices - body.surface.vertices
+            )
+        )
+    name = particles.bodies[0].name
+    return Settled(
+        result.verdict, tuple(bodies), result.contacts, result.contact_points[name], result.certificate, result.history,
+        result.steps, result.simulated_seconds, result.warnings + particles.notes,
+    )  # fmt: skip
+
+
+def quaternion(rotation: Array) -> Array:
+    """(w, x, y, z) of a rotation matrix, w >= 0."""
+    return np.asarray(Rotation.from_matrix(rotation).as_quat(canonical=True, scalar_first=True))
+
+
+def with_checks(settled: Settled, particles: Particles, anchor: Anchor, intent: Intent, config: DropConfig) -> Settled:
+    """Certificate with what was asked of the rest state: value, threshold and margin of each check, as `placement`."""
+    checks = {"carried_share": row(carried_share(settled, particles, anchor.base_id), config.object_share, least=True)}
+    turned = settled.bodies[0].quaternion
+    if intent.orientation.facing or intent.orientation.pose != "any":
+        checks["tilt_rad"] = row(tilt_of(turned, anchor.world_from_object), config.topple_angle)
+    if intent.orientation.facing:
+        checks["turn_rad"] = row(turn_of(turned), config.turn_angle)
+    return replace(settled, certificate=settled.certificate | {"placement": checks})
+
+
+def row(value: float, threshold: float, *, least: bool = False) -> dict[str, float]:
+    """One check; the margin is positive where it holds."""
+    margin = value / threshold - 1.0 if least else 1.0 - value / threshold
+    return {"value": value, "threshold": threshold, "margin": margin}
+
+
+def checks_of(settled: Settled) -> dict[str, dict[str, float]]:
+    """The rows that `with_checks` added."""
+    checks = settled.certificate["placement"]
+    assert isinstance(checks, dict)
+    return checks
+
+
+def judge(settled: Settled, anchor: Anchor) -> Settled | Infeasible:
+    """At rest, but is it on the base?"""
+    carried = checks_of(settled)["carried_share"]
+    if carried["margin"] < 0.0:
+        message = f"the object rests, but {anchor.base_id} carries only {carried['value']:.0%} of its weight"
+        return Infeasible(Reason.LEFT_TARGET, message, evidence(settled))
+    return settled
+
+
+def toppling(settled: Settled, intent: Intent) -> Infeasible | None:
+    """The object has tilted away from a pose, or turned away from a facing, that was asked for."""
+    checks = checks_of(settled)
+    asked = intent.orientation.facing if intent.orientation.pose == "any" else intent.orientation.pose
+    for name, what, wanted in (
+        ("tilt_rad", "fell over", asked),
+        ("turn_rad", "turned away", intent.orientation.facing),
+    ):
+        check = checks.get(name)
+        if check is not None and check["margin"] < 0.0:
+            angle, bound = np.degrees([check["value"], check["threshold"]])
+            message = f"the object {what}: {angle:.0f} degrees from what was asked ({wanted}; bound {bound:.0f})"
+            return Infeasible(Reason.TOPPLED, message, evidence(settled))
+    return None
+
+
+def carried_share(settled: Settled, particles: Particles, base_id: str) -> float:
+    """Normal force between the object and the base's bodies over all normal force on the object [-]."""
+    own = particles.bodies[0].name
+    of_base = {b.name for b in particles.bodies if b.instance == base_id}
+    total = on_base = 0.0
+    for row in settled.contacts:
+        partner = str(row["b"] if row["a"] == own else row["a"])
+        if own in (row["a"], row["b"]):
+            force = float(str(row["normal_force_n"]))
+            total += force
+            on_base += force if partner in of_base else 0.0
+    return on_base / total if total > 0.0 else 0.0
+
+
+def tilt_of(quaternion_wxyz: Array, world_from_object: Array) -> float:
+    """Change [rad] of the angle between the object's own upward axis and the vertical.
+
+    A turn about the vertical, or of a lying object about its own axis, is not tilting.
+    """
+    up = world_from_object[:3, 2] / np.linalg.norm(world_from_object[:3, 2])
+    after = Rotation.from_quat(quaternion_wxyz, scalar_first=True).apply(up)
+    before_angle, after_angle = (float(np.arccos(np.clip(axis[2], -1.0, 1.0))) for axis in (up, after))
+    return abs(after_angle - before_angle)
+
+
+def turn_of(quaternion_wxyz: Array) -> float:
+    """Angle [rad] of the turn about the vertical that is part of a rotation (its twist)."""
+    w, _, _, z = quaternion_wxyz
+    return float(2.0 * np.arctan2(abs(z), abs(w)))
+
+
+def evidence(settled: Settled) -> dict[str, object]:
+    """What an infeasible outcome keeps of the last state."""
+    own = settled.bodies[0]
+    return {
+        "certificate": settled.certificate,
+        "contacts": list(settled.contacts),
+        "position": own.position.tolist(),
+        "quaternion": own.quaternion.tolist(),
+        "steps": settled.steps,
+        "simulated_s": settled.simulated_seconds,
+        "warnings": list(settled.warnings),
+    }
+
+
+def _story(result: Result) -> str:
+    """One sentence about a drop that did not come to rest."""
+    if result.verdict == "left_target":
+        return f"the object left its support after {result.simulated_seconds:.2f} s"
+    signals = result.certificate["signals"]
+    assert isinstance(signals, dict)
+    loud = [f"{k} {row['value']:.2g} > {row['threshold']:.2g}" for k, row in signals.items() if row["margin"] < 0.0]
+    why = ", ".join(loud) or "the kick moved it"
+    return f"no equilibrium after {result.steps} steps ({result.simulated_seconds:.2f} s): {why}"
+
+
+drop_task = stage(drop, process=True)

@@ -1,0 +1,1 @@
+"""Stage 3, intent: what the sentence asks for."""

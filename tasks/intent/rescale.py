@@ -1,0 +1,100 @@
+"""How large a mesh is to be: as it is, by the unit it was written in, or as large as such things usually are.
+
+In: the shapes that such things have (folded, spread out ...), their spread, and the mesh's extents. Out: one isotropic
+factor, the shape that the mesh was compared with, and a sentence that says why. Every comparison is the median over the
+axes, sorted by length, of usual extent over the mesh's: one odd axis (a handle, a thickness that a mesh leaves out)
+decides nothing.
+
+A mesh whose median lies within the spread of one shape stays as it is. Else files in centimetres, inches and
+millimetres that say metres are the usual reason, and the exact factor of the unit keeps what is true of this very
+thing: a large mug stays a large mug. Where a file states no unit the reader itself may have taken inches or millimetres
+as centimetres. A unit counts if it brings the mesh within the spread; of several (centimetres and inches differ by 2.54
+only) the one that comes nearest. Else the unit is the file's own, and nothing better is known than the usual size.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dcap.scene.readers.frame import LIMITS, Role
+from dcap.scene.types.units import METRES, TAKEN_AS_METRES
+
+Array = NDArray[np.float64]
+
+TAKEN_AS_CENTIMETRES = {
+    "inches taken as centimetres": METRES["in"] / METRES["cm"],
+    "millimetres taken as centimetres": METRES["mm"] / METRES["cm"],
+}
+"""Factor by what the file's unit really is, where the reader found none and took centimetres [-]."""
+SLACK = 1e-6
+"""Of the spread, for rounding."""
+THINNEST = 1e-3
+"""Of the longest extent: thinner is a plane whose thickness says nothing."""
+
+
+@dataclass(frozen=True, slots=True)
+class Rescale:
+    """An isotropic factor and what it rests on."""
+
+    scale: float
+    shape: Array
+    """Usual extents that the mesh was compared with, largest first [m], shape (3,)."""
+    note: str
+
+
+def rescale(shapes: Array, extents: Array, spread: float, limits: tuple[float, float]) -> Rescale:
+    """The factor for a mesh of these extents [m].
+
+    Args:
+        shapes: usual extents of each shape that such things have [m], shape (shapes, 3).
+        extents: of the mesh [m], shape (3,).
+        spread: real ones are between usual / spread and usual * spread.
+        limits: smallest and largest factor.
+
+    Sorted by length inside. The shape is that in whose range the mesh lies, else that whose proportions it has.
+    """
+    shapes, extents = np.sort(shapes, axis=1)[:, ::-1], np.sort(extents)[::-1]
+    ratios = np.median(shapes / np.maximum(extents, 1e-9), axis=1)
+    shown = sizes(extents)
+    by_likeness = np.argsort([misfit(shape, extents) for shape in shapes], kind="stable")
+    for index in by_likeness:
+        if within(ratios[index], spread):
+            return Rescale(1.0, shapes[index], f"the mesh of {shown} m is of a plausible size and is not rescaled")
+    alike = by_likeness[0]
+    ratio = float(ratios[alike])
+    units = possible_units(extents[0])
+    fitting = [name for name in units if within(ratio / units[name], spread) and limits[0] <= units[name] <= limits[1]]
+    fitting.sort(key=lambda name: abs(np.log(ratio / units[name])))
+    if fitting:
+        unit = units[fitting[0]]
+        others = "".join(f"; {name} would fit as well" for name in fitting[1:])
+        read = f"the mesh of {shown} is read as {fitting[0]}, {sizes(extents * unit)} m: scaled by {unit:g}{others}"
+        return Rescale(unit, shapes[alike], read)
+    scale = float(np.clip(ratio, *limits))
+    clamped = "" if scale == ratio else f", clamped from {ratio:.3g}"
+    usual = f"the mesh of {shown} m is scaled by {scale:.4g} to the usual {sizes(shapes[alike])} m (median over axes"
+    return Rescale(scale, shapes[alike], f"{usual}{clamped})")
+
+
+def possible_units(longest: float) -> dict[str, float]:
+    """Factors that undo a unit that was read wrongly, for a mesh with this longest extent [m]."""
+    guessed = LIMITS[Role.OBJECT].metres_up_to, LIMITS[Role.OBJECT].centimetres_up_to
+    read_as_centimetres = guessed[0] * METRES["cm"] < longest <= guessed[1] * METRES["cm"]
+    return TAKEN_AS_METRES | TAKEN_AS_CENTIMETRES if read_as_centimetres else TAKEN_AS_METRES
+
+
+def within(ratio: float, spread: float) -> bool:
+    """Whether a ratio is neither larger than the spread nor smaller than its inverse."""
+    return bool(abs(np.log(ratio)) <= np.log(spread) + SLACK)
+
+
+def misfit(shape: Array, extents: Array) -> float:
+    """How unlike the proportions are [-]: the range of the ratios' logarithms over the axes, both largest first."""
+    logs = [np.log(np.maximum(one, THINNEST * one[0]) if one[0] > 0.0 else np.ones(3)) for one in (shape, extents)]
+    return float(np.ptp(logs[0] - logs[1]))
+
+
+def sizes(extents: Array) -> str:
+    """Extents for people."""
+    return " x ".join(f"{extent:.3g}" for extent in extents)

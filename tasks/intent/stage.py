@@ -1,0 +1,116 @@
+"""Stage 3, intent: one question about the sentence; its answer fixes base, size, mass, orientation and region.
+
+In: the segmented scene and object, the prompt, a mass where the user gives one. Out: `Intent`, or `target_not_found`
+with what there is. One isotropic factor makes the mesh as large as such things are (see `rescale.py`); a mesh of a
+plausible size stays as it is. The mass prior follows the size: with the volume, for hollow things with the surface, for
+sheets with the area.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel, PositiveFloat
+
+from dcap.language.protocol.client import LanguageConfig, client
+from dcap.language.protocol.questions import INTENT
+from dcap.language.protocol.replies import IntentReply
+from dcap.language.protocol.requests import IntentRequest
+from dcap.scene.errors import InputError
+from dcap.scene.types.intent import Intent, OrientationRequest, RegionRequest
+from dcap.scene.types.outcome import Infeasible, Reason
+from dcap.scene.types.segmentation import Segmentation
+from tasks.intent.rescale import Rescale, rescale
+from tasks.requests.views import instance_of, instance_views, object_view, room_center, vector
+from tasks.runner.stage import stage
+
+LONGEST_PROMPT = 1000
+"""Characters; more is no instruction to place one object."""
+SHEET = 0.05
+"""Thickness over width below which a thing is a sheet: meshes of sheets have any thickness."""
+
+
+class IntentConfig(BaseModel, frozen=True, extra="forbid"):
+    """Who is asked, and how far a mesh may be rescaled."""
+
+    language: LanguageConfig = LanguageConfig()
+    smallest_scale: PositiveFloat = 1e-3
+    """Lower clamp of the isotropic factor [-]: millimetres read as metres."""
+    largest_scale: PositiveFloat = 1e3
+    """Upper clamp [-]."""
+    mass_factor: PositiveFloat = 5.0
+    """A size far from the prior changes the mass prior by at most this factor [-]."""
+
+
+def intent(
+    scene: Segmentation, item: Segmentation, prompt: str, mass: float | None, config: IntentConfig
+) -> Intent | Infeasible:
+    """Ask once, then turn the priors into a scale and a mass."""
+    if len(prompt) > LONGEST_PROMPT:
+        raise InputError(f"the prompt has {len(prompt)} characters > {LONGEST_PROMPT}")
+    if mass is not None and not (np.isfinite(mass) and mass > 0):
+        raise InputError(f"--mass {mass} is not a positive number of kilograms")
+    request = IntentRequest(prompt, object_view(item), instance_views(scene), vector(room_center(scene)))
+    reply = client(config.language).ask(INTENT, request)
+    if not reply.base_id:
+        return not_found(reply, request)
+    extents = np.array(request.item.size)
+    fit = scale_of(reply, extents, config)
+    weight, mass_note = mass_of(reply, fit.shape, extents * fit.scale, mass, config)
+    return Intent(
+        base_id=reply.base_id,
+        base_label=instance_of(scene, reply.base_id).label,
+        object_name=reply.object_name,
+        size=fit.shape,
+        mass=weight,
+        hollow=reply.hollow,
+        scale=fit.scale,
+        orientation=OrientationRequest(reply.pose, reply.facing, reply.orientation_words, reply.turn_deg),
+        region=RegionRequest(reply.part, reply.regions, reply.references, reply.region_words, reply.which),
+        not_understood=reply.not_understood,
+        notes=(*reply.notes, fit.note, mass_note),
+        mass_given=mass is not None,
+    )
+
+
+intent_task = stage(intent)
+
+
+def not_found(reply: IntentReply, request: IntentRequest) -> Infeasible:
+    """The scene has no such thing; name what it has."""
+    present = sorted({i.label for i in request.instances if not i.structure})
+    structure = sorted({i.label for i in request.instances if i.structure})
+    there = ", ".join([*present, *structure]) or "nothing that has a name"
+    return Infeasible(
+        Reason.TARGET_NOT_FOUND,
+        f"the scene has no {reply.missing.removeprefix('the ').removeprefix('a ')}; it has: {there}",
+        {"asked": reply.missing, "present": [*present, *structure], "object": reply.object_name},
+    )
+
+
+def scale_of(reply: IntentReply, extents: NDArray[np.float64], config: IntentConfig) -> Rescale:
+    """Isotropic factor for a mesh of these extents [m], the shape it was compared with, and why."""
+    shapes = np.array([reply.size, *reply.alternative_sizes])
+    return rescale(shapes, extents, reply.spread, (config.smallest_scale, config.largest_scale))
+
+
+def mass_of(
+    reply: IntentReply,
+    shape: NDArray[np.float64],
+    size: NDArray[np.float64],
+    mass: float | None,
+    config: IntentConfig,
+) -> tuple[float, str]:
+    """Mass [kg] for the scaled extents where the usual ones are `shape` [m], both largest first, and why."""
+    if mass is not None:
+        return float(mass), f"mass {mass:.3g} kg was given"
+    ratio = size / shape
+    if shape[2] < SHEET * shape[1]:
+        factor, kind = float(ratio[0] * ratio[1]), "a sheet, so with the area"
+    elif reply.hollow:
+        factor, kind = float(np.prod(ratio)) ** (2.0 / 3.0), "hollow, so with the surface"
+    else:
+        factor, kind = float(np.prod(ratio)), "with the volume"
+    used = float(np.clip(factor, 1 / config.mass_factor, config.mass_factor))
+    clamped = "" if used == factor else f", clamped from {factor:.3g} (mass_factor {config.mass_factor:g})"
+    weight = reply.mass * used
+    note = f"mass {weight:.3g} kg: {reply.mass:.3g} kg at the usual size, scaled {kind} by {used:.3g}{clamped}"
+    return weight, note

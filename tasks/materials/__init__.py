@@ -1,0 +1,1 @@
+"""Stage 6, materials: a row of the library for each part."""

@@ -1,0 +1,126 @@
+"""Stage 6, materials: one row of the library for each part, rigid above 1 GPa, everything else soft.
+
+In: scene, object, intent, anchor and prompt. Out: `PartMaterials`: the object's parts, the base's, then the neighbours'
+within reach (those only as obstacles). Rows are picked, never mixed. The density of a hollow thing is made to fit the
+mass prior where its particles are filled; the reason says so.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+from pydantic import BaseModel, NonNegativeFloat, PositiveFloat
+
+from dcap.language.material_table import load_materials
+from dcap.language.protocol.client import LanguageConfig, client
+from dcap.language.protocol.questions import MATERIALS
+from dcap.language.protocol.replies import MaterialChoice
+from dcap.language.protocol.requests import MaterialQuestion, MaterialsRequest
+from dcap.scene.types.anchor import Anchor
+from dcap.scene.types.intent import Intent
+from dcap.scene.types.materials import Material, Model, PartMaterial, PartMaterials
+from dcap.scene.types.outcome import Infeasible
+from dcap.scene.types.segmentation import Segmentation
+from tasks.materials.stiff_parts import stiffened
+from tasks.requests.views import part_views, sums_of
+from tasks.runner.stage import stage
+
+OBJECT = "object"
+LIMITED = "materials are clamped to the paper's limits (E 5e4 to 5e9 Pa, density 30 to 8000 kg/m3, friction 0.05 to 1)"
+
+
+class MaterialsConfig(BaseModel, frozen=True, extra="forbid"):
+    """Who is asked, and where soft ends."""
+
+    language: LanguageConfig = LanguageConfig()
+    rigid_above: PositiveFloat = 1.0e9
+    """Young's modulus above which a part is rigid [Pa]; the paper's 1 GPa."""
+    paper_limits: bool = False
+    """Clamp the rows as the paper's section 4.3 does (`--paper-limits`); makes every foam alike."""
+    load_aware: bool = False
+    """Parts of object and base that nobody would see give under the object's weight are rigid too."""
+    invisible: PositiveFloat = 5e-5
+    """Predicted deflection [m] below which that is so: what the solver's contacts give anyway (its
+    penetration_target), whatever the cells."""
+    neighbour_distance: NonNegativeFloat = 0.3
+    """Instances whose boxes come this near to the object's start are neighbours [m]."""
+
+
+def materials(
+    scene: Segmentation, item: Segmentation, intent: Intent, anchor: Anchor, prompt: str, config: MaterialsConfig
+) -> PartMaterials | Infeasible:
+    """Ask once for all parts."""
+    library = load_materials()
+    questions = [*object_questions(item, intent), *base_and_neighbours(scene, item, anchor, config)]
+    rows_alone = tuple(replace(row, source="") for row in library.values())  # where they come from helps nobody choose
+    request = MaterialsRequest(prompt, tuple(questions), rows_alone, anchor.base_id)
+    reply = client(config.language).ask(MATERIALS, request)
+    given = {(choice.body, choice.part_index): choice for choice in reply.choices}
+    rows = [part_material(q, given[q.body, q.part.index], library, intent, config) for q in questions]
+    notes: tuple[str, ...] = (LIMITED,) if config.paper_limits else ()
+    if config.load_aware:
+        rows, stiff = stiffened(rows, scene, item, intent, anchor, config.invisible)
+        notes += stiff
+    return PartMaterials(tuple(rows), "paper_limits" if config.paper_limits else "none", notes)
+
+
+materials_task = stage(materials)
+
+
+def object_questions(item: Segmentation, intent: Intent) -> list[MaterialQuestion]:
+    """The object's parts."""
+    return [MaterialQuestion(OBJECT, intent.object_name, part) for part in part_views(item, 0)]
+
+
+def base_and_neighbours(
+    scene: Segmentation, item: Segmentation, anchor: Anchor, config: MaterialsConfig
+) -> list[MaterialQuestion]:
+    """Parts of the base, then of what is within reach of the object's start."""
+    start = item.mesh.transformed(anchor.world_from_object).bounds
+    near = [i for i in scene.instances if i.id == anchor.base_id]
+    for instance in scene.instances:
+        corners = instance.box.corners
+        apart = np.maximum(corners.min(axis=0) - start[1], start[0] - corners.max(axis=0))
+        within = float(np.linalg.norm(np.maximum(apart, 0.0))) <= config.neighbour_distance
+        if within and instance.id != anchor.base_id:
+            near.append(instance)
+    sums = sums_of(scene)
+    return [
+        MaterialQuestion(instance.id, instance.label, part)
+        for instance in near
+        for part in part_views(scene, scene.index_of(instance.id), sums)
+    ]
+
+
+def part_material(
+    question: MaterialQuestion,
+    choice: MaterialChoice,
+    library: dict[str, Material],
+    intent: Intent,
+    config: MaterialsConfig,
+) -> PartMaterial:
+    """The row as it is simulated, and why."""
+    material = library[choice.material]
+    reason = choice.reason
+    if config.paper_limits:
+        material, change = limited(material)
+        reason += change
+    if question.body == OBJECT and intent.hollow:
+        reason += f"; hollow: its density is set so that the whole weighs {intent.mass:.3g} kg"
+    model = Model.RIGID if material.youngs_modulus > config.rigid_above else Model.MPM
+    side = "above" if model is Model.RIGID else "not above"
+    reason += f"; E {material.youngs_modulus:.3g} Pa is {side} {config.rigid_above:.3g} Pa"
+    return PartMaterial(question.body, question.part.name, question.part.index, material, model, reason)
+
+
+def limited(material: Material) -> tuple[Material, str]:
+    """The paper's clamps: E in 5e4 to 5e9 Pa, nu below 0.49, rho in 30 to 8000 kg/m3, friction in 0.05 to 1."""
+    static = float(np.clip(material.static_friction, 0.05, 1.0))
+    changed = replace(
+        material,
+        youngs_modulus=float(np.clip(material.youngs_modulus, 5.0e4, 5.0e9)),
+        poisson_ratio=min(material.poisson_ratio, 0.489),
+        density=float(np.clip(material.density, 30.0, 8000.0)),
+        static_friction=static,
+        dynamic_friction=float(np.clip(material.dynamic_friction, 0.05, static)),
+    )
+    return changed, "" if changed == material else "; clamped to the paper's limits"

@@ -1,0 +1,1 @@
+"""Stage 1, mesh: a foreign file or folder becomes one clean mesh."""

@@ -1,0 +1,132 @@
+"""Stage mesh: a foreign file or folder in, one clean coloured mesh in metres and z up out.
+
+A folder or file that has only Gaussian splats gets a surface from them, in a process of its own (Taichi).
+Cleaning is light, so that a scan's surface stays what it is: faces without area and repeated faces go, equal vertices
+of equal colour become one. What was done is said in the notes.
+"""
+
+import logging
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel, NonNegativeInt, PositiveFloat, PositiveInt
+
+from dcap.geometry.splatting.config import SurfaceConfig
+from dcap.scene.errors import FormatError, GeometryError
+from dcap.scene.readers.frame import Role
+from dcap.scene.readers.source import read_scan
+from dcap.scene.readers.sugar import has_only_splats
+from dcap.scene.store.artifacts import Source
+from dcap.scene.types.gaussians import Gaussians
+from dcap.scene.types.mesh import Mesh
+from dcap.scene.types.sample import SourceOptions
+from dcap.scene.types.scan import Scan
+from solver.runtime import available_cores, start
+from tasks.runner.stage import stage
+
+LOG = logging.getLogger(__name__)
+
+
+class MeshConfig(BaseModel, frozen=True, extra="forbid"):
+    """What the mesh is used as, and how it is cleaned."""
+
+    role: Role = Role.SCENE
+    """Scene or object: decides which sizes are plausible and which option a message names."""
+    weld_fraction: PositiveFloat = 1e-7
+    """Vertices closer than this share of the largest extent are one [-]; float32 files cannot tell them apart."""
+    color_levels: PositiveInt = 16
+    """Vertices whose colours fall into the same of this many levels per channel may be welded [-]."""
+    surface: SurfaceConfig = SurfaceConfig()
+    """How a surface is found where there are only splats."""
+    threads: NonNegativeInt = 0
+    """Worker threads for that, 0: all cores; never changes a result."""
+
+
+def mesh(source: Source, options: SourceOptions, config: MeshConfig) -> Scan:
+    """Read the source and clean it."""
+    try:
+        scan = read_scan(
+            source.path, options, config.role, folder=source.folder, mesher=partial(surface, config=config)
+        )
+        return cleaned(scan, config)
+    except GeometryError as error:
+        raise FormatError(f"{source.path}: {error}") from None
+
+
+def surface(splats: Gaussians, config: MeshConfig) -> Mesh:
+    """The surface of Gaussians in metres; starts Taichi."""
+    from dcap.geometry.splatting.surface import mesh_of_splats  # loads Taichi and Open3D, which a mesh does not need
+
+    start(config.threads)
+
+    def tell(part: float, text: str) -> None:
+        LOG.info(text, extra={"progress": part})
+
+    return mesh_of_splats(splats, config.surface, config.threads or len(available_cores()), tell)
+
+
+def needs_process(source: Source, **_: object) -> bool:
+    """Whether a source is splats: Taichi runs once per process."""
+    return has_only_splats(source.path)
+
+
+mesh_task = stage(mesh, process=needs_process)
+
+
+def cleaned(scan: Scan, config: MeshConfig) -> Scan:
+    """Weld equal vertices, drop faces without area and faces that repeat another one."""
+    before = scan.mesh
+    place = _place_index(before, config.weld_fraction)
+    faces = place[before.faces]
+    kept = np.flatnonzero(_has_area(before, faces) & _first_of_its_kind(faces))
+    if not len(kept):
+        raise GeometryError(f"all {len(before.faces)} faces have zero area or repeat another one")
+    after = _welded(before, place, kept, config.color_levels)
+    notes = scan.notes
+    if len(kept) < len(before.faces):
+        notes += (
+            f"{len(before.faces) - len(kept)} of {len(before.faces)} faces were degenerate or repeated and are dropped",
+        )
+    return replace(scan, mesh=after, face_node=scan.face_node[kept], notes=notes)
+
+
+def _place_index(mesh: Mesh, fraction: float) -> NDArray[np.int64]:
+    """Vertices at the same place get the same number, shape (n,)."""
+    step = fraction * max(float(np.ptp(mesh.bounds, axis=0).max()), 1e-12)
+    return np.unique(np.rint(mesh.vertices / step), axis=0, return_inverse=True)[1].reshape(-1)
+
+
+def _has_area(mesh: Mesh, faces: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Faces with three different corners and an area above rounding, shape (m,)."""
+    a, b, c = faces.T
+    extent = float(np.ptp(mesh.bounds, axis=0).max())
+    # float64 products of coordinates of size `extent` round at 1e-16 extent^2; 1e-14 is safely above.
+    return np.asarray((a != b) & (b != c) & (c != a) & (mesh.face_areas > 1e-14 * extent * extent))
+
+
+def _first_of_its_kind(faces: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """False for a face with the same three corners in the same sense as an earlier one, shape (m,).
+
+    A face turned the other way stays: it may belong to another solid that touches the first.
+    """
+    start = np.argmin(faces, axis=1)[:, None]
+    turned = np.take_along_axis(faces, (start + np.arange(3)) % 3, axis=1)
+    first = np.unique(turned, axis=0, return_index=True)[1]
+    mask = np.zeros(len(faces), dtype=bool)
+    mask[first] = True
+    return mask
+
+
+def _welded(mesh: Mesh, place: NDArray[np.int64], kept: NDArray[np.int64], levels: int) -> Mesh:
+    """The kept faces over one vertex per place and colour level; its colour is the mean."""
+    level = mesh.colors.astype(np.int64) * levels // 256
+    key = ((place * levels + level[:, 0]) * levels + level[:, 1]) * levels + level[:, 2]
+    used = np.unique(mesh.faces[kept])
+    _, first, inverse = np.unique(key[used], return_index=True, return_inverse=True)
+    number = np.zeros(len(mesh.vertices), dtype=np.int32)
+    number[used] = inverse
+    size = np.bincount(inverse)
+    colors = np.stack([np.bincount(inverse, mesh.colors[used, i]) / size for i in range(3)], axis=1)
+    return Mesh(mesh.vertices[used[first]], number[mesh.faces[kept]], np.rint(colors).astype(np.uint8))

@@ -1,0 +1,1 @@
+"""Stage 7, particles: the bodies of the drop."""

@@ -1,0 +1,57 @@
+"""Stage 7, particles: from meshes, a pose and materials to everything the drop simulates.
+
+In: the segmented scene and object, the intent (mass), the pre-drop pose and the material of every part. Out:
+`Particles`: the object, the base within a crop around it (its soft parts one bonded body, its rigid parts another)
+and the neighbours in reach as obstacles. Every crop, cap and treatment is named in the notes.
+"""
+
+from dcap.geometry.distance import sampler
+from dcap.scene.errors import GeometryError
+from dcap.scene.types.anchor import Anchor
+from dcap.scene.types.intent import Intent
+from dcap.scene.types.materials import PartMaterials
+from dcap.scene.types.outcome import Infeasible
+from dcap.scene.types.particles import Particles, SimulationBody
+from dcap.scene.types.segmentation import Segmentation
+from tasks.particles.base_bodies import base_bodies
+from tasks.particles.object_body import object_body
+from tasks.particles.obstacles import neighbours
+from tasks.particles.scenario import ParticlesConfig, Scenario, cell_wanted, footprint, scenario
+from tasks.runner.stage import stage
+
+
+def particles(
+    scene: Segmentation,
+    item: Segmentation,
+    intent: Intent,
+    anchor: Anchor,
+    materials: PartMaterials,
+    config: ParticlesConfig,
+) -> Particles | Infeasible:
+    """Build every body of the drop."""
+    s = scenario(scene, item, intent, anchor, materials, config)
+    foot = footprint(s)
+    base = base_bodies(s, foot)
+    contact_cell = base.cell if base.soft is not None else cell_wanted(foot, config)
+    item_body, item_cell = object_body(s, foot, contact_cell, base.soft is not None)
+    resolution = base.cell if base.soft is not None else item_cell
+    bodies = [item_body, *base.bodies, *neighbours(s, foot)]
+    note_overlaps(s, bodies)
+    total = sum(len(b.particle_volume) for b in bodies)
+    if total > config.particle_limit:
+        raise GeometryError(
+            f"{total} particles > {config.particle_limit}; lower ParticlesConfig.object_cells ({config.object_cells}) "
+            f"or base_cells ({config.base_cells}), or raise particle_limit"
+        )
+    return Particles(tuple(bodies), (), resolution, tuple(s.notes), tuple(s.geometry))
+
+
+def note_overlaps(s: Scenario, bodies: list[SimulationBody]) -> None:
+    """Say where the object starts inside something."""
+    for body in bodies[1:]:
+        depth = -float(sampler(body.distance)(bodies[0].surface.vertices).min())
+        if depth > 1e-3:
+            s.notes.append(f"the object starts {1e3 * depth:.1f} mm inside {body.name}")
+
+
+particles_task = stage(particles)

@@ -1,0 +1,1 @@
+"""Stage 9, render: pictures of what came out."""

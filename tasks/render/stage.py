@@ -1,0 +1,297 @@
+"""Stage 9, render: the scene before, the object at rest in it, and its contact from nearby.
+
+In: scene, object, anchor and the settled state. Out: three pictures and the visible share of the object, or `buried`
+where the scene hides it. The camera looks at the contact from the front of the base and above, at 1.5 times the base
+part's box diagonal (the paper's section 4.3), from where it sees most of the object; walls and ceiling in its way are
+cut away.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel, NonNegativeFloat, PositiveFloat, PositiveInt
+from scipy.ndimage import binary_closing, binary_erosion
+from scipy.spatial import cKDTree
+from scipy.spatial.transform import Rotation as Turn
+
+from dcap.geometry.deform import displaced, following
+from dcap.geometry.raycast import Raycaster
+from dcap.geometry.rendering.cutaway import cut_faces
+from dcap.geometry.rendering.picture import Camera, picture, pixel_centers, seen_meshes
+from dcap.scene.types.anchor import Anchor
+from dcap.scene.types.mesh import Mesh
+from dcap.scene.types.outcome import Infeasible, Reason
+from dcap.scene.types.renders import Renders
+from dcap.scene.types.segmentation import Segmentation
+from dcap.scene.types.settled import Settled, SettledBody
+from tasks.runner.stage import stage
+
+Array = NDArray[np.float64]
+
+RIGID_TOLERANCE = 1e-6  # a surface that is this close [m] to a turned and moved copy of its start did not deform
+SEEN_POINTS = 400  # surface points of the object whose visibility ranks the views
+FRONT_BONUS = 0.25  # preference for the front over the side, in units of visible share
+TINTS = np.array([[255.0, 122.0, 26.0], [0.0, 172.0, 240.0]])
+TINT_SHARE, LINE_SHARE = 0.30, 0.85  # opacity of the contact patch and of its outline
+LEAST_PATCH = 1.5e-3  # a contact point stands for a disc of at least this radius [m]
+STUDIO_COLOR = (214, 212, 209)  # a floor for scenes that have none; close to the backdrop
+
+
+class RenderConfig(BaseModel, frozen=True, extra="forbid"):
+    """How the pictures are taken."""
+
+    size: PositiveInt = 1024
+    """Side of each picture [pixels]."""
+    fov_deg: PositiveFloat = 55.0
+    """Field of view [degrees]."""
+    distance_factor: PositiveFloat = 1.5
+    """Camera distance over the diagonal of the base part's box [-]."""
+    nearest: PositiveFloat = 2.2
+    """Smallest camera distance over the object's diagonal [-]."""
+    farthest: PositiveFloat = 14.0
+    """Largest camera distance over the object's diagonal [-]: beyond it the object is too small to judge."""
+    closeup_factor: PositiveFloat = 1.35
+    """Camera distance of the close-up over the object's diagonal [-]."""
+    elevations_deg: tuple[float, ...] = (27.0, 14.0, 45.0)
+    """Heights of the camera over the horizon that are tried [degrees], the preferred one first."""
+    azimuths_deg: tuple[float, ...] = (20.0, -20.0, 45.0, -45.0, 70.0, -70.0, 100.0, -100.0, 180.0)
+    """Directions off the base's front that are tried [degrees]."""
+    samples: PositiveInt = 2
+    """Rays across a pixel at edges."""
+    least_visible: NonNegativeFloat = 0.02
+    """Share of the object's pixels below which it is buried [-]."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class View:
+    """A camera and how much of the object it sees."""
+
+    camera: Camera
+    visible: float
+
+
+def render(
+    scene: Segmentation, item: Segmentation, anchor: Anchor, settled: Settled, config: RenderConfig
+) -> Renders | Infeasible:
+    """Take the three pictures."""
+    thing = settled_item(item, anchor, settled.bodies[0])
+    after = settled_scene(scene, settled, anchor.base_id)
+    solid = ~structure_faces(after)
+    things = after.mesh.submesh(np.flatnonzero(solid))
+    target = contact_middle(settled, anchor)
+    view = best_view(things, thing, target, view_distance(scene, anchor, thing, config), front(scene, anchor), config)
+    fraction = visible_fraction(after, thing, view.camera)
+    if fraction < config.least_visible:
+        return Infeasible(
+            Reason.BURIED,
+            f"only {fraction:.1%} of the object is visible (RenderConfig.least_visible {config.least_visible})",
+            {"visible_fraction": fraction, "camera_position": view.camera.position.tolist()},
+        )
+    clean = photograph(shown(scene, view.camera), view.camera, config)
+    rest = photograph([*shown(after, view.camera), thing], view.camera, config)
+    return Renders(
+        clean, rest, closeup(after, things, thing, settled, view, config), fraction, view.camera.position, target
+    )
+
+
+def photograph(meshes: list[Mesh], camera: Camera, config: RenderConfig) -> NDArray[np.uint8]:
+    """An sRGB picture."""
+    return picture([m for m in meshes if len(m.faces)], camera, samples=config.samples).rgb
+
+
+# --- what is in the picture -------------------------------------------------------------------------------------------
+
+
+def settled_item(item: Segmentation, anchor: Anchor, body: SettledBody) -> Mesh:
+    """The object at rest: its own mesh, moved as a whole or following the deformed surface."""
+    turn = Turn.from_quat(body.quaternion, scalar_first=True).as_matrix()
+    start = body.surface.vertices - body.displacement
+    moved = start @ turn.T + body.position
+    if np.abs(moved - body.surface.vertices).max() > RIGID_TOLERANCE:
+        return following(item.mesh.transformed(anchor.world_from_object), body.surface, body.displacement)
+    world_from_start = np.eye(4)
+    world_from_start[:3, :3], world_from_start[:3, 3] = turn, body.position
+    return item.mesh.transformed(world_from_start @ anchor.world_from_object)
+
+
+def settled_scene(scene: Segmentation, settled: Settled, base_id: str) -> Segmentation:
+    """The scene with the dents that the drop left in the base."""
+    base = scene.index_of(base_id)
+    for body in settled.bodies[1:]:
+        if body.name == base_id:
+            mine = scene.face_instance == base
+            mesh, origin = displaced(scene.mesh, mine, body.surface, body.displacement)
+            return replace(
+                scene, mesh=mesh, face_instance=scene.face_instance[origin], face_part=scene.face_part[origin]
+            )
+    return scene
+
+
+def structure_faces(scene: Segmentation) -> NDArray[np.bool_]:
+    """Faces of walls, ceiling and floor, and those that belong to nothing, shape (m,)."""
+    flag = np.array([one.structure for one in scene.instances] + [True])
+    return np.asarray(flag[scene.face_instance])
+
+
+def shown(scene: Segmentation, camera: Camera) -> list[Mesh]:
+    """The scene as the camera may see it: without what is cut away, on a studio floor if it has none."""
+    cut = cut_faces(scene.mesh, structure_faces(scene), camera.position, np.asarray(camera.target))
+    meshes = [scene.mesh.submesh(np.flatnonzero(~cut))]
+    if not any(one.structure for one in scene.instances):
+        meshes.append(studio_floor(scene.mesh))
+    return meshes
+
+
+def studio_floor(mesh: Mesh) -> Mesh:
+    """A wide round plate just under a scene without a floor."""
+    low, high = mesh.bounds
+    middle, reach = 0.5 * (low + high), 60.0 * float(np.linalg.norm(high - low))
+    angle = np.linspace(0.0, 2.0 * np.pi, 96, endpoint=False)
+    rim = middle[:2] + reach * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    points = np.concatenate([middle[None, :2], rim])
+    index = np.arange(96)
+    faces = np.stack([np.zeros(96, dtype=int), 1 + index, 1 + (index + 1) % 96], axis=1)
+    return Mesh.of(np.concatenate([points, np.full((97, 1), low[2] - 1e-3)], axis=1), faces, STUDIO_COLOR)
+
+
+# --- where the camera stands ------------------------------------------------------------------------------------------
+
+
+def contact_middle(settled: Settled, anchor: Anchor) -> Array:
+    """What the camera looks at [m]: the middle of the contact, or where it was predicted."""
+    if len(settled.contact_points):
+        return np.asarray(settled.contact_points.mean(axis=0))
+    return anchor.surface_point
+
+
+def view_distance(scene: Segmentation, anchor: Anchor, thing: Mesh, config: RenderConfig) -> float:
+    """Camera distance [m]: a multiple of the base part's diagonal, clamped by the object's size."""
+    part = scene.instances[scene.index_of(anchor.base_id)].parts[anchor.part_index]
+    diagonal = float(np.linalg.norm(np.ptp(thing.vertices, axis=0)))
+    wanted = config.distance_factor * part.box.diagonal
+    return float(np.clip(wanted, config.nearest * diagonal, config.farthest * diagonal))
+
+
+def front(scene: Segmentation, anchor: Anchor) -> Array:
+    """Horizontal unit vector towards the viewer: the base's front, else towards the middle of the room."""
+    own = scene.instances[scene.index_of(anchor.base_id)]
+    if own.front is not None:
+        return np.asarray(own.front)
+    away = scene.mesh.bounds.mean(axis=0) - own.box.center
+    length = float(np.linalg.norm(away[:2]))
+    if length < 0.1 * float(np.linalg.norm(np.ptp(scene.mesh.vertices, axis=0))):
+        return np.array([0.0, -1.0, 0.0])
+    return np.array([away[0], away[1], 0.0]) / length
+
+
+def best_view(things: Mesh, thing: Mesh, target: Array, distance: float, toward: Array, config: RenderConfig) -> View:
+    """The candidate from which most of the object is seen, the front and the first elevation being preferred."""
+    caster = Raycaster(things)
+    points, normals = surface_points(thing)
+    best, best_score = None, -np.inf
+    for rank, elevation in enumerate(config.elevations_deg):
+        for azimuth in config.azimuths_deg:
+            position = target + distance * direction(toward, azimuth, elevation)
+            seen = visible_share(caster, points, normals, position)
+            score = seen + FRONT_BONUS * np.cos(np.radians(azimuth)) - 0.15 * rank
+            if score > best_score + 1e-9:
+                camera = Camera(position, target, fov_deg=config.fov_deg, width=config.size, height=config.size)
+                best, best_score = View(camera, seen), score
+    assert best is not None
+    return best
+
+
+def direction(toward: Array, azimuth_deg: float, elevation_deg: float) -> Array:
+    """Unit vector at an azimuth off a horizontal one and an elevation over the horizon."""
+    a, e = np.radians(azimuth_deg), np.radians(elevation_deg)
+    side = np.array([-toward[1], toward[0], 0.0])
+    return np.asarray(np.cos(e) * (np.cos(a) * toward + np.sin(a) * side) + np.sin(e) * np.array([0.0, 0.0, 1.0]))
+
+
+def surface_points(mesh: Mesh) -> tuple[Array, Array]:
+    """Points spread over a surface by area, and unit normals there, each of shape (n, 3)."""
+    area = np.cumsum(mesh.face_areas)
+    face = np.searchsorted(area, (np.arange(SEEN_POINTS) + 0.5) / SEEN_POINTS * area[-1])
+    normal = mesh.face_normals[face]
+    return mesh.triangles[face].mean(axis=1), normal / np.linalg.norm(normal, axis=1, keepdims=True)
+
+
+def visible_share(caster: Raycaster, points: Array, normals: Array, camera: Array) -> float:
+    """Share of the points facing a camera that nothing hides."""
+    way = camera - points
+    facing = np.einsum("ij,ij->i", way, normals) > 0.0
+    length = np.linalg.norm(way[facing], axis=1)
+    blocked = caster.occluded(points[facing] + 1e-3 * normals[facing], way[facing] / length[:, None], length)
+    return float(1.0 - blocked.mean()) if len(blocked) else 0.0
+
+
+def visible_fraction(scene: Segmentation, thing: Mesh, camera: Camera) -> float:
+    """Pixels of the object in the scene over its pixels alone."""
+    alone = seen_meshes([thing], camera) == 0
+    meshes = shown(scene, camera)
+    seen = seen_meshes([*meshes, thing], camera) == len(meshes)
+    return float(seen.sum() / alone.sum()) if alone.any() else 0.0
+
+
+# --- the contact ------------------------------------------------------------------------------------------------------
+
+
+def closeup(
+    scene: Segmentation, things: Mesh, thing: Mesh, settled: Settled, view: View, config: RenderConfig
+) -> NDArray[np.uint8]:
+    """The contact from nearby, its patch tinted as if the object were glass."""
+    size = np.ptp(thing.vertices, axis=0)
+    target = np.asarray(view.camera.target) + np.array([0.0, 0.0, 0.22 * size[2]])
+    way = view.camera.position - np.asarray(view.camera.target)
+    flat = np.array([way[0], way[1], 0.0])
+    flat /= np.linalg.norm(flat)
+    distance = config.closeup_factor * float(np.linalg.norm(size))
+    camera = best_view(things, thing, target, distance, flat, config).camera
+    meshes = shown(scene, camera)
+    rgb = photograph([*meshes, thing], camera, config)
+    return tinted(rgb, contact_mask(meshes, settled.contact_points, camera))
+
+
+def contact_mask(meshes: list[Mesh], contact: Array, camera: Camera) -> NDArray[np.bool_]:
+    """Pixels of the scene (seen through the object) that belong to the contact patch, shape (h, w)."""
+    shape = (camera.height, camera.width)
+    if len(contact) == 0:
+        return np.zeros(shape, dtype=bool)
+    around = camera.project(contact)
+    radius = patch_radius(contact)
+    reach = 2.0 * radius / around[:, 2].min() * camera.focal_pixels + 2.0
+    center = pixel_centers(camera)
+    near = ((center >= around[:, :2].min(axis=0) - reach) & (center <= around[:, :2].max(axis=0) + reach)).all(axis=1)
+    rays = camera.directions(center[near])
+    hits = Raycaster(Mesh.concatenate(meshes)).cast(np.broadcast_to(camera.position, rays.shape), rays)
+    mask = np.zeros(len(center), dtype=bool)
+    hit = hits.face >= 0
+    found = np.zeros(len(rays), dtype=bool)
+    found[hit] = cKDTree(contact).query(hits.position[hit], distance_upper_bound=radius)[0] <= radius
+    mask[near] = found
+    return mask.reshape(shape)
+
+
+def patch_radius(contact: Array) -> float:
+    """Radius [m] of the disc that one contact point stands for: so that neighbours' discs overlap."""
+    if len(contact) < 2:
+        return 4.0 * LEAST_PATCH
+    spacing = np.median(cKDTree(contact).query(contact, k=2)[0][:, 1])
+    extent = float(np.linalg.norm(np.ptp(contact, axis=0)))
+    return float(np.clip(1.6 * spacing, LEAST_PATCH, max(0.05 * extent, LEAST_PATCH)))
+
+
+def tinted(rgb: NDArray[np.uint8], mask: NDArray[np.bool_]) -> NDArray[np.uint8]:
+    """A picture with the masked pixels tinted and outlined, in the colour that differs more from what is there."""
+    width = max(1, round(len(rgb) / 512))
+    mask = binary_closing(np.pad(mask, 8 * width), iterations=4 * width)[8 * width : -8 * width, 8 * width : -8 * width]
+    if not mask.any():
+        return rgb
+    tint = TINTS[int(np.argmax(np.linalg.norm(TINTS - rgb[mask].mean(axis=0), axis=1)))]
+    line = mask & ~binary_erosion(mask, iterations=width)
+    share = np.where(line, LINE_SHARE, np.where(mask, TINT_SHARE, 0.0))[..., None]
+    return np.asarray(np.round(rgb * (1.0 - share) + tint * share), dtype=np.uint8)
+
+
+render_task = stage(render)

@@ -1,0 +1,1 @@
+"""What stages show to whoever answers their questions: views, surroundings, pictures."""

@@ -1,0 +1,119 @@
+"""Pictures of a thing that nobody named: in its room in a loud colour, and from near; made only if a client looks."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dcap.geometry.raycast import Raycaster
+from dcap.geometry.rendering.cutaway import cut_faces
+from dcap.geometry.rendering.picture import Camera, picture
+from dcap.geometry.segmentation.unlabelled import Things
+from dcap.scene.types.box import OrientedBox
+from dcap.scene.types.mesh import Mesh
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+
+SIZE = 512
+"""Width and height [pixels]."""
+LOUD = np.array([255.0, 0.0, 200.0])
+"""A colour that hardly anything in a room has [sRGB]."""
+TINT = 0.75
+"""Share of the loud colour; the rest lets the thing's own shading and pattern through [-]."""
+ROOM_DISTANCE = 3.5
+"""Least distance of the camera that shows the room [m]..."""
+ROOM_AROUND = 2.6
+"""... and over the diagonal of the thing's box [-]."""
+THING_DISTANCE = 1.2
+"""Distance of the camera from which a thing fills the picture, over the diagonal of its box [-]: the
+arcsin(0.5 / 1.2) = 25 degrees to each side that it takes at most fit into a field of view of 55 degrees."""
+NEAREST = 0.5
+"""The camera does not come nearer [m]."""
+ELEVATIONS = (25.0, 50.0)
+"""Heights over the horizon from which a thing is looked at [degrees]; things on the ceiling from below."""
+DIRECTIONS = 12
+"""Directions all around that are tried."""
+OUTSIDE = 0.1
+"""Share of the thing that may be hidden before the camera goes round by a quarter turn [-]."""
+SEEN_POINTS = 200
+"""Points of the thing that are looked for."""
+
+
+def in_the_room(mesh: Mesh, things: Things, box: OrientedBox, faces: Index) -> NDArray[np.uint8]:
+    """The room around a thing that is painted in a loud colour, shape (SIZE, SIZE, 3)."""
+    rest, thing = _apart(mesh, faces)
+    loud = np.rint((1.0 - TINT) * thing.colors + TINT * LOUD).astype(np.uint8)
+    painted = Mesh(thing.vertices, thing.faces, loud)
+    return _seen(rest, painted, _others(things, faces), box, max(ROOM_DISTANCE, ROOM_AROUND * box.diagonal))
+
+
+def close_up(mesh: Mesh, things: Things, box: OrientedBox, faces: Index) -> NDArray[np.uint8]:
+    """A thing in its own colours from near, shape (SIZE, SIZE, 3)."""
+    rest, thing = _apart(mesh, faces)
+    return _seen(rest, thing, _others(things, faces), box, max(NEAREST, THING_DISTANCE * box.diagonal))
+
+
+def _apart(mesh: Mesh, faces: Index) -> tuple[Mesh, Mesh]:
+    """Everything else, and the thing."""
+    other = np.ones(len(mesh.faces), dtype=bool)
+    other[faces] = False
+    return mesh.submesh(np.flatnonzero(other)), mesh.submesh(faces)
+
+
+def _others(things: Things, faces: Index) -> NDArray[np.bool_]:
+    """Which of the faces that are not the thing's are the shell's."""
+    return np.delete(things.shell.any, faces)
+
+
+def _seen(
+    rest: Mesh, thing: Mesh, structure: NDArray[np.bool_], box: OrientedBox, distance: float
+) -> NDArray[np.uint8]:  # fmt: skip
+    """The picture from the side from which most of the thing is seen, walls in front of it cut away."""
+    loose = rest.submesh(np.flatnonzero(~structure))
+    position = best_place(loose, thing, box, distance, *from_inside(rest.bounds, box))
+    shown = rest.submesh(np.flatnonzero(~cut_faces(rest, structure, position, box.center)))
+    return picture([shown, thing], Camera(position, box.center, width=SIZE, height=SIZE), samples=1, shadows=False).rgb
+
+
+def from_inside(bounds: Array, box: OrientedBox) -> tuple[Array, bool]:
+    """The way from a thing to the middle of bounds (2, 3), and whether it hangs so high that it is seen from below."""
+    middle = bounds.mean(axis=0) - box.center
+    return middle, bool(middle[2] < -0.3 * float(np.ptp(bounds[:, 2])))
+
+
+def best_place(
+    others: Mesh, thing: Mesh, box: OrientedBox, distance: float, way: Array, from_below: bool
+) -> Array:  # fmt: skip
+    """Where a camera sees most of a thing between others, shape (3,); of equal places the nearest to `way`."""
+    solid = Raycaster(Mesh.concatenate([others, thing]))
+    seen = [
+        (_visible_share(solid, thing, place) - cost, -k, place)
+        for k, (place, cost) in enumerate(_places(box, distance, way, from_below=from_below))
+    ]
+    return max(seen, key=lambda one: one[:2])[2]
+
+
+def _places(box: OrientedBox, distance: float, way: Array, *, from_below: bool) -> list[tuple[Array, float]]:
+    """Places of the camera around a thing, and what is held against each: best is along `way`."""
+    start = float(np.arctan2(way[1], way[0]))
+    sign = -1.0 if from_below else 1.0
+    found = []
+    for elevation in np.radians(ELEVATIONS):
+        for turn in np.linspace(-np.pi, np.pi, DIRECTIONS, endpoint=False):
+            flat = np.array([np.cos(start + turn), np.sin(start + turn)])
+            direction = np.array([*(np.cos(elevation) * flat), sign * np.sin(elevation)])
+            found.append((box.center + distance * direction, OUTSIDE * (1.0 - float(np.cos(turn)))))
+    return found
+
+
+def _visible_share(loose: Raycaster, thing: Mesh, camera: Array) -> float:
+    """Share of points on the thing that face the camera and that nothing hides."""
+    face = np.linspace(0, len(thing.faces) - 1, min(SEEN_POINTS, len(thing.faces))).astype(np.int64)
+    points, normal = thing.triangles[face].mean(axis=1), thing.face_normals[face]
+    way = camera - points
+    facing = np.einsum("ij,ij->i", way, normal) > 0.0
+    if not facing.any():
+        return 0.0
+    length = np.linalg.norm(way[facing], axis=1)
+    unit = way[facing] / length[:, None]
+    blocked = loose.occluded(points[facing] + 2e-3 * unit, unit, length - 4e-3)
+    return float((~blocked).sum()) / len(face)

@@ -1,0 +1,149 @@
+"""Where the base's parts lie and what the words of the intent mean there: shared by the stages that orient and aim.
+
+In: scene and intent. Out: the viewer's frame of a part, boxes of references, directions to what shall be faced.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dcap.geometry.placement.regions import Frame, frame_of, regions
+from dcap.geometry.solid.pieces import components
+from dcap.scene.types.box import OrientedBox
+from dcap.scene.types.intent import Intent
+from dcap.scene.types.segmentation import Instance, Segmentation
+from tasks.requests.views import part_views, room_center
+
+Array = NDArray[np.float64]
+PART = "part:"
+UP = np.array([0.0, 0.0, 1.0])
+WIDE = 1.2
+"""Things longer than this are faced at their nearest point, smaller ones at their middle [m]: walls, sofas."""
+LARGE = 0.2
+"""Pieces of a part with this share of its largest piece's faces count as things of their own [-]: a sofa's arms."""
+
+
+def part_frame(scene: Segmentation, base: Instance, box: OrientedBox) -> Frame:
+    """A part's rectangle seen by who looks at the base's front."""
+    return frame_of(box, base.front, room_center(scene))
+
+
+def boxes_of(scene: Segmentation, base: Instance, reference: str) -> list[OrientedBox]:
+    """Boxes of a referenced instance, or of all pieces of the parts of that name of the base."""
+    if reference.startswith(PART):
+        name, _, side = reference.removeprefix(PART).partition("/")
+        named = [number for number, part in enumerate(base.parts) if part.name == name]
+        boxes = [box for number in named for box in piece_boxes(scene, base, number)]
+        return boxes if not side else outermost_box(boxes, side, part_frame(scene, base, base.box))
+    return [scene.instances[scene.index_of(reference)].box]
+
+
+def outermost_box(boxes: list[OrientedBox], side: str, frame: Frame) -> list[OrientedBox]:
+    """The left one, the front one, the upper one, as the viewer of the frame sees them."""
+    right, front = np.append(frame.right, 0.0), np.append(frame.front, 0.0)
+    ways = {"left": -right, "right": right, "front": front, "back": -front, "top": UP, "bottom": -UP}
+    return [max(boxes, key=lambda box: float(box.center @ ways[side]))] if boxes else []
+
+
+def piece_boxes(scene: Segmentation, base: Instance, index: int) -> list[OrientedBox]:
+    """A box for each large connected piece of a part, turned like the part's."""
+    box = base.parts[index].box
+    mine = np.flatnonzero((scene.face_instance == scene.index_of(base.id)) & (scene.face_part == index))
+    piece = components(scene.mesh.submesh(mine))
+    numbers, count = np.unique(piece, return_counts=True)
+    large = numbers[count >= LARGE * count.max(initial=0)]
+    if len(large) < 2:
+        return [box]
+    return [box_about(box, scene.mesh.triangles[mine[piece == number]].reshape(-1, 3)) for number in large]
+
+
+def box_about(like: OrientedBox, points: Array) -> OrientedBox:
+    """The box about points (n, 3) that is turned like another one."""
+    local = like.to_local(points)
+    low, high = local.min(axis=0), local.max(axis=0)
+    return OrientedBox(like.to_world(0.5 * (low + high)[None])[0], like.axes, 0.5 * (high - low))
+
+
+def reference_frame(scene: Segmentation, base: Instance, names: tuple[str, ...]) -> Frame | None:
+    """Whose left and front are meant: on the floor those of a single thing; else None, the part's.
+
+    Doors and walls are seen from the room, as are things without a front.
+    """
+    if not base.structure or len(names) != 1 or names[0].startswith(PART):
+        return None
+    one = scene.instances[scene.index_of(names[0])]
+    return frame_of(one.box, None if one.structure else one.front, room_center(scene))
+
+
+def apart(a: OrientedBox, b: OrientedBox) -> float:
+    """Horizontal distance of the axis-aligned boxes about two boxes [m]."""
+    low, high = (np.stack([one.corners[:, :2].min(axis=0) for one in (a, b)]),
+                 np.stack([one.corners[:, :2].max(axis=0) for one in (a, b)]))  # fmt: skip
+    gap = np.maximum(low.max(axis=0) - high.min(axis=0), 0.0)
+    return float(np.linalg.norm(gap))
+
+
+def reference_boxes(scene: Segmentation, base: Instance, names: tuple[str, ...], near: Array) -> list[OrientedBox]:
+    """Boxes of all references, those of one name nearest to a point first."""
+    found: list[OrientedBox] = []
+    for name in names:
+        boxes = sorted(boxes_of(scene, base, name), key=lambda b: float(np.linalg.norm(b.center[:2] - near[:2])))
+        found.extend(boxes)
+    return found
+
+
+def wished_place(scene: Segmentation, base: Instance, intent: Intent, radius: float) -> Array:
+    """Roughly where the object will go: the aim of the asked region on the asked or widest part [m], shape (3,)."""
+    views = part_views(scene, scene.index_of(base.id))
+    widest = max(views, key=lambda view: (view.support_area, -view.index)).index
+    box = next((part.box for part in base.parts if part.name == intent.region.part), base.parts[widest].box)
+    frame = part_frame(scene, base, box)
+    references = reference_boxes(scene, base, intent.region.references, box.center)
+    areas = regions(frame, intent.region.names, references, np.full(2, radius))
+    xy = areas[0].target if areas else box.center[:2]
+    return np.array([*xy, box.top])
+
+
+def direction_to(scene: Segmentation, base: Instance, place: Array, facing: str) -> Array | None:
+    """Horizontal unit vector from the place to what shall be faced; None if that is not there, shape (3,)."""
+    if facing.startswith("away:"):
+        opposite = direction_to(scene, base, place, facing.removeprefix("away:"))
+        return None if opposite is None else -opposite
+    frame = part_frame(scene, base, base.box)
+    ways = {
+        "viewer": frame.front,
+        "front": frame.front,
+        "back": -frame.front,
+        "left": -frame.right,
+        "right": frame.right,
+    }
+    if facing in ways:
+        return np.array([*ways[facing], 0.0])
+    if facing == "room":
+        return horizontal(room_center(scene) - place)
+    if facing in ("wall", "door", "window"):
+        named = [i.box for i in scene.instances if facing in i.label]
+    elif facing.startswith(PART) or any(i.id == facing for i in scene.instances):
+        named = boxes_of(scene, base, facing)
+    else:
+        named = []
+    points = [faced_point(box, place) for box in named]
+    if not points:
+        return None
+    if facing.startswith(PART):  # two pillows are faced together
+        return horizontal(np.mean(points, axis=0) - place)
+    return horizontal(min(points, key=lambda p: float(np.linalg.norm(p[:2] - place[:2]))) - place)
+
+
+def faced_point(box: OrientedBox, place: Array) -> Array:
+    """The middle of a small thing, the nearest point of a long one [m], shape (3,)."""
+    if 2.0 * box.half_extents[:2].max() < WIDE:
+        return box.center
+    local = np.clip(box.to_local(place[None])[0], -box.half_extents, box.half_extents)
+    return np.asarray(box.to_world(local[None])[0])
+
+
+def horizontal(vector: Array) -> Array | None:
+    """Its horizontal direction as a unit vector; None if it is vertical, shape (3,)."""
+    flat = np.array([vector[0], vector[1], 0.0])
+    length = float(np.linalg.norm(flat))
+    return None if length < 1e-6 else flat / length

@@ -1,0 +1,119 @@
+"""A segmentation as the clients of `language` see it: names, boxes, sizes, colours.
+
+In: a scene or object. Out: plain views of its instances and parts; nothing is chosen here.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dcap.language.protocol.requests import InstanceView, ObjectView, PartView, Vector
+from dcap.scene.types.segmentation import Instance, Segmentation
+
+LEVEL = 0.5
+"""A face looks up if its unit normal's vertical component exceeds this: within 60 degrees, as sloped shades count."""
+
+
+def vector(values: NDArray[np.floating]) -> Vector:
+    """Three floats."""
+    x, y, z = (float(v) for v in values)
+    return x, y, z
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Sums:
+    """Sums over the faces of every part, counted through all instances."""
+
+    first: NDArray[np.int64]
+    """Number of each instance's first part, shape (instances + 1,)."""
+    area: NDArray[np.float64]
+    """[m^2], shape (parts,)."""
+    support: NDArray[np.float64]
+    """Area that looks up [m^2], shape (parts,)."""
+    color: NDArray[np.float64]
+    """Area times sRGB colour 0..1, shape (parts, 3)."""
+
+
+def sums_of(scene: Segmentation) -> Sums:
+    """One pass over all faces."""
+    first = np.cumsum([0, *(len(instance.parts) for instance in scene.instances)])
+    known = (scene.face_instance >= 0) & (scene.face_part >= 0)
+    number = first[scene.face_instance[known]] + scene.face_part[known]
+    normals = scene.mesh.face_normals[known]
+    length = np.linalg.norm(normals, axis=1)
+    up = normals[:, 2] > LEVEL * np.maximum(length, 1e-30)
+    shade = scene.mesh.colors[scene.mesh.faces[known]].mean(axis=1) / 255.0
+    count = int(first[-1])
+    return Sums(
+        first=first,
+        area=np.bincount(number, 0.5 * length, count).astype(np.float64),
+        support=np.bincount(number, 0.5 * length * up, count).astype(np.float64),
+        color=np.stack([np.bincount(number, 0.5 * length * shade[:, k], count) for k in range(3)], axis=1),
+    )
+
+
+def mean_color(color: NDArray[np.float64], area: float) -> Vector:
+    """Mean sRGB colour of an area, 0..1; grey where there is none."""
+    return vector(color / area) if area > 0 else (0.5, 0.5, 0.5)
+
+
+def part_views(scene: Segmentation, index: int, sums: Sums | None = None) -> tuple[PartView, ...]:
+    """The parts of one instance."""
+    sums = sums_of(scene) if sums is None else sums
+    views = []
+    for number, part in enumerate(scene.instances[index].parts):
+        row = int(sums.first[index]) + number
+        views.append(
+            PartView(
+                index=number,
+                name=part.name,
+                center=vector(part.box.center),
+                size=vector(2.0 * part.box.half_extents),
+                support_area=float(sums.support[row]),
+                color=mean_color(sums.color[row], float(sums.area[row])),
+            )
+        )
+    return tuple(views)
+
+
+def instance_view(scene: Segmentation, index: int, sums: Sums) -> InstanceView:
+    """One instance."""
+    instance = scene.instances[index]
+    corners = instance.box.corners
+    mine = slice(int(sums.first[index]), int(sums.first[index + 1]))
+    return InstanceView(
+        id=instance.id,
+        label=instance.label,
+        center=vector(instance.box.center),
+        size=vector(2.0 * instance.box.half_extents),
+        low=vector(corners.min(axis=0)),
+        high=vector(corners.max(axis=0)),
+        front=None if instance.front is None else vector(instance.front),
+        structure=instance.structure,
+        color=mean_color(sums.color[mine].sum(axis=0), float(sums.area[mine].sum())),
+        parts=part_views(scene, index, sums),
+    )
+
+
+def instance_views(scene: Segmentation) -> tuple[InstanceView, ...]:
+    """All instances."""
+    sums = sums_of(scene)
+    return tuple(instance_view(scene, index, sums) for index in range(len(scene.instances)))
+
+
+def object_view(item: Segmentation) -> ObjectView:
+    """The object as read."""
+    extents = np.sort(np.ptp(item.mesh.bounds, axis=0))[::-1]
+    return ObjectView(item.instances[0].label, vector(extents), part_views(item, 0))
+
+
+def room_center(scene: Segmentation) -> NDArray[np.float64]:
+    """Middle of the floor's box, or of everything where no floor is named [m], shape (3,)."""
+    floor = next((i for i in scene.instances if i.structure and "floor" in i.label), None)
+    return np.asarray(floor.box.center if floor else scene.mesh.bounds.mean(axis=0))
+
+
+def instance_of(scene: Segmentation, instance_id: str) -> Instance:
+    """The instance with this id."""
+    return scene.instances[scene.index_of(instance_id)]

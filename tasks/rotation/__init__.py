@@ -1,0 +1,1 @@
+"""Stage 4, rotation: how the object is turned."""

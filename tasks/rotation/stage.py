@@ -1,0 +1,318 @@
+"""Stage 4, rotation: three pictures of the object over its base, one rotation back.
+
+In: scene, object, intent and prompt. Out: `Rotation`: R*, orthonormal, and exactly three pictures, the object flipped
+by 180 degrees about x, y and z with the base fixed. Listed to choose from: the pose of the file, its flips and quarter
+turns, the same of the pose in which the shape stands where that is another (a file that is lying or overturned), and
+the stable poses of the convex hull, each before a turn about the vertical; and directions for the front. The front of
+an object is what `dcap.geometry.placement.poses.front_of` says: where its lower half reaches out, else -y of the mesh.
+"""
+
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image, ImageDraw, ImageFont
+from pydantic import BaseModel, PositiveInt
+from scipy.spatial.transform import Rotation as Turn
+
+from dcap.geometry.placement.poses import StablePose, about_z, front_of, stable_poses, symmetry_about_z
+from dcap.geometry.placement.regions import smallest_rectangle
+from dcap.geometry.placement.upright import outermost, stands_as_read, upright_pose
+from dcap.geometry.rendering.picture import Camera, picture
+from dcap.language.offline.fronts import front_side
+from dcap.language.protocol.client import LanguageConfig, client
+from dcap.language.protocol.questions import ROTATION
+from dcap.language.protocol.replies import ROUNDED, RotationReply
+from dcap.language.protocol.requests import FacingView, PoseView, RotationRequest, Vector
+from dcap.scene.errors import GeometryError, LanguageError
+from dcap.scene.types.intent import Intent
+from dcap.scene.types.mesh import Mesh
+from dcap.scene.types.outcome import Infeasible
+from dcap.scene.types.rotation import Rotation
+from dcap.scene.types.segmentation import Instance, Segmentation
+from tasks.requests.surroundings import direction_to, horizontal, part_frame, wished_place
+from tasks.requests.views import instance_of, vector
+from tasks.runner.stage import stage
+
+Array = NDArray[np.float64]
+SAME_POSE = np.radians(12.0)
+"""A pose has the probability of the stable pose within this angle [rad]."""
+ELONGATED = 1.15
+"""A thing longer than this times its width is laid along its support [-]."""
+FLIPS = {"x": (1.0, -1.0, -1.0), "y": (-1.0, 1.0, -1.0), "z": (-1.0, -1.0, 1.0)}
+"""Diagonals of the 180-degree rotations."""
+AXIS_COLORS = {"x": (214, 40, 40), "y": (30, 140, 50), "z": (40, 70, 210)}
+
+
+class RotationConfig(BaseModel, frozen=True, extra="forbid"):
+    """Who is asked, and how large the pictures are."""
+
+    language: LanguageConfig = LanguageConfig()
+    picture_size: PositiveInt = 512
+    """Width and height [pixels]."""
+
+
+def rotation(
+    scene: Segmentation, item: Segmentation, intent: Intent, prompt: str, config: RotationConfig
+) -> Rotation | Infeasible:
+    """Ask once with all choices and pictures, then build the matrix."""
+    base = instance_of(scene, intent.base_id)
+    mesh = item.mesh.transformed(np.diag([intent.scale] * 3 + [1.0]))
+    own, righting = standing_pose(mesh)
+    poses = pose_views(mesh, own, front_side(intent.object_name))
+    place = wished_place(scene, base, intent, 0.5 * float(np.ptp(mesh.bounds[:, :2], axis=0).max()))
+    pictures = three_flips(scene, base, mesh, place, config.picture_size)
+    request = RotationRequest(
+        prompt=refined(prompt, intent),
+        object_name=intent.object_name,
+        pose=intent.orientation.pose,
+        facing=intent.orientation.facing,
+        poses=poses,
+        facings=facings(scene, base, place, intent.orientation.facing),
+        symmetry=symmetry_about_z(turned(mesh, own)),
+        has_front=front_of(turned(mesh, own), front_side(intent.object_name))[1],
+        stands=stands_as_read(mesh),
+        righting=righting,
+        turn_deg=intent.orientation.turn_deg,
+        pictures=tuple(partial(np.copy, one) for one in pictures),
+    )
+    reply = client(config.language).ask(ROTATION, request)
+    matrix = matrix_of(reply, request, scene, base, mesh)
+    # asked so that a matrix of nan is refused too
+    if not (np.abs(matrix @ matrix.T - np.eye(3)).max() < 1e-9 and np.linalg.det(matrix) > 0):
+        raise GeometryError(f"the chosen rotation is not orthonormal: {matrix.tolist()}")
+    said = "" if not intent.orientation.words else f"; the prompt says {intent.orientation.words!r}"
+    candidate, facing = (reply.pose_id, reply.facing_id) if reply.quaternion is None else ("quaternion", "as given")
+    return Rotation(matrix, pictures, request.prompt, candidate, f"{reply.reason}, {facing}{said}")
+
+
+rotation_task = stage(rotation)
+
+
+def refined(prompt: str, intent: Intent) -> str:
+    """The prompt with what was understood of it spelled out."""
+    words = intent.orientation.words or "nothing about orientation"
+    where = intent.region.words or "no particular place"
+    return f"{prompt} [object: {intent.object_name}; on: {intent.base_label}; where: {where}; orientation: {words}]"
+
+
+# choices ------------------------------------------------------------------------------------------------------------
+
+
+def standing_pose(mesh: Mesh) -> tuple[Array, float]:
+    """Rotation to the pose in which the shape stands, and how much better; none and 0 where that is as in the file."""
+    own, gain = upright_pose(mesh)
+    return (np.eye(3), 0.0) if gain <= 0.0 or own[2, 2] > np.cos(SAME_POSE) else (own, gain)
+
+
+def pose_views(mesh: Mesh, own: Array, side: str) -> tuple[PoseView, ...]:
+    """All poses that can be chosen, that of the file first; `own` is how it stands by its shape, shape (3, 3)."""
+    stable = stable_poses(mesh)
+    frames = {"upright": np.eye(3)} | ({} if np.allclose(own, np.eye(3)) else {"righted": own})
+    views = []
+    for frame, matrix in frames.items():
+        front = matrix.T @ front_of(turned(mesh, matrix), side)[0]
+        views += [
+            pose_view(name, turn @ matrix, probability_of(turn @ matrix, stable), mesh, front)
+            for name, turn in turns_of(frame, matrix @ front).items()
+        ]
+    for number, pose in enumerate(stable):
+        views.append(pose_view(f"stable_{number}", pose.rotation, pose.probability, mesh, front))
+    return tuple(views)
+
+
+def turns_of(frame: str, front: Array) -> dict[str, Array]:
+    """Standing, the half turns about x, y, z and the quarter turns on to sides, back and front, by id."""
+    side = np.cross(front, (0.0, 0.0, 1.0))
+    prefix = "" if frame == "upright" else f"{frame}_"
+    quarters = {"on_left_side": -front, "on_right_side": front, "on_back": side, "on_front": -side}
+    return (
+        {frame: np.eye(3)}
+        | {f"{prefix}flip_{axis}": np.diag(diagonal) for axis, diagonal in FLIPS.items()}
+        | {prefix + name: np.asarray(Turn.from_rotvec(np.pi / 2 * axis).as_matrix()) for name, axis in quarters.items()}
+    )
+
+
+def turned(mesh: Mesh, matrix: Array) -> Mesh:
+    """The mesh under a rotation."""
+    pose = np.eye(4)
+    pose[:3, :3] = matrix
+    return mesh.transformed(pose)
+
+
+def probability_of(matrix: Array, stable: list[StablePose]) -> float:
+    """Probability of the stable pose whose resting face points down under this rotation; 0 if none does."""
+    down = matrix.T @ (0.0, 0.0, -1.0)
+    close = [pose.probability for pose in stable if float(pose.down @ down) > np.cos(SAME_POSE)]
+    return max(close, default=0.0)
+
+
+def pose_view(name: str, matrix: Array, probability: float, mesh: Mesh, front: Array) -> PoseView:
+    """One choice with what it does to the object's axes and extents."""
+    rows: tuple[Vector, Vector, Vector] = (vector(matrix[0]), vector(matrix[1]), vector(matrix[2]))
+    size = np.ptp(mesh.vertices @ matrix.T, axis=0)
+    return PoseView(name, rows, round(probability, 6), vector(matrix[:, 2]), vector(matrix @ front), vector(size))
+
+
+def facings(scene: Segmentation, base: Instance, place: Array, asked: str) -> tuple[FacingView, ...]:
+    """Directions for the front: along the support, as in the file, the asked one, the viewer, things nearby."""
+    frame = part_frame(scene, base, base.box)
+    ahead: Vector = (float(frame.front[0]), float(frame.front[1]), 0.0)
+    found = {"aligned": ahead, "keep": (0.0, 0.0, 0.0)}
+    near = sorted(scene.instances, key=lambda i: (float(np.linalg.norm(i.box.center - place)), i.id))
+    names = [asked, "viewer", "room", *(f"part:{part.name}" for part in base.parts), *(i.id for i in near[:12])]
+    for name in dict.fromkeys(n for n in names if n):
+        direction = direction_to(scene, base, place, name)
+        if direction is not None:
+            found[name] = vector(direction)
+    return tuple(FacingView(name, direction) for name, direction in found.items())
+
+
+# the answer as a matrix ---------------------------------------------------------------------------------------------
+
+
+def matrix_of(reply: RotationReply, request: RotationRequest, scene: Segmentation, base: Instance, mesh: Mesh) -> Array:
+    """R* of a reply, shape (3, 3)."""
+    if reply.quaternion is not None:
+        return matrix_of_quaternion(np.array(reply.quaternion))
+    pose = next(p for p in request.poses if p.id == reply.pose_id)
+    matrix = np.array(pose.rotation)
+    if reply.facing_id == "aligned":
+        yaw = aligned_yaw(mesh, matrix, request, scene, base)
+    elif reply.facing_id == "keep":
+        yaw = 0.0
+    else:
+        facing = next(f for f in request.facings if f.id == reply.facing_id)
+        ahead = looking(pose) if request.has_front else nearest_side(mesh, matrix, looking(pose))
+        yaw = yaw_between(ahead, np.array(facing.direction))
+    return np.asarray(about_z(yaw + np.radians(reply.turn_deg)) @ matrix)
+
+
+def matrix_of_quaternion(quaternion: Array) -> Array:
+    """The rotation of (w, x, y, z), made unit where rounding left it nearly so, shape (3, 3)."""
+    length = float(np.linalg.norm(quaternion))
+    if not abs(length - 1.0) < ROUNDED:
+        raise LanguageError(f"the chosen quaternion {quaternion.tolist()} has length {length:.3g}, not 1")
+    return np.asarray(Turn.from_quat(quaternion, scalar_first=True).as_matrix())
+
+
+def looking(pose: PoseView) -> Array:
+    """Where the object looks, horizontally: along its front, or, where that is vertical, along its own up."""
+    for axis in (pose.front, pose.up):
+        flat = horizontal(np.array(axis))
+        if flat is not None and np.linalg.norm(axis[:2]) > 0.3:
+            return flat
+    return np.array([0.0, -1.0, 0.0])
+
+
+def nearest_side(mesh: Mesh, matrix: Array, ahead: Array) -> Array:
+    """The outward side of the plan's smallest rectangle that is nearest to a direction: what has no front has sides."""
+    along, _ = smallest_rectangle((outermost(mesh.vertices) @ matrix.T)[:, :2])
+    sides = [np.array([x, y, 0.0]) for x, y in (along, -along, (-along[1], along[0]), (along[1], -along[0]))]
+    return max(sides, key=lambda side: float(side @ ahead))
+
+
+def yaw_between(a: Array, b: Array) -> float:
+    """Angle about the vertical from one horizontal direction to another [rad]."""
+    return float(np.arctan2(a[0] * b[1] - a[1] * b[0], a[:2] @ b[:2]))
+
+
+def aligned_yaw(mesh: Mesh, matrix: Array, request: RotationRequest, scene: Segmentation, base: Instance) -> float:
+    """Front to the viewer, lying, feet to the viewer; without a front the long side across, or along a slender base."""
+    frame = part_frame(scene, base, base.box)
+    pose = next(p for p in request.poses if np.allclose(p.rotation, matrix))
+    if request.has_front:
+        lies = abs(pose.front[2]) > abs(pose.up[2])  # on a bed, its head to the head end
+        return yaw_between(looking(pose), np.array([*(-frame.front if lies else frame.front), 0.0]))
+    own, size = smallest_rectangle((outermost(mesh.vertices) @ matrix.T)[:, :2])
+    if size[0] < ELONGATED * size[1]:
+        return 0.0 if request.symmetry == 0 else smallest_turn(own, frame.right, quarter=True)
+    across = 2.0 * frame.half[0] >= size[0] or frame.half[0] >= frame.half[1]
+    return smallest_turn(own, frame.right if across else frame.front, quarter=False)
+
+
+def smallest_turn(own: Array, wanted: Array, *, quarter: bool) -> float:
+    """Turn that makes an axis parallel to another, either way round; with `quarter` also perpendicular [rad]."""
+    angle = yaw_between(own, wanted)
+    period = np.pi / 2 if quarter else np.pi
+    return float(angle - period * np.round(angle / period))
+
+
+# pictures -----------------------------------------------------------------------------------------------------------
+
+
+def three_flips(
+    scene: Segmentation, base: Instance, mesh: Mesh, place: Array, size: int
+) -> tuple[NDArray[np.uint8], ...]:
+    """The object over the base, flipped about x, y and z; same camera."""
+    support = scene.instance_mesh(scene.index_of(base.id))
+    middle = mesh.bounds.mean(axis=0)
+    extent = float(np.linalg.norm(np.ptp(mesh.bounds, axis=0)))
+    hover = place + np.array([0.0, 0.0, 0.65 * extent])
+    camera = camera_for(scene, base, hover, extent, size)
+    pictures = []
+    for axis, diagonal in FLIPS.items():
+        pose = np.eye(4)
+        pose[:3, :3] = np.diag(diagonal)
+        pose[:3, 3] = hover - pose[:3, :3] @ middle
+        seen = picture([support, mesh.transformed(pose)], camera, samples=1)
+        pictures.append(annotated(seen.rgb, axis, camera, hover, extent))
+    return tuple(pictures)
+
+
+def camera_for(scene: Segmentation, base: Instance, hover: Array, extent: float, size: int) -> Camera:
+    """From the viewer's side, a little from above and from the right; object and support in the picture."""
+    frame = part_frame(scene, base, base.box)
+    reach = max(1.8 * extent, min(0.6 * base.box.diagonal, 2.6 * extent))
+    direction = np.array([*(0.9 * frame.front + 0.35 * frame.right), 0.5])
+    direction /= np.linalg.norm(direction)
+    target = hover - (0.0, 0.0, 0.25 * extent)
+    return Camera(target + reach * direction, target, width=size, height=size)
+
+
+def annotated(rgb: NDArray[np.uint8], axis: str, camera: Camera, center: Array, extent: float) -> NDArray[np.uint8]:
+    """The flip written on the picture, with its axis drawn through the object."""
+    image = Image.fromarray(rgb)
+    draw = ImageDraw.Draw(image)
+    unit = np.eye(3)["xyz".index(axis)]
+    color = AXIS_COLORS[axis]
+    width = max(2, image.width // 170)
+    ends = inside(camera.project(center + np.outer([-0.75 * extent, 0.75 * extent], unit))[:, :2], image, 9 * width)
+    draw.line([tuple(ends[0]), tuple(ends[1])], fill=color, width=width)
+    arrow_head(draw, ends[0], ends[1], color, 5 * width)
+    turn_mark(draw, 0.5 * ends[0] + 0.5 * ends[1], ends[1] - ends[0], color, width)
+    font = ImageFont.load_default(size=max(12, image.width // 22))
+    text = f"flipped 180\N{DEGREE SIGN} about {axis}"
+    box = draw.textbbox((0, 0), text, font=font)
+    draw.rectangle([0, 0, box[2] + 16, box[3] + 12], fill=(255, 255, 255))
+    draw.text((8, 4), text, fill=color, font=font)
+    tip = ends[1] + 7 * width * (ends[1] - ends[0]) / max(float(np.linalg.norm(ends[1] - ends[0])), 1e-6)
+    draw.text((float(tip[0]), float(tip[1])), axis, fill=color, font=font, anchor="mm")
+    return np.asarray(image, dtype=np.uint8).copy()
+
+
+def inside(ends: Array, image: Image.Image, margin: int) -> Array:
+    """A line from both ends (2, 2) drawn in to its middle as far as it takes to lie in the picture [pixels]."""
+    middle, half = ends.mean(axis=0), 0.5 * (ends[1] - ends[0])
+    room = np.minimum(middle, np.array(image.size) - middle) - margin
+    share = min(1.0, float((np.maximum(room, 1.0) / np.maximum(np.abs(half), 1e-6)).min()))
+    return np.array([middle - share * half, middle + share * half])
+
+
+def arrow_head(draw: ImageDraw.ImageDraw, start: Array, end: Array, color: tuple[int, int, int], size: int) -> None:
+    """A filled triangle at the end of a line."""
+    along = (end - start) / max(float(np.linalg.norm(end - start)), 1e-6)
+    across = np.array([-along[1], along[0]])
+    corners = [end + size * along, end + 0.5 * size * across, end - 0.5 * size * across]
+    draw.polygon([tuple(c) for c in corners], fill=color)
+
+
+def turn_mark(draw: ImageDraw.ImageDraw, center: Array, axis: Array, color: tuple[int, int, int], width: int) -> None:
+    """Half an ellipse with an arrow head around the axis: the direction of the flip."""
+    along = axis / max(float(np.linalg.norm(axis)), 1e-6)
+    across = np.array([-along[1], along[0]])
+    radius = 9 * width
+    angle = np.radians(np.linspace(20, 200, 25))
+    ring = center + radius * (np.cos(angle)[:, None] * across + 0.35 * np.sin(angle)[:, None] * along)
+    draw.line([tuple(p) for p in ring], fill=color, width=width)
+    arrow_head(draw, ring[-3], ring[-1], color, 4 * width)

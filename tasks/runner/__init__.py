@@ -1,0 +1,1 @@
+"""How a stage runs: cached, recorded, locked, in a process of its own."""

@@ -1,0 +1,163 @@
+"""Digest of the code that decides what a stage returns: everything of ours that its module reaches by import.
+
+In: the file of a module. Out: one digest per reachable source file, and the third-party packages met on the way.
+Comments, docstrings and layout do not count (the syntax tree is hashed); imports inside functions do. A data file that
+reachable code names by a string (`materials.csv`, the folder `prompts`) counts with its bytes.
+"""
+
+import ast
+import hashlib
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cache
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+
+PACKAGES = frozenset({"dcap", "flows", "solver", "tasks"})
+MACHINERY = frozenset(
+    {
+        "dcap.language.model.anthropic_api",
+        "dcap.language.model.batch",
+        "dcap.language.model.ledger",
+        "dcap.language.model.reply_folder",
+        "dcap.language.protocol.session",
+        "dcap.scene.settings",
+        "dcap.scene.store",
+        "tasks.runner",
+    }
+)
+"""Modules and packages that carry results but do not decide them."""
+FACE = "dcap"
+"""The package whose own `__init__` is the public face: what it offers to programs decides no result."""
+DATA_SUFFIXES = frozenset({".csv", ".yaml", ".yml", ".json", ".j2", ".txt", ".toml"})
+DATA_FOLDERS = frozenset({"prompts"})
+DISTRIBUTIONS = {"PIL": "pillow", "igl": "libigl", "skimage": "scikit-image", "ruamel": "ruamel.yaml", "yaml": "PyYAML"}
+"""Where the name to install differs from the name to import."""
+
+
+@dataclass(frozen=True, slots=True)
+class ParsedModule:
+    """What one source file contributes."""
+
+    digest: str
+    imports: tuple[str, ...]
+    """Dotted names that are imported, longest form: `solver.settle.settle` for `from solver.settle import settle`."""
+    texts: tuple[str, ...]
+    """String constants that could name a data file."""
+
+
+def source_digests(module_path: Path, root: Path) -> dict[str, str]:
+    """Digest of every file of ours that the module reaches, itself included, by its path relative to `root`."""
+    return {
+        str(path.relative_to(root)) if path.is_relative_to(root) else path.name: digest_of_source(path)
+        for path in sorted(reachable(module_path, root))
+    }
+
+
+def libraries(module_path: Path, root: Path) -> dict[str, str]:
+    """Versions of Python and of the third-party packages that reachable code imports."""
+    names: set[str] = set()
+    for path in reachable(module_path, root):
+        if path.suffix == ".py":
+            names |= {name.split(".")[0] for name in parsed(path, path.stat().st_mtime_ns).imports}
+    versions = {"python": f"{sys.version_info.major}.{sys.version_info.minor}"}
+    for name in sorted(names - PACKAGES - sys.stdlib_module_names):
+        found = installed_version(DISTRIBUTIONS.get(name, name))
+        if found:
+            versions[name] = found
+    return versions
+
+
+@cache
+def installed_version(distribution: str) -> str:
+    """Version of an installed package; empty if there is none of that name."""
+    try:
+        return version(distribution)
+    except PackageNotFoundError:
+        return ""
+
+
+def reachable(module_path: Path, root: Path) -> set[Path]:
+    """Files of ours that a module reaches by import, and data files that they name."""
+    found: set[Path] = set()
+    waiting = [module_path.resolve()]
+    while waiting:
+        path = waiting.pop()
+        if path in found:
+            continue
+        found.add(path)
+        if path.suffix == ".py":
+            module = parsed(path, path.stat().st_mtime_ns)
+            waiting.extend(imported_files(module, root))
+            waiting.extend(data_files(module, path, root))
+    return found
+
+
+def imported_files(module: ParsedModule, root: Path) -> Iterator[Path]:
+    """Source files behind the imports of ours; importing a module also runs the packages above it."""
+    for name in module.imports:
+        words = name.split(".")
+        if words[0] not in PACKAGES or any(".".join(words[:n]) in MACHINERY for n in range(1, len(words) + 1)):
+            continue
+        for count in range(2 if words[0] == FACE else 1, len(words) + 1):
+            stem = root.joinpath(*words[:count])
+            yield from (path for path in (stem / "__init__.py", stem.with_suffix(".py")) if path.is_file())
+
+
+def data_files(module: ParsedModule, path: Path, root: Path) -> Iterator[Path]:
+    """Data files that the module names, beside it or at the root."""
+    for text in module.texts:
+        for folder in (path.parent, root):
+            found = folder / text
+            if text in DATA_FOLDERS and found.is_dir():
+                yield from (one for one in sorted(found.rglob("*")) if one.is_file())
+            elif found.suffix in DATA_SUFFIXES and found.is_file():
+                yield found.resolve()
+
+
+def digest_of_source(path: Path) -> str:
+    """Digest of a file: of its syntax tree without docstrings for Python, of its bytes otherwise."""
+    if path.suffix == ".py":
+        return parsed(path, path.stat().st_mtime_ns).digest
+    return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+@cache
+def parsed(path: Path, modified_ns: int) -> ParsedModule:
+    """Parse a source file once per process and modification."""
+    tree = ast.parse(path.read_bytes(), filename=str(path))
+    without_docstrings(tree)
+    digest = hashlib.sha256(ast.dump(tree, annotate_fields=False).encode()).hexdigest()
+    return ParsedModule(digest, tuple(sorted(set(imports_of(tree)))), tuple(sorted(set(texts_of(tree)))))
+
+
+def without_docstrings(tree: ast.AST) -> None:
+    """Drop every string that stands alone: docstrings of modules, classes, functions and fields."""
+    for node in ast.walk(tree):
+        body = getattr(node, "body", None)
+        if isinstance(body, list):
+            node.body = [one for one in body if not is_text_statement(one)]  # type: ignore[attr-defined]
+
+
+def is_text_statement(node: ast.AST) -> bool:
+    """Whether a statement is nothing but a string."""
+    return isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant) and isinstance(node.value.value, str)
+
+
+def imports_of(tree: ast.AST) -> Iterator[str]:
+    """Dotted names of all absolute imports (relative ones are not used in this project)."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            yield from (one.name for one in node.names)
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            yield from (f"{node.module}.{one.name}" for one in node.names)
+
+
+def texts_of(tree: ast.AST) -> Iterator[str]:
+    """String constants that look like a file or folder name."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Constant) and isinstance(node.value, str) and 0 < len(node.value) < 100:
+            text = node.value
+            if text in DATA_FOLDERS or (Path(text).suffix in DATA_SUFFIXES and "\n" not in text and "\0" not in text):
+                yield text

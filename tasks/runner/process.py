@@ -1,0 +1,173 @@
+"""Runs one stage in a fresh process of its own, and is what that process runs.
+
+In: a job as JSON on standard input (module, function, inputs, configuration). Out: JSON lines on standard output,
+`{"progress": ...}` while it works and `{"done": ...}` or `{"error": ...}` at the end. The process leads its own
+session, dies with its parent, and is killed with all that it started when the parent is interrupted or the time is up.
+"""
+
+import ctypes
+import importlib
+import json
+import logging
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import threading
+from collections.abc import Callable
+from contextlib import suppress
+from typing import IO, Any
+
+from dcap.language.protocol.session import Session, speaking
+from dcap.scene import errors
+from dcap.scene.settings import PROJECT_ROOT
+from tasks.runner.digests import PACKAGES
+
+MOST_SECONDS = 3600.0
+"""A stage that runs longer hangs: budgets count steps, so this never decides a result."""
+PR_SET_PDEATHSIG = 1
+LAST_LINES = 15
+
+running: dict[int, "subprocess.Popen[str]"] = {}
+
+
+class StageProcessError(RuntimeError):
+    """The process of a stage ended without a result."""
+
+
+def run_in_process(job: dict[str, object], on_progress: Callable[[float, str], None]) -> dict[str, Any]:
+    """Run a job in a fresh process and return what it reports as done."""
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join([str(PROJECT_ROOT), os.environ.get("PYTHONPATH", "")])}
+    with tempfile.TemporaryFile("w+", errors="replace") as errors_file:
+        child = subprocess.Popen(
+            [sys.executable, "-m", "tasks.runner.process", str(os.getpid())],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=errors_file,
+            text=True,
+            start_new_session=True,
+            env=environment,
+        )
+        running[child.pid] = child
+        alarm = threading.Timer(MOST_SECONDS, kill_group, [child])
+        alarm.daemon = True
+        alarm.start()
+        try:
+            return converse(child, json.dumps(job), errors_file, on_progress)
+        finally:
+            alarm.cancel()
+            kill_group(child)
+            running.pop(child.pid, None)
+
+
+def converse(
+    child: "subprocess.Popen[str]", job: str, errors_file: IO[str], on_progress: Callable[[float, str], None]
+) -> dict[str, Any]:
+    """Hand the job over and read lines until the result."""
+    assert child.stdin is not None
+    assert child.stdout is not None
+    with suppress(BrokenPipeError):  # it died at once; the exit status below says how
+        child.stdin.write(job)
+        child.stdin.close()
+    done: dict[str, Any] | None = None
+    for line in child.stdout:
+        message = json.loads(line)
+        if "progress" in message:
+            on_progress(float(message["progress"]), str(message.get("text", "")))
+        elif "error" in message:
+            raise_again(message["error"])
+        else:
+            done = message["done"]
+    status = child.wait()
+    if done is None or status != 0:
+        errors_file.seek(0)
+        tail = "".join(errors_file.readlines()[-LAST_LINES:])
+        raise StageProcessError(f"the stage's process ended with {exit_words(status)}\n{tail}")
+    return done
+
+
+def exit_words(status: int) -> str:
+    """An exit status in words."""
+    return f"signal {signal.Signals(-status).name}" if status < 0 else f"status {status}"
+
+
+def raise_again(error: dict[str, str]) -> None:
+    """Raise the child's error here under its own type."""
+    kind = getattr(errors, error["type"], errors.DcapError)
+    raise kind(error["message"])
+
+
+def kill_group(child: "subprocess.Popen[str]") -> None:
+    """Kill the process and everything that it started."""
+    with suppress(ProcessLookupError):  # all gone already
+        os.killpg(child.pid, signal.SIGKILL)
+    child.wait()
+
+
+def kill_all() -> None:
+    """Kill the processes of all running stages, for an interrupted program."""
+    for child in list(running.values()):
+        kill_group(child)
+
+
+def main() -> None:
+    """The child: read the job, run the stage, report."""
+    die_with_parent(int(sys.argv[1]))
+    report = private_stdout()
+    job = json.loads(sys.stdin.read())
+    forward_log(report)
+    from tasks.runner.stage import stage  # here, because tasks.stage imports this module
+
+    try:
+        function = getattr(importlib.import_module(job["module"]), job["function"])
+        with speaking(Session(**job["session"])):
+            done = stage(function).compute(job["inputs"], job["config"])
+    except errors.DcapError as error:
+        say(report, error={"type": type(error).__name__, "message": str(error)})
+        return
+    say(report, done=done)
+
+
+def die_with_parent(parent: int) -> None:
+    """Ask the kernel to kill us when the parent dies, and check that it has not died before we could ask."""
+    ctypes.CDLL(None, use_errno=True).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
+    if os.getppid() != parent:
+        os._exit(1)
+
+
+def private_stdout() -> IO[str]:
+    """Keep standard output for our lines; what libraries print goes to standard error."""
+    report = os.fdopen(os.dup(1), "w", encoding="utf-8")
+    os.dup2(2, 1)
+    return report
+
+
+class ProgressHandler(logging.Handler):
+    """Sends what our code logs to the parent; `extra={"progress": 0.4}` says how much of the work is done."""
+
+    def __init__(self, report: IO[str]) -> None:
+        super().__init__(logging.INFO)
+        self.report = report
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """One record as a progress line."""
+        say(self.report, progress=getattr(record, "progress", 0.0), text=record.getMessage())
+
+
+def forward_log(report: IO[str]) -> None:
+    """Listen to the loggers of our packages."""
+    for package in PACKAGES:
+        logger = logging.getLogger(package)
+        logger.setLevel(logging.INFO)
+        logger.addHandler(ProgressHandler(report))
+
+
+def say(report: IO[str], **message: object) -> None:
+    """One JSON line, at once."""
+    report.write(json.dumps(message) + "\n")
+    report.flush()
+
+
+if __name__ == "__main__":
+    main()

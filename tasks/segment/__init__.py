@@ -1,0 +1,1 @@
+"""Stage 2, segment: instances and their named parts."""

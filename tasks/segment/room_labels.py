@@ -1,0 +1,60 @@
+"""A room without annotations: its shell, and the things in it with the labels that a client gave them.
+
+In: the faces that nobody named. Out: groups of faces with labels and how sure those are. Each thing is one question;
+what carries others is asked first, so that what lies on a bed knows it; things of one level are asked together.
+"""
+
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dcap.geometry.segmentation.belonging import wholes
+from dcap.geometry.segmentation.boxed import Group
+from dcap.geometry.segmentation.faces import FaceTable
+from dcap.geometry.segmentation.named import THING, shell_groups
+from dcap.geometry.segmentation.traits import Traits, describe_things, thing_pieces
+from dcap.geometry.segmentation.unlabelled import Things, find_things
+from dcap.language.protocol.client import Client
+from dcap.language.protocol.questions import LABEL
+from dcap.language.protocol.replies import OTHER, LabelReply
+from dcap.language.protocol.requests import LabelRequest
+from dcap.scene.types.mesh import Mesh
+from tasks.requests.pictures import close_up, in_the_room
+from tasks.segment.label_requests import label_levels, label_request
+
+
+def labelled_room(mesh: Mesh, table: FaceTable, inside: NDArray[np.bool_], client: Client) -> list[Group]:
+    """Take the faces in `inside`, shape (m,), apart, ask what each thing is, and join what belongs together."""
+    things = find_things(table, inside)
+    pieces = thing_pieces(table, things)
+    traits = describe_things(table, things, pieces)
+    replies = asked(mesh, things, traits, client)
+    labels = ["" if reply.label == OTHER else reply.label for reply in replies]
+    found = [
+        Group(
+            "",
+            whole.label or THING,
+            np.sort(np.concatenate([things.things[i] for i in whole.members])),
+            None,
+            replies[whole.main].confidence if whole.label else 0.0,
+        )
+        for whole in wholes(labels, traits, pieces)
+    ]
+    return shell_groups(things.shell) + found
+
+
+def asked(mesh: Mesh, things: Things, traits: tuple[Traits, ...], client: Client) -> list[LabelReply]:
+    """The client's answer for each thing."""
+    known: dict[int, LabelReply] = {}
+
+    def request(i: int) -> LabelRequest:
+        pictures = (
+            partial(in_the_room, mesh, things, traits[i].box, things.things[i]),
+            partial(close_up, mesh, things, traits[i].box, things.things[i]),
+        )
+        return label_request(i, traits, known, pictures)
+
+    for level in label_levels(traits):
+        known.update(zip(level, client.ask_all(LABEL, [request(i) for i in level]), strict=True))
+    return [known[i] for i in range(len(traits))]

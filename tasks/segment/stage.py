@@ -1,0 +1,95 @@
+"""Stage segment: a scan in, instances with named parts out; for scenes and for the object to be placed.
+
+A scene is divided by its annotated boxes or nodes, else by node names or one label; what is left of a room is divided
+by shape, and a client says what each thing is. Every instance is then divided into parts that cover it without overlap;
+rules propose their names, and a client may choose others.
+"""
+
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel, PositiveInt
+
+from dcap.geometry.segmentation.annotated import annotated_parts
+from dcap.geometry.segmentation.boxed import Group, boxed_groups
+from dcap.geometry.segmentation.faces import FaceTable
+from dcap.geometry.segmentation.labels import readable
+from dcap.geometry.segmentation.named import named_groups
+from dcap.geometry.segmentation.parts.front import facing_away_from_wall
+from dcap.geometry.segmentation.parts.rules import find_parts, make_instance, node_words, object_node_words
+from dcap.language.protocol.client import LanguageConfig, client
+from dcap.scene.types.scan import Scan
+from dcap.scene.types.segmentation import Instance, Segmentation
+from tasks.runner.stage import stage
+from tasks.segment.part_names import with_part_names
+from tasks.segment.room_labels import labelled_room
+
+
+class SegmentConfig(BaseModel, frozen=True, extra="forbid"):
+    """How small a thing may be, and who is asked what things and parts are that the source does not name."""
+
+    language: LanguageConfig = LanguageConfig()
+    min_faces: PositiveInt = 2
+    """Instances with fewer faces are left out [-]: a stray triangle is noise, two make a floor."""
+
+
+def segment(scan: Scan, config: SegmentConfig) -> Segmentation:
+    """Divide a scene into instances and parts."""
+    table = FaceTable.of(scan.mesh)
+    groups = boxed_groups(table, scan.boxes) if scan.boxes else _groups_without_boxes(scan, table, config)
+    groups = [g for g in groups if len(g.faces) >= min(config.min_faces, len(scan.mesh.faces))]
+    face_instance = np.full(len(scan.mesh.faces), -1, dtype=np.int32)
+    face_part = np.full(len(scan.mesh.faces), -1, dtype=np.int32)
+    instances = []
+    for index, group in enumerate(groups):
+        instance, part = make_instance(
+            group.id, group.label, table, group.faces, group.axes, _words(scan, group.faces),
+            annotated_parts(scan, group.faces),
+        )  # fmt: skip
+        instances.append(replace(instance, confidence=group.confidence))
+        face_instance[group.faces] = index
+        face_part[group.faces] = part
+    found = Segmentation(scan.mesh, _with_fronts(instances), face_instance, face_part)
+    return with_part_names(found, partial(client, config.language))
+
+
+def _groups_without_boxes(scan: Scan, table: FaceTable, config: SegmentConfig) -> list[Group]:
+    """By names; a client is made, and so asked, only where there is a room to be taken apart."""
+
+    def taken_apart(inside: NDArray[np.bool_]) -> list[Group]:
+        return labelled_room(scan.mesh, table, inside, client(config.language))
+
+    return named_groups(table, scan, taken_apart)
+
+
+segment_task = stage(segment)
+
+
+def segment_object(scan: Scan, config: SegmentConfig) -> Segmentation:
+    """The object as one instance with id 'object'."""
+    table = FaceTable.of(scan.mesh)
+    faces = np.arange(len(scan.mesh.faces))
+    label = readable(scan.label)
+    words = object_node_words(scan.node_names, scan.face_node, faces) if scan.node_names else []
+    part, parts, box, front = find_parts(table, faces, label, None, words, as_object=True)
+    instance = Instance("object", label, box, parts, front)
+    found = Segmentation(scan.mesh, (instance,), np.zeros(len(faces), dtype=np.int32), part)
+    return with_part_names(found, partial(client, config.language))
+
+
+segment_object_task = stage(segment_object)
+
+
+def _words(scan: Scan, faces: NDArray[np.int64]) -> list[str]:
+    """Part words of the nodes of the given faces; nothing where the source names no node."""
+    return node_words(scan.node_names, scan.face_node, faces) if scan.node_names else []
+
+
+def _with_fronts(instances: list[Instance]) -> tuple[Instance, ...]:
+    """Things without a front of their own face away from the wall behind them."""
+    walls = [one for one in instances if one.structure and one.label == "wall"]
+    return tuple(
+        one if one.front is not None else replace(one, front=facing_away_from_wall(one, walls)) for one in instances
+    )

@@ -1,0 +1,30 @@
+"""Regions are polygons seen from above."""
+
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+
+from dcap.evaluation.region import TOLERANCE_M, region_missed
+
+SQUARE = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
+L_SHAPE = np.array([[0.0, 0.0], [2.0, 0.0], [2.0, 1.0], [1.0, 1.0], [1.0, 2.0], [0.0, 2.0]])
+
+
+@given(st.floats(-1, 2), st.floats(-1, 2))
+def test_square(x: float, y: float) -> None:
+    """A point misses the unit square exactly if its distance to it exceeds the tolerance."""
+    distance = float(np.hypot(max(-x, x - 1, 0.0), max(-y, y - 1, 0.0)))
+    if abs(distance - TOLERANCE_M) > 1e-9:
+        assert region_missed(np.array([x, y]), SQUARE) == (distance > TOLERANCE_M)
+
+
+def test_concave() -> None:
+    """The notch of an L is outside, its arms are inside."""
+    assert region_missed(np.array([1.5, 1.5]), L_SHAPE)
+    assert not region_missed(np.array([1.5, 0.5]), L_SHAPE)
+    assert not region_missed(np.array([0.5, 1.5]), L_SHAPE)
+
+
+def test_no_region() -> None:
+    """Nothing asked, nothing missed."""
+    assert not region_missed(np.zeros(2), np.zeros((0, 2)))

@@ -1,0 +1,237 @@
+"""Cameras through a room of splats: inside, clear of everything, upright, and all furniture in the pictures."""
+
+import numpy as np
+import pytest
+
+from dcap.geometry.distance import MeshDistance
+from dcap.geometry.raycast import Raycaster
+from dcap.geometry.segmentation.labels import category_of
+from dcap.geometry.splatting.camera import Camera, looking
+from dcap.geometry.splatting.camera_path import FURNITURE, PathConfig, camera_path, entries, unhidden, worthwhile
+from dcap.geometry.splatting.filled_cells import CELL, STRIDE, FilledCells, filled_cells
+from dcap.geometry.splatting.on_mesh import splats_on_mesh
+from dcap.geometry.splatting.viewpoints import far_apart_index
+from dcap.scene.readers.interiorgs import read_labels, read_structure
+from dcap.scene.readers.occupancy import read_occupancy
+from dcap.scene.types.box import OrientedBox
+from dcap.scene.types.gaussians import Gaussians
+from dcap.scene.types.occupancy import FREE, OCCUPIED, Occupancy
+from dcap.scene.types.scan import LabelBox
+from dcap.scene.writers.interiorgs import write_interiorgs
+from dcap.synthetic.rooms import BuiltRoom, build_room
+from dcap.synthetic.shapes import rounded_box
+
+SMALL = PathConfig(views=48, width=64, height=48)
+
+
+@pytest.fixture(scope="module")
+def built() -> BuiltRoom:
+    return build_room("study_01", 0)
+
+
+@pytest.fixture(scope="module")
+def splats(built: BuiltRoom) -> Gaussians:
+    return splats_on_mesh(built.record.mesh, 0.05, seed=0)
+
+
+@pytest.fixture(scope="module")
+def known(built: BuiltRoom, tmp_path_factory: pytest.TempPathFactory) -> dict[str, object]:
+    """What the room's folder says."""
+    folder = tmp_path_factory.mktemp("room")
+    write_interiorgs(folder, built.record, 0)
+    rooms = read_structure(folder)[0]
+    return {"boxes": read_labels(folder)[0], "rooms": rooms, "occupancy": read_occupancy(folder, rooms)[0]}
+
+
+@pytest.fixture(scope="module")
+def cameras(splats: Gaussians, known: dict[str, object]) -> tuple[Camera, ...]:
+    path = camera_path(splats, SMALL, **known)
+    assert path.notes == ()
+    return path.cameras
+
+
+def in_the_room(cameras: tuple[Camera, ...], built: BuiltRoom) -> bool:
+    """Whether all are within the walls, above the floor and below the ceiling."""
+    low, high = built.record.profile.min(axis=0), built.record.profile.max(axis=0)
+    places = np.array([camera.position for camera in cameras])
+    flat = (places[:, :2] > low).all() and (places[:, :2] < high).all()
+    return bool(flat and places[:, 2].min() > 0 and places[:, 2].max() < built.record.mesh.bounds[1, 2])
+
+
+def test_cameras_are_inside_clear_and_upright(cameras: tuple[Camera, ...], built: BuiltRoom) -> None:
+    """As far from the true surface as asked, but for a cell's half diagonal and what a Gaussian spans; the horizon is
+    level."""
+    assert len(cameras) == SMALL.views
+    assert in_the_room(cameras, built)
+    places = np.array([camera.position for camera in cameras])
+    coarse = 0.5 * np.sqrt(3.0) * CELL + 0.05
+    assert MeshDistance(built.record.mesh).unsigned(places).min() > SMALL.clearance - coarse
+    axes = np.array([camera.world_from_camera for camera in cameras])
+    assert np.abs(axes[:, 2, 0]).max() < 1e-12
+    assert axes[:, 2, 1].max() < 0.0
+
+
+def test_cameras_stand_on_free_ground(cameras: tuple[Camera, ...], known: dict[str, object]) -> None:
+    """Where the map says free, at heights above the floor that were asked for."""
+    occupancy = known["occupancy"]
+    assert isinstance(occupancy, Occupancy)
+    places = np.array([camera.position for camera in cameras])
+    assert (occupancy.value(places) == FREE).all()
+    assert set(np.round(places[:, 2] - places[:, 2].min() + min(SMALL.heights), 6)) <= set(SMALL.heights)
+
+
+def test_every_piece_of_furniture_is_in_several_pictures(cameras: tuple[Camera, ...], built: BuiltRoom) -> None:
+    """At least one per cent of four pictures or more, by rays to the true mesh."""
+    caster, count = Raycaster(built.record.mesh), np.zeros(len(built.instance_labels), dtype=int)
+    for camera in cameras:
+        rows, columns = np.divmod(np.arange(camera.width * camera.height), camera.width)
+        ways = camera.directions(rows, columns)
+        face = caster.cast(np.broadcast_to(camera.position, ways.shape), ways).face
+        share = np.bincount(built.face_instance[face[face >= 0]], minlength=len(count)) / len(ways)
+        count += share > 0.01
+    furniture = [k for k, label in enumerate(built.instance_labels) if category_of(label) in FURNITURE]
+    assert len(furniture) >= 3
+    assert count[furniture].min() >= 4
+
+
+def test_pictures_overlap(cameras: tuple[Camera, ...], built: BuiltRoom) -> None:
+    """Nine tenths of what any picture shows (cells of 20 cm) is in another one too."""
+    caster, seen = Raycaster(built.record.mesh), []
+    for camera in cameras:
+        rows, columns = np.divmod(np.arange(camera.width * camera.height), camera.width)
+        ways = camera.directions(rows, columns)
+        hits = caster.cast(np.broadcast_to(camera.position, ways.shape), ways)
+        seen.append(np.unique(np.floor(hits.position[hits.face >= 0] / 0.2).astype(int), axis=0))
+    _, times = np.unique(np.concatenate(seen), axis=0, return_counts=True)
+    assert (times > 1).mean() > 0.9
+
+
+def test_the_seed_decides(splats: Gaussians, known: dict[str, object], cameras: tuple[Camera, ...]) -> None:
+    """The same cameras for the same seed, others for another."""
+
+    def places(seed: int) -> np.ndarray:
+        path = camera_path(splats, SMALL.model_copy(update={"seed": seed}), **known)
+        return np.array([camera.position for camera in path.cameras])
+
+    assert np.array_equal(places(0), [camera.position for camera in cameras])
+    assert not np.array_equal(places(1), [camera.position for camera in cameras])
+
+
+@pytest.mark.slow
+def test_without_a_map_cameras_stand_inside(splats: Gaussians, built: BuiltRoom, known: dict[str, object]) -> None:
+    """By the splats alone, with and without labels; a map without room for a camera is reported."""
+    labelled = camera_path(splats, SMALL, boxes=known["boxes"])
+    assert in_the_room(labelled.cameras, built)
+    blocked = Occupancy(np.full((9, 9), OCCUPIED, np.uint8), np.zeros(2), np.array([-0.1, 0.1]))
+    path = camera_path(splats, SMALL, occupancy=blocked)
+    assert "no free cell" in path.notes[0]
+    assert len(path.cameras) == SMALL.views
+    assert in_the_room(path.cameras, built)
+
+
+@pytest.mark.parametrize("size", [(0.6, 0.4, 0.3), (1.0, 0.04, 0.03)])
+def test_what_has_no_inside_is_looked_at_from_all_sides(size: tuple[float, float, float]) -> None:
+    """All eight corners in every picture, from below and above; however thin it is."""
+    thing = splats_on_mesh(rounded_box(size, 0.01), 0.01, seed=0)
+    config = PathConfig(views=20, width=80, height=60)
+    cameras = camera_path(thing, config).cameras
+    assert len(cameras) == 20
+    corners = 0.5 * np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) * size
+    for camera in cameras:
+        x, y, z = ((corners - camera.position) @ camera.world_from_camera).T
+        assert (z > 0).all()
+        assert (np.abs(x / z) * camera.focal < 40).all()
+        assert (np.abs(y / z) * camera.focal < 30).all()
+    height = [camera.position[2] for camera in cameras]
+    assert min(height) < 0 < max(height)
+
+
+def wall(at: float) -> FilledCells:
+    """A wall across x, and a floor, in a grid of 4 x 4 x 2.5 m."""
+    filled = np.zeros((80, 80, 50), dtype=bool)
+    filled[round(at / CELL)] = True
+    filled[:, :, 0] = True
+    return FilledCells(filled, np.zeros(3), CELL)
+
+
+def test_cameras_before_a_wall_or_in_it_are_left_out() -> None:
+    """Near to it, in it and looking at nothing; away from it they stay."""
+    cells, config = wall(3.0), PathConfig(views=1, width=64, height=48)
+
+    def kept(x: float, toward: tuple[float, float, float]) -> bool:
+        place = np.array([x, 2.0, 1.25])
+        camera = looking(place, place + toward, 64, 48, 1.2)
+        return bool(list(worthwhile([camera], cells, config)))
+
+    assert kept(1.0, (1.0, 0.0, 0.0))
+    assert not kept(2.6, (1.0, 0.0, 0.0))
+    assert not kept(3.02, (1.0, 0.0, 0.0))
+    assert not kept(1.0, (0.0, 0.0, 1.0))
+
+
+def test_rays_end_at_the_first_filled_cell() -> None:
+    """To within a stride; before their reach or not at all; from outside too."""
+    cells = wall(3.0)
+    origins, ways = (
+        np.array([[0.5, 2.0, 1.0], [-5.0, 2.0, 1.0], [0.5, 2, 1]]),
+        np.array([[1.0, 0, 0]] * 2 + [[-1, 0, 0]]),
+    )
+    distance = cells.cast(origins, ways)
+    assert distance[:2] == pytest.approx([2.5, 8.0], abs=STRIDE * CELL + 1e-9)
+    assert distance[2] == np.inf
+    assert (cells.cast(origins[:2], ways[:2], np.array([2.4, 8.1])) == np.inf).tolist() == [True, False]
+    assert cells.clearance(np.array([[0.5, 2.0, 1.0]])) == pytest.approx([1.0 - CELL / 2], abs=CELL)
+    assert cells.floor(np.array([[0.5, 2.0, 9.0]])) == pytest.approx(CELL / 2)
+    assert cells.floor(np.array([[50.0, 2.0, 9.0]])) is None
+
+
+def test_the_floor_is_below_the_highest_headroom() -> None:
+    """Not the ceiling's reflection below it, and not the top of a table; without a ceiling the lowest thing."""
+    filled = np.zeros((3, 3, 100), dtype=bool)
+    filled[:, :, 4] = filled[:, :, 50] = filled[:, :, 96] = True
+    filled[0, 0, 64] = True
+    cells, points = FilledCells(filled, np.array([0.0, 0.0, -2.5]), CELL), np.array([[0.07, 0.07], [0.12, 0.12]])
+    assert cells.floor(points) == pytest.approx(50.5 * CELL - 2.5)
+    assert cells.floor(np.array([[0.02, 0.02]])) == pytest.approx(64.5 * CELL - 2.5)
+    filled[:, :, 51:] = filled[:, :, :50] = False
+    assert cells.floor(points) == pytest.approx(50.5 * CELL - 2.5)
+
+
+def test_gaussians_fill_the_cells_that_they_cover() -> None:
+    """Few large ones are as opaque as many small ones, thin ones too; faint ones fill nothing."""
+    turn = np.array([[1.0, 0, 0, 0]], np.float32)
+    scale = np.log(np.array([[0.2, 0.1, 0.001]], np.float32))
+    one = Gaussians(np.zeros((1, 3), np.float32), scale, turn, np.array([3.0], np.float32),
+                    np.zeros((1, 3), np.float32), np.zeros((1, 3, 0), np.float32))  # fmt: skip
+    cells = filled_cells(one)
+    x, y = np.meshgrid(np.linspace(-0.29, 0.29, 20), np.linspace(-0.14, 0.14, 10))
+    assert cells.at(np.stack([x.ravel(), y.ravel(), np.zeros(200)], axis=1)).mean() > 0.9
+    assert not cells.at(np.array([[0.0, 0.0, 0.1], [0.0, 0.25, 0.0]])).any()
+    faint = Gaussians(one.position, one.log_scale, one.rotation, -one.logit, one.dc, one.rest)
+    assert not filled_cells(faint).filled.any()
+
+
+def test_a_box_behind_a_wall_is_hidden() -> None:
+    """Seen whole from this side, not at all from the other; from a place beside the wall's end by a part."""
+    box = OrientedBox(np.array([1.0, 2.0, 0.5]), np.eye(3), np.array([0.3, 0.3, 0.3]))
+    places = np.array([[2.5, 2.0, 1.5], [3.7, 2.0, 1.5]])
+    assert unhidden(box, places, wall(3.0)) == pytest.approx([1.0, 0.0])
+    straight = entries(box, np.array([[3.0, 2.0, 0.5], [1.0, 2.0, 0.5]]), np.array([[-1.0, 0, 0]] * 2), margin=0.1)
+    assert straight == pytest.approx([1.6, 0.0])
+
+
+def test_pieces_that_nobody_can_see_are_named(splats: Gaussians, known: dict[str, object]) -> None:
+    """A chair within the walls' outside: no place shows it."""
+    high = OrientedBox(np.array([90.0, 0.0, 0.5]), np.eye(3), np.array([0.3, 0.3, 0.3]))
+    hidden = LabelBox("x", "chair", high)
+    path = camera_path(splats, SMALL, **(known | {"boxes": (hidden,)}))
+    assert path.notes == ("no free place shows chair",)
+    assert len(path.cameras) == SMALL.views
+
+
+def test_places_far_apart_by_number() -> None:
+    """As many as there are at most, none twice; the most central first."""
+    points = np.array([[0.0, 0.0], [1.0, 0.0], [2.0, 0.0], [10.0, 0.0]])
+    assert far_apart_index(points, 9)[:2].tolist() == [2, 3]
+    assert sorted(far_apart_index(points, 9).tolist()) == [0, 1, 2, 3]
+    assert far_apart_index(points[:0], 3).tolist() == []

@@ -1,0 +1,113 @@
+"""Signed distances against closed forms."""
+
+import numpy as np
+import pytest
+import trimesh
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from dcap.geometry.distance import BAND, MeshDistance, distance_grid, sampler
+from dcap.scene.errors import GeometryError
+from dcap.scene.types.mesh import Mesh
+
+SHIFT = np.array([3.1, -2.4, 0.7])  # a place in a room: single precision must not show
+
+
+def of(mesh: trimesh.Trimesh) -> Mesh:
+    """Our mesh, moved to a place in a room."""
+    return Mesh.of(mesh.vertices + SHIFT, mesh.faces)
+
+
+def cup(radius: float = 0.04, wall: float = 0.004, height: float = 0.09) -> trimesh.Trimesh:
+    """A closed solid of revolution: a cylinder with a bore that is open at the top and has a floor as thick as its
+    wall.
+    """
+    profile = np.array(
+        [[0, 0], [radius, 0], [radius, height], [radius - wall, height], [radius - wall, wall], [0, wall]]
+    )
+    return trimesh.creation.revolve(profile, sections=64)
+
+
+def test_sphere_distance_on_a_grid_is_within_the_sum_of_its_known_errors() -> None:
+    """R = 5 cm on a 1.5 mm grid: off by h^2 / (8 R) in each of two directions and by the sagitta of the facets."""
+    radius, spacing, rounds = 0.05, 1.5e-3, 5
+    mesh = of(trimesh.creation.icosphere(rounds, radius))
+    grid = distance_grid(mesh, mesh.bounds[0] - 0.01, mesh.bounds[1] + 0.01, spacing)
+    rng = np.random.default_rng(0)
+    outward = rng.normal(size=(4000, 3))
+    outward /= np.linalg.norm(outward, axis=1)[:, None]
+    offset = rng.uniform(-BAND * spacing, BAND * spacing, 4000)
+    found = sampler(grid)(SHIFT + (radius + offset)[:, None] * outward)
+    edge = 1.26 * radius / 2**rounds  # longest edge of a subdivided icosahedron
+    bound = 2.0 * spacing**2 / (8.0 * (radius - BAND * spacing)) + edge**2 / (6.0 * radius) + 1e-6
+    assert bound < 5e-5
+    assert np.abs(found - offset).max() < bound
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.tuples(*[st.floats(-0.3, 0.3)] * 3))
+def test_distance_to_a_box_is_exact(point: tuple[float, float, float]) -> None:
+    """The signed distance to a box has a closed form; ours differs by single precision only."""
+    size = np.array([0.2, 0.3, 0.15])
+    excess = np.abs(point) - 0.5 * size
+    expected = np.linalg.norm(np.maximum(excess, 0.0)) + min(excess.max(), 0.0)
+    if abs(expected) > 1e-5:  # on the surface itself the side is a matter of rounding
+        found = MeshDistance(of(trimesh.creation.box(size)))(SHIFT + np.array([point]))[0]
+        assert abs(found - expected) < 1e-6
+
+
+def test_a_box_without_its_bottom_is_still_solid() -> None:
+    """The winding number closes a hole: deep points of an open box are inside, points beside and above it outside."""
+    box = trimesh.creation.box((0.4, 0.4, 0.2))
+    mesh = of(box)
+    mesh = mesh.submesh(np.flatnonzero(mesh.face_normals[:, 2] > -1e-9))
+    inside = SHIFT + np.array([[0, 0, 0.05], [0.15, 0.15, -0.03], [-0.19, 0, 0.09]])
+    outside = SHIFT + np.array([[0, 0, 0.11], [0.21, 0, 0], [0, 0, -0.2]])
+    assert (MeshDistance(mesh)(inside) < 0).all()
+    assert (MeshDistance(mesh)(outside) > 0).all()
+
+
+def test_a_mug_stays_hollow() -> None:
+    """Inside the 4 mm wall is inside, in the bore is outside, on a grid coarser than the wall's half as well."""
+    mesh = of(cup())
+    wall = SHIFT + np.array([[0.038, 0, 0.05], [0, -0.038, 0.02], [0.01, 0.01, 0.002]])
+    bore = SHIFT + np.array([[0, 0, 0.05], [0.03, 0, 0.02], [0, 0, 0.085]])
+    grid = distance_grid(mesh, mesh.bounds[0] - 0.01, mesh.bounds[1] + 0.01, 0.0015)
+    for distance in (MeshDistance(mesh), sampler(grid)):
+        assert (distance(wall) < -1e-3).all()
+        assert (distance(bore) > 5e-3).all()
+
+
+def test_a_mesh_wound_inside_out_gives_the_same_distance() -> None:
+    """The side is decided by the enclosed volume, not by the winding of the file."""
+    mesh = of(trimesh.creation.icosphere(2, 0.05))
+    turned = Mesh(mesh.vertices, mesh.faces[:, ::-1].copy(), mesh.colors)
+    points = SHIFT + np.random.default_rng(1).uniform(-0.08, 0.08, (200, 3))
+    # single precision at 0.1 m, measured through differently ordered triangles
+    assert np.allclose(MeshDistance(mesh)(points), MeshDistance(turned)(points), rtol=0.0, atol=1e-7)
+
+
+def test_far_samples_are_interpolated_within_a_coarse_diagonal() -> None:
+    """A distance changes by at most the way travelled, so no sample is off by more than a coarse diagonal, sides
+    included.
+    """
+    spacing = 2e-3
+    mesh = of(trimesh.creation.torus(0.05, 0.02))
+    low, high = mesh.bounds
+    grid = distance_grid(mesh, low - 0.06, high + 0.06, spacing)
+    points = grid.origin + spacing * np.argwhere(np.ones(grid.values.shape, dtype=bool))[::97]
+    exact = MeshDistance(mesh)(points)
+    found = grid.values.ravel()[::97]
+    assert np.abs(found - exact).max() < 4 * np.sqrt(3.0) * spacing
+    assert (np.sign(found) == np.sign(exact))[np.abs(exact) > 1e-6].all()
+
+
+def test_impossible_grids_are_refused() -> None:
+    """An inverted box, or one that would take gigabytes, is refused before anything is allocated."""
+    mesh = of(trimesh.creation.box((0.1, 0.1, 0.1)))
+    with pytest.raises(GeometryError, match="high > low"):
+        distance_grid(mesh, np.ones(3), np.zeros(3), 0.01)
+    with pytest.raises(GeometryError, match="raise its spacing"):
+        distance_grid(mesh, np.zeros(3), np.ones(3), 1e-4)
+    with pytest.raises(GeometryError, match="without faces"):
+        MeshDistance(Mesh.of(np.zeros((0, 3)), np.zeros((0, 3))))(np.zeros((1, 3)))

@@ -1,0 +1,183 @@
+"""Promises of the procedural shapes, objects and rooms."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from dcap.synthetic import shapes
+from dcap.synthetic.objects import OBJECTS, build_object
+from dcap.synthetic.room import Room, shell
+from dcap.synthetic.rooms import ROOMS, BuiltRoom, build_room
+from dcap.synthetic.shapes import is_manifold, joined, volume
+
+
+@pytest.fixture(scope="module")
+def built() -> dict[str, BuiltRoom]:
+    return {name: build_room(name, 0) for name in ("bedroom_01", "dining_01", "bathroom_01", "living_02")}
+
+
+@pytest.fixture(scope="module")
+def furnished() -> dict[str, Room]:
+    return {name: furnish(0) for name, furnish in ROOMS.items()}
+
+
+@settings(max_examples=25, deadline=None)
+@given(
+    size=st.tuples(*[st.floats(0.05, 1.0)] * 3),
+    share=st.floats(0.05, 0.49),
+)
+def test_rounded_box_is_closed_and_has_its_volume(size: tuple[float, float, float], share: float) -> None:
+    """A rounded box is closed and holds the Minkowski sum of its core and a ball."""
+    radius = share * min(size)
+    mesh = shapes.rounded_box(size, radius, edge=0.02)
+    a, b, c = (s - 2 * radius for s in size)
+    exact = (
+        a * b * c + 2 * radius * (a * b + b * c + c * a) + np.pi * radius**2 * (a + b + c) + 4 / 3 * np.pi * radius**3
+    )
+    assert is_manifold(mesh)
+    # A chord polygon with at least 4 segments a quarter... with one arc step the corner loses at most the part between
+    # chord and arc, (pi - 2) / pi of the rounded share; the bound covers it.
+    rounded = exact - a * b * c - 2 * radius * (a * b + b * c + c * a)
+    assert exact - 0.37 * rounded <= volume(mesh) <= exact * (1 + 1e-9)
+    np.testing.assert_allclose(np.ptp(mesh.vertices, axis=0), size, rtol=1e-9)
+
+
+def test_sphere_converges_to_the_ball() -> None:
+    """The inscribed sphere's missing volume falls with the square of the edge."""
+    exact = 4 / 3 * np.pi * 0.1**3
+    errors = [1 - volume(shapes.sphere(0.1, edge)) / exact for edge in (0.02, 0.01)]
+    assert 0 < errors[1] < errors[0]
+    assert 3.0 < errors[0] / errors[1] < 5.0  # second order: factor 4, steps are rounded up
+
+
+def test_union_volume_is_inclusion_exclusion() -> None:
+    """|A u B| = |A| + |B| - |A n B| for two boxes that share half."""
+    a = shapes.rounded_box((0.2, 0.1, 0.1), 1e-4, 0.05)
+    b = shapes.moved(a, x=0.1)
+    whole = shapes.union([a, b])
+    assert is_manifold(whole)
+    # The rounding takes 1e-4 off the edges: less than 1e-4 of the volume; single precision inside the union likewise.
+    assert volume(whole) == pytest.approx(0.3 * 0.1 * 0.1, rel=1e-3)
+
+
+@pytest.mark.parametrize("name", OBJECTS)
+def test_objects_are_closed_solids_of_plausible_density(name: str) -> None:
+    """Every part is closed; mass over volume lies between that of down and that of iron; they stand on z = 0."""
+    item = OBJECTS[name].build()
+    solids = [solid for part in item.parts for solid in part.solids]
+    assert all(is_manifold(solid) and volume(solid) > 0 for solid in solids)
+    density = OBJECTS[name].mass / sum(volume(solid) for solid in solids)
+    assert 15 < density < 7900
+    assert abs(item.bounds[0, 2]) < 0.0015
+    assert 500 < sum(len(solid.faces) for solid in solids) < 40_000
+
+
+def test_mug_has_one_handle() -> None:
+    """Euler characteristic V - E + F of a closed surface of genus one is 0: a finger fits through the handle."""
+    mesh = OBJECTS["mug"].build().parts[0].solids[0]
+    assert len(mesh.vertices) - len(mesh.faces) * 3 // 2 + len(mesh.faces) == 0
+
+
+def test_objects_in_units_of_their_own_come_back_to_metres() -> None:
+    """A file's size times its unit is the size in metres."""
+    for name, recipe in OBJECTS.items():
+        wanted = np.ptp(recipe.build().bounds, axis=0)
+        np.testing.assert_allclose(np.ptp(build_object(name).bounds, axis=0) * recipe.unit, wanted, rtol=1e-9)
+
+
+@pytest.mark.parametrize("name", ROOMS)
+def test_furniture_is_made_of_closed_solids_within_the_walls(furnished: dict[str, Room], name: str) -> None:
+    """Every solid is closed, nothing reaches below the floor or through a wall."""
+    room = furnished[name]
+    for item in [*shell(room).things, *(placed.piece for placed in room.things)]:
+        assert all(is_manifold(solid) and volume(solid) > 0 for part in item.parts for solid in part.solids), item.label
+    for placed in room.things:
+        low, high = placed.piece.bounds
+        assert low[2] > -0.004, placed.piece.label
+        # 1 cm: pictures are let into the wall, leaves of plants may touch it
+        assert (low[:2] > -0.01).all(), placed.piece.label
+        assert high[0] < room.width + 0.01, placed.piece.label
+        assert high[1] < room.depth + 0.01, placed.piece.label
+
+
+@pytest.mark.parametrize("name", ROOMS)
+def test_nothing_floats(furnished: dict[str, Room], name: str) -> None:
+    """Every solid stands on the floor, hangs on wall or ceiling, or touches another solid's box within 3 mm."""
+    room = furnished[name]
+    solids = [s for placed in room.things for part in placed.piece.parts for s in part.solids]
+    bounds = np.array([solid.bounds for solid in solids])
+    for index, (low, high) in enumerate(bounds):
+        fixed = low[2] < 0.01 or high[2] > room.height - 0.01 or min(low[0], low[1]) < 0.08
+        fixed = fixed or high[0] > room.width - 0.08 or high[1] > room.depth - 0.08
+        others = np.delete(bounds, index, axis=0)
+        touching = ((others[:, 0] < high + 0.003) & (others[:, 1] > low - 0.003)).all(axis=1)
+        assert fixed or touching.any(), (name, index, low, high)
+
+
+def test_rooms_are_as_large_as_promised(built: dict[str, BuiltRoom]) -> None:
+    """At least twelve rooms; those built here have 50 000 to 250 000 faces."""
+    assert len(ROOMS) >= 12
+    assert all(50_000 < len(room.record.mesh.faces) < 250_000 for room in built.values())
+
+
+def test_boxes_contain_their_faces(built: dict[str, BuiltRoom]) -> None:
+    """Every annotated box holds all faces that the truth gives to its instance."""
+    for room in built.values():
+        boxes = {label.id: label.box for label in room.record.labels if label.box is not None and label.id}
+        for index, instance in enumerate(room.instance_ids):
+            faces = room.record.mesh.faces[room.face_instance == index]
+            assert len(faces), room.instance_labels[index]
+            if instance in boxes:
+                assert boxes[instance].contains(room.record.mesh.vertices[np.unique(faces)], margin=1e-9).all()
+
+
+def test_annotations_follow_interiorgs_habits(built: dict[str, BuiltRoom]) -> None:
+    """Rooms and walls have no box, ids are unique, some labels are capitalised and some not."""
+    for room in built.values():
+        labels = room.record.labels
+        assert {label.name.lower() for label in labels if label.box is None} == {"room", "wall"}
+        ids = [label.id for label in labels if label.id]
+        assert len(set(ids)) == len(ids)
+    names = [label.name for room in built.values() for label in room.record.labels]
+    assert any(n[0].isupper() for n in names)
+    assert any(n[0].islower() for n in names)
+
+
+def test_scan_is_noisy_but_close(built: dict[str, BuiltRoom]) -> None:
+    """The top of a table deviates from its plane by about a millimetre and never by five."""
+    room = built["dining_01"]
+    table = room.instance_labels.index("dining table")
+    faces = (room.face_instance == table) & (room.face_part == "top")
+    mesh = room.record.mesh.submesh(np.flatnonzero(faces))
+    normals = mesh.face_normals / np.linalg.norm(mesh.face_normals, axis=1, keepdims=True)
+    heights = mesh.vertices[np.unique(mesh.faces[normals[:, 2] > 0.99]), 2]
+    assert 0.0002 < heights.std() < 0.002
+    assert np.abs(heights - 0.75).max() < 0.005
+
+
+def test_scan_is_not_watertight_and_tells_nothing_by_order(built: dict[str, BuiltRoom]) -> None:
+    """The mesh has open edges, and neighbours in the file belong to different instances as often as by chance."""
+    room = built["bedroom_01"]
+    assert not is_manifold(room.record.mesh)
+    instance = room.face_instance
+    same = float((instance[1:] == instance[:-1]).mean())
+    share = np.bincount(instance) / len(instance)
+    # Bernoulli mean over n pairs: 5 standard deviations, sigma <= 0.5 / sqrt(n)
+    assert abs(same - float((share**2).sum())) < 5 * 0.5 / np.sqrt(len(instance))
+
+
+def test_same_seed_same_room_other_seed_other_noise() -> None:
+    """A room is a function of its name and seed."""
+    first, again, other = build_room("hall_01", 3), build_room("hall_01", 3), build_room("hall_01", 4)
+    assert np.array_equal(first.record.mesh.vertices, again.record.mesh.vertices)
+    assert np.array_equal(first.record.mesh.colors, again.record.mesh.colors)
+    assert np.array_equal(first.face_instance, again.face_instance)
+    assert first.instance_ids == again.instance_ids
+    assert not np.array_equal(first.record.mesh.vertices[:100], other.record.mesh.vertices[:100])
+
+
+def test_joined_keeps_everything() -> None:
+    """Joining solids adds up their volumes."""
+    ball = shapes.sphere(0.1)
+    assert volume(joined([ball, shapes.moved(ball, x=1.0)])) == pytest.approx(2 * volume(ball))

@@ -1,0 +1,130 @@
+"""The library is complete, physical and hard to get wrong."""
+
+import math
+from collections import Counter
+
+import pytest
+
+from dcap.language.material_table import COLUMNS, FAMILIES, SOURCED, families, load_materials, sources_of
+from dcap.language.offline.lexicon import part_words, things
+from dcap.scene.errors import InputError
+
+
+def test_library_covers_indoor_life():
+    """At least 80 rows; foams, textiles, woods, metals, glass, ceramics, plastics, rubbers, paper, stone, food."""
+    library = load_materials()
+    wanted = {
+        "foam_mattress", "pillow_polyester", "pillow_down", "towel_stack", "leather", "wood_oak", "steel", "glass",
+        "porcelain", "abs", "rubber_soft", "paper_stack", "cardboard", "granite", "apple", "plush_filling",
+        "foam_latex",
+    }  # fmt: skip
+    assert len(library) >= 80
+    assert wanted <= library.keys()
+
+
+def test_stiffness_orders_as_everyone_knows():
+    """Down < pillow < mattress < rubber < leather < wood < steel."""
+    library = load_materials()
+    order = ["pillow_down", "pillow_polyester", "foam_mattress", "rubber_soft", "leather", "wood_pine", "steel"]
+    moduli = [library[name].youngs_modulus for name in order]
+    assert moduli == sorted(moduli)
+
+
+def test_class_agrees_with_stiffness():
+    """`rigid` is above 1 GPa, `soft` is not."""
+    for material in load_materials().values():
+        if material.kind != "thin":
+            assert (material.youngs_modulus > 1e9) == (material.kind == "rigid"), material.id
+
+
+def test_lexicon_names_only_rows_of_the_library():
+    """Every material that a thing or part names exists."""
+    library = load_materials()
+    named = {m for thing in things().values() for m in thing.materials.values()}
+    named |= {part.material for part in part_words().values()}
+    assert named <= library.keys()
+
+
+GOOD = "a,A,100,1e6,0.3,0.5,0.4,0.001,foam,soft,x,estimate"
+PAGE = '"density, poisson_ratio: https://a.page/b | rest: estimate"'
+
+
+@pytest.mark.parametrize(
+    ("row", "words"),
+    [
+        (GOOD.replace("1e6", "-5"), "youngs_modulus_pa"),
+        (GOOD.replace("0.3", "0.5", 1), "poisson_ratio"),
+        (GOOD.replace("0.4", "0.6"), "dynamic friction"),
+        (GOOD.replace("100", "nan"), "density"),
+        (GOOD.replace("100", "heavy"), "not a number"),
+        (GOOD.replace("soft", "gas"), "class"),
+        (GOOD.replace("foam", "air"), "family"),
+        (GOOD.replace("estimate", ""), "source"),
+        (GOOD.replace("estimate", "a book"), "source"),
+        (GOOD.replace("estimate", PAGE.replace(" | rest: estimate", "")), "no source of youngs_modulus"),
+        (GOOD.replace("estimate", PAGE.replace("density", "mass")), "source of 'mass'"),
+        (GOOD.replace("estimate", PAGE.replace("poisson_ratio", "density")), "source of 'density'"),
+        (GOOD.replace("estimate", PAGE.replace("https://a.page/b", "a.page")), "'COLUMNS: URL"),
+        (GOOD + "\n" + GOOD.replace("a,A", "b,B"), "'x' names a already"),
+        (GOOD + "\n" + GOOD, "twice"),
+        ("a,b", "fields"),
+    ],
+)
+def test_a_bad_row_is_refused_with_its_line(tmp_path, row, words):
+    """File, line, field and value are in the message."""
+    file = tmp_path / "materials.csv"
+    file.write_text(",".join(COLUMNS) + "\n" + row + "\n")
+    with pytest.raises(InputError, match=words) as error:
+        load_materials(file)
+    assert f"{file}:" in str(error.value)
+
+
+def test_a_source_says_which_columns_it_holds_for():
+    """Named columns have the page, with how the number follows from it; the rest is an estimate."""
+    found = sources_of(
+        "density: https://a.page | youngs_modulus: https://b.page (EPS22: 50 kPa at 1 %) | rest: estimate", ""
+    )
+    assert found["density"] == "https://a.page"
+    assert found["youngs_modulus"] == "https://b.page (EPS22: 50 kPa at 1 %)"
+    assert {found[name] for name in SOURCED[2:]} == {"estimate"}
+    assert set(sources_of("estimate", "").values()) == {"estimate"}
+
+
+def test_most_densities_and_moduli_come_from_a_page():
+    """At least 60 rows have both from pages."""
+    pages = [sources_of(material.source, "") for material in load_materials().values()]
+    assert sum(found["density"] != "estimate" != found["youngs_modulus"] for found in pages) >= 60
+
+
+def test_every_family_is_there():
+    """Foams to food, each with at least two rows but for leather."""
+    counted = Counter(families().values())
+    assert set(counted) == set(FAMILIES)
+    assert all(count >= 2 for family, count in counted.items() if family != "leather")
+
+
+MEASURED = [
+    ("wood_oak", "wood_oak", 0.5, 0.5), ("brick", "wood_oak", 0.6, 0.6), ("wood_oak", "steel", 0.2, 0.6),
+    ("wood_oak", "concrete", 0.62, 0.62), ("cast_iron", "wood_oak", 0.49, 0.49), ("brass", "steel", 0.51, 0.51),
+    ("copper", "steel", 0.53, 0.53), ("aluminium", "steel", 0.61, 0.61), ("glass", "steel", 0.5, 0.7),
+    ("leather", "steel", 0.4, 0.56), ("rubber_soft", "concrete", 1.0, 1.0), ("apple", "apple", 0.42, 0.42),
+    ("ptfe", "ptfe", 0.04, 0.04),
+]  # fmt: skip
+"""Measured friction of clean, dry pairs, as published tables of pairs give it: lowest and highest."""
+
+
+@pytest.mark.parametrize(("one", "other", "low", "high"), MEASURED)
+def test_the_geometric_mean_comes_near_measured_pairs(one, other, low, high):
+    """Within a factor of 1.4 of what was measured: tables differ from each other by as much."""
+    library = load_materials()
+    friction = math.sqrt(library[one].static_friction * library[other].static_friction)
+    assert low / 1.4 <= friction <= 1.4 * high
+
+
+def test_things_are_plausible():
+    """At least 80 things with sizes; densities of their boxes lie between a balloon's and lead's."""
+    known = [thing for thing in things().values() if thing.size[0] < 20]
+    assert len(known) >= 80
+    for thing in known:
+        density = thing.mass / (thing.size[0] * thing.size[1] * thing.size[2])
+        assert 1.0 < density < 12_000, (thing.id, density)

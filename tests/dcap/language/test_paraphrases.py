@@ -1,0 +1,51 @@
+"""Many ways to ask for the same things: `paraphrases.txt` against the offline reader, in a room with two beds.
+
+The first half of the file was written down before its author saw the grammar.
+"""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from dcap.language.offline.client import OfflineClient
+from dcap.language.protocol.questions import INTENT
+from dcap.scene.errors import LanguageError
+
+TABLE = Path(__file__).with_name("paraphrases.txt")
+KEYS = ("part", "which", "regions", "refs", "pose", "facing", "turn", "lost")
+
+
+def sentences() -> list[str]:
+    lines = TABLE.read_text(encoding="utf-8").splitlines()
+    return [line for line in lines if line and not line.startswith("#")]
+
+
+def expected(cell: str) -> dict[str, str]:
+    """ "which=2 from top regions=left" as a dictionary with every key."""
+    said = re.findall(rf"({'|'.join(KEYS)})=(.*?)(?= (?:{'|'.join(KEYS)})=|$)", cell)
+    return {**dict.fromkeys(KEYS, ""), "pose": "any", "turn": "0", **dict(said)}
+
+
+@pytest.mark.parametrize("line", sentences(), ids=lambda line: line.split(" | ")[0][:60])
+def test_paraphrase_is_read_as_a_person_reads_it(line, ask):
+    """Base, part, region, reference, pose, facing and the words that are not understood are those of the table."""
+    prompt, base, cell = (text.strip() for text in line.split("|"))
+    if base == "!":
+        with pytest.raises(LanguageError):
+            OfflineClient().ask(INTENT, ask(prompt))
+        return
+    reply = OfflineClient().ask(INTENT, ask(prompt))
+    assert reply.base_id == base.strip("?")
+    assert bool(reply.missing) == (base == "?")
+    if base != "?":
+        assert expected(cell) == {
+            "part": reply.part,
+            "which": reply.which,
+            "regions": ",".join(reply.regions),
+            "refs": ",".join(reply.references),
+            "pose": reply.pose,
+            "facing": reply.facing,
+            "turn": f"{reply.turn_deg:g}",
+            "lost": ",".join(reply.not_understood),
+        }

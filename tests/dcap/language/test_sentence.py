@@ -1,0 +1,95 @@
+"""No word of a prompt disappears, whatever the prompt; and what a sentence asks is known before any scene is."""
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from dcap.language.offline.client import OfflineClient
+from dcap.language.offline.lexicon import split_words, vocabulary
+from dcap.language.offline.sentence import Reading, read
+from dcap.language.offline.words import tokens_of
+from dcap.language.protocol.questions import INTENT
+from dcap.scene.errors import LanguageError
+
+FIXED = HealthCheck.function_scoped_fixture
+"""`ask` is the same function for every example."""
+NONSENSE = ("glorbix", "wibbly", "zzyzx", "qwop", "brillig", "7up")
+KNOWN = sorted({word for phrase in vocabulary() for word in phrase if len(vocabulary().get((word,), ())) == 1})
+PLAIN = (
+    "put",
+    "the",
+    "ball",
+    "on",
+    "bed",
+    "left",
+    "desk",
+    "next to",
+    "and",
+    ",",
+    "of",
+    "it",
+    "facing",
+    "in",
+    "red",
+    "rotated",
+    "30 degrees",
+)
+PROMPTS = st.lists(
+    st.one_of(st.sampled_from(PLAIN), st.sampled_from(KNOWN), st.sampled_from(NONSENSE)), min_size=1, max_size=12
+).map(" ".join)
+SAYS_SOMETHING = ("thing", "part", "region", "side", "colour", "relation", "face", "pose", "angle", "unknown")
+EMPTY = ("filler", "det", "conj", "of", "pronoun", "verb", "restrict", "genitive", "quality")
+"""Kinds of words that may be dropped: they add nothing of their own, or are used up by the grammar."""
+
+
+def phrases(reading: Reading) -> list[str]:
+    """Every phrase that a reading keeps or reports."""
+    theme = [reading.theme.text] if reading.theme is not None else []
+    facing = [reading.facing.text] if reading.facing is not None else []
+    return [
+        *theme, *facing, *(place.text for place in reading.places), *reading.aside, *reading.not_understood,
+        reading.pose_words, reading.turn_words,
+    ]  # fmt: skip
+
+
+@settings(max_examples=400, deadline=None, derandomize=True)
+@given(prompt=PROMPTS)
+def test_every_word_is_used_or_reported(prompt: str):
+    """A prompt is refused, or each of its meaningful phrases stands in the reading; unknown words are reported."""
+    try:
+        reading = read(prompt)
+    except LanguageError:
+        return
+    kept = {word for phrase in phrases(reading) for word in split_words(phrase)}
+    for token in tokens_of(prompt):
+        if token.has("unknown"):
+            assert token.text in " ".join(reading.not_understood).split()
+        elif token.has(*SAYS_SOMETHING) and not token.has(*EMPTY):
+            assert set(split_words(token.text)) <= kept, token
+
+
+@settings(max_examples=200, deadline=None, derandomize=True, suppress_health_check=[FIXED])
+@given(prompt=PROMPTS)
+def test_any_prompt_is_answered_or_refused_in_one_line(prompt: str, ask):
+    """In a room, every prompt gives a checked reply that reports the unknown words, or a LanguageError."""
+    try:
+        reply = OfflineClient().ask(INTENT, ask(prompt))
+    except LanguageError as caught:
+        said = str(caught)
+    else:
+        said = " ".join((*reply.not_understood, reply.missing))
+        assert all(token.text in said.split() for token in tokens_of(prompt) if token.has("unknown"))
+    assert "\n" not in said
+
+
+@pytest.mark.parametrize(
+    ("words", "degrees"),
+    [
+        ("90 degrees", 90), ("-12.5 deg", -12.5), ("7°", 7), ("forty-five degrees", 45), ("400 degrees", 40),
+        ("one hundred eighty degrees", 180), ("270 degrees clockwise", -270),
+    ],
+)  # fmt: skip
+def test_angles_are_numbers_in_words_or_digits(words, degrees):
+    """A number and its unit are one token; whole turns fall away."""
+    reading = read(f"put the mug on the desk rotated by {words}")
+    assert (reading.turn, reading.not_understood) == (degrees, ())

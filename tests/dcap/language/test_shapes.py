@@ -1,0 +1,109 @@
+"""Laws of naming things by shape: what is usual for a label gets it, and doubt is said."""
+
+import math
+from dataclasses import replace
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from dcap.language.offline.shapes import Shape, Usual, label_of, labels, probabilities, shape_row, shapes
+from dcap.language.protocol.replies import OTHER, LabelReply
+from dcap.language.protocol.requests import LabelRequest
+from dcap.scene.errors import InputError
+
+ALIKE = frozenset({"counter", "toy"})
+"""Labels whose middling example is as well something else: a short counter is a cabinet, a flat toy a book."""
+
+
+def usual_thing(shape: Shape) -> LabelRequest:
+    """Every measure of the row in the middle of its range, the others as most things have them."""
+
+    def middle(name: str, otherwise: float) -> float:
+        usual = shape.traits.get(name)
+        return otherwise if usual is None else 0.5 * (usual.low + usual.high)
+
+    length, width, height = (math.exp(middle(name, 0.0)) for name in ("length", "width", "height"))
+    on_floor = shape.held_by[0] == "floor"
+    bottom, rise = middle("bottom", 0.0 if on_floor else 1.0), middle("rise", 0.0 if on_floor else 0.1)
+    light, green = middle("light", 0.5), middle("green", 0.0)
+    return LabelRequest(
+        id="thing_0", size=(length, width, height), bottom=bottom, top=bottom + height,
+        level_height=middle("level", bottom + height - rise), level_area=middle("share", 0.5) * length * width,
+        rise=rise, levels=round(middle("levels", 1.0)), closed=middle("closed", 0.8), covered=middle("covered", 0.9),
+        waist=middle("waist", 0.8), rough=middle("rough", 0.1), held_by=shape.held_by[0], holder=shape.held_by[0],
+        wall_gap=middle("gap", 0.3), carries=0, color=(light, light + green, light), varied=middle("varied", 15.0),
+        balance=middle("balance", 0.5), labels=labels(),
+    )  # fmt: skip
+
+
+def test_the_table_knows_a_household() -> None:
+    """At least 35 labels, among them what carries most things."""
+    assert len(labels()) >= 35
+    assert {"bed", "sofa", "desk", "bookshelf", "rug", "curtain", "toilet", "pillow", "book"} <= set(labels())
+
+
+@pytest.mark.parametrize("shape", [one for one in shapes() if one.label not in ALIKE], ids=lambda one: one.label)
+def test_what_is_usual_for_a_label_gets_it(shape: Shape) -> None:
+    """A thing in the middle of all ranges of a row, held by what usually holds it, gets the label of the row."""
+    assert label_of(usual_thing(shape)).label == shape.label
+
+
+@pytest.mark.parametrize("shape", shapes()[:6], ids=lambda one: one.label)
+def test_probabilities_add_up(shape: Shape) -> None:
+    """The probabilities of all labels and of none of them add up to 1, and the best one is the confidence."""
+    request = usual_thing(shape)
+    found = probabilities(request)
+    assert math.isclose(sum(found.values()), 1.0, rel_tol=1e-12)
+    assert label_of(request).confidence == max(found.values())
+
+
+def test_what_holds_a_thing_tells_what_it_is() -> None:
+    """The same soft box is a pillow on a bed and a cushion on a sofa."""
+    pillow = next(usual_thing(shape) for shape in shapes() if shape.label == "pillow")
+    small = replace(pillow, size=(0.48, 0.4, 0.14))
+    assert label_of(replace(small, holder="bed")).label == "pillow"
+    assert label_of(replace(small, holder="sofa")).label == "cushion"
+
+
+def test_only_listed_labels_are_given() -> None:
+    """What may not be chosen is not, and with nothing to choose from the thing is other."""
+    bed = next(usual_thing(shape) for shape in shapes() if shape.label == "bed")
+    assert label_of(replace(bed, labels=("sofa", "cup"))).label in ("sofa", "cup", OTHER)
+    assert label_of(replace(bed, labels=())) == LabelReply(
+        label=OTHER, confidence=1.0, reason=label_of(replace(bed, labels=())).reason
+    )
+    with pytest.raises(ValueError, match="throne"):
+        LabelReply(label="throne", confidence=1.0).check(bed)
+
+
+def test_the_unheard_of_stays_a_thing() -> None:
+    """A block of 4 m in the air is nothing that a home has."""
+    bed = next(usual_thing(shape) for shape in shapes() if shape.label == "bed")
+    assert label_of(replace(bed, size=(4.0, 4.0, 4.0), bottom=0.9, holder="nothing", rise=4.0)).label == OTHER
+
+
+@given(st.floats(0.01, 5.0), st.floats(1.0, 3.0))
+def test_farther_from_usual_is_never_likelier(value: float, factor: float) -> None:
+    """Beyond the usual range the density falls, on both sides, and within it is even."""
+    usual = Usual.of("bottom", [0.1, 0.4, 0.6, 1.2])
+    at, beyond = usual.log_density(value), usual.log_density(0.5 + factor * (value - 0.5))
+    assert beyond <= at
+    assert (at == usual.log_density(0.5)) == (0.4 <= value <= 0.6)
+
+
+def test_a_density_has_mass_one() -> None:
+    """The density adds up to 1: a narrow range is no advantage but for what it fits."""
+    usual = Usual.of("bottom", [0.1, 0.4, 0.6, 1.2])
+    step = 1e-3
+    total = sum(math.exp(usual.log_density(-2.0 + step * k)) * step for k in range(6000))
+    # within FARTHEST standard deviations all but 1e-9 of a normal distribution; beyond it the floor exp(-18) is even
+    assert total == pytest.approx(1.0, abs=1e-3)
+
+
+@pytest.mark.parametrize("entry", ["height=1 2 3", "height=3 2 1 4", "girth=1 2 3 4"])
+def test_a_bad_row_is_named(entry: str) -> None:
+    """Too few numbers, falling ones and unknown measures are errors that quote the entry."""
+    row = {"label": "bed", "held_by": "floor", "common": "1", "traits": entry, "source": "estimate"}
+    with pytest.raises(InputError, match=entry.split("=")[0]):
+        shape_row(row)

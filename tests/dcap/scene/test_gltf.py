@@ -1,0 +1,174 @@
+"""glTF: quantised, strided and sparse geometry is what it stands for; compressed geometry is refused by name."""
+
+import json
+import struct
+import tracemalloc
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from dcap.scene.checks.findings import Findings
+from dcap.scene.checks.scene_folder import check_scene
+from dcap.scene.errors import InputError
+from dcap.scene.readers.frame import Role
+from dcap.scene.readers.source import read_scan
+from dcap.scene.types.mesh import Mesh
+from dcap.scene.types.sample import SourceOptions
+
+POINTS = np.array([[0, 0, 0], [2, 0, 0], [0, 3, 0], [0, 0, 1]], dtype=np.float64)
+FACES = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]], dtype="<u2")
+"""A tetrahedron of volume 1, outward faces."""
+
+TYPES = {"i1": 5120, "u1": 5121, "i2": 5122, "u2": 5123, "u4": 5125, "f4": 5126}
+
+
+def write(path: Path, data: list[bytes], accessors: list[dict[str, Any]], **more: Any) -> Path:
+    """A GLB with a buffer view per piece of data and one primitive: positions 0, indices 1."""
+    binary, views = b"", []
+    for piece in data:
+        views.append({"buffer": 0, "byteOffset": len(binary), "byteLength": len(piece)})
+        binary += piece + b"\0" * (-len(piece) % 4)
+    document: dict[str, Any] = {
+        "asset": {"version": "2.0"}, "scenes": [{"nodes": [0]}], "nodes": [{"name": "Crate", "mesh": 0}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "indices": 1}]}],
+        "accessors": accessors, "bufferViews": views, "buffers": [{"byteLength": len(binary)}],
+    }  # fmt: skip
+    for key, value in more.items():
+        document[key] = value(document[key]) if callable(value) else value
+    text = json.dumps(document).encode()
+    text += b" " * (-len(text) % 4)
+    body = struct.pack("<II", len(text), 0x4E4F534A) + text + struct.pack("<II", len(binary), 0x004E4942) + binary
+    path.write_bytes(struct.pack("<4sII", b"glTF", 2, 12 + len(body)) + body)
+    return path
+
+
+def accessor(view: int | None, kind: str, count: int, shape: str, **more: Any) -> dict[str, Any]:
+    """One accessor."""
+    base = {} if view is None else {"bufferView": view}
+    return base | {"componentType": TYPES[kind], "count": count, "type": shape, **more}
+
+
+INDICES = (FACES.tobytes(), accessor(1, "u2", 12, "SCALAR"))
+
+
+def mesh_of(path: Path) -> Mesh:
+    """Read as an object whose y is up."""
+    return read_scan(path, SourceOptions(up="y"), Role.OBJECT).mesh
+
+
+def same(mesh: Mesh, tolerance: float) -> None:
+    """The tetrahedron, turned from y up to z up."""
+    expected: NDArray[np.float64] = POINTS[:, [0, 2, 1]] * [1, -1, 1]
+    np.testing.assert_allclose(mesh.triangles, expected[FACES], atol=tolerance)
+
+
+@pytest.mark.parametrize("kind", ["u1", "i1", "u2", "i2"])
+@pytest.mark.parametrize("normalized", [False, True])
+def test_quantised_positions_stand_for_metres(tmp_path: Path, kind: str, normalized: bool) -> None:
+    """KHR_mesh_quantization: integers, plain or as shares of their largest, under a node that scales them back."""
+    most = np.iinfo(kind).max
+    values = np.rint(POINTS / 3 * most)
+    rows = np.zeros((4, 4), dtype="<" + kind)  # rows are padded to a multiple of four bytes
+    rows[:, :3] = values
+    path = write(
+        tmp_path / "q.glb",
+        [rows.tobytes(), INDICES[0]],
+        [accessor(0, kind, 4, "VEC3", normalized=normalized), INDICES[1]],
+        bufferViews=lambda views: [views[0] | {"byteStride": rows.strides[0]}, views[1]],
+        nodes=[{"name": "Crate", "mesh": 0, "scale": [3 / (1 if normalized else most)] * 3}],
+        extensionsUsed=["KHR_mesh_quantization"],
+        extensionsRequired=["KHR_mesh_quantization"],
+    )
+    same(mesh_of(path), 3 / most)  # a step of the grid; half of one would do but for float32
+
+
+@pytest.mark.parametrize("based", [True, False])
+def test_sparse_accessors_replace_some_values(tmp_path: Path, based: bool) -> None:
+    """Over a base, and over zeros where there is none."""
+    base = POINTS.copy()
+    base[[1, 3]] = 7.0 if based else 0.0
+    base[2] = POINTS[2] if based else 0.0
+    at = np.array([1, 3] if based else [1, 2, 3], dtype="u1")
+    sparse = {
+        "count": len(at), "indices": {"bufferView": 2, "componentType": 5121}, "values": {"bufferView": 3},
+    }  # fmt: skip
+    path = write(
+        tmp_path / "s.glb",
+        [base.astype("<f4").tobytes(), INDICES[0], at.tobytes(), POINTS[at].astype("<f4").tobytes()],
+        [accessor(0 if based else None, "f4", 4, "VEC3", sparse=sparse), INDICES[1]],
+    )
+    same(mesh_of(path), 1e-6)
+
+
+@pytest.mark.parametrize(("index", "count"), [(4, 1), (200, 1), (0, 99)])
+def test_sparse_accessors_that_reach_too_far_are_refused(tmp_path: Path, index: int, count: int) -> None:
+    """An index beyond the accessor, or more replacements than there are bytes."""
+    sparse = {"count": count, "indices": {"bufferView": 2, "componentType": 5121}, "values": {"bufferView": 3}}
+    path = write(
+        tmp_path / "s.glb",
+        [POINTS.astype("<f4").tobytes(), INDICES[0], bytes([index]), bytes(12)],
+        [accessor(0, "f4", 4, "VEC3", sparse=sparse), INDICES[1]],
+    )
+    with pytest.raises(InputError, match=r"s\.glb: accessor 0"):
+        mesh_of(path)
+
+
+def test_interleaved_vertices_are_read_by_their_stride(tmp_path: Path) -> None:
+    """Positions and colours in one buffer view."""
+    row = np.dtype([("position", "<f4", 3), ("color", "u1", 4)])
+    rows = np.zeros(4, dtype=row)
+    rows["position"], rows["color"] = POINTS, (255, 128, 0, 255)
+    path = write(
+        tmp_path / "i.glb",
+        [rows.tobytes(), INDICES[0]],
+        [accessor(0, "f4", 4, "VEC3"), INDICES[1], accessor(0, "u1", 4, "VEC4", byteOffset=12, normalized=True)],
+        bufferViews=lambda views: [views[0] | {"byteStride": 16}, views[1]],
+        meshes=[{"primitives": [{"attributes": {"POSITION": 0, "COLOR_0": 2}, "indices": 1}]}],
+    )
+    same(mesh_of(path), 1e-6)
+    assert np.abs(mesh_of(path).colors.astype(int) - [255, 128, 0]).max() <= 1
+
+
+@pytest.mark.parametrize("name", ["KHR_draco_mesh_compression", "EXT_meshopt_compression", "KHR_meshopt_compression"])
+@pytest.mark.parametrize("declared", [True, False])
+def test_compression_is_named_with_its_remedy(tmp_path: Path, name: str, declared: bool) -> None:
+    """Draco sits in primitives, Meshopt in buffer views; both are refused, also where it is not declared."""
+    extension = {"extensions": {name: {"bufferView": 0, "buffer": 0, "count": 4, "byteStride": 12}}}
+    where: dict[str, Any] = (
+        {"meshes": lambda meshes: [{"primitives": [meshes[0]["primitives"][0] | extension]}]}
+        if "draco" in name
+        else {"bufferViews": lambda views: [views[0] | extension, views[1]]}
+    )
+    used = {"extensionsUsed": [name], "extensionsRequired": [name]} if declared else {}
+    path = write(
+        tmp_path / "c.glb", [POINTS.astype("<f4").tobytes(), INDICES[0]], [accessor(0, "f4", 4, "VEC3"), INDICES[1]],
+        **where, **used,
+    )  # fmt: skip
+    with pytest.raises(InputError, match=f"{name}.*gltf-transform copy"):
+        mesh_of(path)
+
+
+def test_nodes_of_one_name_stay_apart(tmp_path: Path) -> None:
+    """Names need not be unique in glTF: the second of two equal siblings gets a number, and children follow theirs."""
+    nodes = [{"name": "A", "children": [1, 2]}, {"name": "B", "mesh": 0}, {"name": "B", "children": [3]}]
+    nodes += [{"name": "C", "mesh": 0, "translation": [9, 0, 0]}]
+    path = write(
+        tmp_path / "n.glb", [POINTS.astype("<f4").tobytes(), INDICES[0]], [accessor(0, "f4", 4, "VEC3"), INDICES[1]],
+        nodes=nodes,
+    )  # fmt: skip
+    assert read_scan(path, SourceOptions(), Role.SCENE).node_names == ("A/B", "A/B.2/C")
+
+
+def test_a_check_allocates_nothing_for_an_accessor_without_data(tmp_path: Path) -> None:
+    """It tells of ten million promised positions and goes on, but does not make them up."""
+    path = write(tmp_path / "a.glb", [b"", INDICES[0]], [accessor(None, "f4", 10**7, "VEC3"), INDICES[1]])
+    findings = Findings()
+    tracemalloc.start()
+    check_scene(path, findings)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert [one.what for one in findings.all()] == ["accessor 0 promises 10000000 values without data"]
+    assert peak < 1e6

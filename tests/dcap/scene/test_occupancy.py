@@ -1,0 +1,263 @@
+"""InteriorGS' maps of the floor: the mirrored columns, the self-check, and files that contradict themselves."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from PIL import Image
+
+from dcap.scene.checks.findings import Findings
+from dcap.scene.checks.occupancy import check_occupancy
+from dcap.scene.errors import FormatError, GeometryError, InputError
+from dcap.scene.problems import Severity
+from dcap.scene.readers.interiorgs import read_structure
+from dcap.scene.readers.occupancy import MAX_CELLS, read_occupancy
+from dcap.scene.types.occupancy import FREE, OCCUPIED, UNKNOWN, Occupancy
+from dcap.scene.types.scan import Room
+from dcap.scene.writers.interiorgs import write_interiorgs
+from dcap.synthetic.rooms import BuiltRoom, build_room
+
+
+@pytest.fixture(scope="module")
+def built() -> BuiltRoom:
+    return build_room("hall_01", 0)
+
+
+@pytest.fixture(scope="module")
+def folder(built: BuiltRoom, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("room")
+    write_interiorgs(path, built.record, 0)
+    return path
+
+
+DOCUMENT = {"scale": 0.1, "center": [0, 0, 0], "lower": [-1, -2, 0], "upper": [1.0, 1, 3], "min": [-1, -2, 0]}
+KEYS = "scale", "lower", "upper", "center", "min"
+
+
+def scene(path: Path, cells: np.ndarray, **document: object) -> Path:
+    """A folder with a map."""
+    Image.fromarray(cells.astype(np.uint8)).save(path / "occupancy.png")
+    (path / "occupancy.json").write_text(json.dumps({**DOCUMENT, **document}))
+    return path
+
+
+def some_map() -> np.ndarray:
+    """Free within four columns on the left of the picture, all rows."""
+    cells = np.full((30, 20), UNKNOWN)
+    cells[:, 1:5] = FREE
+    return cells
+
+
+def room(low: tuple[float, float], high: tuple[float, float]) -> Room:
+    """A rectangle."""
+    return Room("", np.array([low, (high[0], low[1]), high, (low[0], high[1])], dtype=float))
+
+
+def test_what_the_writer_wrote(built: BuiltRoom, folder: Path) -> None:
+    """Read as documented: free in the room but not where something stands, unknown outside."""
+    found, notes = read_occupancy(folder, read_structure(folder)[0])
+    assert found is not None
+    assert notes == ()
+    assert found.step[0] < 0 < found.step[1]
+    profile = built.record.profile
+    assert (found.free & ~found.within([profile])).sum() < 0.001 * found.free.sum()
+    middles = np.array([footprint.mean(axis=0) for footprint in built.record.obstacles])
+    assert (found.value(middles) == OCCUPIED).all()
+    assert (found.value(profile + 5.0 * np.sign(profile - profile.mean(axis=0))) == UNKNOWN).all()
+    grid = np.stack(np.meshgrid(*(np.linspace(a + 0.1, b - 0.1, 30) for a, b in zip(profile[0], profile[2],
+                    strict=True))), axis=-1).reshape(-1, 2)  # fmt: skip
+    blocked = np.zeros(len(grid), dtype=bool)
+    for footprint in built.record.obstacles:
+        low, high = footprint.min(axis=0) - 0.02, footprint.max(axis=0) + 0.02
+        blocked |= ((grid > low) & (grid < high)).all(axis=1)
+    assert (found.value(grid[~blocked]) == FREE).all()
+
+
+def test_cells_and_places_map_both_ways(folder: Path) -> None:
+    """The middle of a cell has that cell's value."""
+    found, _ = read_occupancy(folder, ())
+    assert found is not None
+    rows, columns = np.nonzero(found.cells != UNKNOWN)
+    assert np.array_equal(found.value(found.world(rows, columns)), found.cells[rows, columns])
+    assert found.world(np.array([0]), np.array([0])) == pytest.approx(found.first[None])
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "x", "words"),
+    [
+        ((0.5, -2.0), (1.0, 1.0), 0.9, None),  # the mirror puts columns 1 to 4 at x = 0.9 to 0.6
+        ((-1.0, -2.0), (-0.5, 1.0), -0.9, "unmirrored with cells around"),
+        ((0.51, -2.0), (0.88, 1.1), 0.85, "mirrored with cells from"),
+        ((-0.88, -2.0), (-0.52, 1.1), -0.85, "unmirrored with cells from"),
+        (None, None, 0.9, None),
+    ],
+)
+def test_the_mapping_with_more_free_cells_in_rooms_is_taken(tmp_path: Path, low, high, x, words) -> None:
+    """And said, where it is another than the documented one."""
+    scene(tmp_path, some_map())
+    found, notes = read_occupancy(tmp_path, (room(low, high),) if low else ())
+    assert found is not None
+    assert found.world(np.array([0]), np.array([1]))[0, 0] == pytest.approx(x)
+    assert (words is None and notes == ()) or (
+        words is not None and notes[0].startswith(f"occupancy.png is read {words}")
+    )
+
+
+def test_a_tie_is_read_as_documented(tmp_path: Path) -> None:
+    """A room that holds every free cell either way decides nothing."""
+    found, notes = read_occupancy(scene(tmp_path, some_map()), (room((-9, -9), (9, 9)),))
+    assert found is not None
+    assert found.step.tolist() == [-0.1, 0.1]
+    assert notes == ()
+
+
+def test_a_map_beside_its_rooms_is_reported(tmp_path: Path) -> None:
+    """No free cell in any room: the files do not belong together."""
+    _, notes = read_occupancy(scene(tmp_path, some_map()), (room((50, 50), (51, 51)),))
+    assert "no free cell inside a room" in notes[0]
+
+
+def test_a_room_with_a_notch(tmp_path: Path) -> None:
+    """Cells in the notch of an L are outside."""
+    found, _ = read_occupancy(scene(tmp_path, some_map()), ())
+    assert found is not None
+    corner = np.array([[-0.95, -1.95], [0.45, -1.95], [0.45, -0.45], [-0.25, -0.45], [-0.25, 0.55], [-0.95, 0.55]])
+    inside = found.within([corner])
+    rows, columns = np.nonzero(inside)
+    x, y = found.world(rows, columns).T
+    assert not ((x > -0.25) & (y > -0.45)).any()
+    # cells of 0.1 m with their middles on multiples of it: 14 x 15 in the foot and 7 x 10 above
+    assert inside.sum() == 14 * 15 + 7 * 10
+
+
+def test_scaled_maps_and_missing_files(tmp_path: Path) -> None:
+    """Grey levels between the three go to the nearest; half a map is none, and said; none at all is nothing."""
+    assert read_occupancy(tmp_path, ()) == (None, ())
+    cells = np.array([[0, 60, 70, 127, 180, 200, 255]])
+    found, _ = read_occupancy(scene(tmp_path, cells), ())
+    assert found is not None
+    assert found.cells[0].tolist() == [0, 0, 127, 127, 127, 255, 255]
+    (tmp_path / "occupancy.png").unlink()
+    missing, notes = read_occupancy(tmp_path, ())
+    assert missing is None
+    assert notes == ("occupancy.png missing: no map of free places",)
+
+
+@pytest.mark.parametrize(
+    ("document", "words"),
+    [
+        ({"scale": 0}, "scale is 0"),
+        ({"scale": "0.1"}, "scale is '0.1'"),
+        ({"scale": True}, "scale is True"),
+        ({"scale": float("nan")}, "scale is nan"),
+        ({"scale": None}, "scale is None"),
+        ({"lower": [0]}, "lower is"),
+        ({"upper": [0, 0, float("inf")]}, "upper is"),
+        ({"upper": [-1, 1, 3]}, "not below upper"),
+        ({"center": "here"}, "center is 'here'"),
+        ({"max": [10**400, 0, 0]}, "max is"),
+    ],
+)
+def test_numbers_that_cannot_be(tmp_path: Path, document: dict[str, object], words: str) -> None:
+    """The file, the key and the value."""
+    with pytest.raises(FormatError, match=words) as caught:
+        read_occupancy(scene(tmp_path, some_map(), **document), ())
+    assert "occupancy.json" in str(caught.value)
+
+
+BROKEN: list[dict[str, bytes]] = [
+    {"occupancy.json": json.dumps(document).encode()}
+    for document in (
+        [],
+        {},
+        {**DOCUMENT, "scale": 50},
+        {**DOCUMENT, "scale": -1},
+        {**DOCUMENT, "scale": 10**400},
+        {**DOCUMENT, "lower": DOCUMENT["upper"]},
+        {**DOCUMENT, "lower": [-1, 1.0, 0]},
+        {**DOCUMENT, "upper": [1, 1, 3, 1]},
+        {**DOCUMENT, "upper": [1, 1, None]},
+        {**DOCUMENT, "min": [False, 0, 0]},
+        {"scale": "x", "lower": 1, "upper": {"x": 1}, "center": None},
+    )
+] + [
+    {"occupancy.json": b'{"scale": 0.1,\n]'},
+    {"occupancy.json": b""},
+    {"occupancy.json": b"\xff"},
+    {"occupancy.png": b""},
+    {"occupancy.png": b"GIF89a"},
+    {"occupancy.json": b"3", "occupancy.png": b"PNG"},
+]  # fmt: skip
+USABLE: list[dict[str, object]] = [
+    {"lower": [-1, -2], "upper": [1, 1]},
+    {"lower": [-1, -2, 9]},
+    {"scale": 10},
+    {"min": [3, 3, 3], "max": [0, 0, 0]},
+    {"lower": [-1e308, -2, 0], "upper": [1e308, 1, 0]},
+]
+
+
+def errors(folder: Path) -> list[str]:
+    """What the check calls errors, as a reader would say them."""
+    findings = Findings()
+    check_occupancy(folder, findings)
+    return [f"{one.path}: {one.what}" for one in findings.listed if one.severity is Severity.ERROR]
+
+
+@pytest.mark.parametrize("files", BROKEN)
+def test_the_first_error_of_a_check_is_what_the_reader_refuses(tmp_path: Path, files: dict[str, bytes]) -> None:
+    """One set of rules: who checks is told of all that is broken, who reads of the first, in the same words."""
+    scene(tmp_path, some_map())
+    for name, data in files.items():
+        (tmp_path / name).write_bytes(data)
+    with pytest.raises(FormatError) as caught:
+        read_occupancy(tmp_path, ())
+    assert errors(tmp_path)[0] == str(caught.value)
+
+
+@pytest.mark.parametrize("document", USABLE)
+def test_what_is_read_has_no_errors(tmp_path: Path, document: dict[str, object]) -> None:
+    """Odd, but usable."""
+    scene(tmp_path, some_map(), **document)
+    assert read_occupancy(tmp_path, ())[0] is not None
+    assert errors(tmp_path) == []
+
+
+def test_pictures_that_cannot_be(tmp_path: Path) -> None:
+    """Too many pixels are refused before they are decoded; so are 16 bits, whose values would be cut."""
+    scene(tmp_path, some_map())
+    Image.new("1", (8193, 8192)).save(tmp_path / "occupancy.png")
+    assert MAX_CELLS < 8193 * 8192
+    with pytest.raises(FormatError, match="8193 x 8192 pixels") as caught:
+        read_occupancy(tmp_path, ())
+    assert errors(tmp_path) == [str(caught.value)]
+    Image.fromarray(np.full((4, 4), 60000, np.uint16)).save(tmp_path / "occupancy.png")
+    with pytest.raises(FormatError, match="more than 8 bits") as caught:
+        read_occupancy(tmp_path, ())
+    assert errors(tmp_path) == [str(caught.value)]
+    with pytest.raises(GeometryError, match="none but 255, 0 and 127"):
+        Occupancy(np.full((1, 1), 3, np.uint8), np.zeros(2), np.ones(2))
+    with pytest.raises(GeometryError, match="no zero"):
+        Occupancy(np.zeros((1, 1), np.uint8), np.zeros(2), np.array([0.0, 1.0]))
+
+
+@given(data=st.data())
+def test_broken_maps_end_in_one_line(data: st.DataObject, tmp_path_factory: pytest.TempPathFactory) -> None:
+    """Cut anywhere, or with bytes changed: read, or refused as our own error, never anything else."""
+    folder = scene(tmp_path_factory.mktemp("map"), some_map())
+    path = folder / data.draw(st.sampled_from(["occupancy.json", "occupancy.png"]))
+    content = bytearray(path.read_bytes())
+    for _ in range(data.draw(st.integers(0, 4))):
+        content[data.draw(st.integers(0, len(content) - 1))] = data.draw(st.integers(0, 255))
+    path.write_bytes(content[: data.draw(st.integers(1, len(content)))])
+    said, told = "", errors(folder)
+    try:
+        read_occupancy(folder, ())
+    except (FormatError, InputError) as error:
+        said = str(error)
+    assert bool(said) is bool(told)
+    assert "\n" not in said
+    assert not said or path.name in said

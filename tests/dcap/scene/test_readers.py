@@ -1,0 +1,584 @@
+"""Mesh files: what is read equals what was written; what is broken is refused with one line before it costs memory."""
+
+import base64
+import json
+import struct
+import tracemalloc
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+from PIL import Image
+
+from dcap.scene.errors import FormatError, InputError
+from dcap.scene.readers.frame import Role
+from dcap.scene.readers.source import read_scan
+from dcap.scene.types.mesh import Mesh
+from dcap.scene.types.sample import SourceOptions
+from dcap.scene.types.scan import Scan
+
+CUBE = np.array([[x, y, z] for x in (0.0, 1.0) for y in (0.0, 1.0) for z in (0.0, 1.0)]) - [0.5, 0.5, 0.0]
+QUADS = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
+"""A closed unit cube standing on z = 0, outward quads: area 6, volume 1."""
+
+
+def scan_of(path: Path, role: Role = Role.SCENE, **options: str) -> Scan:
+    """Read with options."""
+    return read_scan(path, SourceOptions(**options), role)
+
+
+def refusal(path: Path, role: Role = Role.SCENE, **options: str) -> str:
+    """The one line with which a source is refused."""
+    with pytest.raises(InputError) as caught:
+        scan_of(path, role, **options)
+    assert "\n" not in str(caught.value)
+    return str(caught.value)
+
+
+def volume(mesh: Mesh) -> float:
+    """Signed volume by the divergence theorem [m^3]."""
+    a, b, c = mesh.triangles.transpose(1, 0, 2)
+    return float(np.einsum("ij,ij->i", a, np.cross(b, c)).sum() / 6.0)
+
+
+def write_ply(
+    path: Path, order: str, vertices: NDArray[np.float64], polygons: list[list[int]], promised: int = 0
+) -> Path:
+    """A PLY file with vertex colours; `promised` overstates the vertex count."""
+    name = {"a": "ascii", "<": "binary_little_endian", ">": "binary_big_endian"}[order]
+    head = (
+        f"ply\nformat {name} 1.0\ncomment made by a test\nelement vertex {promised or len(vertices)}\n"
+        "property float x\nproperty float y\nproperty float z\nproperty uchar red\nproperty uchar green\n"
+        f"property uchar blue\nelement face {len(polygons)}\nproperty list uchar int vertex_indices\nend_header\n"
+    )
+    if order == "a":
+        rows = [" ".join(map(repr, map(float, v))) + " 10 20 30" for v in vertices]
+        rows += [" ".join(map(str, [len(p), *p])) for p in polygons]
+        path.write_text(head + "\n".join(rows))
+    else:
+        body = b"".join(struct.pack(order + "fffBBB", *v, 10, 20, 30) for v in vertices)
+        body += b"".join(struct.pack(f"{order}B{len(p)}i", len(p), *p) for p in polygons)
+        path.write_bytes(head.encode() + body)
+    return path
+
+
+def write_obj(path: Path, vertices: NDArray[np.float64], polygons: list[list[int]]) -> Path:
+    """A plain OBJ file."""
+    lines = [f"v {x!r} {y!r} {z!r}" for x, y, z in vertices.tolist()]
+    path.write_text("\n".join(lines + ["f " + " ".join(str(i + 1) for i in p) for p in polygons]))
+    return path
+
+
+def glb(document: dict[str, object], binary: bytes) -> bytes:
+    """A GLB container."""
+    text = json.dumps(document).encode()
+    text += b" " * (-len(text) % 4)
+    binary += b"\0" * (-len(binary) % 4)
+    body = struct.pack("<II", len(text), 0x4E4F534A) + text + struct.pack("<II", len(binary), 0x004E4942) + binary
+    return struct.pack("<4sII", b"glTF", 2, 12 + len(body)) + body
+
+
+def cube_document(scale: float = 1.0, **extra: object) -> tuple[dict[str, object], bytes]:
+    """A cube as glTF: y up, one named node."""
+    triangles = np.array([t for q in QUADS for t in ([q[0], q[1], q[2]], [q[0], q[2], q[3]])], dtype="<u2")
+    points = (CUBE[:, [0, 2, 1]] * [1, 1, -1] * scale).astype("<f4")
+    binary = points.tobytes() + triangles.tobytes()
+    document: dict[str, object] = {
+        "asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}],
+        "nodes": [{"name": "Crate", "mesh": 0}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "indices": 1}]}],
+        "accessors": [{"bufferView": 0, "componentType": 5126, "count": 8, "type": "VEC3"},
+                      {"bufferView": 1, "componentType": 5123, "count": 36, "type": "SCALAR"}],
+        "bufferViews": [{"buffer": 0, "byteLength": 96}, {"buffer": 0, "byteOffset": 96, "byteLength": 72}],
+        "buffers": [{"byteLength": len(binary)}],
+    }  # fmt: skip
+    return document | extra, binary
+
+
+@pytest.mark.parametrize("order", ["a", "<", ">"])
+def test_ply_keeps_shape_and_colour_in_every_encoding(tmp_path: Path, order: str) -> None:
+    """Ascii, little- and big-endian files of mixed polygons give the same closed cube and its colours."""
+    polygons = [*QUADS[:5], [1, 5, 7], [1, 7, 3]]
+    mesh = scan_of(write_ply(tmp_path / "cube.ply", order, CUBE, polygons)).mesh
+    assert volume(mesh) == pytest.approx(1.0, abs=1e-6)  # float32 corners of size 1
+    assert mesh.face_areas.sum() == pytest.approx(6.0, abs=1e-6)
+    assert (mesh.colors == [10, 20, 30]).all()
+
+
+@given(st.integers(0, 2**32 - 1), st.sampled_from("a<>"))
+@settings(max_examples=20, deadline=None)
+def test_ply_round_trip(tmp_path_factory: pytest.TempPathFactory, seed: int, order: str) -> None:
+    """Any triangles come back in order with float32 positions."""
+    rng = np.random.default_rng(seed)
+    vertices = rng.uniform(-2, 2, (rng.integers(3, 30), 3)).astype(np.float32).astype(np.float64)
+    faces = [rng.permutation(len(vertices))[:3].tolist() for _ in range(rng.integers(1, 40))]
+    path = write_ply(tmp_path_factory.mktemp("ply") / "any.ply", order, vertices, faces)
+    mesh = scan_of(path, up="z", unit="m").mesh
+    np.testing.assert_array_equal(mesh.vertices, vertices)
+    np.testing.assert_array_equal(mesh.faces, faces)
+
+
+@pytest.mark.parametrize("order", ["a", "<"])
+def test_ply_that_promises_too_much_is_refused_without_memory(tmp_path: Path, order: str) -> None:
+    """A header that promises 1e9 vertices over a few bytes is refused before anything of that size is allocated."""
+    path = write_ply(tmp_path / "liar.ply", order, CUBE, QUADS, promised=10**9)
+    tracemalloc.start()
+    line = refusal(path)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert "1000000000" in line
+    assert "truncated" in line
+    assert peak < 5e6  # bytes; the promised vertices would take 15e9
+
+
+@given(st.integers(0, 700))
+@settings(max_examples=40, deadline=None)
+def test_ply_cut_anywhere_is_refused(tmp_path_factory: pytest.TempPathFactory, length: int) -> None:
+    """A binary file that ends too early, wherever it is cut, is a FormatError or InputError, never anything else."""
+    path = write_ply(tmp_path_factory.mktemp("cut") / "cut.ply", "<", CUBE, QUADS)
+    whole = path.read_bytes()
+    path.write_bytes(whole[: min(length, len(whole) - 1)])
+    refusal(path)
+
+
+def test_obj_keeps_quads_and_negative_indices(tmp_path: Path) -> None:
+    """Quads are cut, not dropped, and indices counted from the end mean the same faces."""
+    plain = scan_of(write_obj(tmp_path / "cube.obj", CUBE, QUADS), up="z").mesh
+    text = (tmp_path / "cube.obj").read_text().splitlines()
+    lines = [x if x[0] == "v" else "f " + " ".join(str(int(i) - 9) for i in x.split()[1:]) for x in text]
+    (tmp_path / "negative.obj").write_text("\n".join(lines))
+    negative = scan_of(tmp_path / "negative.obj", up="z").mesh
+    assert volume(plain) == pytest.approx(1.0)
+    np.testing.assert_array_equal(plain.triangles, negative.triangles)
+
+
+@pytest.mark.parametrize("turn", range(6))
+def test_concave_polygons_keep_their_area(tmp_path: Path, turn: int) -> None:
+    """An L of area 3 is cut into triangles of total area 3, wherever its outline begins."""
+    outline = np.roll([[0, 0], [2, 0], [2, 1], [1, 1], [1, 2], [0, 2]], turn, axis=0)
+    vertices = np.c_[outline, np.zeros(6)]
+    mesh = scan_of(write_obj(tmp_path / "l.obj", vertices, [list(range(6))]), up="z").mesh
+    assert len(mesh.faces) == 4
+    assert mesh.face_areas.sum() == pytest.approx(3.0)
+    assert (mesh.face_normals[:, 2] > 0).all()
+
+
+def test_obj_names_its_objects(tmp_path: Path) -> None:
+    """`o` lines become node names of the faces that follow them."""
+    path = write_obj(tmp_path / "two.obj", CUBE, QUADS)
+    lines = path.read_text().splitlines()
+    path.write_text("\n".join([*lines[:8], "o frame", *lines[8:11], "o mattress", *lines[11:]]))
+    scan = scan_of(path)
+    assert scan.node_names == ("frame", "mattress")
+    assert np.bincount(scan.face_node).tolist() == [6, 6]
+
+
+def textured_square(folder: Path) -> Path:
+    """A 1 m square of two triangles whose texture is red on the left and blue on the right half."""
+    pixels = np.zeros((64, 64, 3), dtype=np.uint8)
+    pixels[:, :32], pixels[:, 32:] = (255, 0, 0), (0, 0, 255)
+    Image.fromarray(pixels).save(folder / "halves.png")
+    (folder / "square.mtl").write_text("newmtl cloth\nKd 1 1 1\nmap_Kd halves.png\n")
+    (folder / "square.obj").write_text(
+        "mtllib square.mtl\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\n"
+        "usemtl cloth\nf 1/1 2/2 3/3 4/4\n"
+    )
+    return folder / "square.obj"
+
+
+def test_texture_survives_on_large_faces(tmp_path: Path) -> None:
+    """Faces are cut until the texture's border shows within two target edges, and the area stays."""
+    mesh = scan_of(textured_square(tmp_path), up="z").mesh
+    assert mesh.face_areas.sum() == pytest.approx(1.0)
+    center, color = mesh.triangles.mean(axis=1), mesh.colors[mesh.faces].mean(axis=1)
+    # Edges end between 1 % and 2 % of the size; a face reaches one edge across the border.
+    left, right = center[:, 0] < 0.5 - 0.04, center[:, 0] > 0.5 + 0.04
+    assert (color[left] == [255, 0, 0]).all()
+    assert (color[right] == [0, 0, 255]).all()
+    assert len(mesh.faces) < 20_000
+
+
+def test_cut_faces_stay_joined(tmp_path: Path) -> None:
+    """Cutting for texture leaves no gap: the only open edges are those of the square."""
+    mesh = scan_of(textured_square(tmp_path), up="z").mesh
+    place = np.unique(mesh.vertices, axis=0, return_inverse=True)[1].reshape(-1)[mesh.faces]
+    sides = np.sort(place[:, [[0, 1], [1, 2], [2, 0]]], axis=2).reshape(-1, 2)
+    edges, count = np.unique(sides, axis=0, return_counts=True)
+    points = np.unique(mesh.vertices, axis=0)[edges[count == 1]]
+    on_border = ((points[:, 0] == points[:, 1]) & np.isin(points[:, 0], (0.0, 1.0))).any(axis=1)
+    assert count.max() == 2
+    assert on_border.all()
+
+
+def test_missing_material_is_a_note(tmp_path: Path) -> None:
+    """A missing MTL file costs the colours, not the mesh, and is said."""
+    path = write_obj(tmp_path / "cube.obj", CUBE, QUADS)
+    path.write_text("mtllib gone.mtl\nusemtl x\n" + path.read_text())
+    assert any("gone.mtl" in note for note in scan_of(path).notes)
+
+
+def stl_bytes() -> bytes:
+    """A binary STL cube."""
+    triangles = [CUBE[t] for q in QUADS for t in ([q[0], q[1], q[2]], [q[0], q[2], q[3]])]
+    records = [struct.pack("<12fH", 0, 0, 0, *t.ravel(), 0) for t in triangles]
+    return b"\0" * 80 + struct.pack("<I", 12) + b"".join(records)
+
+
+def test_stl_shares_corners(tmp_path: Path) -> None:
+    """Twelve facets of a cube share eight vertices, in binary and in ascii."""
+    (tmp_path / "binary.stl").write_bytes(stl_bytes())
+    mesh = scan_of(tmp_path / "binary.stl").mesh
+    corners = "\n".join(
+        "facet normal 0 0 0\nouter loop\n" + "\n".join(f"vertex {x} {y} {z}" for x, y, z in t) + "\nendloop\nendfacet"
+        for t in mesh.triangles.tolist()
+    )
+    (tmp_path / "text.stl").write_text(f"solid cube\n{corners}\nendsolid cube\n")
+    for name in ("binary.stl", "text.stl"):
+        mesh = scan_of(tmp_path / name).mesh
+        assert (len(mesh.vertices), len(mesh.faces)) == (8, 12)
+        assert volume(mesh) == pytest.approx(1.0)
+
+
+def test_glb_is_turned_to_z_up(tmp_path: Path) -> None:
+    """glTF's y becomes our z, without mirroring."""
+    (tmp_path / "crate.glb").write_bytes(glb(*cube_document()))
+    scan = scan_of(tmp_path / "crate.glb")
+    assert (scan.up, scan.unit_metres, scan.unit_source, scan.node_names) == ("y", 1.0, "format", ("Crate",))
+    np.testing.assert_allclose(scan.mesh.bounds, [[-0.5, -0.5, 0.0], [0.5, 0.5, 1.0]], atol=1e-6)
+    assert volume(scan.mesh) == pytest.approx(1.0, abs=1e-6)
+
+
+def test_glb_node_tree(tmp_path: Path) -> None:
+    """Parents move and name their children; a mirroring node keeps faces outward."""
+    document, binary = cube_document()
+    document["nodes"] = [
+        {"name": "Bed", "children": [1], "translation": [0, 2, 0]},
+        {"name": "Frame", "mesh": 0, "scale": [-2, 1, 1]},
+    ]
+    (tmp_path / "tree.glb").write_bytes(glb(document, binary))
+    scan = scan_of(tmp_path / "tree.glb", up="y")
+    assert scan.node_names == ("Bed/Frame",)
+    np.testing.assert_allclose(scan.mesh.bounds[:, 2], [2.0, 3.0], atol=1e-6)
+    assert volume(scan.mesh) == pytest.approx(2.0, abs=1e-5)
+
+
+@pytest.mark.parametrize("name", ["KHR_draco_mesh_compression", "EXT_meshopt_compression"])
+def test_compressed_gltf_is_refused_by_name(tmp_path: Path, name: str) -> None:
+    """The refusal names the extension and how to decode it, whatever the buffers hold."""
+    document, _ = cube_document(extensionsUsed=[name], extensionsRequired=[name])
+    (tmp_path / "packed.glb").write_bytes(glb(document, b""))
+    line = refusal(tmp_path / "packed.glb")
+    assert name in line
+    assert "gltf-transform copy" in line
+
+
+def broken_document(change: Callable[[dict[str, object]], None]) -> bytes:
+    """A GLB cube after `change`."""
+    document, binary = cube_document()
+    change(document)
+    return glb(document, binary)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda d: d["accessors"][0].update(count=10**9),
+        lambda d: d["accessors"][0].pop("bufferView") and d["accessors"][0].update(count=10**9),
+        lambda d: d["bufferViews"][0].update(byteLength=10**9),
+        lambda d: d["buffers"][0].update(byteLength=10**9),
+        lambda d: d["meshes"][0]["primitives"][0]["attributes"].pop("POSITION"),
+        lambda d: d["nodes"][0].update(mesh=7),
+        lambda d: d.update(buffers=[None]),
+        lambda d: d["buffers"][0].update(byteLength="x"),
+        lambda d: d.update(nodes=[{"mesh": 0, "matrix": [1, 2]}]),
+        lambda d: d["accessors"][1].update(componentType=5122, normalized=True),
+        lambda d: d["nodes"][0].update(children=[0]),
+        lambda d: d.update(meshes={}),
+        lambda d: d["accessors"][1].update(type="VEC9"),
+        lambda d: d["scenes"][0].update(nodes=[]),
+        lambda d: d.update(extensionsRequired=["XYZ_unknown"]),
+    ],
+)
+def test_inconsistent_gltf_is_refused(tmp_path: Path, change: Callable[[dict[str, object]], None]) -> None:
+    """Accessors beyond their bytes, missing keys, cycles and unknown requirements are one clear line each."""
+    (tmp_path / "bad.glb").write_bytes(broken_document(change))
+    refusal(tmp_path / "bad.glb")
+
+
+@given(st.integers(0, 2000))
+@settings(max_examples=40, deadline=None)
+def test_glb_cut_anywhere_is_refused(tmp_path_factory: pytest.TempPathFactory, length: int) -> None:
+    """A GLB that ends too early is refused wherever it is cut."""
+    whole = glb(*cube_document())
+    path = tmp_path_factory.mktemp("glb") / "cut.glb"
+    path.write_bytes(whole[: min(length, len(whole) - 5)])
+    refusal(path)
+
+
+@pytest.mark.parametrize(
+    ("format_line", "vertex", "face", "words"),
+    [
+        ("format", "float x y z", "list uchar int vertex_indices", "names no format"),
+        ("format ascii 1.0", "float x y z", "int vertex_indices", "expected a list"),
+        ("format binary_little_endian 1.0", "float x y z", "int vertex_indices", "expected a list"),
+        ("format binary_little_endian 1.0", "", "list uchar int vertex_indices", "has no property"),
+        ("format ascii 1.0", "", "list uchar int vertex_indices", "has no property"),
+        ("format binary_little_endian 1.0", "list x y z", "list uchar int vertex_indices", "no property 'x' of one"),
+        ("format ascii 1.0", "list x y z", "list uchar int vertex_indices", "no property 'x' of one"),
+        ("format ascii 1.0", "float x y z", "list float int vertex_indices", "header line 8"),
+    ],
+)  # fmt: skip
+def test_ply_headers_that_promise_the_wrong_kind_are_refused(
+    tmp_path: Path, format_line: str, vertex: str, face: str, words: str
+) -> None:
+    """A header that reads like one but declares what no mesh has is one line that says what."""
+    kind, *axes = vertex.split() or [""]
+    kind = "list uchar float" if kind == "list" else kind
+    lines = ["ply", format_line, "element vertex 2", *(f"property {kind} {axis}" for axis in axes), "element face 1",
+             f"property {face}", "end_header"]  # fmt: skip
+    zeros = "0 " * 40 if "ascii" in format_line else "\0" * 80
+    (tmp_path / "x.ply").write_text("\n".join(lines) + "\n" + zeros)
+    assert words in refusal(tmp_path / "x.ply")
+
+
+@pytest.mark.parametrize("face", ["/1 /2 /3", "1 2 --3", "1 2 99999999999999999999", "1//2 1/2/3 /4", "1 2 3.5"])
+def test_obj_faces_that_are_no_faces_name_their_line(tmp_path: Path, face: str) -> None:
+    """Missing positions, double signs and numbers beyond any count are refused at their line."""
+    (tmp_path / "x.obj").write_text(f"v 0 0 0\nv 1 0 0\nv 1 1 0\nf {face}\n")
+    assert "line 4" in refusal(tmp_path / "x.obj")
+
+
+@pytest.mark.parametrize(("statement", "line"), [("v 0 0 x", 5), ("v 0 0", 5), ("vt", 5), ("vt a", 5)])
+def test_obj_numbers_that_are_no_numbers_name_their_line(tmp_path: Path, statement: str, line: int) -> None:
+    """A broken vertex or texture coordinate is found by its line in the file."""
+    (tmp_path / "x.obj").write_text(f"# x\nv 0 0 0\nv 1 0 0\nvt 0 0\n{statement}\nv 1 1 0\nf 1 2 3\n")
+    assert f"line {line}:" in refusal(tmp_path / "x.obj")
+
+
+def test_a_tree_of_nodes_is_walked_once(tmp_path: Path) -> None:
+    """A very deep chain, and nodes that share their children (2^40 paths), are refused without walking them."""
+    for count, children, words in ((2000, 1, "256 nodes deep"), (40, 2, "two parents")):
+        document, binary = cube_document()
+        document["nodes"] = [{"children": [i + 1] * children} for i in range(count)] + [{"mesh": 0}]
+        (tmp_path / "tree.glb").write_bytes(glb(document, binary))
+        assert words in refusal(tmp_path / "tree.glb")
+
+
+BASES = {
+    "ascii.ply": "a",
+    "little.ply": "<",
+    "big.ply": ">",
+    "cube.obj": "obj",
+    "cube.glb": "glb",
+    "cube.gltf": "gltf",
+    "binary.stl": "stl",
+}
+"""A sound file of every format and encoding."""
+
+
+def sound_file(folder: Path, name: str) -> Path:
+    """A cube in the format of the name."""
+    path, kind = folder / name, BASES[name]
+    if kind in ("a", "<", ">"):
+        return write_ply(path, kind, CUBE, QUADS)
+    if kind == "obj":
+        return write_obj(path, CUBE, QUADS)
+    document, binary = cube_document()
+    uri = "data:;base64," + base64.b64encode(binary).decode()
+    plain = json.dumps(document | {"buffers": [{"byteLength": len(binary), "uri": uri}]}).encode()
+    path.write_bytes({"glb": glb(document, binary), "gltf": plain, "stl": stl_bytes()}[kind])
+    return path
+
+
+@pytest.mark.filterwarnings("ignore::RuntimeWarning")
+@given(
+    st.sampled_from(sorted(BASES)),
+    st.lists(
+        st.tuples(st.one_of(st.integers(0, 300), st.integers(0, 1500)), st.sampled_from(b'\0\xff -/.,:[]{}"0159enx\n')),
+        min_size=1,
+        max_size=4,
+    ),
+)
+@settings(max_examples=300, deadline=None)
+def test_a_file_with_wrong_bytes_is_read_or_refused(
+    tmp_path_factory: pytest.TempPathFactory, name: str, changes: list[tuple[int, int]]
+) -> None:
+    """Any few bytes changed, mostly in the header: a mesh or one line, never another exception."""
+    path = sound_file(tmp_path_factory.mktemp("fuzz"), name)
+    data = bytearray(path.read_bytes())
+    for position, byte in changes:
+        data[position % len(data)] = byte
+    path.write_bytes(data)
+    line = ""
+    try:
+        scan_of(path, up="z")
+    except InputError as error:
+        line = str(error)
+    assert not line or str(path) in line
+    assert "\n" not in line
+
+
+def test_bad_input_is_one_line(tmp_path: Path) -> None:
+    """Missing, empty, faceless, not finite, without area, out of range, unknown format: each is refused."""
+    assert "no such file" in refusal(tmp_path / "gone.obj")
+    (tmp_path / "empty.ply").write_bytes(b"")
+    assert "empty" in refusal(tmp_path / "empty.ply")
+    (tmp_path / "scene.xyz").write_text("1 2 3")
+    assert ".glb" in refusal(tmp_path / "scene.xyz")
+    assert "no faces" in refusal(write_ply(tmp_path / "points.ply", "<", CUBE, []))
+    nan = np.where(np.arange(24).reshape(8, 3) == 7, np.nan, CUBE)
+    assert "vertex 2 is not finite" in refusal(write_ply(tmp_path / "nan.ply", "<", nan, QUADS))
+    assert "vertex 2 is not finite" in refusal(write_obj(tmp_path / "nan.obj", nan, QUADS))
+    flat = write_obj(tmp_path / "flat.obj", CUBE, [[0, 1, 1], [2, 3, 2]])
+    assert "zero area" in refusal(flat)
+    assert "line 9" in refusal(write_obj(tmp_path / "far.obj", CUBE, [[0, 1, 99]]))
+    (tmp_path / "words.obj").write_text("v 0 0 x\nf 1 1 1\n")
+    assert "'v'" in refusal(tmp_path / "words.obj")
+    (tmp_path / "short.stl").write_bytes(stl_bytes()[:-60])
+    assert "truncated" in refusal(tmp_path / "short.stl")
+
+
+def test_a_mesh_a_thousand_times_too_large_is_refused(tmp_path: Path) -> None:
+    """A cube of 1 km is refused in every format and role, naming its size and the option that settles it."""
+    (tmp_path / "huge.glb").write_bytes(glb(*cube_document(scale=1000.0)))
+    for path in (tmp_path / "huge.glb", write_obj(tmp_path / "huge.obj", 1000 * CUBE, QUADS)):
+        assert "1000" in refusal(path)
+        assert "--unit" in refusal(path)
+        assert "--object-unit" in refusal(path, Role.OBJECT)
+        assert scan_of(path, unit="mm").mesh.bounds[1, 2] == pytest.approx(1.0, rel=1e-6)
+    assert "--object-unit" in refusal(write_obj(tmp_path / "tiny.obj", 1e-4 * CUBE, QUADS), Role.OBJECT)
+
+
+@pytest.mark.parametrize("name", sorted(BASES))
+def test_more_faces_than_memory_holds_are_refused(tmp_path: Path, name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Triangles are counted, not polygons: six quads are twelve faces, and one too many is refused in every format."""
+    path = sound_file(tmp_path, name)
+    monkeypatch.setattr("dcap.scene.readers.raw.MAX_FACES", 12)
+    assert len(scan_of(path).mesh.faces) == 12
+    monkeypatch.setattr("dcap.scene.readers.raw.MAX_FACES", 11)
+    assert "12 faces > 11; decimate" in refusal(path)
+
+
+@pytest.mark.parametrize("name", sorted(set(BASES) - {"binary.stl"}))
+def test_more_vertices_than_memory_holds_are_refused(
+    tmp_path: Path, name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A file of many vertices and few faces is refused too."""
+    path = sound_file(tmp_path, name)
+    monkeypatch.setattr("dcap.scene.readers.raw.MAX_CORNERS", 7)
+    assert "8 vertices > 7; decimate" in refusal(path)
+
+
+def test_an_accessor_without_bytes_is_limited_by_count(tmp_path: Path) -> None:
+    """Zeros that a large file could back up are refused by their number, before they are allocated."""
+    document, binary = cube_document()
+    document["accessors"] = [*document["accessors"], {"componentType": 5126, "count": 13_000_000, "type": "VEC3"}]  # type: ignore[misc]
+    document["buffers"] = [{"byteLength": len(binary) + 3_000_000}]
+    (tmp_path / "zeros.glb").write_bytes(glb(document, binary + bytes(3_000_000)))
+    assert "13000000 values > 12000000" in refusal(tmp_path / "zeros.glb")
+
+
+@pytest.mark.parametrize("role", Role)
+@given(st.floats(0.05, 2.0))
+@settings(max_examples=30, deadline=None)
+def test_millimetres_are_never_taken_for_centimetres(
+    tmp_path_factory: pytest.TempPathFactory, role: Role, size: float
+) -> None:
+    """What is 5 cm to 2 m long and written in millimetres is refused as long as nobody says so, in every role."""
+    path = write_obj(tmp_path_factory.mktemp("mm") / "stool.obj", 1000 * size * CUBE, QUADS)
+    assert "states no unit" in refusal(path, role)
+    assert np.ptp(scan_of(path, role, unit="mm").mesh.bounds[:, 0]) == pytest.approx(size)
+
+
+@pytest.mark.parametrize("role", Role)
+@given(st.floats(0.05, 2.0))
+@settings(max_examples=30, deadline=None)
+def test_metres_need_no_word(tmp_path_factory: pytest.TempPathFactory, role: Role, size: float) -> None:
+    """What is 5 cm to 2 m long and written in metres is read as such."""
+    scan = scan_of(write_obj(tmp_path_factory.mktemp("m") / "stool.obj", size * CUBE, QUADS), role)
+    assert (scan.unit_metres, scan.unit_source) == (1.0, "estimate")
+
+
+def test_an_object_in_centimetres_is_recognised(tmp_path: Path) -> None:
+    """Nine units without a stated unit are centimetres for an object, and that is said."""
+    scan = scan_of(write_obj(tmp_path / "toy.obj", 9 * CUBE, QUADS), Role.OBJECT)
+    assert (scan.unit_metres, scan.unit_source) == (0.01, "estimate")
+    assert any("centimetres" in note for note in scan.notes)
+
+
+def test_options_win(tmp_path: Path) -> None:
+    """The user's unit, axis and label override format and estimate; an unknown one is refused."""
+    (tmp_path / "crate.glb").write_bytes(glb(*cube_document()))
+    scan = scan_of(tmp_path / "crate.glb", unit="cm", up="z", label="Tea Table")
+    assert (scan.unit_metres, scan.unit_source, scan.up, scan.label) == (0.01, "option", "z", "tea table")
+    assert "furlong" in refusal(tmp_path / "crate.glb", unit="furlong")
+    assert "--object-up" in refusal(tmp_path / "crate.glb", Role.OBJECT, up="w")
+
+
+@pytest.mark.parametrize(("axis", "up"), [(1, "y"), (2, "z")])
+def test_up_is_the_axis_that_a_mesh_stands_on(tmp_path: Path, axis: int, up: str) -> None:
+    """An OBJ whose lowest coordinate along one axis is zero, and centred along the others, stands on that axis."""
+    centred = CUBE * [1, 1, 2]
+    vertices = centred if axis == 2 else np.stack([centred[:, 0], centred[:, 2], -centred[:, 1]], axis=1)
+    assert scan_of(write_obj(tmp_path / "box.obj", vertices, QUADS), Role.OBJECT).up == up
+
+
+def box_between(low: list[float], high: list[float]) -> NDArray[np.float64]:
+    """Corners of an axis-aligned box in the order of `CUBE`."""
+    return np.asarray(low) + (CUBE - CUBE.min(axis=0)) * (np.asarray(high) - low)
+
+
+def gltf_mesh(path: Path, vertices: NDArray[np.float64], triangles: NDArray[np.int64]) -> Path:
+    """A GLB of one mesh whose coordinates are written as they are."""
+    document, _ = cube_document()
+    points, indices = vertices.astype("<f4").tobytes(), triangles.astype("<u2").tobytes()
+    for index, (data, count) in enumerate(((points, len(vertices)), (indices, triangles.size))):
+        document["accessors"][index]["count"] = count  # type: ignore[index]
+        document["bufferViews"][index] = {  # type: ignore[index]
+            "buffer": 0, "byteOffset": index * len(points), "byteLength": len(data)
+        }  # fmt: skip
+    document["buffers"] = [{"byteLength": len(points) + len(indices)}]
+    path.write_bytes(glb(document, points + indices))
+    return path
+
+
+TRIANGLES = np.array([t for q in QUADS for t in ([q[0], q[1], q[2]], [q[0], q[2], q[3]])])
+
+
+def test_a_picture_of_a_gltf_hangs_upright(tmp_path: Path) -> None:
+    """A thin upright thing whose back lies in z = 0, centred in y, is not laid on its back against the standard."""
+    picture = box_between([-0.3, -0.2, 0.0], [0.3, 0.2, 0.02])
+    scan = scan_of(gltf_mesh(tmp_path / "picture.glb", picture, TRIANGLES))
+    assert scan.up == "y"
+    np.testing.assert_allclose(np.ptp(scan.mesh.bounds, axis=0), [0.6, 0.02, 0.4], atol=1e-6)
+
+
+def test_a_gltf_that_can_stand_on_z_alone_is_turned(tmp_path: Path) -> None:
+    """A round table top with its foot at z = 0 would balance on its rim if y were up: z is, and that is said."""
+    angle = np.linspace(0, 2 * np.pi, 64, endpoint=False)
+    ring = np.c_[np.cos(angle), np.sin(angle)] * 0.5
+    vertices = np.concatenate([np.c_[ring, np.zeros(64)], np.c_[ring, np.full(64, 0.3)]])
+    i, j = np.arange(64), (np.arange(64) + 1) % 64
+    fans = [np.c_[np.zeros(62, int), i[1:63], i[2:64]] + k for k in (0, 64)]
+    sides = [np.c_[i, j, i + 64], np.c_[j, j + 64, i + 64]]
+    scan = scan_of(gltf_mesh(tmp_path / "table.glb", vertices, np.concatenate(fans + sides)))
+    assert scan.up == "z"
+    assert any("against the format" in note for note in scan.notes)
+
+
+def test_world_from_file_is_what_was_done(tmp_path: Path) -> None:
+    """`world_from_file` maps the file's vertices to ours exactly."""
+    scan = scan_of(write_obj(tmp_path / "cube.obj", CUBE, QUADS), up="y", unit="cm")
+    mapped = np.c_[CUBE, np.ones(8)] @ scan.world_from_file.T
+    np.testing.assert_allclose(scan.mesh.vertices, mapped[:, :3], atol=1e-15)
+
+
+def test_a_broken_number_is_a_format_error(tmp_path: Path) -> None:
+    """FormatError is for files that break their format; it is an InputError too."""
+    (tmp_path / "x.ply").write_text("ply\nformat ascii 1.0\nelement vertex many\nend_header\n")
+    with pytest.raises(FormatError, match="line 3"):
+        scan_of(tmp_path / "x.ply")

@@ -1,0 +1,183 @@
+"""USD: polygons, transforms, instances, unit and axis; what is missing or broken is one line."""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from dcap.scene.errors import InputError
+from dcap.scene.readers import usd_stage
+from dcap.scene.readers.frame import Role
+from dcap.scene.readers.source import read_scan
+from dcap.scene.readers.sugar import find_mesh
+from dcap.scene.types.gaussians import Gaussians
+from dcap.scene.types.mesh import Mesh
+from dcap.scene.types.sample import SourceOptions
+from dcap.scene.types.scan import Scan
+from dcap.scene.writers.gaussians import write_splats
+from tasks.segment.stage import SegmentConfig, segment
+
+CUBE = """
+        point3f[] points = [(0,0,0), (0,0,1), (0,1,0), (0,1,1), (1,0,0), (1,0,1), (1,1,0), (1,1,1)]
+        int[] faceVertexCounts = [4, 4, 4, 4, 4, 4]
+        int[] faceVertexIndices = [0,1,3,2, 4,6,7,5, 0,4,5,1, 2,3,7,6, 0,2,6,4, 1,5,7,3]
+"""
+"""A unit cube of quads, outward."""
+
+ROOM = f"""#usda 1.0
+(
+    defaultPrim = "World"
+    metersPerUnit = 0.01
+    upAxis = "Z"
+)
+def Xform "World"
+{{
+    double3 xformOp:scale = (100, 100, 100)
+    uniform token[] xformOpOrder = ["xformOp:scale"]
+    def Mesh "Chair_1" {{
+        color3f[] primvars:displayColor = [(1, 0, 0)]
+        {CUBE}
+    }}
+    def Xform "Chair_2" (
+        instanceable = true
+        references = </Prototype>
+    ) {{
+        double3 xformOp:translate = (3, 0, 0)
+        double3 xformOp:scale = (-1, 1, 2)
+        uniform token[] xformOpOrder = ["xformOp:translate", "xformOp:scale"]
+    }}
+    def Mesh "Hidden" {{
+        token visibility = "invisible"
+        {CUBE}
+    }}
+    def Sphere "Ball" {{
+        double radius = 1
+    }}
+}}
+class Xform "Prototype" {{
+    def Mesh "Body" {{
+        {CUBE}
+    }}
+}}
+"""
+
+
+def volume(mesh: Mesh) -> float:
+    """Signed volume by the divergence theorem [m^3]."""
+    a, b, c = mesh.triangles.transpose(1, 0, 2)
+    return float(np.einsum("ij,ij->i", a, np.cross(b, c)).sum() / 6.0)
+
+
+def scan_of(folder: Path, text: str, name: str = "room.usda") -> Scan:
+    """Read a text as a scene."""
+    (folder / name).write_text(text)
+    return read_scan(folder / name, SourceOptions(), Role.SCENE)
+
+
+def test_without_the_library_the_way_to_it_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whether or not it is installed here."""
+    monkeypatch.setitem(sys.modules, "pxr", None)
+    with pytest.raises(InputError, match=r"room\.usda: .*pip install 'dcap\[usd\]'"):
+        scan_of(tmp_path, ROOM)
+    with pytest.raises(InputError, match="neither as a text nor as a binary"):
+        scan_of(tmp_path, "solid x")
+
+
+@pytest.mark.parametrize("beside", ["room.obj", "room.glb", "3dgs_compressed.ply"])
+def test_a_stage_beside_other_meshes_is_not_needed(tmp_path: Path, beside: str) -> None:
+    """A folder that could be read before somebody put a stage into it can be read after."""
+    (tmp_path / "room.usda").write_text(ROOM)
+    assert find_mesh(tmp_path)[0].name == "room.usda"
+    if beside == "3dgs_compressed.ply":
+        one = np.zeros((1, 3), dtype=np.float32)
+        turn = np.array([[1.0, 0, 0, 0]], dtype=np.float32)
+        write_splats(tmp_path / beside, Gaussians(one, one, turn, one[:, 0], one, np.zeros((1, 3, 0), np.float32)))
+    else:
+        (tmp_path / beside).write_bytes(b"glTF")
+    assert find_mesh(tmp_path)[0].name == beside
+
+
+def test_a_stage_of_instances(tmp_path: Path) -> None:
+    """Centimetres and z up as stated; quads cut, a mirrored instance kept outward, what is hidden left out."""
+    pytest.importorskip("pxr")
+    scan = scan_of(tmp_path, ROOM)
+    assert (scan.up, scan.unit_metres, scan.unit_source) == ("z", 0.01, "format")
+    assert scan.node_names == ("World/Chair_1", "World/Chair_2/Body")
+    np.testing.assert_allclose(scan.mesh.bounds, [[0, 0, 0], [3, 1, 2]], atol=1e-6)
+    assert volume(scan.mesh) == pytest.approx(3.0, abs=1e-5)
+    assert len(scan.mesh.faces) == 24
+    first = scan.mesh.submesh(np.flatnonzero(scan.face_node == 0))
+    assert (first.colors == [255, 0, 0]).all()
+    found = segment(scan, SegmentConfig())
+    assert [one.label for one in found.instances] == ["chair", "chair"]
+
+
+def test_axes_and_units_that_are_not_stated_are_estimated(tmp_path: Path) -> None:
+    """Neither the standard's fallback of centimetres nor y is taken for stated."""
+    pytest.importorskip("pxr")
+    text = (
+        ROOM.replace("    metersPerUnit = 0.01\n", "")
+        .replace('    upAxis = "Z"\n', "")
+        .replace("100, 100, 100", "1, 1, 1")
+    )
+    scan = scan_of(tmp_path, text)
+    assert (scan.unit_metres, scan.unit_source) == (1.0, "estimate")
+    assert any("taken as up" in note for note in scan.notes)
+
+
+def test_binaries_and_left_handed_meshes(tmp_path: Path) -> None:
+    """The same stage as .usdc and .usdz, and a mesh whose faces run the other way."""
+    pytest.importorskip("pxr")
+    from pxr import Sdf, UsdUtils
+
+    text = ROOM.replace("        color3f[]", '        uniform token orientation = "leftHanded"\n        color3f[]')
+    plain = scan_of(tmp_path, text).mesh
+    assert volume(plain) == pytest.approx(2.0 - 1.0, abs=1e-5)
+    layer = Sdf.Layer.FindOrOpen(str(tmp_path / "room.usda"))
+    layer.Export(str(tmp_path / "room.usdc"))
+    UsdUtils.CreateNewUsdzPackage(str(tmp_path / "room.usdc"), str(tmp_path / "room.usdz"))
+    for name in ("room.usdc", "room.usdz"):
+        mesh = read_scan(tmp_path / name, SourceOptions(), Role.SCENE).mesh
+        np.testing.assert_array_equal(mesh.triangles, plain.triangles)
+
+
+@pytest.mark.parametrize("trouble", ["os.abort()", "while True: pass", "bytes(2**40)"])
+def test_a_library_that_breaks_takes_nobody_along(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, trouble: str
+) -> None:
+    """It may crash, never end, or want all memory: the limits of its process are named."""
+    pytest.importorskip("pxr")
+    (tmp_path / "trouble.py").write_text(
+        "import os, resource, sys\n"
+        "resource.setrlimit(resource.RLIMIT_CPU, (int(sys.argv[2]),) * 2)\n"
+        f"resource.setrlimit(resource.RLIMIT_AS, (int(sys.argv[3]),) * 2)\n{trouble}\n"
+    )
+    monkeypatch.setattr(usd_stage, "__file__", str(tmp_path / "trouble.py"))
+    monkeypatch.setattr("dcap.scene.readers.usd.CPU_SECONDS", 1)
+    with pytest.raises(InputError, match=r"room\.usda: USD's library broke over it .*limits 1 s"):
+        scan_of(tmp_path, ROOM)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("[4, 4, 4, 4, 4, 4]", "[4, 4, 4, 4, 4, 5]", "ask for 25 indices, there are 24"),
+        ("[4, 4, 4, 4, 4, 4]", "[4, 4, 4, 4, 12, -4]", "faceVertexCounts ask"),
+        ("5,7,3]", "5,7,9]", "/World/Chair_1: a face uses vertex 9 of 8"),
+        ("5,7,3]", "5,7,-3]", "uses vertex -3 of 8"),
+        ("</Prototype>", "@elsewhere.usd@", "usdcat --flatten"),
+        ('def Xform "World"', "def Xform", "USD cannot read it"),
+        ("Mesh", "Cube", "no mesh in it"),
+        ("(1,1,1)]", "(1,1,nan)]", "not finite"),
+    ],
+)
+def test_what_is_broken_is_one_line(tmp_path: Path, old: str, new: str, words: str) -> None:
+    """It names the file and the prim."""
+    pytest.importorskip("pxr")
+    assert old in ROOM
+    with pytest.raises(InputError) as caught:
+        scan_of(tmp_path, ROOM.replace(old, new))
+    assert words in str(caught.value)
+    assert str(tmp_path / "room.usda") in str(caught.value)
+    assert "\n" not in str(caught.value)
