@@ -15,9 +15,9 @@ from dcap.scene.types.intent import Intent
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.rotation import Rotation
 from dcap.scene.types.segmentation import Instance, Part, Segmentation
+from tasks.anchor import request as made
 from tasks.anchor.request import anchor_request
 from tasks.anchor.stage import AnchorConfig, anchor
-from tasks.anchor import request as made
 from tasks.intent.stage import IntentConfig, intent
 from tasks.rotation.stage import RotationConfig, rotation
 
