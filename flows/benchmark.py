@@ -22,7 +22,7 @@ import pyarrow.parquet as pq
 from dcap.evaluation.outcome_table import Row, Truth, read_truth, row_of, totals
 from dcap.evaluation.report import write_report
 from dcap.evaluation.run_folder import sample_folder
-from dcap.language.model.batch import batch_desk
+from dcap.language.model.batch import batch_queue
 from dcap.language.model.ledger import check_budget
 from dcap.language.model.ledger import totals as spent
 from dcap.language.protocol.client import ClientName
@@ -34,13 +34,15 @@ from flows.cli.display import Display, print_plan, print_table
 from flows.cli.language_options import LEDGER, LanguageOptions
 from flows.output import readable_json, write_placement
 from flows.place import PlaceConfig
-from flows.sample_run import OVERVIEW, STAGES, FailedSample, FinishedSample, Plan, plan_sample, try_sample
+from flows.sample_run import OVERVIEW, STAGE_NAMES, FailedSample, FinishedSample, Plan, plan_sample, try_sample
 from flows.samples import EMBEDDED, SPLAT_ROOMS, TRUTH, load_samples, load_yaml
 from flows.server import prefect_server
+from tasks.runner.context import RunContext
 from tasks.runner.process import kill_all
-from tasks.runner.stage import Conduct
 
 DATASET_SEED = 0
+MESH, BOTH_MESHES = "mesh", {"mesh_scene", "mesh_object"}
+"""What a person calls the two stages together."""
 IN_A_BATCH = 32
 """Samples whose questions gather for one batch; each waits in a thread and a flow run of its own."""
 SPLATS = 500_000
@@ -131,13 +133,13 @@ def run_all(
             results[plan.sample] = settle_result(folder, known, display)
     if not waiting:
         return results
-    conduct = Conduct(session=session, slots=Semaphore(workers) if session.batch else None)
+    context = RunContext(session=session, slots=Semaphore(workers) if session.batch else None)
     at_a_time = min(len(waiting), max(workers, IN_A_BATCH)) if session.batch else workers
-    # the desk closes before the pool waits for the threads that wait for it
-    with prefect_server() as url, ThreadPoolExecutor(at_a_time) as pool, asking_desk(session, display):
+    # the queue closes before the pool waits for the threads that wait for it
+    with prefect_server() as url, ThreadPoolExecutor(at_a_time) as pool, asking_queue(session, display):
         display.serving(url)
         futures: dict[Future[FinishedSample | FailedSample], Sample] = {
-            pool.submit(try_sample, sample, config, conduct=conduct, listener=display.listener(sample)): sample
+            pool.submit(try_sample, sample, config, context=context, listener=display.listener(sample)): sample
             for sample in waiting
         }
         try:
@@ -150,9 +152,9 @@ def run_all(
     return results
 
 
-def asking_desk(session: Session, display: Display) -> AbstractContextManager[None]:
-    """A desk for questions in batches, if the run asks in batches."""
-    return batch_desk(Path(session.batch), session, display.say) if session.batch else nullcontext()
+def asking_queue(session: Session, display: Display) -> AbstractContextManager[None]:
+    """A queue for questions in batches, if the run asks in batches."""
+    return batch_queue(Path(session.batch), session, display.say) if session.batch else nullcontext()
 
 
 def settle_result(
@@ -254,9 +256,10 @@ def plan_benchmark(dataset: Path | None, config: PlaceConfig, *, limit: int | No
 
 def rerun_sample(run: str, sample_id: str, stage: str, max_cost: float | None = None) -> tuple[dict[str, object], Path]:
     """Compute one stage of one sample again; its placement.json and the run's report, both written anew."""
-    known = dict.fromkeys((*STAGES, OVERVIEW))
-    if stage not in known:
-        raise InputError(f"--stage {stage!r} is not one of {', '.join(known)}")
+    known = (*STAGE_NAMES, OVERVIEW)
+    refreshed = frozenset(BOTH_MESHES if stage == MESH else {stage})
+    if not refreshed.issubset(known):
+        raise InputError(f"--stage {stage!r} is not one of {', '.join((MESH, *known))}")
     folder = find_run(run)
     asked = json.loads((folder / "run.json").read_text())
     if "language" not in asked:
@@ -274,7 +277,7 @@ def rerun_sample(run: str, sample_id: str, stage: str, max_cost: float | None = 
         result = try_sample(
             samples[sample_id],
             config,
-            conduct=Conduct(refresh=frozenset({stage}), session=replace(language.session(folder), fresh=True)),
+            context=RunContext(refresh=refreshed, session=replace(language.session(folder), fresh=True)),
             listener=display.listener(samples[sample_id]),
         )
         tree, _ = settle_result(folder, result, display)

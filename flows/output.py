@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation as Turn
 
 from dcap.evaluation.region import region_missed
-from dcap.scene.store.artifacts import Ref, Store
+from dcap.scene.store.artifacts import Store
 from dcap.scene.store.codec import mesh_to_ply, to_tree
+from dcap.scene.store.ref import Ref
 from dcap.scene.types.anchor import Anchor
 from dcap.scene.types.intent import Intent
 from dcap.scene.types.materials import PartMaterial, PartMaterials
@@ -73,7 +74,7 @@ def load_values(finished: FinishedSample, store: Store) -> Values:
     )
 
 
-def load(store: Store, ref: Ref, kind: type[Kind]) -> Kind | None:
+def load(store: Store, ref: Ref[object], kind: type[Kind]) -> Kind | None:
     """The value of a reference if it is of this kind."""
     if ref.kind != kind.__name__:
         return None

@@ -4,28 +4,37 @@ from dataclasses import dataclass
 
 from pydantic import BaseModel
 
-from dcap.scene.readers.frame import Role
-from dcap.scene.store.artifacts import Ref, Store
-from dcap.scene.types.outcome import Infeasible
+from dcap.scene.store.artifacts import Store
+from dcap.scene.store.ref import Ref
+from dcap.scene.types.anchor import Anchor
+from dcap.scene.types.intent import Intent
+from dcap.scene.types.materials import PartMaterials
+from dcap.scene.types.particles import Particles
+from dcap.scene.types.renders import Overview, Renders
+from dcap.scene.types.rotation import Rotation
 from dcap.scene.types.sample import Sample
+from dcap.scene.types.scan import Scan
+from dcap.scene.types.segmentation import Segmentation
+from dcap.scene.types.settled import Settled
 from tasks.anchor.stage import AnchorConfig, anchor_task
 from tasks.drop.stage import DropConfig, drop_task
 from tasks.intent.stage import IntentConfig, intent_task
 from tasks.materials.stage import MaterialsConfig, materials_task
-from tasks.mesh.stage import MeshConfig, mesh_task
+from tasks.mesh.stage import MeshConfig, mesh_object_task, mesh_scene_task
 from tasks.overview import OverviewConfig, overview_task
 from tasks.particles.scenario import ParticlesConfig
 from tasks.particles.stage import particles_task
 from tasks.render.stage import RenderConfig, render_task
 from tasks.rotation.stage import RotationConfig, rotation_task
+from tasks.runner.stage import Stage
 from tasks.segment.stage import SegmentConfig, segment_object_task, segment_task
 
 
 class PlaceConfig(BaseModel, frozen=True, extra="forbid"):
     """One configuration per stage."""
 
-    scene_mesh: MeshConfig = MeshConfig(role=Role.SCENE)
-    object_mesh: MeshConfig = MeshConfig(role=Role.OBJECT)
+    scene_mesh: MeshConfig = MeshConfig()
+    object_mesh: MeshConfig = MeshConfig()
     segment: SegmentConfig = SegmentConfig()
     intent: IntentConfig = IntentConfig()
     rotation: RotationConfig = RotationConfig()
@@ -37,37 +46,45 @@ class PlaceConfig(BaseModel, frozen=True, extra="forbid"):
     overview: OverviewConfig = OverviewConfig()
 
 
-@dataclass(frozen=True, slots=True)
+STAGES: tuple[Stage[..., object], ...] = (
+    mesh_scene_task,
+    mesh_object_task,
+    segment_task,
+    segment_object_task,
+    intent_task,
+    rotation_task,
+    anchor_task,
+    materials_task,
+    particles_task,
+    drop_task,
+    render_task,
+)
+"""The stages of a feasible placement, in the order in which `place` calls them."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Placement:
     """What each stage returned, as references into the store."""
 
-    scene_scan: Ref
-    object_scan: Ref
-    scene: Ref
-    item: Ref
-    intent: Ref
-    rotation: Ref
-    anchor: Ref
-    materials: Ref
-    particles: Ref
-    settled: Ref
-    renders: Ref
-
-
-def overlook(placement: Placement, config: PlaceConfig) -> Ref | None:
-    """Pictures of an infeasible placement, from what its stages found; None if it is feasible."""
-    if placement.renders.kind != Infeasible.__name__:
-        return None
-    intent, anchor = (ref if ref.kind != Infeasible.__name__ else None for ref in (placement.intent, placement.anchor))
-    return overview_task(placement.scene, placement.item, intent, anchor, config=config.overview)
+    scene_scan: Ref[Scan]
+    object_scan: Ref[Scan]
+    scene: Ref[Segmentation]
+    item: Ref[Segmentation]
+    intent: Ref[Intent]
+    rotation: Ref[Rotation]
+    anchor: Ref[Anchor]
+    materials: Ref[PartMaterials]
+    particles: Ref[Particles]
+    settled: Ref[Settled]
+    renders: Ref[Renders]
 
 
 def place(sample: Sample, config: PlaceConfig) -> Placement:
     """Place the sample's object in its scene as its prompt says."""
     scene_source, object_source = Store.default().add_source(sample.scene), Store.default().add_source(sample.object)
 
-    scene_scan = mesh_task(scene_source, sample.scene_options, config=config.scene_mesh)
-    object_scan = mesh_task(object_source, sample.object_options, config=config.object_mesh)
+    scene_scan = mesh_scene_task(scene_source, sample.scene_options, config=config.scene_mesh)
+    object_scan = mesh_object_task(object_source, sample.object_options, config=config.object_mesh)
     scene = segment_task(scene_scan, config=config.segment)
     item = segment_object_task(object_scan, config=config.segment)
     intent = intent_task(scene, item, sample.prompt, sample.mass, config=config.intent)
@@ -79,5 +96,24 @@ def place(sample: Sample, config: PlaceConfig) -> Placement:
     renders = render_task(scene, item, anchor, settled, config=config.render)
 
     return Placement(
-        scene_scan, object_scan, scene, item, intent, rotation, anchor, materials, particles, settled, renders
+        scene_scan=scene_scan,
+        object_scan=object_scan,
+        scene=scene,
+        item=item,
+        intent=intent,
+        rotation=rotation,
+        anchor=anchor,
+        materials=materials,
+        particles=particles,
+        settled=settled,
+        renders=renders,
     )
+
+
+def overview_of(placement: Placement, config: PlaceConfig) -> Ref[Overview] | None:
+    """Pictures of an infeasible placement, from what its stages found; None if it is feasible."""
+    if not placement.renders.infeasible:
+        return None
+    intent = None if placement.intent.infeasible else placement.intent
+    anchor = None if placement.anchor.infeasible else placement.anchor
+    return overview_task(placement.scene, placement.item, intent, anchor, config=config.overview)

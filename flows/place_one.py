@@ -10,9 +10,9 @@ from dcap.language.model.ledger import in_words, totals
 from dcap.language.protocol.session import Session
 from dcap.scene.types.sample import Sample
 from flows.place import PlaceConfig
-from flows.sample_run import STAGES, FinishedSample, plan_sample, run_sample
+from flows.sample_run import STAGE_NAMES, FinishedSample, plan_sample, run_sample
 from flows.server import prefect_server
-from tasks.runner.stage import Conduct, Event, StageEvent
+from tasks.runner.context import Event, RunContext, StageEvent
 
 
 def place_one(sample: Sample, config: PlaceConfig, session: Session, *, quiet: bool) -> FinishedSample:
@@ -36,7 +36,7 @@ def place_one(sample: Sample, config: PlaceConfig, session: Session, *, quiet: b
             else:
                 console.print(stage_line(event))
 
-        finished = run_sample(sample, config, conduct=Conduct(session=session), listener=show)
+        finished = run_sample(sample, config, context=RunContext(session=session), listener=show)
     if session.ledger and Path(session.ledger).is_file():
         console.print(in_words(totals(Path(session.ledger))))
     return finished
@@ -45,6 +45,6 @@ def place_one(sample: Sample, config: PlaceConfig, session: Session, *, quiet: b
 def stage_line(event: StageEvent) -> str:
     """A finished stage in a line."""
     assert event.record is not None
-    width = max(len(name) for name in STAGES)
+    width = max(len(name) for name in STAGE_NAMES)
     took = "cached" if event.event is Event.CACHED else f"{event.record.seconds:.2f} s"
     return f"{event.stage:<{width}}  {took:>9}  {event.record.size / 1024:9.0f} KiB  {event.record.ref.kind}"

@@ -1,39 +1,26 @@
 """Runs the stages of one sample: first a look at what is there, then a Prefect flow if anything is missing."""
 
 import traceback
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cache
 from typing import TYPE_CHECKING
 
 from dcap.scene.errors import DcapError
-from dcap.scene.store.artifacts import Ref, Store
+from dcap.scene.store.artifacts import Store
+from dcap.scene.store.ref import Ref
+from dcap.scene.types.renders import Overview
 from dcap.scene.types.sample import Sample
-from flows.place import PlaceConfig, Placement, overlook, place
+from flows.place import STAGES, PlaceConfig, Placement, overview_of, place
+from tasks.overview import overview_task
+from tasks.runner.context import Event, NotCachedError, OnEvent, RunContext, StageEvent, use_context
 from tasks.runner.records import Record, why_not_cached
-from tasks.runner.stage import Conduct, Event, NotCachedError, StageEvent, conducting
 
 if TYPE_CHECKING:
     from prefect import Flow
 
-STAGES = (
-    "mesh",
-    "mesh",
-    "segment",
-    "segment_object",
-    "intent",
-    "rotation",
-    "anchor",
-    "materials",
-    "particles",
-    "drop",
-    "render",
-)
-"""Stages of a feasible placement in the order of flows/place.py."""
-OVERVIEW = "overview"
+STAGE_NAMES = tuple(stage.name for stage in STAGES)
+OVERVIEW = overview_task.name
 """What an infeasible placement ends with, after the stage that found no way."""
-
-OnEvent = Callable[[StageEvent], None]
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,7 +42,7 @@ class Plan:
     @property
     def later(self) -> tuple[str, ...]:
         """Stages after the first missing one; they run if their inputs change and a placement stays feasible."""
-        return () if self.missing in ("", OVERVIEW) else STAGES[len(self.cached) + 1 :]
+        return () if self.missing in ("", OVERVIEW) else STAGE_NAMES[len(self.cached) + 1 :]
 
     @property
     def stage_count(self) -> int:
@@ -69,7 +56,7 @@ class FinishedSample:
 
     sample: Sample
     placement: Placement
-    overview: Ref | None
+    overview: Ref[Overview] | None
     """Pictures of an infeasible placement."""
     records: tuple[tuple[str, Record, bool], ...]
     """(stage, record, computed now) in order."""
@@ -94,8 +81,8 @@ class FailedSample:
         return "" if isinstance(self.error, DcapError) else "".join(traceback.format_exception(self.error))
 
 
-class Diary:
-    """Notes what the stages of one sample did and passes events on."""
+class EventRecorder:
+    """Keeps the records of the stages of one sample and passes events on."""
 
     def __init__(self, listener: OnEvent | None = None) -> None:
         self.records: list[tuple[str, Record, bool]] = []
@@ -111,68 +98,70 @@ class Diary:
 
 def plan_sample(sample: Sample, config: PlaceConfig) -> Plan:
     """Look every stage up without running any; a failure of this sample is a value: the others go on."""
-    diary = Diary()
+    recorder = EventRecorder()
     try:
-        with conducting(Conduct(lookup_only=True, on_event=diary)):
+        with use_context(RunContext(lookup_only=True, on_event=recorder)):
             placement, overview = placed(sample, config)
     except NotCachedError as missing:
         why = why_not_cached(missing.deciders, Store.default())
-        return Plan(sample, stages_of(diary), missing.deciders.stage, why)
+        return Plan(sample, stages_of(recorder), missing.deciders.stage, why)
     except DcapError as error:
         told = type(error)(in_users_words(str(error), sample))
-        return Plan(sample, stages_of(diary), "", "", failed=FailedSample(sample, told))
+        return Plan(sample, stages_of(recorder), "", "", failed=FailedSample(sample, told))
     except Exception as error:  # the border between samples: reported in full, never hidden
-        return Plan(sample, stages_of(diary), "", "", failed=FailedSample(sample, error))
-    return Plan(sample, stages_of(diary), "", "", FinishedSample(sample, placement, overview, tuple(diary.records)))
+        return Plan(sample, stages_of(recorder), "", "", failed=FailedSample(sample, error))
+    return Plan(
+        sample, stages_of(recorder), "", "", FinishedSample(sample, placement, overview, tuple(recorder.records))
+    )
 
 
-def stages_of(diary: Diary) -> tuple[str, ...]:
-    """Names of the stages in a diary."""
-    return tuple(stage for stage, _, _ in diary.records)
+def stages_of(recorder: EventRecorder) -> tuple[str, ...]:
+    """Names of the recorded stages."""
+    return tuple(stage for stage, _, _ in recorder.records)
 
 
 def run_sample(
     sample: Sample,
     config: PlaceConfig,
     *,
-    conduct: Conduct | None = None,
+    context: RunContext | None = None,
     listener: OnEvent | None = None,
 ) -> FinishedSample:
-    """Run the stages of a sample as one Prefect flow; needs a server. `conduct` says how, but for its events."""
-    diary = Diary(listener)
-    conduct = conduct or Conduct()
+    """Run the stages of a sample as one Prefect flow; needs a server. `context` says how, but for its events."""
+    recorder = EventRecorder(listener)
+    context = context or RunContext()
     flow = place_flow().with_options(flow_run_name=sample.id.replace("{", "(").replace("}", ")"))
     try:
-        session = replace(conduct.session, sample=sample.id)
-        with conducting(replace(conduct, on_event=diary, session=session)):
+        session = replace(context.session, sample=sample.id)
+        with use_context(replace(context, on_event=recorder, session=session)):
             placement, overview = flow(sample, config)
     except DcapError as error:
         raise type(error)(in_users_words(str(error), sample)) from error
-    return FinishedSample(sample, placement, overview, tuple(diary.records))
+    return FinishedSample(sample, placement, overview, tuple(recorder.records))
 
 
 def try_sample(
     sample: Sample,
     config: PlaceConfig,
     *,
-    conduct: Conduct | None = None,
+    context: RunContext | None = None,
     listener: OnEvent | None = None,
 ) -> FinishedSample | FailedSample:
     """As `run_sample`, but a failure of this sample is a value: the others go on."""
     try:
-        return run_sample(sample, config, conduct=conduct, listener=listener)
+        return run_sample(sample, config, context=context, listener=listener)
     except Exception as error:  # the border between samples: reported in full, never hidden
         return FailedSample(sample, error)
 
 
-def placed(sample: Sample, config: PlaceConfig) -> tuple[Placement, Ref | None]:
+def placed(sample: Sample, config: PlaceConfig) -> tuple[Placement, Ref[Overview] | None]:
     """Place a sample; if that is infeasible, take pictures of what was asked."""
     placement = place(sample, config)
-    return placement, overlook(placement, config)
+    return placement, overview_of(placement, config)
 
 
 @cache
-def place_flow() -> "Flow[[Sample, PlaceConfig], tuple[Placement, Ref | None]]":
+def place_flow() -> "Flow[[Sample, PlaceConfig], tuple[Placement, Ref[Overview] | None]]":
     """`placed` as a Prefect flow; Prefect is imported here, after the server's address is known."""
     from prefect import Flow
 

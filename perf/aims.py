@@ -13,8 +13,8 @@ from rich.table import Table
 
 from dcap.evaluation.aim_scores import Aim, Marks, aim_of, marks, shares
 from dcap.evaluation.outcome_table import Truth, read_truth
+from dcap.language.offline.client import OfflineClient
 from dcap.scene.errors import LanguageError
-from dcap.scene.readers.frame import Role
 from dcap.scene.store.artifacts import Source
 from dcap.scene.types.anchor import Anchor
 from dcap.scene.types.intent import Intent
@@ -29,7 +29,7 @@ from flows.samples import EMBEDDED, TRUTH, load_yaml
 from perf.segments import read_room
 from tasks.anchor.stage import AnchorConfig, anchor
 from tasks.intent.stage import IntentConfig, intent
-from tasks.mesh.stage import MeshConfig, mesh
+from tasks.mesh.stage import MeshConfig, mesh_object
 from tasks.rotation.stage import RotationConfig, rotation
 from tasks.segment.stage import SegmentConfig, segment, segment_object
 
@@ -63,7 +63,7 @@ class Shot:
 def room_of(name: str) -> tuple[BuiltRoom, Segmentation]:
     """An embedded room, as made and as taken apart from its files."""
     room, scan = read_room(name)
-    return room, segment(scan, SegmentConfig())
+    return room, segment(scan, SegmentConfig(), OfflineClient())
 
 
 @cache
@@ -72,22 +72,23 @@ def item_of(name: str) -> Segmentation:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / f"{name}{OBJECTS[name].suffix}"
         write_object(path, [(part.name, joined(part.solids)) for part in build_object(name).parts])
-        return segment_object(mesh(Source(path), SourceOptions(), MeshConfig(role=Role.OBJECT)), SegmentConfig())
+        scan = mesh_object(Source(path), SourceOptions(), MeshConfig())
+        return segment_object(scan, SegmentConfig(), OfflineClient())
 
 
 def shot(room: str, item: str, prompt: str) -> Shot:
     """Intent, rotation and anchor for a sentence in an embedded room."""
     scene, thing = room_of(room)[1], item_of(item)
     try:
-        meant = intent(scene, thing, prompt, None, IntentConfig())
+        meant = intent(scene, thing, prompt, None, IntentConfig(), OfflineClient())
     except LanguageError as error:
         return Shot(scene, thing, None, None, str(error))
     if isinstance(meant, Infeasible):
         return Shot(scene, thing, meant, None, meant.message)
-    turned = rotation(scene, thing, meant, prompt, PICTURES)
+    turned = rotation(scene, thing, meant, prompt, PICTURES, OfflineClient())
     if isinstance(turned, Infeasible):
         return Shot(scene, thing, turned, None, turned.message)
-    found = anchor(scene, thing, meant, turned, prompt, AnchorConfig())
+    found = anchor(scene, thing, meant, turned, prompt, AnchorConfig(), OfflineClient())
     return Shot(scene, thing, meant, found, found.message if isinstance(found, Infeasible) else found.reason)
 
 

@@ -16,6 +16,7 @@ from rich.table import Table
 
 from dcap.geometry.solid.closed import simulation_ready
 from dcap.geometry.solid.support import shell_bottoms
+from dcap.language.offline.client import OfflineClient
 from dcap.scene.store.artifacts import Source
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.repair_report import RepairReport
@@ -23,7 +24,7 @@ from dcap.scene.types.sample import SourceOptions
 from dcap.scene.types.segmentation import Segmentation
 from dcap.synthetic.rooms import ROOMS
 from perf.segments import read_room
-from tasks.mesh.stage import MeshConfig, mesh
+from tasks.mesh.stage import MeshConfig, mesh_scene
 from tasks.particles.scenario import ParticlesConfig
 from tasks.segment.stage import SegmentConfig, segment, segment_object
 
@@ -55,7 +56,7 @@ class Row:
 
 def room_rows(name: str, *, every: bool = False) -> Iterator[Row]:
     """The supports of one embedded room, found by segmenting its files; `every`: all parts of all its things."""
-    scene = segment(read_room(name)[1], SegmentConfig())
+    scene = segment(read_room(name)[1], SegmentConfig(), OfflineClient())
     yield from support_rows(name, scene, every=every)
 
 
@@ -84,12 +85,12 @@ def sample_rows(folder: Path, *, every: bool = False) -> Iterator[Row]:
     for path in sorted(p for p in folder.rglob("*") if p.suffix in MESHES and UNREADABLE not in p.name):
         kind, _, name = path.parent.name.partition("_")
         place = f"{name}/{path.stem}"
-        scan = mesh(Source(path), SourceOptions(label=name.split("_")[0]), MeshConfig())
+        scan = mesh_scene(Source(path), SourceOptions(label=name.split("_")[0]), MeshConfig())
         if kind == "obj":
-            thing = segment_object(scan, SegmentConfig())
+            thing = segment_object(scan, SegmentConfig(), OfflineClient())
             yield row(place, thing.instances[0].label, "all", True, thing.mesh, None)
         elif kind in ("sup", "room"):
-            yield from support_rows(place, segment(scan, SegmentConfig()), every=every)
+            yield from support_rows(place, segment(scan, SegmentConfig(), OfflineClient()), every=every)
 
 
 def summary(what: str, rows: list[Row]) -> str:

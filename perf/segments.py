@@ -14,13 +14,14 @@ from rich.table import Table
 from dcap.evaluation.label_scores import label_accuracy
 from dcap.evaluation.segment_scores import Score, Truth, scores
 from dcap.geometry.distance import MeshDistance
+from dcap.language.offline.client import OfflineClient
 from dcap.scene.store.artifacts import Source
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.sample import SourceOptions
 from dcap.scene.types.scan import Scan
 from dcap.scene.writers.interiorgs import write_interiorgs
 from dcap.synthetic.rooms import ROOMS, BuiltRoom, build_room
-from tasks.mesh.stage import MeshConfig, mesh
+from tasks.mesh.stage import MeshConfig, mesh_scene
 from tasks.segment.stage import SegmentConfig, segment
 
 SHELL = ("wall", "floor", "ceiling")
@@ -45,7 +46,7 @@ def read_room(name: str, seed: int = 0) -> tuple[BuiltRoom, Scan]:
     room = build_room(name, seed)
     with tempfile.TemporaryDirectory() as folder:
         write_interiorgs(Path(folder) / name, room.record, seed)
-        return room, mesh(Source(Path(folder) / name), SourceOptions(), MeshConfig())
+        return room, mesh_scene(Source(Path(folder) / name), SourceOptions(), MeshConfig())
 
 
 def truth_on(room: BuiltRoom, found: Mesh) -> Truth:
@@ -66,7 +67,7 @@ def on_mesh(scan: Scan, other: Mesh) -> Scan:
 
 def room_scores(room: BuiltRoom, scan: Scan) -> list[Score]:
     """The scores of a room's own segmentation."""
-    return scores(truth_on(room, scan.mesh), segment(scan, SegmentConfig()))
+    return scores(truth_on(room, scan.mesh), segment(scan, SegmentConfig(), OfflineClient()))
 
 
 def means(rows: list[Score]) -> Means:

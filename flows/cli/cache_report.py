@@ -6,7 +6,8 @@ from collections import defaultdict
 from rich.console import Console
 from rich.table import Table
 
-from dcap.scene.store.artifacts import Ref, Store
+from dcap.scene.store.artifacts import Store
+from dcap.scene.store.ref import Ref
 
 DAMAGED = 4
 
@@ -38,7 +39,7 @@ def cache_verification(*, as_json: bool) -> int:
     """Read every artifact; exit code 4 if any is damaged."""
     store = Store.default()
     refs = list(store.refs())
-    damaged: list[Ref] = [ref for ref in refs if not store.has(ref)]
+    damaged: list[Ref[object]] = [ref for ref in refs if not store.has(ref)]
     if as_json:
         Console().print_json(json.dumps({"artifacts": len(refs), "damaged": [ref.to_json() for ref in damaged]}))
     else:

@@ -17,8 +17,8 @@ from rich.text import Text
 from dcap.evaluation.outcome_table import Row
 from dcap.language.model.ledger import in_words
 from dcap.scene.types.sample import Sample
-from flows.sample_run import STAGES, OnEvent, Plan
-from tasks.runner.stage import Event, StageEvent
+from flows.sample_run import STAGE_NAMES, Plan
+from tasks.runner.context import Event, OnEvent, StageEvent
 
 SHOWN_WIDTH = 46
 WIDTH = 160
@@ -46,7 +46,7 @@ class Display:
         )
         self.bar = self.progress.add_task("planning", total=len(samples), left="")
         self.begin = time.monotonic()
-        self.stages = {sample.id: len(STAGES) for sample in samples}
+        self.stages = {sample.id: len(STAGE_NAMES) for sample in samples}
         """Number of stages of every sample that planning has not settled, as far as one can see."""
         self.stages_done = dict.fromkeys(self.stages, 0)
         self.ran = 0

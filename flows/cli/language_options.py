@@ -16,8 +16,8 @@ from dcap.scene.errors import InputError
 
 LEDGER = "usage.jsonl"
 """Name of the ledger in a run's folder."""
-DESK = "batch-desk"
-"""Name of the batch desk's folder in a run's folder."""
+QUEUE = "batch-queue"
+"""Name of the batch queue's folder in a run's folder."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,7 +74,7 @@ class LanguageOptions:
         )
 
     def session(self, folder: Path) -> Session:
-        """What does not; ledger and batch desk lie in the run's folder."""
+        """What does not; ledger and batch queue lie in the run's folder."""
         if self.client is ClientName.OFFLINE:
             return Session()
         return Session(
@@ -82,7 +82,7 @@ class LanguageOptions:
             replay=whole(self.replay),
             ledger=str(folder.resolve() / LEDGER),
             max_cost=self.max_cost,
-            batch=str(folder.resolve() / DESK) if self.batch else "",
+            batch=str(folder.resolve() / QUEUE) if self.batch else "",
         )
 
 

@@ -19,7 +19,7 @@ from dcap.geometry.placement.poses import center_of_mass
 from dcap.geometry.placement.regions import Frame, Region, both, distance_beside, regions
 from dcap.geometry.placement.set_down import Start, set_down
 from dcap.geometry.raycast import Raycaster
-from dcap.language.protocol.client import LanguageConfig, client
+from dcap.language.protocol.client import Client, LanguageConfig
 from dcap.language.protocol.questions import ANCHOR
 from dcap.language.protocol.replies import AnchorReply
 from dcap.scene.types.anchor import Anchor
@@ -65,7 +65,13 @@ class Choice:
 
 
 def anchor(
-    scene: Segmentation, item: Segmentation, intent: Intent, rotation: Rotation, prompt: str, config: AnchorConfig
+    scene: Segmentation,
+    item: Segmentation,
+    intent: Intent,
+    rotation: Rotation,
+    prompt: str,
+    config: AnchorConfig,
+    client: Client,
 ) -> Anchor | Infeasible:
     """Choose part and region, find a free spot, set the object over it."""
     base = instance_of(scene, intent.base_id)
@@ -74,7 +80,7 @@ def anchor(
     mesh = item.mesh.transformed(pose)
     pose[:3, 3] = -center_of_mass(mesh)
     mesh = item.mesh.transformed(pose)
-    reply = client(config.language).ask(ANCHOR, anchor_request(scene, base, intent, prompt, mesh))
+    reply = client.ask(ANCHOR, anchor_request(scene, base, intent, prompt, mesh))
     choice = choice_of(scene, base, intent, reply, mesh)
     if choice.beside is not None:
         return not_on_it(base, choice.index, intent, choice.beside)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, PositiveFloat
 
-from dcap.language.protocol.client import LanguageConfig, client
+from dcap.language.protocol.client import Client, LanguageConfig
 from dcap.language.protocol.questions import INTENT
 from dcap.language.protocol.replies import IntentReply
 from dcap.language.protocol.requests import IntentRequest
@@ -41,7 +41,7 @@ class IntentConfig(BaseModel, frozen=True, extra="forbid"):
 
 
 def intent(
-    scene: Segmentation, item: Segmentation, prompt: str, mass: float | None, config: IntentConfig
+    scene: Segmentation, item: Segmentation, prompt: str, mass: float | None, config: IntentConfig, client: Client
 ) -> Intent | Infeasible:
     """Ask once, then turn the priors into a scale and a mass."""
     if len(prompt) > LONGEST_PROMPT:
@@ -49,7 +49,7 @@ def intent(
     if mass is not None and not (np.isfinite(mass) and mass > 0):
         raise InputError(f"--mass {mass} is not a positive number of kilograms")
     request = IntentRequest(prompt, object_view(item), instance_views(scene), vector(room_center(scene)))
-    reply = client(config.language).ask(INTENT, request)
+    reply = client.ask(INTENT, request)
     if not reply.base_id:
         return not_found(reply, request)
     extents = np.array(request.item.size)

@@ -11,7 +11,7 @@ import numpy as np
 from pydantic import BaseModel, NonNegativeFloat, PositiveFloat
 
 from dcap.language.material_table import load_materials
-from dcap.language.protocol.client import LanguageConfig, client
+from dcap.language.protocol.client import Client, LanguageConfig
 from dcap.language.protocol.questions import MATERIALS
 from dcap.language.protocol.replies import MaterialChoice
 from dcap.language.protocol.requests import MaterialQuestion, MaterialsRequest
@@ -46,14 +46,20 @@ class MaterialsConfig(BaseModel, frozen=True, extra="forbid"):
 
 
 def materials(
-    scene: Segmentation, item: Segmentation, intent: Intent, anchor: Anchor, prompt: str, config: MaterialsConfig
+    scene: Segmentation,
+    item: Segmentation,
+    intent: Intent,
+    anchor: Anchor,
+    prompt: str,
+    config: MaterialsConfig,
+    client: Client,
 ) -> PartMaterials | Infeasible:
     """Ask once for all parts."""
     library = load_materials()
     questions = [*object_questions(item, intent), *base_and_neighbours(scene, item, anchor, config)]
     rows_alone = tuple(replace(row, source="") for row in library.values())  # where they come from helps nobody choose
     request = MaterialsRequest(prompt, tuple(questions), rows_alone, anchor.base_id)
-    reply = client(config.language).ask(MATERIALS, request)
+    reply = client.ask(MATERIALS, request)
     given = {(choice.body, choice.part_index): choice for choice in reply.choices}
     rows = [part_material(q, given[q.body, q.part.index], library, intent, config) for q in questions]
     notes: tuple[str, ...] = (LIMITED,) if config.paper_limits else ()

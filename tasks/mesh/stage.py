@@ -30,10 +30,8 @@ LOG = logging.getLogger(__name__)
 
 
 class MeshConfig(BaseModel, frozen=True, extra="forbid"):
-    """What the mesh is used as, and how it is cleaned."""
+    """How a mesh is cleaned."""
 
-    role: Role = Role.SCENE
-    """Scene or object: decides which sizes are plausible and which option a message names."""
     weld_fraction: PositiveFloat = 1e-7
     """Vertices closer than this share of the largest extent are one [-]; float32 files cannot tell them apart."""
     color_levels: PositiveInt = 16
@@ -44,12 +42,20 @@ class MeshConfig(BaseModel, frozen=True, extra="forbid"):
     """Worker threads for that, 0: all cores; never changes a result."""
 
 
-def mesh(source: Source, options: SourceOptions, config: MeshConfig) -> Scan:
-    """Read the source and clean it."""
+def mesh_scene(source: Source, options: SourceOptions, config: MeshConfig) -> Scan:
+    """The scene's source as a clean mesh."""
+    return mesh(source, options, Role.SCENE, config)
+
+
+def mesh_object(source: Source, options: SourceOptions, config: MeshConfig) -> Scan:
+    """The object's source as a clean mesh."""
+    return mesh(source, options, Role.OBJECT, config)
+
+
+def mesh(source: Source, options: SourceOptions, role: Role, config: MeshConfig) -> Scan:
+    """Read the source and clean it; the role decides which sizes are plausible and which option a message names."""
     try:
-        scan = read_scan(
-            source.path, options, config.role, folder=source.folder, mesher=partial(surface, config=config)
-        )
+        scan = read_scan(source.path, options, role, folder=source.folder, mesher=partial(surface, config=config))
         return cleaned(scan, config)
     except GeometryError as error:
         raise FormatError(f"{source.path}: {error}") from None
@@ -72,7 +78,8 @@ def needs_process(source: Source, **_: object) -> bool:
     return has_only_splats(source.path)
 
 
-mesh_task = stage(mesh, process=needs_process)
+mesh_scene_task = stage(mesh_scene, process=needs_process)
+mesh_object_task = stage(mesh_object, process=needs_process)
 
 
 def cleaned(scan: Scan, config: MeshConfig) -> Scan:

@@ -20,7 +20,7 @@ from dcap.geometry.placement.regions import smallest_rectangle
 from dcap.geometry.placement.upright import outermost, stands_as_read, upright_pose
 from dcap.geometry.rendering.picture import Camera, picture
 from dcap.language.offline.fronts import front_side
-from dcap.language.protocol.client import LanguageConfig, client
+from dcap.language.protocol.client import Client, LanguageConfig
 from dcap.language.protocol.questions import ROTATION
 from dcap.language.protocol.replies import ROUNDED, RotationReply
 from dcap.language.protocol.requests import FacingView, PoseView, RotationRequest, Vector
@@ -53,7 +53,7 @@ class RotationConfig(BaseModel, frozen=True, extra="forbid"):
 
 
 def rotation(
-    scene: Segmentation, item: Segmentation, intent: Intent, prompt: str, config: RotationConfig
+    scene: Segmentation, item: Segmentation, intent: Intent, prompt: str, config: RotationConfig, client: Client
 ) -> Rotation | Infeasible:
     """Ask once with all choices and pictures, then build the matrix."""
     base = instance_of(scene, intent.base_id)
@@ -76,7 +76,7 @@ def rotation(
         turn_deg=intent.orientation.turn_deg,
         pictures=tuple(partial(np.copy, one) for one in pictures),
     )
-    reply = client(config.language).ask(ROTATION, request)
+    reply = client.ask(ROTATION, request)
     matrix = matrix_of(reply, request, scene, base, mesh)
     # asked so that a matrix of nan is refused too
     if not (np.abs(matrix @ matrix.T - np.eye(3)).max() < 1e-9 and np.linalg.det(matrix) > 0):

@@ -19,7 +19,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from typing import IO, Any
 
-from dcap.language.protocol.session import Session, speaking
+from dcap.language.protocol.session import Session
 from dcap.scene import errors
 from dcap.scene.settings import PROJECT_ROOT
 from tasks.runner.digests import PACKAGES
@@ -121,8 +121,7 @@ def main() -> None:
 
     try:
         function = getattr(importlib.import_module(job["module"]), job["function"])
-        with speaking(Session(**job["session"])):
-            done = stage(function).compute(job["inputs"], job["config"])
+        done = stage(function).compute(job["inputs"], job["config"], Session(**job["session"]))
     except errors.DcapError as error:
         say(report, error={"type": type(error).__name__, "message": str(error)})
         return

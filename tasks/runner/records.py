@@ -10,10 +10,12 @@ import json
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from dcap.scene.settings import cache_root
-from dcap.scene.store.artifacts import Ref, Store
+from dcap.scene.store.artifacts import Store
 from dcap.scene.store.codec import canonical_json
+from dcap.scene.store.ref import Ref
 
 MOST_REPEATS = 1000
 
@@ -53,7 +55,7 @@ class Record:
     """One finished run of a stage."""
 
     key: str
-    ref: Ref
+    ref: Ref[Any]
     seconds: float
     """Wall time of the function, without loading and saving [s]."""
     size: int

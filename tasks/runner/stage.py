@@ -1,111 +1,69 @@
 """Turns the pure function of a stage into a cached Prefect task.
 
-`segment_task = stage(segment)` gives a callable that takes references (`Ref`) and plain values and returns a reference.
-Called, it looks for a record of the same code, configuration, inputs and libraries whose artifact is sound; if there is
-none, it loads the inputs from the store, runs the function (with `process=True` in a fresh process of its own), saves
-what it returns, and logs time and size. An `Infeasible` among the inputs is handed through without running anything.
+`segment_task = stage(segment)` gives a callable that takes references (`Ref[Scan]`) where the function takes values,
+and plain values as they are, and returns a reference to what the function returns. Called, it looks for a record of the
+same code, configuration, inputs and libraries whose artifact is sound; if there is none, it loads the inputs from the
+store, runs the function (with `process=True` in a fresh process of its own), saves what it returns, and logs time and
+size. An `Infeasible` among the inputs is handed through without running anything. A function with a parameter `client`
+gets the client that its configuration names, which is no input: what it may say is decided by the configuration.
 
-Prefect is imported on the first run, not before: planning needs no server and must not wait for it.
+mypy derives the task's signature from the function's (mypy_plugin.py beside this): a reference to the wrong kind of
+value is a type error in the flow.
 """
 
 import inspect
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, nullcontext
-from contextvars import ContextVar
-from dataclasses import dataclass, field
-from enum import StrEnum
+from collections.abc import Callable
+from contextlib import nullcontext
+from dataclasses import replace
 from functools import cached_property, partial
 from pathlib import Path
-from threading import Semaphore
-from typing import TYPE_CHECKING, Any, get_type_hints
+from typing import TYPE_CHECKING, Any, Generic, ParamSpec, TypeVar, get_args, get_type_hints
 
 from pydantic import BaseModel
 
-from dcap.language.protocol.session import Session, current_session, speaking
+from dcap.language.protocol.client import Idle, connect
+from dcap.language.protocol.session import Session
 from dcap.scene.errors import StoreError
-from dcap.scene.settings import PROJECT_ROOT, cache_root
-from dcap.scene.store.artifacts import Ref, Store
+from dcap.scene.settings import PROJECT_ROOT
+from dcap.scene.store.artifacts import Store
 from dcap.scene.store.codec import from_tree, to_tree
+from dcap.scene.store.ref import Ref
 from dcap.scene.types.outcome import Infeasible
+from tasks.runner.cache_policy import verified_records
+from tasks.runner.context import (
+    Event,
+    NotCachedError,
+    OnProgress,
+    RunContext,
+    StageEvent,
+    current_context,
+    lent,
+    use_context,
+)
 from tasks.runner.digests import libraries, source_digests
-from tasks.runner.locks import FileLocks
 from tasks.runner.process import run_in_process
 from tasks.runner.records import Deciders, Record, records_root, usable_key
 
 if TYPE_CHECKING:
     from prefect import Task
-    from prefect.cache_policies import CachePolicy
 
-OnProgress = Callable[[float, str], None]
 NOT_DECIDING = {"threads"}
 """Settings of any stage that change how long it takes, never what it returns."""
+CLIENT = "client"
+"""Parameter through which a stage that asks questions gets who answers them."""
+
+P = ParamSpec("P")
+ValueT = TypeVar("ValueT")
+ValueT_co = TypeVar("ValueT_co", covariant=True)
 
 
-class Event(StrEnum):
-    """What can be told about a stage while a sample is placed."""
-
-    STARTED = "started"
-    PROGRESS = "progress"
-    FINISHED = "finished"
-    CACHED = "cached"
-
-
-@dataclass(frozen=True, slots=True)
-class StageEvent:
-    """One thing that happened to a stage."""
-
-    stage: str
-    event: Event
-    part: float = 0.0
-    """Share of the work that is done, 0..1, where the stage knows it."""
-    text: str = ""
-    record: Record | None = None
-    """The record, once there is one."""
-
-
-@dataclass(slots=True)
-class Conduct:
-    """How the stages that are called inside `conducting` behave."""
-
-    lookup_only: bool = False
-    """Only look records up; a stage without one raises NotCachedError."""
-    refresh: frozenset[str] = frozenset()
-    """Stages to compute again although they have a record."""
-    on_event: Callable[[StageEvent], None] = lambda event: None
-    session: Session = field(default_factory=Session)
-    """How questions are asked."""
-    slots: Semaphore | None = None
-    """How many stages may compute at a time; a stage that waits for a reply gives its slot to another."""
-    ran: bool = field(default=False, init=False)
-    """Whether the stage called last computed something."""
-
-
-class NotCachedError(LookupError):
-    """A stage has no usable record; carries what it would be computed from."""
-
-    def __init__(self, deciders: Deciders) -> None:
-        super().__init__(deciders.stage)
-        self.deciders = deciders
-
-
-current: ContextVar[Conduct] = ContextVar("current")
-
-
-@contextmanager
-def conducting(conduct: Conduct) -> Iterator[Conduct]:
-    """Let stages called in this block and thread behave as `conduct` says."""
-    token = current.set(conduct)
-    try:
-        yield conduct
-    finally:
-        current.reset(token)
-
-
-class Stage:
+class Stage(Generic[P, ValueT_co]):
     """A stage as the flows call it: references in, a reference out."""
 
-    def __init__(self, function: Callable[..., Any], *, process: bool | Callable[..., bool], name: str) -> None:
+    def __init__(
+        self, function: Callable[..., ValueT_co | Infeasible], *, process: bool | Callable[..., bool], name: str
+    ) -> None:
         self.function = function
         self.process = process
         self.name = name
@@ -117,12 +75,17 @@ class Stage:
         """Declared types of the function's parameters."""
         return get_type_hints(self.function)
 
-    def __call__(self, *arguments: Any, **named: Any) -> Ref:
+    @property
+    def asks(self) -> bool:
+        """Whether it asks questions."""
+        return CLIENT in self.signature.parameters
+
+    def __call__(self, *args: P.args, **kwargs: P.kwargs) -> Ref[ValueT_co]:
         """Reference to what the function returns for these inputs, computed only if it was not before."""
-        inputs = dict(self.signature.bind_partial(*arguments, **named).arguments)
+        inputs = dict(self.signature.bind_partial(*args, **kwargs).arguments)
         config = inputs.pop("config", None)
         for value in inputs.values():
-            if isinstance(value, Ref) and value.kind == Infeasible.__name__:
+            if isinstance(value, Ref) and value.infeasible:
                 return value
         if config is None and "config" in self.signature.parameters:
             config = self.hints["config"]()
@@ -139,26 +102,34 @@ class Stage:
         )
 
     def _record(self, deciders: Deciders, config: BaseModel | None) -> Record:
-        conduct = current.get(None) or Conduct()
-        if conduct.lookup_only:
-            _, record = usable_key(deciders.key, Store.default())
-            if record is None:
+        context = current_context()
+        if context.lookup_only:
+            _, found = usable_key(deciders.key, Store.default())
+            if found is None:
                 raise NotCachedError(deciders)
+            record, computed = found, False
         else:
-            record = self._run(deciders, config, conduct)
-        conduct.on_event(StageEvent(self.name, Event.FINISHED if conduct.ran else Event.CACHED, 1.0, record=record))
+            record, computed = self._run(deciders, config, context)
+        context.on_event(StageEvent(self.name, Event.FINISHED if computed else Event.CACHED, 1.0, record=record))
         return record
 
-    def _run(self, deciders: Deciders, config: BaseModel | None, conduct: Conduct) -> Record:
-        conduct.ran = False
+    def _run(self, deciders: Deciders, config: BaseModel | None, context: RunContext) -> tuple[Record, bool]:
+        """The record, by Prefect from its cache or computed now, and whether it was computed."""
+        computed = False
+
+        def note(event: StageEvent) -> None:
+            nonlocal computed
+            computed |= event.event is Event.STARTED
+            context.on_event(event)
+
         settings = None if config is None else config.model_dump(mode="json")
-        with conducting(conduct):
-            task = self.task.with_options(refresh_cache=True) if self.name in conduct.refresh else self.task
-            return Record.from_json(task(deciders.key, deciders.to_json(), settings))
+        task = self.task.with_options(refresh_cache=True) if self.name in context.refresh else self.task
+        with use_context(replace(context, on_event=note)):
+            return Record.from_json(task(deciders.key, deciders.to_json(), settings)), computed
 
     @cached_property
     def task(self) -> "Task[[str, dict[str, object], object], dict[str, object]]":
-        """The Prefect task behind this stage."""
+        """The Prefect task behind this stage; Prefect is imported on the first run, because planning needs none."""
         from prefect import Task
 
         return Task(
@@ -176,13 +147,11 @@ class Stage:
         """What Prefect runs when no record fits."""
         from prefect.logging import get_run_logger
 
-        log = get_run_logger()
-        conduct = current.get()
-        conduct.ran = True
-        conduct.on_event(StageEvent(self.name, Event.STARTED))
+        log, context = get_run_logger(), current_context()
+        context.on_event(StageEvent(self.name, Event.STARTED))
         begin = time.perf_counter()
-        with conduct.slots or nullcontext(), speaking(conduct.session, partial(given_back, conduct.slots)):
-            done = self._compute_anywhere(deciders["inputs"], config, progress_to(log, conduct, self.name))
+        with context.slots or nullcontext():
+            done = self._compute_anywhere(deciders["inputs"], config, context, progress_to(log, context, self.name))
         log.info(
             "%s: %s %s, %.2f s (%.2f s with loading and saving), %.1f KiB",
             self.name,
@@ -195,15 +164,17 @@ class Stage:
         record = Record(key, Ref.from_json(done["ref"]), done["seconds"], done["size"], deciders)
         return record.to_json()
 
-    def _compute_anywhere(self, inputs: dict[str, Any], config: object, on_progress: OnProgress) -> dict[str, Any]:
+    def _compute_anywhere(
+        self, inputs: dict[str, Any], config: object, context: RunContext, on_progress: OnProgress
+    ) -> dict[str, Any]:
         if not self._needs_process(inputs):
-            return self.compute(inputs, config)
+            return self.compute(inputs, config, context.session, partial(lent, context.slots))
         job = {
             "module": self.function.__module__,
             "function": self.function.__name__,
             "inputs": inputs,
             "config": config,
-            "session": current_session().to_json(),
+            "session": context.session.to_json(),
         }
         return run_in_process(job, on_progress)
 
@@ -213,12 +184,16 @@ class Stage:
         store = Store.default()
         return self.process(**{name: self._loaded(name, tree, store) for name, tree in inputs.items()})
 
-    def compute(self, inputs: dict[str, Any], config: Any) -> dict[str, Any]:
+    def compute(
+        self, inputs: dict[str, Any], config: Any, session: Session, idle: Idle = nullcontext
+    ) -> dict[str, Any]:
         """Load the inputs, run the function, save its value; reference, time [s] and size [bytes] as JSON."""
         store = Store.default()
         values = {name: self._loaded(name, tree, store) for name, tree in inputs.items()}
         if config is not None:
             values["config"] = self.hints["config"].model_validate(config)
+        if self.asks:
+            values[CLIENT] = connect(values["config"].language, session, idle)
         begin = time.perf_counter()
         value = self.function(**values)
         seconds = time.perf_counter() - begin
@@ -226,30 +201,40 @@ class Stage:
         return {"ref": ref.to_json(), "seconds": seconds, "size": store.size(ref)}
 
     def _loaded(self, name: str, tree: dict[str, Any], store: Store) -> Any:
-        if "ref" in tree:
-            return store.load(Ref.from_json(tree["ref"]))
-        return from_tree(tree["value"], self.hints.get(name, object), {})
+        """An input as the function takes it; StoreError if the artifact is of another kind than declared."""
+        declared = self.hints.get(name, object)
+        if "ref" not in tree:
+            return from_tree(tree["value"], declared, {})
+        value = store.load(Ref.from_json(tree["ref"]))
+        if not isinstance(value, kinds_of(declared)):
+            raise StoreError(
+                f"stage {self.name}: input {name} is declared {names_of(declared)}, its artifact is a "
+                f"{type(value).__name__}"
+            )
+        return value
 
 
 def stage(
-    function: Callable[..., Any], *, process: bool | Callable[..., bool] = False, name: str | None = None
-) -> Stage:
+    function: Callable[..., ValueT | Infeasible],
+    *,
+    process: bool | Callable[..., bool] = False,
+    name: str | None = None,
+) -> Stage[..., ValueT]:
     """The task of a pure function; `process` gives each run a fresh process of its own, or those that it says of by
     their inputs."""
     return Stage(function, process=process, name=name or function.__name__)
 
 
-@contextmanager
-def given_back(slots: Semaphore | None) -> Iterator[None]:
-    """Without the slot that this thread holds; waits for one at the end."""
-    if slots is None:
-        yield
-        return
-    slots.release()
-    try:
-        yield
-    finally:
-        slots.acquire()
+def kinds_of(declared: Any) -> tuple[type, ...]:
+    """The classes that a declared type allows, through unions and new names of a class."""
+    options = get_args(declared) or (declared,)
+    plain = (getattr(one, "__supertype__", one) for one in options)
+    return tuple(one for one in plain if isinstance(one, type))
+
+
+def names_of(declared: Any) -> str:
+    """A declared type in words."""
+    return " or ".join(one.__name__ for one in kinds_of(declared) if one is not type(None))
 
 
 def deciding(tree: Any) -> Any:
@@ -270,30 +255,11 @@ def plain_input(name: str, value: Any) -> dict[str, object]:
     return {"value": tree}
 
 
-def progress_to(log: Any, conduct: Conduct, stage_name: str) -> OnProgress:
+def progress_to(log: Any, context: RunContext, stage_name: str) -> OnProgress:
     """Pass a stage's progress on to the run's log and to whoever listens."""
 
     def on_progress(part: float, text: str) -> None:
         log.info("%s: %s%s", stage_name, f"{part:.0%} " if part else "", text)
-        conduct.on_event(StageEvent(stage_name, Event.PROGRESS, part, text))
+        context.on_event(StageEvent(stage_name, Event.PROGRESS, part, text))
 
     return on_progress
-
-
-def verified_records() -> "CachePolicy":
-    """The cache policy: the key of the deciders, or the next free name where that record's artifact is damaged."""
-    from prefect.cache_policies import CachePolicy
-    from prefect.context import TaskRunContext
-
-    class VerifiedRecords(CachePolicy):
-        def compute_key(
-            self,
-            task_ctx: TaskRunContext,
-            inputs: dict[str, Any],
-            flow_parameters: dict[str, Any],
-            **kwargs: Any,
-        ) -> str | None:
-            return usable_key(str(inputs["key"]), Store.default())[0]
-
-    # serialisable: two samples that need the same room read it once, the second waits for the first
-    return VerifiedRecords().configure(isolation_level="SERIALIZABLE", lock_manager=FileLocks(cache_root() / "locks"))

@@ -4,7 +4,6 @@ In: a divided scene or object. Out: the same with the client's names; faces, box
 parts that get one name remain two.
 """
 
-from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 
@@ -18,16 +17,16 @@ from tasks.requests.views import Sums, part_views, sums_of
 from tasks.segment.part_pictures import paint, parts_picture
 
 
-def with_part_names(scene: Segmentation, client: Callable[[], Client]) -> Segmentation:
+def with_part_names(scene: Segmentation, client: Client) -> Segmentation:
     """Ask what the parts are called: one question for every instance of two parts or more, however many there are.
 
-    Not asked are structure and what an annotation names; the client is made only where there is a question.
+    Not asked are structure and what an annotation names.
     """
     asked = [i for i, one in enumerate(scene.instances) if is_asked(one)]
     if not asked:
         return scene
     sums, instances = sums_of(scene), list(scene.instances)
-    replies = client().ask_all(PARTS, [parts_request(scene, i, sums) for i in asked])
+    replies = client.ask_all(PARTS, [parts_request(scene, i, sums) for i in asked])
     for i, reply in zip(asked, replies, strict=True):
         chosen = {one.index: one for one in reply.names}
         parts = (Part(chosen[k].name, p.box, chosen[k].confidence) for k, p in enumerate(instances[i].parts))

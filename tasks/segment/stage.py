@@ -6,7 +6,6 @@ rules propose their names, and a client may choose others.
 """
 
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +18,7 @@ from dcap.geometry.segmentation.labels import readable
 from dcap.geometry.segmentation.named import named_groups
 from dcap.geometry.segmentation.parts.front import facing_away_from_wall
 from dcap.geometry.segmentation.parts.rules import find_parts, make_instance, node_words, object_node_words
-from dcap.language.protocol.client import LanguageConfig, client
+from dcap.language.protocol.client import Client, LanguageConfig
 from dcap.scene.types.scan import Scan
 from dcap.scene.types.segmentation import Instance, Segmentation
 from tasks.runner.stage import stage
@@ -35,10 +34,10 @@ class SegmentConfig(BaseModel, frozen=True, extra="forbid"):
     """Instances with fewer faces are left out [-]: a stray triangle is noise, two make a floor."""
 
 
-def segment(scan: Scan, config: SegmentConfig) -> Segmentation:
+def segment(scan: Scan, config: SegmentConfig, client: Client) -> Segmentation:
     """Divide a scene into instances and parts."""
     table = FaceTable.of(scan.mesh)
-    groups = boxed_groups(table, scan.boxes) if scan.boxes else _groups_without_boxes(scan, table, config)
+    groups = boxed_groups(table, scan.boxes) if scan.boxes else _groups_without_boxes(scan, table, client)
     groups = [g for g in groups if len(g.faces) >= min(config.min_faces, len(scan.mesh.faces))]
     face_instance = np.full(len(scan.mesh.faces), -1, dtype=np.int32)
     face_part = np.full(len(scan.mesh.faces), -1, dtype=np.int32)
@@ -52,14 +51,14 @@ def segment(scan: Scan, config: SegmentConfig) -> Segmentation:
         face_instance[group.faces] = index
         face_part[group.faces] = part
     found = Segmentation(scan.mesh, _with_fronts(instances), face_instance, face_part)
-    return with_part_names(found, partial(client, config.language))
+    return with_part_names(found, client)
 
 
-def _groups_without_boxes(scan: Scan, table: FaceTable, config: SegmentConfig) -> list[Group]:
-    """By names; a client is made, and so asked, only where there is a room to be taken apart."""
+def _groups_without_boxes(scan: Scan, table: FaceTable, client: Client) -> list[Group]:
+    """By names; the client is asked only where there is a room to be taken apart."""
 
     def taken_apart(inside: NDArray[np.bool_]) -> list[Group]:
-        return labelled_room(scan.mesh, table, inside, client(config.language))
+        return labelled_room(scan.mesh, table, inside, client)
 
     return named_groups(table, scan, taken_apart)
 
@@ -67,7 +66,7 @@ def _groups_without_boxes(scan: Scan, table: FaceTable, config: SegmentConfig) -
 segment_task = stage(segment)
 
 
-def segment_object(scan: Scan, config: SegmentConfig) -> Segmentation:
+def segment_object(scan: Scan, config: SegmentConfig, client: Client) -> Segmentation:
     """The object as one instance with id 'object'."""
     table = FaceTable.of(scan.mesh)
     faces = np.arange(len(scan.mesh.faces))
@@ -76,7 +75,7 @@ def segment_object(scan: Scan, config: SegmentConfig) -> Segmentation:
     part, parts, box, front = find_parts(table, faces, label, None, words, as_object=True)
     instance = Instance("object", label, box, parts, front)
     found = Segmentation(scan.mesh, (instance,), np.zeros(len(faces), dtype=np.int32), part)
-    return with_part_names(found, partial(client, config.language))
+    return with_part_names(found, client)
 
 
 segment_object_task = stage(segment_object)

@@ -11,8 +11,8 @@ from typing import TypeVar
 from box_rooms import ROOM
 from fake_api import FakeApi
 
-from dcap.language.protocol.client import ClientName, LanguageConfig
-from dcap.language.protocol.session import Session, speaking
+from dcap.language.protocol.client import Client, ClientName, LanguageConfig, connect
+from dcap.language.protocol.session import Session
 from dcap.scene.types.anchor import Anchor
 from dcap.scene.types.intent import Intent
 from dcap.scene.types.materials import PartMaterials
@@ -39,19 +39,19 @@ class Stages:
     api: FakeApi | None = None
     folder: Path = Path()
 
-    def answered(self, run: Callable[[LanguageConfig], T]) -> T:
+    def answered(self, run: Callable[[Client], T]) -> T:
         """What `run` gives when this client answers."""
         if self.client is ClientName.OFFLINE:
-            return run(LanguageConfig())
+            return run(connect(LanguageConfig(), Session()))
         assert self.api is not None
         recording, kept = str(self.folder / "recording"), str(self.folder / "kept")
-        with speaking(Session(record=recording, kept=kept)):
-            found = run(LanguageConfig(client=ClientName.ANTHROPIC, model=MODEL))
+        model = LanguageConfig(client=ClientName.ANTHROPIC, model=MODEL)
+        found = run(connect(model, Session(record=recording, kept=kept)))
         if self.client is ClientName.ANTHROPIC:
             return found
         asked = len(self.api.asked)
-        with speaking(Session(replay=recording, kept=str(self.folder / "nothing"))):
-            found = run(LanguageConfig(client=ClientName.REPLAY, model=MODEL))
+        replay = LanguageConfig(client=ClientName.REPLAY, model=MODEL)
+        found = run(connect(replay, Session(replay=recording, kept=str(self.folder / "nothing"))))
         assert len(self.api.asked) == asked
         return found
 
@@ -65,54 +65,50 @@ class Stages:
         config: IntentConfig | None = None,
     ) -> Intent | Infeasible:
         """Intent only."""
-        plain = config or IntentConfig()
-        return self.answered(
-            lambda language: intent(room, item, prompt, mass, plain.model_copy(update={"language": language}))
-        )
+        return self.answered(lambda client: intent(room, item, prompt, mass, config or IntentConfig(), client))
 
     def oriented(self, prompt: str, item: Segmentation, room: Segmentation = ROOM) -> Rotation:
         """Intent and rotation."""
-        return self.answered(lambda language: turned(prompt, item, room, language)[1])
+        return self.answered(lambda client: turned(prompt, item, room, client)[1])
 
     def tried(self, prompt: str, item: Segmentation, room: Segmentation = ROOM) -> Anchor | Infeasible:
         """Intent, rotation and anchor, whatever the anchor says."""
-        return self.answered(lambda language: set_over(prompt, item, room, language)[2])
+        return self.answered(lambda client: set_over(prompt, item, room, client)[2])
 
     def placed(self, prompt: str, item: Segmentation, room: Segmentation = ROOM) -> tuple[Intent, Rotation, Anchor]:
         """Intent, rotation and anchor where there is a place."""
-        meant, pose, found = self.answered(lambda language: set_over(prompt, item, room, language))
+        meant, pose, found = self.answered(lambda client: set_over(prompt, item, room, client))
         assert isinstance(found, Anchor), found
         return meant, pose, found
 
     def made_of(self, prompt: str, item: Segmentation, room: Segmentation = ROOM) -> PartMaterials:
         """All four stages."""
 
-        def run(language: LanguageConfig) -> PartMaterials | Infeasible:
-            meant, _, found = set_over(prompt, item, room, language)
+        def run(client: Client) -> PartMaterials | Infeasible:
+            meant, _, found = set_over(prompt, item, room, client)
             assert isinstance(found, Anchor), found
-            return materials(room, item, meant, found, prompt, MaterialsConfig(language=language))
+            return materials(room, item, meant, found, prompt, MaterialsConfig(), client)
 
         rows = self.answered(run)
         assert isinstance(rows, PartMaterials), rows
         return rows
 
 
-def turned(prompt: str, item: Segmentation, room: Segmentation, language: LanguageConfig) -> tuple[Intent, Rotation]:
+def turned(prompt: str, item: Segmentation, room: Segmentation, client: Client) -> tuple[Intent, Rotation]:
     """Intent and rotation."""
-    meant = intent(room, item, prompt, None, IntentConfig(language=language))
+    meant = intent(room, item, prompt, None, IntentConfig(), client)
     assert isinstance(meant, Intent), meant
-    config = RotationConfig(language=language, picture_size=PICTURE_SIZE)
-    pose = rotation(room, item, meant, prompt, config)
+    pose = rotation(room, item, meant, prompt, RotationConfig(picture_size=PICTURE_SIZE), client)
     assert isinstance(pose, Rotation), pose
     return meant, pose
 
 
 def set_over(
-    prompt: str, item: Segmentation, room: Segmentation, language: LanguageConfig
+    prompt: str, item: Segmentation, room: Segmentation, client: Client
 ) -> tuple[Intent, Rotation, Anchor | Infeasible]:
     """Intent, rotation and anchor."""
-    meant, pose = turned(prompt, item, room, language)
-    return meant, pose, anchor(room, item, meant, pose, prompt, AnchorConfig(language=language))
+    meant, pose = turned(prompt, item, room, client)
+    return meant, pose, anchor(room, item, meant, pose, prompt, AnchorConfig(), client)
 
 
 def with_each(cases: Sequence[tuple[object, ...]], *told: object) -> list[tuple[object, ...]]:

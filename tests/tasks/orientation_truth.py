@@ -8,6 +8,8 @@ import yaml
 from box_rooms import block, segmentation
 from numpy.typing import NDArray
 
+from dcap.language.offline.client import OfflineClient
+from dcap.language.protocol.client import Client
 from dcap.scene.types.intent import Intent
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.rotation import Rotation
@@ -88,15 +90,21 @@ def parts_read(read: Segmentation) -> tuple[tuple[str, Mesh], ...]:
     )
 
 
-def chosen(label: str, parts: tuple[tuple[str, Mesh], ...], words: str, file_from_own: Array) -> Rotation:
+def chosen(
+    label: str,
+    parts: tuple[tuple[str, Mesh], ...],
+    words: str,
+    file_from_own: Array,
+    client: Client | None = None,
+) -> Rotation:
     """What the stages answer for an object whose file has its axes turned by `file_from_own`, shape (3, 3)."""
     pose = np.eye(4)
     pose[:3, :3] = file_from_own
     item = segmentation({"object": (label, None, [(part, mesh.transformed(pose)) for part, mesh in parts])})
     prompt = f"Put the {label} on the desk, {words}." if words else f"Put the {label} on the desk."
-    meant = intent(room(), item, prompt, None, IntentConfig())
+    meant = intent(room(), item, prompt, None, IntentConfig(), OfflineClient())
     assert isinstance(meant, Intent), meant
-    turned = rotation(room(), item, meant, prompt, RotationConfig(picture_size=16))
+    turned = rotation(room(), item, meant, prompt, RotationConfig(picture_size=16), client or OfflineClient())
     assert isinstance(turned, Rotation), turned
     return turned
 

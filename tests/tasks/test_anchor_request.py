@@ -7,8 +7,10 @@ import pytest
 import trimesh
 from fake_api import data_of
 
-from dcap.language.protocol.client import ClientName, LanguageConfig
+from dcap.language.offline.client import OfflineClient
+from dcap.language.protocol.client import ClientName, LanguageConfig, connect
 from dcap.language.protocol.replies import AnchorReply
+from dcap.language.protocol.session import Session
 from dcap.scene.types.anchor import Anchor
 from dcap.scene.types.box import OrientedBox
 from dcap.scene.types.intent import Intent
@@ -52,7 +54,7 @@ ITEM = room(("object", "box", ((0.0, 0.0, 0.0), (0.1, 0.1, 0.1)), GREY))
 
 
 def asked(prompt: str) -> Intent:
-    found = intent(ROOM, ITEM, prompt, None, IntentConfig())
+    found = intent(ROOM, ITEM, prompt, None, IntentConfig(), OfflineClient())
     assert isinstance(found, Intent)
     return found
 
@@ -84,11 +86,11 @@ def test_part_that_is_referred_to_goes_by_its_name():
 def test_model_is_told_the_sentence_and_chooses_as_the_offline_reader_does(api):
     """The stage hands the whole sentence and one picture over; the same choice gives the same start."""
     meant = asked(SENTENCE)
-    turned = rotation(ROOM, ITEM, meant, SENTENCE, RotationConfig(picture_size=64))
+    turned = rotation(ROOM, ITEM, meant, SENTENCE, RotationConfig(picture_size=64), OfflineClient())
     assert isinstance(turned, Rotation)
-    model = LanguageConfig(client=ClientName.ANTHROPIC)
-    found = anchor(ROOM, ITEM, meant, turned, SENTENCE, AnchorConfig(language=model))
-    alone = anchor(ROOM, ITEM, meant, turned, SENTENCE, AnchorConfig())
+    model = connect(LanguageConfig(client=ClientName.ANTHROPIC), Session())
+    found = anchor(ROOM, ITEM, meant, turned, SENTENCE, AnchorConfig(), model)
+    alone = anchor(ROOM, ITEM, meant, turned, SENTENCE, AnchorConfig(), OfflineClient())
     assert isinstance(found, Anchor)
     assert isinstance(alone, Anchor)
     assert np.array_equal(found.world_from_object, alone.world_from_object)

@@ -9,6 +9,7 @@ from stage_chain import Stages, with_each
 
 from dcap.geometry.placement.poses import center_of_mass
 from dcap.geometry.raycast import Raycaster
+from dcap.language.offline.client import OfflineClient
 from dcap.language.protocol.replies import AnchorReply
 from dcap.scene.types.anchor import Anchor
 from dcap.scene.types.mesh import Mesh
@@ -294,7 +295,7 @@ def test_one_of_two_edges_is_named():
     item = thing("tennis ball", ball(0.033))
     meant, turned, _ = OFFLINE.placed("put the ball on the edge of the mattress", item)
     both = replace(meant, region=replace(meant.region, names=("left", "right", "edge")))
-    found = anchor(ROOM, item, both, turned, "", AnchorConfig())
+    found = anchor(ROOM, item, both, turned, "", AnchorConfig(), OfflineClient())
     assert isinstance(found, Anchor)
     side = {"left edge": -1.0, "right edge": 1.0}[found.region]
     # the mattress ends at 0.75 m; the ball's radius and 2 cm remain

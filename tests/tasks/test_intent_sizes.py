@@ -26,7 +26,8 @@ TABLE = block("table", 1.2, 0.8, 0.04)
 
 
 def asked(item: Segmentation) -> Intent:
-    found = intent(TABLE, item, f"put the {item.instances[0].label} on the table", None, IntentConfig())
+    prompt = f"put the {item.instances[0].label} on the table"
+    found = intent(TABLE, item, prompt, None, IntentConfig(), OfflineClient())
     assert isinstance(found, Intent)
     return found
 

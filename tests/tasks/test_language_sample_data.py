@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from dcap.geometry.raycast import Raycaster
+from dcap.language.offline.client import OfflineClient
 from dcap.scene.readers.frame import Role
 from dcap.scene.readers.source import read_scan
 from dcap.scene.types.anchor import Anchor
@@ -35,7 +36,7 @@ SOFA = "sup_couch_kaykit/couch.gltf"
 
 @cache
 def read(name: str, label: str, role: Role) -> Segmentation:
-    scan = cleaned(read_scan(FOLDER / name, SourceOptions(label=label), role), MeshConfig(role=role))
+    scan = cleaned(read_scan(FOLDER / name, SourceOptions(label=label), role), MeshConfig())
     return (segment if role is Role.SCENE else segment_object)(scan, SegmentConfig())
 
 
@@ -54,11 +55,11 @@ def read(name: str, label: str, role: Role) -> Segmentation:
 def test_object_starts_one_centimetre_over_the_asked_part(support, label, item, prompt, part):
     """The part is the asked or usual one, and no vertex of the object is nearer than 1 cm to what lies below."""
     scene, thing = read(support, label, Role.SCENE), read(item, "", Role.OBJECT)
-    meant = intent(scene, thing, prompt, None, IntentConfig())
+    meant = intent(scene, thing, prompt, None, IntentConfig(), OfflineClient())
     assert isinstance(meant, Intent)
-    turned = rotation(scene, thing, meant, prompt, RotationConfig(picture_size=64))
+    turned = rotation(scene, thing, meant, prompt, RotationConfig(picture_size=64), OfflineClient())
     assert isinstance(turned, Rotation)
-    found = anchor(scene, thing, meant, turned, prompt, AnchorConfig())
+    found = anchor(scene, thing, meant, turned, prompt, AnchorConfig(), OfflineClient())
     assert isinstance(found, Anchor)
     assert found.part == part
     points = thing.mesh.transformed(found.world_from_object).vertices

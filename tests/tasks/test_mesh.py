@@ -14,7 +14,7 @@ from dcap.scene.store.artifacts import Source, Store
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.sample import SourceOptions
 from dcap.scene.writers.gaussians import write_splats
-from tasks.mesh.stage import MeshConfig, mesh, needs_process
+from tasks.mesh.stage import MeshConfig, mesh_scene, needs_process
 
 SQUARE = "v 0 0 0 1 0 0\nv 1 0 0 1 0 0\nv 1 1 0 1 0 0\nv 0 1 0 1 0 0\n"
 
@@ -22,7 +22,7 @@ SQUARE = "v 0 0 0 1 0 0\nv 1 0 0 1 0 0\nv 1 1 0 1 0 0\nv 0 1 0 1 0 0\n"
 def read(tmp_path: Path, text: str) -> tuple[Mesh, tuple[str, ...]]:
     """The cleaned mesh of an OBJ text and its notes."""
     (tmp_path / "x.obj").write_text(text)
-    scan = mesh(Source(tmp_path / "x.obj"), SourceOptions(up="z", unit="m"), MeshConfig())
+    scan = mesh_scene(Source(tmp_path / "x.obj"), SourceOptions(up="z", unit="m"), MeshConfig())
     assert len(scan.face_node) == len(scan.mesh.faces)
     return scan.mesh, scan.notes
 
@@ -66,7 +66,7 @@ def test_a_folder_names_a_mesh_whose_file_says_nothing(tmp_path: Path, given: st
     store = Store(tmp_path / "store")
     source = store.load(store.add_source(tmp_path / given))
     assert isinstance(source, Source)
-    assert mesh(source, SourceOptions(up="z", unit="m"), MeshConfig()).label == label
+    assert mesh_scene(source, SourceOptions(up="z", unit="m"), MeshConfig()).label == label
 
 
 def test_a_folder_name_that_decides_nothing_is_not_part_of_the_source(tmp_path: Path) -> None:
@@ -99,7 +99,7 @@ def test_splats_alone_become_a_clean_mesh(tmp_path: Path) -> None:
     write_splats(tmp_path / "crate.ply", splats_on_mesh(true, 0.02, seed=0))
     source = Source(tmp_path / "crate.ply")
     config = MeshConfig(surface=SurfaceConfig(places=4, pixels=128, cell=0.02))
-    scan = mesh(source, SourceOptions(), config)
+    scan = mesh_scene(source, SourceOptions(), config)
     assert needs_process(source)
     away = MeshDistance(true).unsigned(scan.mesh.vertices)
     assert np.quantile(away, 0.95) < 0.02

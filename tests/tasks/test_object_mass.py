@@ -4,6 +4,7 @@ import pytest
 import trimesh
 from box_rooms import segmentation
 
+from dcap.language.offline.client import OfflineClient
 from dcap.scene.types.anchor import Anchor
 from dcap.scene.types.intent import Intent
 from dcap.scene.types.mesh import Mesh
@@ -38,14 +39,14 @@ def test_hollow_things_weigh_what_such_things_weigh(label, shape, usual, solid):
     """Within 15 % of the usual mass (the mesh is about, not exactly, of the usual size), and the effective density is
     said; `solid` is what the library's density would make of the closed mesh, at least."""
     item = one(label, "body", shape)
-    meant = intent(TABLE, item, f"put the {label} on the table", None, IntentConfig())
+    meant = intent(TABLE, item, f"put the {label} on the table", None, IntentConfig(), OfflineClient())
     assert isinstance(meant, Intent)
     assert (meant.scale, meant.hollow) == (1.0, True)
-    turned = rotation(TABLE, item, meant, "", RotationConfig(picture_size=64))
+    turned = rotation(TABLE, item, meant, "", RotationConfig(picture_size=64), OfflineClient())
     assert isinstance(turned, Rotation)
-    found = anchor(TABLE, item, meant, turned, "", AnchorConfig())
+    found = anchor(TABLE, item, meant, turned, "", AnchorConfig(), OfflineClient())
     assert isinstance(found, Anchor)
-    rows = materials(TABLE, item, meant, found, "", MaterialsConfig())
+    rows = materials(TABLE, item, meant, found, "", MaterialsConfig(), OfflineClient())
     filled = particles(TABLE, item, meant, found, rows, ParticlesConfig(base_cells=500, object_cells=1000))  # type: ignore[arg-type]
     assert isinstance(filled, Particles)
     body = filled.bodies[0]

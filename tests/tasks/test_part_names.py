@@ -8,10 +8,11 @@ import pytest
 
 from dcap.geometry.primitives import Box
 from dcap.language.offline.client import OfflineClient
-from dcap.language.protocol.client import ClientName, LanguageConfig
+from dcap.language.protocol.client import ClientName, LanguageConfig, connect
 from dcap.language.protocol.questions import PARTS, Question
 from dcap.language.protocol.replies import PartName, PartsReply
 from dcap.language.protocol.requests import PartsRequest
+from dcap.language.protocol.session import Session
 from dcap.scene.errors import LanguageError
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.scan import Scan
@@ -80,12 +81,11 @@ def check_only_names_differ(plain: Segmentation, renamed: Segmentation, name: st
 
 
 @pytest.mark.parametrize(("stage", "scan", "name"), [(segment, table(), "board"), (segment_object, dumbbell(), "head")])
-def test_a_client_may_rename_parts(monkeypatch: pytest.MonkeyPatch, stage, scan: Scan, name: str) -> None:
+def test_a_client_may_rename_parts(stage, scan: Scan, name: str) -> None:
     """Scene and object are asked once per thing; parts that get one name stay parts, faces and boxes stay."""
     namer = Namer(name)
-    plain = stage(scan, SegmentConfig())
-    monkeypatch.setattr("tasks.segment.stage.client", lambda *_: namer)
-    check_only_names_differ(plain, stage(scan, SegmentConfig()), name)
+    plain = stage(scan, SegmentConfig(), OfflineClient())
+    check_only_names_differ(plain, stage(scan, SegmentConfig(), namer), name)
     (request,) = namer.asked
     proposed = [(p.part.name, p.confidence) for p in request.parts]
     assert proposed == parts_of(plain)
@@ -99,21 +99,23 @@ def test_the_offline_reader_changes_nothing_and_draws_nothing(monkeypatch: pytes
         raise AssertionError("a picture was made")
 
     monkeypatch.setattr("tasks.segment.part_names.parts_picture", drawn)
-    found = segment(table(), SegmentConfig())
-    again = with_part_names(found, OfflineClient)
+    found = segment(table(), SegmentConfig(), OfflineClient())
+    again = with_part_names(found, OfflineClient())
     assert [p for p, _ in parts_of(found)] == ["top", "leg"]
     assert parts_of(again) == parts_of(found)
 
 
 def test_what_needs_no_name_is_not_asked() -> None:
-    """Structure, things of one part, and what an annotation names are no questions: no client is made."""
-    found = segment(table(), SegmentConfig())
+    """Structure, things of one part, and what an annotation names are no questions."""
+    found = segment(table(), SegmentConfig(), OfflineClient())
     (one,) = found.instances
     sure = replace(one, parts=tuple(Part(p.name, p.box, 1.0) for p in one.parts))
-    single = segment_object(table("book"), SegmentConfig())
+    single = segment_object(table("book"), SegmentConfig(), OfflineClient())
     asked = [replace(found, instances=(replace(one, structure=True),)), replace(found, instances=(sure,)), single]
+    nobody = Namer("")
     for scene in asked:
-        assert with_part_names(scene, lambda: pytest.fail("a client was made")) is scene
+        assert with_part_names(scene, nobody) is scene
+    assert not nobody.asked
 
 
 def test_a_model_that_cannot_be_asked_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -121,17 +123,18 @@ def test_a_model_that_cannot_be_asked_is_an_error(monkeypatch: pytest.MonkeyPatc
     for name in ("ANTHROPIC_API_KEY", "ANTHROPIC_AUTH_TOKEN", "ANTHROPIC_PROFILE"):
         monkeypatch.delenv(name, raising=False)
     monkeypatch.setenv("ANTHROPIC_BASE_URL", "http://127.0.0.1:9")
-    config = SegmentConfig(language=LanguageConfig(client=ClientName.ANTHROPIC, endpoint="127.0.0.1-9"))
-    assert parts_of(segment_object(table("book"), config)) == parts_of(segment_object(table("book"), SegmentConfig()))
+    model = connect(LanguageConfig(client=ClientName.ANTHROPIC, endpoint="127.0.0.1-9"), Session())
+    assert parts_of(segment_object(table("book"), SegmentConfig(), model)) == parts_of(
+        segment_object(table("book"), SegmentConfig(), OfflineClient())
+    )
     with pytest.raises(LanguageError):
-        segment_object(dumbbell(), config)
+        segment_object(dumbbell(), SegmentConfig(), model)
 
 
-def test_the_picture_shows_each_part_in_its_paint(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_picture_shows_each_part_in_its_paint() -> None:
     """Top and legs are seen in hues of their own, as the request says, with white numbers on them."""
     namer = Namer("leg")
-    monkeypatch.setattr("tasks.segment.stage.client", lambda *_: namer)
-    segment(table(), SegmentConfig())
+    segment(table(), SegmentConfig(), namer)
     (make,) = namer.asked[0].pictures
     rgb = make().astype(np.float64) / 255.0
     assert rgb.shape == (SIZE, SIZE, 3)

@@ -10,10 +10,11 @@ from dcap.evaluation.label_scores import label_accuracy, means_the_same
 from dcap.evaluation.segment_scores import Score, Truth, scores
 from dcap.geometry.primitives import Box
 from dcap.language.offline.client import OfflineClient
-from dcap.language.protocol.client import ClientName, LanguageConfig
+from dcap.language.protocol.client import ClientName, LanguageConfig, connect
 from dcap.language.protocol.questions import LABEL, Question
 from dcap.language.protocol.replies import LabelReply
 from dcap.language.protocol.requests import LabelRequest
+from dcap.language.protocol.session import Session
 from dcap.scene.errors import LanguageError
 from dcap.scene.types.box import OrientedBox
 from dcap.scene.types.mesh import Mesh
@@ -49,7 +50,7 @@ def small_room() -> list[Mesh]:
 def scored(name: str, seed: int = 0) -> tuple[Segmentation, list[Score]]:
     """A generated room, stripped of its annotation, and how what was found agrees with what it was made of."""
     room = build_room(name, seed)
-    found = segment(bare(room.record.mesh), SegmentConfig())
+    found = segment(bare(room.record.mesh), SegmentConfig(), OfflineClient())
     truth = Truth(room.instance_ids, room.instance_labels, room.face_instance, room.face_part)
     return found, scores(truth, found)
 
@@ -101,9 +102,9 @@ def labels_of(found: Segmentation) -> set[str]:
 
 def test_a_small_room_is_a_room() -> None:
     """2.2 x 2.6 m with walls around are a room; the wardrobe in it, of the same height, is not."""
-    found = segment(bare(joined(small_room())), SegmentConfig())
+    found = segment(bare(joined(small_room())), SegmentConfig(), OfflineClient())
     assert {"floor", "wall", "wardrobe", "box"} <= labels_of(found)
-    alone = segment(replace(bare(small_room()[1]), label="rack"), SegmentConfig())
+    alone = segment(replace(bare(small_room()[1]), label="rack"), SegmentConfig(), OfflineClient())
     assert [one.label for one in alone.instances] == ["rack"]
 
 
@@ -113,7 +114,7 @@ def test_what_is_unnamed_in_a_named_scene_is_found() -> None:
     parcel = block((0.3, 0.3, 0.001), (0.6, 0.6, 0.25))
     meshes = [shell, wardrobe, parcel, box]
     node = np.repeat([-1, 0, 1, -1], [len(mesh.faces) for mesh in meshes]).astype(np.int32)
-    found = segment(bare(joined(meshes), ("Rocket", "Parcel"), node), SegmentConfig())
+    found = segment(bare(joined(meshes), ("Rocket", "Parcel"), node), SegmentConfig(), OfflineClient())
     assert {"rocket", "parcel", "box", "floor", "wall"} <= labels_of(found)
     assert next(one.confidence for one in found.instances if one.label == "rocket") == 1.0
     assert next(one.confidence for one in found.instances if one.label == "box") < 1.0
@@ -122,7 +123,7 @@ def test_what_is_unnamed_in_a_named_scene_is_found() -> None:
 def test_the_heading_of_a_room_does_not_matter() -> None:
     """A room turned by 30 degrees has the same things."""
     room = joined(small_room())
-    straight, tilted = (segment(bare(one), SegmentConfig()) for one in (room, turned(room, "z", 30.0)))
+    straight, tilted = (segment(bare(one), SegmentConfig(), OfflineClient()) for one in (room, turned(room, "z", 30.0)))
     assert sorted(one.id for one in straight.instances) == sorted(one.id for one in tilted.instances)
 
 
@@ -131,15 +132,15 @@ def test_a_model_is_asked_only_where_nothing_else_says(monkeypatch: pytest.Monke
     for name in ("ANTHROPIC_API_KEY", "ANTHROPIC_AUTH_TOKEN", "ANTHROPIC_PROFILE"):
         monkeypatch.delenv(name, raising=False)
     monkeypatch.setenv("ANTHROPIC_BASE_URL", "http://127.0.0.1:9")
-    config = SegmentConfig(language=LanguageConfig(client=ClientName.ANTHROPIC, endpoint="127.0.0.1-9"))
+    model = connect(LanguageConfig(client=ClientName.ANTHROPIC, endpoint="127.0.0.1-9"), Session())
     scan = bare(joined(small_room()))
     box = LabelBox("1", "mirror", OrientedBox(np.array([0.85, 2.3, 1.0]), np.eye(3), np.array([0.66, 0.31, 1.01])))
-    assert "mirror" in labels_of(segment(replace(scan, boxes=(box,)), config))
+    assert "mirror" in labels_of(segment(replace(scan, boxes=(box,)), SegmentConfig(), model))
     with pytest.raises(LanguageError):
-        segment(scan, config)
+        segment(scan, SegmentConfig(), model)
 
 
-def test_the_client_decides_and_sees_each_thing(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_client_decides_and_sees_each_thing() -> None:
     """Each thing is asked once, carriers first; the answer is its label; one picture shows it in a loud colour."""
     asked: list[LabelRequest] = []
 
@@ -152,8 +153,7 @@ def test_the_client_decides_and_sees_each_thing(monkeypatch: pytest.MonkeyPatch)
 
     table, cup = block((0.3, 0.3, 0.001), (1.2, 0.9, 0.7)), block((0.6, 0.5, 0.7), (0.75, 0.65, 0.85))
     shell, wardrobe, _ = small_room()
-    monkeypatch.setattr("tasks.segment.stage.client", lambda *_: Painter())
-    found = segment(bare(joined([shell, wardrobe, table, cup])), SegmentConfig())
+    found = segment(bare(joined([shell, wardrobe, table, cup])), SegmentConfig(), Painter())
     assert len(asked) == 3
     assert asked[-1].held_by == asked[1].id
     assert sorted((one.label, one.confidence) for one in found.instances if not one.structure) == [

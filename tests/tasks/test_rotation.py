@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation as Turn
 
+from dcap.language.offline.client import OfflineClient
 from dcap.language.protocol.questions import Question
 from dcap.language.protocol.replies import RotationReply
 from dcap.language.protocol.requests import FacingView, PoseView, RotationRequest
@@ -82,8 +83,8 @@ def test_files_that_lie_or_stand_askew(variant):
 def test_words_are_followed_for_downloads(name):
     """Each of ten downloaded meshes, as read, is within 15 degrees in at least five of the six wordings."""
     truth = TRUTH["third_party"][name]
-    scan = cleaned(read_scan(FOLDER / name, SourceOptions(), Role.OBJECT), MeshConfig(role=Role.OBJECT))
-    parts = parts_read(segment_object(scan, SegmentConfig()))
+    scan = cleaned(read_scan(FOLDER / name, SourceOptions(), Role.OBJECT), MeshConfig())
+    parts = parts_read(segment_object(scan, SegmentConfig(), OfflineClient()))
     errors = {wording: case_error(truth, parts, wording, AS_MADE) for wording in TRUTH["wordings"]}
     assert sum(error <= BOUND_DEG for error in errors.values()) >= 5, errors
 
@@ -100,21 +101,20 @@ class Chooser:
         return self.reply
 
 
-def rotated_by(reply: RotationReply, monkeypatch: pytest.MonkeyPatch) -> tuple[Rotation, RotationRequest]:
+def rotated_by(reply: RotationReply) -> tuple[Rotation, RotationRequest]:
     """The stage's result for a mug when its client answers with that reply, and what the client was asked."""
     chooser = Chooser(reply)
-    monkeypatch.setattr("tasks.rotation.stage.client", lambda *_: chooser)
-    turned = chosen("mug", parts_of("mug"), "upside down", AS_MADE)
+    turned = chosen("mug", parts_of("mug"), "upside down", AS_MADE, chooser)
     return turned, chooser.asked[0]
 
 
 @pytest.mark.parametrize("length", [1.0, 0.98, 1.03])
 @pytest.mark.parametrize("vector", [(37.0, -20.0, 110.0), (0.0, 0.0, 45.0), (12.0, 170.0, -3.0)])
-def test_any_rotation_is_honoured(vector, length, monkeypatch):
+def test_any_rotation_is_honoured(vector, length):
     """R* is the rotation of the reply's quaternion, no listed pose, also where rounding has changed its length."""
     wanted = Turn.from_rotvec(vector, degrees=True)
     w, x, y, z = length * wanted.as_quat(scalar_first=True)
-    turned, request = rotated_by(RotationReply(pose_id="upright", quaternion=(w, x, y, z)), monkeypatch)
+    turned, request = rotated_by(RotationReply(pose_id="upright", quaternion=(w, x, y, z)))
     assert np.allclose(turned.matrix, wanted.as_matrix(), atol=1e-12)
     assert np.allclose(turned.matrix @ turned.matrix.T, np.eye(3), atol=1e-12)
     assert turned.candidate == "quaternion"
@@ -123,11 +123,11 @@ def test_any_rotation_is_honoured(vector, length, monkeypatch):
 
 
 @pytest.mark.parametrize("quaternion", [(0.0, 0.0, 0.0, 0.0), (1.0, 1.0, 0.0, 0.0)])
-def test_what_is_no_rotation_is_refused(quaternion, monkeypatch):
+def test_what_is_no_rotation_is_refused(quaternion):
     """A quaternion whose length is not 1 gives no matrix: the reply's own check and the stage both say so."""
     reply = RotationReply(pose_id="upright", quaternion=quaternion)
     with pytest.raises(LanguageError, match="length"):
-        rotated_by(reply, monkeypatch)
+        rotated_by(reply)
     facings = (FacingView("aligned", (0.0, -1.0, 0.0)),)
     pose = PoseView("upright", ((1, 0, 0), (0, 1, 0), (0, 0, 1)), 1.0, (0, 0, 1), (0, -1, 0), (1, 1, 1))
     with pytest.raises(ValueError, match="length"):

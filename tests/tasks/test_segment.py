@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from dcap.geometry.distance import MeshDistance
 from dcap.geometry.segmentation.faces import FaceTable
+from dcap.language.offline.client import OfflineClient
 from dcap.scene.errors import InputError
-from dcap.scene.readers.frame import Role
 from dcap.scene.readers.splats import read_splats
 from dcap.scene.store.artifacts import Source
 from dcap.scene.types.box import OrientedBox
@@ -23,7 +23,7 @@ from dcap.scene.types.rectangle import min_area_box
 from dcap.scene.types.sample import SourceOptions
 from dcap.scene.types.scan import LabelBox, Scan
 from dcap.scene.types.segmentation import Segmentation
-from tasks.mesh.stage import MeshConfig, mesh
+from tasks.mesh.stage import MeshConfig, mesh_object, mesh_scene
 from tasks.segment.stage import SegmentConfig, segment, segment_object
 
 Color = tuple[int, int, int]
@@ -181,7 +181,7 @@ def accuracy(result: Segmentation, truth: NDArray[np.str_]) -> float:
 def test_parts_of_separate_pieces(label: str, noise: float) -> None:
     """Furniture whose parts are pieces of their own is named right, also with 2 mm of noise."""
     whole, truth = built(THINGS[label])
-    result = segment(scan_of([noisy(whole, 1, noise)], label), SegmentConfig())
+    result = segment(scan_of([noisy(whole, 1, noise)], label), SegmentConfig(), OfflineClient())
     check_cover(result)
     assert [one.label for one in result.instances] == [label]
     assert accuracy(result, truth) > 0.98
@@ -192,7 +192,7 @@ def test_parts_of_separate_pieces(label: str, noise: float) -> None:
 def test_parts_do_not_depend_on_the_heading(angle: float, label: str) -> None:
     """Turning a thing about the vertical turns its front and changes no name."""
     whole, truth = built(THINGS[label])
-    result = segment(scan_of([turned(whole, angle)], label), SegmentConfig())
+    result = segment(scan_of([turned(whole, angle)], label), SegmentConfig(), OfflineClient())
     assert accuracy(result, truth) > 0.98
     if label in ("bed", "sofa", "chair"):
         front = result.instances[0].front
@@ -217,7 +217,7 @@ def test_parts_of_a_fused_scan(label: str, colored: bool) -> None:
     whole, truth = fused(THINGS[label])
     mesh_ = whole if colored else Mesh.of(whole.vertices, whole.faces)
     truth = truth if colored else np.where(truth == "blanket", "mattress", truth)
-    result = segment(scan_of([noisy(mesh_, 2)], label), SegmentConfig())
+    result = segment(scan_of([noisy(mesh_, 2)], label), SegmentConfig(), OfflineClient())
     check_cover(result)
     names, area = face_names(result), np.where(result.mesh.face_normals[:, 2] > 0, result.mesh.face_areas, 0.0)
     mine, true = names == SUPPORT[label], truth == SUPPORT[label]
@@ -236,7 +236,7 @@ def test_solids_that_touch_stay_apart() -> None:
 
 def test_each_board_is_a_part() -> None:
     """Boards of a shelf are parts of their own, told apart by height."""
-    result = segment(scan_of([built(SHELF)[0]], "bookshelf"), SegmentConfig())
+    result = segment(scan_of([built(SHELF)[0]], "bookshelf"), SegmentConfig(), OfflineClient())
     tops = sorted(p.box.top for p in result.instances[0].parts if p.name == "board")
     np.testing.assert_allclose(tops, [0.1245, 0.6245, 1.1245, 1.6245], atol=1e-6)
 
@@ -273,7 +273,7 @@ def room() -> tuple[list[Mesh], tuple[LabelBox, ...], NDArray[np.str_]]:
 def test_annotated_boxes_decide_instances(noise: float) -> None:
     """The lamp is not the table, the floor is not the bed, the wall is not the wardrobe: area IoU above 0.95 each."""
     meshes, boxes, truth = room()
-    result = segment(scan_of([noisy(Mesh.concatenate(meshes), 3, noise)], "", boxes), SegmentConfig())
+    result = segment(scan_of([noisy(Mesh.concatenate(meshes), 3, noise)], "", boxes), SegmentConfig(), OfflineClient())
     check_cover(result)
     labels = np.array([*(one.label for one in result.instances), ""])[result.face_instance]
     area = result.mesh.face_areas
@@ -287,7 +287,7 @@ def test_annotated_boxes_decide_instances(noise: float) -> None:
 def test_a_thing_at_a_wall_faces_away_from_it() -> None:
     """The wardrobe at the wall y = -2 faces +y; the lamp has no front."""
     meshes, boxes, _ = room()
-    result = segment(scan_of(meshes, "", boxes), SegmentConfig())
+    result = segment(scan_of(meshes, "", boxes), SegmentConfig(), OfflineClient())
     front = result.instances[result.index_of("id_wardrobe")].front
     assert front is not None
     np.testing.assert_allclose(front, [0, 1, 0], atol=1e-6)
@@ -297,7 +297,7 @@ def test_a_thing_at_a_wall_faces_away_from_it() -> None:
 def test_a_room_without_annotations_is_taken_apart() -> None:
     """Without boxes or names the floor and walls are found, and things that do not touch are apart."""
     meshes, _, truth = room()
-    result = segment(scan_of(meshes, "some flat"), SegmentConfig())
+    result = segment(scan_of(meshes, "some flat"), SegmentConfig(), OfflineClient())
     labels = np.array([*(one.label for one in result.instances), ""])[result.face_instance]
     area = result.mesh.face_areas
     assert area[(labels == "floor") & (truth == "floor")].sum() > 0.9 * area[truth == "floor"].sum()
@@ -319,7 +319,7 @@ def test_named_nodes_are_instances() -> None:
     far[0, 3] = 3.0
     table = built(TABLE)[0]
     nodes = {"Bed": meshes_of(BED)["mattress"], "Table.001": table, "Stool_A": table.transformed(far)}
-    result = segment(named_scan(nodes, "flat"), SegmentConfig())
+    result = segment(named_scan(nodes, "flat"), SegmentConfig(), OfflineClient())
     assert [(one.id, one.label) for one in result.instances] == [("bed", "bed"), ("table", "table"), ("stool", "stool")]
 
 
@@ -330,7 +330,7 @@ def test_nodes_named_after_parts_are_parts_of_one_thing() -> None:
     """'Mattress', 'Bed_Frame' ... under the label 'bed' are one bed whose parts carry those names."""
     bed = meshes_of(BED)
     nodes = {f"Root/{name}": bed[key] for name, key in NODES.items()}
-    result = segment(named_scan(nodes, "bed"), SegmentConfig())
+    result = segment(named_scan(nodes, "bed"), SegmentConfig(), OfflineClient())
     assert [one.label for one in result.instances] == ["bed"]
     names = face_names(result)
     assert (names[: len(bed["mattress"].faces)] == "mattress").all()
@@ -339,11 +339,11 @@ def test_nodes_named_after_parts_are_parts_of_one_thing() -> None:
 
 def test_the_object_is_one_instance() -> None:
     """Furniture rules do not apply to what is placed: a box is one body, a dumbbell has heads and a handle."""
-    result = segment_object(scan_of([block([0, 0, 0], [0.2, 0.3, 0.05])], "book"), SegmentConfig())
+    result = segment_object(scan_of([block([0, 0, 0], [0.2, 0.3, 0.05])], "book"), SegmentConfig(), OfflineClient())
     assert [(one.id, [p.name for p in one.parts]) for one in result.instances] == [("object", ["body"])]
     bar = block([-0.07, -0.015, -0.015], [0.07, 0.015, 0.015], cell=0.01)
     heads = [block([x, -0.05, -0.05], [x + 0.06, 0.05, 0.05], cell=0.02) for x in (-0.13, 0.07)]
-    result = segment_object(scan_of([bar, *heads], "dumbbell"), SegmentConfig())
+    result = segment_object(scan_of([bar, *heads], "dumbbell"), SegmentConfig(), OfflineClient())
     names = face_names(result)
     assert (names[: len(bar.faces)] == "handle").all()
     assert (names[len(bar.faces) :] == "head").all()
@@ -352,7 +352,7 @@ def test_the_object_is_one_instance() -> None:
 def test_segmentation_is_deterministic() -> None:
     """The same scan gives the same arrays."""
     meshes, boxes, _ = room()
-    one, two = (segment(scan_of(meshes, "", boxes), SegmentConfig()) for _ in range(2))
+    one, two = (segment(scan_of(meshes, "", boxes), SegmentConfig(), OfflineClient()) for _ in range(2))
     np.testing.assert_array_equal(one.face_part, two.face_part)
     np.testing.assert_array_equal(one.face_instance, two.face_instance)
 
@@ -360,9 +360,9 @@ def test_segmentation_is_deterministic() -> None:
 def test_the_nodes_of_an_object_are_its_parts() -> None:
     """Any telling node name is a part of the object; tool names are not."""
     wheel, hull = block([0, 0, 0], [0.02, 0.02, 0.02]), block([0, 0, 0.02], [0.1, 0.05, 0.05])
-    result = segment_object(named_scan({"Wheel.001": wheel, "Hull": hull}, "car"), SegmentConfig())
+    result = segment_object(named_scan({"Wheel.001": wheel, "Hull": hull}, "car"), SegmentConfig(), OfflineClient())
     assert [p.name for p in result.instances[0].parts] == ["hull", "wheel"]
-    result = segment_object(named_scan({"Cube.001": wheel, "Mesh_7": hull}, "car"), SegmentConfig())
+    result = segment_object(named_scan({"Cube.001": wheel, "Mesh_7": hull}, "car"), SegmentConfig(), OfflineClient())
     assert [p.name for p in result.instances[0].parts] == ["body"]
 
 
@@ -375,7 +375,7 @@ def test_what_a_scan_fused_is_taken_apart_by_boxes() -> None:
         label_box("v", "vase", [block([0.1, 0.1, 0.75], [0.2, 0.2, 0.95])]),
         label_box("r", "rug", [block([-1.9, -1.9, -0.01], [-1.1, -0.9, 0.01])]),
     )
-    result = segment(scan_of([skin, floor], "", boxes), SegmentConfig())
+    result = segment(scan_of([skin, floor], "", boxes), SegmentConfig(), OfflineClient())
     labels = np.array([*(one.label for one in result.instances), ""])[result.face_instance]
     area, vase = result.mesh.face_areas, np.r_[truth == "vase", np.zeros(len(floor.faces), dtype=bool)]
     assert area[vase & (labels == "vase")].sum() / area[vase | (labels == "vase")].sum() > 0.85
@@ -388,7 +388,7 @@ def test_a_floor_lamp_is_not_the_floor() -> None:
     lamp, _ = built(LAMP)
     floor = block([-2, -2, -0.1], [2, 2, 0.0], cell=0.1)
     boxes = (label_box("7", "floor lamp", [lamp]), label_box("9", "Floor", [floor]))
-    result = segment(scan_of([lamp, floor], "", boxes), SegmentConfig())
+    result = segment(scan_of([lamp, floor], "", boxes), SegmentConfig(), OfflineClient())
     assert {(one.id, one.label) for one in result.instances} == {("7", "floor lamp"), ("9", "floor")}
 
 
@@ -412,8 +412,8 @@ EXPECTED = [
 @pytest.mark.parametrize(("name", "label", "parts"), EXPECTED)
 def test_real_furniture(name: str, label: str, parts: set[str]) -> None:
     """Furniture that others made is read and gets the parts that a person would name."""
-    scan = mesh(Source(Path(SAMPLES) / name), SourceOptions(label=label), MeshConfig())
-    result = segment(scan, SegmentConfig())
+    scan = mesh_scene(Source(Path(SAMPLES) / name), SourceOptions(label=label), MeshConfig())
+    result = segment(scan, SegmentConfig(), OfflineClient())
     check_cover(result)
     assert any({p.name for p in one.parts} == parts for one in result.instances)
 
@@ -433,10 +433,10 @@ def test_real_furniture(name: str, label: str, parts: set[str]) -> None:
 )
 def test_real_objects(name: str, up: str, height: float) -> None:
     """Objects that others made, given as folders, are read upright in a plausible unit."""
-    scan = mesh(Source(Path(SAMPLES) / name), SourceOptions(), MeshConfig(role=Role.OBJECT))
+    scan = mesh_object(Source(Path(SAMPLES) / name), SourceOptions(), MeshConfig())
     assert scan.up == up
     assert float(np.ptp(scan.mesh.vertices[:, 2])) == pytest.approx(height, abs=1e-3)
-    check_cover(segment_object(scan, SegmentConfig()))
+    check_cover(segment_object(scan, SegmentConfig(), OfflineClient()))
 
 
 @pytest.mark.third_party
@@ -445,7 +445,7 @@ def test_real_objects(name: str, up: str, height: float) -> None:
 def test_real_files_that_are_refused(name: str) -> None:
     """Draco and a folder of several meshes are refused with one line."""
     with pytest.raises(InputError):
-        mesh(Source(Path(SAMPLES) / name), SourceOptions(), MeshConfig())
+        mesh_scene(Source(Path(SAMPLES) / name), SourceOptions(), MeshConfig())
 
 
 @pytest.mark.third_party
@@ -453,7 +453,7 @@ def test_real_files_that_are_refused(name: str) -> None:
 def test_a_real_thing_of_splats_becomes_a_mesh() -> None:
     """A guitar, 4 units long: half of its opaque splats lie within a cell of the surface that is made of them."""
     path = Path(SAMPLES) / "gs_guitar_compressed" / "guitar.compressed.ply"
-    scan = mesh(Source(path), SourceOptions(), MeshConfig())
+    scan = mesh_scene(Source(path), SourceOptions(), MeshConfig())
     splats = read_splats(path).transformed(scan.world_from_file)
     away = MeshDistance(scan.mesh).unsigned(splats.position[splats.opacity > 0.5].astype(float))
     assert np.median(away) < MeshConfig().surface.cell
@@ -462,7 +462,7 @@ def test_a_real_thing_of_splats_becomes_a_mesh() -> None:
 
 def test_boxes_of_parts_keep_the_axes_of_their_instance() -> None:
     """A part that is nearly aligned with its instance has a box with the same axes."""
-    result = segment(scan_of([turned(built(TABLE)[0], 0.4)], "table"), SegmentConfig())
+    result = segment(scan_of([turned(built(TABLE)[0], 0.4)], "table"), SegmentConfig(), OfflineClient())
     one = result.instances[0]
     assert isinstance(one.box, OrientedBox)
     assert all(np.array_equal(part.box.axes, one.box.axes) for part in one.parts)

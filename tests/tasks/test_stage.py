@@ -12,14 +12,17 @@ from types import ModuleType
 import numpy as np
 import pytest
 
-from dcap.scene.errors import GeometryError
-from dcap.scene.store.artifacts import Ref, Store
+from dcap.language.protocol.session import Session
+from dcap.scene.errors import GeometryError, StoreError
+from dcap.scene.store.artifacts import Store
+from dcap.scene.store.ref import Ref
+from dcap.scene.types.materials import Material
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.outcome import Infeasible, Reason
+from tasks.runner.context import Event, NotCachedError, RunContext, StageEvent, use_context
 from tasks.runner.locks import FileLocks
 from tasks.runner.process import StageProcessError, run_in_process
 from tasks.runner.records import read_record, records_root, usable_key, why_not_cached
-from tasks.runner.stage import Conduct, Event, NotCachedError, StageEvent, conducting
 
 STAGES = """
 import logging, os, sys
@@ -87,7 +90,7 @@ def server(data: Path) -> Iterator[str]:
             yield url
 
 
-def run(fake: ModuleType, seed: int, **conduct: object) -> tuple[Ref, list[tuple[str, Event]]]:
+def run(fake: ModuleType, seed: int, **settings: object) -> tuple[Ref, list[tuple[str, Event]]]:
     """make, then double, as a flow; what was returned and what happened."""
     from prefect import Flow
 
@@ -101,7 +104,7 @@ def run(fake: ModuleType, seed: int, **conduct: object) -> tuple[Ref, list[tuple
     def chain() -> Ref:
         return fake.double_task(fake.make_task(seed, SourceOptions()))
 
-    with conducting(Conduct(on_event=note, **conduct)):  # type: ignore[arg-type]
+    with use_context(RunContext(on_event=note, **settings)):  # type: ignore[arg-type]
         return Flow(chain, name="chain")(), events
 
 
@@ -120,7 +123,7 @@ def test_looking_up_runs_nothing(fake: ModuleType) -> None:
     """With lookup_only, a stage without a record raises and says what it would be made from."""
     from dcap.scene.types.sample import SourceOptions
 
-    with conducting(Conduct(lookup_only=True)), pytest.raises(NotCachedError) as caught:
+    with use_context(RunContext(lookup_only=True)), pytest.raises(NotCachedError) as caught:
         fake.make_task(77, SourceOptions())
     assert caught.value.deciders.stage == "make"
     assert why_not_cached(caught.value.deciders, Store.default()) in ("never computed", "new inputs")
@@ -138,6 +141,13 @@ def test_the_key_holds_what_decides(fake: ModuleType) -> None:
     assert base == key(0, SourceOptions(), threads=7)
     others = {key(1, SourceOptions()), key(0, SourceOptions(up="y")), key(0, SourceOptions(), size=2.0)}
     assert len(others - {base}) == 3
+
+
+def test_an_input_of_another_kind_is_refused(fake: ModuleType) -> None:
+    """A stage that is handed an artifact of a kind that it does not declare says both names and runs nothing."""
+    ref = Store.default().save(Material("foam", 30.0, 1e4, 0.3, 0.6, 0.5, 0.0, "soft", "test"))
+    with pytest.raises(StoreError, match="input mesh is declared Mesh, its artifact is a Material"):
+        fake.double_task.compute({"mesh": {"ref": ref.to_json()}}, None, Session())
 
 
 @pytest.mark.slow

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from dcap.language.offline.client import OfflineClient
 from perf.segments import read_room
 from tasks.segment.stage import SegmentConfig, segment
 
@@ -18,7 +19,7 @@ WITH_FRONT = (
 def test_supports_face_as_they_were_put(name):
     """Headboard, backrest or the wall behind tell the front of every support within 15 degrees."""
     room, scan = read_room(name)
-    found = {one.id: one for one in segment(scan, SegmentConfig()).instances}
+    found = {one.id: one for one in segment(scan, SegmentConfig(), OfflineClient()).instances}
     checked = 0
     for label in room.record.labels:
         if label.box is None or label.id not in found or label.name.lower() not in WITH_FRONT:

@@ -1,9 +1,9 @@
-"""Questions in batches, at half the price: stages lay them on a desk and wait, the desk sends what has gathered.
+"""Questions in batches, at half the price: stages put them into a queue and wait, the queue sends what has gathered.
 
-`ask_in_batch` (in a stage, whatever its process) writes a file to the desk's folder and waits for the reply. `Desk` (in
-the process of the run) sends all waiting questions as one batch of the Message Batches API when none has come for a
-while, keeps each reply as soon as its batch has ended, and writes what it cost. A question is sent once, however many
-wait for it. A batch that was open when a run was killed is collected by the next.
+`ask_in_batch` (in a stage, whatever its process) writes a file to the queue's folder and waits for the reply.
+`BatchQueue` (in the process of the run) sends all waiting questions as one batch of the Message Batches API when none
+has come for a while, keeps each reply as soon as its batch has ended, and writes what it cost. A question is sent once,
+however many wait for it. A batch that was open when a run was killed is collected by the next.
 """
 
 import json
@@ -20,12 +20,13 @@ from typing import Any
 from dcap.language.model.ledger import BATCH_FACTOR, Ledger, is_alive, locked
 from dcap.language.model.payload import Payload
 from dcap.language.model.reply_folder import Message, ReplyFolder, write_whole
-from dcap.language.protocol.session import Session, idling
+from dcap.language.protocol.client import Idle
+from dcap.language.protocol.session import Session
 from dcap.scene import errors
 from dcap.scene.errors import BudgetError, DcapError, LanguageError, RefusedError
 
 POLL_S = 0.2
-"""How often waiting questions and the desk look at the folder [s]."""
+"""How often waiting questions and the queue look at the folder [s]."""
 QUIET_S = 5.0
 """A batch goes off when no question has come for so long [s]."""
 ASK_AGAIN_S = 20.0
@@ -35,66 +36,66 @@ MOST_BYTES = 100_000_000
 OPEN = "batches"
 """Folder of the open batches, beside the kept replies."""
 CLOSED = "closed"
-"""File by which a desk says that it answers no more."""
+"""File by which a queue says that it answers no more."""
 
 
-def ask_in_batch(name: str, model: str, payload: Payload, session: Session, kept: ReplyFolder) -> Message:
-    """Lay a question on the desk and wait for its reply; replies are kept under `name`."""
+def ask_in_batch(name: str, model: str, payload: Payload, session: Session, kept: ReplyFolder, idle: Idle) -> Message:
+    """Queue a question and wait for its reply; replies are kept under `name`."""
     from dcap.language.model.anthropic_api import call_of, size_of
 
-    desk, digest = Path(session.batch), payload.digest
-    (desk / f"{digest}.error").unlink(missing_ok=True)  # of an earlier try
+    queue, digest = Path(session.batch), payload.digest
+    (queue / f"{digest}.error").unlink(missing_ok=True)  # of an earlier try
     asked = {"question": payload.question, **payload.readable()}
-    laid = {"name": name, "model": model, "sample": session.sample, "call": call_of(model, payload), "asked": asked}
-    if desk.is_dir():
-        write_whole(desk / f"{digest}.json", laid | {"size": size_of(payload)})
-    with idling():
-        return waited_for(desk, kept, name, digest)
+    entry = {"name": name, "model": model, "sample": session.sample, "call": call_of(model, payload), "asked": asked}
+    if queue.is_dir():
+        write_whole(queue / f"{digest}.json", entry | {"size": size_of(payload)})
+    with idle():
+        return waited_for(queue, kept, name, digest)
 
 
-def waited_for(desk: Path, kept: ReplyFolder, name: str, digest: str) -> Message:
-    """The reply, once the desk has kept it."""
-    failed, closed = desk / f"{digest}.error", desk / CLOSED
+def waited_for(queue: Path, kept: ReplyFolder, name: str, digest: str) -> Message:
+    """The reply, once the queue has kept it."""
+    failed, closed = queue / f"{digest}.error", queue / CLOSED
     while True:
         message = kept.read(name, digest)
         if message is not None:
             return message
         if failed.is_file():
             raise told_error(failed)
-        if closed.is_file() or not desk.is_dir():
+        if closed.is_file() or not queue.is_dir():
             raise LanguageError("the run has ended before the batch had an answer; the next one collects it")
         time.sleep(POLL_S)
 
 
 def told_error(path: Path) -> DcapError:
-    """The error that the desk has written."""
+    """The error that the queue has written."""
     with suppress(OSError, ValueError, KeyError):
         told = json.loads(path.read_bytes())
         kind: type[DcapError] = getattr(errors, told["type"])
         return kind(told["message"])
-    return LanguageError("the question could not be asked")  # somebody laid it again meanwhile
+    return LanguageError("the question could not be asked")  # somebody queued it again meanwhile
 
 
 @contextmanager
-def batch_desk(folder: Path, session: Session, tell: Callable[[str], None] = lambda text: None) -> Iterator[None]:
-    """A desk for the questions that are asked in this block; whoever still waits afterwards is sent home."""
+def batch_queue(folder: Path, session: Session, tell: Callable[[str], None] = lambda text: None) -> Iterator[None]:
+    """A queue for the questions that are asked in this block; whoever still waits afterwards gets an error."""
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir(parents=True)
     ledger = Ledger(Path(session.ledger) if session.ledger else None, session.max_cost)
-    desk = Desk(folder, ReplyFolder(session.kept_folder), ledger, tell)
-    thread = threading.Thread(target=desk.serve, name="batch desk", daemon=True)
+    queue = BatchQueue(folder, ReplyFolder(session.kept_folder), ledger, tell)
+    thread = threading.Thread(target=queue.serve, name="batch queue", daemon=True)
     thread.start()
     try:
         yield
     finally:
-        desk.stopped.set()
+        queue.stopped.set()
         (folder / CLOSED).touch()
         thread.join(timeout=5.0)
         shutil.rmtree(folder, ignore_errors=True)
 
 
 @dataclass(slots=True)
-class Desk:
+class BatchQueue:
     """Sends what waits in its folder, batch by batch."""
 
     folder: Path
@@ -111,7 +112,7 @@ class Desk:
             while not self.stopped.wait(POLL_S):
                 self.step()
         except Exception as error:  # every waiting question raises it in its own sample
-            self.tell(f"the batch desk has failed: {type(error).__name__}: {error}")
+            self.tell(f"the batch queue has failed: {type(error).__name__}: {error}")
         finally:
             with suppress(OSError):
                 (self.folder / CLOSED).touch()
@@ -130,7 +131,7 @@ class Desk:
                 self.collect(path, batch)
 
     def open_batches(self) -> list[tuple[Path, dict[str, Any]]]:
-        """Batches of this desk, and those of runs that are gone: what it takes over no other desk collects."""
+        """Batches of this queue, and those of runs that are gone: what it takes over no other queue collects."""
         folder = self.kept.root / OPEN
         found = []
         for path in sorted(folder.glob("*.json")):
@@ -147,10 +148,10 @@ class Desk:
         """One batch of these questions, as far as the budget goes."""
         from dcap.language.model.anthropic_api import MAX_TOKENS, connection, told_in_a_line
 
-        laid: dict[str, dict[str, Any]] = {}
+        queued: dict[str, dict[str, Any]] = {}
         for path in paths:
             question = json.loads(path.read_bytes())
-            if self.kept.read(question["name"], path.stem) is not None:  # kept while the question was being laid
+            if self.kept.read(question["name"], path.stem) is not None:  # kept while the question was being queued
                 path.unlink(missing_ok=True)
                 continue
             try:
@@ -160,25 +161,25 @@ class Desk:
             except BudgetError as error:
                 self.fail([path.stem], error)
                 continue
-            laid[path.stem] = question | {"booked": booked}
-        if not laid:
+            queued[path.stem] = question | {"booked": booked}
+        if not queued:
             return
-        requests: list[Any] = [{"custom_id": digest, "params": one["call"]} for digest, one in laid.items()]
+        requests: list[Any] = [{"custom_id": digest, "params": one["call"]} for digest, one in queued.items()]
         try:
             with told_in_a_line("the batch"):
                 batch = connection().messages.batches.create(requests=requests)
         except LanguageError as error:
             if isinstance(error, RefusedError):
-                for one in laid.values():
+                for one in queued.values():
                     self.ledger.release(one["booked"])
-            self.fail(laid, error)
+            self.fail(queued, error)
             return
         questions = {
             digest: {name: one[name] for name in ("name", "model", "sample", "asked", "booked")}
-            for digest, one in laid.items()
+            for digest, one in queued.items()
         }
         write_whole(self.kept.root / OPEN / f"{batch.id}.json", {"process": os.getpid(), "questions": questions})
-        self.tell(f"batch {batch.id} of {len(laid)} questions sent")
+        self.tell(f"batch {batch.id} of {len(queued)} questions sent")
 
     def collect(self, path: Path, batch: Mapping[str, Any]) -> None:
         """Keep the replies of a batch if it has ended."""

@@ -5,11 +5,11 @@ back with the reason, a bounded number of times; then the replies are put aside 
 fails.
 """
 
-import contextvars
 import json
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import nullcontext
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -18,9 +18,9 @@ from pydantic import ValidationError
 from dcap.language.model.ledger import Ledger
 from dcap.language.model.payload import Payload, payload_of, rejection
 from dcap.language.model.reply_folder import Message, ReplyFolder
-from dcap.language.protocol.client import ClientName, LanguageConfig
+from dcap.language.protocol.client import ClientName, Idle, LanguageConfig
 from dcap.language.protocol.questions import Question, ReplyT, RequestT
-from dcap.language.protocol.session import Session, current_session, idling, speaking
+from dcap.language.protocol.session import Session
 from dcap.scene.errors import InputError, LanguageError
 
 ATTEMPTS = 3
@@ -32,16 +32,22 @@ MOST_IN_A_BATCH = 256
 SHOWN = 300
 """Characters of a bad answer that an error quotes."""
 
-Send = Callable[[Payload], Message]
+Send = Callable[[Payload, Idle], Message]
+"""One call: the reply to a question; `Idle` is entered while it waits for a batch."""
 
 
+@dataclass(frozen=True, slots=True)
 class ModelClient:
     """Asks one model through `send`."""
 
-    def __init__(self, model: str, send: Send, reject: Callable[[Sequence[str]], Path | None]) -> None:
-        self.model = model
-        self._send = send
-        self._reject = reject
+    model: str
+    send: Send
+    reject: Callable[[Sequence[str]], Path | None]
+    """Puts the replies to these questions aside for a person; their folder, None if nothing was kept."""
+    batched: bool = False
+    """Whether questions wait for a batch."""
+    idle: Idle = nullcontext
+    """Entered while a question waits for a batch."""
 
     def ask(self, question: Question[RequestT, ReplyT], request: RequestT) -> ReplyT:
         """The answer, asked for at most ATTEMPTS times."""
@@ -49,7 +55,7 @@ class ModelClient:
         sent: list[str] = []
         problem = answer = ""
         for _ in range(ATTEMPTS):
-            message = self._send(payload)
+            message = self.send(payload, self.idle)
             sent.append(payload.digest)
             if message.get("stop_reason") == "refusal":
                 raise LanguageError(f"{self.model} refused to answer the question {question.name!r}{self._aside(sent)}")
@@ -70,11 +76,11 @@ class ModelClient:
         """Several at a time, in a batch all of them; the first that fails ends it."""
         if len(requests) < 2:
             return [self.ask(question, request) for request in requests]
-        session = current_session()
-        at_once = min(len(requests), MOST_IN_A_BATCH if session.batch else AT_A_TIME)
-        # in a batch all wait together: the slot is given back once, here, and not again by each thread
-        with idling() if session.batch else nullcontext(), speaking(session), ThreadPoolExecutor(at_once) as pool:
-            tasks = [pool.submit(contextvars.copy_context().run, self.ask, question, one) for one in requests]
+        at_once = min(len(requests), MOST_IN_A_BATCH if self.batched else AT_A_TIME)
+        # in a batch all wait together: the slot is lent once, here, and not again by each thread
+        waiting = replace(self, idle=nullcontext)
+        with self.idle() if self.batched else nullcontext(), ThreadPoolExecutor(at_once) as pool:
+            tasks = [pool.submit(waiting.ask, question, one) for one in requests]
             try:
                 return [task.result() for task in tasks]
             except BaseException:
@@ -82,28 +88,31 @@ class ModelClient:
                 raise
 
     def _aside(self, digests: Sequence[str]) -> str:
-        path = self._reject(digests)
+        path = self.reject(digests)
         return "" if path is None else f"; the reply is kept in {path}"
 
 
-def model_client(config: LanguageConfig) -> ModelClient:
+def model_client(config: LanguageConfig, session: Session, idle: Idle = nullcontext) -> ModelClient:
     """The client for a model in this session: the API behind what is kept, or a recording."""
-    session = current_session()
     if config.client is ClientName.REPLAY:
         return ModelClient(config.model, replayed(config.source, session), lambda _: None)
     kept = ReplyFolder(session.kept_folder)
     return ModelClient(
-        config.model, kept_or_asked(config, session, kept), lambda digests: kept.reject(config.source, digests)
+        config.model,
+        kept_or_asked(config, session, kept),
+        lambda digests: kept.reject(config.source, digests),
+        bool(session.batch),
+        idle,
     )
 
 
 def replayed(name: str, session: Session) -> Send:
     """Answers from a recording only."""
-    if not session.replay:
-        raise InputError("--language replay needs --replay DIR, a folder that --record DIR has written")
     folder = ReplyFolder(Path(session.replay))
 
-    def send(payload: Payload) -> Message:
+    def send(payload: Payload, idle: Idle) -> Message:
+        if not session.replay:
+            raise InputError("--language replay needs --replay DIR, a folder that --record DIR has written")
         message = folder.read(name, payload.digest)
         if message is None:
             raise LanguageError(
@@ -124,7 +133,7 @@ def kept_or_asked(config: LanguageConfig, session: Session, kept: ReplyFolder) -
     name, model = config.source, config.model
     recording = ReplyFolder(Path(session.record)) if session.record else None
 
-    def send(payload: Payload) -> Message:
+    def send(payload: Payload, idle: Idle) -> Message:
         message = None if session.fresh else kept.read(name, payload.digest)
         if message is not None:
             note_kept(model, payload, message, session)
@@ -134,7 +143,7 @@ def kept_or_asked(config: LanguageConfig, session: Session, kept: ReplyFolder) -
                 f"{endpoint() or 'none'} now; set it as it was, or start a new run"
             )
         elif session.batch:
-            message = ask_in_batch(name, model, payload, session, kept)
+            message = ask_in_batch(name, model, payload, session, kept, idle)
         else:
             message = ask_at_once(model, payload, session)
             kept.keep(name, payload, message)

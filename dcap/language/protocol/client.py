@@ -1,11 +1,12 @@
 """The seam between stages and language: one protocol, and who stands behind it.
 
-Stages call `client(config.language)` and never learn which client they got. `offline` needs nothing, `anthropic` asks
+A stage is handed a `Client` and never learns which one it got. `offline` needs nothing, `anthropic` asks
 a model, `replay` gives recorded answers again. What does not decide a result (where replies are kept, what may be
 spent) is no part of a stage's configuration: see dcap/language/protocol/session.py.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from enum import StrEnum
 from typing import Protocol
 from urllib.parse import quote
@@ -13,6 +14,10 @@ from urllib.parse import quote
 from pydantic import BaseModel
 
 from dcap.language.protocol.questions import Question, ReplyT, RequestT
+from dcap.language.protocol.session import Session
+
+Idle = Callable[[], AbstractContextManager[object]]
+"""What is entered while a question waits for long, so that others can work meanwhile."""
 
 
 class ClientName(StrEnum):
@@ -55,12 +60,12 @@ class Client(Protocol):
         """Answers to questions that do not depend on each other, in their order."""
 
 
-def client(config: LanguageConfig) -> Client:
-    """The client that a configuration names."""
+def connect(config: LanguageConfig, session: Session, idle: Idle = nullcontext) -> Client:
+    """The client that a configuration names, asking as `session` says; nothing is asked yet."""
     if config.client is ClientName.OFFLINE:
         from dcap.language.offline.client import OfflineClient
 
         return OfflineClient()
     from dcap.language.model.client import model_client
 
-    return model_client(config)
+    return model_client(config, session, idle)

@@ -1,12 +1,9 @@
 """How questions are asked in this run: where replies are kept, what may be spent. Never decides what a reply says.
 
-A flow opens a session (`with speaking(...)`), stages run inside it, and a stage that runs in a process of its own
-gets it as JSON. Without one, replies are kept in the data folder, and nothing is counted.
+A flow makes a session, the runner hands it to the client of each stage, and a stage that runs in a process of its own
+gets it as JSON. A plain session keeps replies in the data folder and counts nothing.
 """
 
-from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, contextmanager, nullcontext
-from contextvars import ContextVar
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
@@ -30,7 +27,7 @@ class Session:
     fresh: bool = False
     """Ask although a reply is kept."""
     batch: str = ""
-    """Folder of a batch desk; empty: ask at once."""
+    """Folder of a batch queue; empty: ask at once."""
     sample: str = ""
     """Whom the questions are about, for the ledger."""
 
@@ -42,28 +39,3 @@ class Session:
     def to_json(self) -> dict[str, object]:
         """Plain form for a process of its own."""
         return asdict(self)
-
-
-_session: ContextVar[Session | None] = ContextVar("session", default=None)
-_idle: ContextVar[Callable[[], AbstractContextManager[object]]] = ContextVar("idle", default=nullcontext)
-
-
-def current_session() -> Session:
-    """The session of this thread."""
-    return _session.get() or Session()
-
-
-@contextmanager
-def speaking(session: Session, idle: Callable[[], AbstractContextManager[object]] | None = None) -> Iterator[Session]:
-    """Ask as `session` says in this block and thread; `idle()` is entered while a question waits for long."""
-    token, idle_token = _session.set(session), _idle.set(idle or nullcontext)
-    try:
-        yield session
-    finally:
-        _session.reset(token)
-        _idle.reset(idle_token)
-
-
-def idling() -> AbstractContextManager[object]:
-    """Around a long wait: lets others work."""
-    return _idle.get()()

@@ -14,32 +14,18 @@ import uuid
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TypeVar, cast
 
 from dcap.scene.errors import InputError, MissingArtifactError, StoreError
 from dcap.scene.settings import cache_root
 from dcap.scene.store.codec import VALUE_FILE, canonical_json, decode, encode
+from dcap.scene.store.ref import Ref
 from dcap.scene.store.source_files import source_files, telling_folder
+from dcap.scene.types.outcome import Infeasible
 
 FILES_FOLDER = "files"
 
-
-@dataclass(frozen=True, slots=True, order=True)
-class Ref:
-    """Name of an artifact: what it is and the digest of its bytes."""
-
-    kind: str
-    """Type of the value: Scan, Segmentation, ..., Infeasible, Source."""
-    sha256: str
-    """Digest over the names and contents of its files, 64 hex digits."""
-
-    def to_json(self) -> dict[str, str]:
-        """Plain form for records and cache keys."""
-        return {"kind": self.kind, "sha256": self.sha256}
-
-    @classmethod
-    def from_json(cls, tree: Mapping[str, object]) -> "Ref":
-        """The reference that `to_json` wrote."""
-        return cls(str(tree["kind"]), str(tree["sha256"]))
+ValueT = TypeVar("ValueT")
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,7 +44,7 @@ class Store:
 
     def __init__(self, root: Path) -> None:
         self.root = root
-        self._verified: dict[Ref, tuple[tuple[str, int, int], ...]] = {}
+        self._verified: dict[Ref[object], tuple[tuple[str, int, int], ...]] = {}
         self._sources: dict[str, Path] = {}
         self._lock = threading.Lock()
 
@@ -69,22 +55,25 @@ class Store:
         with opening:
             return opened.setdefault(root, cls(root))
 
-    def folder(self, ref: Ref) -> Path:
+    def folder(self, ref: Ref[object]) -> Path:
         """Where the files of an artifact lie."""
         return self.root / "objects" / ref.kind / ref.sha256[:2] / ref.sha256
 
-    def save(self, value: object) -> Ref:
+    def save(self, value: ValueT) -> Ref[ValueT]:
         """Write a value; an artifact that is there and sound is left alone."""
         files = encode(value)
-        ref = Ref(type(value).__name__, digest_of_bytes(files))
+        ref: Ref[ValueT] = Ref(type(value).__name__, digest_of_bytes(files))
         if not self.has(ref):
             with self._building(ref) as folder:
                 for name, data in files.items():
                     (folder / name).write_bytes(data)
         return ref
 
-    def load(self, ref: Ref) -> object:
+    def load(self, ref: Ref[ValueT]) -> ValueT | Infeasible:
         """The value of an artifact, from bytes that match its digest."""
+        return cast("ValueT | Infeasible", self._load(ref))
+
+    def _load(self, ref: Ref[object]) -> object:
         if ref.kind == Source.__name__:
             return self._load_source(ref)
         folder = self.folder(ref)
@@ -96,7 +85,7 @@ class Store:
             raise MissingArtifactError(f"{ref.kind} {ref.sha256[:12]} in {folder} does not match its digest")
         return decode(files)
 
-    def has(self, ref: Ref) -> bool:
+    def has(self, ref: Ref[object]) -> bool:
         """Whether the artifact is there and every byte matches its digest.
 
         Bytes are read once per process; after that unchanged sizes and modification times are taken as proof.
@@ -114,16 +103,16 @@ class Store:
             self._verified[ref] = stamp
         return True
 
-    def size(self, ref: Ref) -> int:
+    def size(self, ref: Ref[object]) -> int:
         """Bytes that the artifact takes on disk."""
         return sum(path.stat().st_size for path in walk(self.folder(ref)))
 
-    def refs(self) -> Iterator[Ref]:
+    def refs(self) -> Iterator[Ref[object]]:
         """All artifacts, sound or not."""
         for folder in sorted((self.root / "objects").glob("*/??/*")):
             yield Ref(folder.parent.parent.name, folder.name)
 
-    def add_source(self, given: str | Path) -> Ref:
+    def add_source(self, given: str | Path) -> Ref[Source]:
         """Take a foreign file or folder in, with the files that it names (MTL, textures, buffers)."""
         path = Path(given)
         try:
@@ -134,7 +123,7 @@ class Store:
             digests |= {f"{FILES_FOLDER}/{name}": digest_of_file(file) for name, file in files.items()}
         except OSError as error:
             raise InputError(f"{path}: cannot be read: {error.strerror} ({error.filename})") from None
-        ref = Ref(Source.__name__, digest_of(digests))
+        ref: Ref[Source] = Ref(Source.__name__, digest_of(digests))
         if not self.has(ref):
             with self._building(ref) as folder:
                 (folder / VALUE_FILE).write_bytes(about)
@@ -153,14 +142,14 @@ class Store:
         with self._lock:
             return self._sources.get(str(given))
 
-    def _load_source(self, ref: Ref) -> Source:
+    def _load_source(self, ref: Ref[object]) -> Source:
         folder = self.folder(ref)
         if digest_of_folder(folder) != ref.sha256:
             raise MissingArtifactError(f"Source {ref.sha256[:12]} in {folder} is missing or does not match its digest")
         tree = json_file(folder / VALUE_FILE)
         return Source(folder / FILES_FOLDER / str(tree["main"]), str(tree.get("folder", "")))
 
-    def _building(self, ref: Ref) -> "Building":
+    def _building(self, ref: Ref[object]) -> "Building":
         return Building(self.root / "building" / uuid.uuid4().hex, self.folder(ref))
 
 

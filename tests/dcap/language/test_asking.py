@@ -14,13 +14,13 @@ from questions_at_hand import materials_request, rotation_request
 
 from dcap.language.model import batch
 from dcap.language.model.anthropic_api import endpoint, size_of
-from dcap.language.model.batch import Desk, batch_desk
+from dcap.language.model.batch import BatchQueue, batch_queue
 from dcap.language.model.ledger import Ledger, Usage, check_budget, in_words, most, price_of, prices, read_lines, totals
 from dcap.language.model.payload import payload_of
 from dcap.language.model.reply_folder import ReplyFolder
-from dcap.language.protocol.client import ClientName, LanguageConfig, client
+from dcap.language.protocol.client import ClientName, LanguageConfig, connect
 from dcap.language.protocol.questions import INTENT, MATERIALS, ROTATION
-from dcap.language.protocol.session import Session, current_session, idling, speaking
+from dcap.language.protocol.session import Session
 from dcap.scene.errors import BudgetError, InputError, LanguageError
 from flows.cli.language_options import LanguageOptions
 
@@ -36,32 +36,31 @@ def files(root: Path) -> dict[str, bytes]:
 def test_a_question_is_asked_once(api: FakeApi, ask, tmp_path):
     """The same question gets its kept reply, from any session; a fresh one asks again."""
     ledger = tmp_path / "usage.jsonl"
-    with speaking(Session(ledger=str(ledger), sample="a")):
-        first = client(MODEL).ask(INTENT, ask("put the mug on the desk"))
-        assert client(MODEL).ask(INTENT, ask("put the mug on the desk")) == first
+    first = connect(MODEL, Session(ledger=str(ledger), sample="a")).ask(INTENT, ask("put the mug on the desk"))
+    session = Session(ledger=str(ledger), sample="a")
+    assert connect(MODEL, session).ask(INTENT, ask("put the mug on the desk")) == first
     assert len(api.asked) == 1
     assert [line["how"] for line in read_lines(ledger)] == ["asked", "kept"]
-    with speaking(Session(fresh=True)):
-        client(MODEL).ask(INTENT, ask("put the mug on the desk"))
+    connect(MODEL, Session(fresh=True)).ask(INTENT, ask("put the mug on the desk"))
     assert len(api.asked) == 2
 
 
 def test_another_model_is_asked_anew(api: FakeApi, ask):
     """Replies of one model are none of another."""
     for name in (NAME, "claude-opus-5-5"):
-        client(MODEL.model_copy(update={"model": name})).ask(INTENT, ask("put the mug on the desk"))
+        connect(MODEL.model_copy(update={"model": name}), Session()).ask(INTENT, ask("put the mug on the desk"))
     assert [body["model"] for body in api.asked] == [NAME, "claude-opus-5-5"]
 
 
 def test_another_address_than_the_run_s_is_not_asked(api: FakeApi, ask, monkeypatch):
     """Its replies would be kept under the wrong name; what is kept already needs nobody."""
     asked = ask("put the mug on the desk")
-    first = client(MODEL).ask(INTENT, asked)
+    first = connect(MODEL, Session()).ask(INTENT, asked)
     monkeypatch.setattr("dcap.language.model.anthropic_api.USUAL", "api.anthropic.com")
     assert endpoint() == api.url.partition("//")[2].replace(":", "-")
-    assert client(MODEL).ask(INTENT, asked) == first
+    assert connect(MODEL, Session()).ask(INTENT, asked) == first
     with pytest.raises(InputError, match=r"the usual address, \$ANTHROPIC_BASE_URL names 127"):
-        client(MODEL).ask(INTENT, ask("put the mug on the bed"))
+        connect(MODEL, Session()).ask(INTENT, ask("put the mug on the bed"))
     assert len(api.asked) == 1
 
 
@@ -83,12 +82,12 @@ def test_an_address_names_a_folder(monkeypatch: pytest.MonkeyPatch, url: str, na
 def test_a_model_of_any_name_can_be_replayed(api: FakeApi, ask, tmp_path):
     """Gateways call models "maker/model"; their replies stay in one folder of the recording."""
     name = "maker/model@2026"
-    with speaking(Session(record=str(tmp_path / "r"))):
-        first = client(MODEL.model_copy(update={"model": name})).ask(INTENT, ask("put the mug on the desk"))
+    first = connect(MODEL.model_copy(update={"model": name}), Session(record=str(tmp_path / "r"))).ask(
+        INTENT, ask("put the mug on the desk")
+    )
     config = LanguageOptions(replay=str(tmp_path / "r")).config()
     assert (config.model, config.endpoint) == (name, "")
-    with speaking(Session(replay=str(tmp_path / "r"))):
-        assert client(config).ask(INTENT, ask("put the mug on the desk")) == first
+    assert connect(config, Session(replay=str(tmp_path / "r"))).ask(INTENT, ask("put the mug on the desk")) == first
 
 
 def test_a_recording_holds_what_was_used_and_answers_alone(api: FakeApi, ask, tmp_path):
@@ -96,26 +95,26 @@ def test_a_recording_holds_what_was_used_and_answers_alone(api: FakeApi, ask, tm
     good = offline_model
     api.answers = [says("nonsense"), good]
     asked = ask("put the mug on the desk")
-    first = client(MODEL).ask(INTENT, asked)
-    with speaking(Session(record=str(tmp_path / "r"))):
-        client(MODEL).ask(INTENT, asked)
+    first = connect(MODEL, Session()).ask(INTENT, asked)
+    connect(MODEL, Session(record=str(tmp_path / "r"))).ask(INTENT, asked)
     api.answers = [fails(500, "nobody")]
     assert ReplyFolder(tmp_path / "r").models() == [NAME]
-    with speaking(Session(replay=str(tmp_path / "r"), kept=str(tmp_path / "none"))):
-        assert client(REPLAY).ask(INTENT, asked) == first
-        with pytest.raises(LanguageError, match=r"no reply of claude-sonnet-5-5 to this question 'intent'.*--record"):
-            client(REPLAY).ask(INTENT, ask("put the mug on the shelf"))
+    session = Session(replay=str(tmp_path / "r"), kept=str(tmp_path / "none"))
+    assert connect(REPLAY, session).ask(INTENT, asked) == first
+    with pytest.raises(LanguageError, match=r"no reply of claude-sonnet-5-5 to this question 'intent'.*--record"):
+        connect(REPLAY, Session(replay=str(tmp_path / "r"), kept=str(tmp_path / "none"))).ask(
+            INTENT, ask("put the mug on the shelf")
+        )
     assert len(api.asked) == 2
 
 
 def test_a_damaged_recording_is_named(api: FakeApi, ask, tmp_path):
     """A file that is no reply is an error with its path."""
-    with speaking(Session(record=str(tmp_path / "r"))):
-        client(MODEL).ask(INTENT, ask("put the mug on the desk"))
+    connect(MODEL, Session(record=str(tmp_path / "r"))).ask(INTENT, ask("put the mug on the desk"))
     (path,) = (tmp_path / "r").rglob("*.json")
     path.write_text("{")
-    with speaking(Session(replay=str(tmp_path / "r"))), pytest.raises(LanguageError, match=path.name):
-        client(REPLAY).ask(INTENT, ask("put the mug on the desk"))
+    with pytest.raises(LanguageError, match=path.name):
+        connect(REPLAY, Session(replay=str(tmp_path / "r"))).ask(INTENT, ask("put the mug on the desk"))
 
 
 def test_the_content_of_a_recording_names_it(tmp_path):
@@ -140,8 +139,9 @@ def test_the_digest_is_of_what_a_model_sees(ask):
 
 def test_the_key_is_nowhere(api: FakeApi, ask, tmp_path, capfd):
     """Neither kept replies nor recording nor ledger nor output hold the key; the server got it."""
-    with speaking(Session(record=str(tmp_path / "r"), ledger=str(tmp_path / "usage.jsonl"))):
-        client(MODEL).ask(INTENT, ask("put the mug on the desk"))
+    connect(MODEL, Session(record=str(tmp_path / "r"), ledger=str(tmp_path / "usage.jsonl"))).ask(
+        INTENT, ask("put the mug on the desk")
+    )
     assert KEY in " ".join(api.headers[0].values())
     found = files(tmp_path)
     assert len(found) > 2
@@ -161,9 +161,8 @@ def test_a_reply_costs_what_its_tokens_cost(api: FakeApi, ask, tmp_path):
     expected = (3000 * price.input + 500 * price.output + 2000 * price.cache_write + 10_000 * price.cache_read) / 1e6
     api.answers = [lambda body: with_usage(offline_model(body), tokens)]
     ledger = tmp_path / "usage.jsonl"
-    with speaking(Session(ledger=str(ledger), sample="a")):
-        for _ in range(2):
-            client(MODEL).ask(INTENT, ask("put the mug on the desk"))
+    for _ in range(2):
+        connect(MODEL, Session(ledger=str(ledger), sample="a")).ask(INTENT, ask("put the mug on the desk"))
     found = totals(ledger)
     assert found["usd"] == pytest.approx(expected, abs=1e-6)
     assert (found["asked"], found["kept"], found["output_tokens"]) == (1, 1, 500)
@@ -216,11 +215,10 @@ def test_a_budget_is_never_exceeded_and_stops_in_one_line(api: FakeApi, ask, tmp
     session = Session(ledger=str(tmp_path / "usage.jsonl"), max_cost=budget)
 
     def one(request: Any) -> str:
-        with speaking(session):
-            try:
-                client(MODEL).ask(INTENT, request)
-            except BudgetError as error:
-                return str(error)
+        try:
+            connect(MODEL, session).ask(INTENT, request)
+        except BudgetError as error:
+            return str(error)
         return ""
 
     tokens = {"input_tokens": 0, "output_tokens": int(1e6 * bound / price.output)}
@@ -241,11 +239,10 @@ def test_a_failed_call_gives_its_reservation_back(api: FakeApi, ask, tmp_path):
     budget = 1.2 * most(size_of(payload_of(INTENT, ask("put the mug on the desk"))), price, 8192)
     session = Session(ledger=str(tmp_path / "usage.jsonl"), max_cost=budget)
     api.answers = [fails(400, "invalid_request_error"), fails(400, "invalid_request_error"), offline_model]
-    with speaking(session):
-        for _ in range(2):
-            with pytest.raises(LanguageError, match="400"):
-                client(MODEL).ask(INTENT, ask("put the mug on the desk"))
-        client(MODEL).ask(INTENT, ask("put the mug on the desk"))
+    for _ in range(2):
+        with pytest.raises(LanguageError, match="400"):
+            connect(MODEL, session).ask(INTENT, ask("put the mug on the desk"))
+    connect(MODEL, session).ask(INTENT, ask("put the mug on the desk"))
 
 
 # batches ------------------------------------------------------------------------------------------------------------
@@ -253,7 +250,7 @@ def test_a_failed_call_gives_its_reservation_back(api: FakeApi, ask, tmp_path):
 
 @pytest.fixture
 def quick(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A desk that does not wait for long."""
+    """A queue that does not wait for long."""
     monkeypatch.setattr(batch, "QUIET_S", 0.3)
     monkeypatch.setattr(batch, "POLL_S", 0.02)
     monkeypatch.setattr(batch, "ASK_AGAIN_S", 0.1)
@@ -263,20 +260,19 @@ def in_batches(session: Session, requests: list[Any]) -> list[Any]:
     """Answers or errors, each asked in a thread of its own."""
 
     def one(request: Any) -> Any:
-        with speaking(session):
-            try:
-                return client(MODEL).ask(INTENT, request)
-            except LanguageError as error:
-                return error
+        try:
+            return connect(MODEL, session).ask(INTENT, request)
+        except LanguageError as error:
+            return error
 
-    with batch_desk(Path(session.batch), session), ThreadPoolExecutor(len(requests)) as pool:
+    with batch_queue(Path(session.batch), session), ThreadPoolExecutor(len(requests)) as pool:
         return list(pool.map(one, requests))
 
 
 def test_questions_go_together_at_half_the_price(api: FakeApi, quick, ask, tmp_path):
     """Many questions, one batch; an invalid answer goes into the next; every reply is kept."""
     api.answers = [says("nonsense"), offline_model]
-    session = Session(ledger=str(tmp_path / "usage.jsonl"), batch=str(tmp_path / "desk"), sample="a")
+    session = Session(ledger=str(tmp_path / "usage.jsonl"), batch=str(tmp_path / "queue"), sample="a")
     requests = [ask(f"put the mug on the desk {'please ' * n}") for n in range(5)]
     found = in_batches(session, requests)
     assert [reply.base_id for reply in found] == ["desk_0"] * 5
@@ -286,7 +282,7 @@ def test_questions_go_together_at_half_the_price(api: FakeApi, quick, ask, tmp_p
     assert total["batch"] == 6
     assert total["usd"] == pytest.approx(0.5 * 6 * Usage(1000, 100).cost(price))
     asked = len(api.asked)
-    assert client(MODEL).ask(INTENT, requests[0]) == found[0]
+    assert connect(MODEL, Session()).ask(INTENT, requests[0]) == found[0]
     assert len(api.asked) == asked
 
 
@@ -294,7 +290,7 @@ def test_what_fails_in_a_batch_fails_alone(api: FakeApi, quick, ask, tmp_path):
     """One question that errs and one that expires are errors in a line; the others get their answers."""
     api.answers = [fails(400, "invalid_request_error"), fails(410, "expired"), offline_model]
     found = in_batches(
-        Session(batch=str(tmp_path / "desk")), [ask(f"put the mug on the desk {'please ' * n}") for n in range(4)]
+        Session(batch=str(tmp_path / "queue")), [ask(f"put the mug on the desk {'please ' * n}") for n in range(4)]
     )
     errors = sorted(str(one) for one in found if isinstance(one, LanguageError))
     assert len(errors) == 2
@@ -305,7 +301,7 @@ def test_what_fails_in_a_batch_fails_alone(api: FakeApi, quick, ask, tmp_path):
 def test_one_question_of_many_samples_is_sent_and_paid_once(api: FakeApi, quick, ask, tmp_path):
     """Samples that ask the same share one place in the batch, its answer and its cost; or its failure."""
     ledger = tmp_path / "usage.jsonl"
-    session = Session(ledger=str(ledger), batch=str(tmp_path / "desk"))
+    session = Session(ledger=str(ledger), batch=str(tmp_path / "queue"))
     found = in_batches(session, [ask("put the mug on the desk")] * 4)
     assert [reply.base_id for reply in found] == ["desk_0"] * 4
     assert [len(batch) for batch in api.batches.values()] == [1]
@@ -321,7 +317,7 @@ def test_a_batch_that_cannot_be_sent_is_told_to_all(api: FakeApi, quick, ask, tm
     monkeypatch.setattr(api, "post", lambda path, body: fails(403, "permission_error")(body))
     ledger = tmp_path / "usage.jsonl"
     found = in_batches(
-        Session(batch=str(tmp_path / "desk"), ledger=str(ledger), max_cost=9.0), [ask("put the mug on the desk")]
+        Session(batch=str(tmp_path / "queue"), ledger=str(ledger), max_cost=9.0), [ask("put the mug on the desk")]
     )
     assert "403" in str(found[0])
     assert totals(ledger)["usd"] == 0.0
@@ -331,7 +327,7 @@ def test_a_batch_that_cannot_be_sent_is_told_to_all(api: FakeApi, quick, ask, tm
 def test_a_batch_that_the_api_forgot_fails(api: FakeApi, quick, ask, tmp_path, monkeypatch):
     """A batch of another key, or one too old, is given up at once and not asked for again for ever."""
     monkeypatch.setattr(api, "get", lambda path: fails(404, "not_found_error")({}))
-    found = in_batches(Session(batch=str(tmp_path / "desk")), [ask("put the mug on the desk")])
+    found = in_batches(Session(batch=str(tmp_path / "queue")), [ask("put the mug on the desk")])
     assert "404" in str(found[0])
     assert not list((Session().kept_folder / "batches").glob("*.json"))
 
@@ -342,40 +338,40 @@ def test_a_batch_keeps_to_the_budget(api: FakeApi, quick, ask, tmp_path):
     price = price_of(NAME)
     assert price is not None
     budget = 2.5 * 0.5 * most(size_of(payload_of(INTENT, requests[-1])), price, 8192)
-    session = Session(ledger=str(tmp_path / "usage.jsonl"), max_cost=budget, batch=str(tmp_path / "desk"))
+    session = Session(ledger=str(tmp_path / "usage.jsonl"), max_cost=budget, batch=str(tmp_path / "queue"))
     found = in_batches(session, requests)
     assert sum(isinstance(one, BudgetError) for one in found) == 2
     assert [len(batch) for batch in api.batches.values()] == [2]
 
 
-def test_whoever_waits_is_sent_home_when_the_run_ends(api: FakeApi, quick, ask, tmp_path):
-    """A question whose batch takes a day does not keep an interrupted run: it fails as soon as the desk closes."""
+def test_whoever_waits_gets_an_error_when_the_run_ends(api: FakeApi, quick, ask, tmp_path):
+    """A question whose batch takes a day does not keep an interrupted run: it fails as soon as the queue closes."""
     api.polls = 10**6
-    session, said = Session(batch=str(tmp_path / "desk")), []
+    session, said = Session(batch=str(tmp_path / "queue")), []
 
     def wait() -> None:
-        with speaking(session), pytest.raises(LanguageError, match="the run has ended") as error:
-            client(MODEL).ask(INTENT, ask("put the mug on the desk"))
+        with pytest.raises(LanguageError, match="the run has ended") as error:
+            connect(MODEL, session).ask(INTENT, ask("put the mug on the desk"))
         said.append(str(error.value))
 
-    with batch_desk(tmp_path / "desk", session):
+    with batch_queue(tmp_path / "queue", session):
         waiting = threading.Thread(target=wait)
         waiting.start()
         while not api.batches:
             waiting.join(0.02)
     waiting.join(5.0)
     assert said
-    assert not (tmp_path / "desk").exists()
+    assert not (tmp_path / "queue").exists()
 
 
 def test_a_killed_run_s_batch_is_collected_by_the_next(api: FakeApi, quick, ask, tmp_path, monkeypatch):
-    """Replies of a batch that nobody waited for are kept and booked by the next desk: nothing is sent twice."""
+    """Replies of a batch that nobody waited for are kept and booked by the next queue: nothing is sent twice."""
     request, ledger = ask("put the mug on the desk"), tmp_path / "usage.jsonl"
-    test_whoever_waits_is_sent_home_when_the_run_ends(api, quick, ask, tmp_path)
+    test_whoever_waits_gets_an_error_when_the_run_ends(api, quick, ask, tmp_path)
     (left,) = (Session().kept_folder / "batches").glob("*.json")
     left.write_text(json.dumps(json.loads(left.read_text()) | {"process": 2**22 + 1}))  # beyond any process of Linux
     api.polls = 1
-    (reply,) = in_batches(Session(batch=str(tmp_path / "desk2"), ledger=str(ledger)), [request])
+    (reply,) = in_batches(Session(batch=str(tmp_path / "queue2"), ledger=str(ledger)), [request])
     assert reply.base_id == "desk_0"
     assert len(api.batches) == 1
     assert totals(ledger)["batch"] == 1
@@ -391,29 +387,29 @@ def test_what_a_killed_run_s_batch_lacks_is_asked_anew(api: FakeApi, quick, ask,
     left.parent.mkdir(parents=True)
     left.write_text(json.dumps({"process": 2**22 + 1, "questions": questions}))
     api.batches["msgbatch_0"] = []
-    (reply,) = in_batches(Session(batch=str(tmp_path / "desk")), [request])
+    (reply,) = in_batches(Session(batch=str(tmp_path / "queue")), [request])
     assert reply.base_id == "desk_0"
     assert [len(batch) for batch in api.batches.values()] == [0, 1]
 
 
 def test_what_is_answered_already_is_not_sent(api: FakeApi, quick, ask, tmp_path):
-    """A question that was laid just when its reply was kept leaves the desk unsent."""
+    """A question that was queued just when its reply was kept leaves the queue unsent."""
     payload, kept = payload_of(INTENT, ask("put the mug on the desk")), ReplyFolder(Session().kept_folder)
     kept.keep(NAME, payload, {"content": []})
     laid = tmp_path / f"{payload.digest}.json"
     laid.write_text(json.dumps({"name": NAME}))
     os.utime(laid, (0, 0))
-    Desk(tmp_path, kept, Ledger(None), lambda text: None).step()
+    BatchQueue(tmp_path, kept, Ledger(None), lambda text: None).step()
     assert not api.batches
     assert not laid.exists()
 
 
-def test_one_desk_inherits_a_batch(api: FakeApi, ask, tmp_path, monkeypatch):
+def test_one_queue_inherits_a_batch(api: FakeApi, ask, tmp_path, monkeypatch):
     """Of two live runs the first to look collects what a killed one has sent."""
     left = Session().kept_folder / "batches" / "msgbatch_7.json"
     left.parent.mkdir(parents=True)
     left.write_text(json.dumps({"process": 2**22 + 1, "questions": {}}))
-    first = Desk(tmp_path, ReplyFolder(Session().kept_folder), Ledger(None), lambda text: None)
+    first = BatchQueue(tmp_path, ReplyFolder(Session().kept_folder), Ledger(None), lambda text: None)
     assert [batch["inherited"] for _, batch in first.open_batches()] == [True]
     monkeypatch.setattr(os, "getpid", os.getppid)
     assert first.open_batches() == []
@@ -424,7 +420,9 @@ def test_a_batch_of_another_run_is_left_alone(api: FakeApi, ask, tmp_path):
     left = Session().kept_folder / "batches" / "msgbatch_7.json"
     left.parent.mkdir(parents=True)
     left.write_text(json.dumps({"process": os.getppid(), "questions": {}}))
-    assert Desk(tmp_path, ReplyFolder(Session().kept_folder), Ledger(None), lambda text: None).open_batches() == []
+    assert (
+        BatchQueue(tmp_path, ReplyFolder(Session().kept_folder), Ledger(None), lambda text: None).open_batches() == []
+    )
 
 
 def test_many_questions_of_one_stage_give_its_slot_back_once(api: FakeApi, quick, ask, tmp_path):
@@ -438,11 +436,8 @@ def test_many_questions_of_one_stage_give_its_slot_back_once(api: FakeApi, quick
         def __exit__(self, *_: object) -> None:
             free.append(-1)
 
-    session = Session(batch=str(tmp_path / "desk"))
-    with batch_desk(tmp_path / "desk", session), speaking(session, Slot):
+    session = Session(batch=str(tmp_path / "queue"))
+    with batch_queue(tmp_path / "queue", session):
         requests = [ask(f"put the mug on the desk {'please ' * n}") for n in range(4)]
-        assert len(client(MODEL).ask_all(INTENT, requests)) == 4
-        assert current_session() is session
-        with idling():
-            assert free == [1, -1, 1]
-    assert free == [1, -1, 1, -1]
+        assert len(connect(MODEL, session, Slot).ask_all(INTENT, requests)) == 4
+    assert free == [1, -1]

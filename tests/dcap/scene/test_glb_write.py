@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import trimesh
 
+from dcap.language.offline.client import OfflineClient
 from dcap.scene.checks.findings import Findings
 from dcap.scene.checks.scene_folder import check_scene
 from dcap.scene.readers.frame import Role
@@ -66,7 +67,7 @@ def test_instances_and_parts_come_back(tmp_path: Path) -> None:
     (tmp_path / "room.glb").write_bytes(glb_bytes(labelled_nodes(first)))
     scan = read_scan(tmp_path / "room.glb", SourceOptions(), Role.SCENE)
     assert (scan.up, scan.unit_source, scan.notes) == ("y", "format", ())
-    back = segment(cleaned(scan, MeshConfig()), SegmentConfig())
+    back = segment(cleaned(scan, MeshConfig()), SegmentConfig(), OfflineClient())
     assert [(a.id, a.label, [p.name for p in a.parts]) for a in back.instances] == [
         (one, label, [name for name, _ in pieces]) for (one, label), pieces in THINGS.items()
     ]
@@ -89,7 +90,7 @@ def test_what_is_added_by_hand_is_found_by_its_name(tmp_path: Path) -> None:
     """A node without a label beside labelled ones is an instance by its name, as in any glTF."""
     lamp = Node("Floor Lamp.001", block((2.5, 0, 0), (0.3, 0.3, 1.5), (9, 9, 9)))
     (tmp_path / "room.glb").write_bytes(glb_bytes([*labelled_nodes(made()), lamp]))
-    found = segment(read_scan(tmp_path / "room.glb", SourceOptions(), Role.SCENE), SegmentConfig())
+    found = segment(read_scan(tmp_path / "room.glb", SourceOptions(), Role.SCENE), SegmentConfig(), OfflineClient())
     assert [(one.id, one.label) for one in found.instances][3:] == [("floor_lamp", "floor lamp")]
 
 
@@ -100,7 +101,7 @@ def test_nodes_of_one_name_are_one_thing_only_where_they_touch(tmp_path: Path, g
         nodes = [Node(n, block((i * (0.5 + gap), 0, 0), (0.5, 0.5, 1), (9, 9, 9))) for i, n in enumerate(names)]
         nodes.append(Node("table", block((3, 3, 0), (1, 1, 0.7), (9, 9, 9))))
         (tmp_path / "room.glb").write_bytes(glb_bytes(nodes))
-        found = segment(read_scan(tmp_path / "room.glb", SourceOptions(), Role.SCENE), SegmentConfig())
+        found = segment(read_scan(tmp_path / "room.glb", SourceOptions(), Role.SCENE), SegmentConfig(), OfflineClient())
         expected = ["chair_0", "chair_1", "table"] if gap else ["chair", "table"]
         assert [one.id for one in found.instances] == expected
 

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from dcap.language.offline.client import OfflineClient
 from dcap.scene.checks.findings import Findings
 from dcap.scene.checks.layout import layout_of
 from dcap.scene.checks.scene_folder import check_scene
@@ -93,7 +94,7 @@ def test_annotated_instances_arrive_aligned(tmp_path: Path) -> None:
     np.testing.assert_allclose(scan.world_from_file, TURN)
     np.testing.assert_allclose(scan.mesh.vertices, mesh.vertices @ TURN[:3, :3].T + TURN[:3, 3], atol=1e-6)
     assert scan.node_names == ("floor_0", "chair_1", "chair_2", "coffee_table_4")
-    found = segment(cleaned(scan, MeshConfig()), SegmentConfig())
+    found = segment(cleaned(scan, MeshConfig()), SegmentConfig(), OfflineClient())
     assert [(one.id, one.label) for one in found.instances[:4]] == [
         ("floor_0", "floor"), ("chair_1", "chair"), ("chair_2", "chair"), ("coffee_table_4", "coffee table"),
     ]  # fmt: skip

@@ -14,8 +14,9 @@ from hypothesis.extra import numpy as hnp
 from PIL import Image
 
 from dcap.scene.errors import InputError, MissingArtifactError, StoreError
-from dcap.scene.store.artifacts import Ref, Source, Store
+from dcap.scene.store.artifacts import Source, Store
 from dcap.scene.store.codec import KINDS, decode, encode
+from dcap.scene.store.ref import Ref
 from dcap.scene.types.anchor import Anchor
 from dcap.scene.types.box import OrientedBox
 from dcap.scene.types.intent import Intent, OrientationRequest, RegionRequest

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from dcap.language.offline.client import OfflineClient
 from dcap.scene.errors import InputError
 from dcap.scene.readers import usd_stage
 from dcap.scene.readers.frame import Role
@@ -109,7 +110,7 @@ def test_a_stage_of_instances(tmp_path: Path) -> None:
     assert len(scan.mesh.faces) == 24
     first = scan.mesh.submesh(np.flatnonzero(scan.face_node == 0))
     assert (first.colors == [255, 0, 0]).all()
-    found = segment(scan, SegmentConfig())
+    found = segment(scan, SegmentConfig(), OfflineClient())
     assert [one.label for one in found.instances] == ["chair", "chair"]
 
 

@@ -1,0 +1,62 @@
+"""The wiring of flows/place.py: what mypy refuses, and that its list of stages is the path that it takes."""
+
+import shutil
+from pathlib import Path
+
+import pytest
+from mypy import api
+
+from dcap.scene.settings import PROJECT_ROOT
+from dcap.scene.store.ref import Ref
+from dcap.scene.types.sample import Sample
+from flows.place import STAGES, PlaceConfig, place
+from tasks.runner.stage import Stage
+
+PLACE = PROJECT_ROOT / "flows" / "place.py"
+MISTAKES = {
+    "swapped": ("rotation, sample.prompt, config=config.anchor", "anchor, sample.prompt, config=config.anchor"),
+    "another_kind": ("drop_task(particles, anchor, intent", "drop_task(particles, intent, anchor"),
+    "left_out": (
+        "materials_task(scene, item, intent, anchor, sample.prompt",
+        "materials_task(scene, item, intent, anchor",
+    ),
+    "text_for_a_reference": ("rotation_task(scene, item, intent", 'rotation_task(scene, item, "intent"'),
+    "earlier_result": ("render_task(scene, item, anchor, settled", "render_task(scene, item, anchor, particles"),
+    "config_of_another": ("settled, config=config.render", "settled, config=config.drop"),
+    "unknown_setting": ("config=config.particles", "settings=config.particles"),
+    "wrong_field": ("        intent=intent,\n", "        intent=anchor,\n"),
+}
+"""Names and edits of mistakes that a person could make in the flow."""
+
+
+@pytest.mark.slow
+def test_wrong_wiring_is_a_type_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each mistake in the flow is an error of mypy in its own file; the flow as it is has none."""
+    text = PLACE.read_text()
+    for name, (right, wrong) in MISTAKES.items():
+        assert text.count(right) == 1, name
+        (tmp_path / f"{name}.py").write_text(text.replace(right, wrong))
+    shutil.copy(PLACE, tmp_path / "as_it_is.py")
+    monkeypatch.chdir(PROJECT_ROOT)  # where the settings lie, and what mypy remembers of the last check
+    found, trouble, _ = api.run([str(path) for path in sorted(tmp_path.glob("*.py"))])
+    assert not trouble
+    wrong_files = {Path(line.partition(":")[0]).stem for line in found.splitlines() if ": error:" in line}
+    assert wrong_files == MISTAKES.keys()
+
+
+def test_the_list_of_stages_is_the_path_of_a_placement(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """`place` calls exactly the stages of STAGES, in that order."""
+    monkeypatch.setenv("DCAP_DATA", str(tmp_path))
+    called: list[str] = []
+
+    def note(stage: Stage[..., object], *_: object, **__: object) -> Ref[object]:
+        called.append(stage.name)
+        return Ref("Nothing", "0" * 64)
+
+    monkeypatch.setattr(Stage, "__call__", note)
+    mesh = tmp_path / "triangle.obj"
+    mesh.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    place(Sample("one", str(mesh), str(mesh), "put it there"), PlaceConfig())
+    assert called == [stage.name for stage in STAGES]
