@@ -5,9 +5,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from dcap.synthetic.assembly import Assembly
 from dcap.synthetic.furniture.seats import sofa
 from dcap.synthetic.furniture.tables import wardrobe
-from dcap.synthetic.piece import Piece
 from dcap.synthetic.shapes import union
 from dcap.synthetic.things import play as objects_play
 from dcap.synthetic.things import rigid as objects_rigid
@@ -18,7 +18,7 @@ from dcap.synthetic.things import soft as objects_soft
 class Recipe:
     """How to make and write one object."""
 
-    build: Callable[[], Piece]
+    build: Callable[[], Assembly]
     """Makes it in metres, z up, standing on z = 0, front towards +y."""
     mass: float
     """What such a thing weighs [kg]; informative, nothing reads it but tests and people."""
@@ -28,17 +28,17 @@ class Recipe:
     """Length of the file's unit [m]; some files are in a unit of their own, as downloads are."""
 
 
-def armchair() -> Piece:
+def armchair() -> Assembly:
     """A full-size armchair: far too large for a stool."""
     return _melted(sofa(1, (86, 110, 126), (98, 124, 140), 3, "armchair", seat=0.60, depth=0.82, arm=0.16))
 
 
-def closet() -> Piece:
+def closet() -> Assembly:
     """A full-size wardrobe: far too large for a bedside table."""
     return _melted(wardrobe((196, 152, 104), (206, 164, 116), 4, (1.0, 0.55, 1.9)))
 
 
-def _melted(item: Piece) -> Piece:
+def _melted(item: Assembly) -> Assembly:
     """The solids of each part grown together."""
     return replace(item, parts=tuple(replace(p, solids=(union(p.solids),)) for p in item.parts))
 
@@ -77,7 +77,7 @@ OBJECTS: dict[str, Recipe] = {
 }
 
 
-def build_object(name: str) -> Piece:
+def build_object(name: str) -> Assembly:
     """The object in its file's own unit, z up."""
     recipe = OBJECTS[name]
     return recipe.build().transformed(np.diag([1 / recipe.unit] * 3 + [1.0]))

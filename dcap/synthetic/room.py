@@ -10,8 +10,8 @@ from itertools import pairwise
 import numpy as np
 
 from dcap.scene.types.mesh import Mesh
+from dcap.synthetic.assembly import Assembly, SolidPart, assembly
 from dcap.synthetic.paint import Painter, Rgb, blend, painted
-from dcap.synthetic.piece import Part, Piece, piece
 from dcap.synthetic.shapes import Array, columns, line, moved, rotation, rounded_box, sheet, sphere
 
 WALL_THICKNESS = 0.12
@@ -42,7 +42,7 @@ class Opening:
 class Placed:
     """A piece where it stands."""
 
-    piece: Piece
+    thing: Assembly
     """In room coordinates."""
     yaw_deg: float
     x: float
@@ -51,7 +51,7 @@ class Placed:
     @property
     def top(self) -> float:
         """Height of its highest point [m]."""
-        return float(self.piece.bounds[1, 2])
+        return float(self.thing.bounds[1, 2])
 
     def point(self, right: float, front: float) -> tuple[float, float]:
         """A point given in the piece's own frame [m]."""
@@ -60,7 +60,7 @@ class Placed:
 
 
 @dataclass(eq=False, slots=True)
-class Room:
+class FurnishedRoom:
     """A room while it is being furnished."""
 
     name: str
@@ -75,20 +75,20 @@ class Room:
     openings: Sequence[Opening] = ()
     things: list[Placed] = field(default_factory=list)
 
-    def put(self, item: Piece, x: float, y: float, yaw_deg: float = 0.0, z: float = 0.0) -> Placed:
+    def put(self, item: Assembly, x: float, y: float, yaw_deg: float = 0.0, z: float = 0.0) -> Placed:
         """Set a piece anywhere."""
         placed = Placed(item.placed(x, y, z, yaw_deg), yaw_deg, x, y)
         self.things.append(placed)
         return placed
 
-    def stand(self, item: Piece, x: float, y: float) -> Placed:
+    def stand(self, item: Assembly, x: float, y: float) -> Placed:
         """Set a piece on the floor, moved inwards as far as it needs to clear the walls by 2 cm."""
         low, high = item.bounds
         x = float(np.clip(x, 0.02 - low[0], self.width - 0.02 - high[0]))
         y = float(np.clip(y, 0.02 - low[1], self.depth - 0.02 - high[1]))
         return self.put(item, x, y)
 
-    def against(self, item: Piece, wall: str, at: float, gap: float = 0.02, z: float = 0.0) -> Placed:
+    def against(self, item: Assembly, wall: str, at: float, gap: float = 0.02, z: float = 0.0) -> Placed:
         """Set a piece with its back to a wall; `at` runs along x or y [m]."""
         behind = gap - float(item.bounds[0, 1])
         x, y = self.on_wall(wall, at, behind)
@@ -103,7 +103,7 @@ class Room:
             "east": (self.width - inwards, at),
         }[wall]
 
-    def upon(self, item: Piece, below: Placed, right: float = 0.0, front: float = 0.0, yaw_deg: float = 0.0,
+    def upon(self, item: Assembly, below: Placed, right: float = 0.0, front: float = 0.0, yaw_deg: float = 0.0,
              top: float | None = None) -> Placed:  # fmt: skip
         """Set a piece on another at a point of its frame, pressed in by 1.5 mm so that they touch."""
         x, y = below.point(right, front)
@@ -112,44 +112,44 @@ class Room:
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Shell:
+class RoomShell:
     """Floor, ceiling, walls, windows and doors of a room."""
 
-    things: tuple[Piece, ...]
+    things: tuple[Assembly, ...]
     """Closed solids: windows, doors, skirting (part of its wall)."""
     sheets: tuple[tuple[str, Mesh], ...]
     """Open surfaces with the label of their instance: floor, ceiling, wall south ..."""
 
 
-def shell(room: Room) -> Shell:
+def shell(room: FurnishedRoom) -> RoomShell:
     """Build the shell of a room."""
     sheets = [("floor", _floor(room)), ("ceiling", _ceiling(room))]
-    things: list[Piece] = []
+    things: list[Assembly] = []
     for name in WALLS:
         openings = [o for o in room.openings if o.wall == name]
         sheets.append((f"wall {name}", _wall(room, name, openings)))
-        things.append(Piece(f"wall {name}", (Part("skirting", tuple(_skirting(room, name, openings))),)))
+        things.append(Assembly(f"wall {name}", (SolidPart("skirting", tuple(_skirting(room, name, openings))),)))
         things += [_window(room, o) if o.kind == "WINDOW" else _door(room, o) for o in openings]
-    return Shell(tuple(things), tuple(sheets))
+    return RoomShell(tuple(things), tuple(sheets))
 
 
-def _floor(room: Room) -> Mesh:
+def _floor(room: FurnishedRoom) -> Mesh:
     surface = sheet(line(0, room.width, 0.04), line(0, room.depth, 0.04), lambda x, y: columns(x, y, np.zeros_like(x)))
     return painted(surface, room.floor, variation=0.015, seed=room.seed)
 
 
-def _ceiling(room: Room) -> Mesh:
+def _ceiling(room: FurnishedRoom) -> Mesh:
     surface = sheet(
         line(0, room.depth, 0.2), line(0, room.width, 0.2), lambda y, x: columns(x, y, np.full_like(x, room.height))
     )
     return painted(surface, (247, 246, 242), variation=0.006, seed=room.seed + 1)
 
 
-def _length(room: Room, wall: str) -> float:
+def _length(room: FurnishedRoom, wall: str) -> float:
     return room.width if wall in ("south", "north") else room.depth
 
 
-def to_room(room: Room, wall: str, points: Array) -> Array:
+def to_room(room: FurnishedRoom, wall: str, points: Array) -> Array:
     """Wall coordinates (along, outwards, up) to the room's, shape (n, 3)."""
     along, outwards, up = points.T
     return {
@@ -160,7 +160,7 @@ def to_room(room: Room, wall: str, points: Array) -> Array:
     }[wall]
 
 
-def _facing(room: Room, mesh: Mesh, target: Array) -> Mesh:
+def _facing(room: FurnishedRoom, mesh: Mesh, target: Array) -> Mesh:
     """The open sheet with its faces turned so that they look towards a point on average."""
     toward = target - mesh.triangles.mean(axis=1)
     if float(np.einsum("ij,ij->", mesh.face_normals, toward)) > 0:
@@ -168,7 +168,7 @@ def _facing(room: Room, mesh: Mesh, target: Array) -> Mesh:
     return Mesh(mesh.vertices, np.ascontiguousarray(mesh.faces[:, ::-1]), mesh.colors)
 
 
-def _wall(room: Room, wall: str, openings: Sequence[Opening]) -> Mesh:
+def _wall(room: FurnishedRoom, wall: str, openings: Sequence[Opening]) -> Mesh:
     """The inner face of a wall with its openings cut out, and their reveals."""
     cuts_u = [edge for o in openings for edge in (o.at - o.width / 2, o.at + o.width / 2)]
     cuts_z = [edge for o in openings for edge in (o.sill, o.sill + o.height) if edge > 0]
@@ -192,7 +192,7 @@ def _nodes(length: float, cuts: Sequence[float]) -> Array:
     return np.unique(np.concatenate([line(a, b, 0.13) for a, b in pairwise(stops)]))
 
 
-def _reveal(room: Room, o: Opening) -> Mesh:
+def _reveal(room: FurnishedRoom, o: Opening) -> Mesh:
     """The four inner faces of an opening."""
     low, high = o.sill, o.sill + o.height
     left, right = o.at - o.width / 2, o.at + o.width / 2
@@ -216,7 +216,7 @@ def _reveal(room: Room, o: Opening) -> Mesh:
     return painted(Mesh.concatenate(strips), (240, 239, 234), variation=0.005)
 
 
-def _in_wall(room: Room, o: Opening, mesh: Mesh) -> Mesh:
+def _in_wall(room: FurnishedRoom, o: Opening, mesh: Mesh) -> Mesh:
     """A solid in wall coordinates (along, outwards, up) about the opening's middle, moved into the room."""
     center = np.array([o.at, 0.0, o.sill + o.height / 2])
     vertices = to_room(room, o.wall, mesh.vertices + center)
@@ -224,7 +224,7 @@ def _in_wall(room: Room, o: Opening, mesh: Mesh) -> Mesh:
     return Mesh(vertices, np.ascontiguousarray(mesh.faces[:, ::-1]) if turn else mesh.faces, mesh.colors)
 
 
-def _window(room: Room, o: Opening) -> Piece:
+def _window(room: FurnishedRoom, o: Opening) -> Assembly:
     """A pane in front of a bright sky, a frame with a cross, a sill."""
 
     def sky(points: Array) -> Array:
@@ -244,10 +244,10 @@ def _window(room: Room, o: Opening) -> Piece:
     bars.append(moved(rounded_box((0.04, 0.045, o.height - 0.02), 0.008, 0.05), y=REVEAL - 0.02))
     ledge = moved(rounded_box((o.width + 0.10, 0.14, 0.03), 0.010, 0.04), y=0.0, z=-o.height / 2 - 0.012)
     solids = [pane, *(painted(m, (250, 250, 248), variation=0.005) for m in (*bars, ledge))]
-    return piece("window", body=[_in_wall(room, o, m) for m in solids])
+    return assembly("window", body=[_in_wall(room, o, m) for m in solids])
 
 
-def _door(room: Room, o: Opening) -> Piece:
+def _door(room: FurnishedRoom, o: Opening) -> Assembly:
     """A panelled leaf, a casing and a handle."""
 
     def leaf_paint(points: Array) -> Array:
@@ -270,10 +270,10 @@ def _door(room: Room, o: Opening) -> Piece:
         *(painted(m, (246, 242, 234), variation=0.005) for m in casing),
         *(painted(m, (190, 186, 176)) for m in handle),
     ]
-    return piece("door", body=[_in_wall(room, o, m) for m in solids])
+    return assembly("door", body=[_in_wall(room, o, m) for m in solids])
 
 
-def _skirting(room: Room, wall: str, openings: Sequence[Opening]) -> list[Mesh]:
+def _skirting(room: FurnishedRoom, wall: str, openings: Sequence[Opening]) -> list[Mesh]:
     """Boards along the foot of a wall, interrupted by doors."""
     doors = sorted((o.at - o.width / 2 - 0.07, o.at + o.width / 2 + 0.07) for o in openings if o.kind == "DOOR")
     stops = [0.0, *(edge for door in doors for edge in door), _length(room, wall)]

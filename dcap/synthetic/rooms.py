@@ -9,11 +9,11 @@ from numpy.typing import NDArray
 from dcap.scene.types.box import OrientedBox
 from dcap.scene.writers.interiorgs import Hole, Label, RoomRecord, Wall
 from dcap.synthetic import rooms_day, rooms_night
-from dcap.synthetic.room import WALL_THICKNESS, WALLS, Opening, Room, shell, to_room
-from dcap.synthetic.scan import RoomScan, Surface, scan
+from dcap.synthetic.room import WALL_THICKNESS, WALLS, FurnishedRoom, Opening, shell, to_room
+from dcap.synthetic.scan import RoomScan, ScanSurface, scan
 from dcap.synthetic.shapes import Array, moved, rotation
 
-ROOMS: dict[str, Callable[[int], Room]] = {
+ROOMS: dict[str, Callable[[int], FurnishedRoom]] = {
     build.__name__: build
     for build in (
         rooms_night.bedroom_01,
@@ -57,7 +57,7 @@ class BuiltRoom:
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class _Thing:
+class _Labelled:
     label: str
     yaw_deg: float
     boxed: bool
@@ -90,22 +90,22 @@ def build_room(name: str, seed: int) -> BuiltRoom:
     return BuiltRoom(record, ids, tuple(t.label.lower() for t in things), scanned.face_instance, scanned.face_part)
 
 
-def _surfaces(room: Room, offset: Array) -> tuple[list[_Thing], list[Surface]]:
+def _surfaces(room: FurnishedRoom, offset: Array) -> tuple[list[_Labelled], list[ScanSurface]]:
     """Every instance of the room and every surface, in world coordinates."""
     around = shell(room)
-    things: list[_Thing] = []
-    surfaces: list[Surface] = []
+    things: list[_Labelled] = []
+    surfaces: list[ScanSurface] = []
     walls: dict[str, int] = {}
     for label, mesh in around.sheets:
         walls[label] = len(things)
-        things.append(_Thing(label.split()[0], 0.0, boxed=not label.startswith("wall")))
-        surfaces.append(Surface(moved(mesh, *offset), walls[label], label.split()[0], closed=False))
-    placed = [(item, 0.0) for item in around.things] + [(p.piece, p.yaw_deg) for p in room.things]
+        things.append(_Labelled(label.split()[0], 0.0, boxed=not label.startswith("wall")))
+        surfaces.append(ScanSurface(moved(mesh, *offset), walls[label], label.split()[0], closed=False))
+    placed = [(item, 0.0) for item in around.things] + [(p.thing, p.yaw_deg) for p in room.things]
     for item, yaw_deg in placed:
         if item.label not in walls:
-            things.append(_Thing(item.label, yaw_deg, boxed=True))
+            things.append(_Labelled(item.label, yaw_deg, boxed=True))
         index = walls.get(item.label, len(things) - 1)
-        surfaces += [Surface(moved(m, *offset), index, p.name, closed=True) for p in item.parts for m in p.solids]
+        surfaces += [ScanSurface(moved(m, *offset), index, p.name, closed=True) for p in item.parts for m in p.solids]
     return things, surfaces
 
 
@@ -118,7 +118,7 @@ def _box(scanned: RoomScan, instance: int, yaw_deg: float) -> OrientedBox:
     return OrientedBox(axes @ ((low + high) / 2), axes, (high - low) / 2)
 
 
-def _labels(room: Room, things: list[_Thing], boxes: list[OrientedBox], ids: tuple[str, ...],
+def _labels(room: FurnishedRoom, things: list[_Labelled], boxes: list[OrientedBox], ids: tuple[str, ...],
             rng: np.random.Generator) -> tuple[Label, ...]:  # fmt: skip
     """Annotations in mixed case and random order: a room and walls without boxes, a ceiling lamp without an id."""
     labels = [Label("", "room", None)]
@@ -129,7 +129,7 @@ def _labels(room: Room, things: list[_Thing], boxes: list[OrientedBox], ids: tup
     return tuple(labels[int(i)] for i in rng.permutation(len(labels)))
 
 
-def _walls(room: Room, offset: Array) -> tuple[Wall, ...]:
+def _walls(room: FurnishedRoom, offset: Array) -> tuple[Wall, ...]:
     """Centre lines of the four walls, which lie outside of the floor polygon."""
     walls = []
     for name in WALLS:
@@ -140,7 +140,7 @@ def _walls(room: Room, offset: Array) -> tuple[Wall, ...]:
     return tuple(walls)
 
 
-def _hole(room: Room, o: Opening, offset: Array) -> Hole:
+def _hole(room: FurnishedRoom, o: Opening, offset: Array) -> Hole:
     low, high, a, b = o.sill, o.sill + o.height, o.at - o.width / 2, o.at + o.width / 2
     depth = WALL_THICKNESS / 2
     corners = to_room(room, o.wall, np.array([[a, depth, low], [b, depth, low], [b, depth, high], [a, depth, high]]))

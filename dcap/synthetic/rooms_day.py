@@ -16,14 +16,14 @@ from dcap.synthetic.furniture.decor import (
 from dcap.synthetic.furniture.seats import chair, office_chair, ottoman, sofa, stool
 from dcap.synthetic.furniture.tables import bookshelf, cabinet, desk, round_table, table
 from dcap.synthetic.paint import checks, dots, planks, stripes
-from dcap.synthetic.room import Opening, Room
+from dcap.synthetic.room import FurnishedRoom, Opening
 from dcap.synthetic.rooms_night import CREAM, OAK, PINE, WALNUT, curtains, fill_shelf, light
 
 
-def living_01(seed: int) -> Room:
+def living_01(seed: int) -> FurnishedRoom:
     """A sofa for three before a low table and a television, an armchair, a shelf, a floor lamp."""
     window = Opening("east", 2.2, 1.8, 0.6, 1.6, "WINDOW")
-    room = Room(
+    room = FurnishedRoom(
         "living_01",
         "Living Room",
         5.2,
@@ -50,10 +50,10 @@ def living_01(seed: int) -> Room:
     return room
 
 
-def living_02(seed: int) -> Room:
+def living_02(seed: int) -> FurnishedRoom:
     """A sofa for two with a cushion leaning in its corner, a round table, a sideboard, an upholstered stool."""
     window = Opening("south", 2.1, 1.6, 0.8, 1.4, "WINDOW")
-    room = Room(
+    room = FurnishedRoom(
         "living_02",
         "Living Room",
         4.4,
@@ -86,10 +86,10 @@ def living_02(seed: int) -> Room:
     return room
 
 
-def living_03(seed: int) -> Room:
+def living_03(seed: int) -> FurnishedRoom:
     """A reading corner: two armchairs at an angle, a side table between them, a wall of books."""
     window = Opening("west", 1.6, 1.3, 0.85, 1.35, "WINDOW")
-    room = Room(
+    room = FurnishedRoom(
         "living_03",
         "Living Room",
         4.2,
@@ -118,10 +118,10 @@ def living_03(seed: int) -> Room:
     return room
 
 
-def study_01(seed: int) -> Room:
+def study_01(seed: int) -> FurnishedRoom:
     """A desk with lamp and office chair, a shelf, a cabinet, an armchair."""
     window = Opening("north", 2.0, 1.5, 0.9, 1.3, "WINDOW")
-    room = Room(
+    room = FurnishedRoom(
         "study_01",
         "Study Room",
         4.0,
@@ -149,10 +149,10 @@ def study_01(seed: int) -> Room:
     return room
 
 
-def study_02(seed: int) -> Room:
+def study_02(seed: int) -> FurnishedRoom:
     """A small home office: a slim metal-legged desk-table, a wooden chair, a stool and a low cabinet."""
     window = Opening("west", 1.5, 1.2, 0.9, 1.3, "WINDOW")
-    room = Room(
+    room = FurnishedRoom(
         "study_02",
         "Study Room",
         3.2,
@@ -177,10 +177,10 @@ def study_02(seed: int) -> Room:
     return room
 
 
-def dining_01(seed: int) -> Room:
+def dining_01(seed: int) -> FurnishedRoom:
     """A long dining table with six chairs and a sideboard."""
     window = Opening("north", 2.2, 1.8, 0.8, 1.4, "WINDOW")
-    room = Room(
+    room = FurnishedRoom(
         "dining_01",
         "Dining Room",
         4.4,
@@ -206,10 +206,10 @@ def dining_01(seed: int) -> Room:
     return room
 
 
-def dining_02(seed: int) -> Room:
+def dining_02(seed: int) -> FurnishedRoom:
     """A round dining table with four chairs, a bench by the wall, a cabinet."""
     window = Opening("east", 1.7, 1.4, 0.9, 1.3, "WINDOW")
-    room = Room(
+    room = FurnishedRoom(
         "dining_02",
         "Dining Room",
         3.8,
@@ -234,9 +234,9 @@ def dining_02(seed: int) -> Room:
     return room
 
 
-def hall_01(seed: int) -> Room:
+def hall_01(seed: int) -> FurnishedRoom:
     """An entrance hall: a bench, a shoe cabinet with a mirror above, a stool."""
-    room = Room(
+    room = FurnishedRoom(
         "hall_01",
         "Hall",
         3.6,

@@ -28,7 +28,7 @@ from dcap.synthetic.furniture.tables import (
     wardrobe,
 )
 from dcap.synthetic.paint import Rgb, checks, dots, plain, planks, stripes, tiles
-from dcap.synthetic.room import Opening, Placed, Room
+from dcap.synthetic.room import FurnishedRoom, Opening, Placed
 
 OAK, WALNUT, PINE, CREAM = (188, 142, 92), (116, 78, 52), (218, 178, 122), (236, 230, 218)
 SHELF = (0.90, 0.30, 1.80)
@@ -36,7 +36,12 @@ LINEN = (244, 242, 236)
 
 
 def fill_shelf(
-    room: Room, unit: Placed, seed: int, *, size: tuple[float, float, float] = SHELF, free: tuple[int, ...] = (2,)
+    room: FurnishedRoom,
+    unit: Placed,
+    seed: int,
+    *,
+    size: tuple[float, float, float] = SHELF,
+    free: tuple[int, ...] = (2,),
 ) -> None:
     """Books on the left of every board but the free ones and the topmost, which stay empty."""
     levels = shelf_levels(size)
@@ -48,22 +53,22 @@ def fill_shelf(
             room.upon(row, unit, right=-(size[0] - 0.06 - length) / 2 + 0.005, front=0.0, top=level)
 
 
-def curtains(room: Room, opening: Opening, fabric: Rgb, seed: int) -> None:
+def curtains(room: FurnishedRoom, opening: Opening, fabric: Rgb, seed: int) -> None:
     """A curtain on both sides of a window."""
     for side in (-1, 1):
         cloth = curtain(0.34, room.height - 0.20, fabric, seed + side)
         room.against(cloth, opening.wall, opening.at + side * (opening.width / 2 + 0.17), gap=0.075, z=0.05)
 
 
-def light(room: Room) -> None:
+def light(room: FurnishedRoom) -> None:
     """A lamp in the middle of the ceiling."""
     room.put(ceiling_lamp(room.height), room.width / 2, room.depth / 2)
 
 
-def bedroom_01(seed: int) -> Room:
+def bedroom_01(seed: int) -> FurnishedRoom:
     """A double bed between two bedside tables, a wardrobe, a bench under the window."""
     window = Opening("east", 2.3, 1.5, 0.85, 1.35, "WINDOW")
-    room = Room(
+    room = FurnishedRoom(
         "bedroom_01",
         "Master Bedroom",
         4.2,
@@ -99,10 +104,10 @@ def bedroom_01(seed: int) -> Room:
     return room
 
 
-def bedroom_02(seed: int) -> Room:
+def bedroom_02(seed: int) -> FurnishedRoom:
     """A single bed of turned wood, a desk with a chair, a bookshelf."""
     window = Opening("north", 1.9, 1.3, 0.9, 1.3, "WINDOW")
-    room = Room(
+    room = FurnishedRoom(
         "bedroom_02",
         "Bedroom",
         3.4,
@@ -140,10 +145,10 @@ def bedroom_02(seed: int) -> Room:
     return room
 
 
-def bedroom_03(seed: int) -> Room:
+def bedroom_03(seed: int) -> FurnishedRoom:
     """A king bed with a panel headboard, an armchair and a round table in the corner, a floor lamp."""
     window = Opening("south", 3.6, 1.6, 0.8, 1.4, "WINDOW")
-    room = Room(
+    room = FurnishedRoom(
         "bedroom_03",
         "Master Bedroom",
         5.0,
@@ -183,10 +188,10 @@ def bedroom_03(seed: int) -> Room:
     return room
 
 
-def guest_01(seed: int) -> Room:
+def guest_01(seed: int) -> FurnishedRoom:
     """A guest room: a bed without headroom clutter, a stool as bedside, a wardrobe."""
     window = Opening("west", 1.7, 1.2, 0.9, 1.25, "WINDOW")
-    room = Room(
+    room = FurnishedRoom(
         "guest_01",
         "Guest Room",
         3.3,
@@ -221,10 +226,10 @@ def guest_01(seed: int) -> Room:
     return room
 
 
-def kids_01(seed: int) -> Room:
+def kids_01(seed: int) -> FurnishedRoom:
     """A child's bed with dots, a low play table with two stools, a crate of toys, a low shelf."""
     window = Opening("east", 1.6, 1.3, 0.9, 1.25, "WINDOW")
-    room = Room(
+    room = FurnishedRoom(
         "kids_01",
         "Children Room",
         3.8,
@@ -265,10 +270,10 @@ def kids_01(seed: int) -> Room:
     return room
 
 
-def kids_02(seed: int) -> Room:
+def kids_02(seed: int) -> FurnishedRoom:
     """A teenager's room: bed along the wall, desk, an upholstered stool, a bookshelf."""
     window = Opening("south", 1.3, 1.2, 0.9, 1.3, "WINDOW")
-    room = Room(
+    room = FurnishedRoom(
         "kids_02",
         "Children Room",
         3.6,
@@ -308,10 +313,10 @@ def kids_02(seed: int) -> Room:
 TILE = tiles((214, 222, 222), (168, 178, 178), 0.33)
 
 
-def bathroom_01(seed: int) -> Room:
+def bathroom_01(seed: int) -> FurnishedRoom:
     """A bathtub under the window, a washstand with mirror, a toilet, a wooden stool."""
     window = Opening("north", 1.5, 1.0, 1.25, 0.95, "WINDOW")
-    room = Room(
+    room = FurnishedRoom(
         "bathroom_01",
         "Bathroom",
         3.0,
@@ -332,10 +337,10 @@ def bathroom_01(seed: int) -> Room:
     return room
 
 
-def bathroom_02(seed: int) -> Room:
+def bathroom_02(seed: int) -> FurnishedRoom:
     """A larger bathroom: tub along the wall, a low cabinet for towels, a stool, a plant."""
     window = Opening("east", 1.6, 1.1, 1.0, 1.2, "WINDOW")
-    room = Room(
+    room = FurnishedRoom(
         "bathroom_02",
         "Bathroom",
         3.4,

@@ -34,7 +34,7 @@ ON_FLOOR = 0.003
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Surface:
+class ScanSurface:
     """A piece of the room's surface."""
 
     mesh: Mesh
@@ -56,7 +56,7 @@ class RoomScan:
     """Part name of each face, shape (m,)."""
 
 
-def scan(surfaces: Sequence[Surface], seed: int) -> RoomScan:
+def scan(surfaces: Sequence[ScanSurface], seed: int) -> RoomScan:
     """Scan a room."""
     rng = np.random.default_rng(seed)
     visible = [replace(s, mesh=s.mesh.submesh(np.flatnonzero(kept))) for s, kept in
@@ -72,7 +72,7 @@ def scan(surfaces: Sequence[Surface], seed: int) -> RoomScan:
     return RoomScan(_compact(mesh, order, rng), instance[order], part[order])
 
 
-def _visible(surfaces: Sequence[Surface]) -> list[NDArray[np.bool_]]:
+def _visible(surfaces: Sequence[ScanSurface]) -> list[NDArray[np.bool_]]:
     """Per surface, the faces that reach out of all other solids and do not lie on the floor.
 
     A face is hidden if its centre and its three corners are inside other solids: faces at a border stay, so none opens.

@@ -4,13 +4,13 @@ from itertools import pairwise
 
 import numpy as np
 
+from dcap.synthetic.assembly import Assembly, assembly
 from dcap.synthetic.furniture.tables import cabinet
 from dcap.synthetic.paint import Rgb, painted
-from dcap.synthetic.piece import Piece, piece
 from dcap.synthetic.shapes import Array, columns, lathe, loft, moved, rounded_box, rounded_rings, tube
 
 
-def bathtub(seed: int) -> Piece:
+def bathtub(seed: int) -> Assembly:
     """A free-standing tub, 1.7 by 0.78 m, 0.58 m high: a hollow shell with a rounded rim; length along x."""
     levels = [
         (0.10, 0.04, 0.0),
@@ -41,14 +41,14 @@ def bathtub(seed: int) -> Piece:
         exponent=3.0,
     )
     rim = loft(edge, None, None)
-    return piece(
+    return assembly(
         "bathtub",
         shell=painted(shell, (244, 244, 240), variation=0.012, seed=seed),
         rim=painted(rim, (250, 250, 247), variation=0.01, seed=seed),
     )
 
 
-def basin_cabinet(timber: Rgb, seed: int) -> Piece:
+def basin_cabinet(timber: Rgb, seed: int) -> Assembly:
     """A washstand: cabinet, stone top, a round basin on the left half of it and a tap."""
     stand = cabinet((1.0, 0.48, 0.82), timber, timber, seed, "basin cabinet", columns=2)
     top = painted(
@@ -68,12 +68,12 @@ def basin_cabinet(timber: Rgb, seed: int) -> Piece:
         (-0.24, -0.105, 1.04),
     ]
     tap = painted(tube(path, 0.012, 0.014), (188, 192, 198), variation=0.02)
-    return piece(
+    return assembly(
         "basin cabinet", top=top, body=[*stand.parts[1].solids, *stand.parts[0].solids], basin=[basin], tap=[tap]
     )
 
 
-def toilet(seed: int) -> Piece:
+def toilet(seed: int) -> Assembly:
     """A toilet with a cistern against the wall behind it."""
     white = (246, 246, 243)
     bowl = loft(
@@ -109,10 +109,10 @@ def toilet(seed: int) -> Piece:
     )
     cistern = moved(rounded_box((0.38, 0.18, 0.42), 0.03, 0.035), y=-0.29, z=0.60)
     neck = moved(rounded_box((0.22, 0.24, 0.30), 0.04, 0.035), y=-0.24, z=0.26)
-    return piece("toilet", body=[painted(m, white, variation=0.012, seed=seed) for m in (bowl, neck, cistern, lid)])
+    return assembly("toilet", body=[painted(m, white, variation=0.012, seed=seed) for m in (bowl, neck, cistern, lid)])
 
 
-def mirror(width: float = 0.7, height: float = 0.8) -> Piece:
+def mirror(width: float = 0.7, height: float = 0.8) -> Assembly:
     """A wall mirror: back at y = 0, middle at z = 0."""
     body = moved(rounded_box((width, 0.025, height), 0.01, 0.035), y=0.010)
 
@@ -128,4 +128,4 @@ def mirror(width: float = 0.7, height: float = 0.8) -> Piece:
             (150, 120, 80),
         )
 
-    return piece("mirror", body=painted(body, paint, variation=0.0))
+    return assembly("mirror", body=painted(body, paint, variation=0.0))

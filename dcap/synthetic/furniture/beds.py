@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from dcap.scene.types.mesh import Mesh
+from dcap.synthetic.assembly import Assembly, assembly
 from dcap.synthetic.paint import Painter, Rgb, painted, smooth_noise, wood
-from dcap.synthetic.piece import Piece, piece
 from dcap.synthetic.shapes import (
     Array,
     bar,
@@ -54,14 +54,14 @@ class BedStyle:
     """Where the blanket begins, as a share of the length from the head."""
 
 
-def bed(style: BedStyle, seed: int, label: str = "bed") -> Piece:
+def bed(style: BedStyle, seed: int, label: str = "bed") -> Assembly:
     """The whole bed."""
     top = FRAME_TOP - SINK + style.mattress
     mattress = moved(
         rounded_box((style.width, style.length, style.mattress), MATTRESS_RADIUS, 0.028),
         z=FRAME_TOP - SINK + style.mattress / 2,
     )
-    return piece(
+    return assembly(
         label,
         frame=_frame(style, seed),
         mattress=painted(cushioned(mattress, 0.006), style.sheet, variation=0.02, seed=seed),

@@ -3,8 +3,8 @@
 import numpy as np
 
 from dcap.scene.types.mesh import Mesh
+from dcap.synthetic.assembly import Assembly, assembly
 from dcap.synthetic.paint import Painter, Rgb, blend, gradient, painted, smooth_noise, wood
-from dcap.synthetic.piece import Piece, piece
 from dcap.synthetic.shapes import (
     Array,
     bar,
@@ -32,19 +32,19 @@ def _shade(top: float, bottom: float, height: float, fabric: Rgb, seed: int) -> 
     return painted(lathe(outline, 0.02), gradient(low * 1.02, low * 0.95), variation=0.02, seed=seed)
 
 
-def floor_lamp(fabric: Rgb, metal: Rgb, seed: int) -> Piece:
+def floor_lamp(fabric: Rgb, metal: Rgb, seed: int) -> Assembly:
     """A standing lamp: disc, pole and a conical shade with a closed cap, so that something can be set on its slope."""
     base = lathe([(0, 0), (0.15, 0), (0.155, 0.008), (0.15, 0.018), (0.03, 0.03), (0, 0.03)], 0.02)
     pole = bar((0, 0, 0.025), (0, 0, 1.36), 0.012)
     shade = moved(_shade(0.06, 0.23, 0.30, fabric, seed), z=1.24)
     spokes = [bar((0, 0, 1.5), (0.057 * np.cos(a), 0.057 * np.sin(a), 1.532), 0.004) for a in np.arange(3) * 2.094]
     stem = bar((0, 0, 1.34), (0, 0, 1.51), 0.008)
-    return piece(
+    return assembly(
         "floor lamp", base=painted(base, metal), pole=[painted(m, metal) for m in (pole, stem, *spokes)], shade=shade
     )
 
 
-def table_lamp(fabric: Rgb, glaze: Rgb, seed: int) -> Piece:
+def table_lamp(fabric: Rgb, glaze: Rgb, seed: int) -> Assembly:
     """A lamp with a turned ceramic foot and a conical shade."""
     base = lathe(
         [
@@ -64,7 +64,7 @@ def table_lamp(fabric: Rgb, glaze: Rgb, seed: int) -> Piece:
     pole = bar((0, 0, 0.20), (0, 0, 0.40), 0.007)
     spokes = [bar((0, 0, 0.395), (0.058 * np.cos(a), 0.058 * np.sin(a), 0.408), 0.0035) for a in np.arange(3) * 2.094]
     shade = moved(_shade(0.06, 0.145, 0.20, fabric, seed), z=0.215)
-    return piece(
+    return assembly(
         "table lamp",
         base=painted(base, glaze, variation=0.05, seed=seed),
         pole=[painted(m, (190, 170, 120)) for m in (pole, *spokes)],
@@ -72,13 +72,13 @@ def table_lamp(fabric: Rgb, glaze: Rgb, seed: int) -> Piece:
     )
 
 
-def ceiling_lamp(height: float) -> Piece:
+def ceiling_lamp(height: float) -> Assembly:
     """A round dome below a ceiling of the given height [m]."""
     dome = lathe([(0, -0.10), (0.10, -0.092), (0.18, -0.055), (0.20, 0.0), (0, 0.0)], 0.03, smooth=1)
-    return piece("ceiling lamp", body=moved(painted(dome, (250, 244, 226), variation=0.01), z=height + 0.004))
+    return assembly("ceiling lamp", body=moved(painted(dome, (250, 244, 226), variation=0.01), z=height + 0.004))
 
 
-def plant(seed: int, height: float = 1.1, pot: Rgb = (190, 112, 78)) -> Piece:
+def plant(seed: int, height: float = 1.1, pot: Rgb = (190, 112, 78)) -> Assembly:
     """A potted plant with long bending leaves."""
     rng = np.random.default_rng(seed)
     s = height / 1.1
@@ -104,7 +104,7 @@ def plant(seed: int, height: float = 1.1, pot: Rgb = (190, 112, 78)) -> Piece:
     for k in range(22):
         angle, lean = 2.4 * k + rng.uniform(-0.3, 0.3), rng.uniform(0.15, 0.75)
         leaves.append(_leaf(angle, lean, s * rng.uniform(0.5, 0.95), s * rng.uniform(0.03, 0.05), 0.23 * s, rng))
-    return piece("plant", body=painted(body, paint, variation=0.05, seed=seed), leaves=leaves)
+    return assembly("plant", body=painted(body, paint, variation=0.05, seed=seed), leaves=leaves)
 
 
 def _leaf(angle: float, lean: float, length: float, width: float, start: float, rng: np.random.Generator) -> Mesh:
@@ -135,7 +135,7 @@ BOOK_COLORS = (
 )
 
 
-def book_row(length: float, depth: float, room: float, seed: int) -> Piece:
+def book_row(length: float, depth: float, room: float, seed: int) -> Assembly:
     """Upright books side by side along x, spines towards +y; `room` is the height available [m]."""
     rng = np.random.default_rng(seed)
     books: list[Mesh] = []
@@ -143,7 +143,7 @@ def book_row(length: float, depth: float, room: float, seed: int) -> Piece:
     while True:
         thickness = float(rng.uniform(0.022, 0.05))
         if x + thickness > length / 2:
-            return piece("book", body=books)
+            return assembly("book", body=books)
         size = (thickness, depth * float(rng.uniform(0.6, 0.8)), room * float(rng.uniform(0.62, 0.85)))
         color = np.array(BOOK_COLORS[int(rng.integers(len(BOOK_COLORS)))], float)
         solid = rounded_box(size, 0.004, 0.035)
@@ -167,7 +167,7 @@ def _spine(color: Array, height: float) -> Painter:
     return paint
 
 
-def book_stack(count: int, seed: int) -> Piece:
+def book_stack(count: int, seed: int) -> Assembly:
     """Books lying on top of each other, slightly turned."""
     rng = np.random.default_rng(seed)
     books: list[Mesh] = []
@@ -178,16 +178,16 @@ def book_stack(count: int, seed: int) -> Piece:
         solid = painted(rounded_box((0.21 - 0.012 * k, 0.15 - 0.01 * k, thickness), 0.004, 0.02), color, seed=seed + k)
         books.append(moved(turned(solid, "z", float(rng.uniform(-14, 14))), z=z + thickness / 2))
         z += thickness - 0.001
-    return piece("book", body=books)
+    return assembly("book", body=books)
 
 
-def rug(width: float, depth: float, painter: Painter, seed: int) -> Piece:
+def rug(width: float, depth: float, painter: Painter, seed: int) -> Assembly:
     """A woven rug, 12 mm thick, pressed 3 mm into the floor so that it touches it all over."""
     body = moved(rounded_box((width, depth, 0.015), 0.005, 0.034), z=0.0045)
-    return piece("rug", body=painted(body, painter, variation=0.04, seed=seed))
+    return assembly("rug", body=painted(body, painter, variation=0.04, seed=seed))
 
 
-def round_rug(radius: float, inner: Rgb, outer: Rgb, seed: int) -> Piece:
+def round_rug(radius: float, inner: Rgb, outer: Rgb, seed: int) -> Assembly:
     """A round rug with rings."""
     outline = [(0, -0.003), (radius - 0.004, -0.003), (radius, 0.004), (radius - 0.005, 0.012), (0, 0.012)]
 
@@ -195,10 +195,10 @@ def round_rug(radius: float, inner: Rgb, outer: Rgb, seed: int) -> Piece:
         reach = np.hypot(points[:, 0], points[:, 1]) / radius
         return blend(0.5 + 4 * (np.abs(np.mod(reach * 2.5, 1) - 0.5) - 0.25), inner, outer)
 
-    return piece("rug", body=painted(lathe(outline, 0.045, segments=80), paint, variation=0.04, seed=seed))
+    return assembly("rug", body=painted(lathe(outline, 0.045, segments=80), paint, variation=0.04, seed=seed))
 
 
-def curtain(width: float, height: float, fabric: Rgb, seed: int) -> Piece:
+def curtain(width: float, height: float, fabric: Rgb, seed: int) -> Assembly:
     """A pleated curtain hanging down to `z` = 0 from its rod; x along the wall."""
     flat = grid_surface(line(-width / 2, width / 2, 0.018), line(0.0, height, 0.10), np.array([-1.0, 1.0]))
 
@@ -208,10 +208,10 @@ def curtain(width: float, height: float, fabric: Rgb, seed: int) -> Piece:
         return columns(x, 0.07 + fold + 0.005 * side, z)
 
     cloth = painted(outward(warped(flat, change)), fabric, variation=0.03, seed=seed)
-    return piece("curtain", body=cloth)
+    return assembly("curtain", body=cloth)
 
 
-def picture(width: float, height: float, seed: int) -> Piece:
+def picture(width: float, height: float, seed: int) -> Assembly:
     """A framed picture hanging on the wall behind it: back at y = 0, middle at z = 0."""
     rng = np.random.default_rng(seed)
     colors = [np.array(BOOK_COLORS[int(i)], float) for i in rng.choice(len(BOOK_COLORS), 3, replace=False)]
@@ -225,10 +225,10 @@ def picture(width: float, height: float, seed: int) -> Piece:
         art = blend((hill + 0.15) / 0.1, blend((hill + 0.3) / 0.1, colors[0], colors[1]), colors[2] * 0.5 + 120)
         return np.where(mat[:, None], (244, 240, 230), np.where(inside[:, None], art, (70, 50, 38)))
 
-    return piece("picture", body=painted(frame, paint, variation=0.0))
+    return assembly("picture", body=painted(frame, paint, variation=0.0))
 
 
-def television(width: float = 1.1) -> Piece:
+def television(width: float = 1.1) -> Assembly:
     """A flat television on a small foot."""
     screen = moved(rounded_box((width, 0.035, 0.58 * width), 0.01, 0.05), z=0.05 + 0.29 * width)
     foot = [
@@ -241,10 +241,10 @@ def television(width: float = 1.1) -> Piece:
         shade = 34 + 22 * np.clip(points[:, 2] + 0.4 * points[:, 0], 0, 1)
         return np.where(glow[:, None], columns(shade, shade + 6, shade + 14), (24, 24, 26))
 
-    return piece("tv", body=[painted(screen, paint, variation=0.0), *(painted(m, (30, 30, 32)) for m in foot)])
+    return assembly("tv", body=[painted(screen, paint, variation=0.0), *(painted(m, (30, 30, 32)) for m in foot)])
 
 
-def small_vase(glaze: Rgb, seed: int, height: float = 0.24) -> Piece:
+def small_vase(glaze: Rgb, seed: int, height: float = 0.24) -> Assembly:
     """A slim vase with three dried stems."""
     s = height / 0.24
     body = lathe(
@@ -279,10 +279,10 @@ def small_vase(glaze: Rgb, seed: int, height: float = 0.24) -> Piece:
             )
         )
         stems.append(painted(moved(ellipsoid((0.016, 0.016, 0.03), 0.012), *tip), (214, 178, 112), seed=k))
-    return piece("vase", body=[painted(body, glaze, variation=0.05, seed=seed), *stems])
+    return assembly("vase", body=[painted(body, glaze, variation=0.05, seed=seed), *stems])
 
 
-def toy_crate(seed: int) -> Piece:
+def toy_crate(seed: int) -> Assembly:
     """A low open wooden box with toy balls and blocks in it."""
     grain = wood((206, 166, 112), "x", seed)
     walls = [moved(rounded_box((0.56, 0.36, 0.018), 0.004, 0.03), z=0.009)]
@@ -295,12 +295,12 @@ def toy_crate(seed: int) -> Piece:
         x, y = (k % 4 - 1.5) * 0.12, (k // 4 - 1) * 0.105
         solid = sphere(0.05, 0.02) if k % 3 else rounded_box((0.08, 0.08, 0.08), 0.008, 0.02)
         toys.append(painted(moved(solid, x, y, 0.018 + (0.049 if k % 3 else 0.039)), color))
-    return piece("storage box", body=[painted(m, grain, seed=seed) for m in walls], toy=toys)
+    return assembly("storage box", body=[painted(m, grain, seed=seed) for m in walls], toy=toys)
 
 
-def cushion_on_slope(painter: Painter | Rgb, tilt_deg: float, seed: int, label: str = "cushion") -> Piece:
+def cushion_on_slope(painter: Painter | Rgb, tilt_deg: float, seed: int, label: str = "cushion") -> Assembly:
     """A throw cushion leaning back by `tilt_deg` from lying, its lower rim on z = 0, its face towards +y."""
     body = turned(
         painted(lens(0.21, 0.21, 0.065, 0.06, edge=0.018), painter, variation=0.03, seed=seed), "x", -tilt_deg
     )
-    return piece(label, body=moved(body, z=-float(body.bounds[0, 2])))
+    return assembly(label, body=moved(body, z=-float(body.bounds[0, 2])))

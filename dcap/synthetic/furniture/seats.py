@@ -3,8 +3,8 @@
 import numpy as np
 
 from dcap.scene.types.mesh import Mesh
+from dcap.synthetic.assembly import Assembly, assembly
 from dcap.synthetic.paint import Painter, Rgb, painted, wood
-from dcap.synthetic.piece import Piece, piece
 from dcap.synthetic.shapes import bar, cushioned, lathe, moved, resampled, rounded_box, tube, turned
 
 SINK = 0.003
@@ -23,7 +23,7 @@ def sofa(
     seat: float = 0.64,
     depth: float = 0.90,
     arm: float = 0.20,
-) -> Piece:
+) -> Assembly:
     """A sofa with one cushion per seat; `seat`, `depth`, `arm` are widths [m]."""
     inner = seats * seat
     width = inner + 2 * arm
@@ -74,10 +74,10 @@ def sofa(
     arms = [
         cover(moved(rounded_box((arm, depth, 0.50), 0.07, 0.03), x=s * (width - arm) / 2, z=0.35), 9) for s in (-1, 1)
     ]
-    return piece(label, base=[base, *feet], seat_cushion=cushions, back=back, arm=arms)
+    return assembly(label, base=[base, *feet], seat_cushion=cushions, back=back, arm=arms)
 
 
-def chair(timber: Rgb, pad: Painter | Rgb | None, seed: int, label: str = "chair") -> Piece:
+def chair(timber: Rgb, pad: Painter | Rgb | None, seed: int, label: str = "chair") -> Assembly:
     """A dining chair: turned legs, slatted back, seat with an optional cushion."""
     grain = wood(timber, "y", seed)
     seat: list[Mesh] = [painted(moved(rounded_box((0.44, 0.42, 0.035), 0.014, 0.024), z=0.4375), grain, seed=seed)]
@@ -96,7 +96,7 @@ def chair(timber: Rgb, pad: Painter | Rgb | None, seed: int, label: str = "chair
     for z, height in ((0.885, 0.09), (0.74, 0.05), (0.62, 0.05)):
         y = -0.195 - 0.055 * ((z - 0.44) / 0.50) ** 1.3
         back.append(moved(turned(rounded_box((0.39, 0.020, height), 0.008, 0.024), "x", 8), y=y, z=z))
-    return piece(
+    return assembly(
         label,
         seat=seat,
         leg=[painted(m, grain, seed=seed) for m in legs + rails],
@@ -112,7 +112,7 @@ def _turned_leg(top: tuple[float, float], foot: tuple[float, float], height: flo
     return tube(path, radius, 0.02, round_ends=False)
 
 
-def office_chair(fabric: Rgb, seed: int) -> Piece:
+def office_chair(fabric: Rgb, seed: int) -> Assembly:
     """A chair on a star base with a padded seat and back."""
     dark = (46, 48, 52)
     seat = moved(cushioned(rounded_box((0.48, 0.46, 0.09), 0.04, 0.024), 0.012), z=0.465)
@@ -130,10 +130,10 @@ def office_chair(fabric: Rgb, seed: int) -> Piece:
             )
         )
     cover = [painted(m, fabric, variation=0.04, seed=seed) for m in (seat, back)]
-    return piece("chair", seat=[cover[0]], back=[cover[1], painted(arm, dark)], leg=[painted(m, dark) for m in legs])
+    return assembly("chair", seat=[cover[0]], back=[cover[1], painted(arm, dark)], leg=[painted(m, dark) for m in legs])
 
 
-def stool(top: Rgb, timber: Rgb, seed: int, height: float = 0.45, radius: float = 0.17) -> Piece:
+def stool(top: Rgb, timber: Rgb, seed: int, height: float = 0.45, radius: float = 0.17) -> Assembly:
     """A round wooden stool with four splayed legs."""
     seat = lathe(
         [
@@ -151,7 +151,7 @@ def stool(top: Rgb, timber: Rgb, seed: int, height: float = 0.45, radius: float 
         for x in (-1, 1)
         for y in (-1, 1)
     ]
-    return piece(
+    return assembly(
         "stool",
         seat=painted(seat, wood(top, "x", seed), seed=seed),
         leg=[painted(m, wood(timber, "z", seed)) for m in legs],
@@ -160,7 +160,7 @@ def stool(top: Rgb, timber: Rgb, seed: int, height: float = 0.45, radius: float 
 
 def ottoman(
     fabric: Painter | Rgb, seed: int, size: tuple[float, float, float] = (1.1, 0.45, 0.46), label: str = "stool"
-) -> Piece:
+) -> Assembly:
     """An upholstered bench with short legs."""
     seat = cushioned(
         moved(rounded_box((size[0], size[1], size[2] - 0.13), 0.05, 0.026), z=size[2] - (size[2] - 0.13) / 2), 0.014
@@ -175,6 +175,6 @@ def ottoman(
         for x in (-1, 1)
         for y in (-1, 1)
     ]
-    return piece(
+    return assembly(
         label, seat=painted(seat, fabric, variation=0.04, seed=seed), leg=[painted(m, (84, 58, 38)) for m in legs]
     )

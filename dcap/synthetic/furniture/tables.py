@@ -5,12 +5,12 @@ from collections.abc import Sequence
 import numpy as np
 
 from dcap.scene.types.mesh import Mesh
+from dcap.synthetic.assembly import Assembly, assembly
 from dcap.synthetic.paint import Rgb, painted, wood
-from dcap.synthetic.piece import Piece, piece
 from dcap.synthetic.shapes import bar, lathe, moved, resampled, rounded_box, sphere, tube
 
 
-def table(size: Sequence[float], timber: Rgb, seed: int, label: str = "table", legs: str = "turned") -> Piece:
+def table(size: Sequence[float], timber: Rgb, seed: int, label: str = "table", legs: str = "turned") -> Assembly:
     """A table; legs: turned, square or slim (metal)."""
     width, depth, height = size
     top = moved(rounded_box((width, depth, 0.035), 0.010, 0.026), z=height - 0.0175)
@@ -27,7 +27,7 @@ def table(size: Sequence[float], timber: Rgb, seed: int, label: str = "table", l
     ]
     under = stands if legs == "slim" else [*stands, *apron]
     tint: Rgb = (60, 60, 64) if legs == "slim" else timber
-    return piece(
+    return assembly(
         label,
         top=painted(top, wood(timber, "x", seed), seed=seed),
         leg=[painted(m, wood(tint, "z", seed + 1), seed=seed) for m in under],
@@ -50,7 +50,7 @@ def _leg(kind: str, x: float, y: float, height: float) -> Mesh:
     return tube(path, radius, 0.02, round_ends=False)
 
 
-def round_table(radius: float, height: float, timber: Rgb, seed: int, label: str = "teatable") -> Piece:
+def round_table(radius: float, height: float, timber: Rgb, seed: int, label: str = "teatable") -> Assembly:
     """A round top on a turned column with a wide foot."""
     top = lathe(
         [
@@ -79,14 +79,14 @@ def round_table(radius: float, height: float, timber: Rgb, seed: int, label: str
         0.024,
         smooth=1,
     )
-    return piece(
+    return assembly(
         label,
         top=painted(top, wood(timber, "x", seed), seed=seed),
         leg=painted(column, wood(timber, "z", seed), seed=seed),
     )
 
 
-def desk(timber: Rgb, drawers: Rgb, seed: int, width: float = 1.40, depth: float = 0.68) -> Piece:
+def desk(timber: Rgb, drawers: Rgb, seed: int, width: float = 1.40, depth: float = 0.68) -> Assembly:
     """A writing desk: top, a block of drawers on the right, two square legs on the left."""
     top = painted(moved(rounded_box((width, depth, 0.03), 0.008, 0.026), z=0.735), wood(timber, "x", seed), seed=seed)
     block = moved(rounded_box((0.40, depth - 0.06, 0.722), 0.006, 0.04), x=width / 2 - 0.22, z=0.361)
@@ -102,7 +102,7 @@ def desk(timber: Rgb, drawers: Rgb, seed: int, width: float = 1.40, depth: float
     ]
     rail = moved(rounded_box((width - 0.45, 0.018, 0.30), 0.004, 0.04), x=-0.19, y=-depth / 2 + 0.05, z=0.575)
     legs.append(painted(rail, wood(timber, "x", seed + 5), seed=seed))
-    return piece("desk", top=top, leg=legs)
+    return assembly("desk", top=top, leg=legs)
 
 
 def cabinet(
@@ -115,7 +115,7 @@ def cabinet(
     columns: int = 2,
     rows: int = 1,
     plinth: float = 0.06,
-) -> Piece:
+) -> Assembly:
     """A box with a top board and a grid of doors or drawers."""
     width, depth, height = size
     body = [
@@ -155,20 +155,20 @@ def cabinet(
         wood(timber, "x", seed + 1),
         seed=seed,
     )
-    return piece(label, top=top, body=body)
+    return assembly(label, top=top, body=body)
 
 
-def bedside_table(timber: Rgb, front: Rgb, seed: int) -> Piece:
+def bedside_table(timber: Rgb, front: Rgb, seed: int) -> Assembly:
     """A small cabinet of two drawers on legs."""
     return cabinet((0.45, 0.40, 0.52), timber, front, seed, "bedside table", columns=1, rows=2, plinth=0.10)
 
 
-def wardrobe(timber: Rgb, front: Rgb, seed: int, size: Sequence[float] = (1.5, 0.60, 2.1)) -> Piece:
+def wardrobe(timber: Rgb, front: Rgb, seed: int, size: Sequence[float] = (1.5, 0.60, 2.1)) -> Assembly:
     """A wardrobe with tall doors."""
     return cabinet(size, timber, front, seed, "wardrobe", columns=max(2, round(size[0] / 0.5)), rows=1)
 
 
-def bookshelf(timber: Rgb, seed: int, size: Sequence[float] = (0.90, 0.30, 1.80), boards: int = 5) -> Piece:
+def bookshelf(timber: Rgb, seed: int, size: Sequence[float] = (0.90, 0.30, 1.80), boards: int = 5) -> Assembly:
     """An open shelf: two sides, a back panel, boards at equal distances, the topmost closing it."""
     width, depth, height = size
     sides = [
@@ -182,7 +182,7 @@ def bookshelf(timber: Rgb, seed: int, size: Sequence[float] = (0.90, 0.30, 1.80)
     planks = [
         moved(rounded_box((width - 0.036, depth - 0.01, 0.022), 0.005, 0.028), y=0.003, z=z - 0.011) for z in levels
     ]
-    return piece(
+    return assembly(
         "bookshelf",
         board=[painted(m, wood(timber, "x", seed + i), seed=seed) for i, m in enumerate(planks)],
         side=[painted(m, wood(timber, "z", seed), seed=seed) for m in sides],

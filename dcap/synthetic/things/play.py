@@ -3,12 +3,12 @@
 import numpy as np
 
 from dcap.scene.types.mesh import Mesh
+from dcap.synthetic.assembly import Assembly, assembly
 from dcap.synthetic.paint import blend, painted
-from dcap.synthetic.piece import Piece, piece
 from dcap.synthetic.shapes import Array, columns, lathe, moved, rounded_box, sphere, turned, union
 
 
-def toy_ball() -> Piece:
+def toy_ball() -> Assembly:
     """A rubber ball with a coloured belt, 20 cm."""
 
     def paint(points: Array) -> Array:
@@ -17,10 +17,10 @@ def toy_ball() -> Piece:
         rim = (0.06 - np.abs(np.abs(height) - 0.40)) / 0.04
         return blend(rim, blend(belt, (214, 52, 46), (250, 210, 70)), (245, 245, 240))
 
-    return piece("ball", body=moved(painted(sphere(0.10, 0.006), paint, variation=0.01), z=0.10))
+    return assembly("ball", body=moved(painted(sphere(0.10, 0.006), paint, variation=0.01), z=0.10))
 
 
-def basketball() -> Piece:
+def basketball() -> Assembly:
     """An orange ball with black seams, 24 cm."""
 
     def paint(points: Array) -> Array:
@@ -29,10 +29,10 @@ def basketball() -> Piece:
         seam = np.minimum.reduce([np.abs(x), np.abs(z), side])
         return blend((0.03 - seam) / 0.03 + 0.5, (216, 110, 44), (44, 34, 30))
 
-    return piece("basketball", body=moved(painted(sphere(0.12, 0.0055), paint, variation=0.03), z=0.12))
+    return assembly("basketball", body=moved(painted(sphere(0.12, 0.0055), paint, variation=0.03), z=0.12))
 
 
-def soccer_ball() -> Piece:
+def soccer_ball() -> Assembly:
     """A white ball with twelve black pentagons, 22 cm."""
     golden = (1 + 5**0.5) / 2
     corners = np.array([[0, a, b * golden] for a in (-1, 1) for b in (-1, 1)], float)
@@ -44,10 +44,10 @@ def soccer_ball() -> Piece:
         seam = np.clip((0.025 - (closeness[:, 0] - closeness[:, 1])) / 0.03, 0, 1) * (1 - black)
         return blend(np.maximum(black, 0.7 * seam), (244, 244, 240), (30, 30, 34))
 
-    return piece("soccer ball", body=moved(painted(sphere(0.11, 0.005), paint, variation=0.01), z=0.11))
+    return assembly("soccer ball", body=moved(painted(sphere(0.11, 0.005), paint, variation=0.01), z=0.11))
 
 
-def tennis_ball() -> Piece:
+def tennis_ball() -> Assembly:
     """A yellow felt ball with its curved white line, 6.7 cm."""
 
     def paint(points: Array) -> Array:
@@ -55,10 +55,10 @@ def tennis_ball() -> Piece:
         line = np.abs(z - 0.9 * (x**2 - y**2))
         return blend((0.16 - line) / 0.12, (206, 222, 66), (240, 242, 232))
 
-    return piece("tennis ball", body=moved(painted(sphere(0.0335, 0.0022), paint, variation=0.03), z=0.0335))
+    return assembly("tennis ball", body=moved(painted(sphere(0.0335, 0.0022), paint, variation=0.03), z=0.0335))
 
 
-def dumbbell() -> Piece:
+def dumbbell() -> Assembly:
     """Two rounded heads and a swelling steel handle, 26 cm long, lying."""
     outline = [(0, -0.04), (0.044, -0.04), (0.052, -0.032), (0.052, 0.032), (0.044, 0.04), (0, 0.04)]
     cap_height = 0.0385
@@ -73,10 +73,10 @@ def dumbbell() -> Piece:
     heads = [moved(turned(painted(head, paint, variation=0.04), "y", 90), x=s * 0.09, z=0.052) for s in (-1, 1)]
     grip = [(0, -0.075), (0.013, -0.075), (0.0145, -0.045), (0.0175, 0), (0.0145, 0.045), (0.013, 0.075), (0, 0.075)]
     handle = painted(lathe(grip, 0.005, smooth=1), (182, 186, 192), variation=0.02)
-    return piece("dumbbell", head=heads, handle=moved(turned(handle, "y", 90), z=0.052))
+    return assembly("dumbbell", head=heads, handle=moved(turned(handle, "y", 90), z=0.052))
 
 
-def toy_block() -> Piece:
+def toy_block() -> Assembly:
     """A painted wooden cube, 6 cm."""
 
     def paint(points: Array) -> Array:
@@ -86,12 +86,12 @@ def toy_block() -> Piece:
         fill = np.array([(208, 62, 54), (58, 122, 190), (244, 196, 64)], float)[axis]
         return np.where((frame > 0.72)[:, None], (232, 208, 166), fill)
 
-    return piece(
+    return assembly(
         "toy block", body=painted(moved(rounded_box((0.06, 0.06, 0.06), 0.005, 0.0028), z=0.03), paint, variation=0.01)
     )
 
 
-def toy_car() -> Piece:
+def toy_car() -> Assembly:
     """A small car: a red body with windows, four black wheels."""
     low = car_body((0.14, 0.066, 0.030), 0.012)
     cabin = moved(rounded_box((0.078, 0.058, 0.036), 0.014, 0.004), x=-0.006, z=0.050)
@@ -112,7 +112,7 @@ def toy_car() -> Piece:
 
     wheel = turned(painted(tyre, rubber), "x", 90)
     wheels = [moved(wheel, x=a * 0.042, y=b * 0.030, z=0.0165) for a in (-1, 1) for b in (-1, 1)]
-    return piece("toy car", body=body, wheel=wheels)
+    return assembly("toy car", body=body, wheel=wheels)
 
 
 def car_body(size: tuple[float, float, float], radius: float) -> Mesh:

@@ -2,12 +2,12 @@
 
 import numpy as np
 
+from dcap.synthetic.assembly import Assembly, assembly
 from dcap.synthetic.paint import blend, gradient, painted, wood
-from dcap.synthetic.piece import Piece, piece
 from dcap.synthetic.shapes import Array, columns, lathe, loft, moved, rounded_box, rounded_rings, tube, turned, union
 
 
-def mug() -> Piece:
+def mug() -> Assembly:
     """A hollow mug with a handle that a finger fits through: one closed body of genus one."""
     outline = [
         (0, 0),
@@ -28,10 +28,10 @@ def mug() -> Piece:
         outside = blend((0.012 - np.abs(points[:, 2] - 0.066)) / 0.003, (52, 110, 152), (238, 228, 204))
         return np.where(inside[:, None], (242, 238, 228), outside)
 
-    return piece("mug", body=painted(union([lathe(outline, 0.0042), handle]), paint, variation=0.015))
+    return assembly("mug", body=painted(union([lathe(outline, 0.0042), handle]), paint, variation=0.015))
 
 
-def cup() -> Piece:
+def cup() -> Assembly:
     """A hollow paper cup without a handle, 10 cm high."""
     outline = [
         (0, 0.004),
@@ -52,10 +52,10 @@ def cup() -> Piece:
         outside = blend((0.012 - np.abs(wave - 0.05)) / 0.004 + 0.5, (246, 242, 232), (206, 92, 70))
         return np.where((inside & (points[:, 2] > 0.0045))[:, None], (250, 248, 242), outside)
 
-    return piece("cup", body=painted(lathe(outline, 0.005), paint, variation=0.01))
+    return assembly("cup", body=painted(lathe(outline, 0.005), paint, variation=0.01))
 
 
-def book() -> Piece:
+def book() -> Assembly:
     """A hardcover lying flat: two boards and a rounded spine around a block of pages."""
 
     def cover(points: Array) -> Array:
@@ -75,15 +75,15 @@ def book() -> Piece:
         moved(spine, x=-0.0765, z=0.016),
         moved(block, x=-0.001, z=0.016),
     ]
-    return piece("book", body=union(solids))
+    return assembly("book", body=union(solids))
 
 
-def laptop() -> Piece:
+def laptop() -> Assembly:
     """A base with keyboard and a screen opened by 110 degrees that faces +y."""
     base = moved(rounded_box((0.32, 0.22, 0.016), 0.006, 0.006), z=0.008)
     lid = moved(rounded_box((0.32, 0.215, 0.009), 0.004, 0.008), y=0.1075)
     screen = moved(turned(painted(lid, _display, variation=0.0), "x", 110), y=-0.105, z=0.015)
-    return piece("laptop", base=painted(base, _keyboard, variation=0.01), screen=screen)
+    return assembly("laptop", base=painted(base, _keyboard, variation=0.01), screen=screen)
 
 
 def _keyboard(points: Array) -> Array:
@@ -105,7 +105,7 @@ def _display(points: Array) -> Array:
     return np.where(inside[:, None], picture, (56, 58, 64))
 
 
-def vase() -> Piece:
+def vase() -> Assembly:
     """A hollow glazed vase with a narrow neck, 26 cm high."""
     outer = [
         (0, 0),
@@ -132,10 +132,10 @@ def vase() -> Piece:
         glaze = points[:, 2] + 0.008 * np.sin(5 * np.arctan2(points[:, 1], points[:, 0]))
         return blend((glaze - 0.12) / 0.03 + 0.5, (214, 196, 164), (40, 108, 112))
 
-    return piece("vase", body=painted(lathe(outer + inner, 0.007, smooth=2), paint, variation=0.03))
+    return assembly("vase", body=painted(lathe(outer + inner, 0.007, smooth=2), paint, variation=0.03))
 
 
-def bowl() -> Piece:
+def bowl() -> Assembly:
     """A hollow ceramic bowl, 17 cm wide."""
     outline = [
         (0, 0.003),
@@ -156,10 +156,10 @@ def bowl() -> Piece:
         stripe = (0.004 - np.abs(points[:, 2] - 0.052)) / 0.003
         return blend(stripe, (236, 230, 218), (186, 84, 58))
 
-    return piece("bowl", body=painted(lathe(outline, 0.006, smooth=1), paint, variation=0.02))
+    return assembly("bowl", body=painted(lathe(outline, 0.006, smooth=1), paint, variation=0.02))
 
 
-def plate() -> Piece:
+def plate() -> Assembly:
     """A flat plate, 24 cm wide."""
     outline = [
         (0, 0.003),
@@ -180,10 +180,10 @@ def plate() -> Piece:
             (0.004 - np.abs(np.hypot(points[:, 0], points[:, 1]) - 0.108)) / 0.003, (246, 245, 240), (64, 92, 150)
         )
 
-    return piece("plate", body=painted(lathe(outline, 0.006), paint, variation=0.01))
+    return assembly("plate", body=painted(lathe(outline, 0.006), paint, variation=0.01))
 
 
-def apple() -> Piece:
+def apple() -> Assembly:
     """A red apple with a dimple and a stem, 8 cm."""
     outline = [
         (0, 0.006),
@@ -211,10 +211,10 @@ def apple() -> Piece:
 
     stem = tube([(0, 0, 0.058), (0.001, 0, 0.072), (0.004, 0.001, 0.086)], np.array([0.0016, 0.0014, 0.002]), 0.003)
     solids = [painted(lathe(outline, 0.0035, smooth=3), paint, variation=0.02), painted(stem, (92, 64, 38))]
-    return piece("apple", body=union(solids))
+    return assembly("apple", body=union(solids))
 
 
-def tray() -> Piece:
+def tray() -> Assembly:
     """A wooden serving tray with a raised rim, 42 by 28 cm."""
     levels = [
         (0.19, 0.12, 0),
@@ -229,10 +229,10 @@ def tray() -> Piece:
     under = [(f * 0.19, f * 0.12, 0.0) for f in (0.12, 0.3, 0.5, 0.7, 0.85)]
     rings = rounded_rings([*under, *levels, *inside], 96, exponent=7.0)
     solid = loft(rings, np.zeros(3), np.array([0, 0, 0.009]))
-    return piece("tray", body=painted(solid, wood((178, 124, 74), "x", 3), variation=0.03))
+    return assembly("tray", body=painted(solid, wood((178, 124, 74), "x", 3), variation=0.03))
 
 
-def bottle() -> Piece:
+def bottle() -> Assembly:
     """A filled water bottle with a cap, 24 cm high."""
     outline = [
         (0, 0.004),
@@ -255,10 +255,10 @@ def bottle() -> Piece:
         stripe = np.where((np.abs(z - 0.092) < 0.008)[:, None], (246, 244, 236), label)
         return np.where((z > 0.2165)[:, None], (36, 92, 164), stripe)
 
-    return piece("bottle", body=painted(lathe(outline, 0.006), paint, variation=0.02))
+    return assembly("bottle", body=painted(lathe(outline, 0.006), paint, variation=0.02))
 
 
-def remote() -> Piece:
+def remote() -> Assembly:
     """A remote control with buttons, lying flat, 18 cm long."""
 
     def paint(points: Array) -> Array:
@@ -269,10 +269,10 @@ def remote() -> Piece:
         return np.where((top & (np.hypot(x, y - 0.072) < 0.007))[:, None], (206, 44, 44), color)
 
     body = moved(rounded_box((0.046, 0.18, 0.02), 0.008, 0.0035), z=0.01)
-    return piece("remote control", body=painted(body, paint, variation=0.01))
+    return assembly("remote control", body=painted(body, paint, variation=0.01))
 
 
-def pencil() -> Piece:
+def pencil() -> Assembly:
     """A wooden pencil standing on its flat end, 18 cm."""
     outline = [(0, 0), (0.0038, 0), (0.0038, 0.158), (0.0008, 0.176), (0, 0.177)]
 
@@ -282,20 +282,22 @@ def pencil() -> Piece:
         color = np.where((z > 0.172)[:, None], (50, 50, 54), color)
         return np.where((z < 0.012)[:, None], (226, 128, 132), color)
 
-    return piece("pencil", body=painted(lathe(outline, 0.004, segments=16), paint, variation=0.01))
+    return assembly("pencil", body=painted(lathe(outline, 0.004, segments=16), paint, variation=0.01))
 
 
-def pole() -> Piece:
+def pole() -> Assembly:
     """A slim wooden rod standing on its flat end, 60 cm."""
     outline = [(0, 0), (0.0105, 0), (0.012, 0.0015), (0.012, 0.5985), (0.0105, 0.6), (0, 0.6)]
-    return piece("pole", body=painted(lathe(outline, 0.008, segments=20), wood((196, 146, 92), "z", 5), variation=0.03))
+    return assembly(
+        "pole", body=painted(lathe(outline, 0.008, segments=20), wood((196, 146, 92), "z", 5), variation=0.03)
+    )
 
 
-def candle() -> Piece:
+def candle() -> Assembly:
     """A pillar candle with a wick, 10 cm."""
     wax = lathe(
         [(0, 0), (0.033, 0), (0.035, 0.002), (0.035, 0.096), (0.032, 0.100), (0.012, 0.0965), (0, 0.096)], 0.005
     )
     wick = tube([(0, 0, 0.094), (0, 0.0005, 0.103), (0.002, 0, 0.110)], 0.0014, 0.002)
     solids = [painted(wax, gradient((216, 170, 130), (248, 230, 204)), variation=0.015), painted(wick, (52, 46, 42))]
-    return piece("candle", body=union(solids))
+    return assembly("candle", body=union(solids))

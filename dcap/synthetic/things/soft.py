@@ -6,8 +6,8 @@ import numpy as np
 from skimage.measure import marching_cubes
 
 from dcap.scene.types.mesh import Mesh
+from dcap.synthetic.assembly import Assembly, assembly
 from dcap.synthetic.paint import Painter, Rgb, blend, checks, painted, smooth_noise, stripes
-from dcap.synthetic.piece import Piece, piece
 from dcap.synthetic.shapes import (
     Array,
     columns,
@@ -56,7 +56,7 @@ def _ellipsoid_distance(points: Array, center: Array, radii: Array) -> Array:
     return result
 
 
-def plush_bear() -> Piece:
+def plush_bear() -> Assembly:
     """A sitting teddy bear, 32 cm high, with a muzzle, ears, limbs and black eyes; it looks towards +y."""
     fur, light, pad = (156, 104, 62), (214, 176, 128), (228, 196, 156)
     blobs: list[Blob] = [
@@ -80,10 +80,10 @@ def plush_bear() -> Piece:
         painted(moved(ellipsoid((0.0075, 0.0065, 0.0085), 0.0022), s * 0.026, 0.0612, 0.236), (22, 18, 18))
         for s in (-1, 1)
     ]
-    return _standing(piece("plush toy", body=body, eye=eyes))
+    return _standing(assembly("plush toy", body=body, eye=eyes))
 
 
-def plush_rabbit() -> Piece:
+def plush_rabbit() -> Assembly:
     """A sitting plush rabbit with long ears, 34 cm high; it looks towards +y."""
     fur, light = (212, 208, 204), (244, 214, 212)
     blobs: list[Blob] = [
@@ -106,23 +106,23 @@ def plush_rabbit() -> Piece:
         painted(moved(ellipsoid((0.006, 0.005, 0.007), 0.0018), s * 0.023, 0.0485, 0.203), (24, 20, 24))
         for s in (-1, 1)
     ]
-    return _standing(piece("plush rabbit", body=body, eye=eyes))
+    return _standing(assembly("plush rabbit", body=body, eye=eyes))
 
 
-def _standing(toy: Piece) -> Piece:
+def _standing(toy: Assembly) -> Assembly:
     """The toy with its lowest point at z = 0."""
     return toy.placed(z=-float(toy.bounds[0, 2]))
 
 
-def pillow() -> Piece:
+def pillow() -> Assembly:
     """A bed pillow, 66 by 44 cm, with a striped cover."""
     cover = stripes((236, 234, 226), (120, 152, 178), "x", 0.11, 0.3)
-    return piece("pillow", body=moved(painted(lens(0.33, 0.22, 0.075, 0.055, edge=0.014), cover), z=0.061))
+    return assembly("pillow", body=moved(painted(lens(0.33, 0.22, 0.075, 0.055, edge=0.014), cover), z=0.061))
 
 
-def cushion() -> Piece:
+def cushion() -> Assembly:
     """A square throw cushion, 42 cm."""
-    return piece(
+    return assembly(
         "cushion",
         body=moved(
             painted(lens(0.21, 0.21, 0.07, 0.06, edge=0.011), checks((196, 118, 66), (238, 212, 164), 0.105)), z=0.066
@@ -154,7 +154,7 @@ def _wrinkled(seed: int, depth: float) -> Callable[[Array], Array]:
     return change
 
 
-def folded_towel() -> Piece:
+def folded_towel() -> Assembly:
     """A terry towel folded to 34 by 24 cm, four layers."""
 
     def paint(points: Array) -> Array:
@@ -162,18 +162,18 @@ def folded_towel() -> Piece:
         return blend(band, (92, 158, 150), (238, 234, 222))
 
     mesh = _folded((0.34, 0.24), 0.019, 4, paint, 3, 0.0085)
-    return _standing(piece("towel", body=mesh))
+    return _standing(assembly("towel", body=mesh))
 
 
-def folded_blanket() -> Piece:
+def folded_blanket() -> Assembly:
     """A woollen blanket folded to 52 by 40 cm, four thick layers."""
     mesh = _folded((0.52, 0.40), 0.030, 4, checks((150, 52, 56), (228, 204, 168), 0.13), 5, 0.013)
-    return _standing(piece("blanket", body=mesh))
+    return _standing(assembly("blanket", body=mesh))
 
 
-def shoe() -> Piece:
+def shoe() -> Assembly:
     """A sneaker, 28 cm long, its toe towards +y: a rubber sole and a hollow fabric upper."""
-    return piece("shoe", sole=_sole(), upper=_upper())
+    return assembly("shoe", sole=_sole(), upper=_upper())
 
 
 def _half_width(s: Array) -> Array:

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from dcap.synthetic import shapes
 from dcap.synthetic.objects import OBJECTS, build_object
-from dcap.synthetic.room import Room, shell
+from dcap.synthetic.room import FurnishedRoom, shell
 from dcap.synthetic.rooms import ROOMS, BuiltRoom, build_room
 from dcap.synthetic.shapes import is_manifold, joined, volume
 
@@ -18,7 +18,7 @@ def built() -> dict[str, BuiltRoom]:
 
 
 @pytest.fixture(scope="module")
-def furnished() -> dict[str, Room]:
+def furnished() -> dict[str, FurnishedRoom]:
     return {name: furnish(0) for name, furnish in ROOMS.items()}
 
 
@@ -87,25 +87,25 @@ def test_objects_in_units_of_their_own_come_back_to_metres() -> None:
 
 
 @pytest.mark.parametrize("name", ROOMS)
-def test_furniture_is_made_of_closed_solids_within_the_walls(furnished: dict[str, Room], name: str) -> None:
+def test_furniture_is_made_of_closed_solids_within_the_walls(furnished: dict[str, FurnishedRoom], name: str) -> None:
     """Every solid is closed, nothing reaches below the floor or through a wall."""
     room = furnished[name]
-    for item in [*shell(room).things, *(placed.piece for placed in room.things)]:
+    for item in [*shell(room).things, *(placed.thing for placed in room.things)]:
         assert all(is_manifold(solid) and volume(solid) > 0 for part in item.parts for solid in part.solids), item.label
     for placed in room.things:
-        low, high = placed.piece.bounds
-        assert low[2] > -0.004, placed.piece.label
+        low, high = placed.thing.bounds
+        assert low[2] > -0.004, placed.thing.label
         # 1 cm: pictures are let into the wall, leaves of plants may touch it
-        assert (low[:2] > -0.01).all(), placed.piece.label
-        assert high[0] < room.width + 0.01, placed.piece.label
-        assert high[1] < room.depth + 0.01, placed.piece.label
+        assert (low[:2] > -0.01).all(), placed.thing.label
+        assert high[0] < room.width + 0.01, placed.thing.label
+        assert high[1] < room.depth + 0.01, placed.thing.label
 
 
 @pytest.mark.parametrize("name", ROOMS)
-def test_nothing_floats(furnished: dict[str, Room], name: str) -> None:
+def test_nothing_floats(furnished: dict[str, FurnishedRoom], name: str) -> None:
     """Every solid stands on the floor, hangs on wall or ceiling, or touches another solid's box within 3 mm."""
     room = furnished[name]
-    solids = [s for placed in room.things for part in placed.piece.parts for s in part.solids]
+    solids = [s for placed in room.things for part in placed.thing.parts for s in part.solids]
     bounds = np.array([solid.bounds for solid in solids])
     for index, (low, high) in enumerate(bounds):
         fixed = low[2] < 0.01 or high[2] > room.height - 0.01 or min(low[0], low[1]) < 0.08
