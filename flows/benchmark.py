@@ -104,7 +104,7 @@ def dataset_samples(dataset: Path | None, limit: int | None) -> tuple[Path, list
 
 def ensure_dataset(folder: Path, seed: int, *, rooms: Sequence[str] = (), splats: int = 0) -> Path:
     """Generate the embedded rooms and objects that are not there whole."""
-    from flows.dataset import make_dataset
+    from dcap.synthetic.dataset import make_dataset
 
     make_dataset(folder, seed, rooms=rooms, splats=splats)
     return folder

@@ -22,7 +22,8 @@ from dcap.scene.types.outcome import Infeasible, Reason
 from dcap.scene.types.sample import SourceOptions
 from dcap.scene.types.segmentation import Segmentation
 from dcap.scene.writers.objects import write_object
-from dcap.synthetic.objects import OBJECTS, build_object
+from dcap.synthetic.objects import build_object
+from dcap.synthetic.recipes import object_recipes
 from dcap.synthetic.rooms import BuiltRoom
 from dcap.synthetic.shapes import joined
 from flows.samples import EMBEDDED, TRUTH, load_yaml
@@ -70,7 +71,7 @@ def room_of(name: str) -> tuple[BuiltRoom, Segmentation]:
 def item_of(name: str) -> Segmentation:
     """An embedded object, taken apart from its file."""
     with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / f"{name}{OBJECTS[name].suffix}"
+        path = Path(folder) / f"{name}.{object_recipes()[name].format}"
         write_object(path, [(part.name, joined(part.solids)) for part in build_object(name).parts])
         scan = mesh_object(Source(path), SourceOptions(), MeshConfig())
         return segment_object(scan, SegmentConfig(), OfflineClient())

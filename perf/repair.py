@@ -22,7 +22,7 @@ from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.repair_report import RepairReport
 from dcap.scene.types.sample import SourceOptions
 from dcap.scene.types.segmentation import Segmentation
-from dcap.synthetic.rooms import ROOMS
+from dcap.synthetic.recipes import room_names
 from perf.segments import read_room
 from tasks.mesh.stage import MeshConfig, mesh_scene
 from tasks.particles.scenario import ParticlesConfig
@@ -120,7 +120,7 @@ def print_rows(rows: list[Row], console: Console) -> None:
 
 def measured(*, every: bool = False) -> tuple[list[Row], list[Row]]:
     """Rows of the embedded rooms and, if $DCAP_SAMPLE_DATA names it, of the sample data."""
-    rooms = [r for name in ROOMS for r in room_rows(name, every=every)]
+    rooms = [r for name in room_names() for r in room_rows(name, every=every)]
     folder = os.environ.get(SAMPLES)
     return rooms, list(sample_rows(Path(folder), every=every)) if folder else []
 

@@ -20,7 +20,8 @@ from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.sample import SourceOptions
 from dcap.scene.types.scan import Scan
 from dcap.scene.writers.interiorgs import write_interiorgs
-from dcap.synthetic.rooms import ROOMS, BuiltRoom, build_room
+from dcap.synthetic.recipes import room_names
+from dcap.synthetic.rooms import BuiltRoom, build_room
 from tasks.mesh.stage import MeshConfig, mesh_scene
 from tasks.segment.stage import SegmentConfig, segment
 
@@ -103,7 +104,7 @@ def table() -> Table:
     """A row for each embedded room, and one for all of them."""
     result = heads()
     found = []
-    for name in ROOMS:
+    for name in room_names():
         found.append(both_ways(*read_room(name)))
         result.add_row(*rows_of(name, found[-1]))
     every = ([s for boxes, _ in found for s in boxes], [s for _, none in found for s in none])

@@ -5,6 +5,7 @@ A painter maps points (n, 3) [m] to sRGB values 0..255 (n, 3). Detail finer than
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import Literal
 
 import numpy as np
 
@@ -13,11 +14,14 @@ from dcap.synthetic.shapes import Array
 
 Rgb = Sequence[float] | Array
 Painter = Callable[[Array], Array]
+Finish = Painter | Rgb
+"""What a surface is given: a pattern or one colour."""
+Axis = Literal["x", "y", "z"]
 
 AXES = {"x": 0, "y": 1, "z": 2}
 
 
-def painted(mesh: Mesh, painter: Painter | Rgb, *, variation: float = 0.03, seed: int = 0) -> Mesh:
+def painted(mesh: Mesh, painter: Finish, *, variation: float = 0.03, seed: int = 0) -> Mesh:
     """The mesh coloured by a painter or one colour; `variation` is a soft relative change of brightness."""
     points = mesh.vertices
     base = painter(points) if callable(painter) else np.broadcast_to(np.asarray(painter, float), points.shape)
@@ -55,7 +59,7 @@ def plain(rgb: Rgb) -> Painter:
     return paint
 
 
-def wood(rgb: Rgb, grain: str = "x", seed: int = 0) -> Painter:
+def wood(rgb: Rgb, grain: Axis = "x", seed: int = 0) -> Painter:
     """Streaks along the axis `grain`; nearly white colours are taken as lacquer and stay calm."""
     along = AXES[grain]
     contrast = 0.085 if float(np.mean(rgb)) < 200 else 0.015
@@ -69,12 +73,12 @@ def wood(rgb: Rgb, grain: str = "x", seed: int = 0) -> Painter:
     return paint
 
 
-def stripes(a: Rgb, b: Rgb, axis: str = "x", period: float = 0.2, share: float = 0.5) -> Painter:
-    """Bands of colour b, `share` of the period wide, on colour a."""
+def stripes(ground: Rgb, stripe: Rgb, axis: Axis = "x", period: float = 0.2, share: float = 0.5) -> Painter:
+    """Bands `share` of the period [m] wide on a ground; they follow each other along the axis."""
 
     def paint(points: Array) -> Array:
         phase = np.mod(points[:, AXES[axis]] / period, 1.0)
-        return blend(_pulse(phase, share), a, b)
+        return blend(_pulse(phase, share), ground, stripe)
 
     return paint
 
@@ -84,30 +88,30 @@ def _pulse(phase: Array, share: float) -> Array:
     return np.clip((share / 2 - np.abs(phase - 0.5)) / 0.04 + 0.5, 0, 1)
 
 
-def checks(a: Rgb, b: Rgb, period: float = 0.2) -> Painter:
+def checks(first: Rgb, second: Rgb, period: float = 0.2) -> Painter:
     """A woven check in x and y: mixed where only one thread is dark."""
 
     def paint(points: Array) -> Array:
-        first = _pulse(np.mod(points[:, 0] / period, 1.0), 0.5)
-        second = _pulse(np.mod(points[:, 1] / period, 1.0), 0.5)
-        return blend(0.5 * (first + second), a, b)
+        along_x = _pulse(np.mod(points[:, 0] / period, 1.0), 0.5)
+        along_y = _pulse(np.mod(points[:, 1] / period, 1.0), 0.5)
+        return blend(0.5 * (along_x + along_y), first, second)
 
     return paint
 
 
-def dots(a: Rgb, b: Rgb, period: float = 0.16, radius: float = 0.045) -> Painter:
-    """Round dots of colour b on a, in x and y, rows shifted."""
+def dots(ground: Rgb, dot: Rgb, period: float = 0.16, radius: float = 0.045) -> Painter:
+    """Round dots on a ground, in x and y, rows shifted; period and radius in metres."""
 
     def paint(points: Array) -> Array:
         row = np.floor(points[:, 1] / period)
         x = np.mod(points[:, 0] + 0.5 * period * np.mod(row, 2), period) - period / 2
         y = np.mod(points[:, 1], period) - period / 2
-        return blend((radius - np.hypot(x, y)) / 0.03 + 0.5, a, b)
+        return blend((radius - np.hypot(x, y)) / 0.03 + 0.5, ground, dot)
 
     return paint
 
 
-def planks(rgb: Rgb, seed: int = 0, width: float = 0.14, length: float = 1.1) -> Painter:
+def planks(color: Rgb, seed: int = 0, width: float = 0.14, length: float = 1.1) -> Painter:
     """A plank floor along x: each board has its own tone and its streaks; joints are dark."""
     grain = wood((1.0, 1.0, 1.0), "x", seed)
 
@@ -118,18 +122,18 @@ def planks(rgb: Rgb, seed: int = 0, width: float = 0.14, length: float = 1.1) ->
         tone = 1 + 0.09 * np.sin(board * 12.9898 + seed) * np.cos(board * 3.1)
         joint = np.abs(np.mod(points[:, 1] / width, 1.0) - 0.5) > 0.46
         shade = tone * np.where(joint, 0.86, 1.0)
-        result: Array = np.asarray(rgb, float) * shade[:, None] * grain(points)
+        result: Array = np.asarray(color, float) * shade[:, None] * grain(points)
         return result
 
     return paint
 
 
-def tiles(rgb: Rgb, joint: Rgb, size: float = 0.3) -> Painter:
+def tiles(color: Rgb, joint: Rgb, size: float = 0.3) -> Painter:
     """Square tiles with joints."""
 
     def paint(points: Array) -> Array:
         edge = np.abs(np.mod(points / size, 1.0) - 0.5).max(axis=1, where=_varying(points), initial=0.0)
-        return blend((edge - 0.44) / 0.04, rgb, joint)
+        return blend((edge - 0.44) / 0.04, color, joint)
 
     return paint
 
@@ -139,7 +143,7 @@ def _varying(points: Array) -> np.ndarray[tuple[int, ...], np.dtype[np.bool_]]:
     return np.broadcast_to(np.ptp(points, axis=0) > 1e-6, points.shape)
 
 
-def gradient(low: Rgb, high: Rgb, axis: str = "z") -> Painter:
+def gradient(low: Rgb, high: Rgb, axis: Axis = "z") -> Painter:
     """From one colour to the other along the extent of the mesh."""
 
     def paint(points: Array) -> Array:

@@ -1,6 +1,5 @@
-"""The embedded rooms: names, and a room built into a scan with its annotations and truth."""
+"""A room of a recipe, built into a scan with its annotations and truth."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -8,33 +7,15 @@ from numpy.typing import NDArray
 
 from dcap.scene.types.box import OrientedBox
 from dcap.scene.writers.interiorgs import Hole, Label, RoomRecord, Wall
-from dcap.synthetic import rooms_day, rooms_night
-from dcap.synthetic.room import WALL_THICKNESS, WALLS, FurnishedRoom, Opening, shell, to_room
+from dcap.synthetic.furnish import furnish
+from dcap.synthetic.recipes import RoomRecipe, room_recipe
+from dcap.synthetic.room import WALL_THICKNESS, WALLS, FurnishedRoom, Opening, to_room, wall_length
 from dcap.synthetic.scan import RoomScan, ScanSurface, scan
 from dcap.synthetic.shapes import Array, moved, rotation
+from dcap.synthetic.shell import shell
 
-ROOMS: dict[str, Callable[[int], FurnishedRoom]] = {
-    build.__name__: build
-    for build in (
-        rooms_night.bedroom_01,
-        rooms_night.bedroom_02,
-        rooms_night.bedroom_03,
-        rooms_night.guest_01,
-        rooms_night.kids_01,
-        rooms_night.kids_02,
-        rooms_night.bathroom_01,
-        rooms_night.bathroom_02,
-        rooms_day.living_01,
-        rooms_day.living_02,
-        rooms_day.living_03,
-        rooms_day.study_01,
-        rooms_day.study_02,
-        rooms_day.dining_01,
-        rooms_day.dining_02,
-        rooms_day.hall_01,
-    )
-}
-
+SEEDS_APART = 1000
+"""Between the rooms of one dataset and those of the next seed."""
 BOX_MARGIN = 0.001
 """Boxes are this much larger than what they hold [m]."""
 NOT_STANDING = ("rug", "ceiling lamp", "picture", "mirror", "window", "curtain")
@@ -64,14 +45,18 @@ class _Labelled:
 
 
 def build_room(name: str, seed: int) -> BuiltRoom:
-    """Furnish, scan and annotate one room; rooms lie at a place of their own in the world."""
-    number = list(ROOMS).index(name)
-    own_seed = seed * 1000 + 17 * number
-    room = ROOMS[name](own_seed)
+    """Furnish, scan and annotate one of the embedded rooms."""
+    return build_recipe(room_recipe(name), seed)
+
+
+def build_recipe(recipe: RoomRecipe, seed: int) -> BuiltRoom:
+    """Furnish, scan and annotate a room; rooms lie at a place of their own in the world."""
+    own_seed = seed * SEEDS_APART + recipe.seed
+    room = furnish(recipe, own_seed)
     rng = np.random.default_rng(own_seed)
     offset = np.round(rng.uniform(-4.0, 4.0, 2), 3)
     things, surfaces = _surfaces(room, offset)
-    scanned = scan(surfaces, own_seed)
+    scanned = scan(surfaces, own_seed, recipe.scan)
     ids = tuple(str(int(n)) for n in rng.choice(np.arange(100, 1000), len(things), replace=False))
     boxes = [_box(scanned, index, thing.yaw_deg) for index, thing in enumerate(things)]
     record = RoomRecord(
@@ -133,7 +118,7 @@ def _walls(room: FurnishedRoom, offset: Array) -> tuple[Wall, ...]:
     """Centre lines of the four walls, which lie outside of the floor polygon."""
     walls = []
     for name in WALLS:
-        length = room.width if name in ("south", "north") else room.depth
+        length = wall_length(room, name)
         middle = WALL_THICKNESS / 2
         ends = to_room(room, name, np.array([[-middle, middle, 0.0], [length + middle, middle, 0.0]]))[:, :2] + offset
         walls.append(Wall(ends[0], ends[1], WALL_THICKNESS, room.height))

@@ -11,26 +11,33 @@ from dataclasses import dataclass, replace
 import numpy as np
 import open3d
 from numpy.typing import NDArray
+from pydantic import NonNegativeFloat, NonNegativeInt, PositiveFloat
 
 from dcap.geometry.raycast import tensor
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.writers.interiorgs import vertex_normals
 from dcap.synthetic.paint import smooth_noise
+from dcap.synthetic.schema import RecipeModel
 from dcap.synthetic.shapes import Array
 
-SMOOTH_NOISE = 0.0008
-"""Standard deviation of the long-waved noise [m]."""
-ROUGH_NOISE = 0.0004
-"""... of the short-waved one [m]."""
-FINE_NOISE = 0.0002
-"""... of the independent one per vertex [m]."""
-SHEET_NOISE = 0.02
-"""Share of the noise on walls, floor and ceiling: large planes come out flatter [-]."""
-HOLE_COUNT = 9
-HOLE_RADIUS = (0.012, 0.03)
-"""Smallest and largest hole [m]."""
 ON_FLOOR = 0.003
 """Faces looking down below this height lie on the floor: no camera saw them [m]."""
+
+
+class ScanDefects(RecipeModel):
+    """What a scan does to a surface: noise along its normals, and holes."""
+
+    smooth_noise: NonNegativeFloat = 0.0008
+    """Standard deviation of the long-waved noise [m]."""
+    rough_noise: NonNegativeFloat = 0.0004
+    """... of the short-waved one [m]."""
+    fine_noise: NonNegativeFloat = 0.0002
+    """... of the independent one per vertex [m]."""
+    sheet_noise: NonNegativeFloat = 0.02
+    """Share of the noise on walls, floor and ceiling: large planes come out flatter [-]."""
+    hole_count: NonNegativeInt = 9
+    hole_radius: tuple[PositiveFloat, PositiveFloat] = (0.012, 0.03)
+    """Smallest and largest hole [m]."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -56,7 +63,7 @@ class RoomScan:
     """Part name of each face, shape (m,)."""
 
 
-def scan(surfaces: Sequence[ScanSurface], seed: int) -> RoomScan:
+def scan(surfaces: Sequence[ScanSurface], seed: int, defects: ScanDefects) -> RoomScan:
     """Scan a room."""
     rng = np.random.default_rng(seed)
     visible = [replace(s, mesh=s.mesh.submesh(np.flatnonzero(kept))) for s, kept in
@@ -66,9 +73,9 @@ def scan(surfaces: Sequence[ScanSurface], seed: int) -> RoomScan:
     instance = np.repeat(np.array([s.instance for s in visible], dtype=np.int32), counts)
     part = np.repeat(np.array([s.part for s in visible], dtype=object), counts)
     vertex_counts = [len(s.mesh.vertices) for s in visible]
-    calm = np.repeat([1.0 if s.closed else SHEET_NOISE for s in visible], vertex_counts)
-    mesh = _noisy(mesh, calm, seed, rng)
-    order = rng.permutation(np.flatnonzero(~_holes(mesh, rng)))
+    calm = np.repeat([1.0 if s.closed else defects.sheet_noise for s in visible], vertex_counts)
+    mesh = _noisy(mesh, calm, seed, defects, rng)
+    order = rng.permutation(np.flatnonzero(~_holes(mesh, defects, rng)))
     return RoomScan(_compact(mesh, order, rng), instance[order], part[order])
 
 
@@ -114,23 +121,24 @@ def _inside(solid: Mesh, points: Array) -> NDArray[np.bool_]:
     return np.asarray(occupied.numpy() > 0.5)
 
 
-def _noisy(mesh: Mesh, share: Array, seed: int, rng: np.random.Generator) -> Mesh:
+def _noisy(mesh: Mesh, share: Array, seed: int, defects: ScanDefects, rng: np.random.Generator) -> Mesh:
     """The mesh displaced along its normals, with a little noise in the colours; `share` scales it per vertex."""
     points, normals = mesh.vertices, vertex_normals(mesh)
-    shift = SMOOTH_NOISE * smooth_noise(points, seed + 1, 0.35) + ROUGH_NOISE * smooth_noise(points, seed + 2, 0.08)
-    shift += FINE_NOISE * rng.standard_normal(len(points))
+    shift = defects.smooth_noise * smooth_noise(points, seed + 1, 0.35)
+    shift += defects.rough_noise * smooth_noise(points, seed + 2, 0.08)
+    shift += defects.fine_noise * rng.standard_normal(len(points))
     tint = 1.2 * smooth_noise(points, seed + 3, 0.15) + rng.normal(0.0, 1.0, len(points))
     colors = np.clip(np.rint(mesh.colors + tint[:, None]), 0, 255).astype(np.uint8)
     return replace(mesh, vertices=points + (share * shift)[:, None] * normals, colors=colors)
 
 
-def _holes(mesh: Mesh, rng: np.random.Generator) -> NDArray[np.bool_]:
+def _holes(mesh: Mesh, defects: ScanDefects, rng: np.random.Generator) -> NDArray[np.bool_]:
     """Faces in small round holes on steep or downward surfaces, which cameras see worst, shape (m,)."""
     centers, normals = mesh.triangles.mean(axis=1), mesh.face_normals
     candidates = np.flatnonzero(normals[:, 2] < 0.3 * np.linalg.norm(normals, axis=1))
     missing = np.zeros(len(mesh.faces), dtype=bool)
-    for seed_face in rng.choice(candidates, HOLE_COUNT, replace=False):
-        radius = rng.uniform(*HOLE_RADIUS)
+    for seed_face in rng.choice(candidates, defects.hole_count, replace=False):
+        radius = rng.uniform(*defects.hole_radius)
         missing |= np.linalg.norm(centers - centers[seed_face], axis=1) < radius
     return missing
 

@@ -16,6 +16,8 @@ from numpy.typing import NDArray
 from dcap.scene.types.mesh import Mesh
 
 Array = NDArray[np.float64]
+Size = tuple[float, float, float]
+"""Width, depth and height [m]."""
 
 
 def outward(mesh: Mesh) -> Mesh:

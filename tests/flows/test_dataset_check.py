@@ -9,8 +9,7 @@ from hypothesis import strategies as st
 from PIL import Image
 
 from dcap.scene.problems import Severity
-from dcap.synthetic.objects import OBJECTS
-from dcap.synthetic.rooms import ROOMS
+from dcap.synthetic.recipes import object_recipes, room_names
 from flows.cli.app import run_command
 from flows.cli.check_report import as_tree, in_words
 from flows.dataset_check import check_dataset
@@ -201,11 +200,11 @@ def test_the_tracked_dataset_of_splats_is_sound(data: Path) -> None:
     rows, all_rows = load_yaml(SPLAT_ROOMS), load_yaml(EMBEDDED)
     assert isinstance(rows, list)
     assert isinstance(all_rows, list)
-    known = {row["id"]: row for row in all_rows}
+    known, objects = {row["id"]: row for row in all_rows}, object_recipes()
     for row in rows:
         assert row == known[row["id"]] | {"room": f"splat_rooms/{known[row['id']]['room']}"}
-        assert known[row["id"]]["room"] in ROOMS
-        assert row["object"] in OBJECTS
+        assert known[row["id"]]["room"] in room_names()
+        assert row["object"] in objects
 
 
 @given(text=st.text() | st.recursive(

@@ -12,14 +12,15 @@ import pytest
 
 from dcap.evaluation.aim_scores import Aim, marks, shares
 from dcap.scene.types.anchor import Anchor
-from dcap.synthetic.rooms import ROOMS, BuiltRoom
+from dcap.synthetic.recipes import room_names
+from dcap.synthetic.rooms import BuiltRoom
 from flows.samples import load_yaml
 from perf.aims import Shot, aim_from, read_samples, read_truths, room_of, shot
 
 SENTENCES = load_yaml(Path(__file__).parent / "data" / "sentences.yaml")
 QUICK = ("bedroom_01", "living_02", "hall_01")
 """Rooms of the slow tests; the others belong to the sweep."""
-EVERY = [pytest.param(QUICK, marks=pytest.mark.slow), pytest.param(tuple(ROOMS), marks=pytest.mark.sweep)]
+EVERY = [pytest.param(QUICK, marks=pytest.mark.slow), pytest.param(room_names(), marks=pytest.mark.sweep)]
 AWAY = {"left": (-1, 0), "right": (1, 0), "front": (0, 1), "back": (0, -1), "head": (0, -1), "foot": (0, 1)}
 """Sides in a piece's own frame seen from its front: to the right, and to the viewer."""
 SLACK = 0.02

@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 
 from dcap.language.offline.lexicon import Thing, is_a, things
 from dcap.language.offline.priors import UNKNOWN_LENGTH, prior_of
-from dcap.synthetic.objects import OBJECTS as EMBEDDED
 from dcap.synthetic.objects import build_object
+from dcap.synthetic.recipes import object_recipes
 from tasks.intent.rescale import rescale
 
 LIMITS = (1e-3, 1e3)
@@ -111,6 +111,6 @@ def test_embedded_objects_come_out_at_the_size_they_were_made(name):
     """Made in metres, centimetres and inches: exactly; in a unit of their own (a radius, 0.55 m): within 2 %, for they
     are of the usual size."""
     points = np.concatenate([s.vertices for part in build_object(name).parts for s in part.solids])
-    unit = EMBEDDED[name].unit
+    unit = object_recipes()[name].unit
     scale, _ = decided(things()[name.replace("_", " ")], np.ptp(points, axis=0))
     assert scale == pytest.approx(unit, rel=0.0 if unit in UNITS.values() else 0.02)

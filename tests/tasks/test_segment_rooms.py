@@ -2,12 +2,14 @@
 
 import pytest
 
-from dcap.synthetic.rooms import ROOMS
+from dcap.synthetic.recipes import room_names
 from perf.repair import SUPPORTS
 from perf.segments import means, read_room, room_scores
 
 
-@pytest.mark.parametrize("name", [pytest.param(n, marks=() if n == "bedroom_01" else pytest.mark.slow) for n in ROOMS])
+@pytest.mark.parametrize(
+    "name", [pytest.param(n, marks=() if n == "bedroom_01" else pytest.mark.slow) for n in room_names()]
+)
 def test_embedded_rooms(name: str) -> None:
     """With boxes instances overlap the truth by 0.9 on average and half each, the parts that carry by 0.7 each."""
     rows = room_scores(*read_room(name))

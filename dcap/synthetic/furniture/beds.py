@@ -2,12 +2,13 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
 from dcap.scene.types.mesh import Mesh
 from dcap.synthetic.assembly import Assembly, assembly
-from dcap.synthetic.paint import Painter, Rgb, painted, smooth_noise, wood
+from dcap.synthetic.paint import Finish, Painter, Rgb, painted, smooth_noise, wood
 from dcap.synthetic.shapes import (
     Array,
     bar,
@@ -38,15 +39,15 @@ class BedStyle:
     width: float
     length: float
     frame: Rgb
-    headboard: str
-    """panel (wood), channels (upholstered) or bars."""
-    fabric: Rgb
-    """Colour of an upholstered headboard."""
+    headboard: Literal["panel", "channels", "bars"]
+    """A wooden panel, upholstered channels or wooden bars."""
     sheet: Rgb
     blanket: Painter
     fold: Rgb
     """Colour of the blanket's turned-back strip."""
-    pillow: Painter | Rgb
+    pillow: Finish
+    fabric: Rgb = (0, 0, 0)
+    """Colour of an upholstered headboard; wooden ones have that of the frame."""
     pillow_count: int = 2
     mattress: float = 0.24
     """Thickness [m]."""

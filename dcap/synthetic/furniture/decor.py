@@ -4,7 +4,7 @@ import numpy as np
 
 from dcap.scene.types.mesh import Mesh
 from dcap.synthetic.assembly import Assembly, assembly
-from dcap.synthetic.paint import Painter, Rgb, blend, gradient, painted, smooth_noise, wood
+from dcap.synthetic.paint import Finish, Painter, Rgb, blend, gradient, painted, smooth_noise, wood
 from dcap.synthetic.shapes import (
     Array,
     bar,
@@ -181,10 +181,10 @@ def book_stack(count: int, seed: int) -> Assembly:
     return assembly("book", body=books)
 
 
-def rug(width: float, depth: float, painter: Painter, seed: int) -> Assembly:
+def rug(width: float, depth: float, pattern: Painter, seed: int) -> Assembly:
     """A woven rug, 12 mm thick, pressed 3 mm into the floor so that it touches it all over."""
     body = moved(rounded_box((width, depth, 0.015), 0.005, 0.034), z=0.0045)
-    return assembly("rug", body=painted(body, painter, variation=0.04, seed=seed))
+    return assembly("rug", body=painted(body, pattern, variation=0.04, seed=seed))
 
 
 def round_rug(radius: float, inner: Rgb, outer: Rgb, seed: int) -> Assembly:
@@ -298,9 +298,9 @@ def toy_crate(seed: int) -> Assembly:
     return assembly("storage box", body=[painted(m, grain, seed=seed) for m in walls], toy=toys)
 
 
-def cushion_on_slope(painter: Painter | Rgb, tilt_deg: float, seed: int, label: str = "cushion") -> Assembly:
+def cushion_on_slope(pattern: Finish, tilt_deg: float, seed: int, label: str = "cushion") -> Assembly:
     """A throw cushion leaning back by `tilt_deg` from lying, its lower rim on z = 0, its face towards +y."""
     body = turned(
-        painted(lens(0.21, 0.21, 0.065, 0.06, edge=0.018), painter, variation=0.03, seed=seed), "x", -tilt_deg
+        painted(lens(0.21, 0.21, 0.065, 0.06, edge=0.018), pattern, variation=0.03, seed=seed), "x", -tilt_deg
     )
     return assembly(label, body=moved(body, z=-float(body.bounds[0, 2])))

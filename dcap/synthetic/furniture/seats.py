@@ -4,8 +4,8 @@ import numpy as np
 
 from dcap.scene.types.mesh import Mesh
 from dcap.synthetic.assembly import Assembly, assembly
-from dcap.synthetic.paint import Painter, Rgb, painted, wood
-from dcap.synthetic.shapes import bar, cushioned, lathe, moved, resampled, rounded_box, tube, turned
+from dcap.synthetic.paint import Finish, Rgb, painted, wood
+from dcap.synthetic.shapes import Size, bar, cushioned, lathe, moved, resampled, rounded_box, tube, turned
 
 SINK = 0.003
 """How far cushions press into what they lie on [m]."""
@@ -15,8 +15,8 @@ PITCH_DEG = 4.0
 
 def sofa(
     seats: int,
-    fabric: Painter | Rgb,
-    accent: Painter | Rgb,
+    fabric: Finish,
+    accent: Finish,
     seed: int,
     label: str = "sofa",
     *,
@@ -77,7 +77,7 @@ def sofa(
     return assembly(label, base=[base, *feet], seat_cushion=cushions, back=back, arm=arms)
 
 
-def chair(timber: Rgb, pad: Painter | Rgb | None, seed: int, label: str = "chair") -> Assembly:
+def chair(timber: Rgb, seed: int, pad: Finish | None = None, label: str = "chair") -> Assembly:
     """A dining chair: turned legs, slatted back, seat with an optional cushion."""
     grain = wood(timber, "y", seed)
     seat: list[Mesh] = [painted(moved(rounded_box((0.44, 0.42, 0.035), 0.014, 0.024), z=0.4375), grain, seed=seed)]
@@ -158,9 +158,7 @@ def stool(top: Rgb, timber: Rgb, seed: int, height: float = 0.45, radius: float 
     )
 
 
-def ottoman(
-    fabric: Painter | Rgb, seed: int, size: tuple[float, float, float] = (1.1, 0.45, 0.46), label: str = "stool"
-) -> Assembly:
+def ottoman(fabric: Finish, seed: int, size: Size = (1.1, 0.45, 0.46), label: str = "stool") -> Assembly:
     """An upholstered bench with short legs."""
     seat = cushioned(
         moved(rounded_box((size[0], size[1], size[2] - 0.13), 0.05, 0.026), z=size[2] - (size[2] - 0.13) / 2), 0.014

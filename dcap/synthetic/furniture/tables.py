@@ -1,17 +1,21 @@
 """Tables, desks, cabinets, shelves and wardrobes; front towards +y, origin on the floor."""
 
-from collections.abc import Sequence
+from typing import Literal
 
 import numpy as np
 
 from dcap.scene.types.mesh import Mesh
 from dcap.synthetic.assembly import Assembly, assembly
 from dcap.synthetic.paint import Rgb, painted, wood
-from dcap.synthetic.shapes import bar, lathe, moved, resampled, rounded_box, sphere, tube
+from dcap.synthetic.shapes import Size, bar, lathe, moved, resampled, rounded_box, sphere, tube
+
+Legs = Literal["turned", "square", "slim"]
 
 
-def table(size: Sequence[float], timber: Rgb, seed: int, label: str = "table", legs: str = "turned") -> Assembly:
-    """A table; legs: turned, square or slim (metal)."""
+def table(
+    size: Size, timber: Rgb, seed: int, label: str = "table", legs: Literal["turned", "square", "slim"] = "turned"
+) -> Assembly:
+    """A table; slim legs are of metal."""
     width, depth, height = size
     top = moved(rounded_box((width, depth, 0.035), 0.010, 0.026), z=height - 0.0175)
     apron = [
@@ -106,7 +110,7 @@ def desk(timber: Rgb, drawers: Rgb, seed: int, width: float = 1.40, depth: float
 
 
 def cabinet(
-    size: Sequence[float],
+    size: Size,
     timber: Rgb,
     front: Rgb,
     seed: int,
@@ -163,12 +167,12 @@ def bedside_table(timber: Rgb, front: Rgb, seed: int) -> Assembly:
     return cabinet((0.45, 0.40, 0.52), timber, front, seed, "bedside table", columns=1, rows=2, plinth=0.10)
 
 
-def wardrobe(timber: Rgb, front: Rgb, seed: int, size: Sequence[float] = (1.5, 0.60, 2.1)) -> Assembly:
+def wardrobe(timber: Rgb, front: Rgb, seed: int, size: Size = (1.5, 0.60, 2.1)) -> Assembly:
     """A wardrobe with tall doors."""
     return cabinet(size, timber, front, seed, "wardrobe", columns=max(2, round(size[0] / 0.5)), rows=1)
 
 
-def bookshelf(timber: Rgb, seed: int, size: Sequence[float] = (0.90, 0.30, 1.80), boards: int = 5) -> Assembly:
+def bookshelf(timber: Rgb, seed: int, size: Size = (0.90, 0.30, 1.80), boards: int = 5) -> Assembly:
     """An open shelf: two sides, a back panel, boards at equal distances, the topmost closing it."""
     width, depth, height = size
     sides = [
@@ -189,6 +193,6 @@ def bookshelf(timber: Rgb, seed: int, size: Sequence[float] = (0.90, 0.30, 1.80)
     )
 
 
-def shelf_levels(size: Sequence[float], boards: int = 5) -> list[float]:
+def shelf_levels(size: Size, boards: int = 5) -> list[float]:
     """Heights of the upper faces of the boards [m]."""
     return [float(z) for z in np.linspace(0.09, size[2] - 0.002, boards)]

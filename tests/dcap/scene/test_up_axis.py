@@ -19,7 +19,8 @@ from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.sample import SourceOptions
 from dcap.scene.types.scan import Scan
 from dcap.scene.writers.gaussians import write_splats
-from dcap.synthetic.rooms import ROOMS, build_room
+from dcap.synthetic.recipes import room_names
+from dcap.synthetic.rooms import build_room
 
 SAMPLE_DATA = Path(os.environ.get("DCAP_SAMPLE_DATA", "absent"))
 
@@ -66,7 +67,7 @@ def test_a_room_stands_as_it_is_furnished(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", list(ROOMS)[::4])
+@pytest.mark.parametrize("name", room_names()[::4])
 def test_every_fourth_room_stands_in_every_rotation(name: str) -> None:
     """All four, as a mesh."""
     mesh = build_room(name, 0).record.mesh

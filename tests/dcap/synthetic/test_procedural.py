@@ -6,10 +6,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dcap.synthetic import shapes
-from dcap.synthetic.objects import OBJECTS, build_object
-from dcap.synthetic.room import FurnishedRoom, shell
-from dcap.synthetic.rooms import ROOMS, BuiltRoom, build_room
+from dcap.synthetic.furnish import furnish
+from dcap.synthetic.objects import build_object, in_metres
+from dcap.synthetic.recipes import object_recipes, room_names, room_recipe
+from dcap.synthetic.room import FurnishedRoom
+from dcap.synthetic.rooms import BuiltRoom, build_room
 from dcap.synthetic.shapes import is_manifold, joined, volume
+from dcap.synthetic.shell import shell
+
+OBJECTS = object_recipes()
 
 
 @pytest.fixture(scope="module")
@@ -19,7 +24,7 @@ def built() -> dict[str, BuiltRoom]:
 
 @pytest.fixture(scope="module")
 def furnished() -> dict[str, FurnishedRoom]:
-    return {name: furnish(0) for name, furnish in ROOMS.items()}
+    return {name: furnish(room_recipe(name), 0) for name in room_names()}
 
 
 @settings(max_examples=25, deadline=None)
@@ -64,7 +69,7 @@ def test_union_volume_is_inclusion_exclusion() -> None:
 @pytest.mark.parametrize("name", OBJECTS)
 def test_objects_are_closed_solids_of_plausible_density(name: str) -> None:
     """Every part is closed; mass over volume lies between that of down and that of iron; they stand on z = 0."""
-    item = OBJECTS[name].build()
+    item = in_metres(OBJECTS[name])
     solids = [solid for part in item.parts for solid in part.solids]
     assert all(is_manifold(solid) and volume(solid) > 0 for solid in solids)
     density = OBJECTS[name].mass / sum(volume(solid) for solid in solids)
@@ -75,18 +80,18 @@ def test_objects_are_closed_solids_of_plausible_density(name: str) -> None:
 
 def test_mug_has_one_handle() -> None:
     """Euler characteristic V - E + F of a closed surface of genus one is 0: a finger fits through the handle."""
-    mesh = OBJECTS["mug"].build().parts[0].solids[0]
+    mesh = in_metres(OBJECTS["mug"]).parts[0].solids[0]
     assert len(mesh.vertices) - len(mesh.faces) * 3 // 2 + len(mesh.faces) == 0
 
 
 def test_objects_in_units_of_their_own_come_back_to_metres() -> None:
     """A file's size times its unit is the size in metres."""
     for name, recipe in OBJECTS.items():
-        wanted = np.ptp(recipe.build().bounds, axis=0)
+        wanted = np.ptp(in_metres(recipe).bounds, axis=0)
         np.testing.assert_allclose(np.ptp(build_object(name).bounds, axis=0) * recipe.unit, wanted, rtol=1e-9)
 
 
-@pytest.mark.parametrize("name", ROOMS)
+@pytest.mark.parametrize("name", room_names())
 def test_furniture_is_made_of_closed_solids_within_the_walls(furnished: dict[str, FurnishedRoom], name: str) -> None:
     """Every solid is closed, nothing reaches below the floor or through a wall."""
     room = furnished[name]
@@ -101,7 +106,7 @@ def test_furniture_is_made_of_closed_solids_within_the_walls(furnished: dict[str
         assert high[1] < room.depth + 0.01, placed.thing.label
 
 
-@pytest.mark.parametrize("name", ROOMS)
+@pytest.mark.parametrize("name", room_names())
 def test_nothing_floats(furnished: dict[str, FurnishedRoom], name: str) -> None:
     """Every solid stands on the floor, hangs on wall or ceiling, or touches another solid's box within 3 mm."""
     room = furnished[name]
@@ -117,7 +122,7 @@ def test_nothing_floats(furnished: dict[str, FurnishedRoom], name: str) -> None:
 
 def test_rooms_are_as_large_as_promised(built: dict[str, BuiltRoom]) -> None:
     """At least twelve rooms; those built here have 50 000 to 250 000 faces."""
-    assert len(ROOMS) >= 12
+    assert len(room_names()) >= 12
     assert all(50_000 < len(room.record.mesh.faces) < 250_000 for room in built.values())
 
 

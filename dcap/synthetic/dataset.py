@@ -1,4 +1,4 @@
-"""Makes the embedded dataset: rooms, objects, and their truth, which lies apart because no stage may read it.
+"""Makes a dataset of its recipes: rooms, objects, and their truth, which lies apart because no stage may read it.
 
 FOLDER/rooms/NAME/ (InteriorGS layout), FOLDER/objects/NAME.glb|obj|ply, FOLDER/truth/NAME.parquet (face by face:
 instance, label, part) and FOLDER/truth/recipes/ (what each was made from). On demand FOLDER/splat_rooms/NAME/: the same
@@ -15,18 +15,17 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-import dcap.synthetic
 from dcap.geometry.splatting import on_mesh as splat_maker
 from dcap.geometry.splatting.on_mesh import splats_on_mesh
-from dcap.scene.errors import InputError
-from dcap.scene.spelling import did_you_mean
 from dcap.scene.writers import gaussians as gaussians_write
 from dcap.scene.writers import interiorgs as interiorgs_write
 from dcap.scene.writers import objects as object_write
 from dcap.scene.writers.interiorgs import write_interiorgs, write_interiorgs_splats
 from dcap.scene.writers.objects import write_object
-from dcap.synthetic.objects import OBJECTS, build_object
-from dcap.synthetic.rooms import ROOMS, build_room
+from dcap.synthetic.objects import in_file_unit
+from dcap.synthetic.recipe_files import RECIPES
+from dcap.synthetic.recipes import ObjectRecipe, RoomRecipe, object_recipes, room_names, room_recipe
+from dcap.synthetic.rooms import build_recipe
 from dcap.synthetic.shapes import joined
 
 SPLAT_ROOMS = "splat_rooms"
@@ -35,31 +34,44 @@ SPLAT_ROOMS = "splat_rooms"
 Maker = Callable[[], list[Path]]
 
 
-def make_dataset(folder: Path, seed: int = 0, *, rooms: Sequence[str] = (), splats: int = 0) -> None:
+def make_dataset(
+    folder: Path,
+    seed: int = 0,
+    *,
+    rooms: Sequence[str] = (),
+    objects: Sequence[str] | None = None,
+    splats: int = 0,
+    recipes: Path = RECIPES,
+) -> None:
     """Write every room and object that is missing, damaged or made by another recipe.
 
-    `rooms` are the only ones made, all if empty; with a number of `splats` each is written as so many of them too.
+    `rooms` are the only ones made, all if empty; `objects` likewise, all if None. With `splats` each room is also
+    written as so many of them. `recipes` is a folder as data/recipes; raises InputError for what is wrong in it.
     """
-    for name in rooms:
-        if name not in ROOMS:
-            hint = did_you_mean(name, ROOMS) or f"; there are {', '.join(ROOMS)}"
-            raise InputError(f"--rooms: no embedded room is called {name!r}{hint}")
-    code = _code_digest()
-    for name in rooms or ROOMS:
-        _keep_or_make(folder, f"rooms-{name}", f"{code} {seed}", partial(_write_room, folder, name, seed))
+    code = _digest_of(_sources())
+    for name in rooms or room_names(recipes):
+        recipe = room_recipe(name, recipes)
+        made_from = f"{code} {recipe_digest(recipes, f'rooms/{name}.yaml')} {seed}"
+        _keep_or_make(folder, f"rooms-{name}", made_from, partial(_write_room, folder, name, recipe, seed))
         if splats:
-            recipe = f"{code} {_splat_code_digest()} {seed} {splats}"
-            make = partial(_write_splat_room, folder, name, seed, splats)
-            _keep_or_make(folder, f"{SPLAT_ROOMS}-{name}", recipe, make)
-    for name in OBJECTS:
-        _keep_or_make(folder, f"objects-{name}", code, partial(_write_object, folder, name))
+            make = partial(_write_splat_room, folder, name, recipe, seed, splats)
+            _keep_or_make(folder, f"{SPLAT_ROOMS}-{name}", f"{made_from} {_splat_code_digest()} {splats}", make)
+    known = object_recipes(recipes)
+    made_from = f"{code} {recipe_digest(recipes, 'objects.yaml')}"
+    for name in known if objects is None else objects:
+        _keep_or_make(folder, f"objects-{name}", made_from, partial(_write_object, folder, name, known[name]))
 
 
-def _code_digest() -> str:
-    """Digest of the source that decides what is made."""
-    package = Path(str(dcap.synthetic.__file__)).parent
-    files = [str(interiorgs_write.__file__), str(object_write.__file__), __file__]
-    return _digest_of([*sorted(package.glob("*.py")), *map(Path, files)])
+def _sources() -> list[Path]:
+    """The source that decides what is made of a recipe."""
+    writers = [Path(str(one.__file__)) for one in (interiorgs_write, object_write)]
+    return [*sorted(Path(__file__).parent.rglob("*.py")), *writers]
+
+
+def recipe_digest(recipes: Path, name: str) -> str:
+    """Digest of a file of recipes and of the colours that it may name."""
+    files = (recipes / name, RECIPES / "colors.yaml", recipes / "colors.yaml")
+    return _digest_of([path for path in dict.fromkeys(files) if path.exists()])
 
 
 def _splat_code_digest() -> str:
@@ -94,8 +106,8 @@ def _digest(path: Path) -> str:
     return hashlib.sha256(path.read_bytes()).hexdigest()
 
 
-def _write_room(folder: Path, name: str, seed: int) -> list[Path]:
-    built = build_room(name, seed)
+def _write_room(folder: Path, name: str, recipe: RoomRecipe, seed: int) -> list[Path]:
+    built = build_recipe(recipe, seed)
     files = write_interiorgs(folder / "rooms" / name, built.record, seed)
     table = pa.table(
         {
@@ -110,15 +122,15 @@ def _write_room(folder: Path, name: str, seed: int) -> list[Path]:
     return [*files, truth]
 
 
-def _write_splat_room(folder: Path, name: str, seed: int, splats: int) -> list[Path]:
+def _write_splat_room(folder: Path, name: str, recipe: RoomRecipe, seed: int, splats: int) -> list[Path]:
     """The room as splats, evenly on all of its surface."""
-    record = build_room(name, seed).record
+    record = build_recipe(recipe, seed).record
     spacing = float(np.sqrt(record.mesh.face_areas.sum() / splats))
     made = splats_on_mesh(record.mesh, spacing, seed)
     return write_interiorgs_splats(folder / SPLAT_ROOMS / name, record, made, seed)
 
 
-def _write_object(folder: Path, name: str) -> list[Path]:
-    path = folder / "objects" / f"{name}{OBJECTS[name].suffix}"
-    write_object(path, [(part.name, joined(part.solids)) for part in build_object(name).parts])
+def _write_object(folder: Path, name: str, recipe: ObjectRecipe) -> list[Path]:
+    path = folder / "objects" / f"{name}.{recipe.format}"
+    write_object(path, [(part.name, joined(part.solids)) for part in in_file_unit(recipe).parts])
     return [path]

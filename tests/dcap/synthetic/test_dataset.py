@@ -14,21 +14,21 @@ from dcap.scene.readers.splats import CHUNK, read_splats
 from dcap.scene.readers.sugar import COMPRESSED_NAME, has_only_splats
 from dcap.scene.types.outcome import Reason
 from dcap.scene.writers.gaussians import morton_order
-from dcap.synthetic.objects import OBJECTS
-from dcap.synthetic.rooms import ROOMS, build_room
-from flows import dataset
+from dcap.synthetic.dataset import SPLAT_ROOMS, make_dataset
+from dcap.synthetic.recipes import object_recipes, room_names
+from dcap.synthetic.rooms import build_room
 from flows.samples import EMBEDDED, TRUTH, load_yaml
+
+
+def make_few(folder: Path) -> None:
+    """Make one room and four objects, of every format and several parts."""
+    make_dataset(folder, 0, rooms=["hall_01"], objects=["mug", "apple", "folded_towel", "dumbbell"])
 
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("data")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(dataset, "ROOMS", {"hall_01": ROOMS["hall_01"]})
-        patch.setattr(
-            dataset, "OBJECTS", {name: OBJECTS[name] for name in ("mug", "apple", "folded_towel", "dumbbell")}
-        )
-        dataset.make_dataset(folder, 0)
+    make_few(folder)
     return folder
 
 
@@ -39,8 +39,8 @@ def test_every_sample_names_a_room_and_an_object_and_has_a_truth() -> None:
     truth = read_truth(load_yaml(EMBEDDED.with_name(TRUTH)), TRUTH)
     assert len(rows) >= 38
     assert {row["id"] for row in rows} == set(truth)
-    assert {row["room"] for row in rows} == set(ROOMS)
-    assert {row["object"] for row in rows} <= set(OBJECTS)
+    assert {row["room"] for row in rows} == set(room_names())
+    assert {row["object"] for row in rows} <= set(object_recipes())
 
 
 def test_samples_exercise_what_is_promised() -> None:
@@ -67,17 +67,13 @@ def test_truth_lies_apart_from_what_stages_read(made: Path) -> None:
     }
 
 
-def test_second_run_writes_nothing_and_damage_is_mended(made: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_second_run_writes_nothing_and_damage_is_mended(made: Path) -> None:
     """What is whole is kept; a damaged file is made again with the same bytes."""
-    monkeypatch.setattr(dataset, "ROOMS", {"hall_01": ROOMS["hall_01"]})
-    monkeypatch.setattr(
-        dataset, "OBJECTS", {name: OBJECTS[name] for name in ("mug", "apple", "folded_towel", "dumbbell")}
-    )
     files = {p: (p.stat().st_mtime_ns, p.read_bytes()) for p in made.rglob("*") if p.is_file()}
-    dataset.make_dataset(made, 0)
+    make_few(made)
     assert {p: p.stat().st_mtime_ns for p in files} == {p: stamp for p, (stamp, _) in files.items()}
     (made / "objects" / "mug.glb").write_bytes(b"broken")
-    dataset.make_dataset(made, 0)
+    make_few(made)
     assert {p: p.read_bytes() for p in files} == {p: data for p, (_, data) in files.items()}
 
 
@@ -94,9 +90,7 @@ def splat_room(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def make_splats(folder: Path, count: int) -> None:
     """Make one room, as a mesh and as splats."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(dataset, "OBJECTS", {})
-        dataset.make_dataset(folder, 0, rooms=["hall_01"], splats=count)
+    make_dataset(folder, 0, rooms=["hall_01"], objects=[], splats=count)
 
 
 def test_a_room_of_splats_is_the_same_room(splat_room: Path) -> None:
@@ -104,7 +98,7 @@ def test_a_room_of_splats_is_the_same_room(splat_room: Path) -> None:
 
     Quantisation moves a splat by half a step of 1/1023 of its chunk's extent at most along each axis.
     """
-    room, splats = splat_room / "rooms" / "hall_01", splat_room / dataset.SPLAT_ROOMS / "hall_01"
+    room, splats = splat_room / "rooms" / "hall_01", splat_room / SPLAT_ROOMS / "hall_01"
     notes = {"labels.json", "structure.json", "occupancy.json", "occupancy.png"}
     assert {path.name for path in splats.iterdir()} == notes | {COMPRESSED_NAME}
     assert all((room / name).read_bytes() == (splats / name).read_bytes() for name in notes)
@@ -123,7 +117,7 @@ def test_a_room_of_splats_is_the_same_room(splat_room: Path) -> None:
 
 def test_rooms_of_splats_are_made_once_with_the_same_bytes(splat_room: Path, tmp_path: Path) -> None:
     """Another run keeps them, another folder gets the same, and another number of splats makes them anew."""
-    file = splat_room / dataset.SPLAT_ROOMS / "hall_01" / COMPRESSED_NAME
+    file = splat_room / SPLAT_ROOMS / "hall_01" / COMPRESSED_NAME
     before = file.stat().st_mtime_ns
     make_splats(splat_room, SPLATS)
     assert file.stat().st_mtime_ns == before
@@ -137,7 +131,7 @@ def test_only_the_rooms_that_are_asked_for(splat_room: Path) -> None:
     """And a name that none has is refused with the nearest."""
     assert [path.name for path in (splat_room / "rooms").iterdir()] == ["hall_01"]
     with pytest.raises(InputError, match="'hall_1'; did you mean 'hall_01'"):
-        dataset.make_dataset(splat_room, 0, rooms=["hall_1"])
+        make_dataset(splat_room, 0, rooms=["hall_1"])
 
 
 @pytest.mark.slow

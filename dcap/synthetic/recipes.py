@@ -1,0 +1,212 @@
+"""Recipes of rooms and objects: the keys of their YAML files and how these are read (docs/formats.md).
+
+A recipe names builders and says where what they build stands; builders are Python (dcap/synthetic/catalogue.py).
+Lengths are in metres, angles in degrees, walls are named by the compass, x runs from west to east and y to the north.
+"""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Literal, Self
+
+from pydantic import GetPydanticSchema, NonNegativeFloat, NonNegativeInt, PositiveFloat, model_validator
+
+from dcap.scene.errors import InputError
+from dcap.scene.spelling import did_you_mean
+from dcap.synthetic.catalogue import PIECES
+from dcap.synthetic.paint import Finish, Painter
+from dcap.synthetic.recipe_files import RECIPES, check_file
+from dcap.synthetic.scan import ScanDefects
+from dcap.synthetic.schema import FIELD_TYPES, Color, PieceChoice, RecipeModel, check_known
+from dcap.synthetic.shapes import Size
+
+Compass = Literal["south", "east", "north", "west"]
+SizeField = Annotated[Size, GetPydanticSchema(lambda _, handler: handler(FIELD_TYPES[Size]))]
+FinishField = Annotated[Finish, GetPydanticSchema(lambda _, handler: handler(FIELD_TYPES[Finish]))]
+PainterField = Annotated[Painter, GetPydanticSchema(lambda _, handler: handler(FIELD_TYPES[Painter]))]
+PieceField = Annotated[PieceChoice, GetPydanticSchema(lambda _, handler: handler(PIECES))]
+
+
+class CurtainRecipe(RecipeModel):
+    """The pair of curtains beside a window."""
+
+    fabric: Color
+    seed: NonNegativeInt
+
+
+class DoorRecipe(RecipeModel):
+    """A door."""
+
+    wall: Compass
+    along: NonNegativeFloat
+    """Its middle, along x or y [m]."""
+    width: PositiveFloat
+    height: PositiveFloat
+
+
+class WindowRecipe(DoorRecipe):
+    """A window."""
+
+    sill: NonNegativeFloat
+    """Height of its lower edge [m]."""
+    curtains: CurtainRecipe | None = None
+
+
+class FreePlace(RecipeModel):
+    """Anywhere, turned."""
+
+    x: float
+    y: float
+    z: float = 0.0
+    yaw_deg: float = 0.0
+
+
+class FloorPlace(RecipeModel):
+    """On the floor, moved inwards as far as it needs to clear the walls."""
+
+    x: float
+    y: float
+
+
+class WallPlace(RecipeModel):
+    """With the back to a wall."""
+
+    wall: Compass
+    along: float
+    """Its middle, along x or y [m]."""
+    gap: float = 0.02
+    """Between wall and back [m]."""
+    z: float = 0.0
+
+
+class UponPlace(RecipeModel):
+    """On another thing, at a point of that thing's own frame."""
+
+    thing: str
+    """Name of a thing that stands earlier in the list."""
+    right: float = 0.0
+    front: float = 0.0
+    yaw_deg: float = 0.0
+    top: PositiveFloat | None = None
+    """Height of what it stands on [m]; that of the highest point by default."""
+    board: NonNegativeInt | None = None
+    """Instead of a height: a board of a shelf, the lowest being 0."""
+
+
+class BookFill(RecipeModel):
+    """Books on the boards of a shelf; the topmost board stays empty."""
+
+    seed: NonNegativeInt
+    free: tuple[NonNegativeInt, ...] = (2,)
+    """Boards that stay empty too."""
+
+
+class ThingRecipe(RecipeModel):
+    """A piece of furniture and its place, which is exactly one of `at`, `stand`, `against` and `upon`."""
+
+    piece: PieceField
+    name: str = ""
+    """By which others stand upon it."""
+    varies: bool = False
+    """The room's seed is added to the piece's: another dataset has another one."""
+    books: BookFill | None = None
+    at: FreePlace | None = None
+    stand: FloorPlace | None = None
+    against: WallPlace | None = None
+    upon: UponPlace | None = None
+
+    @model_validator(mode="after")
+    def _sound(self) -> Self:
+        places = [self.at, self.stand, self.against, self.upon]
+        if sum(one is not None for one in places) != 1:
+            raise ValueError("expected exactly one of the keys at, stand, against, upon")
+        if self.varies and "seed" not in self.piece.arguments:
+            raise ValueError(f"varies: a {self.piece.name} has no seed")
+        if self.books and self.piece.name != "bookshelf":
+            raise ValueError(f"books: a {self.piece.name} has no boards, a bookshelf has")
+        return self
+
+
+class RoomRecipe(RecipeModel):
+    """A room."""
+
+    kind: str
+    """Room type as InteriorGS writes it."""
+    seed: NonNegativeInt
+    """Of everything random in it; rooms of one dataset differ if their seeds do."""
+    size: SizeField
+    """Inner width (x), depth (y) and height [m]."""
+    wall: FinishField
+    floor: PainterField
+    windows: tuple[WindowRecipe, ...] = ()
+    doors: tuple[DoorRecipe, ...] = ()
+    things: tuple[ThingRecipe, ...] = ()
+    """In this order; curtains and a lamp below the ceiling come last."""
+    scan: ScanDefects = ScanDefects()
+
+    @model_validator(mode="after")
+    def _openings_fit(self) -> Self:
+        width, depth, height = self.size
+        for one in (*self.windows, *self.doors):
+            length = width if one.wall in ("south", "north") else depth
+            sill = one.sill if isinstance(one, WindowRecipe) else 0.0
+            if not 0 < one.along - one.width / 2 < one.along + one.width / 2 < length or sill + one.height > height:
+                raise ValueError(f"the opening at {one.along} m does not fit into the {one.wall} wall")
+        return self
+
+    @model_validator(mode="after")
+    def _names_are_known(self) -> Self:
+        named: dict[str, PieceChoice] = {}
+        for thing in self.things:
+            if thing.upon:
+                check_known("thing", thing.upon.thing, named)
+                _check_board(thing.upon, named[thing.upon.thing])
+            if thing.name in named:
+                raise ValueError(f"two things have the name {thing.name!r}")
+            if thing.name:
+                named[thing.name] = thing.piece
+        return self
+
+
+def _check_board(place: UponPlace, below: PieceChoice) -> None:
+    count = below.arguments.get("boards", 0)
+    if place.board is not None and place.board not in range(count if isinstance(count, int) else 0):
+        raise ValueError(f"{place.thing} has {count} boards, none is number {place.board}")
+
+
+class ObjectRecipe(RecipeModel):
+    """A thing to place, standing on z = 0, its front towards +y."""
+
+    piece: PieceField
+    mass: PositiveFloat
+    """What such a thing weighs [kg]; informative, nothing reads it but tests and people."""
+    format: Literal["glb", "obj", "ply"] = "glb"
+    """glb (named nodes, y up), obj or ply (one mesh, z up)."""
+    unit: PositiveFloat = 1.0
+    """Length of the file's unit [m]; some files are in a unit of their own, as downloads are."""
+    fused: bool = False
+    """The solids of each part are grown together into one."""
+
+
+def room_names(folder: Path = RECIPES) -> tuple[str, ...]:
+    """Names of the rooms of a folder of recipes."""
+    return tuple(sorted(path.stem for path in (folder / "rooms").glob("*.yaml")))
+
+
+def room_recipe(name: str, folder: Path = RECIPES) -> RoomRecipe:
+    """The recipe of one room; raises InputError with file, line, key and value."""
+    names = room_names(folder)
+    if name not in names:
+        hint = did_you_mean(name, names) or f"; there are {', '.join(names) or 'none'}"
+        raise InputError(f"{folder / 'rooms'}: no room is called {name!r}{hint}")
+    return check_file(folder / "rooms" / f"{name}.yaml", RoomRecipe, palette(folder))
+
+
+def object_recipes(folder: Path = RECIPES) -> Mapping[str, ObjectRecipe]:
+    """The recipes of all objects by name; raises InputError likewise."""
+    return check_file(folder / "objects.yaml", dict[str, ObjectRecipe], palette(folder))
+
+
+def palette(folder: Path = RECIPES) -> Mapping[str, object]:
+    """Colours by name: the embedded ones, and those of a folder of recipes."""
+    own = [one / "colors.yaml" for one in dict.fromkeys((RECIPES, folder))]
+    return {name: color for path in own if path.exists() for name, color in check_file(path, dict[str, Color]).items()}
