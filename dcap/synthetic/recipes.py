@@ -159,7 +159,7 @@ class RoomRecipe(RecipeModel):
         for thing in self.things:
             if thing.upon:
                 check_known("thing", thing.upon.thing, named)
-                _check_board(thing.upon, named[thing.upon.thing])
+                _check_height(thing.upon, named[thing.upon.thing])
             if thing.name in named:
                 raise ValueError(f"two things have the name {thing.name!r}")
             if thing.name:
@@ -167,10 +167,14 @@ class RoomRecipe(RecipeModel):
         return self
 
 
-def _check_board(place: UponPlace, below: PieceChoice) -> None:
-    count = below.arguments.get("boards", 0)
-    if place.board is not None and place.board not in range(count if isinstance(count, int) else 0):
-        raise ValueError(f"{place.thing} has {count} boards, none is number {place.board}")
+def _check_height(place: UponPlace, below: PieceChoice) -> None:
+    """Raise ValueError for a board that a thing does not have, and for two heights."""
+    boards = below.arguments.get("boards")
+    count = boards if isinstance(boards, int) else 0
+    if place.board is not None and place.top is not None:
+        raise ValueError(f"upon {place.thing}: expected top or board, not both")
+    if place.board is not None and place.board >= count:
+        raise ValueError(f"upon {place.thing}: it has {count} boards, none is number {place.board}")
 
 
 class ObjectRecipe(RecipeModel):

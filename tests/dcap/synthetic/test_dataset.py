@@ -137,7 +137,9 @@ def test_only_the_rooms_that_are_asked_for(splat_room: Path) -> None:
 @pytest.mark.slow
 def test_intended_supports_are_in_the_rooms() -> None:
     """Every id in truth.yaml is that of an instance with that label in its sample's room, and the only such one."""
-    rooms = {sample["id"]: sample["room"] for sample in load_yaml(EMBEDDED)}
+    rows = load_yaml(EMBEDDED)
+    assert isinstance(rows, list)
+    rooms = {sample["id"]: sample["room"] for sample in rows}
     truths = read_truth(load_yaml(EMBEDDED.with_name(TRUTH)), TRUTH)
     assert truths.keys() == rooms.keys()
     labels = {name: room_labels(name) for name in set(rooms.values())}
