@@ -51,7 +51,7 @@ def check_known(kind: str, word: object, known: Collection[str]) -> None:
         raise ValueError(f"unknown {kind} {word!r}{hint}")
 
 
-class Choice(RecipeModel):
+class FunctionChoice(RecipeModel):
     """A function of a table and its checked arguments."""
 
     functions: ClassVar[Mapping[str, Callable[..., object]]] = {}
@@ -77,7 +77,7 @@ class Choice(RecipeModel):
         return dict(getattr(self, self.name))
 
 
-class PieceChoice(Choice):
+class PieceChoice(FunctionChoice):
     """A builder of furniture or of an object."""
 
     def build(self, **changed: object) -> Assembly:
@@ -87,7 +87,7 @@ class PieceChoice(Choice):
         return built
 
 
-class PatternChoice(Choice):
+class PatternChoice(FunctionChoice):
     """A pattern of colours."""
 
     def painter(self) -> Painter:
@@ -96,7 +96,7 @@ class PatternChoice(Choice):
         return made
 
 
-AnyChoice = TypeVar("AnyChoice", bound=Choice)
+AnyChoice = TypeVar("AnyChoice", bound=FunctionChoice)
 
 
 def choice_of(base: type[AnyChoice], functions: Iterable[Callable[..., object]]) -> type[AnyChoice]:
