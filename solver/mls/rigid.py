@@ -91,10 +91,10 @@ class RigidBodies:
         ahead = self.state.copy()
         self._move(ahead, dt)
         self.query.seconds = dt
-        contacts = self.query.find(ahead, self.state)
+        contacts = self.query.find(ahead, self.state.copy())
         self.contacts = contacts
-        self.query.remember(contacts)
         if not contacts.touching:
+            self.query.remember(contacts)
             return
         row = {i: 6 * k for k, i in enumerate(self.free)}
         count = 6 * len(self.free)
@@ -128,6 +128,8 @@ class RigidBodies:
         for (i, _), (at, G) in arms.items():
             for speed, end in zip(slip, (q, after), strict=True):
                 speed[at] += np.einsum("kij,j->ki", G, end[row[i] : row[i] + 6])
+        _end_anchors(contacts, dt * (slip[1] - slip[0]))
+        self.query.remember(contacts)
         moved = dt * (slip[1] - slip[0]) + self.damping * slip[1]
         self._add_impulses(contacts, dt * (contacts.force - np.einsum("kij,kj->ki", contacts.tangent, moved)))
         for i in self.free:
@@ -161,6 +163,17 @@ class RigidBodies:
     def surface(self, index: int) -> Array:
         """World positions of a body's surface points [m], shape (n, 3)."""
         return self.query.surface(self.state, index)
+
+
+def _end_anchors(contacts: Contacts, ahead: Array) -> None:
+    """Friction's anchors at the end of a step: of points that stick they follow where the step led, which is `ahead`
+    (k, 3) [m] of where the springs were looked up; else a body would creep to make up for the difference."""
+    first = 0
+    for t in contacts.touching:
+        more = ahead[first : first + len(t.point)]
+        first += len(t.point)
+        along = more - (more * t.normal).sum(axis=1, keepdims=True) * t.normal
+        t.anchor = np.where(t.sliding[:, None], t.anchor, t.anchor + along)
 
 
 def _of(model: Model) -> list[tuple[int, Body]]:

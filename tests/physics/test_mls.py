@@ -220,6 +220,18 @@ def test_rigid_bodies_stand_on_each_other_beside_the_material(lab):
     assert row["normal_force_n"] == pytest.approx(0.5 * lab.gravity, rel=5e-3)
 
 
+def test_a_rigid_block_on_a_rigid_slope_below_static_friction_comes_to_rest(lab):
+    """tan(a) = 0.85 mu: friction's anchors hold it where it is, without creep; the material lies elsewhere."""
+    angle = np.arctan(0.85 * 0.5)
+    gravity = lab.gravity * np.array([np.sin(angle), 0.0, -np.cos(angle)])
+    block = lab.rigid("block", lab.Box(np.full(3, 0.05)), [-0.1, 0, 0.0251], mass=0.5, mu=(0.5, 0.5))
+    pad = lab.soft("pad", lab.Box(np.full(3, 0.05)), [0.2, 0.2, 0.025], E=5e4, cell=0.025, fixed=True,
+                   held=np.s_[:, :, 0], loaded=True)  # fmt: skip
+    result = drop(lab, block, pad, lab.floor(mu=(0.5, 0.5)), gravity=gravity, mls_cell=0.0125, step_limit=30)
+    assert result.verdict == "at_rest"
+    assert result.bodies[0].speed < 1e-6  # springs are implicit: what is left decays by a factor in every step
+
+
 def test_a_broken_state_is_named(lab):
     """A step beyond the bound of the wave speed ends in UnstableStep with time, body and bound, not in nonsense."""
     one = shaken(stepping(lab, blob(lab)))
