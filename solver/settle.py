@@ -3,19 +3,21 @@
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from solver.certificate import Signals, certificate, contact_table
 from solver.config import SolverConfig
 from solver.contact.bonds import bond_table
 from solver.contact.query import Contacts
+from solver.contact.rolling import RollingLaw, law_compliant, law_stiff
 from solver.errors import ModelError
 from solver.mls import drop as mls
 from solver.model.bodies import Model
-from solver.model.state import State, start_state
+from solver.model.state import State
 from solver.result import AT_REST, LEFT_TARGET, NO_EQUILIBRIUM, RestBody, Result, beside, carried
 from solver.runtime import start
-from solver.tl.disturbance import Memory, kick
+from solver.tl.disturbance import kick
 from solver.tl.simulation import Course, Progress
 from solver.tl.stability import grade
 from solver.tl.step import StepReport
@@ -45,22 +47,18 @@ class Drop(Course):
 
     def run(self, progress: Progress | None) -> Result:
         """Approach, rest, kick, verdict."""
-        state = start_state(self.model, self.soft)
+        state = self.start_state()
         self._refuse_overlap(state)
         verdict, state, report = self._approach(state, progress)
         kicked: dict[str, object] = {"done": False}
         rows = self.rows(self.history[-self.config.rest_steps :])
         if verdict == AT_REST and self.free:
-            end, stable, kicked = self._kick(state, progress)
+            end, stable, kicked = kick(self, state, progress)
             if not stable:
                 verdict, state, report, rows, kicked = self._after_failed_kick(end, kicked, progress)
         stability = self._stability(verdict, state, progress)
         result = self._result(verdict, state, report, rows, kicked)
         return replace(result, certificate=result.certificate | stability)
-
-    def _kick(self, rest: State, progress: Progress | None) -> tuple[State, bool, dict[str, object]]:
-        self.memory = Memory.of(self.query)
-        return kick(self, rest, progress)
 
     def _stability(self, verdict: str, rest: State, progress: Progress | None) -> dict[str, object]:
         """What the certificate says about pushes, nothing where nobody asked."""
@@ -68,10 +66,10 @@ class Drop(Course):
             return {}
         if verdict != AT_REST or not self.free:
             return {"stability": {"done": False, "reason": "there is no verified rest state of a free body"}}
-        return {"stability": grade(self, rest, self.memory, progress)}
+        return {"stability": grade(self, rest, progress)}
 
     def _refuse_overlap(self, state: State) -> None:
-        for t in self.query.find(state, state).touching:
+        for t in self.query.find(state, self.query.begin(state, self.config.step_seconds)).touching:
             depth = float(-t.gap.min())
             if depth > self.config.start_overlap:
                 a, b = self.model.bodies[t.pair.a].name, self.model.bodies[t.pair.b].name
@@ -82,11 +80,11 @@ class Drop(Course):
                 )
 
     def _approach(
-        self, state: State, progress: Progress | None, dt: float | None = None
+        self, state: State, progress: Progress | None, rolling: RollingLaw = law_stiff
     ) -> tuple[str, State, StepReport]:
-        dt = dt or self.config.step_seconds
+        dt = self.config.step_seconds
         while True:
-            state, report, dt = self.step(state, dt)
+            state, report, dt = self.step(state, dt, rolling=rolling)
             signals = self.record(state, report, progress)
             if self._left(state, report.contacts):
                 return LEFT_TARGET, state, report
@@ -94,7 +92,7 @@ class Drop(Course):
                 return AT_REST, state, report
             if len(self.history) >= self.config.step_limit:
                 return NO_EQUILIBRIUM, state, report
-            self._adapt(report.contacts, signals)
+            self._adapt(state, report.contacts, signals)
 
     def _quiet(self) -> bool:
         """All signals below their thresholds over the whole window."""
@@ -116,13 +114,14 @@ class Drop(Course):
         loose = set(self.free) - carried(self.model, pairs)
         return any(beside(self.model, self.query.surface(state, i), self.center(state, i)) for i in loose)
 
-    def _adapt(self, contacts: Contacts, signals: Signals) -> None:
+    def _adapt(self, state: State, contacts: Contacts, signals: Signals) -> None:
         """Stiffen pairs that penetrate more than asked for; only near rest, where the load is the weight.
 
         Springs that are suddenly stiffer would throw a body up, so the next step only corrects positions.
         """
         if signals.speed > self.config.moving_speed * np.sqrt(self.gravity * self.length):
             return
+        stiffened: list[tuple[int, NDArray[np.float64]]] = []
         for t in contacts.touching:
             load = t.normal_force
             if load.sum() <= 0.0:
@@ -131,10 +130,10 @@ class Drop(Course):
             if depth > 1.25 * self.config.penetration_target:
                 if not self.config.inertia:
                     normal = load @ t.normal
-                    self.correcting += [(i, normal / np.linalg.norm(normal)) for i in (t.pair.a, t.pair.b)]
+                    stiffened += [(i, normal / np.linalg.norm(normal)) for i in t.pair.key]
                 factor = min(4.0, depth / self.config.penetration_target)
-                t.pair.stiffness *= factor
-                t.pair.anchor /= factor
+                state.memory = state.memory.stiffen(t.pair.key, factor)
+        state.memory = replace(state.memory, stiffened=tuple(stiffened))
 
     def _after_failed_kick(
         self, end: State, first: dict[str, object], progress: Progress | None
@@ -142,11 +141,11 @@ class Drop(Course):
         """The rest was not stable: follow the motion that the kick started to its end; a second rest is
         verified in its turn."""
         begin = len(self.history)
-        verdict, state, report = self._approach(end, progress)
+        verdict, state, report = self._approach(end, progress, law_compliant)
         rows = self.rows(self.history[begin:][-self.config.rest_steps :])
         if verdict != AT_REST:
             return verdict, state, report, rows, first
-        _, stable, kicked = self._kick(state, progress)
+        _, stable, kicked = kick(self, state, progress)
         if stable:
             self.warnings.append("the first rest state was unstable under the kick; this is the one it fell into")
         return (AT_REST if stable else NO_EQUILIBRIUM), state, report, rows, kicked

@@ -17,35 +17,72 @@ from scipy import sparse
 
 from solver.box import bounds, inside
 from solver.contact.bonds import Bond
-from solver.contact.rolling import Law, Rolling, Spin, resist
+from solver.contact.rolling import Rolling, RollingLaw, Spin, law_stiff, resist
 from solver.kernels import query
 from solver.model.bodies import Body, Model
 from solver.model.soft import SoftBody, SoftSystem
-from solver.model.state import State, best_rigid_motion, turn_between
+from solver.model.state import ContactMemory, PointMemory, State, best_rigid_motion, turn_between
 
 STICK_SPEED = 1e-4  # a point at its friction limit that moves slower than this [m/s] has stopped: mu_s holds again
 # tangential over normal stiffness: Mindlin's ratio 2 (1 - nu) / (2 - nu) lies between 0.67 and 1; softer is safe
 TANGENTIAL_SHARE = 0.5
 
 
-@dataclass(eq=False, slots=True)
+@dataclass(frozen=True, eq=False, slots=True)
 class Pair:
-    """Points of body `a` against the field of body `b`, with what the points remember."""
+    """Points of body `a` against the field of body `b`."""
 
     a: int
     b: int
     static_friction: float
     dynamic_friction: float
     stiffness: NDArray[np.float64]
-    """Normal stiffness per point [N/m], shape (n,)."""
+    """Normal stiffness per point at the start [N/m], shape (n,)."""
     area: NDArray[np.float64]
     """Surface area that a point stands for [m^2], shape (n,)."""
-    anchor: NDArray[np.float64]
-    """Elastic tangential displacement of each point [m], world axes, shape (n, 3)."""
-    sliding: NDArray[np.bool_]
-    """Points that slid at the end of the last step, shape (n,)."""
-    guess: NDArray[np.float64]
-    """Material point of a soft b at each point at the last query [m], NaN where there was none, shape (n, 3)."""
+
+    @property
+    def key(self) -> tuple[int, int]:
+        """Of the pair in ContactMemory.points."""
+        return self.a, self.b
+
+    def fresh_memory(self) -> PointMemory:
+        """Before any step."""
+        count = len(self.area)
+        nowhere = np.full((count, 3), np.nan)
+        return PointMemory(self.stiffness.copy(), np.zeros((count, 3)), np.zeros(count, dtype=bool), nowhere)
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class StepStart:
+    """Where a step begins: what friction and rolling resistance are measured from."""
+
+    state: State
+    seconds: float
+    """Length of the step [s]."""
+    rolling: RollingLaw
+    surfaces: dict[int, NDArray[np.float64]]
+    """World positions of the surface points of each body that has contact points [m], shape (n, 3)."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Located:
+    """Where k points are in the start pose of a body, and how far from its surface."""
+
+    material: NDArray[np.float64]
+    """[m], shape (k, 3)."""
+    gap: NDArray[np.float64]
+    """[m], shape (k,)."""
+    normal: NDArray[np.float64]
+    """Outwards, in the world, shape (k, 3)."""
+    node: NDArray[np.int64]
+    """Nodes of the cell that holds each point, shape (k, 8)."""
+    weight: NDArray[np.float64]
+    """Their shape values, zero in a rigid body and where none holds it, shape (k, 8)."""
+    found: NDArray[np.bool_]
+    """Points that lie in a cell of a soft body, shape (k,)."""
+    unlocated: int = 0
+    """As in Contacts."""
 
 
 @dataclass(eq=False, slots=True)
@@ -99,6 +136,8 @@ class Contacts:
     """Spins of the free soft bodies in contact, by model index."""
     unlocated: int = 0
     """Points that are in a soft body's cells while no place in its start pose was found for them; no contact there."""
+    memory: ContactMemory = field(default_factory=ContactMemory)
+    """What is remembered of a step that ends here: anchors of touching points; others forget theirs."""
 
     def burden(self, bodies: int) -> NDArray[np.float64]:
         """What each body carries from one side to another [N], shape (bodies,): half of what the sizes of its contact
@@ -127,7 +166,7 @@ def _interpolation(body: SoftBody, nodes: int) -> sparse.csr_matrix:
 
 
 class ContactQuery:
-    """Finds the active contacts of a state; owns the pairs and their memory."""
+    """Finds the active contacts of a state. Holds what is constant; what contacts remember is in the state."""
 
     def __init__(self, model: Model, soft: SoftSystem, pairs: list[Pair], bonds: Sequence[Bond] = ()) -> None:
         self.model = model
@@ -135,18 +174,14 @@ class ContactQuery:
         self.pairs = pairs
         self.bonds = bonds
         self.soft_of: dict[int, SoftBody] = {s.index: s for s in soft.bodies}
-        self.rolling_torque: dict[tuple[int, int], NDArray[np.float64]] = {}
-        self.gentle = False
-        """Rolling resistance as in a trial of stability (rolling.py)."""
-        self.seconds = 1.0
-        """Length of the step that is being solved [s]."""
         self.smooth = np.zeros((len(soft.rest), 9))
+        """Room for the deformation at the nodes, averaged anew in every query."""
         self.interpolation = {s.index: _interpolation(s, len(soft.rest)) for s in soft.bodies}
         """Surface points from nodes, shape (points, n)."""
-        self.unlocated = 0
-        """As in Contacts, of the query that is going on."""
-        self._earlier: tuple[State | None, dict[int, NDArray[np.float64]]] = (None, {})
-        """The last step's start and the surfaces there."""
+
+    def fresh_memory(self) -> ContactMemory:
+        """What contacts remember before any step."""
+        return ContactMemory({pair.key: pair.fresh_memory() for pair in self.pairs})
 
     def surface(self, state: State, index: int) -> NDArray[np.float64]:
         """World positions of the body's surface points [m], shape (n, 3)."""
@@ -155,54 +190,67 @@ class ContactQuery:
             return np.asarray(self.interpolation[index] @ state.x)
         return np.asarray((body.vertices - body.center_of_mass) @ state.rotation[index].T + state.center[index])
 
-    def find(self, state: State, before: State) -> Contacts:
-        """Active points, forces and tangents at `state`, with friction measured from the start of the step `before`."""
-        self.unlocated = 0
+    def begin(self, state: State, seconds: float, rolling: RollingLaw = law_stiff) -> StepStart:
+        """A step of some seconds from a state, which must not change until the step is done."""
+        return StepStart(state, seconds, rolling, {i: self.surface(state, i) for i in {p.a for p in self.pairs}})
+
+    def find(self, state: State, start: StepStart) -> Contacts:
+        """Active points, forces and tangents at `state`, with friction measured from the start of the step.
+
+        The search for material points starts at those that `state` remembers.
+        """
         surfaces = {i: self.surface(state, i) for i in {p.a for p in self.pairs}}
-        if self._earlier[0] is not before:
-            self._earlier = before, {i: self.surface(before, i) for i in {p.a for p in self.pairs}}
-        earlier = self._earlier[1]
         for index in sorted({p.b for p in self.pairs} & set(self.soft_of)):
             query.average_deformation(
                 self.soft_of[index].near_surface, state.x, self.soft.cell_node, self.soft.cell_size,
                 self.soft.node_cell,
                 self.smooth,
             )  # fmt: skip
-        touching = [t for p in self.pairs if (t := self._touch(p, state, before, surfaces, earlier)) is not None]
-        return self._collect(touching, state, before)
+        near = {p.key: inside(surfaces[p.a], *self._solid_box(state, p.b)).astype(np.int32) for p in self.pairs}
+        found = {
+            p.key: self._locate(p.b, state, surfaces[p.a], near[p.key], state.memory.points[p.key].material_point)
+            for p in self.pairs
+            if len(near[p.key])
+        }
+        touching = [
+            t
+            for p in self.pairs
+            if p.key in found and (t := self._touch(p, state, surfaces[p.a], near[p.key], found[p.key], start))
+        ]
+        contacts = self._collect(touching, state, start)
+        contacts.unlocated = sum(one.unlocated for one in found.values())
+        contacts.memory = self._memory(contacts, state, start, near, found)
+        return contacts
 
     def _touch(
         self,
         pair: Pair,
         state: State,
-        before: State,
-        surfaces: dict[int, NDArray[np.float64]],
-        earlier: dict[int, NDArray[np.float64]],
+        points: NDArray[np.float64],
+        near: NDArray[np.int32],
+        found: Located,
+        start: StepStart,
     ) -> Touching | None:
-        points = surfaces[pair.a]
-        near = inside(points, *self._solid_box(state, pair.b)).astype(np.int32)
-        if len(near) == 0:
-            return None
-        material, gap, normal, node, weight = self._query(pair, state, points, near)
-        active = np.flatnonzero(gap < 0.0)
+        active = np.flatnonzero(found.gap < 0.0)
         if len(active) == 0:
             return None
         index = near[active].astype(np.int64)
-        slip = (points[index] - earlier[pair.a][index]) - self._motion(
-            pair.b, material[active], node[active], weight[active], state, before
+        gap, normal, node, weight = found.gap[active], found.normal[active], found.node[active], found.weight[active]
+        slip = (points[index] - start.surfaces[pair.a][index]) - self._motion(
+            pair.b, found.material[active], node, weight, state, start.state
         )
-        force, tangent, coupling, anchor, sliding = point_forces(pair, index, gap[active], normal[active], slip)
-        sliding &= np.linalg.norm(slip, axis=1) > STICK_SPEED * self.seconds
+        memory = start.state.memory.points[pair.key]
+        force, tangent, coupling, anchor, sliding = point_forces(pair, memory, index, gap, normal, slip)
+        sliding &= np.linalg.norm(slip, axis=1) > STICK_SPEED * start.seconds
         nodes = np.zeros((len(active), 16), dtype=np.int64)
         weights = np.zeros((len(active), 16))
         if pair.a in self.soft_of:
             nodes[:, :8] = self.soft_of[pair.a].surface_node[index]
             weights[:, :8] = self.soft_of[pair.a].surface_weight[index]
-        nodes[:, 8:], weights[:, 8:] = node[active], -weight[active]
+        nodes[:, 8:], weights[:, 8:] = node, -weight
         return Touching(
-            pair, index, points[index], gap[active], normal[active], force, tangent, coupling, anchor, sliding, nodes,
-            weights,
-        )  # fmt: skip
+            pair, index, points[index], gap, normal, force, tangent, coupling, anchor, sliding, nodes, weights
+        )
 
     def _solid_box(self, state: State, index: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """World box outside of which no point can be inside a body [m]: of a soft body's cells, or of the samples of a
@@ -214,35 +262,40 @@ class ContactQuery:
         corner = body.distance.origin + body.distance.spacing * end * np.array(list(np.ndindex(2, 2, 2)))
         return bounds((corner - body.center_of_mass) @ state.rotation[index].T + state.center[index])
 
-    def _query(
-        self, pair: Pair, state: State, points: NDArray[np.float64], near: NDArray[np.int32]
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.int64], NDArray[np.float64]]:
-        body = self.model.bodies[pair.b]
+    def _locate(
+        self,
+        index: int,
+        state: State,
+        points: NDArray[np.float64],
+        near: NDArray[np.int32],
+        guess: NDArray[np.float64],
+    ) -> Located:
+        """Where the points (n, 3) with the indices `near` are in a body; in a soft one the search starts at the
+        material points `guess` (n, 3), where they are not NaN."""
+        body = self.model.bodies[index]
         count = len(near)
         gap, normal = np.full(count, query.FAR), np.zeros((count, 3))
         node, weight = np.zeros((count, 8), dtype=np.int64), np.zeros((count, 8))
         grid = body.distance
-        if pair.b not in self.soft_of:
+        if index not in self.soft_of:
             material = np.zeros((count, 3))
             query.query_rigid(
-                points, near, state.rotation[pair.b], state.center[pair.b], body.center_of_mass, grid.origin,
+                points, near, state.rotation[index], state.center[index], body.center_of_mass, grid.origin,
                 grid.spacing, grid.values, material, gap, normal,
             )  # fmt: skip
-            return material, gap, normal, node, weight
-        one = self.soft_of[pair.b]
-        material = pair.guess[near].copy()
+            return Located(material, gap, normal, node, weight, np.zeros(count, dtype=bool))
+        one = self.soft_of[index]
+        material = guess[near]
         cell = np.full(count, -1, dtype=np.int32)
         query.query_soft(
             points, near, state.x, *one.planes, one.cell_id, self.soft.cell_node, self.smooth,
-            grid.origin, grid.spacing, grid.values, self._undeformed(pair.b, state, points[near]), material, gap,
+            grid.origin, grid.spacing, grid.values, self._undeformed(index, state, points[near]), material, gap,
             normal, cell, weight,
         )  # fmt: skip
         found = cell >= 0
-        self.unlocated += int((cell == query.UNLOCATED).sum())
-        pair.guess[near] = np.where(found[:, None], material, np.nan)
         node[found] = self.soft.cell_node[cell[found]]
         weight[~found] = 0.0
-        return material, gap, normal, node, weight
+        return Located(material, gap, normal, node, weight, found, int((cell == query.UNLOCATED).sum()))
 
     def _undeformed(self, index: int, state: State, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """Where points (k, 3) would be in a soft body's start pose, had it only moved rigidly [m]."""
@@ -268,7 +321,7 @@ class ContactQuery:
         now = arm @ state.rotation[index].T + state.center[index]
         return np.asarray(now - arm @ before.rotation[index].T - before.center[index])
 
-    def _collect(self, touching: list[Touching], state: State, before: State) -> Contacts:
+    def _collect(self, touching: list[Touching], state: State, start: StepStart) -> Contacts:
         count = len(self.soft.rest)
         rows = [
             (t.pair.a, t.pair.b, t.position, t.force, t.tangent, t.coupling, t.node, t.weight) for t in touching
@@ -276,9 +329,7 @@ class ContactQuery:
         if not rows:
             none = np.zeros(0, dtype=np.int64)
             place, matrix = np.zeros((0, 3)), np.zeros((0, 3, 3))
-            return Contacts(
-                [], sparse.csr_matrix((0, count)), place, matrix, matrix, place, none, none, unlocated=self.unlocated
-            )
+            return Contacts([], sparse.csr_matrix((0, count)), place, matrix, matrix, place, none, none)
         a, b, position, force, tangent, coupling, nodes, weights = zip(*rows, strict=True)
         spins = self._spins({*a, *b}, state)
         node, weight = np.concatenate(nodes), np.concatenate(weights)
@@ -297,12 +348,35 @@ class ContactQuery:
             np.concatenate(position),
             np.repeat(np.array(a, dtype=np.int64), sizes),
             np.repeat(np.array(b, dtype=np.int64), sizes),
-            self._rolling(touching, state, before, spins),
+            self._rolling(touching, state, start, spins),
             spins,
-            self.unlocated,
         )
 
-    def _rolling(self, touching: list[Touching], state: State, before: State, spins: dict[int, Spin]) -> list[Rolling]:
+    def _memory(
+        self,
+        contacts: Contacts,
+        state: State,
+        start: StepStart,
+        near: dict[tuple[int, int], NDArray[np.int32]],
+        found: dict[tuple[int, int], Located],
+    ) -> ContactMemory:
+        points = {}
+        for key, old in start.state.memory.points.items():
+            material_point = state.memory.points[key].material_point
+            if key in found and key[1] in self.soft_of:
+                here = found[key]
+                material_point[near[key]] = np.where(here.found[:, None], here.material, np.nan)
+            anchor, sliding = np.zeros_like(old.anchor), np.zeros_like(old.sliding)
+            points[key] = PointMemory(old.stiffness, anchor, sliding, material_point)
+        for t in contacts.touching:
+            points[t.pair.key].anchor[t.point] = t.anchor
+            points[t.pair.key].sliding[t.point] = t.sliding
+        touched = frozenset(int(i) for i in np.union1d(contacts.a, contacts.b))
+        return ContactMemory(points, {(r.a, r.b): r.elastic for r in contacts.rolling}, touched)
+
+    def _rolling(
+        self, touching: list[Touching], state: State, start: StepStart, spins: dict[int, Spin]
+    ) -> list[Rolling]:
         """One torque per touching pair of bodies with rolling resistance."""
         load: dict[tuple[int, int], float] = {}
         for t in touching:
@@ -313,11 +387,11 @@ class ContactQuery:
             one, two = self.model.bodies[a], self.model.bodies[b]
             length = float(np.sqrt(one.rolling_resistance * two.rolling_resistance))
             if length > 0.0:
-                turn = self._turn(a, state, before, spins) - self._turn(b, state, before, spins)
+                turn = self._turn(a, state, start.state, spins) - self._turn(b, state, start.state, spins)
                 moving = min((x for x in (one, two) if not x.fixed), key=lambda body: body.size)
-                start = self.rolling_torque.get((a, b), np.zeros(3))
-                law = Law.of(length, normal_force, 0.5 * moving.size, moving.mass, gentle=self.gentle)
-                out.append(resist(a, b, law, start, turn, self.seconds))
+                torque = start.state.memory.rolling_torque.get((a, b), np.zeros(3))
+                law = start.rolling(length, normal_force, 0.5 * moving.size, moving.mass)
+                out.append(resist(a, b, law, torque, turn, start.seconds))
         return out
 
     def _turn(self, index: int, state: State, before: State, spins: dict[int, Spin]) -> NDArray[np.float64]:
@@ -347,19 +421,10 @@ class ContactQuery:
                 out[index] = Spin.of(one.nodes, self.soft.mass[one.nodes], state.x[one.nodes])
         return out
 
-    def remember(self, contacts: Contacts) -> None:
-        """Accept a step: store anchors of touching points, forget the others."""
-        for pair in self.pairs:
-            pair_points = [t for t in contacts.touching if t.pair is pair]
-            anchor, sliding = np.zeros_like(pair.anchor), np.zeros_like(pair.sliding)
-            for t in pair_points:
-                anchor[t.point], sliding[t.point] = t.anchor, t.sliding
-            pair.anchor, pair.sliding = anchor, sliding
-        self.rolling_torque = {(r.a, r.b): r.elastic for r in contacts.rolling}
-
 
 def point_forces(
     pair: Pair,
+    memory: PointMemory,
     index: NDArray[np.int64],
     gap: NDArray[np.float64],
     normal: NDArray[np.float64],
@@ -372,14 +437,14 @@ def point_forces(
     so that the force
     is a continuous function of the step's motion and Newton can converge.
     """
-    stiffness = pair.stiffness[index]
+    stiffness = memory.stiffness[index]
     load = -stiffness * gap
     outer = normal[:, :, None] * normal[:, None, :]
     plane = np.eye(3) - outer
-    trial = np.einsum("kij,kj->ki", plane, pair.anchor[index] + slip)
+    trial = np.einsum("kij,kj->ki", plane, memory.anchor[index] + slip)
     size = np.linalg.norm(trial, axis=1)
     tangential = TANGENTIAL_SHARE * stiffness
-    coefficient = np.where(pair.sliding[index], pair.dynamic_friction, pair.static_friction)
+    coefficient = np.where(memory.sliding[index], pair.dynamic_friction, pair.static_friction)
     limit = coefficient * load
     slides = tangential * size > limit
     direction = np.divide(trial, size[:, None], out=np.zeros_like(trial), where=size[:, None] > 0.0)

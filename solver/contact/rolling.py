@@ -1,15 +1,16 @@
 """Rolling and torsional resistance: a torque against the relative rotation of two touching bodies, at most b * N.
 
 Like friction it remembers: an elastic angle first, then the torque stays at its limit. On the way to rest the spring
-is stiff, so that a ball stops. While a rest state is tried with a kick it is `gentle`: a damped spring far below what
-would hold up a body that is about to fall over (SHARE of N times the body's half size), because resistance to rolling
-must not make a pencil stand. The rotation of a soft body is that of its mass-weighted best fit, theta = I^-1 sum m r
-x u, and its torque is spread over its nodes so that both do the same work. Rolling resistance length b: [J85, Sec.
-9.3].
+is stiff (`law_stiff`), so that a ball stops. While a rest state is tried with a kick it is compliant (`law_compliant`):
+a damped spring far below what would hold up a body that is about to fall over (SHARE of N times the body's half size),
+because resistance to rolling must not make a pencil stand. The rotation of a soft body is that of its mass-weighted
+best fit, theta = I^-1 sum m r x u, and its torque is spread over its nodes so that both do the same work. Rolling
+resistance length b: [J85, Sec. 9.3].
 
 [J85] Johnson: Contact Mechanics. Cambridge University Press, 1985.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -75,15 +76,22 @@ class Law:
     damping: float
     """[N m s/rad]."""
 
-    @classmethod
-    def of(cls, length: float, normal_force: float, reach: float, mass: float, *, gentle: bool) -> "Law":
-        """Of resistance length b [m], normal force N [N], and the moving body's half size [m] and mass [kg]."""
-        limit = length * normal_force
-        stiff = limit / LEAST_ANGLE
-        if not gentle:
-            return cls(limit, stiff, 0.0)
-        stiffness = min(stiff, SHARE * normal_force * reach)
-        return cls(limit, stiffness, 2.0 * GYRATION * reach * float(np.sqrt(stiffness * mass)))
+
+RollingLaw = Callable[[float, float, float, float], Law]
+"""Resistance length b [m], normal force N [N], the moving body's half size [m] and mass [kg] -> the pair's numbers."""
+
+
+def law_stiff(length: float, normal_force: float, half_size: float, mass: float) -> Law:
+    """On the way to rest: stops what rolls."""
+    limit = length * normal_force
+    return Law(limit, limit / LEAST_ANGLE, 0.0)
+
+
+def law_compliant(length: float, normal_force: float, half_size: float, mass: float) -> Law:
+    """While a rest state is tried: gives way to what falls over."""
+    limit = length * normal_force
+    stiffness = min(limit / LEAST_ANGLE, SHARE * normal_force * half_size)
+    return Law(limit, stiffness, 2.0 * GYRATION * half_size * float(np.sqrt(stiffness * mass)))
 
 
 def resist(a: int, b: int, law: Law, torque: NDArray[np.float64], turn: NDArray[np.float64], seconds: float) -> Rolling:

@@ -12,6 +12,7 @@ critically, omega = sqrt(g / penetration target).
 [B98] Baraff, Witkin: Large steps in cloth simulation. SIGGRAPH 1998.
 """
 
+from dataclasses import replace
 from itertools import permutations
 
 import numpy as np
@@ -21,7 +22,7 @@ from solver.config import SolverConfig
 from solver.contact.query import ContactQuery, Contacts, Pair, vertex_areas
 from solver.model import soft as soft_system
 from solver.model.bodies import Body, Model
-from solver.model.state import State, cross_matrix, rotate, start_state
+from solver.model.state import ContactMemory, State, cross_matrix, rotate, start_state
 
 Array = NDArray[np.float64]
 
@@ -36,8 +37,9 @@ class RigidBodies:
         self.index = [i for i, b in enumerate(model.bodies) if b.soft is None]
         self.free = [i for i in self.index if not model.bodies[i].fixed]
         no_soft = soft_system.empty()
-        self.state: State = start_state(model, no_soft)
         self.query = ContactQuery(model, no_soft, rigid_pairs(model, config))
+        self.state: State = start_state(model, no_soft)
+        self.state.memory = self.query.fresh_memory()
         self.contacts: Contacts | None = None
         self.impulses: dict[tuple[int, int], Array] = {}
         """Impulse on the first body of each touching pair and its normal part since last emptied [N s]."""
@@ -90,11 +92,10 @@ class RigidBodies:
         # springs are looked up where the bodies would be at the end of the step, so slip is that of this step
         ahead = self.state.copy()
         self._move(ahead, dt)
-        self.query.seconds = dt
-        contacts = self.query.find(ahead, self.state.copy())
+        contacts = self.query.find(ahead, self.query.begin(self.state, dt))
         self.contacts = contacts
+        self.state.memory = contacts.memory
         if not contacts.touching:
-            self.query.remember(contacts)
             return
         row = {i: 6 * k for k, i in enumerate(self.free)}
         count = 6 * len(self.free)
@@ -128,8 +129,7 @@ class RigidBodies:
         for (i, _), (at, G) in arms.items():
             for speed, end in zip(slip, (q, after), strict=True):
                 speed[at] += np.einsum("kij,j->ki", G, end[row[i] : row[i] + 6])
-        _end_anchors(contacts, dt * (slip[1] - slip[0]))
-        self.query.remember(contacts)
+        self.state.memory = _end_anchors(contacts, dt * (slip[1] - slip[0]))
         moved = dt * (slip[1] - slip[0]) + self.damping * slip[1]
         self._add_impulses(contacts, dt * (contacts.force - np.einsum("kij,kj->ki", contacts.tangent, moved)))
         for i in self.free:
@@ -165,15 +165,19 @@ class RigidBodies:
         return self.query.surface(self.state, index)
 
 
-def _end_anchors(contacts: Contacts, ahead: Array) -> None:
-    """Friction's anchors at the end of a step: of points that stick they follow where the step led, which is `ahead`
-    (k, 3) [m] of where the springs were looked up; else a body would creep to make up for the difference."""
-    first = 0
+def _end_anchors(contacts: Contacts, ahead: Array) -> ContactMemory:
+    """Memory with friction's anchors at the end of a step: of points that stick they follow where the step led, which
+    is `ahead` (k, 3) [m] of where the springs were looked up; else a body would creep to make up for the difference."""
+    first, points = 0, dict(contacts.memory.points)
     for t in contacts.touching:
         more = ahead[first : first + len(t.point)]
         first += len(t.point)
         along = more - (more * t.normal).sum(axis=1, keepdims=True) * t.normal
-        t.anchor = np.where(t.sliding[:, None], t.anchor, t.anchor + along)
+        old = points[t.pair.key]
+        anchor = old.anchor.copy()
+        anchor[t.point] = np.where(t.sliding[:, None], t.anchor, t.anchor + along)
+        points[t.pair.key] = replace(old, anchor=anchor)
+    return replace(contacts.memory, points=points)
 
 
 def _of(model: Model) -> list[tuple[int, Body]]:
@@ -189,10 +193,5 @@ def rigid_pairs(model: Model, config: SolverConfig) -> list[Pair]:
             load = max(body.mass for body in (one, two) if not body.fixed) * gravity
             count = len(one.vertices)
             stiffness = np.full(count, load / (3.0 * config.penetration_target))
-            out.append(
-                Pair(
-                    a, b, *model.friction(one, two), stiffness, vertex_areas(one), np.zeros((count, 3)),
-                    np.zeros(count, dtype=bool), np.full((count, 3), np.nan),
-                )
-            )  # fmt: skip
+            out.append(Pair(a, b, *model.friction(one, two), stiffness, vertex_areas(one)))
     return out

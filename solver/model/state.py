@@ -1,10 +1,11 @@
-"""The changing part of a simulation: node positions, rigid poses and their velocities.
+"""The changing part of a simulation: node positions, rigid poses, their velocities, and what contacts remember.
 
 Degrees of freedom: three per free node, six (translation, rotation about the centre of mass) per moving frame. A
 frame is a free rigid body or the rigid core of a soft body; core nodes follow their frame.
 """
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +13,42 @@ from scipy.spatial.transform import Rotation
 
 from solver.model.bodies import Model
 from solver.model.soft import SoftSystem
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class PointMemory:
+    """What the surface points of one pair of bodies remember from step to step."""
+
+    stiffness: NDArray[np.float64]
+    """Normal stiffness per point [N/m], shape (n,)."""
+    anchor: NDArray[np.float64]
+    """Elastic tangential displacement of each point [m], world axes, shape (n, 3)."""
+    sliding: NDArray[np.bool_]
+    """Points that slid at the end of the last step, shape (n,)."""
+    material_point: NDArray[np.float64]
+    """Where in the start pose of a soft partner each point was last [m], NaN where it was nowhere, shape (n, 3); shared
+    by all states: every query writes where it found the points."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class ContactMemory:
+    """What contacts remember of the way to a state. A value: a step makes a new one and edits none."""
+
+    points: Mapping[tuple[int, int], PointMemory] = field(default_factory=dict)
+    """By pair: the body of the points, the body that they touch."""
+    rolling_torque: Mapping[tuple[int, int], NDArray[np.float64]] = field(default_factory=dict)
+    """Elastic part of the torque against rolling per pair of bodies [N m], shape (3,)."""
+    touched: frozenset[int] = frozenset()
+    """Bodies in contact or bonded at the end of the last step."""
+    stiffened: tuple[tuple[int, NDArray[np.float64]], ...] = ()
+    """Bodies whose contacts have become stiffer since the last step, and the unit normals there. The next step brings
+    positions into balance with that, which is no motion."""
+
+    def stiffen(self, pair: tuple[int, int], factor: float) -> "ContactMemory":
+        """With a stiffer pair; anchors give way, so that friction stays as it is."""
+        old = self.points[pair]
+        new = replace(old, stiffness=factor * old.stiffness, anchor=old.anchor / factor)
+        return replace(self, points={**self.points, pair: new})
 
 
 @dataclass(eq=False, slots=True)
@@ -33,12 +70,13 @@ class State:
     polar: NDArray[np.float64]
     """Warm start of the particles' rotations, row-major, shape (p, 9)."""
     time: float = 0.0
+    memory: ContactMemory = field(default_factory=ContactMemory)
 
     def copy(self) -> "State":
         """An independent copy."""
         return State(
             self.x.copy(), self.v.copy(), self.rotation.copy(), self.center.copy(), self.velocity.copy(),
-            self.angular_velocity.copy(), self.polar.copy(), self.time,
+            self.angular_velocity.copy(), self.polar.copy(), self.time, self.memory,
         )  # fmt: skip
 
     def move_as(self, other: "State") -> None:
@@ -54,8 +92,8 @@ class State:
         self.angular_velocity[:] = 0.0
 
 
-def start_state(model: Model, soft: SoftSystem) -> State:
-    """Everything in its start pose with the bodies' start velocities."""
+def start_state(model: Model, soft: SoftSystem, memory: ContactMemory | None = None) -> State:
+    """Everything in its start pose with the bodies' start velocities; `memory` is that of contacts before any step."""
     count = len(model.bodies)
     velocity = np.array([b.velocity for b in model.bodies]).reshape(count, 3)
     angular = np.array([b.angular_velocity for b in model.bodies]).reshape(count, 3)
@@ -68,6 +106,7 @@ def start_state(model: Model, soft: SoftSystem) -> State:
     return State(
         x=soft.rest.copy(), v=v, rotation=np.tile(np.eye(3), (count, 1, 1)), center=center.copy(), velocity=velocity,
         angular_velocity=angular, polar=np.tile(np.eye(3).ravel(), (len(soft.volume), 1)),
+        memory=memory or ContactMemory(),
     )  # fmt: skip
 
 

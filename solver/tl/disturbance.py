@@ -6,10 +6,9 @@ A rest state is verified with a small kick; a graded push (stability.py) ends in
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from solver.certificate import Signals
-from solver.contact.query import ContactQuery
+from solver.contact.rolling import law_compliant
 from solver.model.state import State
 from solver.tl.simulation import Course, Progress
 
@@ -47,26 +46,6 @@ class Patience:
     """Beyond it at the end of a period."""
     speed: float
     """Faster at the end of a period, over the kick's speed [-]."""
-
-
-@dataclass(frozen=True, eq=False, slots=True)
-class Memory:
-    """What contacts remember of the way to a rest state: friction's anchors, sliding points, rolling torques."""
-
-    pairs: tuple[tuple[NDArray[np.float64], NDArray[np.bool_], NDArray[np.float64]], ...]
-    rolling: dict[tuple[int, int], NDArray[np.float64]]
-
-    @classmethod
-    def of(cls, query: ContactQuery) -> "Memory":
-        """As it is now."""
-        pairs = tuple((p.anchor.copy(), p.sliding.copy(), p.guess.copy()) for p in query.pairs)
-        return cls(pairs, {k: v.copy() for k, v in query.rolling_torque.items()})
-
-    def restore(self, query: ContactQuery) -> None:
-        """As it was, so that trials do not depend on their order."""
-        for pair, (anchor, sliding, guess) in zip(query.pairs, self.pairs, strict=True):
-            pair.anchor, pair.sliding, pair.guess = anchor.copy(), sliding.copy(), guess.copy()
-        query.rolling_torque = {k: v.copy() for k, v in self.rolling.items()}
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -144,17 +123,16 @@ def follow(
 ) -> Aftermath:
     """Let a disturbed state go on from where it is; it is stable if it comes to rest within `near` of the rest state.
 
-    Rolling resistance is gentle from here on (rolling.py).
+    Rolling resistance gives way meanwhile (rolling.py).
     """
     c = course.config
     start, farthest, dt = state.time, 0.0, 0.5 * course.balance_step()
-    course.query.gentle = True
     undecided, segment = True, 0
     while undecided and segment < c.kick_segments:
         segment += 1
         first = len(course.history)
         while state.time < start + segment * c.kick_seconds - 1e-9:
-            state, report, dt = course.step(state, dt)
+            state, report, dt = course.step(state, dt, rolling=law_compliant)
             course.record(state, report, progress)
             reach = Reach.between(course, rest, state)
             farthest = max(farthest, reach.distance)

@@ -10,11 +10,12 @@ from solver.config import SolverConfig
 from solver.contact.bonds import build_bonds
 from solver.contact.predict import contact_stiffness
 from solver.contact.query import ContactQuery, Pair, vertex_areas
+from solver.contact.rolling import RollingLaw, law_stiff
 from solver.errors import ModelError, UnstableStep
 from solver.model import soft as soft_system
 from solver.model.bodies import Body, Model
 from solver.model.soft import SoftSystem
-from solver.model.state import State, best_rigid_motion
+from solver.model.state import State, best_rigid_motion, start_state
 from solver.tl.step import Stepper, StepReport
 
 Progress = Callable[[int, float, Signals], None]
@@ -47,16 +48,14 @@ class Course:
         self.query = ContactQuery(model, self.soft, pairs, build_bonds(model, self.soft, config.penetration_target))
         weights = np.full(len(model.bodies), self.weight)
         weights[self.free] = [self.mass[i] * self.gravity for i in self.free]
-        self.stepper = Stepper(model, self.soft, self.query, config, weights)
+        damping = 0.0
         if not config.inertia:
-            self.stepper.damping = predicted_damping(model, config, {i: self.mass[i] for i in self.free}, self.gravity)
+            damping = predicted_damping(model, config, {i: self.mass[i] for i in self.free}, self.gravity)
+        self.stepper = Stepper(model, self.soft, self.query, config, weights, damping)
         self.wave_step = config.inertia_step * crossing_seconds(model) if config.inertia else np.inf
         """Longest step that resolves elastic waves [s]."""
         self.care = 1.0
         """Factor of the tolerance to which steps at rest are solved."""
-        self.correcting: list[tuple[int, NDArray[np.float64]]] = []
-        """Bodies whose contacts became stiffer, and the normals there. The next step brings positions into balance with
-        that, which is no motion: velocities stay, but for the approach along the normals, which ends."""
         self.history: list[Signals] = []
         self.warnings: list[str] = []
 
@@ -65,7 +64,13 @@ class Course:
             return float(self.soft.mass[one.nodes].sum())
         return self.model.bodies[index].mass
 
-    def step(self, state: State, dt: float, load: Load | None = None) -> tuple[State, StepReport, float]:
+    def start_state(self) -> State:
+        """Everything in its start pose, contacts without any memory."""
+        return start_state(self.model, self.soft, self.query.fresh_memory())
+
+    def step(
+        self, state: State, dt: float, load: Load | None = None, rolling: RollingLaw = law_stiff
+    ) -> tuple[State, StepReport, float]:
         """One accepted step of at most `dt` [s] and the proposal for the next; `load` acts besides gravity."""
         speed = self.history[-1].speed if self.history else 0.0
         dt = min(dt, self._longest_step(speed))
@@ -73,8 +78,8 @@ class Course:
         shortest = min(self.config.shortest_step_seconds, SHORTER * self.wave_step)
         tolerance = self.config.moving_tolerance if moving else self.care * self.config.newton_tolerance
         while True:
-            self.stepper.push[:] = 0.0 if load is None else load(state.time + dt)
-            after, report = self.stepper.advance(state, dt, tolerance)
+            push = None if load is None else load(state.time + dt)
+            after, report = self.stepper.step(state, dt, tolerance, push, rolling)
             bound = self.config.acceptable_residual * (1.0 + self.config.impact_share * speed / (self.gravity * dt))
             if report.residual <= bound:
                 break
@@ -88,17 +93,15 @@ class Course:
                     f"{report.inverted} inverted particles"
                 )
             dt = max(0.5 * dt, shortest)
-        self.query.remember(report.contacts)
-        if self.correcting:
+        if state.memory.stiffened:  # velocities stay, but for the approach along the normals, which ends
             after.move_as(state)
-            for index, normal in self.correcting:
+            for index, normal in state.memory.stiffened:
                 self._end_approach(after, index, normal)
-            self.correcting = []
         easy = report.newton <= self.config.newton_limit // 2 and (len(report.contacts.a) > 0 or not self.free)
         return after, report, dt * (STEP_GROWTH if easy else 1.0)
 
     def _end_approach(self, state: State, index: int, normal: NDArray[np.float64]) -> None:
-        """Take the motion along a unit normal out of a body; what is clamped comes to a stand."""
+        """Take the motion along a unit normal out of a body; what is clamped is stopped."""
         one, body = self.soft_of.get(index), self.model.bodies[index]
         if one is None and not body.fixed:
             state.velocity[index] -= (state.velocity[index] @ normal) * normal
@@ -189,10 +192,7 @@ def contact_pairs(model: Model, soft: SoftSystem, config: SolverConfig, gravity:
             if one.soft is not None or two.soft is not None:
                 cell, modulus = softest(one, two)
                 stiffness = np.minimum(stiffness, CELL_STIFFNESS * modulus / cell * np.minimum(area, cell**2))
-            mu_s, mu_d = model.friction(one, two)
-            points = len(one.vertices)
-            anchor, guess = np.zeros((points, 3)), np.full((points, 3), np.nan)
-            pairs.append(Pair(a, b, mu_s, mu_d, stiffness, area, anchor, np.zeros(points, dtype=bool), guess))
+            pairs.append(Pair(a, b, *model.friction(one, two), stiffness, area))
     return pairs
 
 

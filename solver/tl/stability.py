@@ -15,9 +15,10 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from solver.contact.rolling import law_compliant
 from solver.errors import UnstableStep
 from solver.model.state import State
-from solver.tl.disturbance import Memory, Patience, Reach, follow, standing
+from solver.tl.disturbance import Patience, Reach, follow, standing
 from solver.tl.simulation import Course, Progress
 
 GONE = Reach(0.5, np.pi / 3.0)  # half its size away, or turned by 60 degrees: lost, whatever comes after [-], [rad]
@@ -29,8 +30,6 @@ class Pushes:
 
     course: Course
     rest: State
-    memory: Memory
-    """What contacts remembered at the rest state."""
     index: int
     direction: NDArray[np.float64]
     """Horizontal unit vector, shape (3,)."""
@@ -45,7 +44,6 @@ class Pushes:
         """
         course, kept = self.course, self.course.history
         course.history = []
-        self.memory.restore(course.query)
         try:
             held, self.ends[level] = self._push(level * course.config.push_step, progress)
         except UnstableStep as error:
@@ -67,9 +65,8 @@ class Pushes:
             return min((time - self.rest.time) / seconds, 1.0) * full
 
         state, dt = standing(self.rest), 0.5 * course.balance_step()
-        course.query.gentle = True
         while state.time < self.rest.time + 2.0 * seconds - 1e-9:
-            state, report, dt = course.step(state, dt, load)
+            state, report, dt = course.step(state, dt, load, law_compliant)
             course.record(state, report, progress)
             reach = Reach.between(course, self.rest, state)
             if not reach.within(gone):
@@ -91,7 +88,7 @@ class Pushes:
         }  # fmt: skip
 
 
-def grade(course: Course, rest: State, memory: Memory, progress: Progress | None) -> dict[str, object]:
+def grade(course: Course, rest: State, progress: Progress | None) -> dict[str, object]:
     """The certificate's `stability`: for every free body and direction the largest push held and the smallest lost,
     over the body's weight (lost is null where the largest one tried was held), and the smallest of all held ones.
 
@@ -108,7 +105,7 @@ def grade(course: Course, rest: State, memory: Memory, progress: Progress | None
         rows: list[dict[str, object]] = []
         found: list[int] = []
         for direction in directions(course.model.gravity, c.push_directions):
-            pushes = Pushes(course, rest, memory, index, direction)
+            pushes = Pushes(course, rest, index, direction)
             guess = found[-quarter] if len(found) >= quarter else None
             level, row = pushes.bracket(most, guess, progress)
             found.append(level)

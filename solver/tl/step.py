@@ -10,13 +10,14 @@ path to rest needs; stiffness-proportional damping beta K (Kelvin-Voigt) stands 
 [B96] Bathe: Finite Element Procedures, Prentice Hall 1996.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from solver.config import SolverConfig
-from solver.contact.query import ContactQuery, Contacts
+from solver.contact.query import ContactQuery, Contacts, StepStart
+from solver.contact.rolling import RollingLaw, law_stiff
 from solver.errors import UnstableStep
 from solver.kernels import elastic, sparse
 from solver.model.bodies import Model
@@ -50,6 +51,25 @@ class StepReport:
 
 
 @dataclass(frozen=True, eq=False, slots=True)
+class StepProblem:
+    """What one step is to solve."""
+
+    start: StepStart
+    push: NDArray[np.float64]
+    """Acceleration that acts on each body besides gravity [m/s^2], shape (b, 3)."""
+
+    @property
+    def before(self) -> State:
+        """The state that the step begins at."""
+        return self.start.state
+
+    @property
+    def dt(self) -> float:
+        """[s]."""
+        return self.start.seconds
+
+
+@dataclass(frozen=True, eq=False, slots=True)
 class Trial:
     """A guess of the state at the end of a step."""
 
@@ -70,10 +90,20 @@ def carried_weights(weights: NDArray[np.float64], contacts: Contacts) -> NDArray
 
 
 class Stepper:
-    """Work arrays of one simulation; `advance` moves a state by one step."""
+    """`step` moves a state by one step; holds what is constant, and work arrays.
+
+    All that a step starts from is in its arguments, but for one cache: the elastic tangent (tangent.py) may be that of
+    an earlier state, which changes how Newton's iterations get to a solution within its tolerance.
+    """
 
     def __init__(
-        self, model: Model, soft: SoftSystem, query: ContactQuery, config: SolverConfig, weights: NDArray[np.float64]
+        self,
+        model: Model,
+        soft: SoftSystem,
+        query: ContactQuery,
+        config: SolverConfig,
+        weights: NDArray[np.float64],
+        damping: float = 0.0,
     ) -> None:
         self.model = model
         self.soft = soft
@@ -81,11 +111,10 @@ class Stepper:
         self.config = config
         self.weights = weights
         """Weight of each body [N], of fixed ones that of all free ones, shape (b,)."""
-        self.damping = 0.0
+        self.damping = damping
+        """Stiffness-proportional damping beta [s]."""
         self.theta = config.inertia_theta if config.inertia else 1.0
         """Where in a step forces and contacts are taken [-]."""
-        self.push = np.zeros((len(model.bodies), 3))
-        """Acceleration that acts on each body besides gravity [m/s^2], shape (b, 3)."""
         cells, particles = len(soft.cell_node), len(soft.volume)
         self.cell_force = np.zeros((cells, 8, 3))
         self.tangent = ElasticTangent(soft, config.tangent_refresh)
@@ -96,8 +125,6 @@ class Stepper:
             i for i, b in enumerate(model.bodies) if not b.fixed and (b.soft is None or (soft.core == i).any())
         ]
         self.tied = [np.flatnonzero(soft.core == i) for i in self.frame_bodies]
-        self.touched: set[int] = set()
-        """Bodies in contact at the end of the last step."""
 
     def frames(self, state: State) -> Frames:
         """The moving frames at a state."""
@@ -125,59 +152,74 @@ class Stepper:
             elastic.gather_forces(s.node_cell, self.cell_force, f)
         return f
 
-    def advance(self, state: State, dt: float, tolerance: float) -> tuple[State, StepReport]:
+    def problem(
+        self, state: State, dt: float, push: NDArray[np.float64] | None = None, rolling: RollingLaw = law_stiff
+    ) -> StepProblem:
+        """A step of `dt` [s] from a copy of the state; `push` (b, 3) accelerates bodies besides gravity [m/s^2]."""
+        push = np.zeros((len(self.model.bodies), 3)) if push is None else push
+        return StepProblem(self.query.begin(state.copy(), dt, rolling), push)
+
+    def step(
+        self,
+        state: State,
+        dt: float,
+        tolerance: float,
+        push: NDArray[np.float64] | None = None,
+        rolling: RollingLaw = law_stiff,
+    ) -> tuple[State, StepReport]:
         """The state after `dt` [s], solved to `tolerance` of every body's weight; raises UnstableStep for a state that
         is not finite.
 
         A backward Euler step to theta dt, and from there straight on: with theta = 1/2 the implicit midpoint rule.
         """
-        whole, dt = dt, self.theta * dt
-        before = state.copy()
+        problem = self.problem(state, self.theta * dt, push, rolling)
         total, count, stalled = 0, 0, False
-        self.query.seconds = dt
-        trial = self._linearise(self._predict(before, dt), before, dt)
+        trial = self._linearise(self._predict(problem), problem)
         while trial.residual > tolerance and count < self.config.newton_limit:
             solve = minimal_residual if stalled and trial.contacts.coupling.any() else conjugate_gradient
             tolerable = (TIGHTER if stalled else 1.0) * self.config.linear_tolerance
             move, iterations = solve(trial.system, trial.right, tolerable, self.config.linear_limit)
             total += iterations
             count += 1
-            best = self._after_move(trial, move, before, dt, halve=stalled)
+            best = self._after_move(trial, move, problem, halve=stalled)
             stalled |= count > 1 and best.residual > STALLED * trial.residual
             trial = best
         after, contacts = trial.state, trial.contacts
-        self._finish(after, before, dt)
+        self._finish(after, problem)
         if self.theta < 1.0:
-            self._go_on(after, before, whole)
-            self.query.seconds = whole
-            contacts = self.query.find(after, before)  # what friction remembers is the end of the whole step
-        self.touched = {int(i) for i in np.union1d(contacts.a, contacts.b)}
+            self._extrapolate(after, problem.before, dt)
+            # what friction remembers is the end of the whole step
+            contacts = self.query.find(after, replace(problem.start, seconds=dt))
+            after.memory = contacts.memory
         inverted = int((self.volume_ratio[self.soft.real] <= 0.0).sum())
         frames = trial.system.split(trial.right)[1]
         where = self._worst_place(trial)
         return after, StepReport(count, total, trial.residual, trial.worst, where, contacts, frames, inverted)
 
-    def _after_move(self, trial: Trial, move: Flat, before: State, dt: float, *, halve: bool) -> Trial:
+    def _after_move(self, trial: Trial, move: Flat, problem: StepProblem, *, halve: bool) -> Trial:
         """What a Newton move leads to; with `halve` the best of it and its halves, until one gains enough."""
         move = self._capped(trial.system, move)
-        best = latest = self._linearise(self._move(trial.state, trial.system, move), before, dt)
+        best = latest = self._linearise(self._move(trial.state, trial.system, move), problem)
         share = 1.0
         while halve and best.residual > STALLED * trial.residual and share > SHORTEST:
             share *= 0.5
-            latest = self._linearise(self._move(trial.state, trial.system, share * move), before, dt)
+            latest = self._linearise(self._move(trial.state, trial.system, share * move), problem)
             best = min(best, latest, key=lambda one: one.residual)
-        if latest is not best:  # forces, tangent and contact memory belong to what was looked at last
-            best = self._linearise(best.state, before, dt)
+        if latest is not best:  # forces and tangent are those of what was looked at last
+            best = self._linearise(best.state, problem)
         return best
 
-    def _linearise(self, state: State, before: State, dt: float) -> Trial:
-        """Forces, contacts and the system of a state at the end of a step; raises UnstableStep if it is not finite."""
+    def _linearise(self, state: State, problem: StepProblem) -> Trial:
+        """Forces, contacts and the system of a state at the end of a step, which takes over what they remember; raises
+        UnstableStep if it is not finite."""
+        dt = problem.dt
         self._require_finite(state, dt)
         force = self.elastic_forces(state)
         self.tangent.refresh(state, self.deformation)
-        contacts = self.query.find(state, before)
+        contacts = self.query.find(state, problem.start)
+        state.memory = contacts.memory
         system = TangentSystem(self.soft, self.tangent, contacts, self.frames(state), dt, self.damping)
-        right = self._residual(system, state, before, force, dt)
+        right = self._residual(system, state, force, problem)
         residual, worst = self._size(system.split(right), contacts)
         if not np.isfinite(residual):
             raise self._not_finite("forces on", worst, state, dt)
@@ -199,17 +241,19 @@ class Stepper:
             f"{np.round(one.center_of_mass, 3).tolist()} m) are not finite"
         )
 
-    def _predict(self, state: State, dt: float) -> State:
+    def _predict(self, problem: StepProblem) -> State:
         """Where everything goes on as it moved; what touched nothing falls."""
+        state, dt = problem.before, problem.dt
+        touched = state.memory.touched
         after = state.copy()
         after.x = state.x + dt * state.v
         fall = dt**2 * self.model.gravity
         for body in self.soft.bodies:
-            if not self.model.bodies[body.index].fixed and body.index not in self.touched:
+            if not self.model.bodies[body.index].fixed and body.index not in touched:
                 after.x[body.nodes] += fall
         for i in self.frame_bodies:
             after.center[i] = state.center[i] + dt * state.velocity[i]
-            if i not in self.touched:
+            if i not in touched:
                 after.center[i] += fall
             after.rotation[i] = rotate(state.rotation[i], dt * state.angular_velocity[i])
         return self._tie(after)
@@ -224,16 +268,17 @@ class Stepper:
         return state
 
     def _residual(
-        self, system: TangentSystem, after: State, before: State, elastic_force: NDArray[np.float64], dt: float
+        self, system: TangentSystem, after: State, elastic_force: NDArray[np.float64], problem: StepProblem
     ) -> Flat:
         """Force minus inertia on every degree of freedom."""
+        before, dt, push = problem.before, problem.dt, problem.push
         gravity = self.model.gravity
         velocity = (after.x - before.x) / dt
         out = system.contact_forces()
         nodes, frames = system.split(out)
         nodes += elastic_force + (self.soft.mass * self.soft.gravity_share)[:, None] * gravity
         for body in self.soft.bodies:
-            nodes[body.nodes] += self.soft.mass[body.nodes, None] * self.push[body.index]
+            nodes[body.nodes] += self.soft.mass[body.nodes, None] * push[body.index]
         nodes -= self.soft.mass[:, None] * (velocity - before.v) / dt
         if self.damping > 0.0 and len(nodes):
             drag = np.empty_like(nodes)
@@ -243,7 +288,7 @@ class Stepper:
         for f, i in enumerate(self.frame_bodies):
             linear = (after.center[i] - before.center[i]) / dt
             angular = turn_between(before.rotation[i], after.rotation[i]) / dt
-            frames[f, :3] += system.frames.mass[f] * (gravity + self.push[i] - (linear - before.velocity[i]) / dt)
+            frames[f, :3] += system.frames.mass[f] * (gravity + push[i] - (linear - before.velocity[i]) / dt)
             frames[f, 3:] -= system.frames.inertia[f] @ (angular - before.angular_velocity[i]) / dt
         return system.reduce(out)
 
@@ -295,14 +340,15 @@ class Stepper:
             after.rotation[i] = rotate(state.rotation[i], frames[f, 3:])
         return self._tie(after)
 
-    def _finish(self, after: State, before: State, dt: float) -> None:
+    def _finish(self, after: State, problem: StepProblem) -> None:
+        before, dt = problem.before, problem.dt
         after.v = (after.x - before.x) / dt
         for i in self.frame_bodies:
             after.velocity[i] = (after.center[i] - before.center[i]) / dt
             after.angular_velocity[i] = turn_between(before.rotation[i], after.rotation[i]) / dt
         after.time = before.time + dt
 
-    def _go_on(self, after: State, before: State, dt: float) -> None:
+    def _extrapolate(self, after: State, before: State, dt: float) -> None:
         """From the state at theta dt to that at dt: positions and velocities are linear in between."""
         more = 1.0 / self.theta
         after.x = before.x + more * (after.x - before.x)

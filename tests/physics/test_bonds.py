@@ -6,7 +6,6 @@ import pytest
 from solver.config import SolverConfig
 from solver.errors import ModelError
 from solver.model.bodies import Model
-from solver.model.state import start_state
 from solver.runtime import start
 from solver.settle import Drop, settle
 from solver.tl.disturbance import assemblies, struck
@@ -72,7 +71,7 @@ def test_a_kick_moves_bonded_bodies_as_one(lab):
     start(2)
     course = Drop(model, SolverConfig())
     assert assemblies(course) == [[0, 2], [1]]
-    state = struck(course, start_state(model, course.soft))
+    state = struck(course, course.start_state())
     v, spin = state.velocity, state.angular_velocity
     assert spin[0] == pytest.approx(spin[2])
     assert v[2] - v[0] == pytest.approx(np.cross(spin[0], bodies[2].center_of_mass - bodies[0].center_of_mass))

@@ -7,7 +7,6 @@ from threadpoolctl import threadpool_limits
 
 from solver.config import SolverConfig
 from solver.model.bodies import Model
-from solver.model.state import start_state
 from solver.runtime import start
 from solver.settle import Drop
 
@@ -25,7 +24,7 @@ def alone(body, **config):
     one = Drop(Model((body,), np.zeros(3)), SolverConfig(**config))
     one.stepper.damping = 0.0
     one.stepper.weights[:] = 1.0  # residuals in newtons: without gravity there is no weight to measure them by
-    return one, start_state(one.model, one.soft)
+    return one, one.start_state()
 
 
 def shaking(lab, **config):
@@ -56,7 +55,7 @@ def swinging(lab, per_period, steps, tolerance, **config):
     shape = one.soft.mass * mode
     swing = [shape @ (state.x[:, 0] - one.soft.rest[:, 0])]
     for _ in range(steps):
-        state, _ = one.stepper.advance(state, period / per_period, tolerance)
+        state, _ = one.stepper.step(state, period / per_period, tolerance)
         swing.append(shape @ (state.x[:, 0] - one.soft.rest[:, 0]))
     swing = np.array(swing)
     crossings = np.flatnonzero(np.diff(np.sign(swing)))
@@ -72,7 +71,7 @@ def test_a_shaking_free_body_keeps_momentum_and_never_gains_energy(lab):
     tolerance, dt, steps = 1e-6, 1e-3, 50
     for _ in range(steps):
         earlier = state.v
-        state, report = one.stepper.advance(state, dt, tolerance)
+        state, report = one.stepper.step(state, dt, tolerance)
         # no moment about the new positions: x' x v' = x' x v = x x v + dt v' x v, the loss of first order in dt
         spin += dt * np.cross(state.v, mass * earlier).sum(0)
         assert report.residual <= tolerance
@@ -97,7 +96,7 @@ def test_with_inertia_a_shaking_free_body_keeps_momentum_and_gains_no_energy(lab
     energies, tolerance, steps = [energy(one, state) - drift], 1e-6, 100
     dt = one.wave_step
     for _ in range(steps):
-        state, report = one.stepper.advance(state, dt, tolerance)
+        state, report = one.stepper.step(state, dt, tolerance)
         assert report.residual <= tolerance
         energies.append(energy(one, state) - drift)
     lost = steps * dt * tolerance
@@ -140,7 +139,7 @@ def test_a_ball_rebounds_from_an_elastic_slab_only_with_inertia(lab, inertia):
     ball = lab.rigid("ball", lab.Capsule(0.05, 0.0), [0, 0, 0.06], mass=1.0)
     start(2)
     one = Drop(Model((ball, slab), np.array([0.0, 0.0, -lab.gravity])), SolverConfig(inertia=inertia))
-    state, dt, lowest, highest = start_state(one.model, one.soft), 1e-3, np.inf, 0.0
+    state, dt, lowest, highest = one.start_state(), 1e-3, np.inf, 0.0
     while state.time < 0.25:
         state, report, dt = one.step(state, dt)
         one.record(state, report, None)

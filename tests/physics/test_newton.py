@@ -6,7 +6,6 @@ import pytest
 from solver.config import SolverConfig
 from solver.errors import UnstableStep
 from solver.model.bodies import Model
-from solver.model.state import start_state
 from solver.runtime import start
 from solver.settle import Drop
 from solver.tl.linear import conjugate_gradient, minimal_residual
@@ -16,25 +15,25 @@ DOWN, ASIDE, DT = 2e-5, 1e-4, 4e-3  # penetration and slip [m] at which every po
 
 @pytest.fixture
 def sliding(lab):
-    """A foam block that is pressed into the floor and slides on it: its drop, the states before and after a step, and
-    the step's trial."""
+    """A foam block that is pressed into the floor and slides on it: its stepper, a step's problem, the state
+    after it, and its trial."""
     start(2)
     block = lab.soft("block", lab.Box(np.array([0.1, 0.08, 0.06])), [0, 0, 0.03], E=1e5, cell=0.02)
     one = Drop(Model((block, lab.floor()), np.array([0.0, 0.0, -lab.gravity])), SolverConfig(threads=2))
-    before, after = start_state(one.model, one.soft), start_state(one.model, one.soft)
+    before, after = one.start_state(), one.start_state()
+    problem = one.stepper.problem(before, DT)
     after.x = before.x + np.array([ASIDE, 0.3 * ASIDE, -DOWN])
-    one.query.seconds = DT
-    trial = one.stepper._linearise(after, before, DT)
+    trial = one.stepper._linearise(after, problem)
     assert all(t.sliding.all() for t in trial.contacts.touching)
-    return one.stepper, before, after, trial
+    return one.stepper, problem, after, trial
 
 
 def test_the_coupled_matrix_is_the_derivative_of_the_residual(sliding):
     """Central differences along a random motion. At constant friction limits mu k of every point is missing beside its
     own k, mu = 0.5, and beside the stiffness of two cells of foam: a tenth of the largest entry and more."""
-    stepper, before, after, trial = sliding
+    stepper, problem, after, trial = sliding
     direction = 1e-7 * np.random.default_rng(0).standard_normal(trial.system.size)  # keeps every point in contact
-    sides = [stepper._linearise(stepper._move(after, trial.system, s * direction), before, DT).right for s in (1, -1)]
+    sides = [stepper._linearise(stepper._move(after, trial.system, s * direction), problem).right for s in (1, -1)]
     expected = 0.5 * (sides[1] - sides[0])
     trial.system.prepare()
     apart = trial.system.multiply(direction)
@@ -67,22 +66,21 @@ def test_solutions_solve(sliding, coupled):
 
 def test_newton_converges_where_every_point_slides(sliding):
     """A block thrown along the floor: friction limits follow its bounce, and each step is solved to its tolerance."""
-    stepper, before, _, _ = sliding
-    state = before.copy()
+    stepper, problem, _, _ = sliding
+    state = problem.before.copy()
     state.v = np.tile([0.3, 0.1, -0.05], (len(state.x), 1))
     for _ in range(8):
-        state, report = stepper.advance(state, DT, 1e-3)
-        stepper.query.remember(report.contacts)
+        state, report = stepper.step(state, DT, 1e-3)
         assert report.residual <= 1e-3
 
 
 def test_a_state_that_is_not_finite_names_its_body(sliding):
     """A number lost on the way ends the drop at once, whatever the other bodies do."""
-    stepper, before, _, _ = sliding
-    state = before.copy()
+    stepper, problem, _, _ = sliding
+    state = problem.before.copy()
     state.v[5] = np.nan
     with pytest.raises(UnstableStep, match=r"positions of body 'block' .* are not finite"):
-        stepper.advance(state, DT, 1e-3)
+        stepper.step(state, DT, 1e-3)
 
 
 def test_a_long_move_is_cut_before_it_is_halved(sliding):

@@ -7,7 +7,6 @@ from scipy.interpolate import RegularGridInterpolator
 
 from solver.config import SolverConfig
 from solver.model.bodies import Model
-from solver.model.state import start_state
 from solver.runtime import start
 from solver.settle import Drop
 
@@ -23,20 +22,14 @@ def ask(lab):
     one = Drop(
         Model((box, lab.rigid("ball", lab.Capsule(0.02, 0.0), [0, 0, 1])), np.array([0, 0, -9.81])), SolverConfig()
     )
-    pair = next(p for p in one.query.pairs if p.b == 0)
 
     def query(map_, points):
-        state = start_state(one.model, one.soft)
+        state = one.start_state()
         state.x = map_(one.soft.rest)
-        pair.guess = np.full((len(points), 3), np.nan)
         one.query.smooth[:] = 0.0
-        one.query.find(state, state)  # averages the deformation at the nodes
-        pair.guess[:] = np.nan
-        near = np.arange(len(points), dtype=np.int32)
-        one.query.unlocated = 0
-        asked = (*one.query._query(pair, state, points, near), one.query.unlocated)
-        pair.guess = np.full((len(one.model.bodies[pair.a].vertices), 3), np.nan)
-        return box, one, state, asked
+        one.query.find(state, one.query.begin(state, 1.0))  # averages the deformation at the nodes
+        near, nowhere = np.arange(len(points), dtype=np.int32), np.full((len(points), 3), np.nan)
+        return box, one, state, one.query._locate(0, state, points, near, nowhere)
 
     return query
 
@@ -51,14 +44,14 @@ def random_inside(count):
 def test_an_affine_map_is_inverted_exactly(ask):
     """Under x = F X the top is the plane with normal F^-T e_z; the distance to it is that of X over |F^-T e_z|."""
     X = random_inside(200)
-    _, _, _, (material, gap, normal, _, weight, _) = ask(lambda p: p @ STRETCH.T + 0.3, X @ STRETCH.T + 0.3)
+    _, _, _, found = ask(lambda p: p @ STRETCH.T + 0.3, X @ STRETCH.T + 0.3)
     push = np.linalg.inv(STRETCH).T @ [0.0, 0.0, 1.0]
-    assert material == pytest.approx(X, abs=2e-8)  # the inversion's tolerance is 1e-8 m
-    assert gap == pytest.approx(
+    assert found.material == pytest.approx(X, abs=2e-8)  # the inversion's tolerance is 1e-8 m
+    assert found.gap == pytest.approx(
         (X[:, 2] - 0.5 * SIZE[2]) / np.linalg.norm(push), abs=1e-7
     )  # samples are single precision
-    assert normal == pytest.approx(np.tile(push / np.linalg.norm(push), (200, 1)), abs=1e-5)
-    assert weight.sum(axis=1) == pytest.approx(1.0)
+    assert found.normal == pytest.approx(np.tile(push / np.linalg.norm(push), (200, 1)), abs=1e-5)
+    assert found.weight.sum(axis=1) == pytest.approx(1.0)
 
 
 def test_a_bent_grid_is_inverted_as_scipy_maps_it(ask):
@@ -77,15 +70,15 @@ def test_a_bent_grid_is_inverted_as_scipy_maps_it(ask):
     lattice[tuple(index)] = state.x
     x = RegularGridInterpolator(planes, lattice)(X)
     assert np.isfinite(x).all()
-    _, _, state, (material, _, _, node, weight, _) = ask(bend, x)
-    assert material == pytest.approx(X, abs=5e-8)
-    assert np.einsum("ka,kai->ki", weight, state.x[node]) == pytest.approx(x, abs=2e-8)
+    _, _, state, found = ask(bend, x)
+    assert found.material == pytest.approx(X, abs=5e-8)
+    assert np.einsum("ka,kai->ki", found.weight, state.x[found.node]) == pytest.approx(x, abs=2e-8)
 
 
 def test_the_distance_is_scipys_quadratic_spline(ask, lab):
     """Value and gradient of the samples, by map_coordinates without its prefilter and by central differences."""
     X = random_inside(50)
-    box, _, _, (_, gap, normal, _, _, _) = ask(lambda p: p, X)
+    box, _, _, found = ask(lambda p: p, X)
     grid = box.distance
 
     def spline(points):
@@ -95,23 +88,23 @@ def test_the_distance_is_scipys_quadratic_spline(ask, lab):
 
     step = 1e-6 * np.eye(3)
     slope = np.stack([(spline(X + s) - spline(X - s)) / 2e-6 for s in step], axis=1)
-    assert gap == pytest.approx(spline(X), abs=1e-12)
-    assert normal == pytest.approx(slope / np.linalg.norm(slope, axis=1, keepdims=True), abs=1e-7)
+    assert found.gap == pytest.approx(spline(X), abs=1e-12)
+    assert found.normal == pytest.approx(slope / np.linalg.norm(slope, axis=1, keepdims=True), abs=1e-7)
 
 
 def test_points_outside_are_no_contact(ask):
     """A point beyond the grid, and one in the plane of the top but beside it."""
-    _, _, _, (_, gap, _, _, _, unlocated) = ask(lambda p: p, np.array([[0.0, 0.0, 0.3], [0.5, 0.0, 0.06]]))
-    assert (gap > 1.0).all()
-    assert unlocated == 0
+    _, _, _, found = ask(lambda p: p, np.array([[0.0, 0.0, 0.3], [0.5, 0.0, 0.06]]))
+    assert (found.gap > 1.0).all()
+    assert found.unlocated == 0
 
 
 def test_points_in_crushed_cells_are_counted(ask):
     """Where det F is below 1e-3 no place is found: no contact, and said so."""
     flat = np.diag([1.0, 1.0, 1e-4])
-    _, _, _, (_, gap, _, _, _, unlocated) = ask(lambda p: p @ flat, random_inside(10) @ flat)
-    assert (gap > 1.0).all()
-    assert unlocated == 10
+    _, _, _, found = ask(lambda p: p @ flat, random_inside(10) @ flat)
+    assert (found.gap > 1.0).all()
+    assert found.unlocated == 10
 
 
 def test_contacts_say_what_could_not_be_located_even_if_nothing_touches(ask):
@@ -119,6 +112,6 @@ def test_contacts_say_what_could_not_be_located_even_if_nothing_touches(ask):
     flat = np.diag([1.0, 1.0, 1e-4])
     _, one, state, _ = ask(lambda p: p @ flat, random_inside(10) @ flat)
     state.center[1] = 0.0  # the ball lies in the crushed box
-    found = one.query.find(state, state)
+    found = one.query.find(state, one.query.begin(state, 1.0))
     assert len(found.position) == 0
     assert found.unlocated > 0

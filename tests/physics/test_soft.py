@@ -6,7 +6,6 @@ from scipy.spatial.transform import Rotation
 
 from solver.config import SolverConfig
 from solver.model.bodies import Model
-from solver.model.state import start_state
 from solver.runtime import start
 from solver.settle import Drop
 
@@ -68,12 +67,12 @@ def test_points_that_start_far_above_a_soft_body_touch_it_when_they_come_down(la
     pole = lab.soft("pole", lab.Capsule(0.025, 0.15), [-0.1, 0, 0.165], E=2e6, rho=300.0, cell=0.0125)
     start(2)
     one = Drop(Model((pole, slab), np.array([0.0, 0.0, -lab.gravity])), SolverConfig())
-    state = start_state(one.model, one.soft)
-    assert not one.query.find(state, state).touching
+    state = one.start_state()
+    assert not one.query.find(state, one.query.begin(state, 1.0)).touching
     nodes = one.soft.bodies[0].nodes
     turn = Rotation.from_euler("y", 90, degrees=True).as_matrix()
     state.x[nodes] = (state.x[nodes] - [-0.1, 0.0, 0.165]) @ turn.T + [0.0, 0.0, 0.06 + 0.025 - 0.002]
-    found = one.query.find(state, state)
+    found = one.query.find(state, one.query.begin(state, 1.0))
     inside = (one.query.surface(state, 0)[:, 2] < 0.06).sum()
     assert inside > 10
     assert (found.a == 0).sum() == inside

@@ -7,9 +7,7 @@ from hypothesis import strategies as st
 
 from solver.config import SolverConfig
 from solver.model.bodies import Model
-from solver.model.state import start_state
 from solver.settle import Drop
-from solver.tl.disturbance import Memory
 from solver.tl.stability import directions, grade, largest_held
 
 STEP = SolverConfig().push_step
@@ -83,9 +81,8 @@ def test_trials_leave_nothing_behind(lab):
     box = lab.rigid("box", lab.Box(np.array([0.1, 0.1, 0.1])), [0, 0, 0.0501])
     config = SolverConfig(push_directions=1, threads=2)
     drop = Drop(Model((box, lab.floor()), np.array([0.0, 0.0, -lab.gravity])), config)
-    _, rest, _ = drop._approach(start_state(drop.model, drop.soft), None)
-    memory = Memory.of(drop.query)
-    assert grade(drop, rest, memory, None) == grade(drop, rest, memory, None)
+    _, rest, _ = drop._approach(drop.start_state(), None)
+    assert grade(drop, rest, None) == grade(drop, rest, None)
 
 
 def test_what_does_not_rest_is_not_graded(lab):
@@ -98,7 +95,7 @@ def test_what_does_not_rest_is_not_graded(lab):
 
 @pytest.mark.slow
 def test_a_ball_rolls_where_its_resistance_ends(lab):
-    """F / W = b / R = 0.07; on the way it leans on the gentle spring of rolling.py and takes its time to come back."""
+    """F / W = b / R = 0.07; on the way it leans on the compliant spring of rolling.py and comes back slowly."""
     ball = lab.rigid("ball", lab.Capsule(0.05, 0.0), [0, 0, 0.0501], rolling=3.5e-3, edge=0.003, spacing=0.0015)
     result = lab.drop(ball, lab.floor(rolling=3.5e-3), stability=True, push_directions=1)
     row = result.certificate["stability"]["bodies"]["ball"]["directions"][0]

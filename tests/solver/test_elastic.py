@@ -9,7 +9,6 @@ from dcap.geometry.solid.fill import octants
 from solver.config import SolverConfig
 from solver.kernels import elastic
 from solver.model.bodies import Body, Model, SignedDistance, SoftParts
-from solver.model.state import start_state
 from solver.reference.elastic import energy, polar_rotation, stress
 from solver.runtime import start
 from solver.settle import Drop
@@ -176,7 +175,7 @@ def block(rotation, stretch, nu=0.3):
     start(1)
     model = Model((body,), np.zeros(3))
     drop = Drop(model, SolverConfig())
-    state0 = start_state(model, drop.soft)
+    state0 = drop.start_state()
     state0.x = drop.soft.rest @ (rotation @ stretch).T
     return drop, drop.stepper.elastic_forces(state0)
 
