@@ -139,7 +139,8 @@ class Drop(Course):
         self, end: State, first: dict[str, object], progress: Progress | None
     ) -> tuple[str, State, StepReport, dict[str, dict[str, float]], dict[str, object]]:
         """The rest was not stable: follow the motion that the kick started to its end; a second rest is
-        verified in its turn."""
+        verified in its turn. Rolling resistance keeps giving way: a stiff one would stop what has begun to fall over.
+        """
         begin = len(self.history)
         verdict, state, report = self._approach(end, progress, law_compliant)
         rows = self.rows(self.history[begin:][-self.config.rest_steps :])

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from solver.config import SolverConfig
 from solver.errors import UnstableStep
-from solver.model.bodies import Body, Model, SignedDistance, SoftParts
+from solver.model.bodies import Body, Interior, Model, RigidBody, SignedDistance, SoftBody
 from solver.model.grid import graded_planes
 from solver.settle import settle
 
@@ -18,9 +18,9 @@ OVERLAP = 1e-4  # they touch from the start [m]
 
 def warm_up(model: Model, config: SolverConfig) -> None:
     """Drop a little stack with the kinds of bodies of `model`; what it does does not matter."""
-    has_soft = any(body.soft is not None for body in model.bodies)
+    has_soft = bool(model.soft_bodies)
     floor = replace(_cube("floor", SIDE, None), fixed=True)
-    middle = _cube("middle", 2.0 * SIDE - OVERLAP, _parts(2.0 * SIDE - OVERLAP) if has_soft else None)
+    middle = _cube("middle", 2.0 * SIDE - OVERLAP, _interior(2.0 * SIDE - OVERLAP) if has_soft else None)
     lid = _cube("lid", 3.0 * SIDE - 2.0 * OVERLAP, None)
     with suppress(UnstableStep):
         settle(
@@ -34,7 +34,7 @@ def _corners(top: float) -> NDArray[np.float64]:
     return low + SIDE * np.array(list(np.ndindex(2, 2, 2)), dtype=np.float64)
 
 
-def _cube(name: str, top: float, soft: SoftParts | None) -> Body:
+def _cube(name: str, top: float, interior: Interior | None) -> Body:
     vertices = _corners(top)
     faces = np.array(
         [[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1],
@@ -45,16 +45,17 @@ def _cube(name: str, top: float, soft: SoftParts | None) -> Body:
     points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
     distance = np.abs(points - center).max(axis=-1) - 0.5 * SIDE
     grid = SignedDistance(np.array([a[0] for a in axes]), 0.5 * SIDE, distance.astype(np.float32))
-    return Body(name, False, vertices, faces, grid, 0.1, center, 1e-4 * np.eye(3), 0.5, 0.4, 1e-3, soft)
+    common = (name, False, vertices, faces, grid, 0.1, center, 0.5, 0.4, 1e-3)
+    return RigidBody(*common, 1e-4 * np.eye(3)) if interior is None else SoftBody(*common, interior)
 
 
-def _parts(top: float) -> SoftParts:
+def _interior(top: float) -> Interior:
     low = _corners(top)[0]
     x, y, z = (graded_planes(a, a + SIDE, a, a + SIDE, 0.5 * SIDE) for a in low)
     middle = [0.5 * (p[:-1] + p[1:]) for p in (x, y, z)]
     points = np.stack(np.meshgrid(*middle, indexing="ij"), axis=-1).reshape(-1, 3)
     one = np.ones(len(points))
     held = np.zeros((len(x), len(y), len(z)), dtype=np.int8)
-    return SoftParts(
+    return Interior(
         points, one * SIDE**3 / len(points), 100.0 * one, 1e5 * one, 0.3 * one, (x, y, z), held, loaded=False
     )

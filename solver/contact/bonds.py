@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from solver.errors import ModelError
-from solver.model.bodies import Body, Model, SignedDistance
-from solver.model.soft import SoftBody, SoftSystem, locate, shape_values
+from solver.model.bodies import Body, Model, SignedDistance, SoftBody
+from solver.model.soft import BodyGrid, SoftSystem, locate, shape_values
 from solver.model.state import State
 
 REACH = 2e-3  # surface points nearer to the other body than this [m] are bonded to it
@@ -78,9 +78,9 @@ def build_bonds(model: Model, soft: SoftSystem, target: float) -> list[Bond]:
         kept = [_only(tie, both) for tie, _ in ties]
         stiffness = LOADS * free_weight / target / both.sum()
         for body in (model.bodies[a], model.bodies[b]):
-            if body.soft is not None:
-                cell = min(float(np.diff(p).min()) for p in body.soft.planes)
-                stiffness = min(stiffness, STIFF * float(body.soft.youngs_modulus.max()) * cell)
+            if isinstance(body, SoftBody):
+                cell = min(float(np.diff(p).min()) for p in body.interior.planes)
+                stiffness = min(stiffness, STIFF * float(body.interior.youngs_modulus.max()) * cell)
         out.append(Bond(kept[0], kept[1], np.full(int(both.sum()), stiffness)))
     return out
 
@@ -103,7 +103,7 @@ def distance_at(grid: SignedDistance, points: NDArray[np.float64]) -> NDArray[np
 
 
 def _tie(
-    index: int, points: NDArray[np.float64], soft: SoftSystem, one: SoftBody | None
+    index: int, points: NDArray[np.float64], soft: SoftSystem, one: BodyGrid | None
 ) -> tuple[Tie, NDArray[np.bool_]]:
     """The tie of points (k, 3) to a body, and which of them lie in a cell of it."""
     node, weight = np.zeros((len(points), 8), dtype=np.int64), np.zeros((len(points), 8))

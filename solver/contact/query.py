@@ -20,7 +20,7 @@ from solver.contact.bonds import Bond
 from solver.contact.rolling import Rolling, RollingLaw, Spin, law_stiff, resist
 from solver.kernels import query
 from solver.model.bodies import Body, Model
-from solver.model.soft import SoftBody, SoftSystem
+from solver.model.soft import BodyGrid, SoftSystem
 from solver.model.state import ContactMemory, PointMemory, State, best_rigid_motion, turn_between
 
 STICK_SPEED = 1e-4  # a point at its friction limit that moves slower than this [m/s] has stopped: mu_s holds again
@@ -158,7 +158,7 @@ def vertex_areas(body: Body) -> NDArray[np.float64]:
     return np.bincount(body.faces.ravel(), weights=weights, minlength=len(body.vertices)).astype(np.float64)
 
 
-def _interpolation(body: SoftBody, nodes: int) -> sparse.csr_matrix:
+def _interpolation(body: BodyGrid, nodes: int) -> sparse.csr_matrix:
     rows = np.arange(0, body.surface_node.size + 1, 8)
     return sparse.csr_matrix(
         (body.surface_weight.ravel(), body.surface_node.ravel(), rows), shape=(len(rows) - 1, nodes)
@@ -173,7 +173,7 @@ class ContactQuery:
         self.soft = soft
         self.pairs = pairs
         self.bonds = bonds
-        self.soft_of: dict[int, SoftBody] = {s.index: s for s in soft.bodies}
+        self.soft_of: dict[int, BodyGrid] = {s.index: s for s in soft.bodies}
         self.smooth = np.zeros((len(soft.rest), 9))
         """Room for the deformation at the nodes, averaged anew in every query."""
         self.interpolation = {s.index: _interpolation(s, len(soft.rest)) for s in soft.bodies}

@@ -66,11 +66,12 @@ class SoftBodies:
     def __init__(self, model: Model, cell: float, *, thin: bool = False) -> None:
         self.model = model
         self.thin = thin
-        self.index = [i for i, b in enumerate(model.bodies) if b.soft is not None]
+        self.bodies = dict(model.soft_bodies)
+        self.index = list(self.bodies)
         clamped = [i for i in self.index if model.bodies[i].fixed]
         origin = model.bodies[clamped[0]].vertices.min(axis=0) if clamped else np.zeros(3)
-        self.samples = [sample(model.bodies[i], cell, origin) for i in self.index]
-        self.particles = _particles(model, self.index, self.samples)
+        self.samples = [sample(self.bodies[i], cell, origin) for i in self.index]
+        self.particles = _particles(model, self.samples)
         self.grid = Grid(cell, np.asarray(origin, dtype=np.float64))
         self.start = self.particles.x.copy()
         self.mass = self.particles.constant[:, 0].copy()
@@ -90,9 +91,8 @@ class SoftBodies:
         self.locate_material()
         points = None
         for i in self.index:
-            soft = self.model.bodies[i].soft
-            assert soft is not None
-            if not self.model.bodies[i].fixed:
+            soft = self.bodies[i].interior
+            if not self.bodies[i].fixed:
                 continue
             points = self.grid.points() if points is None else points
             reach = 2.0 * self.grid.cell
@@ -218,21 +218,20 @@ class SoftBodies:
         return np.asarray(np.einsum("vk,vki->vi", weight, x + np.einsum("vkij,vkj->vki", F, arm)))
 
 
-def _particles(model: Model, index: list[int], samples: list[Sample]) -> Particles:
+def _particles(model: Model, samples: list[Sample]) -> Particles:
     """Start state of all soft bodies."""
     x = np.concatenate([s.position for s in samples])
     v, C, group, constant = np.zeros_like(x), np.zeros((len(x), 9)), [], []
     first = 0
-    for part, (i, one) in enumerate(zip(index, samples, strict=True)):
-        body, count = model.bodies[i], len(one.position)
-        assert body.soft is not None
+    for part, ((_, body), one) in enumerate(zip(model.soft_bodies, samples, strict=True)):
+        count = len(one.position)
         mine = slice(first, first + count)
         if not body.fixed:
             center = one.mass @ one.position / one.mass.sum()
             v[mine] = body.velocity + np.cross(body.angular_velocity, one.position - center)
             C[mine] = cross_matrix(body.angular_velocity[None])[0].ravel()
         group.append(2 * part + one.core.astype(np.int32))
-        share = np.full(count, 0.0 if body.soft.loaded else 1.0)
+        share = np.full(count, 0.0 if body.interior.loaded else 1.0)
         constant.append(np.column_stack([one.mass, one.volume * one.mu, one.volume * one.lam, share]))
         first += count
     return Particles(

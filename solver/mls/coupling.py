@@ -19,7 +19,7 @@ from solver.contact.predict import contact_stiffness
 from solver.kernels import mls
 from solver.mls.bodies import SoftBodies
 from solver.mls.rigid import RigidBodies
-from solver.model.bodies import Body, Model, SignedDistance
+from solver.model.bodies import Body, Model, SignedDistance, SoftBody
 
 Array = NDArray[np.float64]
 
@@ -171,7 +171,7 @@ class Coupling:
 
 def dashpot_coefficient(model: Model, rigid: int, soft: int, config: SolverConfig) -> float:
     """Critical damping [N s/m] of a pair's bounce: 2 zeta sqrt(k m), k the Hertz stiffness of the moving body."""
-    one, two = model.bodies[rigid], model.bodies[soft]
+    one, two = model.bodies[rigid], dict(model.soft_bodies)[soft]
     free = [b for b in (one, two) if not b.fixed]
     if not free:
         return 0.0
@@ -188,8 +188,7 @@ def footprint_radius(body: Body) -> float:
     return 0.25 * float(extent[0] + extent[1])
 
 
-def softness(body: Body) -> tuple[float, float]:
+def softness(body: SoftBody) -> tuple[float, float]:
     """Smallest Young's modulus [Pa] of a soft body and the Poisson ratio there."""
-    assert body.soft is not None
-    at = int(np.argmin(body.soft.youngs_modulus))
-    return float(body.soft.youngs_modulus[at]), float(body.soft.poisson_ratio[at])
+    at = int(np.argmin(body.interior.youngs_modulus))
+    return float(body.interior.youngs_modulus[at]), float(body.interior.poisson_ratio[at])

@@ -45,7 +45,7 @@ class Drop:
     def __init__(self, model: Model, config: SolverConfig) -> None:
         self.model, self.config = model, config
         self.warnings: list[str] = []
-        if not any(b.soft is not None for b in model.bodies):
+        if not model.soft_bodies:
             raise ModelError("mls: every body is rigid; there is no material to simulate, use tl")
         if model.bonds:
             raise ModelError("mls: bodies are not bonded here, use tl")
@@ -302,7 +302,7 @@ def choose_cell(model: Model, config: SolverConfig, warnings: list[str]) -> floa
     """The cell of the uniform grid [m]: as asked, else the soft bodies' smallest, coarsened to the particle budget."""
     if config.mls_cell is not None:
         return float(config.mls_cell)
-    parts = [b.soft for b in model.bodies if b.soft is not None]
+    parts = [b.interior for _, b in model.soft_bodies]
     finest = min(max(float(np.diff(p).min()) for p in s.planes) for s in parts)
     volume = sum(float(s.volume.sum()) for s in parts)
     cell = finest

@@ -16,7 +16,7 @@ from solver.mls.bodies import SoftBodies
 from solver.mls.coupling import Coupling
 from solver.mls.particles import distance
 from solver.mls.rigid import RigidBodies
-from solver.model.bodies import Model
+from solver.model.bodies import Model, RigidBody, SoftBody
 from solver.model.state import best_rigid_motion
 from solver.result import RestBody
 
@@ -57,7 +57,7 @@ class Outcome:
 
     def _motion(self, index: int) -> tuple[Array, Array, float]:
         body = self.model.bodies[index]
-        if body.soft is None:
+        if isinstance(body, RigidBody):
             rotation, center = self.rigid.state.rotation[index], self.rigid.state.center[index]
             q = self.rigid.velocity(index)
             speed = float(np.linalg.norm(q[:3]) + 0.5 * body.size * np.linalg.norm(q[3:]))
@@ -153,10 +153,10 @@ class Outcome:
     def _patch(self, a: int, b: int) -> tuple[Array, Array, float]:
         """Surface points of a touching pair that lie on the other body (k, 3), their gaps (k,) [m], and their area."""
         reach = PATCH * self.soft.grid.cell
-        if self.model.bodies[a].soft is None:  # ask the soft one: the rigid one's distance is exact
+        if isinstance(self.model.bodies[a], RigidBody):  # ask the soft one: the rigid one's distance is exact
             a, b = b, a
         body, other, points = self.model.bodies[a], self.model.bodies[b], self.surface(a)
-        if other.soft is None:
+        if isinstance(other, RigidBody):
             arm = points - self.rigid.state.center[b]
             gap = distance(other.distance, arm @ self.rigid.state.rotation[b] + other.center_of_mass)
         else:
@@ -171,7 +171,7 @@ class Outcome:
         for row in rows:
             one, two = bodies[str(row["a"])], bodies[str(row["b"])]
             limit = self.model.friction(one, two)[0] * float(str(row["normal_force_n"]))
-            if limit > 0.0 and not (one.soft is not None and two.soft is not None):
+            if limit > 0.0 and not (isinstance(one, SoftBody) and isinstance(two, SoftBody)):
                 margins.append(1.0 - float(str(row["tangential_force_n"])) / limit)
         return min(margins)
 

@@ -12,7 +12,7 @@ from scipy.ndimage import map_coordinates
 from scipy.spatial import cKDTree
 
 from solver.errors import ModelError
-from solver.model.bodies import CORE, HELD, Body, SignedDistance, SoftParts
+from solver.model.bodies import CORE, HELD, Interior, SignedDistance, SoftBody
 from solver.model.soft import lame, locate, shape_values
 
 PER_AXIS = 2  # particles per cell and axis: the least that quadratic B-splines integrate without gaps
@@ -45,7 +45,7 @@ def distance(grid: SignedDistance, points: NDArray[np.float64]) -> NDArray[np.fl
     return np.asarray(map_coordinates(grid.values, at.T, order=1, mode="nearest", output=np.float64), dtype=np.float64)
 
 
-def sample(body: Body, cell: float, origin: NDArray[np.float64]) -> Sample:
+def sample(body: SoftBody, cell: float, origin: NDArray[np.float64]) -> Sample:
     """Lattice particles of a soft body, grid nodes at `origin` + multiples of `cell`.
 
     Raises ModelError where the cell is too large for it.
@@ -53,8 +53,7 @@ def sample(body: Body, cell: float, origin: NDArray[np.float64]) -> Sample:
     A lattice cell that the surface cuts carries its inner share at that share's centroid; all volumes are then
     scaled to the volume of the given particles, and densities to their mass.
     """
-    soft = body.soft
-    assert soft is not None
+    soft = body.interior
     spacing = cell / PER_AXIS
     axes = [
         o + spacing * (np.arange(np.floor((a - o) / spacing), np.ceil((b - o) / spacing)) + 0.5)
@@ -90,7 +89,7 @@ def outward(grid: SignedDistance, point: NDArray[np.float64]) -> NDArray[np.floa
     return gradient
 
 
-def indicator(soft: SoftParts, point: NDArray[np.float64], state: int) -> NDArray[np.float64]:
+def indicator(soft: Interior, point: NDArray[np.float64], state: int) -> NDArray[np.float64]:
     """1 where all nodes around a point have `state`, 0 where none has, trilinear between, shape (n,)."""
     mark = soft.node_state == state
     if not mark.any():
@@ -102,7 +101,7 @@ def indicator(soft: SoftParts, point: NDArray[np.float64], state: int) -> NDArra
     return np.asarray((around * shape_values(local)).sum(axis=1), dtype=np.float64)
 
 
-def held(soft: SoftParts, point: NDArray[np.float64], cell: float) -> NDArray[np.bool_]:
+def held(soft: Interior, point: NDArray[np.float64], cell: float) -> NDArray[np.bool_]:
     """Points within half a cell of the held planes, or beyond them, shape (n,)."""
     shifts = 0.499 * cell * np.concatenate([np.zeros((1, 3)), np.eye(3), -np.eye(3)])
     full = 1.0 - 1e-6

@@ -25,8 +25,7 @@ NEAR = 2.0  # cells around such a body where sides are told apart: more than a p
 
 def thin_bodies(model: Model, cell: float) -> list[int]:
     """Rigid bodies whose signed distance nowhere reaches deeper than THIN / 2 cells."""
-    rigid = [i for i, b in enumerate(model.bodies) if b.soft is None]
-    return [i for i in rigid if -float(model.bodies[i].distance.values.min()) < 0.5 * THIN * cell]
+    return [i for i, b in model.rigid_bodies if -float(b.distance.values.min()) < 0.5 * THIN * cell]
 
 
 class Plates:

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from solver.config import SolverConfig
 from solver.contact.query import ContactQuery, Contacts, Pair, vertex_areas
 from solver.model import soft as soft_system
-from solver.model.bodies import Body, Model
+from solver.model.bodies import Model, RigidBody
 from solver.model.state import ContactMemory, State, cross_matrix, rotate, start_state
 
 Array = NDArray[np.float64]
@@ -34,7 +34,8 @@ class RigidBodies:
 
     def __init__(self, model: Model, config: SolverConfig) -> None:
         self.model = model
-        self.index = [i for i, b in enumerate(model.bodies) if b.soft is None]
+        self.bodies: dict[int, RigidBody] = dict(model.rigid_bodies)
+        self.index = list(self.bodies)
         self.free = [i for i in self.index if not model.bodies[i].fixed]
         no_soft = soft_system.empty()
         self.query = ContactQuery(model, no_soft, rigid_pairs(model, config))
@@ -43,14 +44,16 @@ class RigidBodies:
         self.contacts: Contacts | None = None
         self.impulses: dict[tuple[int, int], Array] = {}
         """Impulse on the first body of each touching pair and its normal part since last emptied [N s]."""
-        self.radius = {i: float(np.linalg.norm(b.vertices - b.center_of_mass, axis=1).max()) for i, b in _of(model)}
-        self.box = {i: (b.vertices.min(axis=0), b.vertices.max(axis=0)) for i, b in _of(model)}
+        self.radius = {
+            i: float(np.linalg.norm(b.vertices - b.center_of_mass, axis=1).max()) for i, b in model.rigid_bodies
+        }
+        self.box = {i: (b.vertices.min(axis=0), b.vertices.max(axis=0)) for i, b in model.rigid_bodies}
         gravity = max(float(np.linalg.norm(model.gravity)), 1e-12)
         self.damping = 2.0 * config.damping_ratio * float(np.sqrt(config.penetration_target / gravity))
 
     def mass_matrix(self, index: int) -> Array:
         """Mass and inertia about the centre of mass in world axes, shape (6, 6)."""
-        body, rotation = self.model.bodies[index], self.state.rotation[index]
+        body, rotation = self.bodies[index], self.state.rotation[index]
         out = np.zeros((6, 6))
         out[:3, :3] = body.mass * np.eye(3)
         out[3:, 3:] = rotation @ body.inertia @ rotation.T
@@ -153,7 +156,7 @@ class RigidBodies:
 
     def _move(self, state: State, dt: float) -> None:
         for i in self.free:
-            inertia = self.model.bodies[i].inertia
+            inertia = self.bodies[i].inertia
             momentum = state.rotation[i] @ inertia @ state.rotation[i].T @ state.angular_velocity[i]
             state.center[i] = state.center[i] + dt * state.velocity[i]
             state.rotation[i] = rotate(state.rotation[i], dt * state.angular_velocity[i])
@@ -180,15 +183,11 @@ def _end_anchors(contacts: Contacts, ahead: Array) -> ContactMemory:
     return replace(contacts.memory, points=points)
 
 
-def _of(model: Model) -> list[tuple[int, Body]]:
-    return [(i, b) for i, b in enumerate(model.bodies) if b.soft is None]
-
-
 def rigid_pairs(model: Model, config: SolverConfig) -> list[Pair]:
     """Ordered pairs of rigid bodies of which one can move; three points carry the weight at the penetration target."""
     gravity = max(float(np.linalg.norm(model.gravity)), 1.0)
     out = []
-    for (a, one), (b, two) in permutations(_of(model), 2):
+    for (a, one), (b, two) in permutations(model.rigid_bodies, 2):
         if not (one.fixed and two.fixed):
             load = max(body.mass for body in (one, two) if not body.fixed) * gravity
             count = len(one.vertices)

@@ -28,8 +28,8 @@ class SignedDistance:
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class SoftParts:
-    """What makes a body soft."""
+class Interior:
+    """What fills a soft body: material points, which are the quadrature points, and their background grid."""
 
     position: NDArray[np.float64]
     """Particle rest positions X_p [m], shape (p, 3)."""
@@ -50,8 +50,8 @@ class SoftParts:
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Body:
-    """One rigid or soft body."""
+class _CommonBody:
+    """What rigid and soft bodies share."""
 
     name: str
     fixed: bool
@@ -65,17 +65,13 @@ class Body:
     """[kg]; > 0 for a free body."""
     center_of_mass: NDArray[np.float64]
     """[m], shape (3,)."""
-    inertia: NDArray[np.float64]
-    """About the centre of mass, world axes [kg m^2], shape (3, 3); used for rigid bodies."""
     static_friction: float
     dynamic_friction: float
     rolling_resistance: float
     """Length b of the resisting torque b * N [m]."""
-    soft: SoftParts | None = None
-    """None: rigid."""
-    velocity: NDArray[np.float64] = field(default_factory=lambda: np.zeros(3))
+    velocity: NDArray[np.float64] = field(default_factory=lambda: np.zeros(3), kw_only=True)
     """Start velocity [m/s], shape (3,)."""
-    angular_velocity: NDArray[np.float64] = field(default_factory=lambda: np.zeros(3))
+    angular_velocity: NDArray[np.float64] = field(default_factory=lambda: np.zeros(3), kw_only=True)
     """Start angular velocity [rad/s], shape (3,)."""
     size: float = field(init=False)
     """Diagonal of the start box [m]."""
@@ -95,16 +91,44 @@ class Body:
             raise ModelError(
                 f"body {self.name!r}: rolling_resistance is {self.rolling_resistance} m, must not be negative"
             )
-        if self.soft is not None:
-            _check_soft(self.name, self.fixed, self.soft)
-        elif not self.fixed and np.linalg.eigvalsh(self.inertia).min() <= 0.0:
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class RigidBody(_CommonBody):
+    """A body that keeps its shape."""
+
+    inertia: NDArray[np.float64]
+    """About the centre of mass, world axes [kg m^2], shape (3, 3)."""
+
+    def __post_init__(self) -> None:
+        _CommonBody.__post_init__(self)
+        _check_finite(self, "inertia")
+        if not self.fixed and np.linalg.eigvalsh(self.inertia).min() <= 0.0:
             raise ModelError(f"body {self.name!r}: inertia is not positive definite: {self.inertia.tolist()}")
 
 
-def _check_surface(body: Body) -> None:
-    for name in ("vertices", "center_of_mass", "inertia", "velocity", "angular_velocity"):
+@dataclass(frozen=True, eq=False, slots=True)
+class SoftBody(_CommonBody):
+    """A body that deforms."""
+
+    interior: Interior
+
+    def __post_init__(self) -> None:
+        _CommonBody.__post_init__(self)
+        _check_interior(self.name, self.fixed, self.interior)
+
+
+Body = RigidBody | SoftBody
+
+
+def _check_finite(body: _CommonBody, *names: str) -> None:
+    for name in names:
         if not np.isfinite(getattr(body, name)).all():
             raise ModelError(f"body {body.name!r}: {name} holds values that are not finite")
+
+
+def _check_surface(body: _CommonBody) -> None:
+    _check_finite(body, "vertices", "center_of_mass", "velocity", "angular_velocity")
     if len(body.vertices) < 3 or len(body.faces) < 1:
         raise ModelError(f"body {body.name!r}: empty surface ({len(body.vertices)} vertices, {len(body.faces)} faces)")
     if body.faces.min() < 0 or body.faces.max() >= len(body.vertices):
@@ -113,7 +137,7 @@ def _check_surface(body: Body) -> None:
         raise ModelError(f"body {body.name!r}: signed distance needs at least 3 finite samples per axis")
 
 
-def _check_soft(name: str, fixed: bool, soft: SoftParts) -> None:
+def _check_interior(name: str, fixed: bool, soft: Interior) -> None:
     if len(soft.position) == 0:
         raise ModelError(f"body {name!r}: soft but without particles; its grid cells are larger than the body")
     for field_name, low, high in (
@@ -167,6 +191,16 @@ class Model:
                     raise ModelError(f"bond names body {one!r}; there is {names}")
             if a == b or (fixed[a] and fixed[b]):
                 raise ModelError(f"bond {a!r}, {b!r}: needs two bodies of which one is free")
+
+    @property
+    def rigid_bodies(self) -> list[tuple[int, RigidBody]]:
+        """With their indices."""
+        return [(i, b) for i, b in enumerate(self.bodies) if isinstance(b, RigidBody)]
+
+    @property
+    def soft_bodies(self) -> list[tuple[int, SoftBody]]:
+        """With their indices."""
+        return [(i, b) for i, b in enumerate(self.bodies) if isinstance(b, SoftBody)]
 
     def bonded(self, a: Body, b: Body) -> bool:
         """Whether two bodies are bonded to each other."""

@@ -15,7 +15,7 @@ from scipy import ndimage
 
 from solver.errors import ModelError
 from solver.model.bending import bending_relief
-from solver.model.bodies import CORE, FREE, HELD, Body, Model, SoftParts
+from solver.model.bodies import CORE, FREE, HELD, Interior, Model, SoftBody
 
 FICTITIOUS_STIFFNESS = 1e-3  # alpha: adds less than 0.1 % to a body's stiffness, keeps the tangent's condition bounded
 EXTENSION_CELLS = (
@@ -25,8 +25,8 @@ FULL_OCTANT = 0.999  # a particle with this share of its octant needs no fictiti
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class SoftBody:
-    """Where one body lives in the common arrays."""
+class BodyGrid:
+    """Where one body's grid lies in the common arrays."""
 
     index: int
     """Index of the body in the model."""
@@ -49,7 +49,7 @@ class SoftBody:
 class SoftSystem:
     """Common arrays; cells c, nodes n, particles p (sorted by cell)."""
 
-    bodies: tuple[SoftBody, ...]
+    bodies: tuple[BodyGrid, ...]
     rest: NDArray[np.float64]
     """Node reference positions [m], shape (n, 3)."""
     mass: NDArray[np.float64]
@@ -95,11 +95,11 @@ def lame(
 
 def build(model: Model) -> SoftSystem:
     """Lay out the cells, nodes and particles of all soft bodies of the model."""
-    pieces = [_Piece.of(i, body, _padded(body.soft)) for i, body in enumerate(model.bodies) if body.soft is not None]
+    pieces = [_Piece.of(i, body, _padded(body.interior)) for i, body in model.soft_bodies]
     return _join(pieces)
 
 
-def _padded(soft: SoftParts) -> SoftParts:
+def _padded(soft: Interior) -> Interior:
     """Add planes beyond every side of the grid that is not held as a whole, so that the field can extend past the
     surface."""
     planes, before, after = [], [], []
@@ -120,7 +120,7 @@ class _Piece:
     """One body's arrays with local numbering."""
 
     index: int
-    soft: SoftParts
+    interior: Interior
     cell_id: NDArray[np.int32]
     cells: NDArray[np.int64]
     node_grid: NDArray[np.int64]
@@ -137,7 +137,7 @@ class _Piece:
     near_surface_cell: NDArray[np.int64]
 
     @classmethod
-    def of(cls, index: int, body: Body, soft: SoftParts) -> "_Piece":
+    def of(cls, index: int, body: SoftBody, soft: Interior) -> "_Piece":
         shape = tuple(len(p) - 1 for p in soft.planes)
         flat, local = locate(soft.planes, soft.position)
         surface_flat, surface_local = locate(soft.planes, body.vertices)
@@ -209,7 +209,7 @@ def _nodes(cells: NDArray[np.int64], shape: tuple[int, ...]) -> tuple[NDArray[np
 
 
 def _fictitious(
-    soft: SoftParts,
+    soft: Interior,
     cells: NDArray[np.int64],
     shape: tuple[int, ...],
     flat: NDArray[np.int64],
@@ -238,21 +238,21 @@ def _join(pieces: list[_Piece]) -> SoftSystem:
         cell_node = np.stack([piece.node_id[tuple((corner + o).T)] for o in np.ndindex(2, 2, 2)], axis=1) + node_offset
         order = np.argsort(piece.particle_cell, kind="stable")
         counts = np.bincount(piece.particle_cell, minlength=len(piece.cells))
-        sizes = np.stack([np.diff(p)[corner[:, a]] for a, p in enumerate(piece.soft.planes)], axis=1)
-        rest = np.stack([p[piece.node_grid[:, a]] for a, p in enumerate(piece.soft.planes)], axis=1)
+        sizes = np.stack([np.diff(p)[corner[:, a]] for a, p in enumerate(piece.interior.planes)], axis=1)
+        rest = np.stack([p[piece.node_grid[:, a]] for a, p in enumerate(piece.interior.planes)], axis=1)
         weights = shape_values(piece.local)
         node_of_particle = cell_node[piece.particle_cell] - node_offset
         mass = np.bincount(
             node_of_particle.ravel(), weights=(weights * piece.mass[:, None]).ravel(), minlength=len(rest)
         )
-        state = piece.soft.node_state[tuple(piece.node_grid.T)]
+        state = piece.interior.node_state[tuple(piece.node_grid.T)]
         parts.append(
             {
                 "rest": rest,
                 "mass": mass,
                 "held": state == HELD,
                 "core": np.where(state == CORE, piece.index, -1).astype(np.int32),
-                "gravity_share": np.full(len(rest), 0.0 if piece.soft.loaded else 1.0),
+                "gravity_share": np.full(len(rest), 0.0 if piece.interior.loaded else 1.0),
                 "cell_node": cell_node.astype(np.int32),
                 "cell_size": sizes,
                 "count": counts,
@@ -266,9 +266,9 @@ def _join(pieces: list[_Piece]) -> SoftSystem:
             }
         )
         bodies.append(
-            SoftBody(
+            BodyGrid(
                 piece.index,
-                piece.soft.planes,
+                piece.interior.planes,
                 np.where(piece.cell_id >= 0, piece.cell_id + cell_offset, -1).astype(np.int32),
                 slice(node_offset, node_offset + len(rest)),
                 slice(particle_offset, particle_offset + len(order)),

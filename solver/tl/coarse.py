@@ -18,7 +18,7 @@ from scipy import linalg, sparse
 
 from solver.kernels import elastic
 from solver.kernels import sparse as products
-from solver.model.soft import SoftBody, SoftSystem, shape_values
+from solver.model.soft import BodyGrid, SoftSystem, shape_values
 
 CELLS_PER_AXIS = 4  # 125 lattice nodes: the dense solve stays far below the cost of one fine product
 CELLS_PER_GRADED_AXIS = 6  # but along a graded grid's longer axes: halves the iterations
@@ -155,7 +155,7 @@ def build_coarse(soft: SoftSystem) -> CoarseSpace:
     )
 
 
-def _lattice(body: SoftBody) -> tuple[list[NDArray[np.float64]], tuple[int, int, int]]:
+def _lattice(body: BodyGrid) -> tuple[list[NDArray[np.float64]], tuple[int, int, int]]:
     """Planes of the body's grid, so that each fine cell lies in one coarse cell: equally spaced in the mean of their
     number and their position. By number alone the lattice would lie where the cells are fine, by position alone where
     they are coarse; the slow modes are in between."""

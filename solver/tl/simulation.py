@@ -13,7 +13,7 @@ from solver.contact.query import ContactQuery, Pair, vertex_areas
 from solver.contact.rolling import RollingLaw, law_stiff
 from solver.errors import ModelError, UnstableStep
 from solver.model import soft as soft_system
-from solver.model.bodies import Body, Model
+from solver.model.bodies import Body, Model, SoftBody
 from solver.model.soft import SoftSystem
 from solver.model.state import State, best_rigid_motion, start_state
 from solver.tl.step import Stepper, StepReport
@@ -189,7 +189,7 @@ def contact_pairs(model: Model, soft: SoftSystem, config: SolverConfig, gravity:
             # what three points need to carry the load at the penetration that is aimed at: more only makes impacts hard
             load = max(body.mass for body in (one, two) if not body.fixed) * max(gravity, 1.0)
             stiffness = np.full(len(area), load / (3.0 * config.penetration_target))
-            if one.soft is not None or two.soft is not None:
+            if isinstance(one, SoftBody) or isinstance(two, SoftBody):
                 cell, modulus = softest(one, two)
                 stiffness = np.minimum(stiffness, CELL_STIFFNESS * modulus / cell * np.minimum(area, cell**2))
             pairs.append(Pair(a, b, *model.friction(one, two), stiffness, area))
@@ -198,7 +198,7 @@ def contact_pairs(model: Model, soft: SoftSystem, config: SolverConfig, gravity:
 
 def softest(one: Body, two: Body) -> tuple[float, float]:
     """Cell under the contact [m] and smallest Young's modulus [Pa] of a pair of which at least one is soft."""
-    parts = [b.soft for b in (one, two) if b.soft is not None]
+    parts = [b.interior for b in (one, two) if isinstance(b, SoftBody)]
     cell = min(max(float(np.diff(p).min()) for p in s.planes) for s in parts)
     return cell, min(float(s.youngs_modulus.min()) for s in parts)
 
@@ -206,10 +206,9 @@ def softest(one: Body, two: Body) -> tuple[float, float]:
 def crossing_seconds(model: Model) -> float:
     """Shortest time [s] that a wave of speed sqrt(E / rho) takes along the thinnest side of a soft body."""
     times = [np.inf]
-    for body in model.bodies:
-        if body.soft is not None:
-            speed = float(np.sqrt(body.soft.youngs_modulus / body.soft.density).max())
-            times.append(float(np.ptp(body.vertices, axis=0).min()) / speed)
+    for _, body in model.soft_bodies:
+        speed = float(np.sqrt(body.interior.youngs_modulus / body.interior.density).max())
+        times.append(float(np.ptp(body.vertices, axis=0).min()) / speed)
     return min(times)
 
 
@@ -218,7 +217,7 @@ def predicted_damping(model: Model, config: SolverConfig, mass: dict[int, float]
 
     omega = sqrt(k / m) with k the Hertz stiffness of the heaviest free body on the softest part; beta = 2 zeta / omega.
     """
-    moduli = [float(b.soft.youngs_modulus.min()) for b in model.bodies if b.soft is not None]
+    moduli = [float(b.interior.youngs_modulus.min()) for _, b in model.soft_bodies]
     if not moduli or not mass or gravity == 0.0:
         return 0.0
     heaviest = max(mass, key=lambda i: mass[i])

@@ -20,7 +20,7 @@ from solver.contact.query import ContactQuery, Contacts, StepStart
 from solver.contact.rolling import RollingLaw, law_stiff
 from solver.errors import UnstableStep
 from solver.kernels import elastic, sparse
-from solver.model.bodies import Model
+from solver.model.bodies import Model, RigidBody
 from solver.model.soft import SoftSystem
 from solver.model.state import State, rotate, turn_between
 from solver.tl.linear import Flat, Frames, TangentSystem, Vector, conjugate_gradient, minimal_residual
@@ -122,19 +122,24 @@ class Stepper:
         self.volume_ratio = np.ones(particles)
         self.energy = np.zeros(particles)
         self.frame_bodies = [
-            i for i, b in enumerate(model.bodies) if not b.fixed and (b.soft is None or (soft.core == i).any())
+            i
+            for i, b in enumerate(model.bodies)
+            if not b.fixed and (isinstance(b, RigidBody) or (soft.core == i).any())
         ]
         self.tied = [np.flatnonzero(soft.core == i) for i in self.frame_bodies]
 
     def frames(self, state: State) -> Frames:
         """The moving frames at a state."""
-        rigid = [self.model.bodies[i].soft is None for i in self.frame_bodies]
-        turned = [state.rotation[i] @ self.model.bodies[i].inertia @ state.rotation[i].T for i in self.frame_bodies]
+        mass, inertia = np.zeros(len(self.frame_bodies)), np.zeros((len(self.frame_bodies), 3, 3))
+        for f, i in enumerate(self.frame_bodies):
+            body = self.model.bodies[i]
+            if isinstance(body, RigidBody):  # that of a core sits in its nodes
+                mass[f], inertia[f] = body.mass, state.rotation[i] @ body.inertia @ state.rotation[i].T
         return Frames(
             self.frame_bodies,
             state.center[self.frame_bodies],
-            np.array([self.model.bodies[i].mass if r else 0.0 for i, r in zip(self.frame_bodies, rigid, strict=True)]),
-            np.array([t if r else np.zeros((3, 3)) for t, r in zip(turned, rigid, strict=True)]).reshape(-1, 3, 3),
+            mass,
+            inertia,
             self.tied,
             [state.x[t] - state.center[i] for t, i in zip(self.tied, self.frame_bodies, strict=True)],
         )

@@ -18,7 +18,7 @@ from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.particles import DistanceGrid
 from dcap.scene.types.sample import SourceOptions
 from solver.contact.predict import contact_radius
-from solver.model.bodies import FREE, HELD, Body, SignedDistance, SoftParts
+from solver.model.bodies import FREE, HELD, Body, Interior, RigidBody, SignedDistance, SoftBody
 from solver.model.grid import graded_planes
 from tasks.case.file import Case, CaseBody, is_rigid, material_of, primitive_of
 
@@ -158,17 +158,18 @@ class Solid:
         spacing = max(min(finest / 2.5, self.smallest / 24.0), sampled_side / MOST_SAMPLES)
         distance = self._distance(surface, spacing)
         mass, center, inertia = self._mass_properties()
-        soft = None
-        if planes is not None:
-            soft = self._soft(cell, planes, distance)
-            soft = replace(soft, density=soft.density * (mass / float((soft.volume * soft.density).sum())))
         m = self.material
-        return Body(
+        common = (
             self.body.name, self.fixed, surface.vertices, surface.faces,
-            SignedDistance(distance.origin, distance.spacing, distance.values), mass, center, inertia,
-            m.static_friction, m.dynamic_friction, m.rolling_resistance, soft, np.asarray(self.body.velocity),
-            np.asarray(self.body.angular_velocity),
+            SignedDistance(distance.origin, distance.spacing, distance.values), mass, center, m.static_friction,
+            m.dynamic_friction, m.rolling_resistance,
         )  # fmt: skip
+        velocity, spin = np.asarray(self.body.velocity), np.asarray(self.body.angular_velocity)
+        if planes is None:
+            return RigidBody(*common, inertia, velocity=velocity, angular_velocity=spin)
+        soft = self._soft(cell, planes, distance)
+        soft = replace(soft, density=soft.density * (mass / float((soft.volume * soft.density).sum())))
+        return SoftBody(*common, soft, velocity=velocity, angular_velocity=spin)
 
     def _refuse_more_cells(self, planes: Planes, cell: float) -> None:
         count = int(np.prod([len(p) - 1 for p in planes], dtype=np.float64))
@@ -209,12 +210,12 @@ class Solid:
         density = self.mass / volume
         return self.mass, self.placed(center[None])[0], self.rotation @ (unit * density) @ self.rotation.T
 
-    def _soft(self, cell: float, planes: Planes, distance: DistanceGrid) -> SoftParts:
+    def _soft(self, cell: float, planes: Planes, distance: DistanceGrid) -> Interior:
         position, volume = fill(planes, self._signed_distance(distance))
         one = np.ones(len(position))
         m = self.material
         loaded = (self.body.rest_shape or ("loaded" if self.fixed else "unloaded")) == "loaded"
-        return SoftParts(
+        return Interior(
             position, volume, m.density * one, m.youngs_modulus * one, m.poisson_ratio * one, planes,
             self._held(planes), loaded,
         )  # fmt: skip

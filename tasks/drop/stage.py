@@ -22,7 +22,7 @@ from dcap.scene.types.settled import Settled, SettledBody
 from solver.certificate import Signals
 from solver.config import SolverConfig
 from solver.errors import ArchError, UnstableStep
-from solver.model.bodies import Body, Model, SignedDistance, SoftParts
+from solver.model.bodies import Body, Interior, Model, RigidBody, SignedDistance, SoftBody
 from solver.result import AT_REST, NO_EQUILIBRIUM, Result
 from solver.settle import settle
 from tasks.runner.stage import stage
@@ -79,23 +79,24 @@ def model_of(particles: Particles) -> Model:
 
 
 def _body(body: SimulationBody) -> Body:
-    soft = None
-    if not body.rigid:
-        soft = SoftParts(
-            body.particle_position,
-            body.particle_volume,
-            body.particle_density,
-            body.particle_youngs_modulus,
-            body.particle_poisson_ratio,
-            (body.grid_x, body.grid_y, body.grid_z),
-            body.node_held,
-            loaded=body.fixed,
-        )
-    distance = SignedDistance(body.distance.origin, body.distance.spacing, body.distance.values)
-    return Body(
-        body.name, body.fixed, body.surface.vertices, body.surface.faces, distance, body.mass, body.center_of_mass,
-        body.inertia, body.static_friction, body.dynamic_friction, body.rolling_resistance, soft,
+    common = (
+        body.name, body.fixed, body.surface.vertices, body.surface.faces,
+        SignedDistance(body.distance.origin, body.distance.spacing, body.distance.values), body.mass,
+        body.center_of_mass, body.static_friction, body.dynamic_friction, body.rolling_resistance,
     )  # fmt: skip
+    if body.rigid:
+        return RigidBody(*common, body.inertia)
+    interior = Interior(
+        body.particle_position,
+        body.particle_volume,
+        body.particle_density,
+        body.particle_youngs_modulus,
+        body.particle_poisson_ratio,
+        (body.grid_x, body.grid_y, body.grid_z),
+        body.node_held,
+        loaded=body.fixed,
+    )
+    return SoftBody(*common, interior)
 
 
 def settled_of(particles: Particles, result: Result) -> Settled:

@@ -13,7 +13,7 @@ from dcap.geometry.solid.repair import mass_properties
 from dcap.scene.types.mesh import Mesh
 from perf.peers.reference import DEPTH
 from solver.config import SolverConfig
-from solver.model.bodies import HELD, Body, Model, SignedDistance, SoftParts
+from solver.model.bodies import HELD, Interior, Model, RigidBody, SignedDistance, SoftBody
 from solver.model.grid import graded_planes
 from solver.settle import settle
 from tasks.case.run import run_case
@@ -50,7 +50,7 @@ def rigid(
         lambda p: solid.distance((p - position) @ turn), vertices.min(0) - 0.02, vertices.max(0) + 0.02, spacing
     )
     inertia = turn @ np.diag(solid.inertia_per_mass * mass) @ turn.T
-    return Body(name, fixed, vertices, surface.faces, grid, mass, position, inertia, *mu, rolling, **start)
+    return RigidBody(name, fixed, vertices, surface.faces, grid, mass, position, *mu, rolling, inertia, **start)
 
 
 def rigid_mesh(name, mesh, position, *, mass=1.0, mu=(0.5, 0.4), rolling=0.0, rotation=None, spacing=0.0015, **start):
@@ -61,8 +61,8 @@ def rigid_mesh(name, mesh, position, *, mass=1.0, mu=(0.5, 0.4), rolling=0.0, ro
     grid = distance_grid(placed, low - 0.01, high + 0.01, spacing)
     natural, center, inertia = mass_properties(placed, 1000.0)
     sdf = SignedDistance(grid.origin, grid.spacing, grid.values)
-    return Body(name, False, placed.vertices, placed.faces, sdf, mass, center, inertia * mass / natural, *mu, rolling,
-                **start)  # fmt: skip
+    inertia = inertia * mass / natural
+    return RigidBody(name, False, placed.vertices, placed.faces, sdf, mass, center, *mu, rolling, inertia, **start)
 
 
 def floor(**options):
@@ -105,8 +105,8 @@ def soft(
     if held is not None:
         state[held] = HELD
     grid = sampled(lambda p: solid.distance(p - position), low - 0.02, high + 0.02, spacing or cell / 3)
-    parts = SoftParts(points, volume, rho * one, E * one, nu * one, planes, state, loaded)
-    return Body(name, fixed, vertices, surface.faces, grid, rho * solid.volume, position, np.eye(3), *mu, 0.0, parts)
+    interior = Interior(points, volume, rho * one, E * one, nu * one, planes, state, loaded)
+    return SoftBody(name, fixed, vertices, surface.faces, grid, rho * solid.volume, position, *mu, 0.0, interior)
 
 
 def drop(*bodies, gravity=(0.0, 0.0, -GRAVITY), **config):

@@ -8,7 +8,7 @@ from dcap.geometry.primitives import Box
 from dcap.geometry.solid.fill import octants
 from solver.config import SolverConfig
 from solver.kernels import elastic
-from solver.model.bodies import Body, Model, SignedDistance, SoftParts
+from solver.model.bodies import Interior, Model, SignedDistance, SoftBody
 from solver.reference.elastic import energy, polar_rotation, stress
 from solver.runtime import start
 from solver.settle import Drop
@@ -169,9 +169,8 @@ def block(rotation, stretch, nu=0.3):
     surface = solid.surface(0.02)
     vertices = surface.vertices + np.array([0.05, 0.03, 0.03])
     grid = SignedDistance(np.zeros(3) - 0.1, 0.02, np.ones((16, 14, 14), dtype=np.float32))
-    parts = SoftParts(points, volume, 100 * one, 1e5 * one, nu * one, planes, state, loaded=False)
-    body = Body("block", False, vertices, surface.faces, grid, 1.0, np.zeros(3), np.eye(3),
-                0.5, 0.4, 0.0, parts)  # fmt: skip
+    interior = Interior(points, volume, 100 * one, 1e5 * one, nu * one, planes, state, loaded=False)
+    body = SoftBody("block", False, vertices, surface.faces, grid, 1.0, np.zeros(3), 0.5, 0.4, 0.0, interior)
     start(1)
     model = Model((body,), np.zeros(3))
     drop = Drop(model, SolverConfig())
