@@ -84,6 +84,14 @@ def test_a_cylinder_balanced_on_its_rim_is_not_a_rest_state(lab):
     assert turned > 20.0
 
 
+def test_rolling_resistance_does_not_hold_up_what_a_kick_made_lose_its_balance(lab):
+    """A pencil with round ends falls over and comes to rest lying: resistance to rolling gives way meanwhile."""
+    pencil = lab.rigid("pencil", lab.Capsule(0.02, 0.1), [0, 0, 0.0701], mass=0.2, rolling=1e-3, edge=0.004)
+    result = lab.drop(pencil, lab.floor(rolling=1e-3))
+    assert result.verdict == "at_rest"
+    assert abs(result.bodies[0].rotation[2, 2]) < 1e-2  # its axis is level
+
+
 def test_a_body_falls_freely_over_a_centimetre(lab):
     """v = g t until the floor, exact in backward Euler, and the impact comes at t = sqrt(2 h / g) within one step."""
     ball = lab.rigid("ball", lab.Capsule(0.05, 0.0), [0, 0, 0.06])
