@@ -14,7 +14,8 @@ from pathlib import Path
 import numpy as np
 
 from perf.peers.reference import DEPTH
-from solver.kernels import mls
+from solver.kernels import mls_transfers as transfers
+from solver.kernels.mls_moments import SUMS
 from solver.mls.grid import Grid, Particles
 from solver.runtime import start
 from tasks.case.run import run_case
@@ -102,20 +103,20 @@ def mls_speed() -> float:
     )  # fmt: skip
     grid = Grid(cell, np.zeros(3))
     grid.lay_out(p)
-    held, sums = np.zeros(len(grid.node), np.uint8), np.zeros((len(grid.block), mls.SUMS))
+    held, sums = np.zeros(len(grid.node), np.uint8), np.zeros((len(grid.block), SUMS))
     side, gravity = np.zeros((1, 4)), np.array([0.0, 0.0, -9.81])
     C, F = p.C.reshape(-1, 3, 3), p.F.reshape(-1, 3, 3)
     h, low_x, low_y, low_z, nodes_y, nodes_z = grid.box
 
     def step() -> None:
-        mls.clear(grid.node)
+        transfers.clear(grid.node)
         for pencils in grid.colours:
-            mls.particles_to_grid(
+            transfers.particles_to_grid(
                 False, p.side, side, 1e-6, *grid.box, pencils, grid.pencil_start, p.x, p.v, C, F, p.constant, gravity,
                 grid.node,
             )  # fmt: skip
-        mls.momentum_to_velocity(1e-9, held, grid.node)
-        mls.grid_to_particles(
+        transfers.momentum_to_velocity(1e-9, held, grid.node)
+        transfers.grid_to_particles(
             False, p.side, side, p.group, np.zeros((1, 9)), np.zeros((1, 1, 2)), np.zeros((1, 6)), 1e-6, h, low_x,
             low_y, low_z, int(grid.shape[0]), nodes_y, nodes_z, grid.node, grid.block, p.x, p.v, C, F, p.constant, sums,
         )  # fmt: skip

@@ -7,7 +7,18 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from solver.kernels import mls
+from solver.kernels.mls_moments import (
+    ANGULAR_MOMENTUM,
+    ENERGY,
+    FIRST_MOMENT,
+    MASS,
+    MOMENTUM,
+    SECOND_MOMENT,
+    SQUARED_SPEED,
+    SUMS,
+    move_group,
+)
+from solver.kernels.mls_transfers import material_at_nodes
 from solver.mls.grid import Grid, Particles
 from solver.mls.particles import Sample, held, sample
 from solver.model.bodies import Model
@@ -43,19 +54,18 @@ class Motion:
 
 
 def motion_of(sums: Array, cell: float) -> Motion:
-    """Rigid motion from the moments of solver.kernels.mls; a rigid field has C = [w]x, which adds m h^2 / 2 to each
+    """Rigid motion from the moments of mls_moments.py; a rigid field has C = [w]x, which adds m h^2 / 2 to each
     principal inertia."""
-    mass = float(sums[0])
-    center, velocity = sums[1:4] / mass, sums[4:7] / mass
-    second = np.diag(sums[10:13])
-    second[1, 2] = second[2, 1] = sums[13]
-    second[0, 2] = second[2, 0] = sums[14]
-    second[0, 1] = second[1, 0] = sums[15]
+    mass = float(sums[MASS])
+    first, momentum, spin_momentum = (sums[k : k + 3] for k in (FIRST_MOMENT, MOMENTUM, ANGULAR_MOMENTUM))
+    center, velocity = first / mass, momentum / mass
+    xx, yy, zz, yz, zx, xy = sums[SECOND_MOMENT : SECOND_MOMENT + 6]
+    second = np.array([[xx, xy, zx], [xy, yy, yz], [zx, yz, zz]])
     second -= mass * np.outer(center, center)
     inertia = (np.trace(second) + 0.5 * mass * cell**2) * np.eye(3) - second
-    angular = sums[7:10] - np.cross(center, sums[4:7])
+    angular = spin_momentum - np.cross(center, momentum)
     spin = np.linalg.solve(inertia, angular)
-    rest = float(sums[16] - 0.5 * mass * velocity @ velocity - 0.5 * spin @ angular)
+    rest = float(sums[ENERGY] - 0.5 * mass * velocity @ velocity - 0.5 * spin @ angular)
     return Motion(mass, center, velocity, spin, inertia, rest)
 
 
@@ -85,7 +95,7 @@ class SoftBodies:
     def lay_out(self) -> None:
         """Fit the grid to the particles and renew everything that depends on it."""
         self.grid.lay_out(self.particles)
-        self.sums = np.zeros((len(self.grid.block), mls.SUMS))
+        self.sums = np.zeros((len(self.grid.block), SUMS))
         self.held = np.zeros(len(self.grid.node), dtype=np.uint8)
         self.node_side = np.zeros((len(self.grid.node) if self.thin else 1, 4))
         self.locate_material()
@@ -101,6 +111,11 @@ class SoftBodies:
             self.held[near[held(soft, points[near], self.grid.cell)]] = 1
         for group in np.unique(self.grid.block_group):
             self.move(int(group), keep=1.0)  # fills the sums
+
+    @property
+    def fastest(self) -> float:
+        """Largest speed of a particle [m/s]."""
+        return float(np.sqrt(self.sums[:, SQUARED_SPEED].max()))
 
     def group_sums(self, group: int) -> Array:
         """Moments of one group, shape (20,); added block by block in their order."""
@@ -125,7 +140,7 @@ class SoftBodies:
             rows[3] = old.velocity if velocity is None else velocity
             rows[4] = old.spin if spin is None else spin
         p, g = self.particles, self.grid
-        mls.move_group(
+        move_group(
             group, g.cell, keep, rows, g.block, g.block_group, p.x, p.v, p.C, p.constant, self.sums
         )  # fmt: skip
 
@@ -138,7 +153,7 @@ class SoftBodies:
         p, g = self.particles, self.grid
         material = np.zeros((len(g.node), 4))
         for pencils in g.colours:
-            mls.material_at_nodes(
+            material_at_nodes(
                 self.thin,
                 p.side,
                 self.node_side,

@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 
 from solver.config import SolverConfig
 from solver.contact.predict import contact_stiffness
-from solver.kernels import mls
+from solver.kernels.mls_coupling import COUPLED, IMPULSE, LOAD, NORMAL_IMPULSE, NORMAL_MATRIX, couple
+from solver.kernels.mls_distance import distance_at_nodes
 from solver.mls.bodies import SoftBodies
 from solver.mls.rigid import RigidBodies
 from solver.model.bodies import Body, Model, SignedDistance, SoftBody
@@ -24,7 +25,6 @@ from solver.model.bodies import Body, Model, SignedDistance, SoftBody
 Array = NDArray[np.float64]
 
 REACH = 1.0  # nodes this far outside of a rigid body, in cells, still hold material that touches it: half their support
-OUT = 49  # per owner: load, impulse (3), moment (3), normal matrix (36), first moment (3), load along normals (3)
 
 
 @dataclass(eq=False, slots=True)
@@ -37,6 +37,27 @@ class Field:
     """Signed distance [m], shape (n,)."""
     normal: Array
     """Outwards, shape (n, 3)."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Exchange:
+    """What a soft body received from a rigid one in one step."""
+
+    load: float
+    """Normal impulses [N s]."""
+    impulse: Array
+    """[N s], shape (3,)."""
+    along_normal: Array
+    """Normal part of it [N s], shape (3,)."""
+    normal_matrix: Array
+    """Sum of G^T n n^T G weighted by normal impulses, G = [I, -[r]x] about the rigid body's centre, shape (6, 6)."""
+
+    @classmethod
+    def of(cls, row: Array) -> "Exchange":
+        """From one row of what `couple` tells."""
+        matrix = row[NORMAL_MATRIX : NORMAL_MATRIX + 36].reshape(6, 6)
+        impulse, along = (row[k : k + 3] for k in (IMPULSE, NORMAL_IMPULSE))
+        return cls(float(row[LOAD]), impulse, along, matrix)
 
 
 @dataclass(eq=False, slots=True)
@@ -68,7 +89,7 @@ class Coupling:
             for part, i in enumerate(soft.index)
         }
         self.impulses: dict[tuple[int, int], PairImpulse] = {}
-        self.loaded: list[tuple[int, int, Array]] = []
+        self.loaded: list[tuple[int, int, Exchange]] = []
 
     def forget(self) -> None:
         """The grid has been laid out anew: distances of fixed bodies are no longer at its nodes."""
@@ -81,34 +102,35 @@ class Coupling:
             near = self._field(index)
             if near is None:
                 continue
-            out = np.zeros((len(self.soft.index), OUT))
+            out = np.zeros((len(self.soft.index), COUPLED))
             body, q = self.model.bodies[index], self.rigid.velocity(index)
             if len(self.active) < len(near.phi):
                 self.active = np.zeros((len(near.phi), 2), dtype=np.int32)
             g = self.soft.grid
-            mls.couple(
+            couple(
                 int(not body.fixed), g.cell, REACH * g.cell, self.soft.least_mass, int(g.shape[1]), int(g.shape[2]),
                 self.frame(index), near.span, near.phi, near.normal, self.soft.owner, self.soft.material,
                 self.friction[index], self.rigid.mass_matrix(index), g.node, q, self.work, self.active, out,
             )  # fmt: skip
             if not body.fixed:
                 self.rigid.set_velocity(index, q)
-            for part in np.flatnonzero(out[:, 0] > 0.0):
-                self._add(index, int(part), out[part])
-                self.loaded.append((index, int(part), out[part]))
+            for part in np.flatnonzero(out[:, LOAD] > 0.0).tolist():
+                received = Exchange.of(out[part])
+                self._add(index, part, received)
+                self.loaded.append((index, part, received))
 
     def damp(self, dt: float) -> None:
         """Dashpot and rolling resistance of the pairs that the last exchange loaded, once particles have moved."""
-        for index, part, out in self.loaded:
-            self._damp(index, part, out, dt)
+        for index, part, received in self.loaded:
+            self._damp(index, part, received, dt)
 
-    def _add(self, index: int, part: int, out: Array) -> None:
+    def _add(self, index: int, part: int, received: Exchange) -> None:
         pair = self.impulses.setdefault((index, part), PairImpulse())
-        pair.load += float(out[0])
-        pair.impulse = pair.impulse + out[1:4]
-        pair.along_normal = pair.along_normal + out[46:49]
+        pair.load += received.load
+        pair.impulse = pair.impulse + received.impulse
+        pair.along_normal = pair.along_normal + received.along_normal
 
-    def _damp(self, index: int, part: int, out: Array, dt: float) -> None:
+    def _damp(self, index: int, part: int, received: Exchange, dt: float) -> None:
         """Dashpot and rolling resistance between the rigid motions of a pair, both taken implicitly."""
         one, two = self.model.bodies[index], self.model.bodies[self.soft.index[part]]
         if one.fixed and two.fixed:
@@ -116,7 +138,7 @@ class Coupling:
         center = self.rigid.state.center[index]
         of_rigid = np.zeros((6, 6)) if one.fixed else np.linalg.inv(self.rigid.mass_matrix(index))
         of_soft = self.soft.inverse_mass(part, center)
-        drag = self.dashpot[index, part] * dt * out[7:43].reshape(6, 6) / out[0]
+        drag = self.dashpot[index, part] * dt * received.normal_matrix / received.load
         before = self.rigid.velocity(index) - self.soft.velocity(part, center)
         after = np.linalg.solve(np.eye(6) + (of_rigid + of_soft) @ drag, before)
         impulse = -drag @ after
@@ -125,7 +147,7 @@ class Coupling:
         if length > 0.0 and spin > 0.0:
             axis = after[3:] / spin
             stopping = spin / float(axis @ (of_rigid + of_soft)[3:, 3:] @ axis)
-            impulse[3:] -= min(length * float(out[0]), stopping) * axis
+            impulse[3:] -= min(length * received.load, stopping) * axis
         if not one.fixed:
             self.rigid.set_velocity(index, self.rigid.velocity(index) + of_rigid @ impulse)
         if not two.fixed:
@@ -144,7 +166,7 @@ class Coupling:
             count = int(span[1].prod())
             near = Field(span, np.zeros(count), np.zeros((count, 3)))
             grid: SignedDistance = body.distance
-            mls.distance_at_nodes(
+            distance_at_nodes(
                 g.cell, int(g.shape[1]), int(g.shape[2]), self.frame(index), span,
                 -1.0 if body.fixed else self.soft.least_mass, self.soft.held, g.node, grid.spacing, grid.values,
                 near.phi, near.normal,

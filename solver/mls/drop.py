@@ -20,7 +20,8 @@ from numpy.typing import NDArray
 from solver.certificate import Signals, rest_rows
 from solver.config import SolverConfig
 from solver.errors import ModelError, UnstableStep
-from solver.kernels import mls
+from solver.kernels import mls_transfers as transfers
+from solver.kernels.mls_moments import ENERGY, INVERSIONS, SQUARED_SPEED, STRAYS
 from solver.mls.bodies import SoftBodies
 from solver.mls.coupling import Coupling
 from solver.mls.outcome import Outcome, outcome
@@ -119,7 +120,7 @@ class Drop:
 
     def _longest_step(self) -> float:
         """CFL: neither a wave nor a particle crosses more than a share of a cell [s]."""
-        speeds = [float(np.sqrt(self.soft.sums[:, 17].max()))]
+        speeds = [self.soft.fastest]
         speeds += [float(np.linalg.norm(self.rigid.state.velocity[i])) for i in self.rigid.free]
         return self.config.mls_cfl * self.soft.grid.cell / (self.soft.wave_speed + max(speeds))
 
@@ -128,10 +129,10 @@ class Drop:
         soft, grid, p = self.soft, self.soft.grid, self.soft.particles
         C, F = p.C.reshape(-1, 3, 3), p.F.reshape(-1, 3, 3)
         self.rigid.accelerate(dt)
-        mls.clear(grid.node)
+        transfers.clear(grid.node)
         self.plates.find_sides()
         for pencils in grid.colours:
-            mls.particles_to_grid(
+            transfers.particles_to_grid(
                 soft.thin,
                 p.side,
                 soft.node_side,
@@ -147,11 +148,11 @@ class Drop:
                 self.gravity,
                 grid.node,
             )
-        mls.momentum_to_velocity(soft.least_mass, soft.held, grid.node)
+        transfers.momentum_to_velocity(soft.least_mass, soft.held, grid.node)
         self._locate_material(dt)
         self.coupling.exchange()
         h, x, y, z, nodes_y, nodes_z = grid.box
-        mls.grid_to_particles(
+        transfers.grid_to_particles(
             soft.thin, p.side, soft.node_side, p.group, *self.plates.motion(), dt, h, x, y, z,
             int(grid.shape[0]), nodes_y, nodes_z, grid.node, grid.block, p.x, p.v, C, F, p.constant, soft.sums,
         )  # fmt: skip
@@ -165,7 +166,7 @@ class Drop:
 
     def _locate_material(self, dt: float) -> None:
         """Renew where the nodes' material lies once it has moved by STALE cells."""
-        self.moved += dt * float(np.sqrt(self.soft.sums[:, 17].max()))
+        self.moved += dt * self.soft.fastest
         if self.moved > STALE * self.soft.grid.cell:
             self.soft.locate_material()
             self.moved = 0.0
@@ -179,15 +180,15 @@ class Drop:
             bad = int(np.flatnonzero(~np.isfinite(soft.sums).all(axis=1))[0])
             name = self.model.bodies[soft.index[soft.grid.block_group[bad] // 2]].name
             raise UnstableStep(f"{where}: body {name!r} holds values that are not finite; lower mls_cfl")
-        fastest = int(np.argmax(soft.sums[:, 17]))
-        speed = float(np.sqrt(soft.sums[fastest, 17]))
+        fastest = int(np.argmax(soft.sums[:, SQUARED_SPEED]))
+        speed = float(np.sqrt(soft.sums[fastest, SQUARED_SPEED]))
         if speed > soft.wave_speed:
             name = self.model.bodies[soft.index[soft.grid.block_group[fastest] // 2]].name
             raise UnstableStep(
                 f"{where}: a particle of body {name!r} moves at {speed:.3g} m/s, faster than its waves "
                 f"({soft.wave_speed:.3g} m/s); lower mls_cfl ({self.config.mls_cfl})"
             )
-        if total[18] > 0.0:
+        if total[STRAYS] > 0.0:
             soft.lay_out()
             self.coupling.forget()
 
@@ -196,7 +197,7 @@ class Drop:
         for part in range(len(self.soft.index)):
             motion = None if self.soft.is_fixed(part) else self.soft.motion(part)
             if motion is None:
-                energy = float((self.soft.group_sums(2 * part) + self.soft.group_sums(2 * part + 1))[16])
+                energy = float((self.soft.group_sums(2 * part) + self.soft.group_sums(2 * part + 1))[ENERGY])
             else:
                 energy = motion.strain_energy_rate
             if energy < (1.0 - PEAK_DROP) * self.peak[part]:
@@ -264,7 +265,7 @@ class Drop:
 
     def _result(self, verdict: str, last: Outcome) -> Result:
         rows = rest_rows(self.history[-self.config.rest_steps :], self.config, self.strength, self.length)
-        inverted = int(self.soft.sums[:, 19].sum())
+        inverted = int(self.soft.sums[:, INVERSIONS].sum())
         if inverted:
             self.warnings.append(f"{inverted} particles are inverted in the last state")
         contacts, points = last.contacts()

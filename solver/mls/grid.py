@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from solver.errors import UnstableStep
-from solver.kernels import mls
+from solver.kernels.mls_transfers import PENCIL
 
 MARGIN = 4  # nodes around the particles' box: the stencil, a cell of motion, and one for the next
 BLOCK = 128  # particles that are summed together
@@ -104,7 +104,7 @@ class Grid:
             )
         self.node = np.zeros((count, 4))
         base -= self.first
-        columns = base[:, :2] // mls.PENCIL
+        columns = base[:, :2] // PENCIL
         wide = int(columns[:, 1].max()) + 1
         pencil = columns[:, 0] * wide + columns[:, 1]
         cell = (base[:, 0] * self.shape[1] + base[:, 1]) * self.shape[2] + base[:, 2]
@@ -122,6 +122,6 @@ class Grid:
         ends = np.append(new[1:], len(pencil))
         begin = np.concatenate([np.arange(a, b, BLOCK) for a, b in zip(new, ends, strict=True)])
         end = np.minimum(begin + BLOCK, ends[np.searchsorted(new, begin, side="right") - 1])
-        corner = mls.PENCIL * np.stack([pencil[begin] // wide, pencil[begin] % wide], axis=1)
+        corner = PENCIL * np.stack([pencil[begin] // wide, pencil[begin] % wide], axis=1)
         self.block = np.column_stack([begin, end, corner]).astype(np.int32)
         self.block_group = group[begin].astype(np.int32)

@@ -220,7 +220,7 @@ def outcome(
     points = np.concatenate([surface_of(model, soft, rigid, i) for i in watched])
     center = np.sum([mass[i] * after[i][0] for i in watched], axis=0) / sum(mass.values())
     signals = Signals(
-        time, linear, angular, float(np.sqrt(soft.sums[:, 17].max())), center,
+        time, linear, angular, soft.fastest, center,
         np.concatenate([points.min(axis=0), points.max(axis=0)]), force_worst, torque_worst, steps, 0,
     )  # fmt: skip
     return Outcome(model, soft, rigid, coupling, seconds, before, after, signals)

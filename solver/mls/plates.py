@@ -11,7 +11,7 @@ and the body takes the opposite impulse. Nodes on the particle's own side touch 
 import numpy as np
 from numpy.typing import NDArray
 
-from solver.kernels import mls
+from solver.kernels.mls_distance import sides_at_nodes, sides_of_particles
 from solver.mls.bodies import SoftBodies
 from solver.mls.coupling import Coupling
 from solver.mls.rigid import RigidBodies
@@ -52,11 +52,11 @@ class Plates:
             span = self.coupling.span(i, NEAR)
             if span is None:
                 continue
-            mls.sides_at_nodes(
+            sides_at_nodes(
                 t + 1.0, g.cell, int(g.shape[1]), int(g.shape[2]), NEAR * g.cell, frame, span, grid.spacing,
                 grid.values, self.soft.node_side,
             )  # fmt: skip
-            mls.sides_of_particles(t + 1.0, NEAR * g.cell, frame, grid.spacing, grid.values, p.x, p.side)
+            sides_of_particles(t + 1.0, NEAR * g.cell, frame, grid.spacing, grid.values, p.x, p.side)
 
     def motion(self) -> tuple[Array, Array, Array]:
         """Centres and velocities, friction, and an empty account of impulses per block of particles."""

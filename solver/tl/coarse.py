@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import linalg, sparse
 
-from solver.kernels import elastic
 from solver.kernels import sparse as products
+from solver.kernels import tangents
 from solver.model.soft import BodyGrid, SoftSystem, shape_values
 
 CELLS_PER_AXIS = 4  # 125 lattice nodes: the dense solve stays far below the cost of one fine product
@@ -74,7 +74,7 @@ class CoarseSpace:
 
     def refresh(self, cell_tangent: NDArray[np.float32]) -> None:
         """Rebuild the elastic Galerkin product from the fine cells' tangents."""
-        elastic.coarse_tangents(self.start, self.member, cell_tangent, self.weight, self.blocks)
+        tangents.coarse_tangents(self.start, self.member, cell_tangent, self.weight, self.blocks)
         m = self.count
         dense = np.zeros((m, m, 3, 3))
         rows, columns = np.repeat(self.cell_node, 8, axis=1), np.tile(self.cell_node, (1, 8))

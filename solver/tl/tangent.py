@@ -11,7 +11,7 @@ Kelvin-Voigt damping with it would act as a brake from outside.
 import numpy as np
 from numpy.typing import NDArray
 
-from solver.kernels import elastic, sparse
+from solver.kernels import sparse, tangents
 from solver.model.soft import SoftSystem
 from solver.model.state import State, best_rigid_motion, turn_between
 from solver.tl.coarse import build_coarse
@@ -37,7 +37,7 @@ class ElasticTangent:
         self.cells = np.zeros((cells, 8, 8, 3, 3), dtype=np.float32)
         self.rest_cells = np.zeros((cells, 8, 8, 3, 3), dtype=np.float32)
         if cells:
-            elastic.rest_tangents(
+            tangents.rest_tangents(
                 soft.cell_size, soft.cell_start, soft.local, soft.volume, soft.mu, soft.lam, soft.relief,
                 np.zeros((cells, 8, 3)), self.rest_cells,
             )  # fmt: skip
@@ -102,12 +102,12 @@ class ElasticTangent:
 
     def _turn_cells(self, state: State, deformation: NDArray[np.float64]) -> None:
         s = self.soft
-        elastic.turn_tangents(s.cell_start, s.volume, state.polar, self.rest_cells, self.cells)
+        tangents.turn_tangents(s.cell_start, s.volume, state.polar, self.rest_cells, self.cells)
         for first, last in self.clamped:
-            elastic.strained_tangents(
+            tangents.strained_tangents(
                 STRAINED, first, last, s.cell_size, s.cell_start, s.local, s.volume, s.mu, s.lam, deformation,
                 state.polar, self.cells,
             )  # fmt: skip
-        elastic.gather_tangents(s.node_cell, self.cells, self.stencil)
+        tangents.gather_tangents(s.node_cell, self.cells, self.stencil)
         self.unit[:] = np.ldexp(1.0, np.frexp(np.abs(self.stencil[:, 13]).max(axis=(1, 2)))[1])
         sparse.halve(self.stencil, self.unit, self.half)

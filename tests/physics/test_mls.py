@@ -9,6 +9,7 @@ import pytest
 
 from solver.config import SolverConfig
 from solver.errors import ModelError, UnstableStep
+from solver.kernels.mls_moments import ANGULAR_MOMENTUM, MOMENTUM
 from solver.mls.drop import Drop
 from solver.model.bodies import Model
 from solver.reference.mls import grid_to_particles, particles_to_grid
@@ -44,7 +45,7 @@ def shaken(one, seed=0):
 
 def momentum(one):
     """Momentum and angular momentum about the world's origin, affine part included."""
-    return one.soft.sums[:, 4:10].sum(axis=0)
+    return one.soft.sums[:, MOMENTUM : ANGULAR_MOMENTUM + 3].sum(axis=0)
 
 
 @pytest.mark.slow

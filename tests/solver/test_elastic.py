@@ -7,7 +7,8 @@ from scipy.spatial.transform import Rotation
 from dcap.geometry.primitives import Box
 from dcap.geometry.solid.fill import octants
 from solver.config import SolverConfig
-from solver.kernels import elastic
+from solver.kernels.elastic import cell_forces
+from solver.kernels.tangents import rest_tangents, strained_tangents
 from solver.model.bodies import Interior, Model, SignedDistance, SoftBody
 from solver.reference.elastic import energy, polar_rotation, stress
 from solver.runtime import start
@@ -40,7 +41,7 @@ def one_cell(deformation, relief=None):
         "psi": np.zeros(1),
         "force": np.zeros((1, 8, 3)),
     }
-    elastic.cell_forces(**arrays)
+    cell_forces(**arrays)
     return arrays
 
 
@@ -79,7 +80,7 @@ def full_cell(x):
             "V": one / 8, "mu": MU * one, "lam": LAM * one}  # fmt: skip
     R, F, force = np.tile(np.eye(3).ravel(), (8, 1)), np.zeros((8, 9)), np.zeros((1, 8, 3))
     nodes = np.arange(8, dtype=np.int32)[None]
-    elastic.cell_forces(x=x, cell_node=nodes, relief=np.zeros((1, 9)), R=R, F_out=F, J_out=one.copy(), psi=one.copy(),
+    cell_forces(x=x, cell_node=nodes, relief=np.zeros((1, 9)), R=R, F_out=F, J_out=one.copy(), psi=one.copy(),
                         force=force, **cell)  # fmt: skip
     return force[0], cell | {"F_in": F, "R": R}
 
@@ -87,7 +88,7 @@ def full_cell(x):
 def tangents(x):
     """(as the kernel has it, second derivative of the energy by central differences), (24, 24) each."""
     K = np.zeros((1, 8, 8, 3, 3), dtype=np.float32)
-    elastic.strained_tangents(limit=0.0, first=0, last=1, K=K, **full_cell(x)[1])
+    strained_tangents(limit=0.0, first=0, last=1, K=K, **full_cell(x)[1])
     columns = []
     for n in range(24):
         step = np.zeros(24)
@@ -127,7 +128,7 @@ def test_only_strained_cells_of_the_range_get_their_own_tangent(limit, last, cha
     """A stretch of 0.2 lies between the limits."""
     K = np.zeros((1, 8, 8, 3, 3), dtype=np.float32)
     cell = full_cell(CORNERS @ (TURN @ np.diag([1.2, 1.0, 1.0])).T)[1]
-    elastic.strained_tangents(limit=limit, first=0, last=last, K=K, **cell)
+    strained_tangents(limit=limit, first=0, last=last, K=K, **cell)
     assert K.any() == changed
 
 
@@ -145,14 +146,14 @@ def test_tangent_is_the_derivative_of_the_forces_at_rest():
     arrays = one_cell(F, relief)
     K = np.zeros((1, 8, 8, 3, 3), dtype=np.float32)
     names = ("cell_size", "cell_start", "xi", "V", "mu", "lam", "relief")
-    elastic.rest_tangents(*[arrays[n] for n in names], np.zeros((1, 8, 3)), K)
+    rest_tangents(*[arrays[n] for n in names], np.zeros((1, 8, 3)), K)
     h = 1e-6
     for node, axis in ((0, 0), (3, 2), (6, 1)):
         sides = []
         for sign in (1.0, -1.0):
             moved = one_cell(F, relief)
             moved["x"][node, axis] += sign * h
-            elastic.cell_forces(**moved)
+            cell_forces(**moved)
             sides.append(moved["force"][0].copy())
         numeric = -(sides[0] - sides[1]) / (2 * h)
         column = K[0, :, node, :, axis]
