@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 
 from solver.box import bounds
 from solver.config import SolverConfig
-from solver.contact.query import ContactQuery, Contacts
+from solver.contact.active import Contacts
+from solver.contact.query import ContactQuery
 from solver.kernels.query import largest_particle_speed
 from solver.model.bodies import Model
 from solver.model.soft import SoftSystem

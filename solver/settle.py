@@ -8,8 +8,8 @@ from threadpoolctl import threadpool_limits
 
 from solver.certificate import Signals, certificate, contact_table
 from solver.config import SolverConfig
+from solver.contact.active import Contacts
 from solver.contact.bonds import bond_table
-from solver.contact.query import Contacts
 from solver.contact.rolling import RollingLaw, law_compliant, law_stiff
 from solver.errors import ModelError
 from solver.mls import drop as mls

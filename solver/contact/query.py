@@ -1,14 +1,11 @@
 """Contact between the surface points of one body and the signed distance of another.
 
-Normal force: a penalty spring per point; taken implicitly on both sides. Friction: a tangential spring whose anchor
-is remembered from step to step, with a Coulomb return map (mu_s to break, mu_d while sliding) [W06, Ch. 5]. Rolling
-and torsional resistance: the same with the relative rotation of a pair, limited by b * N.
-
-[W06] Wriggers: Computational Contact Mechanics, 2nd ed., Springer 2006.
+Normal force and friction of the points: friction.py. Rolling and torsional resistance of pairs: rolling.py. Both are
+springs whose anchors the state remembers from step to step, taken implicitly on both sides.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -16,41 +13,16 @@ from numpy.typing import NDArray
 from scipy import sparse
 
 from solver.box import bounds, inside
+from solver.contact.active import Contacts, Pair, Touching
 from solver.contact.bonds import Bond
+from solver.contact.friction import point_forces
 from solver.contact.rolling import Rolling, RollingLaw, Spin, law_stiff, resist
 from solver.kernels import query
-from solver.model.bodies import Body, Model
+from solver.model.bodies import Model
 from solver.model.soft import BodyGrid, SoftSystem
 from solver.model.state import ContactMemory, PointMemory, State, best_rigid_motion, turn_between
 
 STICK_SPEED = 1e-4  # a point at its friction limit that moves slower than this [m/s] has stopped: mu_s holds again
-# tangential over normal stiffness: Mindlin's ratio 2 (1 - nu) / (2 - nu) lies between 0.67 and 1; softer is safe
-TANGENTIAL_SHARE = 0.5
-
-
-@dataclass(frozen=True, eq=False, slots=True)
-class Pair:
-    """Points of body `a` against the field of body `b`."""
-
-    a: int
-    b: int
-    static_friction: float
-    dynamic_friction: float
-    stiffness: NDArray[np.float64]
-    """Normal stiffness per point at the start [N/m], shape (n,)."""
-    area: NDArray[np.float64]
-    """Surface area that a point stands for [m^2], shape (n,)."""
-
-    @property
-    def key(self) -> tuple[int, int]:
-        """Of the pair in ContactMemory.points."""
-        return self.a, self.b
-
-    def fresh_memory(self) -> PointMemory:
-        """Before any step."""
-        count = len(self.area)
-        nowhere = np.full((count, 3), np.nan)
-        return PointMemory(self.stiffness.copy(), np.zeros((count, 3)), np.zeros(count, dtype=bool), nowhere)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -69,6 +41,8 @@ class StepStart:
 class Located:
     """Where k points are in the start pose of a body, and how far from its surface."""
 
+    point: NDArray[np.int64]
+    """Indices of the points, shape (k,)."""
     material: NDArray[np.float64]
     """[m], shape (k, 3)."""
     gap: NDArray[np.float64]
@@ -83,79 +57,6 @@ class Located:
     """Points that lie in a cell of a soft body, shape (k,)."""
     unlocated: int = 0
     """As in Contacts."""
-
-
-@dataclass(eq=False, slots=True)
-class Touching:
-    """The active points of one pair at one state."""
-
-    pair: Pair
-    point: NDArray[np.int64]
-    """Indices of the active points of body a, shape (k,)."""
-    position: NDArray[np.float64]
-    """[m], shape (k, 3)."""
-    gap: NDArray[np.float64]
-    """[m], negative: penetration, shape (k,)."""
-    normal: NDArray[np.float64]
-    """Out of b, shape (k, 3)."""
-    force: NDArray[np.float64]
-    """On a [N], shape (k, 3)."""
-    tangent: NDArray[np.float64]
-    """-d force / d relative displacement [N/m] at constant friction limits: symmetric, shape (k, 3, 3)."""
-    coupling: NDArray[np.float64]
-    """What the limits, which follow the normal force, add to it for sliding points [N/m], shape (k, 3, 3)."""
-    anchor: NDArray[np.float64]
-    """New anchors, shape (k, 3)."""
-    sliding: NDArray[np.bool_]
-    node: NDArray[np.int64]
-    """Nodes that move the point minus nodes that move the material point of b, shape (k, 16)."""
-    weight: NDArray[np.float64]
-    """Signed shape values, zero for rigid sides, shape (k, 16)."""
-
-    @property
-    def normal_force(self) -> NDArray[np.float64]:
-        """Normal part [N], shape (k,)."""
-        return np.asarray(np.einsum("ki,ki->k", self.force, self.normal))
-
-
-@dataclass(eq=False, slots=True)
-class Contacts:
-    """All active points of all pairs, and the bonded points, as linear maps."""
-
-    touching: list[Touching]
-    gather: sparse.csr_matrix
-    """Relative displacement per point from node displacements, shape (k, n)."""
-    force: NDArray[np.float64]
-    tangent: NDArray[np.float64]
-    coupling: NDArray[np.float64]
-    position: NDArray[np.float64]
-    a: NDArray[np.int64]
-    b: NDArray[np.int64]
-    rolling: list[Rolling] = field(default_factory=list)
-    spins: dict[int, Spin] = field(default_factory=dict)
-    """Spins of the free soft bodies in contact, by model index."""
-    unlocated: int = 0
-    """Points that are in a soft body's cells while no place in its start pose was found for them; no contact there."""
-    memory: ContactMemory = field(default_factory=ContactMemory)
-    """What is remembered of a step that ends here: anchors of touching points; others forget theirs."""
-
-    def burden(self, bodies: int) -> NDArray[np.float64]:
-        """What each body carries from one side to another [N], shape (bodies,): half of what the sizes of its contact
-        forces add up to beyond the size of their sum; nothing for a body that only stands or hits."""
-        size, total = np.zeros(bodies), np.zeros((bodies, 3))
-        for which, sign in ((self.a, 1.0), (self.b, -1.0)):
-            size += np.bincount(which, np.linalg.norm(self.force, axis=1), bodies)
-            for axis in range(3):
-                total[:, axis] += sign * np.bincount(which, self.force[:, axis], bodies)
-        return np.asarray(0.5 * (size - np.linalg.norm(total, axis=1)), dtype=np.float64)
-
-
-def vertex_areas(body: Body) -> NDArray[np.float64]:
-    """A third of the adjacent triangle areas per vertex [m^2], shape (n,)."""
-    corner = body.vertices[body.faces]
-    area = 0.5 * np.linalg.norm(np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]), axis=1)
-    weights = np.repeat(area / 3.0, 3)
-    return np.bincount(body.faces.ravel(), weights=weights, minlength=len(body.vertices)).astype(np.float64)
 
 
 def _interpolation(body: BodyGrid, nodes: int) -> sparse.csr_matrix:
@@ -206,35 +107,23 @@ class ContactQuery:
                 self.soft.node_cell,
                 self.smooth,
             )  # fmt: skip
-        near = {p.key: inside(surfaces[p.a], *self._solid_box(state, p.b)).astype(np.int32) for p in self.pairs}
         found = {
-            p.key: self._locate(p.b, state, surfaces[p.a], near[p.key], state.memory.points[p.key].material_point)
+            p.key: self._locate(p.b, state, surfaces[p.a], state.memory.points[p.key].material_point)
             for p in self.pairs
-            if len(near[p.key])
         }
-        touching = [
-            t
-            for p in self.pairs
-            if p.key in found and (t := self._touch(p, state, surfaces[p.a], near[p.key], found[p.key], start))
-        ]
+        touching = [t for p in self.pairs if (t := self._touch(p, state, surfaces[p.a], found[p.key], start))]
         contacts = self._collect(touching, state, start)
         contacts.unlocated = sum(one.unlocated for one in found.values())
-        contacts.memory = self._memory(contacts, state, start, near, found)
+        contacts.memory = self._memory(contacts, state, start, found)
         return contacts
 
     def _touch(
-        self,
-        pair: Pair,
-        state: State,
-        points: NDArray[np.float64],
-        near: NDArray[np.int32],
-        found: Located,
-        start: StepStart,
+        self, pair: Pair, state: State, points: NDArray[np.float64], found: Located, start: StepStart
     ) -> Touching | None:
         active = np.flatnonzero(found.gap < 0.0)
         if len(active) == 0:
             return None
-        index = near[active].astype(np.int64)
+        index = found.point[active]
         gap, normal, node, weight = found.gap[active], found.normal[active], found.node[active], found.weight[active]
         slip = (points[index] - start.surfaces[pair.a][index]) - self._motion(
             pair.b, found.material[active], node, weight, state, start.state
@@ -262,28 +151,23 @@ class ContactQuery:
         corner = body.distance.origin + body.distance.spacing * end * np.array(list(np.ndindex(2, 2, 2)))
         return bounds((corner - body.center_of_mass) @ state.rotation[index].T + state.center[index])
 
-    def _locate(
-        self,
-        index: int,
-        state: State,
-        points: NDArray[np.float64],
-        near: NDArray[np.int32],
-        guess: NDArray[np.float64],
-    ) -> Located:
-        """Where the points (n, 3) with the indices `near` are in a body; in a soft one the search starts at the
+    def _locate(self, index: int, state: State, points: NDArray[np.float64], guess: NDArray[np.float64]) -> Located:
+        """Where those of the points (n, 3) that can be in a body are in it; in a soft one the search starts at the
         material points `guess` (n, 3), where they are not NaN."""
         body = self.model.bodies[index]
-        count = len(near)
+        point = inside(points, *self._solid_box(state, index))
+        near, count = point.astype(np.int32), len(point)
         gap, normal = np.full(count, query.FAR), np.zeros((count, 3))
         node, weight = np.zeros((count, 8), dtype=np.int64), np.zeros((count, 8))
-        grid = body.distance
+        grid, material = body.distance, np.zeros((count, 3))
+        if count == 0:
+            return Located(point, material, gap, normal, node, weight, np.zeros(0, dtype=bool))
         if index not in self.soft_of:
-            material = np.zeros((count, 3))
             query.query_rigid(
                 points, near, state.rotation[index], state.center[index], body.center_of_mass, grid.origin,
                 grid.spacing, grid.values, material, gap, normal,
             )  # fmt: skip
-            return Located(material, gap, normal, node, weight, np.zeros(count, dtype=bool))
+            return Located(point, material, gap, normal, node, weight, np.zeros(count, dtype=bool))
         one = self.soft_of[index]
         material = guess[near]
         cell = np.full(count, -1, dtype=np.int32)
@@ -295,7 +179,7 @@ class ContactQuery:
         found = cell >= 0
         node[found] = self.soft.cell_node[cell[found]]
         weight[~found] = 0.0
-        return Located(material, gap, normal, node, weight, found, int((cell == query.UNLOCATED).sum()))
+        return Located(point, material, gap, normal, node, weight, found, int((cell == query.UNLOCATED).sum()))
 
     def _undeformed(self, index: int, state: State, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """Where points (k, 3) would be in a soft body's start pose, had it only moved rigidly [m]."""
@@ -353,20 +237,15 @@ class ContactQuery:
         )
 
     def _memory(
-        self,
-        contacts: Contacts,
-        state: State,
-        start: StepStart,
-        near: dict[tuple[int, int], NDArray[np.int32]],
-        found: dict[tuple[int, int], Located],
+        self, contacts: Contacts, state: State, start: StepStart, found: dict[tuple[int, int], Located]
     ) -> ContactMemory:
+        """What is remembered of a step that ends at `state`."""
         points = {}
         for key, old in start.state.memory.points.items():
-            material_point = state.memory.points[key].material_point
-            if key in found and key[1] in self.soft_of:
-                here = found[key]
-                material_point[near[key]] = np.where(here.found[:, None], here.material, np.nan)
-            anchor, sliding = np.zeros_like(old.anchor), np.zeros_like(old.sliding)
+            material_point, here = state.memory.points[key].material_point, found[key]
+            if len(here.point) and key[1] in self.soft_of:
+                material_point[here.point] = np.where(here.found[:, None], here.material, np.nan)
+            anchor, sliding = np.zeros(old.anchor.shape), np.zeros(len(old.sliding), dtype=bool)
             points[key] = PointMemory(old.stiffness, anchor, sliding, material_point)
         for t in contacts.touching:
             points[t.pair.key].anchor[t.point] = t.anchor
@@ -420,39 +299,3 @@ class ContactQuery:
             if index in involved and not self.model.bodies[index].fixed:
                 out[index] = Spin.of(one.nodes, self.soft.mass[one.nodes], state.x[one.nodes])
         return out
-
-
-def point_forces(
-    pair: Pair,
-    memory: PointMemory,
-    index: NDArray[np.int64],
-    gap: NDArray[np.float64],
-    normal: NDArray[np.float64],
-    slip: NDArray[np.float64],
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]:
-    """Force on a (k, 3), its negative derivative in two parts (k, 3, 3), the symmetric one and that of the friction
-    limits, new anchors (k, 3) and sliding flags (k,) of penetrating points.
-
-    A point that slid at the end of the last step feels mu_d, any other mu_s; the choice is fixed within a step,
-    so that the force
-    is a continuous function of the step's motion and Newton can converge.
-    """
-    stiffness = memory.stiffness[index]
-    load = -stiffness * gap
-    outer = normal[:, :, None] * normal[:, None, :]
-    plane = np.eye(3) - outer
-    trial = np.einsum("kij,kj->ki", plane, memory.anchor[index] + slip)
-    size = np.linalg.norm(trial, axis=1)
-    tangential = TANGENTIAL_SHARE * stiffness
-    coefficient = np.where(memory.sliding[index], pair.dynamic_friction, pair.static_friction)
-    limit = coefficient * load
-    slides = tangential * size > limit
-    direction = np.divide(trial, size[:, None], out=np.zeros_like(trial), where=size[:, None] > 0.0)
-    reach = np.where(slides, limit / tangential, size)
-    force = load[:, None] * normal - (tangential * reach)[:, None] * direction
-    ratio = np.where(slides, np.divide(reach, size, out=np.ones_like(size), where=size > 0.0), 1.0)
-    stuck = plane - np.where(slides, 1.0, 0.0)[:, None, None] * direction[:, :, None] * direction[:, None, :]
-    tangent = stiffness[:, None, None] * outer + (tangential * ratio)[:, None, None] * stuck
-    follows = np.where(slides, coefficient * stiffness, 0.0)
-    coupling = -follows[:, None, None] * direction[:, :, None] * normal[:, None, :]
-    return force, tangent, coupling, reach[:, None] * direction, slides

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from solver.certificate import Signals
-from solver.contact.query import vertex_areas
+from solver.contact.active import vertex_areas
 from solver.mls.bodies import SoftBodies
 from solver.mls.coupling import Coupling
 from solver.mls.particles import distance

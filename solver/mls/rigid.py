@@ -19,7 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from solver.config import SolverConfig
-from solver.contact.query import ContactQuery, Contacts, Pair, vertex_areas
+from solver.contact.active import Contacts, Pair, vertex_areas
+from solver.contact.query import ContactQuery
 from solver.model import soft as soft_system
 from solver.model.bodies import Model, RigidBody
 from solver.model.state import ContactMemory, State, cross_matrix, rotate, start_state

@@ -22,7 +22,7 @@ from scipy import sparse as scipy_sparse
 from scipy.linalg import blas
 from scipy.sparse.linalg import LinearOperator, gmres
 
-from solver.contact.query import Contacts
+from solver.contact.active import Contacts
 from solver.kernels import sparse
 from solver.model.soft import SoftSystem
 from solver.model.state import cross_matrix

@@ -7,9 +7,10 @@ from numpy.typing import NDArray
 
 from solver.certificate import Signals, measure, rest_rows
 from solver.config import SolverConfig
+from solver.contact.active import Pair, vertex_areas
 from solver.contact.bonds import build_bonds
 from solver.contact.predict import contact_stiffness
-from solver.contact.query import ContactQuery, Pair, vertex_areas
+from solver.contact.query import ContactQuery
 from solver.contact.rolling import RollingLaw, law_stiff
 from solver.errors import ModelError, UnstableStep
 from solver.model import soft as soft_system

@@ -16,7 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from solver.config import SolverConfig
-from solver.contact.query import ContactQuery, Contacts, StepStart
+from solver.contact.active import Contacts
+from solver.contact.query import ContactQuery, StepStart
 from solver.contact.rolling import RollingLaw, law_stiff
 from solver.errors import UnstableStep
 from solver.kernels import elastic, sparse

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from dcap.scene.types.mesh import Mesh
 from dcap.synthetic.objects import build_object
-from solver.contact.query import Contacts
+from solver.contact.active import Contacts
 
 
 def slope(angle):
