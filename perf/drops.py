@@ -16,7 +16,7 @@ import numpy as np
 from perf.peers.reference import DEPTH
 from solver.kernels import mls_transfers as transfers
 from solver.kernels.mls_moments import SUMS
-from solver.mls.grid import Grid, Particles
+from solver.mls.grid import Grid, ParticleArrays
 from solver.runtime import start
 from tasks.case.run import run_case
 
@@ -97,7 +97,7 @@ def mls_speed() -> float:
     count, random, volume = len(x), np.random.default_rng(0), (cell / 2) ** 3
     strained = np.tile(np.eye(3).ravel(), (count, 1)) + 0.02 * random.normal(size=(count, 9))
     constant = np.tile([200.0 * volume, 1e4 * volume, 1.5e4 * volume, 1.0], (count, 1))
-    p = Particles(
+    p = ParticleArrays(
         x, 0.01 * random.normal(size=x.shape), np.zeros((count, 9)), strained, constant, np.zeros(count, np.int32),
         np.zeros((count, 5)), np.arange(count),
     )  # fmt: skip

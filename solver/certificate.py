@@ -145,9 +145,9 @@ def total_wrench(
 def contact_table(model: Model, contacts: Contacts) -> tuple[dict[str, object], ...]:
     """One row per touching pair of bodies, both point sets together; forces on the first named body."""
     rows: list[dict[str, object]] = []
-    keys = sorted({(min(t.pair.a, t.pair.b), max(t.pair.a, t.pair.b)) for t in contacts.touching})
+    keys = sorted({(min(t.pair.a, t.pair.b), max(t.pair.a, t.pair.b)) for t in contacts.active})
     for a, b in keys:
-        sides = [t for t in contacts.touching if {t.pair.a, t.pair.b} == {a, b}]
+        sides = [t for t in contacts.active if {t.pair.a, t.pair.b} == {a, b}]
         total = sum((s.force.sum(axis=0) * (1.0 if s.pair.a == a else -1.0) for s in sides), np.zeros(3))
         normal = sum((_normal_sum(s) * (1.0 if s.pair.a == a else -1.0) for s in sides), np.zeros(3))
         loaded = [s.normal_force > LOADED_SHARE * s.normal_force.max() for s in sides]
@@ -175,7 +175,7 @@ def _normal_sum(touching: object) -> NDArray[np.float64]:
 def friction_margin(contacts: Contacts) -> float:
     """Smallest share of the static friction cone that is left over the touching pairs [-]; 0: at the cone."""
     margins = [1.0]
-    for t in contacts.touching:
+    for t in contacts.active:
         normal = t.normal_force
         tangential = np.linalg.norm(t.force - normal[:, None] * t.normal, axis=1)
         if t.pair.static_friction > 0.0 and normal.sum() > 0.0:

@@ -89,7 +89,7 @@ def start(threads: int = 0, arch: str = "cpu") -> None:
         raise ArchError(f"{arch}: TI_ARCH in the environment names another one and Taichi follows it; unset it")
     _started["arch"] = arch
     if workers == len(cores) > 1:
-        _spread(_thread_ids() - earlier, cores)
+        _pin_threads(_thread_ids() - earlier, cores)
 
 
 def available_cores() -> list[int]:
@@ -104,7 +104,7 @@ def _thread_ids() -> set[int]:
     return {int(t.name) for t in tasks.iterdir()} if tasks.is_dir() else set()
 
 
-def _spread(threads: set[int], cores: list[int]) -> None:
+def _pin_threads(threads: set[int], cores: list[int]) -> None:
     """Give each thread a core of its own, where there is one for each.
 
     A kernel here takes about a millisecond. A scheduler that wakes two workers on one core and parts them later makes

@@ -18,11 +18,12 @@ from solver.model.state import State
 from solver.result import AT_REST, LEFT_TARGET, NO_EQUILIBRIUM, RestBody, Result, beside, carried
 from solver.runtime import start
 from solver.tl.disturbance import kick
-from solver.tl.simulation import Course, Progress
+from solver.tl.simulation import Progress, Simulation
 from solver.tl.stability import grade
 from solver.tl.step import StepReport
 
-CARE = 0.1  # of the tolerance, for a body that is in balance, slower than NEARLY times the threshold, and not slowing
+# of the tolerance, for a body that is in balance, slower than NEARLY times the threshold, and not slowing
+CREEPING_TOLERANCE = 0.1
 NEARLY, STALLED = 10.0, 0.9
 
 
@@ -38,11 +39,11 @@ def settle(model: Model, config: SolverConfig, progress: Progress | None = None)
         raise ModelError("stability: mls verifies no rest state that could be pushed; use method tl")
     start(config.threads, config.arch)
     with threadpool_limits(1):  # dense factorisations would round differently with the number of threads
-        result = (mls.Drop if config.method == "mls" else Drop)(model, config).run(progress)
+        result = (mls.ExplicitDrop if config.method == "mls" else ImplicitDrop)(model, config).run(progress)
     return replace(result, certificate={"arch": config.arch} | result.certificate)
 
 
-class Drop(Course):
+class ImplicitDrop(Simulation):
     """One simulation from start to verdict."""
 
     def run(self, progress: Progress | None) -> Result:
@@ -69,7 +70,7 @@ class Drop(Course):
         return {"stability": grade(self, rest, progress)}
 
     def _refuse_overlap(self, state: State) -> None:
-        for t in self.query.find(state, self.query.begin(state, self.config.step_seconds)).touching:
+        for t in self.query.find(state, self.query.begin(state, self.config.step_seconds)).active:
             depth = float(-t.gap.min())
             if depth > self.config.start_overlap:
                 a, b = self.model.bodies[t.pair.a].name, self.model.bodies[t.pair.b].name
@@ -100,13 +101,13 @@ class Drop(Course):
         if len(window) < self.config.rest_steps:
             return False
         rows = self.rows(window)
-        loud = {name for name, row in rows.items() if row["value"] > row["threshold"]}
+        exceeded = {name for name, row in rows.items() if row["value"] > row["threshold"]}
         half = self.config.rest_steps // 2
         early, late = (max(s.speed for s in part) for part in (window[:half], window[half:]))
-        balanced = not loud & {"force_residual", "torque_residual"}
-        if loud and balanced and late > STALLED * early and late < NEARLY * rows["linear_speed"]["threshold"]:
-            self.care = CARE  # so soft that what the tolerance leaves moves it visibly
-        return not loud
+        balanced = not exceeded & {"force_residual", "torque_residual"}
+        if exceeded and balanced and late > STALLED * early and late < NEARLY * rows["linear_speed"]["threshold"]:
+            self.tolerance_factor = CREEPING_TOLERANCE  # so soft that what the tolerance leaves moves it visibly
+        return not exceeded
 
     def _left(self, state: State, contacts: Contacts) -> bool:
         """A free body has left everything that could carry it."""
@@ -122,7 +123,7 @@ class Drop(Course):
         if signals.speed > self.config.moving_speed * np.sqrt(self.gravity * self.length):
             return
         stiffened: list[tuple[int, NDArray[np.float64]]] = []
-        for t in contacts.touching:
+        for t in contacts.active:
             load = t.normal_force
             if load.sum() <= 0.0:
                 continue
@@ -174,7 +175,7 @@ class Drop(Course):
             )
         patch = {
             self.model.bodies[i].name: np.concatenate(
-                [t.position for t in report.contacts.touching if i in (t.pair.a, t.pair.b)] or [np.zeros((0, 3))]
+                [t.position for t in report.contacts.active if i in (t.pair.a, t.pair.b)] or [np.zeros((0, 3))]
             )
             for i in self.free
         }

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
-from solver.contact.rolling import Rolling, Spin
+from solver.contact.rolling import RollingTorque, Spin
 from solver.model.bodies import Body
 from solver.model.state import ContactMemory, PointMemory
 
@@ -37,7 +37,7 @@ class Pair:
 
 
 @dataclass(eq=False, slots=True)
-class Touching:
+class ActiveContacts:
     """The active points of one pair at one state."""
 
     pair: Pair
@@ -73,7 +73,7 @@ class Touching:
 class Contacts:
     """All active points of all pairs, and the bonded points, as linear maps."""
 
-    touching: list[Touching]
+    active: list[ActiveContacts]
     gather: sparse.csr_matrix
     """Relative displacement per point from node displacements, shape (k, n)."""
     force: NDArray[np.float64]
@@ -82,7 +82,7 @@ class Contacts:
     position: NDArray[np.float64]
     a: NDArray[np.int64]
     b: NDArray[np.int64]
-    rolling: list[Rolling] = field(default_factory=list)
+    rolling: list[RollingTorque] = field(default_factory=list)
     spins: dict[int, Spin] = field(default_factory=dict)
     """Spins of the free soft bodies in contact, by model index."""
     unlocated: int = 0
@@ -90,7 +90,7 @@ class Contacts:
     memory: ContactMemory = field(default_factory=ContactMemory)
     """What is remembered of a step that ends here: anchors of touching points; others forget theirs."""
 
-    def burden(self, bodies: int) -> NDArray[np.float64]:
+    def carried_load(self, bodies: int) -> NDArray[np.float64]:
         """What each body carries from one side to another [N], shape (bodies,): half of what the sizes of its contact
         forces add up to beyond the size of their sum; nothing for a body that only stands or hits."""
         size, total = np.zeros(bodies), np.zeros((bodies, 3))

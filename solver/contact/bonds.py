@@ -24,7 +24,7 @@ STIFF = 100.0  # largest stiffness of a bonded point over E times the cell of a 
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Tie:
+class Attachment:
     """How a set of points moves with one body: with nodes of its field, or with its frame."""
 
     body: int
@@ -47,8 +47,8 @@ class Tie:
 class Bond:
     """The tied points of two bodies."""
 
-    a: Tie
-    b: Tie
+    a: Attachment
+    b: Attachment
     stiffness: NDArray[np.float64]
     """Per point [N/m], shape (k,)."""
 
@@ -68,14 +68,14 @@ def build_bonds(model: Model, soft: SoftSystem, target: float) -> list[Bond]:
     for one, two in model.bonds:
         a, b = names.index(one), names.index(two)
         points = np.concatenate([_near(model.bodies[a], model.bodies[b]), _near(model.bodies[b], model.bodies[a])])
-        ties = [_tie(i, points, soft, soft_of.get(i)) for i in (a, b)]
-        both = ties[0][1] & ties[1][1]
+        attachments = [_attach(i, points, soft, soft_of.get(i)) for i in (a, b)]
+        both = attachments[0][1] & attachments[1][1]
         if both.sum() < LEAST_POINTS:
             raise ModelError(
                 f"bond {one!r}, {two!r}: {int(both.sum())} surface points lie within {1e3 * REACH:g} mm of the other "
                 f"body at the start, need {LEAST_POINTS}; move the bodies together or refine their surfaces"
             )
-        kept = [_only(tie, both) for tie, _ in ties]
+        kept = [_only(attachment, both) for attachment, _ in attachments]
         stiffness = LOADS * free_weight / target / both.sum()
         for body in (model.bodies[a], model.bodies[b]):
             if isinstance(body, SoftBody):
@@ -102,24 +102,24 @@ def distance_at(grid: SignedDistance, points: NDArray[np.float64]) -> NDArray[np
     return np.where(inside, (weight * values).sum(axis=1), np.inf)
 
 
-def _tie(
+def _attach(
     index: int, points: NDArray[np.float64], soft: SoftSystem, one: BodyGrid | None
-) -> tuple[Tie, NDArray[np.bool_]]:
-    """The tie of points (k, 3) to a body, and which of them lie in a cell of it."""
+) -> tuple[Attachment, NDArray[np.bool_]]:
+    """The attachment of points (k, 3) to a body, and which of them lie in a cell of it."""
     node, weight = np.zeros((len(points), 8), dtype=np.int64), np.zeros((len(points), 8))
     if one is None:
-        return Tie(index, points, node, weight), np.ones(len(points), dtype=bool)
+        return Attachment(index, points, node, weight), np.ones(len(points), dtype=bool)
     inside = np.all([(points[:, a] >= p[0]) & (points[:, a] <= p[-1]) for a, p in enumerate(one.planes)], axis=0)
     flat, local = locate(one.planes, points[inside])
     cell = np.full(len(points), -1)
     cell[inside] = one.cell_id.ravel()[flat]
     weight[inside] = shape_values(local)
     node[cell >= 0] = soft.cell_node[cell[cell >= 0]]
-    return Tie(index, points, node, weight), cell >= 0
+    return Attachment(index, points, node, weight), cell >= 0
 
 
-def _only(tie: Tie, keep: NDArray[np.bool_]) -> Tie:
-    return Tie(tie.body, tie.rest[keep], tie.node[keep], tie.weight[keep])
+def _only(attachment: Attachment, keep: NDArray[np.bool_]) -> Attachment:
+    return Attachment(attachment.body, attachment.rest[keep], attachment.node[keep], attachment.weight[keep])
 
 
 def bond_table(model: Model, bonds: Sequence[Bond], state: State) -> list[dict[str, object]]:

@@ -39,11 +39,11 @@ def point_forces(
     limit = coefficient * load
     slides = tangential * size > limit
     direction = np.divide(trial, size[:, None], out=np.zeros_like(trial), where=size[:, None] > 0.0)
-    reach = np.where(slides, limit / tangential, size)
-    force = load[:, None] * normal - (tangential * reach)[:, None] * direction
-    ratio = np.where(slides, np.divide(reach, size, out=np.ones_like(size), where=size > 0.0), 1.0)
+    stretch = np.where(slides, limit / tangential, size)
+    force = load[:, None] * normal - (tangential * stretch)[:, None] * direction
+    ratio = np.where(slides, np.divide(stretch, size, out=np.ones_like(size), where=size > 0.0), 1.0)
     stuck = plane - np.where(slides, 1.0, 0.0)[:, None, None] * direction[:, :, None] * direction[:, None, :]
     tangent = stiffness[:, None, None] * outer + (tangential * ratio)[:, None, None] * stuck
     follows = np.where(slides, coefficient * stiffness, 0.0)
     coupling = -follows[:, None, None] * direction[:, :, None] * normal[:, None, :]
-    return force, tangent, coupling, reach[:, None] * direction, slides
+    return force, tangent, coupling, stretch[:, None] * direction, slides

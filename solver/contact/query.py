@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 from scipy import sparse
 
 from solver.box import bounds, inside
-from solver.contact.active import Contacts, Pair, Touching
+from solver.contact.active import ActiveContacts, Contacts, Pair
 from solver.contact.bonds import Bond
 from solver.contact.friction import point_forces
-from solver.contact.rolling import Rolling, RollingLaw, Spin, law_stiff, resist
+from solver.contact.rolling import RollingLaw, RollingTorque, Spin, law_stiff, resisting_torque
 from solver.kernels import query
 from solver.model.bodies import Model
 from solver.model.soft import BodyGrid, SoftSystem
@@ -119,7 +119,7 @@ class ContactQuery:
 
     def _touch(
         self, pair: Pair, state: State, points: NDArray[np.float64], found: Located, start: StepStart
-    ) -> Touching | None:
+    ) -> ActiveContacts | None:
         active = np.flatnonzero(found.gap < 0.0)
         if len(active) == 0:
             return None
@@ -137,7 +137,7 @@ class ContactQuery:
             nodes[:, :8] = self.soft_of[pair.a].surface_node[index]
             weights[:, :8] = self.soft_of[pair.a].surface_weight[index]
         nodes[:, 8:], weights[:, 8:] = node, -weight
-        return Touching(
+        return ActiveContacts(
             pair, index, points[index], gap, normal, force, tangent, coupling, anchor, sliding, nodes, weights
         )
 
@@ -205,7 +205,7 @@ class ContactQuery:
         now = arm @ state.rotation[index].T + state.center[index]
         return np.asarray(now - arm @ before.rotation[index].T - before.center[index])
 
-    def _collect(self, touching: list[Touching], state: State, start: StepStart) -> Contacts:
+    def _collect(self, touching: list[ActiveContacts], state: State, start: StepStart) -> Contacts:
         count = len(self.soft.rest)
         rows = [
             (t.pair.a, t.pair.b, t.position, t.force, t.tangent, t.coupling, t.node, t.weight) for t in touching
@@ -247,15 +247,15 @@ class ContactQuery:
                 material_point[here.point] = np.where(here.found[:, None], here.material, np.nan)
             anchor, sliding = np.zeros(old.anchor.shape), np.zeros(len(old.sliding), dtype=bool)
             points[key] = PointMemory(old.stiffness, anchor, sliding, material_point)
-        for t in contacts.touching:
+        for t in contacts.active:
             points[t.pair.key].anchor[t.point] = t.anchor
             points[t.pair.key].sliding[t.point] = t.sliding
         touched = frozenset(int(i) for i in np.union1d(contacts.a, contacts.b))
         return ContactMemory(points, {(r.a, r.b): r.elastic for r in contacts.rolling}, touched)
 
     def _rolling(
-        self, touching: list[Touching], state: State, start: StepStart, spins: dict[int, Spin]
-    ) -> list[Rolling]:
+        self, touching: list[ActiveContacts], state: State, start: StepStart, spins: dict[int, Spin]
+    ) -> list[RollingTorque]:
         """One torque per touching pair of bodies with rolling resistance."""
         load: dict[tuple[int, int], float] = {}
         for t in touching:
@@ -270,7 +270,7 @@ class ContactQuery:
                 moving = min((x for x in (one, two) if not x.fixed), key=lambda body: body.size)
                 torque = start.state.memory.rolling_torque.get((a, b), np.zeros(3))
                 law = start.rolling(length, normal_force, 0.5 * moving.size, moving.mass)
-                out.append(resist(a, b, law, torque, turn, start.seconds))
+                out.append(resisting_torque(a, b, law, torque, turn, start.seconds))
         return out
 
     def _turn(self, index: int, state: State, before: State, spins: dict[int, Spin]) -> NDArray[np.float64]:

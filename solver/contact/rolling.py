@@ -4,7 +4,7 @@ Like friction it remembers: an elastic angle first, then the torque stays at its
 is stiff (`law_stiff`), so that a ball stops. While a rest state is tried with a kick it is compliant (`law_compliant`):
 a damped spring far below what would hold up a body that is about to fall over (SHARE of N times the body's half size),
 because resistance to rolling must not make a pencil stand. The rotation of a soft body is that of its mass-weighted
-best fit, theta = I^-1 sum m r x u, and its torque is spread over its nodes so that both do the same work. Rolling
+best fit, theta = I^-1 sum m r x u, and its torque is spread over its nodes so that both do the same work. RollingTorque
 resistance length b: [J85, Sec. 9.3].
 
 [J85] Johnson: Contact Mechanics. Cambridge University Press, 1985.
@@ -24,7 +24,7 @@ LEAST_ANGLE = 1e-3  # rotation [rad] at which the spring yields where that makes
 
 
 @dataclass(eq=False, slots=True)
-class Rolling:
+class RollingTorque:
     """Resistance between two bodies of which at least one is free."""
 
     a: int
@@ -66,7 +66,7 @@ class Spin:
 
 
 @dataclass(frozen=True, slots=True)
-class Law:
+class RollingCoefficients:
     """The numbers of one pair in one step."""
 
     limit: float
@@ -77,32 +77,34 @@ class Law:
     """[N m s/rad]."""
 
 
-RollingLaw = Callable[[float, float, float, float], Law]
+RollingLaw = Callable[[float, float, float, float], RollingCoefficients]
 """Resistance length b [m], normal force N [N], the moving body's half size [m] and mass [kg] -> the pair's numbers."""
 
 
-def law_stiff(length: float, normal_force: float, half_size: float, mass: float) -> Law:
+def law_stiff(length: float, normal_force: float, half_size: float, mass: float) -> RollingCoefficients:
     """On the way to rest: stops what rolls."""
     limit = length * normal_force
-    return Law(limit, limit / LEAST_ANGLE, 0.0)
+    return RollingCoefficients(limit, limit / LEAST_ANGLE, 0.0)
 
 
-def law_compliant(length: float, normal_force: float, half_size: float, mass: float) -> Law:
+def law_compliant(length: float, normal_force: float, half_size: float, mass: float) -> RollingCoefficients:
     """While a rest state is tried: gives way to what falls over."""
     limit = length * normal_force
     stiffness = min(limit / LEAST_ANGLE, SHARE * normal_force * half_size)
-    return Law(limit, stiffness, 2.0 * GYRATION * half_size * float(np.sqrt(stiffness * mass)))
+    return RollingCoefficients(limit, stiffness, 2.0 * GYRATION * half_size * float(np.sqrt(stiffness * mass)))
 
 
-def resist(a: int, b: int, law: Law, torque: NDArray[np.float64], turn: NDArray[np.float64], seconds: float) -> Rolling:
+def resisting_torque(
+    a: int, b: int, law: RollingCoefficients, torque: NDArray[np.float64], turn: NDArray[np.float64], seconds: float
+) -> RollingTorque:
     """Torque of a step: elastic torque at its start [N m], turn since [rad], its length [s]."""
     elastic = torque + law.stiffness * turn
     trial = elastic + law.damping / seconds * turn
     size = float(np.linalg.norm(trial))
     slope = law.stiffness + law.damping / seconds
     if size <= law.limit:
-        return Rolling(a, b, -trial, slope * np.eye(3), elastic)
+        return RollingTorque(a, b, -trial, slope * np.eye(3), elastic)
     direction = trial / size
     tangent = slope * law.limit / size * (np.eye(3) - np.outer(direction, direction))
     kept = min(1.0, law.limit / max(float(np.linalg.norm(elastic)), 1e-30))
-    return Rolling(a, b, -law.limit * direction, tangent, kept * elastic)
+    return RollingTorque(a, b, -law.limit * direction, tangent, kept * elastic)

@@ -19,8 +19,8 @@ from solver.kernels.mls_moments import (
     move_group,
 )
 from solver.kernels.mls_transfers import material_at_nodes
-from solver.mls.grid import Grid, Particles
-from solver.mls.particles import Sample, held, sample
+from solver.mls.grid import Grid, ParticleArrays
+from solver.mls.particles import BodyParticles, held, lattice_particles
 from solver.model.bodies import Model
 from solver.model.state import cross_matrix
 
@@ -31,7 +31,7 @@ LEAST_MASS = 1e-9  # nodes with less than this share of a particle's mass carry 
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Motion:
+class RigidMotion:
     """Mass-weighted best-fit rigid motion of some particles."""
 
     mass: float
@@ -44,7 +44,7 @@ class Motion:
     """Angular velocity [rad/s], shape (3,)."""
     inertia: Array
     """About the centre, the particles' affine part included [kg m^2], shape (3, 3)."""
-    strain_energy_rate: float
+    strain_motion_energy: float
     """Kinetic energy of the motion that is not rigid [J]."""
 
     @property
@@ -53,7 +53,7 @@ class Motion:
         return np.asarray(self.inertia @ self.spin)
 
 
-def motion_of(sums: Array, cell: float) -> Motion:
+def motion_of(sums: Array, cell: float) -> RigidMotion:
     """Rigid motion from the moments of mls_moments.py; a rigid field has C = [w]x, which adds m h^2 / 2 to each
     principal inertia."""
     mass = float(sums[MASS])
@@ -66,7 +66,7 @@ def motion_of(sums: Array, cell: float) -> Motion:
     angular = spin_momentum - np.cross(center, momentum)
     spin = np.linalg.solve(inertia, angular)
     rest = float(sums[ENERGY] - 0.5 * mass * velocity @ velocity - 0.5 * spin @ angular)
-    return Motion(mass, center, velocity, spin, inertia, rest)
+    return RigidMotion(mass, center, velocity, spin, inertia, rest)
 
 
 class SoftBodies:
@@ -80,7 +80,7 @@ class SoftBodies:
         self.index = list(self.bodies)
         clamped = [i for i in self.index if model.bodies[i].fixed]
         origin = model.bodies[clamped[0]].vertices.min(axis=0) if clamped else np.zeros(3)
-        self.samples = [sample(self.bodies[i], cell, origin) for i in self.index]
+        self.samples = [lattice_particles(self.bodies[i], cell, origin) for i in self.index]
         self.particles = _particles(model, self.samples)
         self.grid = Grid(cell, np.asarray(origin, dtype=np.float64))
         self.start = self.particles.x.copy()
@@ -121,7 +121,7 @@ class SoftBodies:
         """Moments of one group, shape (20,); added block by block in their order."""
         return np.asarray(self.sums[self.grid.block_group == group].sum(axis=0))
 
-    def motion(self, part: int) -> Motion:
+    def motion(self, part: int) -> RigidMotion:
         """Rigid motion of the s-th soft body, core included."""
         return motion_of(self.group_sums(2 * part) + self.group_sums(2 * part + 1), self.grid.cell)
 
@@ -130,7 +130,7 @@ class SoftBodies:
         return self.model.bodies[self.index[part]].fixed
 
     def move(
-        self, group: int, *, keep: float, old: Motion | None = None, velocity: Array | None = None,
+        self, group: int, *, keep: float, old: RigidMotion | None = None, velocity: Array | None = None,
         spin: Array | None = None,
     ) -> None:  # fmt: skip
         """Keep a share of a group's motion relative to the rigid motion `old` (None: rest) and give it a new one."""
@@ -178,14 +178,14 @@ class SoftBodies:
             self.owner[more] = part
             self.material[more] = other[more]
 
-    def meeting(self) -> set[tuple[int, int]]:
+    def touching_parts(self) -> set[tuple[int, int]]:
         """Pairs of soft bodies that share a node: they feel each other through the grid."""
         if len(self.index) < 2:
             return set()
         there = [self.node_material(part)[:, 3] > self.least_mass for part in range(len(self.index))]
         return {(a, b) for a, b in combinations(range(len(there)), 2) if (there[a] & there[b]).any()}
 
-    def give(self, part: int, impulse: Array) -> None:
+    def add_rigid_motion(self, part: int, impulse: Array) -> None:
         """Add (V, w) increments, shape (6,), to the s-th soft body as a whole."""
         motion = self.motion(part)
         for group in (2 * part, 2 * part + 1):
@@ -233,7 +233,7 @@ class SoftBodies:
         return np.asarray(np.einsum("vk,vki->vi", weight, x + np.einsum("vkij,vkj->vki", F, arm)))
 
 
-def _particles(model: Model, samples: list[Sample]) -> Particles:
+def _particles(model: Model, samples: list[BodyParticles]) -> ParticleArrays:
     """Start state of all soft bodies."""
     x = np.concatenate([s.position for s in samples])
     v, C, group, constant = np.zeros_like(x), np.zeros((len(x), 9)), [], []
@@ -249,7 +249,7 @@ def _particles(model: Model, samples: list[Sample]) -> Particles:
         share = np.full(count, 0.0 if body.interior.loaded else 1.0)
         constant.append(np.column_stack([one.mass, one.volume * one.mu, one.volume * one.lam, share]))
         first += count
-    return Particles(
+    return ParticleArrays(
         x, v, C, np.tile(np.eye(3).ravel(), (len(x), 1)), np.concatenate(constant),
         np.concatenate(group).astype(np.int32), np.zeros((len(x), 5)), np.arange(len(x)),
     )  # fmt: skip

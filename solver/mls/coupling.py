@@ -28,7 +28,7 @@ REACH = 1.0  # nodes this far outside of a rigid body, in cells, still hold mate
 
 
 @dataclass(eq=False, slots=True)
-class Field:
+class NodeDistances:
     """Distance and normal of one rigid body at the nodes of a box of the grid."""
 
     span: NDArray[np.int32]
@@ -79,7 +79,7 @@ class Coupling:
         self.model, self.soft, self.rigid, self.config = model, soft, rigid, config
         self.work = np.zeros((6, 7))
         self.active = np.zeros((0, 2), dtype=np.int32)
-        self.standing: dict[int, Field | None] = {}
+        self.fixed_distances: dict[int, NodeDistances | None] = {}
         self.friction = {
             r: np.array([model.friction(model.bodies[r], model.bodies[i]) for i in soft.index]) for r in rigid.index
         }
@@ -91,9 +91,9 @@ class Coupling:
         self.impulses: dict[tuple[int, int], PairImpulse] = {}
         self.loaded: list[tuple[int, int, Exchange]] = []
 
-    def forget(self) -> None:
+    def discard_distances(self) -> None:
         """The grid has been laid out anew: distances of fixed bodies are no longer at its nodes."""
-        self.standing = {}
+        self.fixed_distances = {}
 
     def exchange(self) -> None:
         """Let every rigid body act on the nodes inside it, one after the other, in the order of the model."""
@@ -154,17 +154,17 @@ class Coupling:
             own = of_soft @ -impulse
             arm = self.soft.motion(part).center - center
             own[:3] += np.cross(own[3:], arm)
-            self.soft.give(part, own)
+            self.soft.add_rigid_motion(part, own)
 
-    def _field(self, index: int) -> Field | None:
+    def _field(self, index: int) -> NodeDistances | None:
         """Distances at the nodes in the body's box; those of a fixed body are kept."""
-        if index in self.standing:
-            return self.standing[index]
+        if index in self.fixed_distances:
+            return self.fixed_distances[index]
         body, g = self.model.bodies[index], self.soft.grid
         span, near = self.span(index, REACH), None
         if span is not None:
             count = int(span[1].prod())
-            near = Field(span, np.zeros(count), np.zeros((count, 3)))
+            near = NodeDistances(span, np.zeros(count), np.zeros((count, 3)))
             grid: SignedDistance = body.distance
             distance_at_nodes(
                 g.cell, int(g.shape[1]), int(g.shape[2]), self.frame(index), span,
@@ -172,7 +172,7 @@ class Coupling:
                 near.phi, near.normal,
             )  # fmt: skip
         if body.fixed:
-            self.standing[index] = near
+            self.fixed_distances[index] = near
         return near
 
     def span(self, index: int, reach: float) -> NDArray[np.int32] | None:

@@ -24,7 +24,7 @@ from solver.kernels import mls_transfers as transfers
 from solver.kernels.mls_moments import ENERGY, INVERSIONS, SQUARED_SPEED, STRAYS
 from solver.mls.bodies import SoftBodies
 from solver.mls.coupling import Coupling
-from solver.mls.outcome import Outcome, outcome
+from solver.mls.outcome import IntervalReport, measure_interval
 from solver.mls.particles import PER_AXIS, distance
 from solver.mls.plates import THIN, Plates, thin_bodies
 from solver.mls.rigid import RigidBodies
@@ -40,18 +40,18 @@ STALE = 0.01  # motion in cells after which contact looks anew where the materia
 LEAST_THROUGH = 3  # particles through the smallest side below which a part is named as under-resolved (the paper's)
 
 
-class Drop:
+class ExplicitDrop:
     """One simulation from start to verdict."""
 
     def __init__(self, model: Model, config: SolverConfig) -> None:
         self.model, self.config = model, config
         self.warnings: list[str] = []
         if not model.soft_bodies:
-            raise ModelError("mls: every body is rigid; there is no material to simulate, use tl")
+            raise ModelError("mls: every body is rigid; there is no material to simulate; use method tl")
         if model.bonds:
-            raise ModelError("mls: bodies are not bonded here, use tl")
+            raise ModelError("mls: bonds are not supported; use method tl")
         if config.inertia:
-            raise ModelError("mls: strain motion is relaxed here, not followed; use tl for inertia")
+            raise ModelError("mls: inertia is not supported, strain motion is relaxed; use method tl")
         self.gravity = np.asarray(model.gravity, dtype=np.float64)
         cell = choose_cell(model, config, self.warnings)
         thin = thin_bodies(model, cell)
@@ -102,7 +102,7 @@ class Drop:
         rows = rest_rows(window, self.config, self.strength, self.length)
         return len(window) == self.config.rest_steps and all(r["value"] <= r["threshold"] for r in rows.values())
 
-    def _interval(self) -> Outcome:
+    def _interval(self) -> IntervalReport:
         """Steps over one interval, and what they did to every body."""
         seconds = self.config.mls_interval_seconds
         before = self._momenta()
@@ -115,7 +115,7 @@ class Drop:
             left -= dt
             steps += 1
         self.steps += steps
-        return outcome(self.model, self.soft, self.rigid, self.coupling, self.watched, before, self._momenta(),
+        return measure_interval(self.model, self.soft, self.rigid, self.coupling, self.watched, before, self._momenta(),
                        seconds, self.time, steps)  # fmt: skip
 
     def _longest_step(self) -> float:
@@ -190,7 +190,7 @@ class Drop:
             )
         if total[STRAYS] > 0.0:
             soft.lay_out()
-            self.coupling.forget()
+            self.coupling.discard_distances()
 
     def _damp_strain(self) -> None:
         """Kinetic damping of every soft body's motion relative to its own rigid motion."""
@@ -199,7 +199,7 @@ class Drop:
             if motion is None:
                 energy = float((self.soft.group_sums(2 * part) + self.soft.group_sums(2 * part + 1))[ENERGY])
             else:
-                energy = motion.strain_energy_rate
+                energy = motion.strain_motion_energy
             if energy < (1.0 - PEAK_DROP) * self.peak[part]:
                 self.soft.move(2 * part, keep=0.0, old=motion)
                 self.peak[part] = 0.0
@@ -227,7 +227,7 @@ class Drop:
         """A free body has left everything that could carry it."""
         pairs = set(self.rigid.impulses)
         pairs |= {(r, self.soft.index[s]) for r, s in self.coupling.impulses}
-        pairs |= {(self.soft.index[a], self.soft.index[b]) for a, b in self.soft.meeting()}
+        pairs |= {(self.soft.index[a], self.soft.index[b]) for a, b in self.soft.touching_parts()}
         for i in set(self.free) - carried(self.model, pairs):
             if i in self.rigid.index:
                 surface, center = self.rigid.surface(i), self.rigid.state.center[i]
@@ -263,7 +263,7 @@ class Drop:
                     "the least that carries bending; lower mls_cell"
                 )
 
-    def _result(self, verdict: str, last: Outcome) -> Result:
+    def _result(self, verdict: str, last: IntervalReport) -> Result:
         rows = rest_rows(self.history[-self.config.rest_steps :], self.config, self.strength, self.length)
         inverted = int(self.soft.sums[:, INVERSIONS].sum())
         if inverted:

@@ -15,12 +15,12 @@ from solver.kernels.mls_transfers import PENCIL
 
 MARGIN = 4  # nodes around the particles' box: the stencil, a cell of motion, and one for the next
 BLOCK = 128  # particles that are summed together
-MOST_NODES = 30_000_000  # 1 GB of nodes; bodies that have flown so far apart no longer share a drop
+MOST_NODES = 30_000_000  # 1 GB of nodes; bodies so far apart no longer meet
 COLOURS = 4
 
 
 @dataclass(eq=False, slots=True)
-class Particles:
+class ParticleArrays:
     """All soft bodies' particles in the order of the grid."""
 
     x: NDArray[np.float64]
@@ -91,7 +91,7 @@ class Grid:
         index = np.indices(tuple(self.shape)).reshape(3, -1).T
         return np.asarray(self.low + self.cell * index)
 
-    def lay_out(self, particles: Particles) -> None:
+    def lay_out(self, particles: ParticleArrays) -> None:
         """Draw the box around the particles and sort them; raises UnstableStep for a box beyond all bounds."""
         base = np.floor((particles.x - self.origin) / self.cell - 0.5).astype(np.int64)
         self.first = base.min(axis=0) - MARGIN

@@ -27,7 +27,7 @@ PATCH = 0.25  # surface points of a touching pair nearer than so many cells belo
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Outcome:
+class IntervalReport:
     """The end of an interval."""
 
     model: Model
@@ -110,7 +110,7 @@ class Outcome:
         Exact where every such pair is needed to balance some body (two bodies, a stack); else the smallest forces
         that do.
         """
-        pairs = sorted(self.soft.meeting())
+        pairs = sorted(self.soft.touching_parts())
         movable = [p for p, i in enumerate(self.soft.index) if not self.model.bodies[i].fixed]
         pairs = [(a, b) for a, b in pairs if a in movable or b in movable]
         if not pairs:
@@ -191,7 +191,7 @@ def surface_of(model: Model, soft: SoftBodies, rigid: RigidBodies, index: int) -
     return model.bodies[index].vertices if model.bodies[index].fixed else rigid.surface(index)
 
 
-def outcome(
+def measure_interval(
     model: Model,
     soft: SoftBodies,
     rigid: RigidBodies,
@@ -202,7 +202,7 @@ def outcome(
     seconds: float,
     time: float,
     steps: int,
-) -> Outcome:
+) -> IntervalReport:
     """Measure an interval of `steps` steps that ended at `time`."""
     strength = max(float(np.linalg.norm(model.gravity)), 1e-12)
     linear = angular = force_worst = torque_worst = 0.0
@@ -223,4 +223,4 @@ def outcome(
         time, linear, angular, soft.fastest, center,
         np.concatenate([points.min(axis=0), points.max(axis=0)]), force_worst, torque_worst, steps, 0,
     )  # fmt: skip
-    return Outcome(model, soft, rigid, coupling, seconds, before, after, signals)
+    return IntervalReport(model, soft, rigid, coupling, seconds, before, after, signals)

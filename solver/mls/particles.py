@@ -20,7 +20,7 @@ LEAST_SHARE = 0.1  # parts of a lattice cell smaller than this share of it are l
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Sample:
+class BodyParticles:
     """One soft body as lattice particles in its start pose."""
 
     position: NDArray[np.float64]
@@ -45,7 +45,7 @@ def distance(grid: SignedDistance, points: NDArray[np.float64]) -> NDArray[np.fl
     return np.asarray(map_coordinates(grid.values, at.T, order=1, mode="nearest", output=np.float64), dtype=np.float64)
 
 
-def sample(body: SoftBody, cell: float, origin: NDArray[np.float64]) -> Sample:
+def lattice_particles(body: SoftBody, cell: float, origin: NDArray[np.float64]) -> BodyParticles:
     """Lattice particles of a soft body, grid nodes at `origin` + multiples of `cell`.
 
     Raises ModelError where the cell is too large for it.
@@ -75,7 +75,7 @@ def sample(body: SoftBody, cell: float, origin: NDArray[np.float64]) -> Sample:
     mu, lam = lame(young, poisson)
     core = indicator(soft, point, CORE) > 0.5
     speed = float(np.sqrt(((lam + 2.0 * mu) * volume / mass)[~core].max())) if not core.all() else 0.0
-    return Sample(point, volume, mass, np.where(core, 0.0, mu), np.where(core, 0.0, lam), speed, core)
+    return BodyParticles(point, volume, mass, np.where(core, 0.0, mu), np.where(core, 0.0, lam), speed, core)
 
 
 def outward(grid: SignedDistance, point: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -99,7 +99,7 @@ class RigidBodies:
         contacts = self.query.find(ahead, self.query.begin(self.state, dt))
         self.contacts = contacts
         self.state.memory = contacts.memory
-        if not contacts.touching:
+        if not contacts.active:
             return
         row = {i: 6 * k for k, i in enumerate(self.free)}
         count = 6 * len(self.free)
@@ -141,9 +141,9 @@ class RigidBodies:
 
     def _add_impulses(self, contacts: Contacts, impulse: Array) -> None:
         """Add points' impulses on a (k, 3) [N s] to their pairs: total, and normal part."""
-        normal = np.concatenate([t.normal for t in contacts.touching])
+        normal = np.concatenate([t.normal for t in contacts.active])
         along = (impulse * normal).sum(axis=1, keepdims=True) * normal
-        for t in contacts.touching:
+        for t in contacts.active:
             a, b = t.pair.a, t.pair.b
             mine = (contacts.a == a) & (contacts.b == b)
             sign = 1.0 if a < b else -1.0
@@ -173,7 +173,7 @@ def _end_anchors(contacts: Contacts, ahead: Array) -> ContactMemory:
     """Memory with friction's anchors at the end of a step: of points that stick they follow where the step led, which
     is `ahead` (k, 3) [m] of where the springs were looked up; else a body would creep to make up for the difference."""
     first, points = 0, dict(contacts.memory.points)
-    for t in contacts.touching:
+    for t in contacts.active:
         more = ahead[first : first + len(t.point)]
         first += len(t.point)
         along = more - (more * t.normal).sum(axis=1, keepdims=True) * t.normal

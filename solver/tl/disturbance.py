@@ -10,7 +10,7 @@ import numpy as np
 from solver.certificate import Signals
 from solver.contact.rolling import law_compliant
 from solver.model.state import State
-from solver.tl.simulation import Course, Progress
+from solver.tl.simulation import Progress, Simulation
 
 KICK_NOISE = 0.1  # share of a kick's speed below which growth is the noise of solving to a tolerance
 # of a speed in a quarter of a period's steps: what grows slower rolls in a neutral balance, it does not fall over
@@ -18,7 +18,7 @@ GROWTH = 1.25
 
 
 @dataclass(frozen=True, slots=True)
-class Reach:
+class Displacement:
     """How far free bodies have moved."""
 
     distance: float
@@ -27,35 +27,35 @@ class Reach:
     """Of a body [rad]."""
 
     @classmethod
-    def between(cls, course: Course, rest: State, state: State) -> "Reach":
+    def between(cls, simulation: Simulation, rest: State, state: State) -> "Displacement":
         """Largest of all free bodies."""
-        return cls(*course.distance(rest, state))
+        return cls(*simulation.distance(rest, state))
 
-    def within(self, bound: "Reach") -> bool:
+    def within(self, bound: "Displacement") -> bool:
         """Neither farther nor turned more than the bound."""
         return self.distance <= bound.distance and self.angle <= bound.angle
 
 
 @dataclass(frozen=True, slots=True)
-class Patience:
+class StopCriteria:
     """When to stop following what has not come to rest."""
 
-    gone: Reach
+    at_once: Displacement
     """Beyond it at once."""
-    reach: Reach
+    at_period_end: Displacement
     """Beyond it at the end of a period."""
     speed: float
     """Faster at the end of a period, over the kick's speed [-]."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Aftermath:
+class Response:
     """How a disturbance ended."""
 
     state: State
     stable: bool
     """At rest again, near where it was."""
-    reach: Reach
+    moved: Displacement
     """From the rest state to the end."""
     farthest: float
     """Largest distance on the way [m]."""
@@ -66,52 +66,52 @@ class Aftermath:
     """Periods of kick_seconds that it took."""
 
 
-def kick(course: Course, rest: State, progress: Progress | None) -> tuple[State, bool, dict[str, object]]:
+def kick(simulation: Simulation, rest: State, progress: Progress | None) -> tuple[State, bool, dict[str, object]]:
     """Kick a rest state and follow it: where that ends, whether the rest was stable, and the certificate's part."""
-    c = course.config
-    state = struck(course, rest)
-    begin = len(course.history)
-    bound = Reach(c.kick_distance * course.length, c.kick_angle)
+    c = simulation.config
+    state = kicked_state(simulation, rest)
+    begin = len(simulation.history)
+    bound = Displacement(c.kick_distance * simulation.length, c.kick_angle)
     # a stable state does not gain speed from a kick
-    end = follow(course, rest, state, bound, Patience(Reach(np.inf, np.inf), bound, 1.0), progress)
+    end = follow(simulation, rest, state, bound, StopCriteria(Displacement(np.inf, np.inf), bound, 1.0), progress)
     return end.state, end.stable, {
         "done": True, "stable": end.stable, "speed_m_s": c.kick_speed, "angular_speed_rad_s": c.kick_angular_speed,
-        "seconds": end.segments * c.kick_seconds, "steps": len(course.history) - begin, "growing": end.growing,
+        "seconds": end.segments * c.kick_seconds, "steps": len(simulation.history) - begin, "growing": end.growing,
         "speed_left": {"value": end.speed_left, "threshold": c.kick_decay},
-        "distance_m": {"value": end.reach.distance, "threshold": bound.distance, "largest": end.farthest},
-        "angle_rad": {"value": end.reach.angle, "threshold": bound.angle},
+        "distance_m": {"value": end.moved.distance, "threshold": bound.distance, "largest": end.farthest},
+        "angle_rad": {"value": end.moved.angle, "threshold": bound.angle},
     }  # fmt: skip
 
 
-def struck(course: Course, rest: State) -> State:
+def kicked_state(simulation: Simulation, rest: State) -> State:
     """A rest state in which everything free has got the kick, seeded, bonded bodies as one."""
-    c = course.config
+    c = simulation.config
     random = np.random.default_rng(c.seed)
-    state = standing(rest)
-    for group in assemblies(course):
+    state = stopped(rest)
+    for group in bonded_groups(simulation):
         direction, axis = (d / np.linalg.norm(d) for d in random.normal(size=(2, 3)))
-        mass = np.array([course.mass[i] for i in group])
-        centers = np.array([course.center(state, i) for i in group])
+        mass = np.array([simulation.mass[i] for i in group])
+        centers = np.array([simulation.center(state, i) for i in group])
         arms = centers - mass @ centers / mass.sum()
-        reach = float(np.linalg.norm(arms, axis=1).max())
+        longest_arm = float(np.linalg.norm(arms, axis=1).max())
         # however long the arms, no member gets more than twice the kick's speed
-        spin = min(c.kick_angular_speed, c.kick_speed / max(reach, 1e-12)) * axis
+        spin = min(c.kick_angular_speed, c.kick_speed / max(longest_arm, 1e-12)) * axis
         for i, arm in zip(group, arms, strict=True):
-            course.give(state, i, c.kick_speed * direction + np.cross(spin, arm), spin)
+            simulation.add_rigid_motion(state, i, c.kick_speed * direction + np.cross(spin, arm), spin)
     return state
 
 
-def assemblies(course: Course) -> list[list[int]]:
+def bonded_groups(simulation: Simulation) -> list[list[int]]:
     """Free bodies by the free bodies that they are bonded to, directly or through others: each group moves as one."""
     groups: list[list[int]] = []
-    for i in course.free:
-        bodies = course.model.bodies
-        joined = [g for g in groups if any(course.model.bonded(bodies[i], bodies[j]) for j in g)]
+    for i in simulation.free:
+        bodies = simulation.model.bodies
+        joined = [g for g in groups if any(simulation.model.bonded(bodies[i], bodies[j]) for j in g)]
         groups = [g for g in groups if g not in joined] + [sorted([i, *(j for g in joined for j in g)])]
     return sorted(groups)
 
 
-def standing(rest: State) -> State:
+def stopped(rest: State) -> State:
     """A rest state without the last of its motion."""
     state = rest.copy()
     state.stop()
@@ -119,40 +119,40 @@ def standing(rest: State) -> State:
 
 
 def follow(
-    course: Course, rest: State, state: State, near: Reach, patience: Patience, progress: Progress | None
-) -> Aftermath:
+    simulation: Simulation, rest: State, state: State, near: Displacement, stop: StopCriteria, progress: Progress | None
+) -> Response:
     """Let a disturbed state go on from where it is; it is stable if it comes to rest within `near` of the rest state.
 
     Rolling resistance gives way meanwhile (rolling.py).
     """
-    c = course.config
-    start, farthest, dt = state.time, 0.0, 0.5 * course.balance_step()
+    c = simulation.config
+    start, farthest, dt = state.time, 0.0, 0.5 * simulation.balance_step()
     undecided, segment = True, 0
     while undecided and segment < c.kick_segments:
         segment += 1
-        first = len(course.history)
+        first = len(simulation.history)
         while state.time < start + segment * c.kick_seconds - 1e-9:
-            state, report, dt = course.step(state, dt, rolling=law_compliant)
-            course.record(state, report, progress)
-            reach = Reach.between(course, rest, state)
-            farthest = max(farthest, reach.distance)
-            if not reach.within(patience.gone):
-                return Aftermath(state, False, reach, farthest, np.inf, True, segment)
-        left, growing = _speed_left(course, course.history[first:])
+            state, report, dt = simulation.step(state, dt, rolling=law_compliant)
+            simulation.record(state, report, progress)
+            moved = Displacement.between(simulation, rest, state)
+            farthest = max(farthest, moved.distance)
+            if not moved.within(stop.at_once):
+                return Response(state, False, moved, farthest, np.inf, True, segment)
+        left, growing = _speed_left(simulation, simulation.history[first:])
         moving = growing or left > c.kick_decay
-        undecided = moving and reach.within(patience.reach) and left <= patience.speed
-    return Aftermath(state, reach.within(near) and not moving, reach, farthest, left, growing, segment)
+        undecided = moving and moved.within(stop.at_period_end) and left <= stop.speed
+    return Response(state, moved.within(near) and not moving, moved, farthest, left, growing, segment)
 
 
-def _speed_left(course: Course, followed: list[Signals]) -> tuple[float, bool]:
+def _speed_left(simulation: Simulation, followed: list[Signals]) -> tuple[float, bool]:
     """Largest speed at the end over the kick's (0 where it is below the rest thresholds) and whether it still grows.
 
     An unstable balance gains speed by a factor e in about sqrt(L / 2g): 0.1 s for L = 0.2 m, and GROWTH in a quarter of
     half a second for L = 6 m. A wobble may look like it for half its period, so growth alone only asks for more time.
     """
-    c = course.config
+    c = simulation.config
     quarter = max(len(followed) // 4, 2)
-    before, end = course.rows(followed[-2 * quarter : -quarter]), course.rows(followed[-quarter:])
+    before, end = simulation.rows(followed[-2 * quarter : -quarter]), simulation.rows(followed[-quarter:])
     left, growing = 0.0, False
     kicks = {
         "linear_speed": c.kick_speed,

@@ -47,8 +47,8 @@ class Frames:
     """Own masses [kg] (zero for cores, whose mass sits in their nodes), shape (b,)."""
     inertia: NDArray[np.float64]
     """Own inertia, world axes [kg m^2], shape (b, 3, 3)."""
-    tied: list[NDArray[np.int64]]
-    """Core nodes of each frame."""
+    core_nodes: list[NDArray[np.int64]]
+    """Nodes of each frame's rigid core."""
     arm: list[NDArray[np.float64]]
     """Positions of the core nodes relative to the frame's centre [m]."""
 
@@ -73,7 +73,7 @@ class TangentSystem:
         self.stiffness_scale = 1.0 + damping / dt
         self.node_inertia = soft.mass / dt**2
         self.free = ~(soft.held | (soft.core >= 0))
-        self.tied_down = np.flatnonzero(~self.free)
+        self.constrained = np.flatnonzero(~self.free)
         self.frame_inertia = self._frame_inertia(dt)
         soft_bodies = {s.index for s in soft.bodies}
         self.place = {body: f for f, body in enumerate(frames.index) if body not in soft_bodies}
@@ -83,7 +83,7 @@ class TangentSystem:
         self.size = self.nodes + 6 * len(frames.index)
         self.jacobian = self._jacobian()
         self.rolling = self._rolling_rows()
-        self.has_cores = any(len(t) for t in frames.tied)
+        self.has_cores = any(len(t) for t in frames.core_nodes)
 
     def _frame_inertia(self, dt: float) -> NDArray[np.float64]:
         out = np.zeros((len(self.frames.index), 6, 6))
@@ -129,20 +129,20 @@ class TangentSystem:
         if self.has_cores:
             flat = flat.copy()
             nodes, frames = self.split(flat)
-            for f, tied in enumerate(self.frames.tied):
-                if len(tied):
-                    nodes[tied] = frames[f, :3] + np.cross(frames[f, 3:], self.frames.arm[f])
+            for f, cores in enumerate(self.frames.core_nodes):
+                if len(cores):
+                    nodes[cores] = frames[f, :3] + np.cross(frames[f, 3:], self.frames.arm[f])
         return flat
 
     def reduce(self, flat: Flat) -> Flat:
         """Forces, in place, with those of the core nodes moved to their frames; held nodes drop out."""
         nodes, frames = self.split(flat)
         if self.has_cores:
-            for f, tied in enumerate(self.frames.tied):
-                if len(tied):
-                    frames[f, :3] += nodes[tied].sum(axis=0)
-                    frames[f, 3:] += np.cross(self.frames.arm[f], nodes[tied]).sum(axis=0)
-        nodes[self.tied_down] = 0.0
+            for f, cores in enumerate(self.frames.core_nodes):
+                if len(cores):
+                    frames[f, :3] += nodes[cores].sum(axis=0)
+                    frames[f, 3:] += np.cross(self.frames.arm[f], nodes[cores]).sum(axis=0)
+        nodes[self.constrained] = 0.0
         return flat
 
     def contact_forces(self) -> Flat:
@@ -227,8 +227,8 @@ class TangentSystem:
         """Forces of the six unit motions of each core: on the frames (b, 6, 6), and on the lattice, (3 m, 6) each."""
         own = np.zeros_like(self.frame_inertia)
         coupling = {}
-        for f, tied in enumerate(self.frames.tied):
-            if not len(tied):
+        for f, cores in enumerate(self.frames.core_nodes):
+            if not len(cores):
                 continue
             columns = []
             for motion in range(6):

@@ -29,7 +29,7 @@ STEP_GROWTH = 1.25  # growth of the step when Newton converges easily
 LEAST_GRAVITY = 1e-12  # [m/s^2], so that what is measured by weights stays finite where nothing pulls
 
 
-class Course:
+class Simulation:
     """Bodies, contacts and the history of their motion."""
 
     def __init__(self, model: Model, config: SolverConfig) -> None:
@@ -55,7 +55,7 @@ class Course:
         self.stepper = Stepper(model, self.soft, self.query, config, weights, damping)
         self.wave_step = config.inertia_step * crossing_seconds(model) if config.inertia else np.inf
         """Longest step that resolves elastic waves [s]."""
-        self.care = 1.0
+        self.tolerance_factor = 1.0
         """Factor of the tolerance to which steps at rest are solved."""
         self.history: list[Signals] = []
         self.warnings: list[str] = []
@@ -77,7 +77,7 @@ class Course:
         dt = min(dt, self._longest_step(speed))
         moving = speed > self.config.moving_speed * np.sqrt(self.gravity * self.length) and not self.config.inertia
         shortest = min(self.config.shortest_step_seconds, SHORTER * self.wave_step)
-        tolerance = self.config.moving_tolerance if moving else self.care * self.config.newton_tolerance
+        tolerance = self.config.moving_tolerance if moving else self.tolerance_factor * self.config.newton_tolerance
         while True:
             push = None if load is None else load(state.time + dt)
             after, report = self.stepper.step(state, dt, tolerance, push, rolling)
@@ -117,14 +117,14 @@ class Course:
         if not self.free:
             return min(self.config.hanging_step_seconds, self.wave_step)
         distance = max(self.config.step_distance, self.config.step_share * self.length)
-        reach = max(distance / max(speed, 1e-12), self.config.shortest_step_seconds)
-        return min(reach, self.balance_step(), self.wave_step)
+        longest = max(distance / max(speed, 1e-12), self.config.shortest_step_seconds)
+        return min(longest, self.balance_step(), self.wave_step)
 
     def balance_step(self) -> float:
         """Longest step that follows a loss of balance [s]."""
         return self.config.longest_step * float(np.sqrt(0.5 * self.length / self.gravity))
 
-    def give(
+    def add_rigid_motion(
         self, state: State, index: int, velocity: NDArray[np.float64], angular_velocity: NDArray[np.float64]
     ) -> None:
         """Add a rigid motion [m/s], [rad/s] about its centre of mass to what a free body does."""
@@ -175,8 +175,8 @@ class Course:
         """Bound of the speed of any point of a body [m/s]."""
         if (one := self.soft_of.get(index)) is not None:
             return float(np.linalg.norm(state.v[one.nodes], axis=1).max())
-        reach = 0.5 * self.model.bodies[index].size
-        return float(np.linalg.norm(state.velocity[index]) + reach * np.linalg.norm(state.angular_velocity[index]))
+        half_size = 0.5 * self.model.bodies[index].size
+        return float(np.linalg.norm(state.velocity[index]) + half_size * np.linalg.norm(state.angular_velocity[index]))
 
 
 def contact_pairs(model: Model, soft: SoftSystem, config: SolverConfig, gravity: float) -> list[Pair]:

@@ -18,22 +18,23 @@ from numpy.typing import NDArray
 from solver.contact.rolling import law_compliant
 from solver.errors import UnstableStep
 from solver.model.state import State
-from solver.tl.disturbance import Patience, Reach, follow, standing
-from solver.tl.simulation import Course, Progress
+from solver.tl.disturbance import Displacement, StopCriteria, follow, stopped
+from solver.tl.simulation import Progress, Simulation
 
-GONE = Reach(0.5, np.pi / 3.0)  # half its size away, or turned by 60 degrees: lost, whatever comes after [-], [rad]
+# half its size away, or turned by 60 degrees: lost, whatever comes after [-], [rad]
+LOST = Displacement(0.5, np.pi / 3.0)
 
 
 @dataclass(eq=False, slots=True)
-class Pushes:
+class PushTrials:
     """Trials of one body in one direction, all from the same rest state."""
 
-    course: Course
+    simulation: Simulation
     rest: State
     index: int
     direction: NDArray[np.float64]
     """Horizontal unit vector, shape (3,)."""
-    ends: dict[int, Reach] = field(default_factory=dict)
+    ends: dict[int, Displacement] = field(default_factory=dict)
     """How far bodies had moved when each push, in units of push_step, was judged."""
     steps: int = 0
 
@@ -42,44 +43,44 @@ class Pushes:
 
         A push that the solver cannot follow is lost, with a warning.
         """
-        course, kept = self.course, self.course.history
-        course.history = []
+        simulation, kept = self.simulation, self.simulation.history
+        simulation.history = []
         try:
-            held, self.ends[level] = self._push(level * course.config.push_step, progress)
+            held, self.ends[level] = self._push(level * simulation.config.push_step, progress)
         except UnstableStep as error:
-            held, self.ends[level] = False, Reach(np.inf, np.inf)
-            course.warnings.append(f"stability: a push counts as lost because the solver cannot follow it: {error}")
-        self.steps += len(course.history)
-        course.history = kept
+            held, self.ends[level] = False, Displacement(np.inf, np.inf)
+            simulation.warnings.append(f"stability: a push counts as lost because the solver cannot follow it: {error}")
+        self.steps += len(simulation.history)
+        simulation.history = kept
         return held
 
-    def _push(self, share: float, progress: Progress | None) -> tuple[bool, Reach]:
-        course, c = self.course, self.course.config
-        size = course.model.bodies[self.index].size
-        gone = Reach(GONE.distance * size, GONE.angle)
-        seconds = c.push_time * float(np.sqrt(0.5 * size / course.gravity))
-        full = np.zeros((len(course.model.bodies), 3))
-        full[self.index] = share * course.gravity * self.direction
+    def _push(self, share: float, progress: Progress | None) -> tuple[bool, Displacement]:
+        simulation, c = self.simulation, self.simulation.config
+        size = simulation.model.bodies[self.index].size
+        lost_bound = Displacement(LOST.distance * size, LOST.angle)
+        seconds = c.push_time * float(np.sqrt(0.5 * size / simulation.gravity))
+        full = np.zeros((len(simulation.model.bodies), 3))
+        full[self.index] = share * simulation.gravity * self.direction
 
         def load(time: float) -> NDArray[np.float64]:
             return min((time - self.rest.time) / seconds, 1.0) * full
 
-        state, dt = standing(self.rest), 0.5 * course.balance_step()
+        state, dt = stopped(self.rest), 0.5 * simulation.balance_step()
         while state.time < self.rest.time + 2.0 * seconds - 1e-9:
-            state, report, dt = course.step(state, dt, load, law_compliant)
-            course.record(state, report, progress)
-            reach = Reach.between(course, self.rest, state)
-            if not reach.within(gone):
-                return False, reach
-        near = Reach(c.push_distance * size, c.push_angle)
-        end = follow(course, self.rest, state, near, Patience(gone, gone, np.inf), progress)
-        return end.stable, end.reach
+            state, report, dt = simulation.step(state, dt, load, law_compliant)
+            simulation.record(state, report, progress)
+            moved = Displacement.between(simulation, self.rest, state)
+            if not moved.within(lost_bound):
+                return False, moved
+        near = Displacement(c.push_distance * size, c.push_angle)
+        end = follow(simulation, self.rest, state, near, StopCriteria(lost_bound, lost_bound, np.inf), progress)
+        return end.stable, end.moved
 
     def bracket(self, most: int, guess: int | None, progress: Progress | None) -> tuple[int, dict[str, object]]:
         """The largest level held, and the certificate's row."""
         level = largest_held(lambda one: self.held(one, progress), most, guess)
         lost = self.ends.get(level + 1)
-        unit = self.course.config.push_step
+        unit = self.simulation.config.push_step
         return level, {
             "direction": (np.round(self.direction, 12) + 0.0).tolist(), "held": round(level * unit, 9),
             "lost": None if lost is None else round((level + 1) * unit, 9), "trials": len(self.ends),
@@ -88,31 +89,31 @@ class Pushes:
         }  # fmt: skip
 
 
-def grade(course: Course, rest: State, progress: Progress | None) -> dict[str, object]:
+def grade(simulation: Simulation, rest: State, progress: Progress | None) -> dict[str, object]:
     """The certificate's `stability`: for every free body and direction the largest push held and the smallest lost,
     over the body's weight (lost is null where the largest one tried was held), and the smallest of all held ones.
 
-    The course's history stays as it was.
+    The simulation's history stays as it was.
     """
-    c = course.config
-    if course.gravity <= 0.0:
+    c = simulation.config
+    if simulation.gravity <= 0.0:
         return {"done": False, "reason": "without gravity there is no weight to compare a push with"}
     most, steps, trials = max(1, round(c.push_most / c.push_step)), 0, 0
     quarter = max(1, c.push_directions // 4)  # directions back to a quarter turn, after which many things look the same
     bodies: dict[str, object] = {}
     grades: list[float] = []
-    for index in course.free:
+    for index in simulation.free:
         rows: list[dict[str, object]] = []
         found: list[int] = []
-        for direction in directions(course.model.gravity, c.push_directions):
-            pushes = Pushes(course, rest, index, direction)
+        for direction in directions(simulation.model.gravity, c.push_directions):
+            pushes = PushTrials(simulation, rest, index, direction)
             guess = found[-quarter] if len(found) >= quarter else None
             level, row = pushes.bracket(most, guess, progress)
             found.append(level)
             rows.append(row)
             steps, trials = steps + pushes.steps, trials + len(pushes.ends)
         grades.append(min(float(str(row["held"])) for row in rows))
-        bodies[course.model.bodies[index].name] = {"grade": grades[-1], "directions": rows}
+        bodies[simulation.model.bodies[index].name] = {"grade": grades[-1], "directions": rows}
     return {
         "done": True, "grade": min(grades), "bodies": bodies, "trials": trials, "steps": steps,
         "bounds": {"distance_share": c.push_distance, "angle_rad": c.push_angle, "step": c.push_step},

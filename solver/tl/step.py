@@ -87,7 +87,7 @@ class Trial:
 def carried_weights(weights: NDArray[np.float64], contacts: Contacts) -> NDArray[np.float64]:
     """What residuals of each body are measured by [N], shape (b,): its weight, or what it carries where that is more,
     at most the largest weight. A sheet under a book is in balance as far as the book is."""
-    return np.asarray(np.clip(contacts.burden(len(weights)), weights, weights.max()))
+    return np.asarray(np.clip(contacts.carried_load(len(weights)), weights, weights.max()))
 
 
 class Stepper:
@@ -127,7 +127,7 @@ class Stepper:
             for i, b in enumerate(model.bodies)
             if not b.fixed and (isinstance(b, RigidBody) or (soft.core == i).any())
         ]
-        self.tied = [np.flatnonzero(soft.core == i) for i in self.frame_bodies]
+        self.core_nodes = [np.flatnonzero(soft.core == i) for i in self.frame_bodies]
 
     def frames(self, state: State) -> Frames:
         """The moving frames at a state."""
@@ -141,8 +141,8 @@ class Stepper:
             state.center[self.frame_bodies],
             mass,
             inertia,
-            self.tied,
-            [state.x[t] - state.center[i] for t, i in zip(self.tied, self.frame_bodies, strict=True)],
+            self.core_nodes,
+            [state.x[t] - state.center[i] for t, i in zip(self.core_nodes, self.frame_bodies, strict=True)],
         )
 
     def elastic_forces(self, state: State) -> NDArray[np.float64]:
@@ -262,14 +262,14 @@ class Stepper:
             if i not in touched:
                 after.center[i] += fall
             after.rotation[i] = rotate(state.rotation[i], dt * state.angular_velocity[i])
-        return self._tie(after)
+        return self._constrain(after)
 
-    def _tie(self, state: State) -> State:
+    def _constrain(self, state: State) -> State:
         """Put core nodes where their frame says, held nodes where they were."""
-        for i, tied in zip(self.frame_bodies, self.tied, strict=True):
-            if len(tied):
-                arm = self.soft.rest[tied] - self.model.bodies[i].center_of_mass
-                state.x[tied] = arm @ state.rotation[i].T + state.center[i]
+        for i, cores in zip(self.frame_bodies, self.core_nodes, strict=True):
+            if len(cores):
+                arm = self.soft.rest[cores] - self.model.bodies[i].center_of_mass
+                state.x[cores] = arm @ state.rotation[i].T + state.center[i]
         state.x[self.soft.held] = self.soft.rest[self.soft.held]
         return state
 
@@ -329,12 +329,12 @@ class Stepper:
     def _capped(self, system: TangentSystem, move: Flat) -> Flat:
         """A Newton move, shortened so that no point jumps past a contact."""
         nodes, frames = system.split(system.expand(move))
-        reach = [float(np.abs(nodes).max())] if len(nodes) else []
+        moves = [float(np.abs(nodes).max())] if len(nodes) else []
         for f, i in enumerate(self.frame_bodies):
-            reach.append(
+            moves.append(
                 float(np.linalg.norm(frames[f, :3]) + 0.5 * self.model.bodies[i].size * np.linalg.norm(frames[f, 3:]))
             )
-        return min(1.0, self.config.longest_move / max([*reach, 1e-30])) * move
+        return min(1.0, self.config.longest_move / max([*moves, 1e-30])) * move
 
     def _move(self, state: State, system: TangentSystem, move: Flat) -> State:
         """Apply a Newton move."""
@@ -344,7 +344,7 @@ class Stepper:
         for f, i in enumerate(self.frame_bodies):
             after.center[i] = state.center[i] + frames[f, :3]
             after.rotation[i] = rotate(state.rotation[i], frames[f, 3:])
-        return self._tie(after)
+        return self._constrain(after)
 
     def _finish(self, after: State, problem: StepProblem) -> None:
         before, dt = problem.before, problem.dt
@@ -367,5 +367,5 @@ class Stepper:
             after.angular_velocity[i] = before.angular_velocity[i] + more * (
                 after.angular_velocity[i] - before.angular_velocity[i]
             )
-        self._tie(after)
+        self._constrain(after)
         after.time = before.time + dt

@@ -7,8 +7,8 @@ from solver.config import SolverConfig
 from solver.errors import ModelError
 from solver.model.bodies import Model
 from solver.runtime import start
-from solver.settle import Drop, settle
-from solver.tl.disturbance import assemblies, struck
+from solver.settle import ImplicitDrop, settle
+from solver.tl.disturbance import bonded_groups, kicked_state
 
 
 def settled(lab, bonds, *bodies, **config):
@@ -69,9 +69,9 @@ def test_a_kick_moves_bonded_bodies_as_one(lab):
               (("left", 0.0, 0.3), ("alone", 0.3, 0.5), ("right", 0.0605, 0.6))]  # fmt: skip
     model = Model((*bodies, lab.floor()), np.array([0.0, 0.0, -lab.gravity]), bonds=(("left", "right"),))
     start(2)
-    course = Drop(model, SolverConfig())
-    assert assemblies(course) == [[0, 2], [1]]
-    state = struck(course, course.start_state())
+    simulation = ImplicitDrop(model, SolverConfig())
+    assert bonded_groups(simulation) == [[0, 2], [1]]
+    state = kicked_state(simulation, simulation.start_state())
     v, spin = state.velocity, state.angular_velocity
     assert spin[0] == pytest.approx(spin[2])
     assert v[2] - v[0] == pytest.approx(np.cross(spin[0], bodies[2].center_of_mass - bodies[0].center_of_mass))

@@ -7,7 +7,7 @@ from threadpoolctl import threadpool_limits
 from solver.config import SolverConfig
 from solver.model.bodies import Model
 from solver.runtime import start
-from solver.settle import Drop
+from solver.settle import ImplicitDrop
 
 
 def hertz_radius(load, modulus, radius):
@@ -165,7 +165,7 @@ def test_springs_that_become_stiffer_throw_nothing_up(lab):
     ball = lab.rigid("ball", lab.Capsule(0.05, 0.0), [0, 0, 0.051], mass=1.0)
     start(2)
     model = Model((ball, slab), np.array([0.0, 0.0, -lab.gravity]))
-    one = Drop(model, SolverConfig())
+    one = ImplicitDrop(model, SolverConfig())
     state, dt, stiffened, fastest = one.start_state(), 4e-3, 0, 0.0
     with threadpool_limits(1):
         for _ in range(60):

@@ -8,7 +8,7 @@ from threadpoolctl import threadpool_limits
 from solver.config import SolverConfig
 from solver.model.bodies import Model
 from solver.runtime import start
-from solver.settle import Drop
+from solver.settle import ImplicitDrop
 
 
 @pytest.fixture(autouse=True)
@@ -21,7 +21,7 @@ def one_thread():
 def alone(body, **config):
     """A drop of one body without gravity and without material damping, and its start state."""
     start(2)
-    one = Drop(Model((body,), np.zeros(3)), SolverConfig(**config))
+    one = ImplicitDrop(Model((body,), np.zeros(3)), SolverConfig(**config))
     one.stepper.damping = 0.0
     one.stepper.weights[:] = 1.0  # residuals in newtons: without gravity there is no weight to measure them by
     return one, one.start_state()
@@ -138,7 +138,7 @@ def test_a_ball_rebounds_from_an_elastic_slab_only_with_inertia(lab, inertia):
                     held=np.s_[:, :, 0], fixed=True, loaded=True)  # fmt: skip
     ball = lab.rigid("ball", lab.Capsule(0.05, 0.0), [0, 0, 0.06], mass=1.0)
     start(2)
-    one = Drop(Model((ball, slab), np.array([0.0, 0.0, -lab.gravity])), SolverConfig(inertia=inertia))
+    one = ImplicitDrop(Model((ball, slab), np.array([0.0, 0.0, -lab.gravity])), SolverConfig(inertia=inertia))
     state, dt, lowest, highest = one.start_state(), 1e-3, np.inf, 0.0
     while state.time < 0.25:
         state, report, dt = one.step(state, dt)

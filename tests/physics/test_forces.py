@@ -6,7 +6,7 @@ import pytest
 from solver.config import SolverConfig
 from solver.model.bodies import Model
 from solver.runtime import start
-from solver.settle import Drop
+from solver.settle import ImplicitDrop
 
 SHARE = 0.005  # of the weight: what the certificate allows to be unbalanced
 
@@ -14,7 +14,7 @@ SHARE = 0.005  # of the weight: what the certificate allows to be unbalanced
 def settled(lab, *bodies):
     """The result of a drop, the drop, and the state in which it ended."""
     start(2)
-    one = Drop(Model(bodies, np.array([0.0, 0.0, -lab.gravity])), SolverConfig(threads=2))
+    one = ImplicitDrop(Model(bodies, np.array([0.0, 0.0, -lab.gravity])), SolverConfig(threads=2))
     kept = {}
 
     def keep(verdict, state, *rest, write=one._result):

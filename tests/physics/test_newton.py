@@ -7,7 +7,7 @@ from solver.config import SolverConfig
 from solver.errors import UnstableStep
 from solver.model.bodies import Model
 from solver.runtime import start
-from solver.settle import Drop
+from solver.settle import ImplicitDrop
 from solver.tl.linear import conjugate_gradient, minimal_residual
 
 DOWN, ASIDE, DT = 2e-5, 1e-4, 4e-3  # penetration and slip [m] at which every point slides; step [s]
@@ -19,12 +19,12 @@ def sliding(lab):
     after it, and its trial."""
     start(2)
     block = lab.soft("block", lab.Box(np.array([0.1, 0.08, 0.06])), [0, 0, 0.03], E=1e5, cell=0.02)
-    one = Drop(Model((block, lab.floor()), np.array([0.0, 0.0, -lab.gravity])), SolverConfig(threads=2))
+    one = ImplicitDrop(Model((block, lab.floor()), np.array([0.0, 0.0, -lab.gravity])), SolverConfig(threads=2))
     before, after = one.start_state(), one.start_state()
     problem = one.stepper.problem(before, DT)
     after.x = before.x + np.array([ASIDE, 0.3 * ASIDE, -DOWN])
     trial = one.stepper._linearise(after, problem)
-    assert all(t.sliding.all() for t in trial.contacts.touching)
+    assert all(t.sliding.all() for t in trial.contacts.active)
     return one.stepper, problem, after, trial
 
 

@@ -8,7 +8,7 @@ from scipy.interpolate import RegularGridInterpolator
 from solver.config import SolverConfig
 from solver.model.bodies import Model
 from solver.runtime import start
-from solver.settle import Drop
+from solver.settle import ImplicitDrop
 
 SIZE = np.array([0.2, 0.16, 0.12])
 STRETCH = np.array([[1.1, 0.2, 0.0], [-0.1, 0.9, 0.05], [0.0, 0.1, 0.8]])  # F, with shear and a turn
@@ -19,7 +19,7 @@ def ask(lab):
     """Asks where points (n, 3) are in a soft box that is moved by a map; a rigid ball is the other body."""
     start(2)
     box = lab.soft("box", lab.Box(SIZE), [0, 0, 0], E=1e5, cell=0.02)
-    one = Drop(
+    one = ImplicitDrop(
         Model((box, lab.rigid("ball", lab.Capsule(0.02, 0.0), [0, 0, 1])), np.array([0, 0, -9.81])), SolverConfig()
     )
 

@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 from solver.config import SolverConfig
 from solver.model.bodies import Model
 from solver.runtime import start
-from solver.settle import Drop
+from solver.settle import ImplicitDrop
 
 
 def test_a_uniaxially_pressed_column_obeys_the_closed_form(lab):
@@ -66,9 +66,9 @@ def test_points_that_start_far_above_a_soft_body_touch_it_when_they_come_down(la
                     planes=planes, held=np.s_[:, :, 0], fixed=True, loaded=True)  # fmt: skip
     pole = lab.soft("pole", lab.Capsule(0.025, 0.15), [-0.1, 0, 0.165], E=2e6, rho=300.0, cell=0.0125)
     start(2)
-    one = Drop(Model((pole, slab), np.array([0.0, 0.0, -lab.gravity])), SolverConfig())
+    one = ImplicitDrop(Model((pole, slab), np.array([0.0, 0.0, -lab.gravity])), SolverConfig())
     state = one.start_state()
-    assert not one.query.find(state, one.query.begin(state, 1.0)).touching
+    assert not one.query.find(state, one.query.begin(state, 1.0)).active
     nodes = one.soft.bodies[0].nodes
     turn = Rotation.from_euler("y", 90, degrees=True).as_matrix()
     state.x[nodes] = (state.x[nodes] - [-0.1, 0.0, 0.165]) @ turn.T + [0.0, 0.0, 0.06 + 0.025 - 0.002]

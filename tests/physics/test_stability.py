@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from solver.config import SolverConfig
 from solver.model.bodies import Model
-from solver.settle import Drop
+from solver.settle import ImplicitDrop
 from solver.tl.stability import directions, grade, largest_held
 
 STEP = SolverConfig().push_step
@@ -80,7 +80,7 @@ def test_trials_leave_nothing_behind(lab):
     """A second test of the same rest state finds the same numbers to the last bit."""
     box = lab.rigid("box", lab.Box(np.array([0.1, 0.1, 0.1])), [0, 0, 0.0501])
     config = SolverConfig(push_directions=1, threads=2)
-    drop = Drop(Model((box, lab.floor()), np.array([0.0, 0.0, -lab.gravity])), config)
+    drop = ImplicitDrop(Model((box, lab.floor()), np.array([0.0, 0.0, -lab.gravity])), config)
     _, rest, _ = drop._approach(drop.start_state(), None)
     assert grade(drop, rest, None) == grade(drop, rest, None)
 

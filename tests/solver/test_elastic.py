@@ -12,7 +12,7 @@ from solver.kernels.tangents import rest_tangents, strained_tangents
 from solver.model.bodies import Interior, Model, SignedDistance, SoftBody
 from solver.reference.elastic import energy, polar_rotation, stress
 from solver.runtime import start
-from solver.settle import Drop
+from solver.settle import ImplicitDrop
 
 MU, LAM = 4e4, 6e4
 
@@ -174,7 +174,7 @@ def block(rotation, stretch, nu=0.3):
     body = SoftBody("block", False, vertices, surface.faces, grid, 1.0, np.zeros(3), 0.5, 0.4, 0.0, interior)
     start(1)
     model = Model((body,), np.zeros(3))
-    drop = Drop(model, SolverConfig())
+    drop = ImplicitDrop(model, SolverConfig())
     state0 = drop.start_state()
     state0.x = drop.soft.rest @ (rotation @ stretch).T
     return drop, drop.stepper.elastic_forces(state0)
