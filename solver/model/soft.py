@@ -95,8 +95,8 @@ def lame(
 
 def build(model: Model) -> SoftSystem:
     """Lay out the cells, nodes and particles of all soft bodies of the model."""
-    pieces = [_Piece.of(i, body, _padded(body.interior)) for i, body in model.soft_bodies]
-    return _join(pieces)
+    grids = [_LocalGrid.of(i, body, _padded(body.interior)) for i, body in model.soft_bodies]
+    return _join(grids)
 
 
 def _padded(soft: Interior) -> Interior:
@@ -116,7 +116,7 @@ def _padded(soft: Interior) -> Interior:
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class _Piece:
+class _LocalGrid:
     """One body's arrays with local numbering."""
 
     index: int
@@ -137,7 +137,7 @@ class _Piece:
     near_surface_cell: NDArray[np.int64]
 
     @classmethod
-    def of(cls, index: int, body: SoftBody, soft: Interior) -> "_Piece":
+    def of(cls, index: int, body: SoftBody, soft: Interior) -> "_LocalGrid":
         shape = tuple(len(p) - 1 for p in soft.planes)
         flat, local = locate(soft.planes, soft.position)
         surface_flat, surface_local = locate(soft.planes, body.vertices)
@@ -228,56 +228,56 @@ def _fictitious(
     return every // 8, position, missing
 
 
-def _join(pieces: list[_Piece]) -> SoftSystem:
+def _join(grids: list[_LocalGrid]) -> SoftSystem:
     """Number cells, nodes and particles through; particles sorted by cell (stable, so the order is reproducible)."""
     bodies, parts = [], []
     cell_offset = node_offset = particle_offset = 0
-    for piece in pieces:
-        shape = piece.cell_id.shape
-        corner = np.stack(np.unravel_index(piece.cells, shape), axis=1)
-        cell_node = np.stack([piece.node_id[tuple((corner + o).T)] for o in np.ndindex(2, 2, 2)], axis=1) + node_offset
-        order = np.argsort(piece.particle_cell, kind="stable")
-        counts = np.bincount(piece.particle_cell, minlength=len(piece.cells))
-        sizes = np.stack([np.diff(p)[corner[:, a]] for a, p in enumerate(piece.interior.planes)], axis=1)
-        rest = np.stack([p[piece.node_grid[:, a]] for a, p in enumerate(piece.interior.planes)], axis=1)
-        weights = shape_values(piece.local)
-        node_of_particle = cell_node[piece.particle_cell] - node_offset
+    for grid in grids:
+        shape = grid.cell_id.shape
+        corner = np.stack(np.unravel_index(grid.cells, shape), axis=1)
+        cell_node = np.stack([grid.node_id[tuple((corner + o).T)] for o in np.ndindex(2, 2, 2)], axis=1) + node_offset
+        order = np.argsort(grid.particle_cell, kind="stable")
+        counts = np.bincount(grid.particle_cell, minlength=len(grid.cells))
+        sizes = np.stack([np.diff(p)[corner[:, a]] for a, p in enumerate(grid.interior.planes)], axis=1)
+        rest = np.stack([p[grid.node_grid[:, a]] for a, p in enumerate(grid.interior.planes)], axis=1)
+        weights = shape_values(grid.local)
+        node_of_particle = cell_node[grid.particle_cell] - node_offset
         mass = np.bincount(
-            node_of_particle.ravel(), weights=(weights * piece.mass[:, None]).ravel(), minlength=len(rest)
+            node_of_particle.ravel(), weights=(weights * grid.mass[:, None]).ravel(), minlength=len(rest)
         )
-        state = piece.interior.node_state[tuple(piece.node_grid.T)]
+        state = grid.interior.node_state[tuple(grid.node_grid.T)]
         parts.append(
             {
                 "rest": rest,
                 "mass": mass,
                 "held": state == HELD,
-                "core": np.where(state == CORE, piece.index, -1).astype(np.int32),
-                "gravity_share": np.full(len(rest), 0.0 if piece.interior.loaded else 1.0),
+                "core": np.where(state == CORE, grid.index, -1).astype(np.int32),
+                "gravity_share": np.full(len(rest), 0.0 if grid.interior.loaded else 1.0),
                 "cell_node": cell_node.astype(np.int32),
                 "cell_size": sizes,
                 "count": counts,
-                "node_cell": _around(piece.node_grid, piece.cell_id, np.ndindex(2, 2, 2), -1, cell_offset),
-                "neighbour": _around(piece.node_grid, piece.node_id, np.ndindex(3, 3, 3), -1, node_offset),
-                "local": piece.local[order],
-                "volume": piece.volume[order],
-                "mu": piece.mu[order],
-                "lam": piece.lam[order],
-                "real": piece.real[order],
+                "node_cell": _around(grid.node_grid, grid.cell_id, np.ndindex(2, 2, 2), -1, cell_offset),
+                "neighbour": _around(grid.node_grid, grid.node_id, np.ndindex(3, 3, 3), -1, node_offset),
+                "local": grid.local[order],
+                "volume": grid.volume[order],
+                "mu": grid.mu[order],
+                "lam": grid.lam[order],
+                "real": grid.real[order],
             }
         )
         bodies.append(
             BodyGrid(
-                piece.index,
-                piece.interior.planes,
-                np.where(piece.cell_id >= 0, piece.cell_id + cell_offset, -1).astype(np.int32),
+                grid.index,
+                grid.interior.planes,
+                np.where(grid.cell_id >= 0, grid.cell_id + cell_offset, -1).astype(np.int32),
                 slice(node_offset, node_offset + len(rest)),
                 slice(particle_offset, particle_offset + len(order)),
-                cell_node[piece.surface_cell].astype(np.int32),
-                shape_values(piece.surface_local),
-                np.unique(cell_node[piece.near_surface_cell]).astype(np.int32),
+                cell_node[grid.surface_cell].astype(np.int32),
+                shape_values(grid.surface_local),
+                np.unique(cell_node[grid.near_surface_cell]).astype(np.int32),
             )
         )
-        cell_offset += len(piece.cells)
+        cell_offset += len(grid.cells)
         node_offset += len(rest)
         particle_offset += len(order)
     if not parts:

@@ -99,3 +99,22 @@ def test_a_step_that_cannot_be_solved_says_where_and_by_how_much(lab):
     block = lab.soft("block", lab.Box(np.array([0.1, 0.08, 0.06])), [0.2, 0, 0.03], E=1e5, cell=0.02)
     with pytest.raises(UnstableStep, match=r"body 'block' weighs .* at \[0\.\d+, .* m, .* acceptable_residual = 1e-14"):
         lab.drop(block, lab.floor(), acceptable_residual=1e-14)
+
+
+def test_the_same_state_steps_to_the_same_state(lab):
+    """All that a step starts from is in its arguments, friction's anchors and what touched included."""
+    start(2)
+    box = lab.rigid("box", lab.Box(np.array([0.1, 0.08, 0.06])), [0, 0, 0.03], velocity=np.array([0.3, 0.1, 0.0]))
+    one = ImplicitDrop(Model((box, lab.floor()), np.array([0.0, 0.0, -lab.gravity])), SolverConfig(threads=2))
+    state = one.start_state()
+    for _ in range(3):
+        state, _ = one.stepper.step(state, DT, 1e-3)
+    ends = []
+    for _ in range(2):
+        end = state
+        for _ in range(5):
+            end, _ = one.stepper.step(end, DT, 1e-3)
+        ends.append(end)
+    assert any(memory.sliding.any() for memory in state.memory.points.values())
+    assert (ends[0].center == ends[1].center).all()
+    assert (ends[0].rotation == ends[1].rotation).all()
