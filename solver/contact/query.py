@@ -244,6 +244,7 @@ class ContactQuery:
         for key, old in start.state.memory.points.items():
             material_point, here = state.memory.points[key].material_point, found[key]
             if len(here.point) and key[1] in self.soft_of:
+                material_point = material_point.copy()
                 material_point[here.point] = np.where(here.found[:, None], here.material, np.nan)
             anchor, sliding = np.zeros(old.anchor.shape), np.zeros(len(old.sliding), dtype=bool)
             points[key] = PointMemory(old.stiffness, anchor, sliding, material_point)

@@ -26,8 +26,7 @@ class PointMemory:
     sliding: NDArray[np.bool_]
     """Points that slid at the end of the last step, shape (n,)."""
     material_point: NDArray[np.float64]
-    """Where in the start pose of a soft partner each point was last [m], NaN where it was nowhere, shape (n, 3); shared
-    by all states: every query writes where it found the points."""
+    """Where in the start pose of a soft partner each point was last [m], NaN where it was nowhere, shape (n, 3)."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
