@@ -44,7 +44,7 @@ class Attachment:
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Bond:
+class BondedPair:
     """The tied points of two bodies."""
 
     a: Attachment
@@ -57,7 +57,7 @@ class Bond:
         return -self.stiffness[:, None] * (self.a.position(model, state) - self.b.position(model, state))
 
 
-def build_bonds(model: Model, soft: SoftSystem, target: float) -> list[Bond]:
+def build_bonds(model: Model, soft: SoftSystem, target: float) -> list[BondedPair]:
     """The bonds of a model; `target` is the stretch that is aimed at [m]. Raises ModelError for bodies that do not
     touch."""
     names = [body.name for body in model.bodies]
@@ -81,7 +81,7 @@ def build_bonds(model: Model, soft: SoftSystem, target: float) -> list[Bond]:
             if isinstance(body, SoftBody):
                 cell = min(float(np.diff(p).min()) for p in body.interior.planes)
                 stiffness = min(stiffness, STIFF * float(body.interior.youngs_modulus.max()) * cell)
-        out.append(Bond(kept[0], kept[1], np.full(int(both.sum()), stiffness)))
+        out.append(BondedPair(kept[0], kept[1], np.full(int(both.sum()), stiffness)))
     return out
 
 
@@ -122,7 +122,7 @@ def _only(attachment: Attachment, keep: NDArray[np.bool_]) -> Attachment:
     return Attachment(attachment.body, attachment.rest[keep], attachment.node[keep], attachment.weight[keep])
 
 
-def bond_table(model: Model, bonds: Sequence[Bond], state: State) -> list[dict[str, object]]:
+def bond_table(model: Model, bonds: Sequence[BondedPair], state: State) -> list[dict[str, object]]:
     """One row per bond for the certificate: points, force and largest stretch."""
     rows: list[dict[str, object]] = []
     for bond in bonds:

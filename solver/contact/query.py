@@ -14,7 +14,7 @@ from scipy import sparse
 
 from solver.box import bounds, inside
 from solver.contact.active import ActiveContacts, Contacts, Pair
-from solver.contact.bonds import Bond
+from solver.contact.bonds import BondedPair
 from solver.contact.friction import point_forces
 from solver.contact.rolling import RollingLaw, RollingTorque, Spin, law_stiff, resisting_torque
 from solver.kernels import query
@@ -69,7 +69,7 @@ def _interpolation(body: BodyGrid, nodes: int) -> sparse.csr_matrix:
 class ContactQuery:
     """Finds the active contacts of a state. Holds what is constant; what contacts remember is in the state."""
 
-    def __init__(self, model: Model, soft: SoftSystem, pairs: list[Pair], bonds: Sequence[Bond] = ()) -> None:
+    def __init__(self, model: Model, soft: SoftSystem, pairs: list[Pair], bonds: Sequence[BondedPair] = ()) -> None:
         self.model = model
         self.soft = soft
         self.pairs = pairs
@@ -283,7 +283,7 @@ class ContactQuery:
             return np.zeros(3)
         return turn_between(before.rotation[index], state.rotation[index])
 
-    def _bonded(self, bond: Bond, state: State) -> tuple[Any, ...]:
+    def _bonded(self, bond: BondedPair, state: State) -> tuple[Any, ...]:
         """The points of a bond in the form of a pair's active points."""
         count = len(bond.stiffness)
         return (
