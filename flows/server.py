@@ -20,8 +20,9 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
+from dcap.packages import module_command
 from dcap.scene.errors import DcapError
-from dcap.scene.settings import PROJECT_ROOT, cache_root
+from dcap.scene.settings import cache_root, resource
 
 START_SECONDS = 90.0
 """A first start creates the database, which takes 8 s on two idle cores."""
@@ -98,7 +99,7 @@ def deliver_reports() -> None:
 
 def apply_settings() -> None:
     """Put the project's prefect.toml into the environment, wherever the program was started."""
-    tree = tomllib.loads((PROJECT_ROOT / "prefect.toml").read_text())
+    tree = tomllib.loads(resource("prefect.toml").read_text())
     for name, value in flattened(tree, "PREFECT"):
         os.environ.setdefault(name, value)
     os.environ.setdefault("DO_NOT_TRACK", "1")
@@ -157,11 +158,12 @@ def start(folder: Path, port: int) -> str:
         "PREFECT_API_DATABASE_CONNECTION_URL": f"sqlite+aiosqlite:///{folder / 'prefect.db'}",
         "PREFECT_SERVER_API_PORT": str(port),
         "PREFECT_UI_API_URL": url,
+        "PYTHONSAFEPATH": "1",  # what the server starts takes nothing from the working directory either
     }
     log_path = folder / "server.log"
     with log_path.open("wb") as log:
         process = subprocess.Popen(
-            [sys.executable, "-m", "prefect", "server", "start", "--host", "127.0.0.1", "--port", str(port)],
+            module_command("prefect", "server", "start", "--host", "127.0.0.1", "--port", str(port)),
             env=environment,
             stdin=subprocess.DEVNULL,
             stdout=log,

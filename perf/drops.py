@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
+from dcap.packages import module_command
 from perf.peers.reference import DEPTH
 from solver.kernels import mls_transfers as transfers
 from solver.kernels.mls_moments import SUMS
@@ -53,7 +54,7 @@ def measured(case: str) -> dict[str, float]:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "case.yaml"
         path.write_text(case)
-        command = [sys.executable, "-m", "perf.drops", str(path), str(Path(folder) / "out")]
+        command = module_command("perf.drops", str(path), str(Path(folder) / "out"))
         output = subprocess.run(command, check=True, capture_output=True, text=True).stdout
     return dict(json.loads(output))
 

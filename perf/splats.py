@@ -24,6 +24,7 @@ from dcap.geometry.splatting.on_mesh import splats_on_mesh
 from dcap.geometry.splatting.render import Splatter
 from dcap.geometry.splatting.surface import mesh_of_splats
 from dcap.geometry.splatting.viewpoints import viewpoints
+from dcap.packages import module_command
 from dcap.scene.types.gaussians import Gaussians
 from dcap.scene.types.mesh import Mesh
 from dcap.synthetic.rooms import BuiltRoom, build_room
@@ -67,7 +68,7 @@ class Measured:
 
 def measured() -> Measured:
     """What a fresh process measured."""
-    output = subprocess.run([sys.executable, "-m", "perf.splats"], check=True, capture_output=True, text=True).stdout
+    output = subprocess.run(module_command("perf.splats"), check=True, capture_output=True, text=True).stdout
     return Measured(**json.loads(output))
 
 

@@ -6,6 +6,7 @@ there and back at every call. Compilers differ, so results may differ in their l
 """
 
 import contextlib
+import io
 import os
 import subprocess
 import sys
@@ -48,7 +49,9 @@ def cuda_starts() -> bool:
     if not ti._lib.core.with_cuda():
         return False
     try:
-        done = subprocess.run([sys.executable, "-c", PROBE], capture_output=True, check=False, timeout=LONGEST_PROBE)
+        done = subprocess.run(
+            [sys.executable, "-P", "-c", PROBE], capture_output=True, check=False, timeout=LONGEST_PROBE
+        )
     except subprocess.TimeoutExpired:
         return False
     return done.returncode == 0
@@ -72,7 +75,7 @@ def start(threads: int = 0, arch: str = "cpu") -> None:
     earlier = _thread_ids()
     wanted = {"cpu": ti.cpu, "cuda": ti.cuda}[arch]
     try:
-        with contextlib.redirect_stdout(sys.stderr):  # it greets on standard output, which belongs to results
+        with contextlib.redirect_stdout(io.StringIO()):  # it greets on standard output, which belongs to results
             ti.init(
                 arch=wanted,
                 enable_fallback=False,

@@ -20,7 +20,7 @@ from functools import cache
 from pathlib import Path
 
 from dcap.scene.errors import InputError
-from dcap.scene.settings import PROJECT_ROOT
+from dcap.scene.settings import resource
 from dcap.scene.types.materials import Material
 
 LIBRARY = "materials.csv"
@@ -50,7 +50,7 @@ PAGE = re.compile(r"https?://[^\s|]+( \([^|]+\))?")
 
 def load_materials(path: Path | None = None) -> dict[str, Material]:
     """All materials by id, in the order of the file; the project's own library by default."""
-    file = PROJECT_ROOT / LIBRARY if path is None else path
+    file = resource(LIBRARY) if path is None else path
     found: dict[str, Material] = {}
     claimed: dict[str, str] = {}
     for line, row in rows(file):
@@ -143,10 +143,10 @@ def words_of(row: Mapping[str, str]) -> set[str]:
 @cache
 def material_words() -> dict[str, str]:
     """Material id by each word or phrase that names it."""
-    return {word: row["id"] for _, row in rows(PROJECT_ROOT / LIBRARY) for word in words_of(row)}
+    return {word: row["id"] for _, row in rows(resource(LIBRARY)) for word in words_of(row)}
 
 
 @cache
 def families() -> dict[str, str]:
     """Family of each material: wood, metal, foam ..."""
-    return {row["id"]: row["family"] for _, row in rows(PROJECT_ROOT / LIBRARY)}
+    return {row["id"]: row["family"] for _, row in rows(resource(LIBRARY))}

@@ -1,23 +1,50 @@
 """Where the project keeps its files."""
 
 import os
+import tomllib
+from importlib.metadata import version as installed_version
+from importlib.resources import files
 from pathlib import Path
 
+from platformdirs import user_data_path
+
+from dcap.packages import ROOT
 from dcap.scene.errors import InputError
 
-PROJECT_ROOT = Path(__file__).resolve().parents[2]
-"""The folder that holds pyproject.toml."""
+PROJECT_ROOT = ROOT
+"""The folder that our packages lie in: the clone with its pyproject.toml, or site-packages."""
+CARRIED = "_resources"
+"""Folder inside the installed `dcap` with what lies at the root of a clone (setup.py puts it there)."""
+
+
+def in_clone() -> bool:
+    """Whether this program runs from a clone, installed as editable or not at all."""
+    return (PROJECT_ROOT / "pyproject.toml").is_file()
+
+
+def resource(name: str) -> Path:
+    """A file or folder that a clone has at its root and a wheel in `dcap/_resources`: materials.csv, prompts, ..."""
+    return PROJECT_ROOT / name if in_clone() else Path(str(files("dcap") / CARRIED / name))
+
+
+def version() -> str:
+    """Version of this dcap: of the clone it runs from, which may not be installed, else of the installed one."""
+    if not in_clone():
+        return installed_version("dcap")
+    return str(tomllib.loads((PROJECT_ROOT / "pyproject.toml").read_text())["project"]["version"])
 
 
 def data_root() -> Path:
-    """Folder of cache, runs and generated rooms: $DCAP_DATA, else `data/` of the project.
+    """Folder of cache, runs and generated rooms: $DCAP_DATA, else `data/` of a clone, or the user's data folder.
 
     Raises InputError for a URL: artifacts are published by renaming folders, which object stores cannot do.
     """
     given = os.environ.get("DCAP_DATA", "")
     if "://" in given:
         raise InputError(f"DCAP_DATA={given} is a URL; name a folder (mount the bucket)")
-    return Path(given or PROJECT_ROOT / "data").resolve()
+    if given:
+        return Path(given).resolve()
+    return PROJECT_ROOT / "data" if in_clone() else user_data_path("dcap", appauthor=False).resolve()
 
 
 def cache_root() -> Path:

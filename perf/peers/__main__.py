@@ -15,6 +15,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
+from dcap.packages import module_command
 from dcap.scene.settings import PROJECT_ROOT
 from perf.peers.reference import DEPTH, Outcome
 
@@ -43,12 +44,12 @@ class Runner:
 def present(python: str, package: str) -> bool:
     """Whether that Python finds the package; nothing of it is run."""
     code = f"import importlib.util, sys; sys.exit(importlib.util.find_spec({package!r}) is None)"
-    return subprocess.run([python, "-c", code], check=False, capture_output=True).returncode == 0
+    return subprocess.run([python, "-P", "-c", code], check=False, capture_output=True).returncode == 0
 
 
 def measured(runner: Runner, modulus: float, limit: float) -> Outcome | str:
     """Outcome of one drop, or in a line why there is none."""
-    command = [runner.python, "-m", runner.module, repr(modulus), runner.argument, repr(limit)]
+    command = module_command(runner.module, repr(modulus), runner.argument, repr(limit), python=runner.python)
     threads = {"QD_NUM_THREADS": str(os.cpu_count())} | dict(os.environ)  # Genesis takes one thread unless told
     try:
         done = subprocess.run(

@@ -22,6 +22,7 @@ MACHINERY = frozenset(
         "dcap.language.model.ledger",
         "dcap.language.model.reply_folder",
         "dcap.language.protocol.session",
+        "dcap.packages",
         "dcap.scene.settings",
         "dcap.scene.store",
         "tasks.runner",
@@ -32,6 +33,8 @@ FACE = "dcap"
 """The package whose own `__init__` is the public face: what it offers to programs decides no result."""
 DATA_SUFFIXES = frozenset({".csv", ".yaml", ".yml", ".json", ".j2", ".txt", ".toml"})
 DATA_FOLDERS = frozenset({"prompts"})
+CARRIED = Path(FACE, "_resources")
+"""Where an installed dcap has the data files that lie at the root of a clone."""
 DISTRIBUTIONS = {"PIL": "pillow", "igl": "libigl", "skimage": "scikit-image", "ruamel": "ruamel.yaml", "yaml": "PyYAML"}
 """Where the name to install differs from the name to import."""
 
@@ -49,10 +52,13 @@ class ParsedModule:
 
 def source_digests(module_path: Path, root: Path) -> dict[str, str]:
     """Digest of every file of ours that the module reaches, itself included, by its path relative to `root`."""
-    return {
-        str(path.relative_to(root)) if path.is_relative_to(root) else path.name: digest_of_source(path)
-        for path in sorted(reachable(module_path, root))
-    }
+    return {name_of(path, root): digest_of_source(path) for path in sorted(reachable(module_path, root))}
+
+
+def name_of(path: Path, root: Path) -> str:
+    """A file's path below the root, the same for a clone and an installed dcap: their records fit each other."""
+    folder = next((one for one in (root / CARRIED, root) if path.is_relative_to(one)), path.parent)
+    return str(path.relative_to(folder))
 
 
 def libraries(module_path: Path, root: Path) -> dict[str, str]:
@@ -106,9 +112,10 @@ def imported_files(module: ParsedModule, root: Path) -> Iterator[Path]:
 
 
 def data_files(module: ParsedModule, path: Path, root: Path) -> Iterator[Path]:
-    """Data files that the module names, beside it or at the root."""
+    """Data files that the module names, beside it or at the root; of site-packages only those that are ours."""
+    carried = root / CARRIED
     for text in module.texts:
-        for folder in (path.parent, root):
+        for folder in (path.parent, carried if carried.is_dir() else root):
             found = folder / text
             if text in DATA_FOLDERS and found.is_dir():
                 yield from (one for one in sorted(found.rglob("*")) if one.is_file())

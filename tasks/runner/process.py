@@ -20,8 +20,8 @@ from contextlib import suppress
 from typing import IO, Any
 
 from dcap.language.protocol.session import Session
+from dcap.packages import module_command
 from dcap.scene import errors
-from dcap.scene.settings import PROJECT_ROOT
 from tasks.runner.digests import PACKAGES
 
 MOST_SECONDS = 3600.0
@@ -38,16 +38,14 @@ class StageProcessError(RuntimeError):
 
 def run_in_process(job: dict[str, object], on_progress: Callable[[float, str], None]) -> dict[str, Any]:
     """Run a job in a fresh process and return what it reports as done."""
-    environment = os.environ | {"PYTHONPATH": os.pathsep.join([str(PROJECT_ROOT), os.environ.get("PYTHONPATH", "")])}
     with tempfile.TemporaryFile("w+", errors="replace") as errors_file:
         child = subprocess.Popen(
-            [sys.executable, "-m", "tasks.runner.process", str(os.getpid())],
+            module_command("tasks.runner.process", str(os.getpid())),
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=errors_file,
             text=True,
             start_new_session=True,
-            env=environment,
         )
         running[child.pid] = child
         alarm = threading.Timer(MOST_SECONDS, kill_group, [child])

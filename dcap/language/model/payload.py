@@ -22,7 +22,7 @@ from pydantic import BaseModel
 
 from dcap.language.protocol.questions import Question, ReplyT, RequestT
 from dcap.language.protocol.requests import PictureMaker
-from dcap.scene.settings import PROJECT_ROOT
+from dcap.scene.settings import resource
 
 PROMPTS = "prompts"
 PICTURES = "pictures"
@@ -159,7 +159,7 @@ def png(rgb: NDArray[np.uint8]) -> bytes:
 def environment() -> jinja2.Environment:
     """Where the templates are; a name that is not given is an error."""
     return jinja2.Environment(
-        loader=jinja2.FileSystemLoader(PROJECT_ROOT / PROMPTS),
+        loader=jinja2.FileSystemLoader(resource(PROMPTS)),
         undefined=jinja2.StrictUndefined,
         autoescape=False,
         keep_trailing_newline=False,

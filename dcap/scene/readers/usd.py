@@ -8,13 +8,12 @@ index is checked.
 import importlib.util
 import io
 import json
-import os
 import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
 
+from dcap.packages import module_command
 from dcap.scene.errors import FormatError, InputError
 from dcap.scene.problems import Report, error
 from dcap.scene.readers import usd_stage
@@ -47,9 +46,8 @@ def read_usd(path: Path, report: Report | None = None) -> RawMesh:
         )
     limits = (CPU_SECONDS * (1 + len(data) // 50_000_000), MEMORY + 100 * len(data))
     done = subprocess.run(
-        [sys.executable, usd_stage.__file__, str(path), *map(str, limits)],
+        module_command(usd_stage.__name__, str(path), *map(str, limits)),
         capture_output=True,
-        env=os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)},
         check=False,
     )
     if done.returncode == usd_stage.REFUSED:

@@ -8,7 +8,6 @@ import pytest
 
 from dcap.language.offline.client import OfflineClient
 from dcap.scene.errors import InputError
-from dcap.scene.readers import usd_stage
 from dcap.scene.readers.frame import Role
 from dcap.scene.readers.source import read_scan
 from dcap.scene.readers.sugar import find_mesh
@@ -154,7 +153,8 @@ def test_a_library_that_breaks_takes_nobody_along(
         "resource.setrlimit(resource.RLIMIT_CPU, (int(sys.argv[2]),) * 2)\n"
         f"resource.setrlimit(resource.RLIMIT_AS, (int(sys.argv[3]),) * 2)\n{trouble}\n"
     )
-    monkeypatch.setattr(usd_stage, "__file__", str(tmp_path / "trouble.py"))
+    program = str(tmp_path / "trouble.py")
+    monkeypatch.setattr("dcap.scene.readers.usd.module_command", lambda _, *words: [sys.executable, program, *words])
     monkeypatch.setattr("dcap.scene.readers.usd.CPU_SECONDS", 1)
     with pytest.raises(InputError, match=r"room\.usda: USD's library broke over it .*limits 1 s"):
         scan_of(tmp_path, ROOM)
