@@ -8,11 +8,40 @@ from rich.text import Text
 
 from dcap.language.model.ledger import in_words, totals
 from dcap.language.protocol.session import Session
-from dcap.scene.types.sample import Sample
+from dcap.scene.types.sample import Sample, SourceOptions
+from flows.configure import configured
+from flows.language_options import language_options
+from flows.options import PlaceOptions
+from flows.output import write_placement
 from flows.place import PlaceConfig
 from flows.sample_run import STAGE_NAMES, FinishedSample, plan_sample, run_sample
 from flows.server import prefect_server
+from tasks.arch import chosen_arch
 from tasks.runner.context import Event, RunContext, StageEvent
+
+
+def place_files(
+    scene: str, thing: str, prompt: str, options: PlaceOptions, out: Path, *, quiet: bool
+) -> dict[str, object]:
+    """Place the object of one file in the scene of another; writes the results into `out`, returns placement.json."""
+    sample = sample_of(scene, thing, prompt, options)
+    asking = language_options(options)
+    config = configured(options, language=asking.config(), arch=chosen_arch(options.arch))
+    return write_placement(place_one(sample, config, asking.session(out), quiet=quiet), out)
+
+
+def sample_of(scene: str, thing: str, prompt: str, options: PlaceOptions) -> Sample:
+    """What is placed where, as the stages take it."""
+    return Sample(
+        id=f"{Path(thing).stem} in {Path(scene).name}",
+        scene=scene,
+        object=thing,
+        prompt=prompt,
+        scene_options=SourceOptions(options.up, options.unit, options.label),
+        object_options=SourceOptions(options.object_up, options.object_unit, options.object_label),
+        mass=options.mass,
+        seed=options.seed,
+    )
 
 
 def place_one(sample: Sample, config: PlaceConfig, session: Session, *, quiet: bool) -> FinishedSample:

@@ -19,20 +19,18 @@ from dcap.evaluation.run_folder import folder_name
 from dcap.scene.errors import InputError
 from dcap.scene.problems import Report, error, refusing, short
 from dcap.scene.readers.sugar import MESH_SUFFIXES
-from dcap.scene.settings import PROJECT_ROOT, data_root
+from dcap.scene.settings import data_root, resource
 from dcap.scene.spelling import did_you_mean
 from dcap.scene.types.sample import Sample, SourceOptions
-from dcap.scene.types.units import METRES
+from flows.options import UNITS, UPS
 
-EMBEDDED = PROJECT_ROOT / "data" / "rooms.yaml"
+EMBEDDED = resource("data/rooms.yaml")
 """The dataset that the project makes itself."""
-SPLAT_ROOMS = PROJECT_ROOT / "data" / "splat_rooms.yaml"
+SPLAT_ROOMS = resource("data/splat_rooms.yaml")
 """Some of its placements in rooms that are Gaussian splats."""
 TRUTH = "truth.yaml"
 """Intended outcomes of a dataset's samples, beside it; read after a run, never by a stage."""
 REQUIRED = ("id", "object", "prompt")
-UPS = ("auto", "y", "z", "-y", "-z")
-UNITS = ("auto", *METRES)
 OPTIONAL = ("room", "scene", "seed", "mass", "label", "up", "unit", "object_label", "object_up", "object_unit")
 HEAVIEST = 1e12
 """A mass that no object has [kg]."""

@@ -14,12 +14,11 @@ from typing import Annotated
 import typer
 
 from dcap.language.protocol.client import DEFAULT_MODEL
-from dcap.scene.errors import DcapError, InputError
-from dcap.scene.settings import runs_root
-from dcap.scene.types.sample import Sample, SourceOptions
-from flows.cli.checks import Json, check_out, check_physics, choice
+from dcap.scene.errors import DcapError
+from dcap.scene.settings import runs_root, version
+from flows.cli.checks import Json, choice, given
 from flows.cli.data import cache_app, dataset_app
-from flows.samples import UNITS, UPS
+from flows.options import DropOptions, PlaceOptions, check_case, check_out, check_prompt, checked
 
 INFEASIBLE = 3
 SOME_FAILED = 4
@@ -36,6 +35,23 @@ app = typer.Typer(
 app.add_typer(dataset_app, name="dataset")
 app.add_typer(cache_app, name="cache")
 
+
+def print_version(asked: bool) -> None:
+    """Print the version and end."""
+    if asked:
+        print(f"dcap {version()}")
+        raise typer.Exit
+
+
+@app.callback()
+def everything(
+    version_asked: Annotated[
+        bool, typer.Option("--version", callback=print_version, is_eager=True, help="Print the version and end.")
+    ] = False,
+) -> None:
+    """Deformable, contact-aware placement: an object at rest in a scene, from a sentence."""
+
+
 Workers = Annotated[int, typer.Option(min=1, max=64, help="Samples at a time.")]
 Dataset = Annotated[Path | None, typer.Option(help="YAML list of samples; default: the embedded rooms.")]
 Limit = Annotated[int | None, typer.Option(min=1, help="Only the first so many samples.")]
@@ -48,7 +64,7 @@ Record = Annotated[
 ]
 Replay = Annotated[str, typer.Option(metavar="DIR", help="Answer from the replies recorded there.", show_default=False)]
 MaxCost = Annotated[float | None, typer.Option(help="Spend at most this on a model [USD].")]
-Solver = Annotated[str | None, typer.Option(help="Method of the solver: tl (default) or mls.")]
+Solver = Annotated[str, typer.Option(help="Method of the solver: tl or mls.")]
 Arch = Annotated[
     str, typer.Option(help="Where the solver runs: cpu, cuda (a graphics card) or auto (cuda if it starts).")
 ]
@@ -67,6 +83,7 @@ Threads = Annotated[int, typer.Option(min=0, help="Threads of the solver, 0: all
 
 @app.command()
 def place(
+    context: typer.Context,
     scene: Annotated[
         str, typer.Argument(help="Folder (InteriorGS, ScanNet, SuGaR) or mesh (GLB, OBJ, PLY, STL, USD).")
     ],
@@ -88,7 +105,7 @@ def place(
     seed: Annotated[int, typer.Option(min=0, help="Seed of everything random.")] = 0,
     resolution: Resolution = None,
     threads: Threads = 0,
-    solver: Solver = None,
+    solver: Solver = "tl",
     arch: Arch = "cpu",
     stability: Stability = False,
     load_aware: LoadAware = False,
@@ -96,48 +113,15 @@ def place(
     as_json: Json = False,
 ) -> int:
     """Place one object in one scene."""
-    if not prompt.strip():
-        raise InputError('PROMPT is empty; say what to do, for example "put the ball at the centre of the bed"')
-    try:
-        prompt.encode()
-    except UnicodeEncodeError:
-        raise InputError("PROMPT is not valid UTF-8; check the terminal's encoding") from None
-    if mass is not None and not 0 < mass < float("inf"):
-        raise InputError(f"--mass {mass} is not a positive number of kilograms")
-    sample = Sample(
-        id=f"{Path(object).stem} in {Path(scene).name}",
-        scene=scene,
-        object=object,
-        prompt=prompt,
-        scene_options=SourceOptions(choice("--up", up, UPS), choice("--unit", unit, UNITS), label),
-        object_options=SourceOptions(
-            choice("--object-up", object_up, UPS), choice("--object-unit", object_unit, UNITS), object_label
-        ),
-        mass=mass,
-        seed=seed,
-    )
-    check_physics(resolution, solver, arch, stability)
-    folder = out or runs_root() / "place"
+    options = checked(PlaceOptions, given(context, "scene", "object", "prompt", "as_json"))
+    check_prompt(prompt)
+    folder = options.out or runs_root() / "place"
     check_out(folder)
 
-    from flows.cli.configure import configured  # after the checks: the stages bring heavy libraries
-    from flows.cli.language_options import LanguageOptions
-    from flows.output import result_line, write_placement
-    from flows.place_one import place_one
-    from tasks.arch import chosen_arch
+    from flows.output import result_line  # after the checks: the stages bring heavy libraries
+    from flows.place_one import place_files
 
-    asking = LanguageOptions(language, model, record, replay, max_cost)
-    config = configured(
-        language=asking.config(),
-        resolution=resolution,
-        threads=threads,
-        solver=solver or "tl",
-        arch=chosen_arch(arch),
-        stability=stability,
-        load_aware=load_aware,
-        paper_limits=paper_limits,
-    )
-    tree = write_placement(place_one(sample, config, asking.session(folder), quiet=as_json), folder)
+    tree = place_files(scene, object, prompt, options, folder, quiet=as_json)
     warnings = tree["warnings"]
     assert isinstance(warnings, list)
     for warning in warnings:
@@ -148,9 +132,10 @@ def place(
 
 @app.command()
 def drop(
+    context: typer.Context,
     case: Annotated[Path, typer.Argument(help="Case file: bodies, shapes, materials.")],
     out: Annotated[Path, typer.Option(help="Folder for the results.")],
-    solver: Solver = None,
+    solver: Solver = "tl",
     resolution: Resolution = None,
     threads: Threads = 0,
     arch: Arch = "cpu",
@@ -159,25 +144,13 @@ def drop(
     as_json: Json = False,
 ) -> int:
     """Physics only: settle the bodies of a case file."""
-    if not case.is_file():
-        raise InputError(f"{case}: no such file")
-    check_physics(resolution, solver, arch, stability)
+    options = checked(DropOptions, given(context, "case", "as_json"))
+    check_case(case)
     check_out(out)
 
-    from tasks.arch import chosen_arch
-    from tasks.case.run import run_case
+    from flows.drop_one import drop_case
 
-    tree = run_case(
-        case,
-        out,
-        solver=solver or "tl",
-        arch=chosen_arch(arch),
-        resolution=resolution,
-        threads=threads,
-        stability=stability,
-        load_aware=load_aware,
-        quiet=as_json,
-    )
+    tree = drop_case(case, options, out, quiet=as_json)
     print(json.dumps(tree, indent=2) if as_json else f"{tree['verdict']}\nresults: {out}")
     return 0 if tree["verdict"] == "at_rest" else INFEASIBLE
 
@@ -205,13 +178,13 @@ def benchmark(
         choice("--methods", method.strip(), ("dcap",))
 
     from flows.benchmark import run_benchmark
-    from flows.cli.configure import configured
-    from flows.cli.language_options import LanguageOptions
+    from flows.configure import configured
+    from flows.language_options import LanguageOptions
 
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     threads = max(1, cores // workers)  # drops side by side must not fight for the cores
     asking = LanguageOptions(language, model, record, replay, max_cost, batch)
-    config = configured(language=asking.config(), threads=threads, paper_limits=paper_limits)
+    config = configured(PlaceOptions(threads=threads, paper_limits=paper_limits), language=asking.config())
     run = run_benchmark(dataset, config, asking, limit=limit, workers=workers, only_failed=only_failed)
     if as_json:
         print(json.dumps(run.summary, indent=2, ensure_ascii=False))
@@ -231,13 +204,12 @@ def plan(
 ) -> int:
     """Show what a benchmark would run and why, without running anything."""
     from flows.benchmark import plan_benchmark
-    from flows.cli.configure import configured
-    from flows.cli.language_options import LanguageOptions
+    from flows.configure import configured
+    from flows.language_options import LanguageOptions
 
     asking = LanguageOptions(language, model, record, replay)
-    rows = plan_benchmark(
-        dataset, configured(language=asking.config(plan=True), paper_limits=paper_limits), limit=limit
-    )
+    config = configured(PlaceOptions(paper_limits=paper_limits), language=asking.config(plan=True))
+    rows = plan_benchmark(dataset, config, limit=limit)
     if as_json:
         print(json.dumps(rows, indent=2, ensure_ascii=False))
     return 0

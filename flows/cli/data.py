@@ -7,8 +7,8 @@ from typing import Annotated
 import typer
 
 from dcap.scene.types.sample import SourceOptions
-from flows.cli.checks import Json, check_out, choice
-from flows.samples import UNITS, UPS
+from flows.cli.checks import Json, choice
+from flows.options import UNITS, UPS, check_out
 
 dataset_app = typer.Typer(help="Make the embedded dataset, check any.", no_args_is_help=True, rich_markup_mode=None)
 cache_app = typer.Typer(help="What has been computed.", no_args_is_help=True, rich_markup_mode=None)

@@ -14,7 +14,7 @@ from dcap.scene.store.artifacts import Store
 from dcap.scene.types.sample import Sample
 from flows.benchmark import failed_before, new_run_folder, rerun_sample, write_failure
 from flows.cli.app import run_command
-from flows.cli.language_options import LanguageOptions
+from flows.language_options import LanguageOptions
 from flows.place import PlaceConfig
 from flows.sample_run import FailedSample
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from flows.cli.app import run_command
-from flows.cli.configure import configured
+from flows.configure import configured
 from tasks.runner.stage import deciding
 
 

@@ -18,7 +18,7 @@ from fake_api import KEY, FakeApi, fails, question_of, self_willed
 from dcap.language.model.reply_folder import ReplyFolder
 from dcap.scene.errors import InputError
 from dcap.scene.settings import PROJECT_ROOT
-from flows.cli.language_options import LanguageOptions
+from flows.language_options import LanguageOptions
 
 DATASET = """
 - {id: lacks, scene: room.glb, object: cube.stl, prompt: put the steel cube on the piano}

@@ -22,7 +22,7 @@ from dcap.language.protocol.client import ClientName, LanguageConfig, connect
 from dcap.language.protocol.questions import INTENT, MATERIALS, ROTATION
 from dcap.language.protocol.session import Session
 from dcap.scene.errors import BudgetError, InputError, LanguageError
-from flows.cli.language_options import LanguageOptions
+from flows.language_options import LanguageOptions
 
 NAME = "claude-sonnet-5-5"
 MODEL = LanguageConfig(client=ClientName.ANTHROPIC, model=NAME)

@@ -1,4 +1,4 @@
-"""What the command line says about language: who answers, what is recorded, what may be spent.
+"""What options say about language: who answers, what is recorded, what may be spent.
 
 In: the options. Out: the part that decides results (`LanguageConfig`) and the part that does not (`Session`).
 """
@@ -13,6 +13,7 @@ from dcap.language.model.reply_folder import MARK, ReplyFolder
 from dcap.language.protocol.client import DEFAULT_MODEL, ClientName, LanguageConfig
 from dcap.language.protocol.session import Session
 from dcap.scene.errors import InputError
+from flows.options import PlaceOptions
 
 LEDGER = "usage.jsonl"
 """Name of the ledger in a run's folder."""
@@ -84,6 +85,11 @@ class LanguageOptions:
             max_cost=self.max_cost,
             batch=str(folder.resolve() / QUEUE) if self.batch else "",
         )
+
+
+def language_options(options: PlaceOptions) -> LanguageOptions:
+    """Those of a single placement."""
+    return LanguageOptions(options.language, options.model, options.record, options.replay, options.max_cost)
 
 
 def recorded_model(folder: ReplyFolder, wanted: str) -> str:

@@ -1,0 +1,50 @@
+"""Turns options into the stages' configurations."""
+
+from collections.abc import Mapping
+from typing import TypeVar
+
+from pydantic import BaseModel
+
+from dcap.language.protocol.client import LanguageConfig
+from flows.options import PlaceOptions
+from flows.place import PlaceConfig
+
+Config = TypeVar("Config", bound=BaseModel)
+
+
+def configured(options: PlaceOptions, *, language: LanguageConfig | None = None, arch: str = "cpu") -> PlaceConfig:
+    """The default configuration with a person's choices in it.
+
+    `arch` is cpu or cuda, what `options.arch` stands for on this machine: a key of the cache must not depend on what
+    this machine has. Who is asked (`language`) follows from several options (flows/language_options.py).
+    """
+    default = PlaceConfig()
+    asking = {"language": language or LanguageConfig()}
+    threads = {"threads": options.threads}
+    physics = changed(
+        default.drop.solver,
+        {
+            "arch": arch,
+            "method": options.solver,
+            "stability": options.stability,
+            "mls_cell": options.resolution if options.solver == "mls" else None,
+        },
+    )
+    return PlaceConfig(
+        scene_mesh=changed(default.scene_mesh, threads),
+        object_mesh=changed(default.object_mesh, threads),
+        segment=changed(default.segment, asking),
+        intent=changed(default.intent, asking),
+        rotation=changed(default.rotation, asking),
+        anchor=changed(default.anchor, asking),
+        materials=changed(
+            default.materials, {**asking, "load_aware": options.load_aware, "paper_limits": options.paper_limits}
+        ),
+        particles=changed(default.particles, {"cell": options.resolution}),
+        drop=changed(default.drop, {"solver": physics, **threads}),
+    )
+
+
+def changed(config: Config, settings: Mapping[str, object]) -> Config:
+    """The configuration with some settings replaced and checked; a name that it does not have is an error."""
+    return type(config).model_validate({**dict(config), **settings})

@@ -1,0 +1,198 @@
+"""The options of `place` and `drop`, checked once: for the command line, for Python, and for the stages' settings.
+
+In: what a person gave, by name. Out: a frozen `DropOptions` or `PlaceOptions`. An unknown name is an error that names
+the nearest known one; messages write options as the command line does, `object_up` as `--object-up`.
+"""
+
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, TypedDict, TypeVar
+
+from pydantic import AfterValidator, BaseModel, BeforeValidator, Field, ValidationError, model_validator
+
+from dcap.scene.errors import InputError
+from dcap.scene.spelling import did_you_mean
+from dcap.scene.types.units import METRES
+
+LARGEST_RESOLUTION_M = 1.0
+"""A cell larger than this resolves nothing that can be placed in a room [m]."""
+SOLVERS = ("tl", "mls")
+ARCHS = ("auto", "cpu", "cuda")
+UPS = ("auto", "y", "z", "-y", "-z")
+UNITS = ("auto", *METRES)
+CROSSED = "--stability needs --solver tl; mls verifies no rest state that could be pushed"
+
+
+def one_of(allowed: tuple[str, ...]) -> AfterValidator:
+    """A word from a closed list."""
+
+    def check(value: str) -> str:
+        if value not in allowed:
+            raise ValueError(f"is not one of {', '.join(allowed)}")
+        return value
+
+    return AfterValidator(check)
+
+
+def within(low: float, high: float, meaning: str) -> AfterValidator:
+    """A number between two bounds, both excluded; a NaN is in no range."""
+
+    def check(value: float) -> float:
+        if not low < value < high:
+            raise ValueError(f"is not {meaning}")
+        return value
+
+    return AfterValidator(check)
+
+
+Words = Annotated[str, BeforeValidator(lambda value: os.fspath(value) if isinstance(value, os.PathLike) else value)]
+"""Text, or a path."""
+Up = Annotated[str, one_of(UPS)]
+Unit = Annotated[str, one_of(UNITS)]
+CellSize = Annotated[float, within(0.0, LARGEST_RESOLUTION_M, f"a cell size between 0 and {LARGEST_RESOLUTION_M} m")]
+Mass = Annotated[float, within(0.0, float("inf"), "a positive number of kilograms")]
+Whole = Annotated[int, Field(ge=0)]
+
+
+class DropOptions(BaseModel, frozen=True, extra="forbid"):
+    """What `drop` takes; `place` takes the same and more."""
+
+    out: Path | None = None
+    """Folder for the results; None: a folder of the caller's choice."""
+    solver: Annotated[str, one_of(SOLVERS)] = "tl"
+    """Method: tl (implicit, total-Lagrangian) or mls (the paper's explicit MLS-MPM)."""
+    resolution: CellSize | None = None
+    """Cell size at the contact [m]; None: from the physics."""
+    threads: Whole = 0
+    """Threads of the solver, 0: all cores; never changes a result."""
+    arch: Annotated[str, one_of(ARCHS)] = "cpu"
+    """Where the solver runs; auto: cuda if it starts."""
+    stability: bool = False
+    """Push what rests around; grade what it can take."""
+    load_aware: bool = False
+    """What gives less than 0.05 mm under the load is rigid too, not only E > 1 GPa."""
+
+    @model_validator(mode="after")
+    def _pushed(self) -> "DropOptions":
+        if self.stability and self.solver == "mls":
+            raise ValueError(CROSSED)
+        return self
+
+
+class PlaceOptions(DropOptions, frozen=True, extra="forbid"):
+    """What `place` takes. A subclass, because options are given flat, by their names, on the command line and in
+    Python."""
+
+    language: str = ""
+    """Who reads the sentence: offline (default), anthropic or replay."""
+    model: str = ""
+    """Model to ask."""
+    record: Words = ""
+    """Folder that gets a copy of every reply."""
+    replay: Words = ""
+    """Folder of recorded replies to answer from."""
+    max_cost: float | None = None
+    """Most to be spent on a model [USD]."""
+    label: str = ""
+    """What the scene mesh, or its unnamed nodes, shows."""
+    up: Up = "auto"
+    """Up axis of the scene file."""
+    unit: Unit = "auto"
+    """Length unit of the scene file."""
+    object_label: str = ""
+    """What the object is."""
+    object_up: Up = "auto"
+    """Up axis of the object file."""
+    object_unit: Unit = "auto"
+    """Length unit of the object file."""
+    mass: Mass | None = None
+    """Mass of the object [kg]; None: a prior for its kind."""
+    seed: Whole = 0
+    """Seed of everything random."""
+    paper_limits: bool = False
+    """Clamp the materials as the paper does."""
+
+
+class DropKeywords(TypedDict, total=False):
+    """The fields of `DropOptions` as keyword arguments."""
+
+    out: str | os.PathLike[str] | None
+    solver: str
+    resolution: float | None
+    threads: int
+    arch: str
+    stability: bool
+    load_aware: bool
+
+
+class PlaceKeywords(DropKeywords, total=False):
+    """The fields of `PlaceOptions` as keyword arguments."""
+
+    language: str
+    model: str
+    record: str | os.PathLike[str]
+    replay: str | os.PathLike[str]
+    max_cost: float | None
+    label: str
+    up: str
+    unit: str
+    object_label: str
+    object_up: str
+    object_unit: str
+    mass: float | None
+    seed: int
+    paper_limits: bool
+
+
+Options = TypeVar("Options", bound=DropOptions)
+
+
+def checked(kind: type[Options], given: Mapping[str, object]) -> Options:
+    """The options that were given by name; raises InputError with the option, its value and what is wrong with it."""
+    for name in given:
+        if name not in kind.model_fields:
+            hint = did_you_mean(name, kind.model_fields) or f"; there are {', '.join(sorted(kind.model_fields))}"
+            raise InputError(f"unknown option {name!r}{hint}")
+    try:
+        return kind.model_validate(given)
+    except ValidationError as error:
+        raise InputError(complaint(error)) from None
+
+
+def complaint(error: ValidationError) -> str:
+    """The first thing that is wrong, in a line."""
+    first = error.errors(include_url=False)[0]
+    own = "error" in (context := first.get("ctx", {}))
+    said = str(context["error"]) if own else first["msg"]
+    if not first["loc"]:
+        return said
+    option = "--" + str(first["loc"][0]).replace("_", "-")
+    value = first["input"]
+    shown = repr(value) if isinstance(value, str) else str(value)
+    return f"{option} {shown} {said}" if own else f"{option} {shown}: {said}"
+
+
+def check_out(folder: Path) -> None:
+    """Refuse a result folder that cannot be one before anything is computed."""
+    nearest = next(one for one in (folder, *folder.absolute().parents) if os.path.exists(one))  # False if unreadable
+    if not nearest.is_dir():
+        raise InputError(f"--out {folder}: {nearest} is a file; give a folder")
+    if not os.access(nearest, os.W_OK | os.X_OK):
+        raise InputError(f"--out {folder}: {nearest} is not writable")
+
+
+def check_prompt(prompt: str) -> None:
+    """Refuse a sentence that says nothing or is no text."""
+    if not prompt.strip():
+        raise InputError('PROMPT is empty; say what to do, for example "put the ball at the centre of the bed"')
+    try:
+        prompt.encode()
+    except UnicodeEncodeError:
+        raise InputError("PROMPT is not valid UTF-8; check the terminal's encoding") from None
+
+
+def check_case(case: Path) -> None:
+    """Refuse a case file that is not there."""
+    if not case.is_file():
+        raise InputError(f"{case}: no such file")
