@@ -4,6 +4,7 @@ In: a YAML 1.2 file as in docs/formats.md. Out: a checked `Case`. Every key is c
 unknown one is an error that names the nearest known key.
 """
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -135,6 +136,11 @@ def read_case(path: Path) -> Case:
         raise InputError(f"{path}: is not YAML: {' '.join(str(error).split())}") from error
     if not isinstance(document, dict):
         raise InputError(f"{path}: holds no keys; a case needs at least `bodies`")
+    return checked_case(document, str(path))
+
+
+def checked_case(document: Mapping[str, object], path: str) -> Case:
+    """The case of a tree of keys and values; raises InputError with `path`, where it comes from, key and value."""
     try:
         case = Case.model_validate(document)
     except ValidationError as error:

@@ -5,6 +5,7 @@ import os
 import sys
 import tempfile
 import time
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -24,12 +25,12 @@ from solver.result import Result
 from solver.settle import settle
 from solver.warmup import warm_up
 from tasks.case.bodies import build_bodies
-from tasks.case.file import Case, read_case
+from tasks.case.file import Case, checked_case, read_case
 from tasks.case.stiff_bodies import load_aware as stiffened
 
 
 def run_case(
-    path: Path,
+    given: Path | Mapping[str, object],
     out: Path,
     *,
     solver: str = "tl",
@@ -40,8 +41,9 @@ def run_case(
     load_aware: bool = False,
     quiet: bool = False,
 ) -> dict[str, object]:
-    """Read, simulate and write a case; returns the content of result.json."""
-    case = read_case(path)
+    """Read, simulate and write a case, from a file or given as the tree of one; returns the content of result.json."""
+    path = given if isinstance(given, Path) else Path("case")  # a tree's meshes are relative to the working directory
+    case = read_case(given) if isinstance(given, Path) else checked_case(given, str(path))
     begin = time.perf_counter()
     chosen = resolution or (case.resolution if isinstance(case.resolution, float) else None)
     notes: list[str] = []

@@ -1,0 +1,66 @@
+"""What `import dcap` offers to notebooks and other programs; nothing is printed, every error is raised.
+
+Options are those of the command line, with underscores in their names (`DropOptions`, `PlaceOptions`).
+"""
+
+import os
+import secrets
+from collections.abc import Mapping
+from datetime import datetime
+from pathlib import Path
+from typing import Unpack
+
+from dcap.scene.settings import runs_root
+from flows.options import (
+    DropKeywords,
+    DropOptions,
+    PlaceKeywords,
+    PlaceOptions,
+    check_case,
+    check_out,
+    check_prompt,
+    checked,
+)
+from flows.results import Placement, Result
+
+AnyPath = str | os.PathLike[str]
+
+
+def place(scene: AnyPath, object: AnyPath, prompt: str, **options: Unpack[PlaceKeywords]) -> Placement:  # noqa: A002
+    """Place one object in one scene, as `dcap place` does.
+
+    `scene` is a folder (InteriorGS, ScanNet, SuGaR) or a mesh, `object` a mesh, `prompt` says what to do. An infeasible
+    placement is a result with a reason. The files go into `out`, by default a new folder below `data/runs/python`.
+
+    Raises InputError for input or options that cannot be used, LanguageError for a prompt that was not understood, and
+    other kinds of DcapError.
+    """
+    chosen = checked(PlaceOptions, options)
+    check_prompt(prompt)
+    out = chosen.out or new_folder("place")
+    check_out(out)
+    from flows.place_one import place_files  # after the checks: the stages bring heavy libraries
+
+    return Placement.of(place_files(os.fspath(scene), os.fspath(object), prompt, chosen, out, quiet=True), out)
+
+
+def drop(case: AnyPath | Mapping[str, object], **options: Unpack[DropKeywords]) -> Result:
+    """Settle the bodies of a case file, or of a dict of the same structure, as `dcap drop` does; physics only.
+
+    Meshes that a dict names are relative to the working directory. The files go into `out`, by default a new folder
+    below `data/runs/python`. Raises InputError for a case or options that cannot be used.
+    """
+    chosen = checked(DropOptions, options)
+    if not isinstance(case, Mapping):
+        case = Path(case)
+        check_case(case)
+    out = chosen.out or new_folder("drop")
+    check_out(out)
+    from flows.drop_one import drop_case
+
+    return Result.of(drop_case(case, chosen, out, quiet=True), out)
+
+
+def new_folder(kind: str) -> Path:
+    """A folder below the runs that nobody has yet, and that is not made before there is a result."""
+    return runs_root() / "python" / f"{kind}-{datetime.now():%Y%m%d-%H%M%S}-{secrets.token_hex(3)}"

@@ -1,0 +1,308 @@
+"""What `dcap.place` and `dcap.drop` return: placement.json and result.json with their keys as attributes.
+
+In: the content of those files and the folder they lie in. Out: frozen values, nested as in the files; units and
+meanings of the keys stand in docs/formats.md. What has no fixed keys (certificates, bodies) is a `Named` mapping.
+"""
+
+import json
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from functools import cache
+from pathlib import Path
+from types import GenericAlias
+from typing import Any, Generic, TypeVar, get_args
+
+from pydantic import GetCoreSchemaHandler, TypeAdapter
+from pydantic_core import CoreSchema, core_schema
+
+from dcap.scene.errors import InputError
+
+Value = TypeVar("Value")
+Vector = tuple[float, float, float]
+Quaternion = tuple[float, float, float, float]
+"""(w, x, y, z)."""
+Bounds = tuple[Vector, Vector]
+"""[[min], [max]] in metres."""
+Row = tuple[float, float, float, float]
+Matrix = tuple[Row, Row, Row, Row]
+"""4x4, row by row, acts on column vectors."""
+
+
+class Named(Mapping[str, Value], Generic[Value]):
+    """A read-only mapping whose keys are attributes too: `certificate["arch"]` is `certificate.arch`."""
+
+    __slots__ = ("_items",)
+
+    def __init__(self, items: Mapping[str, Value]) -> None:
+        self._items: dict[str, Value] = {key: with_names(value) for key, value in items.items()}
+
+    def __getitem__(self, key: str) -> Value:
+        return self._items[key]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._items)
+
+    def __len__(self) -> int:
+        return len(self._items)
+
+    def __getattr__(self, name: str) -> Value:
+        if name.startswith("_") or name not in self._items:
+            raise AttributeError(f"no {name!r} here; there is {', '.join(self._items) or 'nothing'}")
+        return self._items[name]
+
+    def __dir__(self) -> list[str]:
+        return [*super().__dir__(), *self._items]
+
+    def __repr__(self) -> str:
+        return f"Named({self._items!r})"
+
+    @classmethod
+    def __get_pydantic_core_schema__(cls, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        """Built from a plain mapping whose values are checked."""
+        plain: Any = GenericAlias(dict, (str, *get_args(source)))
+        return core_schema.no_info_after_validator_function(cls, handler.generate_schema(plain))
+
+
+def with_names(value: Any) -> Any:
+    """A value of JSON with its mappings as `Named` and its lists as tuples, at any depth."""
+    if isinstance(value, dict):
+        return Named(value)
+    return tuple(with_names(one) for one in value) if isinstance(value, list) else value
+
+
+@dataclass(frozen=True, slots=True)
+class Base:
+    """The instance that carries the object."""
+
+    id: str
+    label: str
+
+
+@dataclass(frozen=True, slots=True)
+class Pose:
+    """Of the object's own origin; for a soft object its best-fit rigid motion."""
+
+    position: Vector
+    """[m]."""
+    quaternion: Quaternion
+
+
+@dataclass(frozen=True, slots=True)
+class Contact:
+    """Two bodies that touch at rest."""
+
+    a: str
+    b: str
+    area_m2: float
+    normal_force_n: float
+    tangential_force_n: float
+    max_penetration_m: float
+    max_gap_m: float
+    points: int | None = None
+    """Points in contact."""
+    sliding_points: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class MaterialRow:
+    """What a part was simulated as."""
+
+    body: str
+    part: str
+    material: str
+    model: str
+    """rigid or mpm."""
+    reason: str
+    density: float
+    """[kg/m^3]."""
+    youngs_modulus: float
+    """[Pa]."""
+    poisson_ratio: float
+    static_friction: float
+    dynamic_friction: float
+    source: str
+
+
+@dataclass(frozen=True, slots=True)
+class GeometryRow:
+    """How the solid of a body was made of its faces."""
+
+    body: str
+    part: str
+    method: str
+    closed: bool
+    sides_agree: float | None
+    hausdorff_m: float | None
+    mean_m: float | None
+    tolerance_m: float | None
+    region_m: Bounds | None
+    volume_m3: float | None
+    repairs: tuple[str, ...]
+    problem: str | None
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Placement:
+    """A placement: the keys of placement.json, and where its files are."""
+
+    verdict: str
+    """at_rest or infeasible."""
+    reason: str | None
+    message: str | None
+    prompt: str
+    base: Base | None
+    part: str | None
+    region: str | None
+    region_missed: bool | None
+    scale: float | None
+    mass: float | None
+    """[kg]."""
+    world_from_file: Matrix | None
+    object_from_file: Matrix | None
+    pre_drop: Pose | None
+    pose: Pose | None
+    object_aabb: Bounds | None
+    contacts: tuple[Contact, ...]
+    materials: tuple[MaterialRow, ...]
+    geometry: tuple[GeometryRow, ...]
+    certificate: Named[Any] | None
+    visible_fraction: float | None
+    warnings: tuple[str, ...]
+    timings: Named[float]
+    """Seconds that each stage took when it was computed."""
+    artifacts: Named[Path]
+    """Whole paths of the files."""
+    folder: Path
+    """Where placement.json and the files are."""
+    tree: dict[str, Any] = field(repr=False)
+    """The content of placement.json."""
+
+    @classmethod
+    def of(cls, tree: Mapping[str, Any], folder: Path) -> "Placement":
+        """The placement that a folder holds."""
+        place = folder.resolve()
+        files = {name: place / file for name, file in tree["artifacts"].items()}
+        values = {**tree, "artifacts": files, "folder": place, "tree": dict(tree)}
+        placement: Placement = adapter(Placement).validate_python(values)
+        return placement
+
+    @classmethod
+    def read(cls, folder: str | Path) -> "Placement":
+        """The placement that `place` wrote into a folder earlier."""
+        return cls.of(read_json(Path(folder) / "placement.json"), Path(folder))
+
+    def to_json(self) -> str:
+        """The text of placement.json."""
+        return json.dumps(self.tree, indent=2, allow_nan=False, ensure_ascii=False)
+
+    def __repr__(self) -> str:
+        where = f" on {self.base.label} ({self.part})" if self.base else ""
+        at = f" at {rounded(self.pose.position)}" if self.pose else ""
+        why = f": {self.reason}" if self.reason else ""
+        return f"Placement({self.verdict}{why}{where}{at}, {noted(self.warnings)}folder='{self.folder}')"
+
+
+@dataclass(frozen=True, slots=True)
+class BodyAtRest:
+    """One body of a drop at its end."""
+
+    position: Vector
+    """Of the given origin [m]; for a soft body by best-fit rigid motion."""
+    quaternion: Quaternion
+    aabb: Bounds
+    """Of the deformed surface [m]."""
+    max_speed: float
+    """[m/s]."""
+    max_displacement: float
+    """Largest displacement of the surface from the start [m]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Residual:
+    """Unbalanced force and torque on the free bodies over their weight [-]."""
+
+    force: float
+    torque: float
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Result:
+    """A drop: the keys of result.json, and where its files are."""
+
+    verdict: str
+    """at_rest or a reason code."""
+    bodies: Named[BodyAtRest | None]
+    """By name; None after unstable_step."""
+    contacts: tuple[Contact, ...]
+    residual: Residual | None
+    resolution: float
+    """Smallest cell at a contact [m]."""
+    simulated_s: float | None
+    relaxation_steps: int | None
+    steps: int | None
+    particles: int | None
+    certificate: Named[Any] | None
+    warnings: tuple[str, ...]
+    wall_s: float
+    timings: Named[float]
+    folder: Path
+    """Where result.json, the surfaces at rest and the history are."""
+    tree: dict[str, Any] = field(repr=False)
+    """The content of result.json."""
+
+    @classmethod
+    def of(cls, tree: Mapping[str, Any], folder: Path) -> "Result":
+        """The result that a folder holds."""
+        values = {**tree, "folder": folder.resolve(), "tree": dict(tree)}
+        result: Result = adapter(Result).validate_python(values)
+        return result
+
+    @classmethod
+    def read(cls, folder: str | Path) -> "Result":
+        """The result that `drop` wrote into a folder earlier."""
+        return cls.of(read_json(Path(folder) / "result.json"), Path(folder))
+
+    @property
+    def artifacts(self) -> Named[Path]:
+        """Whole paths of the files: one PLY per body by its name, and `history`; empty after unstable_step."""
+        if self.verdict == "unstable_step":
+            return Named({})
+        surfaces = {name: self.folder / f"{name}.ply" for name in self.bodies}
+        return Named({**surfaces, "history": self.folder / "history.parquet"})
+
+    def to_json(self) -> str:
+        """The text of result.json."""
+        return json.dumps(self.tree, indent=2)
+
+    def __repr__(self) -> str:
+        names = ", ".join(self.bodies)
+        return f"Result({self.verdict}, bodies {names}, {noted(self.warnings)}folder='{self.folder}')"
+
+
+@cache
+def adapter(kind: type[Value]) -> TypeAdapter[Value]:
+    """Builds a result of plain values."""
+    return TypeAdapter(kind)
+
+
+def read_json(path: Path) -> dict[str, Any]:
+    """The content of a result's file."""
+    try:
+        tree = json.loads(path.read_text())
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror}") from None
+    except ValueError as error:
+        raise InputError(f"{path}: is not JSON: {error}") from None
+    if not isinstance(tree, dict):
+        raise InputError(f"{path}: holds no keys")
+    return tree
+
+
+def rounded(position: Vector) -> list[float]:
+    """A position to the millimetre."""
+    return [round(value, 3) for value in position]
+
+
+def noted(warnings: tuple[str, ...]) -> str:
+    """How many warnings there are, nothing where there are none."""
+    return f"{len(warnings)} warnings, " if warnings else ""
