@@ -7,8 +7,10 @@ from pathlib import Path
 
 import pytest
 
+import dcap
 from flows.cli.app import run_command
 from flows.configure import configured
+from flows.options import PlaceOptions
 from tasks.runner.stage import deciding
 
 
@@ -60,21 +62,16 @@ def test_a_graphics_card_that_is_not_there(
 def test_the_arch_decides_a_result() -> None:
     """Processors round differently, so a drop on one is no record for the other; threads are."""
     keys = [
-        deciding(configured(threads=threads, arch=arch).drop.model_dump())
+        deciding(configured(PlaceOptions(threads=threads), arch=arch).drop.model_dump())
         for threads, arch in ((1, "cpu"), (2, "cpu"), (1, "cuda"))
     ]
     assert keys[0] == keys[1] != keys[2]
 
 
-def test_options_of_the_physics_reach_their_stages() -> None:
-    """Each decides a result of its own stage."""
-    config = configured(stability=True, load_aware=True, paper_limits=True)
-    assert config.drop.solver.stability
-    assert config.materials.load_aware
-    assert config.materials.paper_limits
-    assert not configured().drop.solver.stability
-    assert not configured().materials.load_aware
-    assert not configured().materials.paper_limits
+def test_the_version(capsys: pytest.CaptureFixture[str]) -> None:
+    """--version prints the version of the package and ends."""
+    assert run_command(["--version"]) == 0
+    assert capsys.readouterr().out == f"dcap {dcap.__version__}\n"
 
 
 def obj_of(vertices: str, faces: str) -> bytes:

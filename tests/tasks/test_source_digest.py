@@ -90,3 +90,17 @@ def test_libraries_that_decide(root: Path) -> None:
     found = libraries(root / "tasks" / "fill.py", root)
     assert found.keys() == {"python", "numpy"}
     assert found["numpy"] == np.__version__
+
+
+def test_an_installed_dcap_has_the_same_digests(root: Path) -> None:
+    """A wheel has the data files in dcap/_resources; they count under the same names, files at its root do not."""
+    (root / "prompts").mkdir()
+    (root / "prompts" / "a.j2").write_text("a")
+    (root / "dcap" / "scene" / "late.py").write_text('FOLDER = "prompts"\ndef late(): return FOLDER\n')
+    cloned = digests(root)
+    assert "prompts/a.j2" in cloned
+    (root / "dcap" / "_resources").mkdir()
+    for name in ("prompts", "materials.csv"):
+        (root / name).rename(root / "dcap" / "_resources" / name)
+    (root / "materials.csv").write_text("of somebody else")
+    assert digests(root) == cloned

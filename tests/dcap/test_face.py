@@ -1,0 +1,165 @@
+"""What `import dcap` offers: small, documented, typed, silent."""
+
+import asyncio
+import json
+import os
+import re
+import subprocess
+import sys
+from dataclasses import fields
+from pathlib import Path
+
+import pytest
+
+import dcap
+from dcap.packages import ROOT
+from dcap.scene.errors import DcapError
+from flows.results import Named, Placement, Result
+
+HEAVY = (
+    "open3d",
+    "taichi",
+    "prefect",
+    "anthropic",
+    "pyarrow",
+    "numpy",
+    "scipy",
+    "pydantic",
+    "trimesh",
+    "typer",
+    "rich",
+)
+TABLE = re.compile(r"^\| (`.*?`) \| ", re.MULTILINE)
+NAME = re.compile(r"`(\w+)[^`]*`")
+BOX = {"box": {"size": [0.1, 0.1, 0.1]}}
+FLOOR = {"name": "floor", "shape": {"box": {"size": [0.5, 0.5, 0.1]}}, "position": [0, 0, -0.05], "motion": "fixed"}
+CASE = {
+    "bodies": [
+        FLOOR | {"material": "concrete"},
+        {"name": "cube", "shape": BOX, "position": [0, 0, 0.051], "material": "wood_oak"},
+    ]
+}  # fmt: skip
+
+
+def test_the_names_are_the_documented_ones() -> None:
+    """`dcap.__all__` and the table of docs/python.md say the same, and every name is there."""
+    rows = TABLE.findall((ROOT / "docs" / "python.md").read_text())
+    documented = {name for row in rows for name in NAME.findall(row)}
+    assert documented == set(dcap.__all__)
+    for name in dcap.__all__:
+        assert getattr(dcap, name) is not None
+    assert set(dcap.__all__) <= set(dir(dcap))
+    assert {name for names in dcap.HOMES.values() for name in names} == documented - {"__version__"}
+
+
+def test_an_unknown_name() -> None:
+    """The face has no other names, and says so as any module does."""
+    with pytest.raises(AttributeError, match="module 'dcap' has no attribute 'plaec'"):
+        dcap.plaec  # type: ignore[attr-defined]  # noqa: B018
+
+
+def test_importing_is_light() -> None:
+    """`import dcap` loads no library."""
+    program = f"import sys, dcap; print([name for name in {HEAVY!r} if name in sys.modules])"
+    environment = os.environ | {"PYTHONPATH": str(ROOT)}
+    done = subprocess.run([sys.executable, "-c", program], env=environment, capture_output=True, text=True, check=True)
+    assert done.stdout == "[]\n"
+
+
+def test_the_version_is_that_of_the_clone() -> None:
+    """In a clone pyproject.toml says it, whatever is installed."""
+    assert f'version = "{dcap.__version__}"' in (ROOT / "pyproject.toml").read_text()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "options", "words"),
+    [
+        (("a", "b", "put it"), {"resolutoin": 0.01}, "unknown option 'resolutoin'; did you mean 'resolution'?"),
+        (("a", "b", "put it"), {"mass": -1.0}, "--mass -1.0 is not a positive number"),
+        (("a", "b", " "), {}, "PROMPT is empty"),
+        (("a", "b", "put it"), {"object_up": "x"}, "--object-up 'x' is not one of"),
+    ],
+)
+def test_place_refuses(arguments: tuple[str, str, str], options: dict[str, object], words: str) -> None:
+    """What cannot be right is an InputError that names it, before anything is read."""
+    with pytest.raises(dcap.InputError, match=re.escape(words)):
+        dcap.place(*arguments, **options)  # type: ignore[arg-type]
+
+
+def test_drop_refuses(tmp_path: Path) -> None:
+    """A missing case, an option of `place` and a wrong key are InputErrors; nothing is left behind."""
+    out = tmp_path / "out"
+    with pytest.raises(dcap.InputError, match="no such file"):
+        dcap.drop(tmp_path / "none.yaml", out=out)
+    with pytest.raises(dcap.InputError, match="unknown option 'label'"):
+        dcap.drop(CASE, out=out, label="table")  # type: ignore[call-arg]
+    with pytest.raises(dcap.InputError, match=r"case: bodies\.0\.nmae: unknown key; did you mean 'name'"):
+        dcap.drop({"bodies": [{"nmae": "a"}]}, out=out)
+    assert not out.exists()
+    assert issubclass(dcap.InputError, DcapError)
+
+
+def test_named_values() -> None:
+    """Keys are attributes at any depth; nothing can be changed; an unknown one names what there is."""
+    named: Named[object] = Named({"signals": {"speed": {"value": 1.0}}, "rows": [{"a": 1}]})
+    assert named.signals.speed.value == 1.0  # type: ignore[attr-defined]
+    assert named["rows"][0].a == 1  # type: ignore[index]
+    assert "signals" in dir(named)
+    with pytest.raises(AttributeError, match="there is signals, rows"):
+        _ = named.other
+    with pytest.raises(AttributeError):
+        named.signals = 1
+    assert named == {"signals": {"speed": {"value": 1.0}}, "rows": ({"a": 1},)}
+
+
+@pytest.mark.slow
+def test_a_drop_from_a_dict(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    """A dict settles as a file does; the result has every key of result.json as an attribute; nothing is printed."""
+    result = dcap.drop(CASE, out=tmp_path, resolution=0.02, threads=1)
+    assert capfd.readouterr() == ("", "")
+    tree = json.loads((tmp_path / "result.json").read_text())
+    assert set(tree) == {field.name for field in fields(Result)} - {"folder", "tree"}
+    assert result.verdict == "at_rest"
+    assert list(result.bodies.cube.position) == tree["bodies"]["cube"]["position"]  # type: ignore[union-attr]
+    assert result.contacts[0].area_m2 == tree["contacts"][0]["area_m2"]
+    assert set(tree["contacts"][0]) <= {field.name for field in fields(type(result.contacts[0]))}
+    assert result.certificate is not None
+    assert result.certificate.arch == "cpu"
+    assert all(path.is_file() for path in result.artifacts.values())
+    assert json.loads(result.to_json()) == tree == json.loads(Result.read(tmp_path).to_json())
+    assert repr(result).startswith("Result(at_rest, bodies floor, cube")
+
+
+@pytest.mark.slow
+def test_a_placement_inside_a_running_loop(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """As in a notebook, where a loop runs: nothing is printed, and every key of placement.json is an attribute."""
+    monkeypatch.setenv("DCAP_DATA", str(tmp_path / "data"))
+    monkeypatch.delenv("PREFECT_API_URL", raising=False)
+    monkeypatch.setenv("PREFECT_HOME", str(tmp_path))
+    for name, high in (("table", (1.0, 1.0, 0.7)), ("cube", (0.1, 0.1, 0.1))):
+        (tmp_path / f"{name}.obj").write_text(box_obj(*high))
+
+    async def cell() -> Placement:
+        return dcap.place(tmp_path / "table.obj", tmp_path / "cube.obj", "put the cube on the table", label="table",
+                          up="z", unit="m", object_up="z", object_unit="m", threads=1)  # fmt: skip
+
+    placement = asyncio.run(cell())
+    assert capfd.readouterr() == ("", "")
+    tree = json.loads((placement.folder / "placement.json").read_text())
+    assert set(tree) == {field.name for field in fields(Placement)} - {"folder", "tree"}
+    assert placement.verdict == "at_rest", placement.to_json()
+    assert placement.pose is not None
+    assert list(placement.pose.position) == tree["pose"]["position"]
+    for key in ("contacts", "materials", "geometry"):
+        assert set(tree[key][0]) <= {field.name for field in fields(getattr(placement, key)[0])}
+    assert placement.artifacts.closeup.is_file()
+    assert placement.folder.parent == tmp_path / "data" / "runs" / "python"
+    assert repr(placement).startswith("Placement(at_rest on table")
+
+
+def box_obj(x: float, y: float, z: float) -> str:
+    """A closed box on the floor."""
+    corners = "".join(f"v {a} {b} {c}\n" for a in (0, x) for b in (0, y) for c in (0, z))
+    return corners + "f 1 2 4 3\nf 5 7 8 6\nf 1 5 6 2\nf 3 4 8 7\nf 1 3 7 5\nf 2 6 8 4\n"

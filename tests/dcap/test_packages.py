@@ -1,0 +1,75 @@
+"""Our packages are found beside dcap, whatever the working directory holds."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from foreign_names import LIBRARIES, OURS, foreign_folder, marks
+
+from dcap.packages import COMPANIONS, ROOT, module_command
+from tasks.runner.process import StageProcessError, run_in_process
+
+FILES = f"""
+import dcap, {", ".join(f"{name}" for name in COMPANIONS)}, tasks.runner.records, solver.errors, flows.options
+print(*({", ".join(f"{name}.__file__" for name in COMPANIONS)}))
+"""
+
+
+def python(folder: Path, program: str) -> "subprocess.CompletedProcess[str]":
+    """Run a program as a notebook does: its folder leads sys.path."""
+    return subprocess.run(
+        [sys.executable, "-c", program], cwd=folder, env=os.environ | {"PYTHONPATH": str(ROOT)}, capture_output=True,
+        text=True,
+    )  # fmt: skip
+
+
+def test_the_working_directory_does_not_win_in_a_notebook(tmp_path: Path) -> None:
+    """`import dcap` finds its own flows, tasks and solver where files of these names lead sys.path."""
+    done = python(foreign_folder(tmp_path, OURS), FILES)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.split() == [str(ROOT / name / "__init__.py") for name in COMPANIONS]
+    assert marks(tmp_path) == ""
+
+
+def test_a_foreign_package_that_is_imported_already(tmp_path: Path) -> None:
+    """One clear ImportError names the package and the foreign file."""
+    (tmp_path / "tasks.py").write_text("mine = True\n")
+    done = python(tmp_path, "import tasks; import dcap")
+    last = done.stderr.strip().splitlines()[-1]
+    assert done.returncode == 1
+    assert last.startswith("ImportError: dcap has a package 'tasks' of its own")
+    assert str(tmp_path / "tasks.py") in last
+
+
+def test_other_names_stay_as_they_were(tmp_path: Path) -> None:
+    """Only the companions are claimed: a module of the working directory with another name is the user's."""
+    (tmp_path / "perf.py").write_text("mine = True\n")
+    done = python(tmp_path, "import dcap, perf; print(perf.mine)")
+    assert done.stdout == "True\n"
+
+
+def test_a_stage_takes_nothing_from_the_working_directory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The process of a stage runs our tasks and the installed libraries in a folder full of their names; it gets as far
+    as the function that the job names."""
+    monkeypatch.chdir(foreign_folder(tmp_path, OURS + LIBRARIES))
+    work = {"module": "tasks.drop.stage", "function": "nothing", "inputs": {}, "config": None, "session": {}}
+    with pytest.raises(StageProcessError, match=r"'tasks\.drop\.stage' has no attribute 'nothing'"):
+        run_in_process(work, lambda part, text: None)
+    assert marks(tmp_path) == ""
+
+
+def test_our_folder_comes_last(tmp_path: Path) -> None:
+    """In a process that we start, the standard library comes before our folder, which may be site-packages, and the
+    working directory is not looked at."""
+    (tmp_path / "show_path.py").write_text("import sys; print(*sys.path, sep='\\n')\n")
+    (tmp_path / "here").mkdir()
+    done = subprocess.run(
+        module_command("show_path"), cwd=tmp_path / "here", env=os.environ | {"PYTHONPATH": str(tmp_path)},
+        capture_output=True, text=True, check=True,
+    )  # fmt: skip
+    places = done.stdout.splitlines()
+    assert places[0] == str(tmp_path)
+    assert places.index(str(ROOT)) == len(places) - 1
+    assert not {"", ".", str(tmp_path / "here")} & set(places)
