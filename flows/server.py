@@ -17,6 +17,7 @@ import tomllib
 import urllib.error
 import urllib.request
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
@@ -93,8 +94,9 @@ def deliver_reports() -> None:
     from prefect.events.worker import EventsWorker
     from prefect.logging.handlers import APILogWorker
 
-    for worker in (EventsWorker, APILogWorker):
-        worker.drain_all(timeout=DELIVER_SECONDS)
+    with ThreadPoolExecutor(1) as waiting:  # in a thread where a notebook's loop runs, Prefect would not wait
+        for worker in (EventsWorker, APILogWorker):
+            waiting.submit(worker.drain_all, timeout=DELIVER_SECONDS).result()
 
 
 def apply_settings() -> None:

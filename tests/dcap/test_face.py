@@ -108,7 +108,7 @@ def test_named_values() -> None:
     with pytest.raises(AttributeError, match="there is signals, rows"):
         _ = named.other
     with pytest.raises(AttributeError):
-        named.signals = 1
+        named.signals = 1  # type: ignore[attr-defined]
     assert named == {"signals": {"speed": {"value": 1.0}}, "rows": ({"a": 1},)}
 
 

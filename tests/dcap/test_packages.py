@@ -54,7 +54,13 @@ def test_a_stage_takes_nothing_from_the_working_directory(tmp_path: Path, monkey
     """The process of a stage runs our tasks and the installed libraries in a folder full of their names; it gets as far
     as the function that the job names."""
     monkeypatch.chdir(foreign_folder(tmp_path, OURS + LIBRARIES))
-    work = {"module": "tasks.drop.stage", "function": "nothing", "inputs": {}, "config": None, "session": {}}
+    work: dict[str, object] = {
+        "module": "tasks.drop.stage",
+        "function": "nothing",
+        "inputs": {},
+        "config": None,
+        "session": {},
+    }
     with pytest.raises(StageProcessError, match=r"'tasks\.drop\.stage' has no attribute 'nothing'"):
         run_in_process(work, lambda part, text: None)
     assert marks(tmp_path) == ""

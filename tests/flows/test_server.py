@@ -8,6 +8,7 @@ import time
 from pathlib import Path
 
 import pytest
+from foreign_names import LIBRARIES, OURS, foreign_folder, marks
 
 from dcap.scene.settings import PROJECT_ROOT
 from flows.server import is_healthy, is_server, prefect_server
@@ -46,3 +47,15 @@ def test_the_last_user_stops_the_server(tmp_path: Path, monkeypatch: pytest.Monk
     assert not is_healthy(url)
     assert not is_server(pid)
     assert not (tmp_path / "cache" / "prefect" / "server.json").exists()
+
+
+@pytest.mark.slow
+def test_a_server_takes_nothing_from_the_working_directory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It starts in a folder with a prefect.py and others of such names, and runs none of them."""
+    monkeypatch.setenv("DCAP_DATA", str(tmp_path / "data"))
+    monkeypatch.delenv("PREFECT_API_URL", raising=False)
+    monkeypatch.setenv("PREFECT_HOME", str(tmp_path / "data"))
+    monkeypatch.chdir(foreign_folder(tmp_path, OURS + LIBRARIES))
+    with prefect_server() as url:
+        assert is_healthy(url)
+    assert marks(tmp_path) == ""
