@@ -83,7 +83,8 @@ if not TYPE_CHECKING:  # a checker that saw this function would believe in any n
             home = next((home for home, names in HOMES.items() if name in names), None)
             if home is None:
                 raise AttributeError(f"module 'dcap' has no attribute {name!r}")
-            value = getattr(import_module(home), name)
+            with import_module("dcap.quiet_imports").quiet_imports():
+                value = getattr(import_module(home), name)
         globals()[name] = value
         return value
 

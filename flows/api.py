@@ -10,6 +10,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import Unpack
 
+from dcap.quiet_imports import quiet_imports
 from dcap.scene.settings import runs_root
 from flows.options import (
     DropKeywords,
@@ -39,7 +40,8 @@ def place(scene: AnyPath, object: AnyPath, prompt: str, **options: Unpack[PlaceK
     check_prompt(prompt)
     out = chosen.out or new_folder("place")
     check_out(out)
-    from flows.place_one import place_files  # after the checks: the stages bring heavy libraries
+    with quiet_imports():  # after the checks: the stages bring heavy libraries
+        from flows.place_one import place_files
 
     return Placement.of(place_files(os.fspath(scene), os.fspath(object), prompt, chosen, out, quiet=True), out)
 
@@ -56,7 +58,8 @@ def drop(case: AnyPath | Mapping[str, object], **options: Unpack[DropKeywords]) 
         check_case(case)
     out = chosen.out or new_folder("drop")
     check_out(out)
-    from flows.drop_one import drop_case
+    with quiet_imports():
+        from flows.drop_one import drop_case
 
     return Result.of(drop_case(case, chosen, out, quiet=True), out)
 

@@ -48,7 +48,7 @@ def place_one(sample: Sample, config: PlaceConfig, session: Session, *, quiet: b
     """Place one sample; stage lines go to standard error unless `quiet`."""
     if session.ledger:  # of an earlier placement into the same folder
         Path(session.ledger).unlink(missing_ok=True)
-    console = Console(file=sys.stderr, quiet=quiet, highlight=False)
+    console = Console(file=sys.stderr, quiet=quiet, highlight=False, force_jupyter=False)
     plan = plan_sample(sample, config)
     if plan.failed is not None:
         raise plan.failed.error

@@ -112,6 +112,30 @@ def test_named_values() -> None:
     assert named == {"signals": {"speed": {"value": 1.0}}, "rows": ({"a": 1},)}
 
 
+NOTEBOOK = """
+import io, sys
+class ZMQInteractiveShell: pass
+import builtins
+builtins.get_ipython = ZMQInteractiveShell
+sys.stdout = io.StringIO()  # as a notebook replaces it
+import dcap
+dcap.settle
+with __import__("dcap.quiet_imports").quiet_imports.quiet_imports():
+    import open3d
+from taichi.lang.shell import pybuf_enabled
+assert not pybuf_enabled
+assert sys.stdout.getvalue() == ""
+"""
+
+
+@pytest.mark.slow
+def test_libraries_are_silent_in_a_notebook() -> None:
+    """What Taichi and Open3D say when they are imported in a notebook is not said."""
+    environment = os.environ | {"PYTHONPATH": str(ROOT)}
+    done = subprocess.run([sys.executable, "-c", NOTEBOOK], env=environment, capture_output=True, text=True)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+
+
 @pytest.mark.slow
 def test_a_drop_from_a_dict(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     """A dict settles as a file does; the result has every key of result.json as an attribute; nothing is printed."""
