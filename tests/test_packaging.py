@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 from foreign_names import OURS, foreign_folder, marks
 
-from dcap.packages import ROOT
+from dcap.packages import COMPANIONS, ROOT
 from tasks.runner.digests import source_digests
 
 CASE = """
@@ -105,3 +105,11 @@ def test_the_wheel_carries_the_data(installed: Path) -> None:
     assert carried >= {str(path.relative_to(ROOT)) for path in (ROOT / "data").glob("*.yaml")}
     for name in carried:
         assert (home / name).read_bytes() == (ROOT / name).read_bytes(), name
+
+
+def test_data_is_found_through_one_function() -> None:
+    """No module but the runner, which reads source code, looks for files below the root itself: a wheel has none."""
+    allowed = {ROOT / "dcap" / "scene" / "settings.py", *(ROOT / "tasks" / "runner").glob("*.py")}
+    looked_at = [path for package in ("dcap", *COMPANIONS) for path in (ROOT / package).rglob("*.py")]
+    assert len(looked_at) > len(allowed)
+    assert [str(path) for path in looked_at if path not in allowed and "PROJECT_ROOT" in path.read_text()] == []
