@@ -26,7 +26,6 @@ INTERRUPTED = 130
 
 app = typer.Typer(
     name="dcap",
-    help="Deformable, contact-aware placement: an object at rest in a scene, from a sentence.",
     no_args_is_help=True,
     add_completion=False,
     rich_markup_mode=None,
@@ -34,23 +33,6 @@ app = typer.Typer(
 )
 app.add_typer(dataset_app, name="dataset")
 app.add_typer(cache_app, name="cache")
-
-
-def print_version(asked: bool) -> None:
-    """Print the version and end."""
-    if asked:
-        print(f"dcap {version()}")
-        raise typer.Exit
-
-
-@app.callback()
-def everything(
-    version_asked: Annotated[
-        bool, typer.Option("--version", callback=print_version, is_eager=True, help="Print the version and end.")
-    ] = False,
-) -> None:
-    """Deformable, contact-aware placement: an object at rest in a scene, from a sentence."""
-
 
 Workers = Annotated[int, typer.Option(min=1, max=64, help="Samples at a time.")]
 Dataset = Annotated[Path | None, typer.Option(help="YAML list of samples; default: the embedded rooms.")]
@@ -79,6 +61,22 @@ PaperLimits = Annotated[
 ]
 Resolution = Annotated[float | None, typer.Option(help="Cell size at the contact [m]; default: from the physics.")]
 Threads = Annotated[int, typer.Option(min=0, help="Threads of the solver, 0: all cores; never changes a result.")]
+
+
+def print_version(asked: bool) -> None:
+    """Print the version and end."""
+    if asked:
+        print(f"dcap {version()}")
+        raise typer.Exit
+
+
+@app.callback()
+def everything(
+    version_asked: Annotated[
+        bool, typer.Option("--version", callback=print_version, is_eager=True, help="Print the version and end.")
+    ] = False,
+) -> None:
+    """Deformable, contact-aware placement: an object at rest in a scene, from a sentence."""
 
 
 @app.command()
