@@ -21,12 +21,11 @@ bodies:
   - {name: floor, shape: {box: {size: [0.5, 0.5, 0.1]}}, position: [0, 0, -0.05], motion: fixed, material: concrete}
   - {name: cube, shape: {box: {size: [0.1, 0.1, 0.1]}}, position: [0, 0, 0.051], material: wood_oak}
 """
-LEFT = shutil.ignore_patterns(
-    ".git", ".venv*", ".*_cache", ".hypothesis", "__pycache__", "*.egg-info", "build", "dist", "tests",
-    "cache", "runs", "replies", "rooms", "splat_rooms", "objects", "truth",
-)  # fmt: skip
-"""Of a clone: what is not tracked, and the tests."""
-CARRIED = ("materials.csv", "prefect.toml", "prompts/common.j2", "data/rooms.yaml", "data/truth.yaml")
+BUILT = shutil.ignore_patterns(".git", ".venv*", ".*_cache", "__pycache__", "*.egg-info", "build", "dist", "tests")
+"""Of a clone: the tests, and what tools leave."""
+MADE = {"cache", "runs", "replies", "rooms", "splat_rooms", "objects", "truth"}
+"""Of its data: what dcap makes."""
+CARRIED = ("materials.csv", "prefect.toml", "prompts/common.j2", "data/rooms.yaml", "data/recipes/objects.yaml")
 SHOW = """
 import dcap, json, sys
 from dcap.scene.settings import PROJECT_ROOT, data_root
@@ -44,7 +43,7 @@ print(json.dumps({
 def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Programs of a fresh environment with dcap's wheel; its dependencies are those of the tests' environment."""
     folder = tmp_path_factory.mktemp("installed")
-    shutil.copytree(ROOT, folder / "clone", ignore=LEFT, symlinks=True)
+    shutil.copytree(ROOT, folder / "clone", ignore=left_out, symlinks=True)
     pip = [sys.executable, "-m", "pip", "--quiet", "--disable-pip-version-check"]
     wheel = [*pip, "wheel", "--no-deps", "--no-build-isolation", "--wheel-dir", str(folder), str(folder / "clone")]
     subprocess.run(wheel, check=True, env=clean())
@@ -59,6 +58,11 @@ def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (site / "dependencies.pth").write_text(sysconfig.get_path("purelib") + "\n")
     shutil.rmtree(folder / "clone")
     return programs
+
+
+def left_out(folder: str, names: list[str]) -> set[str]:
+    """What is not copied of a folder of the clone."""
+    return BUILT(folder, names) | (MADE if Path(folder) == ROOT / "data" else set())
 
 
 def clean(**more: str) -> dict[str, str]:
@@ -102,7 +106,8 @@ def test_the_wheel_carries_the_data(installed: Path) -> None:
     carried = {str(path.relative_to(home)) for path in home.rglob("*") if path.is_file()}
     assert set(CARRIED) <= carried
     assert carried >= {str(path.relative_to(ROOT)) for path in (ROOT / "prompts").iterdir()}
-    assert carried >= {str(path.relative_to(ROOT)) for path in (ROOT / "data").glob("*.yaml")}
+    for pattern in ("*.yaml", "recipes/**/*.yaml"):
+        assert carried >= {str(path.relative_to(ROOT)) for path in (ROOT / "data").glob(pattern)}
     for name in carried:
         assert (home / name).read_bytes() == (ROOT / name).read_bytes(), name
 

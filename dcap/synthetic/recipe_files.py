@@ -11,9 +11,9 @@ from ruamel.yaml.error import YAMLError
 from dcap.scene.checks.places import yaml_lines
 from dcap.scene.errors import InputError
 from dcap.scene.problems import Place, short
-from dcap.scene.settings import PROJECT_ROOT
+from dcap.scene.settings import resource
 
-RECIPES = PROJECT_ROOT / "data" / "recipes"
+RECIPES = resource("data/recipes")
 """The embedded recipes: colors.yaml, objects.yaml, and a file per room in rooms/."""
 
 
