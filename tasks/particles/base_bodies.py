@@ -10,7 +10,7 @@ from dcap.geometry.solid.fill import fill
 from dcap.geometry.solid.repair import subdivide_near
 from dcap.geometry.solid.support import carried_bottoms, ready_support, shell_bottoms
 from dcap.scene.errors import GeometryError
-from dcap.scene.types.materials import Model, PartMaterial
+from dcap.scene.types.materials import BodyModel, PartMaterial
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.particles import SimulationBody
 from tasks.bodies.footprint import Footprint
@@ -62,7 +62,7 @@ def base_bodies(s: Scenario, foot: Footprint) -> Base:
             "raise ParticlesConfig.crop_margin"
         )
     part = np.clip(s.scene.face_part[faces], 0, None)
-    stiff = np.array([r.model is Model.RIGID for r in rows])[part] | ~soft_in_reach(s, foot, rows, faces, part)
+    stiff = np.array([r.model is BodyModel.RIGID for r in rows])[part] | ~soft_in_reach(s, foot, rows, faces, part)
     solid = None
     if stiff.any():
         mesh = s.scene.mesh.submesh(faces[stiff])
@@ -84,7 +84,7 @@ def soft_in_reach(
     s: Scenario, foot: Footprint, rows: list[PartMaterial], faces: NDArray[np.int64], part: NDArray[np.int32]
 ) -> NDArray[np.bool_]:
     """Whether the soft parts, taken together, come so near to the object that they may be dented, shape (m,)."""
-    soft = np.array([r.model is Model.MPM for r in rows])[part]
+    soft = np.array([r.model is BodyModel.MPM for r in rows])[part]
     low, high = s.mesh.bounds + np.array([[-SOFT_REACH], [SOFT_REACH]])
     low[2] = s.mesh.bounds[0, 2] - foot.gap - REACH_BELOW
     corner = s.scene.mesh.triangles[faces[soft]]
@@ -119,7 +119,7 @@ def soft_base(
     owner = owners(s, rows, mesh, part, position)
     density, stiffness, poisson = constants(rows, owner)
     held = held_nodes(s, cells, cut, bottom, part, rigid)
-    main = main_row(s, [r for r in rows if r.model is Model.MPM], part)
+    main = main_row(s, [r for r in rows if r.model is BodyModel.MPM], part)
     note_friction(s, s.anchor.base_id, main, len(set(part.tolist())))
     surface = base_surface(s, foot, mesh, box, cells.size)
     contact_box = np.stack([np.maximum(box[0], reach_box(s, foot)[0]), np.minimum(box[1], reach_box(s, foot)[1])])
@@ -136,7 +136,7 @@ def soft_base(
 
 def soft_bottoms(s: Scenario, rows: list[PartMaterial], mesh: Mesh, part: NDArray[np.int32]) -> Array:
     """Bottom of the soft solid under each face [m], shape (m,)."""
-    index = [r.part_index for r in rows if r.model is Model.MPM]
+    index = [r.part_index for r in rows if r.model is BodyModel.MPM]
     carried = carried_bottoms([s.base.parts[i].box for i in index])
     bottom = np.full(len(rows), np.inf)
     bottom[index] = carried

@@ -13,7 +13,7 @@ from dcap.geometry.solid.repair import mass_properties, outer_faces, simplified,
 from dcap.geometry.solid.repair import volume as mesh_volume
 from dcap.geometry.solid.repairs_done import Done
 from dcap.scene.errors import GeometryError
-from dcap.scene.types.materials import Material, Model, PartMaterial
+from dcap.scene.types.materials import BodyModel, Material, PartMaterial
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.particles import DistanceGrid, SimulationBody
 from dcap.scene.types.repair_report import RepairReport
@@ -44,7 +44,7 @@ def object_body(s: Scenario, foot: Footprint, contact_cell: float, on_soft: bool
     rows = s.rows("object", len(instance.parts))
     part_of_face = np.clip(s.item.face_part, 0, None)
     used = sorted(set(part_of_face.tolist()))
-    rigid = all(rows[p].model is Model.RIGID for p in used)
+    rigid = all(rows[p].model is BodyModel.RIGID for p in used)
     size = float(np.linalg.norm(np.ptp(s.mesh.vertices, axis=0)))
     solid, report = solid_of(s.mesh)
     note_geometry(s, "object", [instance.parts[p].name for p in used], report)
@@ -165,11 +165,11 @@ def core_nodes(
     """Nodes inside rigid parts of a soft object: they move as one."""
     point = nodes(cells.planes)
     state = np.full(len(point), FREE, dtype=np.int8)
-    stiff = np.array([r.model is Model.RIGID for r in rows])
+    stiff = np.array([r.model is BodyModel.RIGID for r in rows])
     inside = np.flatnonzero(distance(point) < 0.0)
     if stiff.any():
         core = inside[stiff[part_at(s.mesh, part_of_face, point[inside])]]
-        names = ", ".join(sorted({r.part for r in rows if r.model is Model.RIGID}))
+        names = ", ".join(sorted({r.part for r in rows if r.model is BodyModel.RIGID}))
         spread = np.linalg.matrix_rank(point[core] - point[core].mean(axis=0), tol=1e-6) if len(core) > 3 else 0
         if spread == 3:
             state[core] = CORE

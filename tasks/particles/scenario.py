@@ -10,7 +10,7 @@ from dcap.geometry.distance import Distance, sampled
 from dcap.geometry.raycast import Raycaster
 from dcap.scene.types.anchor import Anchor
 from dcap.scene.types.intent import Intent
-from dcap.scene.types.materials import Material, Model, PartMaterial, PartMaterials
+from dcap.scene.types.materials import BodyModel, Material, PartMaterial, PartMaterials
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.particles import DistanceGrid, SimulationBody
 from dcap.scene.types.repair_report import BodyGeometry, RepairReport
@@ -151,7 +151,7 @@ def footprint(s: Scenario) -> Footprint:
 
 def modulus(row: PartMaterial) -> float:
     """Young's modulus that counts in a predicted contact [Pa]."""
-    return RIGID_MODULUS if row.model is Model.RIGID else row.material.youngs_modulus
+    return RIGID_MODULUS if row.model is BodyModel.RIGID else row.material.youngs_modulus
 
 
 def cell_wanted(foot: Footprint, config: ParticlesConfig) -> float:
@@ -220,7 +220,7 @@ def moments(position: Array, mass: Array) -> tuple[float, Array, Array]:
 
 def constants(rows: list[PartMaterial], part: NDArray[np.integer]) -> tuple[Array, Array, Array]:
     """Density, Young's modulus and Poisson ratio of particles that belong to the given parts."""
-    soft = [r.material.youngs_modulus for r in rows if r.model is Model.MPM]
+    soft = [r.material.youngs_modulus for r in rows if r.model is BodyModel.MPM]
     most = CORE_STIFFNESS * min(soft)
     table = np.array(
         [(r.material.density, min(r.material.youngs_modulus, most), r.material.poisson_ratio) for r in rows]

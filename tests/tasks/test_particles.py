@@ -14,7 +14,7 @@ from dcap.scene.store.codec import encode
 from dcap.scene.types.anchor import Anchor
 from dcap.scene.types.box import OrientedBox
 from dcap.scene.types.intent import Intent, OrientationRequest, RegionRequest
-from dcap.scene.types.materials import Material, Model, PartMaterial, PartMaterials
+from dcap.scene.types.materials import BodyModel, Material, PartMaterial, PartMaterials
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.particles import Particles
 from dcap.scene.types.segmentation import Instance, Part, Segmentation
@@ -119,7 +119,7 @@ def chosen(**object_parts: Material) -> PartMaterials:
     """Materials of the object's parts and of the bed."""
 
     def row(body: str, part: str, index: int, material: Material) -> PartMaterial:
-        model = Model.RIGID if material.youngs_modulus > 1e9 else Model.MPM
+        model = BodyModel.RIGID if material.youngs_modulus > 1e9 else BodyModel.MPM
         return PartMaterial(body, part, index, material, model, "test")
 
     rows = [row("object", name, i, m) for i, (name, m) in enumerate(object_parts.items())]

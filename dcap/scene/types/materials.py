@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 
-class Model(StrEnum):
+class BodyModel(StrEnum):
     """How a part is simulated."""
 
     RIGID = "rigid"
@@ -45,7 +45,7 @@ class PartMaterial:
     """Index into the instance's parts."""
     material: Material
     """The library row; density may be an effective one (hollow things, mass prior), then `reason` says so."""
-    model: Model
+    model: BodyModel
     reason: str
 
 

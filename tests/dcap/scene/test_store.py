@@ -20,7 +20,7 @@ from dcap.scene.store.ref import Ref
 from dcap.scene.types.anchor import Anchor
 from dcap.scene.types.box import OrientedBox
 from dcap.scene.types.intent import Intent, OrientationRequest, RegionRequest
-from dcap.scene.types.materials import Material, Model, PartMaterial, PartMaterials
+from dcap.scene.types.materials import BodyModel, Material, PartMaterial, PartMaterials
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.outcome import Infeasible, Reason
 from dcap.scene.types.particles import DistanceGrid, Particles, SimulationBody
@@ -88,8 +88,8 @@ VALUES = [
     Overview(a_picture(), None),
     Part("mattress", a_box(), 0.5),
     Particles((a_body(True), a_body(False)), (("object", "3", 0.5, 0.4),), 0.004, ("cropped",), (GEOMETRY,)),
-    PartMaterial("object", "body", 0, MATERIAL, Model.MPM, "E below 1 GPa"),
-    PartMaterials((PartMaterial("object", "body", 0, MATERIAL, Model.RIGID, "thin"),), "none"),
+    PartMaterial("object", "body", 0, MATERIAL, BodyModel.MPM, "E below 1 GPa"),
+    PartMaterials((PartMaterial("object", "body", 0, MATERIAL, BodyModel.RIGID, "thin"),), "none"),
     GEOMETRY,
     REPORT,
     RegionRequest("seat", (), ("part:pillow",), ""),
