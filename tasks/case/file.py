@@ -16,6 +16,7 @@ from dcap.geometry.primitives import Box, Capsule, Cylinder, Primitive
 from dcap.language.material_table import load_materials
 from dcap.scene.errors import InputError
 from dcap.scene.spelling import did_you_mean
+from dcap.scene.types.materials import ContactFriction
 
 RIGID_ABOVE = 1e9  # Young's modulus [Pa] above which `model: auto` is rigid (the paper's section 3)
 UNIT_TOLERANCE = 0.01  # of a quaternion's length: two decimals, as people write them
@@ -76,6 +77,11 @@ class CaseMaterial(BaseModel, **Strict):
     static_friction: NonNegativeFloat
     dynamic_friction: NonNegativeFloat
     rolling_resistance: NonNegativeFloat = 0.0
+
+    @property
+    def friction(self) -> ContactFriction:
+        """What it contributes to a contact."""
+        return ContactFriction(self.static_friction, self.dynamic_friction, self.rolling_resistance)
 
 
 class CaseBody(BaseModel, **Strict):

@@ -14,7 +14,7 @@ from dcap.scene.types.segmentation import Segmentation
 from tasks.anchor.stage import AnchorConfig, anchor
 from tasks.intent.stage import IntentConfig, intent
 from tasks.materials.stage import MaterialsConfig, materials
-from tasks.particles.scenario import ParticlesConfig
+from tasks.particles.config import ParticlesConfig
 from tasks.particles.stage import particles
 from tasks.rotation.stage import RotationConfig, rotation
 

@@ -12,6 +12,18 @@ class BodyModel(StrEnum):
 
 
 @dataclass(frozen=True, slots=True)
+class ContactFriction:
+    """What resists motion along a contact; of a pair of bodies the geometric mean of the two counts."""
+
+    static: float
+    """Coefficient of static friction mu_s [-]."""
+    dynamic: float
+    """Coefficient of dynamic friction mu_d [-]."""
+    rolling_resistance: float
+    """Rolling resistance length [m]."""
+
+
+@dataclass(frozen=True, slots=True)
 class Material:
     """One row of materials.csv."""
 
@@ -31,6 +43,11 @@ class Material:
     kind: str
     """rigid | soft | thin."""
     source: str
+
+    @property
+    def friction(self) -> ContactFriction:
+        """What it contributes to a contact."""
+        return ContactFriction(self.static_friction, self.dynamic_friction, self.rolling_resistance)
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,3 +79,7 @@ class PartMaterials:
     def of(self, body: str, part_index: int) -> PartMaterial:
         """The row of one part."""
         return next(r for r in self.rows if r.body == body and r.part_index == part_index)
+
+    def of_parts(self, body: str, count: int) -> list[PartMaterial]:
+        """The rows of all parts of a body, in their order."""
+        return [self.of(body, index) for index in range(count)]
