@@ -158,7 +158,7 @@ def base_of(values: Values) -> dict[str, str] | None:
 def mass_of(values: Values) -> float | None:
     """Mass that was simulated [kg], or the prior if nothing was."""
     if values.particles:
-        return values.particles.bodies[0].mass
+        return values.particles.bodies[0].inertial.mass
     return values.intent.mass if values.intent else None
 
 

@@ -22,7 +22,7 @@ from tasks.intent.stage import IntentConfig, intent_task
 from tasks.materials.stage import MaterialsConfig, materials_task
 from tasks.mesh.stage import MeshConfig, mesh_object_task, mesh_scene_task
 from tasks.overview import OverviewConfig, overview_task
-from tasks.particles.scenario import ParticlesConfig
+from tasks.particles.config import ParticlesConfig
 from tasks.particles.stage import particles_task
 from tasks.render.stage import RenderConfig, render_task
 from tasks.rotation.stage import RotationConfig, rotation_task

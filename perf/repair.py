@@ -25,7 +25,7 @@ from dcap.scene.types.segmentation import Segmentation
 from dcap.synthetic.recipes import room_names
 from perf.segments import read_room
 from tasks.mesh.stage import MeshConfig, mesh_scene
-from tasks.particles.scenario import ParticlesConfig
+from tasks.particles.config import ParticlesConfig
 from tasks.segment.stage import SegmentConfig, segment, segment_object
 
 SUPPORTS = frozenset({"mattress", "blanket", "pillow", "seat cushion", "seat", "top", "board", "shade", "rim", "floor"})

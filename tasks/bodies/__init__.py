@@ -1,1 +1,1 @@
-"""What cases and placements share in building bodies: footprints and background grids."""
+"""How simulated bodies are built, for cases and for placements: from a solid and its material to the solver's model."""

@@ -17,6 +17,7 @@ from dcap.geometry.primitives import Box, Capsule, Cylinder, Primitive
 from dcap.language.material_table import load_materials
 from dcap.scene.errors import InputError
 from dcap.scene.spelling import did_you_mean
+from dcap.scene.types.materials import ContactFriction
 
 RIGID_ABOVE = 1e9  # Young's modulus [Pa] above which `model: auto` is rigid (the paper's section 3)
 UNIT_TOLERANCE = 0.01  # of a quaternion's length: two decimals, as people write them
@@ -51,7 +52,7 @@ class CapsuleShape(BaseModel, **Strict):
     length: NonNegativeFloat
 
 
-class Shape(BaseModel, **Strict):
+class CaseShape(BaseModel, **Strict):
     """Exactly one of the five."""
 
     box: BoxShape | None = None
@@ -61,7 +62,7 @@ class Shape(BaseModel, **Strict):
     mesh: str | None = None
 
     @model_validator(mode="after")
-    def _one(self) -> "Shape":
+    def _one(self) -> "CaseShape":
         given = [k for k, v in self if v is not None]
         if len(given) != 1:
             raise ValueError(f"give exactly one of box, sphere, cylinder, capsule, mesh; got {given or 'none'}")
@@ -78,12 +79,17 @@ class CaseMaterial(BaseModel, **Strict):
     dynamic_friction: NonNegativeFloat
     rolling_resistance: NonNegativeFloat = 0.0
 
+    @property
+    def friction(self) -> ContactFriction:
+        """What it contributes to a contact."""
+        return ContactFriction(self.static_friction, self.dynamic_friction, self.rolling_resistance)
+
 
 class CaseBody(BaseModel, **Strict):
     """One body."""
 
     name: Annotated[str, Field(min_length=1, pattern=r"^[A-Za-z0-9_.-]+$")]
-    shape: Shape
+    shape: CaseShape
     position: Vector3
     quaternion: Annotated[list[float], Field(min_length=4, max_length=4)] = [1.0, 0.0, 0.0, 0.0]
     velocity: Vector3 = [0.0, 0.0, 0.0]
@@ -168,7 +174,9 @@ def _first_complaint(error: ValidationError) -> str:
     first = next((c for c in complaints if c["type"] == "extra_forbidden"), complaints[0])  # a typo explains the rest
     where = ".".join(str(part) for part in first["loc"])
     if first["type"] == "extra_forbidden":
-        known = sorted({*Case.model_fields, *CaseBody.model_fields, *CaseMaterial.model_fields, *Shape.model_fields})
+        known = sorted(
+            {*Case.model_fields, *CaseBody.model_fields, *CaseMaterial.model_fields, *CaseShape.model_fields}
+        )
         return f"{where}: unknown key" + (did_you_mean(first["loc"][-1], known) or f"; known are {known}")
     return f"{where}: {first['msg']} (got {first.get('input')!r})"
 
@@ -194,7 +202,7 @@ def is_rigid(body: CaseBody, material: CaseMaterial) -> bool:
     return body.model == "rigid" or (body.model == "auto" and material.youngs_modulus > RIGID_ABOVE)
 
 
-def primitive_of(shape: Shape) -> Primitive | None:
+def primitive_of(shape: CaseShape) -> Primitive | None:
     """The primitive of a shape, None for a mesh."""
     if shape.box:
         return Box(np.asarray(shape.box.size, dtype=np.float64))

@@ -5,7 +5,7 @@ import os
 import sys
 import tempfile
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -20,11 +20,12 @@ from dcap.scene.types.mesh import Mesh
 from solver.certificate import Signals
 from solver.config import SolverConfig
 from solver.errors import ArchError, ModelError, UnstableStep
-from solver.model.bodies import Body, Model
+from solver.model.bodies import Body
 from solver.result import Result
 from solver.settle import settle
 from solver.warmup import warm_up
-from tasks.case.bodies import build_bodies
+from tasks.bodies.solver_model import solver_model
+from tasks.case.bodies import case_particles
 from tasks.case.file import Case, checked_case, read_case
 from tasks.case.stiff_bodies import load_aware as stiffened
 
@@ -50,14 +51,13 @@ def run_case(
     try:
         if load_aware:
             case, notes = stiffened(case, path.parent, SolverConfig().penetration_target)
-        bodies, cell = build_bodies(case, path.parent, chosen)
+        particles = case_particles(case, path.parent, chosen)
+        model = solver_model(particles, case.gravity, [(a, b) for a, b in case.bonds])
     except (ModelError, GeometryError) as error:
         raise InputError(f"{path}: {error}") from error
-    pairs = tuple((p.a, p.b, p.static_friction, p.dynamic_friction) for p in case.friction_pairs)
+    bodies, cell = model.bodies, particles.resolution
     built = begin
     try:
-        bonds = tuple((a, b) for a, b in case.bonds)
-        model = Model(tuple(bodies), np.asarray(case.gravity, dtype=np.float64), pairs, bonds)
         config = SolverConfig.model_validate(
             {
                 "threads": threads, "seed": case.seed, "arch": arch, "method": solver, "inertia": case.inertia,
@@ -91,7 +91,7 @@ def _progress(step: int, seconds: float, signals: Signals) -> None:
         )
 
 
-def _broken(error: UnstableStep, bodies: list[Body], cell: float, notes: list[str]) -> dict[str, object]:
+def _broken(error: UnstableStep, bodies: Sequence[Body], cell: float, notes: list[str]) -> dict[str, object]:
     """result.json of a drop without a last state that can be believed, without times."""
     return {
         "verdict": "unstable_step", "bodies": {body.name: None for body in bodies}, "contacts": [], "residual": None,
@@ -100,7 +100,7 @@ def _broken(error: UnstableStep, bodies: list[Body], cell: float, notes: list[st
     }  # fmt: skip
 
 
-def summarise(case: Case, bodies: list[Body], result: Result, cell: float) -> dict[str, object]:
+def summarise(case: Case, bodies: Sequence[Body], result: Result, cell: float) -> dict[str, object]:
     """result.json without times."""
     described = {}
     for given, body, rest in zip(case.bodies, bodies, result.bodies, strict=True):
@@ -130,7 +130,7 @@ def summarise(case: Case, bodies: list[Body], result: Result, cell: float) -> di
     }
 
 
-def write_case(out: Path, summary: dict[str, object], bodies: list[Body], result: Result | None) -> None:
+def write_case(out: Path, summary: dict[str, object], bodies: Sequence[Body], result: Result | None) -> None:
     """Write the files beside their place and move them in, result.json last: whoever sees it sees everything.
 
     Files of an earlier result are replaced or removed; whatever else lies in the folder stays.

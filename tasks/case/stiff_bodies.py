@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from solver.contact.predict import deflection
-from tasks.case.bodies import Solid
 from tasks.case.file import Case
+from tasks.case.solid import CaseSolid
 
 
 def load_aware(case: Case, folder: Path, invisible: float) -> tuple[Case, list[str]]:
@@ -20,7 +20,7 @@ def load_aware(case: Case, folder: Path, invisible: float) -> tuple[Case, list[s
     clamped at its bottom: then a bar as high as it is. Without a free body or gravity there is no load to predict from
     and nothing is changed.
     """
-    solids = [Solid(body, folder) for body in case.bodies]
+    solids = [CaseSolid(body, folder) for body in case.bodies]
     weight = float(np.linalg.norm(case.gravity)) * sum(s.mass for s in solids if not s.fixed)
     if weight == 0.0:
         return case, []
@@ -39,7 +39,7 @@ def load_aware(case: Case, folder: Path, invisible: float) -> tuple[Case, list[s
     return case.model_copy(update={"bodies": bodies}), notes
 
 
-def sides_of(solid: Solid) -> tuple[float, float, float]:
+def sides_of(solid: CaseSolid) -> tuple[float, float, float]:
     """Length, width and thickness [m] of the bar that a body is at most."""
     if solid.primitive is not None:
         extent = 2.0 * solid.primitive.half_extents

@@ -17,14 +17,14 @@ from dcap.scene.types.anchor import Anchor
 from dcap.scene.types.intent import Intent
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.outcome import Infeasible, Reason
-from dcap.scene.types.particles import Particles, SimulationBody
+from dcap.scene.types.particles import Particles
 from dcap.scene.types.settled import Settled, SettledBody
 from solver.certificate import Signals
 from solver.config import SolverConfig
 from solver.errors import ArchError, UnstableStep
-from solver.model.bodies import Body, Interior, Model, RigidBody, SignedDistance, SoftBody
 from solver.result import AT_REST, NO_EQUILIBRIUM, Result
 from solver.settle import settle
+from tasks.bodies.solver_model import solver_model
 from tasks.runner.stage import stage
 
 Array = NDArray[np.float64]
@@ -51,7 +51,7 @@ class DropConfig(BaseModel, frozen=True, extra="forbid"):
 
 def drop(particles: Particles, anchor: Anchor, intent: Intent, seed: int, config: DropConfig) -> Settled | Infeasible:
     """Settle the object and judge the outcome against what was asked."""
-    model = model_of(particles)
+    model = solver_model(particles, GRAVITY)
     solver = config.solver.model_copy(update={"threads": config.threads, "seed": seed})
     try:
         result = settle(model, solver, _progress)
@@ -71,32 +71,6 @@ def drop(particles: Particles, anchor: Anchor, intent: Intent, seed: int, config
 def _progress(step: int, seconds: float, signals: Signals) -> None:
     if step % REPORTED == 0:
         LOG.info("step %d, %.2f s, %.2g m/s", step, seconds, signals.speed)
-
-
-def model_of(particles: Particles) -> Model:
-    """The solver's model of the simulation bodies."""
-    return Model(tuple(_body(b) for b in particles.bodies), np.array(GRAVITY), particles.friction_pairs)
-
-
-def _body(body: SimulationBody) -> Body:
-    common = (
-        body.name, body.fixed, body.surface.vertices, body.surface.faces,
-        SignedDistance(body.distance.origin, body.distance.spacing, body.distance.values), body.mass,
-        body.center_of_mass, body.static_friction, body.dynamic_friction, body.rolling_resistance,
-    )  # fmt: skip
-    if body.rigid:
-        return RigidBody(*common, body.inertia)
-    interior = Interior(
-        body.particle_position,
-        body.particle_volume,
-        body.particle_density,
-        body.particle_youngs_modulus,
-        body.particle_poisson_ratio,
-        (body.grid_x, body.grid_y, body.grid_z),
-        body.node_held,
-        loaded=body.fixed,
-    )
-    return SoftBody(*common, interior)
 
 
 def settled_of(particles: Particles, result: Result) -> Settled:

@@ -17,7 +17,7 @@ from dcap.language.protocol.replies import MaterialChoice
 from dcap.language.protocol.requests import MaterialQuestion, MaterialsRequest
 from dcap.scene.types.anchor import Anchor
 from dcap.scene.types.intent import Intent
-from dcap.scene.types.materials import Material, Model, PartMaterial, PartMaterials
+from dcap.scene.types.materials import BodyModel, Material, PartMaterial, PartMaterials
 from dcap.scene.types.outcome import Infeasible
 from dcap.scene.types.segmentation import Segmentation
 from tasks.materials.stiff_parts import stiffened
@@ -112,8 +112,8 @@ def part_material(
         reason += change
     if question.body == OBJECT and intent.hollow:
         reason += f"; hollow: its density is set so that the whole weighs {intent.mass:.3g} kg"
-    model = Model.RIGID if material.youngs_modulus > config.rigid_above else Model.MPM
-    side = "above" if model is Model.RIGID else "not above"
+    model = BodyModel.RIGID if material.youngs_modulus > config.rigid_above else BodyModel.MPM
+    side = "above" if model is BodyModel.RIGID else "not above"
     reason += f"; E {material.youngs_modulus:.3g} Pa is {side} {config.rigid_above:.3g} Pa"
     return PartMaterial(question.body, question.part.name, question.part.index, material, model, reason)
 

@@ -11,7 +11,7 @@ import numpy as np
 from dcap.geometry.raycast import Raycaster
 from dcap.scene.types.anchor import Anchor
 from dcap.scene.types.intent import Intent
-from dcap.scene.types.materials import Model, PartMaterial
+from dcap.scene.types.materials import BodyModel, PartMaterial
 from dcap.scene.types.segmentation import Segmentation
 from solver.contact.predict import deflection
 from tasks.bodies.footprint import GRAVITY, first_curvature
@@ -46,9 +46,9 @@ def stiffened(
             changed.append(row)
             continue
         depth = deflection(weight, radius, (length, width, thickness), m.youngs_modulus, m.poisson_ratio)
-        if row.model is Model.MPM and depth < invisible:
+        if row.model is BodyModel.MPM and depth < invisible:
             why = f"would give {1e3 * depth:.2g} mm under {weight:.3g} N, below {1e3 * invisible:.2g} mm (load-aware)"
             notes.append(f"{row.body}: {row.part} ({m.id}) is treated as rigid: it {why}")
-            row = replace(row, model=Model.RIGID, reason=f"{row.reason}; but it {why}: rigid")
+            row = replace(row, model=BodyModel.RIGID, reason=f"{row.reason}; but it {why}: rigid")
         changed.append(row)
     return changed, tuple(notes)

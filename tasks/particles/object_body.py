@@ -1,6 +1,6 @@
 """The object of the drop as a simulated body: rigid, soft, or soft with a rigid core."""
 
-from dataclasses import replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,93 +9,101 @@ from dcap.geometry.distance import Distance, MeshDistance, sampler
 from dcap.geometry.solid.boundary import is_closed
 from dcap.geometry.solid.closed import Allowed, enclosed, is_sheet, tidied, used_as_given, with_faces_kept
 from dcap.geometry.solid.fill import fill
-from dcap.geometry.solid.repair import mass_properties, outer_faces, simplified, subdivide_near
+from dcap.geometry.solid.repair import outer_faces, simplified
 from dcap.geometry.solid.repair import volume as mesh_volume
 from dcap.geometry.solid.repairs_done import Done
 from dcap.scene.errors import GeometryError
-from dcap.scene.types.materials import Material, Model, PartMaterial
+from dcap.scene.types.materials import BodyModel, Material, PartMaterial
 from dcap.scene.types.mesh import Mesh
-from dcap.scene.types.particles import DistanceGrid, SimulationBody
-from dcap.scene.types.repair_report import RepairReport
-from tasks.bodies.footprint import Footprint
-from tasks.bodies.soft_cells import Cells, nodes, thickness, uniform_cells
-from tasks.particles.scenario import (
-    CORE,
-    FREE,
-    Scenario,
-    body_grid,
-    constants,
-    moments,
-    note_friction,
-    note_geometry,
-    rigid_body,
+from dcap.scene.types.particles import (
+    DistanceGrid,
+    InertialProperties,
+    RigidSimulationBody,
+    SimulationBody,
+    SoftSimulationBody,
 )
+from dcap.scene.types.repair_report import RepairReport
+from tasks.bodies.contact_surface import rigid_object_surface, soft_object_surface
+from tasks.bodies.distance_samples import distance_samples
+from tasks.bodies.inertial import inertial_of_material, inertial_of_points, inertial_of_solid
+from tasks.bodies.material_points import material_points, with_mass
+from tasks.bodies.node_states import grid_of
+from tasks.bodies.soft_cells import Cells, Planes, nodes, thickness, uniform_cells
+from tasks.particles.drop_setup import DropSetup, constants_of_parts
 
 Array = NDArray[np.float64]
 
+OBJECT = "object"
 UNMOVED = 1e-4  # what can be seen of an object may move this far [m]: contact points are its given faces
 SAMPLES = 220.0  # of the distance along the object's diagonal, if ParticlesConfig.object_distance_samples allow
-LEAST_EDGE = 2e-3  # contact points are never refined beyond this [m]
+SAMPLES_PER_CELL = 3.0  # of the distance in a cell under the contact, at least
+MARGIN = 0.01  # the distance reaches this far beyond the object [m]
+FILL_CELLS = 36  # cells along each side that fill a rigid object of several materials, for its mass
+POINTS_ACROSS = 10.0  # edges across the footprint of a rigid object on a rigid base
 
 
-def object_body(s: Scenario, foot: Footprint, contact_cell: float, on_soft: bool) -> tuple[SimulationBody, float]:
-    """The thing to place and its cell size [m] (a rigid one: the size that its contact points resolve)."""
-    instance = s.item.instances[0]
-    rows = s.rows("object", len(instance.parts))
-    part_of_face = np.clip(s.item.face_part, 0, None)
+@dataclass(frozen=True, eq=False, slots=True)
+class ObjectBody:
+    """The thing to place."""
+
+    body: SimulationBody
+    cell: float
+    """Its cell size [m]; of a rigid one the size that its contact points resolve."""
+
+
+def object_body(setup: DropSetup, contact_cell: float, *, on_soft: bool) -> ObjectBody:
+    """The thing to place, with points of contact for cells of `contact_cell` [m] in the base, if that is soft."""
+    instance = setup.item.instances[0]
+    rows = setup.materials.of_parts(OBJECT, len(instance.parts))
+    part_of_face = np.clip(setup.item.face_part, 0, None)
     used = sorted(set(part_of_face.tolist()))
-    rigid = all(rows[p].model is Model.RIGID for p in used)
-    size = float(np.linalg.norm(np.ptp(s.mesh.vertices, axis=0)))
-    solid, report = solid_of(s.mesh)
-    note_geometry(s, "object", [instance.parts[p].name for p in used], report)
-    spacing = min(contact_cell / 3.0, size / SAMPLES)
-    grid = body_grid(solid, s.mesh.bounds, spacing, 0.01, s.config.object_distance_samples)
-    touching = rows[int(part_of_face[foot.face_nearest])]
-    note_friction(s, "object", touching, len(used))
-    if rigid:
-        mass, center, inertia = rigid_mass(s, rows, part_of_face, grid)
-        surface = contact_surface(s, foot, contact_cell if on_soft else foot.small_side / 10.0)
-        body = rigid_body("object", "object", False, surface, grid, touching.material)
-        return replace(body, mass=mass, center_of_mass=center, inertia=inertia), contact_cell
-    return soft_object(s, foot, rows, part_of_face, grid, touching.material)
+    solid, report = solid_of(setup.mesh)
+    setup.note_geometry(OBJECT, [instance.parts[p].name for p in used], report)
+    size = float(np.linalg.norm(np.ptp(setup.mesh.vertices, axis=0)))
+    spacing = min(contact_cell / SAMPLES_PER_CELL, size / SAMPLES)
+    most = setup.config.object_distance_samples
+    grid = distance_samples(solid, setup.mesh.bounds, spacing, margin=MARGIN, most=most)
+    touching = rows[int(part_of_face[setup.footprint.face_nearest])]
+    setup.note_friction(OBJECT, touching, len(used))
+    if any(rows[p].model is BodyModel.MPM for p in used):
+        return soft_object(setup, rows, part_of_face, grid, touching.material)
+    inertial = rigid_inertial(setup, rows, part_of_face, grid)
+    edge = contact_cell if on_soft else setup.footprint.small_side / POINTS_ACROSS
+    body = RigidSimulationBody(
+        name=OBJECT, instance=OBJECT, fixed=False, distance=grid, inertial=inertial,
+        surface=rigid_object_surface(simplified_item(setup), setup.footprint, edge),
+        friction=touching.material.friction,
+    )  # fmt: skip
+    return ObjectBody(body, contact_cell)
 
 
-def contact_surface(s: Scenario, foot: Footprint, cell: float) -> Mesh:
-    """Surface of a rigid object: edges of about `cell` [m] where it will touch, no more points than contact needs."""
-    mesh = simplified_item(s)
-    margin = 0.3 * (foot.high - foot.low) + foot.depth
-    region = foot.wider + np.stack([-margin, margin])
-    return subdivide_near(mesh, region, max(cell, foot.small_side / 24.0, LEAST_EDGE))
-
-
-def simplified_item(s: Scenario) -> Mesh:
+def simplified_item(setup: DropSetup) -> Mesh:
     """The object's surface with as many vertices as contact needs."""
-    mesh = simplified(s.mesh, s.config.contact_vertices)
-    if mesh is not s.mesh:
-        s.notes.append(
-            f"object: contact surface simplified from {len(s.mesh.vertices)} to {len(mesh.vertices)} vertices"
+    mesh = simplified(setup.mesh, setup.config.contact_vertices)
+    if mesh is not setup.mesh:
+        setup.notes.append(
+            f"object: contact surface simplified from {len(setup.mesh.vertices)} to {len(mesh.vertices)} vertices"
         )
     return mesh
 
 
-def rigid_mass(
-    s: Scenario, rows: list[PartMaterial], part_of_face: NDArray[np.int32], grid: DistanceGrid
-) -> tuple[float, Array, Array]:
-    """Mass [kg], centre of mass [m] and inertia [kg m^2] of a rigid object."""
+def rigid_inertial(
+    setup: DropSetup, rows: list[PartMaterial], part_of_face: NDArray[np.int32], grid: DistanceGrid
+) -> InertialProperties:
+    """Mass, centre of mass and inertia of a rigid object."""
     densities = {rows[p].material.density for p in set(part_of_face.tolist())}
-    if len(densities) == 1 and is_closed(s.mesh):
-        natural, center, inertia = mass_properties(s.mesh, densities.pop())
+    if len(densities) == 1 and is_closed(setup.mesh):
+        natural = inertial_of_solid(setup.mesh, densities.pop())
     else:
         position, volume = filled(grid)
-        density = np.array([r.material.density for r in rows])[part_at(s.mesh, part_of_face, position)]
-        natural, center, inertia = moments(position, volume * density)
-    mass = authoritative_mass(s, natural)
-    return mass, center, inertia * (mass / natural)
+        density = np.array([r.material.density for r in rows])[part_at(setup.mesh, part_of_face, position)]
+        natural = inertial_of_points(position, volume * density)
+    return natural.scaled_to(object_mass(setup, natural.mass))
 
 
 def filled(grid: DistanceGrid) -> tuple[Array, Array]:
     """Points and volumes [m^3] that fill the solid of a distance grid."""
-    count = np.minimum(np.array(grid.values.shape) - 1, 36)
+    count = np.minimum(np.array(grid.values.shape) - 1, FILL_CELLS)
     end = grid.origin + grid.spacing * (np.array(grid.values.shape) - 1)
     x, y, z = (np.linspace(grid.origin[a], end[a], count[a] + 1) for a in range(3))
     position, volume = fill((x, y, z), sampler(grid))
@@ -106,77 +114,76 @@ def filled(grid: DistanceGrid) -> tuple[Array, Array]:
     return position, volume
 
 
-def authoritative_mass(s: Scenario, natural: float) -> float:
-    """The object's mass [kg]: what was given or is usual for hollow things, else density times volume if that is
-    plausible.
+def object_mass(setup: DropSetup, natural: float) -> float:
+    """The object's mass [kg]: what was given or is usual for hollow things, else density times volume (`natural`) if
+    that is plausible.
     """
-    ratio = natural / s.intent.mass
-    if not (s.intent.hollow or s.intent.mass_given) and 1.0 / s.config.mass_trust <= ratio <= s.config.mass_trust:
+    intent, trust = setup.intent, setup.config.mass_trust
+    ratio = natural / intent.mass
+    if not (intent.hollow or intent.mass_given) and 1.0 / trust <= ratio <= trust:
         return natural
-    s.notes.append(
-        f"object: density scaled by {1.0 / ratio:.3g} so that it weighs {s.intent.mass:.3g} kg, not {natural:.3g} kg"
+    setup.notes.append(
+        f"object: density scaled by {1.0 / ratio:.3g} so that it weighs {intent.mass:.3g} kg, not {natural:.3g} kg"
     )
-    return s.intent.mass
+    return intent.mass
 
 
 def soft_object(
-    s: Scenario,
-    foot: Footprint,
+    setup: DropSetup,
     rows: list[PartMaterial],
     part_of_face: NDArray[np.int32],
     grid: DistanceGrid,
     touching: Material,
-) -> tuple[SimulationBody, float]:
-    """A soft object, possibly with a rigid core, and its cell size [m]."""
-    distance = sampler(grid)
-    contact = s.config.cell or max(foot.radius / s.config.least_cells_per_radius, s.config.finest_cell)
-    thin = thickness(grid)
-    cells = uniform_cells(distance, s.mesh.bounds, thin, contact, s.config.cells_through, s.config.object_cells)
+) -> ObjectBody:
+    """A soft object, possibly with a rigid core."""
+    inside = sampler(grid)
+    cells = object_cells(setup, grid, inside)
+    points = material_points(
+        cells.planes, inside, lambda x: constants_of_parts(rows, part_at(setup.mesh, part_of_face, x)),
+        if_empty=f"object: it encloses no volume at {1e3 * grid.spacing:.2g} mm: it is a sheet; give it a thickness",
+    )  # fmt: skip
+    points = with_mass(points, object_mass(setup, inertial_of_material(points).mass))
+    body = SoftSimulationBody(
+        name=OBJECT, instance=OBJECT, fixed=False, distance=grid, friction=touching.friction,
+        inertial=inertial_of_material(points),
+        surface=soft_object_surface(simplified_item(setup), setup.mesh.bounds, cells.size), points=points,
+        grid=grid_of(cells.planes, core=core_nodes(setup, cells.planes, rows, part_of_face, inside)), loaded=False,
+    )  # fmt: skip
+    return ObjectBody(body, cells.size)
+
+
+def object_cells(setup: DropSetup, grid: DistanceGrid, inside: Distance) -> Cells:
+    """A uniform grid around a soft object; fewer cells through thin parts than bending needs are noted."""
+    config, thin = setup.config, thickness(grid)
+    contact = config.cell or max(setup.footprint.radius / config.least_cells_per_radius, config.finest_cell)
+    cells = uniform_cells(inside, setup.mesh.bounds, thin, contact, config.cells_through, config.object_cells)
     through = float(min(thin[a] / np.diff(cells.planes[a])[0] for a in range(3)))
-    if through < s.config.least_cells_through:
-        s.notes.append(
+    if through < config.least_cells_through:
+        setup.notes.append(
             f"object: only {through:.1f} cells through thin parts; {cells.count} cells of {1e3 * cells.size:.2g} mm "
-            f"meet the budget of {s.config.object_cells} (ParticlesConfig.object_cells)"
+            f"meet the budget of {config.object_cells} (ParticlesConfig.object_cells)"
         )
-    position, volume = fill(cells.planes, distance)
-    part = part_at(s.mesh, part_of_face, position)
-    density, stiffness, poisson = constants(rows, part)
-    natural, _, _ = moments(position, volume * density)
-    density = density * (authoritative_mass(s, natural) / natural)
-    mass, center, inertia = moments(position, volume * density)
-    edge = max(cells.size, float(np.ptp(s.mesh.vertices, axis=0).max()) / 100.0)
-    surface = subdivide_near(simplified_item(s), s.mesh.bounds, edge)
-    body = rigid_body("object", "object", False, surface, grid, touching)
-    return replace(
-        body, rigid=False, mass=mass, center_of_mass=center, inertia=inertia, particle_position=position,
-        particle_volume=volume, particle_density=density, particle_youngs_modulus=stiffness,
-        particle_poisson_ratio=poisson, grid_x=cells.planes[0], grid_y=cells.planes[1], grid_z=cells.planes[2],
-        node_held=core_nodes(s, cells, rows, part_of_face, distance),
-    ), cells.size  # fmt: skip
+    return cells
 
 
 def core_nodes(
-    s: Scenario,
-    cells: Cells,
-    rows: list[PartMaterial],
-    part_of_face: NDArray[np.int32],
-    distance: Distance,
-) -> NDArray[np.int8]:
-    """Nodes inside rigid parts of a soft object: they move as one."""
-    point = nodes(cells.planes)
-    state = np.full(len(point), FREE, dtype=np.int8)
-    stiff = np.array([r.model is Model.RIGID for r in rows])
-    inside = np.flatnonzero(distance(point) < 0.0)
+    setup: DropSetup, planes: Planes, rows: list[PartMaterial], part_of_face: NDArray[np.int32], inside: Distance
+) -> NDArray[np.bool_]:
+    """Nodes inside rigid parts of a soft object: they move as one, if they span a volume."""
+    point = nodes(planes)
+    mask = np.zeros(len(point), dtype=bool)
+    stiff = np.array([r.model is BodyModel.RIGID for r in rows])
     if stiff.any():
-        core = inside[stiff[part_at(s.mesh, part_of_face, point[inside])]]
-        names = ", ".join(sorted({r.part for r in rows if r.model is Model.RIGID}))
+        within = np.flatnonzero(inside(point) < 0.0)
+        core = within[stiff[part_at(setup.mesh, part_of_face, point[within])]]
+        names = ", ".join(sorted({r.part for r in rows if r.model is BodyModel.RIGID}))
         spread = np.linalg.matrix_rank(point[core] - point[core].mean(axis=0), tol=1e-6) if len(core) > 3 else 0
         if spread == 3:
-            state[core] = CORE
-            s.notes.append(f"object: {names} is a rigid core of {len(core)} nodes in a soft body")
+            mask[core] = True
+            setup.notes.append(f"object: {names} is a rigid core of {len(core)} nodes in a soft body")
         else:
-            s.notes.append(f"object: {names} is smaller than a cell and only stiffens it")
-    return state.reshape([len(p) for p in cells.planes])
+            setup.notes.append(f"object: {names} is smaller than a cell and only stiffens it")
+    return mask.reshape([len(p) for p in planes])
 
 
 def part_at(mesh: Mesh, part_of_face: NDArray[np.int32], points: Array) -> NDArray[np.int64]:

@@ -11,12 +11,13 @@ from dcap.scene.types.anchor import Anchor
 from dcap.scene.types.intent import Intent
 from dcap.scene.types.materials import PartMaterials
 from dcap.scene.types.outcome import Infeasible
-from dcap.scene.types.particles import Particles, SimulationBody
+from dcap.scene.types.particles import Particles, SimulationBody, SoftSimulationBody
 from dcap.scene.types.segmentation import Segmentation
 from tasks.particles.base_bodies import base_bodies
+from tasks.particles.config import ParticlesConfig
+from tasks.particles.drop_setup import DropSetup, contact_cell_size, drop_setup
 from tasks.particles.object_body import object_body
 from tasks.particles.obstacles import neighbours
-from tasks.particles.scenario import ParticlesConfig, Scenario, cell_wanted, footprint, scenario
 from tasks.runner.stage import stage
 
 
@@ -29,29 +30,29 @@ def particles(
     config: ParticlesConfig,
 ) -> Particles | Infeasible:
     """Build every body of the drop."""
-    s = scenario(scene, item, intent, anchor, materials, config)
-    foot = footprint(s)
-    base = base_bodies(s, foot)
-    contact_cell = base.cell if base.soft is not None else cell_wanted(foot, config)
-    item_body, item_cell = object_body(s, foot, contact_cell, base.soft is not None)
-    resolution = base.cell if base.soft is not None else item_cell
-    bodies = [item_body, *base.bodies, *neighbours(s, foot)]
-    note_overlaps(s, bodies)
-    total = sum(len(b.particle_volume) for b in bodies)
+    setup = drop_setup(scene, item, intent, anchor, materials, config)
+    base = base_bodies(setup)
+    on_soft = base.soft is not None
+    placed = object_body(setup, base.cell if on_soft else contact_cell_size(setup.footprint, config), on_soft=on_soft)
+    bodies: list[SimulationBody] = [placed.body, *base.bodies, *neighbours(setup)]
+    note_overlaps(setup, bodies)
+    total = sum(len(b.points.volume) for b in bodies if isinstance(b, SoftSimulationBody))
     if total > config.particle_limit:
         raise GeometryError(
             f"{total} particles > {config.particle_limit}; lower ParticlesConfig.object_cells ({config.object_cells}) "
             f"or base_cells ({config.base_cells}), or raise particle_limit"
         )
-    return Particles(tuple(bodies), (), resolution, tuple(s.notes), tuple(s.geometry))
+    return Particles(
+        tuple(bodies), (), base.cell if on_soft else placed.cell, tuple(setup.notes), tuple(setup.geometry)
+    )
 
 
-def note_overlaps(s: Scenario, bodies: list[SimulationBody]) -> None:
+def note_overlaps(setup: DropSetup, bodies: list[SimulationBody]) -> None:
     """Say where the object starts inside something."""
     for body in bodies[1:]:
         depth = -float(sampler(body.distance)(bodies[0].surface.vertices).min())
         if depth > 1e-3:
-            s.notes.append(f"the object starts {1e3 * depth:.1f} mm inside {body.name}")
+            setup.notes.append(f"the object starts {1e3 * depth:.1f} mm inside {body.name}")
 
 
 particles_task = stage(particles)

@@ -8,7 +8,7 @@ import pytest
 
 from dcap.scene.errors import InputError
 from solver.errors import UnstableStep
-from tasks.case.bodies import build_bodies
+from tasks.case.bodies import case_particles
 from tasks.case.file import Case, read_case
 from tasks.case.run import run_case
 
@@ -137,8 +137,8 @@ def test_a_tiny_body_costs_no_more_memory_than_a_large_one(tmp_path):
         }
         board = {"name": "floor", "shape": {"box": {"size": [0.4, 0.4, 0.05]}}, "position": [0, 0, -0.025],
                  "motion": "fixed", "material": "steel"}  # fmt: skip
-        bodies, _ = build_bodies(Case.model_validate({"bodies": [board, shape]}), tmp_path, None)
-        counts.append(bodies[1].distance.values.size)
+        found = case_particles(Case.model_validate({"bodies": [board, shape]}), tmp_path, None)
+        counts.append(found.bodies[1].distance.values.size)
     assert max(counts) < 10_000_000
 
 

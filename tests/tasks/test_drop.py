@@ -10,9 +10,10 @@ from dcap.geometry.distance import distance_grid
 from dcap.geometry.primitives import Box, Capsule, Primitive
 from dcap.scene.types.anchor import Anchor
 from dcap.scene.types.intent import Intent, OrientationRequest, RegionRequest
+from dcap.scene.types.materials import ContactFriction
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.outcome import Infeasible, Reason
-from dcap.scene.types.particles import Particles, SimulationBody
+from dcap.scene.types.particles import InertialProperties, Particles, RigidSimulationBody
 from dcap.scene.types.settled import Settled
 from solver.config import SolverConfig
 from tasks.drop.stage import DropConfig, carried_share, drop, tilt_of, toppling, turn_of, with_checks
@@ -26,22 +27,21 @@ def body(
     fixed: bool,
     turn: np.ndarray | None = None,
     mass: float = 1.0,
-) -> SimulationBody:
+) -> RigidSimulationBody:
     """A rigid primitive."""
     rotation = np.eye(3) if turn is None else turn
     surface = solid.surface(0.01)
     mesh = Mesh.of(surface.vertices @ rotation.T + np.array(position), surface.faces)
     low, high = mesh.bounds
     grid = distance_grid(mesh, low - 0.01, high + 0.01, 0.003)
-    none, empty = np.zeros(0), np.zeros((0, 3))
     inertia = rotation @ np.diag(solid.inertia_per_mass * mass) @ rotation.T
-    return SimulationBody(
-        name, "object" if name == "object" else "table", fixed, mesh, grid, True, mass, np.array(position), inertia,
-        0.6, 0.5, 1e-3, empty, none, none, none, none, none, none, none, np.zeros((0, 0, 0), dtype=np.int8),
+    return RigidSimulationBody(
+        name=name, instance="object" if name == "object" else "table", fixed=fixed, surface=mesh, distance=grid,
+        inertial=InertialProperties(mass, np.array(position), inertia), friction=ContactFriction(0.6, 0.5, 1e-3),
     )  # fmt: skip
 
 
-def table(turn: np.ndarray | None = None) -> SimulationBody:
+def table(turn: np.ndarray | None = None) -> RigidSimulationBody:
     """A board whose top is z = 0."""
     return body("table/rigid", Box(np.array([0.4, 0.4, 0.02])), [0, 0, -0.01], fixed=True, turn=turn)
 
@@ -69,7 +69,7 @@ def placement(found: Infeasible) -> dict[str, dict[str, float]]:
     return checks
 
 
-def run(item: SimulationBody, base: SimulationBody, intent: Intent, **solver: object) -> Settled | Infeasible:
+def run(item: RigidSimulationBody, base: RigidSimulationBody, intent: Intent, **solver: object) -> Settled | Infeasible:
     """Drop the object on the base."""
     particles = Particles((item, base), (), 0.01, ())
     return drop(particles, anchor(), intent, 0, DropConfig(solver=SolverConfig.model_validate(solver), threads=2))
@@ -115,7 +115,7 @@ def test_falling_over_counts_only_where_a_pose_or_a_facing_was_asked(pose: str, 
 def test_turning_away_counts_only_where_a_facing_was_asked(facing: str, reason: Reason | None) -> None:
     """A box that spins about the vertical on a slippery board ends turned by more than 45 degrees."""
     item = body("object", Box(np.array([0.1, 0.1, 0.05])), [0, 0, 0.026], fixed=False)
-    found = run(replace(item, static_friction=0.0, dynamic_friction=0.0), table(), asked("any", facing))
+    found = run(replace(item, friction=ContactFriction(0.0, 0.0, 1e-3)), table(), asked("any", facing))
     assert isinstance(found, Settled)  # nothing turns it
     spun = with_checks(
         replace(found, bodies=(replace(found.bodies[0], quaternion=about_z(60.0)), *found.bodies[1:])),

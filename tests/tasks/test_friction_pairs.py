@@ -8,12 +8,12 @@ import pytest
 
 from dcap.language.material_table import load_materials
 from dcap.scene.types.mesh import Mesh
-from dcap.scene.types.particles import DistanceGrid, Particles
+from dcap.scene.types.particles import DistanceGrid, Particles, RigidSimulationBody
 from solver.model.bodies import Model
-from tasks.case.bodies import build_bodies
+from tasks.bodies.inertial import inertial_of_shell
+from tasks.bodies.solver_model import solver_model
+from tasks.case.bodies import case_particles
 from tasks.case.file import Case
-from tasks.drop.stage import model_of
-from tasks.particles.scenario import rigid_body
 
 NAMES = ("steel", "granite")
 CORNERS = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
@@ -24,8 +24,14 @@ GRID = DistanceGrid(np.zeros(3), 1.0, np.zeros((3, 3, 3), np.float32))
 def placed() -> Model:
     """A placement's model of two rigid bodies."""
     library = load_materials()
-    bodies = (rigid_body(name, name, True, TETRAHEDRON, GRID, library[name]) for name in NAMES)
-    return model_of(Particles(tuple(bodies), (), 0.1, ()))
+    bodies = (
+        RigidSimulationBody(
+            name=name, instance=name, fixed=True, surface=TETRAHEDRON, distance=GRID,
+            inertial=inertial_of_shell(TETRAHEDRON, 1.0), friction=library[name].friction,
+        )
+        for name in NAMES
+    )  # fmt: skip
+    return solver_model(Particles(tuple(bodies), (), 0.1, ()), (0.0, 0.0, -9.81))
 
 
 def from_case(*pairs: dict[str, object]) -> Model:
@@ -35,8 +41,7 @@ def from_case(*pairs: dict[str, object]) -> Model:
         {"name": name, "shape": shape, "position": [0, 0, 0], "material": name, "motion": "fixed"} for name in NAMES
     ]
     case = Case.model_validate({"bodies": bodies, "friction_pairs": list(pairs)})
-    given = tuple((p.a, p.b, p.static_friction, p.dynamic_friction) for p in case.friction_pairs)
-    return Model(tuple(build_bodies(case, Path(), 0.25)[0]), np.zeros(3), given)
+    return solver_model(case_particles(case, Path(), 0.25), case.gravity)
 
 
 @pytest.mark.parametrize("model", [placed, from_case])

@@ -5,7 +5,7 @@ from box_rooms import CUBE, ROOM, ball, block, mug, thing
 from stage_chain import Stages
 
 from dcap.language.offline.client import OfflineClient
-from dcap.scene.types.materials import Model, PartMaterials
+from dcap.scene.types.materials import BodyModel, PartMaterials
 from dcap.scene.types.outcome import Infeasible
 from tasks.materials.stage import MaterialsConfig, materials
 
@@ -16,10 +16,10 @@ def test_one_row_per_part_and_the_gigapascal_rule(stages):
     """Object first, then the base; wood is rigid, the mattress is soft, each with a reason."""
     chosen = stages.made_of("put the mug on the bed", thing("mug", mug()))
     assert chosen.rows[0].body == "object"
-    assert chosen.of("bed", 1).model is Model.MPM
-    assert chosen.of("bed", 0).model is Model.RIGID
+    assert chosen.of("bed", 1).model is BodyModel.MPM
+    assert chosen.of("bed", 0).model is BodyModel.RIGID
     assert all(row.reason for row in chosen.rows)
-    assert all((row.material.youngs_modulus > 1e9) == (row.model is Model.RIGID) for row in chosen.rows)
+    assert all((row.material.youngs_modulus > 1e9) == (row.model is BodyModel.RIGID) for row in chosen.rows)
     assert "weighs" in chosen.rows[0].reason
 
 
@@ -48,7 +48,7 @@ def test_materials_hear_the_whole_prompt(stages):
     assert chosen.rows[0].material.source.startswith("density")
 
 
-@pytest.mark.parametrize(("share", "model"), [(1.4, Model.RIGID), (0.7, Model.MPM)])
+@pytest.mark.parametrize(("share", "model"), [(1.4, BodyModel.RIGID), (0.7, BodyModel.MPM)])
 def test_what_nobody_would_see_give_is_rigid_if_asked(share, model):
     """On either side of the dent that Hertz predicts for the ball in the mattress; the curvature of a ball of triangles
     is known to a factor of 2.7, so the dent, which goes with its cube root, to 1.4."""
@@ -64,9 +64,9 @@ def test_what_nobody_would_see_give_is_rigid_if_asked(share, model):
     assert isinstance(aware, PartMaterials)
     row = aware.of("bed", 1)
     assert row.model is model
-    assert ("load-aware" in row.reason) == (model is Model.RIGID)
-    assert any("mattress" in note for note in aware.notes) == (model is Model.RIGID)
-    assert (plain.of("bed", 1).model, plain.notes) == (Model.MPM, ())
+    assert ("load-aware" in row.reason) == (model is BodyModel.RIGID)
+    assert any("mattress" in note for note in aware.notes) == (model is BodyModel.RIGID)
+    assert (plain.of("bed", 1).model, plain.notes) == (BodyModel.MPM, ())
 
 
 def test_unknown_things_get_a_stated_fallback():

@@ -14,7 +14,7 @@ from dcap.scene.types.segmentation import Segmentation
 from tasks.anchor.stage import AnchorConfig, anchor
 from tasks.intent.stage import IntentConfig, intent
 from tasks.materials.stage import MaterialsConfig, materials
-from tasks.particles.scenario import ParticlesConfig
+from tasks.particles.config import ParticlesConfig
 from tasks.particles.stage import particles
 from tasks.rotation.stage import RotationConfig, rotation
 
@@ -50,7 +50,7 @@ def test_hollow_things_weigh_what_such_things_weigh(label, shape, usual, solid):
     filled = particles(TABLE, item, meant, found, rows, ParticlesConfig(base_cells=500, object_cells=1000))  # type: ignore[arg-type]
     assert isinstance(filled, Particles)
     body = filled.bodies[0]
-    assert body.mass == pytest.approx(usual, rel=0.15)
+    assert body.inertial.mass == pytest.approx(usual, rel=0.15)
     assert "density is set" in rows.rows[0].reason  # type: ignore[union-attr]
     assert rows.rows[0].material.density * shape.volume > solid  # type: ignore[union-attr]
     assert any(f"so that it weighs {meant.mass:.3g} kg" in note for note in filled.notes)

@@ -14,12 +14,13 @@ from dcap.scene.store.codec import encode
 from dcap.scene.types.anchor import Anchor
 from dcap.scene.types.box import OrientedBox
 from dcap.scene.types.intent import Intent, OrientationRequest, RegionRequest
-from dcap.scene.types.materials import Material, Model, PartMaterial, PartMaterials
+from dcap.scene.types.materials import BodyModel, Material, PartMaterial, PartMaterials
 from dcap.scene.types.mesh import Mesh
-from dcap.scene.types.particles import Particles
+from dcap.scene.types.particles import NodeState, Particles, RigidSimulationBody, SoftSimulationBody
 from dcap.scene.types.segmentation import Instance, Part, Segmentation
 from tasks.bodies.footprint import GRAVITY, predicted_footprint
-from tasks.particles.scenario import CORE, FREE, HELD, ParticlesConfig, scenario
+from tasks.particles.config import ParticlesConfig
+from tasks.particles.drop_setup import drop_setup
 from tasks.particles.stage import particles
 
 FOAM = Material("foam", 50.0, 2e4, 0.3, 0.6, 0.5, 0.002, "soft", "test")
@@ -119,7 +120,7 @@ def chosen(**object_parts: Material) -> PartMaterials:
     """Materials of the object's parts and of the bed."""
 
     def row(body: str, part: str, index: int, material: Material) -> PartMaterial:
-        model = Model.RIGID if material.youngs_modulus > 1e9 else Model.MPM
+        model = BodyModel.RIGID if material.youngs_modulus > 1e9 else BodyModel.MPM
         return PartMaterial(body, part, index, material, model, "test")
 
     rows = [row("object", name, i, m) for i, (name, m) in enumerate(object_parts.items())]
@@ -133,7 +134,7 @@ def chosen(**object_parts: Material) -> PartMaterials:
 def test_notes_about_materials_are_passed_on() -> None:
     """What was made rigid is said in the result's warnings."""
     rows = replace(chosen(body=WOOD), notes=("body is treated as rigid",))
-    found = scenario(
+    found = drop_setup(
         bed(), item(body=ball()), asked(1.0, hollow=True), above((0.0, 0.0, TOP + 0.11)), rows, ParticlesConfig()
     )
     assert "body is treated as rigid" in found.notes
@@ -157,7 +158,8 @@ def test_bodies_are_the_object_the_base_and_what_is_in_reach() -> None:
     """
     found = ball_on_bed()
     assert [b.name for b in found.bodies] == ["object", "bed_0", "box_1"]
-    assert [b.rigid for b in found.bodies] == [True, False, True]
+    kinds = [RigidSimulationBody, SoftSimulationBody, RigidSimulationBody]
+    assert [type(b) for b in found.bodies] == kinds
     assert [b.fixed for b in found.bodies] == [False, True, True]
     assert [b.instance for b in found.bodies] == ["object", "bed_0", "box_1"]
     assert any("box_1" in note for note in found.notes)
@@ -170,9 +172,9 @@ def test_a_hollow_ball_weighs_what_was_asked() -> None:
     body = ball_on_bed().bodies[0]
     # inscribed triangles: volume; inertia 5/3 of it
     facets = 3.0 * (1.26 * BALL_RADIUS / 16) ** 2 / (6.0 * BALL_RADIUS**2)
-    assert body.mass == 1.0
-    assert np.allclose(np.diag(body.inertia), 0.4 * BALL_RADIUS**2, rtol=facets * 5 / 3)
-    assert np.allclose(body.center_of_mass, [0, 0, TOP + BALL_RADIUS + 0.01], atol=1e-9)
+    assert body.inertial.mass == 1.0
+    assert np.allclose(np.diag(body.inertial.inertia), 0.4 * BALL_RADIUS**2, rtol=facets * 5 / 3)
+    assert np.allclose(body.inertial.center_of_mass, [0, 0, TOP + BALL_RADIUS + 0.01], atol=1e-9)
     assert any("so that it weighs 1 kg" in note for note in ball_on_bed().notes)
 
 
@@ -183,22 +185,22 @@ def test_the_mattress_is_a_solid_block_within_the_crop() -> None:
     body = ball_on_bed().bodies[1]
     area = (2.0 * BALL_RADIUS + 2.0 * 2.5 * 0.15) ** 2
     # mean height of the noise under the crop: its standard error over 25 x 25 scan points
-    assert body.particle_volume.sum() / area == pytest.approx(TOP - BOTTOM, abs=4 * NOISE / 25 + 2e-4)
-    assert np.allclose(body.particle_density, FOAM.density)
-    assert np.allclose(body.particle_youngs_modulus, FOAM.youngs_modulus)
-    assert (body.particle_position[:, 2] > BOTTOM - 1e-9).all()
+    assert body.points.volume.sum() / area == pytest.approx(TOP - BOTTOM, abs=4 * NOISE / 25 + 2e-4)
+    assert np.allclose(body.points.density, FOAM.density)
+    assert np.allclose(body.points.youngs_modulus, FOAM.youngs_modulus)
+    assert (body.points.position[:, 2] > BOTTOM - 1e-9).all()
 
 
 def test_the_mattress_is_held_at_the_cut_and_on_its_frame_only() -> None:
     """Nodes of the four cut faces and of the bottom are held; all others within the block are free."""
     body = ball_on_bed().bodies[1]
-    held = body.node_held == HELD
+    held = body.grid.node_state == NodeState.HELD
     for axis in (0, 1):
         assert np.take(held, 0, axis).all()
         assert np.take(held, -1, axis).all()
-    assert held[:, :, body.grid_z < BOTTOM + 1e-3].all()
-    inner = body.node_held[1:-1, 1:-1][:, :, body.grid_z > BOTTOM + 0.02]
-    assert (inner == FREE).all()
+    assert held[:, :, body.grid.z < BOTTOM + 1e-3].all()
+    inner = body.grid.node_state[1:-1, 1:-1][:, :, body.grid.z > BOTTOM + 0.02]
+    assert (inner == NodeState.FREE).all()
 
 
 def test_cells_under_the_contact_resolve_it() -> None:
@@ -209,9 +211,9 @@ def test_cells_under_the_contact_resolve_it() -> None:
     hertz = (0.75 * GRAVITY * BALL_RADIUS * (1 - FOAM.poisson_ratio**2) / FOAM.youngs_modulus) ** (1 / 3)
     # the radius of curvature is measured on facets and a noisy gap: good to a fifth, its cube root to 7 %
     assert 0.93 * hertz / 6 < found.resolution < 1.07 * hertz / 4
-    for grid in (body.grid_x, body.grid_y):
-        step = np.diff(grid)
-        middle = np.abs(0.5 * (grid[1:] + grid[:-1]))
+    for planes in (body.grid.x, body.grid.y):
+        step = np.diff(planes)
+        middle = np.abs(0.5 * (planes[1:] + planes[:-1]))
         assert step[middle < hertz].max() <= found.resolution * 1.001
         assert step.max() > 2.0 * found.resolution
 
@@ -230,8 +232,8 @@ def test_fields_and_surfaces_fit_together() -> None:
         # trilinear interpolation rounds a noisy or curved surface by a fraction of the spacing
         assert np.abs(value[inside]).max() < 0.35 * body.distance.spacing
     soft = ball_on_bed().bodies[1]
-    low = np.array([soft.grid_x[0], soft.grid_y[0], soft.grid_z[0]])
-    high = np.array([soft.grid_x[-1], soft.grid_y[-1], soft.grid_z[-1]])
+    low = np.array([p[0] for p in soft.grid.planes])
+    high = np.array([p[-1] for p in soft.grid.planes])
     assert ((soft.surface.vertices >= low) & (soft.surface.vertices <= high)).all()
     over = sampler(soft.distance)(np.array([[0.0, 0.0, TOP + 0.02], [0.1, 0.1, TOP - 0.02]]))
     assert over == pytest.approx([0.02, -0.02], abs=3.5 * NOISE)
@@ -259,15 +261,15 @@ def test_a_blanket_is_a_thin_layer_on_the_mattress() -> None:
     )  # fmt: skip
     assert isinstance(found, Particles)
     soft = found.bodies[1]
-    depth = TOP - soft.particle_position[:, 2]
-    far = soft.particle_position[:, 1] > 0.5 + 0.05  # away from the seam with the mattress' own top
-    cloth = np.isclose(soft.particle_density, CLOTH.density)
+    depth = TOP - soft.points.position[:, 2]
+    far = soft.points.position[:, 1] > 0.5 + 0.05  # away from the seam with the mattress' own top
+    cloth = np.isclose(soft.points.density, CLOTH.density)
     layer = ParticlesConfig().layer
     assert cloth[far & (depth < layer)].all()
     assert not cloth[depth > layer].any()
-    assert np.isclose(soft.particle_density[~cloth], FOAM.density).all()
-    assert soft.particle_position[:, 2].min() < BOTTOM + 0.05
-    assert soft.static_friction == CLOTH.static_friction
+    assert np.isclose(soft.points.density[~cloth], FOAM.density).all()
+    assert soft.points.position[:, 2].min() < BOTTOM + 0.05
+    assert soft.friction.static == CLOTH.static_friction
 
 
 def test_a_solid_thing_weighs_density_times_volume() -> None:
@@ -280,8 +282,8 @@ def test_a_solid_thing_weighs_density_times_volume() -> None:
         )  # fmt: skip
         assert isinstance(found, Particles)
         body = found.bodies[0]
-        assert body.mass == pytest.approx(expected, rel=1e-9)
-        assert np.allclose(body.inertia, expected * 0.01 / 6.0 * np.eye(3), rtol=1e-9, atol=1e-12)
+        assert body.inertial.mass == pytest.approx(expected, rel=1e-9)
+        assert np.allclose(body.inertial.inertia, expected * 0.01 / 6.0 * np.eye(3), rtol=1e-9, atol=1e-12)
 
 
 @pytest.mark.slow
@@ -298,19 +300,19 @@ def test_a_rigid_core_moves_with_its_soft_body() -> None:
     )  # fmt: skip
     assert isinstance(found, Particles)
     body = found.bodies[0]
-    assert not body.rigid
-    grid = np.stack(np.meshgrid(body.grid_x, body.grid_y, body.grid_z, indexing="ij"), axis=-1)
+    assert isinstance(body, SoftSimulationBody)
+    grid = np.stack(np.meshgrid(*body.grid.planes, indexing="ij"), axis=-1)
     away = np.linalg.norm(grid - [-0.3, 0.0, TOP + 0.11], axis=-1)
-    core_nodes = body.node_held == CORE
+    core_nodes = body.grid.node_state == NodeState.CORE
     assert core_nodes.sum() >= 8
     # a closed part is where its own surface says, up to the sagitta of its facets
     assert away[core_nodes].max() < 0.05
     assert core_nodes[away < 0.05 - (1.26 * 0.05 / 16) ** 2 / (6 * 0.05)].all()
     # the surface of the core inside is no surface of the solid: nothing is lost there
-    assert body.particle_volume.sum() == pytest.approx(0.008, rel=0.002)
-    assert (body.particle_volume * body.particle_density).sum() == pytest.approx(body.mass, rel=1e-9)
+    assert body.points.volume.sum() == pytest.approx(0.008, rel=0.002)
+    assert (body.points.volume * body.points.density).sum() == pytest.approx(body.inertial.mass, rel=1e-9)
     # PADDING keeps two free cells around the surface
-    assert body.grid_x[0] < -0.4 - 1.99 * (body.grid_x[1] - body.grid_x[0])
+    assert body.grid.x[0] < -0.4 - 1.99 * (body.grid.x[1] - body.grid.x[0])
 
 
 def test_too_many_particles_are_refused_with_the_knob() -> None:

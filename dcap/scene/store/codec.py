@@ -24,10 +24,18 @@ from dcap.scene.errors import StoreError
 from dcap.scene.types.anchor import Anchor
 from dcap.scene.types.box import OrientedBox
 from dcap.scene.types.intent import Intent, OrientationRequest, RegionRequest
-from dcap.scene.types.materials import Material, PartMaterial, PartMaterials
+from dcap.scene.types.materials import ContactFriction, Material, PartMaterial, PartMaterials
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.outcome import Infeasible
-from dcap.scene.types.particles import DistanceGrid, Particles, SimulationBody
+from dcap.scene.types.particles import (
+    BackgroundGrid,
+    DistanceGrid,
+    InertialProperties,
+    MaterialPoints,
+    Particles,
+    RigidSimulationBody,
+    SoftSimulationBody,
+)
 from dcap.scene.types.renders import Overview, Renders
 from dcap.scene.types.repair_report import BodyGeometry, RepairReport
 from dcap.scene.types.rotation import Rotation
@@ -46,9 +54,10 @@ MOST_COLUMNS = 16
 KINDS: dict[str, type] = {
     one.__name__: one
     for one in (
-        Anchor, BodyGeometry, DistanceGrid, Infeasible, Instance, Intent, LabelBox, Material, Mesh, OrientationRequest,
-        OrientedBox, Overview, Part, Particles, PartMaterial, PartMaterials, RegionRequest, Renders, RepairReport, Room,
-        Rotation, Sample, Scan, Segmentation, Settled, SettledBody, SimulationBody, SourceOptions,
+        Anchor, BackgroundGrid, BodyGeometry, ContactFriction, DistanceGrid, Infeasible, InertialProperties, Instance,
+        Intent, LabelBox, Material, MaterialPoints, Mesh, OrientationRequest, OrientedBox, Overview, Part, Particles,
+        PartMaterial, PartMaterials, RegionRequest, Renders, RepairReport, RigidSimulationBody, Room, Rotation, Sample,
+        Scan, Segmentation, Settled, SettledBody, SoftSimulationBody, SourceOptions,
     )
 }  # fmt: skip
 """Every type that may be stored, by the name that `value.json` gives it: files outlive moves between modules."""

@@ -4,11 +4,23 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 
-class Model(StrEnum):
+class BodyModel(StrEnum):
     """How a part is simulated."""
 
     RIGID = "rigid"
     MPM = "mpm"
+
+
+@dataclass(frozen=True, slots=True)
+class ContactFriction:
+    """What resists motion along a contact; of a pair of bodies the geometric mean of the two counts."""
+
+    static: float
+    """Coefficient of static friction mu_s [-]."""
+    dynamic: float
+    """Coefficient of dynamic friction mu_d [-]."""
+    rolling_resistance: float
+    """Rolling resistance length [m]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,6 +44,11 @@ class Material:
     """rigid | soft | thin."""
     source: str
 
+    @property
+    def friction(self) -> ContactFriction:
+        """What it contributes to a contact."""
+        return ContactFriction(self.static_friction, self.dynamic_friction, self.rolling_resistance)
+
 
 @dataclass(frozen=True, slots=True)
 class PartMaterial:
@@ -45,7 +62,7 @@ class PartMaterial:
     """Index into the instance's parts."""
     material: Material
     """The library row; density may be an effective one (hollow things, mass prior), then `reason` says so."""
-    model: Model
+    model: BodyModel
     reason: str
 
 
@@ -62,3 +79,7 @@ class PartMaterials:
     def of(self, body: str, part_index: int) -> PartMaterial:
         """The row of one part."""
         return next(r for r in self.rows if r.body == body and r.part_index == part_index)
+
+    def of_parts(self, body: str, count: int) -> list[PartMaterial]:
+        """The rows of all parts of a body, in their order."""
+        return [self.of(body, index) for index in range(count)]

@@ -1,11 +1,15 @@
-"""What the solver is given: bodies with surfaces, signed distances and, where soft, particles."""
+"""What the solver is given: bodies with surfaces, signed distances and, where soft, material points and a grid."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from enum import IntEnum
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
+from dcap.scene.errors import GeometryError
 from dcap.scene.types.arrays import check_array
+from dcap.scene.types.materials import ContactFriction
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.repair_report import BodyGeometry
 
@@ -27,8 +31,86 @@ class DistanceGrid:
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class SimulationBody:
-    """One body at the start of the drop, in the world frame."""
+class InertialProperties:
+    """Mass, centre of mass and inertia; informative for a fixed body."""
+
+    mass: float
+    """[kg]."""
+    center_of_mass: NDArray[np.float64]
+    """[m], shape (3,)."""
+    inertia: NDArray[np.float64]
+    """About the centre of mass, world axes [kg m^2], shape (3, 3)."""
+
+    def __post_init__(self) -> None:
+        check_array("center_of_mass of a body", self.center_of_mass, 3)
+        check_array("inertia of a body", self.inertia, 3, 3)
+
+    def scaled_to(self, mass: float) -> "InertialProperties":
+        """The same distribution of matter with another mass [kg]."""
+        return InertialProperties(mass, self.center_of_mass, self.inertia * (mass / self.mass))
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class MaterialPoints:
+    """The material of a soft body, lumped into quadrature points."""
+
+    position: NDArray[np.float64]
+    """Rest positions X_p [m], shape (p, 3), p > 0."""
+    volume: NDArray[np.float64]
+    """Rest volumes V_p [m^3], shape (p,)."""
+    density: NDArray[np.float64]
+    """[kg/m^3], shape (p,)."""
+    youngs_modulus: NDArray[np.float64]
+    """[Pa], shape (p,)."""
+    poisson_ratio: NDArray[np.float64]
+    """[-], shape (p,)."""
+
+    def __post_init__(self) -> None:
+        count = len(self.position)
+        if count == 0:
+            raise GeometryError("a soft body without material points: the cells of its grid are larger than it")
+        check_array("position of material points", self.position, count, 3)
+        for name in ("volume", "density", "youngs_modulus", "poisson_ratio"):
+            check_array(f"{name} of material points", getattr(self, name), count)
+
+
+class NodeState(IntEnum):
+    """What moves a node of a background grid."""
+
+    FREE = 0
+    HELD = 1
+    """Held by something fixed: a frame below, a clamp, the cut of a crop."""
+    CORE = 2
+    """Moves rigidly with the body's own rigid core."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class BackgroundGrid:
+    """The grid on which a soft body's displacement lives: a tensor product of node planes in its start pose."""
+
+    x: NDArray[np.float64]
+    """Node planes along x [m], increasing, shape (kx,). `y` and `z` likewise."""
+    y: NDArray[np.float64]
+    z: NDArray[np.float64]
+    node_state: NDArray[np.int8]
+    """A `NodeState` for each node, shape (kx, ky, kz)."""
+
+    def __post_init__(self) -> None:
+        for name, planes in zip("xyz", self.planes, strict=True):
+            check_array(f"node planes of a background grid along {name}", planes, None)
+            if len(planes) < 2 or (np.diff(planes) <= 0.0).any():
+                raise GeometryError(f"node planes of a background grid along {name} must be two or more that increase")
+        check_array("node_state of a background grid", self.node_state, *(len(planes) for planes in self.planes))
+
+    @property
+    def planes(self) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+        """Node planes along x, y and z [m]."""
+        return self.x, self.y, self.z
+
+
+@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
+class SimulationBodyBase:
+    """What every body has at the start of the drop, in the world frame."""
 
     name: str
     """Unique: 'object', the base instance's id, 'ID/PART' for a further body of the same instance."""
@@ -38,48 +120,35 @@ class SimulationBody:
     surface: Mesh
     """Contact and picture surface; faces near the contact are no larger than the contact spacing."""
     distance: DistanceGrid
-    rigid: bool
-    """True: one rigid body. False: soft; its particles carry their own material and may include rigid ones."""
-    mass: float
-    """Mass [kg]; for a fixed body informative."""
-    center_of_mass: NDArray[np.float64]
-    """[m], shape (3,)."""
-    inertia: NDArray[np.float64]
-    """About the centre of mass, world axes [kg m^2], shape (3, 3)."""
-    static_friction: float
-    dynamic_friction: float
-    rolling_resistance: float
-    particle_position: NDArray[np.float64]
-    """Soft bodies: rest positions X_p [m], shape (p, 3); empty for rigid ones."""
-    particle_volume: NDArray[np.float64]
-    """[m^3], shape (p,)."""
-    particle_density: NDArray[np.float64]
-    """[kg/m^3], shape (p,)."""
-    particle_youngs_modulus: NDArray[np.float64]
-    """[Pa], shape (p,)."""
-    particle_poisson_ratio: NDArray[np.float64]
-    """[-], shape (p,)."""
-    grid_x: NDArray[np.float64]
-    """Node planes of the background grid along x [m], shape (kx,); empty for rigid ones. grid_y, grid_z likewise."""
-    grid_y: NDArray[np.float64]
-    grid_z: NDArray[np.float64]
-    node_held: NDArray[np.int8]
-    """0: free; 1: held by something fixed (frame below, crop cut); 2: belongs to the body's own rigid core (moves
-    rigidly with the free body), shape (kx, ky, kz)."""
+    """Signed distance to its solid, where something may touch it."""
+    inertial: InertialProperties
+    friction: ContactFriction
+    velocity: NDArray[np.float64] = field(default_factory=lambda: np.zeros(3))
+    """[m/s], shape (3,)."""
+    angular_velocity: NDArray[np.float64] = field(default_factory=lambda: np.zeros(3))
+    """[rad/s], shape (3,)."""
 
     def __post_init__(self) -> None:
-        count = len(self.particle_position)
-        check_array(f"center_of_mass of {self.name}", self.center_of_mass, 3)
-        check_array(f"inertia of {self.name}", self.inertia, 3, 3)
-        check_array(f"particle_position of {self.name}", self.particle_position, count, 3)
-        check_array(f"particle_volume of {self.name}", self.particle_volume, count)
-        check_array(f"particle_density of {self.name}", self.particle_density, count)
-        check_array(f"particle_youngs_modulus of {self.name}", self.particle_youngs_modulus, count)
-        check_array(f"particle_poisson_ratio of {self.name}", self.particle_poisson_ratio, count)
-        check_array(f"grid_x of {self.name}", self.grid_x, None)
-        check_array(f"grid_y of {self.name}", self.grid_y, None)
-        check_array(f"grid_z of {self.name}", self.grid_z, None)
-        check_array(f"node_held of {self.name}", self.node_held, len(self.grid_x), len(self.grid_y), len(self.grid_z))
+        check_array(f"velocity of {self.name}", self.velocity, 3)
+        check_array(f"angular_velocity of {self.name}", self.angular_velocity, 3)
+
+
+@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
+class RigidSimulationBody(SimulationBodyBase):
+    """A body that does not deform."""
+
+
+@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
+class SoftSimulationBody(SimulationBodyBase):
+    """A body that deforms; some of its points may belong to a rigid core."""
+
+    points: MaterialPoints
+    grid: BackgroundGrid
+    loaded: bool
+    """Whether its rest shape is the one under its own weight: a scan at rest, rather than a body yet to sag."""
+
+
+SimulationBody: TypeAlias = RigidSimulationBody | SoftSimulationBody
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -87,7 +156,7 @@ class Particles:
     """The whole simulation input."""
 
     bodies: tuple[SimulationBody, ...]
-    """The object first."""
+    """Of a placement the object first."""
     friction_pairs: tuple[tuple[str, str, float, float], ...]
     """(body a, body b, mu_s, mu_d) where it differs from the geometric mean."""
     resolution: float

@@ -8,12 +8,18 @@ import pytest
 from dcap.scene.errors import GeometryError
 from dcap.scene.types.anchor import Anchor
 from dcap.scene.types.box import OrientedBox
+from dcap.scene.types.materials import ContactFriction
 from dcap.scene.types.mesh import Mesh
-from dcap.scene.types.particles import DistanceGrid, SimulationBody
+from dcap.scene.types.particles import (
+    BackgroundGrid,
+    DistanceGrid,
+    InertialProperties,
+    MaterialPoints,
+    RigidSimulationBody,
+)
 from dcap.scene.types.scan import Room, Scan
 from dcap.scene.types.segmentation import Instance, Part, Segmentation
 
-NONE = np.zeros(0)
 MESH = Mesh.of([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2], [0, 2, 1]])
 BOX = OrientedBox(np.zeros(3), np.eye(3), np.ones(3))
 FACES = np.array([-1, 0], dtype=np.int32)
@@ -24,9 +30,13 @@ VALUES = {
     "instance": Instance("a", "bed", BOX, (Part("top", BOX, 1.0),), None),
     "anchor": Anchor("a", "top", 0, "center", np.zeros(2), np.zeros(3), np.eye(4), 0.01, np.zeros((4, 2)), ""),
     "distance": DistanceGrid(np.zeros(3), 0.01, np.zeros((2, 2, 2), np.float32)),
-    "body": SimulationBody(
-        "object", "object", False, MESH, DistanceGrid(np.zeros(3), 0.01, np.zeros((2, 2, 2), np.float32)), True, 1.0,
-        np.zeros(3), np.eye(3), 0.5, 0.4, 0.0, np.zeros((0, 3)), *(NONE,) * 7, np.zeros((0, 0, 0), np.int8),
+    "inertial": InertialProperties(1.0, np.zeros(3), np.eye(3)),
+    "points": MaterialPoints(np.zeros((2, 3)), *(np.ones(2),) * 4),
+    "grid": BackgroundGrid(*(np.array([0.0, 1.0]),) * 3, np.zeros((2, 2, 2), np.int8)),
+    "body": RigidSimulationBody(
+        name="object", instance="object", fixed=False, surface=MESH,
+        distance=DistanceGrid(np.zeros(3), 0.01, np.zeros((2, 2, 2), np.float32)),
+        inertial=InertialProperties(1.0, np.zeros(3), np.eye(3)), friction=ContactFriction(0.5, 0.4, 0.0),
     ),
 }  # fmt: skip
 VALUES["segmentation"] = Segmentation(MESH, (VALUES["instance"],), FACES, FACES)  # type: ignore[arg-type]
@@ -48,9 +58,12 @@ VALUES["segmentation"] = Segmentation(MESH, (VALUES["instance"],), FACES, FACES)
         ("anchor", {"surface_point": np.array([0, np.nan, 0])}, "surface_point holds nan"),
         ("anchor", {"world_from_object": np.eye(3)}, "world_from_object has shape"),
         ("distance", {"values": np.full((2, 2, 2), np.nan, np.float32)}, "values of a distance grid holds nan"),
-        ("body", {"particle_volume": np.ones(1)}, "particle_volume of object has shape"),
-        ("body", {"node_held": np.zeros((1, 0, 0), np.int8)}, "node_held of object has shape"),
-        ("body", {"inertia": np.full((3, 3), np.nan)}, "inertia of object holds nan"),
+        ("points", {"volume": np.ones(1)}, "volume of material points has shape"),
+        ("points", {"position": np.zeros((0, 3))}, "without material points"),
+        ("grid", {"node_state": np.zeros((1, 2, 2), np.int8)}, "node_state of a background grid has shape"),
+        ("grid", {"y": np.array([1.0, 0.0])}, "along y must be two or more that increase"),
+        ("inertial", {"inertia": np.full((3, 3), np.nan)}, "inertia of a body holds nan"),
+        ("body", {"velocity": np.full(3, np.nan)}, "velocity of object holds nan"),
     ],
 )  # fmt: skip
 def test_what_breaks_its_promise_is_refused(name: str, change: dict[str, object], words: str) -> None:

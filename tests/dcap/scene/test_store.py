@@ -20,10 +20,19 @@ from dcap.scene.store.ref import Ref
 from dcap.scene.types.anchor import Anchor
 from dcap.scene.types.box import OrientedBox
 from dcap.scene.types.intent import Intent, OrientationRequest, RegionRequest
-from dcap.scene.types.materials import Material, Model, PartMaterial, PartMaterials
+from dcap.scene.types.materials import BodyModel, ContactFriction, Material, PartMaterial, PartMaterials
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.outcome import Infeasible, Reason
-from dcap.scene.types.particles import DistanceGrid, Particles, SimulationBody
+from dcap.scene.types.particles import (
+    BackgroundGrid,
+    DistanceGrid,
+    InertialProperties,
+    MaterialPoints,
+    Particles,
+    RigidSimulationBody,
+    SimulationBody,
+    SoftSimulationBody,
+)
 from dcap.scene.types.renders import Overview, Renders
 from dcap.scene.types.repair_report import BodyGeometry, Method, RepairReport
 from dcap.scene.types.rotation import Rotation
@@ -52,14 +61,23 @@ def a_picture() -> np.ndarray:
     return RNG.integers(0, 256, (12, 9, 3), np.uint8)
 
 
-def a_body(rigid: bool) -> SimulationBody:
+FRICTION = ContactFriction(0.5, 0.4, 0.001)
+INERTIAL = InertialProperties(1.5, np.zeros(3), np.eye(3))
+POINTS = MaterialPoints(RNG.normal(size=(100, 3)), *(np.ones(100),) * 4)
+GRID = BackgroundGrid(*(np.linspace(0, 1, 5),) * 3, np.zeros((5, 5, 5), np.int8))
+
+
+def a_body(*, rigid: bool) -> SimulationBody:
     """A body of the solver's input."""
-    count = 0 if rigid else 100
-    return SimulationBody(
-        "object", "object", False, a_mesh(),
-        DistanceGrid(np.zeros(3), 0.01, RNG.normal(size=(5, 6, 7)).astype(np.float32)),
-        rigid, 1.5, np.zeros(3), np.eye(3), 0.5, 0.4, 0.001, RNG.normal(size=(count, 3)), *(np.ones(count),) * 4,
-        *(np.linspace(0, 1, 5),) * 3, np.zeros((5, 5, 5), np.int8),
+    distance = DistanceGrid(np.zeros(3), 0.01, RNG.normal(size=(5, 6, 7)).astype(np.float32))
+    if rigid:
+        return RigidSimulationBody(
+            name="shelf", instance="3", fixed=True, surface=a_mesh(), distance=distance, inertial=INERTIAL,
+            friction=FRICTION,
+        )  # fmt: skip
+    return SoftSimulationBody(
+        name="object", instance="object", fixed=False, surface=a_mesh(), distance=distance, inertial=INERTIAL,
+        friction=FRICTION, velocity=np.array([0.0, 0.0, -1.0]), points=POINTS, grid=GRID, loaded=False,
     )  # fmt: skip
 
 
@@ -70,6 +88,7 @@ REPORT = RepairReport(
     Method.CLOSED, True, 1.0, 1e-4, 1e-5, 5e-3, 2e-3, 0.1, 0.0, ("2 degenerate faces dropped",), ""
 )  # fmt: skip
 GEOMETRY = BodyGeometry("bed_0", "mattress, blanket", REPORT)
+BODIES = (a_body(rigid=True), a_body(rigid=False))
 VALUES = [
     Anchor("3", "mattress", 0, "center", np.zeros(2), np.zeros(3), np.eye(4), 0.01, np.zeros((4, 2)), "asked"),
     DistanceGrid(np.zeros(3), 0.01, RNG.normal(size=(4, 4, 4)).astype(np.float32)),
@@ -87,9 +106,9 @@ VALUES = [
     a_box(),
     Overview(a_picture(), None),
     Part("mattress", a_box(), 0.5),
-    Particles((a_body(True), a_body(False)), (("object", "3", 0.5, 0.4),), 0.004, ("cropped",), (GEOMETRY,)),
-    PartMaterial("object", "body", 0, MATERIAL, Model.MPM, "E below 1 GPa"),
-    PartMaterials((PartMaterial("object", "body", 0, MATERIAL, Model.RIGID, "thin"),), "none"),
+    Particles(BODIES, (("object", "3", 0.5, 0.4),), 0.004, ("cropped",), (GEOMETRY,)),
+    PartMaterial("object", "body", 0, MATERIAL, BodyModel.MPM, "E below 1 GPa"),
+    PartMaterials((PartMaterial("object", "body", 0, MATERIAL, BodyModel.RIGID, "thin"),), "none"),
     GEOMETRY,
     REPORT,
     RegionRequest("seat", (), ("part:pillow",), ""),
@@ -110,7 +129,11 @@ VALUES = [
         1.5, (),
     ),
     SettledBody("object", a_mesh(), np.zeros(3), np.array([1.0, 0, 0, 0]), np.zeros((60, 3))),
-    a_body(False),
+    FRICTION,
+    INERTIAL,
+    POINTS,
+    GRID,
+    *BODIES,
     SourceOptions("y", "cm", "table"),
 ]  # fmt: skip
 

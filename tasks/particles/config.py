@@ -1,0 +1,56 @@
+"""What is simulated in the drop, and how finely."""
+
+from pydantic import BaseModel, NonNegativeFloat, PositiveFloat, PositiveInt
+
+
+class ParticlesConfig(BaseModel, frozen=True, extra="forbid"):
+    """What is simulated and how finely."""
+
+    crop_margin: PositiveFloat = 0.75
+    """The base is cut this far around the object, in units of its larger horizontal side [-]."""
+    least_crop_margin: PositiveFloat = 0.15
+    """... but at least this far [m]."""
+    rolling_margin: PositiveFloat = 2.5
+    """Times farther around a ball, which may roll before it rests [-]."""
+    cell: PositiveFloat | None = None
+    """Cell size at the contact that was asked for [m]; without it the predicted contact decides."""
+    cells_per_radius: PositiveFloat = 6.0
+    """Cells across the predicted contact radius (section 6: about a sixth)."""
+    least_cells_per_radius: PositiveFloat = 4.0
+    """Cells are never coarser than this many per contact radius without a note."""
+    cells_per_side: PositiveFloat = 7.0
+    """Cells across the shorter side of an extended footprint."""
+    coarsest_cell: PositiveFloat = 0.025
+    """Largest cell under an extended footprint [m]."""
+    finest_cell: PositiveFloat = 0.0015
+    """Smallest cell under the contact [m]: what a picture can show."""
+    cells_through: PositiveInt = 4
+    """Cells through the thinnest dimension of a soft object."""
+    least_cells_through: PositiveFloat = 3.0
+    """Fewer are named in a note."""
+    object_cells: PositiveInt = 2500
+    """Budget of cells of a soft object."""
+    base_cells: PositiveInt = 7000
+    """Budget of cells of the base."""
+    base_faces: PositiveInt = 120_000
+    """Budget of visible faces of a soft base under the object; each is a point of contact."""
+    particle_limit: PositiveInt = 250_000
+    """More particles than this are refused."""
+    distance_samples: PositiveInt = 1_000_000
+    """Budget of samples of a base's or a neighbour's distance."""
+    object_distance_samples: PositiveInt = 3_000_000
+    """Budget of samples of the object's distance: its edges are rounded by a quarter of their spacing."""
+    hold_distance: NonNegativeFloat = 2e-3
+    """Soft nodes nearer than this to a rigid part of the base are bonded to it [m]."""
+    hole_perimeter: NonNegativeFloat = 0.25
+    """Holes of a support's surface up to this perimeter are closed [m]."""
+    layer: PositiveFloat = 0.02
+    """Depth to which a thin part (a blanket) is made of its own material; below is what carries it [m]."""
+    least_thickness: PositiveFloat = 0.04
+    """A soft part seen only as a sheet is at least this thick [m]."""
+    mass_trust: PositiveFloat = 1.5
+    """Density times volume counts for solid things while it is within this factor of the usual mass [-]."""
+    shell: PositiveFloat = 0.03
+    """Thickness of a rigid sheet [m]."""
+    contact_vertices: PositiveInt = 6000
+    """Contact points of the object; a finer mesh is simplified for the drop, pictures keep the fine one."""

@@ -1,0 +1,155 @@
+"""What the drop is set up from: the inputs of stage 7 together, the region that takes part, the predicted contact."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dcap.geometry.raycast import Raycaster
+from dcap.scene.types.anchor import Anchor
+from dcap.scene.types.intent import Intent
+from dcap.scene.types.materials import BodyModel, PartMaterial, PartMaterials
+from dcap.scene.types.mesh import Mesh
+from dcap.scene.types.repair_report import BodyGeometry, RepairReport
+from dcap.scene.types.segmentation import Instance, Segmentation
+from tasks.bodies.footprint import GRAVITY, Footprint, predicted_footprint
+from tasks.bodies.material_points import MaterialConstants
+from tasks.particles.config import ParticlesConfig
+
+Array = NDArray[np.float64]
+
+RIGID_MODULUS = 2e11  # Young's modulus [Pa] that stands for a rigid part in the predicted contact
+# rigid material inside a soft body is at most this many times stiffer than its softest: conditioning
+MOST_STIFFNESS_CONTRAST = 100.0
+REACH_BELOW = 0.12  # how far below the predicted contact fields are sampled [m]: deeper than any dent
+REACH_ABOVE = 0.03  # above the object's top [m]
+SPHERICAL = 0.1  # relative spread of a ball's radius; a cube has 0.14
+
+
+@dataclass(eq=False, slots=True)
+class DropSetup:
+    """The inputs together, with what several bodies need, and what is said of them as they are built."""
+
+    scene: Segmentation
+    item: Segmentation
+    intent: Intent
+    anchor: Anchor
+    materials: PartMaterials
+    config: ParticlesConfig
+    mesh: Mesh
+    """The object at its pre-drop pose."""
+    base_index: int
+    crop: Array
+    """Region of the base that takes part [m], shape (2, 3)."""
+    footprint: Footprint
+    """The predicted contact of the object with what lies beneath it."""
+    notes: list[str] = field(default_factory=list)
+    geometry: list[BodyGeometry] = field(default_factory=list)
+
+    @property
+    def base(self) -> Instance:
+        """The instance to place on."""
+        return self.scene.instances[self.base_index]
+
+    @property
+    def contact_region(self) -> Array:
+        """Where the object may touch anything [m], shape (2, 3): the crop, cut in height to the object's own way."""
+        top, lowest = float(self.mesh.bounds[1, 2]), float(self.mesh.bounds[0, 2])
+        box = self.crop.copy()
+        box[:, 2] = lowest - self.footprint.gap - REACH_BELOW, top + REACH_ABOVE
+        return box
+
+    def in_contact_region(self, triangles: Array) -> NDArray[np.bool_]:
+        """Which triangles (n, 3, 3) reach into the box where the object may touch."""
+        low, high = self.contact_region
+        inside = (triangles.max(axis=1) >= low) & (triangles.min(axis=1) <= high)
+        return np.asarray(inside.all(axis=1))
+
+    def faces_near_crop(self, instance: int, margin: float) -> NDArray[np.int64]:
+        """Faces of an instance whose plan reaches into the crop grown by `margin` [m]."""
+        faces = np.flatnonzero(self.scene.face_instance == instance)
+        corner = self.scene.mesh.triangles[faces][:, :, :2]
+        low, high = self.crop[0, :2] - margin, self.crop[1, :2] + margin
+        return np.asarray(faces[((corner.max(axis=1) >= low) & (corner.min(axis=1) <= high)).all(axis=1)])
+
+    def note_geometry(self, body: str, parts: list[str], report: RepairReport) -> None:
+        """Keep how a body's solid was made, and say where it is in doubt."""
+        part = ", ".join(dict.fromkeys(parts))
+        self.geometry.append(BodyGeometry(body, part, report))
+        if report.problem:
+            self.notes.append(f"{body}: {part} is no good solid: {report.problem}")
+
+    def note_friction(self, body: str, row: PartMaterial, part_count: int) -> None:
+        """Say which part's friction a body of several parts has."""
+        if part_count > 1:
+            self.notes.append(f"{body}: friction of {row.part} ({row.material.id}) for all its parts")
+
+
+def drop_setup(
+    scene: Segmentation,
+    item: Segmentation,
+    intent: Intent,
+    anchor: Anchor,
+    materials: PartMaterials,
+    config: ParticlesConfig,
+) -> DropSetup:
+    """Put the object at its pre-drop pose, cut the region of the base out and predict the contact."""
+    mesh = item.mesh.transformed(anchor.world_from_object)
+    low, high = mesh.bounds
+    margin = max(config.crop_margin * float((high - low)[:2].max()), config.least_crop_margin)
+    if is_spherical(mesh):
+        margin *= config.rolling_margin
+    crop = np.stack([low - margin, high + margin])
+    base_index = scene.index_of(anchor.base_id)
+    contact = footprint(scene, item, intent, anchor, materials, mesh)
+    setup = DropSetup(scene, item, intent, anchor, materials, config, mesh, base_index, crop, contact)
+    setup.notes += materials.notes
+    setup.notes.append(f"{anchor.base_id} is cut {margin:.2f} m around the object and clamped at the cut")
+    return setup
+
+
+def is_spherical(mesh: Mesh) -> bool:
+    """Whether all of the surface is about as far from its centroid."""
+    away = np.linalg.norm(mesh.triangles.mean(axis=1) - mesh.vertices.mean(axis=0), axis=1)
+    return float(away.std() / away.mean()) < SPHERICAL
+
+
+def footprint(
+    scene: Segmentation, item: Segmentation, intent: Intent, anchor: Anchor, materials: PartMaterials, mesh: Mesh
+) -> Footprint:
+    """The predicted contact of the object, `mesh` at its pre-drop pose, with what lies beneath it."""
+    base_faces = np.flatnonzero(scene.face_instance == scene.index_of(anchor.base_id))
+    row = materials.of(anchor.base_id, anchor.part_index)
+    softest = min(materials.of_parts("object", len(item.instances[0].parts)), key=contact_modulus)
+    compliance = sum((1.0 - r.material.poisson_ratio**2) / contact_modulus(r) for r in (row, softest))
+    return predicted_footprint(
+        mesh, Raycaster(scene.mesh.submesh(base_faces)), intent.mass * GRAVITY, compliance,
+        float(anchor.surface_point[2]),
+    )  # fmt: skip
+
+
+def contact_modulus(row: PartMaterial) -> float:
+    """Young's modulus that counts in a predicted contact [Pa]."""
+    return RIGID_MODULUS if row.model is BodyModel.RIGID else row.material.youngs_modulus
+
+
+def contact_cell_size(foot: Footprint, config: ParticlesConfig) -> float:
+    """Cell size under the contact [m]."""
+    if config.cell is not None:
+        return config.cell
+    if foot.flat:
+        cell = min(foot.small_side / config.cells_per_side, config.coarsest_cell)
+    else:
+        cell = foot.radius / config.cells_per_radius
+    return float(np.clip(cell, config.finest_cell, config.coarsest_cell))
+
+
+def constants_of_parts(rows: list[PartMaterial], part: NDArray[np.integer]) -> MaterialConstants:
+    """Material of points that belong to the given parts (n,)."""
+    soft = [r.material.youngs_modulus for r in rows if r.model is BodyModel.MPM]
+    most = MOST_STIFFNESS_CONTRAST * min(soft)
+    table = np.array(
+        [(r.material.density, min(r.material.youngs_modulus, most), r.material.poisson_ratio) for r in rows]
+    )
+    density, stiffness, poisson = table[part].T
+    return MaterialConstants(density.copy(), stiffness.copy(), poisson.copy())
