@@ -1,42 +1,69 @@
-"""The distribution of deformable supports per scene as a drawing: the paper's figure 3, and what kinds they are."""
+"""The distribution of deformable supports per scene as a plot: the paper's figure 3, and what kinds they are."""
 
 from collections import Counter
 from collections.abc import Sequence
 from math import ceil
+from pathlib import Path
 from statistics import mean, median
 
-from dcap.evaluation.drawing import Bar, Drawing, Line, Words, text_width
+from matplotlib import rc_context
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+
+from dcap.scene.errors import InputError
 
 RUG = "rug"
 """The kind of what lies on the floor."""
-WIDTH, HEIGHT = 1080, 470
-TOP, BOTTOM = 118, 404
-"""Upper and lower end of the bars."""
-LEFT, MIDDLE = 74, 596
-"""Left and right end of the histogram."""
+SUFFIXES = (".png", ".svg")
+SIZE = (10.8, 4.7)
+"""Width and height [inch]."""
+DPI = 200
 INK, GREY, PALE = "#222222", "#6b7280", "#e5e7eb"
 BLUE, SAND = "#3b6ea5", "#c9a227"
 """Colours of scenes with deformable supports, and of what has none."""
 MOST_BARS = 20
 """More counts than these share bars [-]."""
-ROW = 34.0
-"""Height of a row of kinds."""
+LETTERS = 72
+"""Letters that fit below the histogram side by side [-]."""
+ROOM_FOR_NOTES = 1.35
+"""Length of the axis of kinds over its longest bar: the numbers stand beyond the bars [-]."""
+STYLE = {"font.size": 9.0, "svg.hashsalt": "dcap", "svg.fonttype": "none", "text.color": INK, "text.parse_math": False,
+         "axes.edgecolor": GREY, "axes.labelcolor": GREY, "xtick.color": INK, "ytick.color": INK}  # fmt: skip
+"""Words stay words in an SVG, and equal plots are equal files."""
 
 
-def supports_drawing(scenes: Sequence[Counter[str]]) -> Drawing:
-    """The drawing of the kinds of deformable supports that each scene has."""
-    drawing = Drawing(WIDTH, HEIGHT)
-    counts = [one.total() for one in scenes]
-    _head(drawing, summary(scenes))
-    _histogram(drawing, counts)
-    _kinds(drawing, scenes)
-    return drawing
+def plot_suffix(path: Path) -> str:
+    """The suffix that a plot is saved by; InputError for one that none is."""
+    suffix = path.suffix.lower()
+    if suffix not in SUFFIXES:
+        raise InputError(f"{path}: a plot is saved as {' or '.join(SUFFIXES)}, not as {suffix or 'no suffix'}")
+    return suffix
 
 
-def _head(drawing: Drawing, line: str) -> None:
-    title = "Deformable supports per scene"
-    drawing.shapes.append(Words((LEFT - 48, 40), title, 22, INK))
-    drawing.shapes.append(Words((LEFT - 48, 66), line, 13.5, GREY))
+def save_supports_plot(scenes: Sequence[Counter[str]], path: Path) -> None:
+    """Write the plot of the kinds of deformable supports that each scene has, as PNG or SVG by the path's suffix;
+    InputError for another suffix or where nothing can be written."""
+    suffix = plot_suffix(path)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with rc_context(STYLE):
+            # the date would make every file another one
+            supports_plot(scenes).savefig(path, dpi=DPI, metadata={"Date": None} if suffix == ".svg" else None)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be written: {error.strerror}") from None
+
+
+def supports_plot(scenes: Sequence[Counter[str]]) -> Figure:
+    """The plot: a histogram of the number of supports, and how often each kind occurs."""
+    with rc_context(STYLE):
+        figure = Figure(SIZE, layout="constrained")
+        figure.suptitle("Deformable supports per scene", x=0.02, ha="left", fontsize=15)
+        counts_axes, kinds_axes = figure.subplots(1, 2, width_ratios=(3, 2))
+        counts_axes.set_title(summary(scenes), loc="left", color=GREY, fontsize=9)
+        _histogram(counts_axes, [one.total() for one in scenes])
+        _kinds(kinds_axes, scenes)
+    return figure
 
 
 def summary(kinds: Sequence[Counter[str]]) -> str:
@@ -62,51 +89,37 @@ def bins(counts: Sequence[int]) -> list[tuple[str, int, bool]]:
     return bars
 
 
-def ticks(most: int) -> list[int]:
-    """Round numbers from 0 up to at least `most`, at most seven."""
-    step = next(m * 10**e for e in range(12) for m in (1, 2, 5) if most <= 5 * m * 10**e)
-    return list(range(0, most + step, step))
-
-
-def _histogram(drawing: Drawing, counts: Sequence[int]) -> None:
+def _histogram(axes: Axes, counts: Sequence[int]) -> None:
     bars = bins(counts)
-    marks = ticks(max(scenes for _, scenes, _ in bars))
-    unit = (BOTTOM - TOP) / max(marks[-1], 1)
-    for mark in marks:
-        y = BOTTOM - mark * unit
-        drawing.shapes.append(Line((LEFT, y, MIDDLE, y), GREY if mark == 0 else PALE))
-        drawing.shapes.append(Words((LEFT - 10, y + 4), str(mark), 12, GREY, "end"))
-    pitch = (MIDDLE - LEFT) / len(bars)
-    every = ceil((max(text_width(label, 12) for label, _, _ in bars) + 8) / pitch)  # so that labels keep apart
-    for index, (label, scenes, soft) in enumerate(bars):
-        center, half = LEFT + (index + 0.5) * pitch, min(0.39 * pitch, 32.0)
-        top = BOTTOM - scenes * unit
-        drawing.shapes.append(Bar((center - half, top, center + half, BOTTOM), BLUE if soft else SAND, 1.5))
-        if scenes and pitch > 16:
-            drawing.shapes.append(Words((center, top - 6), str(scenes), 12, INK, "middle"))
-        if index % every == 0:
-            drawing.shapes.append(Words((center, BOTTOM + 19), label, 12, INK, "middle"))
-    drawing.shapes.append(
-        Words(((LEFT + MIDDLE) / 2, BOTTOM + 44), "deformable supports in a scene", 13, GREY, "middle")
+    drawn = axes.bar(
+        range(len(bars)), [scenes for _, scenes, _ in bars], 0.78, color=[BLUE if soft else SAND for *_, soft in bars]
     )
-    drawing.shapes.append(Words((LEFT - 38, (TOP + BOTTOM) / 2), "scenes", 13, GREY, "middle", upright=False))
+    axes.bar_label(drawn, [str(scenes) if scenes else "" for _, scenes, _ in bars], padding=2)
+    every = ceil(len(bars) * (max(len(label) for label, *_ in bars) + 2) / LETTERS)  # so that labels keep apart
+    axes.set_xticks(range(0, len(bars), every), [label for label, *_ in bars[::every]])
+    axes.set_xlim(-0.6, max(len(bars), 4) - 0.4)
+    top = 1.08 * max(1, *(scenes for _, scenes, _ in bars))
+    axes.set_ylim(0, top)
+    marks = MaxNLocator(6, integer=True).tick_values(0, top)
+    axes.set_yticks([mark for mark in marks if mark <= top])
+    axes.yaxis.grid(visible=True, color=PALE)
+    axes.set_axisbelow(True)
+    axes.spines[["top", "right", "left"]].set_visible(False)
+    axes.tick_params(length=0)
+    axes.set_xlabel("deformable supports in a scene")
+    axes.set_ylabel("scenes")
 
 
-def _kinds(drawing: Drawing, scenes: Sequence[Counter[str]]) -> None:
+def _kinds(axes: Axes, scenes: Sequence[Counter[str]]) -> None:
     total: Counter[str] = sum(scenes, Counter())
-    begin = MIDDLE + 64
-    drawing.shapes.append(Words((begin, TOP - 22), "what they are, and in how many scenes", 13, GREY))
     rows = total.most_common()
-    if not rows:
-        drawing.shapes.append(Words((begin, TOP + 16), "none", 13, INK))
-        return
-    zero = begin + max(text_width(kind, 13) for kind, _ in rows) + 14
-    notes = [f"{count} in {sum(kind in scene for scene in scenes)}" for kind, count in rows]
-    room = WIDTH - 36 - zero - max(text_width(note, 12) for note in notes) - 8
-    row = min(ROW, (BOTTOM - TOP) / len(rows))
-    for index, ((kind, count), note) in enumerate(zip(rows, notes, strict=True)):
-        middle = TOP + (index + 0.5) * row
-        end = zero + room * count / rows[0][1]
-        drawing.shapes.append(Words((zero - 10, middle + 4.5), kind, 13, INK, "end"))
-        drawing.shapes.append(Bar((zero, middle - 0.33 * row, end, middle + 0.33 * row), BLUE, 1.5))
-        drawing.shapes.append(Words((end + 7, middle + 4.5), note, 12, GREY))
+    axes.set_title("what they are, and in how many scenes" if rows else "none", loc="left", color=GREY, fontsize=9)
+    axes.spines[:].set_visible(False)
+    axes.tick_params(length=0)
+    axes.set_xticks([])
+    axes.set_yticks(range(len(rows)), [kind for kind, _ in rows])
+    if rows:
+        drawn = axes.barh(range(len(rows)), [count for _, count in rows], 0.66, color=BLUE)
+        axes.bar_label(drawn, [f"{count} in {sum(kind in one for one in scenes)}" for kind, count in rows], padding=3)
+        axes.set_xlim(0, ROOM_FOR_NOTES * rows[0][1])
+        axes.set_ylim(max(len(rows), 6) - 0.4, -0.6)

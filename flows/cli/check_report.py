@@ -5,7 +5,7 @@ from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 
-from dcap.evaluation.supports_plot import summary, supports_drawing
+from dcap.evaluation.supports_plot import save_supports_plot, summary
 from dcap.language.offline.deformable import KINDS, OTHER
 from dcap.scene.problems import Severity
 from flows.dataset_check import DatasetReport, SceneRow
@@ -16,7 +16,7 @@ SHOWN = (*KINDS, OTHER)
 
 def write_plot(report: DatasetReport, path: Path) -> None:
     """The distribution of deformable supports as PNG or SVG."""
-    supports_drawing(_counted(report)).save(path)
+    save_supports_plot(_counted(report), path)
 
 
 def _counted(report: DatasetReport) -> list[Counter[str]]:

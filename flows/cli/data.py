@@ -71,12 +71,12 @@ def dataset_check(
     as_json: Json = False,
 ) -> int:
     """List every problem of a dataset, and what its scenes hold; exit code 2 if there are errors."""
-    from dcap.evaluation.drawing import drawing_suffix
+    from dcap.evaluation.supports_plot import plot_suffix
     from flows.cli.check_report import as_tree, in_words, write_plot
     from flows.dataset_check import check_dataset
 
     if plot is not None:
-        drawing_suffix(plot)  # before a check that may take minutes
+        plot_suffix(plot)  # before a check that may take minutes
     report = check_dataset(path)
     print(json.dumps(as_tree(report), indent=2, ensure_ascii=False) if as_json else in_words(report))
     if plot is not None:
