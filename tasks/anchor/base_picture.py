@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
-from dcap.geometry.placement.regions import Frame
+from dcap.geometry.placement.named_regions import Frame
 from dcap.geometry.rendering.picture import Camera, picture
 from dcap.scene.types.segmentation import Instance, Segmentation
 from tasks.requests.pictures import SIZE

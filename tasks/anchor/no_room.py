@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dcap.geometry.placement.landing import SHARES, Landing
-from dcap.geometry.placement.regions import Frame, Region
+from dcap.geometry.placement.named_regions import Frame, Region
 from dcap.scene.types.intent import Intent
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.outcome import Infeasible, Reason

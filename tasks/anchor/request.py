@@ -9,7 +9,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from dcap.geometry.placement.regions import Frame
+from dcap.geometry.placement.named_regions import Frame
 from dcap.language.protocol.requests import AnchorRequest, BoxView
 from dcap.scene.types.box import OrientedBox
 from dcap.scene.types.intent import Intent

@@ -15,8 +15,8 @@ from pydantic import BaseModel, PositiveFloat
 
 from dcap.geometry.placement.clearance import Clearance
 from dcap.geometry.placement.landing import SHARES, Landing
+from dcap.geometry.placement.named_regions import Frame, Region, both, distance_beside, regions
 from dcap.geometry.placement.poses import center_of_mass
-from dcap.geometry.placement.regions import Frame, Region, both, distance_beside, regions
 from dcap.geometry.placement.set_down import Start, set_down
 from dcap.geometry.raycast import Raycaster
 from dcap.language.protocol.client import Client, LanguageConfig

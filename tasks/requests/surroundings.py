@@ -6,7 +6,7 @@ In: scene and intent. Out: the viewer's frame of a part, boxes of references, di
 import numpy as np
 from numpy.typing import NDArray
 
-from dcap.geometry.placement.regions import Frame, frame_of, regions
+from dcap.geometry.placement.named_regions import Frame, frame_of, regions
 from dcap.geometry.solid.pieces import components
 from dcap.scene.types.box import OrientedBox
 from dcap.scene.types.intent import Intent

@@ -15,8 +15,8 @@ from PIL import Image, ImageDraw, ImageFont
 from pydantic import BaseModel, PositiveInt
 from scipy.spatial.transform import Rotation as Turn
 
+from dcap.geometry.placement.polygons import smallest_rectangle
 from dcap.geometry.placement.poses import StablePose, about_z, front_of, stable_poses, symmetry_about_z
-from dcap.geometry.placement.regions import smallest_rectangle
 from dcap.geometry.placement.upright import outermost, stands_as_read, upright_pose
 from dcap.geometry.rendering.picture import Camera, picture
 from dcap.language.offline.fronts import front_side

@@ -16,7 +16,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from dcap.geometry.placement.regions import Region, inside
+from dcap.geometry.placement.named_regions import Region
+from dcap.geometry.placement.polygons import inside
 from dcap.geometry.raycast import Raycaster
 from dcap.scene.types.mesh import Mesh
 

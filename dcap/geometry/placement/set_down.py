@@ -12,7 +12,7 @@ import numpy as np
 
 from dcap.geometry.placement.clearance import Clearance
 from dcap.geometry.placement.landing import SHARES, Landing, Spot
-from dcap.geometry.placement.regions import Region
+from dcap.geometry.placement.named_regions import Region
 
 LEVEL = 0.7
 """Least share with which a level place is looked for before an uneven one is taken [-]."""

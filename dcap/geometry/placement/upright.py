@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError, cKDTree
 
+from dcap.geometry.placement.polygons import smallest_rectangle
 from dcap.geometry.placement.poses import (
     StablePose,
     about_z,
@@ -21,7 +22,6 @@ from dcap.geometry.placement.poses import (
     surface_points,
     turn_between,
 )
-from dcap.geometry.placement.regions import smallest_rectangle
 from dcap.geometry.raycast import Raycaster
 from dcap.scene.types.mesh import Mesh
 

@@ -11,6 +11,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from dcap.geometry.placement.polygons import (
+    clipped,
+    clipped_half_plane,
+    counter_clockwise,
+    gap_between,
+    grown,
+)
 from dcap.scene.types.box import OrientedBox
 
 Array = NDArray[np.float64]
@@ -238,107 +245,3 @@ def both(areas: Sequence[Region]) -> list[Region]:
 def closest_inside(frame: Frame, point: Array) -> Array:
     """The point moved on to the part's rectangle [m], shape (2,)."""
     return frame.world(np.clip(frame.local(point), -1.0, 1.0))
-
-
-# polygons -----------------------------------------------------------------------------------------------------------
-
-
-def counter_clockwise(polygon: Array) -> Array:
-    """The same ring, counter-clockwise."""
-    x, y = polygon.T
-    area = float(np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y))
-    return polygon if area >= 0 else polygon[::-1].copy()
-
-
-def grown(points: Array, distance: float) -> Array:
-    """Convex hull of discs about points, as the hull of 16-gons [m], shape (k, 2)."""
-    angle = 2.0 * np.pi * np.arange(16) / 16
-    circle = max(distance, 1e-3) * np.c_[np.cos(angle), np.sin(angle)]
-    return convex_hull((points[:, None] + circle).reshape(-1, 2))
-
-
-def convex_hull(points: Array) -> Array:
-    """Convex hull, counter-clockwise (Andrew's monotone chain), shape (k, 2)."""
-    order = np.unique(np.round(points, 9), axis=0)
-
-    def chain(sequence: Array) -> list[Array]:
-        hull: list[Array] = []
-        for p in sequence:
-            while len(hull) > 1 and turn(hull[-2], hull[-1], p) <= 0:
-                hull.pop()
-            hull.append(p)
-        return hull[:-1]
-
-    return np.array([*chain(order), *chain(order[::-1])])
-
-
-def smallest_rectangle(points: Array) -> tuple[Array, Array]:
-    """Long axis as a unit vector and extents, longer first [m], of the rectangle of least area about points (n, 2)."""
-    ring = convex_hull(points)
-    edges = np.roll(ring, -1, axis=0) - ring
-    length = np.linalg.norm(edges, axis=1)
-    best: tuple[float, Array, Array] | None = None
-    for edge, size in zip(edges, length, strict=True):
-        if size == 0.0:
-            continue
-        along = edge / size
-        across = np.array([-along[1], along[0]])
-        extents = np.array([np.ptp(ring @ along), np.ptp(ring @ across)])
-        area = float(extents.prod())
-        # an area that is smaller by rounding only does not replace the first
-        if best is None or area < best[0] * (1.0 - 1e-6):
-            longer_first = extents[0] >= extents[1]
-            best = (area, along if longer_first else across, np.sort(extents)[::-1])
-    if best is None:
-        return np.array([1.0, 0.0]), np.zeros(2)
-    return best[1], best[2]
-
-
-def turn(a: Array, b: Array, c: Array) -> float:
-    """Twice the signed area of a triangle [m^2]: positive for a left turn."""
-    return float((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]))
-
-
-def clipped(polygon: Array, window: Array) -> Array:
-    """A convex polygon cut to a convex counter-clockwise window (Sutherland and Hodgman 1974), shape (k, 2)."""
-    for a, b in zip(window, np.roll(window, -1, axis=0), strict=True):
-        outward = np.array([b[1] - a[1], a[0] - b[0]])
-        polygon = clipped_half_plane(polygon, a, outward)
-        if len(polygon) == 0:
-            break
-    return polygon
-
-
-def clipped_half_plane(polygon: Array, point: Array, outward: Array) -> Array:
-    """What of a polygon lies behind a line."""
-    distance = (polygon - point) @ outward
-    kept: list[Array] = []
-    for k in range(len(polygon)):
-        following = (k + 1) % len(polygon)
-        if distance[k] <= 0:
-            kept.append(polygon[k])
-        if (distance[k] < 0 < distance[following]) or (distance[following] < 0 < distance[k]):
-            share = distance[k] / (distance[k] - distance[following])
-            kept.append(polygon[k] + share * (polygon[following] - polygon[k]))
-    return np.array(kept).reshape(-1, 2)
-
-
-def gap_between(a: Array, b: Array) -> float:
-    """Smallest distance between the rims of two polygons [m]; between polygons that are apart one end is a corner."""
-
-    def to_rim(points: Array, ring: Array) -> float:
-        edge = np.roll(ring, -1, axis=0) - ring
-        offset = points[:, None] - ring
-        share = np.einsum("nkj,kj->nk", offset, edge) / np.maximum(np.einsum("kj,kj->k", edge, edge), 1e-18)
-        return float(np.linalg.norm(offset - np.clip(share, 0.0, 1.0)[..., None] * edge, axis=-1).min())
-
-    return min(to_rim(a, b), to_rim(b, a))
-
-
-def inside(polygon: Array, points: Array, *, margin: float = 1e-9) -> NDArray[np.bool_]:
-    """Which points (n, 2) lie in a convex counter-clockwise polygon, shape (n,)."""
-    within = np.ones(len(points), dtype=bool)
-    for a, b in zip(polygon, np.roll(polygon, -1, axis=0), strict=True):
-        edge = b - a
-        within &= edge[0] * (points[:, 1] - a[1]) - edge[1] * (points[:, 0] - a[0]) >= -margin
-    return within

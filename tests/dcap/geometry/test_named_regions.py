@@ -5,20 +5,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dcap.geometry.placement.poses import about_z
-from dcap.geometry.placement.regions import (
+from dcap.geometry.placement.named_regions import (
     SIDES,
     VIEWER,
     both,
-    clipped,
-    convex_hull,
-    counter_clockwise,
     distance_beside,
     frame_of,
-    inside,
     regions,
-    smallest_rectangle,
 )
+from dcap.geometry.placement.polygons import clipped, convex_hull, counter_clockwise, inside, smallest_rectangle
+from dcap.geometry.placement.poses import about_z
 from dcap.scene.types.box import OrientedBox
 
 
