@@ -10,6 +10,7 @@ from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
+from matplotlib.typing import RcKeyType
 
 from dcap.scene.errors import InputError
 
@@ -28,8 +29,10 @@ LETTERS = 72
 """Letters that fit below the histogram side by side [-]."""
 ROOM_FOR_NOTES = 1.35
 """Length of the axis of kinds over its longest bar: the numbers stand beyond the bars [-]."""
-STYLE = {"font.size": 9.0, "svg.hashsalt": "dcap", "svg.fonttype": "none", "text.color": INK, "text.parse_math": False,
-         "axes.edgecolor": GREY, "axes.labelcolor": GREY, "xtick.color": INK, "ytick.color": INK}  # fmt: skip
+STYLE: dict[RcKeyType, object] = {
+    "font.size": 9.0, "svg.hashsalt": "dcap", "svg.fonttype": "none", "text.color": INK, "text.parse_math": False,
+    "axes.edgecolor": GREY, "axes.labelcolor": GREY, "xtick.color": INK, "ytick.color": INK,
+}  # fmt: skip
 """Words stay words in an SVG, and equal plots are equal files."""
 
 

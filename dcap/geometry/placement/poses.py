@@ -13,9 +13,11 @@ count for the face where the tipping ends [G94].
 from dataclasses import dataclass
 
 import numpy as np
+import trimesh
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, cKDTree
 
+from dcap.geometry.distance import signed_volume
 from dcap.geometry.solid.boundary import is_closed
 from dcap.scene.errors import GeometryError
 from dcap.scene.types.mesh import Mesh
@@ -27,6 +29,8 @@ MOST_POSES = 24
 """More poses than that are those of a ball or a pebble, where one is as good as another [-]."""
 LEAST_SHARE = 0.004
 """Poses with less than this share of all directions are left out [-]."""
+LEAST_FILLED = 1e-3
+"""A closed mesh that encloses less of its box than this is a sheet with two sides [-]."""
 SHEET = 1e-4
 """Half thickness given to a flat mesh over its largest extent [-]."""
 SYMMETRY_SAMPLES = 4000
@@ -62,17 +66,15 @@ class StablePose:
 
 def center_of_mass(mesh: Mesh) -> Array:
     """Centre of the volume if the mesh is closed, else of the surface [m], shape (3,)."""
-    a, b, c = mesh.triangles.transpose(1, 0, 2)
     origin = mesh.bounds.mean(axis=0)
-    a, b, c = a - origin, b - origin, c - origin
-    volume = np.einsum("ij,ij->i", a, np.cross(b, c)) / 6.0
+    corner = mesh.triangles - origin
     box = float(np.prod(np.ptp(mesh.bounds, axis=0)))
-    if is_closed(mesh) and volume.sum() > 1e-3 * box:
-        return np.asarray(origin + (volume[:, None] * (a + b + c)).sum(axis=0) / (4.0 * volume.sum()))
+    if is_closed(mesh) and signed_volume(mesh.vertices, mesh.faces) > LEAST_FILLED * box:
+        return np.asarray(origin + trimesh.triangles.mass_properties(corner, skip_inertia=True).center_mass)
     area = mesh.face_areas
     if area.sum() == 0.0:
         raise GeometryError("the mesh has no area")
-    return np.asarray(origin + (area[:, None] * (a + b + c)).sum(axis=0) / (3.0 * area.sum()))
+    return np.asarray(origin + np.average(corner.mean(axis=1), axis=0, weights=area))
 
 
 def stable_poses(mesh: Mesh, *, most: int = MOST_POSES, least: float = LEAST_SHARE) -> list[StablePose]:

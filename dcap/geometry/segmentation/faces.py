@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
+from skimage.color import rgb2lab
 
 from dcap.scene.types.mesh import Mesh
 
@@ -26,7 +27,7 @@ class FaceTable:
     area: NDArray[np.float64]
     """[m^2], shape (m,)."""
     lab: NDArray[np.float64]
-    """Mean colour in CIELAB, shape (m, 3)."""
+    """Mean colour in CIELAB (D65), shape (m, 3)."""
     pairs: NDArray[np.int64]
     """Faces that share an edge, shape (e, 2)."""
     component: NDArray[np.int64]
@@ -44,7 +45,7 @@ class FaceTable:
             center=corners.mean(axis=1),
             normal=weighted / np.maximum(length, 1e-30)[:, None],
             area=0.5 * length,
-            lab=lab_from_srgb(mesh.colors[mesh.faces].mean(axis=1)),
+            lab=rgb2lab(mesh.colors[mesh.faces].mean(axis=1) / 255.0),
             pairs=pairs,
             component=connected_regions(len(corners), pairs, np.ones(len(pairs), dtype=bool)),
         )
@@ -101,16 +102,3 @@ def surface_points(
 def renumbered(labels: NDArray[np.integer]) -> NDArray[np.int64]:
     """The same partition numbered 0, 1, 2 ... in order of value."""
     return np.asarray(np.unique(labels, return_inverse=True)[1], dtype=np.int64).reshape(-1)
-
-
-def lab_from_srgb(srgb: NDArray[np.floating]) -> NDArray[np.float64]:
-    """CIELAB (D65) of sRGB colours 0..255, shape (..., 3). Source: IEC 61966-2-1 and CIE 15."""
-    value = np.asarray(srgb, dtype=np.float64) / 255.0
-    linear = np.where(value <= 0.04045, value / 12.92, ((value + 0.055) / 1.055) ** 2.4)
-    xyz_from_rgb = np.array(
-        [[0.4124564, 0.3575761, 0.1804375], [0.2126729, 0.7151522, 0.0721750], [0.0193339, 0.1191920, 0.9503041]]
-    )
-    xyz = linear @ xyz_from_rgb.T / np.array([0.95047, 1.0, 1.08883])
-    root = np.where(xyz > (6 / 29) ** 3, np.cbrt(xyz), xyz / (3 * (6 / 29) ** 2) + 4 / 29)
-    x, y, z = np.moveaxis(root, -1, 0)
-    return np.stack([116 * y - 16, 500 * (x - y), 200 * (y - z)], axis=-1)

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
+from skimage.color import lab2rgb
 
 from dcap.geometry.segmentation.contacts import FEW, Pieces, pieces_of
 from dcap.geometry.segmentation.faces import FaceTable
@@ -135,7 +136,7 @@ def _floor(table: FaceTable, things: Things) -> float:
 
 
 def _color(table: FaceTable, faces: Index) -> tuple[float, float, float]:
-    red, green, blue = srgb_from_lab(np.average(table.lab[faces], axis=0, weights=table.area[faces] + 1e-15))
+    red, green, blue = lab2rgb(np.average(table.lab[faces], axis=0, weights=table.area[faces] + 1e-15))
     return float(red), float(green), float(blue)
 
 
@@ -146,16 +147,6 @@ def _varied(table: FaceTable, faces: Index) -> float:
     order = np.argsort(away, kind="stable")
     total = np.cumsum(weight[order])
     return float(away[order[min(int(np.searchsorted(total, 0.95 * total[-1])), len(order) - 1)]])
-
-
-def srgb_from_lab(lab: Array) -> Array:
-    """sRGB 0..1 of CIELAB (D65) colours, shape (..., 3): what `lab_from_srgb` undoes. Source: CIE 15, IEC 61966-2-1."""
-    y = (lab[..., 0] + 16.0) / 116.0
-    root = np.stack([y + lab[..., 1] / 500.0, y, y - lab[..., 2] / 200.0], axis=-1)
-    xyz = np.where(root > 6 / 29, root**3, 3 * (6 / 29) ** 2 * (root - 4 / 29)) * [0.95047, 1.0, 1.08883]
-    rgb_from_xyz = np.array([[3.2406, -1.5372, -0.4986], [-0.9689, 1.8758, 0.0415], [0.0557, -0.2040, 1.0570]])
-    linear = np.clip(xyz @ rgb_from_xyz.T, 0.0, 1.0)
-    return np.asarray(np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055))
 
 
 def _wall_gap(things: Things, position: Array) -> float:

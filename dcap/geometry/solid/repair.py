@@ -9,6 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 import open3d
+import trimesh
 from numpy.typing import NDArray
 
 from dcap.geometry.distance import MeshDistance, lattice, signed_volume
@@ -162,14 +163,16 @@ def mass_properties(mesh: Mesh, density: float) -> tuple[float, FloatArray, Floa
 
     Exact for a closed mesh; an open one is filled first where its winding number exceeds one half.
     """
-    box = float(np.prod(np.ptp(mesh.bounds, axis=0)))
     if not is_closed(mesh):
         volume, center, second = filled_moments(mesh)
-    elif abs(signed_volume(mesh.vertices, mesh.faces.astype(np.int64))) > LEAST_FILLED * box:
-        volume, center, second = closed_moments(mesh)
-    else:
+        return density * volume, center, density * (np.trace(second) * np.eye(3) - second)
+    enclosed = signed_volume(mesh.vertices, mesh.faces)
+    if abs(enclosed) <= LEAST_FILLED * float(np.prod(np.ptp(mesh.bounds, axis=0))):
         raise GeometryError(f"a closed mesh of {len(mesh.faces)} faces encloses no volume: a sheet, not a solid")
-    return density * volume, center, density * (np.trace(second) * np.eye(3) - second)
+    middle = mesh.bounds.mean(axis=0)  # about the origin digits would cancel
+    found = trimesh.triangles.mass_properties(mesh.triangles - middle, density=density)
+    sign = 1.0 if enclosed > 0.0 else -1.0  # wound inside out it is the same solid
+    return sign * found.mass, middle + found.center_mass, sign * found.inertia
 
 
 def volume(mesh: Mesh) -> float:
@@ -177,23 +180,11 @@ def volume(mesh: Mesh) -> float:
     return mass_properties(mesh, 1.0)[0]
 
 
-def closed_moments(mesh: Mesh) -> tuple[float, FloatArray, FloatArray]:
-    """Volume, centroid and second moments about it of a closed mesh, summed over tetrahedra to an inner point."""
-    middle = mesh.bounds.mean(axis=0)
-    a, b, c = (mesh.triangles - middle).transpose(1, 0, 2)
-    part = np.einsum("ij,ij->i", a, np.cross(b, c)) / 6.0
-    total = float(part.sum())
-    center = np.einsum("i,ij->j", part, a + b + c) / (4.0 * total)
-    # integral of x x^T over a tetrahedron with a corner at the origin:
-    # V / 20 (sum of corners squared + square of the sum)
-    s = a + b + c
-    second = sum(np.einsum("i,ij,ik->jk", part, u, u) for u in (a, b, c, s)) / 20.0
-    sign = 1.0 if total > 0.0 else -1.0
-    return abs(total), center + middle, sign * (second - total * np.outer(center, center))
-
-
 def filled_moments(mesh: Mesh) -> tuple[float, FloatArray, FloatArray]:
-    """The same for an open mesh, from samples inside; a sheet that encloses nothing raises GeometryError."""
+    """Volume, centroid and second moments about it of an open mesh, from samples inside.
+
+    Raises GeometryError for a sheet that encloses nothing.
+    """
     low, high = mesh.bounds
     spacing = float((high - low).max()) / FILL_SAMPLES
     if spacing == 0.0:
