@@ -14,10 +14,10 @@ from dataclasses import asdict, dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from dcap.geometry.camera import looking_at
 from dcap.geometry.distance import MeshDistance
 from dcap.geometry.raycast import Raycaster
 from dcap.geometry.rendering.unlit import psnr, unlit
-from dcap.geometry.splatting.camera import looking
 from dcap.geometry.splatting.camera_path import PathConfig, camera_path
 from dcap.geometry.splatting.config import SurfaceConfig
 from dcap.geometry.splatting.on_mesh import splats_on_mesh
@@ -155,7 +155,7 @@ def frames_a_second(splats: Gaussians, place: NDArray[np.float64]) -> float:
     splatter = Splatter(splats)
     angles = np.linspace(0.0, 2.0 * np.pi, FRAMES, endpoint=False)
     ahead = np.stack([np.cos(angles), np.sin(angles), np.full(FRAMES, -0.2)], axis=1)
-    cameras = [looking(place, place + d, 640, 480, np.deg2rad(70)) for d in ahead]
+    cameras = [looking_at(place, place + d, 640, 480, fov_deg=70.0) for d in ahead]
     splatter.view(cameras[0])
     begin = time.perf_counter()
     for camera in cameras:

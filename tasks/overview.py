@@ -7,8 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, PositiveFloat, PositiveInt
 
+from dcap.geometry.camera import Camera, looking_at
 from dcap.geometry.rendering.cutaway import cut_faces
-from dcap.geometry.rendering.picture import Camera, picture
+from dcap.geometry.rendering.picture import picture
 from dcap.scene.types.anchor import Anchor
 from dcap.scene.types.intent import Intent
 from dcap.scene.types.mesh import Mesh
@@ -40,7 +41,7 @@ def overview(
     """Look at the base if one was found, else at the whole scene."""
     camera = camera_for(scene, intent, anchor, config)
     structure = np.array([one.structure for one in scene.instances] + [True])[scene.face_instance]
-    cut = cut_faces(scene.mesh, structure, camera.position, np.asarray(camera.target))
+    cut = cut_faces(scene.mesh, structure, camera.position, camera.target)
     shown = scene.mesh.submesh(np.flatnonzero(~cut))
     asked = None if anchor is None else photograph([shown, item.mesh.transformed(anchor.world_from_object)], camera)
     return Overview(photograph([shown], camera), asked)
@@ -63,9 +64,7 @@ def camera_for(scene: Segmentation, intent: Intent | None, anchor: Anchor | None
     toward = horizontal(0.5 * (low + high) - middle) if front is None else front
     lift = np.radians(config.elevation_deg)
     way = np.cos(lift) * toward + np.array([0.0, 0.0, np.sin(lift)])
-    return Camera(
-        middle + factor * diagonal * way, middle, fov_deg=config.fov_deg, width=config.size, height=config.size
-    )
+    return looking_at(middle + factor * diagonal * way, middle, config.size, config.size, fov_deg=config.fov_deg)
 
 
 def horizontal(direction: Array) -> Array:

@@ -6,8 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
+from dcap.geometry.camera import looking_at
 from dcap.geometry.placement.named_regions import Frame
-from dcap.geometry.rendering.picture import Camera, picture
+from dcap.geometry.rendering.picture import picture
 from dcap.scene.types.segmentation import Instance, Segmentation
 from tasks.requests.pictures import SIZE
 
@@ -32,7 +33,7 @@ def base_from_above(
     height = max(height, *(float(mesh.bounds[1, 2]) - base.box.top + 0.2 for mesh in meshes))
     up = (-float(frame.front[0]), -float(frame.front[1]), 0.0)
     position, target = (np.array([*frame.center, base.box.top + above]) for above in (height, 0.0))
-    camera = Camera(position, target, up, FOV_DEG, SIZE, SIZE)
+    camera = looking_at(position, target, SIZE, SIZE, fov_deg=FOV_DEG, up=up)
     return with_sides(picture(meshes, camera, samples=1, shadows=False).rgb)
 
 

@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from dcap.geometry.splatting.camera import Camera
+from dcap.geometry.camera import Camera
 from dcap.scene.types.colmap import ColmapModel, Pinhole, posed
 from dcap.scene.types.gaussians import Gaussians
 from solver.runtime import start

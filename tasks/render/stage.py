@@ -15,10 +15,11 @@ from scipy.ndimage import binary_closing, binary_erosion
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation as Turn
 
+from dcap.geometry.camera import Camera, looking_at
 from dcap.geometry.deform import displaced, following
 from dcap.geometry.raycast import Raycaster
 from dcap.geometry.rendering.cutaway import cut_faces
-from dcap.geometry.rendering.picture import Camera, picture, pixel_centers, seen_meshes
+from dcap.geometry.rendering.picture import picture, rays_through, seen_meshes
 from dcap.scene.types.anchor import Anchor
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.outcome import Infeasible, Reason
@@ -136,7 +137,7 @@ def structure_faces(scene: Segmentation) -> NDArray[np.bool_]:
 
 def shown(scene: Segmentation, camera: Camera) -> list[Mesh]:
     """The scene as the camera may see it: without what is cut away, on a studio floor if it has none."""
-    cut = cut_faces(scene.mesh, structure_faces(scene), camera.position, np.asarray(camera.target))
+    cut = cut_faces(scene.mesh, structure_faces(scene), camera.position, camera.target)
     meshes = [scene.mesh.submesh(np.flatnonzero(~cut))]
     if not any(one.structure for one in scene.instances):
         meshes.append(studio_floor(scene.mesh))
@@ -196,7 +197,7 @@ def best_view(things: Mesh, thing: Mesh, target: Array, distance: float, toward:
             seen = visible_share(caster, points, normals, position)
             score = seen + FRONT_BONUS * np.cos(np.radians(azimuth)) - 0.15 * rank
             if score > best_score + 1e-9:
-                camera = Camera(position, target, fov_deg=config.fov_deg, width=config.size, height=config.size)
+                camera = looking_at(position, target, config.size, config.size, fov_deg=config.fov_deg)
                 best, best_score = View(camera, seen), score
     assert best is not None
     return best
@@ -242,8 +243,8 @@ def closeup(
 ) -> NDArray[np.uint8]:
     """The contact from nearby, its patch tinted as if the object were glass."""
     size = np.ptp(thing.vertices, axis=0)
-    target = np.asarray(view.camera.target) + np.array([0.0, 0.0, 0.22 * size[2]])
-    way = view.camera.position - np.asarray(view.camera.target)
+    target = view.camera.target + np.array([0.0, 0.0, 0.22 * size[2]])
+    way = view.camera.position - view.camera.target
     flat = np.array([way[0], way[1], 0.0])
     flat /= np.linalg.norm(flat)
     distance = config.closeup_factor * float(np.linalg.norm(size))
@@ -260,10 +261,10 @@ def contact_mask(meshes: list[Mesh], contact: Array, camera: Camera) -> NDArray[
         return np.zeros(shape, dtype=bool)
     around = camera.project(contact)
     radius = patch_radius(contact)
-    reach = 2.0 * radius / around[:, 2].min() * camera.focal_pixels + 2.0
-    center = pixel_centers(camera)
+    reach = 2.0 * radius / around[:, 2].min() * camera.focal + 2.0
+    center = camera.pixel_centers
     near = ((center >= around[:, :2].min(axis=0) - reach) & (center <= around[:, :2].max(axis=0) + reach)).all(axis=1)
-    rays = camera.directions(center[near])
+    rays = rays_through(camera, center[near])
     hits = Raycaster(Mesh.concatenate(meshes)).cast(np.broadcast_to(camera.position, rays.shape), rays)
     mask = np.zeros(len(center), dtype=bool)
     hit = hits.face >= 0

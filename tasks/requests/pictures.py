@@ -3,9 +3,10 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from dcap.geometry.camera import looking_at
 from dcap.geometry.raycast import Raycaster
 from dcap.geometry.rendering.cutaway import cut_faces
-from dcap.geometry.rendering.picture import Camera, picture
+from dcap.geometry.rendering.picture import picture
 from dcap.geometry.segmentation.unlabelled import Things
 from dcap.scene.types.box import OrientedBox
 from dcap.scene.types.mesh import Mesh
@@ -71,7 +72,7 @@ def _seen(
     loose = rest.submesh(np.flatnonzero(~structure))
     position = best_place(loose, thing, box, distance, *from_inside(rest.bounds, box))
     shown = rest.submesh(np.flatnonzero(~cut_faces(rest, structure, position, box.center)))
-    return picture([shown, thing], Camera(position, box.center, width=SIZE, height=SIZE), samples=1, shadows=False).rgb
+    return picture([shown, thing], looking_at(position, box.center, SIZE, SIZE), samples=1, shadows=False).rgb
 
 
 def from_inside(bounds: Array, box: OrientedBox) -> tuple[Array, bool]:

@@ -15,10 +15,11 @@ from PIL import Image, ImageDraw, ImageFont
 from pydantic import BaseModel, PositiveInt
 from scipy.spatial.transform import Rotation as Turn
 
+from dcap.geometry.camera import Camera, looking_at
 from dcap.geometry.placement.polygons import smallest_rectangle
 from dcap.geometry.placement.poses import StablePose, about_z, front_of, stable_poses, symmetry_about_z
 from dcap.geometry.placement.upright import outermost, stands_as_read, upright_pose
-from dcap.geometry.rendering.picture import Camera, picture
+from dcap.geometry.rendering.picture import picture
 from dcap.language.offline.fronts import front_side
 from dcap.language.protocol.client import Client, LanguageConfig
 from dcap.language.protocol.questions import ROTATION
@@ -267,7 +268,7 @@ def camera_for(scene: Segmentation, base: Instance, hover: Array, extent: float,
     direction = np.array([*(0.9 * frame.front + 0.35 * frame.right), 0.5])
     direction /= np.linalg.norm(direction)
     target = hover - (0.0, 0.0, 0.25 * extent)
-    return Camera(target + reach * direction, target, width=size, height=size)
+    return looking_at(target + reach * direction, target, size, size)
 
 
 def annotated(rgb: NDArray[np.uint8], axis: str, camera: Camera, center: Array, extent: float) -> NDArray[np.uint8]:

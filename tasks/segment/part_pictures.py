@@ -7,7 +7,8 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 from scipy.ndimage import distance_transform_edt
 
-from dcap.geometry.rendering.picture import Camera, picture
+from dcap.geometry.camera import looking_at
+from dcap.geometry.rendering.picture import picture
 from dcap.language.protocol.requests import Vector
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.segmentation import Segmentation
@@ -35,7 +36,7 @@ def parts_picture(scene: Segmentation, index: int) -> NDArray[np.uint8]:
     box = instance.box
     distance = THING_DISTANCE * box.diagonal
     position = best_place(Mesh.concatenate([]), Mesh.concatenate(parts), box, distance, way, from_below)
-    shot = picture(parts, Camera(position, box.center, width=SIZE, height=SIZE), samples=1, shadows=False)
+    shot = picture(parts, looking_at(position, box.center, SIZE, SIZE), samples=1, shadows=False)
     return _numbered(shot.rgb, shot.mesh_index)
 
 

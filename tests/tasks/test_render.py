@@ -7,7 +7,7 @@ from functools import cache
 import numpy as np
 import trimesh
 
-from dcap.geometry.rendering.picture import Camera
+from dcap.geometry.camera import looking_at
 from dcap.geometry.solid.repair import subdivide_near
 from dcap.scene.types.anchor import Anchor
 from dcap.scene.types.box import OrientedBox
@@ -106,10 +106,10 @@ def taken() -> Renders:
 def test_before_and_after_differ_only_where_the_object_is() -> None:
     """Same camera, same light: away from the object, its dent and its shadow, no pixel changes visibly."""
     change = np.abs(taken().clean.astype(int) - taken().settled.astype(int)).max(axis=-1)
-    camera = Camera(taken().camera_position, taken().camera_target, width=160, height=160)
+    camera = looking_at(taken().camera_position, taken().camera_target, 160, 160)
     column, row, depth = camera.project(np.array([[0.0, 0.0, TOP - DEPTH + RADIUS]]))[0]
     y, x = np.indices(change.shape)
-    away = np.hypot(x - column, y - row) * depth / camera.focal_pixels
+    away = np.hypot(x - column, y - row) * depth / camera.focal
     assert change[away < RADIUS / 2].min() > 10
     # a shadow reaches 0.8 times the object's height under a light at 52 degrees; penumbra and filter a bit farther;
     # the ball hides less than 3 % of the sky from anything beyond
@@ -134,7 +134,7 @@ def test_the_wall_in_front_is_cut_and_the_rest_is_shown() -> None:
     """
     assert taken().visible_fraction == 1.0
     scene = scene_of()
-    meshes = shown(scene, Camera(taken().camera_position, taken().camera_target))
+    meshes = shown(scene, looking_at(taken().camera_position, taken().camera_target, 160, 160))
     left = Mesh.concatenate(meshes)
     assert (left.vertices[:, 1] > 1.19).any()
     in_front = (left.triangles[:, :, 1] < -1.69).all(axis=1)

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from dcap.geometry.camera import Camera, looking_at
 from dcap.geometry.raycast import Raycaster
 from dcap.geometry.rendering.unlit import psnr, unlit
-from dcap.geometry.splatting.camera import Camera, looking
 from dcap.geometry.splatting.on_mesh import splats_on_mesh
 from dcap.scene.types.gaussians import DC, Gaussians
 from dcap.scene.types.mesh import Mesh
@@ -29,7 +29,7 @@ def some_cameras(count: int = 6) -> list[Camera]:
     """Around PLACE, which is in the picture but not in its middle."""
     random = np.random.default_rng(0)
     places = PLACE + 2.0 * random.standard_normal((count, 3)) * [1, 1, 0.4]
-    return [looking(p, PLACE + random.uniform(-0.15, 0.15, 3), 160, 100, 1.2) for p in places]
+    return [looking_at(p, PLACE + random.uniform(-0.15, 0.15, 3), 160, 100, fov_deg=69.0) for p in places]
 
 
 def test_all_descriptions_of_a_camera_agree() -> None:
@@ -71,7 +71,7 @@ def test_pictures_of_splats_look_like_the_mesh_they_lie_on() -> None:
     walls = Mesh(cube.vertices, np.ascontiguousarray(cube.faces[:, ::-1]), stripes.astype(np.uint8))
     mesh = joined([walls, moved(rounded_box((1.0, 0.8, 0.5), 0.02, 0.05), x=0.3, y=0.2, z=0.25)])
     splats = splats_on_mesh(mesh, 0.02, seed=0)
-    cameras = [looking(np.array(p), np.array([0.3, 0.2, 0.5]), 160, 120, 1.3)
+    cameras = [looking_at(np.array(p), np.array([0.3, 0.2, 0.5]), 160, 120, fov_deg=74.0)
                for p in ([-1.0, -1.0, 1.6], [1.1, -1.0, 2.0], [-0.9, 1.1, 0.9])]  # fmt: skip
     caster = Raycaster(mesh)
     likeness = [
@@ -91,7 +91,7 @@ def test_a_picture_without_light_has_the_colours_of_the_mesh() -> None:
         np.array([[1.0, -1, -1], [1.0, 1, -1], [1.0, 1, 1], [1.0, -1, 1]]), np.array([[0, 1, 2], [0, 2, 3]], np.int32),
         np.array([[0, 0, 0], [0, 0, 0], [255, 255, 255], [255, 255, 255]], np.uint8),
     )  # fmt: skip
-    camera = looking(np.zeros(3), np.array([1.0, 0, 0]), 40, 40, 2 * np.arctan(2.0))
+    camera = looking_at(np.zeros(3), np.array([1.0, 0, 0]), 40, 40, fov_deg=2 * np.degrees(np.arctan(2.0)))
     image = unlit(mesh, camera)
     assert not image[:10].any()
     assert not image[:, :10].any()

@@ -1,6 +1,6 @@
 """Pictures of meshes without a display or a graphics card.
 
-In: coloured meshes and a camera (OpenCV convention: x right, y down, z forward). Out: an sRGB picture with soft
+In: coloured meshes and a camera. Out: an sRGB picture with soft
 shadows and ambient occlusion, depth and the mesh seen in each pixel. Same input, same bytes: every ray direction
 comes from a fixed low-discrepancy sequence [R18], one subset per pixel of a 4 x 4 tile, and a filter that respects
 edges gathers the subsets.
@@ -14,64 +14,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from dcap.geometry.camera import Camera
 from dcap.geometry.raycast import Raycaster
 from dcap.geometry.rendering.normals import ShadingNormals
 from dcap.geometry.rendering.shading import Surface, background, colors_of, gather, shade, visibility
-from dcap.scene.errors import GeometryError
 from dcap.scene.types.mesh import Mesh
 
 EDGE_STEP = 0.004  # relative jump in depth against the neighbours' plane that makes an edge
 EDGE_COLOR = 0.035  # jump in displayed colour (0..1) that makes an edge
 Array = NDArray[np.float32]
-
-
-@dataclass(frozen=True, eq=False, slots=True)
-class Camera:
-    """A pinhole camera."""
-
-    position: NDArray[np.float64]
-    """Where it stands [m], shape (3,)."""
-    target: NDArray[np.float64]
-    """What is in the middle of the picture [m], shape (3,)."""
-    up: tuple[float, float, float] = (0.0, 0.0, 1.0)
-    fov_deg: float = 55.0
-    """Vertical field of view [degrees]."""
-    width: int = 1024
-    height: int = 1024
-
-    @property
-    def world_from_camera(self) -> NDArray[np.float64]:
-        """Rotation with columns right, down, forward, shape (3, 3)."""
-        forward = np.asarray(self.target, dtype=np.float64) - self.position
-        distance = np.linalg.norm(forward)
-        if distance == 0.0:
-            raise GeometryError(f"camera position and target are the same point: {np.asarray(self.target).tolist()}")
-        forward = forward / distance
-        right = np.cross(forward, self.up)
-        if np.linalg.norm(right) < 1e-6:  # looking along `up`: any side direction will do
-            right = np.cross(forward, (0.0, 1.0, 0.0) if abs(forward[1]) < 0.9 else (1.0, 0.0, 0.0))
-        right /= np.linalg.norm(right)
-        return np.stack([right, np.cross(forward, right), forward], axis=1)
-
-    @property
-    def focal_pixels(self) -> float:
-        """Focal length [pixels]."""
-        return float(0.5 * self.height / np.tan(0.5 * np.radians(self.fov_deg)))
-
-    def directions(self, pixels: NDArray[np.floating]) -> Array:
-        """Unit world directions of rays through image points (n, 2) = (column, row) [pixels], shape (n, 3)."""
-        local = (pixels - (0.5 * self.width, 0.5 * self.height)) / self.focal_pixels
-        right, down, forward = self.world_from_camera.T
-        world = local[:, :1] * right + local[:, 1:] * down + forward
-        length = np.sqrt(1.0 + np.einsum("ij,ij->i", local, local))
-        return np.asarray(world / length[:, None], dtype=np.float32)
-
-    def project(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Image points (column, row) [pixels] and depth [m] of world points (n, 3), shape (n, 3)."""
-        local = (points - self.position) @ self.world_from_camera
-        center = np.array([0.5 * self.width, 0.5 * self.height])
-        image = local[:, :2] / local[:, 2:] * self.focal_pixels + center
-        return np.concatenate([image, local[:, 2:]], axis=1)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -91,8 +42,7 @@ def picture(meshes: Sequence[Mesh], camera: Camera, *, samples: int = 2, shadows
     occlusion.
     """
     world = World(meshes, camera)
-    center = pixel_centers(camera)
-    surface = world.look(camera.directions(center))
+    surface = world.look(rays_through(camera, camera.pixel_centers))
     shape = (camera.height, camera.width)
     light = np.ones((*shape, 2), dtype=np.float32)
     if shadows:
@@ -113,10 +63,15 @@ def picture(meshes: Sequence[Mesh], camera: Camera, *, samples: int = 2, shadows
 def seen_meshes(meshes: Sequence[Mesh], camera: Camera) -> NDArray[np.int32]:
     """Index of the mesh seen in the middle of each pixel, -1 where nothing is, shape (h, w)."""
     owner = np.repeat(np.arange(len(meshes)), [len(m.faces) for m in meshes]).astype(np.int32)
-    direction = camera.directions(pixel_centers(camera))
+    direction = rays_through(camera, camera.pixel_centers)
     origin = np.broadcast_to(np.asarray(camera.position, dtype=np.float32), direction.shape)
     face = Raycaster(Mesh.concatenate(list(meshes))).cast(origin, direction).face
     return np.append(owner, np.int32(-1))[face].reshape(camera.height, camera.width)
+
+
+def rays_through(camera: Camera, points: NDArray[np.floating]) -> Array:
+    """Unit directions through image points (n, 2) in the ray tracer's precision, shape (n, 3)."""
+    return np.asarray(camera.directions(points), dtype=np.float32)
 
 
 class World:
@@ -171,12 +126,6 @@ class World:
         return linear
 
 
-def pixel_centers(camera: Camera) -> NDArray[np.float64]:
-    """Image points of all pixels, row by row, shape (h * w, 2)."""
-    row, column = np.divmod(np.arange(camera.width * camera.height), camera.width)
-    return np.stack([column, row], axis=1) + 0.5
-
-
 def edges(surface: Surface, shown: Array, shape: tuple[int, int]) -> NDArray[np.bool_]:
     """Pixels that differ from a neighbour in mesh, depth or colour, shape (h * w,)."""
     index = surface.mesh_index.reshape(shape)
@@ -204,7 +153,7 @@ def smoothed(pixel: NDArray[np.int64], world: World, surface: Surface, light: Ar
         offset = np.array(
             [(step + 0.5) / samples**2, ((step * samples + step // samples) % samples**2 + 0.5) / samples**2]
         )
-        seen = world.look(camera.directions(np.stack([column, row], axis=1) + offset))
+        seen = world.look(rays_through(camera, np.stack([column, row], axis=1) + offset))
         total += compressed(world.shaded(seen, borrowed_light(seen, pixel, surface, light)))
     return np.asarray(total / samples**2, dtype=np.float32)
 

@@ -1,10 +1,12 @@
 """Pictures of a mesh in its own colours, without light: what splats on it should look like; and how alike two are."""
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
+from dcap.geometry.camera import Camera
 from dcap.geometry.raycast import Raycaster
-from dcap.geometry.splatting.camera import Camera
 from dcap.scene.types.mesh import Mesh
 
 F32 = NDArray[np.float32]
@@ -15,12 +17,8 @@ SAMPLES = 2
 
 def unlit(mesh: Mesh, camera: Camera, caster: Raycaster | None = None) -> F32:
     """sRGB 0 to 1 over black, shape (rows, columns, 3); `caster` is the mesh's, if there is one already."""
-    fine = Camera(
-        camera.position, camera.world_from_camera, SAMPLES * camera.width, SAMPLES * camera.height,
-        SAMPLES * camera.focal,
-    )  # fmt: skip
-    rows, columns = np.divmod(np.arange(fine.width * fine.height), fine.width)
-    ways = fine.directions(rows, columns)
+    fine = replace(camera, width=SAMPLES * camera.width, height=SAMPLES * camera.height, focal=SAMPLES * camera.focal)
+    ways = fine.directions(fine.pixel_centers)
     hits = (caster or Raycaster(mesh)).cast(np.broadcast_to(camera.position, ways.shape), ways)
     seen = hits.face >= 0
     color = np.zeros((len(ways), 3))

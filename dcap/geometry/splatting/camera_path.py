@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, Field, NonNegativeInt, PositiveFloat, PositiveInt
 from scipy.ndimage import distance_transform_edt
 
+from dcap.geometry.camera import Camera, looking_at
 from dcap.geometry.segmentation.labels import Category, category_of
-from dcap.geometry.splatting.camera import Camera, looking
 from dcap.geometry.splatting.filled_cells import FilledCells, filled_cells
 from dcap.geometry.splatting.viewpoints import CANDIDATES, bulk, far_apart_index, inner_places, outer_places
 from dcap.scene.types.box import OrientedBox
@@ -229,11 +229,11 @@ def worthwhile(cameras: Iterable[Camera], cells: FilledCells, config: PathConfig
     """Those that stand free, with something to see that is not right before them."""
     for camera in cameras:
         columns, rows = (
-            ((np.arange(count) + 0.5) * size / count).astype(np.int64)
+            np.floor((np.arange(count) + 0.5) * size / count) + 0.5
             for count, size in zip(RAYS, (camera.width, camera.height), strict=True)
         )
-        r, c = np.meshgrid(rows, columns, indexing="ij")
-        ways = camera.directions(r.ravel(), c.ravel())
+        row, column = (grid.ravel() for grid in np.meshgrid(rows, columns, indexing="ij"))
+        ways = camera.directions(np.stack([column, row], axis=1))
         distance = cells.cast(np.broadcast_to(camera.position, ways.shape), ways)
         free = distance.min() > 0.0 and (distance > config.nearest).mean() >= OPEN
         if free and np.isfinite(distance).mean() >= SEEN:
@@ -247,7 +247,7 @@ def all_around(splats: Gaussians, config: PathConfig) -> Iterator[Camera]:
 
 
 def _looking(place: Array, target: Array, config: PathConfig) -> Camera:
-    return looking(place, target, config.width, config.height, np.deg2rad(config.field_of_view_deg))
+    return looking_at(place, target, config.width, config.height, fov_deg=config.field_of_view_deg)
 
 
 def _least_half_angle(config: PathConfig) -> float:

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from dcap.geometry.camera import Camera
 from dcap.geometry.splatting import kernels
-from dcap.geometry.splatting.camera import Camera
 from dcap.scene.types.gaussians import DC, Gaussians, harmonics
 
 F32 = NDArray[np.float32]

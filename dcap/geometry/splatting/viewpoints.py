@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from dcap.geometry.splatting.camera import Camera, looking
+from dcap.geometry.camera import Camera, looking_at
 from dcap.scene.types.gaussians import Gaussians
 
 Array = NDArray[np.float64]
@@ -27,8 +27,8 @@ GRAIN = 0.02
 AT_ONCE = 2_000_000
 """Pairs of a place and a Gaussian that are looked at together."""
 CUBE = np.array([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]], dtype=np.float64)
-FIELD_OF_VIEW = np.deg2rad(92.0)
-"""Six pictures of a right angle see everything; a little more lets them overlap."""
+FOV_DEG = 92.0
+"""Six pictures of a right angle see everything; a little more lets them overlap [degrees]."""
 
 
 def viewpoints(splats: Gaussians, places: int, pixels: int, seed: int = 0) -> list[Camera]:
@@ -36,9 +36,9 @@ def viewpoints(splats: Gaussians, places: int, pixels: int, seed: int = 0) -> li
     times as many around what has no inside."""
     inside = inner_places(splats, places, seed)
     if len(inside):
-        return [looking(p, p + d, pixels, pixels, FIELD_OF_VIEW) for p in inside for d in CUBE]
-    outside, center = outer_places(splats, 3 * places, FIELD_OF_VIEW)
-    return [looking(p, center, pixels, pixels, FIELD_OF_VIEW) for p in outside]
+        return [looking_at(p, p + d, pixels, pixels, fov_deg=FOV_DEG) for p in inside for d in CUBE]
+    outside, center = outer_places(splats, 3 * places, np.radians(FOV_DEG))
+    return [looking_at(p, center, pixels, pixels, fov_deg=FOV_DEG) for p in outside]
 
 
 def outer_places(splats: Gaussians, count: int, field_of_view: float) -> tuple[Array, Array]:

@@ -10,7 +10,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from dcap.geometry.splatting.camera import Camera
+from dcap.geometry.camera import Camera
 from dcap.geometry.splatting.config import SurfaceConfig
 from dcap.geometry.splatting.render import Splatter, View
 from dcap.geometry.splatting.viewpoints import viewpoints
@@ -50,7 +50,7 @@ def behind(
 
     `flat` are the thinnest axes (n, 3) of all Gaussians at `position` (n, 3)."""
     place = position[index].astype(np.float64)
-    column, row = np.floor(camera.project(place)).astype(np.int64).T
+    column, row = np.floor(camera.project(place)[:, :2]).astype(np.int64).T
     inside = (column >= 0) & (column < camera.width) & (row >= 0) & (row < camera.height)
     front = view.front[np.where(inside, row, 0), np.where(inside, column, 0)]
     normal = flat[front].astype(np.float64)

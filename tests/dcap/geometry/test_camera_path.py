@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
+from dcap.geometry.camera import Camera, looking_at
 from dcap.geometry.distance import MeshDistance
 from dcap.geometry.raycast import Raycaster
 from dcap.geometry.segmentation.labels import category_of
-from dcap.geometry.splatting.camera import Camera, looking
 from dcap.geometry.splatting.camera_path import FURNITURE, PathConfig, camera_path, entries, unhidden, worthwhile
 from dcap.geometry.splatting.filled_cells import CELL, STRIDE, FilledCells, filled_cells
 from dcap.geometry.splatting.on_mesh import splats_on_mesh
@@ -84,8 +84,7 @@ def test_every_piece_of_furniture_is_in_several_pictures(cameras: tuple[Camera, 
     """At least one per cent of four pictures or more, by rays to the true mesh."""
     caster, count = Raycaster(built.record.mesh), np.zeros(len(built.instance_labels), dtype=int)
     for camera in cameras:
-        rows, columns = np.divmod(np.arange(camera.width * camera.height), camera.width)
-        ways = camera.directions(rows, columns)
+        ways = camera.directions(camera.pixel_centers)
         face = caster.cast(np.broadcast_to(camera.position, ways.shape), ways).face
         share = np.bincount(built.face_instance[face[face >= 0]], minlength=len(count)) / len(ways)
         count += share > 0.01
@@ -98,8 +97,7 @@ def test_pictures_overlap(cameras: tuple[Camera, ...], built: BuiltRoom) -> None
     """Nine tenths of what any picture shows (cells of 20 cm) is in another one too."""
     caster, seen = Raycaster(built.record.mesh), []
     for camera in cameras:
-        rows, columns = np.divmod(np.arange(camera.width * camera.height), camera.width)
-        ways = camera.directions(rows, columns)
+        ways = camera.directions(camera.pixel_centers)
         hits = caster.cast(np.broadcast_to(camera.position, ways.shape), ways)
         seen.append(np.unique(np.floor(hits.position[hits.face >= 0] / 0.2).astype(int), axis=0))
     _, times = np.unique(np.concatenate(seen), axis=0, return_counts=True)
@@ -160,7 +158,7 @@ def test_cameras_before_a_wall_or_in_it_are_left_out() -> None:
 
     def kept(x: float, toward: tuple[float, float, float]) -> bool:
         place = np.array([x, 2.0, 1.25])
-        camera = looking(place, place + toward, 64, 48, 1.2)
+        camera = looking_at(place, place + toward, 64, 48, fov_deg=69.0)
         return bool(list(worthwhile([camera], cells, config)))
 
     assert kept(1.0, (1.0, 0.0, 0.0))

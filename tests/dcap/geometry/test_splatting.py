@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from dcap.geometry.camera import Camera, looking_at
 from dcap.geometry.distance import MeshDistance
-from dcap.geometry.splatting.camera import Camera, looking
 from dcap.geometry.splatting.config import SurfaceConfig
 from dcap.geometry.splatting.kernels import BLUR, settle_on_ridge
 from dcap.geometry.splatting.on_mesh import FLATNESS, JITTER, OPACITY, OVERLAP, splats_on_mesh
@@ -41,15 +41,17 @@ def gaussians(position, scale, color, opacity, rotation=None) -> Gaussians:
 
 def ahead(width: int = 48, height: int = 32, focal: float = 60.0) -> Camera:
     """A camera at the origin that looks along x."""
-    return Camera(np.zeros(3), np.array([[0.0, 0, 1], [-1, 0, 0], [0, -1, 0]]), width, height, focal)
+    return Camera(
+        np.zeros(3), np.array([1.0, 0, 0]), np.array([[0.0, 0, 1], [-1, 0, 0], [0, -1, 0]]), width, height, focal
+    )
 
 
 def test_a_camera_looks_where_it_is_told():
     """The middle of the picture is the target; up is up, right is right."""
-    camera = looking(np.array([1.0, 2, 3]), np.array([4.0, 2, 3]), 41, 41, np.pi / 2)
-    assert camera.directions(np.array([20]), np.array([20]))[0] == pytest.approx([1, 0, 0])
-    assert camera.directions(np.array([0]), np.array([20]))[0, 2] > 0.5
-    assert camera.directions(np.array([20]), np.array([40]))[0, 1] < -0.5
+    camera = looking_at(np.array([1.0, 2, 3]), np.array([4.0, 2, 3]), 41, 41, fov_deg=90.0)
+    assert camera.directions(np.array([[20.5, 20.5]]))[0] == pytest.approx([1, 0, 0])
+    assert camera.directions(np.array([[20.5, 0.5]]))[0, 2] > 0.5
+    assert camera.directions(np.array([[40.5, 20.5]]))[0, 1] < -0.5
     assert np.linalg.det(camera.world_from_camera) == pytest.approx(1.0)
 
 
@@ -110,7 +112,8 @@ def test_views_depend_on_the_direction_of_the_harmonics():
     rest[0, :, 2] = -0.5  # the third harmonic of degree 1 is -x
     splats = Gaussians(splats.position, splats.log_scale, splats.rotation, splats.logit, splats.dc, rest)
     front, back = (
-        Splatter(splats).view(looking(np.array([x, 0.0, 0]), np.zeros(3), 21, 21, 0.5)).image[10, 10] for x in (-2, 2)
+        Splatter(splats).view(looking_at(np.array([x, 0.0, 0]), np.zeros(3), 21, 21, fov_deg=28.6)).image[10, 10]
+        for x in (-2, 2)
     )
     assert front == pytest.approx(0.9 * (0.5 + 0.5 * np.sqrt(3 / (4 * np.pi))), rel=0.01)
     assert back == pytest.approx(0.9 * (0.5 - 0.5 * np.sqrt(3 / (4 * np.pi))), rel=0.01)
@@ -133,7 +136,9 @@ def test_splats_lie_on_their_mesh_and_add_up_to_its_picture():
     normal = mesh.face_normals[face] / np.linalg.norm(mesh.face_normals[face], axis=1, keepdims=True)
     flat = np.abs(np.einsum("ni,ni->n", normal, splats.axes[:, :, 2]))
     assert np.quantile(flat, 0.01) > 0.999  # next to an edge the nearest face may be the other one
-    view = Splatter(splats).view(looking(np.array([-1.0, -1.0, 1.6]), np.array([0.3, 0.2, 0.3]), 120, 90, 1.2))
+    view = Splatter(splats).view(
+        looking_at(np.array([-1.0, -1.0, 1.6]), np.array([0.3, 0.2, 0.3]), 120, 90, fov_deg=69.0)
+    )
     # evenly spread they would add up to alpha 2 pi OVERLAP^2 / (1 m^2 / spacing^2) = 3.8 layers: exp(-3.8) = 0.02
     assert view.light.mean() < 0.03
     assert np.quantile(view.light, 0.99) < 0.15

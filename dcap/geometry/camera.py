@@ -1,0 +1,78 @@
+"""Pinhole cameras in the OpenCV convention: x to the right, y down, z forward, principal point in the middle."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dcap.scene.errors import GeometryError
+
+Array = NDArray[np.float64]
+
+FIELD_OF_VIEW_DEG = 55.0
+"""Across the picture, unless another is asked for [degrees]."""
+UP = (0.0, 0.0, 1.0)
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Camera:
+    """Where a picture is taken from, and how."""
+
+    position: Array
+    """Centre of projection [m], shape (3,)."""
+    target: Array
+    """What is in the middle of the picture [m], shape (3,)."""
+    world_from_camera: Array
+    """Rotation; its columns are the camera's right, down and forward axes, shape (3, 3)."""
+    width: int
+    """[pixel]."""
+    height: int
+    focal: float
+    """Focal length [pixel], the same along both axes."""
+
+    @property
+    def pixel_centers(self) -> Array:
+        """Image points of all pixels, row by row, shape (height * width, 2)."""
+        row, column = np.divmod(np.arange(self.width * self.height), self.width)
+        return np.stack([column, row], axis=1) + 0.5
+
+    def directions(self, points: NDArray[np.floating]) -> Array:
+        """Unit world directions of rays through image points (n, 2) = (column, row) [pixel], shape (n, 3)."""
+        local = (points - (0.5 * self.width, 0.5 * self.height)) / self.focal
+        right, down, forward = self.world_from_camera.T
+        world = local[:, :1] * right + local[:, 1:] * down + forward
+        length = np.sqrt(1.0 + np.einsum("ij,ij->i", local, local))
+        return np.asarray(world / length[:, None])
+
+    def project(self, points: Array) -> Array:
+        """Image points (column, row) [pixel] and depth [m] of world points (n, 3) before the camera, shape (n, 3)."""
+        local = (points - self.position) @ self.world_from_camera
+        image = local[:, :2] / local[:, 2:] * self.focal + np.array([0.5 * self.width, 0.5 * self.height])
+        return np.concatenate([image, local[:, 2:]], axis=1)
+
+
+def looking_at(
+    position: Array,
+    target: Array,
+    width: int,
+    height: int,
+    *,
+    fov_deg: float = FIELD_OF_VIEW_DEG,
+    up: tuple[float, float, float] = UP,
+) -> Camera:
+    """A camera at a place that looks at another, with `up` upwards in the picture; horizontal field of view [degrees].
+
+    Raises GeometryError where both are the same point.
+    """
+    forward = np.asarray(target, dtype=np.float64) - position
+    distance = np.linalg.norm(forward)
+    if distance == 0.0:
+        raise GeometryError(f"camera position and target are the same point: {np.asarray(target).tolist()}")
+    forward = forward / distance
+    right = np.cross(forward, up)
+    if np.linalg.norm(right) < 1e-6:  # looking along `up`: any side direction will do
+        right = np.cross(forward, (0.0, 1.0, 0.0) if abs(forward[1]) < 0.9 else (1.0, 0.0, 0.0))
+    right /= np.linalg.norm(right)
+    axes = np.stack([right, np.cross(forward, right), forward], axis=1)
+    focal = float(0.5 * width / np.tan(0.5 * np.radians(fov_deg)))
+    return Camera(np.asarray(position), np.asarray(target), axes, width, height, focal)
