@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
 from dcap.geometry.camera import looking_at
-from dcap.geometry.placement.named_regions import Frame
+from dcap.geometry.placement.named_regions import ViewerFrame
 from dcap.geometry.rendering.picture import picture
 from dcap.scene.types.segmentation import Instance, Segmentation
 from tasks.requests.pictures import SIZE
@@ -23,7 +23,7 @@ LETTERS = 20
 
 
 def base_from_above(
-    scene: Segmentation, base: Instance, frame: Frame, others: Sequence[Instance]
+    scene: Segmentation, base: Instance, frame: ViewerFrame, others: Sequence[Instance]
 ) -> NDArray[np.uint8]:  # fmt: skip
     """The viewer's side at the bottom, his right at the right, shape (SIZE, SIZE, 3)."""
     shown = [base, *(one for one in others if one.box.bottom < base.box.top + HEADROOM)]

@@ -5,8 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from dcap.geometry.placement.landing import SHARES, Landing
-from dcap.geometry.placement.named_regions import Frame, Region
+from dcap.geometry.placement.named_regions import Region, ViewerFrame
+from dcap.geometry.placement.search import SHARES, PlacementSearch
 from dcap.scene.types.intent import Intent
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.outcome import Infeasible, Reason
@@ -17,12 +17,12 @@ NAMED, LEAST = 3, 0.05
 
 
 def no_room(
-    scene: Segmentation, base: Instance, index: int, frame: Frame, landing: Landing, areas: Sequence[Region],
-    intent: Intent, mesh: Mesh,
+    scene: Segmentation, base: Instance, index: int, frame: ViewerFrame, search: PlacementSearch,
+    areas: Sequence[Region], intent: Intent, mesh: Mesh,
 ) -> Infeasible:  # fmt: skip
     """The refusal with its evidence; `mesh`: the object as it would lie there."""
     part, size, space = base.parts[index], np.ptp(mesh.bounds, axis=0), 2.0 * frame.half
-    reasons = [landing.refusal(area) for area in areas]
+    reasons = [search.failure(area) for area in areas]
     best = max(reason.best_share for reason in reasons)
     blockers = in_the_way(scene, base, np.concatenate([reason.blockers for reason in reasons]))
     evidence: dict[str, object] = {

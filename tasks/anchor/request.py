@@ -9,7 +9,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from dcap.geometry.placement.named_regions import Frame
+from dcap.geometry.placement.named_regions import ViewerFrame
 from dcap.language.protocol.requests import AnchorRequest, BoxView
 from dcap.scene.types.box import OrientedBox
 from dcap.scene.types.intent import Intent
@@ -50,7 +50,7 @@ def anchor_request(scene: Segmentation, base: Instance, intent: Intent, prompt: 
     )
 
 
-def asked_boxes(scene: Segmentation, base: Instance, intent: Intent, frame: Frame) -> tuple[BoxView, ...]:
+def asked_boxes(scene: Segmentation, base: Instance, intent: Intent, frame: ViewerFrame) -> tuple[BoxView, ...]:
     """The boxes of what the region refers to; a part of two pieces has two."""
     return tuple(
         box_view(name, label_of(scene, name), box, frame, base)
@@ -75,7 +75,7 @@ def neighbours(scene: Segmentation, base: Instance) -> list[Instance]:
     return [one for gap, _, _, one in sorted(away, key=lambda row: row[:3]) if gap < BESIDE][:MOST]
 
 
-def box_view(name: str, label: str, box: OrientedBox, frame: Frame, base: Instance) -> BoxView:
+def box_view(name: str, label: str, box: OrientedBox, frame: ViewerFrame, base: Instance) -> BoxView:
     """A box as seen by who looks at the base's front."""
     axes = axes_of(frame)
     local = (box.corners - base.box.center) @ axes.T
@@ -83,6 +83,6 @@ def box_view(name: str, label: str, box: OrientedBox, frame: Frame, base: Instan
     return BoxView(name, label, vector(0.5 * (low + high)), vector(high - low))
 
 
-def axes_of(frame: Frame) -> NDArray[np.float64]:
+def axes_of(frame: ViewerFrame) -> NDArray[np.float64]:
     """Right, front and up as rows, shape (3, 3)."""
     return np.array([[*frame.right, 0.0], [*frame.front, 0.0], [0.0, 0.0, 1.0]])

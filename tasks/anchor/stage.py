@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, PositiveFloat
 
 from dcap.geometry.placement.clearance import Clearance
-from dcap.geometry.placement.landing import SHARES, Landing
-from dcap.geometry.placement.named_regions import Frame, Region, both, distance_beside, regions
+from dcap.geometry.placement.named_regions import Region, ViewerFrame, both, distance_beside, regions
 from dcap.geometry.placement.poses import center_of_mass
+from dcap.geometry.placement.search import SHARES, PlacementSearch
 from dcap.geometry.placement.set_down import Start, set_down
 from dcap.geometry.raycast import Raycaster
 from dcap.language.protocol.client import Client, LanguageConfig
@@ -54,7 +54,7 @@ class Choice:
     """A part with its frame and the areas to try."""
 
     index: int
-    frame: Frame
+    frame: ViewerFrame
     areas: list[Region]
     region: str
     """Region words that the areas mean; empty for the whole part."""
@@ -86,14 +86,14 @@ def anchor(
         return not_on_it(base, choice.index, intent, choice.beside)
     caster = Raycaster(scene.mesh)
     exact = Clearance(mesh, scene.mesh, caster)
-    landing = None
+    search = None
     for mask in carriers(scene, base, choice.index, named=asked(base, choice.index, intent), caster=caster):
-        landing = Landing(scene.mesh, caster, mask, mesh)
-        start = set_down(landing, exact, choice.areas, config.clearance)
+        search = PlacementSearch(scene.mesh, caster, mask, mesh)
+        start = set_down(search, exact, choice.areas, config.clearance)
         if start is not None:
-            return anchored(scene, base, choice, start, pose, landing, reply)
-    assert landing is not None  # there is always a mask to try
-    return no_room(scene, base, choice.index, choice.frame, landing, choice.areas, intent, mesh)
+            return anchored(scene, base, choice, start, pose, search, reply)
+    assert search is not None  # there is always a mask to try
+    return no_room(scene, base, choice.index, choice.frame, search, choice.areas, intent, mesh)
 
 
 anchor_task = stage(anchor)
@@ -145,7 +145,7 @@ def groups_of(scene: Segmentation, base: Instance, reply: AnchorReply, index: in
     return [[box] for box in boxes] if boxes and "between" not in reply.regions else [boxes]
 
 
-def reach_of(mesh: Mesh, frame: Frame) -> Array:
+def reach_of(mesh: Mesh, frame: ViewerFrame) -> Array:
     """Half extents along a frame's right and front [m], shape (2,)."""
     return np.asarray(0.5 * np.ptp(mesh.vertices[:, :2] @ np.stack([frame.right, frame.front], axis=1), axis=0))
 
@@ -154,11 +154,17 @@ def reach_of(mesh: Mesh, frame: Frame) -> Array:
 
 
 def anchored(
-    scene: Segmentation, base: Instance, choice: Choice, start: Start, pose: Array, landing: Landing, reply: AnchorReply
+    scene: Segmentation,
+    base: Instance,
+    choice: Choice,
+    start: Start,
+    pose: Array,
+    search: PlacementSearch,
+    reply: AnchorReply,
 ) -> Anchor:
     """The pre-drop pose over the spot."""
     spot = np.array([start.spot.x, start.spot.y])
-    hit = landing.caster.cast(np.array([[*spot, landing.top]]), np.array([[0.0, 0.0, -1.0]]))
+    hit = search.caster.cast(np.array([[*spot, search.top]]), np.array([[0.0, 0.0, -1.0]]))
     carrier, index = owner(scene, int(hit.face[0]))
     part = carrier.parts[index]
     world_from_object = pose.copy()

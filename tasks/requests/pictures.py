@@ -7,7 +7,7 @@ from dcap.geometry.camera import looking_at
 from dcap.geometry.raycast import Raycaster
 from dcap.geometry.rendering.cutaway import cut_faces
 from dcap.geometry.rendering.picture import picture
-from dcap.geometry.segmentation.unlabelled import Things
+from dcap.geometry.segmentation.rooms.decomposition import DecomposedRoom
 from dcap.scene.types.box import OrientedBox
 from dcap.scene.types.mesh import Mesh
 
@@ -39,18 +39,18 @@ SEEN_POINTS = 200
 """Points of the thing that are looked for."""
 
 
-def in_the_room(mesh: Mesh, things: Things, box: OrientedBox, faces: Index) -> NDArray[np.uint8]:
+def in_the_room(mesh: Mesh, room: DecomposedRoom, box: OrientedBox, faces: Index) -> NDArray[np.uint8]:
     """The room around a thing that is painted in a loud colour, shape (SIZE, SIZE, 3)."""
     rest, thing = _apart(mesh, faces)
     loud = np.rint((1.0 - TINT) * thing.colors + TINT * LOUD).astype(np.uint8)
     painted = Mesh(thing.vertices, thing.faces, loud)
-    return _seen(rest, painted, _others(things, faces), box, max(ROOM_DISTANCE, ROOM_AROUND * box.diagonal))
+    return _seen(rest, painted, _others(room, faces), box, max(ROOM_DISTANCE, ROOM_AROUND * box.diagonal))
 
 
-def close_up(mesh: Mesh, things: Things, box: OrientedBox, faces: Index) -> NDArray[np.uint8]:
+def close_up(mesh: Mesh, room: DecomposedRoom, box: OrientedBox, faces: Index) -> NDArray[np.uint8]:
     """A thing in its own colours from near, shape (SIZE, SIZE, 3)."""
     rest, thing = _apart(mesh, faces)
-    return _seen(rest, thing, _others(things, faces), box, max(NEAREST, THING_DISTANCE * box.diagonal))
+    return _seen(rest, thing, _others(room, faces), box, max(NEAREST, THING_DISTANCE * box.diagonal))
 
 
 def _apart(mesh: Mesh, faces: Index) -> tuple[Mesh, Mesh]:
@@ -60,9 +60,9 @@ def _apart(mesh: Mesh, faces: Index) -> tuple[Mesh, Mesh]:
     return mesh.submesh(np.flatnonzero(other)), mesh.submesh(faces)
 
 
-def _others(things: Things, faces: Index) -> NDArray[np.bool_]:
+def _others(room: DecomposedRoom, faces: Index) -> NDArray[np.bool_]:
     """Which of the faces that are not the thing's are the shell's."""
-    return np.delete(things.shell.any, faces)
+    return np.delete(room.shell.any, faces)
 
 
 def _seen(

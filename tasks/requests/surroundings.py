@@ -6,7 +6,7 @@ In: scene and intent. Out: the viewer's frame of a part, boxes of references, di
 import numpy as np
 from numpy.typing import NDArray
 
-from dcap.geometry.placement.named_regions import Frame, frame_of, regions
+from dcap.geometry.placement.named_regions import ViewerFrame, regions, viewer_frame
 from dcap.geometry.solid.pieces import components
 from dcap.scene.types.box import OrientedBox
 from dcap.scene.types.intent import Intent
@@ -22,9 +22,9 @@ LARGE = 0.2
 """Pieces of a part with this share of its largest piece's faces count as things of their own [-]: a sofa's arms."""
 
 
-def part_frame(scene: Segmentation, base: Instance, box: OrientedBox) -> Frame:
+def part_frame(scene: Segmentation, base: Instance, box: OrientedBox) -> ViewerFrame:
     """A part's rectangle seen by who looks at the base's front."""
-    return frame_of(box, base.front, room_center(scene))
+    return viewer_frame(box, base.front, room_center(scene))
 
 
 def boxes_of(scene: Segmentation, base: Instance, reference: str) -> list[OrientedBox]:
@@ -37,7 +37,7 @@ def boxes_of(scene: Segmentation, base: Instance, reference: str) -> list[Orient
     return [scene.instances[scene.index_of(reference)].box]
 
 
-def outermost_box(boxes: list[OrientedBox], side: str, frame: Frame) -> list[OrientedBox]:
+def outermost_box(boxes: list[OrientedBox], side: str, frame: ViewerFrame) -> list[OrientedBox]:
     """The left one, the front one, the upper one, as the viewer of the frame sees them."""
     right, front = np.append(frame.right, 0.0), np.append(frame.front, 0.0)
     ways = {"left": -right, "right": right, "front": front, "back": -front, "top": UP, "bottom": -UP}
@@ -63,7 +63,7 @@ def box_about(like: OrientedBox, points: Array) -> OrientedBox:
     return OrientedBox(like.to_world(0.5 * (low + high)[None])[0], like.axes, 0.5 * (high - low))
 
 
-def reference_frame(scene: Segmentation, base: Instance, names: tuple[str, ...]) -> Frame | None:
+def reference_frame(scene: Segmentation, base: Instance, names: tuple[str, ...]) -> ViewerFrame | None:
     """Whose left and front are meant: on the floor those of a single thing; else None, the part's.
 
     Doors and walls are seen from the room, as are things without a front.
@@ -71,7 +71,7 @@ def reference_frame(scene: Segmentation, base: Instance, names: tuple[str, ...])
     if not base.structure or len(names) != 1 or names[0].startswith(PART):
         return None
     one = scene.instances[scene.index_of(names[0])]
-    return frame_of(one.box, None if one.structure else one.front, room_center(scene))
+    return viewer_frame(one.box, None if one.structure else one.front, room_center(scene))
 
 
 def apart(a: OrientedBox, b: OrientedBox) -> float:

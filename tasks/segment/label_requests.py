@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from dcap.geometry.segmentation.traits import Traits
+from dcap.geometry.segmentation.rooms.traits import Traits
 from dcap.language.offline.shapes import labels
 from dcap.language.protocol.replies import OTHER, LabelReply
 from dcap.language.protocol.requests import LabelRequest, PictureMaker

@@ -9,12 +9,12 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from dcap.geometry.segmentation.belonging import wholes
 from dcap.geometry.segmentation.boxed import Group
 from dcap.geometry.segmentation.faces import FaceTable
 from dcap.geometry.segmentation.named import THING, shell_groups
-from dcap.geometry.segmentation.traits import Traits, describe_things, thing_pieces
-from dcap.geometry.segmentation.unlabelled import Things, find_things
+from dcap.geometry.segmentation.rooms.composites import composites
+from dcap.geometry.segmentation.rooms.decomposition import DecomposedRoom, decompose_room
+from dcap.geometry.segmentation.rooms.traits import Traits, describe_things, thing_segments
 from dcap.language.protocol.client import Client
 from dcap.language.protocol.questions import LABEL
 from dcap.language.protocol.replies import OTHER, LabelReply
@@ -26,32 +26,32 @@ from tasks.segment.label_requests import label_levels, label_request
 
 def labelled_room(mesh: Mesh, table: FaceTable, inside: NDArray[np.bool_], client: Client) -> list[Group]:
     """Take the faces in `inside`, shape (m,), apart, ask what each thing is, and join what belongs together."""
-    things = find_things(table, inside)
-    pieces = thing_pieces(table, things)
-    traits = describe_things(table, things, pieces)
-    replies = asked(mesh, things, traits, client)
+    room = decompose_room(table, inside)
+    pieces = thing_segments(table, room)
+    traits = describe_things(table, room, pieces)
+    replies = asked(mesh, room, traits, client)
     labels = ["" if reply.label == OTHER else reply.label for reply in replies]
     found = [
         Group(
             "",
             whole.label or THING,
-            np.sort(np.concatenate([things.things[i] for i in whole.members])),
+            np.sort(np.concatenate([room.things[i] for i in whole.members])),
             None,
             replies[whole.main].confidence if whole.label else 0.0,
         )
-        for whole in wholes(labels, traits, pieces)
+        for whole in composites(labels, traits, pieces)
     ]
-    return shell_groups(things.shell) + found
+    return shell_groups(room.shell) + found
 
 
-def asked(mesh: Mesh, things: Things, traits: tuple[Traits, ...], client: Client) -> list[LabelReply]:
+def asked(mesh: Mesh, room: DecomposedRoom, traits: tuple[Traits, ...], client: Client) -> list[LabelReply]:
     """The client's answer for each thing."""
     known: dict[int, LabelReply] = {}
 
     def request(i: int) -> LabelRequest:
         pictures = (
-            partial(in_the_room, mesh, things, traits[i].box, things.things[i]),
-            partial(close_up, mesh, things, traits[i].box, things.things[i]),
+            partial(in_the_room, mesh, room, traits[i].box, room.things[i]),
+            partial(close_up, mesh, room, traits[i].box, room.things[i]),
         )
         return label_request(i, traits, known, pictures)
 

@@ -38,7 +38,7 @@ SIDES = {"left": (-1, 0), "right": (1, 0), "front": (0, 1), "back": (0, -1), "he
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Frame:
+class ViewerFrame:
     """A part's rectangle seen by the viewer."""
 
     center: Array
@@ -74,7 +74,7 @@ class Region:
     """Its words, where it is only one of what was asked for; else empty."""
 
 
-def frame_of(box: OrientedBox, front: Array | None, room_center: Array) -> Frame:
+def viewer_frame(box: OrientedBox, front: Array | None, room_center: Array) -> ViewerFrame:
     """The frame of a part: the box side nearest to the front; without a front the long side towards the room."""
     axes, half = box.axes[:2, :2], box.half_extents[:2]
     sides = [(axes[:, k] * sign, k) for k in (0, 1) for sign in (1.0, -1.0)]
@@ -88,11 +88,15 @@ def frame_of(box: OrientedBox, front: Array | None, room_center: Array) -> Frame
         away = inward < 0 if abs(inward) > 0.1 else float(direction @ (0.01, 1.0)) > 0
         direction = -direction if away else direction
     right = np.array([-direction[1], direction[0]])  # z x front
-    return Frame(box.center[:2].copy(), right, np.asarray(direction), np.array([half[1 - axis], half[axis]]))
+    return ViewerFrame(box.center[:2].copy(), right, np.asarray(direction), np.array([half[1 - axis], half[axis]]))
 
 
 def regions(
-    frame: Frame, names: Sequence[str], references: Sequence[OrientedBox], reach: Array, view: Frame | None = None
+    frame: ViewerFrame,
+    names: Sequence[str],
+    references: Sequence[OrientedBox],
+    reach: Array,
+    view: ViewerFrame | None = None,
 ) -> list[Region]:
     """Areas for the names, best first; the whole part where nothing is asked.
 
@@ -118,13 +122,13 @@ def regions(
     return [rectangle(frame, (-1.0, -1.0), (1.0, 1.0), (0.0, 0.0))]
 
 
-def rectangle(frame: Frame, low: Sequence[float], high: Sequence[float], target: Sequence[float]) -> Region:
+def rectangle(frame: ViewerFrame, low: Sequence[float], high: Sequence[float], target: Sequence[float]) -> Region:
     """A rectangle in the part's frame."""
     ring = [(low[0], low[1]), (high[0], low[1]), (high[0], high[1]), (low[0], high[1])]
     return Region(counter_clockwise(frame.world(ring)), frame.world(target))
 
 
-def half_region(frame: Frame, names: Sequence[str]) -> Region:
+def half_region(frame: ViewerFrame, names: Sequence[str]) -> Region:
     """Left half, back half, head, the front left quarter ..."""
     low, high = np.array([-1.0, -1.0]), np.array([1.0, 1.0])
     target = np.zeros(2)
@@ -159,7 +163,7 @@ def corner_directions(directions: Sequence[tuple[int, int]]) -> list[tuple[int, 
 
 
 def edge_directions(
-    frame: Frame, directions: Sequence[tuple[int, int]], references: Sequence[OrientedBox] = ()
+    frame: ViewerFrame, directions: Sequence[tuple[int, int]], references: Sequence[OrientedBox] = ()
 ) -> list[tuple[int, int]]:
     """The asked edge, the one that looks at the references, or all four, the viewer's first, then the longer ones."""
     if directions:
@@ -173,7 +177,7 @@ def edge_directions(
     return [(1, 0), (-1, 0), (0, 1), (0, -1)]
 
 
-def strip(frame: Frame, direction: tuple[int, int], reach: Array) -> Region:
+def strip(frame: ViewerFrame, direction: tuple[int, int], reach: Array) -> Region:
     """The outer strip on one side, or the outer corner on two."""
     low, high, target = [-1.0, -1.0], [1.0, 1.0], [0.0, 0.0]
     for axis in (0, 1):
@@ -188,7 +192,12 @@ def strip(frame: Frame, direction: tuple[int, int], reach: Array) -> Region:
 
 
 def beside_region(
-    frame: Frame, view: Frame, relation: str, names: Sequence[str], references: Sequence[OrientedBox], radius: float
+    frame: ViewerFrame,
+    view: ViewerFrame,
+    relation: str,
+    names: Sequence[str],
+    references: Sequence[OrientedBox],
+    radius: float,
 ) -> Region | None:
     """Near, next to, between or under other things, cut to the part; None if that leaves nothing."""
     polygon, target = beside_area(view, relation, names, references, radius)
@@ -197,7 +206,11 @@ def beside_region(
 
 
 def distance_beside(
-    frame: Frame, names: Sequence[str], references: Sequence[OrientedBox], reach: Array, view: Frame | None = None
+    frame: ViewerFrame,
+    names: Sequence[str],
+    references: Sequence[OrientedBox],
+    reach: Array,
+    view: ViewerFrame | None = None,
 ) -> float:
     """How far a place beside other things lies from the part, where `regions` finds none on it [m]."""
     relation = next(n for n in names if n in BESIDE)
@@ -208,7 +221,7 @@ def distance_beside(
 
 
 def beside_area(
-    view: Frame, relation: str, names: Sequence[str], references: Sequence[OrientedBox], radius: float
+    view: ViewerFrame, relation: str, names: Sequence[str], references: Sequence[OrientedBox], radius: float
 ) -> tuple[Array, Array]:
     """The polygon near, next to, between or under other things, wherever it lies, and its aim [m]."""
     rings = [box.corners[:4, :2] for box in references]
@@ -229,7 +242,7 @@ def beside_area(
     return polygon, target
 
 
-def outline(frame: Frame) -> Array:
+def outline(frame: ViewerFrame) -> Array:
     """The part's rectangle [m], shape (4, 2)."""
     return rectangle(frame, (-1.0, -1.0), (1.0, 1.0), (0.0, 0.0)).polygon
 
@@ -242,6 +255,6 @@ def both(areas: Sequence[Region]) -> list[Region]:
     return [Region(polygon, polygon.mean(axis=0))] if len(areas) > 1 and len(polygon) >= 3 else []
 
 
-def closest_inside(frame: Frame, point: Array) -> Array:
+def closest_inside(frame: ViewerFrame, point: Array) -> Array:
     """The point moved on to the part's rectangle [m], shape (2,)."""
     return frame.world(np.clip(frame.local(point), -1.0, 1.0))

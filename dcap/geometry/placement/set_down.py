@@ -1,8 +1,8 @@
 """The start over a support: the best spot at which an object hovers with exact clearance and cuts through nothing.
 
-In: an object over a scene, sampled (`Landing`) and exact (`Clearance`), and the areas to try. Out: the spot nearest to
-an area's aim, and the height there. The samples propose; the meshes decide. Where they cut through each other
-what the samples missed is added to them, and they propose again.
+In: an object over a scene, sampled (`PlacementSearch`) and exact (`Clearance`), and the areas to try. Out: the spot
+nearest to an area's aim, and the height there. The samples propose; the meshes decide. Where they cut through each
+other, what the samples missed is added to them, and they propose again.
 """
 
 from collections.abc import Sequence
@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from dcap.geometry.placement.clearance import Clearance
-from dcap.geometry.placement.landing import SHARES, Landing, Spot
 from dcap.geometry.placement.named_regions import Region
+from dcap.geometry.placement.search import SHARES, PlacementSearch, Spot
 
 LEVEL = 0.7
 """Least share with which a level place is looked for before an uneven one is taken [-]."""
@@ -45,30 +45,30 @@ class Start:
     """Smallest vertical distance to what lies below, measured there [m]."""
 
 
-def set_down(landing: Landing, exact: Clearance, areas: Sequence[Region], gap: float) -> Start | None:
+def set_down(search: PlacementSearch, exact: Clearance, areas: Sequence[Region], gap: float) -> Start | None:
     """The best supported free spot, a steady one if there is one nearby; of equally good ones the nearest to its area's
     aim, earlier areas first."""
     failed, before = 0, None
     for share, level, steady in PASSES:
-        while (found := nearest(landing, areas, share, level=level, steady=steady)) is not None:
+        while (found := nearest(search, areas, share, level=level, steady=steady)) is not None:
             area, spot = found
-            start = hover(landing, exact, spot, gap)
+            start = hover(search, exact, spot, gap)
             if start is not None:
                 return Start(area, spot, *start)
             if spot == before:  # with all that is known now it looked free again, and is not
-                landing.refuse(spot, failed // PATIENCE)
+                search.exclude(spot, failed // PATIENCE)
                 failed += 1
             before = spot
     return None
 
 
 def nearest(
-    landing: Landing, areas: Sequence[Region], share: float, *, level: bool, steady: bool = False
+    search: PlacementSearch, areas: Sequence[Region], share: float, *, level: bool, steady: bool = False
 ) -> tuple[Region, Spot] | None:
     """Of each area's best spot the one nearest to its aim, the earlier area's if they are about as near."""
     best: tuple[int, Region, Spot] | None = None
     for area in areas:
-        spot = landing.find(area, share, level=level, steady=steady)
+        spot = search.find(area, share, level=level, steady=steady)
         if spot is not None:
             steps = round(float(np.hypot(*(area.target - (spot.x, spot.y)))) / ALIKE)
             if best is None or steps < best[0]:
@@ -76,9 +76,9 @@ def nearest(
     return None if best is None else best[1:]
 
 
-def hover(landing: Landing, exact: Clearance, spot: Spot, gap: float) -> tuple[float, float] | None:
+def hover(search: PlacementSearch, exact: Clearance, spot: Spot, gap: float) -> tuple[float, float] | None:
     """Height of the origin with the asked gap and the gap measured there [m]; None where something is in the way."""
-    place = np.array([spot.x, spot.y, landing.start_height(spot) + gap])
+    place = np.array([spot.x, spot.y, search.start_height(spot) + gap])
     measured = exact.gap(place)
     for _ in range(ROUNDS):
         if abs(measured - gap) <= EXACT or not np.isfinite(measured):
@@ -87,6 +87,6 @@ def hover(landing: Landing, exact: Clearance, spot: Spot, gap: float) -> tuple[f
         measured = exact.gap(place)
     points, faces = exact.cuts(place)
     if len(points) or abs(measured - gap) > EXACT:
-        landing.add(points, faces)
+        search.add(points, faces)
         return None
     return float(place[2]), measured

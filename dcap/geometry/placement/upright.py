@@ -56,7 +56,7 @@ ROUND_SLACK = 0.05
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Stand:
+class StandingFeatures:
     """What speaks for one direction as down."""
 
     down: Array
@@ -74,7 +74,7 @@ class Stand:
         return self.contact > LEAST_CONTACT and self.margin > -BESIDE
 
 
-def stand(points: Array, center: Array, down: Array) -> Stand:
+def standing_features(points: Array, center: Array, down: Array) -> StandingFeatures:
     """Footprint and centre of mass of vertices (n, 3) put down on that side."""
     turned = turn_between(down, np.array([0.0, 0.0, -1.0]))
     points, center = points @ turned.T, turned @ center
@@ -85,14 +85,14 @@ def stand(points: Array, center: Array, down: Array) -> Stand:
     try:
         footprint, plan = ConvexHull(low), ConvexHull(points[:, :2])
     except (QhullError, ValueError):  # a point, an edge
-        return Stand(down, 0.0, height, -1.0)
+        return StandingFeatures(down, 0.0, height, -1.0)
     inside = -float((footprint.equations[:, :2] @ center[:2] + footprint.equations[:, 2]).max())
-    return Stand(down, float(footprint.volume / plan.volume), height, inside / float(size.max()))
+    return StandingFeatures(down, float(footprint.volume / plan.volume), height, inside / float(size.max()))
 
 
 def stands_as_read(mesh: Mesh) -> bool:
     """Whether it would stand on a plane as it is in its file."""
-    return stand(used_vertices(mesh), center_of_mass(mesh), FILE_DOWN).stands
+    return standing_features(used_vertices(mesh), center_of_mass(mesh), FILE_DOWN).stands
 
 
 def opening(mesh: Mesh, caster: Raycaster, down: Array) -> float:
@@ -142,13 +142,13 @@ def upright_pose(mesh: Mesh) -> tuple[Array, float]:
     caster, axis, center = Raycaster(mesh), round_axis(mesh), center_of_mass(mesh)
     points = used_vertices(mesh)
 
-    def worth(pose: StablePose) -> float:
-        return plain_worth(stand(points, center, pose.down), pose.probability, axis)
+    def score(pose: StablePose) -> float:
+        return shape_score(standing_features(points, center, pose.down), pose.probability, axis)
 
     poses = stable_poses(mesh, most=MOST_POSES, least=LEAST_SHARE)
     own = StablePose(np.eye(3), probability_of(FILE_DOWN, poses), FILE_DOWN, 0.0, 0.0)
-    best = sorted(poses, key=worth, reverse=True)[:BEST_FEW]
-    full = [worth(pose) + WEIGHTS["opening"] * opening(mesh, caster, pose.down) for pose in (own, *best)]
+    best = sorted(poses, key=score, reverse=True)[:BEST_FEW]
+    full = [score(pose) + WEIGHTS["opening"] * opening(mesh, caster, pose.down) for pose in (own, *best)]
     chosen = best[int(np.argmax(full[1:]))]
     corners = outermost(points)
     side, _ = smallest_rectangle((corners @ chosen.rotation.T)[:, :2])
@@ -175,7 +175,7 @@ def outermost(points: Array) -> Array:
         return points
 
 
-def plain_worth(one: Stand, probability: float, axis: Array | None) -> float:
+def shape_score(one: StandingFeatures, probability: float, axis: Array | None) -> float:
     """Weighted sum of what can be told without looking for a hollow."""
     upright = axis is not None and abs(float(axis @ one.down)) > np.cos(np.radians(10.0))
     aligned = float(np.abs(one.down).max()) > ALIGNED

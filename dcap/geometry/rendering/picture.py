@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from dcap.geometry.camera import Camera
 from dcap.geometry.raycast import Raycaster
 from dcap.geometry.rendering.normals import ShadingNormals
-from dcap.geometry.rendering.shading import Surface, background, colors_of, gather, shade, visibility
+from dcap.geometry.rendering.shading import SurfaceHits, background, colors_of, gather, shade, visibility
 from dcap.scene.types.mesh import Mesh
 
 EDGE_STEP = 0.004  # relative jump in depth against the neighbours' plane that makes an edge
@@ -41,17 +41,17 @@ def picture(meshes: Sequence[Mesh], camera: Camera, *, samples: int = 2, shadows
     """Render the meshes; `samples` x `samples` rays smooth each pixel at an edge, `shadows` adds shadows and
     occlusion.
     """
-    world = World(meshes, camera)
-    surface = world.look(rays_through(camera, camera.pixel_centers))
+    scene = RenderScene(meshes, camera)
+    surface = scene.look(rays_through(camera, camera.pixel_centers))
     shape = (camera.height, camera.width)
     light = np.ones((*shape, 2), dtype=np.float32)
     if shadows:
-        light = gather(visibility(world.caster, surface, world.light, world.reach, shape), surface, shape)
-    linear = world.shaded(surface, light.reshape(-1, 2))
+        light = gather(visibility(scene.caster, surface, scene.light, scene.reach, shape), surface, shape)
+    linear = scene.shaded(surface, light.reshape(-1, 2))
     shown = compressed(linear)
     if samples > 1:
         rough = np.flatnonzero(edges(surface, shown, shape))
-        shown[rough] = smoothed(rough, world, surface, light, samples)
+        shown[rough] = smoothed(rough, scene, surface, light, samples)
     depth = surface.distance * (surface.direction @ camera.world_from_camera[:, 2].astype(np.float32))
     return Picture(
         np.round(255.0 * np.clip(shown, 0.0, 1.0)).astype(np.uint8).reshape(*shape, 3),
@@ -74,7 +74,7 @@ def rays_through(camera: Camera, points: NDArray[np.floating]) -> Array:
     return np.asarray(camera.directions(points), dtype=np.float32)
 
 
-class World:
+class RenderScene:
     """The meshes as the camera sees them: one acceleration structure, colours, normals and the light."""
 
     def __init__(self, meshes: Sequence[Mesh], camera: Camera) -> None:
@@ -93,7 +93,7 @@ class World:
         self.reach = float(np.linalg.norm(np.asarray(camera.target) - camera.position))
         self.normals = ShadingNormals(self.mesh)
 
-    def look(self, direction: Array) -> Surface:
+    def look(self, direction: Array) -> SurfaceHits:
         """What rays from the camera meet."""
         origin = np.broadcast_to(np.asarray(self.camera.position, dtype=np.float32), direction.shape)
         hits = self.caster.cast(origin, direction)
@@ -112,11 +112,11 @@ class World:
         color[seen] = np.einsum("ni,nij->nj", weight, self.colors[self.mesh.faces[face]])
         index = np.full(len(direction), -1, dtype=np.int32)
         index[seen] = self.mesh_of_face[face]
-        return Surface(
+        return SurfaceHits(
             direction, hits.distance.astype(np.float32), hits.position.astype(np.float32), flat, smooth, color, index
         )
 
-    def shaded(self, surface: Surface, light: Array) -> Array:
+    def shaded(self, surface: SurfaceHits, light: Array) -> Array:
         """Linear colours of the rays that made the surface, with light (n, 2) = (key, ambient) reaching each, (n,
         3).
         """
@@ -126,7 +126,7 @@ class World:
         return linear
 
 
-def edges(surface: Surface, shown: Array, shape: tuple[int, int]) -> NDArray[np.bool_]:
+def edges(surface: SurfaceHits, shown: Array, shape: tuple[int, int]) -> NDArray[np.bool_]:
     """Pixels that differ from a neighbour in mesh, depth or colour, shape (h * w,)."""
     index = surface.mesh_index.reshape(shape)
     inverse = (1.0 / surface.distance).reshape(shape)  # linear over a plane seen in perspective
@@ -143,9 +143,9 @@ def edges(surface: Surface, shown: Array, shape: tuple[int, int]) -> NDArray[np.
     return rough.ravel()
 
 
-def smoothed(pixel: NDArray[np.int64], world: World, surface: Surface, light: Array, samples: int) -> Array:
+def smoothed(pixel: NDArray[np.int64], scene: RenderScene, surface: SurfaceHits, light: Array, samples: int) -> Array:
     """Displayed colours of pixels as means of samples^2 rays each, shape (n, 3)."""
-    camera = world.camera
+    camera = scene.camera
     column, row = pixel % camera.width, pixel // camera.width
     total = np.zeros((len(pixel), 3), dtype=np.float32)
     for step in range(samples * samples):
@@ -153,12 +153,12 @@ def smoothed(pixel: NDArray[np.int64], world: World, surface: Surface, light: Ar
         offset = np.array(
             [(step + 0.5) / samples**2, ((step * samples + step // samples) % samples**2 + 0.5) / samples**2]
         )
-        seen = world.look(rays_through(camera, np.stack([column, row], axis=1) + offset))
-        total += compressed(world.shaded(seen, borrowed_light(seen, pixel, surface, light)))
+        seen = scene.look(rays_through(camera, np.stack([column, row], axis=1) + offset))
+        total += compressed(scene.shaded(seen, borrowed_light(seen, pixel, surface, light)))
     return np.asarray(total / samples**2, dtype=np.float32)
 
 
-def borrowed_light(seen: Surface, pixel: NDArray[np.int64], surface: Surface, light: Array) -> Array:
+def borrowed_light(seen: SurfaceHits, pixel: NDArray[np.int64], surface: SurfaceHits, light: Array) -> Array:
     """Light of the most similar surface among a pixel and its eight neighbours, shape (n, 2)."""
     height, width = light.shape[:2]
     column, row = pixel % width, pixel // width

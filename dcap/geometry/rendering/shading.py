@@ -33,7 +33,7 @@ PLANE_TOLERANCE = 0.004  # distance from a pixel's plane over its depth at which
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Surface:
+class SurfaceHits:
     """What n rays meet; distance inf and zeros where they meet nothing."""
 
     direction: Array
@@ -51,9 +51,9 @@ class Surface:
     mesh_index: NDArray[np.int32]
     """Mesh seen, -1 for none, shape (n,)."""
 
-    def take(self, index: NDArray[np.int64]) -> "Surface":
+    def take(self, index: NDArray[np.int64]) -> "SurfaceHits":
         """The given rays only."""
-        return Surface(
+        return SurfaceHits(
             self.direction[index], self.distance[index], self.position[index], self.flat[index], self.smooth[index],
             self.color[index], self.mesh_index[index],
         )  # fmt: skip
@@ -73,7 +73,7 @@ def background(direction: Array) -> Array:
     return np.asarray(low + (high - low) * (height * height * (3.0 - 2.0 * height)), dtype=np.float32)
 
 
-def shade(surface: Surface, light: Array, key: NDArray[np.float64]) -> Array:
+def shade(surface: SurfaceHits, light: Array, key: NDArray[np.float64]) -> Array:
     """Linear colours of surface points; light (n, 2): shares of the key light and of the sky that reach them."""
     normal, toward = surface.smooth, key.astype(np.float32)
     facing = normal @ toward
@@ -91,7 +91,7 @@ def shade(surface: Surface, light: Array, key: NDArray[np.float64]) -> Array:
 
 
 def visibility(
-    caster: Raycaster, surface: Surface, key: NDArray[np.float64], reach: float, shape: tuple[int, int]
+    caster: Raycaster, surface: SurfaceHits, key: NDArray[np.float64], reach: float, shape: tuple[int, int]
 ) -> Array:
     """Shares of the key light and the sky that reach each pixel, from a few rays each, shape (h * w, 2)."""
     seen = np.flatnonzero(surface.mesh_index >= 0)
@@ -186,7 +186,7 @@ def frame(normal: NDArray[np.floating]) -> tuple[Array, Array]:
     return np.asarray(side, dtype=np.float32), np.asarray(other, dtype=np.float32)
 
 
-def gather(light: Array, surface: Surface, shape: tuple[int, int]) -> Array:
+def gather(light: Array, surface: SurfaceHits, shape: tuple[int, int]) -> Array:
     """Average the light of neighbouring pixels on the same surface, first along rows, then along columns, (h, w, 2)."""
     result = light.reshape(*shape, 2)
     position, normal = surface.position.reshape(*shape, 3), surface.smooth.reshape(*shape, 3)

@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from dcap.geometry.segmentation.annotated import annotated_groups
 from dcap.geometry.segmentation.boxed import Group
-from dcap.geometry.segmentation.contacts import pieces_of
 from dcap.geometry.segmentation.faces import FaceTable, connected_regions, renumbered
 from dcap.geometry.segmentation.labels import (
     Category,
@@ -19,8 +18,9 @@ from dcap.geometry.segmentation.labels import (
     readable,
     says_something,
 )
-from dcap.geometry.segmentation.shell import Shell
-from dcap.geometry.segmentation.structure import wall_number
+from dcap.geometry.segmentation.rooms.contacts import segments_of
+from dcap.geometry.segmentation.rooms.shell import RoomShell
+from dcap.geometry.segmentation.rooms.structure import wall_number
 from dcap.scene.types.scan import Scan
 
 Index: TypeAlias = NDArray[np.int64]
@@ -74,7 +74,7 @@ def _apart(table: FaceTable, faces: NDArray[np.int64], thing: NDArray[np.int64])
         return [np.arange(len(faces))] if count else []
     piece = np.full(len(table.area), -1, dtype=np.int64)
     piece[faces] = node
-    touching = [(a, b) for a, one in pieces_of(table, piece).alive.items() for b in one.touches]
+    touching = [(a, b) for a, one in segments_of(table, piece).alive.items() for b in one.touches]
     pairs = np.array(touching, dtype=np.int64).reshape(-1, 2)
     group = connected_regions(count, pairs, np.ones(len(pairs), dtype=bool))[node]
     return [np.flatnonzero(group == i) for i in dict.fromkeys(group.tolist())]
@@ -118,7 +118,7 @@ def _unnamed_groups(table: FaceTable, faces: Index, label: str, taken_apart: Tak
     return [group for group in taken_apart(inside) if len(group.faces)]
 
 
-def shell_groups(shell: Shell) -> list[Group]:
+def shell_groups(shell: RoomShell) -> list[Group]:
     """Floor, ceiling and walls of a room that was taken apart."""
     groups = [
         Group("", name, np.flatnonzero(mask), None)

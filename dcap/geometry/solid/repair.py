@@ -172,7 +172,7 @@ def mass_properties(mesh: Mesh, density: float) -> tuple[float, FloatArray, Floa
     middle = mesh.bounds.mean(axis=0)  # about the origin digits would cancel
     found = trimesh.triangles.mass_properties(mesh.triangles - middle, density=density)
     sign = 1.0 if enclosed > 0.0 else -1.0  # wound inside out it is the same solid
-    return sign * found.mass, middle + found.center_mass, sign * found.inertia
+    return sign * found.mass, middle + np.asarray(found.center_mass), sign * np.asarray(found.inertia)
 
 
 def volume(mesh: Mesh) -> float:

@@ -10,8 +10,8 @@ from dcap.geometry.placement.named_regions import (
     VIEWER,
     both,
     distance_beside,
-    frame_of,
     regions,
+    viewer_frame,
 )
 from dcap.geometry.placement.polygons import clipped, convex_hull, counter_clockwise, inside, smallest_rectangle
 from dcap.geometry.placement.poses import about_z
@@ -44,7 +44,7 @@ MIDDLE = np.zeros(3)
 )
 def test_sides_are_those_of_a_viewer_before_the_front(names, sign):
     """Left is left of who looks at the front; front is his side; the head is the far end."""
-    frame = frame_of(box(0, 0, 2.0, 1.0), FRONT, MIDDLE)
+    frame = viewer_frame(box(0, 0, 2.0, 1.0), FRONT, MIDDLE)
     target = regions(frame, names, [], np.full(2, 0.1))[0].target
     assert [int(np.sign(round(float(t), 9))) for t in target] == list(sign)
 
@@ -52,14 +52,16 @@ def test_sides_are_those_of_a_viewer_before_the_front(names, sign):
 @pytest.mark.parametrize("away", [(3.0, 0.2), (-3.0, -0.2), (0.2, 3.0), (-0.2, -3.0)])
 def test_edge_that_looks_at_a_thing_is_the_one_on_its_side(away):
     """One edge remains, on the side on which the thing stands, however far off it is."""
-    areas = regions(frame_of(box(0, 0, 2.0, 1.0), FRONT, MIDDLE), ("edge",), [box(*away, 0.5, 0.5)], np.full(2, 0.1))
+    areas = regions(
+        viewer_frame(box(0, 0, 2.0, 1.0), FRONT, MIDDLE), ("edge",), [box(*away, 0.5, 0.5)], np.full(2, 0.1)
+    )
     assert len(areas) == 1
     assert [int(s) for s in np.sign(areas[0].target.round(9))] == [int(np.trunc(c / 3.0)) for c in away]
 
 
 def test_beside_both_is_where_the_areas_meet():
     """Two areas that overlap have one in common, which lies in both; two apart have none."""
-    frame = frame_of(box(0, 0, 2.0, 1.0), FRONT, MIDDLE)
+    frame = viewer_frame(box(0, 0, 2.0, 1.0), FRONT, MIDDLE)
     areas = [regions(frame, ("near",), [box(x, 0.0, 0.2, 0.2)], np.full(2, 0.05))[0] for x in (-0.3, 0.3)]
     (common,) = both(areas)
     assert all(inside(area.polygon, np.array([common.target, *common.polygon])).all() for area in areas)
@@ -70,7 +72,7 @@ def test_beside_both_is_where_the_areas_meet():
 
 def test_sides_turn_with_the_furniture():
     """A bed against another wall has its left where its own viewer has it."""
-    frame = frame_of(box(0, 0, 2.0, 1.0), np.array([1.0, 0.0, 0.0]), MIDDLE)
+    frame = viewer_frame(box(0, 0, 2.0, 1.0), np.array([1.0, 0.0, 0.0]), MIDDLE)
     left = regions(frame, ("left",), [], np.full(2, 0.1))[0].target
     # the viewer stands at +x and looks along -x: his left is -y
     assert left[1] < 0
@@ -79,7 +81,7 @@ def test_sides_turn_with_the_furniture():
 
 def test_without_a_front_the_viewer_stands_on_the_long_side_towards_the_room():
     """A table at the wall is looked at from the room."""
-    frame = frame_of(box(0, 3.0, 1.6, 0.8), None, MIDDLE)
+    frame = viewer_frame(box(0, 3.0, 1.6, 0.8), None, MIDDLE)
     assert np.allclose(frame.front, (0, -1))
     assert np.allclose(frame.half, (0.8, 0.4))
 
@@ -93,7 +95,7 @@ def test_without_a_front_the_viewer_stands_on_the_long_side_towards_the_room():
 def test_every_region_is_convex_on_the_part_and_holds_its_target(names, yaw, radius):
     """Polygons are counter-clockwise, inside the part's rectangle, and contain the point to aim at."""
     part = box(1.0, -2.0, 2.0, 1.2, yaw)
-    frame = frame_of(part, np.append(part.axes[:2, 1], 0.0), MIDDLE)
+    frame = viewer_frame(part, np.append(part.axes[:2, 1], 0.0), MIDDLE)
     areas = regions(frame, names, [], np.full(2, radius))
     assert areas
     for area in areas:
@@ -112,7 +114,7 @@ def test_every_region_is_convex_on_the_part_and_holds_its_target(names, yaw, rad
 )
 def test_edges_across_from_each_other_are_tried_one_by_one(names, ends):
     """No place is at the left and at the right edge: each is an area of its own, under its name, at the part's end."""
-    frame = frame_of(box(0, 0, 2.0, 2.0), FRONT, MIDDLE)
+    frame = viewer_frame(box(0, 0, 2.0, 2.0), FRONT, MIDDLE)
     areas = {area.name: area for area in regions(frame, names, [], np.full(2, 0.1))}
     assert [*areas] == [*ends]
     for name, end in ends.items():
@@ -123,14 +125,14 @@ def test_edges_across_from_each_other_are_tried_one_by_one(names, ends):
 
 def test_corners_on_both_sides_are_all_that_fit():
     """The left or right corners in front are two, of which none is forgotten."""
-    frame = frame_of(box(0, 0, 2.0, 2.0), FRONT, MIDDLE)
+    frame = viewer_frame(box(0, 0, 2.0, 2.0), FRONT, MIDDLE)
     areas = regions(frame, ("left", "right", "front", "corner"), [], np.full(2, 0.1))
     assert sorted(np.sign(area.target).tolist() for area in areas) == [[-1, -1], [1, -1]]
 
 
 def test_near_lies_around_the_reference_and_between_in_the_middle():
     """Near a pillow: around it, cut to the mattress; between two: their middle."""
-    frame = frame_of(box(0, 0, 1.6, 2.0), FRONT, MIDDLE)
+    frame = viewer_frame(box(0, 0, 1.6, 2.0), FRONT, MIDDLE)
     left, right = box(-0.4, 0.7, 0.5, 0.4), box(0.4, 0.7, 0.5, 0.4)
     near = regions(frame, ("near",), [left], np.full(2, 0.1))[0]
     assert np.allclose(near.target, (-0.4, 0.7 - VIEWER))  # a little to the viewer's side
@@ -141,7 +143,7 @@ def test_near_lies_around_the_reference_and_between_in_the_middle():
 
 def test_left_of_a_thing_is_on_its_left():
     """Left of the lamp leaves out everything right of its middle."""
-    frame = frame_of(box(0, 0, 2.0, 1.0), FRONT, MIDDLE)
+    frame = viewer_frame(box(0, 0, 2.0, 1.0), FRONT, MIDDLE)
     area = regions(frame, ("left", "next_to"), [box(0.2, 0.1, 0.2, 0.2)], np.full(2, 0.1))[0]
     assert area.polygon[:, 0].max() <= 0.2 + 1e-9
     assert area.target[0] == pytest.approx(0.2 - 0.1 - 0.1)
@@ -149,7 +151,7 @@ def test_left_of_a_thing_is_on_its_left():
 
 def test_reference_far_away_leaves_nothing():
     """Next to a thing three metres from the table there is no table."""
-    frame = frame_of(box(0, 0, 1.0, 1.0), FRONT, MIDDLE)
+    frame = viewer_frame(box(0, 0, 1.0, 1.0), FRONT, MIDDLE)
     assert regions(frame, ("next_to",), [box(3.5, 0, 0.2, 0.2)], np.full(2, 0.1)) == []
 
 
@@ -167,7 +169,7 @@ def test_reference_far_away_leaves_nothing():
 )
 def test_place_beside_the_part_says_how_far(names, place, away):
     """Where nothing is left, the distance from the place to the part is that of their nearest points."""
-    frame, thing = frame_of(box(0, 0, 1.0, 1.0), FRONT, MIDDLE), box(*place, 0.2, 0.2)
+    frame, thing = viewer_frame(box(0, 0, 1.0, 1.0), FRONT, MIDDLE), box(*place, 0.2, 0.2)
     assert regions(frame, names, [thing], np.full(2, 0.1)) == []
     # a 16-gon lies inside its circle by up to 1 - cos(pi / 16) = 2 % of at most 0.6 m
     assert distance_beside(frame, names, [thing], np.full(2, 0.1)) == pytest.approx(away, abs=0.012)

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 from dcap.geometry.primitives import Box
-from dcap.geometry.segmentation.belonging import Whole, wholes
 from dcap.geometry.segmentation.faces import FaceTable
-from dcap.geometry.segmentation.shell import Shell
-from dcap.geometry.segmentation.structure import Levels
-from dcap.geometry.segmentation.traits import CEILING, FLOOR, WALL, Traits, describe_things, thing_pieces
-from dcap.geometry.segmentation.unlabelled import Things
+from dcap.geometry.segmentation.rooms.composites import CompositeThing, composites
+from dcap.geometry.segmentation.rooms.decomposition import DecomposedRoom
+from dcap.geometry.segmentation.rooms.shell import RoomShell
+from dcap.geometry.segmentation.rooms.structure import Levels
+from dcap.geometry.segmentation.rooms.traits import CEILING, FLOOR, WALL, Traits, describe_things, thing_segments
 from dcap.scene.types.mesh import Mesh
 from dcap.synthetic.shapes import joined, moved
 
@@ -31,24 +31,24 @@ def table(x: float = 0.0) -> Mesh:
     return joined([block((x, 0.0, 0.66), (x + 1.0, 0.6, 0.70)), *legs])
 
 
-def measured(meshes: Sequence[Mesh]) -> tuple[FaceTable, Things]:
-    """Things in a room whose floor is at 0, its ceiling at 2.5 m and its one wall at y = 3 m."""
+def measured(meshes: Sequence[Mesh]) -> tuple[FaceTable, DecomposedRoom]:
+    """DecomposedRoom in a room whose floor is at 0, its ceiling at 2.5 m and its one wall at y = 3 m."""
     face_table = FaceTable.of(joined(list(meshes)))
     ends = np.cumsum([0, *(len(mesh.faces) for mesh in meshes)])
     none = np.zeros(len(face_table.area), dtype=bool)
-    shell = Shell(none, none, np.where(none, 0, -1), np.array([[0.0, -1.0, 0.0, -3.0]]), Levels(0.0, 2.5))
-    return face_table, Things(shell, tuple(np.arange(a, b) for a, b in pairwise(ends)))
+    shell = RoomShell(none, none, np.where(none, 0, -1), np.array([[0.0, -1.0, 0.0, -3.0]]), Levels(0.0, 2.5))
+    return face_table, DecomposedRoom(shell, tuple(np.arange(a, b) for a, b in pairwise(ends)))
 
 
 def traits(*meshes: Mesh) -> tuple[Traits, ...]:
     face_table, things = measured(meshes)
-    return describe_things(face_table, things, thing_pieces(face_table, things))
+    return describe_things(face_table, things, thing_segments(face_table, things))
 
 
-def found(labels: Sequence[str], *meshes: Mesh) -> list[Whole]:
+def found(labels: Sequence[str], *meshes: Mesh) -> list[CompositeThing]:
     face_table, things = measured(meshes)
-    pieces = thing_pieces(face_table, things)
-    return wholes(labels, describe_things(face_table, things, pieces), pieces)
+    segments = thing_segments(face_table, things)
+    return composites(labels, describe_things(face_table, things, segments), segments)
 
 
 def members(labels: Sequence[str], *meshes: Mesh) -> list[tuple[str, tuple[int, ...]]]:

@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 
 from dcap.geometry.distance import MeshDistance
 from dcap.geometry.placement.clearance import Clearance
-from dcap.geometry.placement.landing import Landing
 from dcap.geometry.placement.named_regions import Region
 from dcap.geometry.placement.poses import about_z
+from dcap.geometry.placement.search import PlacementSearch
 from dcap.geometry.placement.set_down import Start, set_down
 from dcap.geometry.raycast import Raycaster
 from dcap.scene.types.mesh import Mesh
@@ -113,8 +113,8 @@ class Scene:
 
     def start(self, item: Mesh, aim: tuple[float, float] = (0.0, 0.0), polygon: np.ndarray = SQUARE) -> Start | None:
         caster = Raycaster(self.mesh)
-        landing = Landing(self.mesh, caster, self.support, item)
-        return set_down(landing, Clearance(item, self.mesh, caster), [Region(polygon, np.array(aim))], GAP)
+        search = PlacementSearch(self.mesh, caster, self.support, item)
+        return set_down(search, Clearance(item, self.mesh, caster), [Region(polygon, np.array(aim))], GAP)
 
 
 def scene_of(support: Mesh, others: list[Mesh]) -> Scene:
@@ -270,11 +270,11 @@ def test_the_free_spot_nearest_to_the_aim_is_found():
 def test_one_blocker_among_several_points_of_a_column_blocks_it(order):
     """Points of a thing and of the table in one column, in any order: the spot is taken, and by the thing's highest."""
     scene = scene_of(block((-0.6, -0.45, -0.03), (0.6, 0.45, 0.0)), [rod(0.001, 0.0, 0.2, 0.5, 0.4)])
-    landing = Landing(scene.mesh, Raycaster(scene.mesh), scene.support, ball(0.05))
-    x, y = landing.origin + landing.cell * np.rint(-landing.origin / landing.cell)
-    there = Region(np.array([[x, y]]) + 0.4 * landing.cell * SQUARE / np.abs(SQUARE), np.array([x, y]))
+    search = PlacementSearch(scene.mesh, Raycaster(scene.mesh), scene.support, ball(0.05))
+    x, y = search.origin + search.cell * np.rint(-search.origin / search.cell)
+    there = Region(np.array([[x, y]]) + 0.4 * search.cell * SQUARE / np.abs(SQUARE), np.array([x, y]))
     tip, root, table = len(scene.mesh.faces) - 1, len(scene.mesh.faces) - 2, 0
     points = np.array([[x, y, 0.2], [x + 1e-4, y, 0.1], [x, y + 1e-4, 0.0]])
-    landing.add(points[list(order)], np.array([tip, root, table])[list(order)])
-    assert landing.find(there, 0.5, level=False) is None
-    assert landing.refusal(there).blockers.tolist() == [tip]
+    search.add(points[list(order)], np.array([tip, root, table])[list(order)])
+    assert search.find(there, 0.5, level=False) is None
+    assert search.failure(there).blockers.tolist() == [tip]

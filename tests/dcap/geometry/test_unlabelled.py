@@ -5,10 +5,10 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
-from dcap.geometry.segmentation.contacts import inner_distance, patch_area, plan_area
-from dcap.geometry.segmentation.convex import convex_pieces, grown
 from dcap.geometry.segmentation.faces import FaceTable
-from dcap.geometry.segmentation.unlabelled import find_things
+from dcap.geometry.segmentation.rooms.contacts import inner_distance, patch_area, plan_area
+from dcap.geometry.segmentation.rooms.convex import convex_pieces, grown
+from dcap.geometry.segmentation.rooms.decomposition import decompose_room
 from dcap.scene.types.mesh import Mesh
 from dcap.synthetic.shapes import columns, joined, line, moved, rounded_box, sheet, turned, union
 
@@ -53,7 +53,7 @@ def apart(blocks: Sequence[Mesh], seed: int = 0, degrees: float = 0.0) -> list[s
     whole = turned(joined(meshes), "z", degrees)
     order = np.random.default_rng(seed).permutation(len(owner))
     mesh = Mesh(whole.vertices, whole.faces[order], whole.colors)
-    found = find_things(FaceTable.of(mesh), np.ones(len(order), dtype=bool))
+    found = decompose_room(FaceTable.of(mesh), np.ones(len(order), dtype=bool))
     assert (owner[order][found.shell.any] < 0).all()
     assert found.shell.any.sum() == (owner < 0).sum()
     return [set(owner[order][faces].tolist()) for faces in found.things]

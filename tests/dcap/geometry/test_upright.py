@@ -6,7 +6,7 @@ import trimesh
 from scipy.spatial.transform import Rotation as Turn
 
 from dcap.geometry.placement.poses import center_of_mass, front_of
-from dcap.geometry.placement.upright import opening, round_axis, stand, stands_as_read, upright_pose
+from dcap.geometry.placement.upright import opening, round_axis, standing_features, stands_as_read, upright_pose
 from dcap.geometry.raycast import Raycaster
 from dcap.scene.types.mesh import Mesh
 from dcap.synthetic.objects import build_object
@@ -32,7 +32,7 @@ def box(x: float, y: float, z: float) -> Mesh:
 def test_stand_of_a_box():
     """A box of 0.2 x 0.1 x 0.4: all of its plan touches, its middle is half way up and 0.05 of 0.4 inside."""
     mesh = box(0.2, 0.1, 0.4)
-    one = stand(mesh.vertices, center_of_mass(mesh), DOWN)
+    one = standing_features(mesh.vertices, center_of_mass(mesh), DOWN)
     assert (one.contact, one.height, one.margin) == pytest.approx((1.0, 0.5, 0.05 / 0.4))
     assert one.stands
 

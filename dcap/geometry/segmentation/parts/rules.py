@@ -5,6 +5,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from dcap.geometry.segmentation.color_regions import merged_crumbs
 from dcap.geometry.segmentation.faces import FaceTable, connected_regions, renumbered
 from dcap.geometry.segmentation.labels import (
     Category,
@@ -15,11 +16,10 @@ from dcap.geometry.segmentation.labels import (
     says_something,
 )
 from dcap.geometry.segmentation.parts.bed import bed_parts
-from dcap.geometry.segmentation.parts.body import Body, make_body
+from dcap.geometry.segmentation.parts.instance_surface import InstanceSurface, instance_surface
 from dcap.geometry.segmentation.parts.partmap import PartMap
 from dcap.geometry.segmentation.parts.seating import chair_parts, sofa_parts, stool_parts
-from dcap.geometry.segmentation.parts.tables import basin_parts, cabinet_parts, other_parts, shelf_parts, table_parts
-from dcap.geometry.segmentation.parts.things import (
+from dcap.geometry.segmentation.parts.small_things import (
     bathtub_parts,
     dumbbell_parts,
     flat_parts,
@@ -29,12 +29,12 @@ from dcap.geometry.segmentation.parts.things import (
     plush_parts,
     shoe_parts,
 )
-from dcap.geometry.segmentation.regions import merged_crumbs
+from dcap.geometry.segmentation.parts.tables import basin_parts, cabinet_parts, other_parts, shelf_parts, table_parts
 from dcap.scene.types.box import OrientedBox
 from dcap.scene.types.rectangle import min_area_box
 from dcap.scene.types.segmentation import Instance, Part
 
-RULES: dict[Category, Callable[[Body], PartMap]] = {
+RULES: dict[Category, Callable[[InstanceSurface], PartMap]] = {
     Category.BED: bed_parts,
     Category.SOFA: sofa_parts,
     Category.CHAIR: chair_parts,
@@ -79,7 +79,7 @@ ONLY_SCENE_THINGS = frozenset(
         Category.BASIN,
     }
 )
-"""Categories whose rules are for furniture: as an object to be placed such a thing is one body."""
+"""Categories whose rules are for furniture: as an object to be placed such a thing is one surface."""
 
 
 def find_parts(
@@ -99,11 +99,11 @@ def find_parts(
     only lack boxes. Returns the part of each face (k,), the parts, the box and the front (world).
     """
     box = _box_of(table.corners[faces].reshape(-1, 3), axes, tie=1.0)
-    body = make_body(table, faces, box)
-    parts = _named_by_nodes(body, node_words) or _rule(label, as_object=as_object)(body)
+    surface = instance_surface(table, faces, box)
+    parts = _named_by_nodes(surface, node_words) or _rule(label, as_object=as_object)(surface)
     if category_of(label) is Category.STRUCTURE:
         parts = PartMap.filled(len(faces), plain_structure(label))
-    index, names = _grouped(body, parts) if annotated is None else annotated
+    index, names = _grouped(surface, parts) if annotated is None else annotated
     confidence = parts.confidence if annotated is None else 1.0
     found = tuple(
         Part(name, _box_of(table.corners[faces[index == i]].reshape(-1, 3), box.axes, tie=AXES_TIE), confidence)
@@ -113,38 +113,38 @@ def find_parts(
     return index.astype(np.int32), found, box, front
 
 
-def _rule(label: str, *, as_object: bool) -> Callable[[Body], PartMap]:
+def _rule(label: str, *, as_object: bool) -> Callable[[InstanceSurface], PartMap]:
     category = category_of(label)
     return flat_parts if as_object and category in ONLY_SCENE_THINGS else RULES.get(category, flat_parts)
 
 
-def _named_by_nodes(body: Body, node_words: Sequence[str]) -> PartMap | None:
+def _named_by_nodes(surface: InstanceSurface, node_words: Sequence[str]) -> PartMap | None:
     """Parts by node names, where they name two parts or more and nearly all of the surface."""
     if not node_words:
         return None
     names = np.array(node_words, dtype=object)
     named = names != ""
-    if len(set(names[named])) < 2 or body.area[named].sum() < 0.9 * body.area.sum():
+    if len(set(names[named])) < 2 or surface.area[named].sum() < 0.9 * surface.area.sum():
         return None
-    main = max(set(names[named]), key=lambda n: float(body.area[names == n].sum()))
+    main = max(set(names[named]), key=lambda n: float(surface.area[names == n].sum()))
     names[~named] = main
     return PartMap(names, confidence=0.95, separate=frozenset({"pillow", "board"}))
 
 
-def _grouped(body: Body, parts: PartMap) -> tuple[NDArray[np.int64], list[str]]:
+def _grouped(surface: InstanceSurface, parts: PartMap) -> tuple[NDArray[np.int64], list[str]]:
     """Part number per face and the name of each part; larger parts come first."""
     kinds = sorted(set(parts.names))
     code = np.array([kinds.index(name) for name in parts.names], dtype=np.int64)
-    same = code[body.pairs[:, 0]] == code[body.pairs[:, 1]]
-    region = connected_regions(len(code), body.pairs, same)
-    region = merged_crumbs(region, body.area, body.pairs, smallest=SMALLEST_PATCH)
-    code = _main_code(region, code, body.area, len(kinds))
+    same = code[surface.pairs[:, 0]] == code[surface.pairs[:, 1]]
+    region = connected_regions(len(code), surface.pairs, same)
+    region = merged_crumbs(region, surface.area, surface.pairs, smallest=SMALLEST_PATCH)
+    code = _main_code(region, code, surface.area, len(kinds))
     part = code.copy()
     for kind in sorted(parts.separate & set(kinds)):
         chosen = np.flatnonzero(code == kinds.index(kind))
-        part[chosen] = len(kinds) + int(part.max()) + _stacks(body, chosen, region)
+        part[chosen] = len(kinds) + int(part.max()) + _stacks(surface, chosen, region)
     part = renumbered(part)
-    order = np.argsort(-np.bincount(part, body.area), kind="stable")
+    order = np.argsort(-np.bincount(part, surface.area), kind="stable")
     rank = np.empty(len(order), dtype=np.int64)
     rank[order] = np.arange(len(order))
     part = rank[part]
@@ -160,12 +160,12 @@ def _main_code(
     return np.asarray(np.argmax(votes, axis=1)[region], dtype=np.int64)
 
 
-def _stacks(body: Body, faces: NDArray[np.int64], region: NDArray[np.int64]) -> NDArray[np.int64]:
+def _stacks(surface: InstanceSurface, faces: NDArray[np.int64], region: NDArray[np.int64]) -> NDArray[np.int64]:
     """Patches that overlap from above and lie close together are one part: the two sides of a board, shape (k,)."""
     patches, number = np.unique(region[faces], return_inverse=True)
-    points = [body.corners[faces[number == i]].reshape(-1, 3) for i in range(len(patches))]
+    points = [surface.corners[faces[number == i]].reshape(-1, 3) for i in range(len(patches))]
     low, high = np.array([p.min(axis=0) for p in points]), np.array([p.max(axis=0) for p in points])
-    close = STACK_GAP * float(body.size[:2].min())
+    close = STACK_GAP * float(surface.size[:2].min())
     group = np.arange(len(patches))
     for i in range(len(patches)):
         for j in range(i):

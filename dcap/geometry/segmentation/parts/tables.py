@@ -1,69 +1,69 @@
-"""Parts of what one puts things on: table (top, leg), cabinet (top, body), shelf (board, side)."""
+"""Parts of what one puts things on: table (top, leg), cabinet (top, surface), shelf (board, side)."""
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dcap.geometry.segmentation.faces import connected_regions
-from dcap.geometry.segmentation.parts.body import Body, level_of
+from dcap.geometry.segmentation.parts.instance_surface import InstanceSurface, level_of
 from dcap.geometry.segmentation.parts.partmap import PartMap
 from dcap.geometry.segmentation.parts.seating import underside
 
 
-def _top_level(body: Body) -> float:
+def _top_level(surface: InstanceSurface) -> float:
     """Height of the highest surface that covers a good part of the footprint [m]."""
-    z, height = body.center[:, 2], float(body.size[2])
+    z, height = surface.center[:, 2], float(surface.size[2])
     width = max(0.02 * height, 1e-3)
-    footprint = float(np.prod(body.size[:2]))
+    footprint = float(np.prod(surface.size[:2]))
     best = float("nan")
     for low in np.arange(0.35, 1.0, 0.05):
-        chosen = body.open_up & (z > low * height)
-        level = level_of(z[chosen], body.area[chosen], width)
+        chosen = surface.open_up & (z > low * height)
+        level = level_of(z[chosen], surface.area[chosen], width)
         near = chosen & (np.abs(z - level) < width)
-        if body.area[near].sum() > 0.3 * footprint:
+        if surface.area[near].sum() > 0.3 * footprint:
             best = level
     if np.isnan(best):
-        chosen = body.open_up & (z > 0.35 * height)
-        best = level_of(z[chosen], body.area[chosen], width)
+        chosen = surface.open_up & (z > 0.35 * height)
+        best = level_of(z[chosen], surface.area[chosen], width)
     return best
 
 
-def table_parts(body: Body) -> PartMap:
+def table_parts(surface: InstanceSurface) -> PartMap:
     """Name the faces of a table or desk; what stands on the top counts as top only if it is joined to it."""
-    parts = PartMap.filled(len(body.area), "leg")
-    level = _top_level(body)
+    parts = PartMap.filled(len(surface.area), "leg")
+    level = _top_level(surface)
     if np.isnan(level):
-        return PartMap.filled(len(body.area), "top")
-    reach = min(0.16 * float(body.size[2]), 0.25 * float(body.size[:2].min()))
-    bottom = underside(body, level, reach)
-    z = body.center[:, 2]
-    for piece in body.pieces():
-        wide = bool((piece.size[:2] > 0.5 * body.size[:2]).all())
-        reaches_top = piece.high[2] > level - 0.03 * body.size[2]
+        return PartMap.filled(len(surface.area), "top")
+    reach = min(0.16 * float(surface.size[2]), 0.25 * float(surface.size[:2].min()))
+    bottom = underside(surface, level, reach)
+    z = surface.center[:, 2]
+    for piece in surface.pieces():
+        wide = bool((piece.size[:2] > 0.5 * surface.size[:2]).all())
+        reaches_top = piece.high[2] > level - 0.03 * surface.size[2]
         if wide and piece.low[2] > bottom - (0.5 if reaches_top else 0.1) * reach:
             parts.names[piece.faces] = "top"
         elif wide and reaches_top:
             parts.names[piece.faces] = np.where(z[piece.faces] >= bottom, "top", "leg")
-        elif piece.low[2] > level - 0.02 * body.size[2]:
+        elif piece.low[2] > level - 0.02 * surface.size[2]:
             parts.names[piece.faces] = "item"
     parts.confidence = 0.85
     return parts
 
 
-def cabinet_parts(body: Body) -> PartMap:
+def cabinet_parts(surface: InstanceSurface) -> PartMap:
     """Name the faces of a box-like thing: the top slab and the rest."""
-    parts = PartMap.filled(len(body.area), "body")
-    level = _top_level(body)
-    if np.isnan(level) or body.size[2] < 0.05:
+    parts = PartMap.filled(len(surface.area), "body")
+    level = _top_level(surface)
+    if np.isnan(level) or surface.size[2] < 0.05:
         return parts
-    thickness = 0.06 * float(body.size[2])
-    z = body.center[:, 2]
-    for piece in body.pieces():
-        wide = bool((piece.size[:2] > 0.5 * body.size[:2]).all())
+    thickness = 0.06 * float(surface.size[2])
+    z = surface.center[:, 2]
+    for piece in surface.pieces():
+        wide = bool((piece.size[:2] > 0.5 * surface.size[:2]).all())
         at_level = wide and abs(float(piece.high[2]) - level) < 0.5 * thickness
         if at_level and piece.low[2] > level - 2.0 * thickness:
             parts.names[piece.faces] = "top"
         elif wide and piece.high[2] > level - thickness:
-            lid = body.open_up[piece.faces] & (np.abs(z[piece.faces] - level) < 0.5 * thickness)
+            lid = surface.open_up[piece.faces] & (np.abs(z[piece.faces] - level) < 0.5 * thickness)
             parts.names[piece.faces[lid]] = "top"
         elif piece.low[2] > level - 0.3 * thickness:
             parts.names[piece.faces] = "item"
@@ -71,60 +71,60 @@ def cabinet_parts(body: Body) -> PartMap:
     return parts
 
 
-def basin_parts(body: Body) -> PartMap:
+def basin_parts(surface: InstanceSurface) -> PartMap:
     """Name the faces of a washstand: what stands on its top is the basin, or the tap if it is narrow."""
-    parts = cabinet_parts(body)
-    for piece in body.pieces():
+    parts = cabinet_parts(surface)
+    for piece in surface.pieces():
         if (parts.names[piece.faces] == "item").all():
-            parts.names[piece.faces] = "basin" if (piece.size[:2] > 0.25 * body.size[:2].min()).all() else "tap"
+            parts.names[piece.faces] = "basin" if (piece.size[:2] > 0.25 * surface.size[:2].min()).all() else "tap"
     return parts
 
 
-def other_parts(body: Body) -> PartMap:
-    """A thing of no known kind: a level top if that covers most of its footprint, and its body."""
-    parts = cabinet_parts(body)
+def other_parts(surface: InstanceSurface) -> PartMap:
+    """A thing of no known kind: a level top if that covers most of its footprint, and its surface."""
+    parts = cabinet_parts(surface)
     top = parts.names == "top"
-    if body.area[top & body.open_up].sum() < 0.75 * float(np.prod(body.size[:2])):
-        return PartMap.filled(len(body.area), "body")
+    if surface.area[top & surface.open_up].sum() < 0.75 * float(np.prod(surface.size[:2])):
+        return PartMap.filled(len(surface.area), "body")
     return parts
 
 
-def shelf_parts(body: Body) -> PartMap:
+def shelf_parts(surface: InstanceSurface) -> PartMap:
     """Name the faces of a shelf: every level slab is a board of its own, the rest sides."""
-    parts = PartMap.filled(len(body.area), "side")
+    parts = PartMap.filled(len(surface.area), "side")
     parts.separate = frozenset({"board"})
-    gap = 0.2 * float(body.size[:2].min())
-    for piece in body.pieces():
-        flat = piece.size[2] < min(gap, 0.12 * max(float(body.size[2]), 0.3)) or piece.size[2] < 0.03
-        broad = float(np.prod(piece.size[:2])) > 0.25 * float(np.prod(body.size[:2]))
+    gap = 0.2 * float(surface.size[:2].min())
+    for piece in surface.pieces():
+        flat = piece.size[2] < min(gap, 0.12 * max(float(surface.size[2]), 0.3)) or piece.size[2] < 0.03
+        broad = float(np.prod(piece.size[:2])) > 0.25 * float(np.prod(surface.size[:2]))
         if flat and broad:
             parts.names[piece.faces] = "board"
-        elif not flat and (piece.size[:2] > 0.6 * body.size[:2]).all():
-            parts.names[piece.faces[_in_slabs(body, piece.faces)]] = "board"
+        elif not flat and (piece.size[:2] > 0.6 * surface.size[:2]).all():
+            parts.names[piece.faces[_in_slabs(surface, piece.faces)]] = "board"
     parts.confidence = 0.75 if (parts.names == "board").any() else 0.4
     return parts
 
 
-def _in_slabs(body: Body, faces: NDArray[np.int64]) -> NDArray[np.bool_]:
+def _in_slabs(surface: InstanceSurface, faces: NDArray[np.int64]) -> NDArray[np.bool_]:
     """Faces of one fused piece that lie between the upper and lower face of a board, shape (k,)."""
-    z_low, z_high = body.corners[faces][..., 2].min(axis=1), body.corners[faces][..., 2].max(axis=1)
-    slack = 0.004 * float(body.size.max())
+    z_low, z_high = surface.corners[faces][..., 2].min(axis=1), surface.corners[faces][..., 2].max(axis=1)
+    slack = 0.004 * float(surface.size.max())
     inside = np.zeros(len(faces), dtype=bool)
-    for low, high, span in _slabs(body, faces):
-        within = (body.center[faces, :2] >= span[0] - slack) & (body.center[faces, :2] <= span[1] + slack)
+    for low, high, span in _slabs(surface, faces):
+        within = (surface.center[faces, :2] >= span[0] - slack) & (surface.center[faces, :2] <= span[1] + slack)
         inside |= (z_low > low - slack) & (z_high < high + slack) & within.all(axis=1)
     return inside
 
 
-def _slabs(body: Body, faces: NDArray[np.int64]) -> list[tuple[float, float, NDArray[np.float64]]]:
+def _slabs(surface: InstanceSurface, faces: NDArray[np.int64]) -> list[tuple[float, float, NDArray[np.float64]]]:
     """Boards of one fused piece: (underside, upper side, extents in x and y (2, 2)) of each broad upward patch."""
-    ups, downs = _level_patches(body, faces, body.up), _level_patches(body, faces, body.down)
-    thickest = 0.5 * float(body.size[:2].min())
+    ups, downs = _level_patches(surface, faces, surface.up), _level_patches(surface, faces, surface.down)
+    thickest = 0.5 * float(surface.size[:2].min())
     slabs = []
     for height, span in ups:
         ceilings = [h for h, s in ups if h < height and _overlap(s, span)]
         beneath = [h for h, s in downs if max([height - thickest, *ceilings]) <= h < height and _overlap(s, span)]
-        slabs.append((max(beneath, default=height - 0.02 * float(body.size.max())), height, span))
+        slabs.append((max(beneath, default=height - 0.02 * float(surface.size.max())), height, span))
     return slabs
 
 
@@ -135,18 +135,18 @@ def _overlap(a: NDArray[np.float64], b: NDArray[np.float64]) -> bool:
 
 
 def _level_patches(
-    body: Body, faces: NDArray[np.int64], level: NDArray[np.bool_]
+    surface: InstanceSurface, faces: NDArray[np.int64], level: NDArray[np.bool_]
 ) -> list[tuple[float, NDArray[np.float64]]]:
     """Connected level patches that cover a good part of the footprint: (height, extents in x and y (2, 2))."""
-    inside = np.full(len(body.area), -1)
+    inside = np.full(len(surface.area), -1)
     inside[faces] = np.arange(len(faces))
-    pairs = inside[body.pairs]
+    pairs = inside[surface.pairs]
     pairs = pairs[(pairs >= 0).all(axis=1)]
     flag = level[faces]
     patch = connected_regions(len(faces), pairs, flag[pairs[:, 0]] & flag[pairs[:, 1]])
-    size = np.bincount(patch, np.where(flag, body.area[faces], 0.0))
+    size = np.bincount(patch, np.where(flag, surface.area[faces], 0.0))
     found = []
-    for number in np.flatnonzero(size > 0.15 * float(np.prod(body.size[:2]))):
-        points = body.corners[faces[patch == number]].reshape(-1, 3)
+    for number in np.flatnonzero(size > 0.15 * float(np.prod(surface.size[:2]))):
+        points = surface.corners[faces[patch == number]].reshape(-1, 3)
         found.append((float(np.median(points[:, 2])), np.stack([points[:, :2].min(axis=0), points[:, :2].max(axis=0)])))
     return found

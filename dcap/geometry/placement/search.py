@@ -64,7 +64,7 @@ class Columns:
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Verdict:
+class CandidateFits:
     """How the object would lie over some grid points."""
 
     index: NDArray[np.int64]
@@ -91,7 +91,7 @@ class Spot:
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Refusal:
+class SearchFailure:
     """Why there is none."""
 
     hit: bool
@@ -104,7 +104,7 @@ class Refusal:
     """Face of the scene that is most in the way at each such spot, shape (k,)."""
 
 
-class Landing:
+class PlacementSearch:
     """One object over one support: both sampled once, then asked for places."""
 
     def __init__(self, scene: Mesh, caster: Raycaster, is_support: NDArray[np.bool_], item: Mesh) -> None:
@@ -122,8 +122,8 @@ class Landing:
         reach = np.abs(item.bounds[:, :2]).max(axis=0) + 4 * self.cell
         self.origin = low[:2] - reach
         self.count = np.ceil((high[:2] + reach - self.origin) / self.cell).astype(int) + 1
-        self.refused = np.zeros(self.count, dtype=bool)
-        self._known: dict[bytes, tuple[list[Verdict], Iterator[NDArray[np.int64]]]] = {}
+        self.excluded = np.zeros(self.count, dtype=bool)
+        self._known: dict[bytes, tuple[list[CandidateFits], Iterator[NDArray[np.int64]]]] = {}
 
     def _sample_item(self, item: Mesh) -> None:
         """Height of the underside over the object's origin on the grid."""
@@ -177,11 +177,11 @@ class Landing:
         np.logical_and.at(self.surface.support, column, own)
         self._known.clear()
 
-    def refuse(self, spot: Spot, reach: int) -> None:
+    def exclude(self, spot: Spot, reach: int) -> None:
         """Leave out a spot and those up to so many samples from it."""
         low = np.maximum(self._index(spot) - reach, 0)
         high = self._index(spot) + reach + 1
-        self.refused[low[0] : high[0], low[1] : high[1]] = True
+        self.excluded[low[0] : high[0], low[1] : high[1]] = True
 
     def _inside(self, start: Array) -> NDArray[np.bool_]:
         """Whether a ray up soon leaves something through a face that looks up: then it began inside, shape (n,)."""
@@ -196,9 +196,9 @@ class Landing:
         the edge beside it, no steady one is looked for: who asks for a ridge means the ridge.
         """
         nearest = True
-        for seen in self._verdicts(region):
+        for seen in self._fits(region):
             supported = seen.level if level else seen.share
-            good = np.flatnonzero((seen.lift <= STEPPED) & (supported >= share) & ~self.refused[tuple(seen.index.T)])
+            good = np.flatnonzero((seen.lift <= STEPPED) & (supported >= share) & ~self.excluded[tuple(seen.index.T)])
             if steady:
                 away = np.linalg.norm(self.origin + self.cell * seen.index - region.target, axis=1)
                 if away.min() > NEARBY * self.extent:
@@ -214,19 +214,19 @@ class Landing:
                 return Spot(float(x), float(y), float(seen.share[good[0]]))
         return None
 
-    def refusal(self, region: Region) -> Refusal:
+    def failure(self, region: Region) -> SearchFailure:
         """Why the region has no spot."""
         best, blocked, total = 0.0, 0, 0
         blockers: list[NDArray[np.int64]] = []
-        for seen in self._verdicts(region):
-            free = (seen.lift <= STEPPED) & ~self.refused[tuple(seen.index.T)]
+        for seen in self._fits(region):
+            free = (seen.lift <= STEPPED) & ~self.excluded[tuple(seen.index.T)]
             best = max(best, float(seen.share[free].max(initial=0.0)))
             blocked, total = blocked + int((~free).sum()), total + len(free)
             blockers.append(self._in_the_way(seen.index[~free]))
         if total == 0:
             covered, faces = self._covered(region)
-            return Refusal(covered, 0.0, float(covered), faces)
-        return Refusal(True, best, blocked / total, np.concatenate(blockers))
+            return SearchFailure(covered, 0.0, float(covered), faces)
+        return SearchFailure(True, best, blocked / total, np.concatenate(blockers))
 
     def _covered(self, region: Region) -> tuple[bool, NDArray[np.int64]]:
         """Whether the support lies under other things everywhere in the region, and the faces of these."""
@@ -246,19 +246,19 @@ class Landing:
         faces = self.surface.face[rows, columns][most]
         return np.asarray(faces[faces >= 0])
 
-    def _verdicts(self, region: Region) -> Iterator[Verdict]:
-        """Grid points of the region that are over the support, nearest to the target first, each judged once."""
+    def _fits(self, region: Region) -> Iterator[CandidateFits]:
+        """Grid points of the region that are over the support, nearest to the target first, each fitted once."""
         key = region.polygon.tobytes() + region.target.tobytes()
         if key not in self._known:
             self._known[key] = ([], self._batches(region))
         known, rest = self._known[key]
         yield from known
         for batch in rest:
-            known.append(self._judge(batch))
+            known.append(self._fit(batch))
             yield known[-1]
 
     def _batches(self, region: Region) -> Iterator[NDArray[np.int64]]:
-        """The grid points to judge, a number at a time."""
+        """The grid points to fit, a number at a time."""
         index = np.argwhere(self.surface.support)
         position = self.origin + self.cell * index
         keep = inside(region.polygon, position, margin=1e-6)
@@ -271,7 +271,7 @@ class Landing:
         for begin in range(0, len(order), BATCH):
             yield index[order[begin : begin + BATCH]]
 
-    def _judge(self, index: NDArray[np.int64]) -> Verdict:
+    def _fit(self, index: NDArray[np.int64]) -> CandidateFits:
         """How the object would lie over each grid point (n, 2)."""
         below, on = self._below(index, self.offset)
         needed = below - self.under
@@ -281,7 +281,7 @@ class Landing:
         with np.errstate(invalid="ignore"):
             lift = np.where(np.isfinite(alone), others - alone, np.inf)
         near = on[:, self.lowest] & (needed[:, self.lowest] >= alone[:, None] - DROP)
-        return Verdict(index, lift, on[:, self.lowest].mean(axis=1), near.mean(axis=1), needed.max(axis=1))
+        return CandidateFits(index, lift, on[:, self.lowest].mean(axis=1), near.mean(axis=1), needed.max(axis=1))
 
     def _surroundings(self, index: NDArray[np.int64], height: Array) -> tuple[Array, NDArray[np.bool_]]:
         """How steeply the object comes down at most when it is moved about the support from each grid point, where it
@@ -293,7 +293,7 @@ class Landing:
         for part in MOVED if len(index) else ():
             reach = max(round(part * self.extent / self.cell), 1)
             moved = np.clip(index[:, None] + np.rint(reach * circle).astype(np.int64), low, high).reshape(-1, 2)
-            there = [self._judge(moved[k : k + BATCH]) for k in range(0, len(moved), BATCH)]
+            there = [self._fit(moved[k : k + BATCH]) for k in range(0, len(moved), BATCH)]
             on = np.concatenate([seen.level for seen in there]).reshape(-1, len(circle)) >= SHARES[-1]
             lowest = np.where(on, np.concatenate([seen.height for seen in there]).reshape(on.shape), np.inf).min(axis=1)
             steepest = np.maximum(steepest, (height - lowest) / (reach * self.cell))
@@ -307,7 +307,7 @@ class Landing:
 
     def start_height(self, spot: Spot) -> float:
         """Height of the origin at which the sampled underside touches [m]."""
-        return float(self._judge(self._index(spot)[None]).height[0])
+        return float(self._fit(self._index(spot)[None]).height[0])
 
     def _index(self, spot: Spot) -> NDArray[np.int64]:
         """Row and column of a spot, shape (2,)."""

@@ -9,10 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from dcap.geometry.segmentation.contacts import plan_hull
+from dcap.geometry.segmentation.color_regions import COLOR_STEP, color_regions
 from dcap.geometry.segmentation.faces import FaceTable
-from dcap.geometry.segmentation.regions import COLOR_STEP, color_regions
-from dcap.geometry.segmentation.structure import (
+from dcap.geometry.segmentation.rooms.contacts import plan_hull
+from dcap.geometry.segmentation.rooms.structure import (
     PLANE_BAND,
     Levels,
     ceiling_faces,
@@ -43,7 +43,7 @@ CRUMBS = 1e-4
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Shell:
+class RoomShell:
     """Which faces are the room's own."""
 
     floor: Mask
@@ -68,7 +68,7 @@ class Shell:
         return np.asarray(away.min(axis=1, initial=np.inf))
 
 
-def find_shell(table: FaceTable, inside: Mask) -> Shell:
+def find_shell(table: FaceTable, inside: Mask) -> RoomShell:
     """Floor, ceiling and walls among the faces in `inside`, shape (m,)."""
     levels = find_levels(table)
     floor = inside & floor_faces(table, levels)
@@ -83,7 +83,7 @@ def find_shell(table: FaceTable, inside: Mask) -> Shell:
         wall[flat] = -1
     wall[_skirting(table, inside & ~floor & ~ceiling & (wall < 0), planes, levels)] = 0
     wall = _nearest_wall(table, _whole(table, wall), planes)
-    return Shell(floor, ceiling, wall, planes, levels)
+    return RoomShell(floor, ceiling, wall, planes, levels)
 
 
 def _without_fronts(table: FaceTable, wall: NDArray[np.int64]) -> NDArray[np.int64]:

@@ -1,4 +1,4 @@
-"""What touches what: pieces of a scene, sampled, and the places where two of them are close."""
+"""What touches what: segments of a scene, sampled, and the places where two of them are close."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field
@@ -25,17 +25,17 @@ PARALLEL = 0.95
 FLUSH = 0.004
 """Surfaces nearer than this to a common plane are flush [m]."""
 ON_TOP = 0.03
-"""What begins no deeper than this below the top of another piece is above it [m]."""
+"""What begins no deeper than this below the top of another segment is above it [m]."""
 SINK = 0.012
 """What stands on something is nowhere deeper below its surface than this [m]: noise, and soft covers."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Touch:
-    """Pairs of points of two pieces that are close."""
+    """Pairs of points of two segments that are close."""
 
     a: Index
-    """Points of the first piece, shape (k,)."""
+    """Points of the first segment, shape (k,)."""
     b: Index
     """Points of the second one, shape (k,)."""
 
@@ -45,7 +45,7 @@ class Touch:
 
 
 @dataclass(eq=False, slots=True)
-class Piece:
+class Segment:
     """A connected patch of surface, or several that belong together; merging changes it."""
 
     faces: Index
@@ -57,12 +57,12 @@ class Piece:
     low: Array
     high: Array
     touches: dict[int, Touch] = field(default_factory=dict)
-    """By number of the other piece."""
+    """By number of the other segment."""
 
 
 @dataclass(eq=False, slots=True)
-class Pieces:
-    """All pieces by number, over one set of points."""
+class Segments:
+    """All segments by number, over one set of points."""
 
     position: Array
     """[m], shape (n, 3)."""
@@ -70,10 +70,10 @@ class Pieces:
     """Unit normals, shape (n, 3)."""
     weight: Array
     """Area that a point stands for [m^2], shape (n,)."""
-    alive: dict[int, Piece]
+    alive: dict[int, Segment]
 
     def merge(self, keep: int, gone: int) -> None:
-        """Make two pieces one, under the first number."""
+        """Make two segments one, under the first number."""
         a, b = self.alive[keep], self.alive.pop(gone)
         whole = a.area + b.area
         a.center = (a.center * a.area + b.center * b.area) / max(whole, 1e-30)
@@ -93,7 +93,7 @@ class Pieces:
             neighbour.touches[keep] = joined.turned()
 
     def standing(self, name: int, other: int) -> NDArray[np.bool_]:
-        """Which of the touching pairs are the first piece standing on the second, shape (k,).
+        """Which of the touching pairs are the first segment standing on the second, shape (k,).
 
         They are above it, where it looks up or, since what it carries hides that, at its very top.
         """
@@ -115,37 +115,37 @@ class Pieces:
         return np.asarray((np.einsum("ki,ki->k", a, b) > PARALLEL) & (np.abs(apart) < FLUSH))
 
 
-def pieces_of(table: FaceTable, piece: Index) -> Pieces:
-    """Sample the faces with `piece` >= 0, shape (m,), and find what touches."""
-    used = np.flatnonzero(piece >= 0)
+def segments_of(table: FaceTable, segment: Index) -> Segments:
+    """Sample the faces with `segment` >= 0, shape (m,), and find what touches."""
+    used = np.flatnonzero(segment >= 0)
     position, owner = surface_points(table.corners[used], table.area[used], SPACING)
     face = used[owner]
-    weight = table.area[face] / np.bincount(face, minlength=len(piece))[face]
-    number = piece[face]
-    result = Pieces(position, table.normal[face], weight, {})
-    for name, faces, points in zip(*_by_number(piece, used, number), strict=True):
+    weight = table.area[face] / np.bincount(face, minlength=len(segment))[face]
+    number = segment[face]
+    result = Segments(position, table.normal[face], weight, {})
+    for name, faces, points in zip(*_by_number(segment, used, number), strict=True):
         corners = table.corners[faces].reshape(-1, 3)
         area = float(table.area[faces].sum())
         center = np.average(table.center[faces], axis=0, weights=np.maximum(table.area[faces], 1e-15))
-        result.alive[name] = Piece(faces, points, area, center, corners.min(axis=0), corners.max(axis=0))
+        result.alive[name] = Segment(faces, points, area, center, corners.min(axis=0), corners.max(axis=0))
     _touch(result, number)
     return result
 
 
-def _by_number(piece: Index, used: Index, number: Index) -> tuple[list[int], list[Index], list[Index]]:
-    names = np.unique(piece[used])
-    faces = used[np.argsort(piece[used], kind="stable")]
+def _by_number(segment: Index, used: Index, number: Index) -> tuple[list[int], list[Index], list[Index]]:
+    names = np.unique(segment[used])
+    faces = used[np.argsort(segment[used], kind="stable")]
     points = np.argsort(number, kind="stable")
     return (
         names.tolist(),
-        np.split(faces, np.searchsorted(piece[faces], names)[1:]),
+        np.split(faces, np.searchsorted(segment[faces], names)[1:]),
         np.split(points, np.searchsorted(number[points], names)[1:]),
     )
 
 
-def _touch(pieces: Pieces, number: Index) -> None:
-    """Fill in the touches of all pairs of pieces."""
-    near = cKDTree(pieces.position).query_pairs(REACH, output_type="ndarray").astype(np.int64)
+def _touch(segments: Segments, number: Index) -> None:
+    """Fill in the touches of all pairs of segments."""
+    near = cKDTree(segments.position).query_pairs(REACH, output_type="ndarray").astype(np.int64)
     near = near[number[near[:, 0]] != number[near[:, 1]]]
     swap = number[near[:, 0]] > number[near[:, 1]]
     near[swap] = near[swap][:, ::-1]
@@ -156,8 +156,8 @@ def _touch(pieces: Pieces, number: Index) -> None:
         if len(block):
             touch = Touch(block[:, 0], block[:, 1])
             a, b = int(number[block[0, 0]]), int(number[block[0, 1]])
-            pieces.alive[a].touches[b] = touch
-            pieces.alive[b].touches[a] = touch.turned()
+            segments.alive[a].touches[b] = touch
+            segments.alive[b].touches[a] = touch.turned()
 
 
 def plan_hull(points: Array) -> ConvexHull | None:

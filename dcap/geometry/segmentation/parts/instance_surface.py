@@ -1,8 +1,8 @@
 """One instance in the frame of its own box: the view that part rules work in.
 
-x and y run along the box's horizontal axes from its middle, z from its bottom; all in metres. A `Piece` is a connected
-patch of faces with its extents. Rules assign names to pieces where a piece is one part, and to faces where a fused scan
-makes one piece of several parts.
+x and y run along the box's horizontal axes from its middle, z from its bottom; all in metres. A `SurfacePiece` is a
+connected patch of faces with its extents. Rules assign names to pieces where a piece is one part, and to faces where a
+fused scan makes one piece of several parts.
 """
 
 from dataclasses import dataclass, replace
@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from dcap.geometry.segmentation.convex import convex_pieces
+from dcap.geometry.segmentation.color_regions import color_regions, merged_crumbs
 from dcap.geometry.segmentation.faces import FaceTable, renumbered, surface_points
-from dcap.geometry.segmentation.regions import color_regions, merged_crumbs
+from dcap.geometry.segmentation.rooms.convex import convex_pieces
 from dcap.scene.types.box import OrientedBox
 
 UPWARD = 0.75
@@ -22,7 +22,7 @@ UPWARD = 0.75
 
 
 FUSED = 0.7
-"""A component of which less than this share belongs to a body is a scan that fused it with others [-]."""
+"""A component of which less than this share belongs to a instance is a scan that fused it with others [-]."""
 
 DENSE_FACES = 2000
 """A body of at least this many faces is a scan or finely made [-]."""
@@ -31,16 +31,16 @@ SPECK_FACES = 16
 """Loose patches of fewer faces are what a scan tears off, not things [-]."""
 
 MAP_CELLS = 64
-"""Cells of the height map along the longer side of a body [-]."""
+"""Cells of the height map along the longer side of a instance [-]."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Piece:
+class SurfacePiece:
     """A connected patch of an instance."""
 
     index: int
     faces: NDArray[np.int64]
-    """Face numbers within the body."""
+    """Face numbers within the surface."""
     low: NDArray[np.float64]
     """Lower extent [m], shape (3,)."""
     high: NDArray[np.float64]
@@ -62,7 +62,7 @@ class Piece:
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Body:
+class InstanceSurface:
     """The faces of one instance in its box frame."""
 
     corners: NDArray[np.float64]
@@ -73,15 +73,15 @@ class Body:
     area: NDArray[np.float64]
     lab: NDArray[np.float64]
     pairs: NDArray[np.int64]
-    """Neighbouring faces, numbers within the body, shape (e, 2)."""
+    """Neighbouring faces, numbers within the surface, shape (e, 2)."""
     piece: NDArray[np.int64]
-    """Piece of each face, shape (k,)."""
+    """Number of the piece of each face, shape (k,)."""
     size: NDArray[np.float64]
-    """Extents of the body [m], shape (3,)."""
+    """Extents of the instance [m], shape (3,)."""
     frame: OrientedBox
     """The box whose frame this is."""
     open_up: NDArray[np.bool_]
-    """Faces that look up and have nothing of the body above them, shape (k,)."""
+    """Faces that look up and have nothing of the instance above them, shape (k,)."""
 
     @property
     def up(self) -> NDArray[np.bool_]:
@@ -93,26 +93,26 @@ class Body:
         """Faces that look down, shape (k,)."""
         return np.asarray(self.normal[:, 2] < -UPWARD)
 
-    def pieces(self) -> list[Piece]:
+    def pieces(self) -> list[SurfacePiece]:
         """All pieces with their extents, largest area first."""
         order = np.argsort(self.piece, kind="stable")
         starts = np.searchsorted(self.piece[order], np.arange(int(self.piece.max(initial=-1)) + 2))
         found = [self._piece(i, order[a:b]) for i, (a, b) in enumerate(pairwise(starts))]
         return sorted(found, key=lambda p: -p.area)
 
-    def _piece(self, index: int, faces: NDArray[np.int64]) -> Piece:
+    def _piece(self, index: int, faces: NDArray[np.int64]) -> SurfacePiece:
         points = self.corners[faces].reshape(-1, 3)
         # Spikes of a scan: the outermost half per cent of many corners says nothing.
         low, high = np.percentile(points, [0.5, 99.5], axis=0) if len(faces) > 200 else (points.min(0), points.max(0))
         up_area = float(self.area[faces][self.up[faces]].sum())
-        return Piece(index, faces, low, high, float(self.area[faces].sum()), up_area)
+        return SurfacePiece(index, faces, low, high, float(self.area[faces].sum()), up_area)
 
-    def with_pieces(self, piece: NDArray[np.int64]) -> "Body":
-        """The same body cut differently."""
+    def with_pieces(self, piece: NDArray[np.int64]) -> "InstanceSurface":
+        """The same instance cut differently."""
         return replace(self, piece=renumbered(piece))
 
-    def split_by_color(self, faces: NDArray[np.int64], *, smallest: float = 0.01) -> "Body":
-        """The same body with the given faces cut into patches of one colour each."""
+    def split_by_color(self, faces: NDArray[np.int64], *, smallest: float = 0.01) -> "InstanceSurface":
+        """The same instance with the given faces cut into patches of one colour each."""
         inside = np.full(len(self.area), -1)
         inside[faces] = np.arange(len(faces))
         pairs = inside[self.pairs]
@@ -123,7 +123,7 @@ class Body:
         return self.with_pieces(piece)
 
 
-def make_body(table: FaceTable, faces: NDArray[np.int64], box: OrientedBox) -> Body:
+def instance_surface(table: FaceTable, faces: NDArray[np.int64], box: OrientedBox) -> InstanceSurface:
     """The given faces in the frame of `box`; pieces are connected components, crumbs of noise joined to neighbours."""
     inside = np.full(len(table.area), -1)
     inside[faces] = np.arange(len(faces))
@@ -135,7 +135,7 @@ def make_body(table: FaceTable, faces: NDArray[np.int64], box: OrientedBox) -> B
     area = table.area[faces]
     piece = merged_crumbs(renumbered(_pieces(table, faces, area)), area, pairs, smallest=1e-4)
     piece = _without_specks(piece, corners.mean(axis=1))
-    return Body(
+    return InstanceSurface(
         corners=corners, center=corners.mean(axis=1), normal=table.normal[faces] @ box.axes, area=area,
         lab=table.lab[faces], pairs=pairs, piece=piece, size=2.0 * box.half_extents, frame=box,
         open_up=(table.normal[faces, 2] > UPWARD) & _open_above(corners, area),

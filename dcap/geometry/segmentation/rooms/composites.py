@@ -1,7 +1,7 @@
 """Things that belong together because of what they are: pillows to their bed, books to their row, legs to their table.
 
 Statics takes a room apart into what stands by itself; a pillow does, and yet it is part of the bed. In: the label of
-each thing, its measures and what touches what. Out: wholes with their members. BELONGS says what belongs to what.
+each thing, its measures and what touches what. Out: composites with their members, by ATTACHMENT_RULES.
 """
 
 from collections.abc import Sequence
@@ -10,8 +10,8 @@ from enum import StrEnum
 
 import numpy as np
 
-from dcap.geometry.segmentation.contacts import FEW, Pieces
-from dcap.geometry.segmentation.traits import Traits
+from dcap.geometry.segmentation.rooms.contacts import FEW, Segments
+from dcap.geometry.segmentation.rooms.traits import Traits
 
 ANY = "*"
 SLACK = 0.02
@@ -20,7 +20,7 @@ FLOATING = 0.12
 """What floats no farther than this above or below something, or around it, goes with it [m]: a shade and its lamp."""
 
 
-class Bond(StrEnum):
+class Attachment(StrEnum):
     """How a part is joined to its whole."""
 
     ON = "on"
@@ -35,48 +35,48 @@ class Bond(StrEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class Belongs:
+class AttachmentRule:
     """A thing of one label belongs to a thing of another."""
 
     part: str
     whole: str
-    bond: Bond
+    attachment: Attachment
     becomes: str = ""
     """What the whole is called with the part; empty: as before."""
 
 
-BELONGS = (
-    Belongs("mattress", "bed", Bond.ON),
-    Belongs("pillow", "bed", Bond.ON),
-    Belongs("blanket", "bed", Bond.ON),
-    Belongs("headboard", "bed", Bond.TOUCHING),
-    Belongs("seat cushion", "sofa", Bond.ON),
-    Belongs("seat cushion", "sofa base", Bond.ON, "sofa"),
-    Belongs("seat cushion", "armchair", Bond.ON),
-    Belongs("back cushion", "sofa", Bond.TOUCHING),
-    Belongs("back cushion", "sofa base", Bond.TOUCHING, "sofa"),
-    Belongs("back cushion", "armchair", Bond.TOUCHING),
-    Belongs("sofa back", "sofa", Bond.TOUCHING),
-    Belongs("sofa back", "sofa base", Bond.TOUCHING, "sofa"),
-    Belongs("sofa arm", "sofa", Bond.TOUCHING),
-    Belongs("sofa arm", "sofa base", Bond.TOUCHING, "sofa"),
-    Belongs("basin", "cabinet", Bond.ON, "basin cabinet"),
-    Belongs("basin", "counter", Bond.ON),
-    Belongs("tap", "cabinet", Bond.ON, "basin cabinet"),
-    Belongs("tap", "counter", Bond.ON),
-    Belongs("tap", "bathtub", Bond.TOUCHING),
-    Belongs("tap", "basin", Bond.TOUCHING),
-    Belongs("toilet tank", "toilet", Bond.TOUCHING),
-    Belongs("lamp shade", "table lamp", Bond.AROUND),
-    Belongs("lamp shade", "floor lamp", Bond.AROUND),
-    Belongs("lamp shade", "vase", Bond.AROUND, "table lamp"),
-    Belongs("book", "book", Bond.TOUCHING),
-    Belongs("rug", "rug", Bond.TOUCHING),
-    Belongs("rug", "rug", Bond.INSIDE),
-    Belongs(ANY, "box", Bond.INSIDE),
-    Belongs("leg", ANY, Bond.UNDER),
+ATTACHMENT_RULES = (
+    AttachmentRule("mattress", "bed", Attachment.ON),
+    AttachmentRule("pillow", "bed", Attachment.ON),
+    AttachmentRule("blanket", "bed", Attachment.ON),
+    AttachmentRule("headboard", "bed", Attachment.TOUCHING),
+    AttachmentRule("seat cushion", "sofa", Attachment.ON),
+    AttachmentRule("seat cushion", "sofa base", Attachment.ON, "sofa"),
+    AttachmentRule("seat cushion", "armchair", Attachment.ON),
+    AttachmentRule("back cushion", "sofa", Attachment.TOUCHING),
+    AttachmentRule("back cushion", "sofa base", Attachment.TOUCHING, "sofa"),
+    AttachmentRule("back cushion", "armchair", Attachment.TOUCHING),
+    AttachmentRule("sofa back", "sofa", Attachment.TOUCHING),
+    AttachmentRule("sofa back", "sofa base", Attachment.TOUCHING, "sofa"),
+    AttachmentRule("sofa arm", "sofa", Attachment.TOUCHING),
+    AttachmentRule("sofa arm", "sofa base", Attachment.TOUCHING, "sofa"),
+    AttachmentRule("basin", "cabinet", Attachment.ON, "basin cabinet"),
+    AttachmentRule("basin", "counter", Attachment.ON),
+    AttachmentRule("tap", "cabinet", Attachment.ON, "basin cabinet"),
+    AttachmentRule("tap", "counter", Attachment.ON),
+    AttachmentRule("tap", "bathtub", Attachment.TOUCHING),
+    AttachmentRule("tap", "basin", Attachment.TOUCHING),
+    AttachmentRule("toilet tank", "toilet", Attachment.TOUCHING),
+    AttachmentRule("lamp shade", "table lamp", Attachment.AROUND),
+    AttachmentRule("lamp shade", "floor lamp", Attachment.AROUND),
+    AttachmentRule("lamp shade", "vase", Attachment.AROUND, "table lamp"),
+    AttachmentRule("book", "book", Attachment.TOUCHING),
+    AttachmentRule("rug", "rug", Attachment.TOUCHING),
+    AttachmentRule("rug", "rug", Attachment.INSIDE),
+    AttachmentRule(ANY, "box", Attachment.INSIDE),
+    AttachmentRule("leg", ANY, Attachment.UNDER),
 )
-"""What belongs to what, the strongest bond first."""
+"""What belongs to what, the strongest first."""
 ONLY_PARTS = frozenset(
     {
         "leg",
@@ -95,7 +95,7 @@ ONLY_PARTS = frozenset(
 
 
 @dataclass(frozen=True, slots=True)
-class Whole:
+class CompositeThing:
     """Things that are one."""
 
     label: str
@@ -106,19 +106,19 @@ class Whole:
     """Numbers of all its things, in order."""
 
 
-def wholes(labels: Sequence[str], traits: Sequence[Traits], pieces: Pieces) -> list[Whole]:
-    """Join things by their labels (empty: unknown); the wholes come in the order of their main things."""
+def composites(labels: Sequence[str], traits: Sequence[Traits], segments: Segments) -> list[CompositeThing]:
+    """Join things by their labels (empty: unknown); the composites come in the order of their main things."""
     owner = list(range(len(labels)))
     name = list(labels)
     for i in range(len(labels)):
-        rule, other = _whole_of(i, labels, traits, pieces)
+        rule, other = _whole_of(i, labels, traits, segments)
         if rule is None or _root(owner, other) == i:
             continue
         owner[i] = _root(owner, other)
         name[other] = rule.becomes or name[other]
     roots = [_root(owner, i) for i in range(len(labels))]
     members = {root: tuple(i for i, other in enumerate(roots) if other == root) for root in sorted(set(roots))}
-    return [Whole(_called(name, root, them), root, them) for root, them in members.items()]
+    return [CompositeThing(_called(name, root, them), root, them) for root, them in members.items()]
 
 
 def _called(name: Sequence[str], root: int, members: tuple[int, ...]) -> str:
@@ -132,36 +132,42 @@ def _root(owner: list[int], i: int) -> int:
     return i
 
 
-def _whole_of(i: int, labels: Sequence[str], traits: Sequence[Traits], pieces: Pieces) -> tuple[Belongs | None, int]:
+def _whole_of(
+    i: int, labels: Sequence[str], traits: Sequence[Traits], segments: Segments
+) -> tuple[AttachmentRule | None, int]:
     """The first rule by which a thing belongs to a larger one of its kind, or to another thing, and to which."""
-    for rule in BELONGS:
+    for rule in ATTACHMENT_RULES:
         if rule.part not in (ANY, labels[i]):
             continue
-        bond = {
-            j: _strength(rule.bond, i, j, traits, pieces)
+        strength = {
+            j: _strength(rule.attachment, i, j, traits, segments)
             for j in range(len(labels))
             if j != i
             and rule.whole in (ANY, labels[j])
-            and (labels[i] != labels[j] or j < i or rule.bond is Bond.INSIDE)
+            and (labels[i] != labels[j] or j < i or rule.attachment is Attachment.INSIDE)
         }
-        best = max(bond, key=lambda j: (bond[j], -j), default=-1)
-        if best >= 0 and bond[best] > 0.0:
+        best = max(strength, key=lambda j: (strength[j], -j), default=-1)
+        if best >= 0 and strength[best] > 0.0:
             return rule, best
     return None, -1
 
 
-def _strength(bond: Bond, i: int, j: int, traits: Sequence[Traits], pieces: Pieces) -> float:
+def _strength(attachment: Attachment, i: int, j: int, traits: Sequence[Traits], segments: Segments) -> float:
     """How strongly two things are joined in that way, 0: not at all."""
-    if bond is Bond.ON:
+    if attachment is Attachment.ON:
         return float(_carried(i, j, traits))
-    a, b = pieces.alive[i], pieces.alive[j]
-    if bond in (Bond.TOUCHING, Bond.UNDER):
+    a, b = segments.alive[i], segments.alive[j]
+    if attachment in (Attachment.TOUCHING, Attachment.UNDER):
         touch = a.touches.get(j)
         if touch is None:
             return 0.0
-        counted = pieces.position[touch.b, 2] > a.center[2] if bond is Bond.UNDER else np.ones(len(touch.b), dtype=bool)
+        counted = (
+            segments.position[touch.b, 2] > a.center[2]
+            if attachment is Attachment.UNDER
+            else np.ones(len(touch.b), dtype=bool)
+        )
         return float(counted.sum()) if counted.sum() >= FEW else 0.0
-    if bond is Bond.INSIDE:
+    if attachment is Attachment.INSIDE:
         return float(((a.low > b.low - SLACK) & (a.high < b.high + SLACK)).all())
     gap = np.maximum(a.low, b.low) - np.minimum(a.high, b.high)
     apart = float(np.linalg.norm(0.5 * (a.low + a.high - b.low - b.high)[:2]))

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 from skimage.color import lab2rgb
 
-from dcap.geometry.segmentation.contacts import FEW, Pieces, pieces_of
 from dcap.geometry.segmentation.faces import FaceTable
-from dcap.geometry.segmentation.unlabelled import Things
+from dcap.geometry.segmentation.rooms.contacts import FEW, Segments, segments_of
+from dcap.geometry.segmentation.rooms.decomposition import DecomposedRoom
 from dcap.scene.types.box import OrientedBox
 from dcap.scene.types.rectangle import min_area_box
 
@@ -86,31 +86,31 @@ class Traits:
     """Height of the middle of the surface within the box: 0 at its bottom, 1 at its top."""
 
 
-def describe_things(table: FaceTable, things: Things, pieces: Pieces) -> tuple[Traits, ...]:
-    """Measure all things of a room; `pieces` are what `thing_pieces` makes of them."""
-    holder = [_holder(pieces, things, i) for i in range(len(things.things))]
+def describe_things(table: FaceTable, room: DecomposedRoom, segments: Segments) -> tuple[Traits, ...]:
+    """Measure all things of a room; `segments` are what `thing_segments` makes of them."""
+    holder = [_holder(segments, room, i) for i in range(len(room.things))]
     carries = np.bincount([h for h, _ in holder if h >= 0], minlength=len(holder))
     return tuple(
-        _traits(table, things, pieces, i, *holder[i], int(carries[i])) for i in range(len(things.things))
+        _traits(table, room, segments, i, *holder[i], int(carries[i])) for i in range(len(room.things))
     )  # fmt: skip
 
 
-def thing_pieces(table: FaceTable, things: Things) -> Pieces:
-    """The things as sampled pieces, numbered in their order."""
+def thing_segments(table: FaceTable, room: DecomposedRoom) -> Segments:
+    """The things as sampled segments, numbered in their order."""
     number = np.full(len(table.area), -1, dtype=np.int64)
-    for i, faces in enumerate(things.things):
+    for i, faces in enumerate(room.things):
         number[faces] = i
-    return pieces_of(table, number)
+    return segments_of(table, number)
 
 
 def _traits(
-    table: FaceTable, things: Things, pieces: Pieces, i: int, holder: int, held_by: str, carries: int
+    table: FaceTable, room: DecomposedRoom, segments: Segments, i: int, holder: int, held_by: str, carries: int
 ) -> Traits:  # fmt: skip
-    faces, one = things.things[i], pieces.alive[i]
-    floor = _floor(table, things)
+    faces, one = room.things[i], segments.alive[i]
+    floor = _floor(table, room)
     box = min_area_box(table.corners[faces].reshape(-1, 3))
-    position, weight = pieces.position[one.points], pieces.weight[one.points]
-    local, up = (position - box.center) @ box.axes, pieces.normal[one.points, 2] > LOOKS_UP
+    position, weight = segments.position[one.points], segments.weight[one.points]
+    local, up = (position - box.center) @ box.axes, segments.normal[one.points, 2] > LOOKS_UP
     width, length = sorted(2.0 * box.half_extents[:2])
     heights, areas = _levels(local[up, 2], weight[up], 4.0 * float(np.prod(box.half_extents[:2])))
     main = int(np.argmax(areas)) if len(areas) else -1
@@ -122,16 +122,16 @@ def _traits(
         rise=float(box.top - (level if main >= 0 else box.bottom)),
         levels=int((areas > LEVEL_SHARE * 4.0 * np.prod(box.half_extents[:2])).sum()),
         closed=min(_filled(local[:, [axis, 2]]) for axis in (0, 1)), covered=_filled(local[:, :2]),
-        waist=_waist(local), rough=_roughness(position, pieces.normal[one.points]),
-        holder=holder, held_by=held_by, wall_gap=_wall_gap(things, position), carries=carries,
+        waist=_waist(local), rough=_roughness(position, segments.normal[one.points]),
+        holder=holder, held_by=held_by, wall_gap=_wall_gap(room, position), carries=carries,
         color=_color(table, faces), varied=_varied(table, faces),
         balance=float(np.average(local[:, 2], weights=weight) / max(2.0 * box.half_extents[2], 1e-9) + 0.5),
     )  # fmt: skip
 
 
-def _floor(table: FaceTable, things: Things) -> float:
+def _floor(table: FaceTable, room: DecomposedRoom) -> float:
     """Height of the floor, of the lowest point where there is none [m]."""
-    level = things.shell.levels.floor
+    level = room.shell.levels.floor
     return float(table.corners[..., 2].min()) if np.isnan(level) else level
 
 
@@ -149,27 +149,27 @@ def _varied(table: FaceTable, faces: Index) -> float:
     return float(away[order[min(int(np.searchsorted(total, 0.95 * total[-1])), len(order) - 1)]])
 
 
-def _wall_gap(things: Things, position: Array) -> float:
+def _wall_gap(room: DecomposedRoom, position: Array) -> float:
     """Distance to the nearest wall plane [m]."""
-    planes = things.shell.planes
+    planes = room.shell.planes
     if not len(planes):
         return float("inf")
     return float(np.abs(position @ planes[:, :3].T - planes[:, 3]).min())
 
 
-def _holder(pieces: Pieces, things: Things, i: int) -> tuple[int, str]:
+def _holder(segments: Segments, room: DecomposedRoom, i: int) -> tuple[int, str]:
     """What a thing stands on, hangs on or leans against: (number of a thing or -1, name of a part of the room)."""
-    one, levels = pieces.alive[i], things.shell.levels
-    position = pieces.position[one.points]
+    one, levels = segments.alive[i], room.shell.levels
+    position = segments.position[one.points]
     if not np.isnan(levels.floor) and one.low[2] < levels.floor + ON_FLOOR:
         return -1, FLOOR
-    standing = {other: int(pieces.standing(i, other).sum()) for other in one.touches}
+    standing = {other: int(segments.standing(i, other).sum()) for other in one.touches}
     best = max(standing, key=lambda other: (standing[other], -other), default=-1)
     if best >= 0 and standing[best] >= FEW:
         return best, ""
     if not np.isnan(levels.ceiling) and one.high[2] > levels.ceiling - ON_FLOOR:
         return -1, CEILING
-    if _wall_gap(things, position) < NEAR_WALL:
+    if _wall_gap(room, position) < NEAR_WALL:
         return -1, WALL
     beside = {other: len(touch.a) for other, touch in one.touches.items() if len(touch.a) >= FEW}
     most = max(beside, key=lambda other: (beside[other], -other), default=-1)

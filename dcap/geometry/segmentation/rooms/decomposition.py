@@ -1,15 +1,15 @@
-"""Things in a room without annotations: the shell, and what stands or hangs in it, not yet named."""
+"""DecomposedRoom in a room without annotations: the shell, and what stands or hangs in it, not yet named."""
 
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dcap.geometry.segmentation.contacts import pieces_of
-from dcap.geometry.segmentation.convex import convex_pieces
 from dcap.geometry.segmentation.faces import FaceTable, connected_regions
-from dcap.geometry.segmentation.grouping import Surroundings, grouped
-from dcap.geometry.segmentation.shell import Shell, find_shell
+from dcap.geometry.segmentation.rooms.contacts import segments_of
+from dcap.geometry.segmentation.rooms.convex import convex_pieces
+from dcap.geometry.segmentation.rooms.grouping import Surroundings, grouped
+from dcap.geometry.segmentation.rooms.shell import RoomShell, find_shell
 
 Index = NDArray[np.int64]
 Mask = NDArray[np.bool_]
@@ -23,25 +23,26 @@ LEAST_THING = 0.015
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Things:
+class DecomposedRoom:
     """A room taken apart."""
 
-    shell: Shell
+    shell: RoomShell
     things: tuple[Index, ...]
     """Faces of each thing, largest surface first."""
 
 
-def find_things(table: FaceTable, inside: Mask) -> Things:
+def decompose_room(table: FaceTable, inside: Mask) -> DecomposedRoom:
     """Take the faces in `inside`, shape (m,), apart; crumbs are left out."""
     shell = find_shell(table, inside)
-    pieces = pieces_of(table, _pieces(table, inside & ~shell.any, shell))
+    pieces = segments_of(table, _segments(table, inside & ~shell.any, shell))
     grouped(pieces, Surroundings(shell.levels.floor, shell.distance(pieces.position) < BY_WALL))
     found = sorted(pieces.alive.items(), key=lambda one: (-one[1].area, one[0]))
-    return Things(shell, tuple(np.sort(piece.faces) for _, piece in found if piece.area > LEAST_THING))
+    return DecomposedRoom(shell, tuple(np.sort(piece.faces) for _, piece in found if piece.area > LEAST_THING))
 
 
-def _pieces(table: FaceTable, rest: Mask, shell: Shell) -> Index:
-    """Piece of each face, -1 where it is the shell's, shape (m,): components, those of a fused scan cut in grooves."""
+def _segments(table: FaceTable, rest: Mask, shell: RoomShell) -> Index:
+    """Segment of each face, -1 where it is the shell's, shape (m,): components, those of a fused scan cut in
+    grooves."""
     count = int(table.component.max(initial=-1)) + 1
     share = np.bincount(table.component, table.area * shell.any, count)
     fused = share > FUSED * np.bincount(table.component, table.area, count)
