@@ -13,7 +13,7 @@ from dcap.geometry.placement.named_regions import (
     regions,
     viewer_frame,
 )
-from dcap.geometry.placement.polygons import clipped, convex_hull, counter_clockwise, inside, smallest_rectangle
+from dcap.geometry.placement.polygons import counter_clockwise, inside
 from dcap.geometry.placement.poses import about_z
 from dcap.scene.types.box import OrientedBox
 
@@ -173,28 +173,3 @@ def test_place_beside_the_part_says_how_far(names, place, away):
     assert regions(frame, names, [thing], np.full(2, 0.1)) == []
     # a 16-gon lies inside its circle by up to 1 - cos(pi / 16) = 2 % of at most 0.6 m
     assert distance_beside(frame, names, [thing], np.full(2, 0.1)) == pytest.approx(away, abs=0.012)
-
-
-def test_clipping_gives_the_common_area():
-    """Two unit squares half a side apart share a half."""
-    a = np.array([[0.0, 0], [1, 0], [1, 1], [0, 1]])
-    shared = clipped(a, a + np.array([0.5, 0.0]))
-    x, y = shared.T
-    area = 0.5 * np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y)
-    assert area == pytest.approx(0.5)
-
-
-@settings(max_examples=30, deadline=None)
-@given(st.floats(0, 3.1), st.floats(0.2, 0.9))
-def test_smallest_rectangle_finds_the_turned_box(yaw, short):
-    """Extents 1 x short and the long axis along the box, whatever the angle."""
-    corners = np.array([[-0.5, -short / 2], [0.5, -short / 2], [0.5, short / 2], [-0.5, short / 2]])
-    axis, extents = smallest_rectangle(corners @ about_z(yaw)[:2, :2].T)
-    assert np.allclose(extents, (1.0, short), atol=1e-6)
-    assert abs(axis @ (np.cos(yaw), np.sin(yaw))) == pytest.approx(1.0, abs=1e-6)
-
-
-def test_convex_hull_drops_what_lies_inside():
-    """A square with a point in it keeps four corners."""
-    points = np.array([[0.0, 0], [1, 0], [1, 1], [0, 1], [0.4, 0.5]])
-    assert len(convex_hull(points)) == 4
