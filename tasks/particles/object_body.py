@@ -7,11 +7,11 @@ from numpy.typing import NDArray
 
 from dcap.geometry.distance import Distance, MeshDistance, sampler
 from dcap.geometry.solid.boundary import is_closed
-from dcap.geometry.solid.closed import Allowed, enclosed, is_sheet, tidied, used_as_given, with_faces_kept
+from dcap.geometry.solid.closed import RepairLimits, enclosed, is_sheet, tidied, used_as_given, with_faces_kept
 from dcap.geometry.solid.fill import fill
 from dcap.geometry.solid.repair import outer_faces, simplified
 from dcap.geometry.solid.repair import volume as mesh_volume
-from dcap.geometry.solid.repairs_done import Done
+from dcap.geometry.solid.repair_log import RepairLog
 from dcap.scene.errors import GeometryError
 from dcap.scene.types.materials import BodyModel, Material, PartMaterial
 from dcap.scene.types.mesh import Mesh
@@ -201,15 +201,15 @@ def solid_of(mesh: Mesh) -> tuple[MeshDistance, RepairReport]:
     """Signed distance to the object as one solid, and what that took: faces of its pieces inside one another do not
     count.
     """
-    allowed, done = Allowed(tolerance=UNMOVED), Done()
-    given = tidied(mesh, None, done)
+    allowed, log = RepairLimits(tolerance=UNMOVED), RepairLog()
+    given = tidied(mesh, None, log)
     field = MeshDistance(mesh)
     if is_closed(mesh):
         outer = mesh.submesh(outer_faces(mesh))
         field = MeshDistance(outer, sides=mesh) if len(outer.faces) else field
-    as_given = used_as_given(field, given, Allowed(), done.copy())
+    as_given = used_as_given(field, given, RepairLimits(), log.copy())
     sheet = any(is_sheet(piece) for piece in given.pieces)  # its contact points have one side only
     if sheet or (field.closed and not as_given.problem):
         return field, as_given
-    found = with_faces_kept(given, enclosed(given, allowed), allowed, done)
+    found = with_faces_kept(given, enclosed(given, allowed), allowed, log)
     return (MeshDistance(found[0]), found[1]) if found is not None and not found[1].problem else (field, as_given)

@@ -52,7 +52,7 @@ BATCH = 256
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Columns:
+class HeightField:
     """The scene seen from above the support, on the grid."""
 
     height: Array
@@ -143,7 +143,7 @@ class PlacementSearch:
         self.around, self.around_under = widened(self.offset, self.under)
 
     @cached_property
-    def surface(self) -> Columns:
+    def surface(self) -> HeightField:
         """The scene under each grid point."""
         i, j = np.meshgrid(np.arange(self.count[0]), np.arange(self.count[1]), indexing="ij")
         start = np.c_[self.origin + self.cell * np.c_[i.ravel(), j.ravel()], np.full(i.size, self.top)]
@@ -157,7 +157,9 @@ class PlacementSearch:
         if support.any() and upward[support].mean() > 0.8:
             height[hit & (hits.normal[:, 2] < -0.1) | self._inside(start)] = np.inf
             support &= np.isfinite(height)
-        return Columns(height.reshape(i.shape), support.reshape(i.shape), hits.face.astype(np.int64).reshape(i.shape))
+        return HeightField(
+            height.reshape(i.shape), support.reshape(i.shape), hits.face.astype(np.int64).reshape(i.shape)
+        )
 
     def add(self, points: Array, faces: NDArray[np.int64]) -> None:
         """Points (n, 3) on faces (n,) of the scene that no ray met: their columns are that high at least.

@@ -14,7 +14,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from dcap.geometry.solid.boundary import WELD, boundary_edges, is_closed, welded
-from dcap.geometry.solid.repairs_done import Done, Kind
+from dcap.geometry.solid.repair_log import RepairKind, RepairLog
 from dcap.scene.types.mesh import Mesh
 
 IntArray = NDArray[np.int64]
@@ -26,19 +26,19 @@ ROUNDS = 4  # a face has three edges to split, one a round, and new edges may ne
 STRAY = 2e-3  # share of the surface below which an open piece of its own is a scrap
 
 
-def cleaned(mesh: Mesh, done: Done) -> Mesh:
+def cleaned(mesh: Mesh, log: RepairLog) -> Mesh:
     """The faces welded, without degenerate and duplicate ones, split at T-junctions and wound one way round.
 
-    What was done is counted in `done`.
+    What was done is counted in `log`.
     """
-    mesh = one_vertex_each(mesh, done)
-    mesh = without_lines(mesh, done)
-    mesh = without_doubles(mesh, done)
-    mesh = without_junctions(mesh, done)
-    return one_way_round(mesh, done)
+    mesh = one_vertex_each(mesh, log)
+    mesh = without_lines(mesh, log)
+    mesh = without_doubles(mesh, log)
+    mesh = without_junctions(mesh, log)
+    return one_way_round(mesh, log)
 
 
-def one_vertex_each(mesh: Mesh, done: Done) -> Mesh:
+def one_vertex_each(mesh: Mesh, log: RepairLog) -> Mesh:
     """Vertices at one place made one; those along open edges also where rounding told them apart."""
     given = len(np.unique(mesh.faces))
     mesh = renumbered(mesh, welded(mesh.vertices))
@@ -48,7 +48,7 @@ def one_vertex_each(mesh: Mesh, done: Done) -> Mesh:
         count = len(mesh.vertices)
         link = coo_matrix((np.ones(len(pairs)), (rim[pairs[:, 0]], rim[pairs[:, 1]])), shape=(count, count))
         mesh = renumbered(mesh, connected_components(link, directed=False)[1].astype(np.int64))
-    done.add(Kind.WELDED, times=given - len(mesh.vertices))
+    log.add(RepairKind.WELDED, times=given - len(mesh.vertices))
     return mesh
 
 
@@ -59,10 +59,10 @@ def renumbered(mesh: Mesh, number: IntArray) -> Mesh:
     return Mesh(mesh.vertices[first], faces, mesh.colors[first]).submesh(np.arange(len(faces)))
 
 
-def without_lines(mesh: Mesh, done: Done) -> Mesh:
+def without_lines(mesh: Mesh, log: RepairLog) -> Mesh:
     """The mesh without faces that have no area, only length."""
     keep = heights(mesh) > THIN
-    done.add(Kind.DEGENERATE, times=int((~keep).sum()))
+    log.add(RepairKind.DEGENERATE, times=int((~keep).sum()))
     return mesh if keep.all() else mesh.submesh(np.flatnonzero(keep))
 
 
@@ -73,7 +73,7 @@ def heights(mesh: Mesh) -> FloatArray:
     return np.asarray(2.0 * mesh.face_areas / np.maximum(longest, 1e-300))
 
 
-def without_doubles(mesh: Mesh, done: Done) -> Mesh:
+def without_doubles(mesh: Mesh, log: RepairLog) -> Mesh:
     """The mesh with one face per three vertices at most.
 
     Two that face each other are a wall between two solids, and go, if two others meet at the wall's rim; else one
@@ -90,7 +90,7 @@ def without_doubles(mesh: Mesh, done: Done) -> Mesh:
     faces = mesh.faces[first]
     faces[turned] = faces[turned][:, ::-1]
     kept = np.sort(first[keep])
-    done.add(Kind.DUPLICATE, times=len(mesh.faces) - len(kept))
+    log.add(RepairKind.DUPLICATE, times=len(mesh.faces) - len(kept))
     order = np.argsort(first[keep], kind="stable")
     return Mesh(mesh.vertices, faces[keep][order], mesh.colors).submesh(np.arange(len(kept)))
 
@@ -131,14 +131,14 @@ def edge_keys(faces: NDArray[np.integer]) -> IntArray:
     return np.asarray(np.minimum(start, end) * (1 << 31) + np.maximum(start, end))
 
 
-def without_junctions(mesh: Mesh, done: Done) -> Mesh:
+def without_junctions(mesh: Mesh, log: RepairLog) -> Mesh:
     """The mesh with faces split where a vertex of another border lies on their open edge."""
     for _ in range(ROUNDS):
         split, number = split_at_junctions(mesh)
         if number == 0:
             break
-        done.add(Kind.JUNCTION, times=number)
-        mesh = without_lines(split, Done())
+        log.add(RepairKind.JUNCTION, times=number)
+        mesh = without_lines(split, RepairLog())
     return mesh
 
 
@@ -178,7 +178,7 @@ def between(vertices: FloatArray, candidate: IntArray, a: FloatArray, b: FloatAr
     return np.asarray(candidate[on][np.argsort(along[on], kind="stable")])
 
 
-def one_way_round(mesh: Mesh, done: Done) -> Mesh:
+def one_way_round(mesh: Mesh, log: RepairLog) -> Mesh:
     """The mesh with neighbours wound alike: each patch as most of its area was."""
     if len(mesh.faces) == 0:
         return mesh
@@ -191,16 +191,16 @@ def one_way_round(mesh: Mesh, done: Done) -> Mesh:
     patch = np.asarray(patch, dtype=np.int64)
     outvoted = np.bincount(patch, weights=area * np.where(same, 1.0, -1.0)) < 0.0
     turned = same == outvoted[patch]
-    done.add(Kind.TURNED, times=int(turned.sum()))
+    log.add(RepairKind.TURNED, times=int(turned.sum()))
     result = mesh.faces.copy()
     result[turned] = result[turned][:, ::-1]
     return Mesh(mesh.vertices, result, mesh.colors)
 
 
-def without_scraps(pieces: list[Mesh], done: Done) -> list[int]:
+def without_scraps(pieces: list[Mesh], log: RepairLog) -> list[int]:
     """Which pieces are kept: not the open ones of next to no area."""
     area = np.array([float(p.face_areas.sum()) for p in pieces])
     kept = [i for i, p in enumerate(pieces) if area[i] > STRAY * area.sum() or (len(p.faces) and is_closed(p))]
     for one in np.setdiff1d(np.arange(len(pieces)), kept):
-        done.add(Kind.STRAY, float(area[one]))
+        log.add(RepairKind.STRAY, float(area[one]))
     return kept

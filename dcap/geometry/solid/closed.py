@@ -23,7 +23,7 @@ from dcap.geometry.solid.closing import area_vector, borders, capped, slab, wall
 from dcap.geometry.solid.openings import filled_opening
 from dcap.geometry.solid.pieces import own_shells, pieces_of
 from dcap.geometry.solid.repair import outer_faces, solid_under
-from dcap.geometry.solid.repairs_done import Done, Kind
+from dcap.geometry.solid.repair_log import RepairKind, RepairLog
 from dcap.geometry.solid.soundness import NEAR, agreement, moved, probes, well_formed
 from dcap.geometry.solid.union import inside_out, manifold_of, mesh_of, united
 from dcap.scene.errors import GeometryError
@@ -44,7 +44,7 @@ CRUMB = 8.0  # pieces of a remesh smaller than this many cells are noise
 
 
 @dataclass(frozen=True, slots=True)
-class Allowed:
+class RepairLimits:
     """What a repair may do; lengths in metres."""
 
     tolerance: float = 5e-3
@@ -61,7 +61,7 @@ class Allowed:
 
 
 @dataclass(frozen=True, eq=False)
-class Given:
+class CleanedPart:
     """The cleaned faces of a part."""
 
     pieces: tuple[Mesh, ...]
@@ -79,13 +79,13 @@ class Given:
     @cached_property
     def stood_up(self) -> Mesh:
         """All faces, and walls and bottoms under supports: nobody looks in from below."""
-        return Mesh.concatenate([on_floor(p, f, Done()) for p, f in zip(self.pieces, self.floors, strict=True)])
+        return Mesh.concatenate([on_floor(p, f, RepairLog()) for p, f in zip(self.pieces, self.floors, strict=True)])
 
     def moved(self, solid: Mesh) -> tuple[float, float, float]:
         """`soundness.moved` of what can be seen and matters."""
         return moved(self.visible, solid, behind=self.stood_up, within=self.within)
 
-    def filled(self, solid: MeshDistance, allowed: Allowed) -> float:
+    def filled(self, solid: MeshDistance, allowed: RepairLimits) -> float:
         """Border of the largest opening of a support that a solid fills though it must not [m]; 0: none."""
         supports = [p for p, floor in zip(self.pieces, self.floors, strict=True) if floor is not None]
         return filled_opening(
@@ -99,27 +99,27 @@ class Given:
 
 
 def simulation_ready(
-    mesh: Mesh, *, floor: FloatArray | None = None, allowed: Allowed = Allowed()
+    mesh: Mesh, *, floor: FloatArray | None = None, allowed: RepairLimits = RepairLimits()
 ) -> tuple[Mesh, RepairReport]:
     """The closed surface of a part, and its report.
 
     `floor` [m], shape (m,), one height per face, is given for supports that may have been seen from above only: they
     are solid down to it. What cannot be made a good solid is returned as near as it came; the report says why.
     """
-    done = Done()
-    given = tidied(mesh, floor, done)
+    log = RepairLog()
+    given = tidied(mesh, floor, log)
     inside = enclosed(given, allowed)
-    found = with_faces_kept(given, inside, allowed, done)
+    found = with_faces_kept(given, inside, allowed, log)
     if found is not None and (not found[1].problem or given.filled(inside, allowed)):
         return found  # where what the winding number says is inside is too full, a remesh would be as well
-    sampled_anew = remeshed(given, inside, allowed, done)
+    sampled_anew = remeshed(given, inside, allowed, log)
     # what is sound but hides a little too much is still better than what moves more
     if found is not None and (sampled_anew[1].agreement < SOUND or found[1].hausdorff < sampled_anew[1].hausdorff):
         return found
     return sampled_anew
 
 
-def used_as_given(field: MeshDistance, given: Given, allowed: Allowed, done: Done) -> RepairReport:
+def used_as_given(field: MeshDistance, given: CleanedPart, allowed: RepairLimits, log: RepairLog) -> RepairReport:
     """The report of a solid whose distance is read from the faces as they are and whose sides are told by winding
     number: where no way of closing them gives a sound surface that moves nothing. Its `agreement` is the share of
     points whose winding number is nearly a whole one, its `closed` asks for opposite edges only.
@@ -137,26 +137,26 @@ def used_as_given(field: MeshDistance, given: Given, allowed: Allowed, done: Don
         problem = f"at {100.0 * (1.0 - agree):.2g} % of the points asked it is half inside"
     elif most > allowed.tolerance:
         problem = f"what can be seen lies up to {1e3 * most:.2g} mm off its surface > {1e3 * allowed.tolerance:.2g} mm"
-    done.add(Kind.BY_WINDING)
+    log.add(RepairKind.BY_WINDING)
     return RepairReport(
         Method.WINDING, field.closed, agree, most, mean, allowed.tolerance, spacing, volume, 0.0,
-        done.sentences(), problem, given.region,
+        log.sentences(), problem, given.region,
     )  # fmt: skip
 
 
-def tidied(mesh: Mesh, floor: FloatArray | None, done: Done, within: FloatArray | None = None) -> Given:
+def tidied(mesh: Mesh, floor: FloatArray | None, log: RepairLog, within: FloatArray | None = None) -> CleanedPart:
     """The faces cleaned and divided into connected pieces of one floor, without scraps."""
     pieces: list[Mesh] = []
     floors: list[float | None] = []
     for level in [None] if floor is None else np.unique(floor).tolist():
         group = mesh if level is None else mesh.submesh(np.flatnonzero(floor == level))
-        found = [p for apart in own_shells(group) for p in pieces_of(cleaned(apart, done))]
+        found = [p for apart in own_shells(group) for p in pieces_of(cleaned(apart, log))]
         pieces += found
         floors += [level] * len(found)
-    kept = without_scraps(pieces, done)
+    kept = without_scraps(pieces, log)
     if len(kept) == 0:
         raise GeometryError(f"none of {len(mesh.faces)} faces has an area: there is nothing to make a solid of")
-    return Given(tuple(pieces[i] for i in kept), tuple(floors[i] for i in kept), within)
+    return CleanedPart(tuple(pieces[i] for i in kept), tuple(floors[i] for i in kept), within)
 
 
 def is_sheet(piece: Mesh) -> bool:
@@ -170,7 +170,7 @@ def looks_down(piece: Mesh) -> bool:
     return float(piece.face_normals[:, 2].sum()) < 0.0
 
 
-def enclosed(given: Given, allowed: Allowed) -> MeshDistance:
+def enclosed(given: CleanedPart, allowed: RepairLimits) -> MeshDistance:
     """Distance to the faces, with the sign of their generalised winding number; under a support's faces down to its
     floor, in a sheet over its thickness.
     """
@@ -178,11 +178,11 @@ def enclosed(given: Given, allowed: Allowed) -> MeshDistance:
     for piece, floor in zip(given.pieces, given.floors, strict=True):
         below, holes = borders(piece)
         if is_sheet(piece) and (floor is None or not below or looks_down(piece)):
-            soup.append(slab(piece, allowed.thickness, Done()))
+            soup.append(slab(piece, allowed.thickness, RepairLog()))
         elif floor is None:
             soup.append(piece)
         else:
-            whole = capped(piece, holes, Done())
+            whole = capped(piece, holes, RepairLog())
             solid = solid_under(whole, np.full(len(whole.faces), floor))
             soup.append(inside_out(solid) if signed_volume(solid.vertices, solid.faces) < 0.0 else solid)
     sides = Mesh.concatenate(soup)
@@ -193,7 +193,7 @@ def enclosed(given: Given, allowed: Allowed) -> MeshDistance:
 
 
 def with_faces_kept(
-    given: Given, inside: MeshDistance, allowed: Allowed, done: Done
+    given: CleanedPart, inside: MeshDistance, allowed: RepairLimits, log: RepairLog
 ) -> tuple[Mesh, RepairReport] | None:
     """The first way of closing the pieces and uniting them that is good; else the one that moves least of what can be
     seen; None if none gives a sound solid.
@@ -201,12 +201,12 @@ def with_faces_kept(
     ways = [with_caps] if all(floor is None for floor in given.floors) else [with_walls, with_caps]
     best = None
     for way in ways:
-        told = done.copy()
-        closed = [way(piece, floor, allowed, told) for piece, floor in zip(given.pieces, given.floors, strict=True)]
-        solid = united(closed, told)
+        own_log = log.copy()
+        closed = [way(piece, floor, allowed, own_log) for piece, floor in zip(given.pieces, given.floors, strict=True)]
+        solid = united(closed, own_log)
         if solid is None or not well_formed(solid):
             continue
-        report = reported(solid, given, 0.0, allowed, told)
+        report = reported(solid, given, 0.0, allowed, own_log)
         if report.agreement < SOUND or not (same_solid(solid, inside) or (way is not with_walls and vessels(given))):
             continue
         if not report.problem:
@@ -216,7 +216,7 @@ def with_faces_kept(
     return best
 
 
-def vessels(given: Given) -> bool:
+def vessels(given: CleanedPart) -> bool:
     """Whether nearly all pieces of a support end below by themselves: then a cap on each is as good as its floor."""
     if any(floor is None for floor in given.floors):
         return False
@@ -224,25 +224,25 @@ def vessels(given: Given) -> bool:
     return float(area[[is_sheet(p) for p in given.pieces]].sum()) < LOOSE * float(area.sum())
 
 
-def with_walls(piece: Mesh, floor: float | None, allowed: Allowed, done: Done) -> Mesh:
+def with_walls(piece: Mesh, floor: float | None, allowed: RepairLimits, log: RepairLog) -> Mesh:
     """A piece of a support closed by walls down to its floor."""
     below, holes = borders(piece)
     if floor is None or not below or (is_sheet(piece) and looks_down(piece)):
-        return with_caps(piece, floor, allowed, done)
-    return walled(capped(piece, holes, done), below, floor, done)
+        return with_caps(piece, floor, allowed, log)
+    return walled(capped(piece, holes, log), below, floor, log)
 
 
-def on_floor(piece: Mesh, floor: float | None, done: Done) -> Mesh:
+def on_floor(piece: Mesh, floor: float | None, log: RepairLog) -> Mesh:
     """A piece of a support with walls down to its floor where it ends below; its holes stay open."""
     below = borders(piece)[0] if floor is not None else []
     if floor is None or not below or (is_sheet(piece) and looks_down(piece)):
         return piece
-    return walled(piece, below, floor, done)
+    return walled(piece, below, floor, log)
 
 
-def with_caps(piece: Mesh, floor: float | None, allowed: Allowed, done: Done) -> Mesh:
+def with_caps(piece: Mesh, floor: float | None, allowed: RepairLimits, log: RepairLog) -> Mesh:
     """A piece closed by caps, a sheet by a second side."""
-    return slab(piece, allowed.thickness, done) if is_sheet(piece) else capped(piece, hole_loops(piece), done)
+    return slab(piece, allowed.thickness, log) if is_sheet(piece) else capped(piece, hole_loops(piece), log)
 
 
 def same_solid(solid: Mesh, inside: MeshDistance) -> bool:
@@ -252,7 +252,9 @@ def same_solid(solid: Mesh, inside: MeshDistance) -> bool:
     return float((one & two).sum()) >= SAME_SOLID * float((one | two).sum())
 
 
-def remeshed(given: Given, inside: MeshDistance, allowed: Allowed, done: Done) -> tuple[Mesh, RepairReport]:
+def remeshed(
+    given: CleanedPart, inside: MeshDistance, allowed: RepairLimits, log: RepairLog
+) -> tuple[Mesh, RepairReport]:
     """The surface of the sampled solid by marching cubes."""
     low, high = inside.mesh.bounds
     cell = max(allowed.cell, float(np.prod(high - low + 4.0 * allowed.cell) / allowed.samples) ** (1.0 / 3.0))
@@ -261,10 +263,10 @@ def remeshed(given: Given, inside: MeshDistance, allowed: Allowed, done: Done) -
         raise GeometryError(
             f"{len(given.visible.faces)} faces enclose nothing at {1e3 * cell:.2g} mm; give a finer cell or a thickness"
         )
-    done = done.copy()
-    done.add(Kind.REMESHED, cell)
-    solid = without_crumbs(level_set(grid), CRUMB * cell**3, done)
-    return solid, reported(solid, given, cell, allowed, done)
+    log = log.copy()
+    log.add(RepairKind.REMESHED, cell)
+    solid = without_crumbs(level_set(grid), CRUMB * cell**3, log)
+    return solid, reported(solid, given, cell, allowed, log)
 
 
 def level_set(grid: DistanceGrid) -> Mesh:
@@ -284,17 +286,17 @@ def level_set(grid: DistanceGrid) -> Mesh:
     return coarse if well_formed(coarse) else rough  # collapsed edges leave a face without area now and then
 
 
-def without_crumbs(mesh: Mesh, least: float, done: Done) -> Mesh:
+def without_crumbs(mesh: Mesh, least: float, log: RepairLog) -> Mesh:
     """The mesh without pieces of less than `least` volume [m^3]."""
     pieces = pieces_of(mesh)
     volume = [signed_volume(p.vertices, p.faces) for p in pieces]
     large = [i for i, v in enumerate(volume) if abs(v) > least] or list(range(len(pieces)))
     for crumb in set(range(len(pieces))) - set(large):
-        done.add(Kind.CRUMB, abs(volume[crumb]))
+        log.add(RepairKind.CRUMB, abs(volume[crumb]))
     return Mesh.concatenate([pieces[i] for i in large])
 
 
-def reported(solid: Mesh, given: Given, cell: float, allowed: Allowed, done: Done) -> RepairReport:
+def reported(solid: Mesh, given: CleanedPart, cell: float, allowed: RepairLimits, log: RepairLog) -> RepairReport:
     """Everything measured on a repaired surface. Its `agreement` is the share of points at which winding number and ray
     parity say the same, its `closed` asks also for good faces wound outwards.
     """
@@ -315,5 +317,5 @@ def reported(solid: Mesh, given: Given, cell: float, allowed: Allowed, done: Don
     method = Method.REMESHED if cell else Method.CLOSED
     return RepairReport(
         method, closed, agree, most, mean, allowed.tolerance, spacing, signed_volume(solid.vertices, solid.faces), cell,
-        done.sentences(), problem, given.region,
+        log.sentences(), problem, given.region,
     )  # fmt: skip

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dcap.geometry.solid.boundary import boundary_edges, hole_loops
-from dcap.geometry.solid.repairs_done import Done, Kind
+from dcap.geometry.solid.repair_log import RepairKind, RepairLog
 from dcap.scene.types.mesh import Mesh
 
 IntArray = NDArray[np.int64]
@@ -49,13 +49,13 @@ def cap(points: FloatArray) -> IntArray:
     return len(points) - 1 - np.asarray(found, dtype=np.int64).reshape(-1, 3)
 
 
-def capped(mesh: Mesh, loops: list[IntArray], done: Done) -> Mesh:
+def capped(mesh: Mesh, loops: list[IntArray], log: RepairLog) -> Mesh:
     """The mesh with the given holes closed by flat caps."""
     if not loops:
         return mesh
     caps = [loop[cap(mesh.vertices[loop])] for loop in loops]
     for loop in loops:
-        done.add(Kind.CAPPED, perimeter(mesh.vertices[loop]))
+        log.add(RepairKind.CAPPED, perimeter(mesh.vertices[loop]))
     return Mesh(mesh.vertices, np.concatenate([mesh.faces, *caps]).astype(np.int32), mesh.colors)
 
 
@@ -75,7 +75,7 @@ def borders(mesh: Mesh) -> tuple[list[IntArray], list[IntArray]]:
     return below, holes
 
 
-def walled(mesh: Mesh, loops: list[IntArray], floor: float, done: Done) -> Mesh:
+def walled(mesh: Mesh, loops: list[IntArray], floor: float, log: RepairLog) -> Mesh:
     """The mesh with walls from the given borders straight down to `floor` [m] and flat bottoms there."""
     vertices, colors = [mesh.vertices], [mesh.colors]
     faces: list[NDArray[np.integer]] = [mesh.faces]
@@ -90,11 +90,11 @@ def walled(mesh: Mesh, loops: list[IntArray], floor: float, done: Done) -> Mesh:
         vertices.append(low)
         colors.append(mesh.colors[loop])
         count += len(loop)
-        done.add(Kind.WALLED, perimeter(mesh.vertices[loop]))
+        log.add(RepairKind.WALLED, perimeter(mesh.vertices[loop]))
     return Mesh(np.concatenate(vertices), np.concatenate(faces).astype(np.int32), np.concatenate(colors))
 
 
-def slab(mesh: Mesh, thickness: float, done: Done) -> Mesh:
+def slab(mesh: Mesh, thickness: float, log: RepairLog) -> Mesh:
     """A sheet with a second side behind it, against its normals, and walls along its border: `thickness` [m] or, if it
     is small, a share of its size.
     """
@@ -107,7 +107,7 @@ def slab(mesh: Mesh, thickness: float, done: Done) -> Mesh:
     start, end = edge.T
     count = len(mesh.vertices)
     walls = [np.stack(c, axis=1) for c in ((end, start, start + count), (end, start + count, end + count))]
-    done.add(Kind.THICKENED, thickness)
+    log.add(RepairKind.THICKENED, thickness)
     return Mesh(
         np.concatenate([mesh.vertices, mesh.vertices - thickness * normal]),
         np.concatenate([mesh.faces, mesh.faces[:, ::-1] + count, *walls]).astype(np.int32),

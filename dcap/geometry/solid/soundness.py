@@ -72,7 +72,7 @@ def moved(
         return 0.0, 0.0, 0.0
     area = float(near.face_areas.sum())
     count = int(np.clip(area / FINEST_SPACING**2, 100, MOST_PLACES))
-    look = Sight(given, behind)
+    look = SurfaceVisibility(given, behind)
     even = in_sight(near, solid, look, within, spread(near, count))
     corner = in_sight(near, solid, look, within, corners(near), share=False)
     most = float(max(even.max(initial=0.0), corner.max(initial=0.0)))
@@ -82,7 +82,7 @@ def moved(
 def in_sight(
     mesh: Mesh,
     solid: Mesh,
-    look: "Sight",
+    look: "SurfaceVisibility",
     within: FloatArray | None,
     places: tuple[FloatArray, NDArray[np.int64]],
     *,
@@ -134,7 +134,7 @@ def unit_normals(mesh: Mesh, face: NDArray[np.int64]) -> FloatArray:
     return np.asarray(normal / np.linalg.norm(normal, axis=1, keepdims=True))
 
 
-class Sight:
+class SurfaceVisibility:
     """What of a thing can be seen from outside, prepared for many places; made ready when it is first asked."""
 
     def __init__(self, given: Mesh, behind: Mesh | None = None) -> None:

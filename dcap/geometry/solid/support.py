@@ -12,10 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dcap.geometry.distance import MeshDistance
-from dcap.geometry.solid.closed import Allowed, enclosed, tidied, used_as_given, with_faces_kept
+from dcap.geometry.solid.closed import RepairLimits, enclosed, tidied, used_as_given, with_faces_kept
 from dcap.geometry.solid.pieces import components
 from dcap.geometry.solid.repair import outer_faces, small_holes_capped, solid_under, subdivide_near, without_empty_faces
-from dcap.geometry.solid.repairs_done import Done
+from dcap.geometry.solid.repair_log import RepairLog
 from dcap.scene.types.box import OrientedBox
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.repair_report import RepairReport
@@ -47,20 +47,20 @@ def ready_support(
     report tells what is off.
     """
     field = under_faces(mesh, bottom, region, hole_perimeter)
-    done = Done()
-    given = tidied(mesh, bottom, done, region)
-    as_given = used_as_given(field, given, Allowed(), done.copy())
+    log = RepairLog()
+    given = tidied(mesh, bottom, log, region)
+    as_given = used_as_given(field, given, RepairLimits(), log.copy())
     if field.closed and not as_given.problem:
         return field, as_given
-    allowed = Allowed(opening=hole_perimeter)
+    allowed = RepairLimits(opening=hole_perimeter)
     filled = enclosed(given, allowed)
     if given.filled(filled, allowed):
         return field, as_given
-    found = with_faces_kept(given, filled, allowed, done)
+    found = with_faces_kept(given, filled, allowed, log)
     if found is not None and not found[1].problem:
         return MeshDistance(found[0]), found[1]
     # with holes capped instead of continued downwards more of it may be there
-    capped = used_as_given(filled, given, allowed, done)
+    capped = used_as_given(filled, given, allowed, log)
     better = capped.agreement >= as_given.agreement and capped.hausdorff < as_given.hausdorff
     return (filled, capped) if better else (field, as_given)
 

@@ -10,14 +10,14 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from dcap.geometry.distance import MeshDistance, signed_volume
-from dcap.geometry.solid.repairs_done import Done, Kind
+from dcap.geometry.solid.repair_log import RepairKind, RepairLog
 from dcap.geometry.solid.soundness import well_formed
 from dcap.scene.types.mesh import Mesh
 
 FINE = 1e-6  # edges that a union leaves shorter than this [m] are rounding and are collapsed
 
 
-def united(pieces: list[Mesh], done: Done) -> Mesh | None:
+def united(pieces: list[Mesh], log: RepairLog) -> Mesh | None:
     """The union of closed pieces; None if one of them is not the border of a solid (a manifold).
 
     A piece that is wound inside out is a hollow if it lies in another, else it is turned.
@@ -26,7 +26,7 @@ def united(pieces: list[Mesh], done: Done) -> Mesh | None:
     order = sorted(range(len(pieces)), key=lambda i: -abs(volume[i]))
     hollow = hollows(pieces, volume)
     lone = [i for i in order if volume[i] < 0.0 and i not in hollow]
-    done.add(Kind.INVERTED, times=len(lone))
+    log.add(RepairKind.INVERTED, times=len(lone))
     pieces = [inside_out(p) if i in lone else p for i, p in enumerate(pieces)]
     joined = Mesh.concatenate(pieces)
     if not any_meet(pieces) and well_formed(joined):
@@ -37,7 +37,7 @@ def united(pieces: list[Mesh], done: Done) -> Mesh | None:
         if one.status() != manifold3d.Error.NoError:
             return None
         result = result - one if index in hollow else result + one
-    done.add(Kind.UNITED, times=len(pieces) if len(pieces) > 1 else 0)
+    log.add(RepairKind.UNITED, times=len(pieces) if len(pieces) > 1 else 0)
     return mesh_of(result.simplify(FINE), pieces)
 
 

@@ -20,7 +20,7 @@ NEAR = 0.05
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class View:
+class RenderedSplats:
     """What a camera sees."""
 
     image: F32
@@ -46,7 +46,7 @@ class Splatter:
         self.rectangle = np.zeros((n, 4), dtype=np.int32)
         self.color = DC * splats.dc + np.float32(0.5)
 
-    def view(self, camera: Camera, background: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> View:
+    def view(self, camera: Camera, background: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> RenderedSplats:
         """The picture."""
         order = self._project(camera)
         rows, columns = camera.height, camera.width
@@ -60,7 +60,7 @@ class Splatter:
             image, light, front, weight,
         )  # fmt: skip
         image += light[:, :, None] * np.array(background, dtype=np.float32)
-        return View(image, light, front, weight)
+        return RenderedSplats(image, light, front, weight)
 
     def _project(self, camera: Camera) -> NDArray[np.int32]:
         """Project all; numbers of the Gaussians in the picture, nearest first."""

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from dcap.geometry.camera import Camera
 from dcap.geometry.splatting.config import SurfaceConfig
-from dcap.geometry.splatting.render import Splatter, View
+from dcap.geometry.splatting.render import RenderedSplats, Splatter
 from dcap.geometry.splatting.viewpoints import viewpoints
 
 Array = NDArray[np.float64]
@@ -43,7 +43,11 @@ def best_origins(
 
 
 def behind(
-    position: NDArray[np.float32], flat: NDArray[np.float32], view: View, camera: Camera, index: NDArray[np.int64]
+    position: NDArray[np.float32],
+    flat: NDArray[np.float32],
+    view: RenderedSplats,
+    camera: Camera,
+    index: NDArray[np.int64],
 ) -> Array:
     """How far the Gaussians with these numbers lie behind the plane of the one in front in their middle's pixel [m],
     shape (k,): negative before it or where nothing is in front, infinite where the middle is not in the picture.

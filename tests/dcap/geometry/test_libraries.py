@@ -11,7 +11,7 @@ from dcap.geometry.placement.poses import LEAST_SHARE, stable_poses
 from dcap.geometry.solid.boundary import hole_loops, is_closed, welded
 from dcap.geometry.solid.closing import capped
 from dcap.geometry.solid.repair import split_edges
-from dcap.geometry.solid.repairs_done import Done
+from dcap.geometry.solid.repair_log import RepairLog
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.rectangle import min_area_box
 
@@ -68,7 +68,7 @@ def c_prism() -> tuple[Mesh, float]:
 def test_caps_stay_within_holes_that_are_not_convex() -> None:
     """Both ends of a C are capped by its area; trimesh leaves them open, or folds a fan over them twice."""
     sides, area = c_prism()
-    ours = capped(sides, hole_loops(sides), Done())
+    ours = capped(sides, hole_loops(sides), RepairLog())
     assert is_closed(ours)
     assert ours.face_areas.sum() - sides.face_areas.sum() == pytest.approx(2.0 * area)
     assert signed_volume(ours.vertices, ours.faces) == pytest.approx(area)

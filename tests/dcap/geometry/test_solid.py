@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from dcap.geometry.distance import MeshDistance, signed_volume
 from dcap.geometry.solid.boundary import is_closed
 from dcap.geometry.solid.cleaning import cleaned, face_stacks, heights
-from dcap.geometry.solid.closed import Allowed, simulation_ready, tidied
-from dcap.geometry.solid.repairs_done import Done
+from dcap.geometry.solid.closed import RepairLimits, simulation_ready, tidied
+from dcap.geometry.solid.repair_log import RepairLog
 from dcap.geometry.solid.soundness import agreement, moved, well_formed
 from dcap.geometry.solid.support import ready_support
 from dcap.scene.errors import GeometryError
@@ -196,7 +196,7 @@ def test_a_thin_sheet_becomes_a_slab_below_it(bump: float, double: bool) -> None
     """The sheet stays where it is; the other side is one thickness behind it, also if the sheet had two sides."""
     leaf, thickness = sheet(bump=bump), 0.01
     mesh = with_faces(leaf, np.concatenate([leaf.faces, leaf.faces[:, ::-1]])) if double else leaf
-    ready, report = simulation_ready(mesh, allowed=Allowed(thickness=thickness))
+    ready, report = simulation_ready(mesh, allowed=RepairLimits(thickness=thickness))
     assert_sound(ready, report)
     assert report.hausdorff < ROUNDING
     # vertices are moved along their mean normals: tilted faces come out thinner by the cosine of half their angles
@@ -273,10 +273,10 @@ def test_same_input_same_bytes() -> None:
 
 def test_repairs_are_counted() -> None:
     """What was dropped, turned and welded is told with its number."""
-    mesh, done = damaged(box(), "duplicated", np.random.default_rng(0)), Done()
+    mesh, log = damaged(box(), "duplicated", np.random.default_rng(0)), RepairLog()
     extra = len(mesh.faces) - len(box().faces)
-    assert len(cleaned(mesh, done).faces) == len(box().faces)
-    assert done.sentences() == (f"{extra} duplicate faces dropped",)
+    assert len(cleaned(mesh, log).faces) == len(box().faces)
+    assert log.sentences() == (f"{extra} duplicate faces dropped",)
 
 
 def test_a_moved_surface_is_measured() -> None:
@@ -311,8 +311,8 @@ def test_the_underside_of_a_layer_on_a_support_is_not_seen() -> None:
     leaf = sheet(size=0.2)
     layer = Mesh.of(leaf.vertices + np.array([-0.1, -0.1, -0.06]), leaf.faces[:, ::-1])
     mesh = Mesh.concatenate([shell, layer])
-    assert tidied(mesh, np.full(len(mesh.faces), -0.1), Done()).moved(block)[0] < ROUNDING
-    assert tidied(mesh, None, Done()).moved(block)[0] == pytest.approx(0.04, abs=1e-3)
+    assert tidied(mesh, np.full(len(mesh.faces), -0.1), RepairLog()).moved(block)[0] < ROUNDING
+    assert tidied(mesh, None, RepairLog()).moved(block)[0] == pytest.approx(0.04, abs=1e-3)
 
 
 def test_a_support_that_keeps_what_the_object_can_reach_is_kept() -> None:
@@ -339,7 +339,7 @@ def test_an_open_tub_is_not_filled_to_the_brim(inwards: bool) -> None:
     assert distance(np.array([[0.0, 0.0, 0.0], [0.5, 0.2, -0.1]])).min() > 0.1
     assert report.method is Method.WINDING
     assert "can be seen" in report.problem
-    _, whole = simulation_ready(mesh, floor=floor, allowed=Allowed(opening=0.5))
+    _, whole = simulation_ready(mesh, floor=floor, allowed=RepairLimits(opening=0.5))
     assert "opening of 4.6 m around, seen from above, is filled" in whole.problem
 
 
@@ -350,9 +350,11 @@ def test_an_opening_that_is_small_covered_or_out_of_reach_may_be_filled() -> Non
         (Mesh.concatenate([tub(), box((1.7, 0.8, 0.02), (0.0, 0.0, 0.27))]), None),
         (tub(), np.array([[0.4, 0.5, -0.4], [1.0, 1.0, 0.6]])),
     ):
-        given = tidied(mesh, np.full(len(mesh.faces), mesh.bounds[0, 2]), Done(), region)
-        assert given.filled(MeshDistance(of(trimesh.convex.convex_hull(mesh.vertices))), Allowed(opening=0.25)) == 0.0
-    everywhere = tidied(tub(), np.full(len(tub().faces), -0.25), Done())
-    assert everywhere.filled(MeshDistance(box((1.6, 0.7, 0.5))), Allowed(opening=0.5)) == pytest.approx(4.6)
-    assert everywhere.filled(MeshDistance(box((1.6, 0.7, 0.1))), Allowed(opening=0.5)) == pytest.approx(4.6)
-    assert everywhere.filled(MeshDistance(box((1.6, 0.7, 0.1), (0.0, 0.0, -0.2))), Allowed(opening=0.5)) == 0.0
+        given = tidied(mesh, np.full(len(mesh.faces), mesh.bounds[0, 2]), RepairLog(), region)
+        assert (
+            given.filled(MeshDistance(of(trimesh.convex.convex_hull(mesh.vertices))), RepairLimits(opening=0.25)) == 0.0
+        )
+    everywhere = tidied(tub(), np.full(len(tub().faces), -0.25), RepairLog())
+    assert everywhere.filled(MeshDistance(box((1.6, 0.7, 0.5))), RepairLimits(opening=0.5)) == pytest.approx(4.6)
+    assert everywhere.filled(MeshDistance(box((1.6, 0.7, 0.1))), RepairLimits(opening=0.5)) == pytest.approx(4.6)
+    assert everywhere.filled(MeshDistance(box((1.6, 0.7, 0.1), (0.0, 0.0, -0.2))), RepairLimits(opening=0.5)) == 0.0
