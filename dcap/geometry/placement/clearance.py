@@ -19,7 +19,7 @@ STEP = 0.002
 MOST_SAMPLES = 200_000
 """Samples on edges; an object with more is sampled more coarsely."""
 CLOSEST, FINER = 32, 40
-"""So many of the closest samples are refined, each into so many parts of a step on both sides."""
+"""Number of the closest samples that are refined, and parts of a step that each is refined into on both sides."""
 DOWN, UP = (0.0, 0.0, -1.0), (0.0, 0.0, 1.0)
 
 

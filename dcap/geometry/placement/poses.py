@@ -45,7 +45,7 @@ FRONTS = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, -1.
 BEYOND = 0.1
 """One half must reach beyond the other by this share of the larger horizontal extent to mean a front [-]."""
 FRONT_REACH = 0.06
-"""So far must the halves' middles lie apart to mean a front, over the larger horizontal extent [-]."""
+"""Least distance between the halves' middles that means a front, over the larger horizontal extent [-]."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -78,7 +78,7 @@ def center_of_mass(mesh: Mesh) -> Array:
 
 
 def stable_poses(mesh: Mesh, *, most: int = MOST_POSES, least: float = LEAST_SHARE) -> list[StablePose]:
-    """Stable poses, most probable first; at least one, at most so many, each with at least that share."""
+    """Stable poses, most probable first: at least one, otherwise up to `most` with a share of at least `least`."""
     center = center_of_mass(mesh)
     points = mesh.vertices[np.unique(mesh.faces)] - center
     hull = ConvexHull(with_thickness(points))

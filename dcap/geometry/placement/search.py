@@ -1,4 +1,4 @@
-"""Where on a surface an object fits, and how high above it it must start.
+"""Where on a surface an object fits, and how high above the surface it must start.
 
 In: the scene, which of its faces are the support, and the object in its orientation. Out: the spot nearest to a
 wished point where the object's underside is over the support and nothing else is in the way, and how high the object
@@ -6,7 +6,7 @@ is there when it touches.
 
 The object's underside and the scene below it are sampled by vertical rays on one grid, so that overhangs of the
 object (the handle of a mug) may reach over lower neighbours. What is thinner than the grid, or upright, rays may miss:
-who finds it there by measuring the meshes adds it (`add`) and asks again.
+a caller who finds it by measuring the meshes adds it (`add`) and asks again.
 """
 
 from collections.abc import Iterator
@@ -23,7 +23,7 @@ from dcap.scene.types.mesh import Mesh
 
 Array = NDArray[np.float64]
 HEADROOM = 0.012
-"""Free height over the object while it is looked for a place [m]: the clearance and a little slack."""
+"""Free height over the object while a place for it is searched [m]: the clearance and a little slack."""
 STEPPED = 0.015
 """Neighbours that lift the object by less than this do not count as being in the way [m]: scan noise, seams."""
 LOWEST = 0.08
@@ -39,16 +39,17 @@ crest that it rolls off, no slope that it slides down."""
 MOVED = (0.25, 0.5, 1.0)
 """How far it is moved to see that, in its larger horizontal extents [-]; much less would measure a scan's noise."""
 NEARBY = 2.0
-"""How far from the aim a steady place is looked for, in the same extents [-]."""
+"""How far from the aim a steady place is searched, in the same extents [-]."""
 SAMPLES = 24
 """Samples along the object's shorter horizontal side [-]."""
 FINEST, COARSEST = 0.003, 0.025
 """Limits of the sampling distance [m]."""
 ROOM_HEIGHT = 3.0
-"""How far up a sample looks for the top of something that it began inside of, a door or a wardrobe [m]."""
+"""How far up a ray that began inside a door or a wardrobe searches for its top [m]."""
 MOST_SAMPLES = 600_000
 """Rays for one surface; larger ones are sampled more coarsely."""
 BATCH = 256
+"""Grid points fitted at once."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -65,7 +66,7 @@ class HeightField:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class CandidateFits:
-    """How the object would lie over some grid points."""
+    """How the object would lie at some grid points."""
 
     index: NDArray[np.int64]
     """Row and column, shape (n, 2)."""
@@ -92,7 +93,7 @@ class Spot:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class SearchFailure:
-    """Why there is none."""
+    """Why no spot was found."""
 
     hit: bool
     """Whether the support has a surface in the region, be it covered or not."""
@@ -180,7 +181,7 @@ class PlacementSearch:
         self._known.clear()
 
     def exclude(self, spot: Spot, reach: int) -> None:
-        """Leave out a spot and those up to so many samples from it."""
+        """Leave out a spot and all others within `reach` samples of it."""
         low = np.maximum(self._index(spot) - reach, 0)
         high = self._index(spot) + reach + 1
         self.excluded[low[0] : high[0], low[1] : high[1]] = True
@@ -195,7 +196,7 @@ class PlacementSearch:
 
         `level`: the support must be no further than DROP below the contact to count; `steady`: the object must not come
         down when it is moved a little, and the spot must be nearby. On a narrow support, where the nearest spot has
-        the edge beside it, no steady one is looked for: who asks for a ridge means the ridge.
+        the edge beside it, no steady one is searched: a request for a ridge means the ridge.
         """
         nearest = True
         for seen in self._fits(region):
@@ -260,7 +261,7 @@ class PlacementSearch:
             yield known[-1]
 
     def _batches(self, region: Region) -> Iterator[NDArray[np.int64]]:
-        """The grid points to fit, a number at a time."""
+        """The grid points to fit, in batches."""
         index = np.argwhere(self.surface.support)
         position = self.origin + self.cell * index
         keep = inside(region.polygon, position, margin=1e-6)

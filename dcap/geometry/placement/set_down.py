@@ -15,7 +15,7 @@ from dcap.geometry.placement.named_regions import Region
 from dcap.geometry.placement.search import SHARES, PlacementSearch, Spot
 
 LEVEL = 0.7
-"""Least share with which a level place is looked for before an uneven one is taken [-]."""
+"""Least share with which a level place is searched before an uneven one is taken [-]."""
 PASSES = (
     (SHARES[0], True, True),
     *((share, True, False) for share in SHARES if share >= LEVEL),
@@ -29,7 +29,7 @@ ROUNDS = 3
 ALIKE = 0.05
 """Distances from the aim that differ by less than this are alike [m]: any of four corners, the viewer's first."""
 PATIENCE = 2
-"""After so many spots that fail, the spots around the next one are left out one sample further [-]."""
+"""Failed spots after which the neighbourhood that is left out around the next one grows by one sample [-]."""
 
 
 @dataclass(frozen=True, slots=True)

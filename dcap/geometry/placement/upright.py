@@ -1,6 +1,6 @@
 """Which side of a mesh is down when it stands, told by its shape alone: for files that are lying, tilted or overturned.
 
-In: a mesh and one direction of it that may be down. Out: what such a stand is worth: whether the centre of mass lies
+In: a mesh and one direction of it that may be down. Out: how good a stand that is: whether the centre of mass lies
 over the footprint, how broad that is, how low the centre, whether a hollow opens upwards, whether the shape is round
 about the vertical. `upright_pose` weighs them. Features of this kind: Fu, Cohen-Or, Dror, Sheffer: Upright orientation
 of man-made objects, 2008; the hollow and the weights are ours, from household things. Furniture on legs looks
@@ -31,7 +31,7 @@ CONTACT_BAND = 0.01
 LEAST_CONTACT = 0.02
 """Share of the plan below which a contact is an edge or a tip, nothing to stand on [-]."""
 BESIDE = 0.05
-"""So far may the centre of mass lie beside the footprint, over the largest extent [-]: plush toys are hollow inside."""
+"""How far the centre of mass may lie beside the footprint, over the largest extent [-]: plush toys are hollow."""
 RAYS = 24
 """Rays along each side of the plan that look for a hollow [-]."""
 INNER = 0.4
@@ -47,7 +47,7 @@ MOST_POSES = 60
 LEAST_SHARE = 0.0005
 """Things fall on a slender foot rarely, but are put on it [-]."""
 BEST_FEW = 12
-"""So many candidates are looked at from above and below [-]."""
+"""Number of candidates that are examined from above and below [-]."""
 ROUND_SHARE = 0.95
 """Share of the surface that falls on itself when turned about the axis of a round thing [-]."""
 ROUND_SAMPLES = 2000

@@ -134,7 +134,7 @@ def used_as_given(field: MeshDistance, given: CleanedPart, allowed: RepairLimits
     volume = field.volume if single else box * float((winding > INSIDE).mean())
     problem = ""
     if agree < SOUND:
-        problem = f"at {100.0 * (1.0 - agree):.2g} % of the points asked it is half inside"
+        problem = f"{100.0 * (1.0 - agree):.2g} % of the points tested are neither inside nor outside"
     elif most > allowed.tolerance:
         problem = f"what can be seen lies up to {1e3 * most:.2g} mm off its surface > {1e3 * allowed.tolerance:.2g} mm"
     log.add(RepairKind.BY_WINDING)
@@ -309,7 +309,7 @@ def reported(solid: Mesh, given: CleanedPart, cell: float, allowed: RepairLimits
     elif not closed:
         problem = "it has degenerate or duplicate faces, or encloses nothing"
     elif agree < SOUND:
-        problem = f"inside and outside disagree at {100.0 * (1.0 - agree):.2g} % of the points asked"
+        problem = f"winding number and ray parity disagree at {100.0 * (1.0 - agree):.2g} % of the points tested"
     elif most > allowed.tolerance:
         problem = f"its visible surface moved by {1e3 * most:.2g} mm > {1e3 * allowed.tolerance:.2g} mm"
     elif around := given.filled(MeshDistance(solid), allowed):

@@ -25,22 +25,22 @@ class RepairKind(StrEnum):
 
 
 SENTENCES: dict[RepairKind, Callable[[int, float, float], str]] = {
-    RepairKind.WELDED: lambda n, total, most: f"{n} vertices welded to others at the same place",
+    RepairKind.WELDED: lambda n, total, most: f"{n} coinciding vertices welded",
     RepairKind.DEGENERATE: lambda n, total, most: f"{n} degenerate faces dropped",
     RepairKind.DUPLICATE: lambda n, total, most: f"{n} duplicate faces dropped",
     RepairKind.JUNCTION: lambda n, total, most: f"{n} faces split at T-junctions",
-    RepairKind.TURNED: lambda n, total, most: f"{n} faces turned to agree with their neighbours",
-    RepairKind.STRAY: lambda n, total, most: f"{n} stray pieces of {1e4 * total:.3g} cm2 together dropped",
+    RepairKind.TURNED: lambda n, total, most: f"{n} faces flipped to agree with their neighbours",
+    RepairKind.STRAY: lambda n, total, most: f"{n} stray pieces of {1e4 * total:.3g} cm2 in all dropped",
     RepairKind.CAPPED: lambda n, total, most: f"{n} holes capped, the largest {most:.3g} m around",
     RepairKind.WALLED: lambda n, total, most: f"{n} borders, the longest {most:.3g} m, extruded down to the bottom",
     RepairKind.THICKENED: lambda n, total, most: f"{n} sheets thickened to {1e3 * most:.3g} mm at most",
-    RepairKind.INVERTED: lambda n, total, most: f"{n} closed pieces turned outside out",
-    RepairKind.UNITED: lambda n, total, most: f"{n} pieces that meet made one",
-    RepairKind.REMESHED: lambda n, total, most: (
-        f"meshed again from its signed distance in cells of {1e3 * most:.2g} mm"
+    RepairKind.INVERTED: lambda n, total, most: f"{n} inside-out pieces flipped",
+    RepairKind.UNITED: lambda n, total, most: f"{n} touching pieces united",
+    RepairKind.REMESHED: lambda n, total, most: f"remeshed from its signed distance in cells of {1e3 * most:.2g} mm",
+    RepairKind.CRUMB: lambda n, total, most: f"{n} tiny pieces of {1e6 * total:.2g} cm3 in all dropped",
+    RepairKind.BY_WINDING: lambda n, total, most: (
+        "faces kept as given, inside and outside decided by the winding number"
     ),
-    RepairKind.CRUMB: lambda n, total, most: f"{n} crumbs of {1e6 * total:.2g} cm3 together dropped",
-    RepairKind.BY_WINDING: lambda n, total, most: "faces kept as they are, inside told by winding number",
 }
 """From number, sum and largest amount to a sentence, in the order of the work."""
 

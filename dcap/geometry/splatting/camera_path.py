@@ -35,7 +35,8 @@ FURNITURE = frozenset({
 MOST_STANDS = 6000
 """Places on the floor that are considered [-]."""
 AIM_HEIGHT, AIM_AWAY = 1.2, 2.0
-"""Who looks around looks at what is so high above the floor, so far away [m]: low cameras look up, high ones down."""
+"""Height above the floor and distance of what a camera that looks around aims at [m]: low ones look up, high ones
+down."""
 NOD = np.deg2rad(12.0)
 """Every other picture of a place looks higher by this, the others lower [rad]."""
 GOLDEN = np.pi * (3.0 - np.sqrt(5.0))

@@ -253,7 +253,7 @@ def test_what_passes_through_itself_is_meshed_again() -> None:
     assert_sound(ready, report)
     assert report.resolution == pytest.approx(2e-3)
     assert report.hausdorff < report.resolution
-    assert any("meshed again" in sentence for sentence in report.repairs)
+    assert any("remeshed" in sentence for sentence in report.repairs)
 
 
 def test_what_has_no_area_is_refused() -> None:
@@ -326,7 +326,7 @@ def test_a_support_that_keeps_what_the_object_can_reach_is_kept() -> None:
         assert report.region == tuple(region.ravel())
         assert report.closed
         assert not report.problem
-        assert (report.repairs == ("faces kept as they are, inside told by winding number",)) == kept
+        assert (report.repairs == ("faces kept as given, inside and outside decided by the winding number",)) == kept
 
 
 @pytest.mark.parametrize("inwards", [False, True])
