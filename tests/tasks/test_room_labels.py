@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from dcap.evaluation.label_scores import label_accuracy, means_the_same
-from dcap.evaluation.segment_scores import Score, Truth, scores
+from dcap.evaluation.segment_scores import GroundTruth, Score, scores
 from dcap.geometry.primitives import Box
 from dcap.language.offline.client import OfflineClient
 from dcap.language.protocol.client import ClientName, LanguageConfig, connect
@@ -51,7 +51,7 @@ def scored(name: str, seed: int = 0) -> tuple[Segmentation, list[Score]]:
     """A generated room, stripped of its annotation, and how what was found agrees with what it was made of."""
     room = build_room(name, seed)
     found = segment(bare(room.record.mesh), SegmentConfig(), OfflineClient())
-    truth = Truth(room.instance_ids, room.instance_labels, room.face_instance, room.face_part)
+    truth = GroundTruth(room.instance_ids, room.instance_labels, room.face_instance, room.face_part)
     return found, scores(truth, found)
 
 

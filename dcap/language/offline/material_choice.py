@@ -30,7 +30,7 @@ VAGUE_PARTS = frozenset({"body", "base", "head", "handle", "top", "side"})
 
 
 @dataclass(frozen=True, slots=True)
-class Usual:
+class UsualMaterial:
     """What parts of a thing are mostly made of."""
 
     thing: str
@@ -110,9 +110,9 @@ def parts_named(words: Sequence[str]) -> list[str]:
 
 
 @cache
-def usual_rows(thing: str) -> tuple[Usual, ...]:
+def usual_rows(thing: str) -> tuple[UsualMaterial, ...]:
     """Rows of usual_materials.csv about one thing, in the order in which they count; the fallback for none."""
-    found = [Usual(row["thing"], listed(row["parts"]), row["material"]) for row in rows(USUAL)]
+    found = [UsualMaterial(row["thing"], listed(row["parts"]), row["material"]) for row in rows(USUAL)]
     for one in found:
         if one.material not in families():
             raise InputError(f"{USUAL}: {one.material!r} is not in materials.csv")

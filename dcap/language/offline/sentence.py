@@ -20,7 +20,7 @@ from dataclasses import dataclass, field, replace
 from dcap.language.offline.lexicon import is_a, part_words
 from dcap.language.offline.nouns import Noun, at_noun, noun_phrase, starts
 from dcap.language.offline.turns import Turn, is_to, turn_length, turn_of
-from dcap.language.offline.words import Cursor, Token, tokens_of
+from dcap.language.offline.words import Token, TokenCursor, tokens_of
 from dcap.scene.errors import LanguageError
 
 SUPPORT = frozenset({"on", "in"})
@@ -125,7 +125,7 @@ class Reader:
     """Goes through the tokens once, from left to right; each method reads what its line of the grammar says."""
 
     def __init__(self, tokens: list[Token]) -> None:
-        self.cursor = Cursor(tokens)
+        self.cursor = TokenCursor(tokens)
         self.kept: set[int] = set()
         """Indices of the tokens that a rule used."""
         self.last_noun: Noun | None = None

@@ -41,7 +41,7 @@ class Token:
 
 
 @dataclass(slots=True)
-class Cursor:
+class TokenCursor:
     """A place among the tokens, from which phrases are read."""
 
     tokens: list[Token]
