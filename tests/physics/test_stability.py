@@ -117,7 +117,7 @@ def test_the_search_finds_every_threshold_within_its_bound_of_trials(most, data)
     """log2 rounded up, with a guess two more than twice that, two in all with a right one; nothing is tried twice."""
     true = data.draw(st.integers(0, most))
     guess = data.draw(st.none() | st.integers(0, most))
-    tried = []
+    tried: list[int] = []
     found = largest_held(lambda level: tried.append(level) or level <= true, most, guess)
     assert found == true
     assert len(set(tried)) == len(tried)

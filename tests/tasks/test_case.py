@@ -9,7 +9,7 @@ import pytest
 from dcap.scene.errors import InputError
 from solver.errors import UnstableStep
 from tasks.case.bodies import case_particles
-from tasks.case.file import Case, read_case
+from tasks.case.file import Case, CaseMaterial, read_case
 from tasks.case.run import run_case
 
 CUBE = """
@@ -68,7 +68,9 @@ def test_bad_input_is_refused_in_one_line_that_names_key_and_value(case_file, tm
 
 def test_a_number_in_scientific_notation_is_a_number(case_file):
     """YAML 1.2: 1.0e10 is a float, not a string."""
-    assert read_case(case_file(CUBE)).bodies[1].material.youngs_modulus == 1e10
+    material = read_case(case_file(CUBE)).bodies[1].material
+    assert isinstance(material, CaseMaterial)
+    assert material.youngs_modulus == 1e10
 
 
 def test_a_fixed_soft_body_needs_a_clamp(case_file):

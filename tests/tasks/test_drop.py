@@ -95,7 +95,9 @@ def test_a_ball_on_a_slope_leaves_its_target() -> None:
 @pytest.mark.parametrize(("pose", "facing", "reason"), [
     ("upright", "", Reason.TOPPLED), ("any", "wall", Reason.TOPPLED), ("any", "", None),
 ])  # fmt: skip
-def test_falling_over_counts_only_where_a_pose_or_a_facing_was_asked(pose: str, facing: str, reason: Reason) -> None:
+def test_falling_over_counts_only_where_a_pose_or_a_facing_was_asked(
+    pose: str, facing: str, reason: Reason | None
+) -> None:
     """A tall box put down askew falls on its side: toppled if it was to stand or to look somewhere, else at rest."""
     turn = Rotation.from_euler("y", 25, degrees=True).as_matrix()
     box = Box(np.array([0.04, 0.04, 0.16]))

@@ -24,7 +24,7 @@ from dcap.language.protocol.session import Session
 from dcap.scene.errors import LanguageError
 
 MODEL = LanguageConfig(client=ClientName.ANTHROPIC, model="claude-sonnet-5-5")
-QUESTIONS = (INTENT, *(question for question, _ in AT_HAND))
+QUESTIONS: tuple[Question[Any, Any], ...] = (INTENT, *(question for question, _ in AT_HAND))
 
 
 def prepared(question: Question[Any, Any], ask: Callable[..., Any]) -> Any:
