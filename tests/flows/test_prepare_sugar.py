@@ -105,6 +105,7 @@ def test_the_same_input_gives_the_same_bytes(prepared: Path, room: Path, tmp_pat
     assert all(first[name] == again[name] for name in first if name not in ("run_sugar.sh", "prepared.json"))
 
 
+@pytest.mark.slow
 def test_a_second_run_replaces_the_first_and_keeps_the_rest(
     room: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -85,6 +85,7 @@ def test_trials_leave_nothing_behind(lab):
     assert grade(drop, rest, None) == grade(drop, rest, None)
 
 
+@pytest.mark.slow
 def test_what_does_not_rest_is_not_graded(lab):
     """There is no rest state to push on a slope that is too steep."""
     box = lab.rigid("box", lab.Box(np.array([0.1, 0.1, 0.1])), [0, 0, 0.051])

@@ -80,6 +80,7 @@ def test_a_fixed_soft_body_needs_a_clamp(case_file):
         read_case(case_file(text))
 
 
+@pytest.mark.slow
 def test_bodies_that_start_inside_each_other_are_refused(case_file, tmp_path):
     """Deep overlap has no honest rest state."""
     with pytest.raises(InputError, match="inside each other"):
@@ -120,6 +121,7 @@ def test_an_earlier_result_is_replaced_and_other_files_stay(case_file, tmp_path,
     assert {p.name for p in out.iterdir()} == {"result.json", "notes.txt"}
 
 
+@pytest.mark.slow
 def test_more_cells_than_a_person_waits_for_are_refused_before_anything_is_built(case_file, tmp_path):
     """A slip in --resolution costs no memory."""
     soft = CUBE.replace("youngs_modulus: 1.0e10", "youngs_modulus: 1.0e5")
@@ -127,6 +129,7 @@ def test_more_cells_than_a_person_waits_for_are_refused_before_anything_is_built
         run_case(case_file(soft), tmp_path / "out", resolution=1e-4, quiet=True)
 
 
+@pytest.mark.slow
 def test_a_tiny_body_costs_no_more_memory_than_a_large_one(tmp_path):
     """Samples of the signed distance are counted in units of the body's size: 1 mm across as well as 10 cm."""
     counts = []

@@ -64,6 +64,7 @@ def test_a_bar_that_bends_stays_soft():
     assert models(block(bar, 9e8, clamp="bottom"), BALL)[0][0] == "rigid"
 
 
+@pytest.mark.slow
 def test_a_drop_says_what_it_treated_as_rigid(tmp_path):
     """The result warns and has no particles."""
     cube = BALL | {"shape": {"box": {"size": [0.1, 0.1, 0.1]}}}

@@ -239,6 +239,7 @@ def test_fields_and_surfaces_fit_together() -> None:
     assert over == pytest.approx([0.02, -0.02], abs=3.5 * NOISE)
 
 
+@pytest.mark.slow
 def test_same_input_same_bytes() -> None:
     """Two runs give the same artifact, byte for byte."""
     again = particles(

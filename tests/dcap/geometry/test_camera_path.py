@@ -108,6 +108,7 @@ def test_pictures_overlap(cameras: tuple[Camera, ...], built: BuiltRoom) -> None
     assert (times > 1).mean() > 0.9
 
 
+@pytest.mark.slow
 def test_the_seed_decides(splats: Gaussians, known: dict[str, Any], cameras: tuple[Camera, ...]) -> None:
     """The same cameras for the same seed, others for another."""
 

@@ -157,6 +157,7 @@ def depth(points: np.ndarray, solids: list[Mesh]) -> float:
     return max((float(-MeshDistance(solid)(points).min()) for solid in solids), default=-np.inf)
 
 
+@pytest.mark.slow
 @settings(max_examples=15)
 @given(
     st.sampled_from(KINDS),
@@ -178,6 +179,7 @@ def test_every_start_is_clear(kind, seed, amplitude):
     assert depth(surface_points(scene.mesh, 0.05), here) < 1e-4
 
 
+@pytest.mark.slow
 def test_most_random_scenes_have_a_place():
     """Supports of 1.1 m2 with at most seven things of together under 0.5 m2: at least five objects in six find one."""
     starts = [dropped(kind, 7 * number, 0.01)[3] for number in (1, 2) for kind in KINDS]

@@ -375,5 +375,5 @@ def test_a_stray_empty_folder_is_damage_that_saving_mends(store: Store) -> None:
 
 def test_reference_round_trip() -> None:
     """A reference survives JSON."""
-    ref = Ref("Scan", "ab" * 32)
+    ref: Ref[Scan] = Ref("Scan", "ab" * 32)
     assert Ref.from_json(json.loads(json.dumps(ref.to_json()))) == ref
