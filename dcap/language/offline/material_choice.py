@@ -26,7 +26,7 @@ from dcap.scene.errors import InputError
 USUAL = "lexicon/usual_materials.csv"
 OBJECT = "object"
 VAGUE_PARTS = frozenset({"body", "base", "head", "handle", "top", "side"})
-"""Names of parts that say nothing about the material as long as nobody knows what the whole is."""
+"""Names of parts that say nothing about the material as long as it is not known what the whole is."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,7 +100,7 @@ def usual_material(question: MaterialQuestion, known: Collection[str]) -> tuple[
             return named.material, f"the word {named.phrase!r} names it"
     row = next(r for r in usual_rows("") if EVERY in r.parts or {*r.parts} & {*words, name})
     kind = "" if EVERY in row.parts else " for soft things"
-    return row.material, f"fallback{kind}: nothing is known of {name!r} of {label!r}"
+    return row.material, f"fallback{kind}: nothing is known about {name!r} of {label!r}"
 
 
 def parts_named(words: Sequence[str]) -> list[str]:

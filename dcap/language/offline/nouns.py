@@ -60,7 +60,7 @@ class Noun:
 
 
 def at_noun(cursor: TokenCursor, ahead: int = 0) -> bool:
-    """Whether a noun phrase starts here, or so many tokens ahead; fillers and articles alone are none."""
+    """Whether a noun phrase starts here, or `ahead` tokens further; fillers and articles alone are none."""
     while cursor.here("filler", "det", ahead=ahead) and not cursor.here(*SAYING, ahead=ahead):
         ahead += 1
     return starts(cursor, ahead)

@@ -112,9 +112,7 @@ def read(prompt: str) -> Reading:
         raise LanguageError(f"the prompt is empty; {EXAMPLE}")
     for token in tokens:
         if token.has("negation", "choice"):
-            raise LanguageError(
-                f"prompt {prompt!r}: {token.text!r} is not understood; say the one place where to put it"
-            )
+            raise LanguageError(f"prompt {prompt!r}: {token.text!r} is not understood; name one place to put it")
     reader = Reader(tokens)
     clauses = reader.sentence()
     check(prompt, clauses)
@@ -365,10 +363,10 @@ def trimmed(run: list[Token]) -> str:
 
 
 def check(prompt: str, clauses: list[Clause]) -> None:
-    """Refuse what is no placement of one thing."""
+    """Refuse what is not the placement of one thing."""
     placing = [clause for clause in clauses if clause.says_where]
     if not any(clause.kind or clause.places for clause in placing):
-        what = "asks for something else than a placement" if len(placing) < len(clauses) else "says no place"
+        what = "asks for something other than a placement" if len(placing) < len(clauses) else "says no place"
         raise LanguageError(f"prompt {prompt!r} {what}; {EXAMPLE}")
     moved = themes(clauses)
     plural = any(clause.theme is not None and clause.theme.plural for clause in clauses if clause.kind != "other")

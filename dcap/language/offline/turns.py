@@ -39,7 +39,7 @@ def turn_length(cursor: TokenCursor, *, said: bool) -> int:
 
 
 def leads_to_angle(cursor: TokenCursor, ahead: int) -> str:
-    """ "at" or "by" so many tokens further, the words that may stand before an angle; empty if neither does."""
+    """ "at" or "by" `ahead` tokens further, the words that may stand before an angle; empty if neither does."""
     text = cursor.tokens[cursor.index + ahead].text if cursor.here("relation", ahead=ahead) else ""
     return text if text in ("at", "by") else ""
 

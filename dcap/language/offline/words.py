@@ -53,7 +53,7 @@ class TokenCursor:
         return self.index >= len(self.tokens)
 
     def here(self, *kinds: str, ahead: int = 0) -> bool:
-        """Whether the next token, or the one so many further, may be one of these kinds."""
+        """Whether the next token, or the one `ahead` further, may be one of these kinds."""
         index = self.index + ahead
         return 0 <= index < len(self.tokens) and self.tokens[index].has(*kinds)
 

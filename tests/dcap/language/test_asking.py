@@ -59,7 +59,7 @@ def test_another_address_than_the_run_s_is_not_asked(api: FakeApi, ask, monkeypa
     monkeypatch.setattr("dcap.language.model.anthropic_api.USUAL", "api.anthropic.com")
     assert endpoint() == api.url.partition("//")[2].replace(":", "-")
     assert connect(MODEL, Session()).ask(INTENT, asked) == first
-    with pytest.raises(InputError, match=r"the usual address, \$ANTHROPIC_BASE_URL names 127"):
+    with pytest.raises(InputError, match=r"the usual address, but \$ANTHROPIC_BASE_URL now names 127"):
         connect(MODEL, Session()).ask(INTENT, ask("put the mug on the bed"))
     assert len(api.asked) == 1
 

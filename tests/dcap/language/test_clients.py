@@ -270,7 +270,7 @@ def test_what_is_no_message_is_an_error_and_not_kept(api, ask, monkeypatch, body
     """A proxy's page, a cut line, a message without blocks: one line, and the next run asks again."""
     with monkeypatch.context() as patch:
         patch.setattr(api, "post", lambda path, asked: (200, body))
-        with pytest.raises(LanguageError, match="no message") as error:
+        with pytest.raises(LanguageError, match="not a message") as error:
             connect(MODEL, Session()).ask(INTENT, prepared(INTENT, ask))
         assert "\n" not in str(error.value)
     assert connect(MODEL, Session()).ask(INTENT, prepared(INTENT, ask)).base_id == "desk_0"

@@ -4,7 +4,7 @@ import math
 from dataclasses import replace
 
 import pytest
-from hypothesis import given
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from dcap.language.offline.shapes import ShapePrior, UsualRange, label_of, labels, probabilities, shape_row, shapes
@@ -87,8 +87,9 @@ def test_the_unheard_of_stays_a_thing() -> None:
 def test_farther_from_usual_is_never_likelier(value: float, factor: float) -> None:
     """Beyond the usual range the density falls, on both sides, and within it is even."""
     usual = UsualRange.of("bottom", [0.1, 0.4, 0.6, 1.2])
+    assume(min(abs(value - 0.4), abs(value - 0.6)) > 1e-6)  # nearer to an edge the square of the distance rounds away
     at, beyond = usual.log_density(value), usual.log_density(0.5 + factor * (value - 0.5))
-    assert beyond <= at
+    assert beyond <= at + 1e-9  # the farther value is rounded, so that it may be nearer by 1e-15
     assert (at == usual.log_density(0.5)) == (0.4 <= value <= 0.6)
 
 
