@@ -273,6 +273,7 @@ def test_a_blanket_is_a_thin_layer_on_the_mattress() -> None:
     assert soft.friction.static == CLOTH.static_friction
 
 
+@pytest.mark.slow
 def test_a_solid_thing_weighs_density_times_volume() -> None:
     """A wooden cube of 10 cm weighs 0.7 kg with inertia m a^2 / 6 where that is plausible, else what is usual."""
     cube = box_mesh((-0.05, -0.05, -0.05), (0.05, 0.05, 0.05))
@@ -316,6 +317,7 @@ def test_a_rigid_core_moves_with_its_soft_body() -> None:
     assert body.grid.x[0] < -0.4 - 1.99 * (body.grid.x[1] - body.grid.x[0])
 
 
+@pytest.mark.slow
 def test_too_many_particles_are_refused_with_the_knob() -> None:
     """The message names the number, the limit and what to change."""
     with pytest.raises(GeometryError, match=r"particles > 1000; lower ParticlesConfig.object_cells .* base_cells"):

@@ -52,6 +52,7 @@ def test_error_is_the_missing_turn():
     assert error_deg(tilt, []) == 0.0
 
 
+@pytest.mark.slow
 def test_one_wording_for_each_object():
     """The first of the 84 cases: every object with one wording, every wording at least twice; one may miss."""
     cases = list(zip(TRUTH["objects"], cycle(TRUTH["wordings"]), strict=False))

@@ -286,6 +286,7 @@ def test_a_thing_at_a_wall_faces_away_from_it() -> None:
     assert result.instances[result.index_of("id_table_lamp")].front is None
 
 
+@pytest.mark.slow
 def test_a_room_without_annotations_is_taken_apart() -> None:
     """Without boxes or names the floor and walls are found, and things that do not touch are apart."""
     meshes, _, truth = room()
