@@ -8,9 +8,12 @@ DATA := $(or $(DCAP_DATA),data)
 OUT ?= $(DATA)/runs/demo
 # Two tests at a time, those of one file one after the other; a third would only fight with the kernels' own threads.
 PARALLEL := -n 2 --dist loadfile
+# What `make check` runs and what it leaves out: no test is in both, and together they are what `make test` runs.
+FAST := not slow and not sweep and not third_party and not gpu
+REST := (slow or third_party or gpu) and not sweep
 
 .DEFAULT_GOAL := help
-.PHONY: setup test sweep check benchmark demo ui perf perf-peers clean help lock system-libraries
+.PHONY: setup test rest sweep check benchmark demo ui perf perf-peers clean help lock system-libraries
 
 help: ## this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "make %-18s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -35,15 +38,18 @@ system-libraries: ## install the few system libraries that Open3D loads, or prin
 test: $(READY) ## all tests
 	$(BIN)/pytest $(PARALLEL)
 
+rest: $(READY) ## the tests that `make check` leaves out, slow or on third-party data
+	$(BIN)/pytest $(PARALLEL) -m "$(REST)"
+
 sweep: $(READY) ## the long physics tests: whole ranges of mass, stiffness and resolution; hours
 	$(BIN)/pytest -m sweep
 
-check: $(READY) ## format, lint, types, imports and fast tests; about three minutes
+check: $(READY) ## format, lint, types, imports and fast tests; a minute and a half
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports --no-logo
-	$(BIN)/pytest $(PARALLEL) -m "not slow and not sweep and not third_party and not gpu"
+	$(BIN)/pytest $(PARALLEL) -m "$(FAST)"
 
 benchmark: $(READY) ## place every sample of the embedded dataset; tables, pictures, HTML report
 	$(BIN)/dcap benchmark

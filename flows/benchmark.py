@@ -19,7 +19,7 @@ from threading import Semaphore
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from dcap.evaluation.outcome_table import Row, Truth, read_truth, row_of, totals
+from dcap.evaluation.outcome_table import ExpectedOutcome, SampleOutcome, read_truth, row_of, totals
 from dcap.evaluation.report import write_report
 from dcap.evaluation.run_folder import sample_folder
 from dcap.language.model.batch import batch_queue
@@ -54,7 +54,7 @@ class Run:
     """A finished benchmark run."""
 
     folder: Path
-    rows: tuple[Row, ...]
+    rows: tuple[SampleOutcome, ...]
     summary: dict[str, object]
 
     @property
@@ -219,7 +219,7 @@ def located(sample: Sample) -> Sample:
     return replace(sample, scene=whole(sample.scene), object=whole(sample.object))
 
 
-def finish(folder: Path, rows: Sequence[Row], seconds: float) -> Run:
+def finish(folder: Path, rows: Sequence[SampleOutcome], seconds: float) -> Run:
     """Write table, summary and report."""
     pq.write_table(pa.Table.from_pylist([asdict(row) for row in rows]), folder / "results.parquet")
     summary: dict[str, object] = {"run": str(folder), **totals(rows), "wall_s": round(seconds, 1)}
@@ -230,7 +230,7 @@ def finish(folder: Path, rows: Sequence[Row], seconds: float) -> Run:
     return Run(folder, tuple(rows), summary)
 
 
-def truths_of(dataset: Path, samples: Sequence[Sample]) -> list[Truth | None]:
+def truths_of(dataset: Path, samples: Sequence[Sample]) -> list[ExpectedOutcome | None]:
     """Intended outcomes beside the dataset, None where there are none."""
     path = dataset.parent / TRUTH
     known = read_truth(load_yaml(path), str(path)) if path.is_file() else {}

@@ -56,12 +56,12 @@ def prepare_sugar(
 def check_folder(folder: Path, scene: Path) -> None:
     """Refuse a folder that holds something else, or that would become part of the scene."""
     if scene.is_dir() and folder.resolve().is_relative_to(scene.resolve()):
-        raise InputError(f"--out {folder} lies in the scene {scene}, whose files are all input; name another place")
+        raise InputError(f"--out {folder} lies in the scene {scene}, whose files are all input; choose another one")
     if folder.exists() and not (folder / RECORD).is_file() and any(folder.iterdir()):
-        raise InputError(f"--out {folder}: not empty and not made by prepare-sugar (no {RECORD}); name another folder")
+        raise InputError(f"--out {folder}: not empty and not made by prepare-sugar (no {RECORD}); choose another one")
     earlier = earlier_scene(folder)
     if earlier is not None and earlier.resolve() != scene.resolve():
-        raise InputError(f"{folder} holds what was prepared of {earlier}, not of {scene}; name another with --out")
+        raise InputError(f"{folder} was prepared from {earlier}, not from {scene}; choose another with --out")
 
 
 def earlier_scene(folder: Path) -> Path | None:
@@ -71,7 +71,7 @@ def earlier_scene(folder: Path) -> Path | None:
     record = read_json(folder / RECORD)
     scene = record.get("scene") if isinstance(record, dict) else None
     if not isinstance(scene, str):
-        raise InputError(f"{folder / RECORD}: names no scene, so prepare-sugar did not write it; name another --out")
+        raise InputError(f"{folder / RECORD}: names no scene, so prepare-sugar did not write it; choose another --out")
     return Path(scene)
 
 
@@ -82,7 +82,7 @@ def write_all(
     progress("placing cameras")
     path = camera_path(source.splats, config, boxes=source.boxes, rooms=source.rooms, occupancy=source.occupancy)
     if not path.cameras:
-        raise GeometryError(f"{source.path}: no place for a camera: none sees anything but what is right before it")
+        raise GeometryError(f"{source.path}: no place for a camera: something close blocks every view")
     count = len(path.cameras)
     drawn = zip(names(count), pictures(source.splats, path.cameras, threads), strict=True)
     for k, (name, picture) in enumerate(drawn):
@@ -162,7 +162,7 @@ def summary(folder: Path, record: dict[str, object]) -> str:
             f"{record['views']} views of {record['splats']} splats: {folder}",
             "in the folder of SuGaR, on a machine with a graphics card:",
             f"  {record['command']}",
-            f"or, which also copies its meshes to where they are found: sh {script} PATH_OF_SUGAR",
+            f"or, to also copy its meshes to where they are found: sh {script} PATH_OF_SUGAR",
             f"then: {record['then']}",
         ]
     )

@@ -98,7 +98,7 @@ def sample_of(row: object, index: int, folder: Path, report: Report) -> Sample |
     if not isinstance(row, Mapping):
         report(error(f"sample {index}: expected keys and values, found {short(row)}", (index,)))
         return None
-    read = Row(row, index, report)
+    read = SampleReader(row, index, report)
     read.check_keys()
     room = "room" if "room" in row else "scene"
     sample = Sample(
@@ -115,7 +115,7 @@ def sample_of(row: object, index: int, folder: Path, report: Report) -> Sample |
 
 
 @dataclass(slots=True)
-class Row:
+class SampleReader:
     """Reads the values of one sample and tells of those that are wrong; what it gives for them is not used."""
 
     values: Mapping[str, object]

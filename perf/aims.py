@@ -12,7 +12,7 @@ from rich.console import Console
 from rich.table import Table
 
 from dcap.evaluation.aim_scores import Aim, Marks, aim_of, marks, shares
-from dcap.evaluation.outcome_table import Truth, read_truth
+from dcap.evaluation.outcome_table import ExpectedOutcome, read_truth
 from dcap.language.offline.client import OfflineClient
 from dcap.scene.errors import LanguageError
 from dcap.scene.store.artifacts import Source
@@ -93,7 +93,7 @@ def shot(room: str, item: str, prompt: str) -> Shot:
     return Shot(scene, thing, meant, found, found.message if isinstance(found, Infeasible) else found.reason)
 
 
-def aim_from(truth: Truth) -> Aim:
+def aim_from(truth: ExpectedOutcome) -> Aim:
     """What of an intended outcome shows before the drop."""
     reason = truth.reason if truth.reason in BEFORE_THE_DROP else ""
     return Aim(truth.base_id, truth.part, truth.region, reason=reason)
@@ -109,7 +109,7 @@ def embedded() -> list[tuple[str, Shot, Aim, Marks]]:
     return result
 
 
-def read_truths() -> dict[str, Truth]:
+def read_truths() -> dict[str, ExpectedOutcome]:
     """The intended outcomes of the embedded samples."""
     return read_truth(load_yaml(EMBEDDED.parent / TRUTH), TRUTH)
 

@@ -38,7 +38,7 @@ UNREADABLE = "draco"
 
 
 @dataclass(frozen=True, slots=True)
-class Row:
+class PartRepair:
     """One part."""
 
     place: str
@@ -54,13 +54,13 @@ class Row:
         return not self.report.problem
 
 
-def room_rows(name: str, *, every: bool = False) -> Iterator[Row]:
+def room_rows(name: str, *, every: bool = False) -> Iterator[PartRepair]:
     """The supports of one embedded room, found by segmenting its files; `every`: all parts of all its things."""
     scene = segment(read_room(name)[1], SegmentConfig(), OfflineClient())
     yield from support_rows(name, scene, every=every)
 
 
-def support_rows(place: str, scene: Segmentation, *, every: bool = False) -> Iterator[Row]:
+def support_rows(place: str, scene: Segmentation, *, every: bool = False) -> Iterator[PartRepair]:
     """The parts of a scene, each solid down to where the drop takes it to be."""
     for index, instance in enumerate(scene.instances):
         for number, part in enumerate(instance.parts):
@@ -73,14 +73,14 @@ def support_rows(place: str, scene: Segmentation, *, every: bool = False) -> Ite
             yield row(place, instance.label, part.name, support, piece, floor)
 
 
-def row(place: str, thing: str, part: str, support: bool, piece: Mesh, floor: np.ndarray | None) -> Row:
+def row(place: str, thing: str, part: str, support: bool, piece: Mesh, floor: np.ndarray | None) -> PartRepair:
     """One part made fit, and how long that took."""
     begin = time.perf_counter()
     _, report = simulation_ready(piece, floor=floor)
-    return Row(place, thing, part, support, report, time.perf_counter() - begin)
+    return PartRepair(place, thing, part, support, report, time.perf_counter() - begin)
 
 
-def sample_rows(folder: Path, *, every: bool = False) -> Iterator[Row]:
+def sample_rows(folder: Path, *, every: bool = False) -> Iterator[PartRepair]:
     """The objects, whole, and the supports and rooms, part by part, of the sample data."""
     for path in sorted(p for p in folder.rglob("*") if p.suffix in MESHES and UNREADABLE not in p.name):
         kind, _, name = path.parent.name.partition("_")
@@ -93,7 +93,7 @@ def sample_rows(folder: Path, *, every: bool = False) -> Iterator[Row]:
             yield from support_rows(place, segment(scan, SegmentConfig(), OfflineClient()), every=every)
 
 
-def summary(what: str, rows: list[Row]) -> str:
+def summary(what: str, rows: list[PartRepair]) -> str:
     """One line about many parts."""
     good = sum(r.good for r in rows)
     closed = sum(r.report.closed for r in rows)
@@ -106,7 +106,7 @@ def summary(what: str, rows: list[Row]) -> str:
     )
 
 
-def print_rows(rows: list[Row], console: Console) -> None:
+def print_rows(rows: list[PartRepair], console: Console) -> None:
     """The table and its summary."""
     table = Table("where", "thing", "part", "closed", "Hausdorff mm", "mean mm", "litres", "s", "remarks", box=None)
     for r in rows:
@@ -118,14 +118,14 @@ def print_rows(rows: list[Row], console: Console) -> None:
     console.print(table)
 
 
-def measured(*, every: bool = False) -> tuple[list[Row], list[Row]]:
+def measured(*, every: bool = False) -> tuple[list[PartRepair], list[PartRepair]]:
     """Rows of the embedded rooms and, if $DCAP_SAMPLE_DATA names it, of the sample data."""
     rooms = [r for name in room_names() for r in room_rows(name, every=every)]
     folder = os.environ.get(SAMPLES)
     return rooms, list(sample_rows(Path(folder), every=every)) if folder else []
 
 
-def summaries(rooms: list[Row], samples: list[Row]) -> list[str]:
+def summaries(rooms: list[PartRepair], samples: list[PartRepair]) -> list[str]:
     """What `python -m perf` prints."""
     lines = [summary("supports of the embedded rooms", [r for r in rooms if r.support])]
     if len(rooms) > sum(r.support for r in rooms):

@@ -12,7 +12,7 @@ from rich.console import Console
 from rich.table import Table
 
 from dcap.evaluation.label_scores import label_accuracy
-from dcap.evaluation.segment_scores import Score, Truth, scores
+from dcap.evaluation.segment_scores import GroundTruth, Score, scores
 from dcap.geometry.distance import MeshDistance
 from dcap.language.offline.client import OfflineClient
 from dcap.scene.store.artifacts import Source
@@ -50,10 +50,10 @@ def read_room(name: str, seed: int = 0) -> tuple[BuiltRoom, Scan]:
         return room, mesh_scene(Source(Path(folder) / name), SourceOptions(), MeshConfig())
 
 
-def truth_on(room: BuiltRoom, found: Mesh) -> Truth:
+def truth_on(room: BuiltRoom, found: Mesh) -> GroundTruth:
     """The truth of a room on the faces of another mesh of it, each as the nearest true face."""
     nearest = MeshDistance(room.record.mesh).nearest_face(found.triangles.mean(axis=1))
-    return Truth(room.instance_ids, room.instance_labels, room.face_instance[nearest], room.face_part[nearest])
+    return GroundTruth(room.instance_ids, room.instance_labels, room.face_instance[nearest], room.face_part[nearest])
 
 
 def without_annotations(scan: Scan) -> Scan:

@@ -1,12 +1,23 @@
-"""The Makefile's targets act where the data is."""
+"""The Makefile's targets act where the data is, and what has to pass runs every test once."""
 
+import itertools
 import os
+import re
+import shutil
 import subprocess
 from pathlib import Path
 
 import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
+MARKERS = ("slow", "third_party", "gpu", "sweep")
+
+
+def dry_run(target: str, **environment: str) -> str:
+    """What make would run."""
+    command = ["make", "--dry-run", "--old-file=.venv/.ready", target]
+    done = subprocess.run(command, cwd=ROOT, env=os.environ | environment, capture_output=True, text=True, check=True)
+    return done.stdout
 
 
 @pytest.mark.parametrize(
@@ -14,8 +25,38 @@ ROOT = Path(__file__).resolve().parent.parent
 )
 def test_targets_follow_the_data_folder(target: str, words: str) -> None:
     """With $DCAP_DATA set, make clean empties that cache and make demo reads those rooms."""
-    environment = os.environ | {"DCAP_DATA": "/far away"}
-    command = ["make", "--dry-run", "--old-file=.venv/.ready", target]
-    said = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, check=True).stdout
+    said = dry_run(target, DCAP_DATA="/far away")
     assert words in said
     assert " data/" not in said
+
+
+def selects(target: str, marks: tuple[str, ...]) -> bool:
+    """Whether the target runs a test with these markers."""
+    found = re.search(r'pytest .*-m "([^"]+)"', dry_run(target))
+    assert found is not None
+    assert set(re.findall(r"\w+", found[1])) <= {*MARKERS, "and", "or", "not"}
+    return bool(eval(found[1], {mark: mark in marks for mark in MARKERS}))
+
+
+@pytest.mark.parametrize("marks", [c for n in range(4) for c in itertools.combinations(MARKERS[:3], n)], ids="-".join)
+def test_check_and_rest_run_each_test_once(marks: tuple[str, ...]) -> None:
+    """Whatever a test's markers, exactly one of the two runs it; neither runs a sweep."""
+    assert selects("check", marks) != selects("rest", marks)
+    assert not selects("check", (*marks, "sweep"))
+    assert not selects("rest", (*marks, "sweep"))
+
+
+@pytest.mark.parametrize("beside", [True, False])
+def test_ci_runs_check_and_rest_on_the_data_beside_the_project(tmp_path: Path, beside: bool) -> None:
+    """`.ci/run` makes check and rest, once each, and names ../shared/data as sample data only where that is."""
+    scripts, tools = tmp_path / "project" / ".ci", tmp_path / "tools"
+    data = tmp_path / "shared" / "data"
+    for folder in (scripts, tools, *([data] if beside else [])):
+        folder.mkdir(parents=True)
+    shutil.copy(ROOT / ".ci" / "run", scripts / "run")
+    (tools / "make").write_text('#!/bin/sh\necho "$1 ${DCAP_SAMPLE_DATA:-}"\n')
+    (tools / "make").chmod(0o755)
+    environment = {"PATH": f"{tools}:{os.environ['PATH']}"}
+    done = subprocess.run([scripts / "run"], env=environment, capture_output=True, text=True, check=True)
+    named = str(data) if beside else ""
+    assert done.stdout.splitlines() == [f"check {named}", f"rest {named}"]

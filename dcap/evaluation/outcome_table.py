@@ -20,7 +20,7 @@ QUADRANT_DEG = 45.0
 
 
 @dataclass(frozen=True, slots=True)
-class Truth:
+class ExpectedOutcome:
     """The intended outcome of a sample; no stage sees it."""
 
     base: str
@@ -40,7 +40,7 @@ class Truth:
 
 
 @dataclass(frozen=True, slots=True)
-class Row:
+class SampleOutcome:
     """The outcome of one sample."""
 
     sample: str
@@ -72,7 +72,7 @@ class Row:
     """Whether verdict, reason, support, part, region and orientation are the intended ones."""
 
 
-def read_truth(tree: object, where: str) -> dict[str, Truth]:
+def read_truth(tree: object, where: str) -> dict[str, ExpectedOutcome]:
     """Intended outcomes by sample id, from a list with `id` or a mapping by id."""
     if isinstance(tree, Mapping):
         rows = {str(key): value for key, value in tree.items()}
@@ -95,11 +95,11 @@ def text_of(row: Mapping[str, object], key: str, where: str) -> str:
     return str(value or "")
 
 
-def truth_of(row: object, where: str) -> Truth:
+def truth_of(row: object, where: str) -> ExpectedOutcome:
     """One intended outcome."""
     if not isinstance(row, Mapping):
         raise InputError(f"{where}: expected keys and values, found {short(row)}")
-    known = ("id", *(one.name for one in fields(Truth)))
+    known = ("id", *(one.name for one in fields(ExpectedOutcome)))
     for key in row:
         if key not in known:
             raise InputError(f"{where}: unknown key {key!r}{did_you_mean(key, known)}")
@@ -108,7 +108,7 @@ def truth_of(row: object, where: str) -> Truth:
         raise InputError(f"{where}: feasible is {short(feasible)}, expected true or false")
     if top not in ("", *TOPS):
         raise InputError(f"{where}: top {top!r} is not one of {', '.join(TOPS)}")
-    return Truth(
+    return ExpectedOutcome(
         base=text_of(row, "base", where),
         part=text_of(row, "part", where),
         region=text_of(row, "region", where),
@@ -130,12 +130,14 @@ def direction(value: object, where: str) -> tuple[float, float] | None:
     return numbers[0], numbers[1]
 
 
-def row_of(sample: Sample, tree: Mapping[str, object] | None, error: str, truth: Truth | None) -> Row:
+def row_of(
+    sample: Sample, tree: Mapping[str, object] | None, error: str, truth: ExpectedOutcome | None
+) -> SampleOutcome:
     """The row of a sample from its placement.json or its error."""
     found: Mapping[str, object] = tree or {}
     base = found.get("base")
     timings = found.get("timings")
-    row = Row(
+    row = SampleOutcome(
         sample=sample.id,
         scene=sample.scene,
         object=sample.object,
@@ -165,7 +167,7 @@ def number(value: object) -> float:
     return float(value) if isinstance(value, int | float) else 0.0
 
 
-def agrees(row: Row, pose: object, truth: Truth) -> bool:
+def agrees(row: SampleOutcome, pose: object, truth: ExpectedOutcome) -> bool:
     """Whether the outcome is the intended one."""
     if truth.base not in ("", row.base) or truth.base_id not in ("", row.base_id):
         return False
@@ -181,7 +183,7 @@ def same_region(found: str, intended: str) -> bool:
     return not words or found_words == words
 
 
-def oriented(pose: object, truth: Truth) -> bool:
+def oriented(pose: object, truth: ExpectedOutcome) -> bool:
     """Whether the object's own top and front point where they should."""
     if not truth.top and truth.front is None:
         return True
@@ -197,7 +199,7 @@ def oriented(pose: object, truth: Truth) -> bool:
     return bool(tops[truth.top] and axes[:2, 1] @ ahead >= near)
 
 
-def in_words(truth: Truth) -> str:
+def in_words(truth: ExpectedOutcome) -> str:
     """An intended outcome in words."""
     if not truth.feasible:
         return f"infeasible: {truth.reason}"
@@ -209,7 +211,7 @@ def in_words(truth: Truth) -> str:
     return f"at rest {', '.join(asked)}".rstrip()
 
 
-def totals(rows: Sequence[Row]) -> dict[str, object]:
+def totals(rows: Sequence[SampleOutcome]) -> dict[str, object]:
     """Honest counts."""
     feasible = [row for row in rows if row.feasible_intended is True]
     infeasible = [row for row in rows if row.feasible_intended is False]

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
-from dcap.evaluation.outcome_table import AT_REST, Row
+from dcap.evaluation.outcome_table import AT_REST, SampleOutcome
 from dcap.evaluation.run_folder import sample_folder
 from dcap.language.model.ledger import in_words
 
@@ -19,7 +19,7 @@ PICTURES = (("clean", "before"), ("asked", "as asked"), ("settled", "after"), ("
 class Card:
     """What the page shows of one sample."""
 
-    row: Row
+    row: SampleOutcome
     kind: str
     """rest, infeasible or failed: chooses the colour."""
     pictures: tuple[tuple[str, str], ...]
@@ -33,7 +33,7 @@ class Card:
     folder: str
 
 
-def write_report(folder: Path, rows: Sequence[Row], summary: Mapping[str, object]) -> Path:
+def write_report(folder: Path, rows: Sequence[SampleOutcome], summary: Mapping[str, object]) -> Path:
     """Write report.html into a run's folder from the files of its samples."""
     cards = [card_of(folder, row) for row in rows]
     environment = Environment(
@@ -53,7 +53,7 @@ def write_report(folder: Path, rows: Sequence[Row], summary: Mapping[str, object
     return path
 
 
-def card_of(folder: Path, row: Row) -> Card:
+def card_of(folder: Path, row: SampleOutcome) -> Card:
     """The card of one sample."""
     kept = sample_folder(folder, row.sample)
     link = kept.relative_to(folder).as_posix()
@@ -91,7 +91,7 @@ def stage_bars(timings: object) -> tuple[tuple[str, float, float], ...]:
     return tuple((str(name), float(value), 100.0 * float(value) / longest) for name, value in timings.items())
 
 
-def facts_of(row: Row, tree: Mapping[str, object]) -> tuple[tuple[str, str], ...]:
+def facts_of(row: SampleOutcome, tree: Mapping[str, object]) -> tuple[tuple[str, str], ...]:
     """Name and value of what is worth a glance."""
     facts = [("support", " · ".join(word for word in (row.base, row.part) if word)), ("region", row.region)]
     if row.region_missed:

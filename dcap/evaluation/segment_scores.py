@@ -14,7 +14,7 @@ from dcap.scene.types.segmentation import Segmentation
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Truth:
+class GroundTruth:
     """What each face of a mesh really is."""
 
     ids: tuple[str, ...]
@@ -39,7 +39,7 @@ class Score:
     """IoU of each part of the truth with what is found under the same name in the found instance."""
 
 
-def overlaps(truth: Truth, found: Segmentation) -> NDArray[np.float64]:
+def overlaps(truth: GroundTruth, found: Segmentation) -> NDArray[np.float64]:
     """IoU of every true with every found instance, shape (true, found)."""
     area = found.mesh.face_areas
     rows, columns = len(truth.ids), len(found.instances)
@@ -49,7 +49,7 @@ def overlaps(truth: Truth, found: Segmentation) -> NDArray[np.float64]:
     return np.asarray((both / np.maximum(union, 1e-12))[:, 1:], dtype=np.float64)
 
 
-def scores(truth: Truth, found: Segmentation) -> list[Score]:
+def scores(truth: GroundTruth, found: Segmentation) -> list[Score]:
     """A row for each true instance that has faces, in order."""
     iou = overlaps(truth, found)
     partner = dict(zip(*(index.tolist() for index in linear_sum_assignment(iou, maximize=True)), strict=True))
@@ -57,7 +57,7 @@ def scores(truth: Truth, found: Segmentation) -> list[Score]:
     return [_score(truth, found, int(i), partner.get(int(i), -1), iou) for i in present]
 
 
-def _score(truth: Truth, found: Segmentation, true: int, other: int, iou: NDArray[np.float64]) -> Score:
+def _score(truth: GroundTruth, found: Segmentation, true: int, other: int, iou: NDArray[np.float64]) -> Score:
     if other < 0 or iou[true, other] == 0.0:
         names = sorted(set(truth.face_part[truth.face_instance == true].tolist()))
         return Score(truth.ids[true], truth.labels[true], "", "", 0.0, tuple((name, 0.0) for name in names))
@@ -68,7 +68,7 @@ def _score(truth: Truth, found: Segmentation, true: int, other: int, iou: NDArra
     )  # fmt: skip
 
 
-def _part_scores(truth: Truth, found: Segmentation, true: int, other: int) -> tuple[tuple[str, float], ...]:
+def _part_scores(truth: GroundTruth, found: Segmentation, true: int, other: int) -> tuple[tuple[str, float], ...]:
     """IoU by part name; parts of one name count together."""
     area = found.mesh.face_areas
     mine, there = found.face_instance == other, truth.face_instance == true

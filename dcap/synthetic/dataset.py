@@ -46,7 +46,7 @@ def make_dataset(
     """Write every room and object that is missing, damaged or made by another recipe.
 
     `rooms` are the only ones made, all if empty; `objects` likewise, all if None. With `splats` each room is also
-    written as so many of them. `recipes` is a folder as data/recipes; raises InputError for what is wrong in it.
+    written as that number of Gaussians. `recipes` is a folder as data/recipes; InputError says what is wrong in it.
     """
     code = _digest_of(_sources())
     for name in rooms or room_names(recipes):

@@ -36,28 +36,29 @@ app.add_typer(cache_app, name="cache")
 
 Workers = Annotated[int, typer.Option(min=1, max=64, help="Samples at a time.")]
 Dataset = Annotated[Path | None, typer.Option(help="YAML list of samples; default: the embedded rooms.")]
-Limit = Annotated[int | None, typer.Option(min=1, help="Only the first so many samples.")]
+Limit = Annotated[int | None, typer.Option(min=1, help="Only the first N samples.")]
 Language = Annotated[
     str, typer.Option(help="Who reads the sentence: offline (default), anthropic or replay.", show_default=False)
 ]
 Model = Annotated[str, typer.Option(help="Model to ask; default: " + DEFAULT_MODEL + ".", show_default=False)]
 Record = Annotated[
-    str, typer.Option(metavar="DIR", help="Keep a copy of every reply there, for --replay.", show_default=False)
+    str,
+    typer.Option(metavar="DIR", help="Keep a copy of each reply in this folder, for --replay.", show_default=False),
 ]
-Replay = Annotated[str, typer.Option(metavar="DIR", help="Answer from the replies recorded there.", show_default=False)]
+Replay = Annotated[str, typer.Option(metavar="DIR", help="Answer from replies recorded there.", show_default=False)]
 MaxCost = Annotated[float | None, typer.Option(help="Spend at most this on a model [USD].")]
 Solver = Annotated[str, typer.Option(help="Method of the solver: tl or mls.")]
 Arch = Annotated[
     str, typer.Option(help="Where the solver runs: cpu, cuda (a graphics card) or auto (cuda if it starts).")
 ]
-Stability = Annotated[bool, typer.Option("--stability", help="Push what rests around; grade what it can take.")]
+Stability = Annotated[bool, typer.Option("--stability", help="Push what is at rest and grade how much it withstands.")]
 LoadAware = Annotated[
     bool,
-    typer.Option("--load-aware", help="What gives less than 0.05 mm under the load is rigid too, not only E > 1 GPa."),
+    typer.Option("--load-aware", help="Treat parts that give less than 0.05 mm under the load as rigid too."),
 ]
 PaperLimits = Annotated[
     bool,
-    typer.Option("--paper-limits", help="Clamp the materials as the paper does (E >= 5e4 Pa ...): every foam alike."),
+    typer.Option("--paper-limits", help="Clamp materials to the paper's limits (E >= 5e4 Pa ...)."),
 ]
 Resolution = Annotated[float | None, typer.Option(help="Cell size at the contact [m]; default: from the physics.")]
 Threads = Annotated[int, typer.Option(min=0, help="Threads of the solver, 0: all cores; never changes a result.")]
@@ -93,14 +94,14 @@ def place(
     record: Record = "",
     replay: Replay = "",
     max_cost: MaxCost = None,
-    label: Annotated[str, typer.Option(help="What the scene mesh, or its unnamed nodes, shows: table.")] = "",
+    label: Annotated[str, typer.Option(help="What the scene mesh, or each of its unnamed nodes, is: table.")] = "",
     up: Annotated[str, typer.Option(help="Up axis of the scene file: z, y, -y, -z or auto.")] = "auto",
     unit: Annotated[str, typer.Option(help="Length unit of the scene file: m, cm, mm, in or auto.")] = "auto",
     object_label: Annotated[str, typer.Option(help="What the object is: mug.")] = "",
     object_up: Annotated[str, typer.Option(help="Up axis of the object file: z, y, -y, -z or auto.")] = "auto",
     object_unit: Annotated[str, typer.Option(help="Length unit of the object file: m, cm, mm, in or auto.")] = "auto",
     mass: Annotated[float | None, typer.Option(help="Mass of the object [kg]; default: a prior for its kind.")] = None,
-    seed: Annotated[int, typer.Option(min=0, help="Seed of everything random.")] = 0,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of all random numbers.")] = 0,
     resolution: Resolution = None,
     threads: Threads = 0,
     solver: Solver = "tl",
@@ -159,7 +160,9 @@ def benchmark(
     methods: Annotated[str, typer.Option(help="Comma-separated methods; there is one so far: dcap.")] = "dcap",
     limit: Limit = None,
     workers: Workers = 2,
-    only_failed: Annotated[bool, typer.Option("--only-failed", help="Only what failed in the last run.")] = False,
+    only_failed: Annotated[
+        bool, typer.Option("--only-failed", help="Only samples that failed in the last run.")
+    ] = False,
     language: Language = "",
     model: Model = "",
     record: Record = "",

@@ -75,10 +75,10 @@ def in_words(report: DatasetReport) -> str:
     parts = ["\n".join(str(one) for one in report.findings)]
     if report.scenes:
         lost = sum(not row.counted for row in report.scenes)
-        left_out = f" ({lost} unreadable left out)" if lost else ""
+        left_out = f" ({lost} unreadable, left out)" if lost else ""
         parts += [_table(report.scenes), f"deformable supports: {summary(_counted(report))}{left_out}"]
     if report.objects:
-        parts.append(f"meshes by themselves: {len(report.objects)}, {sum(one.faces for one in report.objects)} faces")
+        parts.append(f"single meshes: {len(report.objects)}, {sum(one.faces for one in report.objects)} faces")
     parts.append(", ".join(f"{report.counts[one]} {one}{'s' * (report.counts[one] != 1)}" for one in Severity))
     return "\n\n".join(part for part in parts if part)
 

@@ -10,17 +10,17 @@ from dcap.scene.types.sample import SourceOptions
 from flows.cli.checks import Json, choice
 from flows.options import UNITS, UPS, check_out
 
-dataset_app = typer.Typer(help="Make the embedded dataset, check any.", no_args_is_help=True, rich_markup_mode=None)
+dataset_app = typer.Typer(help="Make the embedded dataset, or check any.", no_args_is_help=True, rich_markup_mode=None)
 cache_app = typer.Typer(help="What has been computed.", no_args_is_help=True, rich_markup_mode=None)
 
 
 @dataset_app.command("make")
 def dataset_make(
-    folder: Annotated[Path | None, typer.Option(help="Where to; default: data/.")] = None,
+    folder: Annotated[Path | None, typer.Option(help="Output folder; default: data/.")] = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed of rooms and objects.")] = 0,
-    rooms: Annotated[str, typer.Option(help="Comma-separated names of the only rooms to make; default: all.")] = "",
+    rooms: Annotated[str, typer.Option(help="Comma-separated names of the rooms to make; default: all.")] = "",
     splats: Annotated[
-        int, typer.Option(min=0, max=4_000_000, help="Write each room as so many Gaussian splats too (500000).")
+        int, typer.Option(min=0, max=4_000_000, help="Write each room as N Gaussian splats too, e.g. 500000.")
     ] = 0,
 ) -> int:
     """Generate the embedded rooms and objects where they are missing."""
@@ -36,9 +36,9 @@ def dataset_make(
 def dataset_prepare_sugar(
     scene: Annotated[Path, typer.Argument(help="Folder (InteriorGS, or one with splats) or PLY of Gaussian splats.")],
     out: Annotated[Path | None, typer.Option(help="Folder for the results; default: data/runs/sugar/NAME.")] = None,
-    views: Annotated[int, typer.Option(min=1, max=20_000, help="Pictures; SuGaR wants hundreds that overlap.")] = 300,
-    width: Annotated[int, typer.Option(min=16, max=1920, help="Of a picture [pixel].")] = 960,
-    height: Annotated[int, typer.Option(min=16, max=1920, help="Of a picture [pixel].")] = 720,
+    views: Annotated[int, typer.Option(min=1, max=20_000, help="Number of pictures; hundreds that overlap.")] = 300,
+    width: Annotated[int, typer.Option(min=16, max=1920, help="Width of a picture [pixels].")] = 960,
+    height: Annotated[int, typer.Option(min=16, max=1920, help="Height of a picture [pixels].")] = 720,
     up: Annotated[str, typer.Option(help="Up axis of the splats: z, y, -y, -z or auto.")] = "auto",
     unit: Annotated[str, typer.Option(help="Length unit of the splats: m, cm, mm, in or auto.")] = "auto",
     seed: Annotated[int, typer.Option(min=0, help="Seed of the cameras' places.")] = 0,
@@ -66,7 +66,7 @@ def dataset_check(
         typer.Argument(help="Dataset file (YAML), folder of scenes, scene or mesh; default: the embedded dataset."),
     ] = None,
     plot: Annotated[
-        Path | None, typer.Option(help="Draw the deformable supports per scene there, as .png or .svg.")
+        Path | None, typer.Option(help="Plot the deformable supports per scene to this file, .png or .svg.")
     ] = None,
     as_json: Json = False,
 ) -> int:

@@ -14,7 +14,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn
 from rich.table import Table
 from rich.text import Text
 
-from dcap.evaluation.outcome_table import Row
+from dcap.evaluation.outcome_table import SampleOutcome
 from dcap.language.model.ledger import in_words
 from dcap.scene.types.sample import Sample
 from flows.sample_run import STAGE_NAMES, Plan
@@ -142,7 +142,7 @@ def print_plan(plans: Sequence[Plan]) -> None:
     console.print(f"{sum(plan.finished is not None for plan in plans)} of {len(plans)} samples are cached")
 
 
-def print_table(rows: Sequence[Row], summary: Mapping[str, object], folder: Path) -> None:
+def print_table(rows: Sequence[SampleOutcome], summary: Mapping[str, object], folder: Path) -> None:
     """The results of a run."""
     console = console_on_stderr()
     table = Table("sample", "verdict", "on", "expected", "", "s", box=None)

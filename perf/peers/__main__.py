@@ -17,7 +17,7 @@ from rich.table import Table
 
 from dcap.packages import module_command
 from dcap.scene.settings import PROJECT_ROOT
-from perf.peers.reference import DEPTH, Outcome
+from perf.peers.reference import DEPTH, PeerDrop
 
 PEERS_PYTHON = PROJECT_ROOT / ".venv-peers" / "bin" / "python"
 """Taken where it exists: the peers pin versions of their own, so they get an environment of their own."""
@@ -47,7 +47,7 @@ def present(python: str, package: str) -> bool:
     return subprocess.run([python, "-P", "-c", code], check=False, capture_output=True).returncode == 0
 
 
-def measured(runner: Runner, modulus: float, limit: float) -> Outcome | str:
+def measured(runner: Runner, modulus: float, limit: float) -> PeerDrop | str:
     """Outcome of one drop, or in a line why there is none."""
     command = module_command(runner.module, repr(modulus), runner.argument, repr(limit), python=runner.python)
     threads = {"QD_NUM_THREADS": str(os.cpu_count())} | dict(os.environ)  # Genesis takes one thread unless told
@@ -62,7 +62,7 @@ def measured(runner: Runner, modulus: float, limit: float) -> Outcome | str:
         said = done.stderr.strip().splitlines()
         return f"exit {done.returncode}: {said[-1] if said else 'no output'}"
     try:
-        return Outcome(**json.loads(lines[-1]))
+        return PeerDrop(**json.loads(lines[-1]))
     except (ValueError, TypeError):
         return f"no result in its last line: {lines[-1][:80]}"
 
@@ -81,7 +81,7 @@ def runners(python: str) -> list[Runner]:
     ]
 
 
-def row(outcome: Outcome, depth: float, best: Outcome | None) -> list[str]:
+def row(outcome: PeerDrop, depth: float, best: PeerDrop | None) -> list[str]:
     """Cells of the table: error against `depth` [m], times as multiples of dcap's."""
     wall, cpu = (outcome.wall / best.wall, outcome.cpu / best.cpu) if best else (float("nan"), float("nan"))
     return [
@@ -116,7 +116,7 @@ def main() -> None:
     for modulus, depth in DEPTH.items():
         titles = ["", "size", "cell", "step", "depth", "error", "at rest", "simulated", "prepared", "wall", "cpu"]
         table = Table(*titles, "wall / dcap", "cpu / dcap", box=None, title=f"E {modulus:.0e} Pa, {1e3 * depth} mm")
-        best: Outcome | None = None
+        best: PeerDrop | None = None
         for runner in runners(chosen.python):
             if chosen.only and not runner.name.lower().startswith(tuple(name.lower() for name in chosen.only)):
                 continue

@@ -67,7 +67,7 @@ def main() -> None:
 
     fall = ref.follow(advance, look, limit)
     ref.report(
-        ref.Outcome(
+        ref.PeerDrop(
             versions=f"genesis-world {version('genesis-world')}, quadrants {version('quadrants')}",
             device=device,
             elements=f"{slab.n_particles:,} particles",

@@ -98,7 +98,7 @@ def main() -> None:
     prepare = time.perf_counter() - begin
     fall = ref.follow(advance, look, limit)
     ref.report(
-        ref.Outcome(
+        ref.PeerDrop(
             versions=f"newton {version('newton')}, warp-lang {version('warp-lang')}",
             device=device,
             elements=f"{len(nodes):,} nodes, {len(tets):,} tetrahedra",

@@ -29,7 +29,7 @@ def main() -> None:
     bodies = result["bodies"]
     steps = result["certificate"].get("substeps", result["steps"])  # mls counts the intervals at which it looks
     ref.report(
-        ref.Outcome(
+        ref.PeerDrop(
             versions=f"dcap {version('dcap')}, taichi {version('taichi')}",
             device="cpu",
             elements=f"{result['particles']:,} particles",

@@ -57,7 +57,7 @@ class Fall:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Outcome(Fall):
+class PeerDrop(Fall):
     """What one drop came to; times are of the steps alone, without building and compiling."""
 
     versions: str
@@ -95,6 +95,6 @@ def follow(advance: Callable[[], float], look: Callable[[], tuple[float, float]]
             return Fall(depth=depth, speed=speed, at_rest=at_rest, simulated=simulated, wall=wall, cpu=cpu)
 
 
-def report(outcome: Outcome) -> None:
+def report(outcome: PeerDrop) -> None:
     """One JSON line, the last on standard output: simulators print there too."""
     sys.stdout.write("\n" + json.dumps(asdict(outcome)) + "\n")

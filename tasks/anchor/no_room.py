@@ -54,7 +54,7 @@ def no_room(
 def not_on_it(base: Instance, index: int, intent: Intent, away: float) -> Infeasible:
     """The refusal of a place beside something that is too far from the part: no part of the place is on it."""
     part, words = base.parts[index], intent.region.words
-    place = f"the asked place ({words})" if words else "the asked place"
+    place = f"the place asked for ({words})" if words else "the asked place"
     evidence: dict[str, object] = {
         "base": base.id,
         "part": part.name,

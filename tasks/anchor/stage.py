@@ -194,4 +194,4 @@ def covered(base: Instance, choice: Choice, carrier: Instance, index: int) -> st
 def support_note(start: Start, part: str) -> str:
     """That not all of the underside is over the support."""
     share = start.spot.share
-    return "" if share >= SHARES[0] else f"; {100 * share:.0f} % of its underside are over the {part}"
+    return "" if share >= SHARES[0] else f"; {100 * share:.0f} % of its underside is over the {part}"

@@ -195,8 +195,8 @@ def _story(result: Result) -> str:
         return f"the object left its support after {result.simulated_seconds:.2f} s"
     signals = result.certificate["signals"]
     assert isinstance(signals, dict)
-    loud = [f"{k} {row['value']:.2g} > {row['threshold']:.2g}" for k, row in signals.items() if row["margin"] < 0.0]
-    why = ", ".join(loud) or "the kick moved it"
+    exceeded = [f"{k} {row['value']:.2g} > {row['threshold']:.2g}" for k, row in signals.items() if row["margin"] < 0.0]
+    why = ", ".join(exceeded) or "the kick moved it"
     return f"no equilibrium after {result.steps} steps ({result.simulated_seconds:.2f} s): {why}"
 
 

@@ -65,7 +65,7 @@ class RenderConfig(BaseModel, frozen=True, extra="forbid"):
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class View:
+class ChosenView:
     """A camera and how much of the object it sees."""
 
     camera: Camera
@@ -186,7 +186,9 @@ def front(scene: Segmentation, anchor: Anchor) -> Array:
     return np.array([away[0], away[1], 0.0]) / length
 
 
-def best_view(things: Mesh, thing: Mesh, target: Array, distance: float, toward: Array, config: RenderConfig) -> View:
+def best_view(
+    things: Mesh, thing: Mesh, target: Array, distance: float, toward: Array, config: RenderConfig
+) -> ChosenView:
     """The candidate from which most of the object is seen, the front and the first elevation being preferred."""
     caster = Raycaster(things)
     points, normals = surface_points(thing)
@@ -198,7 +200,7 @@ def best_view(things: Mesh, thing: Mesh, target: Array, distance: float, toward:
             score = seen + FRONT_BONUS * np.cos(np.radians(azimuth)) - 0.15 * rank
             if score > best_score + 1e-9:
                 camera = looking_at(position, target, config.size, config.size, fov_deg=config.fov_deg)
-                best, best_score = View(camera, seen), score
+                best, best_score = ChosenView(camera, seen), score
     assert best is not None
     return best
 
@@ -239,7 +241,7 @@ def visible_fraction(scene: Segmentation, thing: Mesh, camera: Camera) -> float:
 
 
 def closeup(
-    scene: Segmentation, things: Mesh, thing: Mesh, settled: Settled, view: View, config: RenderConfig
+    scene: Segmentation, things: Mesh, thing: Mesh, settled: Settled, view: ChosenView, config: RenderConfig
 ) -> NDArray[np.uint8]:
     """The contact from nearby, its patch tinted as if the object were glass."""
     size = np.ptp(thing.vertices, axis=0)

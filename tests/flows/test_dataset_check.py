@@ -125,7 +125,7 @@ def test_scenes_that_cannot_be_read_are_no_scenes_without_supports(data: Path) -
     (rooms / "bed").mkdir()
     (rooms / "bed" / "bed.obj").write_text("f 1 2 3\n")
     report = check_dataset(rooms)
-    assert "1 scene, 1 (100 %) with at least one; median 1, mean 1.0, 1 in all (2 unreadable left out)" in in_words(
+    assert "1 scene, 1 (100 %) with at least one; median 1, mean 1.0, 1 in all (2 unreadable, left out)" in in_words(
         report
     )
     totals = as_tree(report)["totals"]

@@ -9,10 +9,11 @@ from dcap.evaluation.outcome_table import row_of, totals
 from dcap.scene.errors import InputError
 from dcap.scene.types.sample import Sample
 from flows.cli.display import Display, print_plan, print_table
-from flows.sample_run import STAGES, FailedSample, Plan
-from tasks.runner.stage import Event, StageEvent
+from flows.sample_run import STAGE_NAMES, FailedSample, Plan
+from tasks.runner.context import Event, StageEvent
 
 ONE, TWO, THREE = (Sample(name, "room", "ball", "put it") for name in ("one", "two", "three"))
+ALL = len(STAGE_NAMES)
 
 
 def shown(display: Display) -> str:
@@ -28,37 +29,37 @@ def test_every_sample_moves_the_bar_once() -> None:
     display = Display([ONE, TWO, THREE])
     display.planned(Plan(ONE, (), "", "", failed=FailedSample(ONE, InputError("no"))))
     display.planned(Plan(TWO, (), "mesh", "new"))
-    display.planned(Plan(THREE, STAGES[:10], "render", "new"))
+    display.planned(Plan(THREE, STAGE_NAMES[:-1], STAGE_NAMES[-1], "new"))
     display.failed(ONE, "no")
     display.serving("http://127.0.0.1:1/api")
     assert "0/2" in shown(display)
     display.failed(TWO, "the server is gone")
     assert "1/2" in shown(display)
-    for stage in STAGES:
+    for stage in STAGE_NAMES:
         display.listener(THREE)(StageEvent(stage, Event.CACHED))
-    assert "11 of 11 stages" in shown(display)
+    assert f"{ALL} of {ALL} stages" in shown(display)
     display.finished(THREE)
     assert "2/2" in shown(display)
 
 
 def test_an_infeasible_sample_has_the_stages_it_got_to() -> None:
     """A sample that ends in an overview counts its own stages, not those of a feasible one."""
-    plan = Plan(ONE, STAGES[:5], "overview", "new")
+    plan = Plan(ONE, STAGE_NAMES[:5], "overview", "new")
     assert (plan.later, plan.stage_count) == ((), 6)
     display = Display([ONE])
-    display.planned(Plan(ONE, STAGES[:2], "segment", "new"))
-    for stage in (*STAGES[:5], "overview"):
+    display.planned(Plan(ONE, STAGE_NAMES[:2], "segment", "new"))
+    for stage in (*STAGE_NAMES[:5], "overview"):
         display.listener(ONE)(StageEvent(stage, Event.FINISHED))
-    assert "6 of 11 stages" in shown(display)
+    assert f"6 of {ALL} stages" in shown(display)
     display.finished(ONE)
     assert "6 of 6 stages" in shown(display)
 
 
 def test_a_plan_counts_the_stages_of_each_sample(capsys: pytest.CaptureFixture[str]) -> None:
     """Of an infeasible sample that lacks its overview five of six stages are there."""
-    print_plan([Plan(ONE, STAGES[:5], "overview", "new"), Plan(TWO, STAGES[:5], "rotation", "new")])
+    print_plan([Plan(ONE, STAGE_NAMES[:5], "overview", "new"), Plan(TWO, STAGE_NAMES[:5], "rotation", "new")])
     assert "5 of 6" in (said := capsys.readouterr().err)
-    assert "5 of 11" in said
+    assert f"5 of {ALL}" in said
 
 
 def test_ids_are_shown_as_they_are(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:

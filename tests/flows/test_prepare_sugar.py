@@ -78,10 +78,10 @@ def test_everything_that_sugar_takes_is_there(prepared: Path, room: Path) -> Non
         "checkpoint/point_cloud/iteration_7000/point_cloud.ply", "run_sugar.sh", "prepared.json",
     }  # fmt: skip
     for name in pictures:
-        image = np.asarray(Image.open(prepared / name))
-        assert image.shape == (48, 64, 3)
-        assert image.std() > 2.0
-        assert np.median(image) > 50  # a room by day, not the black behind it
+        pixels = np.asarray(Image.open(prepared / name))
+        assert pixels.shape == (48, 64, 3)
+        assert pixels.std() > 2.0
+        assert np.median(pixels) > 50  # a room by day, not the black behind it
     cameras = json.loads((prepared / "checkpoint" / "cameras.json").read_text())
     model = read_colmap(prepared / "sparse" / "0")
     assert [f"images/{c['img_name']}.png" for c in cameras] == pictures == [f"images/{i.name}" for i in model.images]
@@ -105,6 +105,7 @@ def test_the_same_input_gives_the_same_bytes(prepared: Path, room: Path, tmp_pat
     assert all(first[name] == again[name] for name in first if name not in ("run_sugar.sh", "prepared.json"))
 
 
+@pytest.mark.slow
 def test_a_second_run_replaces_the_first_and_keeps_the_rest(
     room: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

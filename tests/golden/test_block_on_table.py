@@ -3,6 +3,7 @@
 import json
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -35,7 +36,7 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
         yield folder
 
 
-def placed(files: Path, capsys: pytest.CaptureFixture[str], *options: str) -> tuple[dict[str, object], list[str]]:
+def placed(files: Path, capsys: pytest.CaptureFixture[str], *options: str) -> tuple[dict[str, Any], list[str]]:
     """The result of a placement, and the stages that were computed for it."""
     before = {path.name for path in (files / "data" / "cache" / "records").glob("*")}
     frame = ["--label", "table", "--up", "z", "--unit", "m", "--object-up", "z", "--object-unit", "m"]

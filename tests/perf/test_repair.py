@@ -6,10 +6,10 @@ from pathlib import Path
 import pytest
 
 from dcap.scene.types.repair_report import Method, RepairReport
-from perf.repair import SAMPLES, SUPPORTS, Row, room_rows, sample_rows, summaries
+from perf.repair import SAMPLES, SUPPORTS, PartRepair, room_rows, sample_rows, summaries
 
 
-def assert_good(rows: list[Row]) -> None:
+def assert_good(rows: list[PartRepair]) -> None:
     """Closed, sure of its inside, moved by less than the tolerance."""
     bad = [(r.place, r.thing, r.part, r.report.problem) for r in rows if not r.good]
     assert rows
@@ -28,7 +28,7 @@ def test_every_support_of_an_embedded_room_is_closed(name: str) -> None:
 def test_missing_sample_data_are_told(monkeypatch: pytest.MonkeyPatch) -> None:
     """Without its folder the table says that a part of it is missing."""
     report = RepairReport(Method.CLOSED, True, 1.0, 0.0, 0.0, 5e-3, 2e-3, 0.1, 0.0, (), "")
-    rows = [Row("room", "bed", "mattress", True, report, 1.0)]
+    rows = [PartRepair("room", "bed", "mattress", True, report, 1.0)]
     monkeypatch.delenv(SAMPLES, raising=False)
     assert summaries(rows, [])[-1] == "sample data: not measured (DCAP_SAMPLE_DATA is not set)"
     monkeypatch.setenv(SAMPLES, "here")

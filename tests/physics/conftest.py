@@ -2,6 +2,7 @@
 
 import json
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -50,7 +51,9 @@ def rigid(
         lambda p: solid.distance((p - position) @ turn), vertices.min(0) - 0.02, vertices.max(0) + 0.02, spacing
     )
     inertia = turn @ np.diag(solid.inertia_per_mass * mass) @ turn.T
-    return RigidBody(name, fixed, vertices, surface.faces, grid, mass, position, *mu, rolling, inertia, **start)
+    return RigidBody(
+        name, fixed, vertices, surface.faces, grid, mass, position, mu[0], mu[1], rolling, inertia, **start
+    )
 
 
 def rigid_mesh(name, mesh, position, *, mass=1.0, mu=(0.5, 0.4), rolling=0.0, rotation=None, spacing=0.0015, **start):
@@ -62,7 +65,9 @@ def rigid_mesh(name, mesh, position, *, mass=1.0, mu=(0.5, 0.4), rolling=0.0, ro
     natural, center, inertia = mass_properties(placed, 1000.0)
     sdf = SignedDistance(grid.origin, grid.spacing, grid.values)
     inertia = inertia * mass / natural
-    return RigidBody(name, False, placed.vertices, placed.faces, sdf, mass, center, *mu, rolling, inertia, **start)
+    return RigidBody(
+        name, False, placed.vertices, placed.faces, sdf, mass, center, mu[0], mu[1], rolling, inertia, **start
+    )
 
 
 def floor(**options):
@@ -106,7 +111,9 @@ def soft(
         state[held] = HELD
     grid = sampled(lambda p: solid.distance(p - position), low - 0.02, high + 0.02, spacing or cell / 3)
     interior = Interior(points, volume, rho * one, E * one, nu * one, planes, state, loaded)
-    return SoftBody(name, fixed, vertices, surface.faces, grid, rho * solid.volume, position, *mu, 0.0, interior)
+    return SoftBody(
+        name, fixed, vertices, surface.faces, grid, rho * solid.volume, position, mu[0], mu[1], 0.0, interior
+    )
 
 
 def drop(*bodies, gravity=(0.0, 0.0, -GRAVITY), **config):
@@ -134,7 +141,7 @@ def reference_drop(folder, mass, E, resolution="auto"):
     folder.mkdir(exist_ok=True)
     path = folder / "case.yaml"
     path.write_text(json.dumps(case))
-    result = run_case(path, folder / "out", threads=2, quiet=True)
+    result: Any = run_case(path, folder / "out", threads=2, quiet=True)
     assert result["verdict"] == "at_rest"
     return result, THICK - result["bodies"]["ball"]["aabb"][0][2]
 

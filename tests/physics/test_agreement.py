@@ -29,7 +29,7 @@ def test_a_soft_cube_on_a_plane(lab):
         boxes.append([vertices[:, 2].max(), vertices[:, 2].min(), *np.ptp(vertices[:, :2], axis=0)])
         assert result.contacts[0]["normal_force_n"] == pytest.approx(weight, rel=0.01)
     # both sides of the width are surfaces
-    assert np.abs(np.subtract(*boxes)).max() < 2 * RESOLVED
+    assert np.abs(np.subtract(boxes[0], boxes[1])).max() < 2 * RESOLVED
     assert abs(boxes[0][0] - boxes[1][0]) < RESOLVED
 
 

@@ -21,7 +21,7 @@ def settled(lab, *bodies):
         kept["state"] = state
         return write(verdict, state, *rest)
 
-    one._result = keep
+    one._result = keep  # type: ignore[method-assign]
     result = one.run(None)
     assert result.verdict == "at_rest"
     return result, one, kept["state"]

@@ -76,6 +76,7 @@ def test_a_gate_stands_over_what_fits_under_it_and_on_what_does_not(lab, height,
     assert heights == pytest.approx(np.full(len(heights), 0.1 + gate_at if gate_at else 0.0), abs=PENETRATION)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("share", [0.9, 1.1])
 def test_a_mug_topples_iff_its_centre_of_mass_passes_its_foot(lab, share):
     """On a slope that is too rough to slide on: tan(a) = (foot's reach downhill) / (height of the centre of mass)."""

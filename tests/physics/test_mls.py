@@ -166,6 +166,7 @@ def test_a_soft_block_slides_iff_the_slope_beats_static_friction(lab, share, sli
         assert result.verdict == "at_rest"
 
 
+@pytest.mark.slow
 def test_two_runs_give_the_same_bytes(lab):
     """Nothing that decides the result is added in a varying order."""
     results = [drop(lab, blob(lab, 0.052), lab.floor(), step_limit=15, mls_cell=0.0125) for _ in range(2)]
@@ -210,6 +211,7 @@ def test_a_soft_body_rests_on_a_soft_body_through_the_grid(lab):
     assert -0.5 * h < result.bodies[0].vertices[:, 2].min() - 0.05 < 3.0 * h
 
 
+@pytest.mark.slow
 def test_rigid_bodies_stand_on_each_other_beside_the_material(lab):
     """A rigid cube on a rigid floor comes to rest on it while a soft body rests elsewhere."""
     cube = lab.rigid("cube", lab.Box(np.full(3, 0.05)), [0.2, 0, 0.0255], mass=0.5)

@@ -64,6 +64,7 @@ def test_solutions_solve(sliding, coupled):
     assert np.linalg.norm(left) < (1.001e-4 if coupled else 1e-3) * np.linalg.norm(trial.right)
 
 
+@pytest.mark.slow
 def test_newton_converges_where_every_point_slides(sliding):
     """A block thrown along the floor: friction limits follow its bounce, and each step is solved to its tolerance."""
     stepper, problem, _, _ = sliding

@@ -32,7 +32,9 @@ def test_a_cube_rests_flat_and_its_contact_carries_its_weight(lab, mass):
     assert np.degrees(Rotation.from_matrix(result.bodies[0].rotation).magnitude()) < 0.1
 
 
-@pytest.mark.parametrize(("share", "verdict"), [(0.9, "at_rest"), (1.1, "left_target")])
+@pytest.mark.parametrize(
+    ("share", "verdict"), [(0.9, "at_rest"), pytest.param(1.1, "left_target", marks=pytest.mark.slow)]
+)
 def test_a_block_slides_iff_the_slope_beats_static_friction(lab, share, verdict):
     """It stays iff tan(a) <= mu = 0.5; mu_d = mu_s, since some points slip while the load builds up."""
     angle = np.arctan(0.5 * share)
@@ -73,6 +75,7 @@ def test_a_tall_box_topples_past_its_critical_angle_and_not_before(lab, lean, st
     assert upright == stands
 
 
+@pytest.mark.slow
 def test_a_cylinder_balanced_on_its_rim_is_not_a_rest_state(lab):
     """A balance that a kick of 1 mm/s destroys is reported as a fall, not as rest where it stood."""
     solid = lab.Cylinder(0.03, 0.1)
@@ -126,6 +129,7 @@ def test_a_ball_rolls_down_at_five_sevenths(lab):
     assert measured == pytest.approx(5.0 / 7.0 * lab.gravity * np.sin(angle), rel=0.02)
 
 
+@pytest.mark.slow
 def test_a_rolling_ball_stops_where_rolling_resistance_says(lab):
     """Torque b N about the contact: a = 5/7 g b / R, so s = v^2 / (2 a)."""
     radius, length, speed = 0.05, 0.002, 0.25
@@ -164,6 +168,7 @@ def cone(radius=0.04, height=0.1):
     return Mesh.of(turned_over.vertices, turned_over.faces)
 
 
+@pytest.mark.slow
 def test_a_cone_on_its_tip_is_not_a_rest_state(lab):
     """It balances exactly until the kick; the reported state is another one."""
     result = lab.drop(lab.rigid_mesh("cone", cone(), [0, 0, 1e-4]), lab.floor())
@@ -183,6 +188,7 @@ def test_a_mug_stands(lab):
     assert np.ptp(touching[:, :2], axis=0).min() > 0.7 * np.ptp(foot[:, :2], axis=0).min()
 
 
+@pytest.mark.slow
 def test_a_dumbbell_rests_on_its_heads(lab):
     """Two balls on a bar: contact is under both heads and nowhere else."""
     heads = [trimesh.creation.icosphere(3, 0.04) for _ in range(2)]
@@ -199,6 +205,7 @@ def test_a_dumbbell_rests_on_its_heads(lab):
     assert {*np.sign(touching)} == {-1.0, 1.0}
 
 
+@pytest.mark.slow
 def test_a_stack_of_five_boxes_stands(lab):
     """Four interfaces and the floor: every box stays within a millimetre of where it was put."""
     size, gap = np.array([0.12, 0.12, 0.06]), 2e-4

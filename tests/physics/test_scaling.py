@@ -58,7 +58,7 @@ def test_the_default_resolution_is_fine_enough(lab, tmp_path, mass, E):
 def test_the_surfaces_in_a_picture_neither_gape_nor_overlap(lab, tmp_path, E):
     """Between the ball and the deformed surface as written to the PLY file: at most 0.3 mm anywhere in the contact."""
     result, depth = lab.reference_drop(tmp_path, 1.0, E)
-    slab = trimesh.load(tmp_path / "out" / "slab.ply", process=False)
+    slab = trimesh.load_mesh(tmp_path / "out" / "slab.ply", process=False)
     center = np.array(result["bodies"]["ball"]["position"])
     points = np.concatenate([slab.vertices, slab.triangles_center])
     gap = np.linalg.norm(points - center, axis=1) - lab.radius

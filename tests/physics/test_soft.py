@@ -23,6 +23,7 @@ def test_a_uniaxially_pressed_column_obeys_the_closed_form(lab):
     assert sink == pytest.approx(first_order, rel=0.02)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("through", "long"),
     [(2, 16), (2, 8), pytest.param(3, 24, marks=pytest.mark.slow), pytest.param(4, 32, marks=pytest.mark.slow)],
@@ -41,6 +42,7 @@ def test_a_cantilever_bends_as_converged_finite_elements_say(lab, through, long)
     assert tip == pytest.approx(0.074146, rel=0.03)
 
 
+@pytest.mark.slow
 def test_a_body_at_rest_on_its_own_weight_gives_the_same_bytes_twice(lab):
     """Nothing that decides the result is summed in a varying order: two runs agree to the last bit."""
     blob = lab.soft("blob", lab.Capsule(0.05, 0.0), [0, 0, 0.052], E=3e4, cell=0.0125)
@@ -48,6 +50,7 @@ def test_a_body_at_rest_on_its_own_weight_gives_the_same_bytes_twice(lab):
     assert np.array_equal(results[0].bodies[0].vertices, results[1].bodies[0].vertices)
 
 
+@pytest.mark.slow
 def test_a_pillow_like_body_rests_on_a_mattress_like_body(lab):
     """Soft on soft: the softer, lighter body comes to rest and the contact carries its weight within 0.5 %."""
     base = lab.soft("base", lab.Box(np.array([0.4, 0.4, 0.1])), [0, 0, 0.05], E=5e4, rho=60.0, cell=0.025,

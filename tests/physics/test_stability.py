@@ -85,6 +85,7 @@ def test_trials_leave_nothing_behind(lab):
     assert grade(drop, rest, None) == grade(drop, rest, None)
 
 
+@pytest.mark.slow
 def test_what_does_not_rest_is_not_graded(lab):
     """There is no rest state to push on a slope that is too steep."""
     box = lab.rigid("box", lab.Box(np.array([0.1, 0.1, 0.1])), [0, 0, 0.051])
@@ -117,7 +118,7 @@ def test_the_search_finds_every_threshold_within_its_bound_of_trials(most, data)
     """log2 rounded up, with a guess two more than twice that, two in all with a right one; nothing is tried twice."""
     true = data.draw(st.integers(0, most))
     guess = data.draw(st.none() | st.integers(0, most))
-    tried = []
+    tried: list[int] = []
     found = largest_held(lambda level: tried.append(level) or level <= true, most, guess)
     assert found == true
     assert len(set(tried)) == len(tried)

@@ -25,7 +25,11 @@ def box_of(mesh: Mesh) -> OrientedBox:
     return OrientedBox((low + high) / 2, np.eye(3), np.maximum((high - low) / 2, 1e-6))
 
 
-def segmentation(things: dict[str, tuple[str, Corner | None, Sequence[Solid]]]) -> Segmentation:
+Things = dict[str, tuple[str, Corner | None, Sequence[Solid]]]
+"""Label, front and named solids by id."""
+
+
+def segmentation(things: Things) -> Segmentation:
     """Instances by id: label, front and named solids."""
     instances, meshes, face_instance, face_part = [], [], [], []
     for index, (name, (label, front, solids)) in enumerate(things.items()):

@@ -15,7 +15,7 @@ from typing import Any
 from pydantic import TypeAdapter
 
 from dcap.language.offline.client import OfflineClient
-from dcap.language.protocol.questions import ANCHOR, INTENT, LABEL, MATERIALS, PARTS, ROTATION
+from dcap.language.protocol.questions import ANCHOR, INTENT, LABEL, MATERIALS, PARTS, ROTATION, Question
 
 KEY = "sk-never-to-be-shown"
 Body = dict[str, Any]
@@ -200,9 +200,9 @@ def question_of(body: Body) -> str:
 
 def offline_model(body: Body) -> Answer:
     """Reads the call's data and answers as the offline reader would."""
-    question = QUESTIONS[question_of(body)]
+    question: Question[Any, Any] = QUESTIONS[question_of(body)]
     request = TypeAdapter(question.request).validate_python(data_of(body))
-    return message(OfflineClient().ask(question, request).model_dump_json())  # type: ignore[type-var]
+    return message(OfflineClient().ask(question, request).model_dump_json())
 
 
 def self_willed(**changes: Mapping[str, object] | Callable[[Body], Body]) -> Callable[[Body], Answer]:

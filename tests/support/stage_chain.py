@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeVar
 
+import pytest
 from box_rooms import ROOM
 from fake_api import FakeApi
 
@@ -25,6 +26,8 @@ from tasks.materials.stage import MaterialsConfig, materials
 from tasks.rotation.stage import RotationConfig, rotation
 
 MODEL = "claude-sonnet-5-5"
+MARKS = {ClientName.REPLAY: pytest.mark.slow}
+"""A replay asks first, so it costs twice what the model costs; `make check` is content with the other two."""
 PICTURE_SIZE = 64
 """Width and height of the rotation's pictures [pixels]."""
 
@@ -111,6 +114,10 @@ def set_over(
     return meant, pose, anchor(room, item, meant, pose, prompt, AnchorConfig(), client)
 
 
-def with_each(cases: Sequence[tuple[object, ...]], *told: object) -> list[tuple[object, ...]]:
+def with_each(cases: Sequence[tuple[object, ...]], *told: object) -> list[object]:
     """Cases with a client before each: offline for all, every client for those whose first value is told."""
-    return [(one, *case) for case in cases for one in (ClientName if case[0] in told else (ClientName.OFFLINE,))]
+    return [
+        pytest.param(one, *case, marks=MARKS.get(one, ()))
+        for case in cases
+        for one in (ClientName if case[0] in told else (ClientName.OFFLINE,))
+    ]

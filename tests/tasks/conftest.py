@@ -4,12 +4,12 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from stage_chain import Stages
+from stage_chain import MARKS, Stages
 
 from dcap.language.protocol.client import ClientName
 
 
-@pytest.fixture(params=list(ClientName))
+@pytest.fixture(params=[pytest.param(one, marks=MARKS.get(one, ())) for one in ClientName])
 def stages(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Stages]:
     """Offline, with the model's stand-in, and with what that was recorded to say; the latter two must have asked it."""
     if request.param is ClientName.OFFLINE:

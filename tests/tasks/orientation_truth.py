@@ -2,9 +2,9 @@
 
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
-import yaml
 from box_rooms import block, segmentation
 from numpy.typing import NDArray
 
@@ -16,12 +16,13 @@ from dcap.scene.types.rotation import Rotation
 from dcap.scene.types.segmentation import Segmentation
 from dcap.synthetic.furniture.decor import table_lamp
 from dcap.synthetic.objects import build_object
+from flows.samples import load_yaml
 from tasks.intent.stage import IntentConfig, intent
 from tasks.rotation.stage import RotationConfig, rotation
 
 Array = NDArray[np.float64]
 Alternative = dict[str, str | float]
-TRUTH = yaml.safe_load((Path(__file__).parent / "rotation_truth.yaml").read_text())
+TRUTH: Any = load_yaml(Path(__file__).parent / "rotation_truth.yaml")
 DIRECTIONS = {
     "up": (0, 0, 1), "down": (0, 0, -1), "window": (1, 0, 0), "left": (-1, 0, 0), "wall": (0, 1, 0), "user": (0, -1, 0),
 }  # fmt: skip

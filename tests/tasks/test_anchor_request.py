@@ -17,7 +17,7 @@ from dcap.scene.types.intent import Intent
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.rotation import Rotation
 from dcap.scene.types.segmentation import Instance, Part, Segmentation
-from tasks.anchor import request as made
+from tasks.anchor.base_picture import base_from_above
 from tasks.anchor.request import anchor_request
 from tasks.anchor.stage import AnchorConfig, anchor
 from tasks.intent.stage import IntentConfig, intent
@@ -101,9 +101,9 @@ def test_model_is_told_the_sentence_and_chooses_as_the_offline_reader_does(api):
 
 def test_picture_shows_the_base_as_the_viewer_sees_it(monkeypatch):
     """Nothing is drawn before a client looks; then red is right of green and nearer to the lower edge."""
-    drawn = []
-    real = made.base_from_above
-    monkeypatch.setattr(made, "base_from_above", lambda *args: drawn.append(1) or real(*args))
+    drawn: list[int] = []
+    real = base_from_above
+    monkeypatch.setattr("tasks.anchor.request.base_from_above", lambda *args: drawn.append(1) or real(*args))
     request = anchor_request(ROOM, ROOM.instances[0], asked(SENTENCE), SENTENCE, ITEM.mesh)
     assert not drawn
     (make,) = request.pictures

@@ -4,8 +4,10 @@ The place is judged without the stage's regions: by the boxes of the true faces 
 made from, and where the words put a thing on it or beside another one.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -17,7 +19,7 @@ from dcap.synthetic.rooms import BuiltRoom
 from flows.samples import load_yaml
 from perf.aims import Shot, aim_from, read_samples, read_truths, room_of, shot
 
-SENTENCES = load_yaml(Path(__file__).parent / "data" / "sentences.yaml")
+SENTENCES: Any = load_yaml(Path(__file__).parent / "data" / "sentences.yaml")
 QUICK = ("bedroom_01", "living_02", "hall_01")
 """Rooms of the slow tests; the others belong to the sweep."""
 EVERY = [pytest.param(QUICK, marks=pytest.mark.slow), pytest.param(room_names(), marks=pytest.mark.sweep)]
@@ -103,7 +105,7 @@ def reference(room: BuiltRoom, base: str, name: str) -> np.ndarray:
     return points_of(room, base, name.removeprefix("part:")) if name.startswith("part:") else points_of(room, name)
 
 
-def place_faults(room: BuiltRoom, row: dict, found: Shot) -> list[str]:
+def place_faults(room: BuiltRoom, row: dict[str, Any], found: Shot) -> list[str]:
     """What is wrong with where an object was aimed at, by the room's truth."""
     anchor = found.anchor
     assert isinstance(anchor, Anchor)
@@ -129,7 +131,7 @@ def place_faults(room: BuiltRoom, row: dict, found: Shot) -> list[str]:
     return result
 
 
-def report(failed: list[tuple[str, object]]) -> str:
+def report(failed: Sequence[tuple[str, object]]) -> str:
     return "\n".join(f"{name}: {what}" for name, what in failed)
 
 

@@ -1,10 +1,11 @@
 """Where things go in rooms made of boxes, whose answers can be computed by hand, and why they do not go at all."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
-from box_rooms import CUBE, HALL, ROOM, ball, block, mug, segmentation, thing
+from box_rooms import CUBE, HALL, ROOM, Things, ball, block, mug, segmentation, thing
 from stage_chain import Stages, with_each
 
 from dcap.geometry.placement.poses import center_of_mass
@@ -120,7 +121,7 @@ def test_too_large_says_so_with_numbers(stages):
 
 def test_full_target_is_too_large_as_well():
     """A bed whose mattress is covered with boxes has no room."""
-    things = {
+    things: Things = {
         "bed": ("bed", (0.0, -1.0, 0.0), [("mattress", block((-0.5, -0.5, 0.0), (0.5, 0.5, 0.3)))]),
     }
     for row in range(4):
@@ -276,7 +277,7 @@ def test_near_a_part_of_two_pieces_is_near_one_of_them(words, signs):
 
 def test_full_target_names_what_is_in_the_way():
     """A desk covered with books but for gaps of 5 cm: too large, with the books and the lamp by name."""
-    things = {"desk": ("desk", (0.0, -1.0, 0.0), [("top", block((-0.6, -0.3, 0.7), (0.6, 0.3, 0.74)))])}
+    things: Things = {"desk": ("desk", (0.0, -1.0, 0.0), [("top", block((-0.6, -0.3, 0.7), (0.6, 0.3, 0.74)))])}
     for row in range(4):
         low = (-0.6 + 0.25 * row, -0.3, 0.74)
         things[f"book_{row}"] = ("book", None, [("body", block(low, (low[0] + 0.2, 0.3, 0.8)))])
@@ -287,7 +288,8 @@ def test_full_target_names_what_is_in_the_way():
     assert found.reason is Reason.TOO_LARGE_FOR_TARGET
     assert "in the way: book" in found.message
     assert found.evidence["blocked_share"] == 1.0
-    assert {row["id"] for row in found.evidence["in_the_way"]} <= {*things}
+    in_the_way: Any = found.evidence["in_the_way"]
+    assert {row["id"] for row in in_the_way} <= {*things}
 
 
 def test_one_of_two_edges_is_named():
@@ -309,6 +311,7 @@ def test_stages_are_deterministic():
     assert np.array_equal(first.world_from_object, second.world_from_object)
 
 
+@pytest.mark.slow
 def test_a_steady_place_nearby_is_taken():
     """A ball meant for the crest of a fold, 5 cm high and 40 cm wide, goes beside it; on a bed that slopes all over, or
     is so narrow that the crest is all there is, it stays at the middle."""

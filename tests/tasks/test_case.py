@@ -9,7 +9,7 @@ import pytest
 from dcap.scene.errors import InputError
 from solver.errors import UnstableStep
 from tasks.case.bodies import case_particles
-from tasks.case.file import Case, read_case
+from tasks.case.file import Case, CaseMaterial, read_case
 from tasks.case.run import run_case
 
 CUBE = """
@@ -68,7 +68,9 @@ def test_bad_input_is_refused_in_one_line_that_names_key_and_value(case_file, tm
 
 def test_a_number_in_scientific_notation_is_a_number(case_file):
     """YAML 1.2: 1.0e10 is a float, not a string."""
-    assert read_case(case_file(CUBE)).bodies[1].material.youngs_modulus == 1e10
+    material = read_case(case_file(CUBE)).bodies[1].material
+    assert isinstance(material, CaseMaterial)
+    assert material.youngs_modulus == 1e10
 
 
 def test_a_fixed_soft_body_needs_a_clamp(case_file):
@@ -78,6 +80,7 @@ def test_a_fixed_soft_body_needs_a_clamp(case_file):
         read_case(case_file(text))
 
 
+@pytest.mark.slow
 def test_bodies_that_start_inside_each_other_are_refused(case_file, tmp_path):
     """Deep overlap has no honest rest state."""
     with pytest.raises(InputError, match="inside each other"):
@@ -118,6 +121,7 @@ def test_an_earlier_result_is_replaced_and_other_files_stay(case_file, tmp_path,
     assert {p.name for p in out.iterdir()} == {"result.json", "notes.txt"}
 
 
+@pytest.mark.slow
 def test_more_cells_than_a_person_waits_for_are_refused_before_anything_is_built(case_file, tmp_path):
     """A slip in --resolution costs no memory."""
     soft = CUBE.replace("youngs_modulus: 1.0e10", "youngs_modulus: 1.0e5")
@@ -125,6 +129,7 @@ def test_more_cells_than_a_person_waits_for_are_refused_before_anything_is_built
         run_case(case_file(soft), tmp_path / "out", resolution=1e-4, quiet=True)
 
 
+@pytest.mark.slow
 def test_a_tiny_body_costs_no_more_memory_than_a_large_one(tmp_path):
     """Samples of the signed distance are counted in units of the body's size: 1 mm across as well as 10 cm."""
     counts = []

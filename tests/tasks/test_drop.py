@@ -83,6 +83,7 @@ def test_a_box_on_a_table_is_at_rest() -> None:
     assert abs(found.bodies[0].surface.bounds[0, 2]) < 3e-4
 
 
+@pytest.mark.slow
 def test_a_ball_on_a_slope_leaves_its_target() -> None:
     """Rolling resistance holds a slope of b / R = 2 % only."""
     turn = Rotation.from_euler("y", 15, degrees=True).as_matrix()
@@ -92,10 +93,13 @@ def test_a_ball_on_a_slope_leaves_its_target() -> None:
     assert found.evidence["certificate"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("pose", "facing", "reason"), [
     ("upright", "", Reason.TOPPLED), ("any", "wall", Reason.TOPPLED), ("any", "", None),
 ])  # fmt: skip
-def test_falling_over_counts_only_where_a_pose_or_a_facing_was_asked(pose: str, facing: str, reason: Reason) -> None:
+def test_falling_over_counts_only_where_a_pose_or_a_facing_was_asked(
+    pose: str, facing: str, reason: Reason | None
+) -> None:
     """A tall box put down askew falls on its side: toppled if it was to stand or to look somewhere, else at rest."""
     turn = Rotation.from_euler("y", 25, degrees=True).as_matrix()
     box = Box(np.array([0.04, 0.04, 0.16]))
@@ -151,6 +155,7 @@ def test_a_step_that_cannot_be_solved_is_reported_as_that() -> None:
     assert "t = " in found.message
 
 
+@pytest.mark.slow
 def test_resting_beside_the_base_is_not_resting_on_it() -> None:
     """The share of the weight that the base's own bodies carry decides."""
     item = body("object", Box(np.array([0.1, 0.1, 0.1])), [0, 0, 0.051], fixed=False)

@@ -37,7 +37,7 @@ SOFA = "sup_couch_kaykit/couch.gltf"
 @cache
 def read(name: str, label: str, role: Role) -> Segmentation:
     scan = cleaned(read_scan(FOLDER / name, SourceOptions(label=label), role), MeshConfig())
-    return (segment if role is Role.SCENE else segment_object)(scan, SegmentConfig())
+    return (segment if role is Role.SCENE else segment_object)(scan, SegmentConfig(), OfflineClient())
 
 
 @pytest.mark.parametrize(

@@ -2,6 +2,7 @@
 
 import json
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -63,12 +64,13 @@ def test_a_bar_that_bends_stays_soft():
     assert models(block(bar, 9e8, clamp="bottom"), BALL)[0][0] == "rigid"
 
 
+@pytest.mark.slow
 def test_a_drop_says_what_it_treated_as_rigid(tmp_path):
     """The result warns and has no particles."""
     cube = BALL | {"shape": {"box": {"size": [0.1, 0.1, 0.1]}}}
     path = tmp_path / "case.yaml"
     path.write_text(json.dumps({"bodies": [block([0.2, 0.2, 0.1], 9e8), cube]}))
-    result = run_case(path, tmp_path / "out", load_aware=True, quiet=True)
+    result: Any = run_case(path, tmp_path / "out", load_aware=True, quiet=True)
     assert result["verdict"] == "at_rest"
     assert result["particles"] == 0
     assert any("block is treated as rigid" in str(one) for one in result["warnings"])

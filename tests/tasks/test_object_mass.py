@@ -27,6 +27,7 @@ def one(label: str, part: str, shape: trimesh.Trimesh) -> Segmentation:
 TABLE = one("table", "top", trimesh.creation.box(bounds=[(-0.6, -0.4, 0.7), (0.6, 0.4, 0.74)]))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("label", "shape", "usual", "solid"),
     [

@@ -56,7 +56,7 @@ class Namer(OfflineClient):
         self.name = name
         self.asked: list[PartsRequest] = []
 
-    def ask(self, question: Question[Any, Any], request: PartsRequest) -> Any:
+    def ask(self, question: Question[Any, Any], request: Any) -> Any:
         assert question is PARTS
         self.asked.append(request)
         names = tuple(PartName(index=p.part.index, name=self.name, confidence=0.3) for p in request.parts)

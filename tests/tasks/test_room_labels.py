@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from dcap.evaluation.label_scores import label_accuracy, means_the_same
-from dcap.evaluation.segment_scores import Score, Truth, scores
+from dcap.evaluation.segment_scores import GroundTruth, Score, scores
 from dcap.geometry.primitives import Box
 from dcap.language.offline.client import OfflineClient
 from dcap.language.protocol.client import ClientName, LanguageConfig, connect
@@ -51,7 +51,7 @@ def scored(name: str, seed: int = 0) -> tuple[Segmentation, list[Score]]:
     """A generated room, stripped of its annotation, and how what was found agrees with what it was made of."""
     room = build_room(name, seed)
     found = segment(bare(room.record.mesh), SegmentConfig(), OfflineClient())
-    truth = Truth(room.instance_ids, room.instance_labels, room.face_instance, room.face_part)
+    truth = GroundTruth(room.instance_ids, room.instance_labels, room.face_instance, room.face_part)
     return found, scores(truth, found)
 
 
@@ -84,6 +84,7 @@ def test_which_labels_are_right(found: str, true: str, right: bool) -> None:
     assert means_the_same(found, true) is right
 
 
+@pytest.mark.slow
 def test_a_bathroom_without_annotations() -> None:
     """Every thing of a bathroom is found under its name, the tank in the toilet, the basin in its cabinet."""
     check_room("bathroom_01", labels=1.0)
@@ -127,6 +128,7 @@ def test_the_heading_of_a_room_does_not_matter() -> None:
     assert sorted(one.id for one in straight.instances) == sorted(one.id for one in tilted.instances)
 
 
+@pytest.mark.slow
 def test_a_model_is_asked_only_where_nothing_else_says(monkeypatch: pytest.MonkeyPatch) -> None:
     """With boxes around things of one part no client is needed; without boxes the model is, its absence is an error."""
     for name in ("ANTHROPIC_API_KEY", "ANTHROPIC_AUTH_TOKEN", "ANTHROPIC_PROFILE"):

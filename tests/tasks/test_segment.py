@@ -1,8 +1,6 @@
 """Segmentation laws on furniture made of boxes: whole, dense, noisy, turned, fused."""
 
-import os
 from collections.abc import Sequence
-from pathlib import Path
 
 import manifold3d
 import numpy as np
@@ -11,19 +9,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from dcap.geometry.distance import MeshDistance
 from dcap.geometry.segmentation.faces import FaceTable
 from dcap.language.offline.client import OfflineClient
-from dcap.scene.errors import InputError
-from dcap.scene.readers.splats import read_splats
-from dcap.scene.store.artifacts import Source
 from dcap.scene.types.box import OrientedBox
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.rectangle import min_area_box
-from dcap.scene.types.sample import SourceOptions
 from dcap.scene.types.scan import LabelBox, Scan
 from dcap.scene.types.segmentation import Segmentation
-from tasks.mesh.stage import MeshConfig, mesh_object, mesh_scene
 from tasks.segment.stage import SegmentConfig, segment, segment_object
 
 Color = tuple[int, int, int]
@@ -294,6 +286,7 @@ def test_a_thing_at_a_wall_faces_away_from_it() -> None:
     assert result.instances[result.index_of("id_table_lamp")].front is None
 
 
+@pytest.mark.slow
 def test_a_room_without_annotations_is_taken_apart() -> None:
     """Without boxes or names the floor and walls are found, and things that do not touch are apart."""
     meshes, _, truth = room()
@@ -390,74 +383,6 @@ def test_a_floor_lamp_is_not_the_floor() -> None:
     boxes = (label_box("7", "floor lamp", [lamp]), label_box("9", "Floor", [floor]))
     result = segment(scan_of([lamp, floor], "", boxes), SegmentConfig(), OfflineClient())
     assert {(one.id, one.label) for one in result.instances} == {("7", "floor lamp"), ("9", "floor")}
-
-
-SAMPLES = os.environ.get("DCAP_SAMPLE_DATA", "")
-
-EXPECTED = [
-    ("sup_bed_kaykit/bed_double_A.gltf", "bed", {"mattress", "frame", "headboard", "pillow", "blanket"}),
-    ("sup_couch_kaykit/couch.gltf", "sofa", {"base", "seat cushion", "back", "arm"}),
-    ("sup_chair_kaykit/chair_A.gltf", "", {"seat", "back", "leg"}),
-    ("sup_shelf_kaykit/shelf_B_large.gltf", "", {"board", "side"}),
-    ("sup_table_polyhaven/wooden_table_02_1k.gltf", "table", {"top", "leg"}),
-    ("obj_lamp_kaykit/lamp_table.gltf", "", {"shade", "pole", "base"}),
-    ("room_myroom_mit/bed.glb", "", {"mattress", "frame", "pillow"}),
-    ("room_simple_habitat/chair.glb", "", {"seat", "back", "leg"}),
-    ("room_simple_habitat/simple_room.glb", "table", {"top", "leg"}),
-]
-
-
-@pytest.mark.third_party
-@pytest.mark.skipif(not SAMPLES, reason="DCAP_SAMPLE_DATA is not set")
-@pytest.mark.parametrize(("name", "label", "parts"), EXPECTED)
-def test_real_furniture(name: str, label: str, parts: set[str]) -> None:
-    """Furniture that others made is read and gets the parts that a person would name."""
-    scan = mesh_scene(Source(Path(SAMPLES) / name), SourceOptions(label=label), MeshConfig())
-    result = segment(scan, SegmentConfig(), OfflineClient())
-    check_cover(result)
-    assert any({p.name for p in one.parts} == parts for one in result.instances)
-
-
-@pytest.mark.third_party
-@pytest.mark.skipif(not SAMPLES, reason="DCAP_SAMPLE_DATA is not set")
-@pytest.mark.parametrize(
-    ("name", "up", "height"),
-    [
-        ("obj_mug_ycb", "z", 0.082),
-        ("obj_plush_koala", "y", 0.0534),
-        ("obj_dumbbell_polypizza", "y", 0.159),
-        ("obj_shoe_black_gso", "z", 0.123),
-        ("obj_towel_green_gso", "z", 0.027),
-        ("obj_book_kaykit", "y", 0.5),
-    ],
-)
-def test_real_objects(name: str, up: str, height: float) -> None:
-    """Objects that others made, given as folders, are read upright in a plausible unit."""
-    scan = mesh_object(Source(Path(SAMPLES) / name), SourceOptions(), MeshConfig())
-    assert scan.up == up
-    assert float(np.ptp(scan.mesh.vertices[:, 2])) == pytest.approx(height, abs=1e-3)
-    check_cover(segment_object(scan, SegmentConfig(), OfflineClient()))
-
-
-@pytest.mark.third_party
-@pytest.mark.skipif(not SAMPLES, reason="DCAP_SAMPLE_DATA is not set")
-@pytest.mark.parametrize("name", ["room_myroom_mit/bed.draco.glb", "room_myroom_mit"])
-def test_real_files_that_are_refused(name: str) -> None:
-    """Draco and a folder of several meshes are refused with one line."""
-    with pytest.raises(InputError):
-        mesh_scene(Source(Path(SAMPLES) / name), SourceOptions(), MeshConfig())
-
-
-@pytest.mark.third_party
-@pytest.mark.skipif(not SAMPLES, reason="DCAP_SAMPLE_DATA is not set")
-def test_a_real_thing_of_splats_becomes_a_mesh() -> None:
-    """A guitar, 4 units long: half of its opaque splats lie within a cell of the surface that is made of them."""
-    path = Path(SAMPLES) / "gs_guitar_compressed" / "guitar.compressed.ply"
-    scan = mesh_scene(Source(path), SourceOptions(), MeshConfig())
-    splats = read_splats(path).transformed(scan.world_from_file)
-    away = MeshDistance(scan.mesh).unsigned(splats.position[splats.opacity > 0.5].astype(float))
-    assert np.median(away) < MeshConfig().surface.cell
-    assert "reconstructed from Gaussian splats" in " ".join(scan.notes)
 
 
 def test_boxes_of_parts_keep_the_axes_of_their_instance() -> None:

@@ -7,6 +7,7 @@ from perf.repair import SUPPORTS
 from perf.segments import means, read_room, room_scores
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "name", [pytest.param(n, marks=() if n == "bedroom_01" else pytest.mark.slow) for n in room_names()]
 )

@@ -1,6 +1,7 @@
 """Stages with a model that reads otherwise than the offline reader: they do what it chooses, if it was listed."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -206,7 +207,7 @@ def test_what_is_not_listed_is_asked_again_and_fails_in_a_line(api: FakeApi, mod
 
 def test_whoever_mends_the_choice_is_heard(api: FakeApi, model: Stages):
     """A model whose first answer to each question is not listed places the cube as if it had been right at once."""
-    bad = {
+    bad: dict[str, Any] = {
         "intent": {"base_id": "throne"}, "rotation": {"pose_id": "somersault"}, "anchor": {"part_index": 99},
         "materials": unobtainable,
     }  # fmt: skip

@@ -8,6 +8,7 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 import numpy as np
 import pytest
@@ -90,7 +91,7 @@ def server(data: Path) -> Iterator[str]:
             yield url
 
 
-def run(fake: ModuleType, seed: int, **settings: object) -> tuple[Ref, list[tuple[str, Event]]]:
+def run(fake: ModuleType, seed: int, **settings: object) -> tuple[Ref[Any], list[tuple[str, Event]]]:
     """make, then double, as a flow; what was returned and what happened."""
     from prefect import Flow
 
@@ -101,7 +102,7 @@ def run(fake: ModuleType, seed: int, **settings: object) -> tuple[Ref, list[tupl
     def note(event: StageEvent) -> None:
         events.append((event.stage, event.event))
 
-    def chain() -> Ref:
+    def chain() -> Ref[Any]:
         return fake.double_task(fake.make_task(seed, SourceOptions()))
 
     with use_context(RunContext(on_event=note, **settings)):  # type: ignore[arg-type]

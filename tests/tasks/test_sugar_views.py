@@ -1,5 +1,7 @@
 """Pictures for SuGaR: one pixel by every description of a camera, and splats that look like the mesh they lie on."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -37,7 +39,7 @@ def test_all_descriptions_of_a_camera_agree() -> None:
     and in the picture itself."""
     cameras, splats = some_cameras(), one_white_dot()
     model = colmap_model(splats, cameras)
-    entries = cameras_json(model)
+    entries: Any = cameras_json(model)
     for camera, entry, image, picture in zip(cameras, entries, model.images, pictures(splats, cameras, 1), strict=True):
         x, y, z = camera.world_from_camera.T @ (PLACE - camera.position)
         own = np.array([camera.focal * x / z + 80, camera.focal * y / z + 50])
@@ -75,7 +77,7 @@ def test_pictures_of_splats_look_like_the_mesh_they_lie_on() -> None:
                for p in ([-1.0, -1.0, 1.6], [1.1, -1.0, 2.0], [-0.9, 1.1, 0.9])]  # fmt: skip
     caster = Raycaster(mesh)
     likeness = [
-        psnr(picture.astype(np.float32) / 255, unlit(mesh, camera, caster))
+        psnr(picture.astype(np.float32) / np.float32(255), unlit(mesh, camera, caster))
         for camera, picture in zip(cameras, pictures(splats, cameras, 2), strict=True)
     ]
     assert len(likeness) == 3

@@ -93,7 +93,7 @@ def as_message(model: str, text: str) -> Message:
     except ValueError:
         message = None
     if not well_formed(message):
-        raise LanguageError(f"{model} sent what is no message: {one_line(text)}")
+        raise LanguageError(f"{model} sent something that is not a message: {one_line(text)}")
     return dict(message)
 
 

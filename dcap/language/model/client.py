@@ -139,8 +139,8 @@ def kept_or_asked(config: LanguageConfig, session: Session, kept: ReplyFolder) -
             note_kept(model, payload, message, session)
         elif endpoint() != config.endpoint:
             raise InputError(
-                f"the run asks {config.endpoint or 'the usual address'}, $ANTHROPIC_BASE_URL names "
-                f"{endpoint() or 'none'} now; set it as it was, or start a new run"
+                f"the run asks {config.endpoint or 'the usual address'}, but $ANTHROPIC_BASE_URL now names "
+                f"{endpoint() or 'none'}; set it back, or start a new run"
             )
         elif session.batch:
             message = ask_in_batch(name, model, payload, session, kept, idle)

@@ -100,7 +100,7 @@ class Ledger:
     sample: str = ""
 
     def reserve(self, model: str, question: str, size: int, max_tokens: int, factor: float = 1.0) -> str:
-        """Set aside what a call of so many bytes may cost at most, and name the reservation; BudgetError if too little
+        """Set aside what a call of this size may cost at most, and name the reservation; BudgetError if too little
         is left."""
         name = uuid.uuid4().hex[:12]
         if self.path is None or self.max_cost is None:

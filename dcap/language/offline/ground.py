@@ -109,7 +109,7 @@ def choose(
             notes.append(f"the {side} one")
     if len(left) > 1:
         left.sort(key=lambda i: (-round(float(np.prod(i.size)), 3), i.id))
-        notes.append(f"{len(left)} fit, the largest or first is taken: {left[0].id}")
+        notes.append(f"{len(left)} match, the largest or first is taken: {left[0].id}")
     return Found(tuple(left), "; ".join(notes))
 
 

@@ -100,7 +100,7 @@ def things() -> Mapping[str, Thing]:
     found: dict[str, Thing] = {}
     for row in rows(THINGS):
         if row["id"] in found:
-            raise InputError(f"{FOLDER / THINGS}: {row['id']!r} stands there twice")
+            raise InputError(f"{FOLDER / THINGS}: {row['id']!r} is listed twice")
         try:
             found[row["id"]] = thing_row(row)
         except ValueError as error:

@@ -26,11 +26,11 @@ from dcap.scene.errors import InputError
 USUAL = "lexicon/usual_materials.csv"
 OBJECT = "object"
 VAGUE_PARTS = frozenset({"body", "base", "head", "handle", "top", "side"})
-"""Names of parts that say nothing about the material as long as nobody knows what the whole is."""
+"""Names of parts that say nothing about the material as long as it is not known what the whole is."""
 
 
 @dataclass(frozen=True, slots=True)
-class Usual:
+class UsualMaterial:
     """What parts of a thing are mostly made of."""
 
     thing: str
@@ -100,7 +100,7 @@ def usual_material(question: MaterialQuestion, known: Collection[str]) -> tuple[
             return named.material, f"the word {named.phrase!r} names it"
     row = next(r for r in usual_rows("") if EVERY in r.parts or {*r.parts} & {*words, name})
     kind = "" if EVERY in row.parts else " for soft things"
-    return row.material, f"fallback{kind}: nothing is known of {name!r} of {label!r}"
+    return row.material, f"fallback{kind}: nothing is known about {name!r} of {label!r}"
 
 
 def parts_named(words: Sequence[str]) -> list[str]:
@@ -110,9 +110,9 @@ def parts_named(words: Sequence[str]) -> list[str]:
 
 
 @cache
-def usual_rows(thing: str) -> tuple[Usual, ...]:
+def usual_rows(thing: str) -> tuple[UsualMaterial, ...]:
     """Rows of usual_materials.csv about one thing, in the order in which they count; the fallback for none."""
-    found = [Usual(row["thing"], listed(row["parts"]), row["material"]) for row in rows(USUAL)]
+    found = [UsualMaterial(row["thing"], listed(row["parts"]), row["material"]) for row in rows(USUAL)]
     for one in found:
         if one.material not in families():
             raise InputError(f"{USUAL}: {one.material!r} is not in materials.csv")

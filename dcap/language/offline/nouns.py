@@ -12,7 +12,7 @@ between a thing, a part and a region ("back" of a sofa, "pillow", "shelf"). Gram
 from dataclasses import dataclass, replace
 
 from dcap.language.offline.lexicon import is_for
-from dcap.language.offline.words import Cursor, Token
+from dcap.language.offline.words import Token, TokenCursor
 
 MODIFIERS = ("det", "side", "colour", "quality", "number", "both")
 NOUNS = ("thing", "part", "region")
@@ -59,20 +59,20 @@ class Noun:
         return not (self.thing or self.parts or self.region or self.pronoun or self.sides)
 
 
-def at_noun(cursor: Cursor, ahead: int = 0) -> bool:
-    """Whether a noun phrase starts here, or so many tokens ahead; fillers and articles alone are none."""
+def at_noun(cursor: TokenCursor, ahead: int = 0) -> bool:
+    """Whether a noun phrase starts here, or `ahead` tokens further; fillers and articles alone are none."""
     while cursor.here("filler", "det", ahead=ahead) and not cursor.here(*SAYING, ahead=ahead):
         ahead += 1
     return starts(cursor, ahead)
 
 
-def starts(cursor: Cursor, ahead: int = 0) -> bool:
+def starts(cursor: TokenCursor, ahead: int = 0) -> bool:
     """Whether a noun phrase can start with this very token."""
     relation = cursor.here("relation", ahead=ahead) and not cursor.here("side", ahead=ahead)
     return cursor.here(*STARTS, ahead=ahead) and not relation and not cursor.here("conj", ahead=ahead)
 
 
-def noun_phrase(cursor: Cursor) -> Noun:
+def noun_phrase(cursor: TokenCursor) -> Noun:
     """simple [ GENITIVE noun ] { OF noun | COUNT }."""
     begin = cursor.index
     noun = simple(cursor)
@@ -89,7 +89,7 @@ def noun_phrase(cursor: Cursor) -> Noun:
             return replace(noun, text=cursor.text(begin))
 
 
-def simple(cursor: Cursor) -> Noun:
+def simple(cursor: TokenCursor) -> Noun:
     """{ FILLER } { modifier | name | UNKNOWN }."""
     begin = cursor.index
     words: list[Token] = []
@@ -103,7 +103,7 @@ def simple(cursor: Cursor) -> Noun:
     return noun_of(words, cursor.text(begin))
 
 
-def skipped(cursor: Cursor, words: list[Token]) -> bool:
+def skipped(cursor: TokenCursor, words: list[Token]) -> bool:
     """A filler before the name ("the very edge"), or the word between two colours ("yellow and white")."""
     if cursor.here("conj"):
         return bool(words) and words[-1].has("colour") and cursor.here("colour", ahead=1)
@@ -111,7 +111,7 @@ def skipped(cursor: Cursor, words: list[Token]) -> bool:
     return filler and at_noun(cursor, 1) and not any(word.has(*NOUNS) for word in words)
 
 
-def goes_on(cursor: Cursor, words: list[Token]) -> bool:
+def goes_on(cursor: TokenCursor, words: list[Token]) -> bool:
     """Whether the token still belongs to the phrase: after its name, no article and no verb does."""
     if not starts(cursor) or (cursor.here("verb") and words and not cursor.here("side", *NOUNS)):
         return False

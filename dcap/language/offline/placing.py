@@ -45,7 +45,7 @@ def placing_of(reading: Reading) -> Placing:
     place = support_place(reading) or neighbour_place(reading)
     if place is None:
         said = ", ".join(repr(place.text) for place in reading.places) or "it"
-        raise LanguageError(f"the prompt names no support in {said}; say on what to put it, for example: on the table")
+        raise LanguageError(f"the prompt names no support in {said}; say what to put it on, for example: on the table")
     reference = reference_of(place)
     return Placing(reading.theme, relation_of(place, reference), reference, place, reading.not_understood)
 

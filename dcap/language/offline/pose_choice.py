@@ -89,7 +89,7 @@ def default_pose(request: RotationRequest, thing: Thing | None) -> tuple[PoseVie
     if rest == "any" and upright.probability == 0 and stable:
         return max(stable, key=lambda pose: (pose.probability, pose.id)), "rests as it most probably falls"
     if rest == "upright" and to_right(request, thing):
-        return by_id(request, "righted"), "put upright: its file is lying, tilted or overturned"
+        return by_id(request, "righted"), "put upright: in its file it lies, is tilted or overturned"
     return upright, "upright as in its file"
 
 

@@ -59,7 +59,7 @@ def prior_of(theme: Noun | None, label: str, size: Size) -> Prior:
     scale, assumed = unknown_scale(max(size[0], THINNEST))
     length, width, height = (max(scale * extent, THINNEST) for extent in size)
     mass = max(1e-3, UNKNOWN_DENSITY * length * width * height)
-    note = f"{name!r} is not in the lexicon: {assumed}; {UNKNOWN_DENSITY:g} kg/m^3 of its box are assumed"
+    note = f"{name!r} is not in the lexicon: {assumed}; {UNKNOWN_DENSITY:g} kg/m^3 over its box is assumed"
     return Prior(name, ((length, width, height),), 1.0, mass, True, (note,))
 
 

@@ -20,7 +20,7 @@ from dataclasses import dataclass, field, replace
 from dcap.language.offline.lexicon import is_a, part_words
 from dcap.language.offline.nouns import Noun, at_noun, noun_phrase, starts
 from dcap.language.offline.turns import Turn, is_to, turn_length, turn_of
-from dcap.language.offline.words import Cursor, Token, tokens_of
+from dcap.language.offline.words import Token, TokenCursor, tokens_of
 from dcap.scene.errors import LanguageError
 
 SUPPORT = frozenset({"on", "in"})
@@ -112,9 +112,7 @@ def read(prompt: str) -> Reading:
         raise LanguageError(f"the prompt is empty; {EXAMPLE}")
     for token in tokens:
         if token.has("negation", "choice"):
-            raise LanguageError(
-                f"prompt {prompt!r}: {token.text!r} is not understood; say the one place where to put it"
-            )
+            raise LanguageError(f"prompt {prompt!r}: {token.text!r} is not understood; name one place to put it")
     reader = Reader(tokens)
     clauses = reader.sentence()
     check(prompt, clauses)
@@ -125,7 +123,7 @@ class Reader:
     """Goes through the tokens once, from left to right; each method reads what its line of the grammar says."""
 
     def __init__(self, tokens: list[Token]) -> None:
-        self.cursor = Cursor(tokens)
+        self.cursor = TokenCursor(tokens)
         self.kept: set[int] = set()
         """Indices of the tokens that a rule used."""
         self.last_noun: Noun | None = None
@@ -365,10 +363,10 @@ def trimmed(run: list[Token]) -> str:
 
 
 def check(prompt: str, clauses: list[Clause]) -> None:
-    """Refuse what is no placement of one thing."""
+    """Refuse what is not the placement of one thing."""
     placing = [clause for clause in clauses if clause.says_where]
     if not any(clause.kind or clause.places for clause in placing):
-        what = "asks for something else than a placement" if len(placing) < len(clauses) else "says no place"
+        what = "asks for something other than a placement" if len(placing) < len(clauses) else "says no place"
         raise LanguageError(f"prompt {prompt!r} {what}; {EXAMPLE}")
     moved = themes(clauses)
     plural = any(clause.theme is not None and clause.theme.plural for clause in clauses if clause.kind != "other")

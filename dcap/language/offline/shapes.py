@@ -45,7 +45,7 @@ LEAST_BLUR = {"levels": 0.5, "varied": 3.0, "bottom": 0.02, "gap": 0.02, "rise":
 
 
 @dataclass(frozen=True, slots=True)
-class Usual:
+class UsualRange:
     """Usual range of one measure, with limits."""
 
     low: float
@@ -55,7 +55,7 @@ class Usual:
     above: float
 
     @classmethod
-    def of(cls, name: str, numbers: list[float]) -> "Usual":
+    def of(cls, name: str, numbers: list[float]) -> "UsualRange":
         """From limit, low, high, limit."""
         least, low, high, most = (math.log(n) for n in numbers) if name in LOGARITHMIC else numbers
         blur = LEAST_BLUR.get(name, BLUR)
@@ -69,7 +69,7 @@ class Usual:
 
 
 @dataclass(frozen=True, slots=True)
-class Shape:
+class ShapePrior:
     """What is usual for one label."""
 
     label: str
@@ -78,7 +78,7 @@ class Shape:
     """floor, wall, ceiling, nothing, or labels."""
     common: float
     """How often such things are in a home, compared with others."""
-    traits: Mapping[str, Usual]
+    traits: Mapping[str, UsualRange]
 
     def log_probability(self, held_by: str, measures: Mapping[str, float]) -> float:
         """Logarithm of how well measures fit, up to a constant that is the same for all labels."""
@@ -92,12 +92,12 @@ class Shape:
 
 
 @cache
-def shapes() -> tuple[Shape, ...]:
+def shapes() -> tuple[ShapePrior, ...]:
     """All rows."""
     return tuple(shape_row(row) for row in rows(SHAPES))
 
 
-def shape_row(row: Mapping[str, str]) -> Shape:
+def shape_row(row: Mapping[str, str]) -> ShapePrior:
     """One row of shapes.csv, checked."""
     traits = {}
     for entry in row["traits"].split("|"):
@@ -105,8 +105,8 @@ def shape_row(row: Mapping[str, str]) -> Shape:
         numbers = [float(number) for number in text.split()]
         if name not in EVEN or len(numbers) != 4 or numbers != sorted(numbers):
             raise InputError(f"{SHAPES}: {row['label']}: {entry!r} is not a measure with four rising numbers")
-        traits[name] = Usual.of(name, numbers)
-    return Shape(row["label"], tuple(row["held_by"].split("|")), float(row["common"]), traits)
+        traits[name] = UsualRange.of(name, numbers)
+    return ShapePrior(row["label"], tuple(row["held_by"].split("|")), float(row["common"]), traits)
 
 
 def labels() -> tuple[str, ...]:

@@ -11,7 +11,7 @@ An angle alone is none ("tilted by 30 degrees"): a turn, a sense or "at" must be
 import math
 from dataclasses import dataclass
 
-from dcap.language.offline.words import Cursor
+from dcap.language.offline.words import TokenCursor
 
 TURNS_TO = {"left": 1.0, "right": -1.0}
 """Seen from above, what turns to its left turns counterclockwise."""
@@ -26,7 +26,7 @@ class Turn:
     text: str
 
 
-def turn_length(cursor: Cursor, *, said: bool) -> int:
+def turn_length(cursor: TokenCursor, *, said: bool) -> int:
     """How many tokens from here up to an angle speak of a turn, 0 if none does; `said`: the verb is "turn"."""
     here = cursor.here
     ahead = 0
@@ -38,13 +38,13 @@ def turn_length(cursor: Cursor, *, said: bool) -> int:
     return ahead if here("turn") and here("pose", "face", ahead=ahead) else 0
 
 
-def leads_to_angle(cursor: Cursor, ahead: int) -> str:
-    """ "at" or "by" so many tokens further, the words that may stand before an angle; empty if neither does."""
+def leads_to_angle(cursor: TokenCursor, ahead: int) -> str:
+    """ "at" or "by" `ahead` tokens further, the words that may stand before an angle; empty if neither does."""
     text = cursor.tokens[cursor.index + ahead].text if cursor.here("relation", ahead=ahead) else ""
     return text if text in ("at", "by") else ""
 
 
-def turn_of(cursor: Cursor, length: int) -> Turn | None:
+def turn_of(cursor: TokenCursor, length: int) -> Turn | None:
     """The turn in that many tokens with the sense that may follow them; None if they say no angle."""
     begin = cursor.index
     tokens = [cursor.take() for _ in range(length)]
@@ -58,7 +58,7 @@ def turn_of(cursor: Cursor, length: int) -> Turn | None:
     return Turn(math.fmod(sense * float(degrees), 360.0), cursor.text(begin)) if degrees else None
 
 
-def sideways(cursor: Cursor) -> float:
+def sideways(cursor: TokenCursor) -> float:
     """The sense of "to the left" or "to the right", which is taken then; else counterclockwise."""
     ahead = 2 if cursor.here("det", ahead=1) else 1
     side = cursor.tokens[cursor.index + ahead].value("side") if cursor.here("side", ahead=ahead) else ""
@@ -68,6 +68,6 @@ def sideways(cursor: Cursor) -> float:
     return TURNS_TO[side]
 
 
-def is_to(cursor: Cursor) -> bool:
+def is_to(cursor: TokenCursor) -> bool:
     """Whether the next word is "to"."""
     return cursor.here("relation") and cursor.tokens[cursor.index].text == "to"

@@ -41,7 +41,7 @@ class Token:
 
 
 @dataclass(slots=True)
-class Cursor:
+class TokenCursor:
     """A place among the tokens, from which phrases are read."""
 
     tokens: list[Token]
@@ -53,7 +53,7 @@ class Cursor:
         return self.index >= len(self.tokens)
 
     def here(self, *kinds: str, ahead: int = 0) -> bool:
-        """Whether the next token, or the one so many further, may be one of these kinds."""
+        """Whether the next token, or the one `ahead` further, may be one of these kinds."""
         index = self.index + ahead
         return 0 <= index < len(self.tokens) and self.tokens[index].has(*kinds)
 

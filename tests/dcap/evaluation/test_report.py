@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from dcap.evaluation.outcome_table import Row, Truth, read_truth, row_of, totals
+from dcap.evaluation.outcome_table import ExpectedOutcome, SampleOutcome, read_truth, row_of, totals
 from dcap.evaluation.report import write_report
 from dcap.scene.errors import InputError
 from dcap.scene.types.sample import Sample
@@ -39,11 +39,14 @@ def placement(verdict: str, reason: str | None) -> dict[str, object]:
 
 
 @pytest.fixture
-def run(tmp_path: Path) -> tuple[Path, list[Row]]:
+def run(tmp_path: Path) -> tuple[Path, list[SampleOutcome]]:
     """A run of three samples and one that failed."""
     outcomes = (("at_rest", None), ("infeasible", "toppled"), ("infeasible", "target_not_found"))
-    truths = (Truth("bed", "mattress", "center", True, ""), Truth("lamp", "shade", "", False, "left_target"),
-              Truth("", "", "", False, "target_not_found"))  # fmt: skip
+    truths = (
+        ExpectedOutcome("bed", "mattress", "center", True, ""),
+        ExpectedOutcome("lamp", "shade", "", False, "left_target"),
+        ExpectedOutcome("", "", "", False, "target_not_found"),
+    )
     rows = []
     for index, (prompt, (verdict, reason), truth) in enumerate(zip(PROMPTS, outcomes, truths, strict=True)):
         sample = Sample(f"room-{index}", "room", "ball.glb", prompt)
@@ -59,7 +62,7 @@ def run(tmp_path: Path) -> tuple[Path, list[Row]]:
     return tmp_path, rows
 
 
-def test_totals_count_what_is_there(run: tuple[Path, list[Row]]) -> None:
+def test_totals_count_what_is_there(run: tuple[Path, list[SampleOutcome]]) -> None:
     """A wrong reason is not a right one, and a failure is neither feasible nor infeasible."""
     counts = totals(run[1])
     assert counts["samples"] == 4
@@ -71,13 +74,13 @@ def test_totals_count_what_is_there(run: tuple[Path, list[Row]]) -> None:
 def test_intended_feasibility_is_not_read_from_words() -> None:
     """A support whose label begins with "infeasible" does not make its sample an infeasible one."""
     tree = placement("at_rest", None) | {"base": {"id": "4", "label": "infeasible table"}, "part": ""}
-    truth = Truth("infeasible table", "", "", True, "")
+    truth = ExpectedOutcome("infeasible table", "", "", True, "")
     row = replace(row_of(Sample("a", "s", "o", "p"), tree, "", truth), expected="infeasible table")
     counts = totals([row])
     assert (counts["feasible_as_intended"], counts["feasible_intended"], counts["infeasible_intended"]) == (1, 1, 0)
 
 
-def test_the_page_shows_every_sample(run: tuple[Path, list[Row]]) -> None:
+def test_the_page_shows_every_sample(run: tuple[Path, list[SampleOutcome]]) -> None:
     """Each prompt, picture, reason and error is on the page, escaped, and every link leads to a file of the run."""
     folder, rows = run
     page = write_report(folder, rows, {**totals(rows), "wall_s": 3.0}).read_text()
@@ -118,7 +121,7 @@ def turned(degrees: float, axis: str) -> dict[str, object]:
     return {"pose": {"quaternion": [np.cos(half), *(np.sin(half) * (np.array(list("xyz")) == axis))]}}
 
 
-BED = Truth("bed", "mattress", "center", True, "", base_id="4", top="up", front=(0.0, 2.0))
+BED = ExpectedOutcome("bed", "mattress", "center", True, "", base_id="4", top="up", front=(0.0, 2.0))
 
 
 @pytest.mark.parametrize(
@@ -151,7 +154,7 @@ BED = Truth("bed", "mattress", "center", True, "", base_id="4", top="up", front=
         ),
     ],
 )
-def test_agreement(truth: Truth, change: dict[str, object], agreed: bool) -> None:
+def test_agreement(truth: ExpectedOutcome, change: dict[str, object], agreed: bool) -> None:
     """A sample agrees if the intended came of the intended thing: there, in the region asked for, turned as asked."""
     row = row_of(Sample("a", "s", "o", "p"), placement("at_rest", None) | change, "", truth)
     assert row.as_expected is agreed

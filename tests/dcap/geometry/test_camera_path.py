@@ -1,5 +1,7 @@
 """Cameras through a room of splats: inside, clear of everything, upright, and all furniture in the pictures."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -35,7 +37,7 @@ def splats(built: BuiltRoom) -> Gaussians:
 
 
 @pytest.fixture(scope="module")
-def known(built: BuiltRoom, tmp_path_factory: pytest.TempPathFactory) -> dict[str, object]:
+def known(built: BuiltRoom, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     """What the room's folder says."""
     folder = tmp_path_factory.mktemp("room")
     write_interiorgs(folder, built.record, 0)
@@ -44,7 +46,7 @@ def known(built: BuiltRoom, tmp_path_factory: pytest.TempPathFactory) -> dict[st
 
 
 @pytest.fixture(scope="module")
-def cameras(splats: Gaussians, known: dict[str, object]) -> tuple[Camera, ...]:
+def cameras(splats: Gaussians, known: dict[str, Any]) -> tuple[Camera, ...]:
     path = camera_path(splats, SMALL, **known)
     assert path.notes == ()
     return path.cameras
@@ -71,7 +73,7 @@ def test_cameras_are_inside_clear_and_upright(cameras: tuple[Camera, ...], built
     assert axes[:, 2, 1].max() < 0.0
 
 
-def test_cameras_stand_on_free_ground(cameras: tuple[Camera, ...], known: dict[str, object]) -> None:
+def test_cameras_stand_on_free_ground(cameras: tuple[Camera, ...], known: dict[str, Any]) -> None:
     """Where the map says free, at heights above the floor that were asked for."""
     occupancy = known["occupancy"]
     assert isinstance(occupancy, Occupancy)
@@ -104,7 +106,8 @@ def test_pictures_overlap(cameras: tuple[Camera, ...], built: BuiltRoom) -> None
     assert (times > 1).mean() > 0.9
 
 
-def test_the_seed_decides(splats: Gaussians, known: dict[str, object], cameras: tuple[Camera, ...]) -> None:
+@pytest.mark.slow
+def test_the_seed_decides(splats: Gaussians, known: dict[str, Any], cameras: tuple[Camera, ...]) -> None:
     """The same cameras for the same seed, others for another."""
 
     def places(seed: int) -> np.ndarray:
@@ -116,7 +119,7 @@ def test_the_seed_decides(splats: Gaussians, known: dict[str, object], cameras: 
 
 
 @pytest.mark.slow
-def test_without_a_map_cameras_stand_inside(splats: Gaussians, built: BuiltRoom, known: dict[str, object]) -> None:
+def test_without_a_map_cameras_stand_inside(splats: Gaussians, built: BuiltRoom, known: dict[str, Any]) -> None:
     """By the splats alone, with and without labels; a map without room for a camera is reported."""
     labelled = camera_path(splats, SMALL, boxes=known["boxes"])
     assert in_the_room(labelled.cameras, built)
@@ -218,7 +221,7 @@ def test_a_box_behind_a_wall_is_hidden() -> None:
     assert straight == pytest.approx([1.6, 0.0])
 
 
-def test_pieces_that_nobody_can_see_are_named(splats: Gaussians, known: dict[str, object]) -> None:
+def test_pieces_that_nobody_can_see_are_named(splats: Gaussians, known: dict[str, Any]) -> None:
     """A chair within the walls' outside: no place shows it."""
     high = OrientedBox(np.array([90.0, 0.0, 0.5]), np.eye(3), np.array([0.3, 0.3, 0.3]))
     hidden = LabelBox("x", "chair", high)

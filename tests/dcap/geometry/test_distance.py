@@ -28,6 +28,7 @@ def cup(radius: float = 0.04, wall: float = 0.004, height: float = 0.09) -> trim
     return trimesh.creation.revolve(profile, sections=64)
 
 
+@pytest.mark.slow
 def test_sphere_distance_on_a_grid_is_within_the_sum_of_its_known_errors() -> None:
     """R = 5 cm on a 1.5 mm grid: off by h^2 / (8 R) in each of two directions and by the sagitta of the facets."""
     radius, spacing, rounds = 0.05, 1.5e-3, 5

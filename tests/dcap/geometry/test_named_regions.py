@@ -53,7 +53,7 @@ def test_sides_are_those_of_a_viewer_before_the_front(names, sign):
 def test_edge_that_looks_at_a_thing_is_the_one_on_its_side(away):
     """One edge remains, on the side on which the thing stands, however far off it is."""
     areas = regions(
-        viewer_frame(box(0, 0, 2.0, 1.0), FRONT, MIDDLE), ("edge",), [box(*away, 0.5, 0.5)], np.full(2, 0.1)
+        viewer_frame(box(0, 0, 2.0, 1.0), FRONT, MIDDLE), ("edge",), [box(away[0], away[1], 0.5, 0.5)], np.full(2, 0.1)
     )
     assert len(areas) == 1
     assert [int(s) for s in np.sign(areas[0].target.round(9))] == [int(np.trunc(c / 3.0)) for c in away]
@@ -169,7 +169,7 @@ def test_reference_far_away_leaves_nothing():
 )
 def test_place_beside_the_part_says_how_far(names, place, away):
     """Where nothing is left, the distance from the place to the part is that of their nearest points."""
-    frame, thing = viewer_frame(box(0, 0, 1.0, 1.0), FRONT, MIDDLE), box(*place, 0.2, 0.2)
+    frame, thing = viewer_frame(box(0, 0, 1.0, 1.0), FRONT, MIDDLE), box(place[0], place[1], 0.2, 0.2)
     assert regions(frame, names, [thing], np.full(2, 0.1)) == []
     # a 16-gon lies inside its circle by up to 1 - cos(pi / 16) = 2 % of at most 0.6 m
     assert distance_beside(frame, names, [thing], np.full(2, 0.1)) == pytest.approx(away, abs=0.012)

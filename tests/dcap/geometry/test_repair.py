@@ -136,6 +136,7 @@ def test_mass_properties_of_a_box_are_exact() -> None:
         assert np.allclose(inertia, expected, rtol=1e-10, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_mass_properties_of_an_open_sphere_come_from_its_filling() -> None:
     """A sphere with a hole weighs what the sphere weighs; the surface is smeared over one sample, 3 h / R relative
     at most.

@@ -206,6 +206,7 @@ def test_the_density_does_not_change_along_the_normal_on_its_ridge():
     assert normal[0, 2] > 0.9
 
 
+@pytest.mark.slow
 def test_what_lies_under_a_layer_is_hidden():
     """Of a slab inside of a box, 3 cm under its top, hardly anything is seen, though light passes between splats; of
     the room around it, nearly everything but what the box stands on."""
@@ -226,6 +227,7 @@ def ball(radius: float) -> Mesh:
     return Mesh.of(radius * box.vertices / np.linalg.norm(box.vertices, axis=1, keepdims=True), box.faces)
 
 
+@pytest.mark.slow
 def test_points_of_the_level_set_lie_before_the_surface():
     """Flat Gaussians side by side add up to A exp(-h^2 / 2 s^2), A = 2 pi OVERLAP^2 alpha: h = 2.3 s at the level 0.3,
     and s varies by exp(JITTER z), by 1.64 at z = 1.65."""
@@ -239,6 +241,7 @@ def test_points_of_the_level_set_lie_before_the_surface():
     assert np.quantile(away, 0.95) < height * thick * np.exp(1.65 * JITTER)
 
 
+@pytest.mark.slow
 def test_points_of_the_ridge_lie_on_the_surface():
     """In a room of flat walls they are off by less than a tenth of the thickness, and have the normals of the walls."""
     mesh = inside_out(3.0)

@@ -19,8 +19,8 @@ def thing(
     structure: bool = False,
     color: tuple[float, float, float] = (0.5, 0.5, 0.5),
 ) -> InstanceView:
-    low = tuple(c - s / 2 for c, s in zip(center, size, strict=True))
-    high = tuple(c + s / 2 for c, s in zip(center, size, strict=True))
+    (x, y, z), (dx, dy, dz) = center, size
+    low, high = (x - dx / 2, y - dy / 2, z - dz / 2), (x + dx / 2, y + dy / 2, z + dz / 2)
     own = parts or (part(0, "body", center, size),)
     return InstanceView(name, label, center, size, low, high, front, structure, color, own)
 

@@ -19,7 +19,7 @@ from dcap.language.model.ledger import Ledger, Usage, check_budget, in_words, mo
 from dcap.language.model.payload import payload_of
 from dcap.language.model.reply_folder import ReplyFolder
 from dcap.language.protocol.client import ClientName, LanguageConfig, connect
-from dcap.language.protocol.questions import INTENT, MATERIALS, ROTATION
+from dcap.language.protocol.questions import INTENT, MATERIALS, ROTATION, Question
 from dcap.language.protocol.session import Session
 from dcap.scene.errors import BudgetError, InputError, LanguageError
 from flows.language_options import LanguageOptions
@@ -59,7 +59,7 @@ def test_another_address_than_the_run_s_is_not_asked(api: FakeApi, ask, monkeypa
     monkeypatch.setattr("dcap.language.model.anthropic_api.USUAL", "api.anthropic.com")
     assert endpoint() == api.url.partition("//")[2].replace(":", "-")
     assert connect(MODEL, Session()).ask(INTENT, asked) == first
-    with pytest.raises(InputError, match=r"the usual address, \$ANTHROPIC_BASE_URL names 127"):
+    with pytest.raises(InputError, match=r"the usual address, but \$ANTHROPIC_BASE_URL now names 127"):
         connect(MODEL, Session()).ask(INTENT, ask("put the mug on the bed"))
     assert len(api.asked) == 1
 
@@ -197,7 +197,7 @@ def test_every_price_has_a_source_and_makes_sense():
 @pytest.mark.parametrize("make", [rotation_request, materials_request])
 def test_a_call_is_counted_at_its_bytes_and_pictures(make: Callable[[], Any]):
     """No token is shorter than a byte: the bound exceeds the text that is sent, and each picture's w h / 750."""
-    question = ROTATION if make is rotation_request else MATERIALS
+    question: Question[Any, Any] = ROTATION if make is rotation_request else MATERIALS
     payload = payload_of(question, make())
     texts = [block["text"] for block in payload.messages[0]["content"] if block["type"] == "text"]
     pictures = 3 if make is rotation_request else 0

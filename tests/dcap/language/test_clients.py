@@ -24,7 +24,7 @@ from dcap.language.protocol.session import Session
 from dcap.scene.errors import LanguageError
 
 MODEL = LanguageConfig(client=ClientName.ANTHROPIC, model="claude-sonnet-5-5")
-QUESTIONS = (INTENT, *(question for question, _ in AT_HAND))
+QUESTIONS: tuple[Question[Any, Any], ...] = (INTENT, *(question for question, _ in AT_HAND))
 
 
 def prepared(question: Question[Any, Any], ask: Callable[..., Any]) -> Any:
@@ -270,7 +270,7 @@ def test_what_is_no_message_is_an_error_and_not_kept(api, ask, monkeypatch, body
     """A proxy's page, a cut line, a message without blocks: one line, and the next run asks again."""
     with monkeypatch.context() as patch:
         patch.setattr(api, "post", lambda path, asked: (200, body))
-        with pytest.raises(LanguageError, match="no message") as error:
+        with pytest.raises(LanguageError, match="not a message") as error:
             connect(MODEL, Session()).ask(INTENT, prepared(INTENT, ask))
         assert "\n" not in str(error.value)
     assert connect(MODEL, Session()).ask(INTENT, prepared(INTENT, ask)).base_id == "desk_0"

@@ -132,8 +132,13 @@ def test_the_reason_says_whose_word_it_was() -> None:
 @pytest.mark.parametrize(
     ("label", "part", "material", "reason"),
     [
-        ("zorb", "body", "wood_oak", "fallback: nothing is known of 'body' of 'zorb'"),
-        ("mattress gizmo", "x", "foam_seat", "fallback for soft things: nothing is known of 'x' of 'mattress gizmo'"),
+        ("zorb", "body", "wood_oak", "fallback: nothing is known about 'body' of 'zorb'"),
+        (
+            "mattress gizmo",
+            "x",
+            "foam_seat",
+            "fallback for soft things: nothing is known about 'x' of 'mattress gizmo'",
+        ),
     ],
 )
 def test_unknown_things_get_a_fallback_that_says_so(label: str, part: str, material: str, reason: str) -> None:

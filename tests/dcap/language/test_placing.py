@@ -56,7 +56,7 @@ def test_object_relation_and_reference_need_no_scene(line):
         ("put both pillows on the bed", "more than one thing"),
         ("stack the left cup on the right cup and place them on the tray", "more than one thing"),
         ("put the ball on the left", "names no support"),
-        ("open the drawer", "something else than a placement"),
+        ("open the drawer", "something other than a placement"),
         ("the ball", "says no place"),
         ("put the ball on the bed or the sofa", "'or'"),
     ],

@@ -4,10 +4,10 @@ import math
 from dataclasses import replace
 
 import pytest
-from hypothesis import given
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from dcap.language.offline.shapes import Shape, Usual, label_of, labels, probabilities, shape_row, shapes
+from dcap.language.offline.shapes import ShapePrior, UsualRange, label_of, labels, probabilities, shape_row, shapes
 from dcap.language.protocol.replies import OTHER, LabelReply
 from dcap.language.protocol.requests import LabelRequest
 from dcap.scene.errors import InputError
@@ -16,7 +16,7 @@ ALIKE = frozenset({"counter", "toy"})
 """Labels whose middling example is as well something else: a short counter is a cabinet, a flat toy a book."""
 
 
-def usual_thing(shape: Shape) -> LabelRequest:
+def usual_thing(shape: ShapePrior) -> LabelRequest:
     """Every measure of the row in the middle of its range, the others as most things have them."""
 
     def middle(name: str, otherwise: float) -> float:
@@ -44,13 +44,13 @@ def test_the_table_knows_a_household() -> None:
 
 
 @pytest.mark.parametrize("shape", [one for one in shapes() if one.label not in ALIKE], ids=lambda one: one.label)
-def test_what_is_usual_for_a_label_gets_it(shape: Shape) -> None:
+def test_what_is_usual_for_a_label_gets_it(shape: ShapePrior) -> None:
     """A thing in the middle of all ranges of a row, held by what usually holds it, gets the label of the row."""
     assert label_of(usual_thing(shape)).label == shape.label
 
 
 @pytest.mark.parametrize("shape", shapes()[:6], ids=lambda one: one.label)
-def test_probabilities_add_up(shape: Shape) -> None:
+def test_probabilities_add_up(shape: ShapePrior) -> None:
     """The probabilities of all labels and of none of them add up to 1, and the best one is the confidence."""
     request = usual_thing(shape)
     found = probabilities(request)
@@ -86,15 +86,16 @@ def test_the_unheard_of_stays_a_thing() -> None:
 @given(st.floats(0.01, 5.0), st.floats(1.0, 3.0))
 def test_farther_from_usual_is_never_likelier(value: float, factor: float) -> None:
     """Beyond the usual range the density falls, on both sides, and within it is even."""
-    usual = Usual.of("bottom", [0.1, 0.4, 0.6, 1.2])
+    usual = UsualRange.of("bottom", [0.1, 0.4, 0.6, 1.2])
+    assume(min(abs(value - 0.4), abs(value - 0.6)) > 1e-6)  # nearer to an edge the square of the distance rounds away
     at, beyond = usual.log_density(value), usual.log_density(0.5 + factor * (value - 0.5))
-    assert beyond <= at
+    assert beyond <= at + 1e-9  # the farther value is rounded, so that it may be nearer by 1e-15
     assert (at == usual.log_density(0.5)) == (0.4 <= value <= 0.6)
 
 
 def test_a_density_has_mass_one() -> None:
     """The density adds up to 1: a narrow range is no advantage but for what it fits."""
-    usual = Usual.of("bottom", [0.1, 0.4, 0.6, 1.2])
+    usual = UsualRange.of("bottom", [0.1, 0.4, 0.6, 1.2])
     step = 1e-3
     total = sum(math.exp(usual.log_density(-2.0 + step * k)) * step for k in range(6000))
     # within FARTHEST standard deviations all but 1e-9 of a normal distribution; beyond it the floor exp(-18) is even

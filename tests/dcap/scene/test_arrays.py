@@ -69,4 +69,4 @@ VALUES["segmentation"] = Segmentation(MESH, (VALUES["instance"],), FACES, FACES)
 def test_what_breaks_its_promise_is_refused(name: str, change: dict[str, object], words: str) -> None:
     """Each promise of a field's docstring that is cheap to check is checked, and the message says field and value."""
     with pytest.raises(GeometryError, match=words):
-        replace(VALUES[name], **change)  # type: ignore[type-var, arg-type]
+        replace(VALUES[name], **change)  # type: ignore[type-var]

@@ -54,10 +54,10 @@ def gaussians(count: int) -> Gaussians:
     random = np.random.default_rng(0)
     position = random.uniform(0, 2, (count, 3)) * [1, 1, 0.01]
     turn = np.tile([1.0, 0, 0, 0], (count, 1))
-    fields = (position, np.log([[0.05, 0.05, 0.001]]) + 0 * position, turn, np.full(count, 3.0), 0 * position)
-    return Gaussians(
-        *(np.asarray(f, dtype=np.float32) for f in fields), random.uniform(-1, 1, (count, 3, 3)).astype(np.float32)
-    )
+    harmonics = random.uniform(-1, 1, (count, 3, 3))
+    flat = np.log([[0.05, 0.05, 0.001]]) + 0 * position
+    fields = (position, flat, turn, np.full(count, 3.0), 0 * position, harmonics)
+    return Gaussians(*(np.asarray(f, dtype=np.float32) for f in fields))
 
 
 def polygons_ply(order: str, cells: int) -> bytes:
@@ -238,7 +238,7 @@ def changed(data: bytes, made: list[Change]) -> bytes:
     return data
 
 
-VALUES = (
+VALUES: tuple[object, ...] = (
     None, True, -1, 0, 7, 2**31, 2**70, 1e308, -0.5, float("nan"), float("inf"), "", "x", "\ud800", "a\nb", [], [[]],
     {}, {"a": 1}, [0] * 9,
 )  # fmt: skip

@@ -111,7 +111,7 @@ def test_others_read_it(tmp_path: Path) -> None:
     data = glb_bytes(labelled_nodes(made()))
     (tmp_path / "room.glb").write_bytes(data)
     assert struct.unpack_from("<I", data, 8)[0] == len(data)
-    loaded = trimesh.load(tmp_path / "room.glb", process=False)
+    loaded = trimesh.load_scene(tmp_path / "room.glb", process=False)
     np.testing.assert_allclose(loaded.bounds, [[-0.5, 0, -3.2], [3.2, 0.6, 0]], atol=1e-6)
     assert {"bed_7", "mattress", "pillow.2", "unassigned"} <= set(loaded.graph.nodes)
     frame = loaded.geometry["frame"]

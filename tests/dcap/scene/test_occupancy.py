@@ -168,22 +168,21 @@ def test_numbers_that_cannot_be(tmp_path: Path, document: dict[str, object], wor
     assert "occupancy.json" in str(caught.value)
 
 
+WRONG_DOCUMENTS: tuple[object, ...] = (
+    [],
+    {},
+    {**DOCUMENT, "scale": 50},
+    {**DOCUMENT, "scale": -1},
+    {**DOCUMENT, "scale": 10**400},
+    {**DOCUMENT, "lower": DOCUMENT["upper"]},
+    {**DOCUMENT, "lower": [-1, 1.0, 0]},
+    {**DOCUMENT, "upper": [1, 1, 3, 1]},
+    {**DOCUMENT, "upper": [1, 1, None]},
+    {**DOCUMENT, "min": [False, 0, 0]},
+    {"scale": "x", "lower": 1, "upper": {"x": 1}, "center": None},
+)
 BROKEN: list[dict[str, bytes]] = [
-    {"occupancy.json": json.dumps(document).encode()}
-    for document in (
-        [],
-        {},
-        {**DOCUMENT, "scale": 50},
-        {**DOCUMENT, "scale": -1},
-        {**DOCUMENT, "scale": 10**400},
-        {**DOCUMENT, "lower": DOCUMENT["upper"]},
-        {**DOCUMENT, "lower": [-1, 1.0, 0]},
-        {**DOCUMENT, "upper": [1, 1, 3, 1]},
-        {**DOCUMENT, "upper": [1, 1, None]},
-        {**DOCUMENT, "min": [False, 0, 0]},
-        {"scale": "x", "lower": 1, "upper": {"x": 1}, "center": None},
-    )
-] + [
+    *({"occupancy.json": json.dumps(document).encode()} for document in WRONG_DOCUMENTS),
     {"occupancy.json": b'{"scale": 0.1,\n]'},
     {"occupancy.json": b""},
     {"occupancy.json": b"\xff"},

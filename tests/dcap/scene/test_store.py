@@ -202,7 +202,7 @@ def test_artifacts_are_readable_without_our_code(store: Store) -> None:
     np.testing.assert_array_equal(
         pq.read_table(folder / "history-speed.parquet")["value"].to_numpy(), settled.history["speed"]
     )
-    ply = trimesh.load(folder / "bodies-0-surface.ply", process=False)
+    ply = trimesh.load_mesh(folder / "bodies-0-surface.ply", process=False)
     np.testing.assert_array_equal(ply.vertices, settled.bodies[0].surface.vertices)
     renders = next(value for value in VALUES if isinstance(value, Renders))
     picture = Image.open(store.folder(store.save(renders)) / "clean.png")
@@ -375,5 +375,5 @@ def test_a_stray_empty_folder_is_damage_that_saving_mends(store: Store) -> None:
 
 def test_reference_round_trip() -> None:
     """A reference survives JSON."""
-    ref = Ref("Scan", "ab" * 32)
+    ref: Ref[Scan] = Ref("Scan", "ab" * 32)
     assert Ref.from_json(json.loads(json.dumps(ref.to_json()))) == ref

@@ -141,7 +141,7 @@ def test_splats_without_any_sign_follow_custom(tmp_path: Path) -> None:
     ring = np.sqrt(1 - z * z)
     position = np.stack([ring * np.cos(angle), ring * np.sin(angle), z], axis=1) + 5.0
     parts = (position, np.full((400, 3), -3.0), np.tile([1.0, 0, 0, 0], (400, 1)), np.full(400, 3.0), 0 * position)
-    splats = Gaussians(*(np.asarray(p, dtype=np.float32) for p in parts), np.zeros((400, 3, 0), np.float32))
+    splats = Gaussians(*(np.asarray(p, dtype=np.float32) for p in (*parts, np.zeros((400, 3, 0)))))
     write_splats(tmp_path / "a.ply", splats)
     scan = read_scan(tmp_path / "a.ply", SourceOptions(), Role.SCENE, mesher=lambda splats: table())
     assert scan.up == "-y"

@@ -115,6 +115,7 @@ def test_a_room_of_splats_is_the_same_room(splat_room: Path) -> None:
     assert np.abs(read.opacity - true.opacity).max() <= 0.5 / 255 + 1e-6
 
 
+@pytest.mark.slow
 def test_rooms_of_splats_are_made_once_with_the_same_bytes(splat_room: Path, tmp_path: Path) -> None:
     """Another run keeps them, another folder gets the same, and another number of splats makes them anew."""
     file = splat_room / SPLAT_ROOMS / "hall_01" / COMPRESSED_NAME

@@ -84,6 +84,7 @@ def test_mug_has_one_handle() -> None:
     assert len(mesh.vertices) - len(mesh.faces) * 3 // 2 + len(mesh.faces) == 0
 
 
+@pytest.mark.slow
 def test_objects_in_units_of_their_own_come_back_to_metres() -> None:
     """A file's size times its unit is the size in metres."""
     for name, recipe in OBJECTS.items():
