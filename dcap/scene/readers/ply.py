@@ -7,9 +7,9 @@ from numpy.typing import NDArray
 
 from dcap.scene.errors import FormatError, InputError
 from dcap.scene.problems import Report, error, refusing
-from dcap.scene.readers.ply_table import Column, Header, Lists, Table, is_scalar, read_header, read_tables, scalar
+from dcap.scene.readers.ply_table import Column, PlyHeader, Table, is_scalar, read_header, read_tables, scalar
 from dcap.scene.readers.polygons import triangulate
-from dcap.scene.readers.raw import Paint, RawMesh, check_face_count, check_vertex_count, read_bytes
+from dcap.scene.readers.raw import Paint, RawMesh, check_face_count, check_vertex_count
 from dcap.scene.readers.splats import describes_splats
 
 INDEX_NAMES = ("vertex_indices", "vertex_index")
@@ -18,13 +18,11 @@ INDEX_NAMES = ("vertex_indices", "vertex_index")
 def read_ply(path: Path, report: Report | None = None) -> RawMesh:
     """Read a PLY triangle or polygon mesh; with a `report`, faces that are broken are told and left out."""
     report = report or refusing(path)
-    data = read_bytes(path)
-    header = read_header(path, data)
+    header = read_header(path)
     _refuse_splats(path, header)
     for name, check in (("vertex", check_vertex_count), ("face", check_face_count)):
-        if (element := header.element(name)) is not None:
-            check(path, min(element.count, len(data)))
-    tables = read_tables(path, header, data, report)
+        check(path, min(header.counts.get(name, 0), path.stat().st_size))
+    tables = read_tables(path, header, report)
     vertex, face = tables["vertex"], tables.get("face", {})
     vertices = np.stack([scalar(path, vertex, axis) for axis in "xyz"], axis=1).astype(np.float64)
     index = next((face[name] for name in INDEX_NAMES if name in face), None)
@@ -41,10 +39,9 @@ def read_ply(path: Path, report: Report | None = None) -> RawMesh:
     )  # fmt: skip
 
 
-def _refuse_splats(path: Path, header: Header) -> None:
+def _refuse_splats(path: Path, header: PlyHeader) -> None:
     """Gaussian splats are not a surface: say so instead of reading their centres."""
-    vertex = header.element("vertex")
-    if vertex is None:
+    if "vertex" not in header.elements:
         raise FormatError(f"{path}: the PLY header declares no vertex element")
     if describes_splats(header):
         raise InputError(f"{path}: Gaussian splats, not a mesh")
@@ -54,13 +51,14 @@ def _faces(
     path: Path, vertices: NDArray[np.float64], index: Column, report: Report
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Triangles (t, 3) and the polygon (t,) that each came from."""
-    lengths = index.lengths if isinstance(index, Lists) else np.full(len(index), index.shape[1])
+    of_several = index.dtype == np.object_
+    lengths = np.array([len(row) for row in index]) if of_several else np.full(len(index), index.shape[1])
     check_face_count(path, int(np.maximum(lengths - 2, 0).sum()))
     faces: list[NDArray[np.int64]] = []
     owners: list[NDArray[np.int64]] = []
     for corners in np.unique(lengths[lengths > 2]).tolist():
-        numbers, values = index.of_length(corners) if isinstance(index, Lists) else (np.arange(len(index)), index)
-        polygons = values.astype(np.int64)
+        numbers = np.flatnonzero(lengths == corners)
+        polygons = (np.stack(index[numbers].tolist()) if of_several else index).astype(np.int64)
         wrong = (polygons < 0) | (polygons >= len(vertices))
         if wrong.any():
             bad = wrong.any(axis=1)
@@ -82,8 +80,10 @@ def _colors(table: Table) -> NDArray[np.uint8] | None:
     for names in (("red", "green", "blue"), ("r", "g", "b"), ("diffuse_red", "diffuse_green", "diffuse_blue")):
         if all(name in table and is_scalar(table[name]) for name in names):
             channels = np.stack([np.asarray(table[name]) for name in names], axis=1)
-            is_float = channels.dtype.kind == "f" and channels.max(initial=0) <= 1.0
-            return np.clip(np.rint(channels * 255.0) if is_float else channels, 0, 255).astype(np.uint8)
+            levels = channels.astype(np.float64)
+            if channels.dtype.kind == "f" and np.nanmax(levels, initial=0.0) <= 1.0:
+                levels *= 255.0
+            return np.clip(np.rint(levels), 0, 255).astype(np.uint8)
     return None
 
 

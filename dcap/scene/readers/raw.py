@@ -94,8 +94,8 @@ class RawMesh:
         return np.asarray(~(twice_area > 1e-14 * extent * extent))
 
 
-def read_bytes(path: Path) -> bytes:
-    """The whole file; a missing, empty or absurdly large one is refused with one line."""
+def read_bytes(path: Path, most: int = -1) -> bytes:
+    """The whole file, or its first bytes; a missing, empty or absurdly large one is refused with one line."""
     if not path.is_file():
         raise InputError(f"{path}: no such file")
     size = path.stat().st_size
@@ -105,7 +105,8 @@ def read_bytes(path: Path) -> bytes:
         raise InputError(
             f"{path}: {size / 1024**3:.1f} GiB > {MAX_FILE_BYTES / 1024**3:.0f} GiB; decimate the mesh first"
         )
-    return path.read_bytes()
+    with path.open("rb") as stream:
+        return stream.read(most)
 
 
 def check_face_count(path: Path, count: int) -> None:

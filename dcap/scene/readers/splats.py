@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from dcap.scene.errors import FormatError, InputError
 from dcap.scene.problems import Problem, Report, error, refusing, warning
-from dcap.scene.readers.ply_table import Header, Table, read_header, read_tables, scalar
-from dcap.scene.readers.raw import RawMesh, read_bytes
+from dcap.scene.readers.ply_table import PlyHeader, Table, read_header, read_tables, scalar
+from dcap.scene.readers.raw import RawMesh
 from dcap.scene.types.gaussians import COEFFICIENTS, DC, Gaussians
 
 F32 = NDArray[np.float32]
@@ -49,10 +49,9 @@ HARMONIC_RANGE = 8.0
 """Harmonics span -4 to 4 in a compressed file [-]."""
 
 
-def describes_splats(header: Header) -> bool:
+def describes_splats(header: PlyHeader) -> bool:
     """Whether a PLY header describes Gaussians rather than a mesh."""
-    vertex = header.element("vertex")
-    names = {p.name for p in vertex.properties} if vertex is not None else set()
+    names = header.properties("vertex")
     return WORDS[0] in names or {"f_dc_0", "opacity"} <= names
 
 
@@ -83,15 +82,14 @@ def check_splats(path: Path, report: Report) -> int:
 
 def splat_tables(path: Path) -> dict[str, Table]:
     """The elements of a file of splats."""
-    data = read_bytes(path)
-    header = read_header(path, data)
-    vertex = header.element("vertex")
-    if vertex is None or not describes_splats(header):
+    header = read_header(path)
+    if not describes_splats(header):
         raise FormatError(f"{path}: no Gaussians: its vertices have neither packed_position nor f_dc_0 and opacity")
-    if min(vertex.count, len(data)) > MOST_SPLATS:
-        raise InputError(f"{path}: {vertex.count} splats > {MOST_SPLATS}; decimate them first")
-    tables = read_tables(path, header, data)
-    if vertex.count == 0:
+    count = header.counts["vertex"]
+    if min(count, path.stat().st_size) > MOST_SPLATS:
+        raise InputError(f"{path}: {count} splats > {MOST_SPLATS}; decimate them first")
+    tables = read_tables(path, header)
+    if count == 0:
         raise InputError(f"{path}: no Gaussians in it")
     return tables
 

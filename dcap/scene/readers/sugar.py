@@ -6,8 +6,8 @@ Source: SuGaR repository, sugar_extractors/: refined `sugarfine_*.obj` (with tex
 import re
 from pathlib import Path
 
-from dcap.scene.errors import FormatError, InputError
-from dcap.scene.readers.ply_table import HEADER_LIMIT, read_header
+from dcap.scene.errors import InputError
+from dcap.scene.readers.ply_table import read_header
 from dcap.scene.readers.splats import describes_splats
 from dcap.scene.readers.usd import USD_SUFFIXES
 
@@ -90,11 +90,9 @@ def is_splats(path: Path) -> bool:
     """Whether a PLY holds Gaussian splats (by its header)."""
     if path.suffix.lower() != ".ply" or not path.is_file():
         return False
-    with path.open("rb") as stream:
-        start = stream.read(HEADER_LIMIT)
     try:
-        return describes_splats(read_header(path, start))
-    except FormatError:
+        return describes_splats(read_header(path))
+    except InputError:
         return False  # what is wrong is said where the file is read
 
 

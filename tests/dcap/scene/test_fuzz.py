@@ -378,7 +378,7 @@ RARE = ("ply faces", "ply ascii vertices", "ply polygons big", "splats chunks", 
     "name", [pytest.param(name, marks=pytest.mark.slow) if name in RARE else name for name in COUNTS]
 )
 def test_counts_that_lie_cost_no_memory(tmp_path: Path, name: str) -> None:
-    """Each is compared with the length of the file before anything is allocated: twice what is there at the most."""
+    """Each is compared with the file's length before anything is allocated: four times what is there at the most."""
     write, stated = COUNTS[name]
     path = tmp_path / ("a.gltf" if "gltf" in name else "a.ply")
     write(path)
@@ -398,7 +398,7 @@ def test_counts_that_lie_cost_no_memory(tmp_path: Path, name: str) -> None:
             assert lie < len(whole)
             continue
         assert str(path) in line
-        assert peak < 2 * there + 1.2e6, (lie, line)  # a megabyte is read to tell splats from meshes
+        assert peak < 4 * there + 1.2e6, (lie, line)  # a megabyte is read to tell splats from meshes
 
 
 def test_a_binary_stl_that_lies_costs_no_memory(tmp_path: Path) -> None:

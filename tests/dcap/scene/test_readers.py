@@ -241,14 +241,14 @@ def test_glb_cut_anywhere_is_refused(tmp_path_factory: pytest.TempPathFactory, l
 @pytest.mark.parametrize(
     ("format_line", "vertex", "face", "words"),
     [
-        ("format", "float x y z", "list uchar int vertex_indices", "names no format"),
+        ("format", "float x y z", "list uchar int vertex_indices", "line 2: expected"),
         ("format ascii 1.0", "float x y z", "int vertex_indices", "expected a list"),
         ("format binary_little_endian 1.0", "float x y z", "int vertex_indices", "expected a list"),
         ("format binary_little_endian 1.0", "", "list uchar int vertex_indices", "has no property"),
         ("format ascii 1.0", "", "list uchar int vertex_indices", "has no property"),
         ("format binary_little_endian 1.0", "list x y z", "list uchar int vertex_indices", "no property 'x' of one"),
         ("format ascii 1.0", "list x y z", "list uchar int vertex_indices", "no property 'x' of one"),
-        ("format ascii 1.0", "float x y z", "list float int vertex_indices", "header line 8"),
+        ("format ascii 1.0", "float x y z", "list float int vertex_indices", "in fractions"),
     ],
 )  # fmt: skip
 def test_ply_headers_that_promise_the_wrong_kind_are_refused(
@@ -259,9 +259,28 @@ def test_ply_headers_that_promise_the_wrong_kind_are_refused(
     kind = "list uchar float" if kind == "list" else kind
     lines = ["ply", format_line, "element vertex 2", *(f"property {kind} {axis}" for axis in axes), "element face 1",
              f"property {face}", "end_header"]  # fmt: skip
-    zeros = "0 " * 40 if "ascii" in format_line else "\0" * 80
+    zeros = "0 0 0\n0 0 0\n0\n" if "ascii" in format_line else "\0" * 80
     (tmp_path / "x.ply").write_text("\n".join(lines) + "\n" + zeros)
     assert words in refusal(tmp_path / "x.ply")
+
+
+def test_ply_comments_may_hold_any_letters(tmp_path: Path) -> None:
+    """The name of whoever wrote the file is no reason to refuse it."""
+    path = write_ply(tmp_path / "x.ply", "<", CUBE, QUADS)
+    path.write_bytes(path.read_bytes().replace(b"made by a test", "von Jürgen".encode()))
+    assert volume(scan_of(path).mesh) == pytest.approx(1.0, abs=1e-6)
+
+
+def test_ply_texture_coordinates_do_not_slow_triangles_down(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Lists of three indices and six coordinates per face are mapped, not read value by value."""
+    head = "ply\nformat binary_little_endian 1.0\nelement vertex 3\n" + "".join(
+        f"property float {axis}\n" for axis in "xyz"
+    )
+    head += "element face 1\nproperty list uchar int vertex_indices\nproperty list uchar float texcoord\nend_header\n"
+    body = CUBE[:3].astype("<f4").tobytes() + struct.pack("<B3iB6f", 3, 0, 1, 2, 6, *range(6))
+    (tmp_path / "x.ply").write_bytes(head.encode() + body)
+    monkeypatch.setattr("dcap.scene.readers.ply_table._by_value", None)
+    assert len(scan_of(tmp_path / "x.ply").mesh.faces) == 1
 
 
 @pytest.mark.parametrize("face", ["/1 /2 /3", "1 2 --3", "1 2 99999999999999999999", "1//2 1/2/3 /4", "1 2 3.5"])
