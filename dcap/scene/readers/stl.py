@@ -1,26 +1,29 @@
-"""STL meshes, binary and ascii. The format knows neither units, axes, colours nor shared vertices."""
+"""STL meshes, binary and ascii, by trimesh. The format knows neither units, axes, colours nor shared vertices.
 
+trimesh is given what it takes without guessing: exactly the facets that the header promises, or a text that ends.
+"""
+
+from io import BytesIO, StringIO
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from trimesh.exchange.stl import load_stl_ascii, load_stl_binary
 
 from dcap.scene.errors import FormatError
-from dcap.scene.problems import Report, error, refusing
+from dcap.scene.problems import Report
 from dcap.scene.readers.raw import RawMesh, check_face_count, read_bytes
 
-RECORD = np.dtype([("normal", "<f4", (3,)), ("corner", "<f4", (3, 3)), ("attribute", "<u2")])
-"""One facet of a binary file: 50 bytes."""
+HEADER, FACET = 84, 50
+"""Lengths of the header and of one facet of a binary file [bytes]."""
 
 
 def read_stl(path: Path, report: Report | None = None) -> RawMesh:
-    """Read an STL file; equal corners become one vertex. With a `report`, broken facets are told and left out."""
+    """Read an STL file; equal corners become one vertex. What is wrong is raised, nothing is told to a `report`."""
     data = read_bytes(path)
-    corners = _ascii(path, data, report or refusing(path)) if _is_ascii(data) else _binary(path, data)
-    if len(corners):
-        vertices, index = np.unique(corners.reshape(-1, 3), axis=0, return_inverse=True)
-    else:
-        vertices, index = np.zeros((0, 3)), np.zeros(0, dtype=np.int64)
+    corners = _ascii(path, data) if _is_ascii(data) else _binary(path, data)
+    check_face_count(path, len(corners) // 3)
+    vertices, index = np.unique(corners, axis=0, return_inverse=True)
     faces = index.reshape(-1, 3).astype(np.int64)
     return RawMesh(
         path=path, vertices=vertices, faces=faces, colors=None, paint=None,
@@ -28,47 +31,40 @@ def read_stl(path: Path, report: Report | None = None) -> RawMesh:
     )  # fmt: skip
 
 
+def _facets(data: bytes) -> int:
+    """How many facets the header of a binary file promises; -1 where it ends before."""
+    return int.from_bytes(data[HEADER - 4 : HEADER], "little") if len(data) >= HEADER else -1
+
+
 def _is_ascii(data: bytes) -> bool:
     """A binary file may begin with 'solid' too: its length then fits its own facet count."""
-    if not data[:512].lstrip().lower().startswith(b"solid"):
-        return False
-    count = int(np.frombuffer(data, "<u4", 1, 80)[0]) if len(data) >= 84 else -1
-    return len(data) != 84 + 50 * count
+    return data[:512].lstrip().lower().startswith(b"solid") and len(data) != HEADER + FACET * _facets(data)
 
 
 def _binary(path: Path, data: bytes) -> NDArray[np.float64]:
-    """Corners (m, 3, 3) of a binary file."""
-    if len(data) < 84:
-        raise FormatError(f"{path}: {len(data)} bytes are less than an STL header (84)")
-    count = int(np.frombuffer(data, "<u4", 1, 80)[0])
-    if 84 + 50 * count > len(data):
+    """Corners (3 m, 3) of a binary file, whatever follows them."""
+    count = _facets(data)
+    if count < 0:
+        raise FormatError(f"{path}: {len(data)} bytes are less than an STL header ({HEADER})")
+    size = HEADER + FACET * count
+    if size > len(data):
         raise FormatError(
-            f"{path}: the header promises {count} facets ({84 + 50 * count} bytes), the file has {len(data)}: truncated"
+            f"{path}: the header promises {count} facets ({size} bytes), the file has {len(data)}: truncated"
         )
-    check_face_count(path, count)
-    return np.frombuffer(data, RECORD, count, 84)["corner"].astype(np.float64)
+    found = load_stl_binary(BytesIO(data[:size]))
+    return np.asarray(found.get("vertices", np.zeros((0, 3))), dtype=np.float64)
 
 
-def _ascii(path: Path, data: bytes, report: Report) -> NDArray[np.float64]:
-    """Corners (m, 3, 3) of an ascii file."""
-    words = data.lower().split()
-    at = [i for i, word in enumerate(words) if word == b"vertex"]
-    if len(at) % 3 or (at and at[-1] + 3 >= len(words)) or not any(w == b"endsolid" for w in words[-64:]):
-        raise FormatError(f"{path}: {len(at)} vertex lines and no endsolid: the file is truncated")
-    values = [words[i + 1 : i + 4] for i in at]
+def _ascii(path: Path, data: bytes) -> NDArray[np.float64]:
+    """Corners (3 m, 3) of all solids of an ascii file."""
+    text = data.decode("latin-1").replace("\r", "\n")  # left to trimesh, a broken letter costs seconds of guessing
+    if "endsolid" not in text[-1000:].lower():
+        raise FormatError(f"{path}: no endsolid: the file is truncated")
     try:
-        return np.array(values, dtype=np.float64).reshape(-1, 3, 3)
-    except ValueError:
-        pass
-    lines = [n for n, line in enumerate(data.split(b"\n"), start=1) for w in line.lower().split() if w == b"vertex"]
-    sound = np.ones(len(at), dtype=bool)
-    for index, (line, value) in enumerate(zip(lines, values, strict=True)):
-        try:
-            np.array(value, dtype=np.float64)
-        except ValueError:
-            sound[index] = False
-            text = " ".join(word.decode("latin-1") for word in value)
-            report(error(f"{text!r} in the STL data is not three numbers", line=line))
-    whole = np.repeat(sound.reshape(-1, 3).all(axis=1), 3)
-    kept = [value for value, good in zip(values, whole, strict=True) if good]
-    return np.array(kept, dtype=np.float64).reshape(-1, 3, 3)
+        found = load_stl_ascii(StringIO(text))
+    except ValueError as broken:
+        raise FormatError(
+            f"{path}: an STL text with a facet that is not three times three numbers ({broken})"
+        ) from None
+    solids = found["geometry"].values() if "geometry" in found else [found]
+    return np.concatenate([np.zeros((0, 3)), *(solid["vertices"] for solid in solids)])

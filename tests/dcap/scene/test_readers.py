@@ -162,6 +162,15 @@ def test_stl_shares_corners(tmp_path: Path) -> None:
         assert volume(mesh) == pytest.approx(1.0)
 
 
+def test_stl_may_end_in_other_bytes_and_hold_several_solids(tmp_path: Path) -> None:
+    """Bytes behind the last facet are left alone, and every solid of a text is read, with any line ends."""
+    (tmp_path / "more.stl").write_bytes(stl_bytes() + b"\0\0")
+    assert len(scan_of(tmp_path / "more.stl").mesh.faces) == 12
+    solid = "solid a\rfacet normal 0 0 1\router loop\rvertex {} 0 0\rvertex 1 0 0\rvertex 0 1 0\rendloop\rendfacet\r"
+    (tmp_path / "two.stl").write_text(solid.format(0) + "endsolid a\r" + solid.format(-1) + "endsolid a\r")
+    assert len(scan_of(tmp_path / "two.stl").mesh.faces) == 2
+
+
 def test_glb_is_turned_to_z_up(tmp_path: Path) -> None:
     """glTF's y becomes our z, without mirroring."""
     (tmp_path / "crate.glb").write_bytes(glb(*cube_document()))
