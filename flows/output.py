@@ -15,7 +15,8 @@ from scipy.spatial.transform import Rotation as Turn
 
 from dcap.evaluation.region import region_missed
 from dcap.scene.store.artifacts import Store
-from dcap.scene.store.codec import mesh_to_ply, to_tree
+from dcap.scene.store.codec import to_tree
+from dcap.scene.store.ply import mesh_to_ply
 from dcap.scene.store.ref import Ref
 from dcap.scene.types.anchor import Anchor
 from dcap.scene.types.intent import Intent

@@ -15,7 +15,7 @@ import pyarrow.parquet as pq
 from scipy.spatial.transform import Rotation
 
 from dcap.scene.errors import GeometryError, InputError
-from dcap.scene.store.codec import mesh_to_ply
+from dcap.scene.store.ply import mesh_to_ply
 from dcap.scene.types.mesh import Mesh
 from solver.certificate import Signals
 from solver.config import SolverConfig

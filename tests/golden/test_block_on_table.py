@@ -10,7 +10,7 @@ import pytest
 import trimesh
 
 from dcap.scene.store.artifacts import Store
-from dcap.scene.store.codec import mesh_from_ply
+from dcap.scene.store.ply import mesh_from_ply
 from flows.cli.app import run_command
 
 TOP_M = 0.75

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from dcap.scene.errors import StoreError
+from dcap.scene.store.ply import mesh_from_ply, mesh_to_ply
 from dcap.scene.types.anchor import Anchor
 from dcap.scene.types.box import OrientedBox
 from dcap.scene.types.intent import Intent, OrientationRequest, RegionRequest
@@ -231,33 +232,3 @@ def array_from_parquet(data: bytes, dtype: str, shape: tuple[int, ...]) -> NDArr
     if array.size != prod(shape):
         raise StoreError(f"a table holds {array.size} numbers, expected shape {shape}")
     return np.array(array.reshape(shape), order="C")
-
-
-VERTEX = np.dtype([("position", "<f8", 3), ("color", "u1", 3)])
-FACE = np.dtype([("count", "u1"), ("indices", "<i4", 3)])
-HEADER_END = b"end_header\n"
-
-
-def mesh_to_ply(mesh: Mesh) -> bytes:
-    """Binary little-endian PLY with double positions, so that nothing is lost."""
-    header = (
-        "ply\nformat binary_little_endian 1.0\ncomment metres, right-handed, z up\n"
-        f"element vertex {len(mesh.vertices)}\n"
-        "property double x\nproperty double y\nproperty double z\n"
-        "property uchar red\nproperty uchar green\nproperty uchar blue\n"
-        f"element face {len(mesh.faces)}\nproperty list uchar int vertex_indices\n"
-    )
-    vertices = np.empty(len(mesh.vertices), VERTEX)
-    vertices["position"], vertices["color"] = mesh.vertices, mesh.colors
-    faces = np.empty(len(mesh.faces), FACE)
-    faces["count"], faces["indices"] = 3, mesh.faces
-    return header.encode() + HEADER_END + vertices.tobytes() + faces.tobytes()
-
-
-def mesh_from_ply(data: bytes) -> Mesh:
-    """The mesh that `mesh_to_ply` wrote; foreign PLY files are read elsewhere."""
-    start = data.index(HEADER_END) + len(HEADER_END)
-    counts = [int(line.split()[2]) for line in data[:start].splitlines() if line.startswith(b"element")]
-    vertices = np.frombuffer(data, VERTEX, counts[0], start)
-    faces = np.frombuffer(data, FACE, counts[1], start + vertices.nbytes)
-    return Mesh(vertices["position"].copy(), faces["indices"].copy(), vertices["color"].copy())

@@ -12,6 +12,7 @@ from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from dcap.scene.errors import GeometryError
 from dcap.scene.types.arrays import check_array
@@ -79,13 +80,7 @@ class Gaussians:
     @property
     def axes(self) -> F32:
         """Rotation matrices, columns are the own axes in the world, shape (n, 3, 3)."""
-        w, x, y, z = (self.rotation / np.linalg.norm(self.rotation, axis=1, keepdims=True)).T
-        rows = [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-        ]
-        return np.stack([np.stack(row, axis=-1) for row in rows], axis=1)
+        return np.asarray(Rotation.from_quat(self.rotation, scalar_first=True).as_matrix(), dtype=np.float32)
 
     def subset(self, index: NDArray[np.integer] | NDArray[np.bool_]) -> Self:
         """The given Gaussians only."""
@@ -101,11 +96,12 @@ class Gaussians:
         turn = linear / factor if factor > 0.0 else linear
         if factor <= 0.0 or not np.allclose(turn @ turn.T, np.eye(3), atol=1e-6):
             raise GeometryError("Gaussians can be moved, turned and scaled alike in all directions, nothing else")
+        own = Rotation.from_quat(self.rotation, scalar_first=True)
         return replace(
             self,
             position=(self.position @ linear.T + shift).astype(np.float32),
             log_scale=(self.log_scale + np.log(factor)).astype(np.float32),
-            rotation=_product(_quaternion(turn), self.rotation).astype(np.float32),
+            rotation=(Rotation.from_matrix(turn) * own).as_quat(scalar_first=True).astype(np.float32),
             rest=_turned_harmonics(self.rest, turn, self.degree),
         )
 
@@ -153,25 +149,3 @@ def _turned_harmonics(rest: F32, turn: NDArray[np.float64], degree: int) -> F32:
         map_ = np.linalg.lstsq(after[:, at], before[:, at], rcond=None)[0]
         out[:, :, at] = rest[:, :, at] @ map_.T
     return out
-
-
-def _quaternion(turn: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(w, x, y, z) of a rotation matrix, from the eigenvector of its largest eigenvalue (Bar-Itzhack 2000)."""
-    xx, xy, xz, yx, yy, yz, zx, zy, zz = turn.ravel()
-    K = np.array(
-        [
-            [xx - yy - zz, yx + xy, zx + xz, zy - yz],
-            [yx + xy, yy - xx - zz, zy + yz, xz - zx],
-            [zx + xz, zy + yz, zz - xx - yy, yx - xy],
-            [zy - yz, xz - zx, yx - xy, xx + yy + zz],
-        ]
-    )
-    x, y, z, w = np.linalg.eigh(K)[1][:, -1]
-    return np.array([w, x, y, z]) * (1.0 if w >= 0.0 else -1.0)
-
-
-def _product(a: NDArray[np.float64], b: F32) -> NDArray[np.float64]:
-    """Quaternion products a b of one (4,) with many (n, 4)."""
-    w, x, y, z = a
-    left = np.array([[w, -x, -y, -z], [x, w, -z, y], [y, z, w, -x], [z, -y, x, w]])
-    return np.asarray(b @ left.T)

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
 from dcap.scene.readers.sugar import COMPRESSED_NAME
+from dcap.scene.store.ply import ply_bytes
 from dcap.scene.types.box import OrientedBox
 from dcap.scene.types.gaussians import Gaussians
 from dcap.scene.types.mesh import Mesh
@@ -181,14 +182,7 @@ def vertex_normals(mesh: Mesh) -> NDArray[np.float64]:
 
 def write_ply(path: Path, mesh: Mesh, comments: Sequence[str] = ()) -> None:
     """A binary PLY with vertex normals and colours, properties as Open3D writes them."""
-    header = ["ply", "format binary_little_endian 1.0", *(f"comment {c}" for c in comments)]
-    header += [f"element vertex {len(mesh.vertices)}"]
-    header += [f"property double {name}" for name in ("x", "y", "z", "nx", "ny", "nz")]
-    header += [f"property uchar {name}" for name in ("red", "green", "blue")]
-    header += [f"element face {len(mesh.faces)}", "property list uchar uint vertex_indices", "end_header"]
-    rows = np.zeros(len(mesh.vertices), dtype=[("place", "<f8", 6), ("color", "u1", 3)])
-    rows["place"] = np.hstack([mesh.vertices, vertex_normals(mesh)])
-    rows["color"] = mesh.colors
-    faces = np.zeros(len(mesh.faces), dtype=[("count", "u1"), ("index", "<u4", 3)])
-    faces["count"], faces["index"] = 3, mesh.faces
-    path.write_bytes("\n".join([*header, ""]).encode("ascii") + rows.tobytes() + faces.tobytes())
+    place = np.hstack([mesh.vertices, vertex_normals(mesh)])
+    vertex = {"x y z nx ny nz": place, "red green blue": mesh.colors}
+    face = {"list vertex_indices": mesh.faces.astype(np.uint32)}
+    path.write_bytes(ply_bytes({"vertex": vertex, "face": face}, comments))

@@ -6,7 +6,8 @@ Vertex colours are the sRGB bytes of the mesh. Same input, same bytes.
 from collections.abc import Sequence
 from pathlib import Path
 
-import numpy as np
+import trimesh
+from trimesh.exchange.obj import export_obj
 
 from dcap.scene.errors import InputError
 from dcap.scene.types.mesh import Mesh
@@ -30,7 +31,5 @@ def write_object(path: Path, parts: Sequence[tuple[str, Mesh]]) -> None:
 
 def _obj(mesh: Mesh) -> str:
     """Vertices with colours 0..1 behind them, as many tools read and write them."""
-    rows = np.hstack([mesh.vertices, mesh.colors / 255.0])
-    vertices = [f"v {x:.6f} {y:.6f} {z:.6f} {r:.4f} {g:.4f} {b:.4f}" for x, y, z, r, g, b in rows.tolist()]
-    faces = [f"f {a} {b} {c}" for a, b, c in (mesh.faces + 1).tolist()]
-    return "\n".join([*vertices, *faces, ""])
+    colored = trimesh.Trimesh(mesh.vertices, mesh.faces, vertex_colors=mesh.colors, process=False)
+    return str(export_obj(colored, include_normals=False, digits=6, header=None))  # type: ignore[no-untyped-call]

@@ -13,7 +13,7 @@ from dcap.scene.readers.frame import WORLD_FROM_FILE, Role
 from dcap.scene.readers.raw import RawMesh
 from dcap.scene.readers.source import read_scan
 from dcap.scene.readers.up_axis import up_of_scene
-from dcap.scene.store.codec import mesh_to_ply
+from dcap.scene.store.ply import mesh_to_ply
 from dcap.scene.types.gaussians import Gaussians
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.sample import SourceOptions
