@@ -19,7 +19,7 @@ from dcap.scene.checks.places import yaml_lines
 from dcap.scene.checks.scene_folder import SceneFacts, check_scene
 from dcap.scene.errors import InputError
 from dcap.scene.problems import Place, Report, Severity, error, short, warning
-from dcap.scene.readers.sugar import MESH_SUFFIXES
+from dcap.scene.readers.scenes.sugar import MESH_SUFFIXES
 from dcap.scene.settings import data_root
 from dcap.scene.spelling import did_you_mean
 from dcap.scene.types.sample import Sample

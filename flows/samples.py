@@ -18,7 +18,7 @@ from ruamel.yaml.nodes import MappingNode
 from dcap.evaluation.run_folder import folder_name
 from dcap.scene.errors import InputError
 from dcap.scene.problems import Report, error, refusing, short
-from dcap.scene.readers.sugar import MESH_SUFFIXES
+from dcap.scene.readers.scenes.sugar import MESH_SUFFIXES
 from dcap.scene.settings import data_root, resource
 from dcap.scene.spelling import did_you_mean
 from dcap.scene.types.sample import Sample, SourceOptions

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from dcap.geometry.distance import Distance, MeshDistance
 from dcap.geometry.primitives import Box, Capsule
 from dcap.geometry.solid.repair import mass_properties
-from dcap.scene.readers.frame import Role
+from dcap.scene.readers.frame.frame import Role
 from dcap.scene.readers.source import read_scan
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.particles import InertialProperties

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from dcap.scene.readers.frame import LIMITS, Role
+from dcap.scene.readers.frame.frame import LIMITS, Role
 from dcap.scene.types.units import METRES, TAKEN_AS_METRES
 
 Array = NDArray[np.float64]

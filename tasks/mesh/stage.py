@@ -15,9 +15,9 @@ from pydantic import BaseModel, NonNegativeInt, PositiveFloat, PositiveInt
 
 from dcap.geometry.splatting.config import SurfaceConfig
 from dcap.scene.errors import FormatError, GeometryError
-from dcap.scene.readers.frame import Role
+from dcap.scene.readers.frame.frame import Role
+from dcap.scene.readers.scenes.sugar import has_only_splats
 from dcap.scene.readers.source import read_scan
-from dcap.scene.readers.sugar import has_only_splats
 from dcap.scene.store.artifacts import Source
 from dcap.scene.types.gaussians import Gaussians
 from dcap.scene.types.mesh import Mesh

@@ -12,9 +12,9 @@ import pytest
 from PIL import Image
 
 from dcap.geometry.splatting.on_mesh import splats_on_mesh
-from dcap.scene.readers.colmap import read_colmap
-from dcap.scene.readers.splats import read_splats
-from dcap.scene.readers.sugar import find_mesh, has_only_splats
+from dcap.scene.readers.scenes.colmap import read_colmap
+from dcap.scene.readers.scenes.sugar import find_mesh, has_only_splats
+from dcap.scene.readers.splats.splats import read_splats
 from dcap.scene.writers.gaussians import write_compressed_splats
 from dcap.scene.writers.interiorgs import MESH_NAME, write_interiorgs
 from dcap.synthetic.rooms import build_room

@@ -9,7 +9,7 @@ import pytest
 
 from dcap.geometry.raycast import Raycaster
 from dcap.language.offline.client import OfflineClient
-from dcap.scene.readers.frame import Role
+from dcap.scene.readers.frame.frame import Role
 from dcap.scene.readers.source import read_scan
 from dcap.scene.types.anchor import Anchor
 from dcap.scene.types.intent import Intent

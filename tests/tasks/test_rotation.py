@@ -14,7 +14,7 @@ from dcap.language.protocol.questions import Question
 from dcap.language.protocol.replies import RotationReply
 from dcap.language.protocol.requests import FacingView, PoseView, RotationRequest
 from dcap.scene.errors import LanguageError
-from dcap.scene.readers.frame import Role
+from dcap.scene.readers.frame.frame import Role
 from dcap.scene.readers.source import read_scan
 from dcap.scene.types.rotation import Rotation
 from dcap.scene.types.sample import SourceOptions

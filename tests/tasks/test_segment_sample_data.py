@@ -9,7 +9,7 @@ import pytest
 from dcap.geometry.distance import MeshDistance
 from dcap.language.offline.client import OfflineClient
 from dcap.scene.errors import InputError
-from dcap.scene.readers.splats import read_splats
+from dcap.scene.readers.splats.splats import read_splats
 from dcap.scene.store.artifacts import Source
 from dcap.scene.types.sample import SourceOptions
 from tasks.mesh.stage import MeshConfig, mesh_object, mesh_scene

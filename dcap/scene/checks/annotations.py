@@ -13,8 +13,8 @@ from dcap.scene.checks.findings import Findings
 from dcap.scene.checks.places import Lines, json_lines, repeated_keys
 from dcap.scene.errors import FormatError
 from dcap.scene.problems import Place, Problem, Report, error, short, warning
-from dcap.scene.readers.interiorgs import LABELS, STRUCTURE, LabelEntry, label_entries, structure_of
-from dcap.scene.readers.json_text import read_json
+from dcap.scene.readers.files.json_text import read_json
+from dcap.scene.readers.scenes.interiorgs import LABELS, STRUCTURE, LabelEntry, label_entries, structure_of
 from dcap.scene.types.scan import LabelBox, Room
 
 BURIED = 0.1

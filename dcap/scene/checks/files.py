@@ -11,10 +11,10 @@ from dcap.scene.checks.findings import Findings
 from dcap.scene.checks.places import Lines, json_lines
 from dcap.scene.errors import InputError
 from dcap.scene.problems import Place, Problem, Report, Severity, error, note, warning
-from dcap.scene.readers.raw import RawMesh
+from dcap.scene.readers.mesh.raw import RawMesh
+from dcap.scene.readers.scenes.sugar import is_splats
 from dcap.scene.readers.source import BROKEN, READERS
-from dcap.scene.readers.splats import check_splats
-from dcap.scene.readers.sugar import is_splats
+from dcap.scene.readers.splats.splats import check_splats
 
 MANY = 0.1
 """A share of faces without area above this is no rounding but a damaged mesh [-]."""
@@ -23,7 +23,7 @@ Found = TypeVar("Found")
 
 
 @dataclass(frozen=True, slots=True)
-class Shape:
+class FileContents:
     """What a file holds; zeros where it could not be read."""
 
     path: Path
@@ -34,15 +34,15 @@ class Shape:
     """What its annotated instances are labelled as, else names of its nodes or groups."""
 
 
-def check_shape(path: Path, findings: Findings) -> Shape:
+def check_shape(path: Path, findings: Findings) -> FileContents:
     """Check one mesh file, with the materials and textures it names, or one file of splats."""
     report = findings.report(path, _lines(path))
     if is_splats(path):
-        return Shape(path, splats=_guarded(path, report, lambda: check_splats(path, report), 0))
-    return _guarded(path, report, lambda: _check_mesh(path, report), Shape(path))
+        return FileContents(path, splats=_guarded(path, report, lambda: check_splats(path, report), 0))
+    return _guarded(path, report, lambda: _check_mesh(path, report), FileContents(path))
 
 
-def _check_mesh(path: Path, report: Report) -> Shape:
+def _check_mesh(path: Path, report: Report) -> FileContents:
     told: list[Severity] = []
 
     def also(problem: Problem) -> None:
@@ -53,7 +53,7 @@ def _check_mesh(path: Path, report: Report) -> Shape:
         raw = READERS[path.suffix.lower()](path, also)
     except (InputError, *BROKEN):
         if Severity.ERROR in told:  # what is left of a broken file may be no mesh: that says nothing new
-            return Shape(path)
+            return FileContents(path)
         raise
     for one in raw.notes:
         report(warning(one))
@@ -63,7 +63,7 @@ def _check_mesh(path: Path, report: Report) -> Shape:
             f"{int(bad.sum())} of {len(bad)} faces have no area (first: face {int(np.argmax(bad))}); they are dropped"
         )
         report(warning(what) if bad.mean() > MANY else note(what))
-    return Shape(path, faces=len(raw.faces), vertices=len(raw.vertices), names=_names(raw))
+    return FileContents(path, faces=len(raw.faces), vertices=len(raw.vertices), names=_names(raw))
 
 
 def _names(raw: RawMesh) -> tuple[str, ...]:

@@ -7,7 +7,7 @@ from PIL import Image
 from dcap.scene.checks.annotations import read_tree
 from dcap.scene.checks.findings import Findings
 from dcap.scene.problems import note, warning
-from dcap.scene.readers.occupancy import NAMES, map_cells, map_extent
+from dcap.scene.readers.scenes.occupancy import NAMES, map_cells, map_extent
 
 SLACK = 2.0
 """Pixels by which the picture may be larger or smaller than the map [-]: conventions differ by a half at each end."""

@@ -1,13 +1,13 @@
 """A scene folder of ScanNet: segments, groups and alignment by the rules of their reader."""
 
 from dcap.scene.checks.annotations import read_tree
-from dcap.scene.checks.files import Shape, check_shape
+from dcap.scene.checks.files import FileContents, check_shape
 from dcap.scene.checks.findings import Findings
 from dcap.scene.problems import warning
-from dcap.scene.readers.scannet import SceneFiles, alignment_of, instances_of, segments_of, vertex_instances
+from dcap.scene.readers.scenes.scannet import SceneFiles, alignment_of, instances_of, segments_of, vertex_instances
 
 
-def check_scannet(files: SceneFiles, findings: Findings) -> tuple[Shape, tuple[str, ...]]:
+def check_scannet(files: SceneFiles, findings: Findings) -> tuple[FileContents, tuple[str, ...]]:
     """Check what of a folder is read; returns the mesh and the labels of the annotated instances."""
     shape = check_shape(files.mesh, findings)
     alignment_of(files, findings.report(files.about or files.mesh))

@@ -4,16 +4,16 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from dcap.scene.checks.annotations import check_annotations
-from dcap.scene.checks.files import Shape, check_shape
+from dcap.scene.checks.files import FileContents, check_shape
 from dcap.scene.checks.findings import Findings
 from dcap.scene.checks.layout import MARKS, mesh_files
 from dcap.scene.checks.occupancy import check_occupancy
 from dcap.scene.checks.scannet import check_scannet
 from dcap.scene.errors import InputError
 from dcap.scene.problems import error
-from dcap.scene.readers.interiorgs import is_interiorgs
-from dcap.scene.readers.scannet import scannet_files
-from dcap.scene.readers.sugar import check_suffix, describe, find_mesh
+from dcap.scene.readers.scenes.interiorgs import is_interiorgs
+from dcap.scene.readers.scenes.scannet import scannet_files
+from dcap.scene.readers.scenes.sugar import check_suffix, describe, find_mesh
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,12 +67,12 @@ def check_file(path: Path, findings: Findings) -> SceneFacts:
     return SceneFacts(path, _labels(shape, describe(path)), shape.faces, shape.splats)
 
 
-def _labels(shape: Shape, own: str) -> tuple[str, ...]:
+def _labels(shape: FileContents, own: str) -> tuple[str, ...]:
     """Names of what a file holds, its own where it names nothing; none where it could not be read."""
     return shape.names or ((own,) if shape.faces or shape.splats else ())
 
 
-def _shapes(folder: Path, findings: Findings) -> tuple[Path | None, list[Shape]]:
+def _shapes(folder: Path, findings: Findings) -> tuple[Path | None, list[FileContents]]:
     """The mesh or splats that are used, and what every such file of the folder holds."""
     files = mesh_files(folder)
     used: Path | None = None

@@ -8,18 +8,18 @@ from pathlib import Path
 import numpy as np
 
 from dcap.scene.errors import FormatError, InputError
-from dcap.scene.readers.frame import Frame, Role, find_frame, option_name
-from dcap.scene.readers.gltf import read_gltf
-from dcap.scene.readers.interiorgs import is_interiorgs, read_labels, read_structure
-from dcap.scene.readers.obj import read_obj
-from dcap.scene.readers.paint import bake
-from dcap.scene.readers.ply import read_ply
-from dcap.scene.readers.raw import RawMesh
-from dcap.scene.readers.scannet import is_scannet, read_scannet
-from dcap.scene.readers.splats import discs, read_splats
-from dcap.scene.readers.stl import read_stl
-from dcap.scene.readers.sugar import check_suffix, describe, find_mesh, is_splats
-from dcap.scene.readers.usd import USD_SUFFIXES, read_usd
+from dcap.scene.readers.frame.frame import FileFrame, Role, find_frame, option_name
+from dcap.scene.readers.gltf.gltf import read_gltf
+from dcap.scene.readers.mesh.obj import read_obj
+from dcap.scene.readers.mesh.paint import bake
+from dcap.scene.readers.mesh.ply import read_ply
+from dcap.scene.readers.mesh.raw import RawMesh
+from dcap.scene.readers.mesh.stl import read_stl
+from dcap.scene.readers.scenes.interiorgs import is_interiorgs, read_labels, read_structure
+from dcap.scene.readers.scenes.scannet import is_scannet, read_scannet
+from dcap.scene.readers.scenes.sugar import check_suffix, describe, find_mesh, is_splats
+from dcap.scene.readers.splats.splats import discs, read_splats
+from dcap.scene.readers.usd.usd import USD_SUFFIXES, read_usd
 from dcap.scene.types.gaussians import Gaussians
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.sample import SourceOptions
@@ -111,7 +111,7 @@ def check_options(folder: Path, options: SourceOptions, role: Role) -> None:
             )
 
 
-def stated_frame(raw: RawMesh, options: SourceOptions, role: Role) -> Frame:
+def stated_frame(raw: RawMesh, options: SourceOptions, role: Role) -> FileFrame:
     """InteriorGS and ScanNet state metres and z up, for the mesh too; what an option says otherwise is followed."""
     stated = SourceOptions(
         up=STATED["up"] if options.up == "auto" else options.up,
@@ -142,7 +142,7 @@ def read_file(path: Path) -> tuple[RawMesh, Gaussians | None]:
         return READERS[path.suffix.lower()](path), None
 
 
-def _meshed(path: Path, splats: Gaussians | None, frame: Frame, mesher: Mesher | None) -> Mesh | None:
+def _meshed(path: Path, splats: Gaussians | None, frame: FileFrame, mesher: Mesher | None) -> Mesh | None:
     """The surface of splats in the world frame; None where there are none."""
     if splats is None:
         return None
@@ -153,7 +153,7 @@ def _meshed(path: Path, splats: Gaussians | None, frame: Frame, mesher: Mesher |
 
 def _scan(
     raw: RawMesh,
-    frame: Frame,
+    frame: FileFrame,
     *,
     label: str,
     mesh: Mesh | None,

@@ -1,6 +1,6 @@
 """COLMAP models to files: cameras, images and points3D, binary (what programs read first) or as text.
 
-The layouts are those of dcap/scene/readers/colmap.py; no observations and no tracks are written.
+The layouts are those of dcap/scene/readers/scenes/colmap.py; no observations and no tracks are written.
 """
 
 import struct

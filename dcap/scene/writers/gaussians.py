@@ -1,7 +1,7 @@
 """Gaussian splats to PLY files: the plain schema that SuGaR and viewers take, and PlayCanvas' compressed one.
 
-The layouts are those of `dcap.scene.readers.splats`. A compressed file holds positions to 1/2047 (z, x) or 1/1023 (y)
-of its chunk's extent, angles to about 0.1 degree, opacities and colours to 1/255, harmonics to 1/64.
+The layouts are those of `dcap.scene.readers.splats.splats`. A compressed file holds positions to 1/2047 (z, x) or
+1/1023 (y) of its chunk's extent, angles to about 0.1 degree, opacities and colours to 1/255, harmonics to 1/64.
 """
 
 from pathlib import Path
@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from dcap.scene.readers.splats import CHUNK, HARMONIC_RANGE, LARGEST_LOG_SCALE, WORDS
+from dcap.scene.readers.splats.splats import CHUNK, HARMONIC_RANGE, LARGEST_LOG_SCALE, WORDS
 from dcap.scene.store.ply import Columns, ply_bytes
 from dcap.scene.types.gaussians import COEFFICIENTS, DC, Gaussians
 

@@ -2,7 +2,7 @@
 
 Same input, same bytes. No material: many readers drop the vertex colours where there is one. A labelled scene has one
 node per instance, named by its id, with its label in `extras.label`, and below it one node per part;
-`dcap.scene.readers.gltf` gives the same instances and parts back.
+`dcap.scene.readers.gltf.gltf` gives the same instances and parts back.
 Source: Khronos, "glTF 2.0 Specification", sections 3.5 to 3.7 and 4.4.
 """
 
@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from dcap.scene.readers.gltf_document import BINARY_CHUNK, JSON_CHUNK
+from dcap.scene.readers.gltf.document import BINARY_CHUNK, JSON_CHUNK
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.segmentation import Segmentation
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
-from dcap.scene.readers.sugar import COMPRESSED_NAME
+from dcap.scene.readers.scenes.sugar import COMPRESSED_NAME
 from dcap.scene.store.ply import ply_bytes
 from dcap.scene.types.box import OrientedBox
 from dcap.scene.types.gaussians import Gaussians

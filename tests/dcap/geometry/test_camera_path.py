@@ -13,8 +13,8 @@ from dcap.geometry.splatting.camera_path import FURNITURE, PathConfig, camera_pa
 from dcap.geometry.splatting.filled_cells import CELL, STRIDE, FilledCells, filled_cells
 from dcap.geometry.splatting.on_mesh import splats_on_mesh
 from dcap.geometry.splatting.viewpoints import far_apart_index
-from dcap.scene.readers.interiorgs import read_labels, read_structure
-from dcap.scene.readers.occupancy import read_occupancy
+from dcap.scene.readers.scenes.interiorgs import read_labels, read_structure
+from dcap.scene.readers.scenes.occupancy import read_occupancy
 from dcap.scene.types.box import OrientedBox
 from dcap.scene.types.gaussians import Gaussians
 from dcap.scene.types.occupancy import FREE, OCCUPIED, Occupancy

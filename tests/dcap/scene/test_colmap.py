@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from dcap.scene.errors import FormatError, GeometryError, InputError
-from dcap.scene.readers.colmap import read_colmap
+from dcap.scene.readers.scenes.colmap import read_colmap
 from dcap.scene.types.colmap import ColmapModel, Pinhole, posed
 from dcap.scene.writers.colmap import write_colmap, write_colmap_text
 

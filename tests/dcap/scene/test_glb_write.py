@@ -12,7 +12,7 @@ import trimesh
 from dcap.language.offline.client import OfflineClient
 from dcap.scene.checks.findings import Findings
 from dcap.scene.checks.scene_folder import check_scene
-from dcap.scene.readers.frame import Role
+from dcap.scene.readers.frame.frame import Role
 from dcap.scene.readers.source import read_scan
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.rectangle import min_area_box

@@ -7,7 +7,7 @@ import zlib
 import pytest
 
 from dcap.scene.errors import FormatError
-from dcap.scene.readers.image import read_image
+from dcap.scene.readers.files.image import read_image
 
 
 def png_of_nothing(side: int) -> bytes:

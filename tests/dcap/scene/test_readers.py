@@ -15,7 +15,7 @@ from mesh_files import CUBE, QUADS, cube_document, glb, refusal, scan_of, volume
 from PIL import Image
 
 from dcap.scene.errors import FormatError, InputError
-from dcap.scene.readers.frame import Role
+from dcap.scene.readers.frame.frame import Role
 
 
 @pytest.mark.parametrize("order", ["a", "<", ">"])
@@ -288,7 +288,7 @@ def test_ply_texture_coordinates_do_not_slow_triangles_down(tmp_path: Path, monk
     head += "element face 1\nproperty list uchar int vertex_indices\nproperty list uchar float texcoord\nend_header\n"
     body = CUBE[:3].astype("<f4").tobytes() + struct.pack("<B3iB6f", 3, 0, 1, 2, 6, *range(6))
     (tmp_path / "x.ply").write_bytes(head.encode() + body)
-    monkeypatch.setattr("dcap.scene.readers.ply_table._by_value", None)
+    monkeypatch.setattr("dcap.scene.readers.mesh.ply_table._by_value", None)
     assert len(scan_of(tmp_path / "x.ply").mesh.faces) == 1
 
 
@@ -404,9 +404,9 @@ def test_a_mesh_a_thousand_times_too_large_is_refused(tmp_path: Path) -> None:
 def test_more_faces_than_memory_holds_are_refused(tmp_path: Path, name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Triangles are counted, not polygons: six quads are twelve faces, and one too many is refused in every format."""
     path = sound_file(tmp_path, name)
-    monkeypatch.setattr("dcap.scene.readers.raw.MAX_FACES", 12)
+    monkeypatch.setattr("dcap.scene.readers.mesh.raw.MAX_FACES", 12)
     assert len(scan_of(path).mesh.faces) == 12
-    monkeypatch.setattr("dcap.scene.readers.raw.MAX_FACES", 11)
+    monkeypatch.setattr("dcap.scene.readers.mesh.raw.MAX_FACES", 11)
     assert "12 faces > 11; decimate" in refusal(path)
 
 
@@ -416,7 +416,7 @@ def test_more_vertices_than_memory_holds_are_refused(
 ) -> None:
     """A file of many vertices and few faces is refused too."""
     path = sound_file(tmp_path, name)
-    monkeypatch.setattr("dcap.scene.readers.raw.MAX_CORNERS", 7)
+    monkeypatch.setattr("dcap.scene.readers.mesh.raw.MAX_CORNERS", 7)
     assert "8 vertices > 7; decimate" in refusal(path)
 
 

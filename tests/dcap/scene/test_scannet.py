@@ -15,8 +15,8 @@ from dcap.scene.checks.layout import layout_of
 from dcap.scene.checks.scene_folder import check_scene
 from dcap.scene.errors import InputError
 from dcap.scene.problems import Severity
-from dcap.scene.readers.frame import Role
-from dcap.scene.readers.scannet import is_scannet
+from dcap.scene.readers.frame.frame import Role
+from dcap.scene.readers.scenes.scannet import is_scannet
 from dcap.scene.readers.source import read_scan
 from dcap.scene.store.source_files import source_files, telling_folder
 from dcap.scene.types.mesh import Mesh

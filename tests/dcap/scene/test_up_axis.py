@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 
 from dcap.geometry.splatting.on_mesh import splats_on_mesh
 from dcap.scene.errors import InputError
-from dcap.scene.readers.frame import WORLD_FROM_FILE, Role
-from dcap.scene.readers.raw import RawMesh
+from dcap.scene.readers.frame.frame import WORLD_FROM_FILE, Role
+from dcap.scene.readers.frame.up_axis import up_of_scene
+from dcap.scene.readers.mesh.raw import RawMesh
 from dcap.scene.readers.source import read_scan
-from dcap.scene.readers.up_axis import up_of_scene
 from dcap.scene.store.ply import mesh_to_ply
 from dcap.scene.types.gaussians import Gaussians
 from dcap.scene.types.mesh import Mesh

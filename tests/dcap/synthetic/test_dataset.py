@@ -10,8 +10,8 @@ from dcap.evaluation.outcome_table import read_truth
 from dcap.geometry.distance import MeshDistance
 from dcap.geometry.splatting.on_mesh import splats_on_mesh
 from dcap.scene.errors import InputError
-from dcap.scene.readers.splats import CHUNK, read_splats
-from dcap.scene.readers.sugar import COMPRESSED_NAME, has_only_splats
+from dcap.scene.readers.scenes.sugar import COMPRESSED_NAME, has_only_splats
+from dcap.scene.readers.splats.splats import CHUNK, read_splats
 from dcap.scene.types.outcome import Reason
 from dcap.scene.writers.gaussians import morton_order
 from dcap.synthetic.dataset import SPLAT_ROOMS, make_dataset

@@ -8,7 +8,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from dcap.scene.errors import InputError
-from dcap.scene.readers.obj import read_obj
+from dcap.scene.readers.mesh.obj import read_obj
 from dcap.scene.settings import PROJECT_ROOT
 from dcap.synthetic.catalogue import FURNITURE, THINGS
 from dcap.synthetic.dataset import make_dataset

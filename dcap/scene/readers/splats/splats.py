@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from dcap.scene.errors import FormatError, InputError
 from dcap.scene.problems import Problem, Report, error, refusing, warning
-from dcap.scene.readers.ply_table import PlyHeader, Table, read_header, read_tables, scalar
-from dcap.scene.readers.raw import RawMesh
+from dcap.scene.readers.mesh.ply_table import PlyHeader, Table, read_header, read_tables, scalar
+from dcap.scene.readers.mesh.raw import RawMesh
 from dcap.scene.types.gaussians import COEFFICIENTS, DC, Gaussians
 
 F32 = NDArray[np.float32]

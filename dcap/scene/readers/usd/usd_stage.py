@@ -1,4 +1,4 @@
-"""The meshes of a USD stage, read by Pixar's library: run as a process of its own by `dcap.scene.readers.usd`.
+"""The meshes of a USD stage, read by Pixar's library: run as a process of its own by `dcap.scene.readers.usd.usd`.
 
     python usd_stage.py FILE CPU_SECONDS BYTES > arrays.npz, or one line of JSON with exit code 3
 
@@ -17,9 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dcap.scene.errors import FormatError, InputError
-from dcap.scene.readers.polygons import triangulate
-from dcap.scene.readers.raw import check_face_count, check_vertex_count
-from dcap.scene.readers.srgb import srgb_from_linear
+from dcap.scene.readers.mesh.polygons import triangulate
+from dcap.scene.readers.mesh.raw import check_face_count, check_vertex_count
+from dcap.scene.readers.mesh.srgb import srgb_from_linear
 
 Stage = Any
 Prim = Any
@@ -59,7 +59,7 @@ def read_stage(path: Path) -> dict[str, NDArray[np.generic]]:
     from pxr import UsdGeom
 
     stage = _stage(path)
-    builder = _Builder(path)
+    builder = _UsdBuilder(path)
     for prim in _meshes(path, stage):
         builder.add(prim)
     stated = UsdGeom.StageHasAuthoredMetersPerUnit(stage)
@@ -104,7 +104,7 @@ def _meshes(path: Path, stage: Stage) -> list[Prim]:
     return shown or hidden
 
 
-class _Builder:
+class _UsdBuilder:
     """Collects meshes into one."""
 
     def __init__(self, path: Path) -> None:

@@ -12,7 +12,7 @@ from trimesh.exchange.stl import load_stl_ascii, load_stl_binary
 
 from dcap.scene.errors import FormatError
 from dcap.scene.problems import Report
-from dcap.scene.readers.raw import RawMesh, check_face_count, read_bytes
+from dcap.scene.readers.mesh.raw import RawMesh, check_face_count, read_bytes
 
 HEADER, FACET = 84, 50
 """Lengths of the header and of one facet of a binary file [bytes]."""

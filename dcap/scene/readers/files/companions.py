@@ -13,7 +13,7 @@ from pathlib import Path
 from urllib.parse import unquote
 
 from dcap.scene.errors import FormatError
-from dcap.scene.readers.gltf_document import read_document, uris
+from dcap.scene.readers.gltf.document import read_document, uris
 
 LARGEST_TEXT = 64 << 20
 """Largest glTF or MTL text that is searched for names [bytes]."""

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from dcap.scene.errors import FormatError
-from dcap.scene.readers.json_text import parse_json
+from dcap.scene.readers.files.json_text import parse_json
 
 Json = dict[str, object]
 """The document, whose values are checked where they are used."""

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from dcap.scene.readers.raw import Paint, RawMesh
-from dcap.scene.readers.srgb import linear_from_srgb, srgb_from_linear
+from dcap.scene.readers.mesh.raw import Paint, RawMesh
+from dcap.scene.readers.mesh.srgb import linear_from_srgb, srgb_from_linear
 
 EDGE_FRACTION = 0.01
 """Target edge of faces whose texture varies, as a share of the mesh's largest extent [-]."""
@@ -36,7 +36,7 @@ LINEAR = linear_from_srgb(np.arange(256)).astype(np.float32)
 
 
 @dataclass
-class Surface:
+class TexturedSurface:
     """Triangles whose corners carry their own texture coordinates."""
 
     points: NDArray[np.float64]
@@ -47,9 +47,9 @@ class Surface:
     texture: NDArray[np.int32]
     node: NDArray[np.int32]
 
-    def take(self, faces: NDArray[np.int64]) -> "Surface":
+    def take(self, faces: NDArray[np.int64]) -> "TexturedSurface":
         """The given faces; points are shared."""
-        return Surface(
+        return TexturedSurface(
             self.points,
             self.faces[faces],
             self.corner_uv[faces],
@@ -72,13 +72,13 @@ def bake(raw: RawMesh) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[
     return vertices, faces, shades, surface.node
 
 
-def _welded(raw: RawMesh, paint: Paint) -> Surface:
+def _welded(raw: RawMesh, paint: Paint) -> TexturedSurface:
     """Shared positions become one point, so that cuts on either side of a texture seam agree."""
     points, index = np.unique(raw.vertices, axis=0, return_inverse=True)
     tint = np.broadcast_to(linear_from_srgb(paint.face_color)[:, None, :], (len(raw.faces), 3, 3))
     if raw.colors is not None:
         tint = tint * linear_from_srgb(raw.colors)[raw.faces]
-    return Surface(
+    return TexturedSurface(
         points, index.reshape(-1)[raw.faces], paint.corner_uv, np.array(tint), paint.face_texture, raw.face_node
     )
 
@@ -97,7 +97,7 @@ def _sample(image: NDArray[np.uint8], uv: NDArray[np.float64]) -> NDArray[np.flo
 
 
 def _colors_at(
-    surface: Surface, images: tuple[NDArray[np.uint8], ...], weights: NDArray[np.float64]
+    surface: TexturedSurface, images: tuple[NDArray[np.uint8], ...], weights: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Linear colours at the barycentric positions `weights` (k, 3) of every face, shape (m, k, 3)."""
     colors: NDArray[np.float64] = np.einsum("kc,mci->mki", weights, surface.corner_tint)
@@ -108,14 +108,14 @@ def _colors_at(
     return colors
 
 
-def _corner_colors(surface: Surface, images: tuple[NDArray[np.uint8], ...]) -> NDArray[np.float64]:
+def _corner_colors(surface: TexturedSurface, images: tuple[NDArray[np.uint8], ...]) -> NDArray[np.float64]:
     """Linear colour at each corner: the mean of four samples inside the face, so that no other patch bleeds in."""
     near = np.array([[0.9, 0.05, 0.05], [0.7, 0.15, 0.15], [0.75, 0.2, 0.05], [0.75, 0.05, 0.2]])
     corners = [_colors_at(surface, images, near[:, np.roll([0, 1, 2], turn)]).mean(axis=1) for turn in range(3)]
     return np.stack(corners, axis=1)
 
 
-def _varies(surface: Surface, images: tuple[NDArray[np.uint8], ...]) -> NDArray[np.bool_]:
+def _varies(surface: TexturedSurface, images: tuple[NDArray[np.uint8], ...]) -> NDArray[np.bool_]:
     """Faces whose texture departs visibly from the interpolation of their corners, shape (m,)."""
     steps = 7
     grid = (
@@ -128,7 +128,7 @@ def _varies(surface: Surface, images: tuple[NDArray[np.uint8], ...]) -> NDArray[
     return np.asarray(np.sqrt(((seen - expected) ** 2).mean(axis=(1, 2))) > VISIBLE_VARIATION)
 
 
-def _refined(surface: Surface, images: tuple[NDArray[np.uint8], ...]) -> Surface:
+def _refined(surface: TexturedSurface, images: tuple[NDArray[np.uint8], ...]) -> TexturedSurface:
     """Cut faces until the texture survives or the edge or face limit is reached."""
     extent = float(np.ptp(surface.points, axis=0).max())
     target = EDGE_FRACTION * extent
@@ -144,7 +144,7 @@ def _refined(surface: Surface, images: tuple[NDArray[np.uint8], ...]) -> Surface
     return surface
 
 
-def _longest_side(surface: Surface) -> NDArray[np.float64]:
+def _longest_side(surface: TexturedSurface) -> NDArray[np.float64]:
     """Length of the longest side of each face, shape (m,)."""
     corners = surface.points[surface.faces]
     return np.asarray(np.linalg.norm(corners - np.roll(corners, -1, axis=1), axis=2).max(axis=1))
@@ -158,7 +158,7 @@ def _edge_ids(faces: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.i
     return sides[first], inverse.reshape(-1, 3)
 
 
-def _marked_edges(surface: Surface, needy: NDArray[np.bool_], longest: float) -> NDArray[np.bool_]:
+def _marked_edges(surface: TexturedSurface, needy: NDArray[np.bool_], longest: float) -> NDArray[np.bool_]:
     """Sides to cut, shape (m, 3): long sides of needy faces, and the same edges of their neighbours."""
     edges, side = _edge_ids(surface.faces)
     length = np.linalg.norm(surface.points[edges[:, 0]] - surface.points[edges[:, 1]], axis=1)
@@ -178,7 +178,7 @@ CHILDREN = {
 """Children of a face by its cut sides; 0..2 are its corners, 3..5 the middles of sides 0-1, 1-2, 2-0."""
 
 
-def _cut(surface: Surface, marks: NDArray[np.bool_]) -> Surface:
+def _cut(surface: TexturedSurface, marks: NDArray[np.bool_]) -> TexturedSurface:
     """Cut every marked side in the middle; neighbours share the new points."""
     edges, side = _edge_ids(surface.faces)
     cut = np.zeros(len(edges), dtype=bool)
@@ -198,7 +198,7 @@ def _cut(surface: Surface, marks: NDArray[np.bool_]) -> Surface:
     order = np.argsort(parent, kind="stable")
     parent, corner = parent[order], corner[order]
     rows = parent[:, None]
-    return Surface(
+    return TexturedSurface(
         points, index[rows, corner], uv[rows, corner], tint[rows, corner], surface.texture[parent], surface.node[parent]
     )
 
@@ -209,7 +209,7 @@ def _with_middles(corner: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _split_at_borders(
-    surface: Surface, colors: NDArray[np.float64]
+    surface: TexturedSurface, colors: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.uint8]]:
     """One vertex per point and visibly different colour: positions (n, 3), faces (m, 3), colours (n, 3)."""
     corner = surface.faces.reshape(-1)

@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dcap.scene.errors import InputError
-from dcap.scene.readers.raw import RawMesh
-from dcap.scene.readers.up_axis import contradicts_standard, estimated_up, up_of_scene
+from dcap.scene.readers.frame.up_axis import contradicts_standard, estimated_up, up_of_scene
+from dcap.scene.readers.mesh.raw import RawMesh
 from dcap.scene.types.sample import SourceOptions
 from dcap.scene.types.units import METRES
 
@@ -57,7 +57,7 @@ Of 40 to 600 units a scene is as well a room in centimetres as a stool in millim
 
 
 @dataclass(frozen=True)
-class Frame:
+class FileFrame:
     """How a file's coordinates map to ours."""
 
     world_from_file: NDArray[np.float64]
@@ -68,14 +68,14 @@ class Frame:
     notes: tuple[str, ...]
 
 
-def find_frame(raw: RawMesh, options: SourceOptions, role: Role) -> Frame:
+def find_frame(raw: RawMesh, options: SourceOptions, role: Role) -> FileFrame:
     """Decide unit and up axis, and refuse a mesh of absurd size."""
     notes: list[str] = []
     unit, source = _unit(raw, options, role, notes)
     up = _up(raw, options, role, unit, notes)
     world_from_file = np.eye(4)
     world_from_file[:3, :3] = unit * np.array(WORLD_FROM_FILE[up])
-    return Frame(world_from_file, up, unit, source, tuple(notes))
+    return FileFrame(world_from_file, up, unit, source, tuple(notes))
 
 
 def option_name(role: Role, name: str) -> str:

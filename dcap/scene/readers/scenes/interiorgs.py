@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dcap.scene.problems import Place, Report, error, lenient, note, refusing, short, warning
-from dcap.scene.readers.json_text import read_json
+from dcap.scene.readers.files.json_text import read_json
 from dcap.scene.spelling import did_you_mean
 from dcap.scene.types.box import OrientedBox
 from dcap.scene.types.rectangle import min_area_box

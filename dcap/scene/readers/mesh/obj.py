@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 
 from dcap.scene.errors import InputError
 from dcap.scene.problems import Report, error, refusing
-from dcap.scene.readers.companions import library_names
-from dcap.scene.readers.mtl import Material, read_mtl
-from dcap.scene.readers.polygons import triangulate
-from dcap.scene.readers.raw import Paint, RawMesh, check_face_count, check_vertex_count, read_bytes
+from dcap.scene.readers.files.companions import library_names
+from dcap.scene.readers.mesh.mtl import MtlMaterial, read_mtl
+from dcap.scene.readers.mesh.polygons import triangulate
+from dcap.scene.readers.mesh.raw import Paint, RawMesh, check_face_count, check_vertex_count, read_bytes
 
 CORNER = re.compile(rb"-?\d{1,18}(?:/(?:-?\d{1,18})?){0,2}")
 """One corner of a face: position, texture coordinate and normal."""
@@ -53,7 +53,7 @@ def read_obj(path: Path, report: Report | None = None) -> RawMesh:
     named = lines.switches["o"] or lines.switches["g"]
     face_node, names = _spread(named, len(lines.face))
     notes: list[str] = []
-    library: dict[str, Material] = {}
+    library: dict[str, MtlMaterial] = {}
     for name in library_names(data):
         library |= read_mtl(path.parent, name, notes)
     paint = _paint(lines, library, uv, face_uv, owner)
@@ -212,16 +212,16 @@ def _spread(switches: list[tuple[int, str]], count: int) -> tuple[NDArray[np.int
 
 def _paint(
     lines: Lines,
-    library: dict[str, Material],
+    library: dict[str, MtlMaterial],
     uv: NDArray[np.float64],
     face_uv: NDArray[np.int64],
     owner: NDArray[np.int64],
 ) -> Paint | None:
-    """Material colours and textures of the faces; None where the file names no material that exists."""
+    """MtlMaterial colours and textures of the faces; None where the file names no material that exists."""
     material_index, names = _spread(lines.switches["usemtl"], len(lines.face))
     if not names or not library:
         return None
-    plain = Material()
+    plain = MtlMaterial()
     materials = [library.get(name, plain) for name in names] + [plain]
     textures = tuple(m.texture for m in materials if m.texture is not None)
     numbers = np.cumsum([m.texture is not None for m in materials]) - 1

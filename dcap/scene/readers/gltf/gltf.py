@@ -14,12 +14,12 @@ from scipy.spatial.transform import Rotation
 
 from dcap.scene.errors import FormatError, InputError
 from dcap.scene.problems import Report, error, refusing
-from dcap.scene.readers.accessor import INCONSISTENT, Accessors
-from dcap.scene.readers.companions import absence, beside
-from dcap.scene.readers.gltf_document import Entry, Json, binary_chunk, entries, read_document, require
-from dcap.scene.readers.image import read_image
-from dcap.scene.readers.raw import Paint, RawMesh, check_face_count, check_vertex_count, read_bytes
-from dcap.scene.readers.srgb import srgb_from_linear
+from dcap.scene.readers.files.companions import absence, beside
+from dcap.scene.readers.files.image import read_image
+from dcap.scene.readers.gltf.accessor import INCONSISTENT, Accessors
+from dcap.scene.readers.gltf.document import Entry, Json, binary_chunk, entries, read_document, require
+from dcap.scene.readers.mesh.raw import Paint, RawMesh, check_face_count, check_vertex_count, read_bytes
+from dcap.scene.readers.mesh.srgb import srgb_from_linear
 
 COMPRESSED = {
     "KHR_draco_mesh_compression": "`gltf-transform copy in.glb out.glb`",
@@ -51,7 +51,7 @@ def read_gltf(path: Path, report: Report | None = None) -> RawMesh:
     document, end = read_document(path, data)
     _refuse_extensions(path, document)
     accessors = Accessors(path, document, _buffers(path, document, binary_chunk(path, data, end)), report)
-    return _Builder(path, document, accessors, report).build()
+    return _GltfBuilder(path, document, accessors, report).build()
 
 
 def _refuse_extensions(path: Path, document: Json) -> None:
@@ -102,7 +102,7 @@ def _uri_bytes(path: Path, uri: str) -> bytes:
     return read_bytes(path.parent / found)
 
 
-class _Builder:
+class _GltfBuilder:
     """Collects the primitives of the node tree into one mesh."""
 
     def __init__(self, path: Path, document: Json, accessors: Accessors, report: Report) -> None:

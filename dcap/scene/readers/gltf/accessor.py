@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 
 from dcap.scene.errors import FormatError, InputError
 from dcap.scene.problems import Report, error
-from dcap.scene.readers.gltf_document import Json, entries
-from dcap.scene.readers.raw import MAX_CORNERS
+from dcap.scene.readers.gltf.document import Json, entries
+from dcap.scene.readers.mesh.raw import MAX_CORNERS
 
 COMPONENTS = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 LARGEST = {5120: 127.0, 5121: 255.0, 5122: 32767.0, 5123: 65535.0, 5125: 4294967295.0}

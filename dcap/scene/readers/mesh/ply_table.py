@@ -17,7 +17,7 @@ from plyfile import PlyData, PlyElement, PlyElementParseError, PlyListProperty, 
 
 from dcap.scene.errors import FormatError
 from dcap.scene.problems import Report, error, refusing
-from dcap.scene.readers.raw import read_bytes
+from dcap.scene.readers.mesh.raw import read_bytes
 
 HEADER_LIMIT = 1 << 20
 """A header longer than this is not one [bytes]."""

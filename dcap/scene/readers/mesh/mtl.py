@@ -10,32 +10,32 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from dcap.scene.readers.companions import absence, beside, material_lines, texture_beside
-from dcap.scene.readers.image import read_image
+from dcap.scene.readers.files.companions import absence, beside, material_lines, texture_beside
+from dcap.scene.readers.files.image import read_image
 
 GREY = (200, 200, 200)
 """Colour of a surface that names none (sRGB)."""
 
 
 @dataclass
-class Material:
+class MtlMaterial:
     """One material."""
 
     color: tuple[int, int, int] = GREY
     texture: NDArray[np.uint8] | None = None
 
 
-def read_mtl(folder: Path, name: str, notes: list[str]) -> dict[str, Material]:
+def read_mtl(folder: Path, name: str, notes: list[str]) -> dict[str, MtlMaterial]:
     """Materials by name of the library that an OBJ in `folder` names."""
     library = beside(folder, name)
     if library is None:
         notes.append(f"{name} {absence(name)}: materials are ignored")
         return {}
-    materials: dict[str, Material] = {}
-    current = Material()
+    materials: dict[str, MtlMaterial] = {}
+    current = MtlMaterial()
     for number, key, rest in material_lines(folder / library):
         if key == "newmtl":
-            current = materials.setdefault(rest, Material())
+            current = materials.setdefault(rest, MtlMaterial())
         elif key == "Kd":
             current.color = _color(f"{library}: line {number}", rest, notes)
         elif key == "map_Kd":
@@ -53,7 +53,7 @@ def _color(where: str, text: str, notes: list[str]) -> tuple[int, int, int]:
     return red, green, blue
 
 
-def _attach_texture(folder: Path, library: str, text: str, material: Material, notes: list[str]) -> None:
+def _attach_texture(folder: Path, library: str, text: str, material: MtlMaterial, notes: list[str]) -> None:
     """Read the image that `map_Kd` names."""
     image = texture_beside(folder, library, text)
     if image is None:

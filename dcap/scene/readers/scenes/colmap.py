@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dcap.scene.errors import FormatError, GeometryError, InputError
-from dcap.scene.readers.raw import read_bytes
+from dcap.scene.readers.mesh.raw import read_bytes
 from dcap.scene.types.colmap import ColmapModel, Pinhole, PosedImage
 
 MODELS = ("SIMPLE_PINHOLE", "PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV", "OPENCV_FISHEYE", "FULL_OPENCV", "FOV",
@@ -53,7 +53,7 @@ def _read(folder: Path, paths: list[Path]) -> ColmapModel:
         raise FormatError(f"{folder}: {error}") from None
 
 
-class Cursor:
+class BinaryReader:
     """A place in a binary file."""
 
     def __init__(self, path: Path) -> None:
@@ -132,21 +132,21 @@ def _binary(cameras: Path, images: Path, points: Path) -> Parts:
     return _rows(cameras, _binary_camera), _rows(images, _binary_image), _binary_points(points)
 
 
-def _rows(path: Path, read: Callable[[Cursor], Row]) -> tuple[Row, ...]:
-    cursor = Cursor(path)
+def _rows(path: Path, read: Callable[[BinaryReader], Row]) -> tuple[Row, ...]:
+    cursor = BinaryReader(path)
     rows = tuple(read(cursor) for _ in range(cursor.count()))
     cursor.end()
     return rows
 
 
-def _binary_camera(cursor: Cursor) -> Pinhole:
+def _binary_camera(cursor: BinaryReader) -> Pinhole:
     number, model, width, height = (int(v) for v in cursor.take("<iiQQ"))
     name = MODELS[model] if 0 <= model < len(MODELS) else f"of the unknown model {model}"
     parameters = cursor.take(f"<{_known(cursor.path, number, name)}d")
     return _camera(cursor.path, number, width, height, parameters)
 
 
-def _binary_image(cursor: Cursor) -> PosedImage:
+def _binary_image(cursor: BinaryReader) -> PosedImage:
     number, *pose, camera = cursor.take("<i7di")
     name = cursor.name()
     cursor.skip(int(cursor.take("<Q")[0]), struct.calcsize("<ddq"))
@@ -154,7 +154,7 @@ def _binary_image(cursor: Cursor) -> PosedImage:
 
 
 def _binary_points(path: Path) -> Points:
-    cursor = Cursor(path)
+    cursor = BinaryReader(path)
     count = cursor.count()
     place, color = np.empty((count, 3)), np.empty((count, 3), dtype=np.uint8)
     for k in range(count):

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 
-from dcap.scene.readers.raw import RawMesh
+from dcap.scene.readers.mesh.raw import RawMesh
 
 AXES = {"y": 1, "z": 2}
 

@@ -1,0 +1,1 @@
+"""What foreign files are made of and name: JSON, pictures, companions."""

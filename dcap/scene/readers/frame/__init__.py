@@ -1,0 +1,1 @@
+"""Units and axes: from a file's coordinates to metres and z up."""

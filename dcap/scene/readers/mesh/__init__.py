@@ -1,0 +1,1 @@
+"""Meshes of one format each, and their colours."""

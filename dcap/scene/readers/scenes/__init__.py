@@ -1,0 +1,1 @@
+"""Scene folders of data sets: InteriorGS, ScanNet, SuGaR, COLMAP."""

@@ -1,0 +1,1 @@
+"""USD stages, by Pixar's library in a process of its own."""
