@@ -17,6 +17,7 @@ import pyarrow.parquet as pq
 
 from dcap.geometry.splatting import on_mesh as splat_maker
 from dcap.geometry.splatting.on_mesh import splats_on_mesh
+from dcap.scene.store import ply as ply_write
 from dcap.scene.writers import gaussians as gaussians_write
 from dcap.scene.writers import interiorgs as interiorgs_write
 from dcap.scene.writers import objects as object_write
@@ -64,7 +65,7 @@ def make_dataset(
 
 def _sources() -> list[Path]:
     """The source that decides what is made of a recipe."""
-    writers = [Path(str(one.__file__)) for one in (interiorgs_write, object_write)]
+    writers = [Path(str(one.__file__)) for one in (interiorgs_write, object_write, ply_write)]
     return [*sorted(Path(__file__).parent.rglob("*.py")), *writers]
 
 
