@@ -9,8 +9,8 @@ import pytest
 from dcap.language.offline.client import OfflineClient
 from dcap.scene.errors import InputError
 from dcap.scene.readers.frame.frame import Role
-from dcap.scene.readers.source import read_scan
 from dcap.scene.readers.scenes.sugar import find_mesh
+from dcap.scene.readers.source import read_scan
 from dcap.scene.types.gaussians import Gaussians
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.sample import SourceOptions
@@ -153,8 +153,8 @@ def test_a_library_that_breaks_takes_nobody_along(
         "resource.setrlimit(resource.RLIMIT_CPU, (int(sys.argv[2]),) * 2)\n"
         f"resource.setrlimit(resource.RLIMIT_AS, (int(sys.argv[3]),) * 2)\n{trouble}\n"
     )
-    program = str(tmp_path / "trouble.py")
-    monkeypatch.setattr("dcap.scene.readers.usd.usd.module_command", lambda _, *words: [sys.executable, program, *words])
+    command = [sys.executable, str(tmp_path / "trouble.py")]
+    monkeypatch.setattr("dcap.scene.readers.usd.usd.module_command", lambda _, *words: [*command, *words])
     monkeypatch.setattr("dcap.scene.readers.usd.usd.CPU_SECONDS", 1)
     with pytest.raises(InputError, match=r"room\.usda: USD's library broke over it .*limits 1 s"):
         scan_of(tmp_path, ROOM)
