@@ -7,6 +7,7 @@ import io
 import json
 import struct
 import tracemalloc
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -33,7 +34,9 @@ def area(raw: RawMesh) -> float:
 
 def loaded(path: Path) -> trimesh.Trimesh:
     """One mesh of all that trimesh finds."""
-    return trimesh.load_scene(path, process=False).to_geometry()
+    mesh = trimesh.load_scene(path, process=False).to_mesh()
+    assert isinstance(mesh, trimesh.Trimesh)
+    return mesh
 
 
 def glb(path: Path, vertices: bytes, accessor: dict[str, object], **more: object) -> Path:
@@ -51,11 +54,11 @@ def glb(path: Path, vertices: bytes, accessor: dict[str, object], **more: object
     return path
 
 
-def peak_of(action: object) -> int:
+def peak_of(action: Callable[[], object]) -> int:
     """Memory that a call takes at most, whether or not it raises [bytes]."""
     tracemalloc.start()
     try:
-        action()  # type: ignore[operator]
+        action()
     except Exception:
         pass
     finally:
