@@ -1,7 +1,7 @@
 """What `dcap.place` and `dcap.drop` return: placement.json and result.json with their keys as attributes.
 
 In: the content of those files and the folder they lie in. Out: frozen values, nested as in the files; units and
-meanings of the keys stand in docs/formats.md. What has no fixed keys (certificates, bodies) is a `Named` mapping.
+meanings of the keys stand in docs/formats.md. What has no fixed keys (certificates, bodies) is a `NamedValues` mapping.
 """
 
 import json
@@ -28,7 +28,7 @@ Matrix = tuple[Row, Row, Row, Row]
 """4x4, row by row, acts on column vectors."""
 
 
-class Named(Mapping[str, Value], Generic[Value]):
+class NamedValues(Mapping[str, Value], Generic[Value]):
     """A read-only mapping whose keys are attributes too: `certificate["arch"]` is `certificate.arch`."""
 
     __slots__ = ("_items",)
@@ -54,7 +54,7 @@ class Named(Mapping[str, Value], Generic[Value]):
         return [*super().__dir__(), *self._items]
 
     def __repr__(self) -> str:
-        return f"Named({self._items!r})"
+        return f"NamedValues({self._items!r})"
 
     @classmethod
     def __get_pydantic_core_schema__(cls, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
@@ -64,9 +64,9 @@ class Named(Mapping[str, Value], Generic[Value]):
 
 
 def with_names(value: Any) -> Any:
-    """A value of JSON with its mappings as `Named` and its lists as tuples, at any depth."""
+    """A value of JSON with its mappings as `NamedValues` and its lists as tuples, at any depth."""
     if isinstance(value, dict):
-        return Named(value)
+        return NamedValues(value)
     return tuple(with_names(one) for one in value) if isinstance(value, list) else value
 
 
@@ -165,12 +165,12 @@ class Placement:
     contacts: tuple[Contact, ...]
     materials: tuple[MaterialRow, ...]
     geometry: tuple[GeometryRow, ...]
-    certificate: Named[Any] | None
+    certificate: NamedValues[Any] | None
     visible_fraction: float | None
     warnings: tuple[str, ...]
-    timings: Named[float]
+    timings: NamedValues[float]
     """Seconds that each stage took when it was computed."""
-    artifacts: Named[Path]
+    artifacts: NamedValues[Path]
     """Whole paths of the files."""
     folder: Path
     """Where placement.json and the files are."""
@@ -231,7 +231,7 @@ class Result:
 
     verdict: str
     """at_rest or a reason code."""
-    bodies: Named[BodyAtRest | None]
+    bodies: NamedValues[BodyAtRest | None]
     """By name; None after unstable_step."""
     contacts: tuple[Contact, ...]
     residual: Residual | None
@@ -241,10 +241,10 @@ class Result:
     relaxation_steps: int | None
     steps: int | None
     particles: int | None
-    certificate: Named[Any] | None
+    certificate: NamedValues[Any] | None
     warnings: tuple[str, ...]
     wall_s: float
-    timings: Named[float]
+    timings: NamedValues[float]
     folder: Path
     """Where result.json, the surfaces at rest and the history are."""
     tree: dict[str, Any] = field(repr=False)
@@ -263,12 +263,12 @@ class Result:
         return cls.of(read_json(Path(folder) / "result.json"), Path(folder))
 
     @property
-    def artifacts(self) -> Named[Path]:
+    def artifacts(self) -> NamedValues[Path]:
         """Whole paths of the files: one PLY per body by its name, and `history`; empty after unstable_step."""
         if self.verdict == "unstable_step":
-            return Named({})
+            return NamedValues({})
         surfaces = {name: self.folder / f"{name}.ply" for name in self.bodies}
-        return Named({**surfaces, "history": self.folder / "history.parquet"})
+        return NamedValues({**surfaces, "history": self.folder / "history.parquet"})
 
     def to_json(self) -> str:
         """The text of result.json."""

@@ -14,7 +14,7 @@ import pytest
 import dcap
 from dcap.packages import ROOT
 from dcap.scene.errors import DcapError
-from flows.results import Named, Placement, Result
+from flows.results import NamedValues, Placement, Result
 
 HEAVY = (
     "open3d",
@@ -101,7 +101,7 @@ def test_drop_refuses(tmp_path: Path) -> None:
 
 def test_named_values() -> None:
     """Keys are attributes at any depth; nothing can be changed; an unknown one names what there is."""
-    named: Named[object] = Named({"signals": {"speed": {"value": 1.0}}, "rows": [{"a": 1}]})
+    named: NamedValues[object] = NamedValues({"signals": {"speed": {"value": 1.0}}, "rows": [{"a": 1}]})
     assert named.signals.speed.value == 1.0  # type: ignore[attr-defined]
     assert named["rows"][0].a == 1  # type: ignore[index]
     assert "signals" in dir(named)

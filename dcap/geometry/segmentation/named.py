@@ -19,7 +19,7 @@ from dcap.geometry.segmentation.labels import (
     says_something,
 )
 from dcap.geometry.segmentation.rooms.contacts import segments_of
-from dcap.geometry.segmentation.rooms.shell import RoomShell
+from dcap.geometry.segmentation.rooms.shell import ScannedShell
 from dcap.geometry.segmentation.rooms.structure import wall_number
 from dcap.scene.types.scan import Scan
 
@@ -118,7 +118,7 @@ def _unnamed_groups(table: FaceTable, faces: Index, label: str, taken_apart: Tak
     return [group for group in taken_apart(inside) if len(group.faces)]
 
 
-def shell_groups(shell: RoomShell) -> list[Group]:
+def shell_groups(shell: ScannedShell) -> list[Group]:
     """Floor, ceiling and walls of a room that was taken apart."""
     groups = [
         Group("", name, np.flatnonzero(mask), None)

@@ -10,7 +10,7 @@ from dcap.geometry.primitives import Box
 from dcap.geometry.segmentation.faces import FaceTable
 from dcap.geometry.segmentation.rooms.composites import CompositeThing, composites
 from dcap.geometry.segmentation.rooms.decomposition import DecomposedRoom
-from dcap.geometry.segmentation.rooms.shell import RoomShell
+from dcap.geometry.segmentation.rooms.shell import ScannedShell
 from dcap.geometry.segmentation.rooms.structure import Levels
 from dcap.geometry.segmentation.rooms.traits import CEILING, FLOOR, WALL, Traits, describe_things, thing_segments
 from dcap.scene.types.mesh import Mesh
@@ -36,7 +36,7 @@ def measured(meshes: Sequence[Mesh]) -> tuple[FaceTable, DecomposedRoom]:
     face_table = FaceTable.of(joined(list(meshes)))
     ends = np.cumsum([0, *(len(mesh.faces) for mesh in meshes)])
     none = np.zeros(len(face_table.area), dtype=bool)
-    shell = RoomShell(none, none, np.where(none, 0, -1), np.array([[0.0, -1.0, 0.0, -3.0]]), Levels(0.0, 2.5))
+    shell = ScannedShell(none, none, np.where(none, 0, -1), np.array([[0.0, -1.0, 0.0, -3.0]]), Levels(0.0, 2.5))
     return face_table, DecomposedRoom(shell, tuple(np.arange(a, b) for a, b in pairwise(ends)))
 
 

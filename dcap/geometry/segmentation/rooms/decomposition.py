@@ -9,7 +9,7 @@ from dcap.geometry.segmentation.faces import FaceTable, connected_regions
 from dcap.geometry.segmentation.rooms.contacts import segments_of
 from dcap.geometry.segmentation.rooms.convex import convex_pieces
 from dcap.geometry.segmentation.rooms.grouping import Surroundings, grouped
-from dcap.geometry.segmentation.rooms.shell import RoomShell, find_shell
+from dcap.geometry.segmentation.rooms.shell import ScannedShell, find_shell
 
 Index = NDArray[np.int64]
 Mask = NDArray[np.bool_]
@@ -26,7 +26,7 @@ LEAST_THING = 0.015
 class DecomposedRoom:
     """A room taken apart."""
 
-    shell: RoomShell
+    shell: ScannedShell
     things: tuple[Index, ...]
     """Faces of each thing, largest surface first."""
 
@@ -40,7 +40,7 @@ def decompose_room(table: FaceTable, inside: Mask) -> DecomposedRoom:
     return DecomposedRoom(shell, tuple(np.sort(piece.faces) for _, piece in found if piece.area > LEAST_THING))
 
 
-def _segments(table: FaceTable, rest: Mask, shell: RoomShell) -> Index:
+def _segments(table: FaceTable, rest: Mask, shell: ScannedShell) -> Index:
     """Segment of each face, -1 where it is the shell's, shape (m,): components, those of a fused scan cut in
     grooves."""
     count = int(table.component.max(initial=-1)) + 1

@@ -43,7 +43,7 @@ CRUMBS = 1e-4
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class RoomShell:
+class ScannedShell:
     """Which faces are the room's own."""
 
     floor: Mask
@@ -68,7 +68,7 @@ class RoomShell:
         return np.asarray(away.min(axis=1, initial=np.inf))
 
 
-def find_shell(table: FaceTable, inside: Mask) -> RoomShell:
+def find_shell(table: FaceTable, inside: Mask) -> ScannedShell:
     """Floor, ceiling and walls among the faces in `inside`, shape (m,)."""
     levels = find_levels(table)
     floor = inside & floor_faces(table, levels)
@@ -83,7 +83,7 @@ def find_shell(table: FaceTable, inside: Mask) -> RoomShell:
         wall[flat] = -1
     wall[_skirting(table, inside & ~floor & ~ceiling & (wall < 0), planes, levels)] = 0
     wall = _nearest_wall(table, _whole(table, wall), planes)
-    return RoomShell(floor, ceiling, wall, planes, levels)
+    return ScannedShell(floor, ceiling, wall, planes, levels)
 
 
 def _without_fronts(table: FaceTable, wall: NDArray[np.int64]) -> NDArray[np.int64]:
