@@ -28,6 +28,7 @@ from dcap.language.model.ledger import totals as spent
 from dcap.language.protocol.client import ClientName
 from dcap.language.protocol.session import Session
 from dcap.scene.errors import InputError
+from dcap.scene.json_tree import JsonObject
 from dcap.scene.settings import data_root, runs_root
 from dcap.scene.types.sample import Sample, SourceOptions
 from flows.cli.display import Display, print_plan, print_table
@@ -121,9 +122,9 @@ def plan_all(samples: Sequence[Sample], config: PlaceConfig, display: Display) -
 
 def run_all(
     plans: Sequence[Plan], config: PlaceConfig, folder: Path, session: Session, workers: int, display: Display
-) -> dict[Sample, tuple[dict[str, object] | None, str]]:
+) -> dict[Sample, tuple[JsonObject | None, str]]:
     """placement.json and error message of every sample; Prefect starts only if some sample has work to do."""
-    results: dict[Sample, tuple[dict[str, object] | None, str]] = {plan.sample: (None, "") for plan in plans}
+    results: dict[Sample, tuple[JsonObject | None, str]] = {plan.sample: (None, "") for plan in plans}
     waiting = []
     for plan in plans:
         known = plan.finished or plan.failed
@@ -159,7 +160,7 @@ def asking_queue(session: Session, display: Display) -> AbstractContextManager[N
 
 def settle_result(
     folder: Path, result: FinishedSample | FailedSample, display: Display
-) -> tuple[dict[str, object] | None, str]:
+) -> tuple[JsonObject | None, str]:
     """Keep what a sample returned, good or bad."""
     if isinstance(result, FailedSample):
         write_failure(folder, result)
@@ -173,7 +174,7 @@ def settle_result(
     return tree, ""
 
 
-def keep(folder: Path, finished: FinishedSample) -> dict[str, object]:
+def keep(folder: Path, finished: FinishedSample) -> JsonObject:
     """Write a sample's results into the run."""
     out = sample_folder(folder, finished.sample.id)
     (out / "error.txt").unlink(missing_ok=True)
@@ -254,7 +255,7 @@ def plan_benchmark(dataset: Path | None, config: PlaceConfig, *, limit: int | No
     ]
 
 
-def rerun_sample(run: str, sample_id: str, stage: str, max_cost: float | None = None) -> tuple[dict[str, object], Path]:
+def rerun_sample(run: str, sample_id: str, stage: str, max_cost: float | None = None) -> tuple[JsonObject, Path]:
     """Compute one stage of one sample again; its placement.json and the run's report, both written anew."""
     known = (*STAGE_NAMES, OVERVIEW)
     refreshed = frozenset(BOTH_MESHES if stage == MESH else {stage})
@@ -302,7 +303,7 @@ def rewrite_report(run: str) -> Path:
     return folder / "report.html"
 
 
-def read_result(folder: Path) -> tuple[dict[str, object] | None, str]:
+def read_result(folder: Path) -> tuple[JsonObject | None, str]:
     """placement.json or the error of a sample's folder."""
     if (folder / "error.txt").is_file():
         return None, (folder / "error.txt").read_text().splitlines()[0]

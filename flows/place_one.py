@@ -8,6 +8,7 @@ from rich.text import Text
 
 from dcap.language.model.ledger import in_words, totals
 from dcap.language.protocol.session import Session
+from dcap.scene.json_tree import JsonObject
 from dcap.scene.types.sample import Sample, SourceOptions
 from flows.configure import configured
 from flows.language_options import language_options
@@ -20,9 +21,7 @@ from tasks.arch import chosen_arch
 from tasks.runner.context import Event, RunContext, StageEvent
 
 
-def place_files(
-    scene: str, thing: str, prompt: str, options: PlaceOptions, out: Path, *, quiet: bool
-) -> dict[str, object]:
+def place_files(scene: str, thing: str, prompt: str, options: PlaceOptions, out: Path, *, quiet: bool) -> JsonObject:
     """Place the object of one file in the scene of another; writes the results into `out`, returns placement.json."""
     sample = sample_of(scene, thing, prompt, options)
     asking = language_options(options)

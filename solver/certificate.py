@@ -1,217 +1,225 @@
-"""What is measured at every step, and what is certified at the end: every number with its threshold."""
+"""What a verdict rests on: every number with its threshold, as plain frozen values.
 
-from dataclasses import dataclass
-from typing import ClassVar
+Names of fields are those of the certificate's JSON, so each carries its unit. A field that is None by default belongs
+to some drops only (to one method, or to what was asked for).
+"""
 
-import numpy as np
-from numpy.typing import NDArray
-
-from solver.box import bounds
-from solver.config import SolverConfig
-from solver.contact.active import Contacts
-from solver.contact.query import ContactQuery
-from solver.kernels.query import largest_particle_speed
-from solver.model.bodies import Model
-from solver.model.soft import SoftSystem
-from solver.model.state import State
-from solver.tl.step import StepReport, carried_weights
-
-LOADED_SHARE = 0.01  # gap and penetration are judged over points that carry more than this share of the peak pressure
+from dataclasses import dataclass, fields
+from typing import Literal
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class Signals:
-    """Solver-native signals after one step."""
+@dataclass(frozen=True, slots=True)
+class CertificateRow:
+    """A number with the largest value that it may have; all three in one unit but for the margin."""
 
-    time: float
-    linear_speed: float
-    """Largest speed of a free body's centre of mass [m/s]."""
-    angular_speed: float
-    """Largest angular speed of a free rigid body [rad/s]."""
-    particle_speed: float
-    """Largest speed of a soft particle [m/s]."""
-    center: NDArray[np.float64]
-    """Centre of mass of all free bodies [m], shape (3,)."""
-    box: NDArray[np.float64]
-    """Joint axis-aligned box of the free bodies [m], shape (6,)."""
-    force_residual: float
-    """Unbalanced force on the worst free body over its weight, or over what it carries where that is more [-]."""
-    torque_residual: float
-    """Unbalanced torque about its centre over the same times half its size [-]."""
-    newton: int
-    linear: int
+    value: float
+    threshold: float
+    margin: float
+    """1 - value / threshold [-]: negative where the threshold is exceeded."""
 
-    SERIES: ClassVar[tuple[str, ...]] = (
-        "time", "linear_speed", "angular_speed", "particle_speed", "force_residual", "torque_residual", "newton",
-        "linear",
-    )  # fmt: skip
+    @classmethod
+    def at_most(cls, value: float, threshold: float) -> "CertificateRow":
+        """A number that may not be above its threshold."""
+        return cls(value, threshold, 1.0 - value / threshold)
 
     @property
-    def speed(self) -> float:
-        """Largest of all linear speeds [m/s]."""
-        return max(self.linear_speed, self.particle_speed)
+    def exceeded(self) -> bool:
+        """Whether the number is above its threshold."""
+        return self.value > self.threshold
 
 
-def measure(
-    model: Model,
-    soft: SoftSystem,
-    query: ContactQuery,
-    watched: list[int],
-    mass: dict[int, float],
-    weights: NDArray[np.float64],
-    state: State,
-    report: StepReport,
-) -> Signals:
-    """All signals of one accepted step; `watched` are the free bodies, or the soft ones where nothing is free."""
-    gravity = model.gravity
-    soft_of = query.soft_of
-    linear = angular = force_worst = torque_worst = 0.0
-    scale = carried_weights(weights, report.contacts)
-    centers, surfaces = [], []
-    for i in watched:
-        if i in soft_of:
-            nodes = soft_of[i].nodes
-            m = soft.mass[nodes]
-            center, velocity = m @ state.x[nodes] / m.sum(), m @ state.v[nodes] / m.sum()
-        else:
-            center, velocity = state.center[i], state.velocity[i]
-            angular = max(angular, float(np.linalg.norm(state.angular_velocity[i])))
-        linear = max(linear, float(np.linalg.norm(velocity)))
-        centers.append(mass[i] * center)
-        surfaces.append(query.surface(state, i))
-        if model.bodies[i].fixed:
-            continue
-        force, torque = total_wrench(report.contacts, i, center)
-        force_worst = max(force_worst, float(np.linalg.norm(force + mass[i] * gravity)) / scale[i])
-        torque_worst = max(torque_worst, float(np.linalg.norm(torque)) / (scale[i] * 0.5 * model.bodies[i].size))
-    points = np.concatenate(surfaces) if surfaces else np.zeros((1, 3))
-    return Signals(
-        state.time,
-        linear,
-        angular,
-        particle_speed(soft, state),
-        np.sum(centers, axis=0) / sum(mass.values()) if centers else np.zeros(3),
-        np.concatenate(bounds(points)),
-        force_worst,
-        torque_worst,
-        report.newton,
-        report.linear,
-    )
+@dataclass(frozen=True, slots=True)
+class SignalRows:
+    """The rest signals over a window of steps."""
+
+    linear_speed: CertificateRow
+    """Of a free body's centre of mass [m/s]."""
+    angular_speed: CertificateRow
+    """Of a free rigid body [rad/s]."""
+    particle_speed: CertificateRow
+    """Of a soft particle [m/s]."""
+    center_drift: CertificateRow
+    """Of the common centre of mass along an axis [m]."""
+    box_change: CertificateRow
+    """Of a side of the free bodies' joint box [m]."""
+    force_residual: CertificateRow
+    """Unbalanced force over the weight, or over what is carried [-]."""
+    torque_residual: CertificateRow
+    """Unbalanced torque over the same times half the size [-]."""
+
+    @property
+    def exceeded(self) -> dict[str, CertificateRow]:
+        """The signals above their thresholds, by name."""
+        rows = {one.name: getattr(self, one.name) for one in fields(self)}
+        return {name: row for name, row in rows.items() if row.exceeded}
 
 
-def particle_speed(soft: SoftSystem, state: State) -> float:
-    """Largest speed of a particle of material [m/s], 0 without soft bodies."""
-    if not len(soft.cell_node):
-        return 0.0
-    real = soft.real.astype(np.int32)
-    return float(largest_particle_speed(soft.cell_node, soft.cell_start, soft.local, real, state.v))
+@dataclass(frozen=True, slots=True)
+class NotDone:
+    """A check that was not made."""
+
+    done: Literal[False] = False
+    reason: str | None = None
 
 
-def rest_rows(
-    window: list[Signals], config: SolverConfig, gravity: float, length: float
-) -> dict[str, dict[str, float]]:
-    """Value, threshold and margin of every rest signal over a window of steps; gravity [m/s^2], object's size [m]."""
-    speed = config.rest_speed * float(np.sqrt(gravity * length))
-    drift = config.rest_drift * length
-    centers = np.array([s.center for s in window])
-    boxes = np.array([s.box for s in window])
-    values = {
-        "linear_speed": (max(s.linear_speed for s in window), speed),
-        "angular_speed": (max(s.angular_speed for s in window), speed / (0.5 * length)),
-        "particle_speed": (max(s.particle_speed for s in window), speed),
-        "center_drift": (float(np.abs(np.ptp(centers, axis=0)).max()), drift),
-        "box_change": (float(np.abs(np.ptp(boxes, axis=0)).max()), drift),
-        "force_residual": (max(s.force_residual for s in window), config.rest_residual),
-        "torque_residual": (max(s.torque_residual for s in window), config.rest_residual),
-    }
-    return {k: {"value": v, "threshold": t, "margin": 1.0 - v / t} for k, (v, t) in values.items()}
+@dataclass(frozen=True, slots=True)
+class KickRow:
+    """One number that is judged after the kick; all in one unit."""
+
+    value: float
+    threshold: float
+    largest: float | None = None
+    """On the way there."""
 
 
-def total_wrench(
-    contacts: Contacts, index: int, center: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Sum of the contact forces [N] and torques about `center` [N m] on a body."""
-    force, torque = np.zeros(3), np.zeros(3)
-    for which, sign in ((contacts.a, 1.0), (contacts.b, -1.0)):
-        points = which == index
-        f = sign * contacts.force[points]
-        force += f.sum(axis=0)
-        torque += np.cross(contacts.position[points] - center, f).sum(axis=0)
-    for r in contacts.rolling:
-        torque += r.torque if r.a == index else (-r.torque if r.b == index else 0.0)
-    return force, torque
+@dataclass(frozen=True, slots=True, kw_only=True)
+class KickCheck:
+    """What became of a rest state that got a small kick."""
+
+    done: Literal[True] = True
+    stable: bool
+    """At rest again, near where it was."""
+    speed_m_s: float
+    """Of the kick."""
+    angular_speed_rad_s: float
+    """Of the kick, for a body alone."""
+    seconds: float
+    """How long it was followed."""
+    steps: int
+    growing: bool
+    """Whether speeds still grew at the end."""
+    speed_left: KickRow
+    """Largest speed at the end over the kick's, 0 below the rest thresholds [-]."""
+    distance_m: KickRow
+    """Of a centre of mass from the rest state."""
+    angle_rad: KickRow
+    """Turn of a body from the rest state."""
 
 
-def contact_table(model: Model, contacts: Contacts) -> tuple[dict[str, object], ...]:
-    """One row per touching pair of bodies, both point sets together; forces on the first named body."""
-    rows: list[dict[str, object]] = []
-    keys = sorted({(min(t.pair.a, t.pair.b), max(t.pair.a, t.pair.b)) for t in contacts.active})
-    for a, b in keys:
-        sides = [t for t in contacts.active if {t.pair.a, t.pair.b} == {a, b}]
-        total = sum((s.force.sum(axis=0) * (1.0 if s.pair.a == a else -1.0) for s in sides), np.zeros(3))
-        normal = sum((_normal_sum(s) * (1.0 if s.pair.a == a else -1.0) for s in sides), np.zeros(3))
-        loaded = [s.normal_force > LOADED_SHARE * s.normal_force.max() for s in sides]
-        rows.append(
-            {
-                "a": model.bodies[a].name,
-                "b": model.bodies[b].name,
-                "area_m2": float(max(s.pair.area[s.point].sum() for s in sides)),
-                "normal_force_n": float(np.linalg.norm(normal)),
-                "tangential_force_n": float(np.linalg.norm(total - normal)),
-                "max_penetration_m": float(max(-s.gap[m].min() for s, m in zip(sides, loaded, strict=True))),
-                "max_gap_m": float(max(0.0, *(s.gap[m].max() for s, m in zip(sides, loaded, strict=True)))),
-                "points": int(sum(len(s.point) for s in sides)),
-                "sliding_points": int(sum(s.sliding.sum() for s in sides)),
-            }
-        )
-    return tuple(rows)
+@dataclass(frozen=True, slots=True)
+class RollingRow:
+    """Rolling resistance between two bodies."""
+
+    a: str
+    b: str
+    torque_n_m: float
+    limit_length_m: float
+    """Lever of the normal force at which it gives way."""
 
 
-def _normal_sum(touching: object) -> NDArray[np.float64]:
-    t = touching
-    return np.asarray((t.normal_force[:, None] * t.normal).sum(axis=0))  # type: ignore[attr-defined]
+@dataclass(frozen=True, slots=True)
+class BondRow:
+    """A bond between two bodies."""
+
+    a: str
+    b: str
+    points: int
+    force_n: float
+    stretch_m: float
+    """Largest of any point."""
 
 
-def friction_margin(contacts: Contacts) -> float:
+@dataclass(frozen=True, slots=True)
+class PushRow:
+    """Pushes of one body in one direction, as shares of its weight."""
+
+    direction: tuple[float, float, float]
+    """Horizontal unit vector."""
+    held: float
+    """Largest share after which everything came back to rest [-]."""
+    lost: float | None
+    """Smallest after which it did not [-]; None where the largest one tried was held."""
+    trials: int
+    lost_moved_m: float | None
+    """How far the smallest lost push moved a body; None where there is none or the solver could not follow it."""
+    lost_turned_rad: float | None
+    """How far it turned one."""
+
+
+@dataclass(frozen=True, slots=True)
+class BodyStability:
+    """How far one body can be pushed."""
+
+    grade: float
+    """Smallest share of its weight that is held, over the directions [-]."""
+    directions: tuple[PushRow, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class PushBounds:
+    """What counts as held."""
+
+    distance_share: float
+    """Over the pushed body's size [-]."""
+    angle_rad: float
+    step: float
+    """Between neighbouring pushes, over the weight [-]."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StabilityGrade:
+    """How far a rest state can be pushed before it is lost."""
+
+    done: Literal[True] = True
+    grade: float
+    """Smallest of all bodies [-]."""
+    bodies: dict[str, BodyStability]
+    """By name."""
+    trials: int
+    steps: int
+    bounds: PushBounds
+
+
+@dataclass(frozen=True, slots=True)
+class ContactRow:
+    """Two touching bodies, all their contact points together."""
+
+    a: str
+    b: str
+    area_m2: float
+    normal_force_n: float
+    tangential_force_n: float
+    max_penetration_m: float
+    """Over the loaded points."""
+    max_gap_m: float
+    """Over the loaded points."""
+    points: int
+    sliding_points: int | None = None
+    """tl only."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Certificate:
+    """Everything that a verdict rests on."""
+
+    arch: str
+    """Where the kernels ran: cpu or cuda."""
+    method: str | None = None
+    """mls; None for tl."""
+    signals: SignalRows
+    kick: KickCheck | NotDone
+    free_weight_n: float
+    """Of all free bodies."""
+    length_m: float
+    """Size of the largest free body, by which signals are scaled."""
+    newton_residual: float | None = None
+    """Of the last step, over the weight [-]; tl only."""
+    friction_cone_margin: float
     """Smallest share of the static friction cone that is left over the touching pairs [-]; 0: at the cone."""
-    margins = [1.0]
-    for t in contacts.active:
-        normal = t.normal_force
-        tangential = np.linalg.norm(t.force - normal[:, None] * t.normal, axis=1)
-        if t.pair.static_friction > 0.0 and normal.sum() > 0.0:
-            margins.append(1.0 - float(tangential.sum() / (t.pair.static_friction * normal.sum())))
-    return min(margins)
-
-
-def certificate(
-    model: Model,
-    rows: dict[str, dict[str, float]],
-    kick: dict[str, object],
-    report: StepReport,
-    damping: float,
-    weight: float,
-    length: float,
-) -> dict[str, object]:
-    """Everything that the verdict rests on."""
-    return {
-        "signals": rows,
-        "kick": kick,
-        "free_weight_n": weight,
-        "length_m": length,
-        "newton_residual": report.residual,
-        "friction_cone_margin": friction_margin(report.contacts),
-        "inverted_particles": report.inverted,
-        "unlocated_points": report.contacts.unlocated,
-        "material_damping_s": damping,
-        "rolling_resistance": [
-            {
-                "a": model.bodies[r.a].name,
-                "b": model.bodies[r.b].name,
-                "torque_n_m": float(np.linalg.norm(r.torque)),
-                "limit_length_m": float(
-                    np.sqrt(model.bodies[r.a].rolling_resistance * model.bodies[r.b].rolling_resistance)
-                ),
-            }
-            for r in report.contacts.rolling
-        ],
-    }
+    inverted_particles: int
+    unlocated_points: int | None = None
+    """Points in a soft body whose deformation could not be inverted there; tl only."""
+    material_damping_s: float | None = None
+    """Stiffness-proportional; tl only."""
+    rolling_resistance: tuple[RollingRow, ...] | None = None
+    """tl only."""
+    bonds: tuple[BondRow, ...] | None = None
+    """None where there are none."""
+    stability: StabilityGrade | NotDone | None = None
+    """None where nobody asked."""
+    cell_m: float | None = None
+    """Of the uniform grid; mls only."""
+    substeps: int | None = None
+    """Explicit steps; mls only."""
+    interval_s: float | None = None
+    """How often motion was judged; mls only."""

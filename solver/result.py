@@ -1,13 +1,25 @@
 """What a drop hands back, whichever method computed it."""
 
 from dataclasses import dataclass
+from enum import StrEnum
 
 import numpy as np
 from numpy.typing import NDArray
 
+from solver.certificate import Certificate, ContactRow, KickCheck, NotDone, SignalRows
+from solver.config import SolverConfig
 from solver.model.bodies import Model
+from solver.rest import History, RestMonitor
 
-AT_REST, LEFT_TARGET, NO_EQUILIBRIUM = "at_rest", "left_target", "no_equilibrium"
+
+class Verdict(StrEnum):
+    """How a drop ended."""
+
+    AT_REST = "at_rest"
+    LEFT_TARGET = "left_target"
+    """A free body has left everything that could carry it."""
+    NO_EQUILIBRIUM = "no_equilibrium"
+    """Something still moved when the steps were used up, or the kick moved it."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -26,22 +38,74 @@ class RestBody:
 
 
 @dataclass(frozen=True, eq=False, slots=True)
+class FinalState:
+    """What a method tells of the state in which it ended."""
+
+    seconds: float
+    """Simulated time [s]."""
+    bodies: tuple[RestBody, ...]
+    contacts: tuple[ContactRow, ...]
+    contact_points: dict[str, NDArray[np.float64]]
+    """Per free body the positions of its active contact points [m], shape (k, 3)."""
+    friction_margin: float
+    """Smallest share of the static friction cone that is left [-]."""
+    free_weight: float
+    """[N]."""
+    inverted: int
+    """Particles whose deformation is inverted."""
+    particles: int
+
+
+@dataclass(frozen=True, eq=False, slots=True)
 class Result:
     """The outcome of a drop."""
 
-    verdict: str
-    """at_rest, left_target or no_equilibrium."""
+    verdict: Verdict
     bodies: tuple[RestBody, ...]
-    contacts: tuple[dict[str, object], ...]
-    """Per touching pair: a, b, area_m2, normal_force_n, tangential_force_n, max_penetration_m, max_gap_m."""
+    contacts: tuple[ContactRow, ...]
+    """One per touching pair."""
     contact_points: dict[str, NDArray[np.float64]]
     """Per free body the positions of its active contact points [m], shape (k, 3)."""
-    certificate: dict[str, object]
-    history: dict[str, NDArray[np.float64]]
+    certificate: Certificate
+    history: History
     steps: int
     simulated_seconds: float
     particles: int
     warnings: tuple[str, ...]
+
+
+def build_result(
+    verdict: Verdict,
+    final: FinalState,
+    monitor: RestMonitor,
+    rows: SignalRows,
+    kick: KickCheck | NotDone,
+    config: SolverConfig,
+    warnings: list[str],
+) -> Result:
+    """The result with the part of its certificate that every method has; `rows` are the signals that were judged."""
+    certificate = Certificate(
+        arch=config.arch,
+        signals=rows,
+        kick=kick,
+        free_weight_n=final.free_weight,
+        length_m=monitor.length,
+        friction_cone_margin=final.friction_margin,
+        inverted_particles=final.inverted,
+    )
+    inverted = (f"{final.inverted} particles are inverted in the last state",) if final.inverted else ()
+    return Result(
+        verdict=verdict,
+        bodies=final.bodies,
+        contacts=final.contacts,
+        contact_points=final.contact_points,
+        certificate=certificate,
+        history=History.of(monitor.signals),
+        steps=len(monitor.signals),
+        simulated_seconds=final.seconds,
+        particles=final.particles,
+        warnings=(*warnings, *inverted),
+    )
 
 
 def carried(model: Model, touching: set[tuple[int, int]]) -> set[int]:

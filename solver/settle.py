@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from solver.certificate import Signals, certificate, contact_table
+from solver.certificate import KickCheck, NotDone, SignalRows, StabilityGrade
 from solver.config import SolverConfig
 from solver.contact.active import Contacts
 from solver.contact.bonds import bond_table
@@ -15,32 +15,32 @@ from solver.errors import ModelError
 from solver.mls import drop as mls
 from solver.model.bodies import Model
 from solver.model.state import State
-from solver.result import AT_REST, LEFT_TARGET, NO_EQUILIBRIUM, RestBody, Result, beside, carried
+from solver.rest import Progress, Signals
+from solver.result import FinalState, RestBody, Result, Verdict, beside, build_result, carried
 from solver.runtime import start
 from solver.tl.disturbance import kick
-from solver.tl.simulation import Progress, Simulation
+from solver.tl.measure import contact_table, friction_margin, rolling_table
+from solver.tl.simulation import Simulation
 from solver.tl.stability import grade
 from solver.tl.step import StepReport
 
-# of the tolerance, for a body that is in balance, slower than NEARLY times the threshold, and not slowing
+# of the tolerance, for a body that creeps: so soft that what the tolerance leaves moves it visibly
 CREEPING_TOLERANCE = 0.1
-NEARLY, STALLED = 10.0, 0.9
+NOTHING_TO_PUSH = "there is no verified rest state of a free body"
 
 
 def settle(model: Model, config: SolverConfig, progress: Progress | None = None) -> Result:
     """Let the free bodies of `model` come to rest.
 
     Returns the rest state with its certificate, or the last state with the verdict that says why it is none.
-    Raises ModelError for
-    input that cannot be simulated, UnstableStep when a step breaks and ArchError where the kernels cannot run. Same
-    model and config: the same bytes for any thread count.
+    Raises ModelError for input that cannot be simulated, UnstableStep when a step breaks and ArchError where the
+    kernels cannot run. Same model and config: the same bytes for any thread count.
     """
     if config.stability and config.method == "mls":
         raise ModelError("stability: mls verifies no rest state that could be pushed; use method tl")
     start(config.threads, config.arch)
     with threadpool_limits(1):  # dense factorisations would round differently with the number of threads
-        result = (mls.ExplicitDrop if config.method == "mls" else ImplicitDrop)(model, config).run(progress)
-    return replace(result, certificate={"arch": config.arch} | result.certificate)
+        return (mls.ExplicitDrop if config.method == "mls" else ImplicitDrop)(model, config).run(progress)
 
 
 class ImplicitDrop(Simulation):
@@ -51,23 +51,22 @@ class ImplicitDrop(Simulation):
         state = self.start_state()
         self._refuse_overlap(state)
         verdict, state, report = self._approach(state, progress)
-        kicked: dict[str, object] = {"done": False}
-        rows = self.rows(self.history[-self.config.rest_steps :])
-        if verdict == AT_REST and self.free:
-            end, stable, kicked = kick(self, state, progress)
-            if not stable:
+        kicked: KickCheck | NotDone = NotDone()
+        rows = self.monitor.rows()
+        if verdict is Verdict.AT_REST and self.free:
+            end, kicked = kick(self, state, progress)
+            if not kicked.stable:
                 verdict, state, report, rows, kicked = self._after_failed_kick(end, kicked, progress)
         stability = self._stability(verdict, state, progress)
-        result = self._result(verdict, state, report, rows, kicked)
-        return replace(result, certificate=result.certificate | stability)
+        return self._result(verdict, state, report, rows, kicked, stability)
 
-    def _stability(self, verdict: str, rest: State, progress: Progress | None) -> dict[str, object]:
+    def _stability(self, verdict: Verdict, rest: State, progress: Progress | None) -> StabilityGrade | NotDone | None:
         """What the certificate says about pushes, nothing where nobody asked."""
         if not self.config.stability:
-            return {}
-        if verdict != AT_REST or not self.free:
-            return {"stability": {"done": False, "reason": "there is no verified rest state of a free body"}}
-        return {"stability": grade(self, rest, progress)}
+            return None
+        if verdict is not Verdict.AT_REST or not self.free:
+            return NotDone(reason=NOTHING_TO_PUSH)
+        return grade(self, rest, progress)
 
     def _refuse_overlap(self, state: State) -> None:
         for t in self.query.find(state, self.query.begin(state, self.config.step_seconds)).active:
@@ -82,32 +81,23 @@ class ImplicitDrop(Simulation):
 
     def _approach(
         self, state: State, progress: Progress | None, rolling: RollingLaw = law_stiff
-    ) -> tuple[str, State, StepReport]:
+    ) -> tuple[Verdict, State, StepReport]:
         dt = self.config.step_seconds
         while True:
             state, report, dt = self.step(state, dt, rolling=rolling)
             signals = self.record(state, report, progress)
             if self._left(state, report.contacts):
-                return LEFT_TARGET, state, report
+                return Verdict.LEFT_TARGET, state, report
             if self._quiet():
-                return AT_REST, state, report
-            if len(self.history) >= self.config.step_limit:
-                return NO_EQUILIBRIUM, state, report
+                return Verdict.AT_REST, state, report
+            if len(self.monitor.signals) >= self.config.step_limit:
+                return Verdict.NO_EQUILIBRIUM, state, report
             self._adapt(state, report.contacts, signals)
 
     def _quiet(self) -> bool:
-        """All signals below their thresholds over the whole window."""
-        window = self.history[-self.config.rest_steps :]
-        if len(window) < self.config.rest_steps:
-            return False
-        rows = self.rows(window)
-        exceeded = {name for name, row in rows.items() if row["value"] > row["threshold"]}
-        half = self.config.rest_steps // 2
-        early, late = (max(s.speed for s in part) for part in (window[:half], window[half:]))
-        balanced = not exceeded & {"force_residual", "torque_residual"}
-        if exceeded and balanced and late > STALLED * early and late < NEARLY * rows["linear_speed"]["threshold"]:
-            self.tolerance_factor = CREEPING_TOLERANCE  # so soft that what the tolerance leaves moves it visibly
-        return not exceeded
+        if self.monitor.creeping():
+            self.tolerance_factor = CREEPING_TOLERANCE
+        return self.monitor.quiet()
 
     def _left(self, state: State, contacts: Contacts) -> bool:
         """A free body has left everything that could carry it."""
@@ -137,60 +127,73 @@ class ImplicitDrop(Simulation):
         state.memory = replace(state.memory, stiffened=tuple(stiffened))
 
     def _after_failed_kick(
-        self, end: State, first: dict[str, object], progress: Progress | None
-    ) -> tuple[str, State, StepReport, dict[str, dict[str, float]], dict[str, object]]:
+        self, end: State, first: KickCheck, progress: Progress | None
+    ) -> tuple[Verdict, State, StepReport, SignalRows, KickCheck]:
         """The rest was not stable: follow the motion that the kick started to its end; a second rest is
         verified in its turn. Rolling resistance keeps giving way: a stiff one would stop what has begun to fall over.
         """
-        begin = len(self.history)
+        begin = len(self.monitor.signals)
         verdict, state, report = self._approach(end, progress, law_compliant)
-        rows = self.rows(self.history[begin:][-self.config.rest_steps :])
-        if verdict != AT_REST:
+        rows = self.monitor.rows(begin)
+        if verdict is not Verdict.AT_REST:
             return verdict, state, report, rows, first
-        _, stable, kicked = kick(self, state, progress)
-        if stable:
-            self.warnings.append("the first rest state was unstable under the kick; this is the one it fell into")
-        return (AT_REST if stable else NO_EQUILIBRIUM), state, report, rows, kicked
+        _, kicked = kick(self, state, progress)
+        if not kicked.stable:
+            return Verdict.NO_EQUILIBRIUM, state, report, rows, kicked
+        self.warnings.append("the first rest state was unstable under the kick; this is the one it fell into")
+        return verdict, state, report, rows, kicked
 
     def _result(
         self,
-        verdict: str,
+        verdict: Verdict,
         state: State,
         report: StepReport,
-        rows: dict[str, dict[str, float]],
-        kicked: dict[str, object],
+        rows: SignalRows,
+        kicked: KickCheck | NotDone,
+        stability: StabilityGrade | NotDone | None,
     ) -> Result:
+        contacts, final = report.contacts, self._final(state, report)
+        result = build_result(verdict, final, self.monitor, rows, kicked, self.config, self.warnings)
+        certificate = replace(
+            result.certificate,
+            newton_residual=report.residual,
+            unlocated_points=contacts.unlocated,
+            material_damping_s=self.stepper.damping,
+            rolling_resistance=rolling_table(self.model, contacts),
+            bonds=bond_table(self.model, self.query.bonds, state) or None,
+            stability=stability,
+        )
+        return replace(result, certificate=certificate, warnings=(*result.warnings, *unlocated(contacts)))
+
+    def _final(self, state: State, report: StepReport) -> FinalState:
+        """What the result says of the last state."""
+        contacts = report.contacts
         bodies = []
         for i, body in enumerate(self.model.bodies):
-            rotation, translation = self.motion(state, i)
-            bodies.append(
-                RestBody(body.name, self.query.surface(state, i), rotation, translation, self.speed(state, i))
-            )
-        if report.inverted:
-            self.warnings.append(f"{report.inverted} particles are inverted in the last state")
-        if report.contacts.unlocated:
-            self.warnings.append(
-                f"{report.contacts.unlocated} points lie in a soft body whose deformation could not be inverted there; "
-                "they do not count as contact"
-            )
-        patch = {
-            self.model.bodies[i].name: np.concatenate(
-                [t.position for t in report.contacts.active if i in (t.pair.a, t.pair.b)] or [np.zeros((0, 3))]
-            )
-            for i in self.free
-        }
-        bonds: dict[str, object] = {}
-        if self.query.bonds:
-            bonds["bonds"] = bond_table(self.model, self.query.bonds, state)
-        return Result(
-            verdict,
-            tuple(bodies),
-            contact_table(self.model, report.contacts),
-            patch,
-            certificate(self.model, rows, kicked, report, self.stepper.damping, self.weight, self.length) | bonds,
-            {k: np.array([getattr(s, k) for s in self.history]) for k in Signals.SERIES},
-            len(self.history),
-            state.time,
-            int(self.soft.real.sum()),
-            tuple(self.warnings),
+            surface, (rotation, translation) = self.query.surface(state, i), self.motion(state, i)
+            bodies.append(RestBody(body.name, surface, rotation, translation, self.speed(state, i)))
+        return FinalState(
+            seconds=state.time,
+            bodies=tuple(bodies),
+            contacts=contact_table(self.model, contacts),
+            contact_points={self.model.bodies[i].name: points_of(contacts, i) for i in self.free},
+            friction_margin=friction_margin(contacts),
+            free_weight=self.weight,
+            inverted=report.inverted,
+            particles=int(self.soft.real.sum()),
         )
+
+
+def points_of(contacts: Contacts, index: int) -> NDArray[np.float64]:
+    """Positions of the contact points of a body [m], shape (k, 3)."""
+    found = [t.position for t in contacts.active if index in (t.pair.a, t.pair.b)]
+    return np.concatenate(found) if found else np.zeros((0, 3))
+
+
+def unlocated(contacts: Contacts) -> tuple[str, ...]:
+    """The warning about points that were not found in a soft body, if there are any."""
+    count = contacts.unlocated
+    text = (
+        f"{count} points lie in a soft body whose deformation could not be inverted there; they do not count as contact"
+    )
+    return (text,) if count else ()

@@ -11,7 +11,7 @@ import numpy as np
 from dcap.evaluation.outcome_table import same_region
 from dcap.scene.types.anchor import Anchor
 from dcap.scene.types.intent import Intent
-from dcap.scene.types.outcome import Infeasible
+from dcap.scene.types.outcome import BesideThePart, Infeasible, NoRoom
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,7 +53,7 @@ def aim_of(intent: Intent | Infeasible, anchor: Anchor | Infeasible | None) -> A
     if anchor is None:
         return asked
     if isinstance(anchor, Infeasible):
-        part = str(anchor.evidence.get("part", ""))
+        part = anchor.evidence.part if isinstance(anchor.evidence, NoRoom | BesideThePart) else ""
         return Aim(asked.base, part, asked.region, asked.beside, anchor.reason)
     return Aim(anchor.base_id, anchor.part, anchor.region, asked.beside)
 

@@ -211,7 +211,7 @@ def in_words(truth: ExpectedOutcome) -> str:
     return f"at rest {', '.join(asked)}".rstrip()
 
 
-def totals(rows: Sequence[SampleOutcome]) -> dict[str, object]:
+def totals(rows: Sequence[SampleOutcome]) -> dict[str, float]:
     """Honest counts."""
     feasible = [row for row in rows if row.feasible_intended is True]
     infeasible = [row for row in rows if row.feasible_intended is False]

@@ -10,6 +10,7 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from dcap.evaluation.outcome_table import AT_REST, SampleOutcome
 from dcap.evaluation.run_folder import sample_folder
 from dcap.language.model.ledger import in_words
+from dcap.scene.json_tree import JsonObject
 
 TEMPLATES = Path(__file__).parent / "templates"
 PICTURES = (("clean", "before"), ("asked", "as asked"), ("settled", "after"), ("closeup", "contact"))
@@ -76,7 +77,7 @@ def card_of(folder: Path, row: SampleOutcome) -> Card:
     )
 
 
-def read_placement(folder: Path) -> dict[str, object]:
+def read_placement(folder: Path) -> JsonObject:
     """placement.json of a sample, empty if there is none."""
     path = folder / "placement.json"
     tree = json.loads(path.read_text()) if path.is_file() else {}

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from solver.certificate import BondRow
 from solver.errors import ModelError
 from solver.model.bodies import Body, Model, SignedDistance, SoftBody
 from solver.model.soft import BodyGrid, SoftSystem, locate, shape_values
@@ -122,18 +123,12 @@ def _only(attachment: BondedPoints, keep: NDArray[np.bool_]) -> BondedPoints:
     return BondedPoints(attachment.body, attachment.rest[keep], attachment.node[keep], attachment.weight[keep])
 
 
-def bond_table(model: Model, bonds: Sequence[BondedPair], state: State) -> list[dict[str, object]]:
-    """One row per bond for the certificate: points, force and largest stretch."""
-    rows: list[dict[str, object]] = []
+def bond_table(model: Model, bonds: Sequence[BondedPair], state: State) -> tuple[BondRow, ...]:
+    """One row per bond for the certificate."""
+    rows = []
     for bond in bonds:
         force = bond.force(model, state)
-        rows.append(
-            {
-                "a": model.bodies[bond.a.body].name,
-                "b": model.bodies[bond.b.body].name,
-                "points": len(force),
-                "force_n": float(np.linalg.norm(force.sum(axis=0))),
-                "stretch_m": float((np.linalg.norm(force, axis=1) / bond.stiffness).max()),
-            }
-        )
-    return rows
+        a, b = model.bodies[bond.a.body].name, model.bodies[bond.b.body].name
+        stretch = float((np.linalg.norm(force, axis=1) / bond.stiffness).max())
+        rows.append(BondRow(a, b, len(force), float(np.linalg.norm(force.sum(axis=0))), stretch))
+    return tuple(rows)

@@ -12,12 +12,12 @@ is taken away: the peak is where it passes its equilibrium), and the bounce of a
 [B99] Barnes: Form finding and analysis of tension structures by dynamic relaxation. Int. J. Space Struct. 14, 1999.
 """
 
-from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from solver.certificate import Signals, rest_rows
+from solver.certificate import NotDone
 from solver.config import SolverConfig
 from solver.errors import ModelError, UnstableStep
 from solver.kernels import mls_transfers as transfers
@@ -29,11 +29,12 @@ from solver.mls.particles import PER_AXIS, distance
 from solver.mls.plates import THIN, Plates, thin_bodies
 from solver.mls.rigid import RigidBodies
 from solver.model.bodies import Body, Model
-from solver.result import AT_REST, LEFT_TARGET, NO_EQUILIBRIUM, Result, beside, carried
+from solver.rest import Progress, RestMonitor
+from solver.result import FinalState, Result, Verdict, beside, build_result, carried
 
 Array = NDArray[np.float64]
-Progress = Callable[[int, float, Signals], None]
 
+LEAST_GRAVITY = 1e-12  # [m/s^2], so that what is measured by weights stays finite where nothing pulls
 PEAK_DROP = 0.02  # a kinetic energy this much below its largest value has passed its peak [-]
 COARSENING = 1.1  # factor by which a cell grows until the particles fit their budget
 STALE = 0.01  # motion in cells after which contact looks anew where the material is: a tenth of what it resolves
@@ -70,37 +71,27 @@ class ExplicitDrop:
         self.peak = np.zeros(len(self.soft.index))
         self.time = 0.0
         self.moved = 0.0
-        self.history: list[Signals] = []
+        self.strength = max(float(np.linalg.norm(self.gravity)), LEAST_GRAVITY)
+        """Magnitude of gravity [m/s^2]."""
+        self.monitor = RestMonitor(config, self.strength, self.length)
         self.steps = 0
         self._refuse_overlap()
         self._name_thin_parts()
-
-    @property
-    def strength(self) -> float:
-        """Magnitude of gravity [m/s^2]."""
-        return float(np.linalg.norm(self.gravity))
 
     def run(self, progress: Progress | None) -> Result:
         """Intervals until quiet, left, or out of budget."""
         while True:
             last = self._interval()
-            self.history.append(last.signals)
-            if progress is not None:
-                progress(len(self.history), self.time, last.signals)
+            self.monitor.record(last.signals, progress)
             if self._left():
-                verdict = LEFT_TARGET
-            elif self._quiet():
-                verdict = AT_REST
-            elif len(self.history) >= self.config.step_limit:
-                verdict = NO_EQUILIBRIUM
+                verdict = Verdict.LEFT_TARGET
+            elif self.monitor.quiet():
+                verdict = Verdict.AT_REST
+            elif len(self.monitor.signals) >= self.config.step_limit:
+                verdict = Verdict.NO_EQUILIBRIUM
             else:
                 continue
             return self._result(verdict, last)
-
-    def _quiet(self) -> bool:
-        window = self.history[-self.config.rest_steps :]
-        rows = rest_rows(window, self.config, self.strength, self.length)
-        return len(window) == self.config.rest_steps and all(r["value"] <= r["threshold"] for r in rows.values())
 
     def _interval(self) -> IntervalReport:
         """Steps over one interval, and what they did to every body."""
@@ -263,33 +254,32 @@ class ExplicitDrop:
                     "the least that carries bending; lower mls_cell"
                 )
 
-    def _result(self, verdict: str, last: IntervalReport) -> Result:
-        rows = rest_rows(self.history[-self.config.rest_steps :], self.config, self.strength, self.length)
-        inverted = int(self.soft.sums[:, INVERSIONS].sum())
-        if inverted:
-            self.warnings.append(f"{inverted} particles are inverted in the last state")
-        contacts, points = last.contacts()
-        weight = sum(last.mass(i) for i in self.watched) * max(self.strength, 1e-12)
-        certificate = {
-            "method": "mls",
-            "signals": rows,
-            "kick": {"done": False},
-            "free_weight_n": weight,
-            "length_m": self.length,
-            "friction_cone_margin": last.friction_margin(contacts),
-            "inverted_particles": inverted,
-            "cell_m": self.soft.grid.cell,
-            "substeps": self.steps,
-            "interval_s": self.config.mls_interval_seconds,
-        }
-        return Result(
-            verdict, last.bodies(), tuple(contacts), {k: v for k, v in points.items() if k in self._free_names()},
-            certificate, {k: np.array([getattr(s, k) for s in self.history]) for k in Signals.SERIES},
-            len(self.history), self.time, len(self.soft.start), tuple(self.warnings),
-        )  # fmt: skip
+    def _result(self, verdict: Verdict, last: IntervalReport) -> Result:
+        rows, final = self.monitor.rows(), self._final(last)
+        result = build_result(verdict, final, self.monitor, rows, NotDone(), self.config, self.warnings)
+        certificate = replace(
+            result.certificate,
+            method="mls",
+            cell_m=self.soft.grid.cell,
+            substeps=self.steps,
+            interval_s=self.config.mls_interval_seconds,
+        )
+        return replace(result, certificate=certificate)
 
-    def _free_names(self) -> set[str]:
-        return {self.model.bodies[i].name for i in self.free}
+    def _final(self, last: IntervalReport) -> FinalState:
+        """What the result says of the last state."""
+        contacts, points = last.contacts()
+        free = {self.model.bodies[i].name for i in self.free}
+        return FinalState(
+            seconds=self.time,
+            bodies=last.bodies(),
+            contacts=contacts,
+            contact_points={name: some for name, some in points.items() if name in free},
+            friction_margin=last.friction_margin(contacts),
+            free_weight=sum(last.mass(i) for i in self.watched) * self.strength,
+            inverted=int(self.soft.sums[:, INVERSIONS].sum()),
+            particles=len(self.soft.start),
+        )
 
 
 def _within(points: Array, body: Body) -> NDArray[np.bool_]:

@@ -4,13 +4,14 @@ Forces are impulses over the interval's length. The unbalanced force on a body i
 same time, so nothing that acted on it is left out.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from solver.certificate import Signals
+from solver.certificate import ContactRow
 from solver.contact.active import vertex_areas
 from solver.mls.bodies import SoftBodies
 from solver.mls.coupling import Coupling
@@ -18,6 +19,7 @@ from solver.mls.particles import distance
 from solver.mls.rigid import RigidBodies
 from solver.model.bodies import Model, RigidBody, SoftBody
 from solver.model.state import best_rigid_motion
+from solver.rest import Signals
 from solver.result import RestBody
 
 Array = NDArray[np.float64]
@@ -70,9 +72,9 @@ class IntervalReport:
         rotation, translation = best_rigid_motion(self.soft.start[mine], p.given(p.x)[mine], self.soft.mass[mine])
         return rotation, translation, speed
 
-    def contacts(self) -> tuple[list[dict[str, object]], dict[str, Array]]:
+    def contacts(self) -> tuple[tuple[ContactRow, ...], dict[str, Array]]:
         """Touching pairs as in Result.contacts, and the contact points of every body."""
-        rows: list[dict[str, object]] = []
+        rows: list[ContactRow] = []
         points: dict[str, list[Array]] = {body.name: [] for body in self.model.bodies}
         for a, b, force, normal in [*self._coupled(), *self._shared(), *self._rigid()]:
             size = float(np.linalg.norm(normal))
@@ -82,18 +84,18 @@ class IntervalReport:
             for i in (a, b):
                 points[self.model.bodies[i].name].append(patch)
             rows.append(
-                {
-                    "a": self.model.bodies[a].name,
-                    "b": self.model.bodies[b].name,
-                    "area_m2": area,
-                    "normal_force_n": size,
-                    "tangential_force_n": float(np.linalg.norm(force - normal)),
-                    "max_penetration_m": float(max(-gap.min(), 0.0)) if len(gap) else 0.0,
-                    "max_gap_m": float(max(gap.max(), 0.0)) if len(gap) else 0.0,
-                    "points": len(patch),
-                }
+                ContactRow(
+                    a=self.model.bodies[a].name,
+                    b=self.model.bodies[b].name,
+                    area_m2=area,
+                    normal_force_n=size,
+                    tangential_force_n=float(np.linalg.norm(force - normal)),
+                    max_penetration_m=float(max(-gap.min(), 0.0)) if len(gap) else 0.0,
+                    max_gap_m=float(max(gap.max(), 0.0)) if len(gap) else 0.0,
+                    points=len(patch),
+                )
             )
-        return rows, {name: np.concatenate([np.zeros((0, 3)), *some]) for name, some in points.items()}
+        return tuple(rows), {name: np.concatenate([np.zeros((0, 3)), *some]) for name, some in points.items()}
 
     def _coupled(self) -> list[tuple[int, int, Array, Array]]:
         """Rigid on soft: force on the soft body and its normal part [N]."""
@@ -164,15 +166,15 @@ class IntervalReport:
         on = np.flatnonzero(gap < reach)
         return points[on], gap[on], float(vertex_areas(body)[on].sum())
 
-    def friction_margin(self, rows: list[dict[str, object]]) -> float:
+    def friction_margin(self, rows: Sequence[ContactRow]) -> float:
         """Smallest share of the static friction cone that is left over the touching pairs [-]; 0: at the cone."""
         bodies = {body.name: body for body in self.model.bodies}
         margins = [1.0]
         for row in rows:
-            one, two = bodies[str(row["a"])], bodies[str(row["b"])]
-            limit = self.model.friction(one, two)[0] * float(str(row["normal_force_n"]))
+            one, two = bodies[row.a], bodies[row.b]
+            limit = self.model.friction(one, two)[0] * row.normal_force_n
             if limit > 0.0 and not (isinstance(one, SoftBody) and isinstance(two, SoftBody)):
-                margins.append(1.0 - float(str(row["tangential_force_n"])) / limit)
+                margins.append(1.0 - row.tangential_force_n / limit)
         return min(margins)
 
 

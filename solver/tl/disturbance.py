@@ -7,10 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from solver.certificate import Signals
+from solver.certificate import KickCheck, KickRow
 from solver.contact.rolling import law_compliant
 from solver.model.state import State
-from solver.tl.simulation import Progress, Simulation
+from solver.rest import Progress, Signals
+from solver.tl.simulation import Simulation
 
 KICK_NOISE = 0.1  # share of a kick's speed below which growth is the noise of solving to a tolerance
 # of a speed in a quarter of a period's steps: what grows slower rolls in a neutral balance, it does not fall over
@@ -66,21 +67,25 @@ class Response:
     """Periods of kick_seconds that it took."""
 
 
-def kick(simulation: Simulation, rest: State, progress: Progress | None) -> tuple[State, bool, dict[str, object]]:
-    """Kick a rest state and follow it: where that ends, whether the rest was stable, and the certificate's part."""
+def kick(simulation: Simulation, rest: State, progress: Progress | None) -> tuple[State, KickCheck]:
+    """Kick a rest state and follow it: where that ends, and whether the rest was stable."""
     c = simulation.config
     state = kicked_state(simulation, rest)
-    begin = len(simulation.history)
+    begin = len(simulation.monitor.signals)
     bound = Displacement(c.kick_distance * simulation.length, c.kick_angle)
     # a stable state does not gain speed from a kick
     end = follow(simulation, rest, state, bound, StopCriteria(Displacement(np.inf, np.inf), bound, 1.0), progress)
-    return end.state, end.stable, {
-        "done": True, "stable": end.stable, "speed_m_s": c.kick_speed, "angular_speed_rad_s": c.kick_angular_speed,
-        "seconds": end.segments * c.kick_seconds, "steps": len(simulation.history) - begin, "growing": end.growing,
-        "speed_left": {"value": end.speed_left, "threshold": c.kick_decay},
-        "distance_m": {"value": end.moved.distance, "threshold": bound.distance, "largest": end.farthest},
-        "angle_rad": {"value": end.moved.angle, "threshold": bound.angle},
-    }  # fmt: skip
+    return end.state, KickCheck(
+        stable=end.stable,
+        speed_m_s=c.kick_speed,
+        angular_speed_rad_s=c.kick_angular_speed,
+        seconds=end.segments * c.kick_seconds,
+        steps=len(simulation.monitor.signals) - begin,
+        growing=end.growing,
+        speed_left=KickRow(end.speed_left, c.kick_decay),
+        distance_m=KickRow(end.moved.distance, bound.distance, end.farthest),
+        angle_rad=KickRow(end.moved.angle, bound.angle),
+    )
 
 
 def kicked_state(simulation: Simulation, rest: State) -> State:
@@ -130,7 +135,7 @@ def follow(
     undecided, segment = True, 0
     while undecided and segment < c.kick_segments:
         segment += 1
-        first = len(simulation.history)
+        first = len(simulation.monitor.signals)
         while state.time < start + segment * c.kick_seconds - 1e-9:
             state, report, dt = simulation.step(state, dt, rolling=law_compliant)
             simulation.record(state, report, progress)
@@ -138,7 +143,7 @@ def follow(
             farthest = max(farthest, moved.distance)
             if not moved.within(stop.at_once):
                 return Response(state, False, moved, farthest, np.inf, True, segment)
-        left, growing = _speed_left(simulation, simulation.history[first:])
+        left, growing = _speed_left(simulation, simulation.monitor.signals[first:])
         moving = growing or left > c.kick_decay
         undecided = moving and moved.within(stop.at_period_end) and left <= stop.speed
     return Response(state, moved.within(near) and not moving, moved, farthest, left, growing, segment)
@@ -152,15 +157,16 @@ def _speed_left(simulation: Simulation, followed: list[Signals]) -> tuple[float,
     """
     c = simulation.config
     quarter = max(len(followed) // 4, 2)
-    before, end = simulation.rows(followed[-2 * quarter : -quarter]), simulation.rows(followed[-quarter:])
+    before, end = (
+        simulation.monitor.judge(followed[-2 * quarter : -quarter]),
+        simulation.monitor.judge(followed[-quarter:]),
+    )
     left, growing = 0.0, False
-    kicks = {
-        "linear_speed": c.kick_speed,
-        "angular_speed": c.kick_angular_speed,
-        "particle_speed": 2.0 * c.kick_speed,
-    }
-    for name, speed in kicks.items():
-        now = end[name]["value"]
-        left = max(left, now / speed if now > end[name]["threshold"] else 0.0)
-        growing |= now > GROWTH * max(before[name]["value"], KICK_NOISE * speed)
+    for earlier, now, speed in (
+        (before.linear_speed, end.linear_speed, c.kick_speed),
+        (before.angular_speed, end.angular_speed, c.kick_angular_speed),
+        (before.particle_speed, end.particle_speed, 2.0 * c.kick_speed),
+    ):
+        left = max(left, now.value / speed if now.exceeded else 0.0)
+        growing |= now.value > GROWTH * max(earlier.value, KICK_NOISE * speed)
     return left, growing

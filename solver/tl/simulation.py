@@ -5,7 +5,6 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from solver.certificate import Signals, measure, rest_rows
 from solver.config import SolverConfig
 from solver.contact.active import Pair, vertex_areas
 from solver.contact.bonds import build_bonds
@@ -17,9 +16,10 @@ from solver.model import soft as soft_system
 from solver.model.bodies import Body, Model, SoftBody
 from solver.model.soft import SoftSystem
 from solver.model.state import State, best_rigid_motion, start_state
+from solver.rest import Progress, RestMonitor, Signals
+from solver.tl.measure import measure
 from solver.tl.step import Stepper, StepReport
 
-Progress = Callable[[int, float, Signals], None]
 Load = Callable[[float], NDArray[np.float64]]
 """The time at which a step ends [s] -> the acceleration of each body besides gravity [m/s^2], shape (b, 3)."""
 
@@ -57,7 +57,7 @@ class Simulation:
         """Longest step that resolves elastic waves [s]."""
         self.tolerance_factor = 1.0
         """Factor of the tolerance to which steps at rest are solved."""
-        self.history: list[Signals] = []
+        self.monitor = RestMonitor(config, self.gravity, self.length)
         self.warnings: list[str] = []
 
     def _mass(self, index: int) -> float:
@@ -73,7 +73,7 @@ class Simulation:
         self, state: State, dt: float, load: Load | None = None, rolling: RollingLaw = law_stiff
     ) -> tuple[State, StepReport, float]:
         """One accepted step of at most `dt` [s] and the proposal for the next; `load` acts besides gravity."""
-        speed = self.history[-1].speed if self.history else 0.0
+        speed = self.monitor.last_speed
         dt = min(dt, self._longest_step(speed))
         moving = speed > self.config.moving_speed * np.sqrt(self.gravity * self.length) and not self.config.inertia
         shortest = min(self.config.shortest_step_seconds, SHORTER * self.wave_step)
@@ -138,14 +138,8 @@ class Simulation:
         """Measure an accepted step and add it to the history."""
         weights = self.stepper.weights
         signals = measure(self.model, self.soft, self.query, self.watched, self.mass, weights, state, report)
-        self.history.append(signals)
-        if progress is not None:
-            progress(len(self.history), state.time, signals)
+        self.monitor.record(signals, progress)
         return signals
-
-    def rows(self, window: list[Signals]) -> dict[str, dict[str, float]]:
-        """Value and threshold of every rest signal over a window of steps."""
-        return rest_rows(window, self.config, self.gravity, self.length)
 
     def center(self, state: State, index: int) -> NDArray[np.float64]:
         """Centre of mass of a body [m], shape (3,)."""

@@ -15,11 +15,13 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from solver.certificate import BodyStability, NotDone, PushBounds, PushRow, StabilityGrade
 from solver.contact.rolling import law_compliant
 from solver.errors import UnstableStep
 from solver.model.state import State
+from solver.rest import Progress
 from solver.tl.disturbance import Displacement, StopCriteria, follow, stopped
-from solver.tl.simulation import Progress, Simulation
+from solver.tl.simulation import Simulation
 
 # half its size away, or turned by 60 degrees: lost, whatever comes after [-], [rad]
 LOST = Displacement(0.5, np.pi / 3.0)
@@ -43,15 +45,15 @@ class PushTrials:
 
         A push that the solver cannot follow is lost, with a warning.
         """
-        simulation, kept = self.simulation, self.simulation.history
-        simulation.history = []
+        simulation, monitor = self.simulation, self.simulation.monitor
+        kept, monitor.signals = monitor.signals, []
         try:
             held, self.ends[level] = self._push(level * simulation.config.push_step, progress)
         except UnstableStep as error:
             held, self.ends[level] = False, Displacement(np.inf, np.inf)
             simulation.warnings.append(f"stability: a push counts as lost because the solver cannot follow it: {error}")
-        self.steps += len(simulation.history)
-        simulation.history = kept
+        self.steps += len(monitor.signals)
+        monitor.signals = kept
         return held
 
     def _push(self, share: float, progress: Progress | None) -> tuple[bool, Displacement]:
@@ -76,34 +78,36 @@ class PushTrials:
         end = follow(simulation, self.rest, state, near, StopCriteria(lost_bound, lost_bound, np.inf), progress)
         return end.stable, end.moved
 
-    def bracket(self, most: int, guess: int | None, progress: Progress | None) -> tuple[int, dict[str, object]]:
+    def bracket(self, most: int, guess: int | None, progress: Progress | None) -> tuple[int, PushRow]:
         """The largest level held, and the certificate's row."""
         level = largest_held(lambda one: self.held(one, progress), most, guess)
         lost = self.ends.get(level + 1)
         unit = self.simulation.config.push_step
-        return level, {
-            "direction": (np.round(self.direction, 12) + 0.0).tolist(), "held": round(level * unit, 9),
-            "lost": None if lost is None else round((level + 1) * unit, 9), "trials": len(self.ends),
-            "lost_moved_m": finite(lost.distance) if lost else None,
-            "lost_turned_rad": finite(lost.angle) if lost else None,
-        }  # fmt: skip
+        x, y, z = (np.round(self.direction, 12) + 0.0).tolist()
+        return level, PushRow(
+            direction=(x, y, z),
+            held=round(level * unit, 9),
+            lost=None if lost is None else round((level + 1) * unit, 9),
+            trials=len(self.ends),
+            lost_moved_m=finite(lost.distance) if lost else None,
+            lost_turned_rad=finite(lost.angle) if lost else None,
+        )
 
 
-def grade(simulation: Simulation, rest: State, progress: Progress | None) -> dict[str, object]:
-    """The certificate's `stability`: for every free body and direction the largest push held and the smallest lost,
-    over the body's weight (lost is null where the largest one tried was held), and the smallest of all held ones.
+def grade(simulation: Simulation, rest: State, progress: Progress | None) -> StabilityGrade | NotDone:
+    """For every free body and direction the largest push held and the smallest lost, over the body's weight (lost is
+    None where the largest one tried was held), and the smallest of all held ones.
 
     The simulation's history stays as it was.
     """
     c = simulation.config
     if simulation.gravity <= 0.0:
-        return {"done": False, "reason": "without gravity there is no weight to compare a push with"}
-    most, steps, trials = max(1, round(c.push_most / c.push_step)), 0, 0
+        return NotDone(reason="without gravity there is no weight to compare a push with")
+    most, steps = max(1, round(c.push_most / c.push_step)), 0
     quarter = max(1, c.push_directions // 4)  # directions back to a quarter turn, after which many things look the same
-    bodies: dict[str, object] = {}
-    grades: list[float] = []
+    bodies: dict[str, BodyStability] = {}
     for index in simulation.free:
-        rows: list[dict[str, object]] = []
+        rows: list[PushRow] = []
         found: list[int] = []
         for direction in directions(simulation.model.gravity, c.push_directions):
             pushes = PushTrials(simulation, rest, index, direction)
@@ -111,13 +115,15 @@ def grade(simulation: Simulation, rest: State, progress: Progress | None) -> dic
             level, row = pushes.bracket(most, guess, progress)
             found.append(level)
             rows.append(row)
-            steps, trials = steps + pushes.steps, trials + len(pushes.ends)
-        grades.append(min(float(str(row["held"])) for row in rows))
-        bodies[simulation.model.bodies[index].name] = {"grade": grades[-1], "directions": rows}
-    return {
-        "done": True, "grade": min(grades), "bodies": bodies, "trials": trials, "steps": steps,
-        "bounds": {"distance_share": c.push_distance, "angle_rad": c.push_angle, "step": c.push_step},
-    }  # fmt: skip
+            steps += pushes.steps
+        bodies[simulation.model.bodies[index].name] = BodyStability(min(row.held for row in rows), tuple(rows))
+    return StabilityGrade(
+        grade=min(body.grade for body in bodies.values()),
+        bodies=bodies,
+        trials=sum(row.trials for body in bodies.values() for row in body.directions),
+        steps=steps,
+        bounds=PushBounds(c.push_distance, c.push_angle, c.push_step),
+    )
 
 
 def largest_held(held: Callable[[int], bool], most: int, guess: int | None) -> int:

@@ -9,7 +9,7 @@ from dcap.geometry.placement.named_regions import Region, ViewerFrame
 from dcap.geometry.placement.search import SHARES, PlacementSearch
 from dcap.scene.types.intent import Intent
 from dcap.scene.types.mesh import Mesh
-from dcap.scene.types.outcome import Infeasible, Reason
+from dcap.scene.types.outcome import BesideThePart, Infeasible, InTheWay, NoRoom, Reason
 from dcap.scene.types.segmentation import Instance, Segmentation
 
 NAMED, LEAST = 3, 0.05
@@ -25,18 +25,18 @@ def no_room(
     reasons = [search.failure(area) for area in areas]
     best = max(reason.best_share for reason in reasons)
     blockers = in_the_way(scene, base, np.concatenate([reason.blockers for reason in reasons]))
-    evidence: dict[str, object] = {
-        "base": base.id,
-        "part": part.name,
-        "region": " ".join(intent.region.names) or "whole surface",
-        "footprint_m": [round(float(s), 4) for s in size[:2]],
-        "height_m": round(float(size[2]), 4),
-        "part_size_m": [round(float(s), 4) for s in space],
-        "best_supported_share": round(best, 4),
-        "needed_share": SHARES[-1],
-        "blocked_share": round(max(reason.blocked for reason in reasons), 4),
-        "in_the_way": [{"id": one, "name": name, "share": round(share, 4)} for one, name, share in blockers],
-    }
+    evidence = NoRoom(
+        base=base.id,
+        part=part.name,
+        region=" ".join(intent.region.names) or "whole surface",
+        footprint_m=(round(float(size[0]), 4), round(float(size[1]), 4)),
+        height_m=round(float(size[2]), 4),
+        part_size_m=(round(float(space[0]), 4), round(float(space[1]), 4)),
+        best_supported_share=round(best, 4),
+        needed_share=SHARES[-1],
+        blocked_share=round(max(reason.blocked for reason in reasons), 4),
+        in_the_way=tuple(InTheWay(one, name, round(share, 4)) for one, name, share in blockers),
+    )
     words = intent.region.words if intent.region.names else ""
     where = f"the {part.name} of {base.label}" + (f" ({words})" if words else "")
     if not any(reason.hit for reason in reasons):
@@ -55,13 +55,13 @@ def not_on_it(base: Instance, index: int, intent: Intent, away: float) -> Infeas
     """The refusal of a place beside something that is too far from the part: no part of the place is on it."""
     part, words = base.parts[index], intent.region.words
     place = f"the place asked for ({words})" if words else "the asked place"
-    evidence: dict[str, object] = {
-        "base": base.id,
-        "part": part.name,
-        "region": " ".join(intent.region.names),
-        "references": list(intent.region.references),
-        "beside_m": round(away, 4),
-    }
+    evidence = BesideThePart(
+        base=base.id,
+        part=part.name,
+        region=" ".join(intent.region.names),
+        references=tuple(intent.region.references),
+        beside_m=round(away, 4),
+    )
     text = f"{place} lies {away:.2f} m beside the {part.name} of {base.label}, not on it"
     return Infeasible(Reason.NO_SUPPORT_HIT, text, evidence)
 

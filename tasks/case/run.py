@@ -6,7 +6,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -15,12 +15,13 @@ import pyarrow.parquet as pq
 from scipy.spatial.transform import Rotation
 
 from dcap.scene.errors import GeometryError, InputError
+from dcap.scene.json_tree import JsonObject, JsonValue, to_json
 from dcap.scene.store.ply import mesh_to_ply
 from dcap.scene.types.mesh import Mesh
-from solver.certificate import Signals
 from solver.config import SolverConfig
 from solver.errors import ArchError, ModelError, UnstableStep
 from solver.model.bodies import Body
+from solver.rest import History, Signals
 from solver.result import Result
 from solver.settle import settle
 from solver.warmup import warm_up
@@ -41,7 +42,7 @@ def run_case(
     stability: bool = False,
     load_aware: bool = False,
     quiet: bool = False,
-) -> dict[str, object]:
+) -> JsonObject:
     """Read, simulate and write a case, from a file or given as the tree of one; returns the content of result.json."""
     path = given if isinstance(given, Path) else Path("case")  # a tree's meshes are relative to the working directory
     case = read_case(given) if isinstance(given, Path) else checked_case(given, str(path))
@@ -67,7 +68,7 @@ def run_case(
         warm_up(model, config)  # compilation is not part of wall_s
         built = time.perf_counter()
         result = settle(model, config, None if quiet else _progress)
-        cell = float(str(result.certificate.get("cell_m", cell)))
+        cell = result.certificate.cell_m or cell
     except (ModelError, ArchError) as error:
         raise InputError(f"{path}: {error}") from error
     except UnstableStep as error:
@@ -91,7 +92,7 @@ def _progress(step: int, seconds: float, signals: Signals) -> None:
         )
 
 
-def _broken(error: UnstableStep, bodies: Sequence[Body], cell: float, notes: list[str]) -> dict[str, object]:
+def _broken(error: UnstableStep, bodies: Sequence[Body], cell: float, notes: list[str]) -> JsonObject:
     """result.json of a drop without a last state that can be believed, without times."""
     return {
         "verdict": "unstable_step", "bodies": {body.name: None for body in bodies}, "contacts": [], "residual": None,
@@ -100,9 +101,9 @@ def _broken(error: UnstableStep, bodies: Sequence[Body], cell: float, notes: lis
     }  # fmt: skip
 
 
-def summarise(case: Case, bodies: Sequence[Body], result: Result, cell: float) -> dict[str, object]:
+def summarise(case: Case, bodies: Sequence[Body], result: Result, cell: float) -> JsonObject:
     """result.json without times."""
-    described = {}
+    described: JsonObject = {}
     for given, body, rest in zip(case.bodies, bodies, result.bodies, strict=True):
         start = Rotation.from_quat(np.roll(given.quaternion, -1))
         turned = Rotation.from_matrix(rest.rotation) * start
@@ -113,24 +114,23 @@ def summarise(case: Case, bodies: Sequence[Body], result: Result, cell: float) -
             "max_speed": rest.speed,
             "max_displacement": float(np.linalg.norm(rest.vertices - body.vertices, axis=1).max()),
         }
-    signals = result.certificate["signals"]
-    assert isinstance(signals, dict)
+    signals = result.certificate.signals
     return {
-        "verdict": result.verdict,
+        "verdict": result.verdict.value,
         "bodies": described,
-        "contacts": list(result.contacts),
-        "residual": {"force": signals["force_residual"]["value"], "torque": signals["torque_residual"]["value"]},
+        "contacts": to_json(result.contacts),
+        "residual": {"force": signals.force_residual.value, "torque": signals.torque_residual.value},
         "resolution": cell,
         "simulated_s": result.simulated_seconds,
-        "relaxation_steps": int(result.history["newton"].sum()),
+        "relaxation_steps": int(result.history.newton.sum()),
         "steps": result.steps,
         "particles": result.particles,
-        "certificate": result.certificate,
+        "certificate": to_json(result.certificate),
         "warnings": list(result.warnings),
     }
 
 
-def write_case(out: Path, summary: dict[str, object], bodies: Sequence[Body], result: Result | None) -> None:
+def write_case(out: Path, summary: Mapping[str, JsonValue], bodies: Sequence[Body], result: Result | None) -> None:
     """Write the files beside their place and move them in, result.json last: whoever sees it sees everything.
 
     Files of an earlier result are replaced or removed; whatever else lies in the folder stays.
@@ -141,13 +141,18 @@ def write_case(out: Path, summary: dict[str, object], bodies: Sequence[Body], re
         if result is not None:
             for body, rest in zip(bodies, result.bodies, strict=True):
                 (draft / f"{body.name}.ply").write_bytes(mesh_to_ply(Mesh.of(rest.vertices, body.faces)))
-            pq.write_table(pa.table({k: pa.array(v) for k, v in result.history.items()}), draft / "history.parquet")
+            pq.write_table(history_table(result.history), draft / "history.parquet")
         (draft / "result.json").write_text(json.dumps(summary, indent=2) + "\n")
         written = [path.name for path in sorted(draft.iterdir()) if path.name != "result.json"]
         for old in {*_files_of(out), "result.json", "history.parquet"}.difference(written):
             (out / old).unlink(missing_ok=True)
         for file in [*written, "result.json"]:
             os.replace(draft / file, out / file)
+
+
+def history_table(history: History) -> pa.Table:
+    """A column per signal, a row per step."""
+    return pa.table({one.name: pa.array(getattr(history, one.name)) for one in fields(history)})
 
 
 def _files_of(out: Path) -> list[str]:

@@ -14,17 +14,17 @@ from scipy.spatial.transform import Rotation
 
 from dcap.scene.errors import InputError
 from dcap.scene.types.anchor import Anchor
+from dcap.scene.types.certificate import PlacementChecks, SettledRow
 from dcap.scene.types.intent import Intent
-from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.outcome import Infeasible, Reason
 from dcap.scene.types.particles import Particles
-from dcap.scene.types.settled import Settled, SettledBody
-from solver.certificate import Signals
+from dcap.scene.types.settled import LastState, Settled, SettledVerdict
 from solver.config import SolverConfig
 from solver.errors import ArchError, UnstableStep
-from solver.result import AT_REST, NO_EQUILIBRIUM, Result
+from solver.rest import Signals
 from solver.settle import settle
 from tasks.bodies.solver_model import solver_model
+from tasks.drop.settled import settled_of
 from tasks.runner.stage import stage
 
 Array = NDArray[np.float64]
@@ -58,13 +58,13 @@ def drop(particles: Particles, anchor: Anchor, intent: Intent, seed: int, config
     except ArchError as error:  # a run from a machine with a graphics card, repeated on one without
         raise InputError(f"arch {error}") from error
     except UnstableStep as error:
-        return Infeasible(Reason.UNSTABLE_STEP, str(error), {})
+        return Infeasible(Reason.UNSTABLE_STEP, str(error), None)
     settled = with_checks(settled_of(particles, result), particles, anchor, intent, config)
-    moving = result.verdict == NO_EQUILIBRIUM
+    moving = settled.verdict is SettledVerdict.NO_EQUILIBRIUM
     if not moving and (toppled := toppling(settled, intent)) is not None:
         return toppled  # also where it went on to leave the simulated region: falling over came first
-    if result.verdict != AT_REST:
-        return Infeasible(Reason(result.verdict), _story(result), evidence(settled))
+    if settled.verdict is not SettledVerdict.AT_REST:
+        return Infeasible(Reason(settled.verdict), _story(settled), last_state(settled))
     return judge(settled, anchor)
 
 
@@ -73,58 +73,32 @@ def _progress(step: int, seconds: float, signals: Signals) -> None:
         LOG.info("step %d, %.2f s, %.2g m/s", step, seconds, signals.speed)
 
 
-def settled_of(particles: Particles, result: Result) -> Settled:
-    """The solver's result in the words of the pipeline."""
-    bodies = []
-    for body, rest in zip(particles.bodies, result.bodies, strict=True):
-        surface = Mesh(rest.vertices, body.surface.faces, body.surface.colors)
-        bodies.append(
-            SettledBody(
-                body.name, surface, rest.translation, quaternion(rest.rotation), rest.vertices - body.surface.vertices
-            )
-        )
-    name = particles.bodies[0].name
-    return Settled(
-        result.verdict, tuple(bodies), result.contacts, result.contact_points[name], result.certificate, result.history,
-        result.steps, result.simulated_seconds, result.warnings + particles.notes,
-    )  # fmt: skip
-
-
-def quaternion(rotation: Array) -> Array:
-    """(w, x, y, z) of a rotation matrix, w >= 0."""
-    return np.asarray(Rotation.from_matrix(rotation).as_quat(canonical=True, scalar_first=True))
-
-
 def with_checks(settled: Settled, particles: Particles, anchor: Anchor, intent: Intent, config: DropConfig) -> Settled:
-    """Certificate with what was asked of the rest state: value, threshold and margin of each check, as `placement`."""
-    checks = {"carried_share": row(carried_share(settled, particles, anchor.base_id), config.object_share, least=True)}
-    turned = settled.bodies[0].quaternion
-    if intent.orientation.facing or intent.orientation.pose != "any":
-        checks["tilt_rad"] = row(tilt_of(turned, anchor.world_from_object), config.topple_angle)
-    if intent.orientation.facing:
-        checks["turn_rad"] = row(turn_of(turned), config.turn_angle)
-    return replace(settled, certificate=settled.certificate | {"placement": checks})
+    """Certificate with what was asked of the rest state, as `placement`."""
+    turned, orientation = settled.bodies[0].quaternion, intent.orientation
+    share = SettledRow.at_least(carried_share(settled, particles, anchor.base_id), config.object_share)
+    tilt = turn = None
+    if orientation.facing or orientation.pose != "any":
+        tilt = SettledRow.at_most(tilt_of(turned, anchor.world_from_object), config.topple_angle)
+    if orientation.facing:
+        turn = SettledRow.at_most(turn_of(turned), config.turn_angle)
+    checks = PlacementChecks(share, tilt, turn)
+    return replace(settled, certificate=replace(settled.certificate, placement=checks))
 
 
-def row(value: float, threshold: float, *, least: bool = False) -> dict[str, float]:
-    """One check; the margin is positive where it holds."""
-    margin = value / threshold - 1.0 if least else 1.0 - value / threshold
-    return {"value": value, "threshold": threshold, "margin": margin}
-
-
-def checks_of(settled: Settled) -> dict[str, dict[str, float]]:
-    """The rows that `with_checks` added."""
-    checks = settled.certificate["placement"]
-    assert isinstance(checks, dict)
+def checks_of(settled: Settled) -> PlacementChecks:
+    """What `with_checks` added."""
+    checks = settled.certificate.placement
+    assert checks is not None
     return checks
 
 
 def judge(settled: Settled, anchor: Anchor) -> Settled | Infeasible:
     """At rest, but is it on the base?"""
-    carried = checks_of(settled)["carried_share"]
-    if carried["margin"] < 0.0:
-        message = f"the object rests, but {anchor.base_id} carries only {carried['value']:.0%} of its weight"
-        return Infeasible(Reason.LEFT_TARGET, message, evidence(settled))
+    carried = checks_of(settled).carried_share
+    if not carried.holds:
+        message = f"the object rests, but {anchor.base_id} carries only {carried.value:.0%} of its weight"
+        return Infeasible(Reason.LEFT_TARGET, message, last_state(settled))
     return settled
 
 
@@ -132,15 +106,14 @@ def toppling(settled: Settled, intent: Intent) -> Infeasible | None:
     """The object has tilted away from a pose, or turned away from a facing, that was asked for."""
     checks = checks_of(settled)
     asked = intent.orientation.facing if intent.orientation.pose == "any" else intent.orientation.pose
-    for name, what, wanted in (
-        ("tilt_rad", "fell over", asked),
-        ("turn_rad", "turned away", intent.orientation.facing),
+    for check, what, wanted in (
+        (checks.tilt_rad, "fell over", asked),
+        (checks.turn_rad, "turned away", intent.orientation.facing),
     ):
-        check = checks.get(name)
-        if check is not None and check["margin"] < 0.0:
-            angle, bound = np.degrees([check["value"], check["threshold"]])
+        if check is not None and not check.holds:
+            angle, bound = np.degrees([check.value, check.threshold])
             message = f"the object {what}: {angle:.0f} degrees from what was asked ({wanted}; bound {bound:.0f})"
-            return Infeasible(Reason.TOPPLED, message, evidence(settled))
+            return Infeasible(Reason.TOPPLED, message, last_state(settled))
     return None
 
 
@@ -150,11 +123,10 @@ def carried_share(settled: Settled, particles: Particles, base_id: str) -> float
     of_base = {b.name for b in particles.bodies if b.instance == base_id}
     total = on_base = 0.0
     for row in settled.contacts:
-        partner = str(row["b"] if row["a"] == own else row["a"])
-        if own in (row["a"], row["b"]):
-            force = float(str(row["normal_force_n"]))
-            total += force
-            on_base += force if partner in of_base else 0.0
+        if own in (row.a, row.b):
+            partner = row.b if row.a == own else row.a
+            total += row.normal_force_n
+            on_base += row.normal_force_n if partner in of_base else 0.0
     return on_base / total if total > 0.0 else 0.0
 
 
@@ -175,29 +147,27 @@ def turn_of(quaternion_wxyz: Array) -> float:
     return float(2.0 * np.arctan2(abs(z), abs(w)))
 
 
-def evidence(settled: Settled) -> dict[str, object]:
+def last_state(settled: Settled) -> LastState:
     """What an infeasible outcome keeps of the last state."""
     own = settled.bodies[0]
-    return {
-        "certificate": settled.certificate,
-        "contacts": list(settled.contacts),
-        "position": own.position.tolist(),
-        "quaternion": own.quaternion.tolist(),
-        "steps": settled.steps,
-        "simulated_s": settled.simulated_seconds,
-        "warnings": list(settled.warnings),
-    }
+    return LastState(
+        certificate=settled.certificate,
+        contacts=settled.contacts,
+        position=own.position,
+        quaternion=own.quaternion,
+        steps=settled.steps,
+        simulated_s=settled.simulated_seconds,
+        warnings=settled.warnings,
+    )
 
 
-def _story(result: Result) -> str:
+def _story(settled: Settled) -> str:
     """One sentence about a drop that did not come to rest."""
-    if result.verdict == "left_target":
-        return f"the object left its support after {result.simulated_seconds:.2f} s"
-    signals = result.certificate["signals"]
-    assert isinstance(signals, dict)
-    exceeded = [f"{k} {row['value']:.2g} > {row['threshold']:.2g}" for k, row in signals.items() if row["margin"] < 0.0]
-    why = ", ".join(exceeded) or "the kick moved it"
-    return f"no equilibrium after {result.steps} steps ({result.simulated_seconds:.2f} s): {why}"
+    if settled.verdict is SettledVerdict.LEFT_TARGET:
+        return f"the object left its support after {settled.simulated_seconds:.2f} s"
+    rows = settled.certificate.signals.exceeded.items()
+    why = ", ".join(f"{name} {row.value:.2g} > {row.threshold:.2g}" for name, row in rows) or "the kick moved it"
+    return f"no equilibrium after {settled.steps} steps ({settled.simulated_seconds:.2f} s): {why}"
 
 
 drop_task = stage(drop, process=True)

@@ -16,7 +16,7 @@ from dcap.language.protocol.replies import IntentReply
 from dcap.language.protocol.requests import IntentRequest
 from dcap.scene.errors import InputError
 from dcap.scene.types.intent import Intent, OrientationRequest, RegionRequest
-from dcap.scene.types.outcome import Infeasible, Reason
+from dcap.scene.types.outcome import Infeasible, NotInScene, Reason
 from dcap.scene.types.segmentation import Segmentation
 from tasks.intent.rescale import Rescale, rescale
 from tasks.requests.views import instance_of, instance_views, object_view, room_center, vector
@@ -82,7 +82,7 @@ def not_found(reply: IntentReply, request: IntentRequest) -> Infeasible:
     return Infeasible(
         Reason.TARGET_NOT_FOUND,
         f"the scene has no {reply.missing.removeprefix('the ').removeprefix('a ')}; it has: {there}",
-        {"asked": reply.missing, "present": [*present, *structure], "object": reply.object_name},
+        NotInScene(asked=reply.missing, present=(*present, *structure), object=reply.object_name),
     )
 
 

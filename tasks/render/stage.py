@@ -22,7 +22,7 @@ from dcap.geometry.rendering.cutaway import cut_faces
 from dcap.geometry.rendering.picture import picture, rays_through, seen_meshes
 from dcap.scene.types.anchor import Anchor
 from dcap.scene.types.mesh import Mesh
-from dcap.scene.types.outcome import Infeasible, Reason
+from dcap.scene.types.outcome import HiddenObject, Infeasible, Reason
 from dcap.scene.types.renders import Renders
 from dcap.scene.types.segmentation import Segmentation
 from dcap.scene.types.settled import Settled, SettledBody
@@ -87,7 +87,7 @@ def render(
         return Infeasible(
             Reason.BURIED,
             f"only {fraction:.1%} of the object is visible (RenderConfig.least_visible {config.least_visible})",
-            {"visible_fraction": fraction, "camera_position": view.camera.position.tolist()},
+            HiddenObject(visible_fraction=fraction, camera_position=view.camera.position),
         )
     clean = photograph(shown(scene, view.camera), view.camera, config)
     rest = photograph([*shown(after, view.camera), thing], view.camera, config)

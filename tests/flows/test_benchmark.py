@@ -28,14 +28,15 @@ from dcap.scene.errors import GeometryError
 from dcap.scene.types.intent import Intent, OrientationRequest, RegionRequest
 from dcap.scene.types.materials import Material, BodyModel, PartMaterial, PartMaterials
 from dcap.scene.types.mesh import Mesh
-from dcap.scene.types.outcome import Infeasible, Reason
+from dcap.scene.types.outcome import Infeasible, NotInScene, Reason
 from dcap.scene.types.particles import Particles
 from dcap.scene.types.renders import Renders
 from dcap.scene.types.rotation import Rotation
 from dcap.scene.types.scan import Scan
 from dcap.scene.types.segmentation import Instance, Part, Segmentation
-from dcap.scene.types.settled import Settled, SettledBody
+from dcap.scene.types.settled import Settled, SettledBody, SettledVerdict
 from dcap.scene.store.artifacts import Source, Store
+from rest_records import history, implicit_certificate
 from tasks.runner.stage import stage
 
 MESH = Mesh.of(np.random.default_rng(0).random((30, 3)), np.arange(30).reshape(10, 3))
@@ -53,7 +54,7 @@ def segment(scan: Scan) -> Segmentation:
 
 def intent(scene: Segmentation, prompt: str) -> Intent | Infeasible:
     if "piano" in prompt:
-        return Infeasible(Reason.TARGET_NOT_FOUND, "no piano; there is table", {"found": ["table"]})
+        return Infeasible(Reason.TARGET_NOT_FOUND, "no piano; there is table", NotInScene("piano", ("table",), "ball"))
     region = RegionRequest("", ("center",), (), "")
     return Intent("7", "table", "ball", np.ones(3), 0.5, False, 1.0, OrientationRequest("any", "", ""), region, (), ())
 
@@ -63,7 +64,9 @@ def anchor(intent: Intent) -> Anchor:
 
 def drop(anchor: Anchor, seed: int) -> Settled:
     body = SettledBody("object", MESH, np.array([0, 0, -1.0]), np.array([1.0, 0, 0, 0]), np.zeros((30, 3)))
-    return Settled("at_rest", (body,), (), np.zeros((0, 3)), {"speed": {"value": seed}}, {}, 10, 0.5, ())
+    return Settled(
+        SettledVerdict.AT_REST, (body,), (), np.zeros((0, 3)), implicit_certificate(), history(2), seed, 0.5, ()
+    )
 
 def render(settled: Settled) -> Renders:
     picture = np.full((8, 8, 3), 100, np.uint8)
@@ -79,7 +82,10 @@ def place(sample, config):
     target = aim(wish)
     settled = settle(target, sample.seed)
     pictures = paint(settled)
-    return PlacementRefs(scan, scan, scene, scene, wish, wish, target, wish, settled, settled, pictures)
+    return PlacementRefs(
+        scene_scan=scan, object_scan=scan, scene=scene, item=scene, intent=wish, rotation=wish, anchor=target,
+        materials=wish, particles=settled, settled=settled, renders=pictures,
+    )
 """
 DATASET = """
 - {id: good, scene: fine.ply, object: fine.ply, prompt: put the ball on the table, seed: 1}

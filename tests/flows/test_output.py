@@ -8,7 +8,7 @@ from dcap.scene.types.box import OrientedBox
 from dcap.scene.types.intent import Intent, OrientationRequest, RegionRequest
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.segmentation import Instance, Part, Segmentation
-from flows.output import Values, base_of
+from flows.placement_json import Values, base_of
 
 BOX = OrientedBox(np.zeros(3), np.eye(3), np.ones(3))
 SCENE = Segmentation(

@@ -27,7 +27,7 @@ def test_a_soft_cube_on_a_plane(lab):
         assert result.verdict == "at_rest"
         vertices = result.bodies[0].vertices
         boxes.append([vertices[:, 2].max(), vertices[:, 2].min(), *np.ptp(vertices[:, :2], axis=0)])
-        assert result.contacts[0]["normal_force_n"] == pytest.approx(weight, rel=0.01)
+        assert result.contacts[0].normal_force_n == pytest.approx(weight, rel=0.01)
     # both sides of the width are surfaces
     assert np.abs(np.subtract(boxes[0], boxes[1])).max() < 2 * RESOLVED
     assert abs(boxes[0][0] - boxes[1][0]) < RESOLVED

@@ -21,11 +21,11 @@ def test_a_body_bonded_under_a_fixed_one_hangs_there(lab):
     ceiling = lab.rigid("ceiling", lab.Box(np.array([0.2, 0.2, 0.02])), [0, 0, 0.01], fixed=True)
     lamp = lab.rigid("lamp", lab.Box(np.array([0.06, 0.06, 0.06])), [0, 0, -0.0305], mass=0.7)
     result = settled(lab, (("ceiling", "lamp"),), ceiling, lamp)
-    bond = result.certificate["bonds"][0]
+    bond = result.certificate.bonds[0]
     assert result.verdict == "at_rest"
     assert result.bodies[1].translation == pytest.approx(np.zeros(3), abs=1e-5)
-    assert bond["force_n"] == pytest.approx(0.7 * lab.gravity, rel=5e-3)
-    assert bond["stretch_m"] <= 0.1 * 5e-5 * 1.05
+    assert bond.force_n == pytest.approx(0.7 * lab.gravity, rel=5e-3)
+    assert bond.stretch_m <= 0.1 * 5e-5 * 1.05
 
 
 @pytest.mark.parametrize("bonded", [True, False])
@@ -51,9 +51,9 @@ def test_a_soft_body_keeps_its_rigid_buttons(lab):
     result = settled(lab, (("toy", "eye0"), ("toy", "eye1")), toy, *eyes, lab.floor())
     assert result.verdict == "at_rest"
     weight = (toy.mass + 0.02) * lab.gravity
-    floor = [c for c in result.contacts if "floor" in (c["a"], c["b"])]
-    assert sum(c["normal_force_n"] for c in floor) == pytest.approx(weight, rel=5e-3)
-    assert max(b["stretch_m"] for b in result.certificate["bonds"]) < 3e-4
+    floor = [c for c in result.contacts if "floor" in (c.a, c.b)]
+    assert sum(c.normal_force_n for c in floor) == pytest.approx(weight, rel=5e-3)
+    assert max(b.stretch_m for b in result.certificate.bonds) < 3e-4
     for k in (1, 2):
         start = eyes[k - 1].center_of_mass
         now = result.bodies[k].rotation @ start + result.bodies[k].translation

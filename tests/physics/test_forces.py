@@ -57,9 +57,9 @@ def test_the_clamp_of_a_foam_block_carries_what_lies_on_it(lab, kind):
     row = result.contacts[0]
     # faces are level, so the normal force is the weight; in a ball's dent friction carries a part of it
     if kind != "rigid ball":
-        assert row["normal_force_n"] == pytest.approx(weight, rel=SHARE)
-    assert np.hypot(row["normal_force_n"], row["tangential_force_n"]) > (1 - SHARE) * weight
-    assert result.certificate["signals"]["force_residual"]["value"] < SHARE
+        assert row.normal_force_n == pytest.approx(weight, rel=SHARE)
+    assert np.hypot(row.normal_force_n, row.tangential_force_n) > (1 - SHARE) * weight
+    assert result.certificate.signals.force_residual.value < SHARE
 
 
 @pytest.mark.slow
@@ -73,7 +73,7 @@ def test_two_blocks_on_foam_add_up(lab):
     total = 0.9 * lab.gravity
     assert reaction(one, state, 2) == pytest.approx([0.0, 0.0, total], abs=2 * SHARE * total)
     for row, mass in zip(result.contacts, (0.3, 0.6), strict=True):
-        assert row["normal_force_n"] == pytest.approx(mass * lab.gravity, rel=SHARE)
+        assert row.normal_force_n == pytest.approx(mass * lab.gravity, rel=SHARE)
 
 
 @pytest.mark.slow
@@ -95,10 +95,10 @@ def test_a_stack_of_five_foam_blocks_stands(lab):
         assert np.abs(body.translation[:2]).max() < 1e-3
     one = rho * side**3 * lab.gravity
     for row in result.contacts:
-        names = sorted(n for n in (row["a"], row["b"]) if n != "floor")
+        names = sorted(n for n in (row.a, row.b) if n != "floor")
         above = count - int(names[-1][-1])
         # unbalanced forces of all blocks above may add up
-        assert row["normal_force_n"] == pytest.approx(above * one, abs=SHARE * above * one)
+        assert row.normal_force_n == pytest.approx(above * one, abs=SHARE * above * one)
     shortened = count * side - result.bodies[count - 1].vertices[:, 2].max()
     strain = rho * lab.gravity * side / E
     # five interfaces with at most 0.06 mm of penetration each, against 12.3 mm

@@ -48,7 +48,7 @@ def test_a_block_slides_as_fast_as_a_rigid_one(lab, kinds):
     """tan(a) = 1.6 mu_s: a = g (sin a - mu_d cos a)."""
     angle = np.arctan(1.6 * MU_S)
     result = lab.drop(*pair(lab, kinds), gravity=incline(lab, angle), step_limit=60)
-    time, speed = result.history["time"], result.history["linear_speed"]
+    time, speed = result.history.time, result.history.linear_speed
     expected = lab.gravity * (np.sin(angle) - MU_D * np.cos(angle))
     late = (time > 0.08) & (speed < 1.0)
     measured = np.polyfit(time[late], speed[late], 1)[0]
@@ -71,7 +71,7 @@ def test_a_block_slides_iff_the_slope_beats_static_friction(lab, kinds, share, s
         # it lands after a fall of 0.2 mm, and shear of the soft bodies is some micrometres
         assert abs(result.bodies[0].translation[0]) < 5e-4
         return
-    time, speed = result.history["time"], result.history["linear_speed"]
+    time, speed = result.history.time, result.history.linear_speed
     expected = lab.gravity * 0.05 * 0.5 * np.cos(np.arctan(1.05 * 0.5))  # g (sin a - mu cos a) = 0.217 m/s^2
     late = (time > 0.1) & (time < 0.6)
     # a balance of two forces twenty times larger: each known to the 0.5 % at which steps are solved makes 20 %
@@ -88,7 +88,7 @@ def test_a_foam_block_slides_on_foam_as_fast_as_a_rigid_one(lab, E):
     block = lab.soft("block", lab.Box(size), [0, 0, 0.0302], E=E, rho=300.0, cell=0.02, mu=mu)
     angle = np.arctan(1.6 * MU_S)
     result = lab.drop(block, slab, gravity=incline(lab, angle), step_limit=60)
-    time, speed = result.history["time"], result.history["linear_speed"]
+    time, speed = result.history.time, result.history.linear_speed
     late = (time > 0.08) & (speed < 1.0)
     expected = lab.gravity * (np.sin(angle) - MU_D * np.cos(angle))
     # steps solved to 1 % of the weight while moving, against the 0.41 of it that accelerate
@@ -102,8 +102,9 @@ def test_a_ball_on_a_steep_slope_slips_and_spins_up(lab):
     ball = lab.rigid("ball", lab.Capsule(radius, 0.0), [-0.2, 0, 0.0501], mu=(mu, mu), edge=0.003, spacing=0.0015)
     result = lab.drop(ball, lab.floor(mu=(mu, mu)), gravity=incline(lab, angle), step_limit=50)
     history = result.history
-    late = (history["time"] > 0.08) & (history["linear_speed"] < 1.3)
-    rate = {k: np.polyfit(history["time"][late], history[k][late], 1)[0] for k in ("linear_speed", "angular_speed")}
+    late = (history.time > 0.08) & (history.linear_speed < 1.3)
+    series = {"linear_speed": history.linear_speed, "angular_speed": history.angular_speed}
+    rate = {name: np.polyfit(history.time[late], one[late], 1)[0] for name, one in series.items()}
     # steps solved to 1 % of the weight, against the 0.43 that accelerate; of friction, 0.086 of the weight, facets of
     # 3 mm (sagitta 22 um) make the load shake
     assert rate["linear_speed"] == pytest.approx(lab.gravity * (np.sin(angle) - mu * np.cos(angle)), rel=0.02)

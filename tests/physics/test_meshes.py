@@ -70,7 +70,7 @@ def test_a_gate_stands_over_what_fits_under_it_and_on_what_does_not(lab, height,
     assert result.verdict == "at_rest"
     assert result.bodies[0].translation[2] == pytest.approx(0.0, abs=0.02)
     assert result.bodies[0].vertices[:, 2].min() == pytest.approx(gate_at, abs=PENETRATION)
-    touched = {row["a"] for row in result.contacts} | {row["b"] for row in result.contacts}
+    touched = {row.a for row in result.contacts} | {row.b for row in result.contacts}
     assert touched == {"gate", "floor" if gate_at == 0.0 else "block"}
     heights = result.contact_points["gate"][:, 2]
     assert heights == pytest.approx(np.full(len(heights), 0.1 + gate_at if gate_at else 0.0), abs=PENETRATION)

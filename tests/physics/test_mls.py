@@ -98,7 +98,7 @@ def test_the_transfers_agree_with_their_definition(lab):
 def test_a_soft_body_falls_freely(lab):
     """v = g t to float precision: symplectic steps are exact for constant acceleration, and no damping acts."""
     result = drop(lab, blob(lab), step_limit=10)
-    time, speed = result.history["time"], result.history["linear_speed"]
+    time, speed = result.history.time, result.history.linear_speed
     assert speed == pytest.approx(lab.gravity * time, rel=1e-9)
     # a rigid motion strains nothing: its surface has kept its size
     assert np.ptp(result.bodies[0].vertices[:, 2]) == pytest.approx(0.1, abs=1e-6)
@@ -130,7 +130,7 @@ def test_a_soft_ball_on_a_plane_agrees_with_static_finite_elements(lab):
     # and nodes up to a cell away carry it: the surface is known to a fifth of a cell
     assert result.bodies[0].vertices[:, 2].max() == pytest.approx(0.195243, abs=0.2 * h)
     # of the weight 0.4 % is the change of momentum that the rest threshold allows, 1 % the volume of the facets
-    assert result.contacts[0]["normal_force_n"] == pytest.approx(weight, rel=0.02)
+    assert result.contacts[0].normal_force_n == pytest.approx(weight, rel=0.02)
 
 
 @pytest.mark.slow
@@ -144,7 +144,7 @@ def test_a_ball_on_a_slab_agrees_with_tl_within_a_fifth_of_a_cell(lab):
     depth = 0.15 - result.bodies[0].vertices[:, 2].min()
     assert result.verdict == "at_rest"
     assert depth == pytest.approx(12.166e-3, abs=0.2 * h)
-    assert result.certificate["signals"]["force_residual"]["value"] < 5e-3
+    assert result.certificate.signals.force_residual.value < 5e-3
 
 
 @pytest.mark.slow
@@ -156,7 +156,7 @@ def test_a_soft_block_slides_iff_the_slope_beats_static_friction(lab, share, sli
     block = lab.soft("block", lab.Box(np.array([0.1, 0.1, 0.05])), [-0.1, 0, 0.0252], E=1e5, rho=300.0, cell=0.0125,
                      mu=(0.5, 0.5))  # fmt: skip
     result = drop(lab, block, lab.floor(mu=(0.5, 0.5)), gravity=gravity, mls_cell=0.0125, step_limit=40)
-    time, speed = result.history["time"], result.history["linear_speed"]
+    time, speed = result.history.time, result.history.linear_speed
     if slides:
         late = time > 0.1
         expected = lab.gravity * (np.sin(angle) - 0.5 * np.cos(angle))
@@ -206,7 +206,7 @@ def test_a_soft_body_rests_on_a_soft_body_through_the_grid(lab):
     result = drop(lab, pillow, base, mls_cell=h)
     weight = 100.0 * 0.1 * 0.1 * 0.05 * lab.gravity
     assert result.verdict == "at_rest"
-    assert result.contacts[0]["normal_force_n"] == pytest.approx(weight, rel=0.02)
+    assert result.contacts[0].normal_force_n == pytest.approx(weight, rel=0.02)
     # the bodies feel each other once their supports of 1.5 h overlap at a node: at most three cells apart
     assert -0.5 * h < result.bodies[0].vertices[:, 2].min() - 0.05 < 3.0 * h
 
@@ -219,8 +219,8 @@ def test_rigid_bodies_stand_on_each_other_beside_the_material(lab):
     assert result.verdict == "at_rest"
     # springs carry the weight at the penetration target of 0.05 mm
     assert abs(result.bodies[0].vertices[:, 2].min()) < 1e-4
-    row = next(c for c in result.contacts if {c["a"], c["b"]} == {"cube", "floor"})
-    assert row["normal_force_n"] == pytest.approx(0.5 * lab.gravity, rel=5e-3)
+    row = next(c for c in result.contacts if {c.a, c.b} == {"cube", "floor"})
+    assert row.normal_force_n == pytest.approx(0.5 * lab.gravity, rel=5e-3)
 
 
 def test_a_rigid_block_on_a_rigid_slope_below_static_friction_comes_to_rest(lab):

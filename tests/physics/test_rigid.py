@@ -26,7 +26,7 @@ def test_a_cube_rests_flat_and_its_contact_carries_its_weight(lab, mass):
     """At rest the contact force equals the weight within the certificate's 0.5 %, whatever the mass."""
     result = lab.drop(cube(lab, mass=mass), lab.floor())
     assert result.verdict == "at_rest"
-    assert result.contacts[0]["normal_force_n"] == pytest.approx(mass * lab.gravity, rel=5e-3)
+    assert result.contacts[0].normal_force_n == pytest.approx(mass * lab.gravity, rel=5e-3)
     # the penalty lets it sink by at most the penetration target of 0.05 mm
     assert abs(result.bodies[0].vertices[:, 2].min()) < 5e-5
     assert np.degrees(Rotation.from_matrix(result.bodies[0].rotation).magnitude()) < 0.1
@@ -46,7 +46,7 @@ def test_a_sliding_block_accelerates_by_gravity_minus_dynamic_friction(lab):
     """a = g (sin a - mu_d cos a)."""
     angle = np.arctan(0.8)
     result = lab.drop(cube(lab, velocity=np.array([0.2, 0.0, 0.0])), lab.floor(), gravity=slope(angle), step_limit=60)
-    time, speed = result.history["time"], result.history["linear_speed"]
+    time, speed = result.history.time, result.history.linear_speed
     expected = 9.81 * (np.sin(angle) - 0.4 * np.cos(angle))
     late = (time > 0.05) & (time < 0.15)
     measured = np.polyfit(time[late], speed[late], 1)[0]
@@ -58,7 +58,7 @@ def test_a_cube_does_not_creep_on_a_slope_below_the_friction_angle(lab):
     """Remembered friction: after rest nothing moves; bound 0.1 mm over the 0.5 s after the kick."""
     result = lab.drop(cube(lab), lab.floor(), gravity=slope(np.arctan(0.4)))
     assert result.verdict == "at_rest"
-    assert result.certificate["kick"]["distance_m"]["value"] < 1e-4
+    assert result.certificate.kick.distance_m.value < 1e-4
 
 
 @pytest.mark.parametrize(("lean", "stands"), [(0.8, True), (1.2, False)])
@@ -99,7 +99,7 @@ def test_a_body_falls_freely_over_a_centimetre(lab):
     """v = g t until the floor, exact in backward Euler, and the impact comes at t = sqrt(2 h / g) within one step."""
     ball = lab.rigid("ball", lab.Capsule(0.05, 0.0), [0, 0, 0.06])
     history = lab.drop(ball, lab.floor(), step_limit=16).history
-    time, speed = history["time"], history["linear_speed"]
+    time, speed = history.time, history.linear_speed
     impact = np.sqrt(2 * 0.01 / lab.gravity)
     falling = time < impact - 0.004
     assert falling.sum() > 5
@@ -124,7 +124,7 @@ def test_a_ball_rolls_down_at_five_sevenths(lab):
     angle = np.radians(8.0)
     ball = lab.rigid("ball", lab.Capsule(0.05, 0.0), [-0.2, 0, 0.0501], mu=(0.9, 0.9), edge=0.003, spacing=0.0015)
     result = lab.drop(ball, lab.floor(mu=(0.9, 0.9)), gravity=slope(angle), step_limit=70)
-    time, speed = result.history["time"], result.history["linear_speed"]
+    time, speed = result.history.time, result.history.linear_speed
     measured = np.polyfit(time[time > 0.1], speed[time > 0.1], 1)[0]
     assert measured == pytest.approx(5.0 / 7.0 * lab.gravity * np.sin(angle), rel=0.02)
 
@@ -155,9 +155,9 @@ def test_a_cube_does_not_creep_in_five_seconds(lab, axis, degrees, angle):
     one = lab.rigid("cube", lab.Box(np.array([0.1, 0.1, 0.1])), [0, 0, 0.05], rotation=turn, mu=(0.5, 0.5))
     result = lab.drop(one, lab.floor(mu=(0.5, 0.5)), gravity=slope(angle), kick_speed=0.0, kick_angular_speed=0.0,
                       kick_seconds=5.0, kick_segments=1)  # fmt: skip
-    assert result.certificate["kick"]["seconds"] == 5.0
-    assert result.certificate["kick"]["distance_m"]["largest"] < 1e-4
-    assert np.degrees(result.certificate["kick"]["angle_rad"]["value"]) < 0.1
+    assert result.certificate.kick.seconds == 5.0
+    assert result.certificate.kick.distance_m.largest < 1e-4
+    assert np.degrees(result.certificate.kick.angle_rad.value) < 0.1
 
 
 def cone(radius=0.04, height=0.1):
@@ -220,8 +220,8 @@ def test_a_stack_of_five_boxes_stands(lab):
         assert np.degrees(Rotation.from_matrix(body.rotation).magnitude()) < 0.5
     weight = {f"box{k}": (5 - k) * lab.gravity for k in range(5)}
     for row in result.contacts:
-        upper = max(row["a"], row["b"]) if "floor" not in (row["a"], row["b"]) else "box0"
-        assert row["normal_force_n"] == pytest.approx(weight[upper], rel=0.01)
+        upper = max(row.a, row.b) if "floor" not in (row.a, row.b) else "box0"
+        assert row.normal_force_n == pytest.approx(weight[upper], rel=0.01)
 
 
 def test_a_gram_under_ten_kilograms_comes_to_rest(lab):
@@ -231,7 +231,7 @@ def test_a_gram_under_ten_kilograms_comes_to_rest(lab):
     block = lab.rigid("block", lab.Box(np.array([0.04, 0.04, 0.04])), [0, 0, 0.0303], mass=10.0, edge=0.01)
     result = lab.drop(chip, block, lab.floor())
     assert result.verdict == "at_rest"
-    floor = next(c for c in result.contacts if {c["a"], c["b"]} == {"chip", "floor"})
+    floor = next(c for c in result.contacts if {c.a, c.b} == {"chip", "floor"})
     assert floor["normal_force_n"] == pytest.approx(10.001 * lab.gravity, rel=5e-3)
 
 

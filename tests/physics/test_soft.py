@@ -59,7 +59,7 @@ def test_a_pillow_like_body_rests_on_a_mattress_like_body(lab):
     result = lab.drop(pillow, base)
     weight = 40.0 * 0.2 * 0.15 * 0.08 * lab.gravity
     assert result.verdict == "at_rest"
-    assert result.contacts[0]["normal_force_n"] == pytest.approx(weight, rel=0.02)
+    assert result.contacts[0].normal_force_n == pytest.approx(weight, rel=0.02)
 
 
 def test_points_that_start_far_above_a_soft_body_touch_it_when_they_come_down(lab):
@@ -89,7 +89,7 @@ def test_a_soft_ball_rolls_down_like_a_rigid_one(lab):
                     edge=0.004)  # fmt: skip
     gravity = lab.gravity * np.array([np.sin(angle), 0.0, -np.cos(angle)])
     result = lab.drop(ball, lab.floor(mu=(0.9, 0.9)), gravity=gravity, step_limit=90)
-    time, speed = result.history["time"], result.history["linear_speed"]
+    time, speed = result.history.time, result.history.linear_speed
     measured = np.polyfit(time[time > 0.1], speed[time > 0.1], 1)[0]
     # 5 % at 8 cells across, 3 % at 10: the error of the cells; facets of 4 mm have a sagitta of 40 um
     assert measured == pytest.approx(5.0 / 7.0 * lab.gravity * np.sin(angle), rel=0.05)

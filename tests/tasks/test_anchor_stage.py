@@ -1,7 +1,6 @@
 """Where things go in rooms made of boxes, whose answers can be computed by hand, and why they do not go at all."""
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -14,7 +13,7 @@ from dcap.language.offline.client import OfflineClient
 from dcap.language.protocol.replies import AnchorReply
 from dcap.scene.types.anchor import Anchor
 from dcap.scene.types.mesh import Mesh
-from dcap.scene.types.outcome import Infeasible, Reason
+from dcap.scene.types.outcome import BesideThePart, Infeasible, InTheWay, NoRoom, Reason
 from dcap.scene.types.segmentation import Segmentation
 from tasks.anchor.stage import AnchorConfig, anchor, choice_of
 
@@ -116,7 +115,8 @@ def test_too_large_says_so_with_numbers(stages):
     assert isinstance(found, Infeasible)
     assert found.reason is Reason.TOO_LARGE_FOR_TARGET
     assert "0.90 x 2.00" in found.message
-    assert found.evidence["part_size_m"] == [0.8, 0.8]
+    assert isinstance(found.evidence, NoRoom)
+    assert found.evidence.part_size_m == (0.8, 0.8)
 
 
 def test_full_target_is_too_large_as_well():
@@ -147,7 +147,8 @@ def test_part_under_a_lid_is_full():
     found = OFFLINE.tried("put the ball on the mattress", item, room)
     assert isinstance(found, Infeasible)
     assert found.reason is Reason.TOO_LARGE_FOR_TARGET
-    assert found.evidence["in_the_way"] == [{"id": "lid", "name": "box", "share": 1.0}]
+    assert isinstance(found.evidence, NoRoom)
+    assert found.evidence.in_the_way == (InTheWay("lid", "box", 1.0),)
 
 
 def test_no_ray_meets_the_hole_of_a_ring(stages):
@@ -258,8 +259,9 @@ def test_neighbour_says_which_one_is_meant(stages):
     # the chair's corner (0.9, -1.5) to the stove's (0.3, 1.6), less 15 cm and half of the mug, whose sides are 8.4 to
     # 11.7 cm long as it is turned; a hull of 16 corners lies inside of its circle by 1 - cos(pi / 16) = 2 %
     far = np.hypot(0.6, 3.1)
-    assert far - (0.15 + 0.117 / 2) <= refused.evidence["beside_m"] <= far - 0.98 * (0.15 + 0.084 / 2)
-    assert f"{refused.evidence['beside_m']:.2f} m beside the seat of chair" in refused.message
+    assert isinstance(refused.evidence, BesideThePart)
+    assert far - (0.15 + 0.117 / 2) <= refused.evidence.beside_m <= far - 0.98 * (0.15 + 0.084 / 2)
+    assert f"{refused.evidence.beside_m:.2f} m beside the seat of chair" in refused.message
     assert "no ray" not in refused.message
 
 
@@ -287,9 +289,9 @@ def test_full_target_names_what_is_in_the_way():
     assert isinstance(found, Infeasible)
     assert found.reason is Reason.TOO_LARGE_FOR_TARGET
     assert "in the way: book" in found.message
-    assert found.evidence["blocked_share"] == 1.0
-    in_the_way: Any = found.evidence["in_the_way"]
-    assert {row["id"] for row in in_the_way} <= {*things}
+    assert isinstance(found.evidence, NoRoom)
+    assert found.evidence.blocked_share == 1.0
+    assert {row.id for row in found.evidence.in_the_way} <= {*things}
 
 
 def test_one_of_two_edges_is_named():

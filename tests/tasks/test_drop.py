@@ -9,12 +9,13 @@ from scipy.spatial.transform import Rotation
 from dcap.geometry.distance import distance_grid
 from dcap.geometry.primitives import Box, Capsule, Primitive
 from dcap.scene.types.anchor import Anchor
+from dcap.scene.types.certificate import PlacementChecks, SkippedCheck
 from dcap.scene.types.intent import Intent, OrientationRequest, RegionRequest
 from dcap.scene.types.materials import ContactFriction
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.outcome import Infeasible, Reason
 from dcap.scene.types.particles import InertialProperties, Particles, RigidSimulationBody
-from dcap.scene.types.settled import Settled
+from dcap.scene.types.settled import LastState, Settled
 from solver.config import SolverConfig
 from tasks.drop.stage import DropConfig, carried_share, drop, tilt_of, toppling, turn_of, with_checks
 
@@ -60,12 +61,11 @@ def anchor() -> Anchor:
     return Anchor("table", "top", 0, "center", np.zeros(2), np.zeros(3), pose, 0.01, square, "test")
 
 
-def placement(found: Infeasible) -> dict[str, dict[str, float]]:
+def placement(found: Infeasible) -> PlacementChecks:
     """What was asked of the rest state, from the certificate."""
-    certificate = found.evidence["certificate"]
-    assert isinstance(certificate, dict)
-    checks = certificate["placement"]
-    assert isinstance(checks, dict)
+    assert isinstance(found.evidence, LastState)
+    checks = found.evidence.certificate.placement
+    assert checks is not None
     return checks
 
 
@@ -90,7 +90,8 @@ def test_a_ball_on_a_slope_leaves_its_target() -> None:
     found = run(body("object", Capsule(0.05, 0.0), [0, 0, 0.065], fixed=False), table(turn), asked())
     assert isinstance(found, Infeasible)
     assert found.reason is Reason.LEFT_TARGET
-    assert found.evidence["certificate"]
+    assert isinstance(found.evidence, LastState)
+    assert found.evidence.certificate.kick == SkippedCheck()
 
 
 @pytest.mark.slow
@@ -111,8 +112,9 @@ def test_falling_over_counts_only_where_a_pose_or_a_facing_was_asked(
     else:
         assert isinstance(found, Infeasible)
         assert found.reason is reason
-        tilt = placement(found)["tilt_rad"]
-        assert tilt["value"] > tilt["threshold"] == pytest.approx(np.radians(45), rel=1e-4)
+        tilt = placement(found).tilt_rad
+        assert tilt is not None
+        assert tilt.value > tilt.threshold == pytest.approx(np.radians(45), rel=1e-4)
 
 
 @pytest.mark.parametrize(("facing", "reason"), [("wall", Reason.TOPPLED), ("", None)])
@@ -164,7 +166,7 @@ def test_resting_beside_the_base_is_not_resting_on_it() -> None:
     found = drop(particles, anchor(), asked(), 0, DropConfig(threads=2))
     assert isinstance(found, Infeasible)
     assert found.reason is Reason.LEFT_TARGET
-    assert placement(found)["carried_share"]["value"] == 0.0
+    assert placement(found).carried_share.value == 0.0
     on_table = run(item, table(), asked())
     assert isinstance(on_table, Settled)
     particles = Particles((item, table()), (), 0.01, ())

@@ -8,7 +8,7 @@ from stage_chain import Stages
 from dcap.language.protocol.client import ClientName, LanguageConfig
 from dcap.scene.errors import InputError, LanguageError
 from dcap.scene.types.intent import Intent
-from dcap.scene.types.outcome import Infeasible, Reason
+from dcap.scene.types.outcome import Infeasible, NotInScene, Reason
 from dcap.scene.types.segmentation import Segmentation
 from tasks.anchor.stage import AnchorConfig
 from tasks.intent.stage import IntentConfig
@@ -70,7 +70,8 @@ def test_missing_target_is_infeasible_and_lists_what_is_there(stages):
     assert found.reason is Reason.TARGET_NOT_FOUND
     assert "piano" in found.message
     assert "bed" in found.message
-    assert found.evidence["asked"] == "the piano"
+    assert isinstance(found.evidence, NotInScene)
+    assert found.evidence.asked == "the piano"
 
 
 @pytest.mark.parametrize("prompt", ["", "hello there", "x" * 2000])

@@ -6,16 +6,17 @@ from functools import cache
 
 import numpy as np
 import trimesh
+from rest_records import history, implicit_certificate
 
 from dcap.geometry.camera import looking_at
 from dcap.geometry.solid.repair import subdivide_near
 from dcap.scene.types.anchor import Anchor
 from dcap.scene.types.box import OrientedBox
 from dcap.scene.types.mesh import Mesh
-from dcap.scene.types.outcome import Infeasible, Reason
+from dcap.scene.types.outcome import HiddenObject, Infeasible, Reason
 from dcap.scene.types.renders import Renders
 from dcap.scene.types.segmentation import Instance, Part, Segmentation
-from dcap.scene.types.settled import Settled, SettledBody
+from dcap.scene.types.settled import Settled, SettledBody, SettledVerdict
 from tasks.render.stage import RenderConfig, render, settled_item, settled_scene, shown, structure_faces, tinted
 
 RADIUS, DEPTH, TOP = 0.1, 0.03, 0.5
@@ -92,7 +93,7 @@ def settled() -> Settled:
     zero = np.zeros(3)
     bed = SettledBody("bed", dented, zero, np.array([1.0, 0, 0, 0]), down)
     contact = dented.vertices[-down[:, 2] > 1e-3]
-    return Settled("at_rest", (own, bed), (), contact, {}, {}, 1, 0.1, ())
+    return Settled(SettledVerdict.AT_REST, (own, bed), (), contact, implicit_certificate(), history(1), 1, 0.1, ())
 
 
 @cache
@@ -147,7 +148,8 @@ def test_a_ball_in_a_box_is_buried() -> None:
     found = render(scene_of(crate=box_mesh((-0.2, -0.2, 0.4), (0.2, 0.2, 0.9))), ball(), anchor(), settled(), SMALL)
     assert isinstance(found, Infeasible)
     assert found.reason is Reason.BURIED
-    assert found.evidence["visible_fraction"] == 0.0
+    assert isinstance(found.evidence, HiddenObject)
+    assert found.evidence.visible_fraction == 0.0
 
 
 def test_the_dent_is_in_the_scene_and_the_ball_in_the_dent() -> None:

@@ -116,7 +116,7 @@ def outcome(events: list[tuple[str, Event]]) -> dict[str, Event]:
 
 def test_infeasible_passes_through(fake: ModuleType) -> None:
     """A stage that is given an Infeasible returns that same reference and runs nothing."""
-    ref = Store.default().save(Infeasible(Reason.NO_SUPPORT_HIT, "the ray met nothing", {}))
+    ref = Store.default().save(Infeasible(Reason.NO_SUPPORT_HIT, "the ray met nothing", None))
     assert fake.double_task(ref) == ref
 
 

@@ -24,10 +24,25 @@ from dcap.scene.errors import StoreError
 from dcap.scene.store.ply import mesh_from_ply, mesh_to_ply
 from dcap.scene.types.anchor import Anchor
 from dcap.scene.types.box import OrientedBox
+from dcap.scene.types.certificate import (
+    PlacementChecks,
+    SettledBodyStability,
+    SettledCertificate,
+    SettledContact,
+    SettledKick,
+    SettledKickRow,
+    SettledPush,
+    SettledPushBounds,
+    SettledRolling,
+    SettledRow,
+    SettledSignals,
+    SettledStability,
+    SkippedCheck,
+)
 from dcap.scene.types.intent import Intent, OrientationRequest, RegionRequest
 from dcap.scene.types.materials import ContactFriction, Material, PartMaterial, PartMaterials
 from dcap.scene.types.mesh import Mesh
-from dcap.scene.types.outcome import Infeasible
+from dcap.scene.types.outcome import BesideThePart, HiddenObject, Infeasible, InTheWay, NoRoom, NotInScene
 from dcap.scene.types.particles import (
     BackgroundGrid,
     DistanceGrid,
@@ -43,7 +58,7 @@ from dcap.scene.types.rotation import Rotation
 from dcap.scene.types.sample import Sample, SourceOptions
 from dcap.scene.types.scan import LabelBox, Room, Scan
 from dcap.scene.types.segmentation import Instance, Part, Segmentation
-from dcap.scene.types.settled import Settled, SettledBody
+from dcap.scene.types.settled import LastState, Settled, SettledBody, SettledHistory
 
 VALUE_FILE = "value.json"
 INLINE_ITEMS = 48
@@ -55,10 +70,13 @@ MOST_COLUMNS = 16
 KINDS: dict[str, type] = {
     one.__name__: one
     for one in (
-        Anchor, BackgroundGrid, BodyGeometry, ContactFriction, DistanceGrid, Infeasible, InertialProperties, Instance,
-        Intent, LabelBox, Material, MaterialPoints, Mesh, OrientationRequest, OrientedBox, Overview, Part, Particles,
-        PartMaterial, PartMaterials, RegionRequest, Renders, RepairReport, RigidSimulationBody, Room, Rotation, Sample,
-        Scan, Segmentation, Settled, SettledBody, SoftSimulationBody, SourceOptions,
+        Anchor, BackgroundGrid, BesideThePart, BodyGeometry, ContactFriction, DistanceGrid, HiddenObject, Infeasible,
+        InertialProperties, Instance, Intent, InTheWay, LabelBox, LastState, Material, MaterialPoints, Mesh, NoRoom,
+        NotInScene, OrientationRequest, OrientedBox, Overview, Part, Particles, PartMaterial, PartMaterials,
+        PlacementChecks, RegionRequest, Renders, RepairReport, RigidSimulationBody, Room, Rotation, Sample, Scan,
+        Segmentation, Settled, SettledBody, SettledBodyStability, SettledCertificate, SettledContact, SettledHistory,
+        SettledKick, SettledKickRow, SettledPush, SettledPushBounds, SettledRolling, SettledRow, SettledSignals,
+        SettledStability, SkippedCheck, SoftSimulationBody, SourceOptions,
     )
 }  # fmt: skip
 """Every type that may be stored, by the name that `value.json` gives it: files outlive moves between modules."""
@@ -164,18 +182,23 @@ def dataclass_from_tree(tree: dict[str, object], files: Mapping[str, bytes]) -> 
 
 def sequence_from_tree(tree: list[object], hint: object, files: Mapping[str, bytes]) -> object:
     """A tuple where the field's type says so, else a list."""
-    if get_origin(hint) is not tuple:
+    declared = next((one for one in options_of(hint) if get_origin(one) is tuple), None)
+    if declared is None:
         arguments = get_args(hint)
         return [from_tree(item, arguments[0] if arguments else object, files) for item in tree]
-    inner = get_args(hint)
+    inner = get_args(declared)
     each = [inner[0]] * len(tree) if len(inner) == 2 and inner[1] is ... else list(inner)
     return tuple(from_tree(item, one, files) for item, one in zip(tree, each, strict=True))
 
 
 def enum_of(hint: object) -> type[Enum] | None:
     """The enum in a declared type, looking through `X | None`."""
-    options = get_args(hint) if get_origin(hint) in (Union, UnionType) else (hint,)
-    return next((one for one in options if isinstance(one, type) and issubclass(one, Enum)), None)
+    return next((one for one in options_of(hint) if isinstance(one, type) and issubclass(one, Enum)), None)
+
+
+def options_of(hint: object) -> tuple[object, ...]:
+    """The types in `X | Y`, else the one."""
+    return get_args(hint) if get_origin(hint) in (Union, UnionType) else (hint,)
 
 
 def shape_of(tree: Mapping[str, object]) -> tuple[int, ...]:

@@ -4,6 +4,11 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import TypeAlias, TypeVar
 
+import numpy as np
+from numpy.typing import NDArray
+
+from dcap.scene.types.settled import LastState
+
 
 class Reason(StrEnum):
     """Why a placement is infeasible (fixed codes, part of the contract)."""
@@ -18,6 +23,72 @@ class Reason(StrEnum):
     BURIED = "buried"
 
 
+@dataclass(frozen=True, slots=True)
+class NotInScene:
+    """A thing that the sentence names and the scene does not have."""
+
+    asked: str
+    present: tuple[str, ...]
+    """Labels of what there is."""
+    object: str
+
+
+@dataclass(frozen=True, slots=True)
+class InTheWay:
+    """Something that takes the object's place."""
+
+    id: str
+    name: str
+    share: float
+    """Of the spots that were tried [-]."""
+
+
+@dataclass(frozen=True, slots=True)
+class NoRoom:
+    """A part on which the object does not fit."""
+
+    base: str
+    """Instance id."""
+    part: str
+    region: str
+    footprint_m: tuple[float, float]
+    height_m: float
+    part_size_m: tuple[float, float]
+    best_supported_share: float
+    """Of the object's underside, without anything in the way [-]."""
+    needed_share: float
+    """[-]."""
+    blocked_share: float
+    """Of the spots that were tried [-]."""
+    in_the_way: tuple[InTheWay, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class BesideThePart:
+    """A place beside something that is not on the part."""
+
+    base: str
+    """Instance id."""
+    part: str
+    region: str
+    references: tuple[str, ...]
+    beside_m: float
+    """How far from the part the place is."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class HiddenObject:
+    """An object that no camera sees."""
+
+    visible_fraction: float
+    """[-]."""
+    camera_position: NDArray[np.float64]
+    """Of the best view [m], shape (3,)."""
+
+
+Evidence: TypeAlias = NotInScene | NoRoom | BesideThePart | HiddenObject | LastState
+
+
 @dataclass(frozen=True, eq=False, slots=True)
 class Infeasible:
     """An expected negative outcome with its evidence; it travels through the remaining stages unchanged."""
@@ -26,8 +97,8 @@ class Infeasible:
     """The code."""
     message: str
     """One sentence for a person: what, where, which value."""
-    evidence: dict[str, object]
-    """Numbers and names behind the decision; JSON types only."""
+    evidence: Evidence | None
+    """Numbers and names behind the decision; None where the solver broke."""
 
 
 Value = TypeVar("Value")

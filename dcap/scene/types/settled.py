@@ -1,10 +1,12 @@
 """What the drop returns: the state at rest and its certificate, or the last state and why it is not one."""
 
 from dataclasses import dataclass
+from enum import StrEnum
 
 import numpy as np
 from numpy.typing import NDArray
 
+from dcap.scene.types.certificate import SettledCertificate, SettledContact
 from dcap.scene.types.mesh import Mesh
 
 
@@ -24,20 +26,63 @@ class SettledBody:
 
 
 @dataclass(frozen=True, eq=False, slots=True)
+class SettledHistory:
+    """Signals over the run, each of shape (steps,); what they are: SettledSignals."""
+
+    time: NDArray[np.float64]
+    """[s]."""
+    linear_speed: NDArray[np.float64]
+    """[m/s]."""
+    angular_speed: NDArray[np.float64]
+    """[rad/s]."""
+    particle_speed: NDArray[np.float64]
+    """[m/s]."""
+    force_residual: NDArray[np.float64]
+    """[-]."""
+    torque_residual: NDArray[np.float64]
+    """[-]."""
+    newton: NDArray[np.int64]
+    """Newton iterations of a step; mls: explicit steps."""
+    linear: NDArray[np.int64]
+    """Iterations of the linear solver."""
+
+
+class SettledVerdict(StrEnum):
+    """How the drop ended."""
+
+    AT_REST = "at_rest"
+    LEFT_TARGET = "left_target"
+    NO_EQUILIBRIUM = "no_equilibrium"
+
+
+@dataclass(frozen=True, eq=False, slots=True)
 class Settled:
     """The result of the drop."""
 
-    verdict: str
-    """at_rest, or a reason code."""
+    verdict: SettledVerdict
     bodies: tuple[SettledBody, ...]
-    contacts: tuple[dict[str, object], ...]
-    """Per touching pair, keys as in the contract."""
+    """The object first."""
+    contacts: tuple[SettledContact, ...]
+    """One per touching pair."""
     contact_points: NDArray[np.float64]
     """Points of the object's contact patch [m], shape (k, 3)."""
-    certificate: dict[str, object]
-    """Every signal with threshold and margin."""
-    history: dict[str, NDArray[np.float64]]
-    """Signals over the run, each of shape (steps,)."""
+    certificate: SettledCertificate
+    history: SettledHistory
     steps: int
     simulated_seconds: float
+    warnings: tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class LastState:
+    """What an infeasible drop keeps of the state in which it ended."""
+
+    certificate: SettledCertificate
+    contacts: tuple[SettledContact, ...]
+    position: NDArray[np.float64]
+    """Of the object, as in SettledBody [m], shape (3,)."""
+    quaternion: NDArray[np.float64]
+    """Of the object, as in SettledBody, shape (4,)."""
+    steps: int
+    simulated_s: float
     warnings: tuple[str, ...]

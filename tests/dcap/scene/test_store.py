@@ -12,6 +12,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from PIL import Image
+from rest_records import (
+    CONTACT,
+    KICK,
+    PUSHES,
+    ROW,
+    STABILITY,
+    explicit_certificate,
+    history,
+    implicit_certificate,
+    signals,
+)
 
 from dcap.scene.errors import InputError, MissingArtifactError, StoreError
 from dcap.scene.store.artifacts import Source, Store
@@ -19,10 +30,11 @@ from dcap.scene.store.codec import KINDS, decode, encode
 from dcap.scene.store.ref import Ref
 from dcap.scene.types.anchor import Anchor
 from dcap.scene.types.box import OrientedBox
+from dcap.scene.types.certificate import PlacementChecks, SettledRolling, SkippedCheck
 from dcap.scene.types.intent import Intent, OrientationRequest, RegionRequest
 from dcap.scene.types.materials import BodyModel, ContactFriction, Material, PartMaterial, PartMaterials
 from dcap.scene.types.mesh import Mesh
-from dcap.scene.types.outcome import Infeasible, Reason
+from dcap.scene.types.outcome import BesideThePart, HiddenObject, Infeasible, InTheWay, NoRoom, NotInScene, Reason
 from dcap.scene.types.particles import (
     BackgroundGrid,
     DistanceGrid,
@@ -39,7 +51,7 @@ from dcap.scene.types.rotation import Rotation
 from dcap.scene.types.sample import Sample, SourceOptions
 from dcap.scene.types.scan import LabelBox, Room, Scan
 from dcap.scene.types.segmentation import Instance, Part, Segmentation
-from dcap.scene.types.settled import Settled, SettledBody
+from dcap.scene.types.settled import LastState, Settled, SettledBody, SettledVerdict
 
 RNG = np.random.default_rng(0)
 
@@ -88,11 +100,17 @@ REPORT = RepairReport(
     Method.CLOSED, True, 1.0, 1e-4, 1e-5, 5e-3, 2e-3, 0.1, 0.0, ("2 degenerate faces dropped",), ""
 )  # fmt: skip
 GEOMETRY = BodyGeometry("bed_0", "mattress, blanket", REPORT)
+NO_ROOM = NoRoom(
+    "3", "mattress", "whole surface", (0.5, 0.4), 0.2, (0.4, 0.4), 0.4, 0.5, 0.1, (InTheWay("4", "book", 0.1),)
+)  # fmt: skip
+LAST = LastState(
+    explicit_certificate(), (CONTACT,), np.zeros(3), np.array([1.0, 0, 0, 0]), 12, 0.5, ("still moving",)
+)  # fmt: skip
 BODIES = (a_body(rigid=True), a_body(rigid=False))
 VALUES = [
     Anchor("3", "mattress", 0, "center", np.zeros(2), np.zeros(3), np.eye(4), 0.01, np.zeros((4, 2)), "asked"),
     DistanceGrid(np.zeros(3), 0.01, RNG.normal(size=(4, 4, 4)).astype(np.float32)),
-    Infeasible(Reason.TARGET_NOT_FOUND, "no piano", {"found": ["bed", "sofa"], "count": 2, "best": 0.5}),
+    Infeasible(Reason.TOO_LARGE_FOR_TARGET, "no room", NO_ROOM),
     INSTANCE,
     Intent(
         "3", "bed", "ball", np.array([0.2, 0.2, 0.2]), 0.4, True, 1.02, OrientationRequest("any", "", ""),
@@ -122,12 +140,32 @@ VALUES = [
     ),
     Segmentation(a_mesh(), (INSTANCE,), np.zeros(60, np.int32), np.full(60, -1, np.int32)),
     Settled(
-        "at_rest",
+        SettledVerdict.AT_REST,
         (SettledBody("object", a_mesh(), np.zeros(3), np.array([1.0, 0, 0, 0]), np.zeros((60, 3))),),
-        ({"a": "object", "b": "3", "area_m2": 1e-3, "max_gap_m": float("inf")},),
-        np.zeros((0, 3)), {"speed": {"value": 1e-5, "threshold": 1e-3}}, {"speed": np.linspace(1, 0, 200)}, 200,
-        1.5, (),
+        (CONTACT,), np.zeros((0, 3)), implicit_certificate(), history(200), 200, 1.5, (),
     ),
+    explicit_certificate(),
+    LAST,
+    CONTACT,
+    KICK,
+    STABILITY,
+    *STABILITY.bodies.values(),
+    *PUSHES,
+    STABILITY.bounds,
+    ROW,
+    signals(),
+    KICK.distance_m,
+    SkippedCheck(reason="nothing rests"),
+    SettledRolling("object", "bed", 1e-4, 1e-3),
+    PlacementChecks(ROW),
+    history(3),
+    NO_ROOM,
+    *NO_ROOM.in_the_way,
+    BesideThePart("3", "seat", "beside", ("stove",), 1.5),
+    HiddenObject(0.0, np.zeros(3)),
+    NotInScene("the piano", ("bed", "sofa"), "ball"),
+    Infeasible(Reason.UNSTABLE_STEP, "it broke", None),
+    Infeasible(Reason.TOPPLED, "it fell over", LAST),
     SettledBody("object", a_mesh(), np.zeros(3), np.array([1.0, 0, 0, 0]), np.zeros((60, 3))),
     FRICTION,
     INERTIAL,
@@ -200,7 +238,7 @@ def test_artifacts_are_readable_without_our_code(store: Store) -> None:
     tree = json.loads((folder / "value.json").read_text())
     assert tree["verdict"] == "at_rest"
     np.testing.assert_array_equal(
-        pq.read_table(folder / "history-speed.parquet")["value"].to_numpy(), settled.history["speed"]
+        pq.read_table(folder / "history-linear_speed.parquet")["value"].to_numpy(), settled.history.linear_speed
     )
     ply = trimesh.load_mesh(folder / "bodies-0-surface.ply", process=False)
     np.testing.assert_array_equal(ply.vertices, settled.bodies[0].surface.vertices)
@@ -270,7 +308,7 @@ def test_many_writers_of_one_value(store: Store) -> None:
 def test_foreign_types_are_refused(store: Store) -> None:
     """A value of a type that the store does not know is an error at saving, not at loading."""
     with pytest.raises(StoreError, match="set"):
-        store.save(Infeasible(Reason.BURIED, "", {"x": {1, 2}}))
+        store.save({"x": {1, 2}})
 
 
 def test_an_obj_takes_its_textures_along(store: Store, tmp_path: Path) -> None:

@@ -1,0 +1,220 @@
+"""What placement.json says of a placement, from the values that its stages returned."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation as Turn
+
+from dcap.evaluation.region import region_missed
+from dcap.scene.json_tree import JsonObject, JsonValue, object_to_json, sorted_keys, to_json
+from dcap.scene.types.anchor import Anchor
+from dcap.scene.types.intent import Intent
+from dcap.scene.types.materials import PartMaterial, PartMaterials
+from dcap.scene.types.outcome import Infeasible
+from dcap.scene.types.particles import Particles
+from dcap.scene.types.renders import Renders
+from dcap.scene.types.repair_report import BodyGeometry
+from dcap.scene.types.scan import Scan
+from dcap.scene.types.segmentation import Segmentation
+from dcap.scene.types.settled import LastState, Settled, SettledBody, SettledVerdict
+from flows.sample_run import FinishedSample
+
+AT_REST = "at_rest"
+
+
+@dataclass(frozen=True, slots=True)
+class Values:
+    """What the stages returned, as far as they got."""
+
+    scan: Scan | None
+    object_scan: Scan | None
+    scene: Segmentation | None
+    item: Segmentation | None
+    intent: Intent | None
+    anchor: Anchor | None
+    materials: PartMaterials | None
+    particles: Particles | None
+    settled: Settled | None
+    renders: Renders | None
+    infeasible: Infeasible | None
+
+
+def placement_json(finished: FinishedSample, values: Values, artifacts: Mapping[str, str]) -> JsonObject:
+    """The content of placement.json."""
+    intent, anchor, settled = values.intent, values.anchor, values.settled
+    body = object_body(settled)
+    verdict, reason = verdict_of(values)
+    missed = None
+    if anchor and settled and body:
+        missed = region_missed(support_point(settled, body), anchor.region_polygon)
+    tree = {
+        "verdict": verdict,
+        "reason": reason,
+        "message": values.infeasible.message if values.infeasible else None,
+        "prompt": finished.sample.prompt,
+        "base": base_of(values),
+        "part": anchor.part if anchor else None,
+        "region": anchor.region if anchor else None,
+        "region_missed": missed,
+        "scale": intent.scale if intent else None,
+        "mass": mass_of(values),
+        "world_from_file": values.scan.world_from_file if values.scan else None,
+        "object_from_file": values.object_scan.world_from_file if values.object_scan else None,
+        "pre_drop": pose_of(anchor.world_from_object) if anchor else None,
+        "pose": pose_of(world_from_start(body) @ anchor.world_from_object) if anchor and body else None,
+        "object_aabb": body.surface.bounds if body else None,
+        "contacts": contacts_of(values),
+        "materials": [material_row(row) for row in values.materials.rows] if values.materials else [],
+        "geometry": [geometry_row(one) for one in values.particles.geometry] if values.particles else [],
+        "certificate": certificate_of(values),
+        "visible_fraction": values.renders.visible_fraction if values.renders else None,
+        "warnings": warnings_of(values),
+        "timings": timings_of(finished),
+        "artifacts": artifacts,
+    }
+    return object_to_json(tree)
+
+
+def base_of(values: Values) -> dict[str, str] | None:
+    """What carries the object: the anchor's instance, perhaps a rug on the floor asked for; else the asked one."""
+    intent, anchor = values.intent, values.anchor
+    if anchor and values.scene:
+        return {"id": anchor.base_id, "label": values.scene.instances[values.scene.index_of(anchor.base_id)].label}
+    return {"id": intent.base_id, "label": intent.base_label} if intent else None
+
+
+def mass_of(values: Values) -> float | None:
+    """Mass that was simulated [kg], or the prior if nothing was."""
+    if values.particles:
+        return values.particles.bodies[0].inertial.mass
+    return values.intent.mass if values.intent else None
+
+
+def verdict_of(values: Values) -> tuple[str, str | None]:
+    """Contract verdict and reason code."""
+    if values.infeasible is not None:
+        return "infeasible", values.infeasible.reason.value
+    assert values.settled is not None
+    if values.settled.verdict is SettledVerdict.AT_REST:
+        return AT_REST, None
+    return "infeasible", values.settled.verdict.value
+
+
+def last_state(values: Values) -> Settled | LastState | None:
+    """Where the drop ended, if there was one."""
+    evidence = values.infeasible.evidence if values.infeasible else None
+    return values.settled or (evidence if isinstance(evidence, LastState) else None)
+
+
+def contacts_of(values: Values) -> list[JsonValue]:
+    """What touches in the last state."""
+    last = last_state(values)
+    return [sorted_keys(object_to_json(row)) for row in last.contacts] if last else []
+
+
+def certificate_of(values: Values) -> JsonObject | None:
+    """The drop's certificate, with the object's pose where the drop is infeasible; or what another stage found."""
+    if values.settled is not None:
+        return sorted_keys(object_to_json(values.settled.certificate))
+    if values.infeasible is None:
+        return None
+    evidence = values.infeasible.evidence
+    if not isinstance(evidence, LastState):
+        return sorted_keys(object_to_json(evidence)) if evidence else {}
+    return {
+        **sorted_keys(object_to_json(evidence.certificate)),
+        "position": to_json(evidence.position),
+        "quaternion": to_json(evidence.quaternion),
+        "simulated_s": evidence.simulated_s,
+        "steps": evidence.steps,
+    }
+
+
+def warnings_of(values: Values) -> list[str]:
+    """What a reader should know, in the order of the stages, each once."""
+    found: list[str] = list(values.scan.notes) if values.scan else []
+    found += [f"object: {note}" for note in values.object_scan.notes] if values.object_scan else []
+    if values.intent:
+        found += values.intent.notes
+        if values.intent.not_understood:
+            found.append(f"not understood: {', '.join(values.intent.not_understood)}")
+    found += values.particles.notes if values.particles else ()
+    last = last_state(values)
+    found += last.warnings if last else ()
+    return list(dict.fromkeys(found))
+
+
+def timings_of(finished: FinishedSample) -> dict[str, float]:
+    """Seconds that each stage took when it was computed; repeated stages are summed."""
+    seconds: dict[str, float] = {}
+    for stage, record, _ in finished.records:
+        seconds[stage] = round(seconds.get(stage, 0.0) + record.seconds, 3)
+    return seconds
+
+
+def material_row(row: PartMaterial) -> JsonObject:
+    """One row of `materials`."""
+    return {
+        "body": row.body,
+        "part": row.part,
+        "material": row.material.id,
+        "model": str(row.model),
+        "reason": row.reason,
+        "density": row.material.density,
+        "youngs_modulus": row.material.youngs_modulus,
+        "poisson_ratio": row.material.poisson_ratio,
+        "static_friction": row.material.static_friction,
+        "dynamic_friction": row.material.dynamic_friction,
+        "source": row.material.source,
+    }
+
+
+def geometry_row(one: BodyGeometry) -> JsonObject:
+    """One row of `geometry`."""
+    report = one.report
+    return {
+        "body": one.body,
+        "part": one.part,
+        "method": str(report.method),
+        "closed": report.closed,
+        "sides_agree": report.agreement,
+        "hausdorff_m": report.hausdorff,
+        "mean_m": report.mean,
+        "tolerance_m": report.tolerance,
+        "region_m": [report.region[:3], report.region[3:]] if report.region else None,
+        "volume_m3": report.volume,
+        "repairs": report.repairs,
+        "problem": report.problem or None,
+    }
+
+
+def object_body(settled: Settled | None) -> SettledBody | None:
+    """The placed object among the settled bodies."""
+    return next((one for one in settled.bodies if one.name == "object"), None) if settled else None
+
+
+def world_from_start(body: SettledBody) -> NDArray[np.float64]:
+    """Rigid map from the start of the drop to rest, shape (4, 4)."""
+    matrix = np.eye(4)
+    matrix[:3, :3] = Turn.from_quat(body.quaternion, scalar_first=True).as_matrix()
+    matrix[:3, 3] = body.position
+    return matrix
+
+
+def pose_of(world_from_object: NDArray[np.float64]) -> JsonObject:
+    """Position of the object's origin [m] and its quaternion (w, x, y, z with w >= 0); the scale is left out."""
+    linear = world_from_object[:3, :3]
+    turn = Turn.from_matrix(linear / np.cbrt(np.linalg.det(linear)))
+    return {
+        "position": to_json(world_from_object[:3, 3]),
+        "quaternion": to_json(turn.as_quat(canonical=True, scalar_first=True)),
+    }
+
+
+def support_point(settled: Settled, body: SettledBody) -> NDArray[np.float64]:
+    """Middle of the contact patch seen from above [m], of the object's box if nothing touches, shape (2,)."""
+    points = settled.contact_points if len(settled.contact_points) else body.surface.bounds
+    middle: NDArray[np.float64] = 0.5 * (points.min(axis=0) + points.max(axis=0))
+    return middle[:2]

@@ -1,0 +1,138 @@
+"""When a drop has come to rest: its signals after every step, judged over a window, for every method alike."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, fields
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solver.certificate import CertificateRow, SignalRows
+from solver.config import SolverConfig
+
+NEARLY = 10.0  # times the threshold of the speed: what is slower is nearly at rest [-]
+STALLED = 0.9  # of its speed half a window ago: what is faster than that does not slow [-]
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Signals:
+    """Solver-native signals after one step."""
+
+    time: float
+    """[s]."""
+    linear_speed: float
+    """Largest speed of a free body's centre of mass [m/s]."""
+    angular_speed: float
+    """Largest angular speed of a free rigid body [rad/s]."""
+    particle_speed: float
+    """Largest speed of a soft particle [m/s]."""
+    center: NDArray[np.float64]
+    """Centre of mass of all free bodies [m], shape (3,)."""
+    box: NDArray[np.float64]
+    """Joint axis-aligned box of the free bodies [m], shape (6,)."""
+    force_residual: float
+    """Unbalanced force on the worst free body over its weight, or over what it carries where that is more [-]."""
+    torque_residual: float
+    """Unbalanced torque about its centre over the same times half its size [-]."""
+    newton: int
+    """Newton iterations of the step; mls: explicit steps of the interval."""
+    linear: int
+    """Iterations of the linear solver; mls: none."""
+
+    @property
+    def speed(self) -> float:
+        """Largest of all linear speeds [m/s]."""
+        return max(self.linear_speed, self.particle_speed)
+
+
+Progress = Callable[[int, float, Signals], None]
+"""Told after every step: its number, the time [s], its signals."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class History:
+    """Signals over a run, one number per step, each of shape (steps,); units as in Signals."""
+
+    time: NDArray[np.float64]
+    linear_speed: NDArray[np.float64]
+    angular_speed: NDArray[np.float64]
+    particle_speed: NDArray[np.float64]
+    force_residual: NDArray[np.float64]
+    torque_residual: NDArray[np.float64]
+    newton: NDArray[np.int64]
+    linear: NDArray[np.int64]
+
+    @classmethod
+    def of(cls, signals: list[Signals]) -> "History":
+        """Columns of a list of signals."""
+        return cls(**{one.name: np.array([getattr(s, one.name) for s in signals]) for one in fields(cls)})
+
+
+class RestMonitor:
+    """Signals of one simulation so far, and whether the last of them say that it rests."""
+
+    def __init__(self, config: SolverConfig, gravity: float, length: float) -> None:
+        """`gravity` > 0 [m/s^2] and the largest free body's size [m] are what thresholds are scaled by."""
+        self.length = length
+        self.steps = config.rest_steps
+        """Of a window."""
+        self.speed = config.rest_speed * float(np.sqrt(gravity * length))
+        """Largest speed at rest [m/s]."""
+        self.drift = config.rest_drift * length
+        """Largest change of a place over a window [m]."""
+        self.residual = config.rest_residual
+        self.signals: list[Signals] = []
+
+    def record(self, signals: Signals, progress: Progress | None) -> None:
+        """Add what was measured after a step, and tell who wants to know."""
+        self.signals.append(signals)
+        if progress is not None:
+            progress(len(self.signals), signals.time, signals)
+
+    @property
+    def last_speed(self) -> float:
+        """Largest linear speed after the last step [m/s], 0 before the first."""
+        return self.signals[-1].speed if self.signals else 0.0
+
+    def window(self, begin: int = 0) -> list[Signals]:
+        """The last signals that are judged together, none before step `begin`."""
+        return self.signals[begin:][-self.steps :]
+
+    def rows(self, begin: int = 0) -> SignalRows:
+        """Value, threshold and margin of every rest signal over the window."""
+        return self.judge(self.window(begin))
+
+    def judge(self, window: list[Signals]) -> SignalRows:
+        """The same over any steps."""
+        return SignalRows(
+            linear_speed=CertificateRow.at_most(max(s.linear_speed for s in window), self.speed),
+            angular_speed=CertificateRow.at_most(
+                max(s.angular_speed for s in window), self.speed / (0.5 * self.length)
+            ),
+            particle_speed=CertificateRow.at_most(max(s.particle_speed for s in window), self.speed),
+            center_drift=CertificateRow.at_most(largest_change([s.center for s in window]), self.drift),
+            box_change=CertificateRow.at_most(largest_change([s.box for s in window]), self.drift),
+            force_residual=CertificateRow.at_most(max(s.force_residual for s in window), self.residual),
+            torque_residual=CertificateRow.at_most(max(s.torque_residual for s in window), self.residual),
+        )
+
+    def complete(self) -> bool:
+        """Whether there is a whole window to judge."""
+        return len(self.signals) >= self.steps
+
+    def quiet(self) -> bool:
+        """Whether no signal was above its threshold over a whole window."""
+        return self.complete() and not self.rows().exceeded
+
+    def creeping(self) -> bool:
+        """Whether it is in balance and slow over a whole window, yet neither quiet nor slowing."""
+        if not self.complete() or not (exceeded := self.rows().exceeded):
+            return False
+        half = self.steps // 2
+        early, late = (max(s.speed for s in part) for part in (self.window()[:half], self.window()[half:]))
+        balanced = not exceeded.keys() & {"force_residual", "torque_residual"}
+        return balanced and late > STALLED * early and late < NEARLY * self.speed
+
+
+def largest_change(places: list[NDArray[np.float64]]) -> float:
+    """Largest range of any coordinate [m] over places of shape (k,)."""
+    return float(np.abs(np.ptp(np.array(places), axis=0)).max())

@@ -1,0 +1,80 @@
+"""What is typed inside becomes plain JSON at the edge, always in the same way."""
+
+import json
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+import pytest
+from rest_records import explicit_certificate, implicit_certificate
+
+from dcap.scene.json_tree import object_to_json, sorted_keys, to_json
+from dcap.scene.store.codec import decode, encode
+from dcap.scene.types.certificate import SettledCertificate
+
+
+class Colour(StrEnum):
+    """A closed set."""
+
+    RED = "red"
+
+
+@dataclass(frozen=True)
+class Cell:
+    """A value with every kind of field."""
+
+    width: float
+    colour: Colour
+    corner: np.ndarray
+    neighbours: tuple["Cell", ...]
+    asked: float | None
+    extra: int | None = None
+
+
+CELL = Cell(0.5, Colour.RED, np.array([1.0, 2.0]), (), None)
+
+
+def test_a_dataclass_becomes_an_object_in_the_order_of_its_fields() -> None:
+    """Enums become their values, arrays and tuples lists; None is null, but left out where it is the default."""
+    outer = Cell(1.0, Colour.RED, np.zeros(0), (CELL,), 2.0, 3)
+    assert json.dumps(to_json(outer)) == (
+        '{"width": 1.0, "colour": "red", "corner": [], "neighbours": [{"width": 0.5, "colour": "red", '
+        '"corner": [1.0, 2.0], "neighbours": [], "asked": null}], "asked": 2.0, "extra": 3}'
+    )
+
+
+@pytest.mark.parametrize("number", [float("nan"), float("inf"), np.float64("-inf")])
+def test_a_number_that_json_does_not_have_is_null(number: float) -> None:
+    """Also inside of an array; so whatever is written can be read by any program."""
+    tree = to_json({"a": number, "b": np.array([number, 1.0])})
+    assert json.loads(json.dumps(tree, allow_nan=False)) == {"a": None, "b": [None, 1.0]}
+
+
+def test_what_is_no_json_is_refused() -> None:
+    """With the name of its type."""
+    with pytest.raises(TypeError, match="set"):
+        to_json({"a": {1}})
+    with pytest.raises(TypeError, match="type"):
+        to_json(Cell)
+
+
+def test_sorting_changes_the_order_of_keys_alone() -> None:
+    """At every depth, also below lists."""
+    tree = object_to_json({"b": [{"d": 1, "c": 2}], "a": {"z": [], "y": "x"}})
+    assert sorted_keys(tree) == tree
+    assert json.dumps(sorted_keys(tree)) == '{"a": {"y": "x", "z": []}, "b": [{"c": 2, "d": 1}]}'
+
+
+@pytest.mark.parametrize("certificate", [implicit_certificate(), explicit_certificate()])
+def test_a_stored_certificate_says_the_same(certificate: SettledCertificate) -> None:
+    """Storing and reading back changes nothing of what is written for people."""
+    assert to_json(decode(encode(certificate))) == to_json(certificate)
+
+
+def test_a_certificate_has_the_keys_of_its_method() -> None:
+    """What one method does not measure is not there; what nobody asked for neither."""
+    both = {"arch", "signals", "kick", "free_weight_n", "length_m", "friction_cone_margin", "inverted_particles"}
+    implicit, explicit = set(object_to_json(implicit_certificate())), set(object_to_json(explicit_certificate()))
+    assert implicit & explicit == both
+    assert explicit - both == {"method", "cell_m", "substeps", "interval_s"}
+    assert to_json(explicit_certificate().kick) == {"done": False}
