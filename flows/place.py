@@ -63,7 +63,7 @@ STAGES: tuple[Stage[..., object], ...] = (
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Placement:
+class PlacementRefs:
     """What each stage returned, as references into the store."""
 
     scene_scan: Ref[Scan]
@@ -79,7 +79,7 @@ class Placement:
     renders: Ref[Renders]
 
 
-def place(sample: Sample, config: PlaceConfig) -> Placement:
+def place(sample: Sample, config: PlaceConfig) -> PlacementRefs:
     """Place the sample's object in its scene as its prompt says."""
     scene_source, object_source = Store.default().add_source(sample.scene), Store.default().add_source(sample.object)
 
@@ -95,7 +95,7 @@ def place(sample: Sample, config: PlaceConfig) -> Placement:
     settled = drop_task(particles, anchor, intent, sample.seed, config=config.drop)
     renders = render_task(scene, item, anchor, settled, config=config.render)
 
-    return Placement(
+    return PlacementRefs(
         scene_scan=scene_scan,
         object_scan=object_scan,
         scene=scene,
@@ -110,7 +110,7 @@ def place(sample: Sample, config: PlaceConfig) -> Placement:
     )
 
 
-def overview_of(placement: Placement, config: PlaceConfig) -> Ref[Overview] | None:
+def overview_of(placement: PlacementRefs, config: PlaceConfig) -> Ref[Overview] | None:
     """Pictures of an infeasible placement, from what its stages found; None if it is feasible."""
     if not placement.renders.infeasible:
         return None

@@ -10,7 +10,7 @@ from dcap.scene.store.artifacts import Store
 from dcap.scene.store.ref import Ref
 from dcap.scene.types.renders import Overview
 from dcap.scene.types.sample import Sample
-from flows.place import STAGES, PlaceConfig, Placement, overview_of, place
+from flows.place import STAGES, PlaceConfig, PlacementRefs, overview_of, place
 from tasks.overview import overview_task
 from tasks.runner.context import Event, NotCachedError, OnEvent, RunContext, StageEvent, use_context
 from tasks.runner.records import Record, why_not_cached
@@ -55,7 +55,7 @@ class FinishedSample:
     """A sample whose stages have all returned."""
 
     sample: Sample
-    placement: Placement
+    placement: PlacementRefs
     overview: Ref[Overview] | None
     """Pictures of an infeasible placement."""
     records: tuple[tuple[str, Record, bool], ...]
@@ -154,14 +154,14 @@ def try_sample(
         return FailedSample(sample, error)
 
 
-def placed(sample: Sample, config: PlaceConfig) -> tuple[Placement, Ref[Overview] | None]:
+def placed(sample: Sample, config: PlaceConfig) -> tuple[PlacementRefs, Ref[Overview] | None]:
     """Place a sample; if that is infeasible, take pictures of what was asked."""
     placement = place(sample, config)
     return placement, overview_of(placement, config)
 
 
 @cache
-def place_flow() -> "Flow[[Sample, PlaceConfig], tuple[Placement, Ref[Overview] | None]]":
+def place_flow() -> "Flow[[Sample, PlaceConfig], tuple[PlacementRefs, Ref[Overview] | None]]":
     """`placed` as a Prefect flow; Prefect is imported here, after the server's address is known."""
     from prefect import Flow
 

@@ -24,7 +24,7 @@ STIFF = 100.0  # largest stiffness of a bonded point over E times the cell of a 
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Attachment:
+class AttachedPoints:
     """How a set of points moves with one body: with nodes of its field, or with its frame."""
 
     body: int
@@ -47,8 +47,8 @@ class Attachment:
 class BondedPair:
     """The tied points of two bodies."""
 
-    a: Attachment
-    b: Attachment
+    a: AttachedPoints
+    b: AttachedPoints
     stiffness: NDArray[np.float64]
     """Per point [N/m], shape (k,)."""
 
@@ -104,22 +104,22 @@ def distance_at(grid: SignedDistance, points: NDArray[np.float64]) -> NDArray[np
 
 def _attach(
     index: int, points: NDArray[np.float64], soft: SoftSystem, one: BodyGrid | None
-) -> tuple[Attachment, NDArray[np.bool_]]:
+) -> tuple[AttachedPoints, NDArray[np.bool_]]:
     """The attachment of points (k, 3) to a body, and which of them lie in a cell of it."""
     node, weight = np.zeros((len(points), 8), dtype=np.int64), np.zeros((len(points), 8))
     if one is None:
-        return Attachment(index, points, node, weight), np.ones(len(points), dtype=bool)
+        return AttachedPoints(index, points, node, weight), np.ones(len(points), dtype=bool)
     inside = np.all([(points[:, a] >= p[0]) & (points[:, a] <= p[-1]) for a, p in enumerate(one.planes)], axis=0)
     flat, local = locate(one.planes, points[inside])
     cell = np.full(len(points), -1)
     cell[inside] = one.cell_id.ravel()[flat]
     weight[inside] = shape_values(local)
     node[cell >= 0] = soft.cell_node[cell[cell >= 0]]
-    return Attachment(index, points, node, weight), cell >= 0
+    return AttachedPoints(index, points, node, weight), cell >= 0
 
 
-def _only(attachment: Attachment, keep: NDArray[np.bool_]) -> Attachment:
-    return Attachment(attachment.body, attachment.rest[keep], attachment.node[keep], attachment.weight[keep])
+def _only(attachment: AttachedPoints, keep: NDArray[np.bool_]) -> AttachedPoints:
+    return AttachedPoints(attachment.body, attachment.rest[keep], attachment.node[keep], attachment.weight[keep])
 
 
 def bond_table(model: Model, bonds: Sequence[BondedPair], state: State) -> list[dict[str, object]]:

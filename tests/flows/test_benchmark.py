@@ -21,7 +21,7 @@ from flows.sample_run import FailedSample
 PIPELINE = """
 import numpy as np
 from pydantic import BaseModel
-from flows.place import Placement
+from flows.place import PlacementRefs
 from dcap.scene.types.anchor import Anchor
 from dcap.scene.types.box import OrientedBox
 from dcap.scene.errors import GeometryError
@@ -79,7 +79,10 @@ def place(sample, config):
     target = aim(wish)
     settled = settle(target, sample.seed)
     pictures = paint(settled)
-    return Placement(scan, scan, scene, scene, wish, wish, target, wish, settled, settled, pictures)
+    return PlacementRefs(
+        scene_scan=scan, object_scan=scan, scene=scene, item=scene, intent=wish, rotation=wish, anchor=target,
+        materials=wish, particles=settled, settled=settled, renders=pictures,
+    )
 """
 DATASET = """
 - {id: good, scene: fine.ply, object: fine.ply, prompt: put the ball on the table, seed: 1}

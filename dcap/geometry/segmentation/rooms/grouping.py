@@ -58,7 +58,7 @@ class Surroundings:
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Contact:
+class NeighborContact:
     """A segment and one neighbour."""
 
     belongs: float
@@ -85,7 +85,7 @@ class Contact:
         return float(self.under.mean()) > 0.5
 
 
-Contacts = dict[int, dict[int, Contact]]
+Contacts = dict[int, dict[int, NeighborContact]]
 """Of each segment, by number of the neighbour; kept until one of the two is merged."""
 
 
@@ -109,7 +109,9 @@ def grouped(segments: Segments, around: Surroundings) -> None:
             wanted[one] = _wish(segments, around, one, known[one])
 
 
-def _wish(segments: Segments, around: Surroundings, name: int, contacts: dict[int, Contact]) -> tuple[float, int]:
+def _wish(
+    segments: Segments, around: Surroundings, name: int, contacts: dict[int, NeighborContact]
+) -> tuple[float, int]:
     """How certainly a segment belongs to one of its neighbours, 0: to none, and to which; completes its contacts."""
     segment = segments.alive[name]
     for other, touch in segment.touches.items():
@@ -123,7 +125,7 @@ def _wish(segments: Segments, around: Surroundings, name: int, contacts: dict[in
     return max(choices)
 
 
-def _contact(segments: Segments, name: int, other: int) -> Contact:
+def _contact(segments: Segments, name: int, other: int) -> NeighborContact:
     """Who stands on whom: a pair of segments of which each has points above the other is decided by their number."""
     on, under = segments.standing(name, other), segments.standing(other, name)
     if on.sum() < under.sum():
@@ -132,7 +134,7 @@ def _contact(segments: Segments, name: int, other: int) -> Contact:
     area = patch_area(segments.position[touch.a[segments.sideways(touch)]])
     against, again = (area / max(segments.alive[one].area, 1e-12) for one in (name, other))
     belongs = max(_continuing(segments, name, other), _covering(segments, name, other, on))
-    return Contact(belongs, against, min(0.5 * (against + again), 1.0), touch.a, on, under)
+    return NeighborContact(belongs, against, min(0.5 * (against + again), 1.0), touch.a, on, under)
 
 
 def _continuing(segments: Segments, name: int, other: int) -> float:
@@ -159,7 +161,7 @@ def _covering(segments: Segments, name: int, other: int, on: Mask) -> float:
     return 1.0 + min(share, 1.0) if share > COVERED else 0.0
 
 
-def _leaning(contacts: dict[int, Contact]) -> tuple[float, int]:
+def _leaning(contacts: dict[int, NeighborContact]) -> tuple[float, int]:
     """How certainly a segment belongs to what it lies against sideways, more for segments of like size, and to which.
 
     A good part of its surface must, against one neighbour or wedged between several.
@@ -181,7 +183,7 @@ def _stands(segments: Segments, around: Surroundings, segment: Segment, below: I
 
 
 def _hangs(
-    segments: Segments, around: Surroundings, segment: Segment, below: Index, contacts: dict[int, Contact]
+    segments: Segments, around: Surroundings, segment: Segment, below: Index, contacts: dict[int, NeighborContact]
 ) -> bool:  # fmt: skip
     """Whether a segment hangs at a wall: without a foot, and not held from both ends by another segment."""
     if plan_area(segments.position[below]) > FOOT * plan_area(segments.position[segment.points]):
@@ -197,7 +199,7 @@ def _by_wall(segments: Segments, around: Surroundings, segment: Segment) -> bool
     return float(segments.weight[near].sum()) > HANGING * segment.area
 
 
-def _clamps(segments: Segments, segment: Segment, contact: Contact) -> bool:
+def _clamps(segments: Segments, segment: Segment, contact: NeighborContact) -> bool:
     """Whether a neighbour holds a segment at both ends of its longer side."""
     size = segment.high - segment.low
     axis = int(np.argmax(size[:2]))
@@ -209,7 +211,7 @@ def _clamps(segments: Segments, segment: Segment, contact: Contact) -> bool:
 
 
 def _holder(
-    segments: Segments, around: Surroundings, name: int, contacts: dict[int, Contact], *, falls_off: bool
+    segments: Segments, around: Surroundings, name: int, contacts: dict[int, NeighborContact], *, falls_off: bool
 ) -> int:  # fmt: skip
     """What most likely holds a segment that falls (off what is below, or over on its foot); -1 if nothing does.
 
