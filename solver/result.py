@@ -57,7 +57,7 @@ class FinalState:
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Result:
+class SettledModel:
     """The outcome of a drop."""
 
     verdict: Verdict
@@ -82,7 +82,7 @@ def build_result(
     kick: KickCheck | NotDone,
     config: SolverConfig,
     warnings: list[str],
-) -> Result:
+) -> SettledModel:
     """The result with the part of its certificate that every method has; `rows` are the signals that were judged."""
     certificate = Certificate(
         arch=config.arch,
@@ -94,7 +94,7 @@ def build_result(
         inverted_particles=final.inverted,
     )
     inverted = (f"{final.inverted} particles are inverted in the last state",) if final.inverted else ()
-    return Result(
+    return SettledModel(
         verdict=verdict,
         bodies=final.bodies,
         contacts=final.contacts,

@@ -16,7 +16,7 @@ from solver.mls import drop as mls
 from solver.model.bodies import Model
 from solver.model.state import State
 from solver.rest import Progress, Signals
-from solver.result import FinalState, RestBody, Result, Verdict, beside, build_result, carried
+from solver.result import FinalState, RestBody, SettledModel, Verdict, beside, build_result, carried
 from solver.runtime import start
 from solver.tl.disturbance import kick
 from solver.tl.measure import contact_table, friction_margin, rolling_table
@@ -29,7 +29,7 @@ CREEPING_TOLERANCE = 0.1
 NOTHING_TO_PUSH = "there is no verified rest state of a free body"
 
 
-def settle(model: Model, config: SolverConfig, progress: Progress | None = None) -> Result:
+def settle(model: Model, config: SolverConfig, progress: Progress | None = None) -> SettledModel:
     """Let the free bodies of `model` come to rest.
 
     Returns the rest state with its certificate, or the last state with the verdict that says why it is none.
@@ -46,7 +46,7 @@ def settle(model: Model, config: SolverConfig, progress: Progress | None = None)
 class ImplicitDrop(Simulation):
     """One simulation from start to verdict."""
 
-    def run(self, progress: Progress | None) -> Result:
+    def run(self, progress: Progress | None) -> SettledModel:
         """Approach, rest, kick, verdict."""
         state = self.start_state()
         self._refuse_overlap(state)
@@ -151,7 +151,7 @@ class ImplicitDrop(Simulation):
         rows: SignalRows,
         kicked: KickCheck | NotDone,
         stability: StabilityGrade | NotDone | None,
-    ) -> Result:
+    ) -> SettledModel:
         contacts, final = report.contacts, self._final(state, report)
         result = build_result(verdict, final, self.monitor, rows, kicked, self.config, self.warnings)
         certificate = replace(

@@ -17,7 +17,7 @@ REVEAL = 0.09
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class RoomShell:
+class BuiltShell:
     """Floor, ceiling, walls, windows and doors of a room."""
 
     things: tuple[Assembly, ...]
@@ -26,7 +26,7 @@ class RoomShell:
     """Open surfaces with the label of their instance: floor, ceiling, wall south ..."""
 
 
-def shell(room: FurnishedRoom) -> RoomShell:
+def shell(room: FurnishedRoom) -> BuiltShell:
     """Build the shell of a room."""
     sheets = [("floor", _floor(room)), ("ceiling", _ceiling(room))]
     things: list[Assembly] = []
@@ -35,7 +35,7 @@ def shell(room: FurnishedRoom) -> RoomShell:
         sheets.append((f"wall {name}", _wall(room, name, openings)))
         things.append(Assembly(f"wall {name}", (SolidPart("skirting", tuple(_skirting(room, name, openings))),)))
         things += [_window(room, o) if o.kind == "WINDOW" else _door(room, o) for o in openings]
-    return RoomShell(tuple(things), tuple(sheets))
+    return BuiltShell(tuple(things), tuple(sheets))
 
 
 def _floor(room: FurnishedRoom) -> Mesh:

@@ -30,7 +30,7 @@ from solver.mls.plates import THIN, Plates, thin_bodies
 from solver.mls.rigid import RigidBodies
 from solver.model.bodies import Body, Model
 from solver.rest import Progress, RestMonitor
-from solver.result import FinalState, Result, Verdict, beside, build_result, carried
+from solver.result import FinalState, SettledModel, Verdict, beside, build_result, carried
 
 Array = NDArray[np.float64]
 
@@ -78,7 +78,7 @@ class ExplicitDrop:
         self._refuse_overlap()
         self._name_thin_parts()
 
-    def run(self, progress: Progress | None) -> Result:
+    def run(self, progress: Progress | None) -> SettledModel:
         """Intervals until quiet, left, or out of budget."""
         while True:
             last = self._interval()
@@ -254,7 +254,7 @@ class ExplicitDrop:
                     "the least that carries bending; lower mls_cell"
                 )
 
-    def _result(self, verdict: Verdict, last: IntervalReport) -> Result:
+    def _result(self, verdict: Verdict, last: IntervalReport) -> SettledModel:
         rows, final = self.monitor.rows(), self._final(last)
         result = build_result(verdict, final, self.monitor, rows, NotDone(), self.config, self.warnings)
         certificate = replace(

@@ -73,7 +73,7 @@ class IntervalReport:
         return rotation, translation, speed
 
     def contacts(self) -> tuple[tuple[ContactRow, ...], dict[str, Array]]:
-        """Touching pairs as in Result.contacts, and the contact points of every body."""
+        """Touching pairs as in SettledModel.contacts, and the contact points of every body."""
         rows: list[ContactRow] = []
         points: dict[str, list[Array]] = {body.name: [] for body in self.model.bodies}
         for a, b, force, normal in [*self._coupled(), *self._shared(), *self._rigid()]:

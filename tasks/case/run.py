@@ -22,7 +22,7 @@ from solver.config import SolverConfig
 from solver.errors import ArchError, ModelError, UnstableStep
 from solver.model.bodies import Body
 from solver.rest import History, Signals
-from solver.result import Result
+from solver.result import SettledModel
 from solver.settle import settle
 from solver.warmup import warm_up
 from tasks.bodies.solver_model import solver_model
@@ -101,7 +101,7 @@ def _broken(error: UnstableStep, bodies: Sequence[Body], cell: float, notes: lis
     }  # fmt: skip
 
 
-def summarise(case: Case, bodies: Sequence[Body], result: Result, cell: float) -> JsonObject:
+def summarise(case: Case, bodies: Sequence[Body], result: SettledModel, cell: float) -> JsonObject:
     """result.json without times."""
     described: JsonObject = {}
     for given, body, rest in zip(case.bodies, bodies, result.bodies, strict=True):
@@ -130,7 +130,9 @@ def summarise(case: Case, bodies: Sequence[Body], result: Result, cell: float) -
     }
 
 
-def write_case(out: Path, summary: Mapping[str, JsonValue], bodies: Sequence[Body], result: Result | None) -> None:
+def write_case(
+    out: Path, summary: Mapping[str, JsonValue], bodies: Sequence[Body], result: SettledModel | None
+) -> None:
     """Write the files beside their place and move them in, result.json last: whoever sees it sees everything.
 
     Files of an earlier result are replaced or removed; whatever else lies in the folder stays.

@@ -33,12 +33,12 @@ from solver.certificate import (
     StabilityGrade,
 )
 from solver.rest import History
-from solver.result import RestBody, Result
+from solver.result import RestBody, SettledModel
 
 Array = NDArray[np.float64]
 
 
-def settled_of(particles: Particles, result: Result) -> Settled:
+def settled_of(particles: Particles, result: SettledModel) -> Settled:
     """The solver's result as the pipeline stores it, not yet compared with what was asked."""
     bodies = [_body(body, rest) for body, rest in zip(particles.bodies, result.bodies, strict=True)]
     return Settled(

@@ -26,7 +26,7 @@ OF = frozenset({"of", "from", "out of"})
 
 
 @dataclass(frozen=True, slots=True)
-class Named:
+class MaterialPhrase:
     """A material that somebody named."""
 
     phrase: str
@@ -64,21 +64,21 @@ def listed(text: str) -> tuple[str, ...]:
 
 
 @cache
-def named_phrases() -> Mapping[Words, Named]:
+def named_phrases() -> Mapping[Words, MaterialPhrase]:
     """Every word or phrase that names a material."""
-    found: dict[Words, Named] = {}
+    found: dict[Words, MaterialPhrase] = {}
     for phrase, material in material_words().items():
-        found[tuple(split_words(phrase))] = Named(phrase, material, families()[material], generic=False)
+        found[tuple(split_words(phrase))] = MaterialPhrase(phrase, material, families()[material], generic=False)
     for row in rows(FAMILIES):
         for phrase in listed(row["words"]):
             words = tuple(split_words(phrase))
             if words in found:
                 raise InputError(f"{FAMILIES}: {phrase!r} names {found[words].material} already")
-            found[words] = Named(phrase, row["material"], row["family"], generic=True)
+            found[words] = MaterialPhrase(phrase, row["material"], row["family"], generic=True)
     return MappingProxyType(found)
 
 
-def materials_in(words: Sequence[str], *, head: bool) -> Iterator[Named]:
+def materials_in(words: Sequence[str], *, head: bool) -> Iterator[MaterialPhrase]:
     """Materials that the words name, the longest phrase at each place, colours left out; the last word is what the
     thing is and names a material only by itself if `head`."""
     known = named_phrases()
@@ -97,7 +97,7 @@ def is_colour(words: Words) -> bool:
     return any(meaning.kind == "colour" for meaning in vocabulary().get(words, ()))
 
 
-def row_of_part(named: Named, whole: str, part: str, usual: str) -> str:
+def row_of_part(named: MaterialPhrase, whole: str, part: str, usual: str) -> str:
     """The row that a part of a thing has when the thing is called after a material; empty if it is not meant.
 
     A family's name ("wooden") keeps the part's usual row where that is of the family.
