@@ -159,6 +159,7 @@ def test_a_file_of_splats_gets_a_folder_for_its_mesh(room: Path, tmp_path: Path)
     assert record["then"] == f'dcap place {tmp_path}/out/mesh OBJECT "PROMPT" --up z --unit m'
 
 
+@pytest.mark.slow
 def test_another_scene_does_not_replace_a_result(
     room: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

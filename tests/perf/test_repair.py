@@ -8,6 +8,9 @@ import pytest
 from dcap.scene.types.repair_report import Method, RepairReport
 from perf.repair import SAMPLES, SUPPORTS, PartRepair, room_rows, sample_rows, summaries
 
+WHOLE_SCANS = ("polycam_", "quest_")
+"""Rooms of the sample data that are one fused surface each."""
+
 
 def assert_good(rows: list[PartRepair]) -> None:
     """Closed, sure of its inside, moved by less than the tolerance."""
@@ -39,10 +42,13 @@ def test_missing_sample_data_are_told(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.slow
 @pytest.mark.skipif("DCAP_SAMPLE_DATA" not in os.environ, reason="needs $DCAP_SAMPLE_DATA")
 def test_sample_meshes_are_closed() -> None:
-    """Real objects and supports are closed and near; all but a draped bed keep the faces they came with."""
+    """Real objects and supports are closed and near; all but a draped bed keep the faces they came with.
+
+    What is cut out of a scan of a whole room is one surface with its neighbours: closed, but not by its own faces."""
     rows = list(sample_rows(Path(os.environ["DCAP_SAMPLE_DATA"])))
     assert len(rows) >= 25
     assert all(r.report.closed for r in rows)
-    anew = {(r.place, r.part) for r in rows if r.report.resolution > 0.0}
+    pieces = [r for r in rows if not r.place.startswith(WHOLE_SCANS)]
+    anew = {(r.place, r.part) for r in pieces if r.report.resolution > 0.0}
     assert anew <= {("myroom_mit/bed", "mattress")}
-    assert_good([r for r in rows if r.report.resolution == 0.0])
+    assert_good([r for r in pieces if r.report.resolution == 0.0])

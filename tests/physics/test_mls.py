@@ -223,6 +223,7 @@ def test_rigid_bodies_stand_on_each_other_beside_the_material(lab):
     assert row.normal_force_n == pytest.approx(0.5 * lab.gravity, rel=5e-3)
 
 
+@pytest.mark.slow
 def test_a_rigid_block_on_a_rigid_slope_below_static_friction_comes_to_rest(lab):
     """tan(a) = 0.85 mu: friction's anchors hold it where it is, without creep; the material lies elsewhere."""
     angle = np.arctan(0.85 * 0.5)

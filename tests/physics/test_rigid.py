@@ -61,6 +61,7 @@ def test_a_cube_does_not_creep_on_a_slope_below_the_friction_angle(lab):
     assert result.certificate.kick.distance_m.value < 1e-4
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("lean", "stands"), [(0.8, True), (1.2, False)])
 def test_a_tall_box_topples_past_its_critical_angle_and_not_before(lab, lean, stands):
     """Critical angle: tan(a) = width / height."""
@@ -87,6 +88,7 @@ def test_a_cylinder_balanced_on_its_rim_is_not_a_rest_state(lab):
     assert turned > 20.0
 
 
+@pytest.mark.slow
 def test_rolling_resistance_does_not_hold_up_what_a_kick_made_lose_its_balance(lab):
     """A pencil with round ends falls over and comes to rest lying: resistance to rolling gives way meanwhile."""
     pencil = lab.rigid("pencil", lab.Capsule(0.02, 0.1), [0, 0, 0.0701], mass=0.2, rolling=1e-3, edge=0.004)

@@ -28,6 +28,7 @@ def decided(thing: Thing, extents: np.ndarray) -> tuple[float, str]:
     return found.scale, found.note
 
 
+@pytest.mark.slow
 @settings(max_examples=400, deadline=None)
 @given(st.sampled_from(OBJECTS), st.integers(0, 2), st.floats(-1.0, 1.0), st.sampled_from(sorted(UNITS)), st.randoms())
 def test_metres_are_kept_and_other_units_undone_exactly(name, shape, exponent, unit, random):

@@ -126,6 +126,7 @@ DAMAGES = (
 )  # fmt: skip
 
 
+@pytest.mark.slow
 @settings(max_examples=10)
 @given(st.sampled_from([box, ball]), st.lists(st.sampled_from(DAMAGES), max_size=4), st.integers(0, 99))
 def test_damage_that_leaves_the_surface_whole_is_undone(shape: object, kinds: list[str], seed: int) -> None:
