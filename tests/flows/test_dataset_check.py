@@ -177,7 +177,7 @@ def test_the_plot_is_written(data: Path, suffix: str, capsys: pytest.CaptureFixt
         with Image.open(plot) as image:
             assert min(image.size) > 400
     else:
-        assert plot.read_text().startswith("<svg")
+        assert "<svg" in plot.read_text()
     capsys.readouterr()
     assert run_command(["dataset", "check", str(data / "data"), "--plot", str(data / "figure.pdf")]) == 2
     captured = capsys.readouterr()
