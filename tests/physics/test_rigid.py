@@ -234,7 +234,7 @@ def test_a_gram_under_ten_kilograms_comes_to_rest(lab):
     result = lab.drop(chip, block, lab.floor())
     assert result.verdict == "at_rest"
     floor = next(c for c in result.contacts if {c.a, c.b} == {"chip", "floor"})
-    assert floor["normal_force_n"] == pytest.approx(10.001 * lab.gravity, rel=5e-3)
+    assert floor.normal_force_n == pytest.approx(10.001 * lab.gravity, rel=5e-3)
 
 
 def test_a_body_carries_what_goes_through_it(lab):
