@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from dcap.scene.errors import FormatError, InputError
+from dcap.scene.errors import FormatError, GeometryError, InputError
 from dcap.scene.readers.frame.frame import FileFrame, Role, find_frame, option_name
 from dcap.scene.readers.gltf.gltf import read_gltf
 from dcap.scene.readers.mesh.obj import read_obj
@@ -128,6 +128,8 @@ def readable(path: Path) -> Iterator[None]:
         yield
     except OSError as error:
         raise FormatError(f"{path}: cannot be read: {error.strerror}") from None
+    except GeometryError as error:
+        raise FormatError(f"{path}: {error}") from None
     except BROKEN as error:
         raise FormatError(f"{path}: the file contradicts its format ({type(error).__name__}: {error})") from None
 

@@ -79,4 +79,7 @@ def _parsed(path: Path, text: bytes) -> Json:
     document = parse_json(path, text, "glTF JSON")
     if not isinstance(document, dict):
         raise FormatError(f"{path}: the glTF JSON is not an object")
+    version = str(require(path, document, "asset", dict, {}).get("version", "2.0"))
+    if version.partition(".")[0] != "2":
+        raise FormatError(f"{path}: glTF version {version[:20]!r}; only glTF 2.0 is read")
     return document

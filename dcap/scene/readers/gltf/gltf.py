@@ -191,7 +191,7 @@ class _GltfBuilder:
         """Collect what one node draws; its own frame, trail and label."""
         node = self.nodes[index]
         world_from_node = world_from_parent @ _local_matrix(node)
-        mesh = self.meshes[int(node["mesh"])] if "mesh" in node else None
+        mesh = self.meshes[require(self.path, node, "mesh", int, 0)] if "mesh" in node else None
         own = _annotated_label(node)
         if own is not None:
             trail, label = (), own

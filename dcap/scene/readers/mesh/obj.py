@@ -20,6 +20,10 @@ from dcap.scene.readers.mesh.raw import Paint, RawMesh, check_face_count, check_
 
 CORNER = re.compile(rb"-?\d{1,18}(?:/(?:-?\d{1,18})?){0,2}")
 """One corner of a face: position, texture coordinate and normal."""
+NUMERIC = (b"v", b"vt", b"f")
+"""Lines that may end in a comment; a name may hold the sign."""
+SHOWN = 80
+"""Characters of a broken line that a message quotes."""
 
 
 @dataclass
@@ -68,7 +72,7 @@ def _statements(data: bytes) -> Iterator[tuple[int, bytes, bytes]]:
     text = data.replace(b"\r\n", b"\n").replace(b"\r", b"\n").replace(b"\\\n", b" ")
     for number, line in enumerate(text.split(b"\n"), start=1):
         key, _, rest = line.strip().replace(b"\t", b" ").partition(b" ")
-        yield number, key, rest
+        yield number, key, rest.partition(b"#")[0] if key in NUMERIC else rest
 
 
 def _sort_lines(data: bytes) -> Lines:
@@ -179,7 +183,8 @@ def _indices(
             pass
     sound = np.array([_readable(row) for row in rows], dtype=bool)
     for i in numbers[~sound]:
-        report(error(f"face {lines.face[i].decode('latin-1')!r} is not understood", line=lines.face_line[i]))
+        shown = lines.face[i][:SHOWN].decode("latin-1")
+        report(error(f"face {shown!r} is not understood", line=lines.face_line[i]))
     tokens = [token for row, good in zip(rows, sound, strict=True) if good for token in row.split()]
     pairs = [[int(word or 0) for word in [*t.split(b"/"), b""][:2]] for t in tokens]
     return np.array(pairs, dtype=np.int64).reshape(-1, count, 2), numbers[sound]

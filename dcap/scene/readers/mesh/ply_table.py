@@ -25,6 +25,9 @@ HEADER_LIMIT = 1 << 20
 COUNT = re.compile(rb"(?<![^\r\n])([ \t]*element[ \t]+\S+[ \t]+)(\d+)(?=\s)")
 """The number of rows that a line of the header promises."""
 
+END = re.compile(rb"(?<=[\r\n])end_header[ \t]*(\r\n|\n|\r)")
+"""The last line of the header; a comment may hold the word too."""
+
 WEDGE = ("texcoord", 6)
 """Texture coordinates of a triangle's corners, as some programs write them: the one usual list of another length."""
 
@@ -56,11 +59,11 @@ def read_header(path: Path) -> PlyHeader:
     data = read_bytes(path, HEADER_LIMIT)
     if data[:3] != b"ply":
         raise FormatError(f"{path}: does not begin with 'ply'")
-    line_end = data.find(b"\n", data.find(b"end_header"))
-    if line_end < 0 or b"end_header" not in data[: line_end + 1]:
+    end = END.search(data)
+    if end is None:
         raise FormatError(f"{path}: the PLY header has no end_header line")
     # plyfile takes ASCII alone, but comments hold names of people and folders
-    text = data[: line_end + 1].decode("ascii", "replace").encode("ascii", "replace")
+    text = data[: end.end()].decode("ascii", "replace").encode("ascii", "replace")
     counts = [int(match[2]) for match in COUNT.finditer(text)]
     try:
         found = PlyData.read(BytesIO(COUNT.sub(rb"\g<1>0", text)))

@@ -4,6 +4,11 @@ import manifold3d
 import numpy as np
 from numpy.typing import NDArray
 
+from dcap.scene.errors import GeometryError
+
+MOST_CORNERS = 4096
+"""Of a concave polygon: the triangulation takes memory with the square of their number, 16 bytes each."""
+
 
 def triangulate(
     vertices: NDArray[np.float64], polygons: NDArray[np.int64]
@@ -42,6 +47,8 @@ def _concave(points: NDArray[np.float64], normals: NDArray[np.float64]) -> NDArr
 
 def _cut_concave(points: NDArray[np.float64], normal: NDArray[np.float64], fan: NDArray[np.int64]) -> NDArray[np.int64]:
     """Corner triples of one concave polygon; the fan where the outline crosses itself."""
+    if len(points) > MOST_CORNERS:
+        raise GeometryError(f"a concave face has {len(points)} corners > {MOST_CORNERS}; cut it into triangles")
     across = np.linalg.svd(normal[None, :])[2][1:]
     if np.dot(np.cross(across[0], across[1]), normal) < 0:
         across = across[::-1]

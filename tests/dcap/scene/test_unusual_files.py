@@ -1,0 +1,61 @@
+"""Files that are unusual and sound are read; files that only look sound are refused in one short line."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from mesh_files import CUBE, QUADS, cube_document, glb, refusal, scan_of, volume, write_obj, write_ply
+
+
+@pytest.mark.parametrize("order", ["a", "<"])
+def test_ply_comments_may_hold_the_words_of_a_header(tmp_path: Path, order: str) -> None:
+    """A header ends at the line `end_header`, not where a comment says the word."""
+    path = write_ply(tmp_path / "cube.ply", order, CUBE, QUADS)
+    said = b"comment the end_header comes later\nobj_info end_header_not\ncomment element vertex 99\n"
+    path.write_bytes(path.read_bytes().replace(b"comment made by a test\n", said))
+    assert volume(scan_of(path).mesh) == pytest.approx(1.0, abs=1e-6)  # float32 corners of size 1
+
+
+def test_obj_lines_may_end_in_a_comment(tmp_path: Path) -> None:
+    """What follows a # is no number; a name may hold the sign."""
+    path = write_obj(tmp_path / "cube.obj", CUBE, QUADS)
+    lines = [f"{line} # {number}" for number, line in enumerate(path.read_text().splitlines())]
+    path.write_text("o crate #1\n" + "\n".join(lines))
+    scan = scan_of(path)
+    assert volume(scan.mesh) == pytest.approx(1.0)
+    assert scan.node_names == ("crate #1",)
+
+
+def test_a_broken_face_is_quoted_in_short(tmp_path: Path) -> None:
+    """A message about a face of thousands of characters is a line that one can read."""
+    path = tmp_path / "wide.obj"
+    path.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 " + "9" * 5000)
+    told = refusal(path)
+    assert "line 4" in told
+    assert len(told) < len(str(path)) + 200
+
+
+def test_a_concave_face_of_very_many_corners_is_refused(tmp_path: Path) -> None:
+    """Cutting it takes memory with the square of its corners; a convex one is a fan, however large."""
+    turn = np.linspace(0.0, 2.0 * np.pi, 5000, endpoint=False)
+    ring = np.stack([np.cos(turn), np.sin(turn), np.zeros(5000)], axis=1)
+    area = scan_of(write_obj(tmp_path / "disc.obj", ring, [list(range(5000))]), up="z", unit="m").mesh.face_areas.sum()
+    assert area == pytest.approx(np.pi, rel=1e-5)  # of the polygon: 1 - (2 pi / n)^2 / 6
+    star = ring * (1.0 + 0.2 * np.cos(40.0 * turn))[:, None]
+    assert "5000 corners > 4096" in refusal(write_obj(tmp_path / "star.obj", star, [list(range(5000))]))
+
+
+def test_gltf_of_another_version_is_refused(tmp_path: Path) -> None:
+    """Its accessors and materials mean something else."""
+    document, binary = cube_document()
+    path = tmp_path / "old.glb"
+    path.write_bytes(glb(document | {"asset": {"version": "1.0"}}, binary))
+    assert "'1.0'; only glTF 2.0" in refusal(path)
+
+
+def test_a_node_whose_mesh_is_a_word_is_refused(tmp_path: Path) -> None:
+    """A mesh is named by its number, and '0' is none."""
+    document, binary = cube_document()
+    path = tmp_path / "word.glb"
+    path.write_bytes(glb(document | {"nodes": [{"name": "Crate", "mesh": "0"}]}, binary))
+    assert "'mesh' is a str" in refusal(path)
