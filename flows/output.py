@@ -108,7 +108,7 @@ def scene_glb(scene: Segmentation, thing: Mesh | None) -> bytes:
 
 def copy_pictures(finished: FinishedSample, store: Store, folder: Path) -> dict[str, str]:
     """The pictures as they lie in the store."""
-    source = store.folder(finished.overview or finished.placement.renders)
+    source = store.folder(finished.placement.overview or finished.placement.renders)
     names = [name for name in PICTURES if (source / f"{name}.png").is_file()]
     for name in names:
         shutil.copyfile(source / f"{name}.png", folder / f"{name}.png")

@@ -1,6 +1,7 @@
 """One placement, from files and a sentence to pictures of the object at rest: the table of contents of DCAP."""
 
 from dataclasses import dataclass
+from typing import TypeVar
 
 from pydantic import BaseModel
 
@@ -28,6 +29,8 @@ from tasks.render.stage import RenderConfig, render_task
 from tasks.rotation.stage import RotationConfig, rotation_task
 from tasks.runner.stage import Stage
 from tasks.segment.stage import SegmentConfig, segment_object_task, segment_task
+
+ValueT = TypeVar("ValueT")
 
 
 class PlaceConfig(BaseModel, frozen=True, extra="forbid"):
@@ -77,6 +80,8 @@ class PlacementRefs:
     particles: Ref[Particles]
     settled: Ref[Settled]
     renders: Ref[Renders]
+    overview: Ref[Overview] | None = None
+    """Pictures of an infeasible placement, from what its stages found; None if it is feasible."""
 
 
 def place(sample: Sample, config: PlaceConfig) -> PlacementRefs:
@@ -94,6 +99,9 @@ def place(sample: Sample, config: PlaceConfig) -> PlacementRefs:
     particles = particles_task(scene, item, intent, anchor, materials, config=config.particles)
     settled = drop_task(particles, anchor, intent, sample.seed, config=config.drop)
     renders = render_task(scene, item, anchor, settled, config=config.render)
+    overview = None
+    if renders.infeasible:
+        overview = overview_task(scene, item, found(intent), found(anchor), config=config.overview)
 
     return PlacementRefs(
         scene_scan=scene_scan,
@@ -107,13 +115,10 @@ def place(sample: Sample, config: PlaceConfig) -> PlacementRefs:
         particles=particles,
         settled=settled,
         renders=renders,
+        overview=overview,
     )
 
 
-def overview_of(placement: PlacementRefs, config: PlaceConfig) -> Ref[Overview] | None:
-    """Pictures of an infeasible placement, from what its stages found; None if it is feasible."""
-    if not placement.renders.infeasible:
-        return None
-    intent = None if placement.intent.infeasible else placement.intent
-    anchor = None if placement.anchor.infeasible else placement.anchor
-    return overview_task(placement.scene, placement.item, intent, anchor, config=config.overview)
+def found(ref: Ref[ValueT]) -> Ref[ValueT] | None:
+    """The reference, None if it names the reason why there is no value."""
+    return None if ref.infeasible else ref

@@ -2,21 +2,14 @@
 
 import traceback
 from dataclasses import dataclass, replace
-from functools import cache
-from typing import TYPE_CHECKING
 
 from dcap.scene.errors import DcapError
 from dcap.scene.store.artifacts import Store
-from dcap.scene.store.ref import Ref
-from dcap.scene.types.renders import Overview
 from dcap.scene.types.sample import Sample
-from flows.place import STAGES, PlaceConfig, PlacementRefs, overview_of, place
+from flows.place import STAGES, PlaceConfig, PlacementRefs, place
 from tasks.overview import overview_task
 from tasks.runner.context import Event, NotCachedError, OnEvent, RunContext, StageEvent, use_context
 from tasks.runner.records import Record, why_not_cached
-
-if TYPE_CHECKING:
-    from prefect import Flow
 
 STAGE_NAMES = tuple(stage.name for stage in STAGES)
 OVERVIEW = overview_task.name
@@ -56,8 +49,6 @@ class FinishedSample:
 
     sample: Sample
     placement: PlacementRefs
-    overview: Ref[Overview] | None
-    """Pictures of an infeasible placement."""
     records: tuple[tuple[str, Record, bool], ...]
     """(stage, record, computed now) in order."""
 
@@ -101,7 +92,7 @@ def plan_sample(sample: Sample, config: PlaceConfig) -> Plan:
     recorder = EventRecorder()
     try:
         with use_context(RunContext(lookup_only=True, on_event=recorder)):
-            placement, overview = placed(sample, config)
+            placement = place(sample, config)
     except NotCachedError as missing:
         why = why_not_cached(missing.deciders, Store.default())
         return Plan(sample, stages_of(recorder), missing.deciders.stage, why)
@@ -110,9 +101,7 @@ def plan_sample(sample: Sample, config: PlaceConfig) -> Plan:
         return Plan(sample, stages_of(recorder), "", "", failed=FailedSample(sample, told))
     except Exception as error:  # the border between samples: reported in full, never hidden
         return Plan(sample, stages_of(recorder), "", "", failed=FailedSample(sample, error))
-    return Plan(
-        sample, stages_of(recorder), "", "", FinishedSample(sample, placement, overview, tuple(recorder.records))
-    )
+    return Plan(sample, stages_of(recorder), "", "", FinishedSample(sample, placement, tuple(recorder.records)))
 
 
 def stages_of(recorder: EventRecorder) -> tuple[str, ...]:
@@ -127,17 +116,23 @@ def run_sample(
     context: RunContext | None = None,
     listener: OnEvent | None = None,
 ) -> FinishedSample:
-    """Run the stages of a sample as one Prefect flow; needs a server. `context` says how, but for its events."""
+    """Run the stages of a sample as one Prefect flow; needs a server. `context` says how, but for its events.
+
+    Prefect is imported here, after the server's address is known.
+    """
+    from prefect import Flow
+
     recorder = EventRecorder(listener)
     context = context or RunContext()
-    flow = place_flow().with_options(flow_run_name=sample.id.replace("{", "(").replace("}", ")"))
+    name = sample.id.replace("{", "(").replace("}", ")")
+    flow = Flow(place, name="place", flow_run_name=name, validate_parameters=False, persist_result=False)
     try:
         session = replace(context.session, sample=sample.id)
         with use_context(replace(context, on_event=recorder, session=session)):
-            placement, overview = flow(sample, config)
+            placement = flow(sample, config)
     except DcapError as error:
         raise type(error)(in_users_words(str(error), sample)) from error
-    return FinishedSample(sample, placement, overview, tuple(recorder.records))
+    return FinishedSample(sample, placement, tuple(recorder.records))
 
 
 def try_sample(
@@ -152,20 +147,6 @@ def try_sample(
         return run_sample(sample, config, context=context, listener=listener)
     except Exception as error:  # the border between samples: reported in full, never hidden
         return FailedSample(sample, error)
-
-
-def placed(sample: Sample, config: PlaceConfig) -> tuple[PlacementRefs, Ref[Overview] | None]:
-    """Place a sample; if that is infeasible, take pictures of what was asked."""
-    placement = place(sample, config)
-    return placement, overview_of(placement, config)
-
-
-@cache
-def place_flow() -> "Flow[[Sample, PlaceConfig], tuple[PlacementRefs, Ref[Overview] | None]]":
-    """`placed` as a Prefect flow; Prefect is imported here, after the server's address is known."""
-    from prefect import Flow
-
-    return Flow(placed, name="place", validate_parameters=False, persist_result=False)
 
 
 def in_users_words(message: str, sample: Sample) -> str:

@@ -89,7 +89,16 @@ class Stage(Generic[P, ValueT_co]):
                 return value
         if config is None and "config" in self.signature.parameters:
             config = self.hints["config"]()
-        return self._record(self.deciders(inputs, config), config).ref
+        deciders, context = self.deciders(inputs, config), current_context()
+        if context.lookup_only:
+            _, record = usable_key(deciders.key, Store.default())
+            if record is None:
+                raise NotCachedError(deciders)
+            computed = False
+        else:
+            record, computed = self._run(deciders, config, context)
+        context.on_event(StageEvent(self.name, Event.FINISHED if computed else Event.CACHED, 1.0, record=record))
+        return record.ref
 
     def deciders(self, inputs: dict[str, Any], config: BaseModel | None) -> Deciders:
         """Everything that decides the result."""
@@ -100,18 +109,6 @@ class Stage(Generic[P, ValueT_co]):
             inputs={name: plain_input(name, value) for name, value in inputs.items()},
             libraries=libraries(self.module_path, PROJECT_ROOT),
         )
-
-    def _record(self, deciders: Deciders, config: BaseModel | None) -> Record:
-        context = current_context()
-        if context.lookup_only:
-            _, found = usable_key(deciders.key, Store.default())
-            if found is None:
-                raise NotCachedError(deciders)
-            record, computed = found, False
-        else:
-            record, computed = self._run(deciders, config, context)
-        context.on_event(StageEvent(self.name, Event.FINISHED if computed else Event.CACHED, 1.0, record=record))
-        return record
 
     def _run(self, deciders: Deciders, config: BaseModel | None, context: RunContext) -> tuple[Record, bool]:
         """The record, by Prefect from its cache or computed now, and whether it was computed."""

@@ -37,6 +37,7 @@ from dcap.scene.types.segmentation import Instance, Part, Segmentation
 from dcap.scene.types.settled import Settled, SettledBody, SettledVerdict
 from dcap.scene.store.artifacts import Source, Store
 from rest_records import history, implicit_certificate
+from tasks.overview import overview_task
 from tasks.runner.stage import stage
 
 MESH = Mesh.of(np.random.default_rng(0).random((30, 3)), np.arange(30).reshape(10, 3))
@@ -85,6 +86,7 @@ def place(sample, config):
     return PlacementRefs(
         scene_scan=scan, object_scan=scan, scene=scene, item=scene, intent=wish, rotation=wish, anchor=target,
         materials=wish, particles=settled, settled=settled, renders=pictures,
+        overview=overview_task(scene, scene, None, None) if pictures.infeasible else None,
     )
 """
 DATASET = """
