@@ -115,7 +115,7 @@ def main() -> None:
     report = private_stdout()
     job = json.loads(sys.stdin.read())
     forward_log(report)
-    from tasks.runner.stage import stage  # here, because tasks.stage imports this module
+    from tasks.runner.stage import stage  # here, because tasks.runner.stage imports this module
 
     try:
         function = getattr(importlib.import_module(job["module"]), job["function"])

@@ -63,6 +63,6 @@ def explicit_certificate() -> SettledCertificate:
 
 
 def history(steps: int) -> SettledHistory:
-    """Signals that die out over so many steps."""
+    """Signals that die out over `steps` steps."""
     series, counts = np.linspace(1.0, 0.0, steps), np.arange(steps)
     return SettledHistory(series, series, series, series, series, series, counts, counts)

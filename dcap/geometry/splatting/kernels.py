@@ -23,7 +23,7 @@ SPENT = 1e-3  # a pixel through which less light than this passes is finished
 WIDE = (
     1.3  # how far outside of the picture a Gaussian's centre is projected as it is, over the half field of view [K23]
 )
-LEAST = 512  # Taichi gives a thread no fewer iterations than these: a tile stands for so many
+LEAST = 512  # Taichi gives a thread no fewer iterations than these: a tile stands for 512 of them
 
 
 @ti.kernel

@@ -2,7 +2,7 @@
 
 In: words of a label or a prompt. Out: the row of the library that a part is made of then, or nothing: a glass table
 has a top of glass and legs of something else, a leather sofa has cushions of leather over foam. Which words belong to
-which family of materials stands in `lexicon/families.csv` and `materials.csv`, which parts a family speaks of in
+which family of materials stands in `lexicon/families.csv` and `materials.csv`, which parts a family applies to in
 `lexicon/made_of.csv`.
 """
 
@@ -38,8 +38,8 @@ class MaterialPhrase:
 
 
 @dataclass(frozen=True, slots=True)
-class Speaks:
-    """The parts that a family of materials speaks of."""
+class MaterialRule:
+    """The parts that a family of materials applies to."""
 
     family: str
     owners: tuple[str, ...]
@@ -51,10 +51,11 @@ class Speaks:
 
 
 @cache
-def speaking() -> tuple[Speaks, ...]:
+def material_rules() -> tuple[MaterialRule, ...]:
     """Rows of made_of.csv; of those that fit a family, an owner and a part the first decides."""
     return tuple(
-        Speaks(row["family"], listed(row["owners"]), listed(row["parts"]), row["material"]) for row in rows(MADE_OF)
+        MaterialRule(row["family"], listed(row["owners"]), listed(row["parts"]), row["material"])
+        for row in rows(MADE_OF)
     )
 
 
@@ -102,7 +103,7 @@ def row_of_part(named: MaterialPhrase, whole: str, part: str, usual: str) -> str
 
     A family's name ("wooden") keeps the part's usual row where that is of the family.
     """
-    for row in speaking():
+    for row in material_rules():
         if row.family != named.family or not (not row.owners or any(is_a(whole, owner) for owner in row.owners)):
             continue
         if not row.parts:

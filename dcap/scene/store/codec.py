@@ -124,7 +124,7 @@ def to_tree(value: object, path: str, files: dict[str, bytes]) -> object:
 
 
 def dataclass_to_tree(value: object, path: str, files: dict[str, bytes]) -> object:
-    """A frozen dataclass of scene/ as an object with its type's name."""
+    """A frozen dataclass of dcap/scene/types as an object with its type's name."""
     name = type(value).__name__
     if KINDS.get(name) is not type(value):
         raise StoreError(f"{path or 'value'}: {type(value).__module__}.{name} is not among the stored types")

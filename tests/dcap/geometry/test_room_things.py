@@ -32,7 +32,7 @@ def table(x: float = 0.0) -> Mesh:
 
 
 def measured(meshes: Sequence[Mesh]) -> tuple[FaceTable, DecomposedRoom]:
-    """DecomposedRoom in a room whose floor is at 0, its ceiling at 2.5 m and its one wall at y = 3 m."""
+    """Things in a room whose floor is at 0, its ceiling at 2.5 m and its one wall at y = 3 m."""
     face_table = FaceTable.of(joined(list(meshes)))
     ends = np.cumsum([0, *(len(mesh.faces) for mesh in meshes)])
     none = np.zeros(len(face_table.area), dtype=bool)

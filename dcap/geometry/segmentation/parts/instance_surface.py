@@ -22,7 +22,7 @@ UPWARD = 0.75
 
 
 FUSED = 0.7
-"""A component of which less than this share belongs to a instance is a scan that fused it with others [-]."""
+"""A component of which less than this share belongs to an instance is a scan that fused it with others [-]."""
 
 DENSE_FACES = 2000
 """A body of at least this many faces is a scan or finely made [-]."""
@@ -31,7 +31,7 @@ SPECK_FACES = 16
 """Loose patches of fewer faces are what a scan tears off, not things [-]."""
 
 MAP_CELLS = 64
-"""Cells of the height map along the longer side of a instance [-]."""
+"""Cells of the height map along the longer side of an instance [-]."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)

@@ -26,4 +26,4 @@ class PartMap:
 
 
 SIDES = (np.array([1.0, 0, 0]), np.array([-1.0, 0, 0]), np.array([0, 1.0, 0]), np.array([0, -1.0, 0]))
-"""Outward directions of the four sides of a instance's box."""
+"""Outward directions of the four sides of an instance's box."""

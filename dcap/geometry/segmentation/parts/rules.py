@@ -79,7 +79,7 @@ ONLY_SCENE_THINGS = frozenset(
         Category.BASIN,
     }
 )
-"""Categories whose rules are for furniture: as an object to be placed such a thing is one surface."""
+"""Categories whose rules are for furniture: as an object to be placed such a thing is one body."""
 
 
 def find_parts(

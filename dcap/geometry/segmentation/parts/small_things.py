@@ -129,7 +129,7 @@ def laptop_parts(surface: InstanceSurface) -> PartMap:
 
 
 def plush_parts(surface: InstanceSurface) -> PartMap:
-    """Name the faces of a plush toy: small dark pieces on its surface are eyes (or a nose), the rest is surface."""
+    """Name the faces of a plush toy: small dark pieces on its surface are eyes (or a nose), the rest is body."""
     parts = PartMap.filled(len(surface.area), "body")
     largest = float(surface.size.max())
     for piece in surface.pieces():

@@ -1,4 +1,4 @@
-"""DecomposedRoom in a room without annotations: the shell, and what stands or hangs in it, not yet named."""
+"""Things in a room without annotations: the shell, and what stands or hangs in it, not yet named."""
 
 from dataclasses import dataclass
 

@@ -26,7 +26,7 @@ def read_image(data: bytes, where: str) -> NDArray[np.uint8]:
 
 
 def read_gray(data: bytes, where: str, most: int) -> NDArray[np.uint8]:
-    """An encoded image of at most so many pixels as grey bytes, first row on top, shape (h, w)."""
+    """An encoded image of at most `most` pixels as grey bytes, first row on top, shape (h, w)."""
     return _decoded(data, where, "L", most)
 
 

@@ -118,7 +118,7 @@ def _numbers(report: Report, data: bytes, keyword: str, rows: list[bytes], least
 
 
 def _broken(row: bytes, least: int) -> str:
-    """What is wrong with a row of at least so many numbers, with a place for its keyword; empty if it is sound."""
+    """What is wrong with a row of at least `least` numbers, with a place for its keyword; empty if it is sound."""
     words = row.split()
     if len(words) < least:
         return f"'{{}}' has {len(words)} values, expected {least}"
@@ -222,7 +222,7 @@ def _paint(
     face_uv: NDArray[np.int64],
     owner: NDArray[np.int64],
 ) -> Paint | None:
-    """MtlMaterial colours and textures of the faces; None where the file names no material that exists."""
+    """Material colours and textures of the faces; None where the file names no material that exists."""
     material_index, names = _spread(lines.switches["usemtl"], len(lines.face))
     if not names or not library:
         return None
