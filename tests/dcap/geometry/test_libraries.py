@@ -8,7 +8,7 @@ import trimesh
 from dcap.geometry.distance import signed_volume
 from dcap.geometry.placement.polygons import smallest_rectangle
 from dcap.geometry.placement.poses import LEAST_SHARE, stable_poses
-from dcap.geometry.solid.boundary import hole_loops, is_closed, welded
+from dcap.geometry.solid.boundary import hole_loops, is_closed
 from dcap.geometry.solid.closing import capped
 from dcap.geometry.solid.repair import split_edges
 from dcap.geometry.solid.repair_log import RepairLog
@@ -46,7 +46,7 @@ def test_a_smooth_foot_is_one_stable_pose() -> None:
     ours = stable_poses(Mesh.of(lens.vertices, lens.faces))
     assert [pose.probability for pose in ours[:2]] == pytest.approx([0.5, 0.5], abs=0.02)
     _, theirs = trimesh.poses.compute_stable_poses(lens, threshold=LEAST_SHARE)
-    assert len(theirs) != 2
+    assert len(theirs) > 2
 
 
 def test_a_ball_has_a_stable_pose() -> None:
@@ -85,12 +85,3 @@ def test_refining_a_face_leaves_no_crack() -> None:
     marked[0] = True
     assert is_closed(split_edges(Mesh.of(box.vertices, box.faces), marked)[0])
     assert not is_closed(Mesh.of(*trimesh.remesh.subdivide(box.vertices, box.faces, face_index=[0])))
-
-
-def test_welding_joins_what_trimesh_joins() -> None:
-    """The hash of positions parts vertices as the four times slower exact grouping of trimesh does."""
-    rng = np.random.default_rng(0)
-    points = rng.integers(0, 40, (60_000, 3)) * 1e-3 + 1e-8 * rng.standard_normal((60_000, 3)) + (3.0, -7.0, 1.0)
-    ours, theirs = welded(points), trimesh.grouping.unique_rows(points, digits=6)[1]
-    pairs = np.unique(np.c_[ours, theirs], axis=0)
-    assert len(pairs) == len(np.unique(ours)) == len(np.unique(theirs))
