@@ -21,7 +21,7 @@ SOLVERS = ("tl", "mls")
 ARCHS = ("auto", "cpu", "cuda")
 UPS = ("auto", "y", "z", "-y", "-z")
 UNITS = ("auto", *METRES)
-CROSSED = "--stability needs --solver tl; mls verifies no rest state that could be pushed"
+CROSSED = "--stability needs --solver tl: mls does not verify rest states"
 
 
 def one_of(allowed: tuple[str, ...]) -> AfterValidator:

@@ -122,7 +122,7 @@ class ThingRecipe(RecipeModel):
         if self.varies and "seed" not in self.piece.arguments:
             raise ValueError(f"varies: a {self.piece.name} has no seed")
         if self.books and self.piece.name != "bookshelf":
-            raise ValueError(f"books: a {self.piece.name} has no boards, a bookshelf has")
+            raise ValueError("books: only a bookshelf has boards")
         return self
 
 
@@ -174,7 +174,7 @@ def _check_height(place: UponPlace, below: PieceChoice) -> None:
     if place.board is not None and place.top is not None:
         raise ValueError(f"upon {place.thing}: expected top or board, not both")
     if place.board is not None and place.board >= count:
-        raise ValueError(f"upon {place.thing}: it has {count} boards, none is number {place.board}")
+        raise ValueError(f"upon {place.thing}: it has {count} boards; there is no board {place.board}")
 
 
 class ObjectRecipe(RecipeModel):

@@ -34,7 +34,7 @@ app = typer.Typer(
 app.add_typer(dataset_app, name="dataset")
 app.add_typer(cache_app, name="cache")
 
-Workers = Annotated[int, typer.Option(min=1, max=64, help="Samples at a time.")]
+Workers = Annotated[int, typer.Option(min=1, max=64, help="Samples to place in parallel.")]
 Dataset = Annotated[Path | None, typer.Option(help="YAML list of samples; default: the embedded rooms.")]
 Limit = Annotated[int | None, typer.Option(min=1, help="Only the first N samples.")]
 Language = Annotated[
@@ -45,7 +45,9 @@ Record = Annotated[
     str,
     typer.Option(metavar="DIR", help="Keep a copy of each reply in this folder, for --replay.", show_default=False),
 ]
-Replay = Annotated[str, typer.Option(metavar="DIR", help="Answer from replies recorded there.", show_default=False)]
+Replay = Annotated[
+    str, typer.Option(metavar="DIR", help="Answer from replies recorded in this folder.", show_default=False)
+]
 MaxCost = Annotated[float | None, typer.Option(help="Spend at most this on a model [USD].")]
 Solver = Annotated[str, typer.Option(help="Method of the solver: tl or mls.")]
 Arch = Annotated[

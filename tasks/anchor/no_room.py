@@ -13,7 +13,7 @@ from dcap.scene.types.outcome import BesideThePart, Infeasible, InTheWay, NoRoom
 from dcap.scene.types.segmentation import Instance, Segmentation
 
 NAMED, LEAST = 3, 0.05
-"""So many things in the way are named, each of which is so at this share of the spots at least [-]."""
+"""How many things in the way are named at most, and the least share of the spots at which each of them is [-]."""
 
 
 def no_room(
@@ -40,7 +40,7 @@ def no_room(
     words = intent.region.words if intent.region.names else ""
     where = f"the {part.name} of {base.label}" + (f" ({words})" if words else "")
     if not any(reason.hit for reason in reasons):
-        return Infeasible(Reason.NO_SUPPORT_HIT, f"no ray along gravity meets {where}", evidence)
+        return Infeasible(Reason.NO_SUPPORT_HIT, f"{where} has no surface under the requested place", evidence)
     text = (
         f"{intent.object_name} of {size[0]:.2f} x {size[1]:.2f} m does not fit on {where}, {space[0]:.2f} x "
         f"{space[1]:.2f} m: at best {100 * best:.0f} % of its underside would be supported without anything in the "
@@ -54,7 +54,7 @@ def no_room(
 def not_on_it(base: Instance, index: int, intent: Intent, away: float) -> Infeasible:
     """The refusal of a place beside something that is too far from the part: no part of the place is on it."""
     part, words = base.parts[index], intent.region.words
-    place = f"the place asked for ({words})" if words else "the asked place"
+    place = f"the requested place ({words})" if words else "the requested place"
     evidence = BesideThePart(
         base=base.id,
         part=part.name,

@@ -174,8 +174,8 @@ def base_cells(setup: DropSetup, distance: Distance, box: Array) -> Cells:
     cells = graded_cells(distance, box, fine, wanted, max(coarsest, wanted), setup.config.base_cells)
     if cells.size > 1.001 * max(coarsest, wanted):
         setup.notes.append(
-            f"{setup.anchor.base_id}: cells of {1e3 * cells.size:.2g} mm at the contact, not {1e3 * wanted:.2g} mm to "
-            f"meet the budget of {setup.config.base_cells} cells (ParticlesConfig.base_cells)"
+            f"{setup.anchor.base_id}: cells of {1e3 * cells.size:.2g} mm at the contact instead of "
+            f"{1e3 * wanted:.2g} mm, to meet the budget of {setup.config.base_cells} cells (ParticlesConfig.base_cells)"
         )
     return cells
 

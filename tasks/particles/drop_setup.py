@@ -77,12 +77,12 @@ class DropSetup:
         part = ", ".join(dict.fromkeys(parts))
         self.geometry.append(BodyGeometry(body, part, report))
         if report.problem:
-            self.notes.append(f"{body}: {part} is no good solid: {report.problem}")
+            self.notes.append(f"{body}: {part} could not be made into a valid solid: {report.problem}")
 
     def note_friction(self, body: str, row: PartMaterial, part_count: int) -> None:
         """Say which part's friction a body of several parts has."""
         if part_count > 1:
-            self.notes.append(f"{body}: friction of {row.part} ({row.material.id}) for all its parts")
+            self.notes.append(f"{body}: the friction of {row.part} ({row.material.id}) is used for all its parts")
 
 
 def drop_setup(

@@ -28,7 +28,7 @@ from dcap.scene.errors import BudgetError, DcapError, LanguageError, RefusedErro
 POLL_S = 0.2
 """How often waiting questions and the queue look at the folder [s]."""
 QUIET_S = 5.0
-"""A batch goes off when no question has come for so long [s]."""
+"""A batch is sent once no question has come for this time [s]."""
 ASK_AGAIN_S = 20.0
 """How often the API is asked whether a batch has ended [s]; they take minutes to hours."""
 MOST_BYTES = 100_000_000
@@ -63,7 +63,7 @@ def waited_for(queue: Path, kept: ReplyFolder, name: str, digest: str) -> Messag
         if failed.is_file():
             raise told_error(failed)
         if closed.is_file() or not queue.is_dir():
-            raise LanguageError("the run has ended before the batch had an answer; the next one collects it")
+            raise LanguageError("the run ended before the batch was answered; the next run collects it")
         time.sleep(POLL_S)
 
 

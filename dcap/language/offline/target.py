@@ -109,7 +109,7 @@ def ground_support(target: Target, support: Place, reading: Reading, request: In
     if chosen.note:
         target.notes.append(f"{noun.text}: {chosen.note}")
     if is_wider(target.base, noun):
-        target.notes.append(f"the {target.base.label} is taken for {noun.text}")
+        target.notes.append(f"using the {target.base.label} as {noun.text}")
     only_a_part = noun is support.nouns[0] and not named(noun, request.instances)
     one_of_its_parts = len(found) == 1 and noun.sides and part_of(noun, target.base)  # "the second shelf"
     if only_a_part or one_of_its_parts:

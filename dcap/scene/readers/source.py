@@ -106,8 +106,8 @@ def check_options(folder: Path, options: SourceOptions, role: Role) -> None:
     for name, given in (("up", options.up), ("unit", options.unit)):
         if given not in ("auto", STATED[name]):
             raise InputError(
-                f"{option_name(role, name)} {given}: {folder} has annotations of InteriorGS, which are in metres and "
-                f"z up, as its mesh and splats must be; leave the option out, or bring the files to that"
+                f"{option_name(role, name)} {given}: {folder}: InteriorGS annotations are in metres, z up; "
+                f"omit {option_name(role, name)}, or convert mesh and splats to that"
             )
 
 

@@ -184,7 +184,7 @@ class Building:
                 if digest_of_folder(self.target) == self.target.name:
                     return
                 self._discard_target()
-        raise StoreError(f"{self.target} is replaced by others all the time")
+        raise StoreError(f"other processes keep replacing {self.target}; try again")
 
     def _discard_target(self) -> None:
         damaged = self.draft.with_name(f"{self.draft.name}-damaged")

@@ -95,7 +95,7 @@ class Gaussians:
         factor = float(np.cbrt(np.linalg.det(linear)))
         turn = linear / factor if factor > 0.0 else linear
         if factor <= 0.0 or not np.allclose(turn @ turn.T, np.eye(3), atol=1e-6):
-            raise GeometryError("Gaussians can be moved, turned and scaled alike in all directions, nothing else")
+            raise GeometryError("Gaussians support only rotation, translation and uniform scaling")
         own = Rotation.from_quat(self.rotation, scalar_first=True)
         return replace(
             self,

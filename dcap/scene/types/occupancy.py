@@ -28,7 +28,7 @@ class Occupancy:
         check_array("first cell of an occupancy map", self.first, 2)
         check_array("step of an occupancy map", self.step, 2)
         if not np.isin(self.cells, (FREE, OCCUPIED, UNKNOWN)).all():
-            raise GeometryError(f"cells of an occupancy map are none but {FREE}, {OCCUPIED} and {UNKNOWN}")
+            raise GeometryError(f"an occupancy map may contain only {OCCUPIED}, {UNKNOWN} and {FREE}")
         if not self.step.all():
             raise GeometryError(f"step of an occupancy map is {self.step.tolist()} m, expected no zero")
 

@@ -350,7 +350,7 @@ def test_whoever_waits_gets_an_error_when_the_run_ends(api: FakeApi, quick, ask,
     session, said = Session(batch=str(tmp_path / "queue")), []
 
     def wait() -> None:
-        with pytest.raises(LanguageError, match="the run has ended") as error:
+        with pytest.raises(LanguageError, match="the run ended") as error:
             connect(MODEL, session).ask(INTENT, ask("put the mug on the desk"))
         said.append(str(error.value))
 

@@ -210,4 +210,4 @@ def test_a_wider_label_is_taken_and_said(ask):
     """An office chair may be labelled as a chair: it is taken, and a note says so."""
     reply = OfflineClient().ask(INTENT, ask("put the book on the office chair"))
     assert reply.base_id == "chair_0"
-    assert "the chair is taken for the office chair" in reply.notes
+    assert "using the chair as the office chair" in reply.notes

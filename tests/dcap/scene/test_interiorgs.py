@@ -193,10 +193,10 @@ def test_options_against_the_annotations_are_refused(
 ) -> None:
     """They would turn the mesh and leave boxes, rooms and the map; what agrees is allowed."""
     touch(folder_with(tmp_path, [entry(corners([0, 0, 0], [1, 1, 1]), label="bed", ins_id="b")]), "scene.obj")
-    with pytest.raises(InputError, match=f"^{named}: .* metres and z up"):
+    with pytest.raises(InputError, match=f"^{named}: .* metres, z up"):
         read_scan(tmp_path, options, role)
     if role is Role.SCENE:
-        with pytest.raises(InputError, match=f"^{named}: .* metres and z up"):
+        with pytest.raises(InputError, match=f"^{named}: .* metres, z up"):
             read_splat_scene(tmp_path, options)
     np.testing.assert_array_equal(read_scan(tmp_path, SourceOptions("z", "m"), role).world_from_file, np.eye(4))
 

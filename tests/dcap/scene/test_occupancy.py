@@ -237,7 +237,7 @@ def test_pictures_that_cannot_be(tmp_path: Path) -> None:
     with pytest.raises(FormatError, match="more than 8 bits") as caught:
         read_occupancy(tmp_path, ())
     assert errors(tmp_path) == [str(caught.value)]
-    with pytest.raises(GeometryError, match="none but 255, 0 and 127"):
+    with pytest.raises(GeometryError, match="only 0, 127 and 255"):
         Occupancy(np.full((1, 1), 3, np.uint8), np.zeros(2), np.ones(2))
     with pytest.raises(GeometryError, match="no zero"):
         Occupancy(np.zeros((1, 1), np.uint8), np.zeros(2), np.array([0.0, 1.0]))

@@ -253,11 +253,11 @@ def test_glb_cut_anywhere_is_refused(tmp_path_factory: pytest.TempPathFactory, l
         ("format", "float x y z", "list uchar int vertex_indices", "line 2: expected"),
         ("format ascii 1.0", "float x y z", "int vertex_indices", "expected a list"),
         ("format binary_little_endian 1.0", "float x y z", "int vertex_indices", "expected a list"),
-        ("format binary_little_endian 1.0", "", "list uchar int vertex_indices", "has no property"),
-        ("format ascii 1.0", "", "list uchar int vertex_indices", "has no property"),
+        ("format binary_little_endian 1.0", "", "list uchar int vertex_indices", "without properties"),
+        ("format ascii 1.0", "", "list uchar int vertex_indices", "without properties"),
         ("format binary_little_endian 1.0", "list x y z", "list uchar int vertex_indices", "no property 'x' of one"),
         ("format ascii 1.0", "list x y z", "list uchar int vertex_indices", "no property 'x' of one"),
-        ("format ascii 1.0", "float x y z", "list float int vertex_indices", "in fractions"),
+        ("format ascii 1.0", "float x y z", "list float int vertex_indices", "floating-point type"),
     ],
 )  # fmt: skip
 def test_ply_headers_that_promise_the_wrong_kind_are_refused(

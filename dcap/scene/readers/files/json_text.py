@@ -19,7 +19,7 @@ def parse_json(path: Path, text: bytes, what: str) -> object:
         if b"\\ud" in text or b"\\uD" in text:  # halves of surrogate pairs parse, but cannot be written again
             json.dumps(tree, ensure_ascii=False).encode()
     except UnicodeEncodeError:
-        raise FormatError(f"{path}: broken {what}: a text has half of a surrogate pair") from None
+        raise FormatError(f"{path}: broken {what}: a string contains an unpaired surrogate") from None
     except (ValueError, RecursionError) as error:
         raise FormatError(f"{path}: broken {what}: {error}") from None
     return tree

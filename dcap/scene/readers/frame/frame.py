@@ -105,7 +105,7 @@ def _unit(raw: RawMesh, options: SourceOptions, role: Role, notes: list[str]) ->
     size = extent * unit
     if not limits.smallest <= size <= limits.largest:
         raise InputError(
-            f"{raw.path}: {size:.4g} m long as a {role} (unit {unit:g} m, by {source}), "
+            f"{raw.path}: as a {role} it would be {size:.4g} m long (unit {unit:g} m, by {source}), "
             f"expected {limits.smallest:g} to {limits.largest:g} m; set {option_name(role, 'unit')} to m, cm, mm or in"
         )
     return unit, source
@@ -126,7 +126,7 @@ def _up(raw: RawMesh, options: SourceOptions, role: Role, unit: float, notes: li
     if raw.up:
         other = "z" if raw.up == "y" else "y"
         if contradicts_standard(raw):
-            notes.append(f"{other} taken as up against the format's {raw.up}: it stands on it ({option})")
+            notes.append(f"{other} is used as up although the format says {raw.up}: the mesh stands on it ({option})")
             return other
         return raw.up
     up, why = (role is Role.SCENE and up_of_scene(raw, unit)) or estimated_up(raw)

@@ -74,7 +74,7 @@ def read_header(path: Path) -> PlyHeader:
         raise FormatError(f"{path}: the PLY header declares an element twice, or without a count")
     for prop in (p for element in found for p in element.properties):
         if isinstance(prop, PlyListProperty) and prop.len_dtype[0] == "f":
-            raise FormatError(f"{path}: the PLY header counts the list {prop.name!r} in fractions ({prop})")
+            raise FormatError(f"{path}: the length of list {prop.name!r} has a floating-point type ({prop})")
     return PlyHeader(elements, dict(zip(elements, counts, strict=True)), found.text, text)
 
 
@@ -99,7 +99,7 @@ def _check_length(path: Path, header: PlyHeader, available: int) -> None:
     for name, element in header.elements.items():
         count, row = header.counts[name], 0
         if count and not element.properties:
-            raise FormatError(f"{path}: {count} of PLY element {name!r}, which has no property")
+            raise FormatError(f"{path}: the header declares {count} rows of element {name!r} without properties")
         for prop in element.properties:
             stored = prop.len_dtype if isinstance(prop, PlyListProperty) else prop.val_dtype
             # a text has one digit and one separator at least; an empty list still states its length

@@ -64,7 +64,7 @@ def _ascii(path: Path, data: bytes) -> NDArray[np.float64]:
         found = load_stl_ascii(StringIO(text))
     except ValueError as broken:
         raise FormatError(
-            f"{path}: an STL text with a facet that is not three times three numbers ({broken})"
+            f"{path}: ASCII STL: a facet does not have three vertices of three numbers ({broken})"
         ) from None
     solids = found["geometry"].values() if "geometry" in found else [found]
     return np.concatenate([np.zeros((0, 3)), *(solid["vertices"] for solid in solids)])

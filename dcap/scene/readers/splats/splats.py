@@ -219,7 +219,7 @@ def _harmonic_bytes(path: Path, table: Table | None, count: int) -> list[NDArray
         raise FormatError(f"{path}: {total} properties in element sh, expected 9, 24 or 45")
     columns = [scalar(path, table, f"f_rest_{i}") for i in range(total)]
     if total and len(columns[0]) != count:
-        raise FormatError(f"{path}: {len(columns[0])} of element sh for {count} splats")
+        raise FormatError(f"{path}: element sh has {len(columns[0])} rows, expected one for each of {count} splats")
     if any(column.dtype != np.uint8 for column in columns):
         raise FormatError(f"{path}: a property of element sh is not of type uchar")
     return columns

@@ -38,7 +38,7 @@ def read_usd(path: Path, report: Report | None = None) -> RawMesh:
     """
     data = read_bytes(path)
     if not data.startswith(MAGIC):
-        raise FormatError(f"{path}: begins neither as a text nor as a binary nor as a package of USD")
+        raise FormatError(f"{path}: not a USD file: neither text, binary nor package")
     if importlib.util.find_spec("pxr") is None:
         raise InputError(
             f"{path}: USD is read with the library usd-core, which is not installed: `pip install 'dcap[usd]'`; "
@@ -57,7 +57,8 @@ def read_usd(path: Path, report: Report | None = None) -> RawMesh:
         raise (FormatError if found["broken"] else InputError)(found["message"])
     if done.returncode:
         raise FormatError(
-            f"{path}: USD's library broke over it (exit {done.returncode}; limits {limits[0]} s, {limits[1]} bytes)"
+            f"{path}: the USD library failed on this file (exit {done.returncode}; limits {limits[0]} s, "
+            f"{limits[1]} bytes)"
         )
     arrays = np.load(io.BytesIO(done.stdout), allow_pickle=False)
     return RawMesh(

@@ -76,7 +76,7 @@ def _stage(path: Path) -> Stage:
     errors = stage.GetCompositionErrors()
     if errors:
         raise FormatError(
-            f"{path}: {_first_line(errors[0])}; make one file of it: `usdcat --flatten in.usd -o out.usdc`"
+            f"{path}: {_first_line(errors[0])}; flatten it into one file: `usdcat --flatten in.usd -o out.usdc`"
         )
     return stage
 
