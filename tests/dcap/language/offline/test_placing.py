@@ -11,7 +11,7 @@ from dcap.language.offline.sentence import read
 from dcap.scene.errors import LanguageError
 
 FOLDER = Path(os.environ.get("DCAP_SAMPLE_DATA", "nowhere")) / "prompts_libero"
-LABELS = Path(__file__).with_name("libero_labels.csv")
+LABELS = Path(__file__).parents[1] / "libero_labels.csv"
 """By hand, from the sentences alone, by someone who had not seen the grammar and before it was tuned to them."""
 
 # prompt | object | relation | reference

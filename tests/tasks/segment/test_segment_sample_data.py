@@ -14,7 +14,7 @@ from dcap.scene.store.artifacts import Source
 from dcap.scene.types.sample import SourceOptions
 from tasks.mesh.stage import MeshConfig, mesh_object, mesh_scene
 from tasks.segment.stage import SegmentConfig, segment, segment_object
-from tests.tasks.test_segment import check_cover
+from tests.tasks.segment.test_segment import check_cover
 
 FOLDER = Path(os.environ.get("DCAP_SAMPLE_DATA", "nowhere"))
 pytestmark = [

@@ -267,7 +267,7 @@ def test_a_child_dies_with_its_parent(tmp_path: Path) -> None:
         "session": {},
     }
     program = f"from tasks.runner.process import run_in_process; run_in_process({work!r}, print)"
-    root = str(Path(__file__).parents[2])
+    root = str(Path(__file__).parents[3])
     environment = os.environ | {"PYTHONPATH": f"{root}{os.pathsep}{tmp_path}", "DCAP_DATA": str(tmp_path)}
     parent = subprocess.Popen([sys.executable, "-c", program], env=environment)
     wait_until(lambda: mark.exists() and mark.read_text() != "")
@@ -306,6 +306,6 @@ def test_locks_exclude_and_let_go(tmp_path: Path) -> None:
         f"import os; from pathlib import Path; from tasks.runner.locks import FileLocks;"
         f"FileLocks(Path({str(tmp_path)!r})).acquire_lock('b', 'x'); os.kill(os.getpid(), 9)"
     )
-    root = str(Path(__file__).parents[2])
+    root = str(Path(__file__).parents[3])
     subprocess.run([sys.executable, "-c", program], env=os.environ | {"PYTHONPATH": root}, check=False)
     assert locks.acquire_lock("b", "one", acquire_timeout=0)

@@ -20,7 +20,7 @@ from dcap.scene.types.rotation import Rotation
 from dcap.scene.types.sample import SourceOptions
 from tasks.mesh.stage import MeshConfig, cleaned
 from tasks.segment.stage import SegmentConfig, segment_object
-from tests.tasks.orientation_truth import TRUTH, Array, case_error, chosen, error_deg, parts_of, parts_read
+from tests.tasks.rotation.orientation_truth import TRUTH, Array, case_error, chosen, error_deg, parts_of, parts_read
 
 FOLDER = Path(os.environ.get("DCAP_SAMPLE_DATA", "nowhere"))
 BOUND_DEG = 15.0

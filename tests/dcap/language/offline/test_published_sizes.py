@@ -6,7 +6,7 @@ from urllib.parse import urldefrag
 from dcap.evaluation.prior_scores import MASS_FACTOR, SIZE_FACTOR, misses, prior_score, read_published, share_within
 from dcap.language.offline.lexicon import things
 
-PUBLISHED = read_published(Path(__file__).parent / "published_sizes.csv")
+PUBLISHED = read_published(Path(__file__).parents[1] / "published_sizes.csv")
 
 
 def pages(source: str) -> set[str]:

@@ -12,7 +12,7 @@ from dcap.language.offline.client import OfflineClient
 from dcap.language.protocol.questions import INTENT
 from dcap.scene.errors import LanguageError
 
-TABLE = Path(__file__).with_name("paraphrases.txt")
+TABLE = Path(__file__).parents[1] / "paraphrases.txt"
 KEYS = ("part", "which", "regions", "refs", "pose", "facing", "turn", "lost")
 
 
