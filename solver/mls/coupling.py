@@ -199,8 +199,7 @@ def dashpot_coefficient(model: Model, rigid: int, soft: int, config: SolverConfi
         return 0.0
     mass = 1.0 / sum(1.0 / b.mass for b in free)
     lighter = min(free, key=lambda b: b.mass)
-    gravity = max(float(np.linalg.norm(model.gravity)), 1e-12)
-    stiffness = contact_stiffness(lighter.mass * gravity, footprint_radius(lighter), *softness(two))
+    stiffness = contact_stiffness(lighter.mass * model.gravity_strength, footprint_radius(lighter), *softness(two))
     return 2.0 * config.damping_ratio * float(np.sqrt(stiffness * mass))
 
 

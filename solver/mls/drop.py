@@ -34,7 +34,6 @@ from solver.result import FinalState, SettledModel, Verdict, beside, build_resul
 
 Array = NDArray[np.float64]
 
-LEAST_GRAVITY = 1e-12  # [m/s^2], so that what is measured by weights stays finite where nothing pulls
 PEAK_DROP = 0.02  # a kinetic energy this much below its largest value has passed its peak [-]
 COARSENING = 1.1  # factor by which a cell grows until the particles fit their budget
 STALE = 0.01  # motion in cells after which contact looks anew where the material is: a tenth of what it resolves
@@ -71,9 +70,7 @@ class ExplicitDrop:
         self.peak = np.zeros(len(self.soft.index))
         self.time = 0.0
         self.moved = 0.0
-        self.strength = max(float(np.linalg.norm(self.gravity)), LEAST_GRAVITY)
-        """Magnitude of gravity [m/s^2]."""
-        self.monitor = RestMonitor(config, self.strength, self.length)
+        self.monitor = RestMonitor(config, model.gravity_strength, self.length)
         self.steps = 0
         self._refuse_overlap()
         self._name_thin_parts()
@@ -276,7 +273,7 @@ class ExplicitDrop:
             contacts=contacts,
             contact_points={name: some for name, some in points.items() if name in free},
             friction_margin=last.friction_margin(contacts),
-            free_weight=sum(last.mass(i) for i in self.watched) * self.strength,
+            free_weight=sum(last.mass(i) for i in self.watched) * self.model.gravity_strength,
             inverted=int(self.soft.sums[:, INVERSIONS].sum()),
             particles=len(self.soft.start),
         )

@@ -206,7 +206,6 @@ def measure_interval(
     steps: int,
 ) -> IntervalReport:
     """Measure an interval of `steps` steps that ended at `time`."""
-    strength = max(float(np.linalg.norm(model.gravity)), 1e-12)
     linear = angular = force_worst = torque_worst = 0.0
     mass = {i: _mass(model, soft, i) for i in watched}
     for i in watched:
@@ -215,7 +214,7 @@ def measure_interval(
             angular = max(angular, float(np.linalg.norm(rigid.state.angular_velocity[i])))
         if model.bodies[i].fixed:
             continue
-        weight = mass[i] * strength * seconds
+        weight = mass[i] * model.gravity_strength * seconds
         force_worst = max(force_worst, float(np.linalg.norm(after[i][1] - before[i][1])) / weight)
         turn = float(np.linalg.norm(after[i][2] - before[i][2]))
         torque_worst = max(torque_worst, turn / (weight * 0.5 * model.bodies[i].size))

@@ -49,8 +49,7 @@ class RigidBodies:
             i: float(np.linalg.norm(b.vertices - b.center_of_mass, axis=1).max()) for i, b in model.rigid_bodies
         }
         self.box = {i: (b.vertices.min(axis=0), b.vertices.max(axis=0)) for i, b in model.rigid_bodies}
-        gravity = max(float(np.linalg.norm(model.gravity)), 1e-12)
-        self.damping = 2.0 * config.damping_ratio * float(np.sqrt(config.penetration_target / gravity))
+        self.damping = 2.0 * config.damping_ratio * float(np.sqrt(config.penetration_target / model.gravity_strength))
 
     def mass_matrix(self, index: int) -> Array:
         """Mass and inertia about the centre of mass in world axes, shape (6, 6)."""

@@ -26,7 +26,6 @@ Load = Callable[[float], NDArray[np.float64]]
 CELL_STIFFNESS = 4.0  # first guess of the contact stiffness per area, in E / cell size; adapted to the target near rest
 SHORTER = 0.1  # of a step that resolves elastic waves: what it may be shortened to in an impact
 STEP_GROWTH = 1.25  # growth of the step when Newton converges easily
-LEAST_GRAVITY = 1e-12  # [m/s^2], so that what is measured by weights stays finite where nothing pulls
 
 
 class Simulation:
@@ -40,7 +39,7 @@ class Simulation:
         self.free = [i for i, b in enumerate(model.bodies) if not b.fixed]
         self.watched = self.free or [s.index for s in self.soft.bodies]
         self.mass = {i: self._mass(i) for i in self.watched}
-        self.gravity = max(float(np.linalg.norm(model.gravity)), LEAST_GRAVITY)
+        self.gravity = model.gravity_strength
         if not self.watched:
             raise ModelError("nothing can move: every body is rigid and fixed")
         self.length = max(model.bodies[i].size for i in self.watched)
