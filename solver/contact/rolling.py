@@ -23,7 +23,7 @@ GYRATION = 0.6  # radius of gyration about the contact over half the box diagona
 LEAST_ANGLE = 1e-3  # rotation [rad] at which the spring yields where that makes it softer: below what a picture shows
 
 
-@dataclass(eq=False, slots=True)
+@dataclass(frozen=True, eq=False, slots=True)
 class RollingTorque:
     """Resistance between two bodies of which at least one is free."""
 
@@ -37,7 +37,7 @@ class RollingTorque:
     """Elastic part of the resisted torque at the end of the step, what the next one starts from [N m], shape (3,)."""
 
 
-@dataclass(eq=False, slots=True)
+@dataclass(frozen=True, eq=False, slots=True)
 class Spin:
     """How the nodes of a free soft body turn and take a torque."""
 
