@@ -119,6 +119,11 @@ class Coupling:
                 self._add(index, part, received)
                 self.loaded.append((index, part, received))
 
+    def hand_over_impulses(self) -> dict[tuple[int, int], PairImpulse]:
+        """What was summed up since this was last asked for, by rigid body and soft part; sums begin anew."""
+        impulses, self.impulses = self.impulses, {}
+        return impulses
+
     def damp(self, dt: float) -> None:
         """Dashpot and rolling resistance of the pairs that the last exchange loaded, once particles have moved."""
         for index, part, received in self.loaded:
