@@ -50,7 +50,7 @@ def mattress(width: float, depth: float) -> str:
 
 
 def measured(case: str) -> dict[str, float]:
-    """SettledModel, times and peak memory of a drop in a fresh process."""
+    """Depth, steps, wall time and peak memory of a drop in a fresh process."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "case.yaml"
         path.write_text(case)

@@ -88,11 +88,6 @@ class RestMonitor:
         if progress is not None:
             progress(len(self.signals), signals.time, signals)
 
-    @property
-    def last_speed(self) -> float:
-        """Largest linear speed after the last step [m/s], 0 before the first."""
-        return self.signals[-1].speed if self.signals else 0.0
-
     def window(self, begin: int = 0) -> list[Signals]:
         """The last signals that are judged together, none before step `begin`."""
         return self.signals[begin:][-self.steps :]

@@ -1,6 +1,6 @@
 """Drop to rest: steps until quiet, then a kick to see whether the rest is stable, then the certificate."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +20,7 @@ from solver.result import FinalState, RestBody, SettledModel, Verdict, beside, b
 from solver.runtime import start
 from solver.tl.disturbance import kick
 from solver.tl.measure import contact_table, friction_margin, rolling_table
-from solver.tl.simulation import Simulation
+from solver.tl.simulation import Simulation, StepControl
 from solver.tl.stability import grade
 from solver.tl.step import StepReport
 
@@ -43,30 +43,48 @@ def settle(model: Model, config: SolverConfig, progress: Progress | None = None)
         return (mls.ExplicitDrop if config.method == "mls" else ImplicitDrop)(model, config).run(progress)
 
 
+@dataclass(frozen=True, eq=False, slots=True)
+class Approach:
+    """How bodies came to rest, or did not."""
+
+    verdict: Verdict
+    state: State
+    report: StepReport
+    control: StepControl
+    """For a step that goes on from there: a body that creeps stays one, so its tolerance is handed on too."""
+
+
 class ImplicitDrop(Simulation):
-    """One simulation from start to verdict."""
+    """One simulation from start to verdict, with its history."""
+
+    def __init__(self, model: Model, config: SolverConfig) -> None:
+        super().__init__(model, config)
+        self.monitor = self.rest_monitor()
+        self.warnings: list[str] = []
 
     def run(self, progress: Progress | None) -> SettledModel:
         """Approach, rest, kick, verdict."""
         state = self.start_state()
         self._refuse_overlap(state)
-        verdict, state, report = self._approach(state, progress)
+        end = self._approach(state, StepControl(self.config.step_seconds), progress)
         kicked: KickCheck | NotDone = NotDone()
         rows = self.monitor.rows()
-        if verdict is Verdict.AT_REST and self.free:
-            end, kicked = kick(self, state, progress)
+        if end.verdict is Verdict.AT_REST and self.free:
+            after, control, kicked = kick(self, self.monitor, end.state, end.control, progress)
             if not kicked.stable:
-                verdict, state, report, rows, kicked = self._after_failed_kick(end, kicked, progress)
-        stability = self._stability(verdict, state, progress)
-        return self._result(verdict, state, report, rows, kicked, stability)
+                end, rows, kicked = self._after_failed_kick(after, control, kicked, progress)
+        stability = self._stability(end, progress)
+        return self._result(end, rows, kicked, stability)
 
-    def _stability(self, verdict: Verdict, rest: State, progress: Progress | None) -> StabilityGrade | NotDone | None:
+    def _stability(self, end: Approach, progress: Progress | None) -> StabilityGrade | NotDone | None:
         """What the certificate says about pushes, nothing where nobody asked."""
         if not self.config.stability:
             return None
-        if verdict is not Verdict.AT_REST or not self.free:
+        if end.verdict is not Verdict.AT_REST or not self.free:
             return NotDone(reason=NOTHING_TO_PUSH)
-        return grade(self, rest, progress)
+        graded, warnings = grade(self, end.state, end.control.tolerance_factor, progress)
+        self.warnings += warnings
+        return graded
 
     def _refuse_overlap(self, state: State) -> None:
         for t in self.query.find(state, self.query.begin(state, self.config.step_seconds)).active:
@@ -80,24 +98,25 @@ class ImplicitDrop(Simulation):
                 )
 
     def _approach(
-        self, state: State, progress: Progress | None, rolling: RollingLaw = law_stiff
-    ) -> tuple[Verdict, State, StepReport]:
-        dt = self.config.step_seconds
+        self, state: State, control: StepControl, progress: Progress | None, rolling: RollingLaw = law_stiff
+    ) -> Approach:
         while True:
-            state, report, dt = self.step(state, dt, rolling=rolling)
-            signals = self.record(state, report, progress)
-            if self._left(state, report.contacts):
-                return Verdict.LEFT_TARGET, state, report
-            if self._quiet():
-                return Verdict.AT_REST, state, report
-            if len(self.monitor.signals) >= self.config.step_limit:
-                return Verdict.NO_EQUILIBRIUM, state, report
-            self._adapt(state, report.contacts, signals)
+            step = self.step(state, control, rolling=rolling)
+            state, control = step.state, step.control
+            self.monitor.record(step.signals, progress)
+            if self.monitor.creeping():
+                control = replace(control, tolerance_factor=CREEPING_TOLERANCE)
+            if verdict := self._verdict(state, step.report.contacts):
+                return Approach(verdict, state, step.report, control)
+            self._adapt(state, step.report.contacts, step.signals)
 
-    def _quiet(self) -> bool:
-        if self.monitor.creeping():
-            self.tolerance_factor = CREEPING_TOLERANCE
-        return self.monitor.quiet()
+    def _verdict(self, state: State, contacts: Contacts) -> Verdict | None:
+        """What ends an approach, None where it goes on."""
+        if self._left(state, contacts):
+            return Verdict.LEFT_TARGET
+        if self.monitor.quiet():
+            return Verdict.AT_REST
+        return Verdict.NO_EQUILIBRIUM if len(self.monitor.signals) >= self.config.step_limit else None
 
     def _left(self, state: State, contacts: Contacts) -> bool:
         """A free body has left everything that could carry it."""
@@ -127,40 +146,39 @@ class ImplicitDrop(Simulation):
         state.memory = replace(state.memory, stiffened=tuple(stiffened))
 
     def _after_failed_kick(
-        self, end: State, first: KickCheck, progress: Progress | None
-    ) -> tuple[Verdict, State, StepReport, SignalRows, KickCheck]:
+        self, state: State, control: StepControl, first: KickCheck, progress: Progress | None
+    ) -> tuple[Approach, SignalRows, KickCheck]:
         """The rest was not stable: follow the motion that the kick started to its end; a second rest is
         verified in its turn. Rolling resistance keeps giving way: a stiff one would stop what has begun to fall over.
         """
         begin = len(self.monitor.signals)
-        verdict, state, report = self._approach(end, progress, law_compliant)
+        control = replace(control, dt=self.config.step_seconds)
+        end = self._approach(state, control, progress, law_compliant)
         rows = self.monitor.rows(begin)
-        if verdict is not Verdict.AT_REST:
-            return verdict, state, report, rows, first
-        _, kicked = kick(self, state, progress)
+        if end.verdict is not Verdict.AT_REST:
+            return end, rows, first
+        _, _, kicked = kick(self, self.monitor, end.state, end.control, progress)
         if not kicked.stable:
-            return Verdict.NO_EQUILIBRIUM, state, report, rows, kicked
+            return replace(end, verdict=Verdict.NO_EQUILIBRIUM), rows, kicked
         self.warnings.append("the first rest state was unstable under the kick; this is the one it fell into")
-        return verdict, state, report, rows, kicked
+        return end, rows, kicked
 
     def _result(
         self,
-        verdict: Verdict,
-        state: State,
-        report: StepReport,
+        end: Approach,
         rows: SignalRows,
         kicked: KickCheck | NotDone,
         stability: StabilityGrade | NotDone | None,
     ) -> SettledModel:
-        contacts, final = report.contacts, self._final(state, report)
-        result = build_result(verdict, final, self.monitor, rows, kicked, self.config, self.warnings)
+        contacts, final = end.report.contacts, self._final(end.state, end.report)
+        result = build_result(end.verdict, final, self.monitor, rows, kicked, self.config, self.warnings)
         certificate = replace(
             result.certificate,
-            newton_residual=report.residual,
+            newton_residual=end.report.residual,
             unlocated_points=contacts.unlocated,
             material_damping_s=self.stepper.damping,
             rolling_resistance=rolling_table(self.model, contacts),
-            bonds=bond_table(self.model, self.query.bonds, state) or None,
+            bonds=bond_table(self.model, self.query.bonds, end.state) or None,
             stability=stability,
         )
         return replace(result, certificate=certificate, warnings=(*result.warnings, *unlocated(contacts)))

@@ -1,6 +1,7 @@
 """Pairs of bodies that can touch, and the points of them that do at one state, with their forces and derivatives."""
 
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,7 +37,7 @@ class Pair:
         return PointMemory(self.stiffness.copy(), np.zeros((count, 3)), np.zeros(count, dtype=bool), nowhere)
 
 
-@dataclass(eq=False, slots=True)
+@dataclass(frozen=True, eq=False, slots=True)
 class ActiveContacts:
     """The active points of one pair at one state."""
 
@@ -69,11 +70,36 @@ class ActiveContacts:
         return np.asarray(np.einsum("ki,ki->k", self.force, self.normal))
 
 
-@dataclass(eq=False, slots=True)
+@dataclass(frozen=True, eq=False, slots=True)
+class PairPoints:
+    """Points of body `a` that body `b` pushes or holds, touching or bonded, as they enter the linear maps."""
+
+    a: int
+    b: int
+    position: NDArray[np.float64]
+    """[m], shape (k, 3)."""
+    force: NDArray[np.float64]
+    """On a [N], shape (k, 3)."""
+    tangent: NDArray[np.float64]
+    """As in ActiveContacts, shape (k, 3, 3)."""
+    coupling: NDArray[np.float64]
+    """As in ActiveContacts, shape (k, 3, 3)."""
+    node: NDArray[np.int64]
+    """Nodes that move the points minus nodes that move those of b, shape (k, 16)."""
+    weight: NDArray[np.float64]
+    """Signed shape values, zero for rigid sides, shape (k, 16)."""
+
+    @classmethod
+    def of(cls, t: ActiveContacts) -> "PairPoints":
+        """Of what touches."""
+        return cls(t.pair.a, t.pair.b, t.position, t.force, t.tangent, t.coupling, t.node, t.weight)
+
+
+@dataclass(frozen=True, eq=False, slots=True)
 class Contacts:
     """All active points of all pairs, and the bonded points, as linear maps."""
 
-    active: list[ActiveContacts]
+    active: tuple[ActiveContacts, ...]
     gather: sparse.csr_matrix
     """Relative displacement per point from node displacements, shape (k, n)."""
     force: NDArray[np.float64]
@@ -82,12 +108,12 @@ class Contacts:
     position: NDArray[np.float64]
     a: NDArray[np.int64]
     b: NDArray[np.int64]
-    rolling: list[RollingTorque] = field(default_factory=list)
-    spins: dict[int, Spin] = field(default_factory=dict)
+    rolling: tuple[RollingTorque, ...]
+    spins: Mapping[int, Spin]
     """Spins of the free soft bodies in contact, by model index."""
-    unlocated: int = 0
+    unlocated: int
     """Points that are in a soft body's cells while no place in its start pose was found for them; no contact there."""
-    memory: ContactMemory = field(default_factory=ContactMemory)
+    memory: ContactMemory
     """What is remembered of a step that ends here: anchors of touching points; others forget theirs."""
 
     def carried_load(self, bodies: int) -> NDArray[np.float64]:

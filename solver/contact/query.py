@@ -4,16 +4,15 @@ Normal force and friction of the points: friction.py. Rolling and torsional resi
 springs whose anchors the state remembers from step to step, taken implicitly on both sides.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
 from solver.box import bounds, inside
-from solver.contact.active import ActiveContacts, Contacts, Pair
+from solver.contact.active import ActiveContacts, Contacts, Pair, PairPoints
 from solver.contact.bonds import BondedPair
 from solver.contact.friction import point_forces
 from solver.contact.rolling import RollingLaw, RollingTorque, Spin, law_stiff, resisting_torque
@@ -112,10 +111,7 @@ class ContactQuery:
             for p in self.pairs
         }
         touching = [t for p in self.pairs if (t := self._touch(p, state, surfaces[p.a], found[p.key], start))]
-        contacts = self._collect(touching, state, start)
-        contacts.unlocated = sum(one.unlocated for one in found.values())
-        contacts.memory = self._memory(contacts, state, start, found)
-        return contacts
+        return self._collect(touching, found, state, start)
 
     def _touch(
         self, pair: Pair, state: State, points: NDArray[np.float64], found: Located, start: StepStart
@@ -205,39 +201,51 @@ class ContactQuery:
         now = arm @ state.rotation[index].T + state.center[index]
         return np.asarray(now - arm @ before.rotation[index].T - before.center[index])
 
-    def _collect(self, touching: list[ActiveContacts], state: State, start: StepStart) -> Contacts:
-        count = len(self.soft.rest)
-        rows = [
-            (t.pair.a, t.pair.b, t.position, t.force, t.tangent, t.coupling, t.node, t.weight) for t in touching
-        ] + [self._bonded(bond, state) for bond in self.bonds]  # fmt: skip
-        if not rows:
-            none = np.zeros(0, dtype=np.int64)
-            place, matrix = np.zeros((0, 3)), np.zeros((0, 3, 3))
-            return Contacts([], sparse.csr_matrix((0, count)), place, matrix, matrix, place, none, none)
-        a, b, position, force, tangent, coupling, nodes, weights = zip(*rows, strict=True)
-        spins = self._spins({*a, *b}, state)
-        node, weight = np.concatenate(nodes), np.concatenate(weights)
+    def _collect(
+        self,
+        touching: Sequence[ActiveContacts],
+        found: Mapping[tuple[int, int], Located],
+        state: State,
+        start: StepStart,
+    ) -> Contacts:
+        rows = [*(PairPoints.of(t) for t in touching), *(self._bonded(bond, state) for bond in self.bonds)]
+        involved = frozenset(i for row in rows for i in (row.a, row.b))
+        spins = self._spins(involved, state)
+        rolling = self._rolling(touching, state, start, spins)
+        sizes = np.array([len(row.force) for row in rows], dtype=np.int64)
+        return Contacts(
+            active=tuple(touching),
+            gather=self._gather(rows),
+            force=np.concatenate([np.zeros((0, 3)), *(row.force for row in rows)]),
+            tangent=np.concatenate([np.zeros((0, 3, 3)), *(row.tangent for row in rows)]),
+            coupling=np.concatenate([np.zeros((0, 3, 3)), *(row.coupling for row in rows)]),
+            position=np.concatenate([np.zeros((0, 3)), *(row.position for row in rows)]),
+            a=np.repeat(np.array([row.a for row in rows], dtype=np.int64), sizes),
+            b=np.repeat(np.array([row.b for row in rows], dtype=np.int64), sizes),
+            rolling=rolling,
+            spins=spins,
+            unlocated=sum(one.unlocated for one in found.values()),
+            memory=self._memory(touching, involved, rolling, state, start, found),
+        )
+
+    def _gather(self, rows: Sequence[PairPoints]) -> sparse.csr_matrix:
+        """Relative displacement per point from node displacements, shape (k, n), one column where there is no node."""
+        node = np.concatenate([np.zeros((0, 16), dtype=np.int64), *(row.node for row in rows)])
+        weight = np.concatenate([np.zeros((0, 16)), *(row.weight for row in rows)])
         point = np.repeat(np.arange(len(node)), 16)
         used = weight.ravel() != 0.0
-        gather = sparse.csr_matrix(
-            (weight.ravel()[used], (point[used], node.ravel()[used])), shape=(len(node), max(count, 1))
-        )
-        sizes = [len(f) for f in force]
-        return Contacts(
-            touching,
-            gather,
-            np.concatenate(force),
-            np.concatenate(tangent),
-            np.concatenate(coupling),
-            np.concatenate(position),
-            np.repeat(np.array(a, dtype=np.int64), sizes),
-            np.repeat(np.array(b, dtype=np.int64), sizes),
-            self._rolling(touching, state, start, spins),
-            spins,
+        return sparse.csr_matrix(
+            (weight.ravel()[used], (point[used], node.ravel()[used])), shape=(len(node), max(len(self.soft.rest), 1))
         )
 
     def _memory(
-        self, contacts: Contacts, state: State, start: StepStart, found: dict[tuple[int, int], Located]
+        self,
+        touching: Sequence[ActiveContacts],
+        touched: frozenset[int],
+        rolling: Sequence[RollingTorque],
+        state: State,
+        start: StepStart,
+        found: Mapping[tuple[int, int], Located],
     ) -> ContactMemory:
         """What is remembered of a step that ends at `state`."""
         points = {}
@@ -248,15 +256,14 @@ class ContactQuery:
                 material_point[here.point] = np.where(here.found[:, None], here.material, np.nan)
             anchor, sliding = np.zeros(old.anchor.shape), np.zeros(len(old.sliding), dtype=bool)
             points[key] = PointMemory(old.stiffness, anchor, sliding, material_point)
-        for t in contacts.active:
+        for t in touching:
             points[t.pair.key].anchor[t.point] = t.anchor
             points[t.pair.key].sliding[t.point] = t.sliding
-        touched = frozenset(int(i) for i in np.union1d(contacts.a, contacts.b))
-        return ContactMemory(points, {(r.a, r.b): r.elastic for r in contacts.rolling}, touched)
+        return ContactMemory(points, {(r.a, r.b): r.elastic for r in rolling}, touched)
 
     def _rolling(
-        self, touching: list[ActiveContacts], state: State, start: StepStart, spins: dict[int, Spin]
-    ) -> list[RollingTorque]:
+        self, touching: Sequence[ActiveContacts], state: State, start: StepStart, spins: Mapping[int, Spin]
+    ) -> tuple[RollingTorque, ...]:
         """One torque per touching pair of bodies with rolling resistance."""
         load: dict[tuple[int, int], float] = {}
         for t in touching:
@@ -272,9 +279,9 @@ class ContactQuery:
                 torque = start.state.memory.rolling_torque.get((a, b), np.zeros(3))
                 law = start.rolling(length, normal_force, 0.5 * moving.size, moving.mass)
                 out.append(resisting_torque(a, b, law, torque, turn, start.seconds))
-        return out
+        return tuple(out)
 
-    def _turn(self, index: int, state: State, before: State, spins: dict[int, Spin]) -> NDArray[np.float64]:
+    def _turn(self, index: int, state: State, before: State, spins: Mapping[int, Spin]) -> NDArray[np.float64]:
         """Rotation vector of a body since the start of the step [rad], shape (3,)."""
         if index in spins:
             nodes = spins[index].nodes
@@ -283,17 +290,21 @@ class ContactQuery:
             return np.zeros(3)
         return turn_between(before.rotation[index], state.rotation[index])
 
-    def _bonded(self, bond: BondedPair, state: State) -> tuple[Any, ...]:
+    def _bonded(self, bond: BondedPair, state: State) -> PairPoints:
         """The points of a bond in the form of a pair's active points."""
         count = len(bond.stiffness)
-        return (
-            bond.a.body, bond.b.body, bond.a.position(self.model, state), bond.force(self.model, state),
-            bond.stiffness[:, None, None] * np.tile(np.eye(3), (count, 1, 1)), np.zeros((count, 3, 3)),
-            np.concatenate([bond.a.node, bond.b.node], axis=1),
-            np.concatenate([bond.a.weight, -bond.b.weight], axis=1),
-        )  # fmt: skip
+        return PairPoints(
+            a=bond.a.body,
+            b=bond.b.body,
+            position=bond.a.position(self.model, state),
+            force=bond.force(self.model, state),
+            tangent=bond.stiffness[:, None, None] * np.tile(np.eye(3), (count, 1, 1)),
+            coupling=np.zeros((count, 3, 3)),
+            node=np.concatenate([bond.a.node, bond.b.node], axis=1),
+            weight=np.concatenate([bond.a.weight, -bond.b.weight], axis=1),
+        )
 
-    def _spins(self, involved: set[int], state: State) -> dict[int, Spin]:
+    def _spins(self, involved: frozenset[int], state: State) -> dict[int, Spin]:
         """Spins of the free soft bodies among those that touch or are bonded."""
         out = {}
         for index, one in self.soft_of.items():

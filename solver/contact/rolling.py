@@ -4,7 +4,7 @@ Like friction it remembers: an elastic angle first, then the torque stays at its
 is stiff (`law_stiff`), so that a ball stops. While a rest state is tried with a kick it is compliant (`law_compliant`):
 a damped spring far below what would hold up a body that is about to fall over (SHARE of N times the body's half size),
 because resistance to rolling must not make a pencil stand. The rotation of a soft body is that of its mass-weighted
-best fit, theta = I^-1 sum m r x u, and its torque is spread over its nodes so that both do the same work. RollingTorque
+best fit, theta = I^-1 sum m r x u, and its torque is spread over its nodes so that both do the same work. Rolling
 resistance length b: [J85, Sec. 9.3].
 
 [J85] Johnson: Contact Mechanics. Cambridge University Press, 1985.
@@ -23,7 +23,7 @@ GYRATION = 0.6  # radius of gyration about the contact over half the box diagona
 LEAST_ANGLE = 1e-3  # rotation [rad] at which the spring yields where that makes it softer: below what a picture shows
 
 
-@dataclass(eq=False, slots=True)
+@dataclass(frozen=True, eq=False, slots=True)
 class RollingTorque:
     """Resistance between two bodies of which at least one is free."""
 
@@ -37,7 +37,7 @@ class RollingTorque:
     """Elastic part of the resisted torque at the end of the step, what the next one starts from [N m], shape (3,)."""
 
 
-@dataclass(eq=False, slots=True)
+@dataclass(frozen=True, eq=False, slots=True)
 class Spin:
     """How the nodes of a free soft body turn and take a torque."""
 

@@ -15,11 +15,9 @@ SETTLED = 1e-12  # relative change of the rigid velocity at which a coupling's s
 # columns of what `couple` tells of each owner of nodes; vectors and the matrix start at theirs
 LOAD = 0  # sum of normal impulses
 IMPULSE = 1  # on the material, 3 columns
-MOMENT = 4  # of the impulse about the body's centre, 3 columns
-NORMAL_MATRIX = 7  # sum of G^T n n^T G weighted by normal impulse, G = [I, -[r]x], 6 x 6 row-major
-LOADED_ARM = 43  # points r from the centre weighted by normal impulse, 3 columns
-NORMAL_IMPULSE = 46  # part of the impulse along the normals, 3 columns
-COUPLED = 49  # columns in all
+NORMAL_MATRIX = 4  # sum of G^T n n^T G weighted by normal impulse, G = [I, -[r]x], 6 x 6 row-major
+NORMAL_IMPULSE = 40  # part of the impulse along the normals, 3 columns
+COUPLED = 43  # columns in all
 
 
 @ti.func
@@ -182,15 +180,12 @@ def couple(
             impulse, load, _s = node_impulse(v - V - w.cross(r), n, m, friction[o, 0], friction[o, 1])
             if load > 0.0:
                 total += impulse
-                moment = r.cross(impulse)
-                turn += moment
+                turn += r.cross(impulse)
                 rn = r.cross(n)
                 out[o, LOAD] += load
                 for a in ti.static(range(3)):
                     grid[n_, a] = grid[n_, a] + impulse[a] / m
                     out[o, IMPULSE + a] += impulse[a]
-                    out[o, MOMENT + a] += moment[a]
-                    out[o, LOADED_ARM + a] += load * r[a]
                     out[o, NORMAL_IMPULSE + a] += load * n[a]
                     for d in ti.static(range(3)):
                         out[o, NORMAL_MATRIX + 6 * a + d] += load * n[a] * n[d]

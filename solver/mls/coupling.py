@@ -119,6 +119,11 @@ class Coupling:
                 self._add(index, part, received)
                 self.loaded.append((index, part, received))
 
+    def hand_over_impulses(self) -> dict[tuple[int, int], PairImpulse]:
+        """What was summed up since this was last asked for, by rigid body and soft part; sums begin anew."""
+        impulses, self.impulses = self.impulses, {}
+        return impulses
+
     def damp(self, dt: float) -> None:
         """Dashpot and rolling resistance of the pairs that the last exchange loaded, once particles have moved."""
         for index, part, received in self.loaded:
@@ -199,8 +204,7 @@ def dashpot_coefficient(model: Model, rigid: int, soft: int, config: SolverConfi
         return 0.0
     mass = 1.0 / sum(1.0 / b.mass for b in free)
     lighter = min(free, key=lambda b: b.mass)
-    gravity = max(float(np.linalg.norm(model.gravity)), 1e-12)
-    stiffness = contact_stiffness(lighter.mass * gravity, footprint_radius(lighter), *softness(two))
+    stiffness = contact_stiffness(lighter.mass * model.gravity_strength, footprint_radius(lighter), *softness(two))
     return 2.0 * config.damping_ratio * float(np.sqrt(stiffness * mass))
 
 

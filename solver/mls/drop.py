@@ -24,7 +24,7 @@ from solver.kernels import mls_transfers as transfers
 from solver.kernels.mls_moments import ENERGY, INVERSIONS, SQUARED_SPEED, STRAYS
 from solver.mls.bodies import SoftBodies
 from solver.mls.coupling import Coupling
-from solver.mls.outcome import IntervalReport, measure_interval
+from solver.mls.outcome import IntervalImpulses, IntervalReport, measure_interval
 from solver.mls.particles import PER_AXIS, distance
 from solver.mls.plates import THIN, Plates, thin_bodies
 from solver.mls.rigid import RigidBodies
@@ -34,7 +34,6 @@ from solver.result import FinalState, SettledModel, Verdict, beside, build_resul
 
 Array = NDArray[np.float64]
 
-LEAST_GRAVITY = 1e-12  # [m/s^2], so that what is measured by weights stays finite where nothing pulls
 PEAK_DROP = 0.02  # a kinetic energy this much below its largest value has passed its peak [-]
 COARSENING = 1.1  # factor by which a cell grows until the particles fit their budget
 STALE = 0.01  # motion in cells after which contact looks anew where the material is: a tenth of what it resolves
@@ -71,9 +70,7 @@ class ExplicitDrop:
         self.peak = np.zeros(len(self.soft.index))
         self.time = 0.0
         self.moved = 0.0
-        self.strength = max(float(np.linalg.norm(self.gravity)), LEAST_GRAVITY)
-        """Magnitude of gravity [m/s^2]."""
-        self.monitor = RestMonitor(config, self.strength, self.length)
+        self.monitor = RestMonitor(config, model.gravity_strength, self.length)
         self.steps = 0
         self._refuse_overlap()
         self._name_thin_parts()
@@ -83,7 +80,7 @@ class ExplicitDrop:
         while True:
             last = self._interval()
             self.monitor.record(last.signals, progress)
-            if self._left():
+            if self._left(last.impulses):
                 verdict = Verdict.LEFT_TARGET
             elif self.monitor.quiet():
                 verdict = Verdict.AT_REST
@@ -97,8 +94,6 @@ class ExplicitDrop:
         """Steps over one interval, and what they did to every body."""
         seconds = self.config.mls_interval_seconds
         before = self._momenta()
-        self.coupling.impulses = {}
-        self.rigid.impulses = {}
         left, steps = seconds, 0
         while left > 1e-9 * seconds:
             dt = left / np.ceil(left / self._longest_step())
@@ -106,7 +101,8 @@ class ExplicitDrop:
             left -= dt
             steps += 1
         self.steps += steps
-        return measure_interval(self.model, self.soft, self.rigid, self.coupling, self.watched, before, self._momenta(),
+        impulses = IntervalImpulses(self.coupling.hand_over_impulses(), self.rigid.hand_over_impulses())
+        return measure_interval(self.model, self.soft, self.rigid, impulses, self.watched, before, self._momenta(),
                        seconds, self.time, steps)  # fmt: skip
 
     def _longest_step(self) -> float:
@@ -116,7 +112,7 @@ class ExplicitDrop:
         return self.config.mls_cfl * self.soft.grid.cell / (self.soft.wave_speed + max(speeds))
 
     def step(self, dt: float) -> None:
-        """Advance everything by dt [s]; raises UnstableStep for a state that broke."""
+        """Advance everything in place by dt [s] (decision 039); raises UnstableStep for a state that broke."""
         soft, grid, p = self.soft, self.soft.grid, self.soft.particles
         C, F = p.C.reshape(-1, 3, 3), p.F.reshape(-1, 3, 3)
         self.rigid.accelerate(dt)
@@ -214,10 +210,10 @@ class ExplicitDrop:
                 out[i] = (m.center, m.mass * m.velocity, m.angular_momentum)
         return out
 
-    def _left(self) -> bool:
+    def _left(self, impulses: IntervalImpulses) -> bool:
         """A free body has left everything that could carry it."""
-        pairs = set(self.rigid.impulses)
-        pairs |= {(r, self.soft.index[s]) for r, s in self.coupling.impulses}
+        pairs = set(impulses.rigid)
+        pairs |= {(r, self.soft.index[s]) for r, s in impulses.coupled}
         pairs |= {(self.soft.index[a], self.soft.index[b]) for a, b in self.soft.touching_parts()}
         for i in set(self.free) - carried(self.model, pairs):
             if i in self.rigid.index:
@@ -276,7 +272,7 @@ class ExplicitDrop:
             contacts=contacts,
             contact_points={name: some for name, some in points.items() if name in free},
             friction_margin=last.friction_margin(contacts),
-            free_weight=sum(last.mass(i) for i in self.watched) * self.strength,
+            free_weight=sum(last.mass(i) for i in self.watched) * self.model.gravity_strength,
             inverted=int(self.soft.sums[:, INVERSIONS].sum()),
             particles=len(self.soft.start),
         )

@@ -4,7 +4,7 @@ Forces are impulses over the interval's length. The unbalanced force on a body i
 same time, so nothing that acted on it is left out.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,7 +14,7 @@ from scipy.spatial import cKDTree
 from solver.certificate import ContactRow
 from solver.contact.active import vertex_areas
 from solver.mls.bodies import SoftBodies
-from solver.mls.coupling import Coupling
+from solver.mls.coupling import PairImpulse
 from solver.mls.particles import distance
 from solver.mls.rigid import RigidBodies
 from solver.model.bodies import Model, RigidBody, SoftBody
@@ -29,13 +29,23 @@ PATCH = 0.25  # surface points of a touching pair nearer than so many cells belo
 
 
 @dataclass(frozen=True, eq=False, slots=True)
+class IntervalImpulses:
+    """What pairs of bodies exchanged over an interval."""
+
+    coupled: Mapping[tuple[int, int], PairImpulse]
+    """On soft bodies, by rigid body and soft part."""
+    rigid: Mapping[tuple[int, int], Array]
+    """On the first of two rigid bodies: impulse and its normal part [N s], shape (2, 3)."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
 class IntervalReport:
     """The end of an interval."""
 
     model: Model
     soft: SoftBodies
     rigid: RigidBodies
-    coupling: Coupling
+    impulses: IntervalImpulses
     seconds: float
     before: dict[int, Momentum]
     after: dict[int, Momentum]
@@ -100,7 +110,7 @@ class IntervalReport:
     def _coupled(self) -> list[tuple[int, int, Array, Array]]:
         """Rigid on soft: force on the soft body and its normal part [N]."""
         out = []
-        for (r, part), pair in sorted(self.coupling.impulses.items()):
+        for (r, part), pair in sorted(self.impulses.coupled.items()):
             i = self.soft.index[part]
             a, b, sign = (r, i, -1.0) if r < i else (i, r, 1.0)
             out.append((a, b, sign * pair.impulse / self.seconds, sign * pair.along_normal / self.seconds))
@@ -122,7 +132,7 @@ class IntervalReport:
             i = self.soft.index[part]
             missing[row] = (self.after[i][1] - self.before[i][1]) / self.seconds - self._weight(part)
             missing[row] -= sum(
-                (p.impulse / self.seconds for (_, q), p in self.coupling.impulses.items() if q == part), np.zeros(3)
+                (p.impulse / self.seconds for (_, q), p in self.impulses.coupled.items() if q == part), np.zeros(3)
             )
             for column, (a, b) in enumerate(pairs):
                 balance[row, column] = 1.0 if part == a else (-1.0 if part == b else 0.0)
@@ -149,7 +159,7 @@ class IntervalReport:
 
     def _rigid(self) -> list[tuple[int, int, Array, Array]]:
         """Rigid on rigid: force on the first and its normal part [N]."""
-        pairs = sorted(self.rigid.impulses.items())
+        pairs = sorted(self.impulses.rigid.items())
         return [(a, b, both[0] / self.seconds, both[1] / self.seconds) for (a, b), both in pairs]
 
     def _patch(self, a: int, b: int) -> tuple[Array, Array, float]:
@@ -197,7 +207,7 @@ def measure_interval(
     model: Model,
     soft: SoftBodies,
     rigid: RigidBodies,
-    coupling: Coupling,
+    impulses: IntervalImpulses,
     watched: list[int],
     before: dict[int, Momentum],
     after: dict[int, Momentum],
@@ -206,7 +216,6 @@ def measure_interval(
     steps: int,
 ) -> IntervalReport:
     """Measure an interval of `steps` steps that ended at `time`."""
-    strength = max(float(np.linalg.norm(model.gravity)), 1e-12)
     linear = angular = force_worst = torque_worst = 0.0
     mass = {i: _mass(model, soft, i) for i in watched}
     for i in watched:
@@ -215,7 +224,7 @@ def measure_interval(
             angular = max(angular, float(np.linalg.norm(rigid.state.angular_velocity[i])))
         if model.bodies[i].fixed:
             continue
-        weight = mass[i] * strength * seconds
+        weight = mass[i] * model.gravity_strength * seconds
         force_worst = max(force_worst, float(np.linalg.norm(after[i][1] - before[i][1])) / weight)
         turn = float(np.linalg.norm(after[i][2] - before[i][2]))
         torque_worst = max(torque_worst, turn / (weight * 0.5 * model.bodies[i].size))
@@ -225,4 +234,4 @@ def measure_interval(
         time, linear, angular, soft.fastest, center,
         np.concatenate([points.min(axis=0), points.max(axis=0)]), force_worst, torque_worst, steps, 0,
     )  # fmt: skip
-    return IntervalReport(model, soft, rigid, coupling, seconds, before, after, signals)
+    return IntervalReport(model, soft, rigid, impulses, seconds, before, after, signals)

@@ -44,13 +44,12 @@ class RigidBodies:
         self.state.memory = self.query.fresh_memory()
         self.contacts: Contacts | None = None
         self.impulses: dict[tuple[int, int], Array] = {}
-        """Impulse on the first body of each touching pair and its normal part since last emptied [N s]."""
+        """Impulse on the first body of each touching pair and its normal part since last handed over [N s], (2, 3)."""
         self.radius = {
             i: float(np.linalg.norm(b.vertices - b.center_of_mass, axis=1).max()) for i, b in model.rigid_bodies
         }
         self.box = {i: (b.vertices.min(axis=0), b.vertices.max(axis=0)) for i, b in model.rigid_bodies}
-        gravity = max(float(np.linalg.norm(model.gravity)), 1e-12)
-        self.damping = 2.0 * config.damping_ratio * float(np.sqrt(config.penetration_target / gravity))
+        self.damping = 2.0 * config.damping_ratio * float(np.sqrt(config.penetration_target / model.gravity_strength))
 
     def mass_matrix(self, index: int) -> Array:
         """Mass and inertia about the centre of mass in world axes, shape (6, 6)."""
@@ -150,6 +149,11 @@ class RigidBodies:
             both = sign * np.stack([impulse[mine].sum(axis=0), along[mine].sum(axis=0)])
             key = (min(a, b), max(a, b))
             self.impulses[key] = self.impulses.get(key, np.zeros((2, 3))) + both
+
+    def hand_over_impulses(self) -> dict[tuple[int, int], Array]:
+        """What was summed up since this was last asked for; sums begin anew."""
+        impulses, self.impulses = self.impulses, {}
+        return impulses
 
     def move(self, dt: float) -> None:
         """Positions and rotations after the step; the angular momentum of a free turn is kept."""

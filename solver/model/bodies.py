@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from solver.box import bounds
 from solver.errors import ModelError
 
+LEAST_GRAVITY = 1e-12  # [m/s^2], so that what is measured by weights stays finite where nothing pulls
 FREE, HELD, CORE = 0, 1, 2  # node states: free, held by the world, moving with the body's own rigid core
 
 
@@ -191,6 +192,11 @@ class Model:
                     raise ModelError(f"bond names body {one!r}; there is {names}")
             if a == b or (fixed[a] and fixed[b]):
                 raise ModelError(f"bond {a!r}, {b!r}: needs two bodies of which one is free")
+
+    @property
+    def gravity_strength(self) -> float:
+        """Magnitude of gravity [m/s^2], at least LEAST_GRAVITY."""
+        return max(float(np.linalg.norm(self.gravity)), LEAST_GRAVITY)
 
     @property
     def rigid_bodies(self) -> list[tuple[int, RigidBody]]:

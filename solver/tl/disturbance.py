@@ -3,15 +3,16 @@
 A rest state is verified with a small kick; a graded push (stability.py) ends in the same way: let go and watch.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from solver.certificate import KickCheck, KickRow
+from solver.config import SolverConfig
 from solver.contact.rolling import law_compliant
 from solver.model.state import State
-from solver.rest import Progress, Signals
-from solver.tl.simulation import Simulation
+from solver.rest import Progress, RestMonitor, Signals
+from solver.tl.simulation import Simulation, StepControl
 
 KICK_NOISE = 0.1  # share of a kick's speed below which growth is the noise of solving to a tolerance
 # of a speed in a quarter of a period's steps: what grows slower rolls in a neutral balance, it does not fall over
@@ -54,6 +55,8 @@ class Response:
     """How a disturbance ended."""
 
     state: State
+    control: StepControl
+    """For a step that goes on from there."""
     stable: bool
     """At rest again, near where it was."""
     moved: Displacement
@@ -67,24 +70,34 @@ class Response:
     """Periods of kick_seconds that it took."""
 
 
-def kick(simulation: Simulation, rest: State, progress: Progress | None) -> tuple[State, KickCheck]:
-    """Kick a rest state and follow it: where that ends, and whether the rest was stable."""
+def kick(
+    simulation: Simulation, monitor: RestMonitor, rest: State, control: StepControl, progress: Progress | None
+) -> tuple[State, StepControl, KickCheck]:
+    """Kick a rest state and follow it: where that ends, what a further step takes over, whether the rest was stable.
+
+    `control` is that of the rest state; `monitor` takes the signals.
+    """
     c = simulation.config
     state = kicked_state(simulation, rest)
-    begin = len(simulation.monitor.signals)
+    begin = len(monitor.signals)
     bound = Displacement(c.kick_distance * simulation.length, c.kick_angle)
     # a stable state does not gain speed from a kick
-    end = follow(simulation, rest, state, bound, StopCriteria(Displacement(np.inf, np.inf), bound, 1.0), progress)
-    return end.state, KickCheck(
-        stable=end.stable,
-        speed_m_s=c.kick_speed,
-        angular_speed_rad_s=c.kick_angular_speed,
-        seconds=end.segments * c.kick_seconds,
-        steps=len(simulation.monitor.signals) - begin,
-        growing=end.growing,
-        speed_left=KickRow(end.speed_left, c.kick_decay),
-        distance_m=KickRow(end.moved.distance, bound.distance, end.farthest),
-        angle_rad=KickRow(end.moved.angle, bound.angle),
+    stop = StopCriteria(Displacement(np.inf, np.inf), bound, 1.0)
+    end = follow(simulation, monitor, rest, state, control, near=bound, stop=stop, progress=progress)
+    return (
+        end.state,
+        end.control,
+        KickCheck(
+            stable=end.stable,
+            speed_m_s=c.kick_speed,
+            angular_speed_rad_s=c.kick_angular_speed,
+            seconds=end.segments * c.kick_seconds,
+            steps=len(monitor.signals) - begin,
+            growing=end.growing,
+            speed_left=KickRow(end.speed_left, c.kick_decay),
+            distance_m=KickRow(end.moved.distance, bound.distance, end.farthest),
+            angle_rad=KickRow(end.moved.angle, bound.angle),
+        ),
     )
 
 
@@ -124,43 +137,50 @@ def stopped(rest: State) -> State:
 
 
 def follow(
-    simulation: Simulation, rest: State, state: State, near: Displacement, stop: StopCriteria, progress: Progress | None
+    simulation: Simulation,
+    monitor: RestMonitor,
+    rest: State,
+    state: State,
+    control: StepControl,
+    *,
+    near: Displacement,
+    stop: StopCriteria,
+    progress: Progress | None,
 ) -> Response:
     """Let a disturbed state go on from where it is; it is stable if it comes to rest within `near` of the rest state.
 
-    Rolling resistance gives way meanwhile (rolling.py).
+    Rolling resistance gives way meanwhile (rolling.py). `monitor` takes the signals; steps begin anew at half the
+    longest that follows a loss of balance.
     """
     c = simulation.config
-    start, farthest, dt = state.time, 0.0, 0.5 * simulation.balance_step()
+    start, farthest, control = state.time, 0.0, replace(control, dt=0.5 * simulation.balance_step())
     undecided, segment = True, 0
     while undecided and segment < c.kick_segments:
         segment += 1
-        first = len(simulation.monitor.signals)
+        first = len(monitor.signals)
         while state.time < start + segment * c.kick_seconds - 1e-9:
-            state, report, dt = simulation.step(state, dt, rolling=law_compliant)
-            simulation.record(state, report, progress)
+            step = simulation.step(state, control, rolling=law_compliant)
+            state, control = step.state, step.control
+            monitor.record(step.signals, progress)
             moved = Displacement.between(simulation, rest, state)
             farthest = max(farthest, moved.distance)
             if not moved.within(stop.at_once):
-                return Response(state, False, moved, farthest, np.inf, True, segment)
-        left, growing = _speed_left(simulation, simulation.monitor.signals[first:])
+                return Response(state, control, False, moved, farthest, np.inf, True, segment)
+        left, growing = _speed_left(monitor, monitor.signals[first:], c)
         moving = growing or left > c.kick_decay
         undecided = moving and moved.within(stop.at_period_end) and left <= stop.speed
-    return Response(state, moved.within(near) and not moving, moved, farthest, left, growing, segment)
+    stable = moved.within(near) and not moving
+    return Response(state, control, stable, moved, farthest, left, growing, segment)
 
 
-def _speed_left(simulation: Simulation, followed: list[Signals]) -> tuple[float, bool]:
+def _speed_left(monitor: RestMonitor, followed: list[Signals], c: SolverConfig) -> tuple[float, bool]:
     """Largest speed at the end over the kick's (0 where it is below the rest thresholds) and whether it still grows.
 
     An unstable balance gains speed by a factor e in about sqrt(L / 2g): 0.1 s for L = 0.2 m, and GROWTH in a quarter of
     half a second for L = 6 m. A wobble may look like it for half its period, so growth alone only asks for more time.
     """
-    c = simulation.config
     quarter = max(len(followed) // 4, 2)
-    before, end = (
-        simulation.monitor.judge(followed[-2 * quarter : -quarter]),
-        simulation.monitor.judge(followed[-quarter:]),
-    )
+    before, end = monitor.judge(followed[-2 * quarter : -quarter]), monitor.judge(followed[-quarter:])
     left, growing = 0.0, False
     for earlier, now, speed in (
         (before.linear_speed, end.linear_speed, c.kick_speed),

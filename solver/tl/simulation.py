@@ -1,6 +1,10 @@
-"""One simulation as it is stepped: how long a step is, what is measured after it, and where bodies are."""
+"""One simulation as it is stepped: how long a step is, what is measured after it, and where bodies are.
+
+A step depends on its arguments alone: what it takes over from those before it is the StepControl that they hand on.
+"""
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +20,7 @@ from solver.model import soft as soft_system
 from solver.model.bodies import Body, Model, SoftBody
 from solver.model.soft import SoftSystem
 from solver.model.state import State, best_rigid_motion, start_state
-from solver.rest import Progress, RestMonitor, Signals
+from solver.rest import RestMonitor, Signals
 from solver.tl.measure import measure
 from solver.tl.step import Stepper, StepReport
 
@@ -26,11 +30,32 @@ Load = Callable[[float], NDArray[np.float64]]
 CELL_STIFFNESS = 4.0  # first guess of the contact stiffness per area, in E / cell size; adapted to the target near rest
 SHORTER = 0.1  # of a step that resolves elastic waves: what it may be shortened to in an impact
 STEP_GROWTH = 1.25  # growth of the step when Newton converges easily
-LEAST_GRAVITY = 1e-12  # [m/s^2], so that what is measured by weights stays finite where nothing pulls
+
+
+@dataclass(frozen=True, slots=True)
+class StepControl:
+    """What a step takes over from those before it: how long it may be, and how well it is solved."""
+
+    dt: float
+    """Longest step that is tried [s]."""
+    speed: float = 0.0
+    """Largest linear speed after the step before [m/s]."""
+    tolerance_factor: float = 1.0
+    """Factor of the tolerance to which steps at rest are solved [-]."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class AcceptedStep:
+    """Where a step led, and what the next one takes over."""
+
+    state: State
+    report: StepReport
+    signals: Signals
+    control: StepControl
 
 
 class Simulation:
-    """Bodies, contacts and the history of their motion."""
+    """Bodies and contacts of a model, and the law by which a state is stepped; keeps no history."""
 
     def __init__(self, model: Model, config: SolverConfig) -> None:
         self.model = model
@@ -40,7 +65,7 @@ class Simulation:
         self.free = [i for i, b in enumerate(model.bodies) if not b.fixed]
         self.watched = self.free or [s.index for s in self.soft.bodies]
         self.mass = {i: self._mass(i) for i in self.watched}
-        self.gravity = max(float(np.linalg.norm(model.gravity)), LEAST_GRAVITY)
+        self.gravity = model.gravity_strength
         if not self.watched:
             raise ModelError("nothing can move: every body is rigid and fixed")
         self.length = max(model.bodies[i].size for i in self.watched)
@@ -55,10 +80,10 @@ class Simulation:
         self.stepper = Stepper(model, self.soft, self.query, config, weights, damping)
         self.wave_step = config.inertia_step * crossing_seconds(model) if config.inertia else np.inf
         """Longest step that resolves elastic waves [s]."""
-        self.tolerance_factor = 1.0
-        """Factor of the tolerance to which steps at rest are solved."""
-        self.monitor = RestMonitor(config, self.gravity, self.length)
-        self.warnings: list[str] = []
+
+    def rest_monitor(self) -> RestMonitor:
+        """A monitor of this model's rest, without any signals yet."""
+        return RestMonitor(self.config, self.gravity, self.length)
 
     def _mass(self, index: int) -> float:
         if (one := self.soft_of.get(index)) is not None:
@@ -70,14 +95,14 @@ class Simulation:
         return start_state(self.model, self.soft, self.query.fresh_memory())
 
     def step(
-        self, state: State, dt: float, load: Load | None = None, rolling: RollingLaw = law_stiff
-    ) -> tuple[State, StepReport, float]:
-        """One accepted step of at most `dt` [s] and the proposal for the next; `load` acts besides gravity."""
-        speed = self.monitor.last_speed
-        dt = min(dt, self._longest_step(speed))
+        self, state: State, control: StepControl, load: Load | None = None, rolling: RollingLaw = law_stiff
+    ) -> AcceptedStep:
+        """One accepted step of at most `control.dt` [s]; `load` acts besides gravity."""
+        speed = control.speed
+        dt = min(control.dt, self._longest_step(speed))
         moving = speed > self.config.moving_speed * np.sqrt(self.gravity * self.length) and not self.config.inertia
         shortest = min(self.config.shortest_step_seconds, SHORTER * self.wave_step)
-        tolerance = self.config.moving_tolerance if moving else self.tolerance_factor * self.config.newton_tolerance
+        tolerance = self.config.moving_tolerance if moving else control.tolerance_factor * self.config.newton_tolerance
         while True:
             push = None if load is None else load(state.time + dt)
             after, report = self.stepper.step(state, dt, tolerance, push, rolling)
@@ -99,7 +124,10 @@ class Simulation:
             for index, normal in state.memory.stiffened:
                 self._end_approach(after, index, normal)
         easy = report.newton <= self.config.newton_limit // 2 and (len(report.contacts.a) > 0 or not self.free)
-        return after, report, dt * (STEP_GROWTH if easy else 1.0)
+        weights = self.stepper.weights
+        signals = measure(self.model, self.soft, self.query, self.watched, self.mass, weights, after, report)
+        longer = dt * (STEP_GROWTH if easy else 1.0)
+        return AcceptedStep(after, report, signals, StepControl(longer, signals.speed, control.tolerance_factor))
 
     def _end_approach(self, state: State, index: int, normal: NDArray[np.float64]) -> None:
         """Take the motion along a unit normal out of a body; what is clamped is stopped."""
@@ -133,13 +161,6 @@ class Simulation:
         if (one := self.soft_of.get(index)) is not None:
             arm = state.x[one.nodes] - self.center(state, index)
             state.v[one.nodes] += velocity + np.cross(angular_velocity, arm)
-
-    def record(self, state: State, report: StepReport, progress: Progress | None) -> Signals:
-        """Measure an accepted step and add it to the history."""
-        weights = self.stepper.weights
-        signals = measure(self.model, self.soft, self.query, self.watched, self.mass, weights, state, report)
-        self.monitor.record(signals, progress)
-        return signals
 
     def center(self, state: State, index: int) -> NDArray[np.float64]:
         """Centre of mass of a body [m], shape (3,)."""

@@ -19,9 +19,9 @@ from solver.certificate import BodyStability, NotDone, PushBounds, PushRow, Stab
 from solver.contact.rolling import law_compliant
 from solver.errors import UnstableStep
 from solver.model.state import State
-from solver.rest import Progress
+from solver.rest import Progress, RestMonitor
 from solver.tl.disturbance import Displacement, StopCriteria, follow, stopped
-from solver.tl.simulation import Simulation
+from solver.tl.simulation import Simulation, StepControl
 
 # half its size away, or turned by 60 degrees: lost, whatever comes after [-], [rad]
 LOST = Displacement(0.5, np.pi / 3.0)
@@ -36,27 +36,28 @@ class PushTrials:
     index: int
     direction: NDArray[np.float64]
     """Horizontal unit vector, shape (3,)."""
+    tolerance_factor: float
+    """As in StepControl, of the rest state."""
     ends: dict[int, Displacement] = field(default_factory=dict)
     """How far bodies had moved when each push, in units of push_step, was judged."""
     steps: int = 0
+    warnings: list[str] = field(default_factory=list)
 
     def held(self, level: int, progress: Progress | None) -> bool:
         """Whether everything comes back to rest after a push of `level` times push_step of the weight.
 
         A push that the solver cannot follow is lost, with a warning.
         """
-        simulation, monitor = self.simulation, self.simulation.monitor
-        kept, monitor.signals = monitor.signals, []
+        monitor = self.simulation.rest_monitor()
         try:
-            held, self.ends[level] = self._push(level * simulation.config.push_step, progress)
+            held, self.ends[level] = self._push(level * self.simulation.config.push_step, monitor, progress)
         except UnstableStep as error:
             held, self.ends[level] = False, Displacement(np.inf, np.inf)
-            simulation.warnings.append(f"stability: a push counts as lost because the solver cannot follow it: {error}")
+            self.warnings.append(f"stability: a push counts as lost because the solver cannot follow it: {error}")
         self.steps += len(monitor.signals)
-        monitor.signals = kept
         return held
 
-    def _push(self, share: float, progress: Progress | None) -> tuple[bool, Displacement]:
+    def _push(self, share: float, monitor: RestMonitor, progress: Progress | None) -> tuple[bool, Displacement]:
         simulation, c = self.simulation, self.simulation.config
         size = simulation.model.bodies[self.index].size
         lost_bound = Displacement(LOST.distance * size, LOST.angle)
@@ -67,15 +68,18 @@ class PushTrials:
         def load(time: float) -> NDArray[np.float64]:
             return min((time - self.rest.time) / seconds, 1.0) * full
 
-        state, dt = stopped(self.rest), 0.5 * simulation.balance_step()
+        state = stopped(self.rest)
+        control = StepControl(0.5 * simulation.balance_step(), tolerance_factor=self.tolerance_factor)
         while state.time < self.rest.time + 2.0 * seconds - 1e-9:
-            state, report, dt = simulation.step(state, dt, load, law_compliant)
-            simulation.record(state, report, progress)
+            step = simulation.step(state, control, load, law_compliant)
+            state, control = step.state, step.control
+            monitor.record(step.signals, progress)
             moved = Displacement.between(simulation, self.rest, state)
             if not moved.within(lost_bound):
                 return False, moved
         near = Displacement(c.push_distance * size, c.push_angle)
-        end = follow(simulation, self.rest, state, near, StopCriteria(lost_bound, lost_bound, np.inf), progress)
+        stop = StopCriteria(lost_bound, lost_bound, np.inf)
+        end = follow(simulation, monitor, self.rest, state, control, near=near, stop=stop, progress=progress)
         return end.stable, end.moved
 
     def bracket(self, most: int, guess: int | None, progress: Progress | None) -> tuple[int, PushRow]:
@@ -94,36 +98,41 @@ class PushTrials:
         )
 
 
-def grade(simulation: Simulation, rest: State, progress: Progress | None) -> StabilityGrade | NotDone:
+def grade(
+    simulation: Simulation, rest: State, tolerance_factor: float, progress: Progress | None
+) -> tuple[StabilityGrade | NotDone, list[str]]:
     """For every free body and direction the largest push held and the smallest lost, over the body's weight (lost is
-    None where the largest one tried was held), and the smallest of all held ones.
+    None where the largest one tried was held), and the smallest of all held ones; beside it the trials' warnings.
 
-    The simulation's history stays as it was.
+    Every trial has a history of its own. `tolerance_factor` is that to which the rest state was solved (StepControl).
     """
     c = simulation.config
     if simulation.gravity <= 0.0:
-        return NotDone(reason="without gravity there is no weight to compare a push with")
+        return NotDone(reason="without gravity there is no weight to compare a push with"), []
     most, steps = max(1, round(c.push_most / c.push_step)), 0
     quarter = max(1, c.push_directions // 4)  # directions back to a quarter turn, after which many things look the same
     bodies: dict[str, BodyStability] = {}
+    warnings: list[str] = []
     for index in simulation.free:
         rows: list[PushRow] = []
         found: list[int] = []
         for direction in directions(simulation.model.gravity, c.push_directions):
-            pushes = PushTrials(simulation, rest, index, direction)
+            pushes = PushTrials(simulation, rest, index, direction, tolerance_factor)
             guess = found[-quarter] if len(found) >= quarter else None
             level, row = pushes.bracket(most, guess, progress)
             found.append(level)
             rows.append(row)
             steps += pushes.steps
+            warnings += pushes.warnings
         bodies[simulation.model.bodies[index].name] = BodyStability(min(row.held for row in rows), tuple(rows))
-    return StabilityGrade(
+    graded = StabilityGrade(
         grade=min(body.grade for body in bodies.values()),
         bodies=bodies,
         trials=sum(row.trials for body in bodies.values() for row in body.directions),
         steps=steps,
         bounds=PushBounds(c.push_distance, c.push_angle, c.push_step),
     )
+    return graded, warnings
 
 
 def largest_held(held: Callable[[int], bool], most: int, guess: int | None) -> int:

@@ -8,6 +8,7 @@ from solver.config import SolverConfig
 from solver.model.bodies import Model
 from solver.runtime import start
 from solver.settle import ImplicitDrop
+from solver.tl.simulation import StepControl
 
 
 def hertz_radius(load, modulus, radius):
@@ -168,14 +169,14 @@ def test_springs_that_become_stiffer_throw_nothing_up(lab):
     start(2)
     model = Model((ball, slab), np.array([0.0, 0.0, -lab.gravity]))
     one = ImplicitDrop(model, SolverConfig())
-    state, dt, stiffened, fastest = one.start_state(), 4e-3, 0, 0.0
+    state, control, stiffened, fastest = one.start_state(), StepControl(4e-3), 0, 0.0
     with threadpool_limits(1):
         for _ in range(60):
-            state, report, dt = one.step(state, dt)
-            signals = one.record(state, report, None)
+            step = one.step(state, control)
+            state, control = step.state, step.control
             if stiffened:
                 fastest = max(fastest, state.velocity[0, 2])
-            one._adapt(state, report.contacts, signals)
+            one._adapt(state, step.report.contacts, step.signals)
             stiffened += bool(state.memory.stiffened)
     assert stiffened >= 2
     # what the tolerance of a thousandth of the weight leaves pushes for three of the longest steps

@@ -9,6 +9,7 @@ from solver.config import SolverConfig
 from solver.model.bodies import Model
 from solver.runtime import start
 from solver.settle import ImplicitDrop
+from solver.tl.simulation import StepControl
 
 
 @pytest.fixture(autouse=True)
@@ -142,10 +143,10 @@ def test_a_ball_rebounds_from_an_elastic_slab_only_with_inertia(lab, inertia):
     ball = lab.rigid("ball", lab.Capsule(0.05, 0.0), [0, 0, 0.06], mass=1.0)
     start(2)
     one = ImplicitDrop(Model((ball, slab), np.array([0.0, 0.0, -lab.gravity])), SolverConfig(inertia=inertia))
-    state, dt, lowest, highest = one.start_state(), 1e-3, np.inf, 0.0
+    state, control, lowest, highest = one.start_state(), StepControl(1e-3), np.inf, 0.0
     while state.time < 0.25:
-        state, report, dt = one.step(state, dt)
-        one.record(state, report, None)
+        step = one.step(state, control)
+        state, control = step.state, step.control
         lowest = min(lowest, state.velocity[0, 2])
         highest = max(highest, state.velocity[0, 2])
     if inertia:

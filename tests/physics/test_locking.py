@@ -100,7 +100,7 @@ def timoshenko(x, load, length, side, E, nu):
 
 
 def sagging(lab, nu, cells, **config):
-    """SettledModel and bend w(L / 4) - 2 w(5 L / 8) + w(L) of a beam, measured and expected.
+    """The settled model and the bend w(L / 4) - 2 w(5 L / 8) + w(L) of a beam, measured and expected.
 
     The second difference of the deflection does not feel how the clamp turns, which Timoshenko's theory leaves out:
     held sections cannot contract, and that is worth 1 % of the tip's way at nu = 0.3 and 4 % at 0.49.

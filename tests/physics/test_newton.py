@@ -9,6 +9,7 @@ from solver.model.bodies import Model
 from solver.runtime import start
 from solver.settle import ImplicitDrop
 from solver.tl.linear import conjugate_gradient, minimal_residual
+from solver.tl.simulation import StepControl
 
 DOWN, ASIDE, DT = 2e-5, 1e-4, 4e-3  # penetration and slip [m] at which every point slides; step [s]
 
@@ -103,18 +104,20 @@ def test_a_step_that_cannot_be_solved_says_where_and_by_how_much(lab):
 
 
 def test_the_same_state_steps_to_the_same_state(lab):
-    """All that a step starts from is in its arguments, friction's anchors and what touched included."""
+    """All that a step starts from is in its arguments: friction's anchors, what touched, the speed before it."""
     start(2)
     box = lab.rigid("box", lab.Box(np.array([0.1, 0.08, 0.06])), [0, 0, 0.03], velocity=np.array([0.3, 0.1, 0.0]))
     one = ImplicitDrop(Model((box, lab.floor()), np.array([0.0, 0.0, -lab.gravity])), SolverConfig(threads=2))
-    state = one.start_state()
+    state, control = one.start_state(), StepControl(DT)
     for _ in range(3):
-        state, _ = one.stepper.step(state, DT, 1e-3)
+        step = one.step(state, control)
+        state, control = step.state, step.control
     ends = []
     for _ in range(2):
-        end = state
+        end, following = state, control
         for _ in range(5):
-            end, _ = one.stepper.step(end, DT, 1e-3)
+            step = one.step(end, following)
+            end, following = step.state, step.control
         ends.append(end)
     assert any(memory.sliding.any() for memory in state.memory.points.values())
     assert (ends[0].center == ends[1].center).all()

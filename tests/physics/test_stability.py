@@ -9,7 +9,9 @@ from hypothesis import strategies as st
 
 from solver.config import SolverConfig
 from solver.model.bodies import Model
+from solver.runtime import start
 from solver.settle import ImplicitDrop
+from solver.tl.simulation import StepControl
 from solver.tl.stability import directions, grade, largest_held
 
 STEP = SolverConfig().push_step
@@ -82,9 +84,10 @@ def test_trials_leave_nothing_behind(lab):
     """A second test of the same rest state finds the same numbers to the last bit."""
     box = lab.rigid("box", lab.Box(np.array([0.1, 0.1, 0.1])), [0, 0, 0.0501])
     config = SolverConfig(push_directions=1, threads=2)
+    start(2)
     drop = ImplicitDrop(Model((box, lab.floor()), np.array([0.0, 0.0, -lab.gravity])), config)
-    _, rest, _ = drop._approach(drop.start_state(), None)
-    assert grade(drop, rest, None) == grade(drop, rest, None)
+    rest = drop._approach(drop.start_state(), StepControl(config.step_seconds), None).state
+    assert grade(drop, rest, 1.0, None) == grade(drop, rest, 1.0, None)
 
 
 @pytest.mark.slow
