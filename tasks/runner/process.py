@@ -1,32 +1,24 @@
-"""Runs one stage in a fresh process of its own, and is what that process runs.
+"""Runs one stage in a fresh process of its own, tasks/runner/child.py, and hands back what it reports.
 
-In: a job as JSON on standard input (module, function, inputs, configuration). Out: JSON lines on standard output,
-`{"progress": ...}` while it works and `{"done": ...}` or `{"error": ...}` at the end. The process leads its own
-session, dies with its parent, and is killed with all that it started when the parent is interrupted or the time is up.
+The process leads its own session, dies with its parent, and is killed with all that it started when the parent is
+interrupted or the time is up.
 """
 
-import ctypes
-import importlib
 import json
-import logging
 import os
 import signal
 import subprocess
-import sys
 import tempfile
 import threading
 from collections.abc import Callable
 from contextlib import suppress
 from typing import IO, Any
 
-from dcap.language.protocol.session import Session
 from dcap.packages import module_command
 from dcap.scene import errors
-from tasks.runner.digests import PACKAGES
 
 MOST_SECONDS = 3600.0
 """A stage that runs longer hangs: budgets count steps, so this never decides a result."""
-PR_SET_PDEATHSIG = 1
 LAST_LINES = 15
 
 running: dict[int, "subprocess.Popen[str]"] = {}
@@ -40,7 +32,7 @@ def run_in_process(job: dict[str, object], on_progress: Callable[[float, str], N
     """Run a job in a fresh process and return what it reports as done."""
     with tempfile.TemporaryFile("w+", errors="replace") as errors_file:
         child = subprocess.Popen(
-            module_command("tasks.runner.process", str(os.getpid())),
+            module_command("tasks.runner.child", str(os.getpid())),
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=errors_file,
@@ -107,64 +99,3 @@ def kill_all() -> None:
     """Kill the processes of all running stages, for an interrupted program."""
     for child in list(running.values()):
         kill_group(child)
-
-
-def main() -> None:
-    """The child: read the job, run the stage, report."""
-    die_with_parent(int(sys.argv[1]))
-    report = private_stdout()
-    job = json.loads(sys.stdin.read())
-    forward_log(report)
-    from tasks.runner.stage import stage  # here, because tasks.runner.stage imports this module
-
-    try:
-        function = getattr(importlib.import_module(job["module"]), job["function"])
-        done = stage(function).compute(job["inputs"], job["config"], Session(**job["session"]))
-    except errors.DcapError as error:
-        say(report, error={"type": type(error).__name__, "message": str(error)})
-        return
-    say(report, done=done)
-
-
-def die_with_parent(parent: int) -> None:
-    """Ask the kernel to kill us when the parent dies, and check that it has not died before we could ask."""
-    ctypes.CDLL(None, use_errno=True).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
-    if os.getppid() != parent:
-        os._exit(1)
-
-
-def private_stdout() -> IO[str]:
-    """Keep standard output for our lines; what libraries print goes to standard error."""
-    report = os.fdopen(os.dup(1), "w", encoding="utf-8")
-    os.dup2(2, 1)
-    return report
-
-
-class ProgressHandler(logging.Handler):
-    """Sends what our code logs to the parent; `extra={"progress": 0.4}` says how much of the work is done."""
-
-    def __init__(self, report: IO[str]) -> None:
-        super().__init__(logging.INFO)
-        self.report = report
-
-    def emit(self, record: logging.LogRecord) -> None:
-        """One record as a progress line."""
-        say(self.report, progress=getattr(record, "progress", 0.0), text=record.getMessage())
-
-
-def forward_log(report: IO[str]) -> None:
-    """Listen to the loggers of our packages."""
-    for package in PACKAGES:
-        logger = logging.getLogger(package)
-        logger.setLevel(logging.INFO)
-        logger.addHandler(ProgressHandler(report))
-
-
-def say(report: IO[str], **message: object) -> None:
-    """One JSON line, at once."""
-    report.write(json.dumps(message) + "\n")
-    report.flush()
-
-
-if __name__ == "__main__":
-    main()
