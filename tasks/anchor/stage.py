@@ -19,7 +19,8 @@ from dcap.geometry.placement.poses import center_of_mass
 from dcap.geometry.placement.search import SHARES, PlacementSearch
 from dcap.geometry.placement.set_down import Start, set_down
 from dcap.geometry.raycast import Raycaster
-from dcap.language.protocol.client import Client, LanguageConfig
+from dcap.language.connect import Client
+from dcap.language.protocol.client import LanguageConfig
 from dcap.language.protocol.questions import ANCHOR
 from dcap.language.protocol.replies import AnchorReply
 from dcap.scene.types.anchor import Anchor

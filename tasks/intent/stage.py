@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, PositiveFloat
 
-from dcap.language.protocol.client import Client, LanguageConfig
+from dcap.language.connect import Client
+from dcap.language.protocol.client import LanguageConfig
 from dcap.language.protocol.questions import INTENT
 from dcap.language.protocol.replies import IntentReply
 from dcap.language.protocol.requests import IntentRequest

@@ -10,8 +10,9 @@ from dataclasses import replace
 import numpy as np
 from pydantic import BaseModel, NonNegativeFloat, PositiveFloat
 
+from dcap.language.connect import Client
 from dcap.language.material_table import load_materials
-from dcap.language.protocol.client import Client, LanguageConfig
+from dcap.language.protocol.client import LanguageConfig
 from dcap.language.protocol.questions import MATERIALS
 from dcap.language.protocol.replies import MaterialChoice
 from dcap.language.protocol.requests import MaterialQuestion, MaterialsRequest

@@ -20,8 +20,9 @@ from dcap.geometry.placement.polygons import smallest_rectangle
 from dcap.geometry.placement.poses import StablePose, about_z, front_of, stable_poses, symmetry_about_z
 from dcap.geometry.placement.upright import outermost, stands_as_read, upright_pose
 from dcap.geometry.rendering.picture import picture
+from dcap.language.connect import Client
 from dcap.language.offline.fronts import front_side
-from dcap.language.protocol.client import Client, LanguageConfig
+from dcap.language.protocol.client import LanguageConfig
 from dcap.language.protocol.questions import ROTATION
 from dcap.language.protocol.replies import ROUNDED, RotationReply
 from dcap.language.protocol.requests import FacingView, PoseView, RotationRequest, Vector

@@ -22,7 +22,8 @@ from typing import TYPE_CHECKING, Any, Generic, ParamSpec, TypeVar, get_args, ge
 
 from pydantic import BaseModel
 
-from dcap.language.protocol.client import Idle, connect
+from dcap.language.connect import connect
+from dcap.language.protocol.client import Idle
 from dcap.language.protocol.session import Session
 from dcap.scene.errors import StoreError
 from dcap.scene.settings import PROJECT_ROOT

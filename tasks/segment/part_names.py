@@ -8,8 +8,8 @@ from dataclasses import replace
 from functools import partial
 
 from dcap.geometry.segmentation.labels import SYNONYMS
+from dcap.language.connect import Client
 from dcap.language.offline.lexicon import part_words
-from dcap.language.protocol.client import Client
 from dcap.language.protocol.questions import PARTS
 from dcap.language.protocol.requests import PartsRequest, ProposedPart
 from dcap.scene.types.segmentation import Instance, Part, Segmentation

@@ -15,7 +15,7 @@ from dcap.geometry.segmentation.named import THING, shell_groups
 from dcap.geometry.segmentation.rooms.composites import composites
 from dcap.geometry.segmentation.rooms.decomposition import DecomposedRoom, decompose_room
 from dcap.geometry.segmentation.rooms.traits import Traits, describe_things, thing_segments
-from dcap.language.protocol.client import Client
+from dcap.language.connect import Client
 from dcap.language.protocol.questions import LABEL
 from dcap.language.protocol.replies import OTHER, LabelReply
 from dcap.language.protocol.requests import LabelRequest

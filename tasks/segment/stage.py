@@ -18,7 +18,8 @@ from dcap.geometry.segmentation.labels import readable
 from dcap.geometry.segmentation.named import named_groups
 from dcap.geometry.segmentation.parts.front import facing_away_from_wall
 from dcap.geometry.segmentation.parts.rules import find_parts, make_instance, node_words, object_node_words
-from dcap.language.protocol.client import Client, LanguageConfig
+from dcap.language.connect import Client
+from dcap.language.protocol.client import LanguageConfig
 from dcap.scene.types.scan import Scan
 from dcap.scene.types.segmentation import Instance, Segmentation
 from tasks.runner.stage import stage

@@ -12,7 +12,8 @@ import pytest
 from box_rooms import ROOM
 from fake_api import FakeApi
 
-from dcap.language.protocol.client import Client, ClientName, LanguageConfig, connect
+from dcap.language.connect import Client, connect
+from dcap.language.protocol.client import ClientName, LanguageConfig
 from dcap.language.protocol.session import Session
 from dcap.scene.types.anchor import Anchor
 from dcap.scene.types.intent import Intent

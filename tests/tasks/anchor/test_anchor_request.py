@@ -7,8 +7,9 @@ import pytest
 import trimesh
 from fake_api import data_of
 
+from dcap.language.connect import connect
 from dcap.language.offline.client import OfflineClient
-from dcap.language.protocol.client import ClientName, LanguageConfig, connect
+from dcap.language.protocol.client import ClientName, LanguageConfig
 from dcap.language.protocol.replies import AnchorReply
 from dcap.language.protocol.session import Session
 from dcap.scene.types.anchor import Anchor

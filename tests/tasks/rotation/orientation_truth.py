@@ -8,8 +8,8 @@ import numpy as np
 from box_rooms import block, segmentation
 from numpy.typing import NDArray
 
+from dcap.language.connect import Client
 from dcap.language.offline.client import OfflineClient
-from dcap.language.protocol.client import Client
 from dcap.scene.types.intent import Intent
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.rotation import Rotation

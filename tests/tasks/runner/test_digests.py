@@ -4,7 +4,10 @@ from pathlib import Path
 
 import pytest
 
+from dcap.scene.settings import PROJECT_ROOT
+from flows.place import STAGES
 from tasks.runner.digests import libraries, source_digests
+from tasks.runner.stage import Stage
 
 FILES = {
     "dcap/__init__.py": "",
@@ -81,6 +84,16 @@ def test_other_changes_do_not_count(root: Path, name: str, old: str, new: str) -
     assert old in path.read_text()
     path.write_text(path.read_text().replace(old, new))
     assert digests(root) == before
+
+
+@pytest.mark.parametrize("stage", [one for one in STAGES if one.asks], ids=lambda one: one.name)
+def test_who_answers_counts(stage: Stage[..., object]) -> None:
+    """The digest of a stage that asks covers every client, the lexicon and the prompts, not how replies are sent."""
+    found = set(source_digests(stage.module_path, PROJECT_ROOT))
+    lexicon = {str(path.relative_to(PROJECT_ROOT)) for path in (PROJECT_ROOT / "dcap/language/offline").rglob("*.csv")}
+    assert "dcap/language/offline/lexicon/things.csv" in lexicon
+    assert found >= lexicon | {"dcap/language/offline/client.py", "dcap/language/model/client.py", "prompts/common.j2"}
+    assert not found & {"dcap/language/model/batch.py", "tasks/runner/stage.py"}
 
 
 def test_libraries_that_decide(root: Path) -> None:

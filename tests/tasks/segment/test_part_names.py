@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from dcap.geometry.primitives import Box
+from dcap.language.connect import connect
 from dcap.language.offline.client import OfflineClient
-from dcap.language.protocol.client import ClientName, LanguageConfig, connect
+from dcap.language.protocol.client import ClientName, LanguageConfig
 from dcap.language.protocol.questions import PARTS, Question
 from dcap.language.protocol.replies import PartName, PartsReply
 from dcap.language.protocol.requests import PartsRequest

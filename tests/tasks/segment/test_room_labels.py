@@ -9,8 +9,9 @@ import pytest
 from dcap.evaluation.label_scores import label_accuracy, means_the_same
 from dcap.evaluation.segment_scores import GroundTruth, Score, scores
 from dcap.geometry.primitives import Box
+from dcap.language.connect import connect
 from dcap.language.offline.client import OfflineClient
-from dcap.language.protocol.client import ClientName, LanguageConfig, connect
+from dcap.language.protocol.client import ClientName, LanguageConfig
 from dcap.language.protocol.questions import LABEL, Question
 from dcap.language.protocol.replies import LabelReply
 from dcap.language.protocol.requests import LabelRequest

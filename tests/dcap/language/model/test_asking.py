@@ -12,13 +12,14 @@ import pytest
 from fake_api import KEY, FakeApi, fails, offline_model, says
 from questions_at_hand import materials_request, rotation_request
 
+from dcap.language.connect import connect
 from dcap.language.model import batch
 from dcap.language.model.anthropic_api import endpoint, size_of
 from dcap.language.model.batch import BatchQueue, batch_queue
 from dcap.language.model.ledger import Ledger, Usage, check_budget, in_words, most, price_of, prices, read_lines, totals
 from dcap.language.model.payload import payload_of
 from dcap.language.model.reply_folder import ReplyFolder
-from dcap.language.protocol.client import ClientName, LanguageConfig, connect
+from dcap.language.protocol.client import ClientName, LanguageConfig
 from dcap.language.protocol.questions import INTENT, MATERIALS, ROTATION, Question
 from dcap.language.protocol.session import Session
 from dcap.scene.errors import BudgetError, InputError, LanguageError

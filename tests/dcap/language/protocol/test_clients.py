@@ -16,8 +16,9 @@ from PIL import Image
 from questions_at_hand import AT_HAND, anchor_request, label_request, parts_request, rotation_request
 
 import dcap.language.model.anthropic_api
+from dcap.language.connect import Client, connect
 from dcap.language.offline.client import OfflineClient
-from dcap.language.protocol.client import Client, ClientName, LanguageConfig, connect
+from dcap.language.protocol.client import ClientName, LanguageConfig
 from dcap.language.protocol.questions import ANCHOR, INTENT, LABEL, PARTS, ROTATION, Question
 from dcap.language.protocol.replies import IntentReply
 from dcap.language.protocol.session import Session
