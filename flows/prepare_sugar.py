@@ -16,7 +16,7 @@ from rich.console import Console
 from dcap.geometry.splatting.camera_path import PathConfig, camera_path
 from dcap.scene.errors import GeometryError, InputError
 from dcap.scene.readers.files.json_text import read_json
-from dcap.scene.readers.splats.splat_scene import SplatScene, read_splat_scene
+from dcap.scene.readers.splat_scene import SplatScene, read_splat_scene
 from dcap.scene.settings import runs_root
 from dcap.scene.types.sample import SourceOptions
 from dcap.scene.writers.sugar import run_script, train_command, write_picture, write_sugar_model

@@ -10,7 +10,7 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from dcap.scene.errors import InputError
-from dcap.scene.readers.files.companions import companions
+from dcap.scene.readers.companions import companions
 from dcap.scene.readers.scenes.interiorgs import is_interiorgs
 from dcap.scene.readers.scenes.scannet import scannet_files
 from dcap.scene.readers.scenes.sugar import MESH_SUFFIXES, check_suffix, is_generic

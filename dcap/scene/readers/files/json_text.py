@@ -4,7 +4,7 @@ import json
 from pathlib import Path
 
 from dcap.scene.errors import FormatError
-from dcap.scene.readers.mesh.raw import read_bytes
+from dcap.scene.readers.files.content import read_bytes
 
 
 def read_json(path: Path) -> object:

@@ -14,11 +14,12 @@ from scipy.spatial.transform import Rotation
 
 from dcap.scene.errors import FormatError, InputError
 from dcap.scene.problems import Report, error, refusing
-from dcap.scene.readers.files.companions import absence, beside
+from dcap.scene.readers.files.content import read_bytes
 from dcap.scene.readers.files.image import read_image
+from dcap.scene.readers.files.references import absence, beside
 from dcap.scene.readers.gltf.accessor import INCONSISTENT, Accessors
 from dcap.scene.readers.gltf.document import Entry, Json, binary_chunk, entries, read_document, require
-from dcap.scene.readers.mesh.raw import Paint, RawMesh, check_face_count, check_vertex_count, read_bytes
+from dcap.scene.readers.mesh.raw import Paint, RawMesh, check_face_count, check_vertex_count
 from dcap.scene.readers.mesh.srgb import srgb_from_linear
 
 COMPRESSED = {

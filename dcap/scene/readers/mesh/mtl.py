@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from dcap.scene.readers.files.companions import absence, beside, material_lines, texture_beside
 from dcap.scene.readers.files.image import read_image
+from dcap.scene.readers.files.references import absence, beside, material_lines, texture_beside
 
 GREY = (200, 200, 200)
 """Colour of a surface that names none (sRGB)."""

@@ -7,10 +7,18 @@ from numpy.typing import NDArray
 
 from dcap.scene.errors import FormatError, InputError
 from dcap.scene.problems import Report, error, refusing
-from dcap.scene.readers.mesh.ply_table import Column, PlyHeader, Table, is_scalar, read_header, read_tables, scalar
+from dcap.scene.readers.mesh.ply_table import (
+    Column,
+    PlyHeader,
+    Table,
+    describes_splats,
+    is_scalar,
+    read_header,
+    read_tables,
+    scalar,
+)
 from dcap.scene.readers.mesh.polygons import triangulate
 from dcap.scene.readers.mesh.raw import Paint, RawMesh, check_face_count, check_vertex_count
-from dcap.scene.readers.splats.splats import describes_splats
 
 INDEX_NAMES = ("vertex_indices", "vertex_index")
 

@@ -17,7 +17,7 @@ from plyfile import PlyData, PlyElement, PlyElementParseError, PlyListProperty, 
 
 from dcap.scene.errors import FormatError
 from dcap.scene.problems import Report, error, refusing
-from dcap.scene.readers.mesh.raw import read_bytes
+from dcap.scene.readers.files.content import read_bytes
 
 HEADER_LIMIT = 1 << 20
 """A header longer than this is not one [bytes]."""
@@ -154,3 +154,9 @@ def scalar(path: Path, table: Table, name: str) -> Column:
 def is_scalar(column: Column) -> bool:
     """Whether the property has one number per row, not lists."""
     return column.ndim == 1 and column.dtype != np.object_
+
+
+def describes_splats(header: PlyHeader) -> bool:
+    """Whether a PLY header describes Gaussians rather than a mesh."""
+    names = header.properties("vertex")
+    return "packed_position" in names or {"f_dc_0", "opacity"} <= names

@@ -20,9 +20,6 @@ many."""
 MAX_CORNERS = 3 * MAX_FACES
 """Vertices, or values of one accessor, that a file may hold [-]: no face shares a corner with another."""
 
-MAX_FILE_BYTES = 4 * 1024**3
-"""Largest file that is opened at all [bytes]."""
-
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Paint:
@@ -92,21 +89,6 @@ class RawMesh:
         extent = float(np.ptp(self.vertices, axis=0).max())
         # A sliver of relative area 1e-14 is below the rounding of float64 coordinates.
         return np.asarray(~(twice_area > 1e-14 * extent * extent))
-
-
-def read_bytes(path: Path, most: int = -1) -> bytes:
-    """The whole file, or its first bytes; a missing, empty or absurdly large one is refused with one line."""
-    if not path.is_file():
-        raise InputError(f"{path}: no such file")
-    size = path.stat().st_size
-    if size == 0:
-        raise FormatError(f"{path}: the file is empty")
-    if size > MAX_FILE_BYTES:
-        raise InputError(
-            f"{path}: {size / 1024**3:.1f} GiB > {MAX_FILE_BYTES / 1024**3:.0f} GiB; decimate the mesh first"
-        )
-    with path.open("rb") as stream:
-        return stream.read(most)
 
 
 def check_face_count(path: Path, count: int) -> None:

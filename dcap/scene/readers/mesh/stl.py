@@ -12,7 +12,8 @@ from trimesh.exchange.stl import load_stl_ascii, load_stl_binary
 
 from dcap.scene.errors import FormatError
 from dcap.scene.problems import Report
-from dcap.scene.readers.mesh.raw import RawMesh, check_face_count, read_bytes
+from dcap.scene.readers.files.content import read_bytes
+from dcap.scene.readers.mesh.raw import RawMesh, check_face_count
 
 HEADER, FACET = 84, 50
 """Lengths of the header and of one facet of a binary file [bytes]."""

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dcap.scene.errors import FormatError, GeometryError, InputError
-from dcap.scene.readers.mesh.raw import read_bytes
+from dcap.scene.readers.files.content import read_bytes
 from dcap.scene.types.colmap import ColmapModel, Pinhole, PosedImage
 
 MODELS = ("SIMPLE_PINHOLE", "PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV", "OPENCV_FISHEYE", "FULL_OPENCV", "FOV",

@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 
 from dcap.scene.errors import InputError
 from dcap.scene.problems import Report, error, note, refusing, short, warning
+from dcap.scene.readers.files.content import read_bytes
 from dcap.scene.readers.files.image import read_gray
 from dcap.scene.readers.files.json_text import read_json
-from dcap.scene.readers.mesh.raw import read_bytes
 from dcap.scene.spelling import did_you_mean
 from dcap.scene.types.occupancy import FREE, OCCUPIED, UNKNOWN, Occupancy
 from dcap.scene.types.scan import Room

@@ -14,9 +14,10 @@ from numpy.typing import NDArray
 
 from dcap.scene.errors import FormatError
 from dcap.scene.problems import Place, Report, error, note, refusing, short, warning
+from dcap.scene.readers.files.content import read_bytes
 from dcap.scene.readers.files.json_text import read_json
 from dcap.scene.readers.mesh.ply import read_ply
-from dcap.scene.readers.mesh.raw import RawMesh, read_bytes
+from dcap.scene.readers.mesh.raw import RawMesh
 
 MESHES = (
     ("_vh_clean_2.ply", "_vh_clean_2.0.010000.segs.json", (".aggregation.json", "_vh_clean.aggregation.json")),

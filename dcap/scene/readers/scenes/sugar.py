@@ -7,8 +7,7 @@ import re
 from pathlib import Path
 
 from dcap.scene.errors import InputError
-from dcap.scene.readers.mesh.ply_table import read_header
-from dcap.scene.readers.splats.splats import describes_splats
+from dcap.scene.readers.mesh.ply_table import describes_splats, read_header
 from dcap.scene.readers.usd.usd import USD_SUFFIXES
 
 MESH_SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".stl", *USD_SUFFIXES)

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from dcap.scene.errors import FormatError, InputError
 from dcap.scene.problems import Problem, Report, error, refusing, warning
-from dcap.scene.readers.mesh.ply_table import PlyHeader, Table, read_header, read_tables, scalar
+from dcap.scene.readers.mesh.ply_table import Table, describes_splats, read_header, read_tables, scalar
 from dcap.scene.readers.mesh.raw import RawMesh
 from dcap.scene.types.gaussians import COEFFICIENTS, DC, Gaussians
 
@@ -47,12 +47,6 @@ MOST_DISCS = 100_000
 
 HARMONIC_RANGE = 8.0
 """Harmonics span -4 to 4 in a compressed file [-]."""
-
-
-def describes_splats(header: PlyHeader) -> bool:
-    """Whether a PLY header describes Gaussians rather than a mesh."""
-    names = header.properties("vertex")
-    return WORDS[0] in names or {"f_dc_0", "opacity"} <= names
 
 
 def read_splats(path: Path) -> Gaussians:

@@ -16,7 +16,8 @@ import numpy as np
 from dcap.packages import module_command
 from dcap.scene.errors import FormatError, InputError
 from dcap.scene.problems import Report, error
-from dcap.scene.readers.mesh.raw import RawMesh, read_bytes
+from dcap.scene.readers.files.content import read_bytes
+from dcap.scene.readers.mesh.raw import RawMesh
 from dcap.scene.readers.usd import usd_stage
 
 USD_SUFFIXES = (".usd", ".usda", ".usdc", ".usdz")

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from dcap.scene.readers.files.companions import absence, beside, companions
+from dcap.scene.readers.companions import companions
+from dcap.scene.readers.files.references import absence, beside
 from dcap.scene.readers.frame.frame import Role
 from dcap.scene.readers.source import read_scan
 from dcap.scene.store.artifacts import Source, Store

@@ -1,33 +1,14 @@
-"""Files that a mesh file names: the MTL files and textures of an OBJ, the buffers and pictures of a glTF.
-
-The store copies what `companions` finds, and the readers find it again with the same functions, so both always agree.
-Only what lies in the mesh file's own folder counts.
-"""
+"""What a name means that one file gives another: only what lies in the naming file's own folder counts."""
 
 import os
 import posixpath
 import re
 from collections.abc import Iterator
-from mmap import ACCESS_READ, mmap
+from mmap import mmap
 from pathlib import Path
-from urllib.parse import unquote
-
-from dcap.scene.errors import FormatError
-from dcap.scene.readers.gltf.document import read_document, uris
-
-LARGEST_TEXT = 64 << 20
-"""Largest glTF or MTL text that is searched for names [bytes]."""
 
 LIBRARY = re.compile(rb"(?:^|[\r\n])[ \t]*mtllib[ \t]+([^\r\n]+)")
 """A line of an OBJ that names an MTL file."""
-
-
-def companions(path: Path) -> Iterator[str]:
-    """The files that a mesh file names and that exist, by their name relative to its folder."""
-    search = {".obj": _of_obj, ".gltf": _of_gltf, ".glb": _of_gltf}.get(path.suffix.lower())
-    if search is not None:
-        with path.open("rb") as file, mmap(file.fileno(), 0, access=ACCESS_READ) as data:
-            yield from search(path, data)
 
 
 def beside(folder: Path, name: str, base: str = "") -> str | None:
@@ -76,24 +57,3 @@ def texture_beside(folder: Path, library: str, text: str) -> str | None:
     base = posixpath.dirname(library)
     names = (text, text.split()[-1]) if text else ()
     return next((found for name in names if (found := beside(folder, name, base))), None)
-
-
-def _of_obj(path: Path, data: mmap) -> Iterator[str]:
-    for name in library_names(data):
-        library = beside(path.parent, name)
-        if library is None:
-            continue
-        yield library
-        if (path.parent / library).stat().st_size <= LARGEST_TEXT:
-            textures = (rest for _, key, rest in material_lines(path.parent / library) if key == "map_Kd")
-            yield from (one for text in textures if (one := texture_beside(path.parent, library, text)))
-
-
-def _of_gltf(path: Path, data: mmap) -> Iterator[str]:
-    text_size = int.from_bytes(data[12:16], "little") if data[:4] == b"glTF" else len(data)
-    if text_size > LARGEST_TEXT:
-        raise FormatError(f"{path}: {text_size} bytes of glTF text > {LARGEST_TEXT}; save it as GLB with its buffers")
-    for uri in uris(path, read_document(path, data)[0]):
-        found = beside(path.parent, unquote(uri))
-        if found is not None:
-            yield found
