@@ -31,7 +31,7 @@ from dcap.scene.errors import InputError
 from dcap.scene.json_tree import JsonObject
 from dcap.scene.settings import data_root, runs_root
 from dcap.scene.types.sample import Sample, SourceOptions
-from flows.cli.display import Display, print_plan, print_table
+from flows.display import Display, print_plan, print_table
 from flows.language_options import LEDGER, LanguageOptions
 from flows.output import readable_json, write_placement
 from flows.place import PlaceConfig

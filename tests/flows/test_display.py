@@ -8,7 +8,7 @@ from rich.console import Console
 from dcap.evaluation.outcome_table import row_of, totals
 from dcap.scene.errors import InputError
 from dcap.scene.types.sample import Sample
-from flows.cli.display import Display, print_plan, print_table
+from flows.display import Display, print_plan, print_table
 from flows.sample_run import STAGE_NAMES, FailedSample, Plan
 from tasks.runner.context import Event, StageEvent
 
