@@ -38,11 +38,12 @@ from flows.place import PlaceConfig
 from flows.sample_run import OVERVIEW, STAGE_NAMES, FailedSample, FinishedSample, Plan, plan_sample, try_sample
 from flows.samples import EMBEDDED, SPLAT_ROOMS, TRUTH, load_samples, load_yaml
 from flows.server import prefect_server
+from tasks.mesh.stage import mesh_object_task, mesh_scene_task
 from tasks.runner.context import RunContext
 from tasks.runner.process import kill_all
 
 DATASET_SEED = 0
-MESH, BOTH_MESHES = "mesh", {"mesh_scene", "mesh_object"}
+MESH, BOTH_MESHES = "mesh", {mesh_scene_task.name, mesh_object_task.name}
 """What a person calls the two stages together."""
 IN_A_BATCH = 32
 """Samples whose questions gather for one batch; each waits in a thread and a flow run of its own."""
