@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from solver.config import SolverConfig
     from solver.errors import SolverError
     from solver.model.bodies import Interior, Model, RigidBody, SignedDistance, SoftBody
+    from solver.result import SettledModel
     from solver.settle import settle
 
     __version__: str
@@ -45,6 +46,7 @@ __all__ = [
     "Placement",
     "Result",
     "RigidBody",
+    "SettledModel",
     "SignedDistance",
     "SoftBody",
     "SolverConfig",
@@ -65,6 +67,7 @@ HOMES = {
     "solver.config": ("SolverConfig",),
     "solver.errors": ("SolverError",),
     "solver.model.bodies": ("Interior", "Model", "RigidBody", "SignedDistance", "SoftBody"),
+    "solver.result": ("SettledModel",),
     "solver.settle": ("settle",),
 }  # fmt: skip
 """Where the names of the face live; the one place from which `dcap` reaches up, and only when asked."""
