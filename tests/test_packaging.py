@@ -39,6 +39,21 @@ print(json.dumps({
 """
 
 
+DATA_FILES = {".csv", ".j2", ".yaml", ".typed"}
+"""Suffixes of what lies beside the modules and is no module."""
+TYPED = """
+import dcap
+
+result: dcap.Result = dcap.drop("case.yaml", resolution=0.01)
+dcap.drop("case.yaml", resolutoin=1)
+
+def settled(model: dcap.Model) -> dcap.SettledModel:
+    return dcap.settle(modle=model, config=dcap.SolverConfig())
+"""
+MISTAKES = {5: '"resolutoin"', 8: '"modle"'}
+"""What is wrong in it, by line."""
+
+
 @pytest.fixture(scope="module")
 def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Programs of a fresh environment with dcap's wheel; its dependencies are those of the tests' environment."""
@@ -54,8 +69,7 @@ def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
         [*pip, "--python", str(programs / "python"), "install", "--no-deps", "--no-index", str(name)],
         check=True, env=clean(),
     )  # fmt: skip
-    (site,) = (folder / "venv" / "lib").glob("python*/site-packages")
-    (site / "dependencies.pth").write_text(sysconfig.get_path("purelib") + "\n")
+    (site_of(programs) / "dependencies.pth").write_text(sysconfig.get_path("purelib") + "\n")
     shutil.rmtree(folder / "clone")
     return programs
 
@@ -110,6 +124,41 @@ def test_the_wheel_carries_the_data(installed: Path) -> None:
         assert carried >= {str(path.relative_to(ROOT)) for path in (ROOT / "data").glob(pattern)}
     for name in carried:
         assert (home / name).read_bytes() == (ROOT / name).read_bytes(), name
+
+
+@pytest.mark.slow
+def test_the_wheel_carries_what_lies_beside_modules(installed: Path) -> None:
+    """Every tracked data file of the packages is in the wheel, byte by byte: lexicon, prices, templates, markers."""
+    listed = subprocess.run(["git", "ls-files", "dcap", *COMPANIONS], cwd=ROOT, capture_output=True, text=True)
+    if listed.returncode:
+        pytest.skip("not a clone: git lists no files")
+    names = [name for name in listed.stdout.splitlines() if Path(name).suffix in DATA_FILES]
+    assert {Path(name).suffix for name in names} >= {".csv", ".j2", ".typed"}
+    site = site_of(installed)
+    assert [name for name in names if not (site / name).is_file()] == []
+    assert [name for name in names if (site / name).read_bytes() != (ROOT / name).read_bytes()] == []
+
+
+@pytest.mark.slow
+def test_the_wheel_is_typed(installed: Path, tmp_path: Path) -> None:
+    """A type checker sees the face of an installed dcap: a misspelt option is an error, what is right is none."""
+    (tmp_path / "program.py").write_text(TYPED)
+    options = ["--config-file", "", "--cache-dir", "cache", "--python-executable", str(installed / "python")]
+    done = subprocess.run(
+        [sys.executable, "-m", "mypy", *options, "program.py"],
+        cwd=tmp_path, env=clean(), capture_output=True, text=True,
+    )  # fmt: skip
+    errors = [line for line in done.stdout.splitlines() if ": error: " in line]
+    assert len(errors) == len(MISTAKES), done.stdout + done.stderr
+    for (number, word), line in zip(MISTAKES.items(), errors, strict=True):
+        assert line.startswith(f"program.py:{number}: ")
+        assert word in line
+
+
+def site_of(programs: Path) -> Path:
+    """Where an environment has its packages."""
+    (site,) = (programs.parent / "lib").glob("python*/site-packages")
+    return site
 
 
 def test_data_is_found_through_one_function() -> None:
