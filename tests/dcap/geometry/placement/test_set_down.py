@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 import trimesh
-from hypothesis import assume, given, settings
+from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
 from dcap.geometry.distance import MeshDistance
@@ -159,6 +159,7 @@ def depth(points: np.ndarray, solids: list[Mesh]) -> float:
 
 @pytest.mark.slow
 @settings(max_examples=15)
+@example("bottle", 190, 2.0**-7)  # its side, steeper than 1, is nearest to a slope
 @given(
     st.sampled_from(KINDS),
     st.integers(0, 10_000),
@@ -172,8 +173,8 @@ def test_every_start_is_clear(kind, seed, amplitude):
     assert start is not None
     placed = moved(item, start)
     assert start.gap == pytest.approx(GAP, abs=1e-4)
-    # columns never see less than the exact gap, but for rounding; they see at most what slopes of 1 hide in 2 mm
-    assert GAP - 1e-4 <= column_gap(scene.mesh, placed, 0.002) <= GAP + 0.004
+    # columns never see less than the exact gap, but for rounding; they see at most what slopes of 8 hide in 0.5 mm
+    assert GAP - 1e-4 <= column_gap(scene.mesh, placed, 0.0005) <= GAP + 0.004
     here = [moved(solid, start) for solid in solids]
     assert depth(surface_points(placed, 0.01), [support, *others]) < 1e-4
     assert depth(surface_points(scene.mesh, 0.05), here) < 1e-4
