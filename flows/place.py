@@ -15,7 +15,7 @@ from dcap.scene.types.renders import Overview, Renders
 from dcap.scene.types.rotation import Rotation
 from dcap.scene.types.sample import Sample
 from dcap.scene.types.scan import Scan
-from dcap.scene.types.segmentation import Segmentation
+from dcap.scene.types.segmentation import SegmentedObject, SegmentedScene
 from dcap.scene.types.settled import Settled
 from tasks.anchor.stage import AnchorConfig, anchor_task
 from tasks.drop.stage import DropConfig, drop_task
@@ -71,8 +71,8 @@ class PlacementRefs:
 
     scene_scan: Ref[Scan]
     object_scan: Ref[Scan]
-    scene: Ref[Segmentation]
-    item: Ref[Segmentation]
+    scene: Ref[SegmentedScene]
+    item: Ref[SegmentedObject]
     intent: Ref[Intent]
     rotation: Ref[Rotation]
     anchor: Ref[Anchor]

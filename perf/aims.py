@@ -20,7 +20,7 @@ from dcap.scene.types.anchor import Anchor
 from dcap.scene.types.intent import Intent
 from dcap.scene.types.outcome import Infeasible, Reason
 from dcap.scene.types.sample import SourceOptions
-from dcap.scene.types.segmentation import Segmentation
+from dcap.scene.types.segmentation import Segmentation, SegmentedObject, SegmentedScene
 from dcap.scene.writers.objects import write_object
 from dcap.synthetic.objects import build_object
 from dcap.synthetic.recipes import object_recipes
@@ -81,15 +81,17 @@ def shot(room: str, item: str, prompt: str) -> Shot:
     """Intent, rotation and anchor for a sentence in an embedded room."""
     scene, thing = room_of(room)[1], item_of(item)
     try:
-        meant = intent(scene, thing, prompt, None, IntentConfig(), OfflineClient())
+        meant = intent(SegmentedScene(scene), SegmentedObject(thing), prompt, None, IntentConfig(), OfflineClient())
     except LanguageError as error:
         return Shot(scene, thing, None, None, str(error))
     if isinstance(meant, Infeasible):
         return Shot(scene, thing, meant, None, meant.message)
-    turned = rotation(scene, thing, meant, prompt, PICTURES, OfflineClient())
+    turned = rotation(SegmentedScene(scene), SegmentedObject(thing), meant, prompt, PICTURES, OfflineClient())
     if isinstance(turned, Infeasible):
         return Shot(scene, thing, turned, None, turned.message)
-    found = anchor(scene, thing, meant, turned, prompt, AnchorConfig(), OfflineClient())
+    found = anchor(
+        SegmentedScene(scene), SegmentedObject(thing), meant, turned, prompt, AnchorConfig(), OfflineClient()
+    )
     return Shot(scene, thing, meant, found, found.message if isinstance(found, Infeasible) else found.reason)
 
 

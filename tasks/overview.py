@@ -14,7 +14,7 @@ from dcap.scene.types.anchor import Anchor
 from dcap.scene.types.intent import Intent
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.renders import Overview
-from dcap.scene.types.segmentation import Segmentation
+from dcap.scene.types.segmentation import Segmentation, SegmentedObject, SegmentedScene
 from tasks.runner.stage import stage
 
 Array = NDArray[np.float64]
@@ -36,7 +36,11 @@ class OverviewConfig(BaseModel, frozen=True, extra="forbid"):
 
 
 def overview(
-    scene: Segmentation, item: Segmentation, intent: Intent | None, anchor: Anchor | None, config: OverviewConfig
+    scene: SegmentedScene,
+    item: SegmentedObject,
+    intent: Intent | None,
+    anchor: Anchor | None,
+    config: OverviewConfig,
 ) -> Overview:
     """Look at the base if one was found, else at the whole scene."""
     camera = camera_for(scene, intent, anchor, config)

@@ -29,7 +29,7 @@ from dcap.scene.types.intent import Intent
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.outcome import Infeasible
 from dcap.scene.types.rotation import Rotation
-from dcap.scene.types.segmentation import Instance, Segmentation
+from dcap.scene.types.segmentation import Instance, Segmentation, SegmentedObject, SegmentedScene
 from tasks.anchor.carriers import COVERS, carriers, owner
 from tasks.anchor.no_room import no_room, not_on_it
 from tasks.anchor.request import anchor_request
@@ -66,8 +66,8 @@ class Choice:
 
 
 def anchor(
-    scene: Segmentation,
-    item: Segmentation,
+    scene: SegmentedScene,
+    item: SegmentedObject,
     intent: Intent,
     rotation: Rotation,
     prompt: str,

@@ -18,7 +18,7 @@ from dcap.language.protocol.requests import IntentRequest
 from dcap.scene.errors import InputError
 from dcap.scene.types.intent import Intent, OrientationRequest, RegionRequest
 from dcap.scene.types.outcome import Infeasible, NotInScene, Reason
-from dcap.scene.types.segmentation import Segmentation
+from dcap.scene.types.segmentation import SegmentedObject, SegmentedScene
 from tasks.intent.rescale import Rescale, rescale
 from tasks.requests.views import instance_of, instance_views, object_view, room_center, vector
 from tasks.runner.stage import stage
@@ -42,7 +42,7 @@ class IntentConfig(BaseModel, frozen=True, extra="forbid"):
 
 
 def intent(
-    scene: Segmentation, item: Segmentation, prompt: str, mass: float | None, config: IntentConfig, client: Client
+    scene: SegmentedScene, item: SegmentedObject, prompt: str, mass: float | None, config: IntentConfig, client: Client
 ) -> Intent | Infeasible:
     """Ask once, then turn the priors into a scale and a mass."""
     if len(prompt) > LONGEST_PROMPT:

@@ -20,7 +20,7 @@ from dcap.scene.types.anchor import Anchor
 from dcap.scene.types.intent import Intent
 from dcap.scene.types.materials import BodyModel, Material, PartMaterial, PartMaterials
 from dcap.scene.types.outcome import Infeasible
-from dcap.scene.types.segmentation import Segmentation
+from dcap.scene.types.segmentation import Segmentation, SegmentedObject, SegmentedScene
 from tasks.materials.stiff_parts import stiffened
 from tasks.requests.views import part_views, sums_of
 from tasks.runner.stage import stage
@@ -47,8 +47,8 @@ class MaterialsConfig(BaseModel, frozen=True, extra="forbid"):
 
 
 def materials(
-    scene: Segmentation,
-    item: Segmentation,
+    scene: SegmentedScene,
+    item: SegmentedObject,
     intent: Intent,
     anchor: Anchor,
     prompt: str,

@@ -12,7 +12,7 @@ from dcap.scene.types.intent import Intent
 from dcap.scene.types.materials import PartMaterials
 from dcap.scene.types.outcome import Infeasible
 from dcap.scene.types.particles import Particles, SimulationBody, SoftSimulationBody
-from dcap.scene.types.segmentation import Segmentation
+from dcap.scene.types.segmentation import SegmentedObject, SegmentedScene
 from tasks.particles.base_bodies import base_bodies
 from tasks.particles.config import ParticlesConfig
 from tasks.particles.drop_setup import DropSetup, contact_cell_size, drop_setup
@@ -22,8 +22,8 @@ from tasks.runner.stage import stage
 
 
 def particles(
-    scene: Segmentation,
-    item: Segmentation,
+    scene: SegmentedScene,
+    item: SegmentedObject,
     intent: Intent,
     anchor: Anchor,
     materials: PartMaterials,

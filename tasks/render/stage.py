@@ -24,7 +24,7 @@ from dcap.scene.types.anchor import Anchor
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.outcome import HiddenObject, Infeasible, Reason
 from dcap.scene.types.renders import Renders
-from dcap.scene.types.segmentation import Segmentation
+from dcap.scene.types.segmentation import Segmentation, SegmentedObject, SegmentedScene
 from dcap.scene.types.settled import Settled, SettledBody
 from tasks.runner.stage import stage
 
@@ -73,7 +73,7 @@ class ChosenView:
 
 
 def render(
-    scene: Segmentation, item: Segmentation, anchor: Anchor, settled: Settled, config: RenderConfig
+    scene: SegmentedScene, item: SegmentedObject, anchor: Anchor, settled: Settled, config: RenderConfig
 ) -> Renders | Infeasible:
     """Take the three pictures."""
     thing = settled_item(item, anchor, settled.bodies[0])

@@ -31,7 +31,7 @@ from dcap.scene.types.intent import Intent
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.outcome import Infeasible
 from dcap.scene.types.rotation import Rotation
-from dcap.scene.types.segmentation import Instance, Segmentation
+from dcap.scene.types.segmentation import Instance, Segmentation, SegmentedObject, SegmentedScene
 from tasks.requests.surroundings import direction_to, horizontal, part_frame, wished_place
 from tasks.requests.views import instance_of, vector
 from tasks.runner.stage import stage
@@ -55,7 +55,7 @@ class RotationConfig(BaseModel, frozen=True, extra="forbid"):
 
 
 def rotation(
-    scene: Segmentation, item: Segmentation, intent: Intent, prompt: str, config: RotationConfig, client: Client
+    scene: SegmentedScene, item: SegmentedObject, intent: Intent, prompt: str, config: RotationConfig, client: Client
 ) -> Rotation | Infeasible:
     """Ask once with all choices and pictures, then build the matrix."""
     base = instance_of(scene, intent.base_id)

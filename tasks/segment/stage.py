@@ -21,7 +21,7 @@ from dcap.geometry.segmentation.parts.rules import find_parts, make_instance, no
 from dcap.language.connect import Client
 from dcap.language.protocol.client import LanguageConfig
 from dcap.scene.types.scan import Scan
-from dcap.scene.types.segmentation import Instance, Segmentation
+from dcap.scene.types.segmentation import Instance, Segmentation, SegmentedObject, SegmentedScene
 from tasks.runner.stage import stage
 from tasks.segment.part_names import with_part_names
 from tasks.segment.room_labels import labelled_room
@@ -35,7 +35,7 @@ class SegmentConfig(BaseModel, frozen=True, extra="forbid"):
     """Instances with fewer faces are left out [-]: a stray triangle is noise, two make a floor."""
 
 
-def segment(scan: Scan, config: SegmentConfig, client: Client) -> Segmentation:
+def segment(scan: Scan, config: SegmentConfig, client: Client) -> SegmentedScene:
     """Divide a scene into instances and parts."""
     table = FaceTable.of(scan.mesh)
     groups = boxed_groups(table, scan.boxes) if scan.boxes else _groups_without_boxes(scan, table, client)
@@ -52,7 +52,7 @@ def segment(scan: Scan, config: SegmentConfig, client: Client) -> Segmentation:
         face_instance[group.faces] = index
         face_part[group.faces] = part
     found = Segmentation(scan.mesh, _with_fronts(instances), face_instance, face_part)
-    return with_part_names(found, client)
+    return SegmentedScene(with_part_names(found, client))
 
 
 def _groups_without_boxes(scan: Scan, table: FaceTable, client: Client) -> list[Group]:
@@ -67,7 +67,7 @@ def _groups_without_boxes(scan: Scan, table: FaceTable, client: Client) -> list[
 segment_task = stage(segment)
 
 
-def segment_object(scan: Scan, config: SegmentConfig, client: Client) -> Segmentation:
+def segment_object(scan: Scan, config: SegmentConfig, client: Client) -> SegmentedObject:
     """The object as one instance with id 'object'."""
     table = FaceTable.of(scan.mesh)
     faces = np.arange(len(scan.mesh.faces))
@@ -76,7 +76,7 @@ def segment_object(scan: Scan, config: SegmentConfig, client: Client) -> Segment
     part, parts, box, front = find_parts(table, faces, label, None, words, as_object=True)
     instance = Instance("object", label, box, parts, front)
     found = Segmentation(scan.mesh, (instance,), np.zeros(len(faces), dtype=np.int32), part)
-    return with_part_names(found, client)
+    return SegmentedObject(with_part_names(found, client))
 
 
 segment_object_task = stage(segment_object)

@@ -24,6 +24,7 @@ MISTAKES = {
     "earlier_result": ("render_task(scene, item, anchor, settled", "render_task(scene, item, anchor, particles"),
     "config_of_another": ("settled, config=config.render", "settled, config=config.drop"),
     "unknown_setting": ("config=config.particles", "settings=config.particles"),
+    "object_for_scene": ("render_task(scene, item", "render_task(item, scene"),
     "wrong_field": ("        intent=intent,\n", "        intent=anchor,\n"),
 }
 """Names and edits of mistakes that a person could make in the flow."""

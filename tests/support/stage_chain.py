@@ -20,7 +20,7 @@ from dcap.scene.types.intent import Intent
 from dcap.scene.types.materials import PartMaterials
 from dcap.scene.types.outcome import Infeasible
 from dcap.scene.types.rotation import Rotation
-from dcap.scene.types.segmentation import Segmentation
+from dcap.scene.types.segmentation import Segmentation, SegmentedObject, SegmentedScene
 from tasks.anchor.stage import AnchorConfig, anchor
 from tasks.intent.stage import IntentConfig, intent
 from tasks.materials.stage import MaterialsConfig, materials
@@ -69,7 +69,11 @@ class Stages:
         config: IntentConfig | None = None,
     ) -> Intent | Infeasible:
         """Intent only."""
-        return self.answered(lambda client: intent(room, item, prompt, mass, config or IntentConfig(), client))
+        return self.answered(
+            lambda client: intent(
+                SegmentedScene(room), SegmentedObject(item), prompt, mass, config or IntentConfig(), client
+            )
+        )
 
     def oriented(self, prompt: str, item: Segmentation, room: Segmentation = ROOM) -> Rotation:
         """Intent and rotation."""
@@ -91,7 +95,9 @@ class Stages:
         def run(client: Client) -> PartMaterials | Infeasible:
             meant, _, found = set_over(prompt, item, room, client)
             assert isinstance(found, Anchor), found
-            return materials(room, item, meant, found, prompt, MaterialsConfig(), client)
+            return materials(
+                SegmentedScene(room), SegmentedObject(item), meant, found, prompt, MaterialsConfig(), client
+            )
 
         rows = self.answered(run)
         assert isinstance(rows, PartMaterials), rows
@@ -100,9 +106,11 @@ class Stages:
 
 def turned(prompt: str, item: Segmentation, room: Segmentation, client: Client) -> tuple[Intent, Rotation]:
     """Intent and rotation."""
-    meant = intent(room, item, prompt, None, IntentConfig(), client)
+    meant = intent(SegmentedScene(room), SegmentedObject(item), prompt, None, IntentConfig(), client)
     assert isinstance(meant, Intent), meant
-    pose = rotation(room, item, meant, prompt, RotationConfig(picture_size=PICTURE_SIZE), client)
+    pose = rotation(
+        SegmentedScene(room), SegmentedObject(item), meant, prompt, RotationConfig(picture_size=PICTURE_SIZE), client
+    )
     assert isinstance(pose, Rotation), pose
     return meant, pose
 
@@ -112,7 +120,7 @@ def set_over(
 ) -> tuple[Intent, Rotation, Anchor | Infeasible]:
     """Intent, rotation and anchor."""
     meant, pose = turned(prompt, item, room, client)
-    return meant, pose, anchor(room, item, meant, pose, prompt, AnchorConfig(), client)
+    return meant, pose, anchor(SegmentedScene(room), SegmentedObject(item), meant, pose, prompt, AnchorConfig(), client)
 
 
 def with_each(cases: Sequence[tuple[object, ...]], *told: object) -> list[object]:

@@ -15,7 +15,7 @@ from dcap.scene.types.anchor import Anchor
 from dcap.scene.types.intent import Intent
 from dcap.scene.types.rotation import Rotation
 from dcap.scene.types.sample import SourceOptions
-from dcap.scene.types.segmentation import Segmentation
+from dcap.scene.types.segmentation import Segmentation, SegmentedObject, SegmentedScene
 from tasks.anchor.stage import AnchorConfig, anchor
 from tasks.intent.stage import IntentConfig, intent
 from tasks.mesh.stage import MeshConfig, cleaned
@@ -55,11 +55,15 @@ def read(name: str, label: str, role: Role) -> Segmentation:
 def test_object_starts_one_centimetre_over_the_asked_part(support, label, item, prompt, part):
     """The part is the asked or usual one, and no vertex of the object is nearer than 1 cm to what lies below."""
     scene, thing = read(support, label, Role.SCENE), read(item, "", Role.OBJECT)
-    meant = intent(scene, thing, prompt, None, IntentConfig(), OfflineClient())
+    meant = intent(SegmentedScene(scene), SegmentedObject(thing), prompt, None, IntentConfig(), OfflineClient())
     assert isinstance(meant, Intent)
-    turned = rotation(scene, thing, meant, prompt, RotationConfig(picture_size=64), OfflineClient())
+    turned = rotation(
+        SegmentedScene(scene), SegmentedObject(thing), meant, prompt, RotationConfig(picture_size=64), OfflineClient()
+    )
     assert isinstance(turned, Rotation)
-    found = anchor(scene, thing, meant, turned, prompt, AnchorConfig(), OfflineClient())
+    found = anchor(
+        SegmentedScene(scene), SegmentedObject(thing), meant, turned, prompt, AnchorConfig(), OfflineClient()
+    )
     assert isinstance(found, Anchor)
     assert found.part == part
     points = thing.mesh.transformed(found.world_from_object).vertices

@@ -5,7 +5,7 @@ import numpy as np
 from dcap.scene.types.anchor import Anchor
 from dcap.scene.types.box import OrientedBox
 from dcap.scene.types.mesh import Mesh
-from dcap.scene.types.segmentation import Instance, Part, Segmentation
+from dcap.scene.types.segmentation import Instance, Part, Segmentation, SegmentedObject, SegmentedScene
 from tasks.overview import OverviewConfig, overview
 
 CORNERS = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], dtype=float)
@@ -32,11 +32,11 @@ def test_the_object_is_shown_where_it_should_have_gone() -> None:
     top = np.array([0.5, 0.5, 0.5])
     anchor = Anchor("a", "body", 0, "center", np.zeros(2), top, pose, 0.01, np.zeros((4, 2)), "")
     config = OverviewConfig(size=96)
-    shown = overview(scene, item, None, anchor, config)
+    shown = overview(SegmentedScene(scene), SegmentedObject(item), None, anchor, config)
     assert shown.asked is not None
     change = np.abs(shown.asked.astype(int) - shown.clean).sum(axis=2)
     rows, columns = np.nonzero(change > 60)
     assert abs(columns.mean() - 48) < 10
     red = shown.asked[rows, columns].astype(int)
     assert np.median(red[:, 0] - red[:, 1]) > 80
-    assert overview(scene, item, None, None, config).asked is None
+    assert overview(SegmentedScene(scene), SegmentedObject(item), None, None, config).asked is None

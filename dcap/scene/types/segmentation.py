@@ -1,6 +1,7 @@
 """Which face belongs to which instance and part."""
 
 from dataclasses import dataclass
+from typing import NewType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -68,3 +69,9 @@ class Segmentation:
     def index_of(self, instance_id: str) -> int:
         """Position of the instance with this id."""
         return next(i for i, one in enumerate(self.instances) if one.id == instance_id)
+
+
+SegmentedScene = NewType("SegmentedScene", Segmentation)
+"""The scene of a placement: the wiring of the stages tells it from the object."""
+SegmentedObject = NewType("SegmentedObject", Segmentation)
+"""The object of a placement."""

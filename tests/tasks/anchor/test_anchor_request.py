@@ -17,7 +17,7 @@ from dcap.scene.types.box import OrientedBox
 from dcap.scene.types.intent import Intent
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.rotation import Rotation
-from dcap.scene.types.segmentation import Instance, Part, Segmentation
+from dcap.scene.types.segmentation import Instance, Part, Segmentation, SegmentedObject, SegmentedScene
 from tasks.anchor.base_picture import base_from_above
 from tasks.anchor.request import anchor_request
 from tasks.anchor.stage import AnchorConfig, anchor
@@ -55,7 +55,7 @@ ITEM = room(("object", "box", ((0.0, 0.0, 0.0), (0.1, 0.1, 0.1)), GREY))
 
 
 def asked(prompt: str) -> Intent:
-    found = intent(ROOM, ITEM, prompt, None, IntentConfig(), OfflineClient())
+    found = intent(SegmentedScene(ROOM), SegmentedObject(ITEM), prompt, None, IntentConfig(), OfflineClient())
     assert isinstance(found, Intent)
     return found
 
@@ -87,11 +87,15 @@ def test_part_that_is_referred_to_goes_by_its_name():
 def test_model_is_told_the_sentence_and_chooses_as_the_offline_reader_does(api):
     """The stage hands the whole sentence and one picture over; the same choice gives the same start."""
     meant = asked(SENTENCE)
-    turned = rotation(ROOM, ITEM, meant, SENTENCE, RotationConfig(picture_size=64), OfflineClient())
+    turned = rotation(
+        SegmentedScene(ROOM), SegmentedObject(ITEM), meant, SENTENCE, RotationConfig(picture_size=64), OfflineClient()
+    )
     assert isinstance(turned, Rotation)
     model = connect(LanguageConfig(client=ClientName.ANTHROPIC), Session())
-    found = anchor(ROOM, ITEM, meant, turned, SENTENCE, AnchorConfig(), model)
-    alone = anchor(ROOM, ITEM, meant, turned, SENTENCE, AnchorConfig(), OfflineClient())
+    found = anchor(SegmentedScene(ROOM), SegmentedObject(ITEM), meant, turned, SENTENCE, AnchorConfig(), model)
+    alone = anchor(
+        SegmentedScene(ROOM), SegmentedObject(ITEM), meant, turned, SENTENCE, AnchorConfig(), OfflineClient()
+    )
     assert isinstance(found, Anchor)
     assert isinstance(alone, Anchor)
     assert np.array_equal(found.world_from_object, alone.world_from_object)

@@ -14,7 +14,7 @@ from dcap.language.protocol.replies import AnchorReply
 from dcap.scene.types.anchor import Anchor
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.outcome import BesideThePart, Infeasible, InTheWay, NoRoom, Reason
-from dcap.scene.types.segmentation import Segmentation
+from dcap.scene.types.segmentation import Segmentation, SegmentedObject, SegmentedScene
 from tasks.anchor.stage import AnchorConfig, anchor, choice_of
 
 OFFLINE = Stages()
@@ -299,7 +299,7 @@ def test_one_of_two_edges_is_named():
     item = thing("tennis ball", ball(0.033))
     meant, turned, _ = OFFLINE.placed("put the ball on the edge of the mattress", item)
     both = replace(meant, region=replace(meant.region, names=("left", "right", "edge")))
-    found = anchor(ROOM, item, both, turned, "", AnchorConfig(), OfflineClient())
+    found = anchor(SegmentedScene(ROOM), SegmentedObject(item), both, turned, "", AnchorConfig(), OfflineClient())
     assert isinstance(found, Anchor)
     side = {"left edge": -1.0, "right edge": 1.0}[found.region]
     # the mattress ends at 0.75 m; the ball's radius and 2 cm remain

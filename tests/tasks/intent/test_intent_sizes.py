@@ -11,7 +11,7 @@ from dcap.language.protocol.replies import MOST_STATES, IntentReply
 from dcap.language.protocol.requests import IntentRequest
 from dcap.scene.types.intent import Intent
 from dcap.scene.types.mesh import Mesh
-from dcap.scene.types.segmentation import Segmentation
+from dcap.scene.types.segmentation import Segmentation, SegmentedObject, SegmentedScene
 from tasks.intent.stage import IntentConfig, intent, mass_of, scale_of
 from tasks.requests.views import instance_views, object_view, room_center, vector
 
@@ -27,7 +27,7 @@ TABLE = block("table", 1.2, 0.8, 0.04)
 
 def asked(item: Segmentation) -> Intent:
     prompt = f"put the {item.instances[0].label} on the table"
-    found = intent(TABLE, item, prompt, None, IntentConfig(), OfflineClient())
+    found = intent(SegmentedScene(TABLE), SegmentedObject(item), prompt, None, IntentConfig(), OfflineClient())
     assert isinstance(found, Intent)
     return found
 

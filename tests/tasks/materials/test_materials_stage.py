@@ -7,6 +7,7 @@ from stage_chain import Stages
 from dcap.language.offline.client import OfflineClient
 from dcap.scene.types.materials import BodyModel, PartMaterials
 from dcap.scene.types.outcome import Infeasible
+from dcap.scene.types.segmentation import SegmentedObject, SegmentedScene
 from tasks.materials.stage import MaterialsConfig, materials
 
 OFFLINE = Stages()
@@ -27,8 +28,16 @@ def test_paper_limits_are_an_option():
     """Off by default; on, soft foam is clamped to 5e4 Pa and the reason says so."""
     item = thing("ball", ball())
     meant, _, found = OFFLINE.placed("put the ball on the bed", item)
-    plain = materials(ROOM, item, meant, found, "", MaterialsConfig(), OfflineClient())
-    clamped = materials(ROOM, item, meant, found, "", MaterialsConfig(paper_limits=True), OfflineClient())
+    plain = materials(SegmentedScene(ROOM), SegmentedObject(item), meant, found, "", MaterialsConfig(), OfflineClient())
+    clamped = materials(
+        SegmentedScene(ROOM),
+        SegmentedObject(item),
+        meant,
+        found,
+        "",
+        MaterialsConfig(paper_limits=True),
+        OfflineClient(),
+    )
     assert not isinstance(plain, Infeasible)
     assert not isinstance(clamped, Infeasible)
     assert plain.of("bed", 1).material.youngs_modulus < 5e4
@@ -54,13 +63,13 @@ def test_what_nobody_would_see_give_is_rigid_if_asked(share, model):
     is known to a factor of 2.7, so the dent, which goes with its cube root, to 1.4."""
     item = thing("ball", ball(0.1))
     meant, _, found = OFFLINE.placed("put the ball on the mattress", item)
-    plain = materials(ROOM, item, meant, found, "", MaterialsConfig(), OfflineClient())
+    plain = materials(SegmentedScene(ROOM), SegmentedObject(item), meant, found, "", MaterialsConfig(), OfflineClient())
     assert isinstance(plain, PartMaterials)
     foam = plain.of("bed", 1).material
     effective = foam.youngs_modulus / (1.0 - foam.poisson_ratio**2)
     dent = (9.0 * (meant.mass * 9.81) ** 2 / (16.0 * 0.1 * effective**2)) ** (1.0 / 3.0)
     config = MaterialsConfig(load_aware=True, invisible=share * dent)
-    aware = materials(ROOM, item, meant, found, "", config, OfflineClient())
+    aware = materials(SegmentedScene(ROOM), SegmentedObject(item), meant, found, "", config, OfflineClient())
     assert isinstance(aware, PartMaterials)
     row = aware.of("bed", 1)
     assert row.model is model

@@ -10,7 +10,7 @@ from dcap.scene.types.intent import Intent
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.particles import Particles
 from dcap.scene.types.rotation import Rotation
-from dcap.scene.types.segmentation import Segmentation
+from dcap.scene.types.segmentation import Segmentation, SegmentedObject, SegmentedScene
 from tasks.anchor.stage import AnchorConfig, anchor
 from tasks.intent.stage import IntentConfig, intent
 from tasks.materials.stage import MaterialsConfig, materials
@@ -40,14 +40,23 @@ def test_hollow_things_weigh_what_such_things_weigh(label, shape, usual, solid):
     """Within 15 % of the usual mass (the mesh is about, not exactly, of the usual size), and the effective density is
     said; `solid` is what the library's density would make of the closed mesh, at least."""
     item = one(label, "body", shape)
-    meant = intent(TABLE, item, f"put the {label} on the table", None, IntentConfig(), OfflineClient())
+    meant = intent(
+        SegmentedScene(TABLE),
+        SegmentedObject(item),
+        f"put the {label} on the table",
+        None,
+        IntentConfig(),
+        OfflineClient(),
+    )
     assert isinstance(meant, Intent)
     assert (meant.scale, meant.hollow) == (1.0, True)
-    turned = rotation(TABLE, item, meant, "", RotationConfig(picture_size=64), OfflineClient())
+    turned = rotation(
+        SegmentedScene(TABLE), SegmentedObject(item), meant, "", RotationConfig(picture_size=64), OfflineClient()
+    )
     assert isinstance(turned, Rotation)
-    found = anchor(TABLE, item, meant, turned, "", AnchorConfig(), OfflineClient())
+    found = anchor(SegmentedScene(TABLE), SegmentedObject(item), meant, turned, "", AnchorConfig(), OfflineClient())
     assert isinstance(found, Anchor)
-    rows = materials(TABLE, item, meant, found, "", MaterialsConfig(), OfflineClient())
+    rows = materials(SegmentedScene(TABLE), SegmentedObject(item), meant, found, "", MaterialsConfig(), OfflineClient())
     filled = particles(TABLE, item, meant, found, rows, ParticlesConfig(base_cells=500, object_cells=1000))  # type: ignore[arg-type]
     assert isinstance(filled, Particles)
     body = filled.bodies[0]

@@ -17,7 +17,7 @@ from dcap.scene.types.intent import Intent, OrientationRequest, RegionRequest
 from dcap.scene.types.materials import BodyModel, Material, PartMaterial, PartMaterials
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.particles import NodeState, Particles, RigidSimulationBody, SoftSimulationBody
-from dcap.scene.types.segmentation import Instance, Part, Segmentation
+from dcap.scene.types.segmentation import Instance, Part, Segmentation, SegmentedObject, SegmentedScene
 from tasks.bodies.footprint import GRAVITY, predicted_footprint
 from tasks.particles.config import ParticlesConfig
 from tasks.particles.drop_setup import drop_setup
@@ -151,7 +151,8 @@ def soft_body(found: Particles, index: int) -> SoftSimulationBody:
 def ball_on_bed() -> Particles:
     """A hollow rigid ball of 1 kg, 1 cm above the mattress, next to a box."""
     found = particles(
-        bed(), item(body=ball()), asked(1.0, hollow=True), above((0.0, 0.0, TOP + BALL_RADIUS + 0.01)),
+        SegmentedScene(bed()), SegmentedObject(item(body=ball())),
+        asked(1.0, hollow=True), above((0.0, 0.0, TOP + BALL_RADIUS + 0.01)),
         chosen(body=WOOD),
         ParticlesConfig(),
     )  # fmt: skip
@@ -250,7 +251,8 @@ def test_fields_and_surfaces_fit_together() -> None:
 def test_same_input_same_bytes() -> None:
     """Two runs give the same artifact, byte for byte."""
     again = particles(
-        bed(), item(body=ball()), asked(1.0, hollow=True), above((0.0, 0.0, TOP + BALL_RADIUS + 0.01)),
+        SegmentedScene(bed()), SegmentedObject(item(body=ball())),
+        asked(1.0, hollow=True), above((0.0, 0.0, TOP + BALL_RADIUS + 0.01)),
         chosen(body=WOOD),
         ParticlesConfig(),
     )  # fmt: skip
@@ -263,7 +265,8 @@ def test_a_blanket_is_a_thin_layer_on_the_mattress() -> None:
     frame.
     """
     found = particles(
-        bed(), item(body=ball(0.05)), asked(0.5, hollow=True), above((0.0, 0.75, TOP + 0.06), part=2),
+        SegmentedScene(bed()), SegmentedObject(item(body=ball(0.05))),
+        asked(0.5, hollow=True), above((0.0, 0.75, TOP + 0.06), part=2),
         chosen(body=WOOD),
         ParticlesConfig(base_cells=2000),
     )  # fmt: skip
@@ -286,7 +289,8 @@ def test_a_solid_thing_weighs_density_times_volume() -> None:
     cube = box_mesh((-0.05, -0.05, -0.05), (0.05, 0.05, 0.05))
     for usual, expected in ((0.6, 0.7), (0.1, 0.1)):
         found = particles(
-            bed(), item(body=cube), asked(usual, hollow=False), above((-0.3, 0.0, TOP + 0.06)), chosen(body=WOOD),
+            SegmentedScene(bed()), SegmentedObject(item(body=cube)),
+            asked(usual, hollow=False), above((-0.3, 0.0, TOP + 0.06)), chosen(body=WOOD),
             ParticlesConfig(base_cells=500),
         )  # fmt: skip
         assert isinstance(found, Particles)
@@ -304,7 +308,8 @@ def test_a_rigid_core_moves_with_its_soft_body() -> None:
     config = ParticlesConfig(base_cells=500, object_cells=1500)
     natural = FOAM.density * 0.008
     found = particles(
-        bed(), item(body=block, core=core), asked(natural, hollow=False), above((-0.3, 0.0, TOP + 0.11)),
+        SegmentedScene(bed()), SegmentedObject(item(body=block, core=core)),
+        asked(natural, hollow=False), above((-0.3, 0.0, TOP + 0.11)),
         chosen(body=DOWN, core=WOOD), config,
     )  # fmt: skip
     assert isinstance(found, Particles)
@@ -329,7 +334,8 @@ def test_too_many_particles_are_refused_with_the_knob() -> None:
     """The message names the number, the limit and what to change."""
     with pytest.raises(GeometryError, match=r"particles > 1000; lower ParticlesConfig.object_cells .* base_cells"):
         particles(
-            bed(), item(body=ball()), asked(1.0, hollow=True), above((0.0, 0.0, 0.61)), chosen(body=WOOD),
+            SegmentedScene(bed()), SegmentedObject(item(body=ball())),
+            asked(1.0, hollow=True), above((0.0, 0.0, 0.61)), chosen(body=WOOD),
             ParticlesConfig(particle_limit=1000, base_cells=500),
         )  # fmt: skip
 
@@ -352,7 +358,8 @@ def test_faces_under_the_object_are_a_third_of_a_cell_or_meet_their_budget() -> 
 
     assert longest(ball_on_bed()) <= cells / 3.0 * (1 + 1e-9)
     few = particles(
-        bed(), item(body=ball()), asked(1.0, hollow=True), above((0.0, 0.0, TOP + BALL_RADIUS + 0.01)),
+        SegmentedScene(bed()), SegmentedObject(item(body=ball())),
+        asked(1.0, hollow=True), above((0.0, 0.0, TOP + BALL_RADIUS + 0.01)),
         chosen(body=WOOD), ParticlesConfig(base_faces=500),
     )  # fmt: skip
     assert isinstance(few, Particles)

@@ -15,7 +15,7 @@ from dcap.scene.types.box import OrientedBox
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.outcome import HiddenObject, Infeasible, Reason
 from dcap.scene.types.renders import Renders
-from dcap.scene.types.segmentation import Instance, Part, Segmentation
+from dcap.scene.types.segmentation import Instance, Part, Segmentation, SegmentedObject, SegmentedScene
 from dcap.scene.types.settled import Settled, SettledBody, SettledVerdict
 from tasks.render.stage import RenderConfig, render, settled_item, settled_scene, shown, structure_faces, tinted
 
@@ -99,7 +99,7 @@ def settled() -> Settled:
 @cache
 def taken() -> Renders:
     """The pictures in the open."""
-    found = render(scene_of(), ball(), anchor(), settled(), SMALL)
+    found = render(SegmentedScene(scene_of()), SegmentedObject(ball()), anchor(), settled(), SMALL)
     assert isinstance(found, Renders)
     return found
 
@@ -145,7 +145,13 @@ def test_the_wall_in_front_is_cut_and_the_rest_is_shown() -> None:
 
 def test_a_ball_in_a_box_is_buried() -> None:
     """A closed box around it hides it from everywhere: the reason is `buried`, with the share that is visible."""
-    found = render(scene_of(crate=box_mesh((-0.2, -0.2, 0.4), (0.2, 0.2, 0.9))), ball(), anchor(), settled(), SMALL)
+    found = render(
+        SegmentedScene(scene_of(crate=box_mesh((-0.2, -0.2, 0.4), (0.2, 0.2, 0.9)))),
+        SegmentedObject(ball()),
+        anchor(),
+        settled(),
+        SMALL,
+    )
     assert isinstance(found, Infeasible)
     assert found.reason is Reason.BURIED
     assert isinstance(found.evidence, HiddenObject)
@@ -197,7 +203,7 @@ def test_the_contact_is_marked_in_the_close_up_only_where_it_is() -> None:
 
 def test_same_input_same_bytes() -> None:
     """Pictures are a pure function of their input."""
-    again = render(scene_of(), ball(), anchor(), settled(), SMALL)
+    again = render(SegmentedScene(scene_of()), SegmentedObject(ball()), anchor(), settled(), SMALL)
     assert isinstance(again, Renders)
     for name in ("clean", "settled", "closeup"):
         assert getattr(again, name).tobytes() == getattr(taken(), name).tobytes()

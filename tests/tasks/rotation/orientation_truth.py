@@ -13,7 +13,7 @@ from dcap.language.offline.client import OfflineClient
 from dcap.scene.types.intent import Intent
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.rotation import Rotation
-from dcap.scene.types.segmentation import Segmentation
+from dcap.scene.types.segmentation import Segmentation, SegmentedObject, SegmentedScene
 from dcap.synthetic.furniture.decor import table_lamp
 from dcap.synthetic.objects import build_object
 from flows.samples import load_yaml
@@ -103,9 +103,16 @@ def chosen(
     pose[:3, :3] = file_from_own
     item = segmentation({"object": (label, None, [(part, mesh.transformed(pose)) for part, mesh in parts])})
     prompt = f"Put the {label} on the desk, {words}." if words else f"Put the {label} on the desk."
-    meant = intent(room(), item, prompt, None, IntentConfig(), OfflineClient())
+    meant = intent(SegmentedScene(room()), SegmentedObject(item), prompt, None, IntentConfig(), OfflineClient())
     assert isinstance(meant, Intent), meant
-    turned = rotation(room(), item, meant, prompt, RotationConfig(picture_size=16), client or OfflineClient())
+    turned = rotation(
+        SegmentedScene(room()),
+        SegmentedObject(item),
+        meant,
+        prompt,
+        RotationConfig(picture_size=16),
+        client or OfflineClient(),
+    )
     assert isinstance(turned, Rotation), turned
     return turned
 
