@@ -4,7 +4,7 @@ In: a YAML 1.2 file as in docs/formats.md. Out: a checked `Case`. Every key is c
 unknown one is an error that names the nearest known key.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -132,6 +132,13 @@ class Case(BaseModel, **Strict):
     friction_pairs: list[FrictionPair] = []
 
 
+OWNERS: dict[object, type[BaseModel]] = {
+    "bodies": CaseBody, "shape": CaseShape, "box": BoxShape, "sphere": SphereShape, "cylinder": CylinderShape,
+    "capsule": CapsuleShape, "material": CaseMaterial, "friction_pairs": FrictionPair,
+}  # fmt: skip
+"""Whose keys stand below a key."""
+
+
 def read_case(path: Path) -> Case:
     """The checked case of a YAML 1.2 file; raises InputError with file, key and value."""
     try:
@@ -151,6 +158,9 @@ def checked_case(document: Mapping[str, object], path: str) -> Case:
         case = Case.model_validate(document)
     except ValidationError as error:
         raise InputError(f"{path}: {_first_complaint(error)}") from error
+    for where in truth_values(document):  # the tree is known to be finite now: an alias may hold itself
+        if where != "inertia":
+            raise InputError(f"{path}: {where}: true and false are no numbers")
     names = [b.name for b in case.bodies]
     if len(set(names)) != len(names):
         raise InputError(f"{path}: bodies: names must differ, got {names}")
@@ -168,15 +178,23 @@ def checked_case(document: Mapping[str, object], path: str) -> Case:
     return case
 
 
+def truth_values(tree: object, where: str = "") -> Iterator[str]:
+    """Places of true and false in a tree, keys joined by dots: pydantic takes them for 1 and 0."""
+    if isinstance(tree, bool):
+        yield where
+    items = tree.items() if isinstance(tree, Mapping) else enumerate(tree) if isinstance(tree, list | tuple) else ()
+    for key, value in items:
+        yield from truth_values(value, f"{where}.{key}" if where else str(key))
+
+
 def _first_complaint(error: ValidationError) -> str:
     """One line: key, what is wrong, which value, nearest known key."""
     complaints = error.errors(include_url=False)
     first = next((c for c in complaints if c["type"] == "extra_forbidden"), complaints[0])  # a typo explains the rest
     where = ".".join(str(part) for part in first["loc"])
     if first["type"] == "extra_forbidden":
-        known = sorted(
-            {*Case.model_fields, *CaseBody.model_fields, *CaseMaterial.model_fields, *CaseShape.model_fields}
-        )
+        owner = next((OWNERS[part] for part in reversed(first["loc"][:-1]) if part in OWNERS), Case)
+        known = sorted(owner.model_fields)
         return f"{where}: unknown key" + (did_you_mean(first["loc"][-1], known) or f"; known are {known}")
     return f"{where}: {first['msg']} (got {first.get('input')!r})"
 
