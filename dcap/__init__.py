@@ -93,4 +93,4 @@ if not TYPE_CHECKING:  # a checker that saw this function would believe in any n
 
     def __dir__():
         """The names of the face, for completion."""
-        return sorted({*globals(), *__all__})
+        return sorted({*__all__, *(name for name in globals() if name.startswith("__"))})

@@ -33,6 +33,11 @@ def place(scene: AnyPath, object: AnyPath, prompt: str, **options: Unpack[PlaceK
     `scene` is a folder (InteriorGS, ScanNet, SuGaR) or a mesh, `object` a mesh, `prompt` says what to do. An infeasible
     placement is a result with a reason. The files go into `out`, by default a new folder below `data/runs/python`.
 
+    What the files do not say: `label`, `up` and `unit` of the scene, `object_label`, `object_up`, `object_unit`, `mass`
+    [kg]. Who reads the prompt: `language`, `model`, `record`, `replay`, `max_cost` [USD]. The physics: `solver`,
+    `resolution` [m], `threads`, `arch`, `seed`, `stability`, `load_aware`, `paper_limits`. Each is explained by
+    `dcap place --help`. `out` is the folder of the results.
+
     Raises InputError for input or options that cannot be used, LanguageError for a prompt that was not understood, and
     other kinds of DcapError.
     """
@@ -50,7 +55,9 @@ def drop(case: AnyPath | Mapping[str, object], **options: Unpack[DropKeywords]) 
     """Settle the bodies of a case file, or of a dict of the same structure, as `dcap drop` does; physics only.
 
     Meshes that a dict names are relative to the working directory. The files go into `out`, by default a new folder
-    below `data/runs/python`. Raises InputError for a case or options that cannot be used.
+    below `data/runs/python`. Options: `solver`, `resolution` [m], `threads`, `arch`, `stability`, `load_aware`.
+
+    Raises InputError for a case or options that cannot be used.
     """
     chosen = checked(DropOptions, options)
     if not isinstance(case, Mapping):

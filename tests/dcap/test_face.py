@@ -14,6 +14,7 @@ import pytest
 import dcap
 from dcap.packages import ROOT
 from dcap.scene.errors import DcapError
+from flows.options import DropOptions, PlaceOptions
 from flows.results import NamedValues, Placement, Result
 
 HEAVY = (
@@ -39,6 +40,13 @@ CASE = {
         {"name": "cube", "shape": BOX, "position": [0, 0, 0.051], "material": "wood_oak"},
     ]
 }  # fmt: skip
+
+
+def test_help_names_every_option() -> None:
+    """`help(dcap.place)` and `help(dcap.drop)` tell what can be given, and `dir(dcap)` shows the face alone."""
+    for function, options in ((dcap.place, PlaceOptions), (dcap.drop, DropOptions)):
+        assert [name for name in options.model_fields if f"`{name}`" not in str(function.__doc__)] == []
+    assert {name for name in dir(dcap) if not name.startswith("__")} == set(dcap.__all__) - {"__version__"}
 
 
 def test_the_names_are_the_documented_ones() -> None:
