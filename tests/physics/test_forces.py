@@ -17,9 +17,9 @@ def settled(lab, *bodies):
     one = ImplicitDrop(Model(bodies, np.array([0.0, 0.0, -lab.gravity])), SolverConfig(threads=2))
     kept = {}
 
-    def keep(verdict, state, *rest, write=one._result):
-        kept["state"] = state
-        return write(verdict, state, *rest)
+    def keep(end, *rest, write=one._result):
+        kept["state"] = end.state
+        return write(end, *rest)
 
     one._result = keep  # type: ignore[method-assign]
     result = one.run(None)
