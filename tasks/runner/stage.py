@@ -70,6 +70,8 @@ class Stage(Generic[P, ValueT_co]):
         self.name = name
         self.signature = inspect.signature(function)
         self.module_path = Path(inspect.getfile(function)).resolve()
+        self._tasks: dict[Path, Task[[str, dict[str, object], object], dict[str, object]]] = {}
+        """By the folder of the records: $DCAP_DATA may change while a program runs."""
 
     @cached_property
     def hints(self) -> dict[str, Any]:
@@ -125,21 +127,25 @@ class Stage(Generic[P, ValueT_co]):
         with use_context(replace(context, on_event=note)):
             return Record.from_json(task(deciders.key, deciders.to_json(), settings)), computed
 
-    @cached_property
+    @property
     def task(self) -> "Task[[str, dict[str, object], object], dict[str, object]]":
         """The Prefect task behind this stage; Prefect is imported on the first run, because planning needs none."""
         from prefect import Task
 
-        return Task(
+        root = records_root()
+        if root in self._tasks:
+            return self._tasks[root]
+        self._tasks[root] = Task(
             self._body,
             name=self.name,
             task_run_name=self.name,
             cache_policy=verified_records(),
             persist_result=True,
-            result_storage=records_root(),
+            result_storage=root,
             result_serializer="json",
             cache_result_in_memory=False,
         )
+        return self._tasks[root]
 
     def _body(self, key: str, deciders: dict[str, Any], config: object) -> dict[str, object]:
         """What Prefect runs when no record fits."""
