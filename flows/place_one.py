@@ -1,32 +1,63 @@
 """One placement for a person: says what is cached, starts a server only if something must run, shows the stages."""
 
 import sys
+from functools import partial
 from pathlib import Path
 
 from rich.console import Console
+from rich.status import Status
 from rich.text import Text
 
 from dcap.language.model.ledger import in_words, totals
-from dcap.language.protocol.session import Session
 from dcap.scene.json_tree import JsonObject
 from dcap.scene.types.sample import Sample, SourceOptions
 from flows.configure import configured
 from flows.language_options import language_options
 from flows.options import PlaceOptions
 from flows.output import write_placement
-from flows.place import PlaceConfig
-from flows.sample_run import STAGE_NAMES, FinishedSample, plan_sample, run_sample
+from flows.sample_run import STAGE_NAMES, FinishedSample, place_flow, plan_sample, recorded
 from flows.server import prefect_server
 from tasks.arch import chosen_arch
 from tasks.runner.context import Event, RunContext, StageEvent
 
 
 def place_files(scene: str, thing: str, prompt: str, options: PlaceOptions, out: Path, *, quiet: bool) -> JsonObject:
-    """Place the object of one file in the scene of another; writes the results into `out`, returns placement.json."""
+    """Place the object of one file in the scene of another; writes the results into `out`, returns placement.json.
+
+    Stage lines go to standard error unless `quiet`.
+    """
     sample = sample_of(scene, thing, prompt, options)
     asking = language_options(options)
     config = configured(options, language=asking.config(), arch=chosen_arch(options.arch))
-    return write_placement(place_one(sample, config, asking.session(out), quiet=quiet), out)
+    session = asking.session(out)
+    if session.ledger:  # of an earlier placement into the same folder
+        Path(session.ledger).unlink(missing_ok=True)
+    console = Console(file=sys.stderr, quiet=quiet, highlight=False, force_jupyter=False)
+    plan = plan_sample(sample, config)
+    if plan.failed is not None:
+        raise plan.failed.error
+    if plan.finished is not None:
+        console.print(f"all {len(plan.cached)} stages cached")
+        return write_placement(plan.finished, out)
+    with (
+        console.status("starting") as status,
+        prefect_server(),
+        recorded(sample, RunContext(session=session), partial(show, console, status)) as recorder,
+    ):
+        placement = place_flow(sample)(sample, config)
+    if session.ledger and Path(session.ledger).is_file():
+        console.print(in_words(totals(Path(session.ledger))))
+    return write_placement(FinishedSample(sample, placement, tuple(recorder.records)), out)
+
+
+def show(console: Console, status: Status, event: StageEvent) -> None:
+    """Show what happens to a stage: a line that changes while it works, a line that stays when it has finished."""
+    if event.event is Event.STARTED:
+        status.update(event.stage)
+    elif event.event is Event.PROGRESS:
+        status.update(Text(f"{event.stage} {event.part:4.0%} {event.text}"))
+    else:
+        console.print(stage_line(event))
 
 
 def sample_of(scene: str, thing: str, prompt: str, options: PlaceOptions) -> Sample:
@@ -41,33 +72,6 @@ def sample_of(scene: str, thing: str, prompt: str, options: PlaceOptions) -> Sam
         mass=options.mass,
         seed=options.seed,
     )
-
-
-def place_one(sample: Sample, config: PlaceConfig, session: Session, *, quiet: bool) -> FinishedSample:
-    """Place one sample; stage lines go to standard error unless `quiet`."""
-    if session.ledger:  # of an earlier placement into the same folder
-        Path(session.ledger).unlink(missing_ok=True)
-    console = Console(file=sys.stderr, quiet=quiet, highlight=False, force_jupyter=False)
-    plan = plan_sample(sample, config)
-    if plan.failed is not None:
-        raise plan.failed.error
-    if plan.finished is not None:
-        console.print(f"all {len(plan.cached)} stages cached")
-        return plan.finished
-    with console.status("starting") as status, prefect_server():
-
-        def show(event: StageEvent) -> None:
-            if event.event is Event.STARTED:
-                status.update(event.stage)
-            elif event.event is Event.PROGRESS:
-                status.update(Text(f"{event.stage} {event.part:4.0%} {event.text}"))
-            else:
-                console.print(stage_line(event))
-
-        finished = run_sample(sample, config, context=RunContext(session=session), listener=show)
-    if session.ledger and Path(session.ledger).is_file():
-        console.print(in_words(totals(Path(session.ledger))))
-    return finished
 
 
 def stage_line(event: StageEvent) -> str:

@@ -1,7 +1,10 @@
 """Runs the stages of one sample: first a look at what is there, then a Prefect flow if anything is missing."""
 
 import traceback
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 from dcap.scene.errors import DcapError
 from dcap.scene.store.artifacts import Store
@@ -10,6 +13,9 @@ from flows.place import STAGES, PlaceConfig, PlacementRefs, place
 from tasks.overview import overview_task
 from tasks.runner.context import Event, NotCachedError, OnEvent, RunContext, StageEvent, use_context
 from tasks.runner.records import Record, why_not_cached
+
+if TYPE_CHECKING:
+    from prefect import Flow
 
 STAGE_NAMES = tuple(stage.name for stage in STAGES)
 OVERVIEW = overview_task.name
@@ -109,44 +115,40 @@ def stages_of(recorder: EventRecorder) -> tuple[str, ...]:
     return tuple(stage for stage, _, _ in recorder.records)
 
 
-def run_sample(
-    sample: Sample,
-    config: PlaceConfig,
-    *,
-    context: RunContext | None = None,
-    listener: OnEvent | None = None,
-) -> FinishedSample:
-    """Run the stages of a sample as one Prefect flow; needs a server. `context` says how, but for its events.
+def place_flow(sample: Sample) -> "Flow[[Sample, PlaceConfig], PlacementRefs]":
+    """The stages of a sample as one Prefect flow; needs a server.
 
     Prefect is imported here, after the server's address is known.
     """
     from prefect import Flow
 
-    recorder = EventRecorder(listener)
-    context = context or RunContext()
     name = sample.id.replace("{", "(").replace("}", ")")
-    flow = Flow(place, name="place", flow_run_name=name, validate_parameters=False, persist_result=False)
+    return Flow(place, name="place", flow_run_name=name, validate_parameters=False, persist_result=False)
+
+
+@contextmanager
+def recorded(sample: Sample, context: RunContext, listener: OnEvent | None = None) -> Iterator[EventRecorder]:
+    """The stages that are called inside are those of a sample: they are recorded, and what they refuse names the user's
+    files. `context` says how they run, but for its events."""
+    recorder = EventRecorder(listener)
+    session = replace(context.session, sample=sample.id)
     try:
-        session = replace(context.session, sample=sample.id)
         with use_context(replace(context, on_event=recorder, session=session)):
-            placement = flow(sample, config)
+            yield recorder
     except DcapError as error:
         raise type(error)(in_users_words(str(error), sample)) from error
-    return FinishedSample(sample, placement, tuple(recorder.records))
 
 
 def try_sample(
-    sample: Sample,
-    config: PlaceConfig,
-    *,
-    context: RunContext | None = None,
-    listener: OnEvent | None = None,
+    sample: Sample, config: PlaceConfig, *, context: RunContext, listener: OnEvent | None = None
 ) -> FinishedSample | FailedSample:
-    """As `run_sample`, but a failure of this sample is a value: the others go on."""
+    """Run the stages of a sample; a failure is a value: the others go on."""
     try:
-        return run_sample(sample, config, context=context, listener=listener)
+        with recorded(sample, context, listener) as recorder:
+            placement = place_flow(sample)(sample, config)
     except Exception as error:  # the border between samples: reported in full, never hidden
         return FailedSample(sample, error)
+    return FinishedSample(sample, placement, tuple(recorder.records))
 
 
 def in_users_words(message: str, sample: Sample) -> str:

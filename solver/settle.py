@@ -40,7 +40,11 @@ def settle(model: Model, config: SolverConfig, progress: Progress | None = None)
         raise ModelError("stability: mls verifies no rest state that could be pushed; use method tl")
     start(config.threads, config.arch)
     with threadpool_limits(1):  # dense factorisations would round differently with the number of threads
-        return (mls.ExplicitDrop if config.method == "mls" else ImplicitDrop)(model, config).run(progress)
+        if config.method == "mls":
+            return mls.ExplicitDrop(model, config).run(progress)
+        drop = ImplicitDrop(model, config)
+        end = drop.approach(drop.checked_start(), StepControl(config.step_seconds), progress)
+        return drop.verified(end, progress)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -62,11 +66,28 @@ class ImplicitDrop(Simulation):
         self.monitor = self.rest_monitor()
         self.warnings: list[str] = []
 
-    def run(self, progress: Progress | None) -> SettledModel:
-        """Approach, rest, kick, verdict."""
+    def checked_start(self) -> State:
+        """The start state; ModelError where bodies begin inside each other."""
         state = self.start_state()
         self._refuse_overlap(state)
-        end = self._approach(state, StepControl(self.config.step_seconds), progress)
+        return state
+
+    def approach(
+        self, state: State, control: StepControl, progress: Progress | None, rolling: RollingLaw = law_stiff
+    ) -> Approach:
+        """Steps from a state until the bodies are quiet, have left, or the steps are used up."""
+        while True:
+            step = self.step(state, control, rolling=rolling)
+            state, control = step.state, step.control
+            self.monitor.record(step.signals, progress)
+            if self.monitor.creeping():
+                control = replace(control, tolerance_factor=CREEPING_TOLERANCE)
+            if verdict := self._verdict(state, step.report.contacts):
+                return Approach(verdict, state, step.report, control)
+            self._adapt(state, step.report.contacts, step.signals)
+
+    def verified(self, end: Approach, progress: Progress | None) -> SettledModel:
+        """The result of an approach: a rest is kicked first, and pushed where that was asked for."""
         kicked: KickCheck | NotDone = NotDone()
         rows = self.monitor.rows()
         if end.verdict is Verdict.AT_REST and self.free:
@@ -96,19 +117,6 @@ class ImplicitDrop(Simulation):
                     f"{np.round(t.position[int(np.argmin(t.gap))], 3).tolist()} (bound start_overlap = "
                     f"{1e3 * self.config.start_overlap:.1f} mm); move one of them"
                 )
-
-    def _approach(
-        self, state: State, control: StepControl, progress: Progress | None, rolling: RollingLaw = law_stiff
-    ) -> Approach:
-        while True:
-            step = self.step(state, control, rolling=rolling)
-            state, control = step.state, step.control
-            self.monitor.record(step.signals, progress)
-            if self.monitor.creeping():
-                control = replace(control, tolerance_factor=CREEPING_TOLERANCE)
-            if verdict := self._verdict(state, step.report.contacts):
-                return Approach(verdict, state, step.report, control)
-            self._adapt(state, step.report.contacts, step.signals)
 
     def _verdict(self, state: State, contacts: Contacts) -> Verdict | None:
         """What ends an approach, None where it goes on."""
@@ -153,7 +161,7 @@ class ImplicitDrop(Simulation):
         """
         begin = len(self.monitor.signals)
         control = replace(control, dt=self.config.step_seconds)
-        end = self._approach(state, control, progress, law_compliant)
+        end = self.approach(state, control, progress, law_compliant)
         rows = self.monitor.rows(begin)
         if end.verdict is not Verdict.AT_REST:
             return end, rows, first

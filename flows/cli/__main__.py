@@ -1,5 +1,7 @@
 """`python -m flows.cli`: the same as `dcap`."""
 
+import sys
+
 from flows.cli.app import main
 
-main()
+sys.exit(main())

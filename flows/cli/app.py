@@ -263,13 +263,8 @@ def complain(message: str) -> None:
     print(f"dcap: {' '.join(message.split())}", file=sys.stderr)
 
 
-def main() -> None:
-    """Run the command line and exit with the contract's code."""
-    sys.exit(run_command(sys.argv[1:]))
-
-
-def run_command(arguments: list[str]) -> int:
-    """Exit code of a command line."""
+def main(arguments: list[str] | None = None) -> int:
+    """Run a command line, default that of the process, and return the contract's exit code."""
     from tasks.runner.process import kill_all
 
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(INTERRUPTED))

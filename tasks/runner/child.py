@@ -11,6 +11,7 @@ import logging
 import os
 import signal
 import sys
+import time
 from typing import IO
 
 from dcap.language.protocol.session import Session
@@ -29,7 +30,10 @@ def main() -> None:
     forward_log(report)
     try:
         function = getattr(importlib.import_module(job["module"]), job["function"])
-        done = stage(function).compute(job["inputs"], job["config"], Session(**job["session"]))
+        own = stage(function)
+        values = own.load(job["inputs"], job["config"], Session(**job["session"]))
+        begin = time.perf_counter()
+        done = own.save(function(**values), time.perf_counter() - begin)
     except errors.DcapError as error:
         say(report, error={"type": type(error).__name__, "message": str(error)})
         return

@@ -35,6 +35,7 @@ from tasks.runner.cache_policy import verified_records
 from tasks.runner.context import (
     Event,
     NotCachedError,
+    OnEvent,
     OnProgress,
     RunContext,
     StageEvent,
@@ -57,6 +58,19 @@ CLIENT = "client"
 P = ParamSpec("P")
 ValueT = TypeVar("ValueT")
 ValueT_co = TypeVar("ValueT_co", covariant=True)
+
+
+class StartWatch:
+    """Passes events on and notes whether a stage began to compute."""
+
+    def __init__(self, listener: OnEvent) -> None:
+        self.listener = listener
+        self.started = False
+
+    def __call__(self, event: StageEvent) -> None:
+        """One event."""
+        self.started |= event.event is Event.STARTED
+        self.listener(event)
 
 
 class Stage(Generic[P, ValueT_co]):
@@ -97,10 +111,15 @@ class Stage(Generic[P, ValueT_co]):
             _, record = usable_key(deciders.key, Store.default())
             if record is None:
                 raise NotCachedError(deciders)
-            computed = False
-        else:
-            record, computed = self._run(deciders, config, context)
-        context.on_event(StageEvent(self.name, Event.FINISHED if computed else Event.CACHED, 1.0, record=record))
+            context.on_event(StageEvent(self.name, Event.CACHED, 1.0, record=record))
+            return record.ref
+        watch = StartWatch(context.on_event)
+        settings = None if config is None else config.model_dump(mode="json")
+        task = self.task.with_options(refresh_cache=True) if self.name in context.refresh else self.task
+        with use_context(replace(context, on_event=watch)):
+            record = Record.from_json(task(deciders.key, deciders.to_json(), settings))
+        end = Event.FINISHED if watch.started else Event.CACHED
+        context.on_event(StageEvent(self.name, end, 1.0, record=record))
         return record.ref
 
     def deciders(self, inputs: dict[str, Any], config: BaseModel | None) -> Deciders:
@@ -112,20 +131,6 @@ class Stage(Generic[P, ValueT_co]):
             inputs={name: plain_input(name, value) for name, value in inputs.items()},
             libraries=libraries(self.module_path, PROJECT_ROOT),
         )
-
-    def _run(self, deciders: Deciders, config: BaseModel | None, context: RunContext) -> tuple[Record, bool]:
-        """The record, by Prefect from its cache or computed now, and whether it was computed."""
-        computed = False
-
-        def note(event: StageEvent) -> None:
-            nonlocal computed
-            computed |= event.event is Event.STARTED
-            context.on_event(event)
-
-        settings = None if config is None else config.model_dump(mode="json")
-        task = self.task.with_options(refresh_cache=True) if self.name in context.refresh else self.task
-        with use_context(replace(context, on_event=note)):
-            return Record.from_json(task(deciders.key, deciders.to_json(), settings)), computed
 
     @property
     def task(self) -> "Task[[str, dict[str, object], object], dict[str, object]]":
@@ -155,7 +160,13 @@ class Stage(Generic[P, ValueT_co]):
         context.on_event(StageEvent(self.name, Event.STARTED))
         begin = time.perf_counter()
         with context.slots or nullcontext():
-            done = self._compute_anywhere(deciders["inputs"], config, context, progress_to(log, context, self.name))
+            inputs, on_progress = deciders["inputs"], progress_to(log, context, self.name)
+            if self._needs_process(inputs):
+                done = run_in_process(self.job(inputs, config, context.session), on_progress)
+            else:
+                values = self.load(inputs, config, context.session, partial(lent, context.slots))
+                start = time.perf_counter()
+                done = self.save(self.function(**values), time.perf_counter() - start)
         log.info(
             "%s: %s %s, %.2f s (%.2f s with loading and saving), %.1f KiB",
             self.name,
@@ -168,19 +179,15 @@ class Stage(Generic[P, ValueT_co]):
         record = Record(key, Ref.from_json(done["ref"]), done["seconds"], done["size"], deciders)
         return record.to_json()
 
-    def _compute_anywhere(
-        self, inputs: dict[str, Any], config: object, context: RunContext, on_progress: OnProgress
-    ) -> dict[str, Any]:
-        if not self._needs_process(inputs):
-            return self.compute(inputs, config, context.session, partial(lent, context.slots))
-        job = {
+    def job(self, inputs: dict[str, Any], config: object, session: Session) -> dict[str, object]:
+        """What a process of its own needs to know, as JSON."""
+        return {
             "module": self.function.__module__,
             "function": self.function.__name__,
             "inputs": inputs,
             "config": config,
-            "session": context.session.to_json(),
+            "session": session.to_json(),
         }
-        return run_in_process(job, on_progress)
 
     def _needs_process(self, inputs: dict[str, Any]) -> bool:
         if isinstance(self.process, bool):
@@ -188,19 +195,19 @@ class Stage(Generic[P, ValueT_co]):
         store = Store.default()
         return self.process(**{name: self._loaded(name, tree, store) for name, tree in inputs.items()})
 
-    def compute(
-        self, inputs: dict[str, Any], config: Any, session: Session, idle: Idle = nullcontext
-    ) -> dict[str, Any]:
-        """Load the inputs, run the function, save its value; reference, time [s] and size [bytes] as JSON."""
+    def load(self, inputs: dict[str, Any], config: Any, session: Session, idle: Idle = nullcontext) -> dict[str, Any]:
+        """The function's arguments, from their JSON."""
         store = Store.default()
         values = {name: self._loaded(name, tree, store) for name, tree in inputs.items()}
         if config is not None:
             values["config"] = self.hints["config"].model_validate(config)
         if self.asks:
             values[CLIENT] = connect(values["config"].language, session, idle)
-        begin = time.perf_counter()
-        value = self.function(**values)
-        seconds = time.perf_counter() - begin
+        return values
+
+    def save(self, value: object, seconds: float) -> dict[str, Any]:
+        """Save what the function returned; its reference, the time it took [s] and its size [bytes] as JSON."""
+        store = Store.default()
         ref = store.save(value)
         return {"ref": ref.to_json(), "seconds": seconds, "size": store.size(ref)}
 

@@ -13,7 +13,7 @@ from dcap.scene.errors import InputError, LanguageError
 from dcap.scene.store.artifacts import Store
 from dcap.scene.types.sample import Sample
 from flows.benchmark import failed_before, new_run_folder, rerun_sample, write_failure
-from flows.cli.app import run_command
+from flows.cli.app import main
 from flows.language_options import LanguageOptions
 from flows.place import PlaceConfig
 from flows.sample_run import FailedSample
@@ -126,12 +126,12 @@ def test_a_benchmark_from_cold_to_warm(
     """Cold: two samples get through, two fail and are kept as such. Warm: no server is needed for what is cached.
     After mending, only what failed runs. One stage can be computed again."""
     folder = dataset.parent
-    assert run_command(["plan", "--dataset", str(dataset), "--json"]) == 0
+    assert main(["plan", "--dataset", str(dataset), "--json"]) == 0
     plan = json.loads(capsys.readouterr().out)
     assert [row["runs"] for row in plan] == ["mesh", "mesh", "mesh", None]
     assert "gone.ply: no such file" in plan[3]["why"]
 
-    assert run_command(["benchmark", "--dataset", str(dataset), "--json"]) == 4
+    assert main(["benchmark", "--dataset", str(dataset), "--json"]) == 4
     counts = json.loads(capsys.readouterr().out)
     assert (counts["samples"], counts["at_rest"], counts["infeasible"], counts["failed"]) == (4, 1, 1, 2)
     assert (counts["feasible_as_intended"], counts["feasible_intended"]) == (1, 2)
@@ -156,33 +156,33 @@ def test_a_benchmark_from_cold_to_warm(
 
     with monkeypatch.context() as patch:
         patch.setattr("flows.benchmark.prefect_server", refuse)
-        assert run_command(["benchmark", "--dataset", str(dataset), "--limit", "2"]) == 0
+        assert main(["benchmark", "--dataset", str(dataset), "--limit", "2"]) == 0
 
     (folder / "gone.ply").write_text("fine")
     (folder / "broken.ply").write_text("mended")
-    assert run_command(["benchmark", "--dataset", str(dataset)]) == 0
+    assert main(["benchmark", "--dataset", str(dataset)]) == 0
     capsys.readouterr()
-    assert run_command(["benchmark", "--dataset", str(dataset), "--only-failed"]) == 2
+    assert main(["benchmark", "--dataset", str(dataset), "--only-failed"]) == 2
     assert "nothing failed" in capsys.readouterr().err
 
     monkeypatch.chdir("/")  # a run knows where its files are
-    assert run_command(["rerun", "last", "good", "--stage", "drop", "--json"]) == 0
+    assert main(["rerun", "last", "good", "--stage", "drop", "--json"]) == 0
     again = json.loads(capsys.readouterr().out)
     assert {**again, "timings": 0} == {**placement, "timings": 0}
-    assert run_command(["rerun", "last", "none", "--stage", "drop"]) == 3
+    assert main(["rerun", "last", "none", "--stage", "drop"]) == 3
     assert capsys.readouterr().out.splitlines() == [
         "infeasible: target_not_found; no piano; there is table",
         f"report: {(folder / 'data' / 'runs' / 'last').resolve() / 'report.html'}",
     ]
-    assert run_command(["rerun", "last", "none", "--stage", "overview"]) == 3
-    assert run_command(["rerun", "last", "nobody", "--stage", "drop"]) == 2
-    assert run_command(["rerun", "last", "good", "--stage", "cook"]) == 2
-    assert run_command(["cache", "verify"]) == 0
+    assert main(["rerun", "last", "none", "--stage", "overview"]) == 3
+    assert main(["rerun", "last", "nobody", "--stage", "drop"]) == 2
+    assert main(["rerun", "last", "good", "--stage", "cook"]) == 2
+    assert main(["cache", "verify"]) == 0
 
     ref = next(ref for ref in Store.default().refs() if ref.kind == "Settled")
     next(Store.default().folder(ref).glob("*.ply")).unlink()
-    assert run_command(["cache", "verify"]) == 4
-    assert run_command(["report", "last"]) == 0
+    assert main(["cache", "verify"]) == 4
+    assert main(["report", "last"]) == 0
 
 
 def test_what_the_last_run_did_not_ask_for_did_not_fail(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -207,9 +207,9 @@ def test_a_plan_survives_what_nobody_expected(
         raise ZeroDivisionError("on purpose")
 
     monkeypatch.setattr("flows.sample_run.place", broken)
-    assert run_command(["plan", "--dataset", str(tmp_path / "set.yaml"), "--json"]) == 0
+    assert main(["plan", "--dataset", str(tmp_path / "set.yaml"), "--json"]) == 0
     assert json.loads(capsys.readouterr().out)[0]["why"] == "ZeroDivisionError: on purpose"
-    assert run_command(["benchmark", "--dataset", str(tmp_path / "set.yaml"), "--json"]) == 4
+    assert main(["benchmark", "--dataset", str(tmp_path / "set.yaml"), "--json"]) == 4
     said = (Path(json.loads(capsys.readouterr().out)["run"]) / "samples" / "odd" / "error.txt").read_text()
     assert said.startswith("ZeroDivisionError: on purpose\n\nTraceback")
     assert "in broken" in said

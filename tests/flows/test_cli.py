@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 import dcap
-from flows.cli.app import run_command
+from flows.cli.app import main
 from flows.configure import configured
 from flows.options import PlaceOptions
 from tasks.runner.stage import deciding
@@ -16,7 +16,7 @@ from tasks.runner.stage import deciding
 
 def failed(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
     """What a refused command line says."""
-    assert run_command(list(arguments)) == 2
+    assert main(list(arguments)) == 2
     captured = capsys.readouterr()
     assert captured.out == ""
     assert captured.err.count("\n") == 1
@@ -70,7 +70,7 @@ def test_the_arch_decides_a_result() -> None:
 
 def test_the_version(capsys: pytest.CaptureFixture[str]) -> None:
     """--version prints the version of the package and ends."""
-    assert run_command(["--version"]) == 0
+    assert main(["--version"]) == 0
     assert capsys.readouterr().out == f"dcap {dcap.__version__}\n"
 
 
@@ -130,15 +130,15 @@ def test_out_must_be_a_folder(capsys: pytest.CaptureFixture[str], tmp_path: Path
 
 def test_help_is_not_an_error(capsys: pytest.CaptureFixture[str]) -> None:
     """--help exits with 0 and prints on standard output."""
-    assert run_command(["place", "--help"]) == 0
+    assert main(["place", "--help"]) == 0
     assert "--object-up" in capsys.readouterr().out
 
 
 def test_an_empty_cache(capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """`cache ls` and `cache verify` work where nothing has been computed."""
     monkeypatch.setenv("DCAP_DATA", str(tmp_path))
-    assert run_command(["cache", "ls"]) == 0
-    assert run_command(["cache", "verify"]) == 0
+    assert main(["cache", "ls"]) == 0
+    assert main(["cache", "verify"]) == 0
     assert "0 artifacts, 0 damaged" in capsys.readouterr().out
 
 

@@ -10,7 +10,7 @@ from PIL import Image
 
 from dcap.scene.problems import Severity
 from dcap.synthetic.recipes import object_recipes, room_names
-from flows.cli.app import run_command
+from flows.cli.app import main
 from flows.cli.check_report import as_tree, in_words
 from flows.dataset_check import check_dataset
 from flows.samples import EMBEDDED, SPLAT_ROOMS, load_yaml
@@ -104,7 +104,7 @@ def test_outcomes_that_are_trees_of_shared_parts_are_told(data: Path) -> None:
 
 def test_a_name_that_no_file_can_have(data: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Too long for the file system: told like any that is not there."""
-    assert run_command(["dataset", "check", str(data / ("a" * 300))]) == 2
+    assert main(["dataset", "check", str(data / ("a" * 300))]) == 2
     assert "no such file or folder" in capsys.readouterr().err
     (finding,) = check_dataset(dataset(data, GOOD.replace("bedroom", "b" * 300))).findings
     assert "is neither beside the file" in finding.what
@@ -112,7 +112,7 @@ def test_a_name_that_no_file_can_have(data: Path, capsys: pytest.CaptureFixture[
 
 def test_a_device_is_no_folder(capsys: pytest.CaptureFixture[str]) -> None:
     """It is told for what it is not, once."""
-    assert run_command(["dataset", "check", "/dev/null"]) == 2
+    assert main(["dataset", "check", "/dev/null"]) == 2
     assert "/dev/null: error: neither a file nor a folder" in capsys.readouterr().out
 
 
@@ -146,7 +146,7 @@ def test_an_embedded_dataset_that_is_not_there(
 ) -> None:
     """One line says how to make it, not one for each sample."""
     monkeypatch.setenv("DCAP_DATA", str(tmp_path))
-    assert run_command(["dataset", "check"]) == 2
+    assert main(["dataset", "check"]) == 2
     captured = capsys.readouterr()
     assert captured.out == ""
     assert "make it with `dcap dataset make`" in captured.err
@@ -155,15 +155,15 @@ def test_an_embedded_dataset_that_is_not_there(
 def test_exit_codes(data: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """0 with warnings, 2 with errors and where nothing is, and then one line on standard error only."""
     path = dataset(data, GOOD)
-    assert run_command(["dataset", "check", str(path)]) == 0
+    assert main(["dataset", "check", str(path)]) == 0
     assert "0 errors" in capsys.readouterr().out
     (data / "data" / "rooms" / "bedroom" / "labels.json").write_text('[\n"bed"]')
-    assert run_command(["dataset", "check", str(path), "--json"]) == 2
+    assert main(["dataset", "check", str(path), "--json"]) == 2
     tree = json.loads(capsys.readouterr().out)
     assert tree["errors"] == 1
     assert tree["findings"][0]["line"] == 2
     assert tree["totals"]["scenes"] == len(tree["scenes"]) == 1
-    assert run_command(["dataset", "check", str(data / "nothing")]) == 2
+    assert main(["dataset", "check", str(data / "nothing")]) == 2
     captured = capsys.readouterr()
     assert (captured.out, captured.err.count("\n")) == ("", 1)
 
@@ -172,14 +172,14 @@ def test_exit_codes(data: Path, capsys: pytest.CaptureFixture[str]) -> None:
 def test_the_plot_is_written(data: Path, suffix: str, capsys: pytest.CaptureFixture[str]) -> None:
     """Beside the report, in either form; another suffix is refused."""
     plot = data / "plots" / f"figure{suffix}"
-    assert run_command(["dataset", "check", str(data / "data"), "--plot", str(plot)]) == 0
+    assert main(["dataset", "check", str(data / "data"), "--plot", str(plot)]) == 0
     if suffix == ".png":
         with Image.open(plot) as image:
             assert min(image.size) > 400
     else:
         assert "<svg" in plot.read_text()
     capsys.readouterr()
-    assert run_command(["dataset", "check", str(data / "data"), "--plot", str(data / "figure.pdf")]) == 2
+    assert main(["dataset", "check", str(data / "data"), "--plot", str(data / "figure.pdf")]) == 2
     captured = capsys.readouterr()
     assert ".pdf" in captured.err
     assert captured.out == ""  # refused before anything is checked

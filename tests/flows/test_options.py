@@ -83,7 +83,7 @@ def test_the_command_line_hands_everything_over(name: str, monkeypatch: pytest.M
     monkeypatch.setattr("flows.place_one.place_files", place_files)
     value = tmp_path if name == "out" else OTHER[name]
     words = ["--" + name.replace("_", "-")] + ([] if value is True else [str(value)])
-    assert cli.run_command(["place", "a", "b", "put it", *words]) == 2
+    assert cli.main(["place", "a", "b", "put it", *words]) == 2
     assert heard == [checked(PlaceOptions, {name: value})]
 
 

@@ -18,7 +18,7 @@ from dcap.scene.readers.splats.splats import read_splats
 from dcap.scene.writers.gaussians import write_compressed_splats
 from dcap.scene.writers.interiorgs import MESH_NAME, write_interiorgs
 from dcap.synthetic.rooms import build_room
-from flows.cli.app import run_command
+from flows.cli.app import main
 from flows.prepare_sugar import publish
 
 TRAIN = """
@@ -55,7 +55,7 @@ def room(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def prepare(scene: Path, out: Path, *options: str) -> int:
     """Run the command for a few small pictures."""
     size = ["--views", "6", "--width", "64", "--height", "48"]
-    return run_command(["dataset", "prepare-sugar", str(scene), "--out", str(out), *size, *options])
+    return main(["dataset", "prepare-sugar", str(scene), "--out", str(out), *size, *options])
 
 
 @pytest.fixture(scope="module")
@@ -169,12 +169,12 @@ def test_another_scene_does_not_replace_a_result(
     scenes = [tmp_path / "a" / "hall.1", tmp_path / "b" / "hall.1"]
     for scene in scenes:
         shutil.copytree(room, scene)
-    assert run_command(["dataset", "prepare-sugar", str(scenes[0]), *small]) == 0
+    assert main(["dataset", "prepare-sugar", str(scenes[0]), *small]) == 0
     (result,) = (tmp_path / "data").rglob("prepared.json")
     assert result.parent.name == "hall.1"
     before = files(tmp_path / "data")
     capsys.readouterr()
-    assert run_command(["dataset", "prepare-sugar", str(scenes[1]), *small]) == 2
+    assert main(["dataset", "prepare-sugar", str(scenes[1]), *small]) == 2
     said = capsys.readouterr().err
     assert all(words in said for words in (str(scenes[0]), str(scenes[1]), str(result.parent), "--out"))
     assert files(tmp_path / "data") == before

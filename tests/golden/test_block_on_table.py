@@ -11,7 +11,7 @@ import trimesh
 
 from dcap.scene.store.artifacts import Store
 from dcap.scene.store.ply import mesh_from_ply
-from flows.cli.app import run_command
+from flows.cli.app import main
 from flows.place import STAGES
 
 TOP_M = 0.75
@@ -43,7 +43,7 @@ def placed(files: Path, capsys: pytest.CaptureFixture[str], *options: str) -> tu
     frame = ["--label", "table", "--up", "z", "--unit", "m", "--object-up", "z", "--object-unit", "m"]
     arguments = ["place", str(files / "table.ply"), str(files / "block.ply"), PROMPT, *frame]
     arguments += ["--out", str(files / "out"), "--json"]
-    assert run_command([*arguments, *options]) == 0
+    assert main([*arguments, *options]) == 0
     tree = json.loads(capsys.readouterr().out)
     after = {path.name for path in (files / "data" / "cache" / "records").glob("*")}
     return tree, sorted(name.split("-")[0] for name in after - before)

@@ -86,7 +86,7 @@ def test_trials_leave_nothing_behind(lab):
     config = SolverConfig(push_directions=1, threads=2)
     start(2)
     drop = ImplicitDrop(Model((box, lab.floor()), np.array([0.0, 0.0, -lab.gravity])), config)
-    rest = drop._approach(drop.start_state(), StepControl(config.step_seconds), None).state
+    rest = drop.approach(drop.start_state(), StepControl(config.step_seconds), None).state
     assert grade(drop, rest, 1.0, None) == grade(drop, rest, 1.0, None)
 
 

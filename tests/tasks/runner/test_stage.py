@@ -148,7 +148,7 @@ def test_an_input_of_another_kind_is_refused(fake: ModuleType) -> None:
     """A stage that is handed an artifact of a kind that it does not declare says both names and runs nothing."""
     ref = Store.default().save(Material("foam", 30.0, 1e4, 0.3, 0.6, 0.5, 0.0, "soft", "test"))
     with pytest.raises(StoreError, match="input mesh is declared Mesh, its artifact is a Material"):
-        fake.double_task.compute({"mesh": {"ref": ref.to_json()}}, None, Session())
+        fake.double_task.load({"mesh": {"ref": ref.to_json()}}, None, Session())
 
 
 @pytest.mark.slow
