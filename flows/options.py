@@ -7,32 +7,34 @@ the nearest known one; messages write options as the command line does, `object_
 import os
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, TypedDict, TypeVar
+from typing import Annotated, Literal, TypedDict, TypeVar, get_args
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, Field, ValidationError, model_validator
 
 from dcap.scene.errors import InputError
 from dcap.scene.spelling import did_you_mean
-from dcap.scene.types.units import METRES
 
 LARGEST_RESOLUTION_M = 1.0
 """A cell larger than this resolves nothing that can be placed in a room [m]."""
-SOLVERS = ("tl", "mls")
-ARCHS = ("auto", "cpu", "cuda")
-UPS = ("auto", "y", "z", "-y", "-z")
-UNITS = ("auto", *METRES)
+SolverName = Literal["tl", "mls"]
+ArchName = Literal["auto", "cpu", "cuda"]
+UpName = Literal["auto", "y", "z", "-y", "-z"]
+UnitName = Literal["auto", "m", "cm", "mm", "in"]
+UPS: tuple[str, ...] = get_args(UpName)
+UNITS: tuple[str, ...] = get_args(UnitName)
 CROSSED = "--stability needs --solver tl: mls does not verify rest states"
 
 
-def one_of(allowed: tuple[str, ...]) -> AfterValidator:
-    """A word from a closed list."""
+def one_of(words: object) -> BeforeValidator:
+    """A word from a closed list, given as a Literal: refused in our words before pydantic refuses it in its own."""
+    allowed = get_args(words)
 
-    def check(value: str) -> str:
+    def check(value: object) -> object:
         if value not in allowed:
             raise ValueError(f"is not one of {', '.join(allowed)}")
         return value
 
-    return AfterValidator(check)
+    return BeforeValidator(check)
 
 
 def within(low: float, high: float, meaning: str) -> AfterValidator:
@@ -48,8 +50,8 @@ def within(low: float, high: float, meaning: str) -> AfterValidator:
 
 Words = Annotated[str, BeforeValidator(lambda value: os.fspath(value) if isinstance(value, os.PathLike) else value)]
 """Text, or a path."""
-Up = Annotated[str, one_of(UPS)]
-Unit = Annotated[str, one_of(UNITS)]
+Up = Annotated[UpName, one_of(UpName)]
+Unit = Annotated[UnitName, one_of(UnitName)]
 CellSize = Annotated[float, within(0.0, LARGEST_RESOLUTION_M, f"a cell size between 0 and {LARGEST_RESOLUTION_M} m")]
 Mass = Annotated[float, within(0.0, float("inf"), "a positive number of kilograms")]
 Whole = Annotated[int, Field(ge=0)]
@@ -60,13 +62,13 @@ class DropOptions(BaseModel, frozen=True, extra="forbid"):
 
     out: Path | None = None
     """Folder for the results; None: a folder of the caller's choice."""
-    solver: Annotated[str, one_of(SOLVERS)] = "tl"
+    solver: Annotated[SolverName, one_of(SolverName)] = "tl"
     """Method: tl (implicit, total-Lagrangian) or mls (the paper's explicit MLS-MPM)."""
     resolution: CellSize | None = None
     """Cell size at the contact [m]; None: from the physics."""
     threads: Whole = 0
     """Threads of the solver, 0: all cores; never changes a result."""
-    arch: Annotated[str, one_of(ARCHS)] = "cpu"
+    arch: Annotated[ArchName, one_of(ArchName)] = "cpu"
     """Where the solver runs; auto: cuda if it starts."""
     stability: bool = False
     """Push what rests around; grade what it can take."""
@@ -118,10 +120,10 @@ class DropKeywords(TypedDict, total=False):
     """The fields of `DropOptions` as keyword arguments."""
 
     out: str | os.PathLike[str] | None
-    solver: str
+    solver: SolverName
     resolution: float | None
     threads: int
-    arch: str
+    arch: ArchName
     stability: bool
     load_aware: bool
 
@@ -135,11 +137,11 @@ class PlaceKeywords(DropKeywords, total=False):
     replay: str | os.PathLike[str]
     max_cost: float | None
     label: str
-    up: str
-    unit: str
+    up: UpName
+    unit: UnitName
     object_label: str
-    object_up: str
-    object_unit: str
+    object_up: UpName
+    object_unit: UnitName
     mass: float | None
     seed: int
     paper_limits: bool

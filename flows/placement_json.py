@@ -18,7 +18,7 @@ from dcap.scene.types.renders import Renders
 from dcap.scene.types.repair_report import BodyGeometry
 from dcap.scene.types.scan import Scan
 from dcap.scene.types.segmentation import Segmentation
-from dcap.scene.types.settled import LastState, Settled, SettledBody, SettledVerdict
+from dcap.scene.types.settled import LastState, PlacementChecks, Settled, SettledBody
 from flows.sample_run import FinishedSample
 
 AT_REST = "at_rest"
@@ -97,9 +97,8 @@ def verdict_of(values: Values) -> tuple[str, str | None]:
     if values.infeasible is not None:
         return "infeasible", values.infeasible.reason.value
     assert values.settled is not None
-    if values.settled.verdict is SettledVerdict.AT_REST:
-        return AT_REST, None
-    return "infeasible", values.settled.verdict.value
+    verdict = values.settled.verdict.value
+    return (AT_REST, None) if verdict == AT_REST else ("infeasible", verdict)
 
 
 def last_state(values: Values) -> Settled | LastState | None:
@@ -117,19 +116,25 @@ def contacts_of(values: Values) -> list[JsonValue]:
 def certificate_of(values: Values) -> JsonObject | None:
     """The drop's certificate, with the object's pose where the drop is infeasible; or what another stage found."""
     if values.settled is not None:
-        return sorted_keys(object_to_json(values.settled.certificate))
+        return certificate_with(values.settled.certificate, values.settled.checks)
     if values.infeasible is None:
         return None
     evidence = values.infeasible.evidence
     if not isinstance(evidence, LastState):
         return sorted_keys(object_to_json(evidence)) if evidence else {}
     return {
-        **sorted_keys(object_to_json(evidence.certificate)),
+        **certificate_with(evidence.certificate, evidence.checks),
         "position": to_json(evidence.position),
         "quaternion": to_json(evidence.quaternion),
         "simulated_s": evidence.simulated_s,
         "steps": evidence.steps,
     }
+
+
+def certificate_with(certificate: object, checks: PlacementChecks | None) -> JsonObject:
+    """A drop's certificate and, as `placement`, what was asked of the rest state."""
+    asked = {} if checks is None else {"placement": object_to_json(checks)}
+    return sorted_keys({**object_to_json(certificate), **asked})
 
 
 def warnings_of(values: Values) -> list[str]:

@@ -1,7 +1,7 @@
 """What `dcap.place` and `dcap.drop` return: placement.json and result.json with their keys as attributes.
 
 In: the content of those files and the folder they lie in. Out: frozen values, nested as in the files; units and
-meanings of the keys stand in docs/formats.md. What has no fixed keys (certificates, bodies) is a `NamedValues` mapping.
+meanings of the keys stand in docs/formats.md. What has no fixed keys (bodies, timings) is a `NamedValues` mapping.
 """
 
 import json
@@ -16,6 +16,8 @@ from pydantic import GetCoreSchemaHandler, TypeAdapter
 from pydantic_core import CoreSchema, core_schema
 
 from dcap.scene.errors import InputError
+from dcap.scene.types.settled import PlacementChecks
+from solver.certificate import Certificate, ContactRow
 
 Value = TypeVar("Value")
 Vector = tuple[float, float, float]
@@ -88,22 +90,6 @@ class Pose:
 
 
 @dataclass(frozen=True, slots=True)
-class Contact:
-    """Two bodies that touch at rest."""
-
-    a: str
-    b: str
-    area_m2: float
-    normal_force_n: float
-    tangential_force_n: float
-    max_penetration_m: float
-    max_gap_m: float
-    points: int | None = None
-    """Points in contact."""
-    sliding_points: int | None = None
-
-
-@dataclass(frozen=True, slots=True)
 class MaterialRow:
     """What a part was simulated as."""
 
@@ -162,10 +148,15 @@ class Placement:
     pre_drop: Pose | None
     pose: Pose | None
     object_aabb: Bounds | None
-    contacts: tuple[Contact, ...]
+    contacts: tuple[ContactRow, ...]
     materials: tuple[MaterialRow, ...]
     geometry: tuple[GeometryRow, ...]
-    certificate: NamedValues[Any] | None
+    certificate: Certificate | None
+    """Of the drop; None where there was none."""
+    checks: PlacementChecks | None
+    """What was asked of the rest state: `placement` in the file's certificate."""
+    evidence: NamedValues[Any]
+    """What a stage before the drop found; empty where there was a drop."""
     visible_fraction: float | None
     warnings: tuple[str, ...]
     timings: NamedValues[float]
@@ -182,7 +173,14 @@ class Placement:
         """The placement that a folder holds."""
         place = folder.resolve()
         files = {name: place / file for name, file in tree["artifacts"].items()}
-        values = {**tree, "artifacts": files, "folder": place, "tree": dict(tree)}
+        found = tree["certificate"] or {}
+        dropped = found if "signals" in found else None
+        told = {
+            "certificate": dropped,
+            "checks": found.get("placement"),
+            "evidence": {} if dropped else found,
+        }
+        values = {**tree, **told, "artifacts": files, "folder": place, "tree": dict(tree)}
         placement: Placement = adapter(Placement).validate_python(values)
         return placement
 
@@ -233,7 +231,7 @@ class Result:
     """at_rest or a reason code."""
     bodies: NamedValues[BodyAtRest | None]
     """By name; None after unstable_step."""
-    contacts: tuple[Contact, ...]
+    contacts: tuple[ContactRow, ...]
     residual: Residual | None
     resolution: float
     """Smallest cell at a contact [m]."""
@@ -241,7 +239,8 @@ class Result:
     relaxation_steps: int | None
     steps: int | None
     particles: int | None
-    certificate: NamedValues[Any] | None
+    certificate: Certificate | None
+    """None after unstable_step."""
     warnings: tuple[str, ...]
     wall_s: float
     timings: NamedValues[float]

@@ -1,31 +1,51 @@
-"""What a verdict rests on: every number with its threshold, as plain frozen values.
+"""How a drop ended and what that rests on: every number with its threshold, as plain frozen values.
 
-Names of fields are those of the certificate's JSON, so each carries its unit. A field that is None by default belongs
-to some drops only (to one method, or to what was asked for).
+They are what is stored and reported, too: this module imports nothing else of the solver. Names of fields are those of
+the certificate's JSON, so each carries its unit. A field that is None by default belongs to some drops only (to one
+method, or to what was asked for).
 """
 
 from dataclasses import dataclass, fields
+from enum import StrEnum
 from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+class Verdict(StrEnum):
+    """How a drop ended."""
+
+    AT_REST = "at_rest"
+    LEFT_TARGET = "left_target"
+    """A free body has left everything that could carry it."""
+    NO_EQUILIBRIUM = "no_equilibrium"
+    """Something still moved when the steps were used up, or the kick moved it."""
 
 
 @dataclass(frozen=True, slots=True)
 class CertificateRow:
-    """A number with the largest value that it may have; all three in one unit but for the margin."""
+    """A number with its threshold, both in one unit."""
 
     value: float
     threshold: float
     margin: float
-    """1 - value / threshold [-]: negative where the threshold is exceeded."""
+    """[-]; negative where the number is on the wrong side."""
 
     @classmethod
     def at_most(cls, value: float, threshold: float) -> "CertificateRow":
         """A number that may not be above its threshold."""
         return cls(value, threshold, 1.0 - value / threshold)
 
+    @classmethod
+    def at_least(cls, value: float, threshold: float) -> "CertificateRow":
+        """A number that may not be below its threshold."""
+        return cls(value, threshold, value / threshold - 1.0)
+
     @property
-    def exceeded(self) -> bool:
-        """Whether the number is above its threshold."""
-        return self.value > self.threshold
+    def holds(self) -> bool:
+        """Whether the number is on the right side."""
+        return self.margin >= 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,8 +70,8 @@ class SignalRows:
     @property
     def exceeded(self) -> dict[str, CertificateRow]:
         """The signals above their thresholds, by name."""
-        rows = {one.name: getattr(self, one.name) for one in fields(self)}
-        return {name: row for name, row in rows.items() if row.exceeded}
+        rows: dict[str, CertificateRow] = {one.name: getattr(self, one.name) for one in fields(self)}
+        return {name: row for name, row in rows.items() if not row.holds}
 
 
 @dataclass(frozen=True, slots=True)
@@ -223,3 +243,25 @@ class Certificate:
     """Explicit steps; mls only."""
     interval_s: float | None = None
     """How often motion was judged; mls only."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class History:
+    """Signals over a run, one number per step, each of shape (steps,); what they are: SignalRows."""
+
+    time: NDArray[np.float64]
+    """[s]."""
+    linear_speed: NDArray[np.float64]
+    """[m/s]."""
+    angular_speed: NDArray[np.float64]
+    """[rad/s]."""
+    particle_speed: NDArray[np.float64]
+    """[m/s]."""
+    force_residual: NDArray[np.float64]
+    """[-]."""
+    torque_residual: NDArray[np.float64]
+    """[-]."""
+    newton: NDArray[np.int64]
+    """Newton iterations of a step; mls: explicit steps."""
+    linear: NDArray[np.int64]
+    """Iterations of the linear solver."""

@@ -6,7 +6,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
-from solver.certificate import CertificateRow, SignalRows
+from solver.certificate import CertificateRow, History, SignalRows
 from solver.config import SolverConfig
 
 NEARLY = 10.0  # times the threshold of the speed: what is slower is nearly at rest [-]
@@ -48,23 +48,9 @@ Progress = Callable[[int, float, Signals], None]
 """Told after every step: its number, the time [s], its signals."""
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class History:
-    """Signals over a run, one number per step, each of shape (steps,); units as in Signals."""
-
-    time: NDArray[np.float64]
-    linear_speed: NDArray[np.float64]
-    angular_speed: NDArray[np.float64]
-    particle_speed: NDArray[np.float64]
-    force_residual: NDArray[np.float64]
-    torque_residual: NDArray[np.float64]
-    newton: NDArray[np.int64]
-    linear: NDArray[np.int64]
-
-    @classmethod
-    def of(cls, signals: list[Signals]) -> "History":
-        """Columns of a list of signals."""
-        return cls(**{one.name: np.array([getattr(s, one.name) for s in signals]) for one in fields(cls)})
+def history_of(signals: list[Signals]) -> History:
+    """Columns of a list of signals."""
+    return History(**{one.name: np.array([getattr(s, one.name) for s in signals]) for one in fields(History)})
 
 
 class RestMonitor:

@@ -1,25 +1,14 @@
 """What a drop hands back, whichever method computed it."""
 
 from dataclasses import dataclass
-from enum import StrEnum
 
 import numpy as np
 from numpy.typing import NDArray
 
-from solver.certificate import Certificate, ContactRow, KickCheck, NotDone, SignalRows
+from solver.certificate import Certificate, ContactRow, History, KickCheck, NotDone, SignalRows, Verdict
 from solver.config import SolverConfig
 from solver.model.bodies import Model
-from solver.rest import History, RestMonitor
-
-
-class Verdict(StrEnum):
-    """How a drop ended."""
-
-    AT_REST = "at_rest"
-    LEFT_TARGET = "left_target"
-    """A free body has left everything that could carry it."""
-    NO_EQUILIBRIUM = "no_equilibrium"
-    """Something still moved when the steps were used up, or the kick moved it."""
+from solver.rest import RestMonitor, history_of
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -100,7 +89,7 @@ def build_result(
         contacts=final.contacts,
         contact_points=final.contact_points,
         certificate=certificate,
-        history=History.of(monitor.signals),
+        history=history_of(monitor.signals),
         steps=len(monitor.signals),
         simulated_seconds=final.seconds,
         particles=final.particles,

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from solver.certificate import KickCheck, NotDone, SignalRows, StabilityGrade
+from solver.certificate import KickCheck, NotDone, SignalRows, StabilityGrade, Verdict
 from solver.config import SolverConfig
 from solver.contact.active import Contacts
 from solver.contact.bonds import bond_table
@@ -16,7 +16,7 @@ from solver.mls import drop as mls
 from solver.model.bodies import Model
 from solver.model.state import State
 from solver.rest import Progress, Signals
-from solver.result import FinalState, RestBody, SettledModel, Verdict, beside, build_result, carried
+from solver.result import FinalState, RestBody, SettledModel, beside, build_result, carried
 from solver.runtime import start
 from solver.tl.disturbance import kick
 from solver.tl.measure import contact_table, friction_margin, rolling_table

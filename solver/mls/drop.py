@@ -17,7 +17,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from solver.certificate import NotDone
+from solver.certificate import NotDone, Verdict
 from solver.config import SolverConfig
 from solver.errors import ModelError, UnstableStep
 from solver.kernels import mls_transfers as transfers
@@ -30,7 +30,7 @@ from solver.mls.plates import THIN, Plates, thin_bodies
 from solver.mls.rigid import RigidBodies
 from solver.model.bodies import Body, Model
 from solver.rest import Progress, RestMonitor
-from solver.result import FinalState, SettledModel, Verdict, beside, build_result, carried
+from solver.result import FinalState, SettledModel, beside, build_result, carried
 
 Array = NDArray[np.float64]
 

@@ -187,6 +187,6 @@ def _speed_left(monitor: RestMonitor, followed: list[Signals], c: SolverConfig) 
         (before.angular_speed, end.angular_speed, c.kick_angular_speed),
         (before.particle_speed, end.particle_speed, 2.0 * c.kick_speed),
     ):
-        left = max(left, now.value / speed if now.exceeded else 0.0)
+        left = max(left, 0.0 if now.holds else now.value / speed)
         growing |= now.value > GROWTH * max(earlier.value, KICK_NOISE * speed)
     return left, growing

@@ -20,7 +20,6 @@ ROUNDS = 8  # indentation and footprint decide each other: a few rounds settle w
 WIDER = 4.0  # times the expected indentation: what may touch before the object has levelled out
 # a footprint that grows by less than this factor when the depth grows by WIDER is flat (a sphere's grows by WIDER)
 FLAT = 2.0
-GRAVITY = 9.81
 
 
 @dataclass(frozen=True, eq=False, slots=True)

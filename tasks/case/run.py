@@ -18,10 +18,11 @@ from dcap.scene.errors import GeometryError, InputError
 from dcap.scene.json_tree import JsonObject, JsonValue, to_json
 from dcap.scene.store.ply import mesh_to_ply
 from dcap.scene.types.mesh import Mesh
+from solver.certificate import History
 from solver.config import SolverConfig
 from solver.errors import ArchError, ModelError, UnstableStep
 from solver.model.bodies import Body
-from solver.rest import History, Signals
+from solver.rest import Signals
 from solver.result import SettledModel
 from solver.settle import settle
 from solver.warmup import warm_up

@@ -14,11 +14,12 @@ from scipy.spatial.transform import Rotation
 
 from dcap.scene.errors import InputError
 from dcap.scene.types.anchor import Anchor
-from dcap.scene.types.certificate import PlacementChecks, SettledRow
 from dcap.scene.types.intent import Intent
 from dcap.scene.types.outcome import Infeasible, Reason
 from dcap.scene.types.particles import Particles
-from dcap.scene.types.settled import LastState, Settled, SettledVerdict
+from dcap.scene.types.settled import LastState, PlacementChecks, Settled
+from dcap.scene.types.units import STANDARD_GRAVITY
+from solver.certificate import CertificateRow, Verdict
 from solver.config import SolverConfig
 from solver.errors import ArchError, UnstableStep
 from solver.rest import Signals
@@ -32,7 +33,6 @@ Array = NDArray[np.float64]
 LOG = logging.getLogger(__name__)
 
 REPORTED = 10  # steps between two lines of progress
-GRAVITY = (0.0, 0.0, -9.81)  # standard gravity [m/s^2], as in the paper's section 4.3
 
 
 class DropConfig(BaseModel, frozen=True, extra="forbid"):
@@ -51,7 +51,7 @@ class DropConfig(BaseModel, frozen=True, extra="forbid"):
 
 def drop(particles: Particles, anchor: Anchor, intent: Intent, seed: int, config: DropConfig) -> Settled | Infeasible:
     """Settle the object and judge the outcome against what was asked."""
-    model = solver_model(particles, GRAVITY)
+    model = solver_model(particles, (0.0, 0.0, -STANDARD_GRAVITY))
     solver = config.solver.model_copy(update={"threads": config.threads, "seed": seed})
     try:
         result = settle(model, solver, _progress)
@@ -60,10 +60,10 @@ def drop(particles: Particles, anchor: Anchor, intent: Intent, seed: int, config
     except UnstableStep as error:
         return Infeasible(Reason.UNSTABLE_STEP, str(error), None)
     settled = with_checks(settled_of(particles, result), particles, anchor, intent, config)
-    moving = settled.verdict is SettledVerdict.NO_EQUILIBRIUM
+    moving = settled.verdict is Verdict.NO_EQUILIBRIUM
     if not moving and (toppled := toppling(settled, intent)) is not None:
         return toppled  # also where it went on to leave the simulated region: falling over came first
-    if settled.verdict is not SettledVerdict.AT_REST:
+    if settled.verdict is not Verdict.AT_REST:
         return Infeasible(Reason(settled.verdict), _story(settled), last_state(settled))
     return judge(settled, anchor)
 
@@ -74,23 +74,21 @@ def _progress(step: int, seconds: float, signals: Signals) -> None:
 
 
 def with_checks(settled: Settled, particles: Particles, anchor: Anchor, intent: Intent, config: DropConfig) -> Settled:
-    """Certificate with what was asked of the rest state, as `placement`."""
+    """With what was asked of the rest state."""
     turned, orientation = settled.bodies[0].quaternion, intent.orientation
-    share = SettledRow.at_least(carried_share(settled, particles, anchor.base_id), config.object_share)
+    share = CertificateRow.at_least(carried_share(settled, particles, anchor.base_id), config.object_share)
     tilt = turn = None
     if orientation.facing or orientation.pose != "any":
-        tilt = SettledRow.at_most(tilt_of(turned, anchor.world_from_object), config.topple_angle)
+        tilt = CertificateRow.at_most(tilt_of(turned, anchor.world_from_object), config.topple_angle)
     if orientation.facing:
-        turn = SettledRow.at_most(turn_of(turned), config.turn_angle)
-    checks = PlacementChecks(share, tilt, turn)
-    return replace(settled, certificate=replace(settled.certificate, placement=checks))
+        turn = CertificateRow.at_most(turn_of(turned), config.turn_angle)
+    return replace(settled, checks=PlacementChecks(share, tilt, turn))
 
 
 def checks_of(settled: Settled) -> PlacementChecks:
     """What `with_checks` added."""
-    checks = settled.certificate.placement
-    assert checks is not None
-    return checks
+    assert settled.checks is not None
+    return settled.checks
 
 
 def judge(settled: Settled, anchor: Anchor) -> Settled | Infeasible:
@@ -158,12 +156,13 @@ def last_state(settled: Settled) -> LastState:
         steps=settled.steps,
         simulated_s=settled.simulated_seconds,
         warnings=settled.warnings,
+        checks=checks_of(settled),
     )
 
 
 def _story(settled: Settled) -> str:
     """One sentence about a drop that did not come to rest."""
-    if settled.verdict is SettledVerdict.LEFT_TARGET:
+    if settled.verdict is Verdict.LEFT_TARGET:
         return f"the object left its support after {settled.simulated_seconds:.2f} s"
     rows = settled.certificate.signals.exceeded.items()
     why = ", ".join(f"{name} {row.value:.2g} > {row.threshold:.2g}" for name, row in rows) or "the kick moved it"

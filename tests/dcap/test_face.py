@@ -180,8 +180,13 @@ def test_a_placement_inside_a_running_loop(
     placement = asyncio.run(cell())
     assert capfd.readouterr() == ("", "")
     tree = json.loads((placement.folder / "placement.json").read_text())
-    assert set(tree) == {field.name for field in fields(Placement)} - {"folder", "tree"}
+    assert set(tree) == {field.name for field in fields(Placement)} - {"folder", "tree", "checks", "evidence"}
     assert placement.verdict == "at_rest", placement.to_json()
+    assert placement.certificate is not None
+    assert placement.certificate.signals.force_residual.holds
+    assert placement.checks is not None
+    assert placement.checks.carried_share.value == tree["certificate"]["placement"]["carried_share"]["value"] == 1.0
+    assert not placement.evidence
     assert placement.pose is not None
     assert list(placement.pose.position) == tree["pose"]["position"]
     for key in ("contacts", "materials", "geometry"):
@@ -189,6 +194,20 @@ def test_a_placement_inside_a_running_loop(
     assert placement.artifacts.closeup.is_file()
     assert placement.folder.parent == tmp_path / "data" / "runs" / "python"
     assert repr(placement).startswith("Placement(at_rest on table")
+
+
+def test_what_a_stage_before_the_drop_found_is_evidence(tmp_path: Path) -> None:
+    """A placement that ended before the drop has no certificate, but what the stage found has names."""
+    names = {field.name for field in fields(Placement)} - {"folder", "tree", "checks", "evidence"}
+    tree = dict.fromkeys(names) | {
+        "verdict": "infeasible", "reason": "target_not_found", "prompt": "put it there", "contacts": [],
+        "materials": [], "geometry": [], "warnings": [], "timings": {}, "artifacts": {},
+        "certificate": {"wanted": "bed", "labels": ["sofa", "lamp"]},
+    }  # fmt: skip
+    placement = Placement.of(tree, tmp_path)
+    assert placement.certificate is None
+    assert placement.checks is None
+    assert (placement.evidence.wanted, placement.evidence.labels) == ("bed", ("sofa", "lamp"))
 
 
 def box_obj(x: float, y: float, z: float) -> str:

@@ -34,7 +34,8 @@ from dcap.scene.types.renders import Renders
 from dcap.scene.types.rotation import Rotation
 from dcap.scene.types.scan import Scan
 from dcap.scene.types.segmentation import Instance, Part, Segmentation
-from dcap.scene.types.settled import Settled, SettledBody, SettledVerdict
+from dcap.scene.types.settled import Settled, SettledBody
+from solver.certificate import Verdict
 from dcap.scene.store.artifacts import Source, Store
 from rest_records import history, implicit_certificate
 from tasks.overview import overview_task
@@ -66,7 +67,7 @@ def anchor(intent: Intent) -> Anchor:
 def drop(anchor: Anchor, seed: int) -> Settled:
     body = SettledBody("object", MESH, np.array([0, 0, -1.0]), np.array([1.0, 0, 0, 0]), np.zeros((30, 3)))
     return Settled(
-        SettledVerdict.AT_REST, (body,), (), np.zeros((0, 3)), implicit_certificate(), history(2), seed, 0.5, ()
+        Verdict.AT_REST, (body,), (), np.zeros((0, 3)), implicit_certificate(), history(2), seed, 0.5, ()
     )
 
 def render(settled: Settled) -> Renders:

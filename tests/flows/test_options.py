@@ -10,11 +10,12 @@ import typer
 
 from dcap.scene.errors import InputError
 from dcap.scene.types.sample import Sample
+from dcap.scene.types.units import METRES
 from flows.cli import app as cli
 from flows.cli.checks import given
 from flows.configure import changed, configured
 from flows.drop_one import drop_case
-from flows.options import DropKeywords, DropOptions, PlaceKeywords, PlaceOptions, checked
+from flows.options import UNITS, DropKeywords, DropOptions, PlaceKeywords, PlaceOptions, checked
 from flows.place_one import sample_of
 from tasks.mesh.stage import MeshConfig
 
@@ -85,6 +86,11 @@ def test_the_command_line_hands_everything_over(name: str, monkeypatch: pytest.M
     words = ["--" + name.replace("_", "-")] + ([] if value is True else [str(value)])
     assert cli.main(["place", "a", "b", "put it", *words]) == 2
     assert heard == [checked(PlaceOptions, {name: value})]
+
+
+def test_every_unit_is_an_option() -> None:
+    """What a file may be counted in can be said."""
+    assert set(UNITS) == {"auto", *METRES}
 
 
 def test_an_unknown_option_names_the_nearest() -> None:

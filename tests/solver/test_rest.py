@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from solver.config import SolverConfig
-from solver.rest import NEARLY, History, RestMonitor, Signals
+from solver.rest import NEARLY, RestMonitor, Signals, history_of
 
 CONFIG = SolverConfig()
 GRAVITY, LENGTH = 10.0, 0.1  # sqrt(g L) = 1 m/s
@@ -80,7 +80,7 @@ def test_what_neither_rests_nor_slows_creeps(start: float, end: float, residual:
 
 def test_a_history_has_a_number_per_step() -> None:
     """In columns by name, floats and counts apart."""
-    history = History.of([replace(STILL, time=0.1 * k, newton=k) for k in range(4)])
+    history = history_of([replace(STILL, time=0.1 * k, newton=k) for k in range(4)])
     assert history.time == pytest.approx([0.0, 0.1, 0.2, 0.3])
     assert history.newton.tolist() == [0, 1, 2, 3]
     assert history.newton.dtype == history.linear.dtype == np.int64

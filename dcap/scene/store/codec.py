@@ -24,21 +24,6 @@ from dcap.scene.errors import StoreError
 from dcap.scene.store.ply import mesh_from_ply, mesh_to_ply
 from dcap.scene.types.anchor import Anchor
 from dcap.scene.types.box import OrientedBox
-from dcap.scene.types.certificate import (
-    PlacementChecks,
-    SettledBodyStability,
-    SettledCertificate,
-    SettledContact,
-    SettledKick,
-    SettledKickRow,
-    SettledPush,
-    SettledPushBounds,
-    SettledRolling,
-    SettledRow,
-    SettledSignals,
-    SettledStability,
-    SkippedCheck,
-)
 from dcap.scene.types.intent import Intent, OrientationRequest, RegionRequest
 from dcap.scene.types.materials import ContactFriction, Material, PartMaterial, PartMaterials
 from dcap.scene.types.mesh import Mesh
@@ -58,7 +43,23 @@ from dcap.scene.types.rotation import Rotation
 from dcap.scene.types.sample import Sample, SourceOptions
 from dcap.scene.types.scan import LabelBox, Room, Scan
 from dcap.scene.types.segmentation import Instance, Part, Segmentation
-from dcap.scene.types.settled import LastState, Settled, SettledBody, SettledHistory
+from dcap.scene.types.settled import LastState, PlacementChecks, Settled, SettledBody
+from solver.certificate import (
+    BodyStability,
+    BondRow,
+    Certificate,
+    CertificateRow,
+    ContactRow,
+    History,
+    KickCheck,
+    KickRow,
+    NotDone,
+    PushBounds,
+    PushRow,
+    RollingRow,
+    SignalRows,
+    StabilityGrade,
+)
 
 VALUE_FILE = "value.json"
 INLINE_ITEMS = 48
@@ -70,13 +71,13 @@ MOST_COLUMNS = 16
 KINDS: dict[str, type] = {
     one.__name__: one
     for one in (
-        Anchor, BackgroundGrid, BesideThePart, BodyGeometry, ContactFriction, DistanceGrid, HiddenObject, Infeasible,
-        InertialProperties, Instance, Intent, InTheWay, LabelBox, LastState, Material, MaterialPoints, Mesh, NoRoom,
+        Anchor, BackgroundGrid, BesideThePart, BodyGeometry, BodyStability, BondRow, Certificate, CertificateRow,
+        ContactFriction, ContactRow, DistanceGrid, HiddenObject, History, InertialProperties, Infeasible, Instance,
+        Intent, InTheWay, KickCheck, KickRow, LabelBox, LastState, Material, MaterialPoints, Mesh, NoRoom, NotDone,
         NotInScene, OrientationRequest, OrientedBox, Overview, Part, Particles, PartMaterial, PartMaterials,
-        PlacementChecks, RegionRequest, Renders, RepairReport, RigidSimulationBody, Room, Rotation, Sample, Scan,
-        Segmentation, Settled, SettledBody, SettledBodyStability, SettledCertificate, SettledContact, SettledHistory,
-        SettledKick, SettledKickRow, SettledPush, SettledPushBounds, SettledRolling, SettledRow, SettledSignals,
-        SettledStability, SkippedCheck, SoftSimulationBody, SourceOptions,
+        PlacementChecks, PushBounds, PushRow, RegionRequest, Renders, RepairReport, RigidSimulationBody, RollingRow,
+        Room, Rotation, Sample, Scan, Segmentation, Settled, SettledBody, SignalRows, SoftSimulationBody,
+        SourceOptions, StabilityGrade,
     )
 }  # fmt: skip
 """Every type that may be stored, by the name that `value.json` gives it: files outlive moves between modules."""
@@ -124,7 +125,7 @@ def to_tree(value: object, path: str, files: dict[str, bytes]) -> object:
 
 
 def dataclass_to_tree(value: object, path: str, files: dict[str, bytes]) -> object:
-    """A frozen dataclass of dcap/scene/types as an object with its type's name."""
+    """A frozen dataclass as an object with its type's name."""
     name = type(value).__name__
     if KINDS.get(name) is not type(value):
         raise StoreError(f"{path or 'value'}: {type(value).__module__}.{name} is not among the stored types")

@@ -1,13 +1,12 @@
 """What the drop returns: the state at rest and its certificate, or the last state and why it is not one."""
 
 from dataclasses import dataclass
-from enum import StrEnum
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dcap.scene.types.certificate import SettledCertificate, SettledContact
 from dcap.scene.types.mesh import Mesh
+from solver.certificate import Certificate, CertificateRow, ContactRow, History, Verdict
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -25,60 +24,44 @@ class SettledBody:
     """Surface displacement from the start [m], shape (n, 3)."""
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class SettledHistory:
-    """Signals over the run, each of shape (steps,); what they are: SettledSignals."""
+@dataclass(frozen=True, slots=True)
+class PlacementChecks:
+    """What was asked of the rest state."""
 
-    time: NDArray[np.float64]
-    """[s]."""
-    linear_speed: NDArray[np.float64]
-    """[m/s]."""
-    angular_speed: NDArray[np.float64]
-    """[rad/s]."""
-    particle_speed: NDArray[np.float64]
-    """[m/s]."""
-    force_residual: NDArray[np.float64]
-    """[-]."""
-    torque_residual: NDArray[np.float64]
-    """[-]."""
-    newton: NDArray[np.int64]
-    """Newton iterations of a step; mls: explicit steps."""
-    linear: NDArray[np.int64]
-    """Iterations of the linear solver."""
-
-
-class SettledVerdict(StrEnum):
-    """How the drop ended."""
-
-    AT_REST = "at_rest"
-    LEFT_TARGET = "left_target"
-    NO_EQUILIBRIUM = "no_equilibrium"
+    carried_share: CertificateRow
+    """Share of the object's weight that the base carries [-]."""
+    tilt_rad: CertificateRow | None = None
+    """Change of the object's tilt, where an orientation was asked."""
+    turn_rad: CertificateRow | None = None
+    """Turn about the vertical, where a facing was asked."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Settled:
     """The result of the drop."""
 
-    verdict: SettledVerdict
+    verdict: Verdict
     bodies: tuple[SettledBody, ...]
     """The object first."""
-    contacts: tuple[SettledContact, ...]
+    contacts: tuple[ContactRow, ...]
     """One per touching pair."""
     contact_points: NDArray[np.float64]
     """Points of the object's contact patch [m], shape (k, 3)."""
-    certificate: SettledCertificate
-    history: SettledHistory
+    certificate: Certificate
+    history: History
     steps: int
     simulated_seconds: float
     warnings: tuple[str, ...]
+    checks: PlacementChecks | None = None
+    """None before the rest state is compared with what was asked."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class LastState:
     """What an infeasible drop keeps of the state in which it ended."""
 
-    certificate: SettledCertificate
-    contacts: tuple[SettledContact, ...]
+    certificate: Certificate
+    contacts: tuple[ContactRow, ...]
     position: NDArray[np.float64]
     """Of the object, as in SettledBody [m], shape (3,)."""
     quaternion: NDArray[np.float64]
@@ -86,3 +69,4 @@ class LastState:
     steps: int
     simulated_s: float
     warnings: tuple[str, ...]
+    checks: PlacementChecks

@@ -10,7 +10,7 @@ from rest_records import explicit_certificate, implicit_certificate
 
 from dcap.scene.json_tree import object_to_json, sorted_keys, to_json
 from dcap.scene.store.codec import decode, encode
-from dcap.scene.types.certificate import SettledCertificate
+from solver.certificate import Certificate
 
 
 class Colour(StrEnum):
@@ -66,7 +66,7 @@ def test_sorting_changes_the_order_of_keys_alone() -> None:
 
 
 @pytest.mark.parametrize("certificate", [implicit_certificate(), explicit_certificate()])
-def test_a_stored_certificate_says_the_same(certificate: SettledCertificate) -> None:
+def test_a_stored_certificate_says_the_same(certificate: Certificate) -> None:
     """Storing and reading back changes nothing of what is written for people."""
     assert to_json(decode(encode(certificate))) == to_json(certificate)
 

@@ -16,7 +16,8 @@ from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.outcome import HiddenObject, Infeasible, Reason
 from dcap.scene.types.renders import Renders
 from dcap.scene.types.segmentation import Instance, Part, Segmentation, SegmentedObject, SegmentedScene
-from dcap.scene.types.settled import Settled, SettledBody, SettledVerdict
+from dcap.scene.types.settled import Settled, SettledBody
+from solver.certificate import Verdict
 from tasks.render.stage import RenderConfig, render, settled_item, settled_scene, shown, structure_faces, tinted
 
 RADIUS, DEPTH, TOP = 0.1, 0.03, 0.5
@@ -93,7 +94,7 @@ def settled() -> Settled:
     zero = np.zeros(3)
     bed = SettledBody("bed", dented, zero, np.array([1.0, 0, 0, 0]), down)
     contact = dented.vertices[-down[:, 2] > 1e-3]
-    return Settled(SettledVerdict.AT_REST, (own, bed), (), contact, implicit_certificate(), history(1), 1, 0.1, ())
+    return Settled(Verdict.AT_REST, (own, bed), (), contact, implicit_certificate(), history(1), 1, 0.1, ())
 
 
 @cache

@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from PIL import Image
 from rest_records import (
+    CHECKS,
     CONTACT,
     KICK,
     PUSHES,
@@ -30,7 +31,6 @@ from dcap.scene.store.codec import KINDS, decode, encode
 from dcap.scene.store.ref import Ref
 from dcap.scene.types.anchor import Anchor
 from dcap.scene.types.box import OrientedBox
-from dcap.scene.types.certificate import PlacementChecks, SettledRolling, SkippedCheck
 from dcap.scene.types.intent import Intent, OrientationRequest, RegionRequest
 from dcap.scene.types.materials import BodyModel, ContactFriction, Material, PartMaterial, PartMaterials
 from dcap.scene.types.mesh import Mesh
@@ -51,7 +51,8 @@ from dcap.scene.types.rotation import Rotation
 from dcap.scene.types.sample import Sample, SourceOptions
 from dcap.scene.types.scan import LabelBox, Room, Scan
 from dcap.scene.types.segmentation import Instance, Part, Segmentation
-from dcap.scene.types.settled import LastState, Settled, SettledBody, SettledVerdict
+from dcap.scene.types.settled import LastState, Settled, SettledBody
+from solver.certificate import NotDone, RollingRow, Verdict
 
 RNG = np.random.default_rng(0)
 
@@ -104,7 +105,7 @@ NO_ROOM = NoRoom(
     "3", "mattress", "whole surface", (0.5, 0.4), 0.2, (0.4, 0.4), 0.4, 0.5, 0.1, (InTheWay("4", "book", 0.1),)
 )  # fmt: skip
 LAST = LastState(
-    explicit_certificate(), (CONTACT,), np.zeros(3), np.array([1.0, 0, 0, 0]), 12, 0.5, ("still moving",)
+    explicit_certificate(), (CONTACT,), np.zeros(3), np.array([1.0, 0, 0, 0]), 12, 0.5, ("still moving",), CHECKS
 )  # fmt: skip
 BODIES = (a_body(rigid=True), a_body(rigid=False))
 VALUES = [
@@ -140,9 +141,9 @@ VALUES = [
     ),
     Segmentation(a_mesh(), (INSTANCE,), np.zeros(60, np.int32), np.full(60, -1, np.int32)),
     Settled(
-        SettledVerdict.AT_REST,
+        Verdict.AT_REST,
         (SettledBody("object", a_mesh(), np.zeros(3), np.array([1.0, 0, 0, 0]), np.zeros((60, 3))),),
-        (CONTACT,), np.zeros((0, 3)), implicit_certificate(), history(200), 200, 1.5, (),
+        (CONTACT,), np.zeros((0, 3)), implicit_certificate(), history(200), 200, 1.5, (), CHECKS,
     ),
     explicit_certificate(),
     LAST,
@@ -155,9 +156,9 @@ VALUES = [
     ROW,
     signals(),
     KICK.distance_m,
-    SkippedCheck(reason="nothing rests"),
-    SettledRolling("object", "bed", 1e-4, 1e-3),
-    PlacementChecks(ROW),
+    NotDone(reason="nothing rests"),
+    RollingRow("object", "bed", 1e-4, 1e-3),
+    CHECKS,
     history(3),
     NO_ROOM,
     *NO_ROOM.in_the_way,
