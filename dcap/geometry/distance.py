@@ -19,8 +19,8 @@ import open3d
 from numpy.typing import NDArray
 from scipy.ndimage import label, map_coordinates
 
+from dcap.geometry.boundary import is_closed
 from dcap.geometry.raycast import rays, tensor
-from dcap.geometry.solid.boundary import is_closed
 from dcap.scene.errors import GeometryError
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.particles import DistanceGrid

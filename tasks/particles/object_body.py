@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from dcap.geometry.boundary import is_closed
 from dcap.geometry.distance import Distance, MeshDistance, sampler
-from dcap.geometry.solid.boundary import is_closed
 from dcap.geometry.solid.closed import RepairLimits, enclosed, is_sheet, tidied, used_as_given, with_faces_kept
 from dcap.geometry.solid.fill import fill
 from dcap.geometry.solid.repair import outer_faces, simplified

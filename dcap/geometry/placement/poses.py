@@ -17,8 +17,8 @@ import trimesh
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, cKDTree
 
+from dcap.geometry.boundary import is_closed
 from dcap.geometry.distance import signed_volume
-from dcap.geometry.solid.boundary import is_closed
 from dcap.scene.errors import GeometryError
 from dcap.scene.types.mesh import Mesh
 

@@ -7,7 +7,7 @@ neighbours' normals at each corner, weighted by area and by how little they turn
 import numpy as np
 from numpy.typing import NDArray
 
-from dcap.geometry.solid.boundary import welded
+from dcap.geometry.boundary import welded
 from dcap.scene.types.mesh import Mesh
 
 SHARP_COS, SMOOTH_COS = 0.5, 0.85  # 60 degrees and more: an edge; 32 degrees and less: a bend; blended in between

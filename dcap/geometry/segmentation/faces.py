@@ -102,3 +102,16 @@ def surface_points(
 def renumbered(labels: NDArray[np.integer]) -> NDArray[np.int64]:
     """The same partition numbered 0, 1, 2 ... in order of value."""
     return np.asarray(np.unique(labels, return_inverse=True)[1], dtype=np.int64).reshape(-1)
+
+
+def level_of(height: NDArray[np.float64], weight: NDArray[np.float64], width: float) -> float:
+    """The height at which most weight lies within `width` [m]: the mean of the heaviest window; nan without weight."""
+    if not len(height) or weight.sum() <= 0:
+        return float("nan")
+    order = np.argsort(height, kind="stable")
+    sorted_height, total = height[order], np.cumsum(weight[order])
+    end = np.searchsorted(sorted_height, sorted_height + width, side="right") - 1
+    inside = total[end] - total + weight[order]
+    best = int(np.argmax(inside))
+    window = order[best : int(end[best]) + 1]
+    return float(np.average(height[window], weights=weight[window]))

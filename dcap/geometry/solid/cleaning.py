@@ -13,7 +13,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from dcap.geometry.solid.boundary import WELD, boundary_edges, is_closed, welded
+from dcap.geometry.boundary import WELD, boundary_edges, is_closed, welded
 from dcap.geometry.solid.repair_log import RepairKind, RepairLog
 from dcap.scene.types.mesh import Mesh
 

@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 from skimage.measure import marching_cubes
 
+from dcap.geometry.boundary import hole_loops, is_closed
 from dcap.geometry.distance import INSIDE, MeshDistance, sampled, signed_volume
-from dcap.geometry.solid.boundary import hole_loops, is_closed
 from dcap.geometry.solid.cleaning import cleaned, without_scraps
 from dcap.geometry.solid.closing import area_vector, borders, capped, slab, walled
 from dcap.geometry.solid.openings import filled_opening

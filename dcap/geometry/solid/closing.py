@@ -8,7 +8,7 @@ import manifold3d
 import numpy as np
 from numpy.typing import NDArray
 
-from dcap.geometry.solid.boundary import boundary_edges, hole_loops
+from dcap.geometry.boundary import boundary_edges, hole_loops
 from dcap.geometry.solid.repair_log import RepairKind, RepairLog
 from dcap.scene.types.mesh import Mesh
 

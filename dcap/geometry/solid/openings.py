@@ -10,9 +10,9 @@ from collections.abc import Iterable
 import numpy as np
 from numpy.typing import NDArray
 
+from dcap.geometry.boundary import hole_loops
 from dcap.geometry.distance import MeshDistance
 from dcap.geometry.raycast import Raycaster
-from dcap.geometry.solid.boundary import hole_loops
 from dcap.geometry.solid.closing import cap, perimeter
 from dcap.geometry.solid.soundness import LIFT, spread
 from dcap.scene.types.mesh import Mesh

@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
-from dcap.geometry.solid.boundary import welded
+from dcap.geometry.boundary import welded
 from dcap.scene.types.mesh import Mesh
 
 

@@ -12,8 +12,8 @@ import open3d
 import trimesh
 from numpy.typing import NDArray
 
+from dcap.geometry.boundary import WELD, boundary_edges, hole_loops, is_closed, welded
 from dcap.geometry.distance import MeshDistance, lattice, signed_volume
-from dcap.geometry.solid.boundary import WELD, boundary_edges, hole_loops, is_closed, welded
 from dcap.scene.errors import GeometryError
 from dcap.scene.types.mesh import Mesh
 

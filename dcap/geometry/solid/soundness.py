@@ -7,9 +7,9 @@ import numpy as np
 import open3d
 from numpy.typing import NDArray
 
+from dcap.geometry.boundary import is_closed
 from dcap.geometry.distance import MeshDistance, signed_volume
 from dcap.geometry.raycast import Raycaster, tensor
-from dcap.geometry.solid.boundary import is_closed
 from dcap.geometry.solid.cleaning import face_stacks, heights
 from dcap.geometry.solid.pieces import pieces_of
 from dcap.scene.types.mesh import Mesh

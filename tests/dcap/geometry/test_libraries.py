@@ -5,10 +5,10 @@ import pytest
 import shapely
 import trimesh
 
+from dcap.geometry.boundary import hole_loops, is_closed
 from dcap.geometry.distance import signed_volume
 from dcap.geometry.placement.polygons import smallest_rectangle
 from dcap.geometry.placement.poses import LEAST_SHARE, stable_poses
-from dcap.geometry.solid.boundary import hole_loops, is_closed
 from dcap.geometry.solid.closing import capped
 from dcap.geometry.solid.repair import split_edges
 from dcap.geometry.solid.repair_log import RepairLog

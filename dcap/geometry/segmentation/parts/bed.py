@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from dcap.geometry.segmentation.faces import connected_regions
-from dcap.geometry.segmentation.parts.instance_surface import InstanceSurface, SurfacePiece, level_of
+from dcap.geometry.segmentation.faces import connected_regions, level_of
+from dcap.geometry.segmentation.parts.instance_surface import InstanceSurface, SurfacePiece
 from dcap.geometry.segmentation.parts.partmap import SIDES, PartMap
 
 COLOR_LENGTH = 0.002

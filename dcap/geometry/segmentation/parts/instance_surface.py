@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from dcap.geometry.segmentation.color_regions import color_regions, merged_crumbs
+from dcap.geometry.segmentation.convex import convex_pieces
 from dcap.geometry.segmentation.faces import FaceTable, renumbered, surface_points
-from dcap.geometry.segmentation.rooms.convex import convex_pieces
 from dcap.scene.types.box import OrientedBox
 
 UPWARD = 0.75
@@ -180,16 +180,3 @@ def _open_above(corners: NDArray[np.float64], area: NDArray[np.float64]) -> NDAr
     np.maximum.at(highest, number, points[:, 2])
     is_open = points[:, 2] > highest[number] - cell
     return np.asarray(np.bincount(owner, is_open, len(area)) >= 0.5 * np.bincount(owner, minlength=len(area)))
-
-
-def level_of(height: NDArray[np.float64], weight: NDArray[np.float64], width: float) -> float:
-    """The height at which most weight lies within `width` [m]: the mean of the heaviest window; nan without weight."""
-    if not len(height) or weight.sum() <= 0:
-        return float("nan")
-    order = np.argsort(height, kind="stable")
-    sorted_height, total = height[order], np.cumsum(weight[order])
-    end = np.searchsorted(sorted_height, sorted_height + width, side="right") - 1
-    inside = total[end] - total + weight[order]
-    best = int(np.argmax(inside))
-    window = order[best : int(end[best]) + 1]
-    return float(np.average(height[window], weights=weight[window]))

@@ -7,7 +7,8 @@ width; arms rise on the two sides beside it.
 import numpy as np
 from numpy.typing import NDArray
 
-from dcap.geometry.segmentation.parts.instance_surface import InstanceSurface, SurfacePiece, level_of
+from dcap.geometry.segmentation.faces import level_of
+from dcap.geometry.segmentation.parts.instance_surface import InstanceSurface, SurfacePiece
 from dcap.geometry.segmentation.parts.partmap import SIDES, PartMap
 
 

@@ -4,7 +4,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dcap.geometry.segmentation.color_regions import color_clusters
-from dcap.geometry.segmentation.parts.instance_surface import InstanceSurface, SurfacePiece, level_of
+from dcap.geometry.segmentation.faces import level_of
+from dcap.geometry.segmentation.parts.instance_surface import InstanceSurface, SurfacePiece
 from dcap.geometry.segmentation.parts.partmap import PartMap
 
 

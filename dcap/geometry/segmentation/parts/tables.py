@@ -3,8 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from dcap.geometry.segmentation.faces import connected_regions
-from dcap.geometry.segmentation.parts.instance_surface import InstanceSurface, level_of
+from dcap.geometry.segmentation.faces import connected_regions, level_of
+from dcap.geometry.segmentation.parts.instance_surface import InstanceSurface
 from dcap.geometry.segmentation.parts.partmap import PartMap
 from dcap.geometry.segmentation.parts.seating import underside
 

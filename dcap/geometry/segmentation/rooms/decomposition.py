@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from dcap.geometry.segmentation.convex import convex_pieces
 from dcap.geometry.segmentation.faces import FaceTable, connected_regions
 from dcap.geometry.segmentation.rooms.contacts import segments_of
-from dcap.geometry.segmentation.rooms.convex import convex_pieces
 from dcap.geometry.segmentation.rooms.grouping import Surroundings, grouped
 from dcap.geometry.segmentation.rooms.shell import ScannedShell, find_shell
 

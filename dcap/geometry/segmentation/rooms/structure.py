@@ -5,8 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from dcap.geometry.segmentation.faces import FaceTable
-from dcap.geometry.segmentation.parts.instance_surface import level_of
+from dcap.geometry.segmentation.faces import FaceTable, level_of
 from dcap.scene.types.box import OrientedBox
 
 LEVEL_BAND = 0.03

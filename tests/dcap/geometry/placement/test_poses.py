@@ -6,6 +6,7 @@ import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from dcap.geometry.boundary import is_closed
 from dcap.geometry.placement.poses import (
     about_z,
     center_of_mass,
@@ -14,7 +15,6 @@ from dcap.geometry.placement.poses import (
     symmetry_about_z,
     turn_between,
 )
-from dcap.geometry.solid.boundary import is_closed
 from dcap.scene.types.mesh import Mesh
 
 

@@ -6,8 +6,8 @@ import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from dcap.geometry.boundary import boundary_edges, hole_loops, is_closed
 from dcap.geometry.distance import MeshDistance
-from dcap.geometry.solid.boundary import boundary_edges, hole_loops, is_closed
 from dcap.geometry.solid.repair import (
     FILL_SAMPLES,
     RELIEF,

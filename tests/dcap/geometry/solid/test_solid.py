@@ -8,8 +8,8 @@ import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from dcap.geometry.boundary import is_closed
 from dcap.geometry.distance import MeshDistance, signed_volume
-from dcap.geometry.solid.boundary import is_closed
 from dcap.geometry.solid.cleaning import cleaned, face_stacks, heights
 from dcap.geometry.solid.closed import RepairLimits, simulation_ready, tidied
 from dcap.geometry.solid.repair_log import RepairLog
