@@ -234,7 +234,7 @@ def predicted_damping(model: Model, config: SolverConfig, mass: dict[int, float]
     omega = sqrt(k / m) with k the Hertz stiffness of the heaviest free body on the softest part; beta = 2 zeta / omega.
     """
     moduli = [float(b.interior.youngs_modulus.min()) for _, b in model.soft_bodies]
-    if not moduli or not mass or gravity == 0.0:
+    if not moduli or not mass:
         return 0.0
     heaviest = max(mass, key=lambda i: mass[i])
     body = model.bodies[heaviest]

@@ -107,7 +107,7 @@ def grade(
     Every trial has a history of its own. `tolerance_factor` is that to which the rest state was solved (StepControl).
     """
     c = simulation.config
-    if simulation.gravity <= 0.0:
+    if not simulation.model.gravity.any():
         return NotDone(reason="without gravity there is no weight to compare a push with"), []
     most, steps = max(1, round(c.push_most / c.push_step)), 0
     quarter = max(1, c.push_directions // 4)  # directions back to a quarter turn, after which many things look the same

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from solver.certificate import NotDone
 from solver.config import SolverConfig
 from solver.model.bodies import Model
 from solver.runtime import start
@@ -142,3 +143,12 @@ def test_directions_are_horizontal_and_even(count, gravity):
     assert np.abs(ways @ np.array(gravity)).max() < 1e-14 * 10
     if count > 1:
         assert np.abs(ways.sum(axis=0)).max() < 1e-13
+
+
+def test_without_gravity_there_is_no_weight_to_grade(lab):
+    """A push is a share of the weight; where there is none, the grade says so."""
+    box = lab.rigid("box", lab.Box(np.array([0.1, 0.1, 0.1])), [0, 0, 0.0501])
+    start(1)
+    drop = ImplicitDrop(Model((box, lab.floor()), np.zeros(3)), SolverConfig(threads=1))
+    graded, _ = grade(drop, drop.start_state(), 1.0, None)
+    assert graded == NotDone(reason="without gravity there is no weight to compare a push with")
