@@ -19,16 +19,16 @@ from threading import Semaphore
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from dcap.evaluation.outcome_table import ExpectedOutcome, SampleOutcome, read_truth, row_of, totals
+from dcap.evaluation.outcome_table import ExpectedOutcome, SampleOutcome, read_truth, row_of
 from dcap.evaluation.report import write_report
 from dcap.evaluation.run_folder import sample_folder
+from dcap.evaluation.run_summary import RunSummary, summary_of
 from dcap.language.model.batch import batch_queue
-from dcap.language.model.ledger import check_budget
-from dcap.language.model.ledger import totals as spent
+from dcap.language.model.ledger import check_budget, totals
 from dcap.language.protocol.client import ClientName
 from dcap.language.protocol.session import Session
 from dcap.scene.errors import InputError
-from dcap.scene.json_tree import JsonObject
+from dcap.scene.json_tree import JsonObject, object_to_json
 from dcap.scene.settings import data_root, runs_root
 from dcap.scene.types.sample import Sample, SourceOptions
 from flows.display import Display, print_plan, print_table
@@ -57,12 +57,27 @@ class Run:
 
     folder: Path
     rows: tuple[SampleOutcome, ...]
-    summary: dict[str, object]
+    summary: RunSummary
 
     @property
     def failed(self) -> int:
         """Number of samples that did not get through."""
         return sum(row.error != "" for row in self.rows)
+
+
+@dataclass(frozen=True, slots=True)
+class PlanRow:
+    """What a benchmark would do for one sample."""
+
+    sample: str
+    cached: tuple[str, ...]
+    """Stages whose results are there."""
+    runs: str | None
+    """First stage that would run; None if none would."""
+    why: str | None
+    """Why it would run, or what is wrong with the sample; None if all is there."""
+    may_run: tuple[str, ...]
+    """Stages that run after it if their inputs change."""
 
 
 def run_benchmark(
@@ -224,10 +239,9 @@ def located(sample: Sample) -> Sample:
 def finish(folder: Path, rows: Sequence[SampleOutcome], seconds: float) -> Run:
     """Write table, summary and report."""
     pq.write_table(pa.Table.from_pylist([asdict(row) for row in rows]), folder / "results.parquet")
-    summary: dict[str, object] = {"run": str(folder), **totals(rows), "wall_s": round(seconds, 1)}
-    if (folder / LEDGER).is_file():
-        summary["language"] = spent(folder / LEDGER)
-    (folder / "summary.json").write_bytes(readable_json(summary))
+    language = totals(folder / LEDGER) if (folder / LEDGER).is_file() else None
+    summary = summary_of(rows, run=str(folder), wall_s=seconds, language=language)
+    (folder / "summary.json").write_bytes(readable_json(object_to_json(summary)))
     write_report(folder, rows, summary)
     return Run(folder, tuple(rows), summary)
 
@@ -239,21 +253,18 @@ def truths_of(dataset: Path, samples: Sequence[Sample]) -> list[ExpectedOutcome 
     return [known.get(sample.id) for sample in samples]
 
 
-def plan_benchmark(dataset: Path | None, config: PlaceConfig, *, limit: int | None = None) -> list[dict[str, object]]:
+def plan_benchmark(dataset: Path | None, config: PlaceConfig, *, limit: int | None = None) -> list[PlanRow]:
     """Print what would run and why."""
     _, samples = dataset_samples(dataset, limit)
     plans = [plan_sample(sample, config) for sample in samples]
     print_plan(plans)
-    return [
-        {
-            "sample": plan.sample.id,
-            "cached": list(plan.cached),
-            "runs": plan.missing or None,
-            "why": plan.failed.message if plan.failed else plan.why or None,
-            "may_run": list(plan.later),
-        }
-        for plan in plans
-    ]
+    return [plan_row(plan) for plan in plans]
+
+
+def plan_row(plan: Plan) -> PlanRow:
+    """The row of a sample."""
+    why = plan.failed.message if plan.failed else plan.why or None
+    return PlanRow(plan.sample.id, plan.cached, plan.missing or None, why, plan.later)
 
 
 def rerun_sample(run: str, sample_id: str, stage: str, max_cost: float | None = None) -> tuple[JsonObject, Path]:

@@ -3,7 +3,7 @@
 import sys
 import threading
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import Self
@@ -15,6 +15,7 @@ from rich.table import Table
 from rich.text import Text
 
 from dcap.evaluation.outcome_table import SampleOutcome
+from dcap.evaluation.run_summary import RunSummary
 from dcap.language.model.ledger import in_words
 from dcap.scene.types.sample import Sample
 from flows.sample_run import STAGE_NAMES, Plan
@@ -142,7 +143,7 @@ def print_plan(plans: Sequence[Plan]) -> None:
     console.print(f"{sum(plan.finished is not None for plan in plans)} of {len(plans)} samples are cached")
 
 
-def print_table(rows: Sequence[SampleOutcome], summary: Mapping[str, object], folder: Path) -> None:
+def print_table(rows: Sequence[SampleOutcome], summary: RunSummary, folder: Path) -> None:
     """The results of a run."""
     console = console_on_stderr()
     table = Table("sample", "verdict", "on", "expected", "", "s", box=None)
@@ -154,20 +155,20 @@ def print_table(rows: Sequence[SampleOutcome], summary: Mapping[str, object], fo
         table.add_row(row.sample, row.error[:60] or verdict, on, row.expected, mark, f"{row.seconds:.1f}", style=style)
     console.print(table)
     console.print(summary_line(summary))
-    if isinstance(spent := summary.get("language"), Mapping):
-        console.print(in_words(spent))
+    if summary.language:
+        console.print(in_words(summary.language))
     console.print(f"report: {folder / 'report.html'}")
 
 
-def summary_line(summary: Mapping[str, object]) -> str:
+def summary_line(summary: RunSummary) -> str:
     """The counts in a sentence."""
     line = (
-        f"{summary['samples']} samples: {summary['at_rest']} at rest, {summary['infeasible']} infeasible, "
-        f"{summary['failed']} failed"
+        f"{summary.samples} samples: {summary.at_rest} at rest, {summary.infeasible} infeasible, "
+        f"{summary.failed} failed"
     )
-    if summary["feasible_intended"] or summary["infeasible_intended"]:
+    if summary.feasible_intended or summary.infeasible_intended:
         line += (
-            f"; as intended {summary['feasible_as_intended']} of {summary['feasible_intended']} feasible and "
-            f"{summary['infeasible_with_right_reason']} of {summary['infeasible_intended']} infeasible"
+            f"; as intended {summary.feasible_as_intended} of {summary.feasible_intended} feasible and "
+            f"{summary.infeasible_with_right_reason} of {summary.infeasible_intended} infeasible"
         )
-    return f"{line}; {summary['wall_s']} s"
+    return f"{line}; {summary.wall_s} s"

@@ -9,12 +9,16 @@ import shutil
 import sys
 import tempfile
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+from numpy.typing import NDArray
 from rich.console import Console
 
 from dcap.geometry.splatting.camera_path import PathConfig, camera_path
 from dcap.scene.errors import GeometryError, InputError
+from dcap.scene.json_tree import object_to_json
 from dcap.scene.readers.files.json_text import read_json
 from dcap.scene.readers.splat_scene import SplatScene, read_splat_scene
 from dcap.scene.settings import runs_root
@@ -30,9 +34,32 @@ OWNED = ("images", "sparse", "checkpoint", "run_sugar.sh", RECORD)
 Progress = Callable[[str], None]
 
 
+@dataclass(frozen=True, eq=False, slots=True)
+class PreparedScene:
+    """What was made of a scene of splats, and what to do with it; prepared.json has these keys in this order."""
+
+    scene: str
+    """Path of the scene."""
+    splats: int
+    """Number of Gaussians."""
+    views: int
+    """Number of pictures."""
+    points: int
+    """Number of points of the COLMAP model."""
+    config: PathConfig
+    world_from_file: NDArray[np.float64]
+    """From the splats' file to the world [m], shape (4, 4)."""
+    command: str
+    """The line that makes meshes, to be run in SuGaR's own folder."""
+    then: str
+    """How to place something in the scene afterwards."""
+    notes: tuple[str, ...]
+    """What was assumed or could not be done, one sentence each."""
+
+
 def prepare_sugar(
     scene: Path, out: Path | None, options: SourceOptions, config: PathConfig, *, threads: int, quiet: bool
-) -> tuple[Path, dict[str, object]]:
+) -> tuple[Path, PreparedScene]:
     """Prepare a scene; the folder and what its prepared.json holds. Progress goes to standard error unless `quiet`."""
     scene = scene.absolute()
     name = scene.name if scene.is_dir() else scene.stem
@@ -77,7 +104,7 @@ def earlier_scene(folder: Path) -> Path | None:
 
 def write_all(
     draft: Path, folder: Path, scene: Path, source: SplatScene, config: PathConfig, threads: int, progress: Progress
-) -> dict[str, object]:
+) -> PreparedScene:
     """Everything for `folder`, written into `draft`."""
     progress("placing cameras")
     path = camera_path(source.splats, config, boxes=source.boxes, rooms=source.rooms, occupancy=source.occupancy)
@@ -94,18 +121,18 @@ def write_all(
     script = draft / "run_sugar.sh"
     script.write_text(run_script(folder, target), encoding="utf-8")
     script.chmod(0o755)
-    record: dict[str, object] = {
-        "scene": str(scene),
-        "splats": len(source.splats),
-        "views": count,
-        "points": len(model.points),
-        "config": config.model_dump(),
-        "world_from_file": source.world_from_file.tolist(),
-        "command": train_command(folder),
-        "then": place_command(target, source),
-        "notes": [*source.notes, *path.notes],
-    }
-    (draft / RECORD).write_bytes(readable_json(record))
+    record = PreparedScene(
+        scene=str(scene),
+        splats=len(source.splats),
+        views=count,
+        points=len(model.points),
+        config=config,
+        world_from_file=source.world_from_file,
+        command=train_command(folder),
+        then=place_command(target, source),
+        notes=(*source.notes, *path.notes),
+    )
+    (draft / RECORD).write_bytes(readable_json(object_to_json(record)))
     return record
 
 
@@ -151,18 +178,16 @@ def put_back(aside: Path, folder: Path) -> None:
     os.replace(aside, folder)
 
 
-def summary(folder: Path, record: dict[str, object]) -> str:
+def summary(folder: Path, record: PreparedScene) -> str:
     """What a person needs to know next."""
-    notes = record["notes"]
-    assert isinstance(notes, list)
     script = shlex.quote(str(folder / "run_sugar.sh"))
     return "\n".join(
         [
-            *(f"note: {note}" for note in notes),
-            f"{record['views']} views of {record['splats']} splats: {folder}",
+            *(f"note: {note}" for note in record.notes),
+            f"{record.views} views of {record.splats} splats: {folder}",
             "in the folder of SuGaR, on a machine with a graphics card:",
-            f"  {record['command']}",
+            f"  {record.command}",
             f"or, to also copy its meshes to where they are found: sh {script} PATH_OF_SUGAR",
-            f"then: {record['then']}",
+            f"then: {record.then}",
         ]
     )

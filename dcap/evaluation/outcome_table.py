@@ -1,6 +1,6 @@
 """One row per sample: what came out, what was intended, and whether they agree."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
@@ -209,21 +209,3 @@ def in_words(truth: ExpectedOutcome) -> str:
     asked += [f"top {truth.top}"] if truth.top else []
     asked += [f"front towards ({truth.front[0]:g}, {truth.front[1]:g})"] if truth.front else []
     return f"at rest {', '.join(asked)}".rstrip()
-
-
-def totals(rows: Sequence[SampleOutcome]) -> dict[str, float]:
-    """Honest counts."""
-    feasible = [row for row in rows if row.feasible_intended is True]
-    infeasible = [row for row in rows if row.feasible_intended is False]
-    return {
-        "samples": len(rows),
-        "at_rest": sum(row.verdict == AT_REST for row in rows),
-        "infeasible": sum(row.verdict == "infeasible" for row in rows),
-        "failed": sum(row.error != "" for row in rows),
-        "region_missed": sum(row.verdict == AT_REST and row.region_missed for row in rows),
-        "feasible_intended": len(feasible),
-        "feasible_as_intended": sum(bool(row.as_expected) for row in feasible),
-        "infeasible_intended": len(infeasible),
-        "infeasible_with_right_reason": sum(bool(row.as_expected) for row in infeasible),
-        "compute_s": round(sum(row.seconds for row in rows), 1),
-    }

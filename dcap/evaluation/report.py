@@ -9,6 +9,7 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from dcap.evaluation.outcome_table import AT_REST, SampleOutcome
 from dcap.evaluation.run_folder import sample_folder
+from dcap.evaluation.run_summary import RunSummary
 from dcap.language.model.ledger import in_words
 from dcap.scene.json_tree import JsonObject
 
@@ -34,7 +35,7 @@ class Card:
     folder: str
 
 
-def write_report(folder: Path, rows: Sequence[SampleOutcome], summary: Mapping[str, object]) -> Path:
+def write_report(folder: Path, rows: Sequence[SampleOutcome], summary: RunSummary) -> Path:
     """Write report.html into a run's folder from the files of its samples."""
     cards = [card_of(folder, row) for row in rows]
     environment = Environment(
@@ -123,34 +124,24 @@ def materials_of(tree: Mapping[str, object]) -> tuple[tuple[str, str, str], ...]
     return tuple(dict.fromkeys(named))
 
 
-def asked_of(summary: Mapping[str, object]) -> str:
+def asked_of(summary: RunSummary) -> str:
     """Who was asked, and what that took; empty where no model was."""
-    spent = summary.get("language")
-    return f"{', '.join(spent['models'])}: {in_words(spent)}" if isinstance(spent, Mapping) else ""
+    spent = summary.language
+    return f"{', '.join(spent.models)}: {in_words(spent)}" if spent else ""
 
 
-def tiles_of(summary: Mapping[str, object]) -> list[tuple[str, str, str]]:
+def tiles_of(summary: RunSummary) -> list[tuple[str, str, str]]:
     """(number, words, kind) of the tiles on top."""
     tiles = [
-        (str(summary["samples"]), "samples", "plain"),
-        (str(summary["at_rest"]), "at rest", "rest"),
-        (str(summary["infeasible"]), "infeasible", "infeasible"),
-        (str(summary["failed"]), "failed", "failed" if summary["failed"] else "plain"),
+        (str(summary.samples), "samples", "plain"),
+        (str(summary.at_rest), "at rest", "rest"),
+        (str(summary.infeasible), "infeasible", "infeasible"),
+        (str(summary.failed), "failed", "failed" if summary.failed else "plain"),
     ]
-    if summary["feasible_intended"]:
-        tiles.append(
-            (
-                f"{summary['feasible_as_intended']}/{summary['feasible_intended']}",
-                "feasible: at rest as intended",
-                "plain",
-            )
-        )
-    if summary["infeasible_intended"]:
-        tiles.append(
-            (
-                f"{summary['infeasible_with_right_reason']}/{summary['infeasible_intended']}",
-                "infeasible: right reason",
-                "plain",
-            )
-        )
+    if summary.feasible_intended:
+        found = f"{summary.feasible_as_intended}/{summary.feasible_intended}"
+        tiles.append((found, "feasible: at rest as intended", "plain"))
+    if summary.infeasible_intended:
+        found = f"{summary.infeasible_with_right_reason}/{summary.infeasible_intended}"
+        tiles.append((found, "infeasible: right reason", "plain"))
     return tiles

@@ -7,6 +7,7 @@ from math import isfinite
 from typing import TypeAlias
 
 import numpy as np
+from pydantic import BaseModel
 
 JsonValue: TypeAlias = "bool | int | float | str | Sequence[JsonValue] | Mapping[str, JsonValue] | None"
 """Any tree of JSON."""
@@ -18,7 +19,7 @@ def to_json(value: object) -> JsonValue:
     """A value as JSON: dataclasses become objects in the order of their fields, arrays lists, enums their values.
 
     A field whose default is None is left out while it is None; numbers that are not finite become null, for JSON has
-    none. Raises TypeError for what is none of these.
+    none. A configuration becomes an object of all its fields. Raises TypeError for what is none of these.
     """
     if isinstance(value, Enum):
         return to_json(value.value)
@@ -34,7 +35,9 @@ def to_json(value: object) -> JsonValue:
 
 
 def object_to_json(value: object) -> JsonObject:
-    """A dataclass or mapping as an object of JSON, as `to_json` does it."""
+    """A dataclass, mapping or configuration as an object of JSON, as `to_json` does it."""
+    if isinstance(value, BaseModel):
+        return value.model_dump(mode="json")
     if isinstance(value, Mapping):
         return {str(key): to_json(item) for key, item in value.items()}
     if not is_dataclass(value) or isinstance(value, type):

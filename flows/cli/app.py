@@ -180,6 +180,7 @@ def benchmark(
     for method in methods.split(","):
         choice("--methods", method.strip(), ("dcap",))
 
+    from dcap.scene.json_tree import object_to_json
     from flows.benchmark import run_benchmark
     from flows.configure import configured
     from flows.language_options import LanguageOptions
@@ -190,7 +191,7 @@ def benchmark(
     config = configured(PlaceOptions(threads=threads, paper_limits=paper_limits), language=asking.config())
     run = run_benchmark(dataset, config, asking, limit=limit, workers=workers, only_failed=only_failed)
     if as_json:
-        print(json.dumps(run.summary, indent=2, ensure_ascii=False))
+        print(json.dumps(object_to_json(run.summary), indent=2, ensure_ascii=False))
     return SOME_FAILED if run.failed else 0
 
 
@@ -206,6 +207,7 @@ def plan(
     as_json: Json = False,
 ) -> int:
     """Show what a benchmark would run and why, without running anything."""
+    from dcap.scene.json_tree import to_json
     from flows.benchmark import plan_benchmark
     from flows.configure import configured
     from flows.language_options import LanguageOptions
@@ -214,7 +216,7 @@ def plan(
     config = configured(PlaceOptions(paper_limits=paper_limits), language=asking.config(plan=True))
     rows = plan_benchmark(dataset, config, limit=limit)
     if as_json:
-        print(json.dumps(rows, indent=2, ensure_ascii=False))
+        print(json.dumps(to_json(rows), indent=2, ensure_ascii=False))
     return 0
 
 

@@ -51,11 +51,13 @@ def dataset_prepare_sugar(
         check_out(out)
 
     from dcap.geometry.splatting.camera_path import PathConfig
+    from dcap.scene.json_tree import object_to_json
     from flows.prepare_sugar import prepare_sugar, summary
 
     config = PathConfig(views=views, width=width, height=height, seed=seed)
     folder, record = prepare_sugar(scene, out, options, config, threads=threads, quiet=as_json)
-    print(json.dumps(record, indent=2, ensure_ascii=False) if as_json else summary(folder, record))
+    tree = object_to_json(record)
+    print(json.dumps(tree, indent=2, ensure_ascii=False) if as_json else summary(folder, record))
     return 0
 
 

@@ -131,6 +131,7 @@ def test_a_benchmark_from_cold_to_warm(
     plan = json.loads(capsys.readouterr().out)
     assert [row["runs"] for row in plan] == ["mesh", "mesh", "mesh", None]
     assert "gone.ply: no such file" in plan[3]["why"]
+    assert all(list(row) == ["sample", "cached", "runs", "why", "may_run"] for row in plan)
 
     assert main(["benchmark", "--dataset", str(dataset), "--json"]) == 4
     counts = json.loads(capsys.readouterr().out)

@@ -11,7 +11,7 @@ from PIL import Image
 from dcap.scene.problems import Severity
 from dcap.synthetic.recipes import object_recipes, room_names
 from flows.cli.app import main
-from flows.cli.check_report import as_tree, in_words
+from flows.cli.check_report import as_tree, in_words, totals
 from flows.dataset_check import check_dataset
 from flows.samples import EMBEDDED, SPLAT_ROOMS, load_yaml
 
@@ -128,9 +128,8 @@ def test_scenes_that_cannot_be_read_are_no_scenes_without_supports(data: Path) -
     assert "1 scene, 1 (100 %) with at least one; median 1, mean 1.0, 1 in all (2 unreadable, left out)" in in_words(
         report
     )
-    totals = as_tree(report)["totals"]
-    assert isinstance(totals, dict)
-    assert (totals["scenes"], totals["scenes_unreadable"], totals["deformable_supports"]) == (3, 2, 1)
+    found = totals(report)
+    assert (found.scenes, found.scenes_unreadable, found.deformable_supports) == (3, 2, 1)
 
 
 def test_intended_outcomes_are_checked(data: Path) -> None:
@@ -163,6 +162,10 @@ def test_exit_codes(data: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert tree["errors"] == 1
     assert tree["findings"][0]["line"] == 2
     assert tree["totals"]["scenes"] == len(tree["scenes"]) == 1
+    assert list(tree["totals"]) == [
+        "scenes", "scenes_unreadable", "scenes_with_deformable_supports", "instances", "objects",
+        "deformable_supports", "deformable_kinds", "faces", "splats", "object_meshes", "object_faces",
+    ]  # fmt: skip
     assert main(["dataset", "check", str(data / "nothing")]) == 2
     captured = capsys.readouterr()
     assert (captured.out, captured.err.count("\n")) == ("", 1)

@@ -5,7 +5,8 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
-from dcap.evaluation.outcome_table import row_of, totals
+from dcap.evaluation.outcome_table import row_of
+from dcap.evaluation.run_summary import summary_of
 from dcap.scene.errors import InputError
 from dcap.scene.types.sample import Sample
 from flows.display import Display, print_plan, print_table
@@ -71,7 +72,7 @@ def test_ids_are_shown_as_they_are(capsys: pytest.CaptureFixture[str], tmp_path:
         display.failed(odd, failure.message)
     print_plan([Plan(odd, (), "", "", failed=failure)])
     rows = [row_of(odd, None, failure.message, None)]
-    print_table(rows, {**totals(rows), "wall_s": 1.0}, tmp_path / "[/b]")
+    print_table(rows, summary_of(rows, run="", wall_s=1.0), tmp_path / "[/b]")
     said = capsys.readouterr().err
     assert said.count("[/b] :smile: [red]") == 3
     assert said.count("no [/i] there") == 3

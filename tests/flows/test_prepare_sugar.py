@@ -118,6 +118,9 @@ def test_a_second_run_replaces_the_first_and_keeps_the_rest(
     assert prepare(room, out, "--views", "2", "--seed", "3", "--json") == 0
     printed = json.loads(capsys.readouterr().out)
     assert printed == json.loads((out / "prepared.json").read_text())
+    assert list(printed) == [
+        "scene", "splats", "views", "points", "config", "world_from_file", "command", "then", "notes",
+    ]  # fmt: skip
     assert (printed["views"], printed["config"]["seed"]) == (2, 3)
     assert len(list((out / "images").iterdir())) == 2
     assert (out / "mesh" / "a.txt").read_text() == "mine"

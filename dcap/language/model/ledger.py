@@ -12,15 +12,16 @@ import json
 import os
 import uuid
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, fields
 from functools import cache
 from pathlib import Path
-from typing import IO
+from typing import IO, TypeAlias
 
 from dcap.language.model.reply_folder import Message
 from dcap.scene.errors import BudgetError, InputError
+from dcap.scene.json_tree import object_to_json
 
 PRICES = Path(__file__).with_name("prices.csv")
 MILLION = 1e6
@@ -91,6 +92,73 @@ def most(text_bytes: int, price: Price, max_tokens: int) -> float:
 
 
 @dataclass(frozen=True, slots=True)
+class ReservationLine:
+    """A call that is under way."""
+
+    reserved: str
+    """Name of the reservation."""
+    process: int
+    """Id of the process that asks."""
+    usd: float
+    """The most that it can cost [USD]."""
+
+
+@dataclass(frozen=True, slots=True)
+class ReleaseLine:
+    """A call that did not take place."""
+
+    settles: str
+    """Name of its reservation."""
+    usd: float
+    """What it cost: nothing [USD]."""
+
+
+@dataclass(frozen=True, slots=True)
+class ReplyLine:
+    """A reply, and what it took."""
+
+    settles: str
+    """Name of its reservation; empty if it was kept from before."""
+    sample: str
+    """Id of the sample that needed it."""
+    question: str
+    model: str
+    how: str
+    """asked, batch or kept."""
+    input_tokens: int
+    output_tokens: int
+    cache_write_tokens: int
+    cache_read_tokens: int
+    usd: float | None
+    """What it cost [USD]; None where the model's price is not known."""
+
+
+Line: TypeAlias = ReservationLine | ReleaseLine | ReplyLine
+"""A line of the ledger."""
+
+
+@dataclass(frozen=True, slots=True)
+class Spending:
+    """What a run has taken in all; tokens and cost are those of the replies that were not kept from before."""
+
+    models: tuple[str, ...]
+    """Names, in alphabetical order."""
+    asked: int
+    """Replies asked for one at a time."""
+    batch: int
+    """Replies asked for in batches."""
+    kept: int
+    """Replies kept from before."""
+    input_tokens: int
+    """Neither written to nor read from the cache."""
+    output_tokens: int
+    cache_write_tokens: int
+    cache_read_tokens: int
+    usd: float | None
+    """[USD]; None where a model's price is not known."""
+
+
+@dataclass(frozen=True, slots=True)
 class Ledger:
     """The lines of one run."""
 
@@ -115,14 +183,14 @@ class Ledger:
                     f"--max-cost {self.max_cost:g} USD: {taken:.4f} USD are spent or set aside, and the question "
                     f"{question!r} may cost up to {needed:.4f}; raise --max-cost to go on"
                 )
-            append(file, {"reserved": name, "process": os.getpid(), "usd": needed})
+            append(file, ReservationLine(name, os.getpid(), needed))
         return name
 
     def release(self, name: str) -> None:
         """The call did not take place."""
         if self.path is not None and self.max_cost is not None:
             with locked(self.path) as file:
-                append(file, {"settles": name, "usd": 0.0})
+                append(file, ReleaseLine(name, 0.0))
 
     def settle(
         self, name: str, model: str, question: str, message: Message, *, how: str, factor: float = 1.0, sample: str = ""
@@ -132,43 +200,54 @@ class Ledger:
             return
         usage, price = Usage.of(message), price_of(model)
         cost = 0.0 if how == "kept" else factor * usage.cost(price) if price else None
-        line = {"settles": name, "sample": sample or self.sample, "question": question, "model": model, "how": how}
         with locked(self.path) as file:
-            append(file, {**line, **asdict(usage), "usd": cost})
+            append(file, ReplyLine(name, sample or self.sample, question, model, how, **asdict(usage), usd=cost))
 
 
-def totals(path: Path) -> dict[str, object]:
-    """Replies, tokens and cost of a run; the cost is null where a model's price is not known."""
-    counts: Counter[str] = Counter()
-    cost: float | None = 0.0
-    models = set()
-    for line in read_lines(path):
-        if "how" not in line:
-            continue
-        models.add(str(line["model"]))
-        counts[str(line["how"])] += 1
-        if line["how"] == "kept":
-            continue
-        counts.update({name: int(str(line[name])) for name in asdict(Usage())})
-        cost = None if cost is None or line["usd"] is None else cost + float(str(line["usd"]))
-    names = ("asked", "batch", "kept", *asdict(Usage()))
-    return {"models": sorted(models), **{n: counts[n] for n in names}, "usd": None if cost is None else round(cost, 6)}
-
-
-def in_words(total: Mapping[str, object]) -> str:
-    """Totals for a person."""
-    cost = "at an unknown price" if total["usd"] is None else f"{total['usd']:.4f} USD"
-    asked = int(str(total["asked"])) + int(str(total["batch"]))
-    read = sum(int(str(total[name])) for name in ("input_tokens", "cache_write_tokens", "cache_read_tokens"))
-    return (
-        f"{asked} replies asked for, {total['kept']} kept from before; {read} tokens in "
-        f"({total['cache_read_tokens']} from the cache), {total['output_tokens']} out, {cost}"
+def totals(path: Path) -> Spending:
+    """Replies, tokens and cost of a run."""
+    replies = [line for line in read_lines(path) if isinstance(line, ReplyLine)]
+    paid = [one for one in replies if one.how != "kept"]
+    count = Counter(one.how for one in replies)
+    return Spending(
+        models=tuple(sorted({one.model for one in replies})),
+        asked=count["asked"],
+        batch=count["batch"],
+        kept=count["kept"],
+        input_tokens=sum(one.input_tokens for one in paid),
+        output_tokens=sum(one.output_tokens for one in paid),
+        cache_write_tokens=sum(one.cache_write_tokens for one in paid),
+        cache_read_tokens=sum(one.cache_read_tokens for one in paid),
+        usd=total_cost(paid),
     )
 
 
-def read_lines(path: Path) -> list[dict[str, object]]:
+def total_cost(replies: Sequence[ReplyLine]) -> float | None:
+    """What replies cost [USD]; None where a model's price is not known."""
+    known = [one.usd for one in replies if one.usd is not None]
+    return round(sum(known, 0.0), 6) if len(known) == len(replies) else None
+
+
+def in_words(total: Spending) -> str:
+    """Totals for a person."""
+    cost = "at an unknown price" if total.usd is None else f"{total.usd:.4f} USD"
+    read = total.input_tokens + total.cache_write_tokens + total.cache_read_tokens
+    return (
+        f"{total.asked + total.batch} replies asked for, {total.kept} kept from before; {read} tokens in "
+        f"({total.cache_read_tokens} from the cache), {total.output_tokens} out, {cost}"
+    )
+
+
+def read_lines(path: Path) -> list[Line]:
     """All lines; none if there is no ledger."""
-    return [json.loads(line) for line in path.read_text().splitlines()] if path.is_file() else []
+    return [read_line(text) for text in path.read_text().splitlines()] if path.is_file() else []
+
+
+def read_line(text: str) -> Line:
+    """One line, of the kind that its keys tell."""
+    tree = json.loads(text)
+    kind: type[Line] = ReservationLine if "reserved" in tree else ReplyLine if "how" in tree else ReleaseLine
+    return kind(**{one.name: tree[one.name] for one in fields(kind)})
 
 
 @contextmanager
@@ -180,9 +259,9 @@ def locked(path: Path) -> Iterator[IO[str]]:
         yield file
 
 
-def append(file: IO[str], line: Mapping[str, object]) -> None:
+def append(file: IO[str], line: Line) -> None:
     """One line, at once."""
-    file.write(json.dumps(line) + "\n")
+    file.write(json.dumps(object_to_json(line)) + "\n")
     file.flush()
 
 
@@ -191,12 +270,11 @@ def lines_of(file: IO[str]) -> dict[str, float]:
     aside that is gone is free again."""
     file.seek(0)
     cost: dict[str, float] = {}
-    for text in file:
-        line = json.loads(text)
-        if "reserved" in line:
-            cost[line["reserved"]] = line["usd"] if line["process"] == os.getpid() or is_alive(line["process"]) else 0.0
+    for line in map(read_line, file):
+        if isinstance(line, ReservationLine):
+            cost[line.reserved] = line.usd if line.process == os.getpid() or is_alive(line.process) else 0.0
         else:
-            cost[line["settles"]] = line["usd"] or 0.0
+            cost[line.settles] = line.usd or 0.0
     return cost
 
 

@@ -9,9 +9,12 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from dcap.evaluation.outcome_table import ExpectedOutcome, SampleOutcome, read_truth, row_of, totals
+from dcap.evaluation.outcome_table import ExpectedOutcome, SampleOutcome, read_truth, row_of
 from dcap.evaluation.report import write_report
+from dcap.evaluation.run_summary import summary_of
+from dcap.language.model.ledger import Spending
 from dcap.scene.errors import InputError
+from dcap.scene.json_tree import object_to_json
 from dcap.scene.types.sample import Sample
 
 PROMPTS = ("put the ball at the centre of the bed", "balance the ball on the <lampshade> & stay", "put it on the piano")
@@ -64,11 +67,30 @@ def run(tmp_path: Path) -> tuple[Path, list[SampleOutcome]]:
 
 def test_totals_count_what_is_there(run: tuple[Path, list[SampleOutcome]]) -> None:
     """A wrong reason is not a right one, and a failure is neither feasible nor infeasible."""
-    counts = totals(run[1])
-    assert counts["samples"] == 4
-    assert (counts["at_rest"], counts["infeasible"], counts["failed"]) == (1, 2, 1)
-    assert (counts["feasible_as_intended"], counts["feasible_intended"]) == (1, 1)
-    assert (counts["infeasible_with_right_reason"], counts["infeasible_intended"]) == (1, 2)
+    counts = summary_of(run[1], run="", wall_s=0.0)
+    assert counts.samples == 4
+    assert (counts.at_rest, counts.infeasible, counts.failed) == (1, 2, 1)
+    assert (counts.feasible_as_intended, counts.feasible_intended) == (1, 1)
+    assert (counts.infeasible_with_right_reason, counts.infeasible_intended) == (1, 2)
+
+
+SPENDING = Spending(("some-model",), 3, 2, 1, 1000, 200, 30, 4, None)
+
+
+def test_the_keys_of_summary_json_stay(run: tuple[Path, list[SampleOutcome]]) -> None:
+    """Other programs read them: the counts, the times, and what was spent, which is absent where nobody was asked."""
+    summary = summary_of(run[1], run="runs/a", wall_s=3.04, language=SPENDING)
+    spent = {
+        "models": ["some-model"], "asked": 3, "batch": 2, "kept": 1,
+        "input_tokens": 1000, "output_tokens": 200, "cache_write_tokens": 30, "cache_read_tokens": 4, "usd": None,
+    }  # fmt: skip
+    expected = {
+        "run": "runs/a", "samples": 4, "at_rest": 1, "infeasible": 2, "failed": 1, "region_missed": 0,
+        "feasible_intended": 1, "feasible_as_intended": 1, "infeasible_intended": 2, "infeasible_with_right_reason": 1,
+        "compute_s": 3 * (1.5 + 6.0), "wall_s": 3.0, "language": spent,
+    }  # fmt: skip
+    assert json.dumps(object_to_json(summary)) == json.dumps(expected)
+    assert "language" not in object_to_json(replace(summary, language=None))
 
 
 def test_intended_feasibility_is_not_read_from_words() -> None:
@@ -76,17 +98,19 @@ def test_intended_feasibility_is_not_read_from_words() -> None:
     tree = placement("at_rest", None) | {"base": {"id": "4", "label": "infeasible table"}, "part": ""}
     truth = ExpectedOutcome("infeasible table", "", "", True, "")
     row = replace(row_of(Sample("a", "s", "o", "p"), tree, "", truth), expected="infeasible table")
-    counts = totals([row])
-    assert (counts["feasible_as_intended"], counts["feasible_intended"], counts["infeasible_intended"]) == (1, 1, 0)
+    counts = summary_of([row], run="", wall_s=0.0)
+    assert (counts.feasible_as_intended, counts.feasible_intended, counts.infeasible_intended) == (1, 1, 0)
 
 
 def test_the_page_shows_every_sample(run: tuple[Path, list[SampleOutcome]]) -> None:
     """Each prompt, picture, reason and error is on the page, escaped, and every link leads to a file of the run."""
     folder, rows = run
-    page = write_report(folder, rows, {**totals(rows), "wall_s": 3.0}).read_text()
+    summary = summary_of(rows, run=str(folder), wall_s=3.0, language=SPENDING)
+    page = write_report(folder, rows, summary).read_text()
     assert page.count('<article class="card') == 4
     assert "balance the ball on the &lt;lampshade&gt; &amp; stay" in page
     for words in (PROMPTS[0], "infeasible: toppled", "no piano; there are bed and sofa", "x: no such file", "1.50 s",
+                  "some-model: 5 replies asked for, 1 kept from before; 1034 tokens in (4 from the cache), 200 out",
                   "object, body: <b>rubber</b> (usual for a &lt;ball&gt;)"):  # fmt: skip
         assert words in page
     links = re.findall(r'(?:src|href)="([^"]+)"', page)

@@ -6,6 +6,7 @@ from enum import StrEnum
 
 import numpy as np
 import pytest
+from pydantic import BaseModel
 from rest_records import explicit_certificate, implicit_certificate
 
 from dcap.scene.json_tree import object_to_json, sorted_keys, to_json
@@ -41,6 +42,19 @@ def test_a_dataclass_becomes_an_object_in_the_order_of_its_fields() -> None:
         '{"width": 1.0, "colour": "red", "corner": [], "neighbours": [{"width": 0.5, "colour": "red", '
         '"corner": [1.0, 2.0], "neighbours": [], "asked": null}], "asked": 2.0, "extra": 3}'
     )
+
+
+class Options(BaseModel, frozen=True):
+    """A configuration."""
+
+    heights: tuple[float, ...] = (0.5, 1.5)
+    colour: Colour = Colour.RED
+    limit: int | None = None
+
+
+def test_a_configuration_becomes_an_object_of_all_its_fields() -> None:
+    """Also those that are None: it says what was chosen."""
+    assert to_json({"config": Options()}) == {"config": {"heights": [0.5, 1.5], "colour": "red", "limit": None}}
 
 
 @pytest.mark.parametrize("number", [float("nan"), float("inf"), np.float64("-inf")])

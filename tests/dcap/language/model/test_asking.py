@@ -16,7 +16,20 @@ from dcap.language.connect import connect
 from dcap.language.model import batch
 from dcap.language.model.anthropic_api import endpoint, size_of
 from dcap.language.model.batch import BatchQueue, batch_queue
-from dcap.language.model.ledger import Ledger, Usage, check_budget, in_words, most, price_of, prices, read_lines, totals
+from dcap.language.model.ledger import (
+    Ledger,
+    ReleaseLine,
+    ReplyLine,
+    ReservationLine,
+    Usage,
+    check_budget,
+    in_words,
+    most,
+    price_of,
+    prices,
+    read_lines,
+    totals,
+)
 from dcap.language.model.payload import payload_of
 from dcap.language.model.reply_folder import ReplyFolder
 from dcap.language.protocol.client import ClientName, LanguageConfig
@@ -41,7 +54,7 @@ def test_a_question_is_asked_once(api: FakeApi, ask, tmp_path):
     session = Session(ledger=str(ledger), sample="a")
     assert connect(MODEL, session).ask(INTENT, ask("put the mug on the desk")) == first
     assert len(api.asked) == 1
-    assert [line["how"] for line in read_lines(ledger)] == ["asked", "kept"]
+    assert [line.how for line in read_lines(ledger) if isinstance(line, ReplyLine)] == ["asked", "kept"]
     connect(MODEL, Session(fresh=True)).ask(INTENT, ask("put the mug on the desk"))
     assert len(api.asked) == 2
 
@@ -165,8 +178,8 @@ def test_a_reply_costs_what_its_tokens_cost(api: FakeApi, ask, tmp_path):
     for _ in range(2):
         connect(MODEL, Session(ledger=str(ledger), sample="a")).ask(INTENT, ask("put the mug on the desk"))
     found = totals(ledger)
-    assert found["usd"] == pytest.approx(expected, abs=1e-6)
-    assert (found["asked"], found["kept"], found["output_tokens"]) == (1, 1, 500)
+    assert found.usd == pytest.approx(expected, abs=1e-6)
+    assert (found.asked, found.kept, found.output_tokens) == (1, 1, 500)
     assert "15000 tokens in (10000 from the cache), 500 out" in in_words(found)
 
 
@@ -178,7 +191,7 @@ def test_an_unknown_price_is_said(tmp_path):
     """Tokens of a model without a price are counted, their cost is unknown, and no budget can be kept for it."""
     ledger = Ledger(tmp_path / "usage.jsonl")
     ledger.settle("x", "someone-else", "intent", {"usage": {"input_tokens": 5, "output_tokens": 1}}, how="asked")
-    assert totals(tmp_path / "usage.jsonl")["usd"] is None
+    assert totals(tmp_path / "usage.jsonl").usd is None
     assert "unknown price" in in_words(totals(tmp_path / "usage.jsonl"))
     with pytest.raises(InputError, match="someone-else is not known"):
         check_budget("someone-else", 1.0)
@@ -187,6 +200,28 @@ def test_an_unknown_price_is_said(tmp_path):
     for wrong in (0.0, -1.0, float("nan"), float("inf")):
         with pytest.raises(InputError, match="--max-cost"):
             check_budget(NAME, wrong)
+
+
+def test_every_line_of_the_ledger_is_read_as_written(tmp_path):
+    """What is set aside, what was given up and what a reply took come back as they were, and have flat JSON."""
+    path = tmp_path / "usage.jsonl"
+    ledger = Ledger(path, 1.0, "a")
+    price = price_of(NAME)
+    assert price is not None
+    names = [ledger.reserve(NAME, "intent", 10, 20) for _ in range(2)]
+    ledger.release(names[0])
+    ledger.settle(names[1], NAME, "intent", {"usage": {"input_tokens": 5, "output_tokens": 1}}, how="asked")
+    assert read_lines(path) == [
+        *(ReservationLine(name, os.getpid(), most(10, price, 20)) for name in names),
+        ReleaseLine(names[0], 0.0),
+        ReplyLine(names[1], "a", "intent", NAME, "asked", 5, 1, 0, 0, Usage(5, 1).cost(price)),
+    ]
+    assert [list(json.loads(text)) for text in path.read_text().splitlines()[1:]] == [
+        ["reserved", "process", "usd"],
+        ["settles", "usd"],
+        ["settles", "sample", "question", "model", "how", "input_tokens", "output_tokens", "cache_write_tokens",
+         "cache_read_tokens", "usd"],
+    ]  # fmt: skip
 
 
 def test_every_price_has_a_source_and_makes_sense():
@@ -226,8 +261,8 @@ def test_a_budget_is_never_exceeded_and_stops_in_one_line(api: FakeApi, ask, tmp
     api.answers = [lambda body: with_usage(offline_model(body), tokens)]
     with ThreadPoolExecutor(6) as pool:
         said = list(pool.map(one, requests))
-    spent = totals(tmp_path / "usage.jsonl")["usd"]
-    assert isinstance(spent, float)
+    spent = totals(tmp_path / "usage.jsonl").usd
+    assert spent is not None
     assert 0 < spent <= budget
     assert len(api.asked) == said.count("") == 3
     assert all("--max-cost" in text and "\n" not in text for text in said if text)
@@ -280,8 +315,8 @@ def test_questions_go_together_at_half_the_price(api: FakeApi, quick, ask, tmp_p
     assert [len(batch) for batch in api.batches.values()] == [5, 1]
     total, price = totals(tmp_path / "usage.jsonl"), price_of(NAME)
     assert price is not None
-    assert total["batch"] == 6
-    assert total["usd"] == pytest.approx(0.5 * 6 * Usage(1000, 100).cost(price))
+    assert total.batch == 6
+    assert total.usd == pytest.approx(0.5 * 6 * Usage(1000, 100).cost(price))
     asked = len(api.asked)
     assert connect(MODEL, Session()).ask(INTENT, requests[0]) == found[0]
     assert len(api.asked) == asked
@@ -306,7 +341,7 @@ def test_one_question_of_many_samples_is_sent_and_paid_once(api: FakeApi, quick,
     found = in_batches(session, [ask("put the mug on the desk")] * 4)
     assert [reply.base_id for reply in found] == ["desk_0"] * 4
     assert [len(batch) for batch in api.batches.values()] == [1]
-    assert totals(ledger)["batch"] == 1
+    assert totals(ledger).batch == 1
     api.answers = [fails(410, "expired")]
     found = in_batches(session, [ask("put the mug on the shelf")] * 4)
     assert all(isinstance(one, LanguageError) for one in found)
@@ -321,8 +356,8 @@ def test_a_batch_that_cannot_be_sent_is_told_to_all(api: FakeApi, quick, ask, tm
         Session(batch=str(tmp_path / "queue"), ledger=str(ledger), max_cost=9.0), [ask("put the mug on the desk")]
     )
     assert "403" in str(found[0])
-    assert totals(ledger)["usd"] == 0.0
-    assert read_lines(ledger)[-1]["usd"] == 0.0
+    assert totals(ledger).usd == 0.0
+    assert read_lines(ledger)[-1].usd == 0.0
 
 
 def test_a_batch_that_the_api_forgot_fails(api: FakeApi, quick, ask, tmp_path, monkeypatch):
@@ -375,7 +410,7 @@ def test_a_killed_run_s_batch_is_collected_by_the_next(api: FakeApi, quick, ask,
     (reply,) = in_batches(Session(batch=str(tmp_path / "queue2"), ledger=str(ledger)), [request])
     assert reply.base_id == "desk_0"
     assert len(api.batches) == 1
-    assert totals(ledger)["batch"] == 1
+    assert totals(ledger).batch == 1
     assert not left.exists()
 
 
