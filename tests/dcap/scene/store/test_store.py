@@ -52,7 +52,7 @@ from dcap.scene.types.sample import Sample, SourceOptions
 from dcap.scene.types.scan import LabelBox, Room, Scan
 from dcap.scene.types.segmentation import Instance, Part, Segmentation
 from dcap.scene.types.settled import LastState, Settled, SettledBody
-from solver.certificate import NotDone, RollingRow, Verdict
+from solver.certificate import BondRow, NotDone, RollingRow, Verdict
 
 RNG = np.random.default_rng(0)
 
@@ -158,6 +158,7 @@ VALUES = [
     KICK.distance_m,
     NotDone(reason="nothing rests"),
     RollingRow("object", "bed", 1e-4, 1e-3),
+    BondRow("cover", "bed", 12, 3.0, 1e-5),
     CHECKS,
     history(3),
     NO_ROOM,
