@@ -141,7 +141,7 @@ def read_file(path: Path) -> tuple[RawMesh, Gaussians | None]:
         if is_splats(path):
             splats = read_splats(path)
             return discs(path, splats), splats
-        return READERS[path.suffix.lower()](path), None
+        return READERS[path.suffix.lower()](path).without_loose_vertices(), None
 
 
 def _meshed(path: Path, splats: Gaussians | None, frame: FileFrame, mesher: Mesher | None) -> Mesh | None:

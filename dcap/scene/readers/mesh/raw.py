@@ -4,7 +4,7 @@
 brings it to metres and z up. Invariant: finite vertices, indices in range, at least one face.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -75,6 +75,16 @@ class RawMesh:
                 f"{self.path}: a face uses vertex {low if low < 0 else high}, the file has {len(self.vertices)}"
             )
         self._check_area()
+
+    def without_loose_vertices(self) -> "RawMesh":
+        """Without vertices that no face uses: they are no surface, but would count in the size of the thing."""
+        used = np.zeros(len(self.vertices), dtype=bool)
+        used[self.faces] = True
+        if used.all():
+            return self
+        colors = None if self.colors is None else self.colors[used]
+        place = np.cumsum(used) - 1
+        return replace(self, vertices=self.vertices[used], faces=place[self.faces], colors=colors)
 
     def _check_area(self) -> None:
         """Refuse a mesh without any surface: the sign of a decoder that gave up."""

@@ -26,6 +26,24 @@ def test_obj_lines_may_end_in_a_comment(tmp_path: Path) -> None:
     assert scan.node_names == ("crate #1",)
 
 
+def test_a_vertex_that_no_face_uses_does_not_count(tmp_path: Path) -> None:
+    """Neither in the size of the thing nor in what the file's unit is taken to be."""
+    path = write_obj(tmp_path / "cube.obj", CUBE, QUADS)
+    plain = scan_of(path)
+    path.write_text("v 90 90 90\n" + "\n".join(shifted(line) for line in path.read_text().splitlines()))
+    scan = scan_of(path)
+    assert scan.mesh.bounds == pytest.approx(plain.mesh.bounds)
+    assert len(scan.mesh.vertices) == len(plain.mesh.vertices)
+    assert volume(scan.mesh) == pytest.approx(1.0)
+
+
+def shifted(line: str) -> str:
+    """A line of an OBJ file whose faces count from a vertex further on."""
+    if not line.startswith("f "):
+        return line
+    return "f " + " ".join(str(int(word.split("/")[0]) + 1) for word in line.split()[1:])
+
+
 def test_a_broken_face_is_quoted_in_short(tmp_path: Path) -> None:
     """A message about a face of thousands of characters is a line that one can read."""
     path = tmp_path / "wide.obj"
