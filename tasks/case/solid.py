@@ -9,6 +9,7 @@ from scipy.spatial.transform import Rotation
 from dcap.geometry.distance import Distance, MeshDistance
 from dcap.geometry.primitives import Box, Capsule
 from dcap.geometry.solid.repair import mass_properties
+from dcap.scene.errors import InputError
 from dcap.scene.readers.frame.frame import Role
 from dcap.scene.readers.source import read_scan
 from dcap.scene.types.mesh import Mesh
@@ -41,7 +42,7 @@ class CaseSolid:
         self.rotation = Rotation.from_quat(np.roll(body.quaternion, -1)).as_matrix()
         self.position = np.asarray(body.position)
         self.primitive = primitive_of(body.shape)
-        self.given = None if self.primitive else given_mesh(folder / str(body.shape.mesh))
+        self.given = None if self.primitive else given_mesh(folder / str(body.shape.mesh), body.name)
         self.outline = self.placed(self._outline())
         """Points of the surface that show where it is flat [m], shape (n, 3)."""
         if isinstance(self.primitive, Capsule):
@@ -172,6 +173,9 @@ class CaseSolid:
         return np.asarray(np.clip(middle, self.low, self.high))
 
 
-def given_mesh(path: Path) -> Mesh:
-    """The mesh of a case, in metres as it is: no axis or unit is changed."""
-    return read_scan(path, SourceOptions(up="z", unit="m"), Role.SCENE).mesh
+def given_mesh(path: Path, name: str) -> Mesh:
+    """The mesh of the body of a name, in metres as it is: no axis or unit is changed."""
+    try:
+        return read_scan(path, SourceOptions(up="z", unit="m"), Role.SCENE).mesh
+    except InputError as error:
+        raise type(error)(f"bodies.{name}.shape.mesh: {error}") from error

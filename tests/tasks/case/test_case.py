@@ -53,6 +53,7 @@ def case_file(tmp_path):
         ("bodies:", "bonds: [[cube, flor]]\nbodies:", "bond names body 'flor'"),
         ("mass: 1.0", "quaternion: [0, 0, 0, 0]", "length 0 instead of 1"),
         ("material: steel", "material: steal", "case.yaml"),
+        ("{box: {size: [0.1, 0.1, 0.1]}}", "{mesh: none.ply}", "bodies.cube.shape.mesh"),
         (CUBE, "", "holds no keys"),
         ("bodies:", "seed: -1\nbodies:", "greater than or equal to 0"),
         ("bodies:", "gravity: [0, 0, 0]\nbodies:", "give a resolution"),
