@@ -24,7 +24,7 @@ from dcap.evaluation.report import write_report
 from dcap.evaluation.run_folder import sample_folder
 from dcap.evaluation.run_summary import RunSummary, summary_of
 from dcap.language.model.batch import batch_queue
-from dcap.language.model.ledger import check_budget, totals
+from dcap.language.model.ledger import check_budget, spending_of
 from dcap.language.protocol.client import ClientName
 from dcap.language.protocol.session import Session
 from dcap.scene.errors import InputError
@@ -239,7 +239,7 @@ def located(sample: Sample) -> Sample:
 def finish(folder: Path, rows: Sequence[SampleOutcome], seconds: float) -> Run:
     """Write table, summary and report."""
     pq.write_table(pa.Table.from_pylist([asdict(row) for row in rows]), folder / "results.parquet")
-    language = totals(folder / LEDGER) if (folder / LEDGER).is_file() else None
+    language = spending_of(folder / LEDGER) if (folder / LEDGER).is_file() else None
     summary = summary_of(rows, run=str(folder), wall_s=seconds, language=language)
     (folder / "summary.json").write_bytes(readable_json(object_to_json(summary)))
     write_report(folder, rows, summary)

@@ -8,7 +8,7 @@ from rich.console import Console
 from rich.status import Status
 from rich.text import Text
 
-from dcap.language.model.ledger import in_words, totals
+from dcap.language.model.ledger import in_words, spending_of
 from dcap.scene.json_tree import JsonObject
 from dcap.scene.types.sample import Sample, SourceOptions
 from flows.configure import configured
@@ -46,7 +46,7 @@ def place_files(scene: str, thing: str, prompt: str, options: PlaceOptions, out:
     ):
         placement = place_flow(sample)(sample, config)
     if session.ledger and Path(session.ledger).is_file():
-        console.print(in_words(totals(Path(session.ledger))))
+        console.print(in_words(spending_of(Path(session.ledger))))
     return write_placement(FinishedSample(sample, placement, tuple(recorder.records)), out)
 
 

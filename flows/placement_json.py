@@ -20,6 +20,7 @@ from dcap.scene.types.scan import Scan
 from dcap.scene.types.segmentation import Segmentation
 from dcap.scene.types.settled import LastState, PlacementChecks, Settled, SettledBody
 from flows.sample_run import FinishedSample
+from solver.certificate import Certificate, Verdict
 
 AT_REST = "at_rest"
 
@@ -97,8 +98,9 @@ def verdict_of(values: Values) -> tuple[str, str | None]:
     if values.infeasible is not None:
         return "infeasible", values.infeasible.reason.value
     assert values.settled is not None
-    verdict = values.settled.verdict.value
-    return (AT_REST, None) if verdict == AT_REST else ("infeasible", verdict)
+    if values.settled.verdict is Verdict.AT_REST:
+        return AT_REST, None
+    return "infeasible", values.settled.verdict.value
 
 
 def last_state(values: Values) -> Settled | LastState | None:
@@ -131,7 +133,7 @@ def certificate_of(values: Values) -> JsonObject | None:
     }
 
 
-def certificate_with(certificate: object, checks: PlacementChecks | None) -> JsonObject:
+def certificate_with(certificate: Certificate, checks: PlacementChecks | None) -> JsonObject:
     """A drop's certificate and, as `placement`, what was asked of the rest state."""
     asked = {} if checks is None else {"placement": object_to_json(checks)}
     return sorted_keys({**object_to_json(certificate), **asked})

@@ -6,13 +6,13 @@ meanings of the keys stand in docs/formats.md. What has no fixed keys (bodies, t
 
 import json
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from functools import cache
 from pathlib import Path
 from types import GenericAlias
 from typing import Any, Generic, TypeVar, get_args
 
-from pydantic import GetCoreSchemaHandler, TypeAdapter
+from pydantic import GetCoreSchemaHandler, TypeAdapter, ValidationError
 from pydantic_core import CoreSchema, core_schema
 
 from dcap.scene.errors import InputError
@@ -31,7 +31,7 @@ Matrix = tuple[Row, Row, Row, Row]
 
 
 class NamedValues(Mapping[str, Value], Generic[Value]):
-    """A read-only mapping whose keys are attributes too: `certificate["arch"]` is `certificate.arch`."""
+    """A read-only mapping whose keys are attributes too: `timings["drop"]` is `timings.drop`."""
 
     __slots__ = ("_items",)
 
@@ -152,11 +152,11 @@ class Placement:
     materials: tuple[MaterialRow, ...]
     geometry: tuple[GeometryRow, ...]
     certificate: Certificate | None
-    """Of the drop; None where there was none."""
+    """Of the drop; None where a stage before it found no way, and after unstable_step."""
     checks: PlacementChecks | None
-    """What was asked of the rest state: `placement` in the file's certificate."""
+    """What was asked of the rest state, `placement` in the file's certificate; None where that is None."""
     evidence: NamedValues[Any]
-    """What a stage before the drop found; empty where there was a drop."""
+    """What else shows why there is no rest state: what a stage before the drop found, or the last state of a drop."""
     visible_fraction: float | None
     warnings: tuple[str, ...]
     timings: NamedValues[float]
@@ -175,13 +175,14 @@ class Placement:
         files = {name: place / file for name, file in tree["artifacts"].items()}
         found = tree["certificate"] or {}
         dropped = found if "signals" in found else None
+        of_the_drop = {one.name for one in fields(Certificate)} if dropped else set()
         told = {
             "certificate": dropped,
             "checks": found.get("placement"),
-            "evidence": {} if dropped else found,
+            "evidence": {key: value for key, value in found.items() if key not in {*of_the_drop, "placement"}},
         }
         values = {**tree, **told, "artifacts": files, "folder": place, "tree": dict(tree)}
-        placement: Placement = adapter(Placement).validate_python(values)
+        placement: Placement = built(cls, values, place / "placement.json")
         return placement
 
     @classmethod
@@ -252,8 +253,8 @@ class Result:
     @classmethod
     def of(cls, tree: Mapping[str, Any], folder: Path) -> "Result":
         """The result that a folder holds."""
-        values = {**tree, "folder": folder.resolve(), "tree": dict(tree)}
-        result: Result = adapter(Result).validate_python(values)
+        place = folder.resolve()
+        result: Result = built(cls, {**tree, "folder": place, "tree": dict(tree)}, place / "result.json")
         return result
 
     @classmethod
@@ -279,9 +280,21 @@ class Result:
 
 
 @cache
-def adapter(kind: type[Value]) -> TypeAdapter[Value]:
-    """Builds a result of plain values."""
+def adapter(kind: type) -> TypeAdapter[Any]:
+    """Builds a result of a class from plain values."""
     return TypeAdapter(kind)
+
+
+def built(kind: type, values: Mapping[str, Any], path: Path) -> Any:
+    """A result of the values that a file holds; InputError names the file and the first key that is not as it should
+    be."""
+    try:
+        result = adapter(kind).validate_python(values)
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        where = ".".join(str(part) for part in first["loc"])
+        raise InputError(f"{path}: {where}: {first['msg']} (got {first['input']!r})") from None
+    return result
 
 
 def read_json(path: Path) -> dict[str, Any]:

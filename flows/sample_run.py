@@ -128,8 +128,8 @@ def place_flow(sample: Sample) -> "Flow[[Sample, PlaceConfig], PlacementRefs]":
 
 @contextmanager
 def recorded(sample: Sample, context: RunContext, listener: OnEvent | None = None) -> Iterator[EventRecorder]:
-    """The stages that are called inside are those of a sample: they are recorded, and what they refuse names the user's
-    files. `context` says how they run, but for its events."""
+    """Records the stages that are called inside as those of `sample`; errors name the user's files. `context` says how
+    they run, but for its events."""
     recorder = EventRecorder(listener)
     session = replace(context.session, sample=sample.id)
     try:

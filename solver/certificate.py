@@ -30,7 +30,7 @@ class CertificateRow:
     value: float
     threshold: float
     margin: float
-    """[-]; negative where the number is on the wrong side."""
+    """1 - value / threshold, or value / threshold - 1 where that is the least value [-]: negative on the wrong side."""
 
     @classmethod
     def at_most(cls, value: float, threshold: float) -> "CertificateRow":
@@ -44,7 +44,7 @@ class CertificateRow:
 
     @property
     def holds(self) -> bool:
-        """Whether the number is on the right side."""
+        """Whether the number is on the right side, or at the threshold; one that is not a number is not."""
         return self.margin >= 0.0
 
 

@@ -44,7 +44,7 @@ def settle(model: Model, config: SolverConfig, progress: Progress | None = None)
             return mls.ExplicitDrop(model, config).run(progress)
         drop = ImplicitDrop(model, config)
         end = drop.approach(drop.checked_start(), StepControl(config.step_seconds), progress)
-        return drop.verified(end, progress)
+        return drop.judged(end, progress)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -86,8 +86,8 @@ class ImplicitDrop(Simulation):
                 return Approach(verdict, state, step.report, control)
             self._adapt(state, step.report.contacts, step.signals)
 
-    def verified(self, end: Approach, progress: Progress | None) -> SettledModel:
-        """The result of an approach: a rest is kicked first, and pushed where that was asked for."""
+    def judged(self, end: Approach, progress: Progress | None) -> SettledModel:
+        """The result of an approach; a rest state is kicked first, and pushed where that was asked for."""
         kicked: KickCheck | NotDone = NotDone()
         rows = self.monitor.rows()
         if end.verdict is Verdict.AT_REST and self.free:

@@ -37,7 +37,7 @@ class RunSummary:
 def summary_of(
     rows: Sequence[SampleOutcome], *, run: str, wall_s: float, language: Spending | None = None
 ) -> RunSummary:
-    """Honest counts."""
+    """The counts of a run's samples; `wall_s` is how long the run took [s]."""
     feasible = [row for row in rows if row.feasible_intended is True]
     infeasible = [row for row in rows if row.feasible_intended is False]
     return RunSummary(

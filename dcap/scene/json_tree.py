@@ -37,7 +37,7 @@ def to_json(value: object) -> JsonValue:
 def object_to_json(value: object) -> JsonObject:
     """A dataclass, mapping or configuration as an object of JSON, as `to_json` does it."""
     if isinstance(value, BaseModel):
-        return value.model_dump(mode="json")
+        return {name: to_json(item) for name, item in value.model_dump(mode="json").items()}
     if isinstance(value, Mapping):
         return {str(key): to_json(item) for key, item in value.items()}
     if not is_dataclass(value) or isinstance(value, type):

@@ -17,8 +17,8 @@ from dcap.geometry.primitives import Box, Capsule, Cylinder, Primitive
 from dcap.language.material_table import load_materials
 from dcap.scene.errors import InputError
 from dcap.scene.spelling import did_you_mean
+from dcap.scene.types.gravity import GRAVITY
 from dcap.scene.types.materials import ContactFriction
-from dcap.scene.types.units import STANDARD_GRAVITY
 
 RIGID_ABOVE = 1e9  # Young's modulus [Pa] above which `model: auto` is rigid (the paper's section 3)
 UNIT_TOLERANCE = 0.01  # of a quaternion's length: two decimals, as people write them
@@ -124,7 +124,7 @@ class FrictionPair(BaseModel, **Strict):
 class Case(BaseModel, **Strict):
     """A whole case file."""
 
-    gravity: Vector3 = [0.0, 0.0, -STANDARD_GRAVITY]
+    gravity: Vector3 = [0.0, 0.0, -GRAVITY]
     seed: NonNegativeInt = 0
     resolution: Literal["auto"] | PositiveFloat = "auto"
     inertia: bool = False

@@ -174,7 +174,7 @@ class CaseSolid:
 
 
 def given_mesh(path: Path, name: str) -> Mesh:
-    """The mesh of the body of a name, in metres as it is: no axis or unit is changed."""
+    """The mesh of body `name`, in metres as it is: no axis or unit is changed; InputError names the key."""
     try:
         return read_scan(path, SourceOptions(up="z", unit="m"), Role.SCENE).mesh
     except InputError as error:

@@ -14,11 +14,11 @@ from scipy.spatial.transform import Rotation
 
 from dcap.scene.errors import InputError
 from dcap.scene.types.anchor import Anchor
+from dcap.scene.types.gravity import GRAVITY
 from dcap.scene.types.intent import Intent
 from dcap.scene.types.outcome import Infeasible, Reason
 from dcap.scene.types.particles import Particles
 from dcap.scene.types.settled import LastState, PlacementChecks, Settled
-from dcap.scene.types.units import STANDARD_GRAVITY
 from solver.certificate import CertificateRow, Verdict
 from solver.config import SolverConfig
 from solver.errors import ArchError, UnstableStep
@@ -51,7 +51,7 @@ class DropConfig(BaseModel, frozen=True, extra="forbid"):
 
 def drop(particles: Particles, anchor: Anchor, intent: Intent, seed: int, config: DropConfig) -> Settled | Infeasible:
     """Settle the object and judge the outcome against what was asked."""
-    model = solver_model(particles, (0.0, 0.0, -STANDARD_GRAVITY))
+    model = solver_model(particles, (0.0, 0.0, -GRAVITY))
     solver = config.solver.model_copy(update={"threads": config.threads, "seed": seed})
     try:
         result = settle(model, solver, _progress)

@@ -10,10 +10,10 @@ import numpy as np
 
 from dcap.geometry.raycast import Raycaster
 from dcap.scene.types.anchor import Anchor
+from dcap.scene.types.gravity import GRAVITY
 from dcap.scene.types.intent import Intent
 from dcap.scene.types.materials import BodyModel, PartMaterial
 from dcap.scene.types.segmentation import Segmentation
-from dcap.scene.types.units import STANDARD_GRAVITY
 from solver.contact.predict import deflection
 from tasks.bodies.footprint import first_curvature
 
@@ -28,7 +28,7 @@ def stiffened(
     Hertz's indentation with the curvature of the object's underside, all of it in that one part; bending of a part of
     the object as a bar clamped at one end, of a part of the base as one as high as it is, since its bottom is held.
     """
-    weight = intent.mass * STANDARD_GRAVITY
+    weight = intent.mass * GRAVITY
     base = scene.index_of(anchor.base_id)
     beneath = Raycaster(scene.mesh.submesh(np.flatnonzero(scene.face_instance == base)))
     mesh = item.mesh.transformed(anchor.world_from_object)

@@ -7,12 +7,12 @@ from numpy.typing import NDArray
 
 from dcap.geometry.raycast import Raycaster
 from dcap.scene.types.anchor import Anchor
+from dcap.scene.types.gravity import GRAVITY
 from dcap.scene.types.intent import Intent
 from dcap.scene.types.materials import BodyModel, PartMaterial, PartMaterials
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.repair_report import BodyGeometry, RepairReport
 from dcap.scene.types.segmentation import Instance, Segmentation
-from dcap.scene.types.units import STANDARD_GRAVITY
 from tasks.bodies.footprint import Footprint, predicted_footprint
 from tasks.bodies.material_points import MaterialConstants
 from tasks.particles.config import ParticlesConfig
@@ -124,7 +124,7 @@ def footprint(
     softest = min(materials.of_parts("object", len(item.instances[0].parts)), key=contact_modulus)
     compliance = sum((1.0 - r.material.poisson_ratio**2) / contact_modulus(r) for r in (row, softest))
     return predicted_footprint(
-        mesh, Raycaster(scene.mesh.submesh(base_faces)), intent.mass * STANDARD_GRAVITY, compliance,
+        mesh, Raycaster(scene.mesh.submesh(base_faces)), intent.mass * GRAVITY, compliance,
         float(anchor.surface_point[2]),
     )  # fmt: skip
 

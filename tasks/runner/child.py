@@ -33,7 +33,8 @@ def main() -> None:
         own = stage(function)
         values = own.load(job["inputs"], job["config"], Session(**job["session"]))
         begin = time.perf_counter()
-        done = own.save(function(**values), time.perf_counter() - begin)
+        value = function(**values)
+        done = own.save(value, time.perf_counter() - begin)
     except errors.DcapError as error:
         say(report, error={"type": type(error).__name__, "message": str(error)})
         return

@@ -165,8 +165,9 @@ class Stage(Generic[P, ValueT_co]):
                 done = run_in_process(self.job(inputs, config, context.session), on_progress)
             else:
                 values = self.load(inputs, config, context.session, partial(lent, context.slots))
-                start = time.perf_counter()
-                done = self.save(self.function(**values), time.perf_counter() - start)
+                loaded = time.perf_counter()
+                value = self.function(**values)
+                done = self.save(value, time.perf_counter() - loaded)
         log.info(
             "%s: %s %s, %.2f s (%.2f s with loading and saving), %.1f KiB",
             self.name,

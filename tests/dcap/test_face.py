@@ -196,20 +196,6 @@ def test_a_placement_inside_a_running_loop(
     assert repr(placement).startswith("Placement(at_rest on table")
 
 
-def test_what_a_stage_before_the_drop_found_is_evidence(tmp_path: Path) -> None:
-    """A placement that ended before the drop has no certificate, but what the stage found has names."""
-    names = {field.name for field in fields(Placement)} - {"folder", "tree", "checks", "evidence"}
-    tree = dict.fromkeys(names) | {
-        "verdict": "infeasible", "reason": "target_not_found", "prompt": "put it there", "contacts": [],
-        "materials": [], "geometry": [], "warnings": [], "timings": {}, "artifacts": {},
-        "certificate": {"wanted": "bed", "labels": ["sofa", "lamp"]},
-    }  # fmt: skip
-    placement = Placement.of(tree, tmp_path)
-    assert placement.certificate is None
-    assert placement.checks is None
-    assert (placement.evidence.wanted, placement.evidence.labels) == ("bed", ("sofa", "lamp"))
-
-
 def box_obj(x: float, y: float, z: float) -> str:
     """A closed box on the floor."""
     corners = "".join(f"v {a} {b} {c}\n" for a in (0, x) for b in (0, y) for c in (0, z))

@@ -17,7 +17,7 @@ def settled(lab, *bodies):
     start(2)
     one = ImplicitDrop(Model(bodies, np.array([0.0, 0.0, -lab.gravity])), SolverConfig(threads=2))
     end = one.approach(one.checked_start(), StepControl(one.config.step_seconds), None)
-    result = one.verified(end, None)
+    result = one.judged(end, None)
     assert result.verdict == "at_rest"
     assert result.warnings == ()  # it withstood the kick, so the state is that of the result
     return result, one, end.state

@@ -105,7 +105,10 @@ def renumbered(labels: NDArray[np.integer]) -> NDArray[np.int64]:
 
 
 def level_of(height: NDArray[np.float64], weight: NDArray[np.float64], width: float) -> float:
-    """The height at which most weight lies within `width` [m]: the mean of the heaviest window; nan without weight."""
+    """The height [m] at which most weight lies within `width` [m]: the mean of the heaviest window; nan without weight.
+
+    Heights [m] and weights [any unit] of shape (n,).
+    """
     if not len(height) or weight.sum() <= 0:
         return float("nan")
     order = np.argsort(height, kind="stable")

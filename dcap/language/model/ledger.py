@@ -133,7 +133,7 @@ class ReplyLine:
     """What it cost [USD]; None where the model's price is not known."""
 
 
-Line: TypeAlias = ReservationLine | ReleaseLine | ReplyLine
+LedgerLine: TypeAlias = ReservationLine | ReleaseLine | ReplyLine
 """A line of the ledger."""
 
 
@@ -177,7 +177,7 @@ class Ledger:
         price = prices()[model]
         needed = factor * most(size, price, max_tokens)
         with locked(self.path) as file:
-            taken = sum(lines_of(file).values())
+            taken = sum(cost_by_reservation(file).values())
             if taken + needed > self.max_cost:
                 raise BudgetError(
                     f"--max-cost {self.max_cost:g} USD: {taken:.4f} USD are spent or set aside, and the question "
@@ -204,7 +204,7 @@ class Ledger:
             append(file, ReplyLine(name, sample or self.sample, question, model, how, **asdict(usage), usd=cost))
 
 
-def totals(path: Path) -> Spending:
+def spending_of(path: Path) -> Spending:
     """Replies, tokens and cost of a run."""
     replies = [line for line in read_lines(path) if isinstance(line, ReplyLine)]
     paid = [one for one in replies if one.how != "kept"]
@@ -238,15 +238,15 @@ def in_words(total: Spending) -> str:
     )
 
 
-def read_lines(path: Path) -> list[Line]:
+def read_lines(path: Path) -> list[LedgerLine]:
     """All lines; none if there is no ledger."""
     return [read_line(text) for text in path.read_text().splitlines()] if path.is_file() else []
 
 
-def read_line(text: str) -> Line:
+def read_line(text: str) -> LedgerLine:
     """One line, of the kind that its keys tell."""
     tree = json.loads(text)
-    kind: type[Line] = ReservationLine if "reserved" in tree else ReplyLine if "how" in tree else ReleaseLine
+    kind: type[LedgerLine] = ReservationLine if "reserved" in tree else ReplyLine if "how" in tree else ReleaseLine
     return kind(**{one.name: tree[one.name] for one in fields(kind)})
 
 
@@ -259,13 +259,13 @@ def locked(path: Path) -> Iterator[IO[str]]:
         yield file
 
 
-def append(file: IO[str], line: Line) -> None:
+def append(file: IO[str], line: LedgerLine) -> None:
     """One line, at once."""
     file.write(json.dumps(object_to_json(line)) + "\n")
     file.flush()
 
 
-def lines_of(file: IO[str]) -> dict[str, float]:
+def cost_by_reservation(file: IO[str]) -> dict[str, float]:
     """Cost by reservation: what is set aside until it is settled, then what was spent [USD]; what a process had set
     aside that is gone is free again."""
     file.seek(0)

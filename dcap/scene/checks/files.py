@@ -50,7 +50,7 @@ def _check_mesh(path: Path, report: Report) -> FileContents:
         report(problem)
 
     try:
-        raw = READERS[path.suffix.lower()](path, also)
+        raw = READERS[path.suffix.lower()](path, also).without_loose_vertices()
     except (InputError, *BROKEN):
         if Severity.ERROR in told:  # what is left of a broken file may be no mesh: that says nothing new
             return FileContents(path)

@@ -1,8 +1,6 @@
-"""Units of length that files are written in, and what is the same everywhere on earth."""
+"""Units of length that files are written in."""
 
 METRES = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254}
 """Length of each unit [m], by its symbol."""
 TAKEN_AS_METRES = {"centimetres": METRES["cm"], "inches": METRES["in"], "millimetres": METRES["mm"]}
 """Length of what a file may have counted as a metre [m], by its name."""
-STANDARD_GRAVITY = 9.81
-"""Downwards [m/s^2], as in the paper's section 4.3."""

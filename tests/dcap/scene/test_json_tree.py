@@ -44,6 +44,12 @@ def test_a_dataclass_becomes_an_object_in_the_order_of_its_fields() -> None:
     )
 
 
+class Length(BaseModel, frozen=True):
+    """A configuration of one number."""
+
+    metres: float
+
+
 class Options(BaseModel, frozen=True):
     """A configuration."""
 
@@ -60,8 +66,8 @@ def test_a_configuration_becomes_an_object_of_all_its_fields() -> None:
 @pytest.mark.parametrize("number", [float("nan"), float("inf"), np.float64("-inf")])
 def test_a_number_that_json_does_not_have_is_null(number: float) -> None:
     """Also inside of an array; so whatever is written can be read by any program."""
-    tree = to_json({"a": number, "b": np.array([number, 1.0])})
-    assert json.loads(json.dumps(tree, allow_nan=False)) == {"a": None, "b": [None, 1.0]}
+    tree = to_json({"a": number, "b": np.array([number, 1.0]), "c": Length(metres=number)})
+    assert json.loads(json.dumps(tree, allow_nan=False)) == {"a": None, "b": [None, 1.0], "c": {"metres": None}}
 
 
 def test_what_is_no_json_is_refused() -> None:

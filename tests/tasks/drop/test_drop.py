@@ -64,9 +64,7 @@ def anchor() -> Anchor:
 def placement(found: Infeasible) -> PlacementChecks:
     """What was asked of the rest state."""
     assert isinstance(found.evidence, LastState)
-    checks = found.evidence.checks
-    assert checks is not None
-    return checks
+    return found.evidence.checks
 
 
 def run(item: RigidSimulationBody, base: RigidSimulationBody, intent: Intent, **solver: object) -> Settled | Infeasible:

@@ -13,12 +13,12 @@ from dcap.scene.errors import GeometryError
 from dcap.scene.store.codec import encode
 from dcap.scene.types.anchor import Anchor
 from dcap.scene.types.box import OrientedBox
+from dcap.scene.types.gravity import GRAVITY
 from dcap.scene.types.intent import Intent, OrientationRequest, RegionRequest
 from dcap.scene.types.materials import BodyModel, Material, PartMaterial, PartMaterials
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.particles import NodeState, Particles, RigidSimulationBody, SoftSimulationBody
 from dcap.scene.types.segmentation import Instance, Part, Segmentation, SegmentedObject, SegmentedScene
-from dcap.scene.types.units import STANDARD_GRAVITY
 from tasks.bodies.footprint import predicted_footprint
 from tasks.particles.config import ParticlesConfig
 from tasks.particles.drop_setup import drop_setup
@@ -217,7 +217,7 @@ def test_cells_under_the_contact_resolve_it() -> None:
     found = ball_on_bed()
     body = soft_body(found, 1)
     # [J85] a = (3 W R / (4 E*))^(1/3), the ball being rigid
-    hertz = (0.75 * STANDARD_GRAVITY * BALL_RADIUS * (1 - FOAM.poisson_ratio**2) / FOAM.youngs_modulus) ** (1 / 3)
+    hertz = (0.75 * GRAVITY * BALL_RADIUS * (1 - FOAM.poisson_ratio**2) / FOAM.youngs_modulus) ** (1 / 3)
     # the radius of curvature is measured on facets and a noisy gap: good to a fifth, its cube root to 7 %
     assert 0.93 * hertz / 6 < found.resolution < 1.07 * hertz / 4
     for planes in (body.grid.x, body.grid.y):

@@ -31,9 +31,10 @@ from tasks.runner import stage as stage_module
 from tasks.runner.stage import Stage
 
 TO_THE_PROCESS = 7
-"""Own frames from the command to the function that starts a stage's process, both counted."""
+"""Own frames from the command to the function that starts a stage's process, both counted: between them are the
+sample, the flow, the stage and the body that Prefect calls."""
 TO_THE_STEP = 6
-"""Own frames from there, in that process, to the Newton step."""
+"""Own frames from the first function of that process to the Newton step: stage, solver, path to rest, step length."""
 SQUARE = np.array([[-0.1, -0.1], [0.1, -0.1], [0.1, 0.1], [-0.1, 0.1]])
 ANCHOR = Anchor("table", "top", 0, "center", np.zeros(2), np.zeros(3), np.eye(4), 0.01, SQUARE, "test")
 REGION, ORIENTATION = RegionRequest("", ("center",), (), ""), OrientationRequest("any", "", "")
@@ -68,7 +69,7 @@ def depth(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Depth:
 def test_a_command_reaches_the_start_of_a_process_in_few_calls(
     depth: Depth, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """From `dcap place` to the function that starts a stage's process there are few functions of ours."""
+    """From `dcap place` to the function that starts a stage's process there are at most seven functions of ours."""
     box = Box(np.array([0.4, 0.4, 0.02])).surface(0.4)
     lines = [f"v {x} {y} {z}" for x, y, z in box.vertices] + [f"f {a} {b} {c}" for a, b, c in box.faces + 1]
     path = tmp_path / "board.obj"
@@ -88,7 +89,7 @@ def test_a_command_reaches_the_start_of_a_process_in_few_calls(
 
 @pytest.mark.slow
 def test_a_process_reaches_the_newton_step_in_few_calls(depth: Depth, monkeypatch: pytest.MonkeyPatch) -> None:
-    """From a stage's process to the Newton step of the drop there are few functions of ours."""
+    """From a stage's process to the Newton step of the drop there are at most six functions of ours."""
     store = Store.default()
     particles = Particles((board("object", 0.015, fixed=False), board("table", -0.01, fixed=True)), (), 0.01, ())
     values = {"particles": particles, "anchor": ANCHOR, "intent": INTENT}

@@ -96,7 +96,8 @@ class RawMesh:
         """Faces without area, shape (m,)."""
         a, b, c = (self.vertices[self.faces[:, i]] for i in range(3))
         twice_area = np.linalg.norm(np.cross(b - a, c - a), axis=1)
-        extent = float(np.ptp(self.vertices, axis=0).max())
+        low, high = (np.stack([end(corner, axis=0) for corner in (a, b, c)]) for end in (np.min, np.max))
+        extent = float((high.max(axis=0) - low.min(axis=0)).max())
         # A sliver of relative area 1e-14 is below the rounding of float64 coordinates.
         return np.asarray(~(twice_area > 1e-14 * extent * extent))
 

@@ -78,16 +78,18 @@ def read_scannet(folder: Path) -> tuple[RawMesh, NDArray[np.float64]]:
     notes = (*raw.notes, *((f"no {ALIGNMENT_KEY}: the mesh stays as it was scanned",) if stated is None else ()))
     if files.segments is None or files.groups is None:
         missing = "segs.json" if files.segments is None else "aggregation.json"
-        return replace(raw, notes=(*notes, f"no {missing}: instances are found by shape alone")), alignment
+        plain = replace(raw, notes=(*notes, f"no {missing}: instances are found by shape alone"))
+        return plain.without_loose_vertices(), alignment
     instances, skipped = instances_of(read_json(files.groups), files.segments.name, refusing(files.groups))
     if skipped:
         notes += (f"{skipped} segGroups of {files.groups.name} without a label or segments are skipped",)
     segment = segments_of(read_json(files.segments), len(raw.vertices), refusing(files.segments))
     vertex = vertex_instances(segment, instances, refusing(files.groups))
-    return replace(
+    named = replace(
         raw, face_node=_majority(vertex[raw.faces]), node_names=tuple(one.name for one in instances),
         node_labels=tuple(one.label for one in instances), notes=notes,
-    ), alignment  # fmt: skip
+    )  # fmt: skip
+    return named.without_loose_vertices(), alignment
 
 
 @dataclass(frozen=True, eq=False)

@@ -25,7 +25,7 @@ from dcap.language.model.ledger import (
     price_of,
     prices,
     read_lines,
-    totals,
+    spending_of,
 )
 from dcap.language.model.payload import payload_of
 from dcap.language.model.reply_folder import ReplyFolder
@@ -174,7 +174,7 @@ def test_a_reply_costs_what_its_tokens_cost(api: FakeApi, ask, tmp_path):
     ledger = tmp_path / "usage.jsonl"
     for _ in range(2):
         connect(MODEL, Session(ledger=str(ledger), sample="a")).ask(INTENT, ask("put the mug on the desk"))
-    found = totals(ledger)
+    found = spending_of(ledger)
     assert found.usd == pytest.approx(expected, abs=1e-6)
     assert (found.asked, found.kept, found.output_tokens) == (1, 1, 500)
     assert "15000 tokens in (10000 from the cache), 500 out" in in_words(found)
@@ -188,8 +188,8 @@ def test_an_unknown_price_is_said(tmp_path):
     """Tokens of a model without a price are counted, their cost is unknown, and no budget can be kept for it."""
     ledger = Ledger(tmp_path / "usage.jsonl")
     ledger.settle("x", "someone-else", "intent", {"usage": {"input_tokens": 5, "output_tokens": 1}}, how="asked")
-    assert totals(tmp_path / "usage.jsonl").usd is None
-    assert "unknown price" in in_words(totals(tmp_path / "usage.jsonl"))
+    assert spending_of(tmp_path / "usage.jsonl").usd is None
+    assert "unknown price" in in_words(spending_of(tmp_path / "usage.jsonl"))
     with pytest.raises(InputError, match="someone-else is not known"):
         check_budget("someone-else", 1.0)
     with pytest.raises(InputError, match="someone-else is not known"):
@@ -258,7 +258,7 @@ def test_a_budget_is_never_exceeded_and_stops_in_one_line(api: FakeApi, ask, tmp
     api.answers = [lambda body: with_usage(offline_model(body), tokens)]
     with ThreadPoolExecutor(6) as pool:
         said = list(pool.map(one, requests))
-    spent = totals(tmp_path / "usage.jsonl").usd
+    spent = spending_of(tmp_path / "usage.jsonl").usd
     assert spent is not None
     assert 0 < spent <= budget
     assert len(api.asked) == said.count("") == 3
@@ -276,6 +276,3 @@ def test_a_failed_call_gives_its_reservation_back(api: FakeApi, ask, tmp_path):
         with pytest.raises(LanguageError, match="400"):
             connect(MODEL, session).ask(INTENT, ask("put the mug on the desk"))
     connect(MODEL, session).ask(INTENT, ask("put the mug on the desk"))
-
-
-# batches ------------------------------------------------------------------------------------------------------------

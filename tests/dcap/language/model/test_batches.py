@@ -20,7 +20,7 @@ from dcap.language.model.ledger import (
     most,
     price_of,
     read_lines,
-    totals,
+    spending_of,
 )
 from dcap.language.model.payload import payload_of
 from dcap.language.model.reply_folder import ReplyFolder
@@ -31,7 +31,6 @@ from dcap.scene.errors import BudgetError, LanguageError
 
 NAME = "claude-sonnet-5-5"
 MODEL = LanguageConfig(client=ClientName.ANTHROPIC, model=NAME)
-REPLAY = LanguageConfig(client=ClientName.REPLAY, model=NAME)
 
 
 @pytest.fixture
@@ -63,7 +62,7 @@ def test_questions_go_together_at_half_the_price(api: FakeApi, quick, ask, tmp_p
     found = in_batches(session, requests)
     assert [reply.base_id for reply in found] == ["desk_0"] * 5
     assert [len(batch) for batch in api.batches.values()] == [5, 1]
-    total, price = totals(tmp_path / "usage.jsonl"), price_of(NAME)
+    total, price = spending_of(tmp_path / "usage.jsonl"), price_of(NAME)
     assert price is not None
     assert total.batch == 6
     assert total.usd == pytest.approx(0.5 * 6 * Usage(1000, 100).cost(price))
@@ -91,7 +90,7 @@ def test_one_question_of_many_samples_is_sent_and_paid_once(api: FakeApi, quick,
     found = in_batches(session, [ask("put the mug on the desk")] * 4)
     assert [reply.base_id for reply in found] == ["desk_0"] * 4
     assert [len(batch) for batch in api.batches.values()] == [1]
-    assert totals(ledger).batch == 1
+    assert spending_of(ledger).batch == 1
     api.answers = [fails(410, "expired")]
     found = in_batches(session, [ask("put the mug on the shelf")] * 4)
     assert all(isinstance(one, LanguageError) for one in found)
@@ -106,7 +105,7 @@ def test_a_batch_that_cannot_be_sent_is_told_to_all(api: FakeApi, quick, ask, tm
         Session(batch=str(tmp_path / "queue"), ledger=str(ledger), max_cost=9.0), [ask("put the mug on the desk")]
     )
     assert "403" in str(found[0])
-    assert totals(ledger).usd == 0.0
+    assert spending_of(ledger).usd == 0.0
     assert read_lines(ledger)[-1].usd == 0.0
 
 
@@ -160,7 +159,7 @@ def test_a_killed_run_s_batch_is_collected_by_the_next(api: FakeApi, quick, ask,
     (reply,) = in_batches(Session(batch=str(tmp_path / "queue2"), ledger=str(ledger)), [request])
     assert reply.base_id == "desk_0"
     assert len(api.batches) == 1
-    assert totals(ledger).batch == 1
+    assert spending_of(ledger).batch == 1
     assert not left.exists()
 
 

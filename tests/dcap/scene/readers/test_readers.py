@@ -38,6 +38,7 @@ def test_ply_round_trip(tmp_path_factory: pytest.TempPathFactory, seed: int, ord
     path = write_ply(tmp_path_factory.mktemp("ply") / "any.ply", order, vertices, faces)
     mesh = scan_of(path, up="z", unit="m").mesh
     np.testing.assert_array_equal(mesh.triangles, vertices[faces])
+    assert len(mesh.vertices) == len(np.unique(faces))
 
 
 @pytest.mark.parametrize("order", ["a", "<"])
