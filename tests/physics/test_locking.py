@@ -25,7 +25,7 @@ def uniaxial_stretch(load, E, nu):
     return fsolve(unbalanced, [1.0 + load / E, 1.0 - nu * load / E], xtol=1e-12)
 
 
-@pytest.mark.parametrize("nu", [0.0, 0.3, *(pytest.param(nu, marks=pytest.mark.slow) for nu in (0.45, 0.49))])
+@pytest.mark.parametrize("nu", [0.3, *(pytest.param(nu, marks=pytest.mark.slow) for nu in (0.0, 0.45, 0.49))])
 def test_a_hanging_column_stretches_as_fixed_corotated_elasticity_says(lab, nu):
     """A section at z carries rho g z per area: up to 15 % of strain, sides contracting freely, up to nu = 0.49."""
     E, rho, side, height = 2e4, 1000.0, 0.1, 0.4

@@ -161,6 +161,7 @@ def ball_on_bed() -> Particles:
     return found
 
 
+@pytest.mark.slow
 def test_bodies_are_the_object_the_base_and_what_is_in_reach() -> None:
     """Object first, then the bed's soft body, then the box; walls and the frame deep under the mattress are absent, for
     nothing reaches them; all but the object are fixed.
