@@ -22,7 +22,7 @@ from solver.config import SolverConfig
 from solver.contact.active import Contacts, Pair, vertex_areas
 from solver.contact.query import ContactQuery
 from solver.model import soft as soft_system
-from solver.model.bodies import Model, RigidBody
+from solver.model.bodies import Model, RigidBody, free_motions
 from solver.model.state import ContactMemory, State, cross_matrix, rotate, start_state
 
 Array = NDArray[np.float64]
@@ -66,13 +66,15 @@ class RigidBodies:
         return np.concatenate([self.state.velocity[index], self.state.angular_velocity[index]])
 
     def set_velocity(self, index: int, q: Array) -> None:
-        """Replace (V, w)."""
+        """Replace (V, w), as far as the body may move."""
+        q = q * free_motions(self.bodies[index])
         self.state.velocity[index], self.state.angular_velocity[index] = q[:3], q[3:]
 
     def accelerate(self, dt: float) -> None:
         """Gravity, and the forces that rigid bodies put on each other."""
         for i in self.free:
-            self.state.velocity[i] = self.state.velocity[i] + dt * self.model.gravity
+            movable = free_motions(self.bodies[i])
+            self.state.velocity[i] = self.state.velocity[i] + dt * self.model.gravity * movable[:3]
         self.contacts = None
         if any(self._near(p.a, p.b) for p in self.query.pairs if p.a < p.b or self.model.bodies[p.b].fixed):
             self._push(dt)

@@ -100,10 +100,14 @@ class RigidBody(_CommonBody):
 
     inertia: NDArray[np.float64]
     """About the centre of mass, world axes [kg m^2], shape (3, 3)."""
+    vertical: bool = field(default=False, kw_only=True)
+    """Guided: moves along z alone, its x, y and rotation are held."""
 
     def __post_init__(self) -> None:
         _CommonBody.__post_init__(self)
         _check_finite(self, "inertia")
+        if self.vertical and (self.velocity[:2].any() or self.angular_velocity.any()):
+            raise ModelError(f"body {self.name!r}: moves along z alone, so its start velocity must, too")
         if not self.fixed and np.linalg.eigvalsh(self.inertia).min() <= 0.0:
             raise ModelError(f"body {self.name!r}: inertia is not positive definite: {self.inertia.tolist()}")
 
@@ -120,6 +124,12 @@ class SoftBody(_CommonBody):
 
 
 Body = RigidBody | SoftBody
+VERTICAL = np.array([False, False, True, False, False, False])
+
+
+def free_motions(body: Body) -> NDArray[np.bool_]:
+    """Which of translation and rotation along and about x, y, z a body may do, shape (6,)."""
+    return VERTICAL if isinstance(body, RigidBody) and body.vertical else np.ones(6, dtype=bool)
 
 
 def _check_finite(body: _CommonBody, *names: str) -> None:

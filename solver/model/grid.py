@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 
 from solver.errors import ModelError
 
+PLACES = 2000  # where a wanted spacing is looked at along an axis
+
 
 def graded_planes(
     low: float, high: float, fine_low: float, fine_high: float, cell: float, growth: float = 1.3
@@ -34,6 +36,32 @@ def graded_planes(
     below = _outward(float(inner_low - low), fine, growth)
     above = _outward(float(high - inner_high), fine, growth)
     return np.concatenate([inner_low - below[::-1], inner, inner_high + above])
+
+
+def sized_planes(
+    low: float,
+    high: float,
+    begin: NDArray[np.float64],
+    end: NDArray[np.float64],
+    size: NDArray[np.float64],
+    growth: float,
+) -> NDArray[np.float64]:
+    """Node planes that cover [low, high] exactly, spaced as wanted in some intervals and growing away from them.
+
+    `size` [m] is the largest spacing between `begin` and `end` [m], all of shape (k,); elsewhere what the nearest of
+    these intervals allow, growing from cell to cell by the ratio `growth`. Returns increasing coordinates, first = low,
+    last = high. Raises ModelError for an empty range.
+    """
+    if not (high > low and growth > 1.0 and (size > 0.0).all()):
+        raise ModelError(f"grid planes need high > low, growth > 1 and sizes > 0; got [{low}, {high}], {growth}")
+    places = np.unique(np.clip(np.concatenate([np.linspace(low, high, PLACES), begin, end]), low, high))
+    away = np.maximum(np.maximum(begin - places[:, None], places[:, None] - end), 0.0)
+    wanted = (size + np.log(growth) * away).min(axis=1, initial=high - low)
+    cells = np.concatenate([[0.0], np.cumsum(np.diff(places) * 0.5 * (1.0 / wanted[1:] + 1.0 / wanted[:-1]))])
+    count = max(1, int(np.ceil(cells[-1] - 1e-9)))
+    planes = np.interp(np.linspace(0.0, cells[-1], count + 1), cells, places)
+    planes[0], planes[-1] = low, high
+    return np.asarray(planes)
 
 
 def _outward(length: float, cell: float, growth: float) -> NDArray[np.float64]:

@@ -1,7 +1,7 @@
 """The linear system of one Newton step, matrix-free but for the contacts, and its solvers.
 
 Unknowns in one array: node displacements (n, 3), then frame motions (b, 6: translation, rotation vector about the
-frame's centre). Held nodes do not move; core nodes move with their frame. The matrix is symmetric positive
+frame's centre). Held nodes and motions do not move; core nodes move with their frame. The matrix is symmetric positive
 semi-definite:
 
     (1 + beta / dt) K + M / dt^2 + J^T T J + W^T T_r W
@@ -51,6 +51,8 @@ class Frames:
     """Nodes of each frame's rigid core."""
     arm: list[NDArray[np.float64]]
     """Positions of the core nodes relative to the frame's centre [m]."""
+    movable: NDArray[np.bool_]
+    """Which translations and rotations are not held, shape (b, 6)."""
 
 
 class TangentSystem:
@@ -135,7 +137,7 @@ class TangentSystem:
         return flat
 
     def reduce(self, flat: Flat) -> Flat:
-        """Forces, in place, with those of the core nodes moved to their frames; held nodes drop out."""
+        """Forces, in place, with those of the core nodes moved to their frames; what is held drops out."""
         nodes, frames = self.split(flat)
         if self.has_cores:
             for f, cores in enumerate(self.frames.core_nodes):
@@ -143,6 +145,7 @@ class TangentSystem:
                     frames[f, :3] += nodes[cores].sum(axis=0)
                     frames[f, 3:] += np.cross(self.frames.arm[f], nodes[cores]).sum(axis=0)
         nodes[self.constrained] = 0.0
+        frames *= self.frames.movable
         return flat
 
     def contact_forces(self) -> Flat:
@@ -255,6 +258,7 @@ class TangentSystem:
                 self.soft.neighbour, self.elastic.half, self.elastic.unit, self.stiffness_scale, self.inverse[0],
                 node_residual, self.second.space.corner, self.second.space.value, lattice, self.elastic.sweep, nodes,
             )  # fmt: skip
+        frames *= self.frames.movable
         return out
 
 

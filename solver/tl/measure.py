@@ -8,7 +8,7 @@ from solver.certificate import ContactRow, RollingRow
 from solver.contact.active import ActiveContacts, Contacts
 from solver.contact.query import ContactQuery
 from solver.kernels.query import largest_particle_speed
-from solver.model.bodies import Model
+from solver.model.bodies import Model, free_motions
 from solver.model.soft import SoftSystem
 from solver.model.state import State
 from solver.rest import Signals
@@ -47,7 +47,9 @@ def measure(
         if model.bodies[i].fixed:
             continue
         force, torque = total_wrench(report.contacts, i, center)
-        force_worst = max(force_worst, float(np.linalg.norm(force + mass[i] * gravity)) / scale[i])
+        movable = free_motions(model.bodies[i])  # what is held is in balance with what holds it
+        force, torque = (force + mass[i] * gravity) * movable[:3], torque * movable[3:]
+        force_worst = max(force_worst, float(np.linalg.norm(force)) / scale[i])
         torque_worst = max(torque_worst, float(np.linalg.norm(torque)) / (scale[i] * 0.5 * model.bodies[i].size))
     points = np.concatenate(surfaces) if surfaces else np.zeros((1, 3))
     return Signals(

@@ -17,7 +17,7 @@ from solver.contact.query import ContactQuery
 from solver.contact.rolling import RollingLaw, law_stiff
 from solver.errors import ModelError, UnstableStep
 from solver.model import soft as soft_system
-from solver.model.bodies import Body, Model, SoftBody
+from solver.model.bodies import Body, Model, SoftBody, free_motions
 from solver.model.soft import SoftSystem
 from solver.model.state import State, best_rigid_motion, start_state
 from solver.rest import RestMonitor, Signals
@@ -133,7 +133,8 @@ class Simulation:
         """Take the motion along a unit normal out of a body; what is clamped is stopped."""
         one, body = self.soft_of.get(index), self.model.bodies[index]
         if one is None and not body.fixed:
-            state.velocity[index] -= (state.velocity[index] @ normal) * normal
+            along = normal * free_motions(body)[:3]
+            state.velocity[index] -= (state.velocity[index] @ normal) * along
         elif one is not None and body.fixed:
             state.v[one.nodes] = 0.0
         elif one is not None:
@@ -155,7 +156,9 @@ class Simulation:
     def add_rigid_motion(
         self, state: State, index: int, velocity: NDArray[np.float64], angular_velocity: NDArray[np.float64]
     ) -> None:
-        """Add a rigid motion [m/s], [rad/s] about its centre of mass to what a free body does."""
+        """Add a rigid motion [m/s], [rad/s] about its centre of mass to what a free body does, as far as it may."""
+        movable = free_motions(self.model.bodies[index])
+        velocity, angular_velocity = velocity * movable[:3], angular_velocity * movable[3:]
         state.velocity[index] += velocity
         state.angular_velocity[index] += angular_velocity
         if (one := self.soft_of.get(index)) is not None:

@@ -21,7 +21,7 @@ from solver.contact.query import ContactQuery, StepStart
 from solver.contact.rolling import RollingLaw, law_stiff
 from solver.errors import UnstableStep
 from solver.kernels import elastic, sparse
-from solver.model.bodies import Model, RigidBody
+from solver.model.bodies import Model, RigidBody, free_motions
 from solver.model.soft import SoftSystem
 from solver.model.state import State, rotate, turn_between
 from solver.tl.linear import Flat, Frames, TangentSystem, Vector, conjugate_gradient, minimal_residual
@@ -128,6 +128,7 @@ class Stepper:
             if not b.fixed and (isinstance(b, RigidBody) or (soft.core == i).any())
         ]
         self.core_nodes = [np.flatnonzero(soft.core == i) for i in self.frame_bodies]
+        self.movable = np.array([free_motions(model.bodies[i]) for i in self.frame_bodies]).reshape(-1, 6)
 
     def frames(self, state: State) -> Frames:
         """The moving frames at a state."""
@@ -143,6 +144,7 @@ class Stepper:
             inertia,
             self.core_nodes,
             [state.x[t] - state.center[i] for t, i in zip(self.core_nodes, self.frame_bodies, strict=True)],
+            self.movable,
         )
 
     def elastic_forces(self, state: State) -> NDArray[np.float64]:
@@ -257,10 +259,10 @@ class Stepper:
         for body in self.soft.bodies:
             if not self.model.bodies[body.index].fixed and body.index not in touched:
                 after.x[body.nodes] += fall
-        for i in self.frame_bodies:
+        for i, movable in zip(self.frame_bodies, self.movable, strict=True):
             after.center[i] = state.center[i] + dt * state.velocity[i]
             if i not in touched:
-                after.center[i] += fall
+                after.center[i] += fall * movable[:3]
             after.rotation[i] = rotate(state.rotation[i], dt * state.angular_velocity[i])
         return self._constrain(after)
 

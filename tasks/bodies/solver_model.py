@@ -24,7 +24,10 @@ def solver_body(body: SimulationBody) -> Body:
     )  # fmt: skip
     match body:
         case RigidSimulationBody():
-            return RigidBody(*common, inertial.inertia, velocity=body.velocity, angular_velocity=body.angular_velocity)
+            return RigidBody(
+                *common, inertial.inertia, velocity=body.velocity, angular_velocity=body.angular_velocity,
+                vertical=body.vertical,
+            )  # fmt: skip
         case SoftSimulationBody(points=points, grid=grid):
             interior = Interior(
                 points.position, points.volume, points.density, points.youngs_modulus, points.poisson_ratio,

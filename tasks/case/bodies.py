@@ -17,16 +17,24 @@ from dcap.scene.types.particles import (
     SimulationBody,
     SoftSimulationBody,
 )
+from solver.model.grid import sized_planes
 from tasks.bodies.distance_samples import distance_samples
 from tasks.bodies.material_points import MaterialConstants, material_points, with_mass
 from tasks.bodies.node_states import grid_of, nodes_at_faces
-from tasks.bodies.soft_cells import Planes, planes_of
+from tasks.bodies.soft_cells import Cells, Planes
+from tasks.case.contacts import PredictedContact, predicted_contacts
 from tasks.case.file import Case
 from tasks.case.solid import CaseSolid
 
+Array = NDArray[np.float64]
+
 RIGID_CELLS = 25.0  # in the smallest side where nothing is soft: spacing of surface points
-FINE_REACH = 1.3  # half width of the fine zone over the predicted contact radius
-GROWTH = 2.2  # ratio of neighbouring cells outside of the fine zone
+CELLS_ACROSS = 5.0  # cells in half the width of a predicted contact
+CELLS_THROUGH = 4.0  # least cells through a body along each axis
+BESIDE = 0.3  # of its half width: cells stay fine this far beside a contact
+GROWTH = 1.6  # ratio of neighbouring cells away from a contact
+BUDGET = 30_000  # cells of one soft body, unless a resolution was asked for
+COARSER = 1.06  # factor of the cells in a round until they keep to it
 MOST_MARGIN = 0.02  # a signed distance reaches this far beyond the body [m], half its thickness for small ones
 MOST_SAMPLES = 250.0  # of a signed distance along its longest side: 16 million in a cube
 MOST_CELLS = 200_000  # cells of one soft body; more would not fit the time a user expects
@@ -36,30 +44,25 @@ MOST_CELLS = 200_000  # cells of one soft body; more would not fit the time a us
 def case_particles(case: Case, folder: Path, resolution: float | None) -> Particles:
     """The simulation input of a case, with the smallest cell at a contact [m]."""
     solids = [CaseSolid(body, folder, _bonded_to(body.name, case.bonds)) for body in case.bodies]
-    gravity = float(np.linalg.norm(case.gravity))
-    cells = [resolution or s.predicted_cell(solids, gravity) for s in solids]
-    finest = min(
-        [c for s, c in zip(solids, cells, strict=True) if not s.rigid]
-        or [min(s.smallest for s in solids) / RIGID_CELLS]
-    )
-    bodies = tuple(case_body(s, c, finest, solids, gravity) for s, c in zip(solids, cells, strict=True))
+    contacts = predicted_contacts(solids, float(np.linalg.norm(case.gravity)))
+    grids = [None if s.rigid else soft_grid(s, solids, contacts, resolution) for s in solids]
+    finest = min([g.size for g in grids if g is not None] or [min(s.smallest for s in solids) / RIGID_CELLS])
+    bodies = tuple(case_body(s, g, finest) for s, g in zip(solids, grids, strict=True))
     pairs = tuple((p.a, p.b, p.static_friction, p.dynamic_friction) for p in case.friction_pairs)
     return Particles(bodies, pairs, finest, ())
 
 
-def case_body(solid: CaseSolid, cell: float, finest: float, solids: list[CaseSolid], gravity: float) -> SimulationBody:
-    """One body, with cells of `cell` [m] at its contacts where it is soft; `finest` is the smallest cell of all."""
-    planes = None if solid.rigid else graded(solid, cell, solids, gravity)
-    if planes is not None:
-        _refuse_more_cells(solid, planes, cell)
-    surface = solid.surface(planes, finest if planes is None else cell)
+def case_body(solid: CaseSolid, grid: Cells | None, finest: float) -> SimulationBody:
+    """One body, soft with a grid of cells; `finest` is the smallest cell of all [m]."""
+    planes = None if grid is None else grid.planes
+    surface = solid.surface(planes, finest if grid is None else grid.size)
     distance = sampled_distance(solid, surface, finest)
     inertial, friction = solid.inertial(), solid.material.friction
     name, velocity, spin = solid.body.name, np.asarray(solid.body.velocity), np.asarray(solid.body.angular_velocity)
     if planes is None:
         return RigidSimulationBody(
             name=name, instance=name, fixed=solid.fixed, surface=surface, distance=distance, inertial=inertial,
-            friction=friction, velocity=velocity, angular_velocity=spin,
+            friction=friction, velocity=velocity, angular_velocity=spin, vertical=solid.body.motion == "vertical",
         )  # fmt: skip
     loaded = (solid.body.rest_shape or ("loaded" if solid.fixed else "unloaded")) == "loaded"
     return SoftSimulationBody(
@@ -69,23 +72,59 @@ def case_body(solid: CaseSolid, cell: float, finest: float, solids: list[CaseSol
     )  # fmt: skip
 
 
-def graded(solid: CaseSolid, cell: float, solids: list[CaseSolid], gravity: float) -> Planes:
-    """Graded planes: fine where another body stands over or under this one."""
-    reach = FINE_REACH * solid.predicted_radius(solids, gravity)
-    low, high = solid.high.copy(), solid.low.copy()
-    for other in solid.may_touch(solids):
-        middle = solid.touch_point(other)
-        low, high = np.minimum(low, middle - reach), np.maximum(high, middle + reach)
-    fine = solid.box if (low > high).any() else np.stack([low, high])
-    return planes_of(solid.box, fine, cell, GROWTH)
+def soft_grid(
+    solid: CaseSolid, solids: list[CaseSolid], contacts: list[PredictedContact], resolution: float | None
+) -> Cells:
+    """The cells of a soft body: fine where a contact is predicted, or of `resolution` [m] there; coarser where that
+    takes more cells than the budget, unless they were asked for."""
+    joined = bonded_group(solid, solids)
+    felt = [c for c in contacts if c.upper in joined or c.lower in joined]
+    scale = 1.0
+    while True:
+        sizes = [axis_sizes(solid, axis, felt, resolution, scale) for axis in range(3)]
+        planes = tuple(sized_planes(float(solid.low[a]), float(solid.high[a]), *sizes[a], GROWTH) for a in range(3))
+        cell = min(float(np.diff(p).min()) for p in planes)
+        count = int(np.prod([len(p) - 1 for p in planes], dtype=np.float64))
+        if count <= (MOST_CELLS if resolution else BUDGET):
+            return Cells((planes[0], planes[1], planes[2]), cell, count)
+        if resolution:
+            raise InputError(
+                f"body {solid.body.name!r}: {count:.3g} cells of {1e3 * cell:.2g} mm > {MOST_CELLS}; raise --resolution"
+            )
+        scale *= COARSER
 
 
-def _refuse_more_cells(solid: CaseSolid, planes: Planes, cell: float) -> None:
-    count = int(np.prod([len(p) - 1 for p in planes], dtype=np.float64))
-    if count > MOST_CELLS:
-        raise InputError(
-            f"body {solid.body.name!r}: {count:.3g} cells of {1e3 * cell:.2g} mm > {MOST_CELLS}; raise --resolution"
-        )
+def axis_sizes(
+    solid: CaseSolid, axis: int, felt: list[PredictedContact], resolution: float | None, scale: float
+) -> tuple[Array, Array, Array]:
+    """Where intervals along an axis begin and end [m], and the cell sizes [m] wanted there, each of shape (k,)."""
+    low, high = float(solid.low[axis]), float(solid.high[axis])
+    through = (high - low) / CELLS_THROUGH if felt else resolution or solid.smallest / CELLS_THROUGH
+    begin, end, size = [np.array([low])], [np.array([high])], [np.array([through])]
+    for contact in felt:
+        height = contact.height_on(solid)
+        away = max(float(solid.low[2]) - height, height - float(solid.high[2]), 0.0)
+        if axis < 2:
+            place, half = contact.across(axis)
+            step = 0.5 * contact.patch.spacing[axis]
+            begin.append(np.append(place[0] - BESIDE * half[0], place[1:] - step))
+            end.append(np.append(place[:-1] + step, place[-1] + BESIDE * half[-1]))
+        else:
+            half = np.array([contact.half_width])
+            middle = np.clip([height], low, high)
+            begin.append(middle - half)
+            end.append(middle + half)
+        wanted = np.full(len(half), resolution) if resolution else scale * half / CELLS_ACROSS
+        size.append(wanted + np.log(GROWTH) * away)
+    return np.concatenate(begin), np.concatenate(end), np.concatenate(size)
+
+
+def bonded_group(solid: CaseSolid, solids: list[CaseSolid]) -> list[CaseSolid]:
+    """A body and those bonded to it, directly or through others."""
+    group = [solid]
+    for one in group:
+        group += [s for s in solids if s.body.name in one.bonded and s not in group]
+    return group
 
 
 def sampled_distance(solid: CaseSolid, surface: Mesh, finest: float) -> DistanceGrid:

@@ -95,7 +95,7 @@ class CaseBody(BaseModel, **Strict):
     quaternion: Annotated[list[float], Field(min_length=4, max_length=4)] = [1.0, 0.0, 0.0, 0.0]
     velocity: Vector3 = [0.0, 0.0, 0.0]
     angular_velocity: Vector3 = [0.0, 0.0, 0.0]
-    motion: Literal["free", "fixed"] = "free"
+    motion: Literal["free", "fixed", "vertical"] = "free"
     clamp: Literal["x_min", "x_max", "y_min", "y_max", "z_min", "z_max", "bottom", "sides_and_bottom", "none"] = (
         "bottom"
     )
@@ -174,6 +174,8 @@ def checked_case(document: Mapping[str, object], path: str) -> Case:
             raise InputError(
                 f"{path}: bodies.{body.name}.clamp: a fixed soft body with clamp none would fall; name a face"
             )
+        if body.motion == "vertical" and not is_rigid(body, material):
+            raise InputError(f"{path}: bodies.{body.name}.motion: only a rigid body can be held to the vertical")
     if case.resolution == "auto" and not any(case.gravity):
         raise InputError(f"{path}: gravity [0, 0, 0]: no load to choose the cells by; give a resolution")
     return case

@@ -15,18 +15,13 @@ from dcap.scene.readers.source import read_scan
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.particles import InertialProperties
 from dcap.scene.types.sample import SourceOptions
-from solver.contact.predict import contact_radius
 from tasks.bodies.inertial import inertial_of_solid
 from tasks.bodies.soft_cells import Planes
 from tasks.case.file import CaseBody, is_rigid, material_of, primitive_of
 
 Array = NDArray[np.float64]
 
-CELLS_PER_RADIUS = 5.0  # cells in a predicted contact radius: the two known depths within 1.2 %, 2 % are promised
-CELLS_THROUGH = 4.0  # least cells through the smallest side of a soft body
 OUTLINE_EDGES = 8.0  # edges in half a primitive where only its outline matters
-SEEN = 0.4  # of the predicted depth: what of a face lies within it counts as flat; of a ball sqrt(0.8) of Hertz' radius
-INVISIBLE = 5e-5  # a dent shallower than the penetration of the contact springs [m] is not worth resolving
 
 
 class CaseSolid:
@@ -43,13 +38,11 @@ class CaseSolid:
         self.position = np.asarray(body.position)
         self.primitive = primitive_of(body.shape)
         self.given = None if self.primitive else given_mesh(folder / str(body.shape.mesh), body.name)
-        self.outline = self.placed(self._outline())
-        """Points of the surface that show where it is flat [m], shape (n, 3)."""
         if isinstance(self.primitive, Capsule):
             reach = 0.5 * self.primitive.length * np.abs(self.rotation[:, 2]) + self.primitive.radius
             ends = np.stack([self.position - reach, self.position + reach])
         else:
-            ends = self.outline
+            ends = self.placed(self._outline())
         self.low: Array = ends.min(axis=0)
         self.high: Array = ends.max(axis=0)
 
@@ -98,6 +91,12 @@ class CaseSolid:
         volume = self.primitive.volume if self.primitive else mass_properties(self._given(), 1.0)[0]
         return float(self.material.density * volume)
 
+    @property
+    def compliance(self) -> float:
+        """(1 - nu^2) / E [1/Pa]; 0 if rigid."""
+        m = self.material
+        return 0.0 if self.rigid else (1.0 - m.poisson_ratio**2) / m.youngs_modulus
+
     def inertial(self) -> InertialProperties:
         """Of a solid of uniform density."""
         if self.primitive is not None:
@@ -126,26 +125,6 @@ class CaseSolid:
         assert self.primitive is not None
         return self.primitive.distance((points - self.position) @ self.rotation)
 
-    def predicted_cell(self, solids: "list[CaseSolid]", gravity: float) -> float:
-        """CELLS_PER_RADIUS in the predicted contact radius, at least four cells through the thickness."""
-        alone = not self.may_touch(solids)
-        thickness = self.smallest / CELLS_THROUGH
-        return thickness if alone else min(self.predicted_radius(solids, gravity) / CELLS_PER_RADIUS, thickness)
-
-    def predicted_radius(self, solids: "list[CaseSolid]", gravity: float) -> float:
-        """Smallest predicted contact radius with any other body [m]: Hertz where round, the face itself where flat."""
-        radii = [0.5 * self.smallest]
-        for other in self.may_touch(solids):
-            weight = min(s.mass for s in (self, other) if not s.fixed) * gravity
-            curvature = min(s.curvature_radius() for s in (self, other))
-            modulus = min(s.material.youngs_modulus for s in (self, other))
-            hertz = contact_radius(weight, curvature, modulus, self.material.poisson_ratio)
-            hertz = max(hertz, float(np.sqrt(curvature * INVISIBLE)))
-            upper, lower = sorted((self, other), key=lambda s: s.low[2] + s.high[2], reverse=True)
-            depth = SEEN * hertz**2 / curvature
-            radii.append(max(hertz, min(upper.flat_radius(depth, -1.0), lower.flat_radius(depth, 1.0))))
-        return min(radii)
-
     def curvature_radius(self) -> float:
         """Radius that stands for the body's underside [m]: its own where round, else half its footprint."""
         if isinstance(self.primitive, Capsule):
@@ -159,18 +138,6 @@ class CaseSolid:
             for other in solids
             if other is not self and not (self.fixed and other.fixed) and other.body.name not in self.bonded
         ]
-
-    def flat_radius(self, depth: float, side: float) -> float:
-        """Half the smaller horizontal extent [m] of what lies at most `depth` [m] below its top (`side` 1) or above its
-        bottom (-1)."""
-        level = side * self.outline[:, 2]
-        band = self.outline[level >= level.max() - depth]
-        return 0.5 * float(np.ptp(band[:, :2], axis=0).min())
-
-    def touch_point(self, other: "CaseSolid") -> Array:
-        """Where the two boxes come nearest [m]."""
-        middle = 0.5 * (np.clip(other.position, self.low, self.high) + np.clip(self.position, other.low, other.high))
-        return np.asarray(np.clip(middle, self.low, self.high))
 
 
 def given_mesh(path: Path, name: str) -> Mesh:

@@ -137,6 +137,9 @@ class SimulationBodyBase:
 class RigidSimulationBody(SimulationBodyBase):
     """A body that does not deform."""
 
+    vertical: bool = False
+    """Guided: moves along z alone, its x, y and rotation are held."""
+
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class SoftSimulationBody(SimulationBodyBase):

@@ -1,0 +1,113 @@
+"""Where and how two bodies will press on each other, before anything is simulated: contact of an elastic half-space.
+
+The gap between them is known on a regular grid in plan. Pressures p >= 0 that carry the load are sought so that the gap
+is closed where p > 0 and open elsewhere, with the deflection of a half-space under uniform pressure on rectangles
+[L29, Sec. 3.1; J85, Eq. 3.25]; a constrained conjugate gradient finds them [P99]. No shape is assumed: lines, edges,
+rings and feet come out as they are.
+
+[J85] K. L. Johnson, Contact Mechanics, Cambridge University Press, 1985.
+[L29] A. E. H. Love, The stress produced in a semi-infinite solid by pressure on part of the boundary, Phil. Trans. R.
+Soc. A 228, 1929.
+[P99] I. A. Polonsky, L. M. Keer, A numerical method for solving rough contact problems based on the multi-level
+multi-summation and conjugate gradient techniques, Wear 231, 1999.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import fft, ndimage
+
+Array = NDArray[np.float64]
+
+TOLERANCE = 1e-3  # change of the pressures in an iteration over the load [-]: resolutions need no more
+MOST_ITERATIONS = 200
+LOADED = 1e-3  # of the largest pressure: less counts as no contact
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Patch:
+    """A predicted contact."""
+
+    pressure: Array
+    """On the cells of the grid in plan [Pa], shape (nx, ny)."""
+    spacing: tuple[float, float]
+    """Of the cells along x and y [m]."""
+    approach: float
+    """How much nearer the bodies come from first contact to rest [m]."""
+
+    @property
+    def touching(self) -> NDArray[np.bool_]:
+        """Cells in contact, shape (nx, ny)."""
+        return np.asarray(self.pressure > LOADED * self.pressure.max())
+
+    def half_widths(self, axis: int) -> Array:
+        """Half the length of the run of contact through each row of cells across an axis, mean over its load [m]; nan
+        where nothing touches, shape (n,): how wide the patch is along `axis` there."""
+        touching, pressure = (np.moveaxis(one, axis, 0) for one in (self.touching, self.pressure))
+        run = np.zeros(touching.shape)
+        for row in range(touching.shape[1]):
+            label, count = ndimage.label(touching[:, row])
+            if count:
+                run[:, row] = np.bincount(label, minlength=count + 1)[label]
+        load = np.where(touching, pressure, 0.0)
+        total = load.sum(axis=1)
+        with np.errstate(invalid="ignore"):
+            return np.asarray(0.5 * self.spacing[axis] * (load * run).sum(axis=1) / total)
+
+
+def elastic_patch(gap: Array, spacing: tuple[float, float], load: float, modulus: float) -> Patch:
+    """The contact under a load [N] of two bodies whose gap [m] before it is known on a grid, shape (nx, ny).
+
+    `spacing` [m] of the grid, `modulus` E* [Pa] with 1 / E* the sum of (1 - nu^2) / E of both; the gap is infinite
+    where they cannot meet. Pressures at the grid's border say that it is too small.
+    """
+    area = spacing[0] * spacing[1]
+    kernel = _influence(gap.shape, spacing) / modulus
+    open_ = ~np.isfinite(gap)
+    height = np.where(open_, 0.0, gap - gap[~open_].min())
+    pressure = np.where(open_, 0.0, load / (area * (~open_).sum()))
+    direction, before, restart = np.zeros_like(gap), 1.0, 0.0
+    for _ in range(MOST_ITERATIONS):
+        touching = pressure > 0.0
+        residual = _deflection(kernel, pressure) + height
+        residual -= residual[touching].mean()
+        squared = float((residual[touching] ** 2).sum())
+        if squared == 0.0:
+            break
+        direction = np.where(touching, residual + restart * squared / before * direction, 0.0)
+        before = squared
+        bent = _deflection(kernel, direction)
+        bent -= bent[touching].mean()
+        step = float((residual[touching] * direction[touching]).sum() / (bent[touching] * direction[touching]).sum())
+        old = pressure
+        pressure = np.where(touching, np.maximum(pressure - step * direction, 0.0), 0.0)
+        inside = (pressure == 0.0) & (residual < 0.0) & ~open_
+        pressure[inside] -= step * residual[inside]
+        restart = 0.0 if inside.any() else 1.0
+        pressure *= load / (area * pressure.sum())
+        if np.abs(pressure - old).sum() * area < TOLERANCE * load:
+            break
+    touching = pressure > 0.0
+    return Patch(pressure, spacing, float((_deflection(kernel, pressure) + height)[touching].mean()))
+
+
+def _influence(shape: tuple[int, ...], spacing: tuple[float, float]) -> NDArray[np.complex128]:
+    """Transform of the deflection of a half-space of E* = 1 at the middles of cells under unit pressure on one."""
+    a, b = 0.5 * spacing[0], 0.5 * spacing[1]
+    nx, ny = (2 * n for n in shape)
+    x = spacing[0] * fft.fftfreq(nx, 1.0 / nx)[:, None]
+    y = spacing[1] * fft.fftfreq(ny, 1.0 / ny)[None, :]
+
+    def corner(u: Array, v: Array) -> Array:
+        return np.asarray(u * np.arcsinh(v / np.abs(u)) + v * np.arcsinh(u / np.abs(v)))
+
+    deflection = corner(x + a, y + b) - corner(x + a, y - b) - corner(x - a, y + b) + corner(x - a, y - b)
+    return np.asarray(fft.rfft2(deflection / np.pi))
+
+
+def _deflection(kernel: NDArray[np.complex128], pressure: Array) -> Array:
+    """Of the surface under pressures (nx, ny) [m]."""
+    nx, ny = pressure.shape
+    whole = fft.irfft2(kernel * fft.rfft2(pressure, (2 * nx, 2 * ny)), (2 * nx, 2 * ny))
+    return np.asarray(whole[:nx, :ny])

@@ -1,0 +1,200 @@
+"""Where the bodies of a case will press on each other, and how fine their cells must be there.
+
+In: the solids as they start. Out: for every pair of which one may come to lie on the other the patch that an elastic
+half-space would show under the gap between their true shapes; and from all patches of a body the size of its cells
+along each axis. No shape is assumed: a line of contact is resolved across and along for itself, feet one by one.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dcap.geometry.raycast import Raycaster
+from solver.contact.patch import Patch, elastic_patch
+from tasks.case.solid import CaseSolid
+
+Array = NDArray[np.float64]
+
+SAMPLES = 128  # of the gap along each side of the box in plan that two bodies share
+ZOOMED = 0.4  # a patch that fills less of the box along both sides is looked at again in a smaller one [-]
+BORDER = 0.25  # of the patch's box on each side of it [-]
+MOST_ZOOMS = 6
+MARCHES = 80  # steps of a point along gravity to the surface of a primitive
+ON_SURFACE = 1e-7  # of the body's size: nearer counts as on it [-]
+LAYER_ROUNDS = 4  # the patch and what it feels of deeper layers decide each other
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class PredictedContact:
+    """One body on another."""
+
+    upper: CaseSolid
+    lower: CaseSolid
+    x: Array
+    """Middles of the patch's cells [m], shape (nx,)."""
+    y: Array
+    """[m], shape (ny,)."""
+    height: float
+    """Of the first contact on the lower body [m]."""
+    patch: Patch
+
+    def across(self, axis: int) -> tuple[Array, Array]:
+        """Coordinates along an axis where there is contact [m], and half the patch's width along it there [m]."""
+        half = self.patch.half_widths(axis)
+        touching = np.isfinite(half)
+        return (self.x, self.y)[axis][touching], half[touching]
+
+    def height_on(self, solid: CaseSolid) -> float:
+        """Height of the contact [m] as a body sees it that touches there or is bonded to one that does: on the lower
+        body and what is below it where that begins to be touched, else on the underside of the upper one."""
+        from_below = solid is self.lower or (solid is not self.upper and higher(self.upper, solid))
+        return self.height if from_below else float(self.upper.low[2])
+
+    @property
+    def half_width(self) -> float:
+        """Half the width of the patch where it is narrower, mean over its load [m]."""
+        means = []
+        for axis in range(2):
+            load = self.patch.pressure.sum(axis=1 - axis)
+            half = self.patch.half_widths(axis)
+            touching = np.isfinite(half)
+            means.append(float(np.average(half[touching], weights=load[touching])))
+        return min(means)
+
+
+def predicted_contacts(solids: list[CaseSolid], gravity: float) -> list[PredictedContact]:
+    """The contact of every pair that can press on each other and lies one above the other in plan."""
+    found = []
+    for i, one in enumerate(solids):
+        for two in one.may_touch(solids[i + 1 :]):
+            upper, lower = (one, two) if higher(one, two) else (two, one)
+            if covered(lower, upper, solids):
+                continue
+            if contact := predicted_contact(upper, lower, solids, gravity):
+                found.append(contact)
+    return found
+
+
+def predicted_contact(
+    upper: CaseSolid, lower: CaseSolid, solids: list[CaseSolid], gravity: float
+) -> PredictedContact | None:
+    """Where a body will lie on the one beneath it; None where it would fall past it."""
+    box = np.stack([np.maximum(upper.low, lower.low), np.minimum(upper.high, lower.high)])[:, :2]
+    load = gravity * carried_mass(upper, lower, solids)
+    if (box[0] >= box[1]).any() or load <= 0.0:
+        return None
+    region = box
+    for _ in range(MOST_ZOOMS):
+        width = (region[1] - region[0]) / SAMPLES
+        x, y = (region[0, a] + width[a] * (np.arange(SAMPLES) + 0.5) for a in range(2))
+        plan = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2)
+        top = heights(lower, plan, -1.0)
+        gap = (heights(upper, plan, 1.0) - top).reshape(SAMPLES, SAMPLES)
+        if not np.isfinite(gap).any():
+            return None
+        patch = layered_patch(gap, (float(width[0]), float(width[1])), load, upper, lower, solids)
+        height = float(top[int(np.nanargmin(gap))])
+        contact = PredictedContact(upper, lower, x, y, height, patch)
+        filled = [np.ptp(axis[patch.touching.any(axis=1 - a)]) for a, axis in enumerate((x, y))]
+        if (np.array(filled) >= ZOOMED * (region[1] - region[0])).any():
+            break
+        ends = [axis[patch.touching.any(axis=1 - a)] for a, axis in enumerate((x, y))]
+        near = np.array([[e.min() for e in ends], [e.max() for e in ends]])
+        margin = BORDER * (near[1] - near[0]) + 2.0 * width
+        region = np.stack([np.maximum(near[0] - margin, box[0]), np.minimum(near[1] + margin, box[1])])
+    return contact
+
+
+def higher(one: CaseSolid, two: CaseSolid) -> bool:
+    """Whether the middle of a body's box lies above that of another's."""
+    return bool(one.low[2] + one.high[2] > two.low[2] + two.high[2])
+
+
+def covered(lower: CaseSolid, upper: CaseSolid, solids: list[CaseSolid]) -> bool:
+    """Whether what is bonded to a body's top keeps another from reaching it."""
+    between = [s for s in solids if s.body.name in lower.bonded and higher(s, lower) and higher(upper, s)]
+    return any((s.low[:2] <= lower.low[:2]).all() and (s.high[:2] >= lower.high[:2]).all() for s in between)
+
+
+def carried_mass(upper: CaseSolid, lower: CaseSolid, solids: list[CaseSolid]) -> float:
+    """Mass [kg] that comes down on `lower` through `upper`: its own, and that of what stands on it; where the upper one
+    is fixed that of the lower one, which presses against it."""
+    if upper.fixed:
+        return lower.mass
+    carried, new = [upper], [upper]
+    while new:
+        others = [s for s in solids if not s.fixed and s is not lower and s not in carried]
+        new = [s for s in others if any(above(s, one) for one in new)]
+        carried += new
+    return sum(one.mass for one in carried)
+
+
+def above(one: CaseSolid, two: CaseSolid) -> bool:
+    """Whether a body starts over another: their boxes overlap in plan."""
+    beside = (one.low[:2] >= two.high[:2]) | (one.high[:2] <= two.low[:2])
+    return not beside.any() and higher(one, two)
+
+
+def heights(solid: CaseSolid, plan: Array, side: float) -> Array:
+    """Height [m] at which a vertical line through each point (n, 2) enters a body from below (`side` 1) or from above
+    (-1), shape (n,); nan where it misses."""
+    begin = solid.low[2] if side > 0.0 else solid.high[2]
+    size = float(np.linalg.norm(solid.extent))
+    if solid.primitive is None:
+        start = np.column_stack([plan, np.full(len(plan), begin - side * size)])
+        hits = Raycaster(solid.surface(None, 0.0)).cast(start, np.tile([0.0, 0.0, side], (len(plan), 1)))
+        return np.where(np.isfinite(hits.distance), start[:, 2] + side * hits.distance, np.nan)
+    point = np.column_stack([plan, np.full(len(plan), begin)])
+    for _ in range(MARCHES):
+        distance = solid.exact_distance(point)
+        point[:, 2] += side * np.maximum(distance, 0.0)
+    missed = solid.exact_distance(point) > np.sqrt(ON_SURFACE) * size
+    return np.where(missed, np.nan, point[:, 2])
+
+
+def layered_patch(
+    gap: Array, spacing: tuple[float, float], load: float, upper: CaseSolid, lower: CaseSolid, solids: list[CaseSolid]
+) -> Patch:
+    """The patch on what lies beneath, layers bonded below each other counted by how much the contact feels of them."""
+    gap = np.where(np.isfinite(gap), gap, np.inf)
+    radius = 0.0
+    for _ in range(LAYER_ROUNDS):
+        stacks = layers(upper, solids, 1.0), layers(lower, solids, -1.0)
+        compliance = sum(felt_compliance(stack, radius) for stack in stacks)
+        patch = elastic_patch(gap, spacing, load, 1.0 / max(compliance, 1e-30))
+        radius = float(np.sqrt(patch.touching.sum() * spacing[0] * spacing[1] / np.pi))
+    return patch
+
+
+def layers(solid: CaseSolid, solids: list[CaseSolid], side: float) -> list[tuple[float, float]]:
+    """(thickness [m], compliance (1 - nu^2) / E [1/Pa]) of a body and of what is bonded to it further from the contact:
+    below it (`side` -1) or above (1)."""
+    found, one = [], solid
+    while True:
+        found.append((float(one.extent[2]), one.compliance))
+        farther = [
+            s for s in solids if s.body.name in one.bonded and (higher(s, one) if side > 0.0 else higher(one, s))
+        ]
+        if not farther:
+            return found
+        one = min(farther, key=lambda s: side * float(s.low[2] + s.high[2]))
+
+
+def felt_compliance(stack: list[tuple[float, float]], radius: float) -> float:
+    """1 / E* that a contact of a radius [m] feels of layers: each weighted by its share of the indentation of a uniform
+    half-space under uniform pressure, 1 - F(depth / radius) [J85, Eq. 3.32b]; the last one reaches down for ever."""
+    depth, felt, total = 0.0, 1.0, 0.0
+    for k, (thickness, compliance) in enumerate(stack):
+        depth += thickness
+        left = 0.0 if k == len(stack) - 1 or radius == 0.0 else below(depth / radius)
+        total += (felt - left) * compliance
+        felt = left
+    return total
+
+
+def below(depth: float) -> float:
+    """Share of the indentation that comes from deeper than `depth` radii, nu = 0.3: vertical displacement on the axis
+    of a uniformly loaded circle over that at the surface."""
+    root = np.sqrt(1.0 + depth**2)
+    return float(root - depth + depth * (1.0 - depth / root) / (2.0 * (1.0 - 0.3)))

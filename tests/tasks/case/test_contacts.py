@@ -1,0 +1,101 @@
+"""Where bodies of a case will press on each other, seen before anything is simulated, and the cells that follow."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from tasks.case.bodies import BUDGET, CELLS_ACROSS, case_particles
+from tasks.case.contacts import felt_compliance, heights, predicted_contacts
+from tasks.case.file import checked_case
+from tasks.case.solid import CaseSolid
+
+FOAM = {"density": 60, "youngs_modulus": 5e4, "poisson_ratio": 0.3, "static_friction": 0.5, "dynamic_friction": 0.4}
+SLAB = {"name": "slab", "shape": {"box": {"size": [0.4, 0.4, 0.15]}}, "position": [0, 0, 0.075], "motion": "fixed",
+        "material": FOAM}  # fmt: skip
+
+
+def body(shape, height, **more):
+    return {"name": "thing", "shape": shape, "position": [0, 0, height], "mass": 2.0, "material": "steel"} | more
+
+
+def contacts(*bodies, bonds=()):
+    """The predicted contacts of bodies on the slab."""
+    case = checked_case({"bodies": [SLAB, *bodies], "bonds": [list(one) for one in bonds]}, "case")
+    solids = [
+        CaseSolid(one, Path(), frozenset(n for pair in bonds for n in pair if one.name in pair and n != one.name))
+        for one in case.bodies
+    ]
+    return predicted_contacts(solids, 9.81)
+
+
+def lying(axis):
+    return Rotation.from_euler(axis, 90.0, degrees=True).as_quat(scalar_first=True).tolist()
+
+
+def test_a_lying_capsule_touches_along_its_whole_length():
+    """Not only in its middle; across it is as narrow as a line of contact."""
+    (found,) = contacts(body({"capsule": {"radius": 0.04, "length": 0.1}}, 0.2, quaternion=lying("y")))
+    x, along = found.across(0)
+    _, across = found.across(1)
+    assert np.ptp(x) > 0.09
+    assert along.max() > 3.0 * across.max()
+    assert found.half_width == pytest.approx(np.median(across), rel=0.4)
+
+
+def test_a_cube_on_its_edge_touches_in_a_line():
+    """Its true underside decides, whatever its box is."""
+    turn = Rotation.from_euler("x", 45.0, degrees=True).as_quat(scalar_first=True).tolist()
+    (found,) = contacts(body({"box": {"size": [0.1, 0.1, 0.1]}}, 0.23, quaternion=turn, motion="vertical"))
+    assert found.half_width < 0.02
+    assert np.ptp(found.across(0)[0]) == pytest.approx(0.1, abs=0.005)
+
+
+def test_what_falls_past_has_no_contact():
+    """Nor has what is covered by a layer that is bonded to it."""
+    assert contacts(body({"sphere": {"radius": 0.05}}, 0.3) | {"position": [0.5, 0, 0.3]}) == []
+    cover = {"name": "cover", "shape": {"box": {"size": [0.4, 0.4, 0.02]}}, "position": [0, 0, 0.16],
+             "material": FOAM}  # fmt: skip
+    found = contacts(cover, body({"sphere": {"radius": 0.05}}, 0.23), bonds=[("cover", "slab")])
+    assert [(one.upper.body.name, one.lower.body.name) for one in found] == [("thing", "cover")]
+
+
+def test_what_stands_on_top_presses_too():
+    """A slab carries a plate and the ball on it."""
+    plate = {"name": "plate", "shape": {"box": {"size": [0.1, 0.1, 0.02]}}, "position": [0, 0, 0.161], "mass": 1.0,
+             "material": "steel"}  # fmt: skip
+    found = {one.upper.body.name: one for one in contacts(plate, body({"sphere": {"radius": 0.05}}, 0.23))}
+    area = float(np.prod(found["plate"].patch.spacing))
+    assert found["plate"].patch.pressure.sum() * area == pytest.approx(3.0 * 9.81)
+
+
+def test_heights_of_a_primitive_are_exact():
+    """From below and from above, and nothing beside it."""
+    ball = checked_case({"bodies": [SLAB, body({"sphere": {"radius": 0.05}}, 1.0)]}, "case").bodies[1]
+    solid, plan = CaseSolid(ball, Path()), np.array([[0.0, 0.0], [0.03, 0.0], [0.049, 0.0], [0.06, 0.0]])
+    rise = np.sqrt(0.05**2 - np.array([0.0, 0.03, 0.049]) ** 2)
+    assert heights(solid, plan, 1.0)[:3] == pytest.approx(1.0 - rise, abs=1e-5)
+    assert heights(solid, plan, -1.0)[:3] == pytest.approx(1.0 + rise, abs=1e-5)
+    assert np.isnan(heights(solid, plan, 1.0)[3])
+
+
+def test_a_contact_feels_a_thin_layer_little_and_a_thick_one_alone():
+    """Between those limits both count; one layer counts as itself."""
+    soft, hard = 1e-4, 1e-6
+    assert felt_compliance([(0.1, soft)], 0.02) == pytest.approx(soft)
+    assert felt_compliance([(1e-6, hard), (1.0, soft)], 0.02) == pytest.approx(soft, rel=1e-3)
+    assert felt_compliance([(10.0, soft), (1.0, hard)], 0.02) == pytest.approx(soft, rel=1e-2)
+    assert hard < felt_compliance([(0.01, soft), (1.0, hard)], 0.02) < soft
+
+
+def test_cells_follow_the_patch_within_the_budget():
+    """A fifth of half its width across, larger along a line, fine under a cover too; at most the budget."""
+    capsule = body({"capsule": {"radius": 0.04, "length": 0.1}}, 0.2, quaternion=lying("y"))
+    case, (found,) = checked_case({"bodies": [SLAB, capsule]}, "case"), contacts(capsule)
+    slab = case_particles(case, Path(), None).bodies[0]
+    x, y, z = (np.diff(p) for p in slab.grid.planes)  # type: ignore[union-attr]
+    assert y.min() <= 1.1 * found.across(1)[1].max() / CELLS_ACROSS
+    assert z.min() <= 1.01 * found.half_width / CELLS_ACROSS
+    assert x.min() > 1.5 * y.min()
+    assert len(x) * len(y) * len(z) <= BUDGET
