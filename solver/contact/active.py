@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
+from solver.contact.flatness import FlatRegions
 from solver.contact.rolling import RollingTorque, Spin
 from solver.model.bodies import Body
 from solver.model.state import ContactMemory, PointMemory
@@ -24,6 +25,8 @@ class Pair:
     """Normal stiffness per point at the start [N/m], shape (n,)."""
     area: NDArray[np.float64]
     """Surface area that a point stands for [m^2], shape (n,)."""
+    flat: FlatRegions | None = None
+    """Of a rigid body before a soft one: points whose region the other's own points cover do not count."""
 
     @property
     def key(self) -> tuple[int, int]:

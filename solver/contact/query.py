@@ -5,7 +5,7 @@ springs whose anchors the state remembers from step to step, taken implicitly on
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,6 +56,8 @@ class Located:
     """Points that lie in a cell of a soft body, shape (k,)."""
     unlocated: int = 0
     """As in Contacts."""
+    cell: NDArray[np.float64] | None = None
+    """Longest side of the cell that holds each point, 0 where none does [m], shape (k,); None in a rigid body."""
 
 
 def _interpolation(body: BodyGrid, nodes: int) -> sparse.csr_matrix:
@@ -107,7 +109,9 @@ class ContactQuery:
                 self.smooth,
             )  # fmt: skip
         found = {
-            p.key: self._locate(p.b, state, surfaces[p.a], state.memory.points[p.key].material_point)
+            p.key: self._seen(
+                p, state, self._locate(p.b, state, surfaces[p.a], state.memory.points[p.key].material_point)
+            )
             for p in self.pairs
         }
         touching = [t for p in self.pairs if (t := self._touch(p, state, surfaces[p.a], found[p.key], start))]
@@ -175,7 +179,19 @@ class ContactQuery:
         found = cell >= 0
         node[found] = self.soft.cell_node[cell[found]]
         weight[~found] = 0.0
-        return Located(point, material, gap, normal, node, weight, found, int((cell == query.UNLOCATED).sum()))
+        size = np.where(found, self.soft.cell_size[cell].max(axis=1), 0.0)
+        return Located(point, material, gap, normal, node, weight, found, int((cell == query.UNLOCATED).sum()), size)
+
+    def _seen(self, pair: Pair, state: State, found: Located) -> Located:
+        """Without the points of a rigid body that its soft partner's own points make superfluous."""
+        if pair.flat is None or found.cell is None:
+            return found
+        inside_ = np.flatnonzero(found.found & (found.gap < 0.0))
+        point, rotation = found.point[inside_], state.rotation[pair.a]
+        out = pair.flat.superfluous(point, rotation, found.normal[inside_], found.cell[inside_])
+        gap = found.gap.copy()
+        gap[inside_[out]] = query.FAR
+        return replace(found, gap=gap)
 
     def _undeformed(self, index: int, state: State, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """Where points (k, 3) would be in a soft body's start pose, had it only moved rigidly [m]."""

@@ -12,12 +12,13 @@ from numpy.typing import NDArray
 from solver.config import SolverConfig
 from solver.contact.active import Pair, vertex_areas
 from solver.contact.bonds import build_bonds
+from solver.contact.flatness import finely_sampled, flat_regions
 from solver.contact.predict import contact_stiffness
 from solver.contact.query import ContactQuery
 from solver.contact.rolling import RollingLaw, law_stiff
 from solver.errors import ModelError, UnstableStep
 from solver.model import soft as soft_system
-from solver.model.bodies import Body, Model, SoftBody, free_motions
+from solver.model.bodies import Body, Model, RigidBody, SoftBody, free_motions
 from solver.model.soft import SoftSystem
 from solver.model.state import State, best_rigid_motion, start_state
 from solver.rest import RestMonitor, Signals
@@ -211,7 +212,11 @@ def contact_pairs(model: Model, soft: SoftSystem, config: SolverConfig, gravity:
             if isinstance(one, SoftBody) or isinstance(two, SoftBody):
                 cell, modulus = softest(one, two)
                 stiffness = np.minimum(stiffness, CELL_STIFFNESS * modulus / cell * np.minimum(area, cell**2))
-            pairs.append(Pair(a, b, *model.friction(one, two), stiffness, area))
+            flat = None
+            if isinstance(one, RigidBody) and isinstance(two, SoftBody):
+                finest = softest(one, two)[0]
+                flat = flat_regions(one, finest) if finely_sampled(two, finest) else None
+            pairs.append(Pair(a, b, *model.friction(one, two), stiffness, area, flat))
     return pairs
 
 

@@ -107,11 +107,14 @@ class CaseSolid:
         return InertialProperties(self.mass, self.placed(unit.center_of_mass[None])[0], inertia)
 
     def surface(self, planes: Planes | None, cell: float) -> Mesh:
-        """As fine as the cells [m], or the grid's own planes, so that a contact presses on every node under it."""
+        """As fine as the cells [m], on a soft body twice as fine: a box has points on the planes of its grid, so that a
+        contact presses on every node under it, and between them, so that a rim counts where it is."""
         if isinstance(self.primitive, Box) and planes is not None and np.allclose(self.rotation, np.eye(3)):
-            local = self.primitive.surface_on([p - c for p, c in zip(planes, self.position, strict=True)])
+            halved = [np.sort(np.concatenate([p, 0.5 * (p[1:] + p[:-1])])) for p in planes]
+            local = self.primitive.surface_on([p - c for p, c in zip(halved, self.position, strict=True)])
         elif self.primitive is not None:
-            local = self.primitive.surface(max(min(cell, self.smallest / 8.0), float(self.extent.max()) / 160.0))
+            edge = cell if planes is None else 0.5 * cell
+            local = self.primitive.surface(max(min(edge, self.smallest / 8.0), float(self.extent.max()) / 160.0))
         else:
             local = self._given()
         return Mesh.of(self.placed(local.vertices), local.faces)

@@ -82,7 +82,7 @@ def with_checks(settled: Settled, particles: Particles, anchor: Anchor, intent: 
         tilt = CertificateRow.at_most(tilt_of(turned, anchor.world_from_object), config.topple_angle)
     if orientation.facing:
         turn = CertificateRow.at_most(turn_of(turned), config.turn_angle)
-    return replace(settled, checks=PlacementChecks(share, tilt, turn))
+    return replace(settled, checks=PlacementChecks(share, tilt, turn, particles.column or None))
 
 
 def checks_of(settled: Settled) -> PlacementChecks:

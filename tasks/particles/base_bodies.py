@@ -10,7 +10,13 @@ from dcap.geometry.solid.support import carried_bottoms, ready_support, shell_bo
 from dcap.scene.errors import GeometryError
 from dcap.scene.types.materials import BodyModel, PartMaterial
 from dcap.scene.types.mesh import Mesh
-from dcap.scene.types.particles import DistanceGrid, RigidSimulationBody, SimulationBody, SoftSimulationBody
+from dcap.scene.types.particles import (
+    ColumnLayer,
+    DistanceGrid,
+    RigidSimulationBody,
+    SimulationBody,
+    SoftSimulationBody,
+)
 from tasks.bodies.contact_surface import PER_CELL, soft_support_surface
 from tasks.bodies.distance_samples import distance_samples
 from tasks.bodies.inertial import inertial_of_material
@@ -18,6 +24,7 @@ from tasks.bodies.material_points import material_points
 from tasks.bodies.node_states import grid_of, nodes_at_bottoms, nodes_at_cuts, nodes_within
 from tasks.bodies.soft_cells import Cells, graded_cells
 from tasks.particles.drop_setup import REACH_BELOW, DropSetup, constants_of_parts, contact_cell_size
+from tasks.particles.layers import COLUMN_STEPS, Cover, column_of, covers_of, owners, top_of
 from tasks.particles.obstacles import NEARBY, governing_part, rigid_base
 
 Array = NDArray[np.float64]
@@ -35,6 +42,8 @@ class BaseBodies:
     rigid: RigidSimulationBody | None
     cell: float
     """Cell size under the contact, 0 without a soft part [m]."""
+    column: tuple[ColumnLayer, ...]
+    """What lies under the predicted contact, from the top down; empty without a soft part."""
 
     @property
     def bodies(self) -> list[SimulationBody]:
@@ -56,12 +65,13 @@ def base_bodies(setup: DropSetup) -> BaseBodies:
     stiff = np.array([r.model is BodyModel.RIGID for r in rows])[part] | ~soft_in_reach(setup, rows, faces, part)
     solid = rigid_solid(setup, faces[stiff], part[stiff]) if stiff.any() else None
     soft, cell = None, 0.0
+    column: tuple[ColumnLayer, ...] = ()
     if not stiff.all():
-        soft, cell = soft_base(setup, rows, faces[~stiff], part[~stiff], solid)
+        soft, cell, column = soft_base(setup, rows, faces[~stiff], part[~stiff], solid)
     rigid = None if solid is None else rigid_base(setup, rows, faces[stiff], part[stiff], solid)
     if soft is None and rigid is None:
         raise GeometryError(f"{base_id} has no surface beneath the object; raise ParticlesConfig.crop_margin")
-    return BaseBodies(soft, rigid, cell)
+    return BaseBodies(soft, rigid, cell, column)
 
 
 def rigid_solid(setup: DropSetup, faces: NDArray[np.int64], part: NDArray[np.int32]) -> MeshDistance:
@@ -97,10 +107,12 @@ def soft_base(
     faces: NDArray[np.int64],
     part: NDArray[np.int32],
     rigid: MeshDistance | None,
-) -> tuple[SoftSimulationBody, float]:
-    """All soft parts of the base within the crop as one fixed body, and its cell size at the contact [m]."""
+) -> tuple[SoftSimulationBody, float, tuple[ColumnLayer, ...]]:
+    """All soft parts of the base within the crop as one fixed body, its cell size at the contact [m], and the column of
+    materials there."""
     base_id, config, mesh = setup.anchor.base_id, setup.config, setup.scene.mesh.submesh(faces)
-    bottom = soft_bottoms(setup, rows, mesh, part)
+    covers = noted_covers(setup, rows, mesh, part)
+    bottom = soft_bottoms(setup, rows, covers, mesh, part)
     solid, report = ready_support(mesh, bottom, setup.contact_region, config.hole_perimeter)
     setup.note_geometry(base_id, [setup.base.parts[p].name for p in np.unique(part)], report)
     box, cut = soft_box(setup, solid)
@@ -109,7 +121,7 @@ def soft_base(
     )
     cells = base_cells(setup, inside, box)
     points = material_points(
-        cells.planes, inside, lambda x: constants_of_parts(rows, owners(setup, rows, mesh, part, x)),
+        cells.planes, inside, lambda x: constants_of_parts(rows, owners(setup.base, covers, mesh, part, x)),
         if_empty=f"{base_id}: no solid beneath the object; raise ParticlesConfig.least_thickness",
     )  # fmt: skip
     held = held_nodes(setup, cells, cut, bottom, part, rigid)
@@ -120,7 +132,36 @@ def soft_base(
         distance=contact_distance(setup, solid, box, cells.size), inertial=inertial_of_material(points),
         friction=main.material.friction, points=points, grid=grid_of(cells.planes, held=held), loaded=True,
     )  # fmt: skip
-    return body, cells.size
+    return body, cells.size, column_under(setup, rows, covers, mesh, part, float(box[0, 2]))
+
+
+def noted_covers(setup: DropSetup, rows: list[PartMaterial], mesh: Mesh, part: NDArray[np.int32]) -> dict[int, Cover]:
+    """The covers among the soft parts, each with a note of how thick it is taken to be."""
+    soft = [r.part_index for r in rows if r.model is BodyModel.MPM]
+    covers = covers_of(setup.base, soft, mesh, part)
+    for cover in covers.values():
+        why = "as its edge shows" if cover.measured else "as is usual: its edge shows no thickness"
+        name = setup.base.parts[cover.part].name
+        setup.notes.append(f"{setup.anchor.base_id}: {name} is a layer of {1e3 * cover.thickness:.0f} mm, {why}")
+    return covers
+
+
+def column_under(
+    setup: DropSetup,
+    rows: list[PartMaterial],
+    covers: dict[int, Cover],
+    mesh: Mesh,
+    part: NDArray[np.int32],
+    bottom: float,
+) -> tuple[ColumnLayer, ...]:
+    """Parts and materials straight below the predicted contact, down to `bottom` [m]."""
+    foot = setup.footprint
+    top = float(foot.low[2] - foot.gap)
+    depth = np.linspace(0.0, max(top - bottom, 0.0), COLUMN_STEPS)
+    middle = 0.5 * (foot.low + foot.high)[:2]
+    points = np.column_stack([np.tile(middle, (len(depth), 1)), top - depth])
+    owner = owners(setup.base, covers, mesh, part, points)
+    return column_of(owner, depth, [(r.part, r.material.id) for r in rows])
 
 
 def contact_distance(setup: DropSetup, solid: MeshDistance, box: Array, cell: float) -> DistanceGrid:
@@ -130,7 +171,9 @@ def contact_distance(setup: DropSetup, solid: MeshDistance, box: Array, cell: fl
     return distance_samples(solid, reached, cell / SAMPLES_PER_CELL, margin=MARGIN, most=setup.config.distance_samples)
 
 
-def soft_bottoms(setup: DropSetup, rows: list[PartMaterial], mesh: Mesh, part: NDArray[np.int32]) -> Array:
+def soft_bottoms(
+    setup: DropSetup, rows: list[PartMaterial], covers: dict[int, Cover], mesh: Mesh, part: NDArray[np.int32]
+) -> Array:
     """Bottom of the soft solid under each face [m], shape (m,)."""
     index = [r.part_index for r in rows if r.model is BodyModel.MPM]
     carried = carried_bottoms([setup.base.parts[i].box for i in index])
@@ -138,6 +181,10 @@ def soft_bottoms(setup: DropSetup, rows: list[PartMaterial], mesh: Mesh, part: N
     bottom[index] = carried
     for one in sorted(set(part.tolist())):
         top = float(np.median(mesh.triangles[part == one][:, :, 2]))
+        if one in covers:  # over something soft it ends where that does, else at its own thickness
+            if bottom[one] >= setup.base.parts[one].box.bottom:
+                bottom[one] = top_of(mesh, part == one) - covers[one].thickness
+            continue
         if top - bottom[one] < setup.config.least_thickness:
             bottom[one] = top - setup.config.least_thickness
             setup.notes.append(
@@ -178,22 +225,6 @@ def base_cells(setup: DropSetup, distance: Distance, box: Array) -> Cells:
             f"{1e3 * wanted:.2g} mm, to meet the budget of {setup.config.base_cells} cells (ParticlesConfig.base_cells)"
         )
     return cells
-
-
-def owners(
-    setup: DropSetup, rows: list[PartMaterial], mesh: Mesh, part: NDArray[np.int32], position: Array
-) -> NDArray[np.int64]:
-    """Part of each particle: that of the nearest face; below a thin part's layer that of the nearest other part."""
-    field_ = MeshDistance(mesh)
-    owner = part[field_.nearest_face(position)].astype(np.int64)
-    thin = np.array([r.material.kind == "thin" for r in rows])
-    deep = np.flatnonzero(thin[owner])
-    others = np.flatnonzero(~thin[part])
-    if len(deep) and len(others):
-        deep = deep[field_.unsigned(position[deep]) > setup.config.layer]
-        below = MeshDistance(mesh.submesh(others))
-        owner[deep] = part[others][below.nearest_face(position[deep])]
-    return owner
 
 
 def held_nodes(

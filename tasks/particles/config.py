@@ -44,8 +44,6 @@ class ParticlesConfig(BaseModel, frozen=True, extra="forbid"):
     """Soft nodes nearer than this to a rigid part of the base are bonded to it [m]."""
     hole_perimeter: NonNegativeFloat = 0.25
     """Holes of a support's surface up to this perimeter are closed [m]."""
-    layer: PositiveFloat = 0.02
-    """Depth to which a thin part (a blanket) is made of its own material; below is what carries it [m]."""
     least_thickness: PositiveFloat = 0.04
     """A soft part seen only as a sheet is at least this thick [m]."""
     mass_trust: PositiveFloat = 1.5

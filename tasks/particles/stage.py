@@ -43,8 +43,9 @@ def particles(
             f"or base_cells ({config.base_cells}), or raise particle_limit"
         )
     return Particles(
-        tuple(bodies), (), base.cell if on_soft else placed.cell, tuple(setup.notes), tuple(setup.geometry)
-    )
+        tuple(bodies), (), base.cell if on_soft else placed.cell, tuple(setup.notes), tuple(setup.geometry),
+        base.column,
+    )  # fmt: skip
 
 
 def note_overlaps(setup: DropSetup, bodies: list[SimulationBody]) -> None:

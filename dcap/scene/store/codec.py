@@ -30,6 +30,7 @@ from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.outcome import BesideThePart, HiddenObject, Infeasible, InTheWay, NoRoom, NotInScene
 from dcap.scene.types.particles import (
     BackgroundGrid,
+    ColumnLayer,
     DistanceGrid,
     InertialProperties,
     MaterialPoints,
@@ -72,9 +73,9 @@ KINDS: dict[str, type] = {
     one.__name__: one
     for one in (
         Anchor, BackgroundGrid, BesideThePart, BodyGeometry, BodyStability, BondRow, Certificate, CertificateRow,
-        ContactFriction, ContactRow, DistanceGrid, HiddenObject, History, InertialProperties, Infeasible, Instance,
-        Intent, InTheWay, KickCheck, KickRow, LabelBox, LastState, Material, MaterialPoints, Mesh, NoRoom, NotDone,
-        NotInScene, OrientationRequest, OrientedBox, Overview, Part, Particles, PartMaterial, PartMaterials,
+        ColumnLayer, ContactFriction, ContactRow, DistanceGrid, HiddenObject, History, InertialProperties, Infeasible,
+        Instance, Intent, InTheWay, KickCheck, KickRow, LabelBox, LastState, Material, MaterialPoints, Mesh, NoRoom,
+        NotDone, NotInScene, OrientationRequest, OrientedBox, Overview, Part, Particles, PartMaterial, PartMaterials,
         PlacementChecks, PushBounds, PushRow, RegionRequest, Renders, RepairReport, RigidSimulationBody, RollingRow,
         Room, Rotation, Sample, Scan, Segmentation, Settled, SettledBody, SignalRows, SoftSimulationBody,
         SourceOptions, StabilityGrade,

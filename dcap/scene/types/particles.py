@@ -154,6 +154,19 @@ class SoftSimulationBody(SimulationBodyBase):
 SimulationBody: TypeAlias = RigidSimulationBody | SoftSimulationBody
 
 
+@dataclass(frozen=True, slots=True)
+class ColumnLayer:
+    """One layer of the soft base under the predicted contact."""
+
+    part: str
+    material: str
+    """Id in the library."""
+    from_m: float
+    """Depth of its top below the surface [m]."""
+    to_m: float
+    """Of its bottom [m]."""
+
+
 @dataclass(frozen=True, eq=False, slots=True)
 class Particles:
     """The whole simulation input."""
@@ -168,3 +181,5 @@ class Particles:
     """Crops, caps and treatments, one sentence each."""
     geometry: tuple[BodyGeometry, ...] = ()
     """How the solid of each body was made of its faces, and how far that moved them."""
+    column: tuple[ColumnLayer, ...] = ()
+    """What lies under the predicted contact, from the top down; empty on a rigid base."""

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dcap.scene.types.mesh import Mesh
+from dcap.scene.types.particles import ColumnLayer
 from solver.certificate import Certificate, CertificateRow, ContactRow, History, Verdict
 
 
@@ -34,6 +35,8 @@ class PlacementChecks:
     """Change of the object's tilt, where an orientation was asked."""
     turn_rad: CertificateRow | None = None
     """Turn about the vertical, where a facing was asked."""
+    column: tuple[ColumnLayer, ...] | None = None
+    """What of a soft base lies under the predicted contact, from the top down."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)

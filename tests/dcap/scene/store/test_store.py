@@ -37,6 +37,7 @@ from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.outcome import BesideThePart, HiddenObject, Infeasible, InTheWay, NoRoom, NotInScene, Reason
 from dcap.scene.types.particles import (
     BackgroundGrid,
+    ColumnLayer,
     DistanceGrid,
     InertialProperties,
     MaterialPoints,
@@ -107,6 +108,7 @@ NO_ROOM = NoRoom(
 LAST = LastState(
     explicit_certificate(), (CONTACT,), np.zeros(3), np.array([1.0, 0, 0, 0]), 12, 0.5, ("still moving",), CHECKS
 )  # fmt: skip
+COLUMN = ColumnLayer("mattress", "foam", 0.02, 0.2)
 BODIES = (a_body(rigid=True), a_body(rigid=False))
 VALUES = [
     Anchor("3", "mattress", 0, "center", np.zeros(2), np.zeros(3), np.eye(4), 0.01, np.zeros((4, 2)), "asked"),
@@ -125,7 +127,8 @@ VALUES = [
     a_box(),
     Overview(a_picture(), None),
     Part("mattress", a_box(), 0.5),
-    Particles(BODIES, (("object", "3", 0.5, 0.4),), 0.004, ("cropped",), (GEOMETRY,)),
+    Particles(BODIES, (("object", "3", 0.5, 0.4),), 0.004, ("cropped",), (GEOMETRY,), (COLUMN,)),
+    COLUMN,
     PartMaterial("object", "body", 0, MATERIAL, BodyModel.MPM, "E below 1 GPa"),
     PartMaterials((PartMaterial("object", "body", 0, MATERIAL, BodyModel.RIGID, "thin"),), "none"),
     GEOMETRY,

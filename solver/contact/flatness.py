@@ -1,0 +1,94 @@
+"""Which points of a rigid surface a finely sampled soft partner makes superfluous.
+
+Where a rigid body is flat over more than a cell of its soft partner, the partner's own surface points already keep it
+out. Points of the rigid body there would hold the partner's surface as well, up to the very rim of a flat punch, and
+drag nodes along that lie a cell beyond it: the punch would act as if it were that much wider, and a coarse contact
+would be too stiff. Edges and corners that press with their ridge, and what is smaller than a cell, keep their points.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from solver.model.bodies import Body
+
+Array = NDArray[np.float64]
+
+ALIKE = np.cos(np.radians(15.0))  # faces whose normals differ by less belong to one flat region
+PRESSED = np.cos(np.radians(25.0))  # a region whose normal is nearer to the partner's presses flat on it
+COVERED = 1.0  # least area of a region within a radius r of a point, over r^2 [-]: at a straight rim it is 1.57
+FINEST_SHARE = 0.02  # of the faces of a soft surface: those under the contact are its finest
+HALF_CELL_DIAGONAL = 0.75  # longest edge of a face with corners half a cell apart, over the cell [-]: 0.71
+PLANES = 3  # regions that are looked at for each point: those of a box's corner
+LEVELS = 3  # radii, each twice the one before
+CHUNK = 4000  # points looked at together: a fine surface has hundreds of faces around each
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class FlatRegions:
+    """Flat regions around the points of a rigid surface."""
+
+    normal: Array
+    """Outward, in the start pose, shape (n, PLANES, 3); zero where there are fewer."""
+    radius: Array
+    """How far each reaches, at most the largest radius looked at [m], shape (n, PLANES)."""
+
+    def superfluous(self, point: NDArray[np.integer], rotation: Array, normal: Array, cell: Array) -> NDArray[np.bool_]:
+        """Which of some points (k,) press with a flat region that is wider than a cell [m] (k,) of the partner, whose
+        outward normals (k, 3) are in the world; `rotation` (3, 3) is that of the rigid body since the start."""
+        facing = np.einsum("kpi,ji,kj->kp", self.normal[point], rotation, -normal)
+        return np.asarray(((facing > PRESSED) & (self.radius[point] >= cell[:, None])).any(axis=1))
+
+
+def finely_sampled(body: Body, cell: float) -> bool:
+    """Whether a soft body's surface has points at least twice as dense as its cells under a contact [m]."""
+    corner = body.vertices[body.faces]
+    edge = np.linalg.norm(corner - np.roll(corner, 1, axis=1), axis=2).max(axis=1)
+    return bool(np.quantile(edge, FINEST_SHARE) <= HALF_CELL_DIAGONAL * cell)
+
+
+def flat_regions(body: Body, smallest: float) -> FlatRegions:
+    """The regions around every vertex, looked at within radii from `smallest` [m] up."""
+    corner = body.vertices[body.faces]
+    cross = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
+    length = np.linalg.norm(cross, axis=1)
+    face_normal, area = cross / np.maximum(length, 1e-300)[:, None], 0.5 * length
+    normal = adjacent_normals(body, face_normal, area)
+    tree, radius = cKDTree(corner.mean(axis=1)), np.zeros(normal.shape[:2])
+    going = np.asarray(np.abs(normal).sum(axis=2) > 0.0)
+    for level in range(LEVELS):
+        reach = smallest * 2.0**level
+        rows = np.flatnonzero(going.any(axis=1))
+        for some in np.array_split(rows, max(1, -(-len(rows) // CHUNK))):
+            near = tree.query_ball_point(body.vertices[some], reach)
+            count = np.array([len(one) for one in near], dtype=np.int64)
+            face = np.fromiter((one for several in near for one in several), dtype=np.int64, count=int(count.sum()))
+            owner = np.repeat(np.arange(len(some)), count)
+            alike = np.einsum("fpi,fi->fp", normal[some][owner], face_normal[face]) > ALIKE
+            covered = np.zeros((len(some), normal.shape[1]))
+            np.add.at(covered, owner, alike * area[face][:, None])
+            going[some] &= covered >= COVERED * reach**2
+        radius[going] = reach
+    return FlatRegions(normal, radius)
+
+
+def adjacent_normals(body: Body, face_normal: Array, area: Array) -> Array:
+    """Up to PLANES normals of the faces at each vertex, those of larger faces first, none within 15 degrees of another,
+    shape (n, PLANES, 3)."""
+    corner = body.faces.ravel()
+    face = np.repeat(np.arange(len(body.faces)), 3)
+    order = np.lexsort((-area[face], corner))
+    corner, face = corner[order], face[order]
+    out, used = np.zeros((len(body.vertices), PLANES, 3)), np.zeros(len(body.vertices), dtype=np.int64)
+    starts = np.flatnonzero(np.diff(corner, prepend=-1))
+    place = np.arange(len(corner)) - np.repeat(starts, np.diff(np.append(starts, len(corner))))
+    for turn in range(int(place.max(initial=-1)) + 1):  # the largest face of every vertex, then the next of each
+        at = place == turn
+        vertex, normal = corner[at], face_normal[face[at]]
+        alike = (np.einsum("vpi,vi->vp", out[vertex], normal) > ALIKE).any(axis=1)
+        new = ~alike & (used[vertex] < PLANES)
+        out[vertex[new], used[vertex[new]]] = normal[new]
+        used[vertex[new]] += 1
+    return out

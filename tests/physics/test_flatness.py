@@ -1,0 +1,66 @@
+"""Which points of a rigid surface count before a soft one: ridges and corners do, wide flat regions do not."""
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from solver.contact.flatness import finely_sampled, flat_regions
+
+CELL = 0.01
+
+
+def superfluous(body, degrees=0.0, cell=CELL):
+    """Which points of a body are, turned about x since its start, where all of its partner's normals point up."""
+    count = len(body.vertices)
+    turn = Rotation.from_rotvec([np.radians(degrees), 0.0, 0.0]).as_matrix()
+    up = np.tile([0.0, 0.0, 1.0], (count, 1))
+    return flat_regions(body, CELL).superfluous(np.arange(count), turn, up, np.full(count, cell))
+
+
+def cube(lab, edge=0.004):
+    return lab.rigid("cube", lab.Box(np.array([0.1, 0.1, 0.1])), [0, 0, 0], edge=edge)
+
+
+def test_a_flat_underside_needs_none_of_its_points(lab):
+    """Not even those of its rim: the partner's own points end there. Corners keep theirs."""
+    body = cube(lab)
+    low = body.vertices[:, 2] == body.vertices[:, 2].min()
+    at_corner = (np.abs(body.vertices[:, :2]) > 0.05 - CELL).all(axis=1)
+    found = superfluous(body)
+    assert found[low & ~at_corner].all()
+    assert not found[~low].any()
+
+
+def test_a_ridge_keeps_its_points(lab):
+    """A cube on its edge: both faces beside it are inclined by 45 degrees."""
+    body = cube(lab)
+    ridge = (body.vertices[:, 1:] == body.vertices[:, 1:].min(axis=0)).all(axis=1)
+    assert ridge.any()
+    assert not superfluous(body, 45.0)[ridge].any()
+
+
+def test_what_is_smaller_than_a_cell_keeps_its_points(lab):
+    """A face of half a cell, and a ball of half a cell, could slip between the partner's points."""
+    small = lab.rigid("small", lab.Box(np.array([0.004, 0.1, 0.1])), [0, 0, 0], edge=0.002)
+    assert not superfluous(small).any()
+    assert not superfluous(lab.rigid("ball", lab.Capsule(0.005, 0.0), [0, 0, 0], edge=0.001, spacing=5e-4)).any()
+
+
+def test_a_large_ball_needs_no_point_at_its_bottom(lab):
+    """It is flat over more than a cell; before cells as large as itself it is not."""
+    body = lab.rigid("ball", lab.Capsule(0.1, 0.0), [0, 0, 0], edge=0.004)
+    bottom = body.vertices[:, 2] < -0.0995
+    assert superfluous(body)[bottom].all()
+    assert not superfluous(body, cell=0.1).any()
+
+
+def test_a_face_without_points_in_it_keeps_those_at_its_corners(lab):
+    """A box of twelve triangles: nothing is known of the middle of its faces."""
+    assert not superfluous(cube(lab, edge=1.0)).any()
+
+
+def test_a_partner_needs_points_between_its_nodes(lab):
+    """Only then may others be left out."""
+    slab = lab.Box(np.array([0.2, 0.2, 0.1]))
+    coarse, fine = (lab.soft("slab", slab, [0, 0, 0], E=1e4, cell=0.02, edge=e) for e in (0.02, 0.01))
+    assert not finely_sampled(coarse, 0.02)
+    assert finely_sampled(fine, 0.02)
