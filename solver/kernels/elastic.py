@@ -22,7 +22,9 @@ vec3 = ti.types.vector(3, ti.f64)
 mat3 = ti.types.matrix(3, 3, ti.f64)
 mat3f = ti.types.matrix(3, 3, ti.f32)
 vec4f = ti.types.vector(4, ti.f32)
+mat63 = ti.types.matrix(6, 3, ti.f64)
 mat83 = ti.types.matrix(8, 3, ti.f64)
+vec6 = ti.types.vector(6, ti.f64)
 
 SIDE = tuple(tuple(2.0 * (a >> shift & 1) - 1.0 for shift in (2, 1, 0)) for a in range(8))
 """-1 or 1 per axis for local node a = 4 i + 2 j + k."""
@@ -121,46 +123,60 @@ def load3(A: ti.template(), p: ti.i32) -> mat3:
 
 
 @ti.func
-def add_bending_relief(X: mat83, h: vec3, relief: ti.types.ndarray(), c: ti.i32, total: ti.template()) -> ti.f64:
-    """Adds dE/dx of the relief to `total` (8, 3) and returns its energy E; modes as in solver/model/bending.py."""
-    f, a = ti.Matrix.zero(ti.f64, 3, 3), ti.Matrix.zero(ti.f64, 3, 3)  # rows: f_x, f_y, f_z and a_xy, a_xz, a_yz
+def bending_slopes(X: mat83) -> mat63:
+    """Rows f_x, f_y, f_z, then a_xy, a_xz, a_yz of a cell, as in solver/model/bending.py up to factors of h and 8."""
+    out = ti.Matrix.zero(ti.f64, 6, 3)
     for n in ti.static(range(8)):
         for d in ti.static(range(3)):
-            f[0, d] += ti.static(SIDE[n][0]) * X[n, d]
-            f[1, d] += ti.static(SIDE[n][1]) * X[n, d]
-            f[2, d] += ti.static(SIDE[n][2]) * X[n, d]
-            a[0, d] += ti.static(SIDE[n][0]) * ti.static(SIDE[n][1]) * X[n, d]
-            a[1, d] += ti.static(SIDE[n][0]) * ti.static(SIDE[n][2]) * X[n, d]
-            a[2, d] += ti.static(SIDE[n][1]) * ti.static(SIDE[n][2]) * X[n, d]
-    on_f, on_a = ti.Matrix.zero(ti.f64, 3, 3), ti.Matrix.zero(ti.f64, 3, 3)
+            out[0, d] += ti.static(SIDE[n][0]) * X[n, d]
+            out[1, d] += ti.static(SIDE[n][1]) * X[n, d]
+            out[2, d] += ti.static(SIDE[n][2]) * X[n, d]
+            out[3, d] += ti.static(SIDE[n][0]) * ti.static(SIDE[n][1]) * X[n, d]
+            out[4, d] += ti.static(SIDE[n][0]) * ti.static(SIDE[n][2]) * X[n, d]
+            out[5, d] += ti.static(SIDE[n][1]) * ti.static(SIDE[n][2]) * X[n, d]
+    return out
+
+
+@ti.func
+def bending_amplitudes(slopes: mat63, h: vec3) -> vec6:
+    """Amplitudes q_ij of a cell's bending modes, in the order of MODES."""
     q = ti.Vector.zero(ti.f64, 6)
     for m in ti.static(range(6)):
         i = ti.static(MODES[m][0])
-        pair = ti.static(sum(MODES[m]) - 1)
+        pair = ti.static(2 + sum(MODES[m]))
         for d in ti.static(range(3)):
-            q[m] += f[i, d] * a[pair, d]
+            q[m] += slopes[i, d] * slopes[pair, d]
         q[m] *= 0.25 / h[i] * 0.125
+    return q
+
+
+@ti.func
+def add_bending_relief(
+    slopes: mat63, q: vec6, h: vec3, relief: ti.types.ndarray(), c: ti.i32, total: ti.template()
+) -> ti.f64:
+    """Adds dE/dx of the relief at amplitudes `q` to `total` (8, 3) and returns its energy E."""
+    back = ti.Matrix.zero(ti.f64, 6, 3)
     energy = 0.0
     for m in ti.static(range(6)):
         i = ti.static(MODES[m][0])
-        pair = ti.static(sum(MODES[m]) - 1)
+        pair = ti.static(2 + sum(MODES[m]))
         push = relief[c, m] * q[m] + relief[c, ti.static(6 + m // 2)] * q[ti.static(m ^ 1)]
         energy -= 0.5 * push * q[m]
         push *= 0.25 / h[i] * 0.125
         for d in ti.static(range(3)):
-            on_f[i, d] += push * a[pair, d]
-            on_a[pair, d] += push * f[i, d]
+            back[i, d] += push * slopes[pair, d]
+            back[pair, d] += push * slopes[i, d]
     for n in ti.static(range(8)):
         for d in ti.static(range(3)):
             total[n, d] -= (
-                ti.static(SIDE[n][0]) * on_f[0, d]
-                + ti.static(SIDE[n][1]) * on_f[1, d]
-                + ti.static(SIDE[n][2]) * on_f[2, d]
+                ti.static(SIDE[n][0]) * back[0, d]
+                + ti.static(SIDE[n][1]) * back[1, d]
+                + ti.static(SIDE[n][2]) * back[2, d]
             )
             total[n, d] -= ti.static(SIDE[n][0]) * (
-                ti.static(SIDE[n][1]) * on_a[0, d] + ti.static(SIDE[n][2]) * on_a[1, d]
+                ti.static(SIDE[n][1]) * back[3, d] + ti.static(SIDE[n][2]) * back[4, d]
             )
-            total[n, d] -= ti.static(SIDE[n][1]) * ti.static(SIDE[n][2]) * on_a[2, d]
+            total[n, d] -= ti.static(SIDE[n][1]) * ti.static(SIDE[n][2]) * back[5, d]
     return energy
 
 
@@ -213,7 +229,8 @@ def cell_forces(
                     F_out[p, 3 * i + j] = F[i, j]
         dilation /= bulk + SMALLEST_BULK
         total = ti.Matrix.zero(ti.f64, 8, 3)
-        relieved = add_bending_relief(X, h, relief, c, total) / material
+        slopes = bending_slopes(X)
+        relieved = add_bending_relief(slopes, bending_amplitudes(slopes, h), h, relief, c, total) / material
         for p in range(cell_start[c], cell_start[c + 1]):
             G = shape_gradients(vec3(xi[p, 0], xi[p, 1], xi[p, 2]), h)
             F = load3(F_out, p)

@@ -20,7 +20,7 @@ from solver.contact.active import Contacts
 from solver.contact.query import ContactQuery, StepStart
 from solver.contact.rolling import RollingLaw, law_stiff
 from solver.errors import UnstableStep
-from solver.kernels import elastic, sparse
+from solver.kernels import damping, elastic
 from solver.model.bodies import Model, RigidBody, free_motions
 from solver.model.soft import SoftSystem
 from solver.model.state import State, rotate, turn_between
@@ -52,12 +52,26 @@ class StepReport:
 
 
 @dataclass(frozen=True, eq=False, slots=True)
+class StepStrain:
+    """Strains at the start of a step, from which material damping measures."""
+
+    rate: float
+    """Damping beta over the step's length [-]."""
+    stretch: NDArray[np.float64]
+    """Stretch S of each particle, F = R S, shape (p, 9)."""
+    modes: NDArray[np.float64]
+    """Bending amplitudes of each cell, shape (c, 6)."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
 class StepProblem:
     """What one step is to solve."""
 
     start: StepStart
     push: NDArray[np.float64]
     """Acceleration that acts on each body besides gravity [m/s^2], shape (b, 3)."""
+    strain: StepStrain | None
+    """None without material damping."""
 
     @property
     def before(self) -> State:
@@ -104,7 +118,7 @@ class Stepper:
         query: ContactQuery,
         config: SolverConfig,
         weights: NDArray[np.float64],
-        damping: float = 0.0,
+        material_damping: float = 0.0,
     ) -> None:
         self.model = model
         self.soft = soft
@@ -112,7 +126,7 @@ class Stepper:
         self.config = config
         self.weights = weights
         """Weight of each body [N], of fixed ones that of all free ones, shape (b,)."""
-        self.damping = damping
+        self.damping = material_damping
         """Stiffness-proportional damping beta [s]."""
         self.theta = config.inertia_theta if config.inertia else 1.0
         """Where in a step forces and contacts are taken [-]."""
@@ -147,8 +161,9 @@ class Stepper:
             self.movable,
         )
 
-    def elastic_forces(self, state: State) -> NDArray[np.float64]:
-        """Elastic node forces [N], shape (n, 3); updates the particles' deformation, rotation and energy."""
+    def elastic_forces(self, state: State, since: StepStrain | None = None) -> NDArray[np.float64]:
+        """Elastic node forces [N], shape (n, 3), with the drag of material damping `since` the start of a step; updates
+        the particles' deformation, rotation and energy."""
         f = np.zeros_like(state.x)
         if len(f):
             s = self.soft
@@ -157,15 +172,31 @@ class Stepper:
                 state.polar,
                 self.deformation, self.volume_ratio, self.energy, self.cell_force,
             )  # fmt: skip
+            if since is not None:
+                damping.add_drag(
+                    since.rate, state.x, s.cell_node, s.cell_size, s.cell_start, s.local, s.volume, s.mu, s.lam,
+                    s.relief, self.deformation, state.polar, since.stretch, since.modes, self.cell_force,
+                )  # fmt: skip
             elastic.gather_forces(s.node_cell, self.cell_force, f)
         return f
+
+    def _strain(self, state: State, dt: float) -> StepStrain | None:
+        """What material damping in a step from this state is measured from, None without it."""
+        if self.damping == 0.0 or not len(state.x):
+            return None
+        self.elastic_forces(state)
+        s = self.soft
+        stretch, modes = np.empty_like(self.deformation), np.empty((len(s.cell_node), 6))
+        damping.start_strains(state.x, s.cell_node, s.cell_size, self.deformation, state.polar, stretch, modes)
+        return StepStrain(self.damping / dt, stretch, modes)
 
     def problem(
         self, state: State, dt: float, push: NDArray[np.float64] | None = None, rolling: RollingLaw = law_stiff
     ) -> StepProblem:
         """A step of `dt` [s] from a copy of the state; `push` (b, 3) accelerates bodies besides gravity [m/s^2]."""
         push = np.zeros((len(self.model.bodies), 3)) if push is None else push
-        return StepProblem(self.query.begin(state.copy(), dt, rolling), push)
+        start = state.copy()
+        return StepProblem(self.query.begin(start, dt, rolling), push, self._strain(start, dt))
 
     def step(
         self,
@@ -222,7 +253,7 @@ class Stepper:
         UnstableStep if it is not finite."""
         dt = problem.dt
         self._require_finite(state, dt)
-        force = self.elastic_forces(state)
+        force = self.elastic_forces(state, problem.strain)
         self.tangent.refresh(state, self.deformation)
         contacts = self.query.find(state, problem.start)
         state.memory = contacts.memory
@@ -288,11 +319,6 @@ class Stepper:
         for body in self.soft.bodies:
             nodes[body.nodes] += self.soft.mass[body.nodes, None] * push[body.index]
         nodes -= self.soft.mass[:, None] * (velocity - before.v) / dt
-        if self.damping > 0.0 and len(nodes):
-            drag = np.empty_like(nodes)
-            none = np.zeros(len(nodes))
-            sparse.multiply(self.soft.neighbour, self.tangent.stencil, self.damping, none, velocity, drag)
-            nodes -= drag
         for f, i in enumerate(self.frame_bodies):
             linear = (after.center[i] - before.center[i]) / dt
             angular = turn_between(before.rotation[i], after.rotation[i]) / dt
