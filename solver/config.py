@@ -35,7 +35,7 @@ class SolverConfig(BaseModel, frozen=True, extra="forbid"):
     shortest_step_seconds: PositiveFloat = 2.5e-4
     """A step that does not converge is halved down to this, then UnstableStep."""
 
-    newton_limit: PositiveInt = 8
+    newton_limit: PositiveInt = 12
     """Newton iterations in a step before it counts as not converged."""
     newton_tolerance: PositiveFloat = 1e-3
     """Residual of a body over its weight, or what it carries, at which a step at rest is solved: a fifth of what the

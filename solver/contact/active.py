@@ -57,8 +57,6 @@ class ActiveContacts:
     """On a [N], shape (k, 3)."""
     tangent: NDArray[np.float64]
     """-d force / d relative displacement [N/m] at constant friction limits: symmetric, shape (k, 3, 3)."""
-    coupling: NDArray[np.float64]
-    """What the limits, which follow the normal force, add to it for sliding points [N/m], shape (k, 3, 3)."""
     anchor: NDArray[np.float64]
     """New anchors, shape (k, 3)."""
     sliding: NDArray[np.bool_]
@@ -85,8 +83,6 @@ class PairPoints:
     """On a [N], shape (k, 3)."""
     tangent: NDArray[np.float64]
     """As in ActiveContacts, shape (k, 3, 3)."""
-    coupling: NDArray[np.float64]
-    """As in ActiveContacts, shape (k, 3, 3)."""
     node: NDArray[np.int64]
     """Nodes that move the points minus nodes that move those of b, shape (k, 16)."""
     weight: NDArray[np.float64]
@@ -95,7 +91,7 @@ class PairPoints:
     @classmethod
     def of(cls, t: ActiveContacts) -> "PairPoints":
         """Of what touches."""
-        return cls(t.pair.a, t.pair.b, t.position, t.force, t.tangent, t.coupling, t.node, t.weight)
+        return cls(t.pair.a, t.pair.b, t.position, t.force, t.tangent, t.node, t.weight)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -107,7 +103,6 @@ class Contacts:
     """Relative displacement per point from node displacements, shape (k, n)."""
     force: NDArray[np.float64]
     tangent: NDArray[np.float64]
-    coupling: NDArray[np.float64]
     position: NDArray[np.float64]
     a: NDArray[np.int64]
     b: NDArray[np.int64]

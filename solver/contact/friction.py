@@ -20,9 +20,9 @@ def point_forces(
     gap: NDArray[np.float64],
     normal: NDArray[np.float64],
     slip: NDArray[np.float64],
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]:
-    """Force on a (k, 3), its negative derivative in two parts (k, 3, 3), the symmetric one and that of the friction
-    limits, new anchors (k, 3) and sliding flags (k,) of penetrating points.
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]:
+    """Force on a (k, 3), its negative derivative at constant friction limits (k, 3, 3), new anchors (k, 3) and sliding
+    flags (k,) of penetrating points.
 
     A point that slid at the end of the last step feels mu_d, any other mu_s; the choice is fixed within a step,
     so that the force
@@ -44,6 +44,4 @@ def point_forces(
     ratio = np.where(slides, np.divide(stretch, size, out=np.ones_like(size), where=size > 0.0), 1.0)
     stuck = plane - np.where(slides, 1.0, 0.0)[:, None, None] * direction[:, :, None] * direction[:, None, :]
     tangent = stiffness[:, None, None] * outer + (tangential * ratio)[:, None, None] * stuck
-    follows = np.where(slides, coefficient * stiffness, 0.0)
-    coupling = -follows[:, None, None] * direction[:, :, None] * normal[:, None, :]
-    return force, tangent, coupling, stretch[:, None] * direction, slides
+    return force, tangent, stretch[:, None] * direction, slides

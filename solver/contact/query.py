@@ -56,8 +56,8 @@ class Located:
     """Points that lie in a cell of a soft body, shape (k,)."""
     unlocated: int = 0
     """As in Contacts."""
-    cell: NDArray[np.float64] | None = None
-    """Longest side of the cell that holds each point, 0 where none does [m], shape (k,); None in a rigid body."""
+    cell: NDArray[np.int32] | None = None
+    """Cell that holds each point, negative where none does, shape (k,); None in a rigid body."""
 
 
 def _interpolation(body: BodyGrid, nodes: int) -> sparse.csr_matrix:
@@ -129,7 +129,7 @@ class ContactQuery:
             pair.b, found.material[active], node, weight, state, start.state
         )
         memory = start.state.memory.points[pair.key]
-        force, tangent, coupling, anchor, sliding = point_forces(pair, memory, index, gap, normal, slip)
+        force, tangent, anchor, sliding = point_forces(pair, memory, index, gap, normal, slip)
         sliding &= np.linalg.norm(slip, axis=1) > STICK_SPEED * start.seconds
         nodes = np.zeros((len(active), 16), dtype=np.int64)
         weights = np.zeros((len(active), 16))
@@ -138,7 +138,7 @@ class ContactQuery:
             weights[:, :8] = self.soft_of[pair.a].surface_weight[index]
         nodes[:, 8:], weights[:, 8:] = node, -weight
         return ActiveContacts(
-            pair, index, points[index], gap, normal, force, tangent, coupling, anchor, sliding, nodes, weights
+            pair, index, points[index], gap, normal, force, tangent, anchor, sliding, nodes, weights
         )
 
     def _solid_box(self, state: State, index: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -179,8 +179,7 @@ class ContactQuery:
         found = cell >= 0
         node[found] = self.soft.cell_node[cell[found]]
         weight[~found] = 0.0
-        size = np.where(found, self.soft.cell_size[cell].max(axis=1), 0.0)
-        return Located(point, material, gap, normal, node, weight, found, int((cell == query.UNLOCATED).sum()), size)
+        return Located(point, material, gap, normal, node, weight, found, int((cell == query.UNLOCATED).sum()), cell)
 
     def _seen(self, pair: Pair, state: State, found: Located) -> Located:
         """Without the points of a rigid body that its soft partner's own points make superfluous."""
@@ -188,7 +187,8 @@ class ContactQuery:
             return found
         inside_ = np.flatnonzero(found.found & (found.gap < 0.0))
         point, rotation = found.point[inside_], state.rotation[pair.a]
-        out = pair.flat.superfluous(point, rotation, found.normal[inside_], found.cell[inside_])
+        size = self.soft.cell_size[found.cell[inside_]].max(axis=1)
+        out = pair.flat.superfluous(point, rotation, found.normal[inside_], size)
         gap = found.gap.copy()
         gap[inside_[out]] = query.FAR
         return replace(found, gap=gap)
@@ -234,7 +234,6 @@ class ContactQuery:
             gather=self._gather(rows),
             force=np.concatenate([np.zeros((0, 3)), *(row.force for row in rows)]),
             tangent=np.concatenate([np.zeros((0, 3, 3)), *(row.tangent for row in rows)]),
-            coupling=np.concatenate([np.zeros((0, 3, 3)), *(row.coupling for row in rows)]),
             position=np.concatenate([np.zeros((0, 3)), *(row.position for row in rows)]),
             a=np.repeat(np.array([row.a for row in rows], dtype=np.int64), sizes),
             b=np.repeat(np.array([row.b for row in rows], dtype=np.int64), sizes),
@@ -315,7 +314,6 @@ class ContactQuery:
             position=bond.a.position(self.model, state),
             force=bond.force(self.model, state),
             tangent=bond.stiffness[:, None, None] * np.tile(np.eye(3), (count, 1, 1)),
-            coupling=np.zeros((count, 3, 3)),
             node=np.concatenate([bond.a.node, bond.b.node], axis=1),
             weight=np.concatenate([bond.a.weight, -bond.b.weight], axis=1),
         )

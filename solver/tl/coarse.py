@@ -75,11 +75,10 @@ class CoarseSpace:
     def refresh(self, cell_tangent: NDArray[np.float32]) -> None:
         """Rebuild the elastic Galerkin product from the fine cells' tangents."""
         tangents.coarse_tangents(self.start, self.member, cell_tangent, self.weight, self.blocks)
-        m = self.count
-        dense = np.zeros((m, m, 3, 3))
-        rows, columns = np.repeat(self.cell_node, 8, axis=1), np.tile(self.cell_node, (1, 8))
-        np.add.at(dense, (rows.ravel(), columns.ravel()), self.blocks.reshape(-1, 3, 3))
-        self.stiffness = dense.transpose(0, 2, 1, 3).reshape(3 * m, 3 * m)
+        unknowns = 3 * self.count
+        place = 3 * self.cell_node[:, :, None] + np.arange(3)
+        at = (unknowns * place[:, :, None, :, None] + place[:, None, :, None, :]).ravel()
+        self.stiffness = np.bincount(at, weights=self.blocks.ravel(), minlength=unknowns**2).reshape(unknowns, unknowns)
 
     def turn(self, body: int, rotation: NDArray[np.float64]) -> None:
         """Turn the elastic product of one soft body as a whole: R K_ab R^T per pair of lattice nodes."""

@@ -24,13 +24,12 @@ from solver.kernels import damping, elastic
 from solver.model.bodies import Model, RigidBody, free_motions
 from solver.model.soft import SoftSystem
 from solver.model.state import State, rotate, turn_between
-from solver.tl.linear import Flat, Frames, TangentSystem, Vector, conjugate_gradient, minimal_residual
+from solver.tl.linear import Flat, Frames, TangentSystem, Vector, conjugate_gradient
 from solver.tl.tangent import ElasticTangent
 
-# Newton cycles between contact states where an iteration leaves more than STALLED of the residual [-], often since a
-# loose solution pushes a point at the edge of a contact in and out. From then on linear systems are solved to TIGHTER
-# times their tolerance [-], with friction limits that follow the normal force, and moves halved down to SHORTEST [-]
-STALLED, TIGHTER, SHORTEST = 0.7, 0.01, 0.125
+OVERSHOT = 0.3  # of the work at the start of a Newton move, against it at its end: the move went too far [-]
+SEARCHES = 5  # shares of a move that are tried
+LEAST_SHARE = 0.1  # of the interval by which a search narrows it [-]
 
 
 @dataclass(eq=False, slots=True)
@@ -212,17 +211,15 @@ class Stepper:
         A backward Euler step to theta dt, and from there straight on: with theta = 1/2 the implicit midpoint rule.
         """
         problem = self.problem(state, self.theta * dt, push, rolling)
-        total, count, stalled = 0, 0, False
+        total, count = 0, 0
         trial = self._linearise(self._predict(problem), problem)
         while trial.residual > tolerance and count < self.config.newton_limit:
-            solve = minimal_residual if stalled and trial.contacts.coupling.any() else conjugate_gradient
-            tolerable = (TIGHTER if stalled else 1.0) * self.config.linear_tolerance
-            move, iterations = solve(trial.system, trial.right, tolerable, self.config.linear_limit)
+            move, iterations = conjugate_gradient(
+                trial.system, trial.right, self.config.linear_tolerance, self.config.linear_limit
+            )
             total += iterations
             count += 1
-            best = self._after_move(trial, move, problem, halve=stalled)
-            stalled |= count > 1 and best.residual > STALLED * trial.residual
-            trial = best
+            trial = self._after_move(trial, move, problem)
         after, contacts = trial.state, trial.contacts
         self._finish(after, problem)
         if self.theta < 1.0:
@@ -235,18 +232,28 @@ class Stepper:
         where = self._worst_place(trial)
         return after, StepReport(count, total, trial.residual, trial.worst, where, contacts, frames, inverted)
 
-    def _after_move(self, trial: Trial, move: Flat, problem: StepProblem, *, halve: bool) -> Trial:
-        """What a Newton move leads to; with `halve` the best of it and its halves, until one gains enough."""
+    def _after_move(self, trial: Trial, move: Flat, problem: StepProblem) -> Trial:
+        """What a Newton move leads to, or a share of it where the whole goes too far.
+
+        Forces derive from a potential but for the limits of friction: along a move that descends, its slope is minus
+        the work of the forces, and rises. Where it has become as steep upwards as OVERSHOT of what it was, the minimum is
+        looked for between by false position [P92, Sec. 9.2].
+        """
         move = self._capped(trial.system, move)
-        best = latest = self._linearise(self._move(trial.state, trial.system, move), problem)
+        first = float(trial.right @ move)
+        low, high = (0.0, first), (1.0, 0.0)
         share = 1.0
-        while halve and best.residual > STALLED * trial.residual and share > SHORTEST:
-            share *= 0.5
+        for _ in range(SEARCHES):
             latest = self._linearise(self._move(trial.state, trial.system, share * move), problem)
-            best = min(best, latest, key=lambda one: one.residual)
-        if latest is not best:  # forces and tangent are those of what was looked at last
-            best = self._linearise(best.state, problem)
-        return best
+            work = float(latest.right @ move)
+            if work >= -OVERSHOT * first and (share == 1.0 or work <= OVERSHOT * first):
+                break
+            if work < 0.0:
+                high = (share, work)
+            else:
+                low = (share, work)
+            share = low[0] + (high[0] - low[0]) * float(np.clip(low[1] / (low[1] - high[1]), LEAST_SHARE, 1.0 - LEAST_SHARE))
+        return latest
 
     def _linearise(self, state: State, problem: StepProblem) -> Trial:
         """Forces, contacts and the system of a state at the end of a step, which takes over what they remember; raises

@@ -2,8 +2,8 @@
 
 A cell's stiffness turns with the rotation of its particles, K = R K_rest R^T [M04]; strain is left out of it but where
 it is large in a body that is held. It is rebuilt only when strain has changed visibly. A turn of a free body as a whole
-is followed closely: a tangent that is late by an angle t resists the next turn with a stiffness of about E V t^2, and
-Kelvin-Voigt damping with it would act as a brake from outside.
+is followed closely: a tangent that is late by an angle t resists the next turn with a stiffness of about E V t^2, which
+costs iterations.
 
 [M04] Mueller, Gross: Interactive virtual materials. Graphics Interface 2004.
 """
@@ -19,7 +19,7 @@ from solver.tl.coarse import build_coarse
 COARSE_REFRESH = 4.0  # the coarse product only preconditions: it may be later than the tangent by this factor
 ORDINARY_RATIO = 1.5  # lambda / mu at nu = 0.3
 STRAINED = 0.1  # a cell strained by more has its own tangent: the one at rest, turned, is then off by as much
-TURN_REFRESH = 1e-3  # turn of a free body [rad] after which its tangent follows; E V t^2 is then far below its weight
+TURN_REFRESH = 1e-3  # turn of a free body [rad] after which its tangent follows: E V t^2 is then far below its weight
 
 Built = tuple[NDArray[np.float64], list[NDArray[np.float64]]]
 """Deformation gradients (p, 9) and rotations of the movable bodies at a rebuild."""
@@ -56,7 +56,7 @@ class ElasticTangent:
             if k not in self.movable
         ]
         """Cells of the bodies that cannot turn: only they get their own tangents where they are strained. A stress that
-        turns with a body resists its spin in them, and damping would brake it."""
+        turns with a body resists its spin in them."""
         self.built: Built | None = None
         """What the tangent was last rebuilt for."""
         self.coarse_built: Built | None = None
