@@ -137,9 +137,7 @@ class ContactQuery:
             nodes[:, :8] = self.soft_of[pair.a].surface_node[index]
             weights[:, :8] = self.soft_of[pair.a].surface_weight[index]
         nodes[:, 8:], weights[:, 8:] = node, -weight
-        return ActiveContacts(
-            pair, index, points[index], gap, normal, force, tangent, anchor, sliding, nodes, weights
-        )
+        return ActiveContacts(pair, index, points[index], gap, normal, force, tangent, anchor, sliding, nodes, weights)
 
     def _solid_box(self, state: State, index: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """World box outside of which no point can be inside a body [m]: of a soft body's cells, or of the samples of a

@@ -75,7 +75,7 @@ def turn_correction(S: mat3, S0: mat3) -> mat3:
     size = S.norm()
     C = cofactor(G)
     J = G[0, 0] * C[0, 0] + G[1, 0] * C[1, 0] + G[2, 0] * C[2, 0]
-    if J > AMBIGUOUS * size * size * size:
+    if AMBIGUOUS * size * size * size < J:
         A = 0.5 * (S0 @ S - S @ S0)
         z = (C.transpose() / J) @ vec3(A[2, 1], A[0, 2], A[1, 0])
         out = 2.0 * mat3([[0.0, -z[2], z[1]], [z[2], 0.0, -z[0]], [-z[1], z[0], 0.0]])

@@ -78,7 +78,8 @@ class CoarseSpace:
         unknowns = 3 * self.count
         place = 3 * self.cell_node[:, :, None] + np.arange(3)
         at = (unknowns * place[:, :, None, :, None] + place[:, None, :, None, :]).ravel()
-        self.stiffness = np.bincount(at, weights=self.blocks.ravel(), minlength=unknowns**2).reshape(unknowns, unknowns)
+        total = np.bincount(at, weights=self.blocks.ravel(), minlength=unknowns**2).astype(np.float64)
+        self.stiffness = total.reshape(unknowns, unknowns)
 
     def turn(self, body: int, rotation: NDArray[np.float64]) -> None:
         """Turn the elastic product of one soft body as a whole: R K_ab R^T per pair of lattice nodes."""

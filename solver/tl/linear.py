@@ -277,4 +277,3 @@ def conjugate_gradient(system: TangentSystem, right: Flat, tolerance: float, lim
         p += z
         count += 1
     return y, count
-

@@ -8,6 +8,7 @@ path to rest needs; stiffness-proportional damping beta K (Kelvin-Voigt) stands 
 9.3.3].
 
 [B96] Bathe: Finite Element Procedures, Prentice Hall 1996.
+[P92] Press, Teukolsky, Vetterling, Flannery: Numerical Recipes in C, 2nd ed., Cambridge 1992.
 """
 
 from dataclasses import dataclass, replace
@@ -235,9 +236,9 @@ class Stepper:
     def _after_move(self, trial: Trial, move: Flat, problem: StepProblem) -> Trial:
         """What a Newton move leads to, or a share of it where the whole goes too far.
 
-        Forces derive from a potential but for the limits of friction: along a move that descends, its slope is minus
-        the work of the forces, and rises. Where it has become as steep upwards as OVERSHOT of what it was, the minimum is
-        looked for between by false position [P92, Sec. 9.2].
+        Forces derive from a potential but for the limits of friction, so what is out of balance does work along a
+        move until the potential is least, and negative work beyond. Where that has become OVERSHOT of the work at its
+        start, the place is looked for between by false position [P92, Sec. 9.2].
         """
         move = self._capped(trial.system, move)
         first = float(trial.right @ move)
@@ -252,7 +253,8 @@ class Stepper:
                 high = (share, work)
             else:
                 low = (share, work)
-            share = low[0] + (high[0] - low[0]) * float(np.clip(low[1] / (low[1] - high[1]), LEAST_SHARE, 1.0 - LEAST_SHARE))
+            at = float(np.clip(low[1] / (low[1] - high[1]), LEAST_SHARE, 1.0 - LEAST_SHARE))
+            share = low[0] + at * (high[0] - low[0])
         return latest
 
     def _linearise(self, state: State, problem: StepProblem) -> Trial:

@@ -243,7 +243,7 @@ def test_a_body_carries_what_goes_through_it(lab):
     force = np.array([[0.0, 0, 5], [0, 0, 4], [0, 0, 3]])
     none = np.zeros((3, 3))
     a, b = np.array([0, 0, 1]), np.array([2, 2, 0])
-    contacts = Contacts((), None, force, none, none, none, a, b, (), {}, 0, ContactMemory())
+    contacts = Contacts((), None, force, none, none, a, b, (), {}, 0, ContactMemory())
     # body 0: 5 and 4 up from the floor, 3 down from body 1 on it; body 1: 3 up; body 2 takes 9
     assert contacts.carried_load(3) == pytest.approx([3.0, 0.0, 0.0])
 
