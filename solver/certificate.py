@@ -233,6 +233,8 @@ class Certificate:
     """Stiffness-proportional; tl only."""
     rolling_resistance: tuple[RollingRow, ...] | None = None
     """tl only."""
+    depth_error_m: float | None = None
+    """Estimate of how much deeper than on its grid the object would rest; tl with soft bodies only."""
     bonds: tuple[BondRow, ...] | None = None
     """None where there are none."""
     stability: StabilityGrade | NotDone | None = None

@@ -18,6 +18,7 @@ from solver.model.state import State
 from solver.rest import Progress, Signals
 from solver.result import FinalState, RestBody, SettledModel, beside, build_result, carried
 from solver.runtime import start
+from solver.tl.accuracy import depth_error
 from solver.tl.disturbance import kick
 from solver.tl.measure import contact_table, friction_margin, rolling_table
 from solver.tl.simulation import Simulation, StepControl
@@ -186,10 +187,17 @@ class ImplicitDrop(Simulation):
             unlocated_points=contacts.unlocated,
             material_damping_s=self.stepper.damping,
             rolling_resistance=rolling_table(self.model, contacts),
+            depth_error_m=self._depth_error(end),
             bonds=bond_table(self.model, self.query.bonds, end.state) or None,
             stability=stability,
         )
         return replace(result, certificate=certificate, warnings=(*result.warnings, *unlocated(contacts)))
+
+    def _depth_error(self, end: Approach) -> float | None:
+        """The certificate's estimate, None where nothing soft carries anything at rest."""
+        if end.verdict is not Verdict.AT_REST or not self.free or not self.soft.bodies:
+            return None
+        return depth_error(self.soft, end.state, self.weight)
 
     def _final(self, state: State, report: StepReport) -> FinalState:
         """What the result says of the last state."""

@@ -49,7 +49,7 @@ def implicit_certificate() -> Certificate:
     """As tl writes it, with everything that can be asked for."""
     return Certificate(
         arch="cpu", signals=signals(), kick=KICK, free_weight_n=9.81, length_m=0.2, newton_residual=1e-4,
-        friction_cone_margin=0.9, inverted_particles=0, unlocated_points=0, material_damping_s=0.01,
+        friction_cone_margin=0.9, inverted_particles=0, unlocated_points=0, material_damping_s=0.01, depth_error_m=1e-4,
         rolling_resistance=(RollingRow("object", "bed", 1e-4, 1e-3),), stability=STABILITY,
     )  # fmt: skip
 
