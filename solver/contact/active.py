@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from scipy import sparse
 
 from solver.contact.flatness import FlatRegions
+from solver.contact.pair_friction import PairFriction
 from solver.contact.rolling import RollingTorque, Spin
 from solver.model.bodies import Body
 from solver.model.state import ContactMemory, PointMemory
@@ -19,8 +20,7 @@ class Pair:
 
     a: int
     b: int
-    static_friction: float
-    dynamic_friction: float
+    friction: PairFriction
     stiffness: NDArray[np.float64]
     """Normal stiffness per point at the start [N/m], shape (n,)."""
     area: NDArray[np.float64]
@@ -55,6 +55,8 @@ class ActiveContacts:
     """Out of b, shape (k, 3)."""
     force: NDArray[np.float64]
     """On a [N], shape (k, 3)."""
+    friction: NDArray[np.float64]
+    """Static and dynamic coefficient [-] and rolling resistance length [m], shape (k, 3)."""
     tangent: NDArray[np.float64]
     """-d force / d relative displacement [N/m] at constant friction limits: symmetric, shape (k, 3, 3)."""
     anchor: NDArray[np.float64]

@@ -6,7 +6,6 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from solver.contact.active import Pair
 from solver.model.state import PointMemory
 
 # tangential over normal stiffness: Mindlin's ratio 2 (1 - nu) / (2 - nu) lies between 0.67 and 1; softer is safe
@@ -14,7 +13,7 @@ TANGENTIAL_SHARE = 0.5
 
 
 def point_forces(
-    pair: Pair,
+    friction: NDArray[np.float64],
     memory: PointMemory,
     index: NDArray[np.int64],
     gap: NDArray[np.float64],
@@ -22,7 +21,7 @@ def point_forces(
     slip: NDArray[np.float64],
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]:
     """Force on a (k, 3), its negative derivative at constant friction limits (k, 3, 3), new anchors (k, 3) and sliding
-    flags (k,) of penetrating points.
+    flags (k,) of penetrating points; `friction` (k, 3) begins with their static and dynamic coefficients.
 
     A point that slid at the end of the last step feels mu_d, any other mu_s; the choice is fixed within a step,
     so that the force
@@ -35,7 +34,7 @@ def point_forces(
     trial = np.einsum("kij,kj->ki", plane, memory.anchor[index] + slip)
     size = np.linalg.norm(trial, axis=1)
     tangential = TANGENTIAL_SHARE * stiffness
-    coefficient = np.where(memory.sliding[index], pair.dynamic_friction, pair.static_friction)
+    coefficient = np.where(memory.sliding[index], friction[:, 1], friction[:, 0])
     limit = coefficient * load
     slides = tangential * size > limit
     direction = np.divide(trial, size[:, None], out=np.zeros_like(trial), where=size[:, None] > 0.0)

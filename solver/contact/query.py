@@ -129,7 +129,8 @@ class ContactQuery:
             pair.b, found.material[active], node, weight, state, start.state
         )
         memory = start.state.memory.points[pair.key]
-        force, tangent, anchor, sliding = point_forces(pair, memory, index, gap, normal, slip)
+        friction = pair.friction.at(index, found.material[active])
+        force, tangent, anchor, sliding = point_forces(friction, memory, index, gap, normal, slip)
         sliding &= np.linalg.norm(slip, axis=1) > STICK_SPEED * start.seconds
         nodes = np.zeros((len(active), 16), dtype=np.int64)
         weights = np.zeros((len(active), 16))
@@ -137,7 +138,9 @@ class ContactQuery:
             nodes[:, :8] = self.soft_of[pair.a].surface_node[index]
             weights[:, :8] = self.soft_of[pair.a].surface_weight[index]
         nodes[:, 8:], weights[:, 8:] = node, -weight
-        return ActiveContacts(pair, index, points[index], gap, normal, force, tangent, anchor, sliding, nodes, weights)
+        return ActiveContacts(
+            pair, index, points[index], gap, normal, force, friction, tangent, anchor, sliding, nodes, weights
+        )
 
     def _solid_box(self, state: State, index: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """World box outside of which no point can be inside a body [m]: of a soft body's cells, or of the samples of a
@@ -278,20 +281,21 @@ class ContactQuery:
         self, touching: Sequence[ActiveContacts], state: State, start: StepStart, spins: Mapping[int, Spin]
     ) -> tuple[RollingTorque, ...]:
         """One torque per touching pair of bodies with rolling resistance."""
-        load: dict[tuple[int, int], float] = {}
+        load: dict[tuple[int, int], NDArray[np.float64]] = {}
         for t in touching:
             key = (min(t.pair.a, t.pair.b), max(t.pair.a, t.pair.b))
-            load[key] = load.get(key, 0.0) + float(t.normal_force.sum())
+            force = t.normal_force
+            load[key] = load.get(key, np.zeros(2)) + np.array([force.sum(), force @ t.friction[:, 2]])
         out = []
-        for (a, b), normal_force in load.items():
+        for (a, b), (normal_force, limit) in load.items():
             one, two = self.model.bodies[a], self.model.bodies[b]
-            length = float(np.sqrt(one.rolling_resistance * two.rolling_resistance))
-            if length > 0.0:
+            if limit > 0.0:
+                length = float(limit / normal_force)
                 turn = self._turn(a, state, start.state, spins) - self._turn(b, state, start.state, spins)
                 moving = min((x for x in (one, two) if not x.fixed), key=lambda body: body.size)
                 torque = start.state.memory.rolling_torque.get((a, b), np.zeros(3))
                 law = start.rolling(length, normal_force, 0.5 * moving.size, moving.mass)
-                out.append(resisting_torque(a, b, law, torque, turn, start.seconds))
+                out.append(resisting_torque((a, b), length, law, torque, turn, start.seconds))
         return tuple(out)
 
     def _turn(self, index: int, state: State, before: State, spins: Mapping[int, Spin]) -> NDArray[np.float64]:

@@ -35,6 +35,8 @@ class RollingTorque:
     """[N m/rad], shape (3, 3)."""
     elastic: NDArray[np.float64]
     """Elastic part of the resisted torque at the end of the step, what the next one starts from [N m], shape (3,)."""
+    length: float
+    """Lever of the normal force at which it gives way [m]."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -95,16 +97,23 @@ def law_compliant(length: float, normal_force: float, half_size: float, mass: fl
 
 
 def resisting_torque(
-    a: int, b: int, law: RollingCoefficients, torque: NDArray[np.float64], turn: NDArray[np.float64], seconds: float
+    pair: tuple[int, int],
+    length: float,
+    law: RollingCoefficients,
+    torque: NDArray[np.float64],
+    turn: NDArray[np.float64],
+    seconds: float,
 ) -> RollingTorque:
-    """Torque of a step: elastic torque at its start [N m], turn since [rad], its length [s]."""
+    """Torque between a pair in a step: the lever [m] and what follows from it, elastic torque at the start [N m], turn
+    since [rad], the step's length [s]."""
+    a, b = pair
     elastic = torque + law.stiffness * turn
     trial = elastic + law.damping / seconds * turn
     size = float(np.linalg.norm(trial))
     slope = law.stiffness + law.damping / seconds
     if size <= law.limit:
-        return RollingTorque(a, b, -trial, slope * np.eye(3), elastic)
+        return RollingTorque(a, b, -trial, slope * np.eye(3), elastic, length)
     direction = trial / size
     tangent = slope * law.limit / size * (np.eye(3) - np.outer(direction, direction))
     kept = min(1.0, law.limit / max(float(np.linalg.norm(elastic)), 1e-30))
-    return RollingTorque(a, b, -law.limit * direction, tangent, kept * elastic)
+    return RollingTorque(a, b, -law.limit * direction, tangent, kept * elastic, length)

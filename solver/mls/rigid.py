@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from solver.config import SolverConfig
 from solver.contact.active import Contacts, Pair, vertex_areas
+from solver.contact.pair_friction import PairFriction
 from solver.contact.query import ContactQuery
 from solver.model import soft as soft_system
 from solver.model.bodies import Model, RigidBody, free_motions
@@ -199,5 +200,5 @@ def rigid_pairs(model: Model, config: SolverConfig) -> list[Pair]:
             load = max(body.mass for body in (one, two) if not body.fixed) * gravity
             count = len(one.vertices)
             stiffness = np.full(count, load / (3.0 * config.penetration_target))
-            out.append(Pair(a, b, *model.friction(one, two), stiffness, vertex_areas(one)))
+            out.append(Pair(a, b, PairFriction.of(model, one, two), stiffness, vertex_areas(one)))
     return out

@@ -70,6 +70,9 @@ class _CommonBody:
     dynamic_friction: float
     rolling_resistance: float
     """Length b of the resisting torque b * N [m]."""
+    point_friction: NDArray[np.float64] | None = field(default=None, kw_only=True)
+    """Static and dynamic friction and rolling resistance of each surface point where they differ, in place of the three
+    above, shape (n, 3)."""
     velocity: NDArray[np.float64] = field(default_factory=lambda: np.zeros(3), kw_only=True)
     """Start velocity [m/s], shape (3,)."""
     angular_velocity: NDArray[np.float64] = field(default_factory=lambda: np.zeros(3), kw_only=True)
@@ -92,6 +95,20 @@ class _CommonBody:
             raise ModelError(
                 f"body {self.name!r}: rolling_resistance is {self.rolling_resistance} m, must not be negative"
             )
+        rows = self.friction_rows
+        if rows.shape not in ((1, 3), (len(self.vertices), 3)):
+            raise ModelError(
+                f"body {self.name!r}: point_friction has shape {rows.shape}, not ({len(self.vertices)}, 3)"
+            )
+        if not ((rows >= 0.0) & (rows[:, 1:2] <= rows[:, :1] + np.array([0.0, 0.0, np.inf]))).all():
+            raise ModelError(f"body {self.name!r}: point_friction needs 0 <= dynamic <= static and rolling >= 0")
+
+    @property
+    def friction_rows(self) -> NDArray[np.float64]:
+        """Static and dynamic friction [-], rolling resistance length [m]: of every point (n, 3), or of all (1, 3)."""
+        if self.point_friction is not None:
+            return self.point_friction
+        return np.array([[self.static_friction, self.dynamic_friction, self.rolling_resistance]])
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -222,12 +239,16 @@ class Model:
         """Whether two bodies are bonded to each other."""
         return any({one, two} == {a.name, b.name} for one, two in self.bonds)
 
-    def friction(self, a: Body, b: Body) -> tuple[float, float]:
-        """(mu_s, mu_d) of a pair: as given, else the geometric means."""
+    def given_friction(self, a: Body, b: Body) -> tuple[float, float] | None:
+        """(mu_s, mu_d) that was set for a pair, if there is any."""
         for one, two, mu_s, mu_d in self.friction_pairs:
             if {one, two} == {a.name, b.name}:
                 return mu_s, mu_d
-        return (
+        return None
+
+    def friction(self, a: Body, b: Body) -> tuple[float, float]:
+        """(mu_s, mu_d) of a pair: as given, else the geometric means."""
+        return self.given_friction(a, b) or (
             float(np.sqrt(a.static_friction * b.static_friction)),
             float(np.sqrt(a.dynamic_friction * b.dynamic_friction)),
         )

@@ -124,8 +124,9 @@ def friction_margin(contacts: Contacts) -> float:
     for t in contacts.active:
         normal = t.normal_force
         tangential = np.linalg.norm(t.force - normal[:, None] * t.normal, axis=1)
-        if t.pair.static_friction > 0.0 and normal.sum() > 0.0:
-            margins.append(1.0 - float(tangential.sum() / (t.pair.static_friction * normal.sum())))
+        limit = float(normal @ t.friction[:, 0])
+        if limit > 0.0:
+            margins.append(1.0 - float(tangential.sum()) / limit)
     return min(margins)
 
 
@@ -134,6 +135,5 @@ def rolling_table(model: Model, contacts: Contacts) -> tuple[RollingRow, ...]:
     rows = []
     for r in contacts.rolling:
         a, b = model.bodies[r.a], model.bodies[r.b]
-        limit = float(np.sqrt(a.rolling_resistance * b.rolling_resistance))
-        rows.append(RollingRow(a.name, b.name, float(np.linalg.norm(r.torque)), limit))
+        rows.append(RollingRow(a.name, b.name, float(np.linalg.norm(r.torque)), r.length))
     return tuple(rows)

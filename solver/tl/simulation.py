@@ -13,6 +13,7 @@ from solver.config import SolverConfig
 from solver.contact.active import Pair, vertex_areas
 from solver.contact.bonds import build_bonds
 from solver.contact.flatness import finely_sampled, flat_regions
+from solver.contact.pair_friction import PairFriction
 from solver.contact.predict import contact_stiffness
 from solver.contact.query import ContactQuery
 from solver.contact.rolling import RollingLaw, law_stiff
@@ -216,7 +217,7 @@ def contact_pairs(model: Model, soft: SoftSystem, config: SolverConfig, gravity:
             if isinstance(one, RigidBody) and isinstance(two, SoftBody):
                 finest = softest(one, two)[0]
                 flat = flat_regions(one, finest) if finely_sampled(two, finest) else None
-            pairs.append(Pair(a, b, *model.friction(one, two), stiffness, area, flat))
+            pairs.append(Pair(a, b, PairFriction.of(model, one, two), stiffness, area, flat))
     return pairs
 
 
