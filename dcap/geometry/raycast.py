@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from dcap.scene.types.mesh import Mesh
 
 FloatArray = NDArray[np.floating]
+Packed = NDArray[np.float32]
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -31,6 +32,24 @@ class Hits:
     """Weights of the face's three corners, shape (n, 3)."""
 
 
+@dataclass(frozen=True, eq=False, slots=True)
+class PackedHits:
+    """First hits of n rays as the ray tracer returns them."""
+
+    distance: NDArray[np.float32]
+    """In lengths of the ray's direction, inf on a miss, shape (n,)."""
+    face: NDArray[np.int32]
+    """Index of the face hit, -1 on a miss, shape (n,)."""
+    normal: NDArray[np.float32]
+    """Unit geometric normal as wound, undefined on a miss, shape (n, 3)."""
+    uv: NDArray[np.float32]
+    """Weights of the face's second and third corner, undefined on a miss, shape (n, 2)."""
+
+    def part(self, index: slice) -> "PackedHits":
+        """Some of the rays, without a copy."""
+        return PackedHits(self.distance[index], self.face[index], self.normal[index], self.uv[index])
+
+
 class Raycaster:
     """A mesh prepared for many rays; holds the acceleration structure."""
 
@@ -38,22 +57,21 @@ class Raycaster:
         self._empty = len(mesh.faces) == 0
         self._scene = open3d.t.geometry.RaycastingScene()
         if not self._empty:
-            self._scene.add_triangles(tensor(mesh.vertices, np.float32), tensor(mesh.faces, np.uint32))
+            self._scene.add_triangles(tensor(mesh.vertices), tensor(mesh.faces, np.uint32))
 
     def cast(self, origins: FloatArray, directions: FloatArray) -> Hits:
         """First hits of rays with origins [m] and unit directions, each of shape (n, 3)."""
         count = len(origins)
         if self._empty or count == 0:
             return misses(count)
-        found = self._scene.cast_rays(rays(origins, directions))
-        distance = found["t_hit"].numpy().astype(np.float64)
+        found = self.first_hits(packed_rays(origins, directions))
+        distance = found.distance.astype(np.float64)
         hit = np.isfinite(distance)
-        face = np.where(hit, found["primitive_ids"].numpy().astype(np.int64), -1).astype(np.int32)
-        normal = np.where(hit[:, None], found["primitive_normals"].numpy(), 0.0).astype(np.float64)
-        u, v = found["primitive_uvs"].numpy().astype(np.float64).T
+        normal = np.where(hit[:, None], found.normal, 0.0).astype(np.float64)
+        u, v = found.uv.astype(np.float64).T
         position = np.full((count, 3), np.nan)
         position[hit] = origins[hit] + distance[hit, None] * directions[hit]
-        return Hits(distance, face, normal, position, np.stack([1.0 - u - v, u, v], axis=1))
+        return Hits(distance, found.face, normal, position, np.stack([1.0 - u - v, u, v], axis=1))
 
     def occluded(
         self, origins: FloatArray, directions: FloatArray, distance: float | FloatArray = np.inf
@@ -66,9 +84,28 @@ class Raycaster:
         if limit.ndim == 0:
             blocked = self._scene.test_occlusions(rays(origins, directions), 0.0, float(limit))
             return np.asarray(blocked.numpy(), dtype=bool)
-        # rays scaled by their own limit reach it at t = 1
-        blocked = self._scene.test_occlusions(rays(origins, directions * limit[:, None]), 0.0, 1.0)
-        return np.asarray(blocked.numpy(), dtype=bool)
+        return self.blocked(packed_rays(origins, directions * limit[:, None]))
+
+    def first_hits(self, packed: Packed) -> PackedHits:
+        """What rays hit first: origin and direction in the six columns, shape (n, 6)."""
+        if self._empty or len(packed) == 0:
+            nothing = np.zeros((len(packed), 3), dtype=np.float32)
+            return PackedHits(
+                np.full(len(packed), np.inf, dtype=np.float32), np.full(len(packed), -1, dtype=np.int32), nothing,
+                nothing[:, :2],
+            )  # fmt: skip
+        found = self._scene.cast_rays(tensor(packed))
+        # what is no face's index is the largest number of 32 bits
+        face = found["primitive_ids"].numpy().view(np.int32)
+        return PackedHits(
+            found["t_hit"].numpy(), face, found["primitive_normals"].numpy(), found["primitive_uvs"].numpy()
+        )
+
+    def blocked(self, packed: Packed) -> NDArray[np.bool_]:
+        """Which rays (n, 6) hit anything within the length of their direction, shape (n,); rays of no length do not."""
+        if self._empty or len(packed) == 0:
+            return np.zeros(len(packed), dtype=bool)
+        return np.asarray(self._scene.test_occlusions(tensor(packed), 0.0, 1.0).numpy(), dtype=bool)
 
 
 def misses(count: int) -> Hits:
@@ -83,12 +120,17 @@ def misses(count: int) -> Hits:
 
 
 def rays(origins: FloatArray, directions: FloatArray) -> open3d.core.Tensor:
+    """Packed rays in the ray tracer's own array."""
+    return tensor(packed_rays(origins, directions))
+
+
+def packed_rays(origins: FloatArray, directions: FloatArray) -> Packed:
     """Origins and directions as the six columns that the ray tracer wants."""
     packed = np.empty((len(origins), 6), dtype=np.float32)
     packed[:, :3], packed[:, 3:] = origins, directions
-    return open3d.core.Tensor.from_numpy(packed)
+    return packed
 
 
-def tensor(array: NDArray[np.generic], kind: type[np.generic]) -> open3d.core.Tensor:
+def tensor(array: NDArray[np.generic], kind: type[np.generic] = np.float32) -> open3d.core.Tensor:
     """An array of the wanted type, without a copy where it has it."""
     return open3d.core.Tensor.from_numpy(np.ascontiguousarray(array, dtype=kind))

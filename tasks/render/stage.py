@@ -17,9 +17,9 @@ from scipy.spatial.transform import Rotation as Turn
 
 from dcap.geometry.camera import Camera, looking_at
 from dcap.geometry.deform import displaced, following
-from dcap.geometry.raycast import Raycaster
+from dcap.geometry.raycast import Raycaster, packed_rays
 from dcap.geometry.rendering.cutaway import cut_faces
-from dcap.geometry.rendering.picture import picture, rays_through, seen_meshes
+from dcap.geometry.rendering.picture import Picture, picture
 from dcap.scene.types.anchor import Anchor
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.outcome import HiddenObject, Infeasible, Reason
@@ -79,10 +79,12 @@ def render(
     thing = settled_item(item, anchor, settled.bodies[0])
     after = settled_scene(scene, settled, anchor.base_id)
     solid = ~structure_faces(after)
-    things = after.mesh.submesh(np.flatnonzero(solid))
+    things = Raycaster(after.mesh.submesh(np.flatnonzero(solid)))
     target = contact_middle(settled, anchor)
     view = best_view(things, thing, target, view_distance(scene, anchor, thing, config), front(scene, anchor), config)
-    fraction = visible_fraction(after, thing, view.camera)
+    around = shown(after, view.camera)
+    rest = photograph([*around, thing], view.camera, config)
+    fraction = visible_fraction(rest.mesh_index == len(around), thing, view.camera)
     if fraction < config.least_visible:
         return Infeasible(
             Reason.BURIED,
@@ -90,15 +92,13 @@ def render(
             HiddenObject(visible_fraction=fraction, camera_position=view.camera.position),
         )
     clean = photograph(shown(scene, view.camera), view.camera, config)
-    rest = photograph([*shown(after, view.camera), thing], view.camera, config)
-    return Renders(
-        clean, rest, closeup(after, things, thing, settled, view, config), fraction, view.camera.position, target
-    )
+    near = closeup(after, things, thing, settled, view, config)
+    return Renders(clean.rgb, rest.rgb, near, fraction, view.camera.position, target)
 
 
-def photograph(meshes: list[Mesh], camera: Camera, config: RenderConfig) -> NDArray[np.uint8]:
-    """An sRGB picture."""
-    return picture([m for m in meshes if len(m.faces)], camera, samples=config.samples).rgb
+def photograph(meshes: list[Mesh], camera: Camera, config: RenderConfig) -> Picture:
+    """What the camera sees."""
+    return picture(meshes, camera, samples=config.samples)
 
 
 # --- what is in the picture -------------------------------------------------------------------------------------------
@@ -141,7 +141,7 @@ def shown(scene: Segmentation, camera: Camera) -> list[Mesh]:
     meshes = [scene.mesh.submesh(np.flatnonzero(~cut))]
     if not any(one.structure for one in scene.instances):
         meshes.append(studio_floor(scene.mesh))
-    return meshes
+    return [mesh for mesh in meshes if len(mesh.faces)]
 
 
 def studio_floor(mesh: Mesh) -> Mesh:
@@ -187,16 +187,15 @@ def front(scene: Segmentation, anchor: Anchor) -> Array:
 
 
 def best_view(
-    things: Mesh, thing: Mesh, target: Array, distance: float, toward: Array, config: RenderConfig
+    things: Raycaster, thing: Mesh, target: Array, distance: float, toward: Array, config: RenderConfig
 ) -> ChosenView:
     """The candidate from which most of the object is seen, the front and the first elevation being preferred."""
-    caster = Raycaster(things)
     points, normals = surface_points(thing)
     best, best_score = None, -np.inf
     for rank, elevation in enumerate(config.elevations_deg):
         for azimuth in config.azimuths_deg:
             position = target + distance * direction(toward, azimuth, elevation)
-            seen = visible_share(caster, points, normals, position)
+            seen = visible_share(things, points, normals, position)
             score = seen + FRONT_BONUS * np.cos(np.radians(azimuth)) - 0.15 * rank
             if score > best_score + 1e-9:
                 camera = looking_at(position, target, config.size, config.size, fov_deg=config.fov_deg)
@@ -229,19 +228,30 @@ def visible_share(caster: Raycaster, points: Array, normals: Array, camera: Arra
     return float(1.0 - blocked.mean()) if len(blocked) else 0.0
 
 
-def visible_fraction(scene: Segmentation, thing: Mesh, camera: Camera) -> float:
-    """Pixels of the object in the scene over its pixels alone."""
-    alone = seen_meshes([thing], camera) == 0
-    meshes = shown(scene, camera)
-    seen = seen_meshes([*meshes, thing], camera) == len(meshes)
-    return float(seen.sum() / alone.sum()) if alone.any() else 0.0
+def visible_fraction(seen: NDArray[np.bool_], thing: Mesh, camera: Camera) -> float:
+    """Pixels of the object that are seen in the scene, a mask, over its pixels alone."""
+    around = camera.project(thing.vertices)[:, :2]
+    rays = rays_between(camera, around.min(axis=0) - 1.0, around.max(axis=0) + 1.0)[1]
+    alone = int((Raycaster(thing).first_hits(rays).face >= 0).sum())
+    return int(seen.sum()) / alone if alone else 0.0
+
+
+def rays_between(camera: Camera, low: Array, high: Array) -> tuple[tuple[slice, slice], NDArray[np.float32]]:
+    """The rows and columns whose centres lie between two image points, and packed rays through them, row by row."""
+    size = np.array([camera.width, camera.height])
+    first = np.clip(np.ceil(low - 0.5), 0, size).astype(int)
+    last = np.maximum(np.clip(np.floor(high - 0.5) + 1, 0, size).astype(int), first)
+    place = (slice(first[1], last[1]), slice(first[0], last[0]))
+    center = camera.pixel_centers.reshape(camera.height, camera.width, 2)[place].reshape(-1, 2)
+    ways = camera.directions(center)
+    return place, packed_rays(np.broadcast_to(camera.position, ways.shape), ways)
 
 
 # --- the contact ------------------------------------------------------------------------------------------------------
 
 
 def closeup(
-    scene: Segmentation, things: Mesh, thing: Mesh, settled: Settled, view: ChosenView, config: RenderConfig
+    scene: Segmentation, things: Raycaster, thing: Mesh, settled: Settled, view: ChosenView, config: RenderConfig
 ) -> NDArray[np.uint8]:
     """The contact from nearby, its patch tinted as if the object were glass."""
     size = np.ptp(thing.vertices, axis=0)
@@ -252,28 +262,28 @@ def closeup(
     distance = config.closeup_factor * float(np.linalg.norm(size))
     camera = best_view(things, thing, target, distance, flat, config).camera
     meshes = shown(scene, camera)
-    rgb = photograph([*meshes, thing], camera, config)
-    return tinted(rgb, contact_mask(meshes, settled.contact_points, camera))
+    taken = photograph([*meshes, thing], camera, config)
+    return tinted(taken.rgb, contact_mask(meshes, settled.contact_points, camera))
 
 
 def contact_mask(meshes: list[Mesh], contact: Array, camera: Camera) -> NDArray[np.bool_]:
     """Pixels of the scene (seen through the object) that belong to the contact patch, shape (h, w)."""
-    shape = (camera.height, camera.width)
+    mask = np.zeros((camera.height, camera.width), dtype=bool)
     if len(contact) == 0:
-        return np.zeros(shape, dtype=bool)
+        return mask
     around = camera.project(contact)
     radius = patch_radius(contact)
     reach = 2.0 * radius / around[:, 2].min() * camera.focal + 2.0
-    center = camera.pixel_centers
-    near = ((center >= around[:, :2].min(axis=0) - reach) & (center <= around[:, :2].max(axis=0) + reach)).all(axis=1)
-    rays = rays_through(camera, center[near])
-    hits = Raycaster(Mesh.concatenate(meshes)).cast(np.broadcast_to(camera.position, rays.shape), rays)
-    mask = np.zeros(len(center), dtype=bool)
-    hit = hits.face >= 0
+    place, rays = rays_between(camera, around[:, :2].min(axis=0) - reach, around[:, :2].max(axis=0) + reach)
+    hits = Raycaster(Mesh.concatenate(meshes)).first_hits(rays)
+    hit = np.flatnonzero(hits.face >= 0)
+    points = rays[hit, :3].astype(np.float64) + hits.distance[hit, None] * rays[hit, 3:]
+    close = ((points > contact.min(axis=0) - radius) & (points < contact.max(axis=0) + radius)).all(axis=1)
     found = np.zeros(len(rays), dtype=bool)
-    found[hit] = cKDTree(contact).query(hits.position[hit], distance_upper_bound=radius)[0] <= radius
-    mask[near] = found
-    return mask.reshape(shape)
+    away = cKDTree(contact).query(points[close], distance_upper_bound=radius, workers=-1)[0]
+    found[hit[close]] = away <= radius
+    mask[place] = found.reshape(mask[place].shape)
+    return mask
 
 
 def patch_radius(contact: Array) -> float:
@@ -287,14 +297,24 @@ def patch_radius(contact: Array) -> float:
 
 def tinted(rgb: NDArray[np.uint8], mask: NDArray[np.bool_]) -> NDArray[np.uint8]:
     """A picture with the masked pixels tinted and outlined, in the colour that differs more from what is there."""
-    width = max(1, round(len(rgb) / 512))
-    mask = binary_closing(np.pad(mask, 8 * width), iterations=4 * width)[8 * width : -8 * width, 8 * width : -8 * width]
     if not mask.any():
         return rgb
+    width = max(1, round(len(rgb) / 512))
+    mask = closed(mask, 4 * width)
     tint = TINTS[int(np.argmax(np.linalg.norm(TINTS - rgb[mask].mean(axis=0), axis=1)))]
     line = mask & ~binary_erosion(mask, iterations=width)
     share = np.where(line, LINE_SHARE, np.where(mask, TINT_SHARE, 0.0))[..., None]
     return np.asarray(np.round(rgb * (1.0 - share) + tint * share), dtype=np.uint8)
+
+
+def closed(mask: NDArray[np.bool_], steps: int) -> NDArray[np.bool_]:
+    """A mask (h, w) with gaps of up to 2 * steps pixels filled."""
+    rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
+    place = (slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1))
+    rim = 2 * steps
+    result = np.zeros_like(mask)
+    result[place] = binary_closing(np.pad(mask[place], rim), iterations=steps)[rim:-rim, rim:-rim]
+    return result
 
 
 render_task = stage(render)

@@ -26,13 +26,15 @@ class ShadingNormals:
         self._known = np.zeros(len(mesh.faces), dtype=bool)
         self._normal = np.zeros((len(mesh.faces), 3, 3), dtype=np.float32)
 
-    def of(self, face: NDArray[np.integer]) -> NDArray[np.float32]:
-        """Unit normals at the three corners of faces (n,), shape (n, 3, 3)."""
-        fresh = np.unique(face[~self._known[face]])
+    def of_corners(self, face: NDArray[np.integer]) -> NDArray[np.float32]:
+        """Unit normals at the three corners of all faces, shape (m, 3, 3); made for the faces (n,) and earlier ones."""
+        wanted = np.zeros(len(self._known), dtype=bool)
+        wanted[face] = True
+        fresh = np.flatnonzero(wanted & ~self._known)
         if len(fresh):
             self._normal[fresh] = self._averaged(fresh)
             self._known[fresh] = True
-        return np.asarray(self._normal[face])
+        return self._normal
 
     def _averaged(self, face: NDArray[np.integer]) -> NDArray[np.float32]:
         """Weighted means over the faces around each corner."""

@@ -1,0 +1,141 @@
+"""What the rays of a camera meet: place, normals, colour and mesh, ready to be lit."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dcap.geometry.camera import Camera
+from dcap.geometry.raycast import PackedHits, Raycaster
+from dcap.geometry.rendering.bands import in_bands
+from dcap.geometry.rendering.normals import ShadingNormals
+from dcap.scene.types.mesh import Mesh
+
+Array = NDArray[np.float32]
+
+LEAN_COS = 0.1  # a shading normal that leans farther from its face would shade the side that is not seen
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class SurfaceHits:
+    """What n rays from one camera meet; zeros where they meet nothing. One component after the other: (3, n)."""
+
+    direction: Array
+    """Unit ray directions, shape (3, n)."""
+    distance: Array
+    """Along the ray [m], inf where it meets nothing, shape (n,)."""
+    position: Array
+    """[m], shape (3, n)."""
+    flat: Array
+    """Unit face normals towards the viewer, shape (3, n)."""
+    smooth: Array
+    """Unit shading normals, shape (3, n)."""
+    color: Array
+    """Linear colours 0..1, shape (3, n)."""
+    mesh_index: NDArray[np.int32]
+    """Mesh seen, -1 for none, shape (n,)."""
+
+    @classmethod
+    def empty(cls, count: int) -> "SurfaceHits":
+        """To be filled."""
+        vectors = [np.empty((3, count), dtype=np.float32) for _ in range(5)]
+        way, position, flat, smooth, color = vectors
+        return cls(
+            way, np.empty(count, dtype=np.float32), position, flat, smooth, color, np.empty(count, dtype=np.int32)
+        )
+
+    def part(self, index: slice) -> "SurfaceHits":
+        """Some of the rays, without a copy."""
+        return SurfaceHits(
+            self.direction[:, index], self.distance[index], self.position[:, index], self.flat[:, index],
+            self.smooth[:, index], self.color[:, index], self.mesh_index[index],
+        )  # fmt: skip
+
+
+class RenderScene:
+    """The meshes as the camera sees them: one acceleration structure, colours, normals and the light."""
+
+    def __init__(self, meshes: Sequence[Mesh], camera: Camera) -> None:
+        self.camera = camera
+        self.mesh = Mesh.concatenate(list(meshes))
+        self.mesh_of_face = np.repeat(np.arange(len(meshes)), [len(m.faces) for m in meshes]).astype(np.int32)
+        self.caster = Raycaster(self.mesh)
+        self.colors = colors_of(self.mesh)
+        self.light = key_direction(camera)
+        self.reach = float(np.linalg.norm(np.asarray(camera.target) - camera.position))
+        self.normals = ShadingNormals(self.mesh)
+
+    def look(self, points: NDArray[np.float64]) -> SurfaceHits:
+        """What rays through image points (n, 2) [pixel] meet."""
+        rays = np.empty((len(points), 6), dtype=np.float32)
+        surface = SurfaceHits.empty(len(points))
+
+        def aim(band: slice) -> None:
+            rays[band, :3] = self.camera.position
+            rays[band, 3:] = self.camera.directions(points[band])
+
+        in_bands(aim, len(points))
+        hits = self.caster.first_hits(rays)
+        corner_normals = self.normals.of_corners(hits.face[hits.face >= 0])
+
+        def describe(band: slice) -> None:
+            self._describe(rays[band], hits.part(band), corner_normals, surface.part(band))
+
+        in_bands(describe, len(points))
+        return surface
+
+    def _describe(self, rays: Array, hits: PackedHits, corner_normals: Array, out: SurfaceHits) -> None:
+        """Fill in what a band of rays meets."""
+        out.direction[:] = rays[:, 3:].T
+        out.distance[:] = hits.distance
+        seen = hits.face >= 0
+        if not seen.any():
+            out.mesh_index[:] = -1
+            for nothing in (out.position, out.flat, out.smooth, out.color):
+                nothing[:] = 0.0
+            return
+        face = np.where(seen, hits.face, 0)
+        out.position[:] = np.where(seen, rays[:, :3].T + np.where(seen, hits.distance, 0.0) * out.direction, 0.0)
+        out.mesh_index[:] = np.where(seen, self.mesh_of_face[face], -1)
+        u, v = np.where(seen, hits.uv.T, 0.0)
+        weights = np.stack([seen - u - v, u, v])
+        out.color[:] = sum(
+            w * components(self.colors[k]) for w, k in zip(weights, self.mesh.faces[face].T, strict=True)
+        )
+        flat = np.where(seen, components(hits.normal), 0.0)
+        rows = components(corner_normals.reshape(-1, 9)[face])
+        smooth = weights[0] * rows[:3] + weights[1] * rows[3:6] + weights[2] * rows[6:]
+        toward = np.where(dot(flat, out.direction) > 0.0, np.float32(-1.0), np.float32(1.0))
+        flat *= toward
+        smooth *= toward
+        smooth = np.where(dot(smooth, flat) > LEAN_COS, smooth, flat)
+        out.flat[:] = flat
+        out.smooth[:] = smooth / np.maximum(np.sqrt(dot(smooth, smooth)), np.float32(1e-12))
+
+
+def components(rows: Array) -> Array:
+    """Vectors (n, k) one component after the other, shape (k, n)."""
+    return np.ascontiguousarray(rows.T)
+
+
+def dot(a: Array, b: Array) -> Array:
+    """Scalar products of vectors with the components first, shape (3, ...)."""
+    return np.asarray(a[0] * b[0] + a[1] * b[1] + a[2] * b[2])
+
+
+def key_direction(camera: Camera) -> NDArray[np.float64]:
+    """Unit vector to the key light: over the left shoulder of the photographer, 52 degrees above the horizon."""
+    rotation = camera.world_from_camera
+    side = -0.75 * rotation[:, 0] - 0.55 * rotation[:, 2] * (1.0, 1.0, 0.0)
+    flat = side * (1.0, 1.0, 0.0)
+    flat /= max(float(np.linalg.norm(flat)), 1e-9)
+    light = np.array([0.62 * flat[0], 0.62 * flat[1], 0.785])
+    return np.asarray(light / np.linalg.norm(light))
+
+
+def colors_of(mesh: Mesh) -> Array:
+    """Linear vertex colours 0..1, shape (n, 3)."""
+    level = np.arange(256) / 255.0
+    table = np.where(level <= 0.04045, level / 12.92, ((level + 0.055) / 1.055) ** 2.4).astype(np.float32)
+    return np.asarray(table[mesh.colors])
