@@ -10,7 +10,9 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from dcap.geometry.raycast import Raycaster
+from dcap.geometry.camera import looking_at
+from dcap.geometry.raycast import Raycaster, packed_rays
+from dcap.geometry.rendering.picture import picture
 from dcap.scene.settings import PROJECT_ROOT
 from dcap.scene.store.artifacts import Store
 from dcap.scene.types.mesh import Mesh
@@ -71,6 +73,21 @@ def ray_rows(mesh: Mesh) -> list[tuple[str, float, str, float]]:
     ]
 
 
+def picture_rows(mesh: Mesh) -> list[tuple[str, float, str, float]]:
+    """A picture with shadows, as of a placement, against the first ray of each of its pixels."""
+    camera = looking_at(np.array([2.0, -3.0, 2.0]), np.zeros(3), 1024, 1024)
+    caster, ways = Raycaster(mesh), camera.directions(camera.pixel_centers)
+    rays = packed_rays(np.broadcast_to(camera.position, ways.shape), ways)
+    return [
+        (
+            "take a picture of 1024 x 1024",
+            best(lambda: picture([mesh], camera)),
+            "cast a ray through each pixel",
+            best(lambda: caster.first_hits(rays)),
+        ),
+    ]
+
+
 def digest_rows() -> list[tuple[str, float, str, float]]:
     """Finding out whether code has changed against reading it."""
     path = PROJECT_ROOT / "tasks" / "drop" / "stage.py"
@@ -90,7 +107,7 @@ def main() -> None:
     """Measure and print."""
     mesh = sheet()
     table = Table("what", "s", "against", "s", "ratio", box=None)
-    for what, seconds, against, reference in [*store_rows(mesh), *ray_rows(mesh), *digest_rows()]:
+    for what, seconds, against, reference in [*store_rows(mesh), *ray_rows(mesh), *picture_rows(mesh), *digest_rows()]:
         table.add_row(what, f"{seconds:.4f}", against, f"{reference:.4f}", f"{seconds / reference:.1f}")
     console = Console(highlight=False, width=120)
     console.print(table)

@@ -8,9 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dcap.geometry.boundary import welded
+from dcap.geometry.rendering.bands import in_bands
 from dcap.scene.types.mesh import Mesh
 
 SHARP_COS, SMOOTH_COS = 0.5, 0.85  # 60 degrees and more: an edge; 32 degrees and less: a bend; blended in between
+FACES = 4096  # in a band: each has about 18 neighbours, counted once for each corner
 
 
 class ShadingNormals:
@@ -19,7 +21,7 @@ class ShadingNormals:
     def __init__(self, mesh: Mesh) -> None:
         area_normal = mesh.face_normals
         self._length = np.sqrt(np.einsum("ij,ij->i", area_normal, area_normal))
-        self._unit = area_normal / np.maximum(self._length, 1e-300)[:, None]
+        self._unit = np.ascontiguousarray((area_normal / np.maximum(self._length, 1e-300)[:, None]).T)
         self._corner = welded(mesh.vertices)[mesh.faces]
         self._order = np.argsort(self._corner.ravel(), kind="stable")
         self._start = np.concatenate([[0], np.cumsum(np.bincount(self._corner.ravel()))])
@@ -31,24 +33,26 @@ class ShadingNormals:
         wanted = np.zeros(len(self._known), dtype=bool)
         wanted[face] = True
         fresh = np.flatnonzero(wanted & ~self._known)
-        if len(fresh):
-            self._normal[fresh] = self._averaged(fresh)
-            self._known[fresh] = True
+
+        def average(band: slice) -> None:
+            self._normal[fresh[band]] = self._averaged(fresh[band])
+
+        in_bands(average, len(fresh), band=FACES)
+        self._known[fresh] = True
         return self._normal
 
     def _averaged(self, face: NDArray[np.integer]) -> NDArray[np.float32]:
         """Weighted means over the faces around each corner."""
         vertex = self._corner[face].ravel()
         count = self._start[vertex + 1] - self._start[vertex]
-        own = np.repeat(np.repeat(face, 3), count)
         slot = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
         other = self._order[np.repeat(self._start[vertex], count) + slot] // 3
-        cos = np.einsum("ij,ij->i", self._unit[own], self._unit[other])
+        target = np.repeat(np.arange(len(vertex)), count)
+        own, near = self._unit[:, face[target // 3]], self._unit[:, other]
+        cos = own[0] * near[0] + own[1] * near[1] + own[2] * near[2]
         weight = self._length[other] * np.sign(cos)  # a neighbour wound the other way counts turned around
         weight *= np.clip((np.abs(cos) - SHARP_COS) / (SMOOTH_COS - SHARP_COS), 0.0, 1.0)
-        target = np.repeat(np.arange(len(vertex)), count)
-        parts = [np.bincount(target, weight * self._unit[other, a], minlength=len(vertex)) for a in range(3)]
-        total = np.stack(parts, axis=1)
+        total = np.stack([np.bincount(target, weight * part, minlength=len(vertex)) for part in near], axis=1)
         size = np.sqrt(np.einsum("ij,ij->i", total, total))[:, None]
-        total = np.divide(total, size, out=np.repeat(self._unit[face], 3, axis=0), where=size > 0.0)
+        total = np.divide(total, size, out=np.repeat(self._unit.T[face], 3, axis=0), where=size > 0.0)
         return np.asarray(total.reshape(-1, 3, 3), dtype=np.float32)

@@ -234,7 +234,8 @@ def add_file(files: dict[str, bytes], name: str, data: bytes) -> str:
 def array_to_png(array: NDArray[np.generic]) -> bytes:
     """A lossless picture, (h, w, 3) or (h, w, 4) uint8."""
     buffer = io.BytesIO()
-    Image.fromarray(np.ascontiguousarray(array)).save(buffer, "PNG", compress_level=6)
+    # level 6, the usual one, takes two and a half times as long for 7 % fewer bytes
+    Image.fromarray(np.ascontiguousarray(array)).save(buffer, "PNG", compress_level=4)
     return buffer.getvalue()
 
 
