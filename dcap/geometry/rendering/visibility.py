@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dcap.geometry.raycast import Raycaster
-from dcap.geometry.rendering.bands import in_bands
+from dcap.geometry.rendering.bands import BAND, in_bands
 from dcap.geometry.rendering.surface import SurfaceHits, dot
 
 Array = NDArray[np.float32]
@@ -175,7 +175,7 @@ def gather_axis(light: Array, position: Array, steep: Array, normal: Array, axis
             weight_sum[own[1:]] += weight
         result[:, band] = total / weight_sum
 
-    in_bands(average, height, band=max(1, 16384 // width))
+    in_bands(average, height, band=max(1, BAND // width))
     return result
 
 

@@ -18,7 +18,16 @@ from dcap.scene.types.renders import Renders
 from dcap.scene.types.segmentation import Instance, Part, Segmentation, SegmentedObject, SegmentedScene
 from dcap.scene.types.settled import Settled, SettledBody
 from solver.certificate import Verdict
-from tasks.render.stage import RenderConfig, render, settled_item, settled_scene, shown, structure_faces, tinted
+from tasks.render.stage import (
+    RenderConfig,
+    rays_between,
+    render,
+    settled_item,
+    settled_scene,
+    shown,
+    structure_faces,
+    tinted,
+)
 
 RADIUS, DEPTH, TOP = 0.1, 0.03, 0.5
 SMALL = RenderConfig(size=160)
@@ -208,3 +217,13 @@ def test_same_input_same_bytes() -> None:
     assert isinstance(again, Renders)
     for name in ("clean", "settled", "closeup"):
         assert getattr(again, name).tobytes() == getattr(taken(), name).tobytes()
+
+
+def test_rays_between_two_points_are_the_pictures_own() -> None:
+    """A rectangle's rays go through the middles of the pixels it covers; beyond the picture there are none."""
+    camera = looking_at(np.array([0.0, -2.0, 1.0]), np.zeros(3), 40, 30)
+    place, rays = rays_between(camera, np.array([3.2, -5.0]), np.array([8.5, 4.6]))
+    assert place == (slice(0, 5), slice(3, 9))  # middles 0.5 .. 4.5 and 3.5 .. 8.5
+    whole = camera.directions(camera.pixel_centers).reshape(30, 40, 3)
+    assert np.array_equal(rays[:, 3:], whole[place].reshape(-1, 3).astype(np.float32))
+    assert len(rays_between(camera, np.array([50.0, 2.0]), np.array([60.0, 9.0]))[1]) == 0
