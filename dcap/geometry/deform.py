@@ -1,7 +1,7 @@
 """Carry the displacement of a simulated surface over to the mesh that it was cut from.
 
 In: the whole mesh, which of its faces may follow, and the simulated surface with its displacement. Out: the mesh,
-finer where it bends, with the displacement of the nearest surface point added. Colours and far faces stay as they
+finer where that bends, with the displacement of the nearest surface point added. Colours and far faces stay as they
 are.
 """
 
@@ -9,16 +9,19 @@ import numpy as np
 import open3d
 from numpy.typing import NDArray
 
+from dcap.geometry.boundary import welded
 from dcap.geometry.raycast import tensor
 from dcap.geometry.solid.repair import split_edges
 from dcap.scene.types.mesh import Mesh
 
 NEGLIGIBLE = 2e-5  # displacement [m] that no picture shows
+FLAT = 5e-6  # a bend [m] over an edge of a few centimetres that shading does not show either
 CLOSE, FAR = (
     2e-3,
     5e-3,
 )  # a vertex this near [m] to the simulated surface follows it; farther ones less, then not at all
 MOST_ROUNDS = 10  # halvings of an edge: from a 2 m mattress to 2 mm
+COARSE = 6.0  # an edge longer than this, over the simulated edges, is split unseen: a dent may lie between its ends
 
 
 def displaced(
@@ -33,18 +36,19 @@ def displaced(
         return mesh, np.arange(len(mesh.faces))
     low, high = start.submesh(np.flatnonzero(moving)).bounds
     edge = float(np.quantile(edge_lengths(start)[moving], 0.25))
-    fine, origin = refined(mesh, movable, low, high, edge)
+    field = DisplacementField(start, displacement)
+    fine, origin = refined(mesh, movable, low, high, edge, field)
     used = np.unique(fine.faces[movable[origin]])
     near = used[((fine.vertices[used] >= low - FAR) & (fine.vertices[used] <= high + FAR)).all(axis=1)]
     vertices = fine.vertices.copy()
-    vertices[near] += interpolated(start, displacement, vertices[near])
+    vertices[near] += field.at(vertices[near])
     return Mesh(vertices, fine.faces, fine.colors), origin
 
 
 def following(mesh: Mesh, surface: Mesh, displacement: NDArray[np.float64]) -> Mesh:
     """A mesh that moves with the nearest points of a simulated surface: the picture's surface of a simplified body."""
     start = Mesh(surface.vertices - displacement, surface.faces, surface.colors)
-    moved = mesh.vertices + interpolated(start, displacement, mesh.vertices, close=np.inf)
+    moved = mesh.vertices + DisplacementField(start, displacement, close=np.inf).at(mesh.vertices)
     return Mesh(moved, mesh.faces, mesh.colors)
 
 
@@ -55,34 +59,79 @@ def edge_lengths(mesh: Mesh) -> NDArray[np.float64]:
     return lengths
 
 
+class DisplacementField:
+    """Displacement of the nearest point of a surface, fading out beyond `close` [m]."""
+
+    def __init__(self, start: Mesh, displacement: NDArray[np.float64], close: float = CLOSE) -> None:
+        self._faces, self._displacement, self._close = start.faces, displacement, close
+        self._shift = start.bounds.mean(axis=0)
+        self._scene = open3d.t.geometry.RaycastingScene()
+        self._scene.add_triangles(tensor(start.vertices - self._shift, np.float32), tensor(start.faces, np.uint32))
+
+    def at(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Displacement [m] at points (n, 3), of the same shape."""
+        found = self._scene.compute_closest_points(tensor(points - self._shift, np.float32))
+        corner = self._faces[found["primitive_ids"].numpy().astype(np.int64)]
+        u, v = found["primitive_uvs"].numpy().astype(np.float64).T
+        weight = np.stack([1.0 - u - v, u, v], axis=1)
+        distance = np.linalg.norm(found["points"].numpy() + self._shift - points, axis=1)
+        fade = np.clip(1.0 - (distance - self._close) / (FAR - CLOSE), 0.0, 1.0)
+        return np.asarray(fade[:, None] * np.einsum("nk,nki->ni", weight, self._displacement[corner]))
+
+    def bends(self, a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Whether the displacement half way between points (n, 3) is visibly not the mean of theirs, shape (n,)."""
+        off = self.at(0.5 * (a + b)) - 0.5 * (self.at(a) + self.at(b))
+        return np.asarray(np.linalg.norm(off, axis=1) > FLAT)
+
+
 def refined(
-    mesh: Mesh, movable: NDArray[np.bool_], low: NDArray[np.float64], high: NDArray[np.float64], edge: float
+    mesh: Mesh,
+    movable: NDArray[np.bool_],
+    low: NDArray[np.float64],
+    high: NDArray[np.float64],
+    edge: float,
+    field: DisplacementField,
 ) -> tuple[Mesh, NDArray[np.int64]]:
-    """Movable faces in the box split to edges of at most `edge` [m]; with each face's origin."""
-    origin = np.arange(len(mesh.faces))
+    """Movable faces in the box split to edges of at most `edge` [m] where the field bends; with each face's origin."""
+    fresh = in_box(mesh.triangles, low, high) & movable
+    region = touching(mesh, fresh)
+    part, source, fresh = Mesh(mesh.vertices, mesh.faces[region], mesh.colors), np.flatnonzero(region), fresh[region]
     for _ in range(MOST_ROUNDS):
-        corner = mesh.triangles
-        near = ((corner.max(axis=1) >= low) & (corner.min(axis=1) <= high)).all(axis=1) & movable[origin]
-        length = np.linalg.norm(corner - np.roll(corner, -1, axis=1), axis=2)
-        long = near[:, None] & (length > 1.5 * edge)
-        if not long.any():
+        candidate = np.flatnonzero(fresh & movable[source])
+        corner = part.vertices[part.faces[candidate]]
+        inside = in_box(corner, low, high)
+        marked = np.zeros(part.faces.shape, dtype=bool)
+        marked[candidate[inside]] = edges_to_split(corner[inside], edge, field)
+        if not marked.any():
             break
-        mesh, came_from = split_edges(mesh, long)
-        origin = origin[came_from]
-    return mesh, origin
+        part, came_from = split_edges(part, marked)
+        source = source[came_from]
+        fresh = np.bincount(came_from)[came_from] > 1  # what was not split now never will be
+    # the vertices of the whole mesh come first in those of the part
+    origin = np.concatenate([np.flatnonzero(~region), source])
+    order = np.argsort(origin, kind="stable")
+    faces = np.concatenate([mesh.faces[~region], part.faces])[order]
+    return Mesh(part.vertices, faces, part.colors), origin[order]
 
 
-def interpolated(
-    start: Mesh, displacement: NDArray[np.float64], points: NDArray[np.float64], close: float = CLOSE
-) -> NDArray[np.float64]:
-    """Displacement at points (n, 3): that of the nearest surface point, fading out beyond `close` [m]."""
-    shift = start.bounds.mean(axis=0)
-    scene = open3d.t.geometry.RaycastingScene()
-    scene.add_triangles(tensor(start.vertices - shift, np.float32), tensor(start.faces, np.uint32))
-    found = scene.compute_closest_points(tensor(points - shift, np.float32))
-    corner = start.faces[found["primitive_ids"].numpy().astype(np.int64)]
-    u, v = found["primitive_uvs"].numpy().astype(np.float64).T
-    weight = np.stack([1.0 - u - v, u, v], axis=1)
-    distance = np.linalg.norm(found["points"].numpy() + shift - points, axis=1)
-    fade = np.clip(1.0 - (distance - close) / (FAR - CLOSE), 0.0, 1.0)
-    return np.asarray(fade[:, None] * np.einsum("nk,nki->ni", weight, displacement[corner]))
+def in_box(corner: NDArray[np.float64], low: NDArray[np.float64], high: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Triangles (n, 3, 3) whose own boxes meet a box, shape (n,)."""
+    return np.asarray(((corner.max(axis=1) >= low) & (corner.min(axis=1) <= high)).all(axis=1))
+
+
+def touching(mesh: Mesh, some: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Faces that have a corner in common with some of them (m,), these included, shape (m,)."""
+    corner = welded(mesh.vertices)[mesh.faces]
+    theirs = np.zeros(len(mesh.vertices), dtype=bool)
+    theirs[corner[some]] = True
+    return np.asarray(theirs[corner].any(axis=1))
+
+
+def edges_to_split(corner: NDArray[np.float64], edge: float, field: DisplacementField) -> NDArray[np.bool_]:
+    """Edges of triangles (n, 3, 3) that are long, or longer than `edge` [m] where the field bends, shape (n, 3)."""
+    after = np.roll(corner, -1, axis=1)
+    length = np.linalg.norm(corner - after, axis=2)
+    split = np.asarray(length > COARSE * edge)
+    doubtful = ~split & (length > 1.5 * edge)
+    split[doubtful] = field.bends(corner[doubtful], after[doubtful])
+    return split
