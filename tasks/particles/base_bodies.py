@@ -250,9 +250,9 @@ def base_surface(setup: DropSetup, mesh: Mesh, box: Array, cell: float) -> Mesh:
     """Visible soft faces within the grid; edges that the budget keeps longer than a third of a cell [m] are noted."""
     most = setup.config.base_faces
     surface, edge = soft_support_surface(mesh, setup.footprint, setup.crop, box, cell, most)
-    if edge > cell / PER_CELL:
+    if edge > 1.001 * cell / PER_CELL:
         setup.notes.append(
-            f"{setup.anchor.base_id}: faces of {1e3 * edge:.2g} mm under the object, not a third of a cell "
+            f"{setup.anchor.base_id}: faces of up to {1e3 * edge:.2g} mm under the object, not a third of a cell "
             f"({1e3 * cell / PER_CELL:.2g} mm), to meet the budget of {most} (ParticlesConfig.base_faces)"
         )
     return surface

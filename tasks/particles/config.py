@@ -33,7 +33,9 @@ class ParticlesConfig(BaseModel, frozen=True, extra="forbid"):
     base_cells: PositiveInt = 7000
     """Budget of cells of the base."""
     base_faces: PositiveInt = 120_000
-    """Budget of visible faces of a soft base under the object; each is a point of contact."""
+    """Budget of faces that refining adds to a soft base under the object; each is a point of contact."""
+    object_faces: PositiveInt = 60_000
+    """Budget of faces that refining adds to the object where it may touch."""
     particle_limit: PositiveInt = 250_000
     """More particles than this are refused."""
     distance_samples: PositiveInt = 1_000_000

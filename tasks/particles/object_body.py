@@ -71,7 +71,7 @@ def object_body(setup: DropSetup, contact_cell: float, *, on_soft: bool) -> Obje
     edge = contact_cell if on_soft else setup.footprint.small_side / POINTS_ACROSS
     body = RigidSimulationBody(
         name=OBJECT, instance=OBJECT, fixed=False, distance=grid, inertial=inertial,
-        surface=rigid_object_surface(simplified_item(setup), setup.footprint, edge),
+        surface=rigid_object_surface(simplified_item(setup), setup.footprint, edge, setup.config.object_faces),
         friction=touching.material.friction,
     )  # fmt: skip
     return ObjectBody(body, contact_cell)
@@ -146,7 +146,8 @@ def soft_object(
     body = SoftSimulationBody(
         name=OBJECT, instance=OBJECT, fixed=False, distance=grid, friction=touching.friction,
         inertial=inertial_of_material(points),
-        surface=soft_object_surface(simplified_item(setup), setup.mesh.bounds, cells.size), points=points,
+        points=points,
+        surface=soft_object_surface(simplified_item(setup), setup.mesh.bounds, cells.size, setup.config.object_faces),
         grid=grid_of(cells.planes, core=core_nodes(setup, cells.planes, rows, part_of_face, inside)), loaded=False,
     )  # fmt: skip
     return ObjectBody(body, cells.size)

@@ -24,7 +24,7 @@ LEAST_FILLED = 1e-6  # share of its box that a closed mesh fills at least; less 
 FILL_SAMPLES = 72  # samples along the longest side when an open mesh is measured by filling: volume within about 1 %
 RELIEF = 1.3e-3  # share of a surface's height differences that its shadow keeps
 MOST_ROUNDS = 14  # halvings of an edge: a 10 m edge down to under a millimetre
-MOST_FACES = 400_000  # a refined mesh larger than this was asked for by mistake
+MOST_ADDED = 400_000  # faces that refining adds, where no smaller budget is given
 
 
 def small_holes_capped(mesh: Mesh, perimeter: float) -> Mesh:
@@ -87,25 +87,46 @@ def outer_faces(mesh: Mesh, *, step: float = 2e-4) -> IntArray:
     return np.flatnonzero(outer)
 
 
-def subdivide_near(mesh: Mesh, region: FloatArray, edge: float) -> Mesh:
+def subdivide_near(mesh: Mesh, region: FloatArray, edge: float, most_added: int = MOST_ADDED) -> Mesh:
     """Split faces that reach into a box until their edges are at most `edge` [m]; colours are interpolated.
 
-    `region` is the box's lower and upper corner [m], shape (2, 3).
+    `region` is the box's lower and upper corner [m], shape (2, 3). Where that would take more than `most_added` new
+    faces, the longest edges are split first, and those stay longer that the budget does not reach (`longest_near`).
     Conforming: an edge is split for all its faces or for none, also across duplicated vertices. Faces keep their plane.
     """
+    most = len(mesh.faces) + most_added
+    fine, whole = split_while_affordable(mesh, region, edge, most, least_share=0.0)
+    return fine if whole else split_while_affordable(mesh, region, edge, most, least_share=0.5)[0]
+
+
+def split_while_affordable(
+    mesh: Mesh, region: FloatArray, edge: float, most_faces: int, *, least_share: float
+) -> tuple[Mesh, bool]:
+    """Halve the edges near a box that are longer than `edge` [m], in each round those of at least `least_share` of the
+    longest; and whether `most_faces` allowed all of it."""
     for _ in range(MOST_ROUNDS):
-        corner = mesh.triangles
-        near = ((corner.max(axis=1) >= region[0]) & (corner.min(axis=1) <= region[1])).all(axis=1)
-        length = np.linalg.norm(corner - np.roll(corner, -1, axis=1), axis=2)
-        long = near[:, None] & (length > edge * (1.0 + 1e-9))
+        length = edges_near(mesh, region)
+        longest = float(length.max(initial=0.0))
+        long = length > max(edge * (1.0 + 1e-9), least_share * longest)
         if not long.any():
-            break
-        mesh, _ = split_edges(mesh, long)
-        if len(mesh.faces) > MOST_FACES:
-            raise GeometryError(
-                f"refining to {edge} m makes {len(mesh.faces)} faces > {MOST_FACES}; raise the edge length"
-            )
-    return mesh
+            return mesh, True
+        finer, _ = split_edges(mesh, long)
+        if len(finer.faces) > most_faces:
+            return mesh, False
+        mesh = finer
+    return mesh, True
+
+
+def edges_near(mesh: Mesh, region: FloatArray) -> FloatArray:
+    """Lengths of the edges of each face that reaches into a box (2, 3) [m], zero for the others, shape (m, 3)."""
+    corner = mesh.triangles
+    near = ((corner.max(axis=1) >= region[0]) & (corner.min(axis=1) <= region[1])).all(axis=1)
+    return np.asarray(np.where(near[:, None], np.linalg.norm(corner - np.roll(corner, -1, axis=1), axis=2), 0.0))
+
+
+def longest_near(mesh: Mesh, region: FloatArray) -> float:
+    """Longest edge of the faces that reach into a box (2, 3) [m]."""
+    return float(edges_near(mesh, region).max(initial=0.0))
 
 
 def split_edges(mesh: Mesh, marked: NDArray[np.bool_]) -> tuple[Mesh, IntArray]:
