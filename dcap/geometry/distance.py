@@ -11,7 +11,7 @@ beyond it.
 """
 
 from collections.abc import Callable
-from typing import TypeAlias
+from typing import TypeAlias, TypeVar
 
 import igl
 import numpy as np
@@ -28,9 +28,12 @@ from dcap.scene.types.particles import DistanceGrid
 Distance: TypeAlias = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 """Signed distance [m] at points (n, 3), shape (n,)."""
 
+ScalarT = TypeVar("ScalarT", bound=np.generic)
+
 INSIDE = 0.5  # winding number above which a point is inside: halfway between the 0 and 1 of a closed surface
 # samples on each side of the surface that are exact: trilinear interpolation and its gradient look one sample far
 BAND = 3
+CORNERS = tuple(np.ndindex(2, 2, 2))
 COARSE = 4  # spacing of the coarse grid over that of the fine one
 DISAGREEMENT = 0.002  # share of a region's samples on the other side that is put down to rounding at the surface
 DIRECTIONS = np.array([[0.31, 0.42, 0.85], [-0.74, 0.21, 0.64], [0.20, -0.83, 0.52]])
@@ -158,9 +161,9 @@ def sampled(distance: Distance, low: NDArray[np.float64], high: NDArray[np.float
         )
     coarse = distance(lattice(low, COARSE * spacing, blocks + 1)).reshape(blocks + 1)
     values = upsampled(coarse)
-    # an interpolated value is off by at most one coarse diagonal: everything that may lie in the band is computed
-    reach = (BAND + COARSE * np.sqrt(3.0)) * spacing
-    near = np.argwhere(np.abs(values) < reach)
+    # everything that may lie in the band is computed; farther away interpolation has the right side, because it is off
+    # by at most half a coarse diagonal, less than twice the band
+    near = np.argwhere(np.minimum(np.abs(values), least_distances(coarse, spacing)) < BAND * spacing)
     points = low + spacing * near
     if isinstance(distance, MeshDistance):
         values[tuple(near.T)] = distance.unsigned(points)
@@ -215,6 +218,37 @@ def upsampled(coarse: NDArray[np.float64]) -> NDArray[np.float64]:
         mixed = np.concatenate([mixed.reshape(-1, *mixed.shape[2:]), two[-1:]])
         values = np.moveaxis(mixed, 0, axis)
     return np.ascontiguousarray(values)
+
+
+def least_distances(coarse: NDArray[np.float64], spacing: float) -> NDArray[np.float64]:
+    """How far from the surface the samples between coarse ones are at least [m]: a distance changes by no more than the
+    way between two points, so each corner of a coarse cell gives a bound. Zero in cells whose corners are not all on
+    one side. Shape as from `upsampled`."""
+    cells = np.array(coarse.shape)
+    corner = np.pad(np.abs(coarse), (0, 1), constant_values=-np.inf)  # samples on the last planes have fewer corners
+    crossed = np.logical_not(one_sided(coarse))
+    least = np.empty(tuple(COARSE * cells))
+    for offset in np.ndindex(COARSE, COARSE, COARSE):
+        bound = np.full(tuple(cells), -np.inf)
+        for far in CORNERS:
+            way = spacing * float(np.linalg.norm(COARSE * np.array(far) - offset))
+            np.maximum(bound, at_corner(corner, far) - way, out=bound)
+        bound[crossed] = 0.0
+        least[offset[0] :: COARSE, offset[1] :: COARSE, offset[2] :: COARSE] = bound
+    return least[tuple(slice(COARSE * (n - 1) + 1) for n in cells)]
+
+
+def one_sided(coarse: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Whether all corners of a cell are on the same side of the surface, for the cell above each sample."""
+    inside = np.pad(coarse < 0.0, (0, 1), mode="edge")
+    corners = [at_corner(inside, far) for far in CORNERS]
+    return np.asarray(np.logical_and.reduce(corners) | ~np.logical_or.reduce(corners))
+
+
+def at_corner(values: NDArray[ScalarT], corner: tuple[int, ...]) -> NDArray[ScalarT]:
+    """Of samples (one more than cells along each axis) those at one corner of every cell."""
+    i, j, k = (slice(far, far + count - 1) for far, count in zip(corner, values.shape, strict=True))
+    return values[i, j, k]
 
 
 def sampler(grid: DistanceGrid) -> Distance:

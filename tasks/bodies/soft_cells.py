@@ -92,14 +92,16 @@ def graded_cells(
     """
     size = cell
     while True:
-        for growth in GROWTHS:
-            planes = planes_of(box, fine, size, growth)
-            count = occupied(planes, distance)
-            if count <= budget:
-                return Cells(planes, size, count)
-            if size < coarsest and growth >= GROWTHS[2]:
-                break  # the steepest growth only once the cells cannot be coarser
-        size *= COARSENING
+        allowed = GROWTHS if size >= coarsest else GROWTHS[:-1]  # the steepest only once cells cannot be coarser
+        least = occupied(planes_of(box, fine, size, allowed[-1]), distance)
+        if least <= budget:  # the slower growths make more cells, so that none of them needs a look otherwise
+            for growth in allowed:
+                planes = planes_of(box, fine, size, growth)
+                count = occupied(planes, distance)
+                if count <= budget:
+                    return Cells(planes, size, count)
+        # a factor makes at most its third power fewer cells: sizes that cannot do are left out
+        size *= COARSENING ** max(1, int(np.log(least / budget) / (3.0 * np.log(COARSENING))))
 
 
 def planes_of(box: NDArray[np.float64], fine: NDArray[np.float64], cell: float, growth: float) -> Planes:

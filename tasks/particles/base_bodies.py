@@ -92,7 +92,7 @@ def soft_in_reach(
     soft = np.array([r.model is BodyModel.MPM for r in rows])[part]
     low, high = setup.mesh.bounds + np.array([[-SOFT_REACH], [SOFT_REACH]])
     low[2] = setup.mesh.bounds[0, 2] - setup.footprint.gap - REACH_BELOW
-    corner = setup.scene.mesh.triangles[faces[soft]]
+    corner = setup.scene.mesh.corners(faces[soft])
     if ((corner.max(axis=1) >= low) & (corner.min(axis=1) <= high)).all(axis=1).any():
         return np.ones(len(faces), dtype=bool)
     if soft.any():
@@ -180,7 +180,7 @@ def soft_bottoms(
     bottom = np.full(len(rows), np.inf)
     bottom[index] = carried
     for one in sorted(set(part.tolist())):
-        top = float(np.median(mesh.triangles[part == one][:, :, 2]))
+        top = float(np.median(mesh.corners(np.flatnonzero(part == one))[:, :, 2]))
         if one in covers:  # over something soft it ends where that does, else at its own thickness
             if bottom[one] >= setup.base.parts[one].box.bottom:
                 bottom[one] = top_of(mesh, part == one) - covers[one].thickness

@@ -69,7 +69,7 @@ class DropSetup:
     def faces_near_crop(self, instance: int, margin: float) -> NDArray[np.int64]:
         """Faces of an instance whose plan reaches into the crop grown by `margin` [m]."""
         faces = np.flatnonzero(self.scene.face_instance == instance)
-        corner = self.scene.mesh.triangles[faces][:, :, :2]
+        corner = self.scene.mesh.corners(faces)[:, :, :2]
         low, high = self.crop[0, :2] - margin, self.crop[1, :2] + margin
         return np.asarray(faces[((corner.max(axis=1) >= low) & (corner.min(axis=1) <= high)).all(axis=1)])
 

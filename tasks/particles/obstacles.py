@@ -26,7 +26,7 @@ def rigid_base(
     solid: MeshDistance,
 ) -> RigidSimulationBody | None:
     """The rigid parts of the base in reach as one obstacle."""
-    kept = setup.in_contact_region(setup.scene.mesh.triangles[faces])
+    kept = setup.in_contact_region(setup.scene.mesh.corners(faces))
     if not kept.any():
         return None
     there = set(part[kept].tolist())
@@ -43,7 +43,7 @@ def neighbours(setup: DropSetup) -> list[RigidSimulationBody]:
         if index == setup.base_index or instance.structure:
             continue
         faces = setup.faces_near_crop(index, 0.0)
-        faces = faces[setup.in_contact_region(setup.scene.mesh.triangles[faces])]
+        faces = faces[setup.in_contact_region(setup.scene.mesh.corners(faces))]
         if len(faces) == 0:
             continue
         solid = neighbour_solid(setup, index)

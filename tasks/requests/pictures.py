@@ -109,7 +109,7 @@ def _places(box: OrientedBox, distance: float, way: Array, *, from_below: bool) 
 def _visible_share(loose: Raycaster, thing: Mesh, camera: Array) -> float:
     """Share of points on the thing that face the camera and that nothing hides."""
     face = np.linspace(0, len(thing.faces) - 1, min(SEEN_POINTS, len(thing.faces))).astype(np.int64)
-    points, normal = thing.triangles[face].mean(axis=1), thing.face_normals[face]
+    points, normal = thing.corners(face).mean(axis=1), thing.face_normals[face]
     way = camera - points
     facing = np.einsum("ij,ij->i", way, normal) > 0.0
     if not facing.any():

@@ -53,7 +53,7 @@ def piece_boxes(scene: Segmentation, base: Instance, index: int) -> list[Oriente
     large = numbers[count >= LARGE * count.max(initial=0)]
     if len(large) < 2:
         return [box]
-    return [box_about(box, scene.mesh.triangles[mine[piece == number]].reshape(-1, 3)) for number in large]
+    return [box_about(box, scene.mesh.corners(mine[piece == number]).reshape(-1, 3)) for number in large]
 
 
 def box_about(like: OrientedBox, points: Array) -> OrientedBox:

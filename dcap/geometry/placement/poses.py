@@ -208,7 +208,7 @@ def surface_points(mesh: Mesh, count: int) -> Array:
     u, v = np.mod(0.5 + np.arange(count)[:, None] * (0.7548776662466927, 0.5698402909980532), 1.0).T  # R2 sequence
     over = u + v > 1.0
     u, v = np.where(over, 1.0 - u, u), np.where(over, 1.0 - v, v)
-    a, b, c = mesh.triangles[face].transpose(1, 0, 2)
+    a, b, c = mesh.corners(face).transpose(1, 0, 2)
     return np.asarray(a + u[:, None] * (b - a) + v[:, None] * (c - a))
 
 

@@ -23,7 +23,7 @@ def cut_faces(
     if len(index) == 0:
         return cut
     normal = snapped(mesh.face_normals[index])
-    center = mesh.triangles[index].mean(axis=1)
+    center = mesh.corners(index).mean(axis=1)
     side = np.einsum("ij,ij->i", normal, target - center)
     other = np.einsum("ij,ij->i", normal, camera - center)
     ceiling = (np.abs(normal[:, 2]) > LEVEL_COS) & (center[:, 2] > target[2] + OVERHEAD)

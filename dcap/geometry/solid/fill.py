@@ -58,9 +58,9 @@ def cut_octants(
     value = distance(points.reshape(-1, 3)).reshape(len(center), -1)
     # a sub-sample's extent along the normal decides how it is cut
     lattice = value.reshape(len(center), *(SAMPLES,) * 3)
-    slope = np.stack(np.gradient(lattice, axis=(1, 2, 3)), axis=-1).reshape(*value.shape, 3) * SAMPLES / size[:, None]
-    length = np.linalg.norm(slope, axis=2)
-    extent = (np.abs(slope) * size[:, None]).sum(axis=2) / SAMPLES
+    steps = [step.reshape(value.shape) for step in np.gradient(lattice, axis=(1, 2, 3))]
+    length = np.sqrt(sum((SAMPLES / size[:, axis, None] * step) ** 2 for axis, step in enumerate(steps)))
+    extent = sum(np.abs(step) for step in steps)
     width = np.divide(extent, length, out=np.full_like(value, size.min() / SAMPLES), where=length > 0.0)
     inside = np.clip(0.5 - value / width, 0.0, 1.0)
     total = inside.sum(axis=1)

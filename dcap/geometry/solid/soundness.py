@@ -186,5 +186,5 @@ def spread(mesh: Mesh, count: int) -> tuple[FloatArray, NDArray[np.int64]]:
     u, v = rng.uniform(size=(2, count))
     over = u + v > 1.0
     u, v = np.where(over, 1.0 - u, u), np.where(over, 1.0 - v, v)
-    a, b, c = mesh.triangles[face].transpose(1, 0, 2)
+    a, b, c = mesh.corners(face).transpose(1, 0, 2)
     return np.asarray(a + u[:, None] * (b - a) + v[:, None] * (c - a)), face

@@ -37,7 +37,7 @@ def splats_on_mesh(mesh: Mesh, spacing: float, seed: int, scatter: float = 0.0) 
         raise GeometryError(f"a spacing of {spacing} m makes {count} splats, expected 1 to {MOST}")
     random = np.random.default_rng(seed)
     face, weight = _even_points(areas, count, random)
-    corners = mesh.triangles[face]
+    corners = mesh.corners(face)
     colors = mesh.colors[mesh.faces[face]].astype(np.float64)
     size = np.log(spacing * OVERLAP) + JITTER * random.standard_normal((count, 3))
     size[:, 2] += np.log(FLATNESS)

@@ -58,6 +58,10 @@ class Mesh:
         """Corner positions [m], shape (m, 3, 3)."""
         return self.vertices[self.faces]
 
+    def corners(self, face_indices: NDArray[np.integer]) -> NDArray[np.float64]:
+        """Corner positions of the given faces alone [m], shape (k, 3, 3)."""
+        return np.asarray(self.vertices[self.faces[face_indices]])
+
     @property
     def face_normals(self) -> NDArray[np.float64]:
         """Area-weighted normals (length = twice the area) [m^2], shape (m, 3)."""
