@@ -130,7 +130,10 @@ def _volume(box: OrientedBox) -> float:
 def _inside(table: FaceTable, box: OrientedBox, margin: float) -> NDArray[np.int64]:
     """Faces whose centre lies in a box grown by `margin`; first sieved by its axis-aligned hull."""
     low, high = box.corners.min(axis=0) - margin, box.corners.max(axis=0) + margin
-    near = np.flatnonzero(((table.center >= low) & (table.center <= high)).all(axis=1))
+    near = np.arange(len(table.center))
+    for axis in range(3):  # each axis is asked only of what the ones before have left
+        along = table.center[near, axis]
+        near = near[(along >= low[axis]) & (along <= high[axis])]
     return near[box.contains(table.center[near], margin=margin)]
 
 

@@ -11,7 +11,7 @@ are one piece [S14].
 import numpy as np
 from numpy.typing import NDArray
 
-from dcap.geometry.segmentation.faces import FaceTable, connected_regions, renumbered
+from dcap.geometry.segmentation.faces import FaceTable, connected_regions, pairs_among, renumbered
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -28,10 +28,7 @@ GROOVE = np.deg2rad(12.0)
 
 def convex_pieces(table: FaceTable, faces: Index) -> Index:
     """Number of the piece of each of the given faces (k,), shape (k,)."""
-    index = np.full(len(table.area), -1)
-    index[faces] = np.arange(len(faces))
-    pairs = index[table.pairs]
-    pairs = pairs[(pairs >= 0).all(axis=1)]
+    pairs = pairs_among(table.pairs, faces, len(table.area))
     normal = _smoothed(table.normal[faces], table.area[faces], pairs)
     fold = _fold(table.center[faces], normal, pairs)
     weight = 1.0 - np.cos(fold)

@@ -75,6 +75,17 @@ def shared_edges(faces: NDArray[np.int64]) -> NDArray[np.int64]:
     return np.stack([owner[:-1][only_two], owner[1:][only_two]], axis=1)
 
 
+def pairs_among(pairs: NDArray[np.int64], faces: NDArray[np.int64], count: int) -> NDArray[np.int64]:
+    """The pairs of `count` faces that join two of the given ones (k,), numbered among these, shape (p, 2)."""
+    number = np.full(count, -1)
+    number[faces] = np.arange(len(faces))
+    first = number[pairs[:, 0]]
+    kept = np.flatnonzero(first >= 0)  # of a room with many things only few pairs are left for a second look
+    second = number[pairs[kept, 1]]
+    both = second >= 0
+    return np.stack([first[kept[both]], second[both]], axis=1)
+
+
 def connected_regions(count: int, pairs: NDArray[np.int64], joined: NDArray[np.bool_]) -> NDArray[np.int64]:
     """Regions of faces when only the `joined` pairs connect, shape (count,)."""
     a, b = pairs[joined].T

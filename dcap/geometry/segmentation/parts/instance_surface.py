@@ -14,7 +14,7 @@ from scipy.spatial import cKDTree
 
 from dcap.geometry.segmentation.color_regions import color_regions, merged_crumbs
 from dcap.geometry.segmentation.convex import convex_pieces
-from dcap.geometry.segmentation.faces import FaceTable, renumbered, surface_points
+from dcap.geometry.segmentation.faces import FaceTable, pairs_among, renumbered, surface_points
 from dcap.scene.types.box import OrientedBox
 
 UPWARD = 0.75
@@ -113,10 +113,7 @@ class InstanceSurface:
 
     def split_by_color(self, faces: NDArray[np.int64], *, smallest: float = 0.01) -> "InstanceSurface":
         """The same instance with the given faces cut into patches of one colour each."""
-        inside = np.full(len(self.area), -1)
-        inside[faces] = np.arange(len(faces))
-        pairs = inside[self.pairs]
-        pairs = pairs[(pairs >= 0).all(axis=1)]
+        pairs = pairs_among(self.pairs, faces, len(self.area))
         region = color_regions(self.lab[faces], self.area[faces], pairs, smallest=smallest)
         piece = self.piece.copy()
         piece[faces] = int(self.piece.max()) + 1 + region
@@ -125,10 +122,7 @@ class InstanceSurface:
 
 def instance_surface(table: FaceTable, faces: NDArray[np.int64], box: OrientedBox) -> InstanceSurface:
     """The given faces in the frame of `box`; pieces are connected components, crumbs of noise joined to neighbours."""
-    inside = np.full(len(table.area), -1)
-    inside[faces] = np.arange(len(faces))
-    pairs = inside[table.pairs]
-    pairs = pairs[(pairs >= 0).all(axis=1)]
+    pairs = pairs_among(table.pairs, faces, len(table.area))
     corners = box.to_local(table.corners[faces].reshape(-1, 3))
     corners[:, 2] += box.half_extents[2]
     corners = corners.reshape(-1, 3, 3)

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from dcap.geometry.segmentation.faces import connected_regions, level_of
+from dcap.geometry.segmentation.faces import connected_regions, level_of, pairs_among
 from dcap.geometry.segmentation.parts.instance_surface import InstanceSurface
 from dcap.geometry.segmentation.parts.partmap import PartMap
 from dcap.geometry.segmentation.parts.seating import underside
@@ -138,10 +138,7 @@ def _level_patches(
     surface: InstanceSurface, faces: NDArray[np.int64], level: NDArray[np.bool_]
 ) -> list[tuple[float, NDArray[np.float64]]]:
     """Connected level patches that cover a good part of the footprint: (height, extents in x and y (2, 2))."""
-    inside = np.full(len(surface.area), -1)
-    inside[faces] = np.arange(len(faces))
-    pairs = inside[surface.pairs]
-    pairs = pairs[(pairs >= 0).all(axis=1)]
+    pairs = pairs_among(surface.pairs, faces, len(surface.area))
     flag = level[faces]
     patch = connected_regions(len(faces), pairs, flag[pairs[:, 0]] & flag[pairs[:, 1]])
     size = np.bincount(patch, np.where(flag, surface.area[faces], 0.0))

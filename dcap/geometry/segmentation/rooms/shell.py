@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dcap.geometry.segmentation.color_regions import COLOR_STEP, color_regions
-from dcap.geometry.segmentation.faces import FaceTable
+from dcap.geometry.segmentation.faces import FaceTable, pairs_among
 from dcap.geometry.segmentation.rooms.contacts import plan_hull
 from dcap.geometry.segmentation.rooms.structure import (
     PLANE_BAND,
@@ -130,10 +130,7 @@ def _patches(table: FaceTable, level: Mask, plane: Array) -> Mask:
     faces = np.flatnonzero(level & near & (table.normal @ plane[:3] > FACING))
     if not len(faces):
         return np.zeros(len(level), dtype=bool)
-    index = np.full(len(level), -1)
-    index[faces] = np.arange(len(faces))
-    pairs = index[table.pairs]
-    pairs = pairs[(pairs >= 0).all(axis=1)]
+    pairs = pairs_among(table.pairs, faces, len(level))
     region = color_regions(table.lab[faces], table.area[faces], pairs, smallest=CRUMBS)
     area = np.bincount(region, table.area[faces])
     offset = table.center[faces] @ plane[:3] - plane[3]
