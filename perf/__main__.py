@@ -9,10 +9,14 @@ from pathlib import Path
 import numpy as np
 from rich.console import Console
 from rich.table import Table
+from trimesh.creation import icosphere
 
 from dcap.geometry.camera import looking_at
+from dcap.geometry.distance import BAND, MeshDistance, lattice, sampled
+from dcap.geometry.primitives import Box
 from dcap.geometry.raycast import Raycaster, packed_rays
 from dcap.geometry.rendering.picture import picture
+from dcap.geometry.solid.support import support_solid
 from dcap.scene.settings import PROJECT_ROOT
 from dcap.scene.store.artifacts import Store
 from dcap.scene.types.mesh import Mesh
@@ -88,6 +92,28 @@ def picture_rows(mesh: Mesh) -> list[tuple[str, float, str, float]]:
     ]
 
 
+def distance_rows() -> list[tuple[str, float, str, float]]:
+    """Samples of a distance as contact reads it, and the solid under faces seen from above, against exact distances."""
+    ball = Mesh.of(*(np.asarray(part) for part in (icosphere(5, 0.1).vertices, icosphere(5, 0.1).faces)))
+    field, spacing = MeshDistance(ball), 0.2 / 110
+    low, high = ball.bounds - 0.01, ball.bounds + 0.01
+    grid = sampled(field, low[0], high[1], spacing)
+    points = lattice(grid.origin, spacing, np.array(grid.values.shape))
+    near = points[np.abs(grid.values.ravel()) < BAND * spacing]
+    return [
+        ("sample the distance to a ball", best(lambda: sampled(field, low[0], high[1], spacing)),
+         f"{len(near)} exact distances", best(lambda: field.unsigned(near))),
+        ("the solid under a box without bottom", best(under_box), "the same distances", best(lambda: field(near))),
+    ]  # fmt: skip
+
+
+def under_box() -> MeshDistance:
+    """What lies under a box of 2 x 1 x 0.3 m seen from above: its upright edges are borders."""
+    box = Box(np.array([2.0, 1.0, 0.3])).surface(2.0)
+    seen = box.submesh(np.flatnonzero(box.face_normals[:, 2] > -1e-12))
+    return support_solid(seen, np.full(len(seen.faces), -0.3), box.bounds, 0.25)
+
+
 def digest_rows() -> list[tuple[str, float, str, float]]:
     """Finding out whether code has changed against reading it."""
     path = PROJECT_ROOT / "tasks" / "drop" / "stage.py"
@@ -107,7 +133,8 @@ def main() -> None:
     """Measure and print."""
     mesh = sheet()
     table = Table("what", "s", "against", "s", "ratio", box=None)
-    for what, seconds, against, reference in [*store_rows(mesh), *ray_rows(mesh), *picture_rows(mesh), *digest_rows()]:
+    rows = [*store_rows(mesh), *ray_rows(mesh), *picture_rows(mesh), *distance_rows(), *digest_rows()]
+    for what, seconds, against, reference in rows:
         table.add_row(what, f"{seconds:.4f}", against, f"{reference:.4f}", f"{seconds / reference:.1f}")
     console = Console(highlight=False, width=120)
     console.print(table)

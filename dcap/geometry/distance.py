@@ -161,9 +161,10 @@ def sampled(distance: Distance, low: NDArray[np.float64], high: NDArray[np.float
         )
     coarse = distance(lattice(low, COARSE * spacing, blocks + 1)).reshape(blocks + 1)
     values = upsampled(coarse)
-    # everything that may lie in the band is computed; farther away interpolation has the right side, because it is off
-    # by at most half a coarse diagonal, less than twice the band
-    near = np.argwhere(np.minimum(np.abs(values), least_distances(coarse, spacing)) < BAND * spacing)
+    # everything that interpolation within the band reads is computed; farther away the side is right all the same,
+    # because interpolated values are off by at most half a coarse diagonal, less than twice the band
+    reach = (BAND + np.sqrt(3.0)) * spacing
+    near = np.argwhere(np.minimum(np.abs(values), least_distances(coarse, spacing)) < reach)
     points = low + spacing * near
     if isinstance(distance, MeshDistance):
         values[tuple(near.T)] = distance.unsigned(points)

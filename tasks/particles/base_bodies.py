@@ -23,6 +23,7 @@ from tasks.bodies.inertial import inertial_of_material
 from tasks.bodies.material_points import material_points
 from tasks.bodies.node_states import grid_of, nodes_at_bottoms, nodes_at_cuts, nodes_within
 from tasks.bodies.soft_cells import Cells, graded_cells
+from tasks.bodies.thin_parts import UnderResolved, through_thin_parts
 from tasks.particles.drop_setup import REACH_BELOW, DropSetup, constants_of_parts, contact_cell_size
 from tasks.particles.layers import COLUMN_STEPS, Cover, column_of, covers_of, owners, top_of
 from tasks.particles.obstacles import NEARBY, governing_part, rigid_base
@@ -116,10 +117,13 @@ def soft_base(
     solid, report = ready_support(mesh, bottom, setup.contact_region, config.hole_perimeter)
     setup.note_geometry(base_id, [setup.base.parts[p].name for p in np.unique(part)], report)
     box, cut = soft_box(setup, solid)
-    inside = sampler(
-        distance_samples(solid, box, 2.0 * config.finest_cell, margin=MARGIN, most=config.distance_samples)
-    )
-    cells = base_cells(setup, inside, box)
+    grid = distance_samples(solid, box, 2.0 * config.finest_cell, margin=MARGIN, most=config.distance_samples)
+    inside = sampler(grid)
+    cells, thin = through_thin_parts(
+        base_cells(setup, inside, box), grid, loaded_region(setup), config.base_cells, config.finest_cell
+    )  # fmt: skip
+    if thin is not None:
+        note_thin(setup, int(owners(setup.base, covers, mesh, part, thin.place[None])[0]), thin)
     points = material_points(
         cells.planes, inside, lambda x: constants_of_parts(rows, owners(setup.base, covers, mesh, part, x)),
         if_empty=f"{base_id}: no solid beneath the object; raise ParticlesConfig.least_thickness",
@@ -133,6 +137,24 @@ def soft_base(
         friction=main.material.friction, points=points, grid=grid_of(cells.planes, held=held), loaded=True,
     )  # fmt: skip
     return body, cells.size, column_under(setup, rows, covers, mesh, part, float(box[0, 2]))
+
+
+def loaded_region(setup: DropSetup) -> Array:
+    """Where the object's weight may bend something [m], shape (2, 3): around it by half its larger horizontal side."""
+    low, high = setup.mesh.bounds
+    margin = 0.5 * float((high - low)[:2].max())
+    box = setup.contact_region
+    box[0, :2], box[1, :2] = low[:2] - margin, high[:2] + margin
+    return box
+
+
+def note_thin(setup: DropSetup, part: int, thin: UnderResolved) -> None:
+    """Name the part that has too few cells through it."""
+    setup.notes.append(
+        f"{setup.anchor.base_id}: only {thin.cells:.1f} cells through {setup.base.parts[part].name} where it is "
+        f"{1e3 * thin.thickness:.0f} mm thick, to meet the budget of {setup.config.base_cells} cells "
+        "(ParticlesConfig.base_cells)"
+    )
 
 
 def noted_covers(setup: DropSetup, rows: list[PartMaterial], mesh: Mesh, part: NDArray[np.int32]) -> dict[int, Cover]:

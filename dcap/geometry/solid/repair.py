@@ -51,7 +51,8 @@ def solid_under(mesh: Mesh, bottom: FloatArray) -> Mesh:
     Each face is joined with its reversed shadow at its own bottom height, and the open edges with vertical walls. A
     face that looks down takes away what lies under it, so a closed mesh encloses what it did before; walls and
     shadows inside cancel in the winding number and `outer_faces` removes them. Shadows keep a thousandth of their
-    faces' relief, so that no two coincide.
+    faces' relief, so that no two coincide. The wall under an upright edge has no area; it stays, because without it the
+    edges above and below would have no opposite.
     """
     pieces = [mesh]
     for height in np.unique(bottom):
@@ -66,22 +67,22 @@ def solid_under(mesh: Mesh, bottom: FloatArray) -> Mesh:
         quad = 4 * np.arange(len(edge))[:, None]
         faces = np.concatenate([quad + np.array(corners) for corners in ((0, 1, 2), (0, 2, 3))])
         pieces.append(Mesh.of(corner, faces, group.colors[edge[:, [1, 0, 0, 1]].reshape(-1)] if len(edge) else None))
-    joined = Mesh.concatenate(pieces)
-    return joined.submesh(np.flatnonzero(joined.face_areas > 0.0))
+    return Mesh.concatenate(pieces)
 
 
 def outer_faces(mesh: Mesh, *, step: float = 2e-4) -> IntArray:
     """Faces with inside on one side and outside on the other somewhere: the surface of the union; `step` [m] off
-    the face.
+    the face. Faces without area have no sides.
     """
     normal = mesh.face_normals
-    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    length = np.linalg.norm(normal, axis=1)
+    normal /= np.maximum(length, np.finfo(float).tiny)[:, None]
     field = MeshDistance(mesh)
     corner = mesh.triangles
     outer = np.zeros(len(mesh.faces), dtype=bool)
     # the middle, and points near the corners: a face may be covered in part
     for weight in ([1 / 3, 1 / 3, 1 / 3], [0.96, 0.02, 0.02], [0.02, 0.96, 0.02], [0.02, 0.02, 0.96]):
-        asked = np.flatnonzero(~outer)
+        asked = np.flatnonzero(~outer & (length > 0.0))
         point = np.einsum("k,nki->ni", np.array(weight), corner[asked])
         outer[asked] = field.inside(point + step * normal[asked]) != field.inside(point - step * normal[asked])
     return np.flatnonzero(outer)

@@ -69,9 +69,12 @@ def under_faces(
     mesh: Mesh, bottom: NDArray[np.float64], region: NDArray[np.float64], hole_perimeter: float
 ) -> MeshDistance:
     """Distance to everything under the faces, told by winding number."""
-    groups = [small_holes_capped(mesh.submesh(np.flatnonzero(bottom == b)), hole_perimeter) for b in np.unique(bottom)]
+    groups = [
+        without_empty_faces(small_holes_capped(mesh.submesh(np.flatnonzero(bottom == b)), hole_perimeter))
+        for b in np.unique(bottom)
+    ]
     heights = np.repeat(np.unique(bottom), [len(g.faces) for g in groups])
-    closed = upright(without_empty_faces(solid_under(without_empty_faces(Mesh.concatenate(groups)), heights)))
+    closed = upright(solid_under(Mesh.concatenate(groups), heights))
     column = region.copy()
     column[:, 2] = -np.inf, np.inf
     closed = subdivide_near(closed, column, PIECE)

@@ -11,6 +11,7 @@ from dcap.geometry.distance import MeshDistance
 from dcap.geometry.solid.repair import (
     FILL_SAMPLES,
     RELIEF,
+    longest_near,
     mass_properties,
     outer_faces,
     simplified,
@@ -112,6 +113,36 @@ def test_refining_keeps_area_and_stays_conforming() -> None:
         assert near.any()
         assert edges[near].max() <= 0.012 * (1 + 1e-9)
         assert edges.max() > 0.1  # far faces stay large
+
+
+def test_a_budget_leaves_edges_longer_and_never_fails() -> None:
+    """With any budget a mesh stays conforming and grows by no more faces than that; a larger budget makes no edge near
+    the region longer, and edges are no longer than asked where the budget does."""
+    region = np.array([[-0.05, -0.05, 0.05], [0.05, 0.05, 0.15]])
+    longest = []
+    for budget in (0, 100, 1000, 10_000):
+        fine = subdivide_near(box(), region, 1e-4, budget)
+        assert len(fine.faces) <= len(box().faces) + budget
+        assert is_closed(fine)
+        longest.append(longest_near(fine, region))
+    assert longest == sorted(longest, reverse=True)
+    # edges are at least halved while each halving costs at most four times the faces: 10,000 faces allow four of them
+    assert longest[-1] <= longest[0] / 16.0
+    enough = subdivide_near(box(), region, 0.012, 10_000)
+    assert longest_near(enough, region) <= 0.012 * (1 + 1e-9)
+
+
+def test_a_sheet_with_an_upright_edge_has_a_closed_solid() -> None:
+    """The wall under an edge that runs straight down has no area, but without it nothing would be closed: an L of a
+    level and an upright square, open on all sides, 0.1 m above its floor."""
+    corner = [[0, 0, 0.2], [0.1, 0, 0.2], [0.1, 0.1, 0.2], [0, 0.1, 0.2], [0.1, 0, 0.1], [0.1, 0.1, 0.1]]
+    sheet = Mesh.of(corner, [[0, 1, 2], [0, 2, 3], [1, 4, 5], [1, 5, 2]])
+    solid = solid_under(sheet, np.zeros(4))
+    assert is_closed(solid)
+    # the level square's column less what its shadow's relief takes: under 2e-3 of the volume
+    assert abs(volume(solid) / 2e-3 - 1.0) < 2e-3
+    assert MeshDistance(solid).inside(np.array([[0.05, 0.05, 0.1], [0.15, 0.05, 0.1]])).tolist() == [True, False]
+    assert (solid.face_areas[outer_faces(solid)] > 0.0).all()
 
 
 def test_refining_interpolates_colours() -> None:
