@@ -133,8 +133,8 @@ def main() -> None:
     """Measure and print."""
     mesh = sheet()
     table = Table("what", "s", "against", "s", "ratio", box=None)
-    rows = [*store_rows(mesh), *ray_rows(mesh), *picture_rows(mesh), *distance_rows(), *digest_rows()]
-    for what, seconds, against, reference in rows:
+    ratios = [*store_rows(mesh), *ray_rows(mesh), *picture_rows(mesh), *distance_rows(), *digest_rows()]
+    for what, seconds, against, reference in ratios:
         table.add_row(what, f"{seconds:.4f}", against, f"{reference:.4f}", f"{seconds / reference:.1f}")
     console = Console(highlight=False, width=120)
     console.print(table)
