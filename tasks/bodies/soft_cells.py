@@ -100,8 +100,12 @@ def graded_cells(
                 count = occupied(planes, distance)
                 if count <= budget:
                     return Cells(planes, size, count)
-        # a factor makes at most its third power fewer cells: sizes that cannot do are left out
-        size *= COARSENING ** max(1, int(np.log(least / budget) / (3.0 * np.log(COARSENING))))
+        # a factor makes about its third power fewer cells: most sizes that cannot do are left out, but not the first
+        # one at which the steepest growth is allowed
+        steps = int(np.log(least / budget) / (4.0 * np.log(COARSENING)))
+        if size < coarsest:
+            steps = min(steps, int(np.ceil(np.log(coarsest / size) / np.log(COARSENING))))
+        size *= COARSENING ** max(1, steps)
 
 
 def planes_of(box: NDArray[np.float64], fine: NDArray[np.float64], cell: float, growth: float) -> Planes:
