@@ -25,7 +25,7 @@ from tasks.bodies.node_states import grid_of, nodes_at_bottoms, nodes_at_cuts, n
 from tasks.bodies.soft_cells import Cells, graded_cells
 from tasks.bodies.thin_parts import UnderResolved, through_thin_parts
 from tasks.particles.drop_setup import REACH_BELOW, DropSetup, constants_of_parts, contact_cell_size
-from tasks.particles.layers import COLUMN_STEPS, Cover, column_of, covers_of, owners, top_of
+from tasks.particles.layers import COLUMN_STEPS, Cover, column_of, covers_of, lies_under, owners, top_of
 from tasks.particles.obstacles import NEARBY, governing_part, rigid_base
 
 Array = NDArray[np.float64]
@@ -204,8 +204,9 @@ def soft_bottoms(
     for one in sorted(set(part.tolist())):
         top = float(np.median(mesh.corners(np.flatnonzero(part == one))[:, :, 2]))
         if one in covers:  # over something soft it ends where that does, else at its own thickness
-            if bottom[one] >= setup.base.parts[one].box.bottom:
-                bottom[one] = top_of(mesh, part == one) - covers[one].thickness
+            under = [i for i in index if i not in covers and lies_under(setup.base, i, covers[one])]
+            own_bottom = top_of(mesh, part == one) - covers[one].thickness
+            bottom[one] = min([bottom[one], *bottom[under]]) if under else own_bottom
             continue
         if top - bottom[one] < setup.config.least_thickness:
             bottom[one] = top - setup.config.least_thickness

@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from dcap.geometry.distance import MeshDistance
+from dcap.geometry.raycast import Raycaster
+from dcap.geometry.solid.support import COVERED, TOUCHING, over, plan_samples
 from dcap.language.covers import cover_thickness
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.particles import ColumnLayer
@@ -25,6 +27,7 @@ LEAST_PAIRS = 8  # of places along the edge
 SPREAD = 0.5  # middle half of the steps over their median: where they scatter more, the edge shows no thickness [-]
 THINNEST, THICKEST = 0.002, 0.12  # steps outside are no edge of a cover [m]
 COLUMN_STEPS = 400
+OFF_FACE, WAY_OUT = 1e-3, 0.5  # a ray starts this far from its face, and is out after so far [m]
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,6 +82,14 @@ def top_of(mesh: Mesh, faces: NDArray[np.bool_]) -> float:
     return float(np.median(mesh.triangles[upward if upward.any() else faces][:, :, 2]))
 
 
+def lies_under(base: Instance, lower: int, cover: Cover) -> bool:
+    """Whether a part begins below a cover and one of the two is over a good share of the other: a blanket may hang lower
+    than the mattress that carries it, and a throw lie on a part of a sofa."""
+    one, other = base.parts[lower].box, base.parts[cover.part].box
+    beside = max(over(plan_samples(other), one), over(plan_samples(one), other))
+    return beside > COVERED and one.bottom < other.top - cover.thickness - TOUCHING
+
+
 def owners(
     base: Instance, covers: dict[int, Cover], mesh: Mesh, part: NDArray[np.int32], position: Array
 ) -> NDArray[np.int64]:
@@ -87,14 +98,31 @@ def owners(
     field = MeshDistance(mesh)
     owner = part[field.nearest_face(position)].astype(np.int64)
     beneath = np.flatnonzero(~np.isin(part, list(covers)))
-    if not len(beneath):
+    if not len(beneath) or not covers:
         return owner
+    seen = open_faces(mesh, np.isin(part, list(covers)))
     for cover in covers.values():
         deep = np.flatnonzero(owner == cover.part)
-        deep = deep[field.unsigned(position[deep]) > cover.thickness]
+        outside = np.flatnonzero(seen & (part == cover.part))
+        if len(deep) and len(outside):
+            deep = deep[MeshDistance(mesh.submesh(outside)).unsigned(position[deep]) > cover.thickness]
         if len(deep):
             owner[deep] = carriers(base, mesh.submesh(beneath), part[beneath], position[deep])
     return owner
+
+
+def open_faces(mesh: Mesh, faces: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Those of the faces (m,) from which one gets out upwards, to one side or the other: a cover is as thick as it is
+    below such a face, while faces of its that lie in the thing, where a model joins its pieces, bound nothing."""
+    out, some = np.zeros(len(mesh.faces), dtype=bool), np.flatnonzero(faces)
+    normal = mesh.face_normals[some]
+    aside = normal / np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-12) * [1.0, 1.0, 0.0]
+    middle, caster = mesh.corners(some).mean(axis=1), Raycaster(mesh)
+    for side in (aside, -aside):
+        direction = side + [0.0, 0.0, 1.0]
+        direction /= np.linalg.norm(direction, axis=1, keepdims=True)
+        out[some] |= ~caster.occluded(middle + OFF_FACE * direction, direction, WAY_OUT)
+    return out
 
 
 def carriers(base: Instance, mesh: Mesh, part: NDArray[np.int32], position: Array) -> NDArray[np.int64]:

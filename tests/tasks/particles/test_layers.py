@@ -7,7 +7,7 @@ from dcap.language.covers import cover_thickness
 from dcap.scene.types.box import OrientedBox
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.segmentation import Instance, Part
-from tasks.particles.layers import column_of, covers_of, edge_step, owners
+from tasks.particles.layers import column_of, covers_of, edge_step, lies_under, owners
 
 TOP = 0.5
 
@@ -71,6 +71,39 @@ def test_without_an_edge_it_is_as_thick_as_usual():
         mesh.vertices + np.random.default_rng(0).normal(0, 0.02, mesh.vertices.shape) * [0, 0, 1], mesh.faces
     )
     assert edge_step(rough, part == 1, part == 0) is None
+
+
+@pytest.mark.parametrize("hangs", [0.3, 0.05])
+def test_what_carries_a_cover_may_end_higher_than_it(hangs):
+    """A blanket that hangs down to the floor still lies on the mattress; the pillow on it does not carry it."""
+    base, mesh, part = bed(0.03)
+    low, high = np.array([-0.8, 0.0, hangs]), np.array([0.8, 1.1, TOP + 0.03])
+    box = OrientedBox((low + high) / 2, np.eye(3), (high - low) / 2)
+    pillow = box_of((-0.3, 0.2, TOP + 0.02), (0.3, 0.6, TOP + 0.15))
+    parts = (base.parts[0], Part("blanket", box, 1.0), Part("pillow", pillow, 1.0))
+    cover = covers_of(base, [0, 1, 2], mesh, part)[1]
+    whole = Instance("bed_0", "bed", base.box, parts, None)
+    assert lies_under(whole, 0, cover)
+    assert not lies_under(whole, 2, cover)
+
+
+def upright(x, y, z):
+    """A sheet at x over y = (low, high), z = (low, high)."""
+    flat = plate(z, y, 0.0)
+    return Mesh.of(flat.vertices[:, [2, 1, 0]] + [x, 0.0, 0.0], flat.faces)
+
+
+def test_faces_inside_bound_no_cover():
+    """Where a modeller joined pieces by a sheet of the blanket's in the bed's middle, the mattress is mattress still."""
+    base, mesh, part = bed(0.03)
+    pieces = [upright(-0.7, (0.0, 1.0), (0.25, TOP)), upright(0.7, (0.0, 1.0), (0.25, TOP)),
+              upright(-0.1, (0.01, 0.99), (0.26, TOP + 0.01))]  # fmt: skip
+    owner = np.concatenate([part, *(np.full(len(m.faces), p) for m, p in zip(pieces, (0, 0, 1), strict=True))])
+    covers = covers_of(base, [0, 1, 2], mesh, part)
+    depth = np.linspace(0.0, 0.2, 41)
+    points = np.column_stack([np.full(41, -0.11), np.full(41, 0.5), TOP + 0.03 - depth])
+    found = owners(base, covers, Mesh.concatenate([mesh, *pieces]), owner, points)
+    assert (found[depth > 0.031] == 0).all()
 
 
 def test_a_thing_that_is_a_cover_as_a_whole():
