@@ -18,6 +18,16 @@ The difference is an energy of the cell's modes, E_relief = -1/2 sum c_ij q_ij^2
 This is assumed-strain stabilisation chosen for bending [BB93], for any nu and ratio of sides. It is a polynomial of the
 node positions, so its forces are exact and turn with the cell.
 
+With layers the same three moduli are those of the elasticity tensor C in the cell's axes: G = C_ijij for the shear; D =
+C - lambda (mean dilatation) for the normal part, coupled between e_ij and e_kj where D_iikk is not zero; and Q, the
+stiffness under plane stress (no stress on the faces normal to j), for the plate:
+
+    c_ij = (2 / h_j)^2 G_ij v_i + (2 / h_i)^2 (D_ii v_j - Q_ii n'_j)
+    d_j = (2 / h_i) (2 / h_k) (D_ik v_j - Q_ik n'_j)
+
+with v_j = sum_p V_p (xi_j - mean)^2 and n'_j = v_j + sum_p V_p / 12. Layers oblique to the cell couple the modes with
+each other, which this leaves out; where more would be taken away than such a mode has, less is.
+
 Only cells full of one material take part. In a cut cell the same modes are not bending alone: the nodes on its empty
 side hang on the shear that would be taken away.
 
@@ -27,9 +37,14 @@ side hang on the shear that would be taken away.
 import numpy as np
 from numpy.typing import NDArray
 
+from solver.model.layers import stiffness
+
 EVEN = 0.01  # of half a cell: how far the particles' mean and second moments may be from those of a full, uniform cell
 MODES = ((1, 0), (2, 0), (0, 1), (2, 1), (0, 2), (1, 2))
 """(i, j) of the columns of c: bent along i, deflected along j; columns 2 j and 2 j + 1 are coupled by d_j."""
+MOST_RELIEF = 0.999  # of the energy of any mode: the rest of it stays positive [-]
+PAIRS = ((0, 1), (0, 2), (1, 2))
+"""Axes of the coefficients a_ij of xi_i xi_j."""
 
 
 def bending_relief(
@@ -69,3 +84,92 @@ def bending_relief(
         (i, _), (k, _) = MODES[2 * j], MODES[2 * j + 1]
         out[:, 6 + j] = -2.0 * poisson * plate[j] * slope[i] * slope[k]
     return np.where(full[:, None], out, 0.0)
+
+
+def layered_relief(
+    cells: NDArray[np.int32],
+    cell_size: NDArray[np.float64],
+    cell_start: NDArray[np.int32],
+    local: NDArray[np.float64],
+    volume: NDArray[np.float64],
+    mu: NDArray[np.float64],
+    lam: NDArray[np.float64],
+    added: NDArray[np.float64],
+    frame: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    """The same nine columns for the listed cells (k,), whose material has layers (solver/model/layers.py); arguments as
+    above, `added` (p, 5) [Pa], `frame` (p, 9). Shape (k, 9)."""
+    number = np.full(len(cell_size), -1)
+    number[cells] = np.arange(len(cells))
+    owner = np.repeat(number, np.diff(cell_start))
+    point = np.flatnonzero(owner >= 0)
+    owner, xi, V = owner[point], 2.0 * local[point] - 1.0, volume[point]
+
+    def total(values: NDArray[np.float64]) -> NDArray[np.float64]:
+        flat = values.reshape(len(values), -1)
+        sums = [np.bincount(owner, weights=column, minlength=len(cells)) for column in flat.T]
+        return np.stack(sums, axis=-1).astype(np.float64).reshape(len(cells), *values.shape[1:])
+
+    filled = total(V)
+    mean = total(V[:, None] * xi) / filled[:, None]
+    moment = total(V[:, None] * (xi - mean[owner]) ** 2)
+    even = np.abs(np.concatenate([mean, moment / filled[:, None] - 0.25], axis=1)).max(axis=1) < EVEN
+    tensor = stiffness(mu[point], lam[point], added[point], frame[point].reshape(-1, 3, 3))
+    C = total(V[:, None, None, None, None] * tensor) / filled[:, None, None, None, None]
+    dilation = total(V * lam[point]) / filled
+    plate = moment + filled[:, None] / 12.0
+    slope = 2.0 / cell_size[cells]
+    out = np.zeros((len(cells), 9))
+    for column, (i, j) in enumerate(MODES):
+        k = 3 - i - j
+        own = (C[:, i, i, i, i] - dilation) * moment[:, j] - plane_stress(C, i, k, j)[:, 0, 0] * plate[:, j]
+        out[:, column] = slope[:, j] ** 2 * C[:, i, j, i, j] * moment[:, i] + slope[:, i] ** 2 * own
+    for j in range(3):
+        (i, _), (k, _) = MODES[2 * j], MODES[2 * j + 1]
+        both = (C[:, i, i, k, k] - dilation) * moment[:, j] - plane_stress(C, i, k, j)[:, 0, 1] * plate[:, j]
+        out[:, 6 + j] = slope[:, i] * slope[:, k] * both
+    return np.where(even[:, None], out * spared(out, C, dilation, moment, slope)[:, None], 0.0)
+
+
+def plane_stress(C: NDArray[np.float64], i: int, k: int, j: int) -> NDArray[np.float64]:
+    """Stiffness (n, 2, 2) [Pa] on (e_ii, e_kk) of tensors (n, 3, 3, 3, 3) without stress on faces normal to j."""
+    free = [(j, j), (i, j), (k, j)]
+    kept = [(i, i), (k, k)]
+
+    def block(rows: list[tuple[int, int]], columns: list[tuple[int, int]]) -> NDArray[np.float64]:
+        return np.stack([np.stack([C[:, a, b, c, d] for c, d in columns], axis=-1) for a, b in rows], axis=-2)
+
+    return np.asarray(block(kept, kept) - block(kept, free) @ np.linalg.solve(block(free, free), block(free, kept)))
+
+
+def spared(
+    relief: NDArray[np.float64],
+    C: NDArray[np.float64],
+    dilation: NDArray[np.float64],
+    moment: NDArray[np.float64],
+    slope: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    """Share of a relief (n, 9) that leaves energy in every mode of its cell, shape (n,): 1 where layers lie along it.
+
+    A mode is a coefficient a_ij along d, shape 9: its strain grows along xi_j by e_d e_i and along xi_i by e_d e_j.
+    """
+    count, one = len(relief), np.eye(3)
+    deviatoric = C - dilation[:, None, None, None, None] * np.einsum("ij,kl->ijkl", one, one)
+    own, taken = np.zeros((count, 9, 9)), np.zeros((count, 9, 9))
+    for axis in range(3):
+        strain = np.zeros((count, 9, 3, 3))
+        for pair, (i, j) in enumerate(PAIRS):
+            for bent in (i,) if axis == j else (j,) if axis == i else ():
+                for d in range(3):
+                    strain[:, 3 * pair + d] += slope[:, bent, None, None] * np.outer(one[d], one[bent])
+        strain = 0.5 * (strain + strain.swapaxes(2, 3))
+        own += moment[:, axis, None, None] * np.einsum(
+            "nrij,nijkl,nskl->nrs", strain, deviatoric, strain, optimize=True
+        )
+    mode = [3 * (i + j - 1) + i for i, j in MODES]
+    for column, row in enumerate(mode):
+        taken[:, row, row] = relief[:, column]
+        taken[:, row, mode[column ^ 1]] = relief[:, 6 + column // 2]
+    root = np.linalg.cholesky(own)
+    seen = np.linalg.solve(root, np.linalg.solve(root, taken).swapaxes(1, 2))
+    return np.minimum(1.0, MOST_RELIEF / np.maximum(np.linalg.eigvalsh(seen)[:, -1], MOST_RELIEF))

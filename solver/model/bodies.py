@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from solver.box import bounds
 from solver.errors import ModelError
+from solver.model.layers import Layers
 
 LEAST_GRAVITY = 1e-12  # [m/s^2], so that what is measured by weights stays finite where nothing pulls
 FREE, HELD, CORE = 0, 1, 2  # node states: free, held by the world, moving with the body's own rigid core
@@ -48,6 +49,8 @@ class Interior:
     """FREE, HELD or CORE per grid node, shape (kx, ky, kz)."""
     loaded: bool
     """True: the given shape is already in balance with the body's own weight (a scan at rest)."""
+    layers: Layers | None = None
+    """Where the material has layers: E and nu are then those across them."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -168,16 +171,14 @@ def _check_surface(body: _CommonBody) -> None:
 def _check_interior(name: str, fixed: bool, soft: Interior) -> None:
     if len(soft.position) == 0:
         raise ModelError(f"body {name!r}: soft but without particles; its grid cells are larger than the body")
-    for field_name, low, high in (
-        ("volume", 0.0, np.inf),
-        ("density", 0.0, np.inf),
-        ("youngs_modulus", 0.0, np.inf),
-        ("poisson_ratio", -1.0, 0.5),
-    ):
+    positive = [("volume", 0.0, np.inf), ("density", 0.0, np.inf), ("youngs_modulus", 0.0, np.inf)]
+    for field_name, low, high in [*positive, *([("poisson_ratio", -1.0, 0.5)] if soft.layers is None else [])]:
         values = getattr(soft, field_name)
         bad = np.flatnonzero(~((values > low) & (values < high)))
         if len(bad):
             raise ModelError(f"body {name!r}: {field_name} is {values[bad[0]]}, must lie between {low} and {high}")
+    if soft.layers is not None:
+        soft.layers.check(name, soft.youngs_modulus, soft.poisson_ratio)
     expected = tuple(len(p) for p in soft.planes)
     if soft.node_state.shape != expected:
         raise ModelError(f"body {name!r}: node_state has shape {soft.node_state.shape}, the grid has {expected} nodes")

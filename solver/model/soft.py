@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from solver.errors import ModelError
-from solver.model.bending import bending_relief
+from solver.model.bending import bending_relief, layered_relief
 from solver.model.bodies import CORE, FREE, HELD, Interior, Model, SoftBody
+from solver.model.layers import frames, split
 
 FICTITIOUS_STIFFNESS = 1e-3  # alpha: adds less than 0.1 % to a body's stiffness, keeps the tangent's condition bounded
 EXTENSION_CELLS = (
@@ -75,9 +76,15 @@ class SoftSystem:
     volume: NDArray[np.float64]
     """Effective volumes [m^3] (fictitious ones scaled by alpha), shape (p,)."""
     mu: NDArray[np.float64]
-    """Shear modulus [Pa], shape (p,)."""
+    """Shear modulus [Pa], of the isotropic part of a layered material, shape (p,)."""
     lam: NDArray[np.float64]
-    """First Lame parameter [Pa], shape (p,)."""
+    """First Lame parameter [Pa] likewise, shape (p,)."""
+    added: NDArray[np.float64]
+    """What layers add [Pa], solver/model/layers.py, shape (p, 5)."""
+    frame: NDArray[np.float64]
+    """Directions of the layers and their normal, columns of a rotation by rows, shape (p, 9)."""
+    layered: NDArray[np.int32]
+    """Cells with layers, shape (k,)."""
     real: NDArray[np.bool_]
     """True for particles of material, False for fictitious ones, shape (p,)."""
     relief: NDArray[np.float64]
@@ -130,6 +137,8 @@ class _LocalGrid:
     volume: NDArray[np.float64]
     mu: NDArray[np.float64]
     lam: NDArray[np.float64]
+    added: NDArray[np.float64]
+    frame: NDArray[np.float64]
     mass: NDArray[np.float64]
     real: NDArray[np.bool_]
     surface_cell: NDArray[np.int64]
@@ -152,7 +161,7 @@ class _LocalGrid:
         cell_id = np.full(len(active), -1, dtype=np.int32)
         cell_id[cells] = np.arange(len(cells), dtype=np.int32)
         node_grid, node_id = _nodes(cells, shape)
-        mu, lam = lame(soft.youngs_modulus, soft.poisson_ratio)
+        mu, lam, added, frame = _constants(soft)
         ghost_cell, ghost_local, ghost_volume = _fictitious(soft, cells, shape, flat, local)
         reference = int(np.argmin(soft.youngs_modulus))
         count = len(ghost_cell)
@@ -163,10 +172,24 @@ class _LocalGrid:
             np.concatenate([soft.volume, FICTITIOUS_STIFFNESS * ghost_volume]),
             np.concatenate([mu, np.full(count, mu[reference])]),
             np.concatenate([lam, np.full(count, lam[reference])]),
+            np.concatenate([added, np.zeros((count, 5))]),
+            np.concatenate([frame, np.tile(np.eye(3).ravel(), (count, 1))]),
             np.concatenate([soft.volume * soft.density, np.zeros(count)]),
             np.concatenate([np.ones(len(flat), dtype=bool), np.zeros(count, dtype=bool)]),
             cell_id[surface_flat].astype(np.int64), surface_local, cell_id[near_surface].astype(np.int64),
         )  # fmt: skip
+
+
+def _constants(
+    soft: Interior,
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """mu, lambda [Pa] (p,), what layers add [Pa] (p, 5) and their frames (p, 9) of the material points."""
+    if soft.layers is None:
+        count = len(soft.position)
+        mu, lam = lame(soft.youngs_modulus, soft.poisson_ratio)
+        return mu, lam, np.zeros((count, 5)), np.tile(np.eye(3).ravel(), (count, 1))
+    mu, lam, added = split(soft.youngs_modulus, soft.poisson_ratio, soft.layers)
+    return mu, lam, added, frames(soft.layers.normal).reshape(-1, 9)
 
 
 def locate(
@@ -262,6 +285,8 @@ def _join(grids: list[_LocalGrid]) -> SoftSystem:
                 "volume": grid.volume[order],
                 "mu": grid.mu[order],
                 "lam": grid.lam[order],
+                "added": grid.added[order],
+                "frame": grid.frame[order],
                 "real": grid.real[order],
             }
         )
@@ -287,7 +312,14 @@ def _join(grids: list[_LocalGrid]) -> SoftSystem:
     relief = bending_relief(
         joined["cell_size"], start, joined["local"], joined["volume"], joined["mu"], joined["lam"]
     )  # fmt: skip
-    return SoftSystem(bodies=tuple(bodies), cell_start=start, relief=relief, **joined)
+    cell = np.repeat(np.arange(len(joined["cell_size"])), np.diff(start))
+    layered = np.unique(cell[joined["added"].any(axis=1)]).astype(np.int32)
+    if len(layered):
+        relief[layered] = layered_relief(
+            layered, joined["cell_size"], start, joined["local"], joined["volume"], joined["mu"], joined["lam"],
+            joined["added"], joined["frame"],
+        )  # fmt: skip
+    return SoftSystem(bodies=tuple(bodies), cell_start=start, relief=relief, layered=layered, **joined)
 
 
 def _around(
@@ -311,5 +343,6 @@ def empty() -> SoftSystem:
         gravity_share=none,
         cell_node=np.zeros((0, 8), np.int32), cell_size=np.zeros((0, 3)), cell_start=np.zeros(1, np.int32),
         node_cell=np.zeros((0, 8), np.int32), neighbour=np.zeros((0, 27), np.int32), local=np.zeros((0, 3)),
-        volume=none, mu=none, lam=none, real=none.astype(bool), relief=np.zeros((0, 9)),
+        volume=none, mu=none, lam=none, added=np.zeros((0, 5)), frame=np.zeros((0, 9)),
+        layered=np.zeros(0, np.int32), real=none.astype(bool), relief=np.zeros((0, 9)),
     )  # fmt: skip

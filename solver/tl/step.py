@@ -21,7 +21,7 @@ from solver.contact.active import Contacts
 from solver.contact.query import ContactQuery, StepStart
 from solver.contact.rolling import RollingLaw, law_stiff
 from solver.errors import UnstableStep
-from solver.kernels import damping, elastic
+from solver.kernels import damping, elastic, layers
 from solver.model.bodies import Model, RigidBody, free_motions
 from solver.model.soft import SoftSystem
 from solver.model.state import State, rotate, turn_between
@@ -172,6 +172,11 @@ class Stepper:
                 state.polar,
                 self.deformation, self.volume_ratio, self.energy, self.cell_force,
             )  # fmt: skip
+            if len(s.layered):
+                layers.add_layer_forces(
+                    s.layered, s.cell_size, s.cell_start, s.local, s.volume, s.added, s.frame, self.deformation,
+                    self.energy, self.cell_force,
+                )  # fmt: skip
             if since is not None:
                 damping.add_drag(
                     since.rate, state.x, s.cell_node, s.cell_size, s.cell_start, s.local, s.volume, s.mu, s.lam,

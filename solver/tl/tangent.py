@@ -11,7 +11,7 @@ costs iterations.
 import numpy as np
 from numpy.typing import NDArray
 
-from solver.kernels import sparse, tangents
+from solver.kernels import layers, sparse, tangents
 from solver.model.soft import SoftSystem
 from solver.model.state import State, best_rigid_motion, turn_between
 from solver.tl.coarse import build_coarse
@@ -33,6 +33,9 @@ class ElasticTangent:
         # late by a strain, the volumetric part is off by lambda / mu times as much as the shear part
         stiffest = float((soft.lam / soft.mu).max(initial=0.0))
         self.strain_refresh = strain_refresh * min(1.0, ORDINARY_RATIO / max(stiffest, 1e-30))
+        # late by an angle t, layers of stiffness k resist their slip with k t^2 beside mu
+        layers = float((soft.added.max(axis=1, initial=0.0) / soft.mu).max(initial=1.0))
+        self.strain_refresh = min(self.strain_refresh, strain_refresh / np.sqrt(layers))
         cells = len(soft.cell_node)
         self.cells = np.zeros((cells, 8, 8, 3, 3), dtype=np.float32)
         self.rest_cells = np.zeros((cells, 8, 8, 3, 3), dtype=np.float32)
@@ -108,6 +111,10 @@ class ElasticTangent:
                 STRAINED, first, last, s.cell_size, s.cell_start, s.local, s.volume, s.mu, s.lam, deformation,
                 state.polar, self.cells,
             )  # fmt: skip
+        if len(s.layered):
+            layers.add_layer_tangents(
+                s.layered, s.cell_size, s.cell_start, s.local, s.volume, s.added, s.frame, deformation, self.cells
+            )
         tangents.gather_tangents(s.node_cell, self.cells, self.stencil)
         self.unit[:] = np.ldexp(1.0, np.frexp(np.abs(self.stencil[:, 13]).max(axis=(1, 2)))[1])
         sparse.halve(self.stencil, self.unit, self.half)

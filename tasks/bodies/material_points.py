@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from dcap.geometry.distance import Distance
 from dcap.geometry.solid.fill import fill
 from dcap.scene.errors import GeometryError
-from dcap.scene.types.particles import MaterialPoints
+from dcap.scene.types.particles import LayeredPoints, MaterialPoints
 from tasks.bodies.soft_cells import Planes
 
 Array = NDArray[np.float64]
@@ -25,6 +25,8 @@ class MaterialConstants(NamedTuple):
     """[Pa], shape (n,)."""
     poisson_ratio: Array
     """[-], shape (n,)."""
+    layers: LayeredPoints | None = None
+    """Of n points, where some are of layers."""
 
 
 def material_points(

@@ -4,8 +4,15 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from dcap.scene.types.particles import Particles, RigidSimulationBody, SimulationBody, SoftSimulationBody
+from dcap.scene.types.particles import (
+    LayeredPoints,
+    Particles,
+    RigidSimulationBody,
+    SimulationBody,
+    SoftSimulationBody,
+)
 from solver.model.bodies import Body, Interior, Model, RigidBody, SignedDistance, SoftBody
+from solver.model.layers import Layers
 
 
 def solver_model(particles: Particles, gravity: Sequence[float], bonds: Sequence[tuple[str, str]] = ()) -> Model:
@@ -31,6 +38,13 @@ def solver_body(body: SimulationBody) -> Body:
         case SoftSimulationBody(points=points, grid=grid):
             interior = Interior(
                 points.position, points.volume, points.density, points.youngs_modulus, points.poisson_ratio,
-                grid.planes, grid.node_state, body.loaded,
+                grid.planes, grid.node_state, body.loaded, solver_layers(points.layers),
             )  # fmt: skip
             return SoftBody(*common, interior, velocity=body.velocity, angular_velocity=body.angular_velocity)
+
+
+def solver_layers(layers: LayeredPoints | None) -> Layers | None:
+    """The layers of material points as the solver has them."""
+    if layers is None:
+        return None
+    return Layers(layers.youngs_modulus, layers.poisson_ratio, layers.shear_modulus, layers.normal)

@@ -18,7 +18,7 @@ from dcap.language.material_table import load_materials
 from dcap.scene.errors import InputError
 from dcap.scene.spelling import did_you_mean
 from dcap.scene.types.gravity import GRAVITY
-from dcap.scene.types.materials import ContactFriction
+from dcap.scene.types.materials import ContactFriction, LayerConstants
 
 RIGID_ABOVE = 1e9  # Young's modulus [Pa] above which `model: auto` is rigid (the paper's section 3)
 UNIT_TOLERANCE = 0.01  # of a quaternion's length: two decimals, as people write them
@@ -70,15 +70,45 @@ class CaseShape(BaseModel, **Strict):
         return self
 
 
+class CaseLayers(BaseModel, **Strict):
+    """What else describes a material of layers; its own modulus and Poisson ratio are then those across them."""
+
+    youngs_modulus: float
+    poisson_ratio: float
+    shear_modulus: float
+    normal: Vector3 = [0.0, 0.0, 1.0]
+
+    @property
+    def constants(self) -> LayerConstants:
+        """All but the normal."""
+        return LayerConstants(self.youngs_modulus, self.poisson_ratio, self.shear_modulus)
+
+    @model_validator(mode="after")
+    def _direction(self) -> "CaseLayers":
+        if not np.linalg.norm(self.normal) > 0.0:
+            raise ValueError(f"normal {self.normal} has no direction")
+        return self
+
+
 class CaseMaterial(BaseModel, **Strict):
     """Material constants in SI units."""
 
     density: PositiveFloat
     youngs_modulus: PositiveFloat
-    poisson_ratio: Annotated[float, Field(gt=-1.0, lt=0.5)]
+    layers: CaseLayers | None = None
+    poisson_ratio: float
     static_friction: NonNegativeFloat
     dynamic_friction: NonNegativeFloat
     rolling_resistance: NonNegativeFloat = 0.0
+
+    @model_validator(mode="after")
+    def _definite(self) -> "CaseMaterial":
+        if self.layers is None:
+            if not -1.0 < self.poisson_ratio < 0.5:
+                raise ValueError(f"poisson_ratio {self.poisson_ratio:g} must be greater than -1 and less than 0.5")
+        elif problem := self.layers.constants.problem(self.youngs_modulus, self.poisson_ratio):
+            raise ValueError(f"layers: {problem}")
+        return self
 
     @property
     def friction(self) -> ContactFriction:
@@ -135,7 +165,7 @@ class Case(BaseModel, **Strict):
 
 OWNERS: dict[object, type[BaseModel]] = {
     "bodies": CaseBody, "shape": CaseShape, "box": BoxShape, "sphere": SphereShape, "cylinder": CylinderShape,
-    "capsule": CapsuleShape, "material": CaseMaterial, "friction_pairs": FrictionPair,
+    "capsule": CapsuleShape, "material": CaseMaterial, "layers": CaseLayers, "friction_pairs": FrictionPair,
 }  # fmt: skip
 """Whose keys stand below a key."""
 
@@ -214,8 +244,17 @@ def material_of(body: CaseBody) -> CaseMaterial:
     return CaseMaterial(
         density=row.density, youngs_modulus=row.youngs_modulus, poisson_ratio=row.poisson_ratio,
         static_friction=row.static_friction, dynamic_friction=row.dynamic_friction,
-        rolling_resistance=row.rolling_resistance,
+        rolling_resistance=row.rolling_resistance, layers=layers_of(row.layers),
     )  # fmt: skip
+
+
+def layers_of(row: LayerConstants | None) -> CaseLayers | None:
+    """Layers of a row of materials.csv, normal to the body's local z."""
+    if row is None:
+        return None
+    return CaseLayers(
+        youngs_modulus=row.youngs_modulus, poisson_ratio=row.poisson_ratio, shear_modulus=row.shear_modulus
+    )
 
 
 def is_rigid(body: CaseBody, material: CaseMaterial) -> bool:

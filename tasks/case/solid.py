@@ -62,6 +62,14 @@ class CaseSolid:
         return np.asarray(points @ self.rotation.T + self.position)
 
     @property
+    def layer_normal(self) -> Array:
+        """Unit normal of its layers in the world, shape (3,)."""
+        normal = self.rotation @ np.asarray(
+            [0.0, 0.0, 1.0] if self.material.layers is None else self.material.layers.normal
+        )
+        return np.asarray(normal / np.linalg.norm(normal))
+
+    @property
     def box(self) -> Array:
         """Its box in the world [m], shape (2, 3)."""
         return np.stack([self.low, self.high])

@@ -16,6 +16,7 @@ from perf.peers.reference import DEPTH
 from solver.config import SolverConfig
 from solver.model.bodies import HELD, Interior, Model, RigidBody, SignedDistance, SoftBody
 from solver.model.grid import graded_planes
+from solver.model.layers import Layers
 from solver.settle import settle
 from tasks.case.run import run_case
 
@@ -93,8 +94,9 @@ def soft(
     mu=(0.5, 0.4),
     edge=None,
     spacing=None,
+    layers=None,
 ):
-    """A soft primitive; `held` is a function of the node planes that marks held nodes."""  # fmt: skip
+    """A soft primitive; `held` marks held nodes. `layers` is (E_p, nu_p, G_t, normal): E and nu are then across."""
     position = np.asarray(position, dtype=float)
     if isinstance(solid, Box) and planes:  # a surface as fine as the cells under it
         half = solid.half_extents
@@ -110,7 +112,10 @@ def soft(
     if held is not None:
         state[held] = HELD
     grid = sampled(lambda p: solid.distance(p - position), low - 0.02, high + 0.02, spacing or cell / 3)
-    interior = Interior(points, volume, rho * one, E * one, nu * one, planes, state, loaded)
+    if layers is not None:
+        normal = np.asarray(layers[3], dtype=float) / np.linalg.norm(layers[3])
+        layers = Layers(layers[0] * one, layers[1] * one, layers[2] * one, np.tile(normal, (len(points), 1)))
+    interior = Interior(points, volume, rho * one, E * one, nu * one, planes, state, loaded, layers)
     return SoftBody(
         name, fixed, vertices, surface.faces, grid, rho * solid.volume, position, mu[0], mu[1], 0.0, interior
     )

@@ -1,5 +1,6 @@
 """Discrete materials of the parts that take part in the simulation."""
 
+import math
 from dataclasses import dataclass
 from enum import StrEnum
 
@@ -24,6 +25,37 @@ class ContactFriction:
 
 
 @dataclass(frozen=True, slots=True)
+class LayerConstants:
+    """What else describes a material of layers; its own E and nu are then those across them (transverse isotropy)."""
+
+    youngs_modulus: float
+    """Young's modulus E_p in the layers [Pa]."""
+    poisson_ratio: float
+    """Poisson ratio nu_p in the layers [-]."""
+    shear_modulus: float
+    """Shear modulus G_t between the layers [Pa]."""
+
+    def problem(self, across: float, poisson: float) -> str:
+        """Which value makes some strain cost no energy, with the material's own E_t [Pa] and nu_tp; empty if none does.
+
+        The compliance is positive definite if E_t, E_p and G_t are, |nu_p| < 1 and nu_tp^2 < (1 - nu_p) E_t / (2 E_p).
+        """
+        for name, value in (("Young's modulus in", self.youngs_modulus), ("shear modulus between", self.shear_modulus)):
+            if not value > 0.0:
+                return f"{name} the layers is {value:g} Pa, must be positive"
+        if not -1.0 < self.poisson_ratio < 1.0:
+            return f"Poisson ratio in the layers is {self.poisson_ratio:g}, must lie between -1 and 1"
+        most = math.sqrt(0.5 * (1.0 - self.poisson_ratio) * across / self.youngs_modulus)
+        if not abs(poisson) < most:
+            return (
+                f"Poisson ratio across the layers is {poisson:g}, must be below {most:.3g} = sqrt((1 - nu_p) E_t / (2 "
+                f"E_p)) for a positive definite stiffness, with E_t {across:g} Pa, E_p {self.youngs_modulus:g} Pa and "
+                f"nu_p {self.poisson_ratio:g}"
+            )
+        return ""
+
+
+@dataclass(frozen=True, slots=True)
 class Material:
     """One row of materials.csv."""
 
@@ -43,6 +75,8 @@ class Material:
     kind: str
     """rigid | soft | thin."""
     source: str
+    layers: LayerConstants | None = None
+    """Of a stack of cloth and its kin; None: isotropic."""
 
     @property
     def friction(self) -> ContactFriction:

@@ -51,6 +51,26 @@ class InertialProperties:
 
 
 @dataclass(frozen=True, eq=False, slots=True)
+class LayeredPoints:
+    """What layers add to the material of points, whose E and nu are those across them; isotropic ones repeat theirs."""
+
+    youngs_modulus: NDArray[np.float64]
+    """In the layers [Pa], shape (p,)."""
+    poisson_ratio: NDArray[np.float64]
+    """In the layers [-], shape (p,)."""
+    shear_modulus: NDArray[np.float64]
+    """Between the layers [Pa], shape (p,)."""
+    normal: NDArray[np.float64]
+    """Unit normals of the layers, of either sign, shape (p, 3)."""
+
+    def __post_init__(self) -> None:
+        count = len(self.normal)
+        check_array("normal of layered points", self.normal, count, 3)
+        for name in ("youngs_modulus", "poisson_ratio", "shear_modulus"):
+            check_array(f"{name} of layered points", getattr(self, name), count)
+
+
+@dataclass(frozen=True, eq=False, slots=True)
 class MaterialPoints:
     """The material of a soft body, lumped into quadrature points."""
 
@@ -64,6 +84,8 @@ class MaterialPoints:
     """[Pa], shape (p,)."""
     poisson_ratio: NDArray[np.float64]
     """[-], shape (p,)."""
+    layers: LayeredPoints | None = None
+    """Where some of them are of layers."""
 
     def __post_init__(self) -> None:
         count = len(self.position)

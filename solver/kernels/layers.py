@@ -1,0 +1,148 @@
+"""What layers add to the forces and tangents of elastic.py and tangents.py; law and constants in model/layers.py.
+
+Symbols: f_1, f_2, f_3 = F T, the columns of the deformation gradient along the layers' frame T (two directions in
+them, their normal); A = |f_1 x f_2| and m = f_1 x f_2 / A, area and normal of the layers now; H = f_3 . m their
+distance; d = f_1 + m x f_2 and e = f_1 - m x f_2, whose lengths are the difference and the sum of the principal
+stretches of the layers, since a plane map is a conformal and an anticonformal one. So
+
+    a = |e| - 2 ,   w = H - 1 ,   |d| ,   s = f_3 - H m
+    psi = 1/2 (K_aa a^2 + 2 K_aw a w + K_ww w^2 + k_d |d|^2 + k_s |s|^2)
+
+Nothing is extracted from F by iteration; psi depends on lengths and products of the f_i alone, so it is objective, and
+it is defined for det F <= 0, where H < 0 resists.
+
+The tangent is sum_rs C_rs (d measure_r / dF) (d measure_s / dF)^T with the measures a, w, d, s seen in a frame that
+turns with the layers, at F as it is: the whole second derivative at rest, never negative, and no resistance to a
+rotation. What the stress adds to it is left out.
+"""
+
+import taichi as ti
+
+from solver.kernels.elastic import load3, mat3, mat3f, shape_gradients, vec3
+
+LEAST_AREA = 1e-6  # of the layers' area: a layer without area has no normal
+LEAST_STRETCH = 1e-6  # of the sum of its stretches [-]
+
+
+@ti.func
+def column(f: mat3, k: ti.template()) -> vec3:
+    """Column k of a matrix."""
+    return vec3(f[0, k], f[1, k], f[2, k])
+
+
+@ti.kernel
+def add_layer_forces(
+    cells: ti.types.ndarray(),
+    cell_size: ti.types.ndarray(),
+    cell_start: ti.types.ndarray(),
+    xi: ti.types.ndarray(),
+    V: ti.types.ndarray(),
+    added: ti.types.ndarray(),
+    frame: ti.types.ndarray(),
+    F_in: ti.types.ndarray(),
+    psi: ti.types.ndarray(),
+    force: ti.types.ndarray(),
+):
+    """Adds energies to psi (p,) and forces to force (c, 8, 3) in the listed cells, whose particles' deformation is in
+    F_in (p, 9)."""
+    for k in range(cells.shape[0]):
+        c = cells[k]
+        h = vec3(cell_size[c, 0], cell_size[c, 1], cell_size[c, 2])
+        total = ti.Matrix.zero(ti.f64, 8, 3)
+        for p in range(cell_start[c], cell_start[c + 1]):
+            T = load3(frame, p)
+            f = load3(F_in, p) @ T
+            f1, f2, f3 = column(f, 0), column(f, 1), column(f, 2)
+            m = f1.cross(f2)
+            A = ti.max(m.norm(), LEAST_AREA)
+            m /= A
+            H = f3.dot(m)
+            s = f3 - H * m
+            b1, b2 = f2.cross(m), m.cross(f1)  # dA = b1 . df1 + b2 . df2
+            stretch = ti.max((f1 - m.cross(f2)).norm(), LEAST_STRETCH)
+            a, w = stretch - 2.0, H - 1.0
+            d2 = ti.max(f1.norm_sqr() + f2.norm_sqr() - 2.0 * A, 0.0)
+            on_a = (added[p, 0] * a + added[p, 1] * w) / stretch
+            on_w = added[p, 1] * a + added[p, 2] * w
+            kd, ks = added[p, 3], added[p, 4]
+            tilt = (on_w - ks * H) / A  # weight of f3 . dm A = df1 . (f2 x s) + df2 . (s x f1)
+            p1 = (on_a + kd) * f1 + (on_a - kd) * b1 + tilt * f2.cross(s)
+            p2 = (on_a + kd) * f2 + (on_a - kd) * b2 + tilt * s.cross(f1)
+            p3 = on_w * m + ks * s
+            P = mat3([[p1[0], p2[0], p3[0]], [p1[1], p2[1], p3[1]], [p1[2], p2[2], p3[2]]]) @ T.transpose()
+            plane = added[p, 0] * a**2 + 2.0 * added[p, 1] * a * w + added[p, 2] * w**2
+            psi[p] += 0.5 * V[p] * (plane + kd * d2 + ks * s.norm_sqr())
+            total += shape_gradients(vec3(xi[p, 0], xi[p, 1], xi[p, 2]), h) @ (V[p] * P).transpose()
+        for n in ti.static(range(8)):
+            for i in ti.static(range(3)):
+                force[c, n, i] -= total[n, i]
+
+
+@ti.func
+def in_layer(b: vec3, m: vec3, d: vec3, turn1: vec3, turn2: vec3):
+    """Derivatives by f_1 and f_2 of d along the direction b of the layer, in a frame that turns with it."""
+    turned = b.dot(m.cross(d))
+    return b - turned * turn1, b.cross(m) - turned * turn2
+
+
+@ti.kernel
+def add_layer_tangents(
+    cells: ti.types.ndarray(),
+    cell_size: ti.types.ndarray(),
+    cell_start: ti.types.ndarray(),
+    xi: ti.types.ndarray(),
+    V: ti.types.ndarray(),
+    added: ti.types.ndarray(),
+    frame: ti.types.ndarray(),
+    F_in: ti.types.ndarray(),
+    K: ti.types.ndarray(dtype=mat3f, ndim=3),
+):
+    """Adds to the 8 x 8 blocks of the listed cells."""
+    for k in range(cells.shape[0]):
+        c = cells[k]
+        h = vec3(cell_size[c, 0], cell_size[c, 1], cell_size[c, 2])
+        for p in range(cell_start[c], cell_start[c + 1]):
+            T = load3(frame, p)
+            f = load3(F_in, p) @ T
+            f1, f2, f3 = column(f, 0), column(f, 1), column(f, 2)
+            m = f1.cross(f2)
+            A = ti.max(m.norm(), LEAST_AREA)
+            m /= A
+            H = f3.dot(m)
+            s = f3 - H * m
+            dual1, dual2 = f2.cross(m) / A, m.cross(f1) / A
+            e, d = f1 - m.cross(f2), f1 + m.cross(f2)
+            stretch = ti.max(e.norm(), LEAST_STRETCH)
+            x = e / stretch
+            y = m.cross(x)
+            turn1, turn2 = y / stretch, -x / stretch  # how the layer turns in its plane with f_1 and f_2
+            a1, a2 = (f1 + A * dual1) / stretch, (f2 + A * dual2) / stretch
+            w1, w2 = f2.cross(s) / A, s.cross(f1) / A
+            dx1, dx2 = in_layer(x, m, d, turn1, turn2)
+            dy1, dy2 = in_layer(y, m, d, turn1, turn2)
+            on_x, on_y = x.dot(m.cross(s)), y.dot(m.cross(s))
+            sx1, sx2 = H * x.dot(dual1) * m - on_x * turn1, H * x.dot(dual2) * m - on_x * turn2
+            sy1, sy2 = H * y.dot(dual1) * m - on_y * turn1, H * y.dot(dual2) * m - on_y * turn2
+            G = shape_gradients(vec3(xi[p, 0], xi[p, 1], xi[p, 2]), h) @ T
+            v = V[p]
+            for i in range(8):
+                ai = a1 * G[i, 0] + a2 * G[i, 1]
+                wi = w1 * G[i, 0] + w2 * G[i, 1] + m * G[i, 2]
+                dxi, dyi = dx1 * G[i, 0] + dx2 * G[i, 1], dy1 * G[i, 0] + dy2 * G[i, 1]
+                sxi = sx1 * G[i, 0] + sx2 * G[i, 1] + x * G[i, 2]
+                syi = sy1 * G[i, 0] + sy2 * G[i, 1] + y * G[i, 2]
+                by_a = v * (added[p, 0] * ai + added[p, 1] * wi)
+                by_w = v * (added[p, 1] * ai + added[p, 2] * wi)
+                kd, ks = v * added[p, 3], v * added[p, 4]
+                for j in range(i + 1):
+                    aj = a1 * G[j, 0] + a2 * G[j, 1]
+                    wj = w1 * G[j, 0] + w2 * G[j, 1] + m * G[j, 2]
+                    dxj, dyj = dx1 * G[j, 0] + dx2 * G[j, 1], dy1 * G[j, 0] + dy2 * G[j, 1]
+                    sxj = sx1 * G[j, 0] + sx2 * G[j, 1] + x * G[j, 2]
+                    syj = sy1 * G[j, 0] + sy2 * G[j, 1] + y * G[j, 2]
+                    block = by_a.outer_product(aj) + by_w.outer_product(wj)
+                    block += kd * (dxi.outer_product(dxj) + dyi.outer_product(dyj))
+                    block += ks * (sxi.outer_product(sxj) + syi.outer_product(syj))
+                    K[c, i, j] = K[c, i, j] + ti.cast(block, ti.f32)
+                    if j < i:
+                        K[c, j, i] = K[c, i, j].transpose()
