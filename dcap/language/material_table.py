@@ -9,24 +9,26 @@ dynamic friction does not exceed static friction, no word names two rows, and ea
 
 A page was opened and states the number or a range that holds it; what stands in brackets says how the number follows
 from the page. For soft things of many fibres or layers the modulus is an effective one in compression; the name says
-so.
+so. Of cloth in layers and of fibre fillings that is the modulus across the layers, and the `layer_` columns hold those
+in them and between them; a row whose constants together are not positive definite is refused.
 """
 
 import csv
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import cache
 from pathlib import Path
 
 from dcap.scene.errors import InputError
 from dcap.scene.settings import resource
-from dcap.scene.types.materials import Material
+from dcap.scene.types.materials import LayerConstants, Material
 
 LIBRARY = "materials.csv"
 COLUMNS = (
-    "id", "name", "density_kg_m3", "youngs_modulus_pa", "poisson_ratio", "static_friction", "dynamic_friction",
-    "rolling_resistance_m", "family", "class", "synonyms", "source",
+    "id", "name", "density_kg_m3", "youngs_modulus_pa", "poisson_ratio", "layer_youngs_modulus_pa",
+    "layer_poisson_ratio", "layer_shear_modulus_pa", "static_friction", "dynamic_friction", "rolling_resistance_m",
+    "family", "class", "synonyms", "source",
 )  # fmt: skip
 FAMILIES = (
     "foam", "upholstery", "filling", "textile", "leather", "wood", "metal", "glass", "ceramic", "plastic", "rubber",
@@ -42,8 +44,21 @@ RANGES = {
     "rolling_resistance_m": (0.0, 0.05),
 }
 """Physical limits: from down to osmium, from jelly to diamond, from PTFE to rubber."""
-SOURCED = tuple(name.removesuffix(unit) for name, unit in zip(RANGES, ("_kg_m3", "_pa", "", "", "", "_m"), strict=True))
-"""Columns as they are called in `source`."""
+LAYER_RANGES = {
+    "layer_youngs_modulus_pa": (1.0e2, 1.0e9),
+    "layer_poisson_ratio": (-0.9, 0.9),
+    "layer_shear_modulus_pa": (1.0e1, 1.0e9),
+}
+"""Of what lies in layers, all three or none: from a heap of down to plywood's glue."""
+
+
+def sourced_as(column: str) -> str:
+    """A column as it is called in `source`: without its unit."""
+    return column.removesuffix("_kg_m3").removesuffix("_pa").removesuffix("_m")
+
+
+SOURCED = tuple(sourced_as(column) for column in RANGES)
+LAYERS_SOURCED = tuple(sourced_as(column) for column in LAYER_RANGES)
 ESTIMATE, REST = "estimate", "rest"
 PAGE = re.compile(r"https?://[^\s|]+( \([^|]+\))?")
 
@@ -86,7 +101,8 @@ def material(row: Mapping[str, str], where: str) -> Material:
         raise InputError(f"{where}: class {row['class']!r} is not one of {', '.join(CLASSES)}")
     if row["family"] not in FAMILIES:
         raise InputError(f"{where}: family {row['family']!r} is not one of {', '.join(FAMILIES)}")
-    sources_of(row["source"], where)
+    layers = layers_of(row, where)
+    sources_of(row["source"], where, SOURCED if layers is None else SOURCED + LAYERS_SOURCED)
     return Material(
         id=row["id"],
         density=values["density_kg_m3"],
@@ -97,12 +113,26 @@ def material(row: Mapping[str, str], where: str) -> Material:
         rolling_resistance=values["rolling_resistance_m"],
         kind=row["class"],
         source=row["source"],
+        layers=layers,
     )
+
+
+def layers_of(row: Mapping[str, str], where: str) -> LayerConstants | None:
+    """The constants of a material of layers, positive definite; None where the row leaves them empty."""
+    given = [name for name in LAYER_RANGES if row[name]]
+    if not given:
+        return None
+    values = {name: number(row[name], name, where) for name in LAYER_RANGES}
+    layers = LayerConstants(*values.values())
+    problem = layers.problem(float(row["youngs_modulus_pa"]), float(row["poisson_ratio"]))
+    if problem:
+        raise InputError(f"{where}: {problem}")
+    return layers
 
 
 def number(text: str, name: str, where: str) -> float:
     """A number within its physical range."""
-    low, high = RANGES[name]
+    low, high = (RANGES | LAYER_RANGES)[name]
     try:
         value = float(text)
     except ValueError:
@@ -112,12 +142,12 @@ def number(text: str, name: str, where: str) -> float:
     return value
 
 
-def sources_of(text: str, where: str) -> dict[str, str]:
-    """Page or `estimate` of each column; every column has exactly one."""
+def sources_of(text: str, where: str, sourced: Sequence[str] = SOURCED) -> dict[str, str]:
+    """Page or `estimate` of each column of `sourced`; every one has exactly one."""
     if not text:
         raise InputError(f"{where}: no source; write 'estimate' where there is none")
     if text == ESTIMATE:
-        return dict.fromkeys(SOURCED, ESTIMATE)
+        return dict.fromkeys(sourced, ESTIMATE)
     found: dict[str, str] = {}
     for entry in text.split(" | "):
         columns, _, reference = entry.partition(": ")
@@ -125,11 +155,11 @@ def sources_of(text: str, where: str) -> dict[str, str]:
             raise InputError(
                 f"{where}: source {entry!r} is not 'COLUMNS: URL', 'COLUMNS: URL (how)' or 'rest: estimate'"
             )
-        for column in [c for c in SOURCED if c not in found] if columns == REST else columns.split(", "):
-            if column not in SOURCED or column in found:
-                raise InputError(f"{where}: source of {column!r}, expected each of {', '.join(SOURCED)} once")
+        for column in [c for c in sourced if c not in found] if columns == REST else columns.split(", "):
+            if column not in sourced or column in found:
+                raise InputError(f"{where}: source of {column!r}, expected each of {', '.join(sourced)} once")
             found[column] = reference
-    missing = [column for column in SOURCED if column not in found]
+    missing = [column for column in sourced if column not in found]
     if missing:
         raise InputError(f"{where}: no source of {', '.join(missing)}; end with 'rest: estimate'")
     return found

@@ -52,6 +52,9 @@ class ExplicitDrop:
             raise ModelError("mls: bonds are not supported; use method tl")
         if config.inertia:
             raise ModelError("mls: inertia is not supported, strain motion is relaxed; use method tl")
+        layered = ", ".join(repr(b.name) for _, b in model.soft_bodies if b.interior.layers is not None)
+        if layered:
+            self.warnings.append(f"mls: {layered}: layers are left out, the material is taken as isotropic")
         self.gravity = np.asarray(model.gravity, dtype=np.float64)
         cell = choose_cell(model, config, self.warnings)
         thin = thin_bodies(model, cell)

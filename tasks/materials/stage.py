@@ -120,12 +120,13 @@ def part_material(
 
 
 def limited(material: Material) -> tuple[Material, str]:
-    """The paper's clamps: E in 5e4 to 5e9 Pa, nu below 0.49, rho in 30 to 8000 kg/m3, friction in 0.05 to 1."""
+    """The paper's clamps: E in 5e4 to 5e9 Pa, nu below 0.49, rho in 30 to 8000 kg/m3, friction in 0.05 to 1; no layers."""
     static = float(np.clip(material.static_friction, 0.05, 1.0))
     changed = replace(
         material,
         youngs_modulus=float(np.clip(material.youngs_modulus, 5.0e4, 5.0e9)),
         poisson_ratio=min(material.poisson_ratio, 0.489),
+        layers=None,
         density=float(np.clip(material.density, 30.0, 8000.0)),
         static_friction=static,
         dynamic_friction=float(np.clip(material.dynamic_friction, 0.05, static)),

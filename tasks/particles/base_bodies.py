@@ -20,6 +20,7 @@ from dcap.scene.types.particles import (
 from tasks.bodies.contact_surface import PER_CELL, soft_support_surface
 from tasks.bodies.distance_samples import distance_samples
 from tasks.bodies.inertial import inertial_of_material
+from tasks.bodies.layer_normals import layer_normals
 from tasks.bodies.material_points import material_points
 from tasks.bodies.node_states import grid_of, nodes_at_bottoms, nodes_at_cuts, nodes_within
 from tasks.bodies.soft_cells import Cells, graded_cells
@@ -125,7 +126,10 @@ def soft_base(
     if thin is not None:
         note_thin(setup, int(owners(setup.base, covers, mesh, part, thin.place[None])[0]), thin)
     points = material_points(
-        cells.planes, inside, lambda x: constants_of_parts(rows, owners(setup.base, covers, mesh, part, x)),
+        cells.planes, inside,
+        lambda x: constants_of_parts(
+            rows, owners(setup.base, covers, mesh, part, x), lambda: layer_normals(grid, x)
+        ),
         if_empty=f"{base_id}: no solid beneath the object; raise ParticlesConfig.least_thickness",
     )  # fmt: skip
     held = held_nodes(setup, cells, cut, bottom, part, rigid)

@@ -1,5 +1,6 @@
 """What the drop is set up from: the inputs of stage 7 together, the region that takes part, the predicted contact."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -11,6 +12,7 @@ from dcap.scene.types.gravity import GRAVITY
 from dcap.scene.types.intent import Intent
 from dcap.scene.types.materials import BodyModel, PartMaterial, PartMaterials
 from dcap.scene.types.mesh import Mesh
+from dcap.scene.types.particles import LayeredPoints
 from dcap.scene.types.repair_report import BodyGeometry, RepairReport
 from dcap.scene.types.segmentation import Instance, Segmentation
 from tasks.bodies.footprint import Footprint, predicted_footprint
@@ -145,12 +147,28 @@ def contact_cell_size(foot: Footprint, config: ParticlesConfig) -> float:
     return float(np.clip(cell, config.finest_cell, config.coarsest_cell))
 
 
-def constants_of_parts(rows: list[PartMaterial], part: NDArray[np.integer]) -> MaterialConstants:
-    """Material of points that belong to the given parts (n,)."""
+def constants_of_parts(
+    rows: list[PartMaterial], part: NDArray[np.integer], normals: Callable[[], Array]
+) -> MaterialConstants:
+    """Material of points that belong to the given parts (n,); `normals` are those of layers there, shape (n, 3)."""
     soft = [r.material.youngs_modulus for r in rows if r.model is BodyModel.MPM]
     most = MOST_STIFFNESS_CONTRAST * min(soft)
     table = np.array(
         [(r.material.density, min(r.material.youngs_modulus, most), r.material.poisson_ratio) for r in rows]
     )
     density, stiffness, poisson = table[part].T
-    return MaterialConstants(density.copy(), stiffness.copy(), poisson.copy())
+    constants = MaterialConstants(density.copy(), stiffness.copy(), poisson.copy())
+    return constants if all(r.material.layers is None for r in rows) else with_layers(constants, rows, part, normals())
+
+
+def with_layers(
+    constants: MaterialConstants, rows: list[PartMaterial], part: NDArray[np.integer], normal: Array
+) -> MaterialConstants:
+    """The same with the layers of those parts (n,) that have some."""
+    along, in_plane = constants.youngs_modulus.copy(), constants.poisson_ratio.copy()
+    shear = along / (2.0 * (1.0 + in_plane))
+    for row in rows:
+        if (layers := row.material.layers) is not None:
+            own = part == row.part_index
+            along[own], in_plane[own], shear[own] = layers.youngs_modulus, layers.poisson_ratio, layers.shear_modulus
+    return constants._replace(layers=LayeredPoints(along, in_plane, shear, normal))

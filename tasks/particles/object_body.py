@@ -26,6 +26,7 @@ from dcap.scene.types.repair_report import RepairReport
 from tasks.bodies.contact_surface import rigid_object_surface, soft_object_surface
 from tasks.bodies.distance_samples import distance_samples
 from tasks.bodies.inertial import inertial_of_material, inertial_of_points, inertial_of_solid
+from tasks.bodies.layer_normals import layer_normals
 from tasks.bodies.material_points import material_points, with_mass
 from tasks.bodies.node_states import grid_of
 from tasks.bodies.soft_cells import Cells, Planes, nodes, thickness, uniform_cells
@@ -139,7 +140,8 @@ def soft_object(
     inside = sampler(grid)
     cells = object_cells(setup, grid, inside)
     points = material_points(
-        cells.planes, inside, lambda x: constants_of_parts(rows, part_at(setup.mesh, part_of_face, x)),
+        cells.planes, inside,
+        lambda x: constants_of_parts(rows, part_at(setup.mesh, part_of_face, x), lambda: layer_normals(grid, x)),
         if_empty=f"object: it encloses no volume at {1e3 * grid.spacing:.2g} mm: it is a sheet; give it a thickness",
     )  # fmt: skip
     points = with_mass(points, object_mass(setup, inertial_of_material(points).mass))

@@ -45,7 +45,8 @@ def test_lexicon_names_only_rows_of_the_library():
     assert named <= library.keys()
 
 
-GOOD = "a,A,100,1e6,0.3,0.5,0.4,0.001,foam,soft,x,estimate"
+GOOD = "a,A,100,1e6,0.3,,,,0.5,0.4,0.001,foam,soft,x,estimate"
+LAYERS = GOOD.replace("0.3,,,,", "0.05,1e7,0.2,1e4,")
 PAGE = '"density, poisson_ratio: https://a.page/b | rest: estimate"'
 
 
@@ -67,6 +68,10 @@ PAGE = '"density, poisson_ratio: https://a.page/b | rest: estimate"'
         (GOOD.replace("estimate", PAGE.replace("https://a.page/b", "a.page")), "'COLUMNS: URL"),
         (GOOD + "\n" + GOOD.replace("a,A", "b,B"), "'x' names a already"),
         (GOOD + "\n" + GOOD, "twice"),
+        (LAYERS.replace("0.05", "0.3"), r"Poisson ratio across the layers is 0\.3, must be below 0\.2"),
+        (LAYERS.replace("1e4", "0"), "layer_shear_modulus_pa 0 is outside"),
+        (LAYERS.replace("1e4", ""), "layer_shear_modulus_pa '' is not a number"),
+        (LAYERS.replace("estimate", PAGE.replace("rest", "youngs_modulus, static_friction")), "no source of"),
         ("a,b", "fields"),
     ],
 )
@@ -128,3 +133,14 @@ def test_things_are_plausible():
     for thing in known:
         density = thing.mass / (thing.size[0] * thing.size[1] * thing.size[2])
         assert 1.0 < density < 12_000, (thing.id, density)
+
+
+def test_what_lies_in_layers_slips_more_easily_than_an_isotropic_block():
+    """Cloth and fibre fillings: stiffer along their layers than across, and their shear modulus below E / (2 (1 + nu))."""
+    library = load_materials()
+    layered = {name: row for name, row in library.items() if row.layers is not None}
+    assert {"towel_stack", "blanket_stack", "pillow_polyester", "plush_filling", "cotton_stack"} <= layered.keys()
+    assert {"foam_mattress", "felt", "steel", "leather"}.isdisjoint(layered)
+    for row in layered.values():
+        assert row.layers.youngs_modulus > row.youngs_modulus
+        assert row.layers.shear_modulus < 0.5 * row.youngs_modulus / (2.0 * (1.0 + row.poisson_ratio))
