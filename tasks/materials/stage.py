@@ -120,7 +120,7 @@ def part_material(
 
 
 def limited(material: Material) -> tuple[Material, str]:
-    """The paper's clamps: E in 5e4 to 5e9 Pa, nu below 0.49, rho in 30 to 8000 kg/m3, friction in 0.05 to 1; no layers."""
+    """The paper's clamps: E in 5e4 to 5e9 Pa, nu below 0.49, rho in 30 to 8000 kg/m3, friction 0.05 to 1; no layers."""
     static = float(np.clip(material.static_friction, 0.05, 1.0))
     changed = replace(
         material,
