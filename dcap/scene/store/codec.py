@@ -25,7 +25,7 @@ from dcap.scene.store.ply import mesh_from_ply, mesh_to_ply
 from dcap.scene.types.anchor import Anchor
 from dcap.scene.types.box import OrientedBox
 from dcap.scene.types.intent import Intent, OrientationRequest, RegionRequest
-from dcap.scene.types.materials import ContactFriction, Material, PartMaterial, PartMaterials
+from dcap.scene.types.materials import ContactFriction, LayerConstants, Material, PartMaterial, PartMaterials
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.outcome import BesideThePart, HiddenObject, Infeasible, InTheWay, NoRoom, NotInScene
 from dcap.scene.types.particles import (
@@ -33,6 +33,7 @@ from dcap.scene.types.particles import (
     ColumnLayer,
     DistanceGrid,
     InertialProperties,
+    LayeredPoints,
     MaterialPoints,
     Particles,
     RigidSimulationBody,
@@ -74,8 +75,8 @@ KINDS: dict[str, type] = {
     for one in (
         Anchor, BackgroundGrid, BesideThePart, BodyGeometry, BodyStability, BondRow, Certificate, CertificateRow,
         ColumnLayer, ContactFriction, ContactRow, DistanceGrid, HiddenObject, History, InertialProperties, Infeasible,
-        Instance, Intent, InTheWay, KickCheck, KickRow, LabelBox, LastState, Material, MaterialPoints, Mesh, NoRoom,
-        NotDone, NotInScene, OrientationRequest, OrientedBox, Overview, Part, Particles, PartMaterial, PartMaterials,
+        Instance, Intent, InTheWay, KickCheck, KickRow, LabelBox, LastState, LayerConstants, LayeredPoints, Material,
+        MaterialPoints, Mesh, NoRoom, NotDone, NotInScene, OrientationRequest, OrientedBox, Overview, Part, Particles, PartMaterial, PartMaterials,
         PlacementChecks, PushBounds, PushRow, RegionRequest, Renders, RepairReport, RigidSimulationBody, RollingRow,
         Room, Rotation, Sample, Scan, Segmentation, Settled, SettledBody, SignalRows, SoftSimulationBody,
         SourceOptions, StabilityGrade,

@@ -32,7 +32,7 @@ from dcap.scene.store.ref import Ref
 from dcap.scene.types.anchor import Anchor
 from dcap.scene.types.box import OrientedBox
 from dcap.scene.types.intent import Intent, OrientationRequest, RegionRequest
-from dcap.scene.types.materials import BodyModel, ContactFriction, Material, PartMaterial, PartMaterials
+from dcap.scene.types.materials import BodyModel, ContactFriction, LayerConstants, Material, PartMaterial, PartMaterials
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.outcome import BesideThePart, HiddenObject, Infeasible, InTheWay, NoRoom, NotInScene, Reason
 from dcap.scene.types.particles import (
@@ -40,6 +40,7 @@ from dcap.scene.types.particles import (
     ColumnLayer,
     DistanceGrid,
     InertialProperties,
+    LayeredPoints,
     MaterialPoints,
     Particles,
     RigidSimulationBody,
@@ -77,7 +78,8 @@ def a_picture() -> np.ndarray:
 
 FRICTION = ContactFriction(0.5, 0.4, 0.001)
 INERTIAL = InertialProperties(1.5, np.zeros(3), np.eye(3))
-POINTS = MaterialPoints(RNG.normal(size=(100, 3)), *(np.ones(100),) * 4)
+LAYERED = LayeredPoints(*(np.ones(100),) * 3, np.tile([0.0, 0.0, 1.0], (100, 1)))
+POINTS = MaterialPoints(RNG.normal(size=(100, 3)), *(np.ones(100),) * 4, LAYERED)
 GRID = BackgroundGrid(*(np.linspace(0, 1, 5),) * 3, np.zeros((5, 5, 5), np.int8))
 
 
@@ -95,7 +97,8 @@ def a_body(*, rigid: bool) -> SimulationBody:
     )  # fmt: skip
 
 
-MATERIAL = Material("foam", 30.0, 5e4, 0.3, 0.6, 0.5, 0.0, "soft", "handbook")
+LAYERS = LayerConstants(1e5, 0.2, 1e3)
+MATERIAL = Material("foam", 30.0, 5e4, 0.3, 0.6, 0.5, 0.0, "soft", "handbook", LAYERS)
 INSTANCE = Instance("3", "bed", a_box(), (Part("mattress", a_box(), 0.9),), np.array([1.0, 0, 0]))
 
 REPORT = RepairReport(
@@ -120,6 +123,8 @@ VALUES = [
         RegionRequest("", ("left", "front"), (), "left front"), ("gently",), (),
     ),
     LabelBox("3", "bed", a_box()),
+    LAYERS,
+    LAYERED,
     MATERIAL,
     a_mesh(),
     Mesh.of(np.zeros((0, 3)), np.zeros((0, 3))),
