@@ -76,10 +76,10 @@ KINDS: dict[str, type] = {
         Anchor, BackgroundGrid, BesideThePart, BodyGeometry, BodyStability, BondRow, Certificate, CertificateRow,
         ColumnLayer, ContactFriction, ContactRow, DistanceGrid, HiddenObject, History, InertialProperties, Infeasible,
         Instance, Intent, InTheWay, KickCheck, KickRow, LabelBox, LastState, LayerConstants, LayeredPoints, Material,
-        MaterialPoints, Mesh, NoRoom, NotDone, NotInScene, OrientationRequest, OrientedBox, Overview, Part, Particles, PartMaterial, PartMaterials,
-        PlacementChecks, PushBounds, PushRow, RegionRequest, Renders, RepairReport, RigidSimulationBody, RollingRow,
-        Room, Rotation, Sample, Scan, Segmentation, Settled, SettledBody, SignalRows, SoftSimulationBody,
-        SourceOptions, StabilityGrade,
+        MaterialPoints, Mesh, NoRoom, NotDone, NotInScene, OrientationRequest, OrientedBox, Overview, Part, Particles,
+        PartMaterial, PartMaterials, PlacementChecks, PushBounds, PushRow, RegionRequest, Renders, RepairReport,
+        RigidSimulationBody, RollingRow, Room, Rotation, Sample, Scan, Segmentation, Settled, SettledBody, SignalRows,
+        SoftSimulationBody, SourceOptions, StabilityGrade,
     )
 }  # fmt: skip
 """Every type that may be stored, by the name that `value.json` gives it: files outlive moves between modules."""
