@@ -20,6 +20,8 @@ import taichi as ti
 
 from solver.kernels.elastic import load3, mat3, mat3f, shape_gradients, vec3
 
+vec6 = ti.types.vector(6, ti.f64)
+
 LEAST_AREA = 1e-6  # of the layers' area: a layer without area has no normal
 LEAST_STRETCH = 1e-6  # of the sum of its stretches [-]
 
@@ -85,6 +87,101 @@ def in_layer(b: vec3, m: vec3, d: vec3, turn1: vec3, turn2: vec3):
     return b - turned * turn1, b.cross(m) - turned * turn2
 
 
+@ti.func
+def layer_measures(f: mat3):
+    """(a, w, d, s) with d and s along two directions that turn with the layer, and their derivatives by (f_1, f_2, f_3)
+    as rows (6, 9)."""
+    f1, f2, f3 = column(f, 0), column(f, 1), column(f, 2)
+    m = f1.cross(f2)
+    A = ti.max(m.norm(), LEAST_AREA)
+    m /= A
+    H = f3.dot(m)
+    s = f3 - H * m
+    dual1, dual2 = f2.cross(m) / A, m.cross(f1) / A
+    e, d = f1 - m.cross(f2), f1 + m.cross(f2)
+    stretch = ti.max(e.norm(), LEAST_STRETCH)
+    x = e / stretch
+    y = m.cross(x)
+    turn1, turn2 = y / stretch, -x / stretch  # how the layer turns in its plane with f_1 and f_2
+    a1, a2 = (f1 + A * dual1) / stretch, (f2 + A * dual2) / stretch
+    w1, w2 = f2.cross(s) / A, s.cross(f1) / A
+    dx1, dx2 = in_layer(x, m, d, turn1, turn2)
+    dy1, dy2 = in_layer(y, m, d, turn1, turn2)
+    on_x, on_y = x.dot(m.cross(s)), y.dot(m.cross(s))
+    sx1, sx2 = H * x.dot(dual1) * m - on_x * turn1, H * x.dot(dual2) * m - on_x * turn2
+    sy1, sy2 = H * y.dot(dual1) * m - on_y * turn1, H * y.dot(dual2) * m - on_y * turn2
+    value = vec6(stretch - 2.0, H - 1.0, d.dot(x), d.dot(y), s.dot(x), s.dot(y))
+    rows = ti.Matrix.zero(ti.f64, 6, 9)
+    for i in ti.static(range(3)):
+        rows[0, i], rows[0, 3 + i] = a1[i], a2[i]
+        rows[1, i], rows[1, 3 + i], rows[1, 6 + i] = w1[i], w2[i], m[i]
+        rows[2, i], rows[2, 3 + i] = dx1[i], dx2[i]
+        rows[3, i], rows[3, 3 + i] = dy1[i], dy2[i]
+        rows[4, i], rows[4, 3 + i], rows[4, 6 + i] = sx1[i], sx2[i], x[i]
+        rows[5, i], rows[5, 3 + i], rows[5, 6 + i] = sy1[i], sy2[i], y[i]
+    return value, rows
+
+
+@ti.func
+def conjugate(added: ti.types.ndarray(), p: ti.i32, v: vec6) -> vec6:
+    """What K_aa, K_aw, K_ww, k_d and k_s of a particle make of its measures."""
+    kd, ks = added[p, 3], added[p, 4]
+    return vec6(added[p, 0] * v[0] + added[p, 1] * v[1], added[p, 1] * v[0] + added[p, 2] * v[1], kd * v[2], kd * v[3],
+                ks * v[4], ks * v[5])  # fmt: skip
+
+
+@ti.kernel
+def start_layers(
+    cells: ti.types.ndarray(),
+    cell_start: ti.types.ndarray(),
+    frame: ti.types.ndarray(),
+    F_in: ti.types.ndarray(),
+    out: ti.types.ndarray(),
+):
+    """Measures (p, 6) of the particles in the listed cells at a state."""
+    for k in range(cells.shape[0]):
+        c = cells[k]
+        for p in range(cell_start[c], cell_start[c + 1]):
+            value, _ = layer_measures(load3(F_in, p) @ load3(frame, p))
+            for r in ti.static(range(6)):
+                out[p, r] = value[r]
+
+
+@ti.kernel
+def add_layer_drag(
+    rate: ti.f64,
+    cells: ti.types.ndarray(),
+    cell_size: ti.types.ndarray(),
+    cell_start: ti.types.ndarray(),
+    xi: ti.types.ndarray(),
+    V: ti.types.ndarray(),
+    added: ti.types.ndarray(),
+    frame: ti.types.ndarray(),
+    F_in: ti.types.ndarray(),
+    before: ti.types.ndarray(),
+    force: ti.types.ndarray(),
+):
+    """Material damping as in damping.py, rate = beta / dt: the gradient of the layers' energy of the change of their
+    measures since `before` (p, 6), which a rigid motion leaves as they are."""
+    for k in range(cells.shape[0]):
+        c = cells[k]
+        h = vec3(cell_size[c, 0], cell_size[c, 1], cell_size[c, 2])
+        total = ti.Matrix.zero(ti.f64, 8, 3)
+        for p in range(cell_start[c], cell_start[c + 1]):
+            T = load3(frame, p)
+            value, rows = layer_measures(load3(F_in, p) @ T)
+            for r in ti.static(range(6)):
+                value[r] -= before[p, r]
+            P = rows.transpose() @ conjugate(added, p, value)
+            G = shape_gradients(vec3(xi[p, 0], xi[p, 1], xi[p, 2]), h) @ T
+            for n in ti.static(range(8)):
+                for i in ti.static(range(3)):
+                    total[n, i] += V[p] * (G[n, 0] * P[i] + G[n, 1] * P[3 + i] + G[n, 2] * P[6 + i])
+        for n in ti.static(range(8)):
+            for i in ti.static(range(3)):
+                force[c, n, i] -= rate * total[n, i]
+
+
 @ti.kernel
 def add_layer_tangents(
     cells: ti.types.ndarray(),
@@ -103,46 +200,24 @@ def add_layer_tangents(
         h = vec3(cell_size[c, 0], cell_size[c, 1], cell_size[c, 2])
         for p in range(cell_start[c], cell_start[c + 1]):
             T = load3(frame, p)
-            f = load3(F_in, p) @ T
-            f1, f2, f3 = column(f, 0), column(f, 1), column(f, 2)
-            m = f1.cross(f2)
-            A = ti.max(m.norm(), LEAST_AREA)
-            m /= A
-            H = f3.dot(m)
-            s = f3 - H * m
-            dual1, dual2 = f2.cross(m) / A, m.cross(f1) / A
-            e, d = f1 - m.cross(f2), f1 + m.cross(f2)
-            stretch = ti.max(e.norm(), LEAST_STRETCH)
-            x = e / stretch
-            y = m.cross(x)
-            turn1, turn2 = y / stretch, -x / stretch  # how the layer turns in its plane with f_1 and f_2
-            a1, a2 = (f1 + A * dual1) / stretch, (f2 + A * dual2) / stretch
-            w1, w2 = f2.cross(s) / A, s.cross(f1) / A
-            dx1, dx2 = in_layer(x, m, d, turn1, turn2)
-            dy1, dy2 = in_layer(y, m, d, turn1, turn2)
-            on_x, on_y = x.dot(m.cross(s)), y.dot(m.cross(s))
-            sx1, sx2 = H * x.dot(dual1) * m - on_x * turn1, H * x.dot(dual2) * m - on_x * turn2
-            sy1, sy2 = H * y.dot(dual1) * m - on_y * turn1, H * y.dot(dual2) * m - on_y * turn2
+            _, rows = layer_measures(load3(F_in, p) @ T)
             G = shape_gradients(vec3(xi[p, 0], xi[p, 1], xi[p, 2]), h) @ T
-            v = V[p]
             for i in range(8):
-                ai = a1 * G[i, 0] + a2 * G[i, 1]
-                wi = w1 * G[i, 0] + w2 * G[i, 1] + m * G[i, 2]
-                dxi, dyi = dx1 * G[i, 0] + dx2 * G[i, 1], dy1 * G[i, 0] + dy2 * G[i, 1]
-                sxi = sx1 * G[i, 0] + sx2 * G[i, 1] + x * G[i, 2]
-                syi = sy1 * G[i, 0] + sy2 * G[i, 1] + y * G[i, 2]
-                by_a = v * (added[p, 0] * ai + added[p, 1] * wi)
-                by_w = v * (added[p, 1] * ai + added[p, 2] * wi)
-                kd, ks = v * added[p, 3], v * added[p, 4]
+                pushed = ti.Matrix.zero(ti.f64, 6, 3)
+                for d in ti.static(range(3)):
+                    value = vec6(0.0)
+                    for r in ti.static(range(6)):
+                        value[r] = G[i, 0] * rows[r, d] + G[i, 1] * rows[r, 3 + d] + G[i, 2] * rows[r, 6 + d]
+                    value = V[p] * conjugate(added, p, value)
+                    for r in ti.static(range(6)):
+                        pushed[r, d] = value[r]
                 for j in range(i + 1):
-                    aj = a1 * G[j, 0] + a2 * G[j, 1]
-                    wj = w1 * G[j, 0] + w2 * G[j, 1] + m * G[j, 2]
-                    dxj, dyj = dx1 * G[j, 0] + dx2 * G[j, 1], dy1 * G[j, 0] + dy2 * G[j, 1]
-                    sxj = sx1 * G[j, 0] + sx2 * G[j, 1] + x * G[j, 2]
-                    syj = sy1 * G[j, 0] + sy2 * G[j, 1] + y * G[j, 2]
-                    block = by_a.outer_product(aj) + by_w.outer_product(wj)
-                    block += kd * (dxi.outer_product(dxj) + dyi.outer_product(dyj))
-                    block += ks * (sxi.outer_product(sxj) + syi.outer_product(syj))
+                    block = mat3(0.0)
+                    for r in ti.static(range(6)):
+                        for d in ti.static(range(3)):
+                            moved = G[j, 0] * rows[r, d] + G[j, 1] * rows[r, 3 + d] + G[j, 2] * rows[r, 6 + d]
+                            for b in ti.static(range(3)):
+                                block[b, d] += pushed[r, b] * moved
                     K[c, i, j] = K[c, i, j] + ti.cast(block, ti.f32)
                     if j < i:
                         K[c, j, i] = K[c, i, j].transpose()

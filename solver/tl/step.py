@@ -61,6 +61,8 @@ class StepStrain:
     """Stretch S of each particle, F = R S, shape (p, 9)."""
     modes: NDArray[np.float64]
     """Bending amplitudes of each cell, shape (c, 6)."""
+    layers: NDArray[np.float64]
+    """Measures of the layers at each particle, shape (p, 6)."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -182,6 +184,11 @@ class Stepper:
                     since.rate, state.x, s.cell_node, s.cell_size, s.cell_start, s.local, s.volume, s.mu, s.lam,
                     s.relief, self.deformation, state.polar, since.stretch, since.modes, self.cell_force,
                 )  # fmt: skip
+            if since is not None and len(s.layered):
+                layers.add_layer_drag(
+                    since.rate, s.layered, s.cell_size, s.cell_start, s.local, s.volume, s.added, s.frame,
+                    self.deformation, since.layers, self.cell_force,
+                )  # fmt: skip
             elastic.gather_forces(s.node_cell, self.cell_force, f)
         return f
 
@@ -193,7 +200,9 @@ class Stepper:
         s = self.soft
         stretch, modes = np.empty_like(self.deformation), np.empty((len(s.cell_node), 6))
         damping.start_strains(state.x, s.cell_node, s.cell_size, self.deformation, state.polar, stretch, modes)
-        return StepStrain(self.damping / dt, stretch, modes)
+        measures = np.zeros((len(stretch), 6))
+        layers.start_layers(s.layered, s.cell_start, s.frame, self.deformation, measures)
+        return StepStrain(self.damping / dt, stretch, modes, measures)
 
     def problem(
         self, state: State, dt: float, push: NDArray[np.float64] | None = None, rolling: RollingLaw = law_stiff

@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 from dcap.scene.types.materials import LayerConstants
 from solver.errors import ModelError
 from solver.kernels.elastic import cell_forces
-from solver.kernels.layers import add_layer_forces, add_layer_tangents
+from solver.kernels.layers import add_layer_drag, add_layer_forces, add_layer_tangents, start_layers
 from solver.kernels.tangents import rest_tangents
 from solver.model.bending import bending_relief, layered_relief
 from solver.model.layers import Layers, frames, split, stiffness
@@ -125,6 +125,32 @@ def test_the_tangent_is_never_negative_and_lets_a_strained_cell_turn(constants, 
     assert np.linalg.eigvalsh(K)[0] > -1e-6 * largest
     for axis in np.eye(3):
         assert K @ np.cross(axis, x).ravel() == pytest.approx(np.zeros(24), abs=3e-6 * largest)
+
+
+def drag(before, x, constants):
+    """Node forces (24,) of the damping of layers with rate 1 in a unit cell of one point whose nodes go from `before`
+    to x (8, 3)."""
+    _, _, added, frame = one_point(constants)
+    cells, start_ = np.zeros(1, np.int32), np.array([0, 1], np.int32)
+    F, F0 = (np.einsum("na,nb->ab", nodes, GRADIENT).reshape(1, 9) for nodes in (x, before))
+    measures, force = np.zeros((1, 6)), np.zeros((1, 8, 3))
+    start_layers(cells=cells, cell_start=start_, frame=frame, F_in=F0, out=measures)
+    add_layer_drag(rate=1.0, cells=cells, cell_size=np.ones((1, 3)), cell_start=start_, xi=np.full((1, 3), 0.5),
+                   V=np.ones(1), added=added, frame=frame, F_in=F, before=measures, force=force)  # fmt: skip
+    return force.ravel()
+
+
+@pytest.mark.parametrize("constants", EVERY)
+@pytest.mark.parametrize("F", STRAINED)
+def test_damping_of_layers_is_their_tangent_times_the_rate_and_knows_no_rotation(constants, F):
+    """The derivative of the drag where a step begins is the tangent there, strained as it may be; differences 1e-6, the
+    tangent in single precision. A turn without strain is not resisted: to rounding."""
+    x = CORNERS @ F.T
+    K = cell(x, constants)[2]
+    step = 1e-6 * np.random.default_rng(3).normal(size=(8, 3))
+    change = 0.5 * (drag(x, x + step, constants) - drag(x, x - step, constants))
+    assert change == pytest.approx(-K @ step.ravel(), abs=3e-6 * np.abs(K).max() * 1e-6)
+    assert drag(x, x @ TURN.T, constants) == pytest.approx(np.zeros(24), abs=1e-9 * np.abs(K).max())
 
 
 @pytest.mark.parametrize("constants", EVERY)
