@@ -101,14 +101,13 @@ class CaseMaterial(BaseModel, **Strict):
     dynamic_friction: NonNegativeFloat
     rolling_resistance: NonNegativeFloat = 0.0
 
-    @model_validator(mode="after")
-    def _definite(self) -> "CaseMaterial":
-        if self.layers is None:
-            if not -1.0 < self.poisson_ratio < 0.5:
-                raise ValueError(f"poisson_ratio {self.poisson_ratio:g} must be greater than -1 and less than 0.5")
-        elif problem := self.layers.constants.problem(self.youngs_modulus, self.poisson_ratio):
-            raise ValueError(f"layers: {problem}")
-        return self
+    @property
+    def problem(self) -> str:
+        """Which value makes some strain cost no energy; empty if none does."""
+        if self.layers is not None:
+            return self.layers.constants.problem(self.youngs_modulus, self.poisson_ratio)
+        inside = -1.0 < self.poisson_ratio < 0.5
+        return "" if inside else f"poisson_ratio is {self.poisson_ratio:g}, must be greater than -1 and less than 0.5"
 
     @property
     def friction(self) -> ContactFriction:
@@ -200,6 +199,8 @@ def checked_case(document: Mapping[str, object], path: str) -> Case:
             material = material_of(body)
         except InputError as error:
             raise InputError(f"{path}: {error}") from error
+        if material.problem:
+            raise InputError(f"{path}: bodies.{body.name}.material: {material.problem}")
         if body.motion == "fixed" and body.clamp == "none" and not is_rigid(body, material):
             raise InputError(
                 f"{path}: bodies.{body.name}.clamp: a fixed soft body with clamp none would fall; name a face"

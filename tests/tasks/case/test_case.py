@@ -45,6 +45,11 @@ def case_file(tmp_path):
         ("mass: 1.0", "mass: true", "bodies.1.mass: true and false are no numbers"),
         ("mass: 1.0", "mass: -1.0", "greater than 0"),
         ("poisson_ratio: 0.3", "poisson_ratio: 0.5", "less than 0.5"),
+        (
+            "poisson_ratio: 0.3",
+            "poisson_ratio: 0.3, layers: {youngs_modulus: 1.0e11, poisson_ratio: 0.2, shear_modulus: 1.0e9}",
+            "Poisson ratio across the layers is 0.3, must be below 0.2",
+        ),
         ("1.0e10", ".nan", "finite"),
         ("material: steel", "material: steal", "did you mean 'steel'"),
         ("name: cube", "name: floor", "must differ"),
