@@ -83,8 +83,8 @@ def top_of(mesh: Mesh, faces: NDArray[np.bool_]) -> float:
 
 
 def lies_under(base: Instance, lower: int, cover: Cover) -> bool:
-    """Whether a part begins below a cover and one of the two is over a good share of the other: a blanket may hang lower
-    than the mattress that carries it, and a throw lie on a part of a sofa."""
+    """Whether a part begins below a cover, with a good share of one over the other: a blanket may hang lower than the
+    mattress that carries it, and a throw lie on a part of a sofa."""
     one, other = base.parts[lower].box, base.parts[cover.part].box
     beside = max(over(plan_samples(other), one), over(plan_samples(one), other))
     return beside > COVERED and one.bottom < other.top - cover.thickness - TOUCHING
@@ -119,7 +119,7 @@ def open_faces(mesh: Mesh, faces: NDArray[np.bool_]) -> NDArray[np.bool_]:
     aside = normal / np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-12) * [1.0, 1.0, 0.0]
     middle, caster = mesh.corners(some).mean(axis=1), Raycaster(mesh)
     for side in (aside, -aside):
-        direction = side + [0.0, 0.0, 1.0]
+        direction = side + np.array([0.0, 0.0, 1.0])
         direction /= np.linalg.norm(direction, axis=1, keepdims=True)
         out[some] |= ~caster.occluded(middle + OFF_FACE * direction, direction, WAY_OUT)
     return out

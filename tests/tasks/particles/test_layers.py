@@ -94,7 +94,7 @@ def upright(x, y, z):
 
 
 def test_faces_inside_bound_no_cover():
-    """Where a modeller joined pieces by a sheet of the blanket's in the bed's middle, the mattress is mattress still."""
+    """Where a modeller joined pieces by a sheet of the blanket's in the bed, the mattress is mattress still."""
     base, mesh, part = bed(0.03)
     pieces = [upright(-0.7, (0.0, 1.0), (0.25, TOP)), upright(0.7, (0.0, 1.0), (0.25, TOP)),
               upright(-0.1, (0.01, 0.99), (0.26, TOP + 0.01))]  # fmt: skip
