@@ -37,7 +37,8 @@ class Pair:
         """Before any step."""
         count = len(self.area)
         nowhere = np.full((count, 3), np.nan)
-        return PointMemory(self.stiffness.copy(), np.zeros((count, 3)), np.zeros(count, dtype=bool), nowhere)
+        none = np.zeros(count, dtype=bool)
+        return PointMemory(self.stiffness.copy(), np.zeros((count, 3)), none.copy(), nowhere, none.copy())
 
 
 @dataclass(frozen=True, eq=False, slots=True)

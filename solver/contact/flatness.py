@@ -18,6 +18,8 @@ Array = NDArray[np.float64]
 
 ALIKE = np.cos(np.radians(15.0))  # faces whose normals differ by less belong to one flat region
 PRESSED = np.cos(np.radians(25.0))  # a region whose normal is nearer to the partner's presses flat on it
+STILL_PRESSED = np.cos(np.radians(45.0))  # one that did goes on until its normal is farther off,
+STILL_WIDE = 0.5  # or it is narrower than this share of a cell [-]
 COVERED = 1.0  # least area of a region within a radius r of a point, over r^2 [-]: at a straight rim it is 1.57
 FINEST_SHARE = 0.02  # of the faces of a soft surface: those under the contact are its finest
 HALF_CELL_DIAGONAL = 0.75  # longest edge of a face with corners half a cell apart, over the cell [-]: 0.71
@@ -35,11 +37,16 @@ class FlatRegions:
     radius: Array
     """How far each reaches, at most the largest radius looked at [m], shape (n, PLANES)."""
 
-    def superfluous(self, point: NDArray[np.integer], rotation: Array, normal: Array, cell: Array) -> NDArray[np.bool_]:
+    def superfluous(
+        self, point: NDArray[np.integer], rotation: Array, normal: Array, cell: Array, before: NDArray[np.bool_]
+    ) -> NDArray[np.bool_]:
         """Which of some points (k,) press with a flat region that is wider than a cell [m] (k,) of the partner, whose
-        outward normals (k, 3) are in the world; `rotation` (3, 3) is that of the rigid body since the start."""
+        outward normals (k, 3) are in the world; `rotation` (3, 3) is that of the rigid body since the start. Those that
+        did `before` (k,) go on until they clearly do not: else a body would rock between the two."""
         facing = np.einsum("kpi,ji,kj->kp", self.normal[point], rotation, -normal)
-        return np.asarray(((facing > PRESSED) & (self.radius[point] >= cell[:, None])).any(axis=1))
+        begins = (facing > PRESSED) & (self.radius[point] >= cell[:, None])
+        goes_on = (facing > STILL_PRESSED) & (self.radius[point] >= STILL_WIDE * cell[:, None])
+        return np.asarray(begins.any(axis=1) | (before & goes_on.any(axis=1)))
 
 
 def finely_sampled(body: Body, cell: float) -> bool:

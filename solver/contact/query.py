@@ -5,7 +5,7 @@ springs whose anchors the state remembers from step to step, taken implicitly on
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,6 +34,9 @@ class StepStart:
     rolling: RollingLaw
     surfaces: dict[int, NDArray[np.float64]]
     """World positions of the surface points of each body that has contact points [m], shape (n, 3)."""
+    superfluous: Mapping[tuple[int, int], NDArray[np.bool_]] = field(default_factory=dict)
+    """By pair of a rigid body and a soft one, the points of the rigid one that do not count in the step, since the soft
+    one's own do: settled at its start, so that forces are continuous within it, shape (n,)."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -94,24 +97,33 @@ class ContactQuery:
 
     def begin(self, state: State, seconds: float, rolling: RollingLaw = law_stiff) -> StepStart:
         """A step of some seconds from a state, which must not change until the step is done."""
-        return StepStart(state, seconds, rolling, {i: self.surface(state, i) for i in {p.a for p in self.pairs}})
+        surfaces = self._surfaces(state)
+        if any(pair.flat is not None for pair in self.pairs):
+            self._average_deformation(state)
+        covered = [one for p in self.pairs if (one := self._superfluous(p, state, surfaces[p.a])) is not None]
+        return StepStart(state, seconds, rolling, surfaces, dict(covered))
 
-    def find(self, state: State, start: StepStart) -> Contacts:
-        """Active points, forces and tangents at `state`, with friction measured from the start of the step.
+    def _surfaces(self, state: State) -> dict[int, NDArray[np.float64]]:
+        """World positions of the surface points of each body that has contact points [m]."""
+        return {i: self.surface(state, i) for i in {p.a for p in self.pairs}}
 
-        The search for material points starts at those that `state` remembers.
-        """
-        surfaces = {i: self.surface(state, i) for i in {p.a for p in self.pairs}}
+    def _average_deformation(self, state: State) -> None:
         for index in sorted({p.b for p in self.pairs} & set(self.soft_of)):
             query.average_deformation(
                 self.soft_of[index].near_surface, state.x, self.soft.cell_node, self.soft.cell_size,
                 self.soft.node_cell,
                 self.smooth,
             )  # fmt: skip
+
+    def find(self, state: State, start: StepStart) -> Contacts:
+        """Active points, forces and tangents at `state`, with friction measured from the start of the step.
+
+        The search for material points starts at those that `state` remembers.
+        """
+        surfaces = self._surfaces(state)
+        self._average_deformation(state)
         found = {
-            p.key: self._seen(
-                p, state, self._locate(p.b, state, surfaces[p.a], state.memory.points[p.key].material_point)
-            )
+            p.key: self._locate(p.b, state, surfaces[p.a], state.memory.points[p.key].material_point)
             for p in self.pairs
         }
         touching = [t for p in self.pairs if (t := self._touch(p, state, surfaces[p.a], found[p.key], start))]
@@ -120,7 +132,10 @@ class ContactQuery:
     def _touch(
         self, pair: Pair, state: State, points: NDArray[np.float64], found: Located, start: StepStart
     ) -> ActiveContacts | None:
-        active = np.flatnonzero(found.gap < 0.0)
+        counts = found.gap < 0.0
+        if pair.key in start.superfluous:
+            counts &= ~start.superfluous[pair.key][found.point]
+        active = np.flatnonzero(counts)
         if len(active) == 0:
             return None
         index = found.point[active]
@@ -182,17 +197,22 @@ class ContactQuery:
         weight[~found] = 0.0
         return Located(point, material, gap, normal, node, weight, found, int((cell == query.UNLOCATED).sum()), cell)
 
-    def _seen(self, pair: Pair, state: State, found: Located) -> Located:
-        """Without the points of a rigid body that its soft partner's own points make superfluous."""
-        if pair.flat is None or found.cell is None:
-            return found
-        inside_ = np.flatnonzero(found.found & (found.gap < 0.0))
-        point, rotation = found.point[inside_], state.rotation[pair.a]
-        size = self.soft.cell_size[found.cell[inside_]].max(axis=1)
-        out = pair.flat.superfluous(point, rotation, found.normal[inside_], size)
-        gap = found.gap.copy()
-        gap[inside_[out]] = query.FAR
-        return replace(found, gap=gap)
+    def _superfluous(
+        self, pair: Pair, state: State, points: NDArray[np.float64]
+    ) -> tuple[tuple[int, int], NDArray[np.bool_]] | None:
+        """Key of a pair, and the points of its rigid body that its soft partner's own points make superfluous."""
+        if pair.flat is None:
+            return None
+        memory = state.memory.points[pair.key]
+        found = self._locate(pair.b, state, points, memory.material_point)
+        out = np.zeros(len(points), dtype=bool)
+        if found.cell is not None:
+            at = np.flatnonzero(found.found & (found.gap < query.FAR))
+            size = self.soft.cell_size[found.cell[at]].max(axis=1)
+            point = found.point[at]
+            before = memory.superfluous[point]
+            out[point] = pair.flat.superfluous(point, state.rotation[pair.a], found.normal[at], size, before)
+        return pair.key, out
 
     def _undeformed(self, index: int, state: State, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """Where points (k, 3) would be in a soft body's start pose, had it only moved rigidly [m]."""
@@ -271,7 +291,8 @@ class ContactQuery:
                 material_point = material_point.copy()
                 material_point[here.point] = np.where(here.found[:, None], here.material, np.nan)
             anchor, sliding = np.zeros(old.anchor.shape), np.zeros(len(old.sliding), dtype=bool)
-            points[key] = PointMemory(old.stiffness, anchor, sliding, material_point)
+            superfluous = start.superfluous.get(key, old.superfluous)
+            points[key] = PointMemory(old.stiffness, anchor, sliding, material_point, superfluous)
         for t in touching:
             points[t.pair.key].anchor[t.point] = t.anchor
             points[t.pair.key].sliding[t.point] = t.sliding

@@ -27,6 +27,8 @@ class PointMemory:
     """Points that slid at the end of the last step, shape (n,)."""
     material_point: NDArray[np.float64]
     """Where in the start pose of a soft partner each point was last [m], NaN where it was nowhere, shape (n, 3)."""
+    superfluous: NDArray[np.bool_]
+    """Points that did not count in the last step, since a soft partner's own points did, shape (n,)."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)

@@ -8,12 +8,13 @@ from solver.contact.flatness import finely_sampled, flat_regions
 CELL = 0.01
 
 
-def superfluous(body, degrees=0.0, cell=CELL):
+def superfluous(body, degrees=0.0, cell=CELL, *, did=False):
     """Which points of a body are, turned about x since its start, where all of its partner's normals point up."""
     count = len(body.vertices)
+    before = np.full(count, did)
     turn = Rotation.from_rotvec([np.radians(degrees), 0.0, 0.0]).as_matrix()
     up = np.tile([0.0, 0.0, 1.0], (count, 1))
-    return flat_regions(body, CELL).superfluous(np.arange(count), turn, up, np.full(count, cell))
+    return flat_regions(body, CELL).superfluous(np.arange(count), turn, up, np.full(count, cell), before)
 
 
 def cube(lab, edge=0.004):
@@ -28,6 +29,16 @@ def test_a_flat_underside_needs_none_of_its_points(lab):
     found = superfluous(body)
     assert found[low & ~at_corner].all()
     assert not found[~low].any()
+
+
+def test_what_was_superfluous_stays_so_for_a_while(lab):
+    """Between 25 and 45 degrees it depends on what was before: else a body would rock between the two."""
+    body = cube(lab)
+    for degrees, fresh, kept in ((20.0, True, True), (35.0, False, True), (50.0, False, False)):
+        low = body.vertices[:, 2] == body.vertices[:, 2].min()
+        inner = low & (np.abs(body.vertices[:, :2]) < 0.02).all(axis=1)
+        assert superfluous(body, degrees)[inner].all() == fresh
+        assert superfluous(body, degrees, did=True)[inner].all() == kept
 
 
 def test_a_ridge_keeps_its_points(lab):
