@@ -33,14 +33,17 @@ def solver_body(body: SimulationBody) -> Body:
         case RigidSimulationBody():
             return RigidBody(
                 *common, inertial.inertia, velocity=body.velocity, angular_velocity=body.angular_velocity,
-                vertical=body.vertical,
+                vertical=body.vertical, point_friction=body.point_friction,
             )  # fmt: skip
         case SoftSimulationBody(points=points, grid=grid):
             interior = Interior(
                 points.position, points.volume, points.density, points.youngs_modulus, points.poisson_ratio,
                 grid.planes, grid.node_state, body.loaded, solver_layers(points.layers),
             )  # fmt: skip
-            return SoftBody(*common, interior, velocity=body.velocity, angular_velocity=body.angular_velocity)
+            return SoftBody(
+                *common, interior, velocity=body.velocity, angular_velocity=body.angular_velocity,
+                point_friction=body.point_friction,
+            )  # fmt: skip
 
 
 def solver_layers(layers: LayeredPoints | None) -> Layers | None:

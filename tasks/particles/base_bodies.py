@@ -25,7 +25,7 @@ from tasks.bodies.material_points import material_points
 from tasks.bodies.node_states import grid_of, nodes_at_bottoms, nodes_at_cuts, nodes_within
 from tasks.bodies.soft_cells import Cells, graded_cells
 from tasks.bodies.thin_parts import UnderResolved, through_thin_parts
-from tasks.particles.drop_setup import REACH_BELOW, DropSetup, constants_of_parts, contact_cell_size
+from tasks.particles.drop_setup import REACH_BELOW, DropSetup, constants_of_parts, contact_cell_size, friction_of_points
 from tasks.particles.layers import COLUMN_STEPS, Cover, column_of, covers_of, lies_under, owners, top_of
 from tasks.particles.obstacles import NEARBY, governing_part, rigid_base
 
@@ -134,9 +134,11 @@ def soft_base(
     )  # fmt: skip
     held = held_nodes(setup, cells, cut, bottom, part, rigid)
     main = governing_part(setup, [r for r in rows if r.model is BodyModel.MPM], part)
-    setup.note_friction(base_id, main, len(set(part.tolist())))
+    setup.note_stiffness(base_id, rows)
+    surface = base_surface(setup, mesh, box, cells.size)
+    near = part[MeshDistance(mesh).nearest_face(surface.vertices)]
     body = SoftSimulationBody(
-        name=base_id, instance=base_id, fixed=True, surface=base_surface(setup, mesh, box, cells.size),
+        name=base_id, instance=base_id, fixed=True, surface=surface, point_friction=friction_of_points(rows, near),
         distance=contact_distance(setup, solid, box, cells.size), inertial=inertial_of_material(points),
         friction=main.material.friction, points=points, grid=grid_of(cells.planes, held=held), loaded=True,
     )  # fmt: skip

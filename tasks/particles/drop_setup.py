@@ -22,8 +22,9 @@ from tasks.particles.config import ParticlesConfig
 Array = NDArray[np.float64]
 
 RIGID_MODULUS = 2e11  # Young's modulus [Pa] that stands for a rigid part in the predicted contact
-# rigid material inside a soft body is at most this many times stiffer than its softest: conditioning
-MOST_STIFFNESS_CONTRAST = 100.0
+# over the softest of a body: what is soft itself, which takes three times the iterations at the bound, and what is
+# rigid, whose nodes move as one and whose stiffness counts only in cells that it shares with the rest
+MOST_CONTRAST, RIGID_CONTRAST = 1e4, 100.0
 REACH_BELOW = 0.12  # how far below the predicted contact fields are sampled [m]: deeper than any dent
 REACH_ABOVE = 0.03  # above the object's top [m]
 SPHERICAL = 0.1  # relative spread of a ball's radius; a cube has 0.14
@@ -82,10 +83,14 @@ class DropSetup:
         if report.problem:
             self.notes.append(f"{body}: {part} could not be made into a valid solid: {report.problem}")
 
-    def note_friction(self, body: str, row: PartMaterial, part_count: int) -> None:
-        """Say which part's friction a body of several parts has."""
-        if part_count > 1:
-            self.notes.append(f"{body}: the friction of {row.part} ({row.material.id}) is used for all its parts")
+    def note_stiffness(self, body: str, rows: list[PartMaterial]) -> None:
+        """Name the soft parts that are taken as softer than their material."""
+        for row, taken in zip(rows, stiffness_of(rows), strict=True):
+            if row.model is BodyModel.MPM and taken < row.material.youngs_modulus:
+                self.notes.append(
+                    f"{body}: {row.part} ({row.material.id}) is taken as {taken:.3g} Pa stiff instead of "
+                    f"{row.material.youngs_modulus:.3g} Pa: {MOST_CONTRAST:g} times its softest part"
+                )
 
 
 def drop_setup(
@@ -151,14 +156,27 @@ def constants_of_parts(
     rows: list[PartMaterial], part: NDArray[np.integer], normals: Callable[[], Array]
 ) -> MaterialConstants:
     """Material of points that belong to the given parts (n,); `normals` are those of layers there, shape (n, 3)."""
-    soft = [r.material.youngs_modulus for r in rows if r.model is BodyModel.MPM]
-    most = MOST_STIFFNESS_CONTRAST * min(soft)
     table = np.array(
-        [(r.material.density, min(r.material.youngs_modulus, most), r.material.poisson_ratio) for r in rows]
+        [(r.material.density, e, r.material.poisson_ratio) for r, e in zip(rows, stiffness_of(rows), strict=True)]
     )
     density, stiffness, poisson = table[part].T
     constants = MaterialConstants(density.copy(), stiffness.copy(), poisson.copy())
     return constants if all(r.material.layers is None for r in rows) else with_layers(constants, rows, part, normals())
+
+
+def stiffness_of(rows: list[PartMaterial]) -> list[float]:
+    """Young's modulus with which each part of a soft body is simulated [Pa]."""
+    softest = min(r.material.youngs_modulus for r in rows if r.model is BodyModel.MPM)
+    most = {BodyModel.MPM: MOST_CONTRAST * softest, BodyModel.RIGID: RIGID_CONTRAST * softest}
+    return [min(r.material.youngs_modulus, most[r.model]) for r in rows]
+
+
+def friction_of_points(rows: list[PartMaterial], part: NDArray[np.integer]) -> Array | None:
+    """Static and dynamic friction [-] and rolling resistance [m] of points that belong to the given parts (n,), shape
+    (n, 3); None where all parts have the same."""
+    table = np.array([(f.static, f.dynamic, f.rolling_resistance) for f in (r.material.friction for r in rows)])
+    alike = (table[np.unique(part)] == table[part[:1]]).all()
+    return None if alike else table[part]
 
 
 def with_layers(

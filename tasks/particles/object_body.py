@@ -30,7 +30,7 @@ from tasks.bodies.layer_normals import layer_normals
 from tasks.bodies.material_points import material_points, with_mass
 from tasks.bodies.node_states import grid_of
 from tasks.bodies.soft_cells import Cells, Planes, nodes, thickness, uniform_cells
-from tasks.particles.drop_setup import DropSetup, constants_of_parts
+from tasks.particles.drop_setup import DropSetup, constants_of_parts, friction_of_points
 
 Array = NDArray[np.float64]
 
@@ -65,15 +65,15 @@ def object_body(setup: DropSetup, contact_cell: float, *, on_soft: bool) -> Obje
     most = setup.config.object_distance_samples
     grid = distance_samples(solid, setup.mesh.bounds, spacing, margin=MARGIN, most=most)
     touching = rows[int(part_of_face[setup.footprint.face_nearest])]
-    setup.note_friction(OBJECT, touching, len(used))
     if any(rows[p].model is BodyModel.MPM for p in used):
         return soft_object(setup, rows, part_of_face, grid, touching.material)
     inertial = rigid_inertial(setup, rows, part_of_face, grid)
     edge = contact_cell if on_soft else setup.footprint.small_side / POINTS_ACROSS
+    surface = rigid_object_surface(simplified_item(setup), setup.footprint, edge, setup.config.object_faces)
     body = RigidSimulationBody(
-        name=OBJECT, instance=OBJECT, fixed=False, distance=grid, inertial=inertial,
-        surface=rigid_object_surface(simplified_item(setup), setup.footprint, edge, setup.config.object_faces),
+        name=OBJECT, instance=OBJECT, fixed=False, distance=grid, inertial=inertial, surface=surface,
         friction=touching.material.friction,
+        point_friction=friction_of_points(rows, nearest_part(setup.mesh, part_of_face, surface.vertices)),
     )  # fmt: skip
     return ObjectBody(body, contact_cell)
 
@@ -145,11 +145,13 @@ def soft_object(
         if_empty=f"object: it encloses no volume at {1e3 * grid.spacing:.2g} mm: it is a sheet; give it a thickness",
     )  # fmt: skip
     points = with_mass(points, object_mass(setup, inertial_of_material(points).mass))
+    setup.note_stiffness(OBJECT, rows)
+    surface = soft_object_surface(simplified_item(setup), setup.mesh.bounds, cells.size, setup.config.object_faces)
     body = SoftSimulationBody(
-        name=OBJECT, instance=OBJECT, fixed=False, distance=grid, friction=touching.friction,
+        name=OBJECT, instance=OBJECT, fixed=False, distance=grid, friction=touching.friction, surface=surface,
+        point_friction=friction_of_points(rows, nearest_part(setup.mesh, part_of_face, surface.vertices)),
         inertial=inertial_of_material(points),
         points=points,
-        surface=soft_object_surface(simplified_item(setup), setup.mesh.bounds, cells.size, setup.config.object_faces),
         grid=grid_of(cells.planes, core=core_nodes(setup, cells.planes, rows, part_of_face, inside)), loaded=False,
     )  # fmt: skip
     return ObjectBody(body, cells.size)
@@ -189,9 +191,14 @@ def core_nodes(
     return mask.reshape([len(p) for p in planes])
 
 
+def nearest_part(mesh: Mesh, part_of_face: NDArray[np.int32], points: Array) -> NDArray[np.int64]:
+    """Part whose surface is nearest to each point (n, 3), shape (n,)."""
+    return part_of_face[MeshDistance(mesh).nearest_face(points)].astype(np.int64)
+
+
 def part_at(mesh: Mesh, part_of_face: NDArray[np.int32], points: Array) -> NDArray[np.int64]:
     """Part of an object that each point belongs to, shape (n,): the smallest closed one around it, else the nearest."""
-    owner = part_of_face[MeshDistance(mesh).nearest_face(points)].astype(np.int64)
+    owner = nearest_part(mesh, part_of_face, points)
     parts = [(one, mesh.submesh(np.flatnonzero(part_of_face == one))) for one in np.unique(part_of_face).tolist()]
     closed = [(mesh_volume(piece), one, MeshDistance(piece)) for one, piece in parts if is_closed(piece)]
     if len(parts) > 1:

@@ -1,5 +1,7 @@
 """What stands around the soft part of the base: its rigid parts and other things in reach, as fixed rigid bodies."""
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -11,7 +13,7 @@ from dcap.scene.types.particles import RigidSimulationBody
 from tasks.bodies.contact_surface import obstacle_surface
 from tasks.bodies.distance_samples import distance_samples
 from tasks.bodies.inertial import inertial_of_shell
-from tasks.particles.drop_setup import DropSetup
+from tasks.particles.drop_setup import DropSetup, friction_of_points
 
 SAMPLES = 80.0  # of an obstacle's signed distance along the object's diagonal
 MARGIN = 0.02  # a signed distance reaches this far beyond the faces in reach [m]
@@ -32,8 +34,10 @@ def rigid_base(
     there = set(part[kept].tolist())
     main = governing_part(setup, [r for r in rows if r.part_index in there], part[kept])
     name = f"{setup.anchor.base_id}/rigid"
-    setup.note_friction(name, main, len(there))
-    return obstacle(setup, name, setup.anchor.base_id, setup.scene.mesh.submesh(faces[kept]), solid, main.material)
+    mesh = setup.scene.mesh.submesh(faces[kept])
+    body = obstacle(setup, name, setup.anchor.base_id, mesh, solid, main.material)
+    near = part[kept][MeshDistance(mesh).nearest_face(body.surface.vertices)]
+    return replace(body, point_friction=friction_of_points(rows, near))
 
 
 def neighbours(setup: DropSetup) -> list[RigidSimulationBody]:

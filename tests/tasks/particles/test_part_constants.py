@@ -1,0 +1,38 @@
+"""What the parts of a body bring along: stiffness up to a contrast that can be solved, friction point by point."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from dcap.scene.types.materials import BodyModel, Material, PartMaterial
+from tasks.particles.drop_setup import MOST_CONTRAST, friction_of_points, stiffness_of
+
+FOAM = Material("foam", 30.0, 1e4, 0.3, 0.6, 0.5, 0.002, "soft", "test")
+
+
+def rows(*materials: Material) -> list[PartMaterial]:
+    """One part of each material; above 1e9 Pa it is rigid."""
+    return [
+        PartMaterial("thing", m.id, i, m, BodyModel.RIGID if m.youngs_modulus > 1e9 else BodyModel.MPM, "test")
+        for i, m in enumerate(materials)
+    ]
+
+
+def test_soft_parts_keep_their_stiffness_up_to_the_contrast() -> None:
+    """Ten thousand times the softest is simulated as it is, more is not; rigid parts only stiffen cells they share."""
+    stiff, stiffer, steel = (
+        replace(FOAM, id=name, youngs_modulus=e) for name, e in (("pad", 9e7), ("board", 8e8), ("steel", 2e11))
+    )
+    assert stiffness_of(rows(FOAM, stiff, stiffer, steel)) == [1e4, 9e7, MOST_CONTRAST * 1e4, 100.0 * 1e4]
+
+
+def test_points_have_the_friction_of_their_part() -> None:
+    """Static, dynamic, rolling of each; nothing where there is no difference."""
+    rubber = replace(FOAM, id="rubber", static_friction=0.9, dynamic_friction=0.8, rolling_resistance=0.01)
+    part = np.array([0, 1, 1, 0])
+    found = friction_of_points(rows(FOAM, rubber), part)
+    assert found is not None
+    assert found == pytest.approx(np.array([[0.6, 0.5, 0.002], [0.9, 0.8, 0.01], [0.9, 0.8, 0.01], [0.6, 0.5, 0.002]]))
+    assert friction_of_points(rows(FOAM, rubber), np.zeros(4, dtype=np.int64)) is None
+    assert friction_of_points(rows(FOAM, replace(FOAM, id="other", density=99.0)), part) is None
