@@ -26,7 +26,7 @@ stiffness under plane stress (no stress on the faces normal to j), for the plate
     d_j = (2 / h_i) (2 / h_k) (D_ik v_j - Q_ik n'_j)
 
 with v_j = sum_p V_p (xi_j - mean)^2 and n'_j = v_j + sum_p V_p / 12. Layers oblique to the cell couple the modes with
-each other, which this leaves out; where more would be taken away than such a mode has, less is.
+each other, which this leaves out; where that would take too much, solver/tl/relief.py gives less.
 
 Only cells full of one material take part. In a cut cell the same modes are not bending alone: the nodes on its empty
 side hang on the shear that would be taken away.
@@ -42,9 +42,6 @@ from solver.model.layers import stiffness
 EVEN = 0.01  # of half a cell: how far the particles' mean and second moments may be from those of a full, uniform cell
 MODES = ((1, 0), (2, 0), (0, 1), (2, 1), (0, 2), (1, 2))
 """(i, j) of the columns of c: bent along i, deflected along j; columns 2 j and 2 j + 1 are coupled by d_j."""
-MOST_RELIEF = 0.999  # of the energy of any mode: the rest of it stays positive [-]
-PAIRS = ((0, 1), (0, 2), (1, 2))
-"""Axes of the coefficients a_ij of xi_i xi_j."""
 
 
 def bending_relief(
@@ -128,7 +125,7 @@ def layered_relief(
         (i, _), (k, _) = MODES[2 * j], MODES[2 * j + 1]
         both = (C[:, i, i, k, k] - dilation) * moment[:, j] - plane_stress(C, i, k, j)[:, 0, 1] * plate[:, j]
         out[:, 6 + j] = slope[:, i] * slope[:, k] * both
-    return np.where(even[:, None], out * spared(out, C, dilation, moment, slope)[:, None], 0.0)
+    return np.where(even[:, None], out, 0.0)
 
 
 def plane_stress(C: NDArray[np.float64], i: int, k: int, j: int) -> NDArray[np.float64]:
@@ -140,36 +137,3 @@ def plane_stress(C: NDArray[np.float64], i: int, k: int, j: int) -> NDArray[np.f
         return np.stack([np.stack([C[:, a, b, c, d] for c, d in columns], axis=-1) for a, b in rows], axis=-2)
 
     return np.asarray(block(kept, kept) - block(kept, free) @ np.linalg.solve(block(free, free), block(free, kept)))
-
-
-def spared(
-    relief: NDArray[np.float64],
-    C: NDArray[np.float64],
-    dilation: NDArray[np.float64],
-    moment: NDArray[np.float64],
-    slope: NDArray[np.float64],
-) -> NDArray[np.float64]:
-    """Share of a relief (n, 9) that leaves energy in every mode of its cell, shape (n,): 1 where layers lie along it.
-
-    A mode is a coefficient a_ij along d, shape 9: its strain grows along xi_j by e_d e_i and along xi_i by e_d e_j.
-    """
-    count, one = len(relief), np.eye(3)
-    deviatoric = C - dilation[:, None, None, None, None] * np.einsum("ij,kl->ijkl", one, one)
-    own, taken = np.zeros((count, 9, 9)), np.zeros((count, 9, 9))
-    for axis in range(3):
-        strain = np.zeros((count, 9, 3, 3))
-        for pair, (i, j) in enumerate(PAIRS):
-            for bent in (i,) if axis == j else (j,) if axis == i else ():
-                for d in range(3):
-                    strain[:, 3 * pair + d] += slope[:, bent, None, None] * np.outer(one[d], one[bent])
-        strain = 0.5 * (strain + strain.swapaxes(2, 3))
-        own += moment[:, axis, None, None] * np.einsum(
-            "nrij,nijkl,nskl->nrs", strain, deviatoric, strain, optimize=True
-        )
-    mode = [3 * (i + j - 1) + i for i, j in MODES]
-    for column, row in enumerate(mode):
-        taken[:, row, row] = relief[:, column]
-        taken[:, row, mode[column ^ 1]] = relief[:, 6 + column // 2]
-    root = np.linalg.cholesky(own)
-    seen = np.linalg.solve(root, np.linalg.solve(root, taken).swapaxes(1, 2))
-    return np.minimum(1.0, MOST_RELIEF / np.maximum(np.linalg.eigvalsh(seen)[:, -1], MOST_RELIEF))

@@ -10,6 +10,7 @@ with J the relative displacement of the contact points, W the relative rotation 
 lacks is that the limits of friction and of rolling resistance follow the normal force, which is not symmetric: without
 it Newton's iterations converge as they do in most steps anyhow, by a factor of about six each.
 
+[N06] Nocedal, Wright: Numerical Optimization. 2nd ed., Springer 2006.
 [S94] Shewchuk: An introduction to the conjugate gradient method without the agonizing pain. 1994.
 """
 
@@ -255,7 +256,8 @@ class TangentSystem:
 
 def conjugate_gradient(system: TangentSystem, right: Flat, tolerance: float, limit: int) -> tuple[Flat, int]:
     """Solve system @ y = right until the preconditioned residual norm falls by `tolerance` [S94, B3]; returns (y,
-    iterations)."""
+    iterations). Where the matrix turns out not to be positive (the relief of bending takes a little too much from a few
+    strained cells) y is what was found before, or the preconditioned right side: both descend [N06, Alg. 7.1]."""
     system.prepare()
     add = blas.daxpy  # in place: numpy would make a copy of every term
     y, r = np.zeros_like(right), right.copy()
@@ -267,7 +269,7 @@ def conjugate_gradient(system: TangentSystem, right: Flat, tolerance: float, lim
         q = system.multiply(p)
         curvature = float(p @ q)
         if curvature <= 0.0:
-            break
+            return (y if count else p), count + 1
         alpha = rho / curvature
         add(p, y, a=alpha)
         add(q, r, a=-alpha)

@@ -24,6 +24,7 @@ from solver.model.soft import SoftSystem
 from solver.model.state import State, best_rigid_motion, start_state
 from solver.rest import RestMonitor, Signals
 from solver.tl.measure import measure
+from solver.tl.relief import with_definite_relief
 from solver.tl.step import Stepper, StepReport
 
 Load = Callable[[float], NDArray[np.float64]]
@@ -62,7 +63,7 @@ class Simulation:
     def __init__(self, model: Model, config: SolverConfig) -> None:
         self.model = model
         self.config = config
-        self.soft = soft_system.build(model)
+        self.soft = with_definite_relief(soft_system.build(model))
         self.soft_of = {one.index: one for one in self.soft.bodies}
         self.free = [i for i, b in enumerate(model.bodies) if not b.fixed]
         self.watched = self.free or [s.index for s in self.soft.bodies]

@@ -4,16 +4,20 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from dcap.geometry.primitives import Box
 from dcap.scene.types.materials import LayerConstants
 from solver.errors import ModelError
 from solver.kernels.elastic import cell_forces
 from solver.kernels.layers import add_layer_drag, add_layer_forces, add_layer_tangents, start_layers
 from solver.kernels.tangents import rest_tangents
 from solver.model.bending import bending_relief, layered_relief
+from solver.model.bodies import Interior, Model, SignedDistance, SoftBody
 from solver.model.layers import Layers, frames, split, stiffness
+from solver.model.soft import build as build_soft
 from solver.model.soft import lame
 from solver.reference.layers import layered_energy, transverse_stiffness
 from solver.runtime import start
+from solver.tl.relief import rest_stiffness, with_definite_relief
 
 CLOTH = (2e4, 0.05, 4e5, 0.2, 2e3)  # E_t, nu_tp, E_p, nu_p, G_t
 STIFF_BETWEEN = (4e5, 0.6, 2e5, 0.1, 3e5)  # shear between layers above that in them, nu_tp above 1/2
@@ -230,3 +234,42 @@ def test_the_limit_of_the_poisson_ratio_is_that_of_the_compliance():
     for poisson, sound in ((0.999 * most, True), (1.001 * most, False)):
         assert (np.linalg.eigvalsh(transverse_stiffness(across, poisson, along, in_plane, shear))[0] > 0.0) == sound
         assert (LayerConstants(along, in_plane, shear).problem(across, poisson) == "") == sound
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.4, 0.8])
+def test_relief_leaves_every_motion_of_a_cell_its_stiffness(lab_slab, angle):
+    """Beside the six rigid motions nothing is without energy, however layers lie and however flat cells are."""
+    soft = lab_slab(angle)
+    spared = with_definite_relief(soft)
+    before = np.linalg.eigvalsh(rest_stiffness(soft, soft.relief))
+    value = np.linalg.eigvalsh(rest_stiffness(spared, spared.relief))
+    whole = np.linalg.eigvalsh(rest_stiffness(soft, np.zeros_like(soft.relief)))
+    assert (value[:, 6] > 0.1 * whole[:, 6]).all()
+    assert (np.abs(value[:, :6]) < 1e-6 * value[:, -1:]).all()
+    assert np.abs(spared.relief).sum() > 0.0
+    assert angle == 0.0 or (before[:, 0] < -1e-6 * before[:, -1]).any()
+
+
+@pytest.fixture
+def lab_slab():
+    """Builds a soft system of flat cells whose layers are inclined by an angle [rad] about y."""
+
+    def build(angle):
+        start(1)
+        axes = (np.linspace(0, 0.4, 5), np.linspace(0, 0.2, 5), np.linspace(0, 0.02, 5))
+        middle = [0.5 * (p[:-1] + p[1:]) for p in (np.linspace(0, a[-1], 2 * len(a) - 1) for a in axes)]
+        points = np.stack(np.meshgrid(*middle, indexing="ij"), axis=-1).reshape(-1, 3)
+        one = np.ones(len(points))
+        normal = np.tile([np.sin(angle), 0.0, np.cos(angle)], (len(points), 1))
+        layers = Layers(2e5 * one, 0.2 * one, 400.0 * one, normal)
+        held = np.zeros(tuple(len(a) for a in axes), dtype=np.int8)
+        interior = Interior(
+            points, one * 0.4 * 0.2 * 0.02 / len(points), 100 * one, 1.2e4 * one, 0.02 * one, axes, held, False, layers
+        )
+        surface = Box(np.array([0.4, 0.2, 0.02])).surface(0.05)
+        grid = SignedDistance(np.full(3, -0.1), 0.05, np.ones((14, 10, 6), dtype=np.float32))
+        at = surface.vertices + np.array([0.2, 0.1, 0.01])
+        body = SoftBody("slab", False, at, surface.faces, grid, 1.0, np.zeros(3), 0.5, 0.4, 0.0, interior)
+        return build_soft(Model((body,), np.zeros(3)))
+
+    return build
