@@ -15,6 +15,8 @@ from solver.contact.patch import Patch, elastic_patch
 from tasks.case.solid import CaseSolid
 
 Array = NDArray[np.float64]
+Layer = tuple[float, float]
+"""Thickness [m] and compliance (1 - nu^2) / E [1/Pa]."""
 
 SAMPLES = 128  # of the gap along each side of the box in plan that two bodies share
 ZOOMED = 0.4  # a patch that fills less of the box along both sides is looked at again in a smaller one [-]
@@ -64,7 +66,8 @@ class PredictedContact:
 
 
 def predicted_contacts(solids: list[CaseSolid], gravity: float) -> list[PredictedContact]:
-    """The contact of every pair that can press on each other and lies one above the other in plan."""
+    """The contact of every pair that can press on each other and lies one above the other in plan, with anything soft
+    at or behind it. Bodies side by side are not foreseen: cells there are what other contacts ask for."""
     found = []
     for i, one in enumerate(solids):
         for two in one.may_touch(solids[i + 1 :]):
@@ -79,10 +82,12 @@ def predicted_contacts(solids: list[CaseSolid], gravity: float) -> list[Predicte
 def predicted_contact(
     upper: CaseSolid, lower: CaseSolid, solids: list[CaseSolid], gravity: float
 ) -> PredictedContact | None:
-    """Where a body will lie on the one beneath it; None where it would fall past it."""
+    """Where a body will lie on the one beneath it; None where it would fall past it, or nothing there is soft."""
+    stacks = layers(upper, solids, 1.0), layers(lower, solids, -1.0)
     box = np.stack([np.maximum(upper.low, lower.low), np.minimum(upper.high, lower.high)])[:, :2]
     load = gravity * carried_mass(upper, lower, solids)
-    if (box[0] >= box[1]).any() or load <= 0.0:
+    soft = any(compliance > 0.0 for stack in stacks for _, compliance in stack)
+    if (box[0] >= box[1]).any() or load <= 0.0 or not soft:
         return None
     region = box
     for _ in range(MOST_ZOOMS):
@@ -93,7 +98,7 @@ def predicted_contact(
         gap = (heights(upper, plan, 1.0) - top).reshape(SAMPLES, SAMPLES)
         if not np.isfinite(gap).any():
             return None
-        patch = layered_patch(gap, (float(width[0]), float(width[1])), load, upper, lower, solids)
+        patch = layered_patch(gap, (float(width[0]), float(width[1])), load, stacks)
         height = float(top[int(np.nanargmin(gap))])
         contact = PredictedContact(upper, lower, x, y, height, patch)
         filled = [np.ptp(axis[patch.touching.any(axis=1 - a)]) for a, axis in enumerate((x, y))]
@@ -154,22 +159,20 @@ def heights(solid: CaseSolid, plan: Array, side: float) -> Array:
 
 
 def layered_patch(
-    gap: Array, spacing: tuple[float, float], load: float, upper: CaseSolid, lower: CaseSolid, solids: list[CaseSolid]
+    gap: Array, spacing: tuple[float, float], load: float, stacks: tuple[list[Layer], list[Layer]]
 ) -> Patch:
-    """The patch on what lies beneath, layers bonded below each other counted by how much the contact feels of them."""
+    """The patch between two stacks of layers, counted by how much the contact feels of them."""
     gap = np.where(np.isfinite(gap), gap, np.inf)
     radius = 0.0
     for _ in range(LAYER_ROUNDS):
-        stacks = layers(upper, solids, 1.0), layers(lower, solids, -1.0)
         compliance = sum(felt_compliance(stack, radius) for stack in stacks)
         patch = elastic_patch(gap, spacing, load, 1.0 / max(compliance, 1e-30))
         radius = float(np.sqrt(patch.touching.sum() * spacing[0] * spacing[1] / np.pi))
     return patch
 
 
-def layers(solid: CaseSolid, solids: list[CaseSolid], side: float) -> list[tuple[float, float]]:
-    """(thickness [m], compliance (1 - nu^2) / E [1/Pa]) of a body and of what is bonded to it further from the contact:
-    below it (`side` -1) or above (1)."""
+def layers(solid: CaseSolid, solids: list[CaseSolid], side: float) -> list[Layer]:
+    """Of a body and of what is bonded to it further from the contact: below it (`side` -1) or above (1)."""
     found, one = [], solid
     while True:
         found.append((float(one.extent[2]), one.compliance))
@@ -181,7 +184,7 @@ def layers(solid: CaseSolid, solids: list[CaseSolid], side: float) -> list[tuple
         one = min(farther, key=lambda s: side * float(s.low[2] + s.high[2]))
 
 
-def felt_compliance(stack: list[tuple[float, float]], radius: float) -> float:
+def felt_compliance(stack: list[Layer], radius: float) -> float:
     """1 / E* that a contact of a radius [m] feels of layers: each weighted by its share of the indentation of a uniform
     half-space under uniform pressure, 1 - F(depth / radius) [J85, Eq. 3.32b]; the last one reaches down for ever."""
     depth, felt, total = 0.0, 1.0, 0.0
