@@ -22,5 +22,6 @@ def cover_thickness(name: str) -> float | None:
     """Usual thickness of a cover of this name [m]; None if it names none. The last words decide: a "wool blanket" is a
     blanket, a "blanket box" is a box."""
     known, words = cover_thicknesses(), name.lower().replace("_", " ").replace("-", " ").split()
-    endings = (" ".join(words[start:]) for start in range(len(words)))
-    return next((known[one] for one in endings if one in known), None)
+    endings = [" ".join(words[start:]) for start in range(len(words))]
+    singular = [one.removesuffix("s") for one in endings]
+    return next((known[one] for one in (*endings, *singular) if one in known), None)

@@ -53,6 +53,12 @@ class ExplicitDrop:
         if config.inertia:
             raise ModelError("mls: inertia is not supported, strain motion is relaxed; use method tl")
         layered = ", ".join(repr(b.name) for _, b in model.soft_bodies if b.interior.layers is not None)
+        for _, b in model.soft_bodies:
+            if b.interior.layers is not None and not (np.abs(b.interior.poisson_ratio) < 0.5).all():
+                raise ModelError(
+                    f"mls: {b.name!r}: layers are left out, and without them a Poisson ratio across layers of "
+                    f"{np.abs(b.interior.poisson_ratio).max():g} is not possible; use method tl"
+                )
         if layered:
             self.warnings.append(f"mls: {layered}: layers are left out, the material is taken as isotropic")
         self.gravity = np.asarray(model.gravity, dtype=np.float64)

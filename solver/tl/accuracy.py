@@ -16,10 +16,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from solver.kernels import elastic
+from solver.model.layers import stiffness
 from solver.model.soft import SoftSystem, shape_values
 from solver.model.state import State
 
 LOAD_EXPONENT = 1.0  # n: the larger error of the two
+COMPONENTS = ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))
 SAME_MATERIAL = 1.05  # shear moduli within this factor share their averages: strain jumps where the material changes
 
 
@@ -41,9 +43,23 @@ def squared_error(soft: SoftSystem, state: State) -> NDArray[np.float64]:
     mean = np.stack([np.bincount(cell, weight * own[:, k], len(total)) / total for k in range(6)], axis=1)
     smooth = recovered(soft, cell, weight, np.column_stack([mean, dilation]))
     off = np.column_stack([own, dilation[cell]]) - smooth
-    shear = (off[:, :3] ** 2).sum(axis=1) + 2.0 * (off[:, 3:6] ** 2).sum(axis=1)
+    return weight * twice_energy(soft, off)
+
+
+def twice_energy(soft: SoftSystem, strain: NDArray[np.float64]) -> NDArray[np.float64]:
+    """e : C : e of small strains per volume [Pa], given as deviator and mean volume change (p, 7), shape (p,)."""
+    shear = (strain[:, :3] ** 2).sum(axis=1) + 2.0 * (strain[:, 3:6] ** 2).sum(axis=1)
     bulk = soft.lam + 2.0 / 3.0 * soft.mu
-    return np.asarray(weight * (2.0 * soft.mu * shear + bulk * off[:, 6] ** 2))
+    out = np.asarray(2.0 * soft.mu * shear + bulk * strain[:, 6] ** 2)
+    own = np.flatnonzero(soft.added.any(axis=1))
+    if len(own):
+        tensor = stiffness(soft.mu[own], soft.lam[own], soft.added[own], soft.frame[own].reshape(-1, 3, 3))
+        e = np.zeros((len(own), 3, 3))
+        for k, (i, j) in enumerate(COMPONENTS):
+            e[:, i, j] = e[:, j, i] = strain[own, k]
+        e += strain[own, 6, None, None] / 3.0 * np.eye(3)
+        out[own] = np.einsum("pij,pijkl,pkl->p", e, tensor, e, optimize=True)
+    return out
 
 
 def strains(soft: SoftSystem, state: State) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:

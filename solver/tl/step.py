@@ -261,8 +261,8 @@ class Stepper:
         for _ in range(SEARCHES):
             latest = self._linearise(self._move(trial.state, trial.system, share * move), problem)
             work = float(latest.right @ move)
-            if work >= -OVERSHOT * first and (share == 1.0 or work <= OVERSHOT * first):
-                break
+            if first <= 0.0 or (work >= -OVERSHOT * first and (share == 1.0 or work <= OVERSHOT * first)):
+                break  # also where friction's limits make the move no descent at all
             if work < 0.0:
                 high = (share, work)
             else:

@@ -1,13 +1,16 @@
 """The certificate's estimate of what the grid takes from the depth."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from solver.model.bodies import Model
+from solver.model.layers import stiffness
 from solver.model.soft import build
 from solver.model.state import start_state
 from solver.runtime import start
-from solver.tl.accuracy import depth_error, squared_error
+from solver.tl.accuracy import depth_error, squared_error, twice_energy
 
 
 def slab(lab, **interior):
@@ -57,6 +60,21 @@ def test_layers_of_two_materials_are_no_error(lab):
         lambda x: x * [1.0, 1.0, 0.9] + np.outer(np.maximum(x[:, 2] - 0.05, 0.0), [0.0, 0.0, 0.09]),
     )
     assert depth_error(soft, state, 1.0) < 1e-12
+
+
+def test_the_energy_of_layers_is_that_of_their_tensor(lab):
+    """e : C : e of any strain, with layers and without: the sum over the tensor's 81 entries."""
+    soft, _ = at(Model((slab(lab),), np.zeros(3)), lambda x: x)
+    count = len(soft.volume)
+    frame = np.tile(np.linalg.qr(np.random.default_rng(1).normal(size=(3, 3)))[0].ravel(), (count, 1))
+    strain = 0.01 * np.random.default_rng(0).normal(size=(count, 7))
+    strain[:, :3] -= strain[:, :3].mean(axis=1, keepdims=True)
+    e = strain[:, [0, 5, 4, 5, 1, 3, 4, 3, 2]].reshape(-1, 3, 3) + strain[:, 6, None, None] / 3.0 * np.eye(3)
+    for added in (np.zeros((count, 5)), np.tile([3e4, 1e4, 2e4, 1e3, 5e3], (count, 1))):
+        layered = replace(soft, added=added, frame=frame)
+        C = stiffness(soft.mu, soft.lam, added, frame.reshape(-1, 3, 3)).reshape(count, 9, 9)
+        expected = np.einsum("pi,pij,pj->p", e.reshape(-1, 9), C, e.reshape(-1, 9))
+        assert twice_energy(layered, strain) == pytest.approx(expected, rel=1e-9)
 
 
 @pytest.mark.slow

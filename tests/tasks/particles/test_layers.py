@@ -38,7 +38,20 @@ def bed(step):
     return Instance("bed_0", "bed", boxes[0], parts, None), Mesh.concatenate(pieces), part
 
 
-@pytest.mark.parametrize("name", ["blanket", "wool blanket", "bath_towel", "Duvet", "seat cover", "rug", "tablecloth"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        "blanket",
+        "wool blanket",
+        "cotton sheets",
+        "bath towels",
+        "bath_towel",
+        "Duvet",
+        "seat cover",
+        "rug",
+        "tablecloth",
+    ],
+)
 def test_covers_have_a_usual_thickness(name):
     """Between half a millimetre and ten centimetres."""
     thickness = cover_thickness(name)
