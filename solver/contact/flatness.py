@@ -21,7 +21,6 @@ PRESSED = np.cos(np.radians(25.0))  # a region whose normal is nearer to the par
 STILL_PRESSED = np.cos(np.radians(45.0))  # one that did goes on until its normal is farther off,
 STILL_WIDE = 0.5  # or it is narrower than this share of a cell [-]
 COVERED = 1.0  # least area of a region within a radius r of a point, over r^2 [-]: at a straight rim it is 1.57
-FINEST_SHARE = 0.02  # of the faces of a soft surface: those under the contact are its finest
 HALF_CELL_DIAGONAL = 0.75  # longest edge of a face with corners half a cell apart, over the cell [-]: 0.71
 PLANES = 3  # regions that are looked at for each point: those of a box's corner
 LEVELS = 3  # radii, each twice the one before
@@ -29,35 +28,60 @@ CHUNK = 4000  # points looked at together: a fine surface has hundreds of faces 
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class FlatRegions:
-    """Flat regions around the points of a rigid surface."""
+class Sampling:
+    """How densely a soft surface has points."""
 
+    vertices: cKDTree
+    """In the start pose."""
+    spacing: Array
+    """Longest edge at each vertex [m], shape (m,)."""
+
+    @classmethod
+    def of(cls, body: Body) -> "Sampling":
+        """Of a body's surface."""
+        corner = body.vertices[body.faces]
+        edge = np.linalg.norm(corner - np.roll(corner, 1, axis=1), axis=2).max(axis=1)
+        spacing = np.zeros(len(body.vertices))
+        np.maximum.at(spacing, body.faces, edge[:, None])
+        return cls(cKDTree(body.vertices), spacing)
+
+    def fine(self, material: Array, cell: Array) -> NDArray[np.bool_]:
+        """Where at places (k, 3) of the start pose [m] points are at least twice as dense as nodes in cells of some
+        size [m] (k,)."""
+        return np.asarray(self.spacing[self.vertices.query(material)[1]] <= HALF_CELL_DIAGONAL * cell)
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class FlatRegions:
+    """Flat regions around the points of a rigid surface, and the soft surface that they come upon."""
+
+    partner: Sampling
     normal: Array
     """Outward, in the start pose, shape (n, PLANES, 3); zero where there are fewer."""
     radius: Array
     """How far each reaches, at most the largest radius looked at [m], shape (n, PLANES)."""
 
     def superfluous(
-        self, point: NDArray[np.integer], rotation: Array, normal: Array, cell: Array, before: NDArray[np.bool_]
+        self,
+        point: NDArray[np.integer],
+        rotation: Array,
+        material: Array,
+        normal: Array,
+        cell: Array,
+        before: NDArray[np.bool_],
     ) -> NDArray[np.bool_]:
-        """Which of some points (k,) press with a flat region that is wider than a cell [m] (k,) of the partner, whose
-        outward normals (k, 3) are in the world; `rotation` (3, 3) is that of the rigid body since the start. Those that
+        """Which of some points (k,) press with a flat region on places of the partner that have enough points of their
+        own: material points (k, 3) of its start pose [m], where its outward normals (k, 3) are in the world and its
+        cells [m] (k,) narrower than the region; `rotation` (3, 3) is that of the rigid body since the start. Those that
         did `before` (k,) go on until they clearly do not: else a body would rock between the two."""
         facing = np.einsum("kpi,ji,kj->kp", self.normal[point], rotation, -normal)
         begins = (facing > PRESSED) & (self.radius[point] >= cell[:, None])
         goes_on = (facing > STILL_PRESSED) & (self.radius[point] >= STILL_WIDE * cell[:, None])
-        return np.asarray(begins.any(axis=1) | (before & goes_on.any(axis=1)))
+        return np.asarray((begins.any(axis=1) | (before & goes_on.any(axis=1))) & self.partner.fine(material, cell))
 
 
-def finely_sampled(body: Body, cell: float) -> bool:
-    """Whether a soft body's surface has points at least twice as dense as its cells under a contact [m]."""
-    corner = body.vertices[body.faces]
-    edge = np.linalg.norm(corner - np.roll(corner, 1, axis=1), axis=2).max(axis=1)
-    return bool(np.quantile(edge, FINEST_SHARE) <= HALF_CELL_DIAGONAL * cell)
-
-
-def flat_regions(body: Body, smallest: float) -> FlatRegions:
-    """The regions around every vertex, looked at within radii from `smallest` [m] up."""
+def flat_regions(body: Body, partner: Body, smallest: float) -> FlatRegions:
+    """The regions around every vertex of a rigid body, looked at within radii from `smallest` [m] up."""
     corner = body.vertices[body.faces]
     cross = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
     length = np.linalg.norm(cross, axis=1)
@@ -78,7 +102,7 @@ def flat_regions(body: Body, smallest: float) -> FlatRegions:
             np.add.at(covered, owner, alike * area[face][:, None])
             going[some] &= covered >= COVERED * reach**2
         radius[going] = reach
-    return FlatRegions(normal, radius)
+    return FlatRegions(Sampling.of(partner), normal, radius)
 
 
 def adjacent_normals(body: Body, face_normal: Array, area: Array) -> Array:

@@ -14,6 +14,7 @@ from scipy import sparse
 from solver.box import bounds, inside
 from solver.contact.active import ActiveContacts, Contacts, Pair, PairPoints
 from solver.contact.bonds import BondedPair
+from solver.contact.flatness import FlatRegions
 from solver.contact.friction import point_forces
 from solver.contact.rolling import RollingLaw, RollingTorque, Spin, law_stiff, resisting_torque
 from solver.kernels import query
@@ -98,10 +99,11 @@ class ContactQuery:
     def begin(self, state: State, seconds: float, rolling: RollingLaw = law_stiff) -> StepStart:
         """A step of some seconds from a state, which must not change until the step is done."""
         surfaces = self._surfaces(state)
-        if any(pair.flat is not None for pair in self.pairs):
+        flat = [(p, p.flat) for p in self.pairs if p.flat is not None]
+        if flat:
             self._average_deformation(state)
-        covered = [one for p in self.pairs if (one := self._superfluous(p, state, surfaces[p.a])) is not None]
-        return StepStart(state, seconds, rolling, surfaces, dict(covered))
+        superfluous = {p.key: self._superfluous(p, regions, state, surfaces[p.a]) for p, regions in flat}
+        return StepStart(state, seconds, rolling, surfaces, superfluous)
 
     def _surfaces(self, state: State) -> dict[int, NDArray[np.float64]]:
         """World positions of the surface points of each body that has contact points [m]."""
@@ -198,11 +200,9 @@ class ContactQuery:
         return Located(point, material, gap, normal, node, weight, found, int((cell == query.UNLOCATED).sum()), cell)
 
     def _superfluous(
-        self, pair: Pair, state: State, points: NDArray[np.float64]
-    ) -> tuple[tuple[int, int], NDArray[np.bool_]] | None:
-        """Key of a pair, and the points of its rigid body that its soft partner's own points make superfluous."""
-        if pair.flat is None:
-            return None
+        self, pair: Pair, flat: FlatRegions, state: State, points: NDArray[np.float64]
+    ) -> NDArray[np.bool_]:
+        """The points (n, 3) of a rigid body that its soft partner's own points make superfluous, shape (n,)."""
         memory = state.memory.points[pair.key]
         found = self._locate(pair.b, state, points, memory.material_point)
         out = np.zeros(len(points), dtype=bool)
@@ -211,8 +211,9 @@ class ContactQuery:
             size = self.soft.cell_size[found.cell[at]].max(axis=1)
             point = found.point[at]
             before = memory.superfluous[point]
-            out[point] = pair.flat.superfluous(point, state.rotation[pair.a], found.normal[at], size, before)
-        return pair.key, out
+            turn = state.rotation[pair.a]
+            out[point] = flat.superfluous(point, turn, found.material[at], found.normal[at], size, before)
+        return out
 
     def _undeformed(self, index: int, state: State, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """Where points (k, 3) would be in a soft body's start pose, had it only moved rigidly [m]."""

@@ -18,9 +18,7 @@ rotation. What the stress adds to it is left out.
 
 import taichi as ti
 
-from solver.kernels.elastic import load3, mat3, mat3f, shape_gradients, vec3
-
-vec6 = ti.types.vector(6, ti.f64)
+from solver.kernels.elastic import load3, mat3, mat3f, shape_gradients, vec3, vec6
 
 LEAST_AREA = 1e-6  # of the layers' area: a layer without area has no normal
 LEAST_STRETCH = 1e-6  # of the sum of its stretches [-]

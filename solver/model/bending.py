@@ -66,14 +66,14 @@ def bending_relief(
     def total(values: NDArray[np.float64]) -> NDArray[np.float64]:
         return np.bincount(cell, weights=values, minlength=cells).astype(np.float64)
 
-    stiffness = total(weight)
-    mean = np.stack([total(weight * xi[:, a]) / stiffness for a in range(3)])
+    shear = total(weight)
+    mean = np.stack([total(weight * xi[:, a]) / shear for a in range(3)])
     moment = np.stack([total(weight * (xi[:, a] - mean[a, cell]) ** 2) for a in range(3)])
-    full = np.all(np.abs(np.concatenate([mean, moment / stiffness - 0.25])) < EVEN, axis=0)
-    ratio = total(volume * lam) / stiffness
+    full = np.all(np.abs(np.concatenate([mean, moment / shear - 0.25])) < EVEN, axis=0)
+    ratio = total(volume * lam) / shear
     poisson = ratio / (2.0 * (1.0 + ratio))
     slope = [2.0 / cell_size[:, a] for a in range(3)]
-    plate = [(moment[a] + stiffness / 12.0) / (1.0 - poisson) for a in range(3)]
+    plate = [(moment[a] + shear / 12.0) / (1.0 - poisson) for a in range(3)]
     out = np.zeros((cells, 9))
     for column, (i, j) in enumerate(MODES):
         out[:, column] = slope[j] ** 2 * moment[i] + 2.0 * slope[i] ** 2 * (moment[j] - plate[j])

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from solver.config import SolverConfig
 from solver.contact.active import Pair, vertex_areas
 from solver.contact.bonds import build_bonds
-from solver.contact.flatness import finely_sampled, flat_regions
+from solver.contact.flatness import flat_regions
 from solver.contact.pair_friction import PairFriction
 from solver.contact.predict import contact_stiffness
 from solver.contact.query import ContactQuery
@@ -216,8 +216,7 @@ def contact_pairs(model: Model, soft: SoftSystem, config: SolverConfig, gravity:
                 stiffness = np.minimum(stiffness, CELL_STIFFNESS * modulus / cell * np.minimum(area, cell**2))
             flat = None
             if isinstance(one, RigidBody) and isinstance(two, SoftBody):
-                finest = softest(one, two)[0]
-                flat = flat_regions(one, finest) if finely_sampled(two, finest) else None
+                flat = flat_regions(one, two, softest(one, two)[0])
             pairs.append(Pair(a, b, PairFriction.of(model, one, two), stiffness, area, flat))
     return pairs
 

@@ -257,10 +257,11 @@ class Stepper:
         move = self._capped(trial.system, move)
         first = float(trial.right @ move)
         low, high = (0.0, first), (1.0, 0.0)
-        share = 1.0
+        share, found = 1.0, []
         for _ in range(SEARCHES):
             latest = self._linearise(self._move(trial.state, trial.system, share * move), problem)
             work = float(latest.right @ move)
+            found.append((abs(work), latest))
             if first <= 0.0 or (work >= -OVERSHOT * first and (share == 1.0 or work <= OVERSHOT * first)):
                 break  # also where friction's limits make the move no descent at all
             if work < 0.0:
@@ -269,6 +270,9 @@ class Stepper:
                 low = (share, work)
             at = float(np.clip(low[1] / (low[1] - high[1]), LEAST_SHARE, 1.0 - LEAST_SHARE))
             share = low[0] + at * (high[0] - low[0])
+        else:  # none was near enough: the nearest, with the forces and the tangent of its own state
+            best = min(found, key=lambda one: one[0])[1]
+            return latest if best is latest else self._linearise(best.state, problem)
         return latest
 
     def _linearise(self, state: State, problem: StepProblem) -> Trial:

@@ -34,8 +34,8 @@ class ElasticTangent:
         stiffest = float((soft.lam / soft.mu).max(initial=0.0))
         self.strain_refresh = strain_refresh * min(1.0, ORDINARY_RATIO / max(stiffest, 1e-30))
         # late by an angle t, layers of stiffness k resist their slip with k t^2 beside mu
-        layers = float((soft.added.max(axis=1, initial=0.0) / soft.mu).max(initial=1.0))
-        self.strain_refresh = min(self.strain_refresh, strain_refresh / np.sqrt(layers))
+        slip = float((soft.added.max(axis=1, initial=0.0) / soft.mu).max(initial=1.0))
+        self.strain_refresh = min(self.strain_refresh, strain_refresh / np.sqrt(slip))
         cells = len(soft.cell_node)
         self.cells = np.zeros((cells, 8, 8, 3, 3), dtype=np.float32)
         self.rest_cells = np.zeros((cells, 8, 8, 3, 3), dtype=np.float32)

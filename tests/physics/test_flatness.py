@@ -1,20 +1,31 @@
 """Which points of a rigid surface count before a soft one: ridges and corners do, wide flat regions do not."""
 
+from dataclasses import replace
+
 import numpy as np
+import trimesh
 from scipy.spatial.transform import Rotation
 
-from solver.contact.flatness import finely_sampled, flat_regions
+from solver.contact.flatness import flat_regions
 
 CELL = 0.01
 
 
-def superfluous(body, degrees=0.0, cell=CELL, *, did=False):
-    """Which points of a body are, turned about x since its start, where all of its partner's normals point up."""
+def superfluous(lab, body, degrees=0.0, cell=CELL, *, partner=None, did=False):
+    """Which points of a body are, turned about x since its start, above a partner whose normals all point up: a slab
+    that has points everywhere unless another is given."""
+    partner = partner or slab(lab, edge=0.005)
     count = len(body.vertices)
     before = np.full(count, did)
     turn = Rotation.from_rotvec([np.radians(degrees), 0.0, 0.0]).as_matrix()
     up = np.tile([0.0, 0.0, 1.0], (count, 1))
-    return flat_regions(body, CELL).superfluous(np.arange(count), turn, up, np.full(count, cell), before)
+    under = body.vertices * [1.0, 1.0, 0.0] + [0.0, 0.0, partner.vertices[:, 2].max()]
+    regions = flat_regions(body, partner, CELL)
+    return regions.superfluous(np.arange(count), turn, under, up, np.full(count, cell), before)
+
+
+def slab(lab, edge):
+    return lab.soft("slab", lab.Box(np.array([0.2, 0.2, 0.02])), [0, 0, 0], E=1e4, cell=CELL, edge=edge)
 
 
 def cube(lab, edge=0.004):
@@ -26,7 +37,7 @@ def test_a_flat_underside_needs_none_of_its_points(lab):
     body = cube(lab)
     low = body.vertices[:, 2] == body.vertices[:, 2].min()
     at_corner = (np.abs(body.vertices[:, :2]) > 0.05 - CELL).all(axis=1)
-    found = superfluous(body)
+    found = superfluous(lab, body)
     assert found[low & ~at_corner].all()
     assert not found[~low].any()
 
@@ -37,8 +48,8 @@ def test_what_was_superfluous_stays_so_for_a_while(lab):
     for degrees, fresh, kept in ((20.0, True, True), (35.0, False, True), (50.0, False, False)):
         low = body.vertices[:, 2] == body.vertices[:, 2].min()
         inner = low & (np.abs(body.vertices[:, :2]) < 0.02).all(axis=1)
-        assert superfluous(body, degrees)[inner].all() == fresh
-        assert superfluous(body, degrees, did=True)[inner].all() == kept
+        assert superfluous(lab, body, degrees)[inner].all() == fresh
+        assert superfluous(lab, body, degrees, did=True)[inner].all() == kept
 
 
 def test_a_ridge_keeps_its_points(lab):
@@ -46,32 +57,41 @@ def test_a_ridge_keeps_its_points(lab):
     body = cube(lab)
     ridge = (body.vertices[:, 1:] == body.vertices[:, 1:].min(axis=0)).all(axis=1)
     assert ridge.any()
-    assert not superfluous(body, 45.0)[ridge].any()
+    assert not superfluous(lab, body, 45.0)[ridge].any()
 
 
 def test_what_is_smaller_than_a_cell_keeps_its_points(lab):
     """A face of half a cell, and a ball of half a cell, could slip between the partner's points."""
     small = lab.rigid("small", lab.Box(np.array([0.004, 0.1, 0.1])), [0, 0, 0], edge=0.002)
-    assert not superfluous(small).any()
-    assert not superfluous(lab.rigid("ball", lab.Capsule(0.005, 0.0), [0, 0, 0], edge=0.001, spacing=5e-4)).any()
+    assert not superfluous(lab, small).any()
+    assert not superfluous(lab, lab.rigid("ball", lab.Capsule(0.005, 0.0), [0, 0, 0], edge=0.001, spacing=5e-4)).any()
 
 
 def test_a_large_ball_needs_no_point_at_its_bottom(lab):
     """It is flat over more than a cell; before cells as large as itself it is not."""
     body = lab.rigid("ball", lab.Capsule(0.1, 0.0), [0, 0, 0], edge=0.004)
     bottom = body.vertices[:, 2] < -0.0995
-    assert superfluous(body)[bottom].all()
-    assert not superfluous(body, cell=0.1).any()
+    assert superfluous(lab, body)[bottom].all()
+    assert not superfluous(lab, body, cell=0.1).any()
 
 
 def test_a_face_without_points_in_it_keeps_those_at_its_corners(lab):
     """A box of twelve triangles: nothing is known of the middle of its faces."""
-    assert not superfluous(cube(lab, edge=1.0)).any()
+    assert not superfluous(lab, cube(lab, edge=1.0)).any()
 
 
 def test_a_partner_needs_points_between_its_nodes(lab):
-    """Only then may others be left out."""
-    slab = lab.Box(np.array([0.2, 0.2, 0.1]))
-    coarse, fine = (lab.soft("slab", slab, [0, 0, 0], E=1e4, cell=0.02, edge=e) for e in (0.02, 0.01))
-    assert not finely_sampled(coarse, 0.02)
-    assert finely_sampled(fine, 0.02)
+    """Only where it has them may others be left out: of a slab with points only on its left, the left ones."""
+    body = cube(lab)
+    low = body.vertices[:, 2] == body.vertices[:, 2].min()
+    inner = low & (np.abs(body.vertices[:, :2]) < 0.03).all(axis=1)
+    left, right = (inner & (side * body.vertices[:, 0] > 0.012) for side in (-1.0, 1.0))
+    assert left.any()
+    assert right.any()
+    coarse = slab(lab, edge=0.01)
+    assert not superfluous(lab, body, partner=coarse).any()
+    on_left = np.nonzero((coarse.vertices[coarse.faces][:, :, 0] < 0.0).any(axis=1))[0]
+    vertices, faces = trimesh.remesh.subdivide(coarse.vertices, coarse.faces, on_left)
+    found = superfluous(lab, body, partner=replace(coarse, vertices=vertices, faces=faces))
+    assert found[left].all()
+    assert not found[right].any()
