@@ -185,7 +185,7 @@ class ImplicitDrop(Simulation):
             result.certificate,
             newton_residual=end.report.residual,
             unlocated_points=contacts.unlocated,
-            material_damping_s=self.stepper.damping,
+            material_damping_s=self.stepper.elastic.damping,
             rolling_resistance=rolling_table(self.model, contacts),
             depth_error_m=self._depth_error(end),
             bonds=bond_table(self.model, self.query.bonds, end.state) or None,

@@ -78,16 +78,46 @@ def restrict(
 
 
 @ti.kernel
+def add_contacts(
+    column_start: ti.types.ndarray(),
+    column_point: ti.types.ndarray(),
+    column_weight: ti.types.ndarray(),
+    row_start: ti.types.ndarray(),
+    row_node: ti.types.ndarray(),
+    row_weight: ti.types.ndarray(),
+    T: ti.types.ndarray(dtype=mat3, ndim=1),
+    A: ti.types.ndarray(),
+):
+    """Adds to the lower triangle of the dense A the blocks sum_k G_ki T_k G_kj of lattice nodes i and j; G is given by
+    its columns, which are those of nodes, and by its rows, which are those of contact points."""
+    for task in range((column_start.shape[0] - 1) * SHARE):
+        if task % SHARE != 0:
+            continue
+        i = task // SHARE
+        for e in range(column_start[i], column_start[i + 1]):
+            k = column_point[e]
+            block = column_weight[e] * T[k]
+            for g in range(row_start[k], row_start[k + 1]):
+                j = row_node[g]
+                if j <= i:
+                    for a in ti.static(range(3)):
+                        for b in ti.static(range(3)):
+                            A[3 * i + a, 3 * j + b] = A[3 * i + a, 3 * j + b] + row_weight[g] * block[a, b]
+
+
+@ti.kernel
 def halve(
+    late: ti.types.ndarray(),
     A: ti.types.ndarray(dtype=vec4f, ndim=3),
     unit: ti.types.ndarray(),
     half: ti.types.ndarray(dtype=vec4h, ndim=3),
 ):
-    """half = A / unit, row by row, in half precision."""
+    """half = A / unit in half precision, in the rows n where late[n] is not zero."""
     for n in range(unit.shape[0]):
-        for s in range(27):
-            for j in ti.static(range(3)):
-                half[n, s, j] = ti.cast(A[n, s, j] / unit[n], ti.f16)
+        if late[n] != 0:
+            for s in range(27):
+                for j in ti.static(range(3)):
+                    half[n, s, j] = ti.cast(A[n, s, j] / unit[n], ti.f16)
 
 
 @ti.func
@@ -149,18 +179,19 @@ def precondition(
 
 
 @ti.kernel
-def largest_change(
-    start: ti.i32,
-    stop: ti.i32,
+def changes(
+    cell_start: ti.types.ndarray(),
     turn: ti.types.ndarray(),
     before: ti.types.ndarray(),
     now: ti.types.ndarray(),
-) -> ti.f64:
-    """Largest entry of |F_now - Q F_before| over the particles start <= p < stop; F (n, 9) row-major, Q (3, 3)."""
-    largest = 0.0
-    for p in range(start, stop):
-        for i in ti.static(range(3)):
-            for j in ti.static(range(3)):
-                expected = turn[i, 0] * before[p, j] + turn[i, 1] * before[p, 3 + j] + turn[i, 2] * before[p, 6 + j]
-                ti.atomic_max(largest, ti.abs(now[p, 3 * i + j] - expected))
-    return largest
+    change: ti.types.ndarray(),
+):
+    """Largest entry of |F_now - Q F_before| over the particles of each cell; F (n, 9) row-major, Q (3, 3)."""
+    for c in range(change.shape[0]):
+        largest = 0.0
+        for p in range(cell_start[c], cell_start[c + 1]):
+            for i in ti.static(range(3)):
+                for j in ti.static(range(3)):
+                    f = turn[i, 0] * before[p, j] + turn[i, 1] * before[p, 3 + j] + turn[i, 2] * before[p, 6 + j]
+                    largest = ti.max(largest, ti.abs(now[p, 3 * i + j] - f))
+        change[c] = largest

@@ -84,26 +84,28 @@ def rest_tangents(
 
 @ti.kernel
 def turn_tangents(
+    late: ti.types.ndarray(),
     cell_start: ti.types.ndarray(),
     V: ti.types.ndarray(),
     R: ti.types.ndarray(),
     K_rest: ti.types.ndarray(dtype=mat3f, ndim=3),
     K: ti.types.ndarray(dtype=mat3f, ndim=3),
 ):
-    """Warped stiffness of each cell: K_ab = R K_ab(rest) R^T with the volume average R of its particles'
-    rotations [M04]."""
+    """Warped stiffness of each cell c where late[c] is not zero: K_ab = R K_ab(rest) R^T with the volume average R of
+    its particles' rotations [M04]."""
     for c in range(K.shape[0]):
-        Q = ti.Matrix.zero(ti.f64, 3, 3)
-        total = 0.0
-        for p in range(cell_start[c], cell_start[c + 1]):
-            Q += V[p] * load3(R, p)
-            total += V[p]
-        Q /= total
-        for a in range(8):
-            for b in range(a + 1):
-                k = Q @ ti.cast(K_rest[c, a, b], ti.f64) @ Q.transpose()
-                K[c, a, b] = ti.cast(k, ti.f32)
-                K[c, b, a] = ti.cast(k.transpose(), ti.f32)
+        if late[c] != 0:
+            Q = ti.Matrix.zero(ti.f64, 3, 3)
+            total = 0.0
+            for p in range(cell_start[c], cell_start[c + 1]):
+                Q += V[p] * load3(R, p)
+                total += V[p]
+            Q /= total
+            for a in range(8):
+                for b in range(a + 1):
+                    k = Q @ ti.cast(K_rest[c, a, b], ti.f64) @ Q.transpose()
+                    K[c, a, b] = ti.cast(k, ti.f32)
+                    K[c, b, a] = ti.cast(k.transpose(), ti.f32)
 
 
 @ti.func
@@ -145,7 +147,7 @@ def clamped_scalings(mu: ti.f64, pressure: ti.f64, sigma: vec3) -> mat3:
 def strained_tangents(
     limit: ti.f64,
     first: ti.i32,
-    last: ti.i32,
+    late: ti.types.ndarray(),
     cell_size: ti.types.ndarray(),
     cell_start: ti.types.ndarray(),
     xi: ti.types.ndarray(),
@@ -156,10 +158,13 @@ def strained_tangents(
     R: ti.types.ndarray(),
     K: ti.types.ndarray(dtype=mat3f, ndim=3),
 ):
-    """Replaces the tangents of cells first <= c < last in which a particle is strained by more than `limit` by their
-    own second derivative, without its negative part: in the basis of singular vectors it is diagonal but for a 3 x 3
-    block [S19, Sec. 5]. The relief of bending is left out of it."""
-    for c in range(first, last):
+    """Replaces the tangents of those cells first + k with late[k] not zero in which a particle is strained by more than
+    `limit` by their own second derivative, without its negative part: in the basis of singular vectors it is diagonal
+    but for a 3 x 3 block [S19, Sec. 5]. The relief of bending is left out of it."""
+    for at in range(late.shape[0]):
+        if late[at] == 0:
+            continue
+        c = first + at
         h = vec3(cell_size[c, 0], cell_size[c, 1], cell_size[c, 2])
         strain, dilation, bulk = 0.0, 0.0, SMALLEST_BULK
         for p in range(cell_start[c], cell_start[c + 1]):
@@ -214,13 +219,16 @@ def strained_tangents(
 
 @ti.kernel
 def gather_tangents(
+    late: ti.types.ndarray(),
     node_cell: ti.types.ndarray(),
     K: ti.types.ndarray(dtype=mat3f, ndim=3),
     A: ti.types.ndarray(dtype=vec4f, ndim=3),
 ):
-    """Rows of the global tangent on the 27-point stencil: A[n, slot] sums the cell blocks that couple node n to that
-    neighbour; column j of a block is A[n, slot, j], padded to four."""
+    """Rows of the global tangent on the 27-point stencil, of nodes n with late[n] not zero: A[n, slot] sums the cell
+    blocks that couple node n to that neighbour; column j of a block is A[n, slot, j], padded to four."""
     for n in range(node_cell.shape[0]):
+        if late[n] == 0:
+            continue
         for s in range(27):
             for j in ti.static(range(3)):
                 A[n, s, j] = vec4f(0.0)

@@ -19,6 +19,7 @@ from scipy import linalg, sparse
 from solver.kernels import sparse as products
 from solver.kernels import tangents
 from solver.model.soft import BodyGrid, SoftSystem, shape_values
+from solver.tl.contact_map import ContactMap
 
 CELLS_PER_AXIS = 4  # 125 lattice nodes: the dense solve stays far below the cost of one fine product
 CELLS_PER_GRADED_AXIS = 6  # but along a graded grid's longer axes: halves the iterations
@@ -51,6 +52,8 @@ class CoarseSpace:
     blocks: NDArray[np.float64]
     body_nodes: list[slice]
     """Lattice nodes of each soft body."""
+    body_cells: list[slice]
+    """Coarse cells of each soft body."""
     stiffness: NDArray[np.float64]
     """P^T K P of the elastic tangent, shape (3 m, 3 m)."""
 
@@ -72,14 +75,19 @@ class CoarseSpace:
         """Number of lattice nodes."""
         return int(self.prolong.shape[1])
 
-    def refresh(self, cell_tangent: NDArray[np.float32]) -> None:
-        """Rebuild the elastic Galerkin product from the fine cells' tangents."""
-        tangents.coarse_tangents(self.start, self.member, cell_tangent, self.weight, self.blocks)
-        unknowns = 3 * self.count
-        place = 3 * self.cell_node[:, :, None] + np.arange(3)
+    def refresh(self, body: int, cell_tangent: NDArray[np.float32]) -> None:
+        """Rebuild the elastic Galerkin product of one soft body from the fine cells' tangents (c, 8, 8, 9)."""
+        cells, nodes = self.body_cells[body], self.body_nodes[body]
+        blocks = self.blocks[cells]
+        start = self.start[cells.start : cells.stop + 1]
+        tangents.coarse_tangents(start, self.member, cell_tangent, self.weight, blocks)
+        unknowns = 3 * (nodes.stop - nodes.start)
+        local = np.maximum(self.cell_node[cells] - nodes.start, 0)  # a node without material has no entries
+        place = 3 * local[:, :, None] + np.arange(3)
         at = (unknowns * place[:, :, None, :, None] + place[:, None, :, None, :]).ravel()
-        total = np.bincount(at, weights=self.blocks.ravel(), minlength=unknowns**2).astype(np.float64)
-        self.stiffness = total.reshape(unknowns, unknowns)
+        total = np.bincount(at, weights=blocks.ravel(), minlength=unknowns**2).astype(np.float64)
+        inside = slice(3 * nodes.start, 3 * nodes.stop)
+        self.stiffness[inside, inside] = total.reshape(unknowns, unknowns)
 
     def turn(self, body: int, rotation: NDArray[np.float64]) -> None:
         """Turn the elastic product of one soft body as a whole: R K_ab R^T per pair of lattice nodes."""
@@ -95,7 +103,7 @@ def build_coarse(soft: SoftSystem) -> CoarseSpace:
     """Lay a lattice over every soft body."""
     node_rows, node_columns, node_values = [], [], []
     cell_node, members, weights = [], [], np.zeros((len(soft.cell_node), 8, 8))
-    offset, ends = 0, [0]
+    offset, ends, cell_ends = 0, [0], [0]
     free = ~(soft.held | (soft.core >= 0))
     for body in soft.bodies:
         planes, lattice_shape = _lattice(body)
@@ -123,6 +131,7 @@ def build_coarse(soft: SoftSystem) -> CoarseSpace:
         members += [fine[group == g] for g in range(len(used))]
         offset += int(np.prod(lattice_shape))
         ends.append(offset)
+        cell_ends.append(len(members))
     prolong = sparse.csr_matrix(
         (np.concatenate(node_values), (np.concatenate(node_rows), np.concatenate(node_columns))),
         shape=(len(soft.rest), offset),
@@ -151,6 +160,7 @@ def build_coarse(soft: SoftSystem) -> CoarseSpace:
         weights,
         np.zeros((len(members), 8, 8, 9)),
         [slice(a, b) for a, b in pairwise(ends)],
+        [slice(a, b) for a, b in pairwise(cell_ends)],
         np.zeros((3 * len(keep), 3 * len(keep))),
     )
 
@@ -189,18 +199,19 @@ def _corners(index: NDArray[np.int64], shape: tuple[int, int, int]) -> NDArray[n
 
 
 class CoarseSolve:
-    """The dense Galerkin matrix of one Newton step, factorised."""
+    """The dense Galerkin matrix of one Newton step, of which the lower triangle is kept, factorised."""
 
     def __init__(
         self,
         space: CoarseSpace,
-        terms: list[tuple[sparse.csr_matrix, sparse.csr_matrix]],
+        contact: ContactMap,
+        rolling: list[tuple[sparse.csr_matrix, NDArray[np.float64]]],
         frame_blocks: NDArray[np.float64],
         coupling: dict[int, NDArray[np.float64]],
         stiffness_scale: float,
         dt: float,
     ) -> None:
-        """`terms` (J, T): J^T T J over all unknowns is added to elasticity and inertia."""
+        """`rolling` (W, T): W^T T W over all unknowns is added, as are the contacts', to elasticity and inertia."""
         self.space = space
         m, frames = space.count, len(frame_blocks)
         matrix = np.zeros((3 * m + 6 * frames, 3 * m + 6 * frames))
@@ -212,14 +223,29 @@ class CoarseSolve:
             at = slice(3 * m + 6 * f, 3 * m + 6 * f + 6)
             matrix[at, at] += frame_blocks[f]
             if f in coupling:
-                matrix[: 3 * m, at] += coupling[f]
                 matrix[at, : 3 * m] += coupling[f].T
-        for jacobian, tangent in terms:
-            rows = jacobian @ space.all_unknowns(frames)
-            matrix += (rows.T @ (tangent @ rows)).toarray()
+        self._add_contacts(contact, matrix)
+        for jacobian, tangent in rolling:
+            rows = (jacobian @ space.all_unknowns(frames)).toarray()
+            matrix += rows.T @ tangent @ rows
         diagonal = np.diagonal(matrix)
         matrix[np.diag_indices(len(matrix))] += SHIFT * diagonal.max() + np.where(diagonal > 0.0, 0.0, 1.0)
-        self.factor = linalg.cho_factor(matrix, lower=True, overwrite_a=True, check_finite=False)
+        self.factor = linalg.cho_factor(matrix.T, lower=False, overwrite_a=True, check_finite=False)
+
+    def _add_contacts(self, contact: ContactMap, matrix: NDArray[np.float64]) -> None:
+        """Add P^T J^T T J P to the lower triangle."""
+        if not len(contact.tangent):
+            return
+        rows = contact.nodes @ self.space.prolong
+        columns = rows.T.tocsr()
+        split = 3 * self.space.count
+        products.add_contacts(
+            columns.indptr, columns.indices, columns.data, rows.indptr, rows.indices, rows.data, contact.tangent, matrix
+        )
+        if contact.frames.size:
+            pushed = columns @ contact.pushed_frames().reshape(len(contact.tangent), -1)
+            matrix[split:, :split] += pushed.reshape(split, -1).T
+            matrix[split:, split:] += contact.frame_matrix()
 
     def apply(
         self, nodes: NDArray[np.float64], frames: NDArray[np.float64]

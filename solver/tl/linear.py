@@ -1,4 +1,4 @@
-"""The linear system of one Newton step, matrix-free but for the contacts, and its solvers.
+"""The linear system of one Newton step, matrix-free, and its solver.
 
 Unknowns in one array: node displacements (n, 3), then frame motions (b, 6: translation, rotation vector about the
 frame's centre). Held nodes and motions do not move; core nodes move with their frame. The matrix is symmetric positive
@@ -24,8 +24,8 @@ from scipy.linalg import blas
 from solver.contact.active import Contacts
 from solver.kernels import sparse
 from solver.model.soft import SoftSystem
-from solver.model.state import cross_matrix
 from solver.tl.coarse import CoarseSolve
+from solver.tl.contact_map import ContactMap
 from solver.tl.tangent import ElasticTangent
 
 Vector = tuple[NDArray[np.float64], NDArray[np.float64]]
@@ -80,7 +80,7 @@ class TangentSystem:
         self.nodes = 3 * len(soft.rest)
         """Where the frames begin in the array of unknowns."""
         self.size = self.nodes + 6 * len(frames.index)
-        self.jacobian = self._jacobian()
+        self.contact = ContactMap.of(contacts, len(soft.rest), self.place, frames.center)
         self.rolling = self._rolling_rows()
         self.has_cores = any(len(t) for t in frames.core_nodes)
 
@@ -89,20 +89,6 @@ class TangentSystem:
         out[:, :3, :3] = self.frames.mass[:, None, None] * np.eye(3) / dt**2
         out[:, 3:, 3:] = self.frames.inertia / dt**2
         return out
-
-    def _jacobian(self) -> scipy_sparse.csr_matrix:
-        """J, shape (3 k, size)."""
-        count = len(self.contacts.a)
-        nodes = scipy_sparse.kron(self.contacts.gather, scipy_sparse.eye(3), format="csr")[:, : self.nodes]
-        if not self.frames.index or not count:
-            return scipy_sparse.hstack([nodes, scipy_sparse.csr_matrix((3 * count, self.size - self.nodes))], "csr")
-        frames = np.zeros((count, 3, len(self.frames.index), 6))
-        for body, f in self.place.items():
-            for which, sign in ((self.contacts.a, 1.0), (self.contacts.b, -1.0)):
-                points = np.flatnonzero(which == body)
-                frames[points, :, f, :3] += sign * np.eye(3)
-                frames[points, :, f, 3:] -= sign * cross_matrix(self.contacts.position[points] - self.frames.center[f])
-        return scipy_sparse.hstack([nodes, scipy_sparse.csr_matrix(frames.reshape(3 * count, -1))], format="csr")
 
     def _rolling_rows(self) -> list[tuple[NDArray[np.float64], scipy_sparse.csr_matrix]]:
         """Tangent (3, 3) and rows of W (3, size) of each pair that resists rolling."""
@@ -148,31 +134,22 @@ class TangentSystem:
 
     def contact_forces(self) -> Flat:
         """Forces of contact and of rolling resistance on nodes and frames, before `reduce`."""
-        out = np.asarray(self.jacobian.T @ self.contacts.force.ravel())
+        out = np.zeros(self.size)
+        self.contact.add_forces(self.contacts.force, *self.split(out))
         for rolling, (_, rows) in zip(self.contacts.rolling, self.rolling, strict=True):
             out += rows.T @ rolling.torque
         return out
 
     def prepare(self) -> None:
-        """Assemble the contacts and factorise the preconditioner: once before the products."""
-        tangent = self._blocks(self.contacts.tangent)
-        self.contact = (self.jacobian.T @ (tangent @ self.jacobian)).tocsr()
-        self.terms = [(self.jacobian, tangent), *((rows, scipy_sparse.csr_matrix(t)) for t, rows in self.rolling)]
-        """J^T T J over all unknowns, of contact and of rolling, as (J, T)."""
+        """Bring the preconditioner up to this system: once before the products."""
         self.inverse = self._preconditioner()
-
-    def _blocks(self, blocks: NDArray[np.float64]) -> scipy_sparse.csr_matrix:
-        """The points' 3 x 3 matrices (k, 3, 3) as blocks on the diagonal, shape (3 k, 3 k)."""
-        count = len(blocks)
-        rows = (blocks, np.arange(count), np.arange(count + 1))
-        return scipy_sparse.bsr_matrix(rows, shape=(3 * count, 3 * count)).tocsr()
 
     def multiply(self, direction: Flat) -> Flat:
         """Matrix times vector."""
         p = self.expand(direction)
         out = self._elastic_and_inertia(p)
-        if self.contact.nnz:
-            out += self.contact @ p
+        if len(self.contacts.a):
+            self.contact.add_product(self.split(p), self.split(out))
         for tangent, rows in self.rolling:
             out += rows.T @ (tangent @ (rows @ p))
         return self.reduce(out)
@@ -193,10 +170,8 @@ class TangentSystem:
         frames = self.frame_inertia.copy()
         more = np.zeros((len(self.soft.rest), 9))
         if len(self.contacts.a):
-            if len(more):
-                squared = self.contacts.gather.multiply(self.contacts.gather).T
-                more += np.asarray(squared @ self.contacts.tangent.reshape(-1, 9))[: len(more)]
-            own = self.contact[self.nodes :, self.nodes :].toarray()
+            more += self.contact.node_blocks()
+            own = self.contact.frame_matrix()
             for f in range(len(frames)):
                 frames[f] += own[6 * f : 6 * f + 6, 6 * f : 6 * f + 6]
         for tangent, rows in self.rolling:
@@ -213,8 +188,8 @@ class TangentSystem:
         self.second = None
         if self.elastic.coarse is not None:
             self.second = CoarseSolve(
-                self.elastic.coarse, self.terms, self.frame_inertia + own_stiffness, coupling,
-                self.stiffness_scale, self.dt,
+                self.elastic.coarse, self.contact, [(rows, t) for t, rows in self.rolling],
+                self.frame_inertia + own_stiffness, coupling, self.stiffness_scale, self.dt,
             )  # fmt: skip
         return nodes, np.asarray(np.linalg.inv(frames), np.float64)
 
@@ -255,10 +230,9 @@ class TangentSystem:
 
 
 def conjugate_gradient(system: TangentSystem, right: Flat, tolerance: float, limit: int) -> tuple[Flat, int]:
-    """Solve system @ y = right until the preconditioned residual norm falls by `tolerance` [S94, B3]; returns (y,
-    iterations). Where the matrix turns out not to be positive (the relief of bending takes a little too much from a few
+    """Solve system @ y = right, of a prepared system, until the preconditioned residual norm falls by `tolerance` [S94,
+    B3]; returns (y, iterations). Where the matrix is not positive (the relief of bending takes a little too much from
     strained cells) y is what was found before, or the preconditioned right side: both descend [N06, Alg. 7.1]."""
-    system.prepare()
     add = blas.daxpy  # in place: numpy would make a copy of every term
     y, r = np.zeros_like(right), right.copy()
     z = system.precondition(r)

@@ -21,10 +21,10 @@ from solver.contact.active import Contacts
 from solver.contact.query import ContactQuery, StepStart
 from solver.contact.rolling import RollingLaw, law_stiff
 from solver.errors import UnstableStep
-from solver.kernels import damping, elastic, layers
 from solver.model.bodies import Model, RigidBody, free_motions
 from solver.model.soft import SoftSystem
 from solver.model.state import State, rotate, turn_between
+from solver.tl.forces import ElasticForces, StepStrain
 from solver.tl.linear import Flat, Frames, TangentSystem, Vector, conjugate_gradient
 from solver.tl.tangent import ElasticTangent
 
@@ -49,20 +49,6 @@ class StepReport:
     frame_residual: NDArray[np.float64]
     inverted: int
     """Particles of material with det F <= 0."""
-
-
-@dataclass(frozen=True, eq=False, slots=True)
-class StepStrain:
-    """Strains at the start of a step, from which material damping measures."""
-
-    rate: float
-    """Damping beta over the step's length [-]."""
-    stretch: NDArray[np.float64]
-    """Stretch S of each particle, F = R S, shape (p, 9)."""
-    modes: NDArray[np.float64]
-    """Bending amplitudes of each cell, shape (c, 6)."""
-    layers: NDArray[np.float64]
-    """Measures of the layers at each particle, shape (p, 6)."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -128,16 +114,10 @@ class Stepper:
         self.config = config
         self.weights = weights
         """Weight of each body [N], of fixed ones that of all free ones, shape (b,)."""
-        self.damping = material_damping
-        """Stiffness-proportional damping beta [s]."""
         self.theta = config.inertia_theta if config.inertia else 1.0
         """Where in a step forces and contacts are taken [-]."""
-        cells, particles = len(soft.cell_node), len(soft.volume)
-        self.cell_force = np.zeros((cells, 8, 3))
+        self.elastic = ElasticForces(soft, material_damping)
         self.tangent = ElasticTangent(soft, config.tangent_refresh)
-        self.deformation = np.zeros((particles, 9))
-        self.volume_ratio = np.ones(particles)
-        self.energy = np.zeros(particles)
         self.frame_bodies = [
             i
             for i, b in enumerate(model.bodies)
@@ -163,54 +143,13 @@ class Stepper:
             self.movable,
         )
 
-    def elastic_forces(self, state: State, since: StepStrain | None = None) -> NDArray[np.float64]:
-        """Elastic node forces [N], shape (n, 3), with the drag of material damping `since` the start of a step; updates
-        the particles' deformation, rotation and energy."""
-        f = np.zeros_like(state.x)
-        if len(f):
-            s = self.soft
-            elastic.cell_forces(
-                state.x, s.cell_node, s.cell_size, s.cell_start, s.local, s.volume, s.mu, s.lam, s.relief,
-                state.polar,
-                self.deformation, self.volume_ratio, self.energy, self.cell_force,
-            )  # fmt: skip
-            if len(s.layered):
-                layers.add_layer_forces(
-                    s.layered, s.cell_size, s.cell_start, s.local, s.volume, s.added, s.frame, self.deformation,
-                    self.energy, self.cell_force,
-                )  # fmt: skip
-            if since is not None:
-                damping.add_drag(
-                    since.rate, state.x, s.cell_node, s.cell_size, s.cell_start, s.local, s.volume, s.mu, s.lam,
-                    s.relief, self.deformation, state.polar, since.stretch, since.modes, self.cell_force,
-                )  # fmt: skip
-            if since is not None and len(s.layered):
-                layers.add_layer_drag(
-                    since.rate, s.layered, s.cell_size, s.cell_start, s.local, s.volume, s.added, s.frame,
-                    self.deformation, since.layers, self.cell_force,
-                )  # fmt: skip
-            elastic.gather_forces(s.node_cell, self.cell_force, f)
-        return f
-
-    def _strain(self, state: State, dt: float) -> StepStrain | None:
-        """What material damping in a step from this state is measured from, None without it."""
-        if self.damping == 0.0 or not len(state.x):
-            return None
-        self.elastic_forces(state)
-        s = self.soft
-        stretch, modes = np.empty_like(self.deformation), np.empty((len(s.cell_node), 6))
-        damping.start_strains(state.x, s.cell_node, s.cell_size, self.deformation, state.polar, stretch, modes)
-        measures = np.zeros((len(stretch), 6))
-        layers.start_layers(s.layered, s.cell_start, s.frame, self.deformation, measures)
-        return StepStrain(self.damping / dt, stretch, modes, measures)
-
     def problem(
         self, state: State, dt: float, push: NDArray[np.float64] | None = None, rolling: RollingLaw = law_stiff
     ) -> StepProblem:
         """A step of `dt` [s] from a copy of the state; `push` (b, 3) accelerates bodies besides gravity [m/s^2]."""
         push = np.zeros((len(self.model.bodies), 3)) if push is None else push
         start = state.copy()
-        return StepProblem(self.query.begin(start, dt, rolling), push, self._strain(start, dt))
+        return StepProblem(self.query.begin(start, dt, rolling), push, self.elastic.strain(start, dt))
 
     def step(
         self,
@@ -229,6 +168,7 @@ class Stepper:
         total, count = 0, 0
         trial = self._linearise(self._predict(problem), problem)
         while trial.residual > tolerance and count < self.config.newton_limit:
+            self.prepare(trial)
             move, iterations = conjugate_gradient(
                 trial.system, trial.right, self.config.linear_tolerance, self.config.linear_limit
             )
@@ -242,10 +182,16 @@ class Stepper:
             # what friction remembers is the end of the whole step
             contacts = self.query.find(after, replace(problem.start, seconds=dt))
             after.memory = contacts.memory
-        inverted = int((self.volume_ratio[self.soft.real] <= 0.0).sum())
+        inverted = int((self.elastic.volume_ratio[self.soft.real] <= 0.0).sum())
         frames = trial.system.split(trial.right)[1]
         where = self._worst_place(trial)
         return after, StepReport(count, total, trial.residual, trial.worst, where, contacts, frames, inverted)
+
+    def prepare(self, trial: Trial) -> None:
+        """Bring the elastic tangent and the preconditioner up to a trial: before its system is solved."""
+        self.elastic.evaluate(trial.state)
+        self.tangent.refresh(trial.state, self.elastic.deformation)
+        trial.system.prepare()
 
     def _after_move(self, trial: Trial, move: Flat, problem: StepProblem) -> Trial:
         """What a Newton move leads to, or a share of it where the whole goes too far.
@@ -280,11 +226,10 @@ class Stepper:
         UnstableStep if it is not finite."""
         dt = problem.dt
         self._require_finite(state, dt)
-        force = self.elastic_forces(state, problem.strain)
-        self.tangent.refresh(state, self.deformation)
+        force = self.elastic.forces(state, problem.strain)
         contacts = self.query.find(state, problem.start)
         state.memory = contacts.memory
-        system = TangentSystem(self.soft, self.tangent, contacts, self.frames(state), dt, self.damping)
+        system = TangentSystem(self.soft, self.tangent, contacts, self.frames(state), dt, self.elastic.damping)
         right = self._residual(system, state, force, problem)
         residual, worst = self._size(system.split(right), contacts)
         if not np.isfinite(residual):

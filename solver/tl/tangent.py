@@ -8,21 +8,55 @@ costs iterations.
 [M04] Mueller, Gross: Interactive virtual materials. Graphics Interface 2004.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
 from solver.kernels import layers, sparse, tangents
-from solver.model.soft import SoftSystem
+from solver.model.soft import BodyGrid, SoftSystem
 from solver.model.state import State, best_rigid_motion, turn_between
 from solver.tl.coarse import build_coarse
 
-COARSE_REFRESH = 4.0  # the coarse product only preconditions: it may be later than the tangent by this factor
+COARSE = 4.0  # the coarse product only preconditions: it may be later than the tangent by this factor
 ORDINARY_RATIO = 1.5  # lambda / mu at nu = 0.3
 STRAINED = 0.1  # a cell strained by more has its own tangent: the one at rest, turned, is then off by as much
+NEARLY = 0.5  # of the change that is too much: cells that have changed by so much are rebuilt with others
 TURN_REFRESH = 1e-3  # turn of a free body [rad] after which its tangent follows: E V t^2 is then far below its weight
 
-Built = tuple[NDArray[np.float64], list[NDArray[np.float64]]]
-"""Deformation gradients (p, 9) and rotations of the movable bodies at a rebuild."""
+
+@dataclass(eq=False, slots=True)
+class BodyTangent:
+    """One soft body's part of the work arrays, and the state that it belongs to."""
+
+    grid: BodyGrid
+    cells: slice
+    layered: NDArray[np.int32]
+    """Its cells with layers."""
+    movable: bool
+    strain_refresh: float
+    """Change of an entry of a deformation gradient after which its tangent is rebuilt [-]."""
+    built: NDArray[np.float64] | None = None
+    """Rotation (3, 3) at its last rebuild."""
+    coarse_built: NDArray[np.float64] | None = None
+    """The same of its coarse product."""
+    turned: NDArray[np.float64] | None = None
+    """Rotation that the coarse product has now."""
+
+    @classmethod
+    def of(cls, soft: SoftSystem, grid: BodyGrid, strain_refresh: float) -> "BodyTangent":
+        """Of a body, rebuilt at a change of strain [-] of an ordinary material."""
+        inside = grid.cell_id[grid.cell_id >= 0]
+        cells = slice(int(inside.min()), int(inside.max()) + 1)
+        layered = soft.layered[(soft.layered >= cells.start) & (soft.layered < cells.stop)]
+        mu, at = soft.mu[grid.particles], grid.particles
+        # late by a strain, the volumetric part is off by lambda / mu times as much as the shear part
+        stiffest = float((soft.lam[at] / mu).max())
+        limit = strain_refresh * min(1.0, ORDINARY_RATIO / max(stiffest, 1e-30))
+        # late by an angle t, layers of stiffness k resist their slip with k t^2 beside mu
+        slip = float((soft.added[at].max(axis=1) / mu).max(initial=1.0))
+        movable = not soft.held[grid.nodes].any()
+        return cls(grid, cells, layered, movable, min(limit, strain_refresh / np.sqrt(slip)))
 
 
 class ElasticTangent:
@@ -30,12 +64,7 @@ class ElasticTangent:
 
     def __init__(self, soft: SoftSystem, strain_refresh: float) -> None:
         self.soft = soft
-        # late by a strain, the volumetric part is off by lambda / mu times as much as the shear part
-        stiffest = float((soft.lam / soft.mu).max(initial=0.0))
-        self.strain_refresh = strain_refresh * min(1.0, ORDINARY_RATIO / max(stiffest, 1e-30))
-        # late by an angle t, layers of stiffness k resist their slip with k t^2 beside mu
-        slip = float((soft.added.max(axis=1, initial=0.0) / soft.mu).max(initial=1.0))
-        self.strain_refresh = min(self.strain_refresh, strain_refresh / np.sqrt(slip))
+        self.bodies = [BodyTangent.of(soft, grid, strain_refresh) for grid in soft.bodies]
         cells = len(soft.cell_node)
         self.cells = np.zeros((cells, 8, 8, 3, 3), dtype=np.float32)
         self.rest_cells = np.zeros((cells, 8, 8, 3, 3), dtype=np.float32)
@@ -52,69 +81,92 @@ class ElasticTangent:
         self.sweep = np.zeros((len(soft.rest), 3), dtype=np.float32)
         """Room for the preconditioner's sweeps."""
         self.coarse = build_coarse(soft) if len(soft.bodies) else None
-        self.movable = [k for k, b in enumerate(soft.bodies) if not soft.held[b.nodes].any()]
-        self.clamped = [
-            (int(b.cell_id[b.cell_id >= 0].min()), int(b.cell_id.max()) + 1)
-            for k, b in enumerate(soft.bodies)
-            if k not in self.movable
-        ]
-        """Cells of the bodies that cannot turn: only they get their own tangents where they are strained. A stress that
-        turns with a body resists its spin in them."""
-        self.built: Built | None = None
-        """What the tangent was last rebuilt for."""
-        self.coarse_built: Built | None = None
-        self.turned: list[NDArray[np.float64]] = []
-        """Rotations of the movable bodies that both have now."""
+        self.built = np.zeros((len(soft.volume), 9))
+        """Deformation gradients that the bodies' tangents were last rebuilt for."""
+        self.coarse_built = np.zeros((len(soft.volume), 9))
+        """The same of their coarse products."""
 
     def refresh(self, state: State, deformation: NDArray[np.float64]) -> None:
         """Follow strains and turns that have changed enough; `deformation` (p, 9) belongs to the state."""
-        if len(deformation) == 0:
-            return
-        now = [self._turn(state, k) for k in self.movable]
-        if self.built is None or self._strained(self.built, deformation, now) >= self.strain_refresh:
-            self._turn_cells(state, deformation)
-            self.built = deformation.copy(), now
-            assert self.coarse is not None
-            most = COARSE_REFRESH * self.strain_refresh
-            if self.coarse_built is None or self._strained(self.coarse_built, deformation, now) >= most:
-                self.coarse.refresh(self.cells.reshape(-1, 8, 8, 9))
-                self.coarse_built, self.turned = self.built, now
-        late = max((np.linalg.norm(turn_between(a, b)) for a, b in zip(self.turned, now, strict=True)), default=0.0)
-        if late > TURN_REFRESH:
-            self._turn_cells(state, deformation)
-            assert self.coarse is not None
-            for k, before, after in zip(self.movable, self.turned, now, strict=True):
-                self.coarse.turn(k, after @ before.T)
-            self.turned = now
+        for number, body in enumerate(self.bodies):
+            self._follow(number, body, state, deformation)
 
-    def _turn(self, state: State, body: int) -> NDArray[np.float64]:
-        nodes = self.soft.bodies[body].nodes
+    def _follow(self, number: int, body: BodyTangent, state: State, deformation: NDArray[np.float64]) -> None:
+        assert self.coarse is not None
+        now, limit = self._turn(state, body), body.strain_refresh
+        turned = body.turned is not None and np.linalg.norm(turn_between(body.turned, now)) > TURN_REFRESH
+        change = self._change(body, self.built, body.built, deformation, now)
+        strained = change.max() >= limit
+        if not turned and not strained:
+            return
+        late = np.full(len(change), True) if body.movable else change >= NEARLY * limit
+        self._turn_cells(body, late, state, deformation)
+        if strained:
+            self._note(self.built, body, late, deformation)
+            body.built = now
+            if self._change(body, self.coarse_built, body.coarse_built, deformation, now).max() >= COARSE * limit:
+                self.coarse.refresh(number, self.cells.reshape(-1, 8, 8, 9))
+                self._note(self.coarse_built, body, np.full(len(change), True), deformation)
+                body.coarse_built = body.turned = now
+                return
+        if turned and body.turned is not None:
+            self.coarse.turn(number, now @ body.turned.T)
+            body.turned = now
+
+    def _turn(self, state: State, body: BodyTangent) -> NDArray[np.float64]:
+        if not body.movable:
+            return np.eye(3)
+        nodes = body.grid.nodes
         return best_rigid_motion(self.soft.rest[nodes], state.x[nodes], self.soft.mass[nodes])[0]
 
-    def _strained(self, built: Built, deformation: NDArray[np.float64], now: list[NDArray[np.float64]]) -> float:
-        """Largest change of an entry of a deformation gradient since then, turns of movable bodies taken out."""
-        turns = dict(zip(self.movable, (b @ a.T for a, b in zip(built[1], now, strict=True)), strict=True))
-        return max(
-            float(
-                sparse.largest_change(
-                    b.particles.start, b.particles.stop, turns.get(k, np.eye(3)), built[0], deformation
-                )
-            )
-            for k, b in enumerate(self.soft.bodies)
-        )
+    def _starts(self, body: BodyTangent) -> NDArray[np.int32]:
+        """First particle of each of its cells, and one past the last."""
+        return self.soft.cell_start[body.cells.start : body.cells.stop + 1]
 
-    def _turn_cells(self, state: State, deformation: NDArray[np.float64]) -> None:
-        s = self.soft
-        tangents.turn_tangents(s.cell_start, s.volume, state.polar, self.rest_cells, self.cells)
-        for first, last in self.clamped:
+    def _change(
+        self,
+        body: BodyTangent,
+        built: NDArray[np.float64],
+        before: NDArray[np.float64] | None,
+        deformation: NDArray[np.float64],
+        now: NDArray[np.float64],
+    ) -> NDArray[np.float64]:
+        """Largest change of an entry of a deformation gradient in each of its cells since those `built` when the body
+        had turned by `before`, its turn since then taken out; infinite before the first."""
+        change = np.full(body.cells.stop - body.cells.start, np.inf)
+        if before is not None:
+            sparse.changes(self._starts(body), now @ before.T, built, deformation, change)
+        return change
+
+    def _note(
+        self, built: NDArray[np.float64], body: BodyTangent, late: NDArray[np.bool_], deformation: NDArray[np.float64]
+    ) -> None:
+        """Enter what the cells that were `late` have been rebuilt for."""
+        at = body.grid.particles
+        particles = np.repeat(late, np.diff(self._starts(body)))
+        built[at][particles] = deformation[at][particles]
+
+    def _turn_cells(
+        self, body: BodyTangent, late: NDArray[np.bool_], state: State, deformation: NDArray[np.float64]
+    ) -> None:
+        """Rebuild the tangents of those of its cells that are `late`, and the rows of their nodes."""
+        s, cells, nodes = self.soft, body.cells, body.grid.nodes
+        flag = late.astype(np.int32)
+        tangents.turn_tangents(
+            flag, self._starts(body), s.volume, state.polar, self.rest_cells[cells], self.cells[cells]
+        )
+        if not body.movable:  # a stress that turns with a body would resist its spin in tangents of its own
             tangents.strained_tangents(
-                STRAINED, first, last, s.cell_size, s.cell_start, s.local, s.volume, s.mu, s.lam, deformation,
-                state.polar, self.cells,
+                STRAINED, cells.start, flag, s.cell_size, s.cell_start, s.local, s.volume, s.mu, s.lam,
+                deformation, state.polar, self.cells,
             )  # fmt: skip
-        if len(s.layered):
+        layered = body.layered[late[body.layered - cells.start]]
+        if len(layered):
             layers.add_layer_tangents(
-                s.layered, s.cell_size, s.cell_start, s.local, s.volume, s.added, s.frame, deformation, self.cells
+                layered, s.cell_size, s.cell_start, s.local, s.volume, s.added, s.frame, deformation, self.cells
             )
-        tangents.gather_tangents(s.node_cell, self.cells, self.stencil)
-        self.unit[:] = np.ldexp(1.0, np.frexp(np.abs(self.stencil[:, 13]).max(axis=(1, 2)))[1])
-        sparse.halve(self.stencil, self.unit, self.half)
+        around = s.node_cell[nodes]
+        row = (late[np.where(around < 0, 0, around - cells.start)] & (around >= 0)).any(axis=1).astype(np.int32)
+        tangents.gather_tangents(row, around, self.cells, self.stencil[nodes])
+        self.unit[nodes] = np.ldexp(1.0, np.frexp(np.abs(self.stencil[nodes, 13]).max(axis=(1, 2)))[1])
+        sparse.halve(row, self.stencil[nodes], self.unit[nodes], self.half[nodes])

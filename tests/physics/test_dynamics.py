@@ -23,7 +23,7 @@ def alone(body, **config):
     """A drop of one body without gravity and without material damping, and its start state."""
     start(2)
     one = ImplicitDrop(Model((body,), np.zeros(3)), SolverConfig(**config))
-    one.stepper.damping = 0.0
+    one.stepper.elastic.damping = 0.0
     one.stepper.weights[:] = 1.0  # residuals in newtons: without gravity there is no weight to measure them by
     return one, one.start_state()
 
@@ -39,8 +39,8 @@ def shaking(lab, **config):
 
 def energy(one, state):
     """Kinetic and elastic energy [J]."""
-    one.stepper.elastic_forces(state)
-    return 0.5 * (one.soft.mass[:, None] * state.v**2).sum() + one.stepper.energy.sum()
+    one.stepper.elastic.forces(state)
+    return 0.5 * (one.soft.mass[:, None] * state.v**2).sum() + one.stepper.elastic.energy.sum()
 
 
 def swinging(lab, per_period, steps, tolerance, **config):

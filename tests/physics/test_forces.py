@@ -26,7 +26,7 @@ def settled(lab, *bodies):
 def reaction(one, state, index):
     """Force with which the clamp of a soft body holds it [N]: minus the elastic forces on its held nodes."""
     nodes = one.query.soft_of[index].nodes
-    force = one.stepper.elastic_forces(state)[nodes]
+    force = one.stepper.elastic.forces(state)[nodes]
     return -force[one.soft.held[nodes]].sum(axis=0)
 
 

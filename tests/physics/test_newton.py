@@ -46,14 +46,15 @@ def off_by(stepper, problem, after, trial):
     direction = 1e-7 * np.random.default_rng(0).standard_normal(trial.system.size)  # keeps every point in contact
     sides = [stepper._linearise(stepper._move(after, trial.system, s * direction), problem).right for s in (1, -1)]
     expected = 0.5 * (sides[1] - sides[0])
-    trial.system.prepare()
+    stepper.prepare(trial)
     return np.abs(trial.system.multiply(direction) - expected).max() / np.abs(expected).max()
 
 
 def test_the_preconditioner_is_symmetric(sliding):
     """Conjugate gradients need it; single precision is what its sweeps are exact to."""
-    system = sliding[3].system
-    system.prepare()
+    stepper, _, _, trial = sliding
+    stepper.prepare(trial)
+    system = trial.system
     r, s = np.random.default_rng(1).standard_normal((2, system.size))
     one, other = r @ system.precondition(s), s @ system.precondition(r)
     assert one == pytest.approx(other, abs=1e-5 * np.sqrt((r @ system.precondition(r)) * (s @ system.precondition(s))))
@@ -62,7 +63,8 @@ def test_the_preconditioner_is_symmetric(sliding):
 def test_solutions_solve(sliding):
     """What is left of the right side: conjugate gradients go by its preconditioned norm, which weighs the block's slow
     modes ten times as much at most."""
-    trial = sliding[3]
+    stepper, _, _, trial = sliding
+    stepper.prepare(trial)
     y, iterations = conjugate_gradient(trial.system, trial.right, 1e-4, 400)
     left = trial.system.multiply(y) - trial.right
     assert 0 < iterations < 400
