@@ -72,6 +72,21 @@ def test_two_blocks_on_foam_add_up(lab):
         assert row.normal_force_n == pytest.approx(mass * lab.gravity, rel=SHARE)
 
 
+def test_a_plate_ten_thousand_times_as_heavy_rests_on_a_gram_of_foam(lab):
+    """10 kg on 1 g: each of the foam's contacts carries the plate, and it shortens by N H / (E A) with E A in between
+    that of free and of held faces."""
+    E, side, height, mass = 1e7, 0.05, 0.02, 10.0
+    little = lab.soft("little", lab.Box(np.array([side, side, height])), [0, 0, 0.5 * height + 2e-4], E=E, rho=20.0,
+                      cell=0.005, edge=0.0025)  # fmt: skip
+    plate = lab.rigid("plate", lab.Box(np.array([0.2, 0.2, 0.02])), [0, 0, height + 0.0106], mass=mass, edge=0.01)
+    result, _, state = settled(lab, plate, little, lab.floor())
+    assert [row.normal_force_n for row in result.contacts] == pytest.approx([mass * lab.gravity] * 2, rel=1e-2)
+    thickness = state.center[0][2] - 0.01
+    shortened = mass * lab.gravity * height / (E * side**2)
+    confined = shortened * 1.3 * 0.4 / 0.7  # nu = 0.3: over E (1 - nu) / ((1 + nu) (1 - 2 nu))
+    assert confined < height - thickness < shortened + 1e-4  # and the penetration targets of both contacts
+
+
 @pytest.mark.slow
 @pytest.mark.sweep
 def test_a_stack_of_five_foam_blocks_stands(lab):
