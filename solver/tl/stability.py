@@ -77,9 +77,13 @@ class PushTrials:
             moved = Displacement.between(simulation, self.rest, state)
             if not moved.within(lost_bound):
                 return False, moved
+            if state.time >= self.rest.time + seconds + simulation.config.rest_steps * control.dt and monitor.quiet():
+                break  # in balance under the whole push
         near = Displacement(c.push_distance * size, c.push_angle)
         stop = StopCriteria(lost_bound, lost_bound, np.inf)
-        end = follow(simulation, monitor, self.rest, state, control, near=near, stop=stop, progress=progress)
+        end = follow(
+            simulation, monitor, self.rest, state, control, near=near, stop=stop, until_quiet=True, progress=progress
+        )
         return end.stable, end.moved
 
     def bracket(self, most: int, guess: int | None, progress: Progress | None) -> tuple[int, PushRow]:
