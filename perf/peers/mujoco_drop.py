@@ -27,10 +27,9 @@ TOLERANCE = 1e-6
 """Relative residual of the solver [-]: the manual's for flexes."""
 ITERATIONS = 400
 """Upper end of the manual's range: with the default, 100, the solve of mass and stiffness warns that it ran out."""
-TIME_CONSTANT = {2e4: 4e-3, 5e5: 2e-3}
-"""solref of contacts, a time constant [s]: the ball sinks in by less than 1 % of its depth."""
-IMPEDANCE = "0.99 0.9999 0.0001"
-"""solimp of contacts: from 0.99 to the largest there is over 0.1 mm; softer ones let the ball sink into a fine mesh."""
+CONTACT = {2e4: 'solref="0.004 1" solimp="0.99 0.9999 0.0001"', 5e5: 'solref="0.002 1" solimp="0.9999 0.9999 0.0001"'}
+"""Time constant of contacts [s] and their impedance [-], up to the largest there is: softer ones let the ball sink in,
+the more the finer the mesh, because they scale with the mass of a node."""
 STABLE_NEO_HOOKEAN = 1
 """mjsFlex.elastic3d; 0, the default, is Saint Venant-Kirchhoff, whose elements collapse under the ball."""
 
@@ -43,7 +42,7 @@ def numbers(values: NDArray[np.float64] | NDArray[np.int64]) -> str:
 def scene(modulus: float, nodes: NDArray[np.float64], tets: NDArray[np.int64]) -> str:
     """MJCF of slab and ball; without gravity, because the slab is weightless and the ball's weight a force on it."""
     step = STEP[modulus]
-    contact = f'friction="{ref.FRICTION}" solref="{TIME_CONSTANT[modulus]} 1" solimp="{IMPEDANCE}"'
+    contact = f'friction="{ref.FRICTION}" {CONTACT[modulus]}'
     bottom = np.flatnonzero(nodes[:, 2] == 0.0)
     return f"""<mujoco>
       <option integrator="discrete" solver="CG" tolerance="{TOLERANCE}" iterations="{ITERATIONS}" timestep="{step!r}"
