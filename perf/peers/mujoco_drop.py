@@ -29,9 +29,9 @@ ITERATIONS = 400
 """Upper end of the manual's range: with the default, 100, the solve of mass and stiffness warns that it ran out."""
 CONTACT = {2e4: 'solref="0.004 1" solimp="0.99 0.9999 0.0001"', 5e5: 'solref="0.002 1" solimp="0.9999 0.9999 0.0001"'}
 """Time constant of contacts [s] and their impedance [-], up to the largest there is: softer ones let the ball sink in,
-the more the finer the mesh, because they scale with the mass of a node."""
+the more the finer the mesh, because contacts get softer as nodes get lighter."""
 STABLE_NEO_HOOKEAN = 1
-"""mjsFlex.elastic3d; 0, the default, is Saint Venant-Kirchhoff, whose elements collapse under the ball."""
+"""mjsFlex.elastic3d; 0, the default, is Saint Venant-Kirchhoff, into which the ball keeps sinking at E 2e4."""
 
 
 def numbers(values: NDArray[np.float64] | NDArray[np.int64]) -> str:
