@@ -65,7 +65,7 @@ ui: $(READY) ## Prefect's pages over all runs, on http://127.0.0.1:4200
 perf: $(READY) ## measure the parts that take the time
 	$(BIN)/python -m perf
 
-perf-peers: $(READY) ## the reference drops beside Genesis and Newton, if installed (docs/peers.md); half an hour or more
+perf-peers: $(READY) ## the reference drops beside Genesis, Newton and MuJoCo, if installed (docs/peers.md); half an hour or more
 	$(BIN)/python -m perf.peers $(if $(PEERS_PYTHON),--python "$(PEERS_PYTHON)")
 
 clean: ## remove what can be computed again and Prefect's history; the results of runs stay

@@ -22,9 +22,12 @@ from perf.peers.reference import DEPTH, PeerDrop
 PEERS_PYTHON = PROJECT_ROOT / ".venv-peers" / "bin" / "python"
 """Taken where it exists: the peers pin versions of their own, so they get an environment of their own."""
 INSTALL = (
-    "perf.peers: neither Genesis nor Newton is installed; run: python3 -m venv .venv-peers && "
-    ".venv-peers/bin/pip install genesis-world==1.4.5 newton==1.8.0 torch (or name their Python with --python)"
+    "perf.peers: none of Genesis, Newton and MuJoCo is installed; run: python3 -m venv .venv-peers && "
+    ".venv-peers/bin/pip install genesis-world==1.4.5 newton==1.8.0 torch mujoco==4.0.0 (or name their Python with "
+    "--python)"
 )
+PEERS = (("Genesis MPM", "genesis", True), ("Newton VBD", "newton", True), ("MuJoCo flex", "mujoco", False))
+"""Name in the table, top-level import, and whether it runs on graphics cards: MuJoCo's own engine does not."""
 GRACE = 900.0
 """Seconds that a peer may take to import, build and compile, beside the limit for its steps."""
 
@@ -69,15 +72,14 @@ def measured(runner: Runner, modulus: float, limit: float) -> PeerDrop | str:
 
 def runners(python: str) -> list[Runner]:
     """dcap twice, then each peer on the processor and, where there is one, on the graphics card."""
-    devices = ["cpu"] + ["cuda"] * (shutil.which("nvidia-smi") is not None)
+    card = shutil.which("nvidia-smi") is not None
     own = [
         Runner(f"dcap {method}", "perf.peers.own_drop", method, "taichi", sys.executable) for method in ("tl", "mls")
     ]
-    peers = [("Genesis MPM", "genesis"), ("Newton VBD", "newton")]
     return own + [
         Runner(f"{name}, {device}", f"perf.peers.{package}_drop", device, package, python)
-        for name, package in peers
-        for device in devices
+        for name, package, on_cards in PEERS
+        for device in ["cpu"] + ["cuda"] * (card and on_cards)
     ]
 
 
@@ -108,7 +110,7 @@ def main() -> None:
     parser.add_argument("--only", nargs="*", default=[], help="names as in the table, or their beginnings")
     parser.add_argument("--limit", type=float, default=600.0, help="wall time of the steps of one drop [s]")
     chosen = parser.parse_args()
-    if not Path(chosen.python).exists() or not any(present(chosen.python, name) for name in ("genesis", "newton")):
+    if not Path(chosen.python).exists() or not any(present(chosen.python, package) for _, package, _ in PEERS):
         sys.stderr.write(INSTALL + "\n")
         sys.exit(2)
     console = Console(highlight=False, width=200)

@@ -44,3 +44,11 @@ def slab(cell: float, growth: float) -> tuple[NDArray[np.float64], NDArray[np.in
     inverted = np.linalg.det(edges) < 0
     tets[inverted] = tets[inverted][:, [0, 2, 1, 3]]
     return nodes, tets
+
+
+def lumped(nodes: NDArray[np.float64], tets: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Volume of every node [m^3], shape (n,): a quarter of each tetrahedron that it is a corner of."""
+    volume = np.linalg.det(nodes[tets[:, 1:]] - nodes[tets[:, :1]]) / 6
+    shares = np.zeros(len(nodes))
+    np.add.at(shares, tets, volume[:, None] / 4)
+    return shares
