@@ -17,14 +17,18 @@ class Ended:
     cpu_seconds: float
     """Processor time of its threads and of the processes that it waited for, user and system [s]."""
     peak_memory: int
-    """Most memory that was resident at a time [bytes]; of a forked process with the pages that it shares."""
+    """Most memory that was resident at a time [bytes], pages that it shares included; the kernel counts what a spawned
+    process had before it ran its own program, so that one shows at least what its parent had."""
 
 
 def reap(pid: int) -> Ended:
     """Wait for a child process that leads a group, and kill what is left of the group."""
-    os.waitid(os.P_PID, pid, os.WEXITED | os.WNOWAIT)
-    kill_group(pid)  # before its number is free to be given again
+    if hasattr(os, "waitid"):  # else its number could be another's by now, if unlikely
+        os.waitid(os.P_PID, pid, os.WEXITED | os.WNOWAIT)
+        kill_group(pid)
     _, status, usage = os.wait4(pid, 0)
+    if not hasattr(os, "waitid"):
+        kill_group(pid)
     return Ended(os.waitstatus_to_exitcode(status), usage.ru_utime + usage.ru_stime, usage.ru_maxrss * KIB)
 
 

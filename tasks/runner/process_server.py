@@ -1,8 +1,8 @@
 """How a run starts the processes of its stages: forked by a server that has their modules loaded, or spawned.
 
-A run has one server of its own (fork_server.py beside this), so all its stages run the code that was on disk when it
-began. A process is spawned, with an interpreter of its own, where a forked one would not be the same: the system cannot
-fork, the server has gone, or environment or working directory have changed since it was started.
+A run has one server of its own (fork_server.py beside this). A process is spawned, with an interpreter of its own,
+where a forked one would not be the same: the system cannot fork, the server has gone, or environment, working directory
+or our source files have changed since it was started.
 """
 
 import json
@@ -18,11 +18,15 @@ from typing import IO, Protocol, Self
 
 from dcap.packages import module_command
 from dcap.scene.errors import InputError
+from dcap.scene.settings import PROJECT_ROOT
+from tasks.runner.digests import PACKAGES
 from tasks.runner.process_group import Ended, kill_group, reap
 
 START_METHOD = "DCAP_START_METHOD"
 """Environment variable: `forkserver`, the default on Linux, or `spawn`."""
 FORK_SERVER, SPAWN = "forkserver", "spawn"
+SOURCES = tuple(PROJECT_ROOT / name for name in sorted(PACKAGES))
+"""Folders of the code that a stage may load."""
 
 
 class StageProcess(Protocol):
@@ -163,9 +167,12 @@ def request(module: str) -> bytes:
     return json.dumps({"module": module}).encode()
 
 
-def surroundings() -> tuple[str, dict[str, str]]:
-    """What a process inherits and our code or a library may read: working directory and environment."""
-    return os.getcwd(), dict(os.environ)
+def surroundings() -> tuple[object, ...]:
+    """What a process finds when it loads its modules: working directory, environment, and when each of our source
+    files was changed; equal if a forked process would be as one that is spawned now."""
+    files = sorted(path for folder in SOURCES for path in folder.rglob("*.py"))
+    changed = tuple((str(path), path.stat().st_ctime_ns) for path in files)
+    return os.getcwd(), dict(os.environ), changed
 
 
 @contextmanager

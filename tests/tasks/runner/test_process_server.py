@@ -17,13 +17,14 @@ import pytest
 from dcap.scene.errors import InputError
 from flows.place import STAGES
 from tasks.runner import process
+from tasks.runner import process_server as process_server_module
 from tasks.runner.process import StageProcessError, run_in_process
 from tasks.runner.process_server import START_METHOD, ProcessServer, process_server, start_method
 
 MIB = 2**20
 ROOT = Path(__file__).parents[3]
 JOBS = """
-import json, os, signal, subprocess, sys, threading, time
+import json, os, re, signal, subprocess, sys, threading, time
 from pathlib import Path
 import numpy as np
 from dcap.scene.types.outcome import Infeasible, Reason
@@ -32,8 +33,8 @@ DONE = Infeasible(Reason.NO_SUPPORT_HIT, "done", None)
 
 def describe(path: str) -> Infeasible:
     status = dict(line.split(":", 1) for line in Path("/proc/self/status").read_text().splitlines())
-    files = {number: os.readlink(f"/proc/self/fd/{number}").split(":")[0] for number in os.listdir("/proc/self/fd")
-             if os.path.exists(f"/proc/self/fd/{number}")}
+    links = {one: f"/proc/self/fd/{one}" for one in os.listdir("/proc/self/fd")}  # and that of the listing, gone by now
+    files = {one: re.sub("[0-9]+", "", os.readlink(link)) for one, link in links.items() if os.path.lexists(link)}
     told = {
         "environment": dict(os.environ), "native": Path("/proc/self/environ").read_text(), "folder": os.getcwd(),
         "path": sys.path, "arguments": [Path(sys.argv[0]).name, sys.argv[1] == str(os.getppid())],
@@ -312,18 +313,15 @@ def test_a_server_ends_with_its_run(folder: Path) -> None:
 
 
 @pytest.mark.slow
-def test_a_run_keeps_the_code_it_began_with(folder: Path) -> None:
-    """A stage that is edited during a run goes on as it was; a new run has the new code."""
+def test_a_stage_runs_the_code_on_disk(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A stage that is edited during a run goes on as it is on disk, as its record says; a new run forks again."""
+    monkeypatch.setattr(process_server_module, "SOURCES", (folder,))
     with serving() as server:
-        first = told("write_name", folder / "first", server)
-        edited = (
-            (folder / "fake_jobs.py").read_text().replace("json.dumps([path, os.getppid()])", "json.dumps('edited')")
-        )
-        (folder / "fake_jobs.py").write_text(edited)
-        assert told("write_name", folder / "again", server) == [str(folder / "again"), server.pid]
-        assert first == [str(folder / "first"), server.pid]
-        with process_server([]) as fresh:
-            assert told("write_name", folder / "new", fresh) == "edited"
+        assert told("write_name", folder / "first", server) == [str(folder / "first"), server.pid]
+        (folder / "fake_jobs.py").write_text(JOBS.replace("path, os.getppid()", "'edited', os.getppid()"))
+        assert told("write_name", folder / "second", server) == ["edited", os.getpid()]
+    with serving() as server:
+        assert told("write_name", folder / "third", server) == ["edited", server.pid]
 
 
 def test_the_start_method_is_chosen_by_the_environment(monkeypatch: pytest.MonkeyPatch) -> None:
