@@ -6,11 +6,13 @@ import signal
 import subprocess
 import sys
 import textwrap
+import threading
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -199,10 +201,16 @@ def test_a_segmentation_fault_is_told(folder: Path, method: str, monkeypatch: py
 def test_time_up_kills_the_group(folder: Path, method: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """A stage that runs too long is killed with everything that it started, however it was started."""
     monkeypatch.setenv(START_METHOD, method)
-    monkeypatch.setattr(process, "MOST_SECONDS", 3.0)
-    path = folder / "pids"
+    path, asked = folder / "pids", []
+
+    def timer(seconds: float, function: Callable[[], None]) -> threading.Timer:
+        asked.append(seconds)
+        return threading.Timer(0.0, lambda: (wait_until(path.exists), function()))  # time is up once the group is there
+
+    monkeypatch.setattr(process, "threading", SimpleNamespace(Timer=timer))
     with process_server(["fake_jobs"]) as server, pytest.raises(StageProcessError, match="signal SIGKILL"):
         run_in_process(job("family", path), quiet, server)
+    assert asked == [process.MOST_SECONDS]
     pids = json.loads(path.read_text())
     wait_until(lambda: not any(alive(pid) for pid in pids))
 
