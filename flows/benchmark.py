@@ -35,12 +35,22 @@ from flows.display import Display, print_plan, print_table
 from flows.language_options import LEDGER, LanguageOptions
 from flows.output import readable_json, write_placement
 from flows.place import PlaceConfig
-from flows.sample_run import OVERVIEW, STAGE_NAMES, FailedSample, FinishedSample, Plan, plan_sample, try_sample
+from flows.sample_run import (
+    OVERVIEW,
+    STAGE_NAMES,
+    FailedSample,
+    FinishedSample,
+    Plan,
+    heavy_modules,
+    plan_sample,
+    try_sample,
+)
 from flows.samples import EMBEDDED, SPLAT_ROOMS, TRUTH, load_samples, load_yaml
 from flows.server import prefect_server
 from tasks.mesh.stage import mesh_object_task, mesh_scene_task
 from tasks.runner.context import RunContext
 from tasks.runner.process import kill_all
+from tasks.runner.process_server import process_server
 
 DATASET_SEED = 0
 MESH, BOTH_MESHES = "mesh", {mesh_scene_task.name, mesh_object_task.name}
@@ -150,11 +160,17 @@ def run_all(
             results[plan.sample] = settle_result(folder, known, display)
     if not waiting:
         return results
-    context = RunContext(session=session, slots=Semaphore(workers) if session.batch else None)
+    slots = Semaphore(workers) if session.batch else None
     at_a_time = min(len(waiting), max(workers, IN_A_BATCH)) if session.batch else workers
     # the queue closes before the pool waits for the threads that wait for it
-    with prefect_server() as url, ThreadPoolExecutor(at_a_time) as pool, asking_queue(session, display):
+    with (
+        prefect_server() as url,
+        process_server(heavy_modules(name for plan in plans for name in plan.coming)) as server,
+        ThreadPoolExecutor(at_a_time) as pool,
+        asking_queue(session, display),
+    ):
         display.serving(url)
+        context = RunContext(session=session, slots=slots, server=server)
         futures: dict[Future[FinishedSample | FailedSample], Sample] = {
             pool.submit(try_sample, sample, config, context=context, listener=display.listener(sample)): sample
             for sample in waiting
@@ -285,12 +301,16 @@ def rerun_sample(run: str, sample_id: str, stage: str, max_cost: float | None = 
     if language.client is ClientName.REPLAY and language.config() != config.intent.language:
         raise InputError(f"--replay {language.replay}: the recording has changed since {folder.name}; run it again")
     check_budget(config.intent.language.model, max_cost)
-    with Display([samples[sample_id]]) as display, prefect_server() as url:
+    with (
+        Display([samples[sample_id]]) as display,
+        prefect_server() as url,
+        process_server(heavy_modules(STAGE_NAMES)) as server,
+    ):
         display.serving(url)
         result = try_sample(
             samples[sample_id],
             config,
-            context=RunContext(refresh=refreshed, session=replace(language.session(folder), fresh=True)),
+            context=RunContext(refresh=refreshed, session=replace(language.session(folder), fresh=True), server=server),
             listener=display.listener(samples[sample_id]),
         )
         tree, _ = settle_result(folder, result, display)

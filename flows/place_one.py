@@ -15,10 +15,11 @@ from flows.configure import configured
 from flows.language_options import language_options
 from flows.options import PlaceOptions
 from flows.output import write_placement
-from flows.sample_run import STAGE_NAMES, FinishedSample, place_flow, plan_sample, recorded
+from flows.sample_run import STAGE_NAMES, FinishedSample, heavy_modules, place_flow, plan_sample, recorded
 from flows.server import prefect_server
 from tasks.arch import chosen_arch
 from tasks.runner.context import Event, RunContext, StageEvent
+from tasks.runner.process_server import process_server
 
 
 def place_files(scene: str, thing: str, prompt: str, options: PlaceOptions, out: Path, *, quiet: bool) -> JsonObject:
@@ -42,7 +43,8 @@ def place_files(scene: str, thing: str, prompt: str, options: PlaceOptions, out:
     with (
         console.status("starting") as status,
         prefect_server(),
-        recorded(sample, RunContext(session=session), partial(show, console, status)) as recorder,
+        process_server(heavy_modules(plan.coming)) as server,
+        recorded(sample, RunContext(session=session, server=server), partial(show, console, status)) as recorder,
     ):
         placement = place_flow(sample)(sample, config)
     if session.ledger and Path(session.ledger).is_file():

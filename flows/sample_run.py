@@ -1,7 +1,7 @@
 """Runs the stages of one sample: first a look at what is there, then a Prefect flow if anything is missing."""
 
 import traceback
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
@@ -42,6 +42,11 @@ class Plan:
     def later(self) -> tuple[str, ...]:
         """Stages after the first missing one; they run if their inputs change and a placement stays feasible."""
         return () if self.missing in ("", OVERVIEW) else STAGE_NAMES[len(self.cached) + 1 :]
+
+    @property
+    def coming(self) -> tuple[str, ...]:
+        """Stages that run or may run."""
+        return (self.missing, *self.later)
 
     @property
     def stage_count(self) -> int:
@@ -108,6 +113,12 @@ def plan_sample(sample: Sample, config: PlaceConfig) -> Plan:
     except Exception as error:  # the border between samples: reported in full, never hidden
         return Plan(sample, stages_of(recorder), "", "", failed=FailedSample(sample, error))
     return Plan(sample, stages_of(recorder), "", "", FinishedSample(sample, placement, tuple(recorder.records)))
+
+
+def heavy_modules(names: Iterable[str]) -> list[str]:
+    """Modules of those of the named stages that run in processes of their own."""
+    wanted = set(names)
+    return [stage.function.__module__ for stage in STAGES if stage.process is True and stage.name in wanted]
 
 
 def stages_of(recorder: EventRecorder) -> tuple[str, ...]:

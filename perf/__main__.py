@@ -20,7 +20,7 @@ from dcap.geometry.solid.support import support_solid
 from dcap.scene.settings import PROJECT_ROOT
 from dcap.scene.store.artifacts import Store
 from dcap.scene.types.mesh import Mesh
-from perf import aims, repair, segments, splats
+from perf import aims, repair, segments, splats, starts
 from perf.drops import drop_rows, mls_speed
 from tasks.runner.digests import libraries, parsed, source_digests
 
@@ -138,6 +138,7 @@ def main() -> None:
         table.add_row(what, f"{seconds:.4f}", against, f"{reference:.4f}", f"{seconds / reference:.1f}")
     console = Console(highlight=False, width=120)
     console.print(table)
+    console.print(starts.table())
     drops = Table("drop", "particles", "steps", "wall", "per particle and step", "memory", "depth", "ratio", box=None)
     rows, memory = drop_rows()
     for row in rows:

@@ -42,8 +42,9 @@ def main() -> None:
 
 
 def die_with_parent(parent: int) -> None:
-    """Ask the kernel to kill us when the parent dies, and check that it has not died before we could ask."""
-    ctypes.CDLL(None, use_errno=True).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
+    """Ask the kernel, where it is Linux, to kill us when the parent dies, and check that it has not died before."""
+    if sys.platform == "linux":
+        ctypes.CDLL(None, use_errno=True).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
     if os.getppid() != parent:
         os._exit(1)
 

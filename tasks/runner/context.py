@@ -12,6 +12,7 @@ from enum import StrEnum
 from threading import Semaphore
 
 from dcap.language.protocol.session import Session
+from tasks.runner.process_server import ProcessServer
 from tasks.runner.records import Deciders, Record
 
 OnProgress = Callable[[float, str], None]
@@ -55,6 +56,8 @@ class RunContext:
     """How questions are asked."""
     slots: Semaphore | None = None
     """How many stages may compute at a time; a stage that waits for a reply lends its slot to another."""
+    server: ProcessServer | None = None
+    """Starts the processes of heavy stages; without it each is spawned."""
 
 
 class NotCachedError(LookupError):

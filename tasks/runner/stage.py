@@ -162,7 +162,13 @@ class Stage(Generic[P, ValueT_co]):
         with context.slots or nullcontext():
             inputs, on_progress = deciders["inputs"], progress_to(log, context, self.name)
             if self._needs_process(inputs):
-                done = run_in_process(self.job(inputs, config, context.session), on_progress)
+                done = run_in_process(self.job(inputs, config, context.session), on_progress, context.server)
+                log.info(
+                    "%s: its process took %.2f s of processor time and %.0f MiB",
+                    self.name,
+                    done["cpu_seconds"],
+                    done["peak_memory"] / 2**20,
+                )
             else:
                 values = self.load(inputs, config, context.session, partial(lent, context.slots))
                 loaded = time.perf_counter()

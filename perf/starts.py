@@ -1,0 +1,56 @@
+"""How long it takes from the request for a stage's process to the first line of the stage's own code."""
+
+import importlib
+import time
+from pathlib import Path
+from statistics import median
+
+from rich.table import Table
+
+from dcap.scene.errors import InputError
+from dcap.scene.types.outcome import Infeasible
+from tasks.runner.process import run_in_process
+from tasks.runner.process_server import ProcessServer, process_server
+
+REPEATS = 5
+STAGES = ("drop", "mesh", "segment", "rotation", "particles", "render")
+"""Those with processes of their own (mesh where there are only splats), and others for comparison."""
+
+
+def first_line(module: str) -> Infeasible:
+    """A stage that needs a stage's module and does nothing but say when it began."""
+    importlib.import_module(module)
+    raise InputError(str(time.monotonic()))
+
+
+def start_seconds(stage: str, server: ProcessServer | None) -> float:
+    """From request to first line [s]."""
+    module = f"tasks.{stage}.stage"
+    job = {"module": __name__, "function": first_line.__name__, "inputs": {"module": {"value": module}}}
+    begin = time.monotonic()
+    try:
+        run_in_process(job | {"config": None, "session": {}}, lambda part, text: None, server)
+    except InputError as error:
+        return float(str(error)) - begin
+    raise AssertionError("the stage says when it began")
+
+
+def table() -> Table:
+    """Best and median of a few starts of every stage, forked and spawned, and what the server holds."""
+    shown = Table("start of a stage's process", "forked", "median", "spawned", "median", "server", box=None)
+    for stage in STAGES:
+        with process_server([__name__, f"tasks.{stage}.stage"]) as server:
+            assert server is not None
+            start_seconds(stage, server)  # the server has loaded once this has begun
+            forked = [start_seconds(stage, server) for _ in range(REPEATS)]
+            held = proportional_memory(server.pid)
+        spawned = [start_seconds(stage, None) for _ in range(REPEATS)]
+        times = (f"{number:.3f} s" for one in (forked, spawned) for number in (min(one), median(one)))
+        shown.add_row(stage, *times, f"{held / 2**20:.0f} MiB")
+    return shown
+
+
+def proportional_memory(pid: int) -> int:
+    """Resident memory of a process, pages that it shares counted in parts [bytes]."""
+    lines = Path(f"/proc/{pid}/smaps_rollup").read_text().splitlines()
+    return next(int(line.split()[1]) for line in lines if line.startswith("Pss:")) * 1024
