@@ -18,6 +18,24 @@ discontinuity and two-way rigid body coupling. SIGGRAPH 2018.
 import taichi as ti
 
 from solver.kernels.elastic import INVERTED, cofactor, mat3, rotation_by_newton, rotation_by_torque, vec3
+from solver.kernels.mls_columns import (
+    BLOCK_COLUMN,
+    BLOCK_END,
+    BLOCK_FIRST,
+    DYNAMIC,
+    GRAVITY_SHARE,
+    MATERIAL_MASS,
+    NODE_MASS,
+    PARTICLE_MASS,
+    PLATE_SPIN,
+    PLATE_VELOCITY,
+    SIDE_DISTANCE,
+    SIDE_MARK,
+    STATIC,
+    VOLUME_LAMBDA,
+    VOLUME_MU,
+    vector_at,
+)
 from solver.kernels.mls_coupling import node_impulse
 from solver.kernels.mls_moments import INVERSIONS, MOMENTS, SHARE, SQUARED_SPEED, STRAYS, moments
 
@@ -57,7 +75,44 @@ def apart(p: ti.i32, n: ti.i32, side: ti.template(), node_side: ti.template()) -
     """Whether a thin rigid body lies between a particle and a node: both are near it, on sides that face apart;
     a node midway between the two sides is on neither."""
     facing = side[p, 0] * node_side[n, 0] + side[p, 1] * node_side[n, 1] + side[p, 2] * node_side[n, 2]
-    return side[p, 3] > 0.0 and side[p, 3] == node_side[n, 3] and facing <= 0.0
+    return side[p, SIDE_MARK] > 0.0 and side[p, SIDE_MARK] == node_side[n, SIDE_MARK] and facing <= 0.0
+
+
+@ti.func
+def volume_times_stress(F: mat3, V_mu: ti.f64, V_lambda: ti.f64) -> mat3:
+    """V P F^T = V (2 mu (F - R) F^T + lambda (J - 1) J I) of fixed-corotated material."""
+    cof = cofactor(F)
+    J = F[0, 0] * cof[0, 0] + F[1, 0] * cof[1, 0] + F[2, 0] * cof[2, 0]
+    RF = (F - rotation_of(F, cof, J)) @ F.transpose()
+    S = V_mu * (RF + RF.transpose())
+    pressure = V_lambda * (J - 1.0) * J
+    for d in ti.static(range(3)):
+        S[d, d] += pressure
+    return S
+
+
+@ti.func
+def add_to_nodes(
+    thin: ti.template(), p: ti.i32, first: ti.i32, nodes_y: ti.i32, nodes_z: ti.i32, w: mat3, A: mat3, start: vec4,
+    h: ti.f64, side: ti.template(), node_side: ti.template(), grid: ti.template(),
+):  # fmt: skip
+    """Add a particle's w_ip (momentum, mass) to its 27 nodes from `first` on; the momentum is `start` at that node and
+    grows by A from node to node."""
+    ax = vec4(A[0, 0], A[1, 0], A[2, 0], 0.0) * h
+    ay = vec4(A[0, 1], A[1, 1], A[2, 1], 0.0) * h
+    az = vec4(A[0, 2], A[1, 2], A[2, 2], 0.0) * h
+    for i in ti.static(range(3)):
+        for j in ti.static(range(3)):
+            row = start + i * ax + j * ay
+            share = w[0, i] * w[1, j]
+            n = first + (i * nodes_y + j) * nodes_z
+            for k in ti.static(range(3)):
+                weight = share * w[2, k]
+                if ti.static(thin):  # noqa: SIM102  decided when compiled
+                    if apart(p, n + k, side, node_side):
+                        weight = 0.0
+                grid[n + k] = grid[n + k] + weight * row
+                row += az
 
 
 @ti.kernel
@@ -84,7 +139,7 @@ def particles_to_grid(
 ):
     """Add mass and momentum, elastic forces and gravity included, of the particles of pencils of one colour.
 
-    constant[p] = (m, V mu, V lambda, share of gravity that acts). With `thin`, nothing is given to nodes behind a thin
+    With `thin`, nothing is given to nodes behind a thin
     rigid body (CPIC [H18, Sec. 5.2]).
     """
     for task in range(pencils.shape[0] * TASK):
@@ -96,38 +151,16 @@ def particles_to_grid(
         for p in range(pencil_start[pencils[q]], pencil_start[pencils[q] + 1]):
             X = x[p]
             known = constant[p]
-            m = known[0]
+            m = known[PARTICLE_MASS]
             A = m * C[p]
-            if known[1] > 0.0:
-                Fp = F[p]
-                cof = cofactor(Fp)
-                J = Fp[0, 0] * cof[0, 0] + Fp[1, 0] * cof[1, 0] + Fp[2, 0] * cof[2, 0]
-                RF = (Fp - rotation_of(Fp, cof, J)) @ Fp.transpose()
-                S = known[1] * (RF + RF.transpose())
-                pressure = known[2] * (J - 1.0) * J
-                for d in ti.static(range(3)):
-                    S[d, d] += pressure
-                A -= (4.0 * dt / (h * h)) * S
+            if known[VOLUME_MU] > 0.0:
+                A -= (4.0 * dt / (h * h)) * volume_times_stress(F[p], known[VOLUME_MU], known[VOLUME_LAMBDA])
             base, w = spline(X, h, low)
             corner = low + h * ti.cast(base, ti.f64) - X
-            momentum = m * (v[p] + dt * known[3] * g) + A @ corner
+            momentum = m * (v[p] + dt * known[GRAVITY_SHARE] * g) + A @ corner
             start = vec4(momentum[0], momentum[1], momentum[2], m)
             first = (base[0] * nodes_y + base[1]) * nodes_z + base[2]
-            ax = vec4(A[0, 0], A[1, 0], A[2, 0], 0.0) * h
-            ay = vec4(A[0, 1], A[1, 1], A[2, 1], 0.0) * h
-            az = vec4(A[0, 2], A[1, 2], A[2, 2], 0.0) * h
-            for i in ti.static(range(3)):
-                for j in ti.static(range(3)):
-                    row = start + i * ax + j * ay
-                    share = w[0, i] * w[1, j]
-                    n = first + (i * nodes_y + j) * nodes_z
-                    for k in ti.static(range(3)):
-                        weight = share * w[2, k]
-                        if ti.static(thin):  # noqa: SIM102  decided when compiled
-                            if apart(p, n + k, side, node_side):
-                                weight = 0.0
-                        grid[n + k] = grid[n + k] + weight * row
-                        row += az
+            add_to_nodes(thin, p, first, nodes_y, nodes_z, w, A, start, h, side, node_side, grid)
 
 
 @ti.kernel
@@ -146,7 +179,7 @@ def momentum_to_velocity(
 ):
     """Node velocities from momenta; held nodes stand still."""
     for n in range(grid.shape[0]):
-        m = grid[n, 3]
+        m = grid[n, NODE_MASS]
         scale = 0.0
         if m > least_mass and held[n] == 0:
             scale = 1.0 / m
@@ -190,14 +223,91 @@ def material_at_nodes(
                     for j in ti.static(range(3)):
                         for k in ti.static(range(3)):
                             n = first + (i * nodes_y + j) * nodes_z + k
-                            m = constant[p, 0] * w[0, i] * w[1, j] * w[2, k]
+                            m = constant[p, PARTICLE_MASS] * w[0, i] * w[1, j] * w[2, k]
                             if ti.static(thin):  # noqa: SIM102  decided when compiled
                                 if apart(p, n, side, node_side):
                                     m = 0.0
-                            material[n, 0] = material[n, 0] + m * (corner[0] - i * h)
-                            material[n, 1] = material[n, 1] + m * (corner[1] - j * h)
-                            material[n, 2] = material[n, 2] + m * (corner[2] - k * h)
-                            material[n, 3] = material[n, 3] + m
+                            arm = corner - h * vec3(i, j, k)
+                            for d in ti.static(range(3)):
+                                material[n, d] = material[n, d] + m * arm[d]
+                            material[n, MATERIAL_MASS] = material[n, MATERIAL_MASS] + m
+
+
+@ti.func
+def impact(
+    p: ti.i32, t: ti.i32, X: vec3, v: vec3, o: ti.i32, side: ti.template(), plate: ti.template(),
+    plate_friction: ti.template(),
+) -> vec3:  # fmt: skip
+    """Change of velocity of a particle of soft body o that has entered thin body t: its own side of it stops it."""
+    kick = vec3(0.0)
+    if side[p, SIDE_DISTANCE] <= 0.0:
+        spin = vector_at(plate, t, PLATE_SPIN)
+        speed = vector_at(plate, t, PLATE_VELOCITY) + spin.cross(X - vector_at(plate, t, 0))
+        mu_s, mu_d = plate_friction[t, o, STATIC], plate_friction[t, o, DYNAMIC]
+        kick, _load, _share = node_impulse(v - speed, vector_at(side, p, 0), 1.0, mu_s, mu_d)
+    return kick
+
+
+@ti.func
+def add_reaction(plate_impulse: ti.template(), b: ti.i32, t: ti.i32, arm: vec3, push: vec3):
+    """Add an impulse on thin body t, with its moment about the centre, to the account of block b."""
+    turn = arm.cross(push)
+    for a in ti.static(range(3)):
+        plate_impulse[b, 6 * t + a] = plate_impulse[b, 6 * t + a] + push[a]
+        plate_impulse[b, 6 * t + 3 + a] = plate_impulse[b, 6 * t + 3 + a] + turn[a]
+
+
+@ti.func
+def nodal_sums(
+    thin: ti.template(), p: ti.i32, first: ti.i32, nodes_y: ti.i32, nodes_z: ti.i32, w: mat3, ghost: vec3,
+    side: ti.template(), node_side: ti.template(), grid: ti.template(),
+):  # fmt: skip
+    """Sums over the 27 nodes of a particle: of w v, of w v (i, j, k)^T with the node's index from 0 to 2 on each axis,
+    and of w of the nodes behind a thin body, where v is `ghost`."""
+    behind = 0.0
+    V = vec3(0.0)
+    Vi, Vj, Vk = vec3(0.0), vec3(0.0), vec3(0.0)
+    for i in ti.static(range(3)):
+        slice_v, slice_j, slice_k = vec3(0.0), vec3(0.0), vec3(0.0)
+        for j in ti.static(range(3)):
+            n = first + (i * nodes_y + j) * nodes_z
+            row, row_k = vec3(0.0), vec3(0.0)
+            for k in ti.static(range(3)):
+                node = grid[n + k]
+                one = w[2, k] * vec3(node[0], node[1], node[2])
+                if ti.static(thin):  # noqa: SIM102  decided when compiled
+                    if apart(p, n + k, side, node_side):
+                        one = w[2, k] * ghost
+                        behind += w[0, i] * w[1, j] * w[2, k]
+                row += one
+                if ti.static(k > 0):
+                    row_k += k * one
+            row *= w[1, j]
+            slice_v += row
+            slice_k += w[1, j] * row_k
+            if ti.static(j > 0):
+                slice_j += j * row
+        slice_v *= w[0, i]
+        V += slice_v
+        Vj += w[0, i] * slice_j
+        Vk += w[0, i] * slice_k
+        if ti.static(i > 0):
+            Vi += i * slice_v
+    return V, ti.Matrix.cols([Vi, Vj, Vk]), behind
+
+
+@ti.func
+def has_strayed(
+    X: vec3, h: ti.f64, low: vec3, b: ti.i32, block: ti.template(), nodes_x: ti.i32, nodes_y: ti.i32, nodes_z: ti.i32
+) -> ti.i32:
+    """Whether a particle of block b is too far from its pencil or the grid; so is a position that is no number."""
+    q = (X - low) * (1.0 / h) - 0.5
+    inside = q[0] >= 0.0 and q[1] >= 0.0 and q[2] >= 0.0
+    inside = inside and q[0] < nodes_x - 2 and q[1] < nodes_y - 2 and q[2] < nodes_z - 2
+    for d in ti.static(range(2)):
+        column = block[b, BLOCK_COLUMN + d]
+        inside = inside and q[d] >= column - SLACK and q[d] < column + PENCIL + SLACK
+    return not inside
 
 
 @ti.kernel
@@ -228,9 +338,8 @@ def grid_to_particles(
 ):
     """New velocities, affine matrices, positions and deformation; sums per block of particles.
 
-    block[b] = (first particle, one past the last, first column of its pencil along x, along y). With `thin`, a node
-    behind thin body t counts with the particle's own velocity after an impact on the body, plate[t] = (centre, V, w),
-    and plate_impulse[b] takes what the body receives, six numbers per body about its centre.
+    With `thin`, a node behind thin body t counts with the particle's own velocity after an impact on the body, and
+    plate_impulse[b] takes what the body receives, six numbers per body about its centre.
     """
     for task in range(block.shape[0] * SHARE):
         if task % SHARE != 0:
@@ -239,83 +348,30 @@ def grid_to_particles(
         low = vec3(low_x, low_y, low_z)
         total = ti.Vector.zero(ti.f64, MOMENTS)
         fastest, strays, inverted = 0.0, 0.0, 0.0
-        for p in range(block[b, 0], block[b, 1]):
-            X = x[p]
+        for p in range(block[b, BLOCK_FIRST], block[b, BLOCK_END]):
+            X, m = x[p], constant[p][PARTICLE_MASS]
             base, w = spline(X, h, low)
             corner = low + h * ti.cast(base, ti.f64) - X
             first = (base[0] * nodes_y + base[1]) * nodes_z + base[2]
-            ghost = vec3(0.0)
-            kick = vec3(0.0)
+            t = -1  # the thin body that is near
+            ghost, kick = vec3(0.0), vec3(0.0)
             if ti.static(thin):
-                ghost = v[p]
-                if side[p, 3] > 0.0:
-                    t = ti.cast(side[p, 3], ti.i32) - 1
-                    r = X - vec3(plate[t, 0], plate[t, 1], plate[t, 2])
-                    speed = vec3(plate[t, 3], plate[t, 4], plate[t, 5])
-                    speed += vec3(plate[t, 6], plate[t, 7], plate[t, 8]).cross(r)
-                    o = group[p] // 2
-                    n_ = vec3(side[p, 0], side[p, 1], side[p, 2])
-                    if side[p, 4] <= 0.0:  # it is inside: its own side of the body stops it
-                        kick, _l, _s = node_impulse(
-                            ghost - speed, n_, 1.0, plate_friction[t, o, 0], plate_friction[t, o, 1]
-                        )
-                    ghost += kick
-            behind = 0.0
-            V = vec3(0.0)  # sums over nodes of w v, and of w v times the node's index i, j, k
-            Vi, Vj, Vk = vec3(0.0), vec3(0.0), vec3(0.0)
-            for i in ti.static(range(3)):
-                slice_v, slice_j, slice_k = vec3(0.0), vec3(0.0), vec3(0.0)
-                for j in ti.static(range(3)):
-                    n = first + (i * nodes_y + j) * nodes_z
-                    row, row_k = vec3(0.0), vec3(0.0)
-                    for k in ti.static(range(3)):
-                        node = grid[n + k]
-                        one = w[2, k] * vec3(node[0], node[1], node[2])
-                        if ti.static(thin):  # noqa: SIM102  decided when compiled
-                            if apart(p, n + k, side, node_side):
-                                one = w[2, k] * ghost
-                                behind += w[0, i] * w[1, j] * w[2, k]
-                        row += one
-                        if ti.static(k > 0):
-                            row_k += k * one
-                    row *= w[1, j]
-                    slice_v += row
-                    slice_k += w[1, j] * row_k
-                    if ti.static(j > 0):
-                        slice_j += j * row
-                slice_v *= w[0, i]
-                V += slice_v
-                Vj += w[0, i] * slice_j
-                Vk += w[0, i] * slice_k
-                if ti.static(i > 0):
-                    Vi += i * slice_v
-            B = mat3(0.0)
-            for d in ti.static(range(3)):
-                B[d, 0] = corner[0] * V[d] + h * Vi[d]
-                B[d, 1] = corner[1] * V[d] + h * Vj[d]
-                B[d, 2] = corner[2] * V[d] + h * Vk[d]
-            B *= 4.0 / (h * h)
+                t = ti.cast(side[p, SIDE_MARK], ti.i32) - 1
+                if t >= 0:
+                    kick = impact(p, t, X, v[p], group[p] // 2, side, plate, plate_friction)
+                ghost = v[p] + kick
+            V, VI, behind = nodal_sums(thin, p, first, nodes_y, nodes_z, w, ghost, side, node_side, grid)
+            B = (4.0 / (h * h)) * (V.outer_product(corner) + h * VI)
             if ti.static(thin):  # noqa: SIM102  decided when compiled
                 if behind > 0.0:
-                    t = ti.cast(side[p, 3], ti.i32) - 1
-                    r = X - vec3(plate[t, 0], plate[t, 1], plate[t, 2])
-                    push = (-constant[p][0] * behind) * kick
-                    turn = r.cross(push)
-                    for a in ti.static(range(3)):
-                        plate_impulse[b, 6 * t + a] = plate_impulse[b, 6 * t + a] + push[a]
-                        plate_impulse[b, 6 * t + 3 + a] = plate_impulse[b, 6 * t + 3 + a] + turn[a]
+                    add_reaction(plate_impulse, b, t, X - vector_at(plate, t, 0), (-m * behind) * kick)
             Fp = F[p]
             Fp += dt * (B @ Fp)
             X += dt * V
             x[p], v[p], C[p], F[p] = X, V, B, Fp
-            total += moments(h, X, V, B, constant[p][0])
+            total += moments(h, X, V, B, m)
             fastest = ti.max(fastest, V.norm_sqr())
-            q = (X - low) * (1.0 / h) - 0.5
-            inside = q[0] >= block[b, 2] - SLACK and q[0] < block[b, 2] + PENCIL + SLACK
-            inside = inside and q[1] >= block[b, 3] - SLACK and q[1] < block[b, 3] + PENCIL + SLACK
-            inside = inside and q[0] >= 0.0 and q[1] >= 0.0 and q[2] >= 0.0
-            inside = inside and q[0] < nodes_x - 2 and q[1] < nodes_y - 2 and q[2] < nodes_z - 2
-            if not inside:  # true for a position that is not a number too
+            if has_strayed(X, h, low, b, block, nodes_x, nodes_y, nodes_z):
                 strays += 1.0
             if Fp.determinant() <= 0.0:
                 inverted += 1.0

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from solver.config import SolverConfig
 from solver.contact.predict import contact_stiffness
-from solver.kernels.mls_coupling import COUPLED, IMPULSE, LOAD, NORMAL_IMPULSE, NORMAL_MATRIX, couple
+from solver.kernels.mls_coupling import COUPLED, IMPULSE, LOAD, NORMAL_IMPULSE, NORMAL_MATRIX, TOUCHING, couple
 from solver.kernels.mls_distance import distance_at_nodes
 from solver.mls.bodies import SoftBodies
 from solver.mls.rigid import RigidBodies
@@ -78,7 +78,8 @@ class Coupling:
     def __init__(self, model: Model, soft: SoftBodies, rigid: RigidBodies, config: SolverConfig) -> None:
         self.model, self.soft, self.rigid, self.config = model, soft, rigid, config
         self.work = np.zeros((6, 7))
-        self.active = np.zeros((0, 2), dtype=np.int32)
+        self.number = np.zeros((0, 2), dtype=np.int32)
+        self.touching = np.zeros((0, TOUCHING))
         self.fixed_distances: dict[int, NodeDistances | None] = {}
         self.friction = {
             r: np.array([model.friction(model.bodies[r], model.bodies[i]) for i in soft.index]) for r in rigid.index
@@ -104,13 +105,14 @@ class Coupling:
                 continue
             out = np.zeros((len(self.soft.index), COUPLED))
             body, q = self.model.bodies[index], self.rigid.velocity(index)
-            if len(self.active) < len(near.phi):
-                self.active = np.zeros((len(near.phi), 2), dtype=np.int32)
+            if len(self.number) < len(near.phi):
+                self.number, self.touching = np.zeros((len(near.phi), 2), np.int32), np.zeros((len(near.phi), TOUCHING))
             g = self.soft.grid
             couple(
                 int(not body.fixed), g.cell, REACH * g.cell, self.soft.least_mass, int(g.shape[1]), int(g.shape[2]),
                 self.frame(index), near.span, near.phi, near.normal, self.soft.owner, self.soft.material,
-                self.friction[index], self.rigid.mass_matrix(index), g.node, q, self.work, self.active, out,
+                self.friction[index], self.rigid.mass_matrix(index), g.node, q, self.work, self.number,
+                self.touching, out,
             )  # fmt: skip
             if not body.fixed:
                 self.rigid.set_velocity(index, q)
