@@ -123,8 +123,8 @@ class SolverConfig(BaseModel, frozen=True, extra="forbid"):
     """Most particles where mls chooses its cell itself: a thousand steps then take about a quarter of a minute."""
     mls_cfl: PositiveFloat = 0.4
     """Share of a cell that waves and particles may cross in one explicit step of mls [-]."""
-    cpic: bool = False
-    """mls: material on two sides of a rigid body thinner than two cells does not feel what lies behind it (compatible
-    particle-in-cell)."""
+    cpic: bool = True
+    """mls: where a rigid body is thinner than two cells, material on one side of it does not feel what lies on the
+    other (compatible particle-in-cell); off only to compare."""
     mls_interval_seconds: PositiveFloat = 8e-3
     """mls judges its motion this often [s]: step_limit and rest_steps count these intervals."""

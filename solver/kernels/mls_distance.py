@@ -22,6 +22,9 @@ from solver.kernels.mls_columns import (
 )
 from solver.kernels.query import FAR, LEAST_SLOPE, distance_at
 
+PROBES = 4  # points beneath a surface point where the body's end is looked for
+OPPOSED = -0.866  # cosine between normals of opposite faces: a wedge of 30 degrees has two sides, a rim none
+
 
 @ti.func
 def distance_and_normal(x: vec3, frame: ti.template(), spacing: ti.f64, values: ti.template()):
@@ -38,6 +41,26 @@ def distance_and_normal(x: vec3, frame: ti.template(), spacing: ti.f64, values: 
         phi += N.dot(X - inner)
         n = (Q @ N).normalized()
     return phi, n
+
+
+@ti.func
+def lies_over_thin_part(
+    phi: ti.f64, n: vec3, x: vec3, thickness: ti.f64, frame: ti.template(), spacing: ti.f64, values: ti.template()
+) -> ti.i32:
+    """Whether beneath the body's surface point nearest to x the body ends within `thickness`, in a face opposite to
+    that one. So nothing beyond a rim is on a side, as in [H18, Sec. 5.1], where sides end with the faces."""
+    thin, inside = 0, 1
+    if n.norm_sqr() == 0.0:  # midway between two surfaces
+        thin = phi > -0.5 * thickness
+        inside = 0
+    for k in range(PROBES):
+        if inside == 1:
+            depth = (k + 1.0) / PROBES * thickness
+            beyond, opposite = distance_and_normal(x - (phi + depth) * n, frame, spacing, values)
+            if beyond > 0.0:
+                inside = 0
+                thin = n.dot(opposite) < OPPOSED
+    return thin
 
 
 @ti.kernel
@@ -73,6 +96,7 @@ def distance_at_nodes(
 @ti.kernel
 def sides_at_nodes(
     mark: ti.f64,
+    thickness: ti.f64,
     h: ti.f64,
     nodes_y: ti.i32,
     nodes_z: ti.i32,
@@ -83,12 +107,12 @@ def sides_at_nodes(
     values: ti.types.ndarray(dtype=ti.f32, ndim=3),
     node_side: ti.types.ndarray(dtype=ti.f64, ndim=2),
 ):
-    """Which side of a thin rigid body each node within `reach` of it is on: (normal (3), mark)."""
+    """Which side of a rigid body each node within `reach` of a part of it thinner than `thickness` is on."""
     for s in range(span[SPAN_COUNT, 0] * span[SPAN_COUNT, 1] * span[SPAN_COUNT, 2]):
         index = node_in_span(s, span)
         x = vector_at(frame, GRID_LOW, 0) + h * ti.cast(index, ti.f64)
         phi, n = distance_and_normal(x, frame, spacing, values)
-        if phi < reach:
+        if phi < reach and lies_over_thin_part(phi, n, x, thickness, frame, spacing, values):
             node = (index[0] * nodes_y + index[1]) * nodes_z + index[2]
             for a in ti.static(range(3)):
                 node_side[node, a] = n[a]
@@ -98,6 +122,7 @@ def sides_at_nodes(
 @ti.kernel
 def sides_of_particles(
     mark: ti.f64,
+    thickness: ti.f64,
     reach: ti.f64,
     frame: ti.types.ndarray(dtype=ti.f64, ndim=2),
     spacing: ti.f64,
@@ -105,11 +130,13 @@ def sides_of_particles(
     x: ti.types.ndarray(dtype=ti.f64, ndim=2),
     side: ti.types.ndarray(dtype=ti.f64, ndim=2),
 ):
-    """The same for particles, with their distance: (normal (3), mark, phi); one that was near before stays on its side,
-    also where it has been pressed through."""
+    """The same for particles, with their distance; one that was near before stays on its side, also where it has been
+    pressed through."""
     for p in range(x.shape[0]):
-        phi, n = distance_and_normal(vector_at(x, p, 0), frame, spacing, values)
-        if phi < reach and n.norm_sqr() > 0.0:
+        X = vector_at(x, p, 0)
+        phi, n = distance_and_normal(X, frame, spacing, values)
+        near = phi < reach and lies_over_thin_part(phi, n, X, thickness, frame, spacing, values)
+        if near and n.norm_sqr() > 0.0:
             before = vector_at(side, p, 0)
             if side[p, SIDE_MARK] == mark and before.dot(n) < 0.0:
                 n = -n
@@ -118,5 +145,5 @@ def sides_of_particles(
                 side[p, a] = n[a]
             side[p, SIDE_MARK] = mark
             side[p, SIDE_DISTANCE] = phi
-        elif phi >= reach and side[p, SIDE_MARK] == mark:
+        elif not near and side[p, SIDE_MARK] == mark:
             side[p, SIDE_MARK] = 0.0

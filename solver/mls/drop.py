@@ -37,6 +37,10 @@ Array = NDArray[np.float64]
 PEAK_DROP = 0.02  # a kinetic energy this much below its largest value has passed its peak [-]
 COARSENING = 1.1  # factor by which a cell grows until the particles fit their budget
 STALE = 0.01  # motion in cells after which contact looks anew where the material is: a tenth of what it resolves
+TOLD_APART = {
+    True: "material is on one of its sides there and does not feel what lies on the other (CPIC)",
+    False: "material feels what lies behind it, and may leak through, because cpic is off",
+}
 LEAST_THROUGH = 3  # particles through the smallest side below which a part is named as under-resolved (the paper's)
 
 
@@ -68,11 +72,9 @@ class ExplicitDrop:
         self.rigid = RigidBodies(model, config)
         self.coupling = Coupling(model, self.soft, self.rigid, config)
         self.plates = Plates(model, self.soft, self.rigid, self.coupling, thin)
-        if thin and not config.cpic:
+        if thin:
             names = ", ".join(repr(model.bodies[i].name) for i in thin)
-            self.warnings.append(
-                f"mls: {names}: thinner than {THIN:.0f} cells; material feels what lies behind it unless cpic is on"
-            )
+            self.warnings.append(f"mls: {names}: thinner than {THIN:.0f} cells in places; {TOLD_APART[config.cpic]}")
         self.free = [i for i, b in enumerate(model.bodies) if not b.fixed]
         self.watched = self.free or self.soft.index
         self.length = max(model.bodies[i].size for i in self.watched)

@@ -1,9 +1,10 @@
 """Thin rigid bodies: material on one side does not feel what lies on the other (CPIC [H18, Sec. 5]).
 
-Near a body thinner than THIN cells every node and every particle is on one of its sides, the one that its outward
-normal points to; a particle keeps its side as long as it is near. Between a particle and a node on opposite sides
-nothing is transferred; coming back from such a node the particle sees its own velocity after an impact on the body,
-and the body takes the opposite impulse. Nodes on the particle's own side touch the body as in coupling.py.
+Near a part of a body that is thinner than THIN cells every node and every particle is on one of its sides, the one
+that its outward normal points to; a particle keeps its side as long as it is near. Beyond a rim there are no sides.
+Between a particle and a node on opposite sides nothing is transferred; coming back from such a node the particle sees
+its own velocity after an impact on the body, and the body takes the opposite impulse. Nodes on the particle's own side
+touch the body as in coupling.py.
 
 [H18] Hu et al.: A moving least squares material point method ... SIGGRAPH 2018.
 """
@@ -11,21 +12,46 @@ and the body takes the opposite impulse. Nodes on the particle's own side touch 
 import numpy as np
 from numpy.typing import NDArray
 
-from solver.kernels.mls_distance import sides_at_nodes, sides_of_particles
+from solver.kernels.mls_distance import OPPOSED, PROBES, sides_at_nodes, sides_of_particles
 from solver.mls.bodies import SoftBodies
 from solver.mls.coupling import Coupling
+from solver.mls.particles import distance, outward
 from solver.mls.rigid import RigidBodies
-from solver.model.bodies import Model
+from solver.model.bodies import Body, Model
 
 Array = NDArray[np.float64]
 
-THIN = 2.0  # cells; a thicker body keeps the supports of particles on its two sides, 1.5 cells each, nearly apart
-NEAR = 2.0  # cells around such a body where sides are told apart: more than a particle's support
+THIN = 2.0  # cells; a thicker part keeps the supports of particles on its two sides, 1.5 cells each, nearly apart
+NEAR = 2.0  # cells around such a part where sides are told apart: more than a particle's support
 
 
 def thin_bodies(model: Model, cell: float) -> list[int]:
-    """Rigid bodies whose signed distance nowhere reaches deeper than THIN / 2 cells."""
-    return [i for i, b in model.rigid_bodies if -float(b.distance.values.min()) < 0.5 * THIN * cell]
+    """Rigid bodies that meet a soft one and of which some part is thinner than THIN cells."""
+    return [i for i, _ in model.rigid_bodies if meets_soft(model, i, cell) and has_thin_part(model.bodies[i], cell)]
+
+
+def meets_soft(model: Model, index: int, cell: float) -> bool:
+    """Whether a rigid body can touch something soft: one of the two moves, or they lie within NEAR cells."""
+    body = model.bodies[index]
+    low, high = body.vertices.min(axis=0), body.vertices.max(axis=0)
+    for _, soft in model.soft_bodies:
+        gap = np.maximum(soft.vertices.min(axis=0) - high, low - soft.vertices.max(axis=0)).max()
+        if not (body.fixed and soft.fixed) or gap < NEAR * cell:
+            return True
+    return False
+
+
+def has_thin_part(body: Body, cell: float) -> bool:
+    """Whether the body ends within THIN cells beneath one of its surface points, in a face opposite to that one: the
+    rule by which the kernels tell where it has sides (lies_over_thin_part)."""
+    normal = outward(body.distance, body.vertices)
+    thin, inside = np.zeros(len(normal), np.bool_), np.ones(len(normal), np.bool_)
+    for k in range(PROBES):
+        at = body.vertices - (k + 1) / PROBES * THIN * cell * normal
+        ends = inside & (distance(body.distance, at) > 0.0)
+        thin |= ends & ((outward(body.distance, at) * normal).sum(axis=1) < OPPOSED)
+        inside &= ~ends
+    return bool(thin.any())
 
 
 class Plates:
@@ -53,10 +79,10 @@ class Plates:
             if span is None:
                 continue
             sides_at_nodes(
-                t + 1.0, g.cell, int(g.shape[1]), int(g.shape[2]), NEAR * g.cell, frame, span, grid.spacing,
-                grid.values, self.soft.node_side,
+                t + 1.0, THIN * g.cell, g.cell, int(g.shape[1]), int(g.shape[2]), NEAR * g.cell, frame, span,
+                grid.spacing, grid.values, self.soft.node_side,
             )  # fmt: skip
-            sides_of_particles(t + 1.0, NEAR * g.cell, frame, grid.spacing, grid.values, p.x, p.side)
+            sides_of_particles(t + 1.0, THIN * g.cell, NEAR * g.cell, frame, grid.spacing, grid.values, p.x, p.side)
 
     def motion(self) -> tuple[Array, Array, Array]:
         """Centres and velocities, friction, and an empty account of impulses per block of particles."""

@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ from solver.config import SolverConfig
 from solver.errors import ModelError, UnstableStep
 from solver.kernels.mls_moments import ANGULAR_MOMENTUM, MOMENTUM
 from solver.mls.drop import ExplicitDrop
+from solver.mls.plates import thin_bodies
 from solver.model.bodies import Model
 from solver.reference.mls import grid_to_particles, particles_to_grid
 from solver.runtime import start
@@ -291,3 +293,38 @@ def test_a_thin_plate_with_cpic_lets_no_material_through(lab, height):
     # particles start h / 4 inside of the surface and contact is known to a fifth of a cell
     assert one.soft.particles.x[:, 2].min() > height
     assert abs(result.bodies[0].vertices[:, 2].min() - height - 0.0015) < 0.2 * h
+
+
+def table(lab, thickness):
+    """A board on a thick leg, fixed, as one body."""
+    board, leg = lab.Box(np.array([0.3, 0.3, thickness])), lab.Box(np.array([0.1, 0.1, 0.1]))
+    below = np.array([0.0, 0.0, 0.05 + 0.4 * thickness])
+    body = lab.rigid("table", lab.Box(np.array([0.3, 0.3, 0.2])), [0, 0, 0], fixed=True, spacing=2e-3)
+    grid = body.distance
+    axes = [o + grid.spacing * np.arange(n) for o, n in zip(grid.origin, grid.values.shape, strict=True)]
+    points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
+    values = np.minimum(board.distance(points), leg.distance(points + below)).astype(np.float32)
+    surface = board.surface(0.02)
+    return replace(body, vertices=surface.vertices, faces=surface.faces, distance=replace(grid, values=values))
+
+
+@pytest.mark.parametrize(("thickness", "thin"), [(0.006, True), (0.02, True), (0.03, False)])
+def test_a_body_has_sides_where_a_part_of_it_is_thinner_than_two_cells(lab, thickness, thin):
+    """The board of a table decides, not its leg; what is thicker has none, nor has a thin body that can never meet
+    material."""
+    h = 0.0125
+    board = table(lab, thickness)
+    block = lab.soft("block", lab.Box(np.full(3, 0.05)), [0, 0, 0.06], E=5e4, cell=h)
+    assert thin_bodies(Model((board, block), np.array([0.0, 0.0, -9.81])), h) == ([0] if thin else [])
+    pad = lab.soft("pad", lab.Box(np.full(3, 0.05)), [0, 0, 0.5], E=5e4, cell=h, fixed=True, held=np.s_[:, :, 0])
+    assert thin_bodies(Model((board, pad), np.array([0.0, 0.0, -9.81])), h) == []
+
+
+@pytest.mark.parametrize("solid", ["ball", "block", "rod"])
+def test_round_and_thick_bodies_have_no_sides(lab, solid):
+    """A ball of three cells, a block and a rod of two and a half: normals turn, or the other side is too far."""
+    h = 0.0125
+    shape = {"ball": lab.Capsule(1.5 * h, 0.0), "block": lab.Box(np.full(3, 2.5 * h)), "rod": lab.Capsule(1.25 * h, h)}
+    body = lab.rigid(f"rigid {solid}", shape[solid], [0, 0, 0.2], edge=0.004, spacing=1e-3)
+    block = lab.soft("block", lab.Box(np.full(3, 0.05)), [0, 0, 0.06], E=5e4, cell=h)
+    assert thin_bodies(Model((body, block), np.array([0.0, 0.0, -9.81])), h) == []
