@@ -171,9 +171,10 @@ class SoftBodies:
     def locate_material(self) -> None:
         """Renew which soft body owns each node (the one with most mass there) and where its material lies."""
         self.owner = np.zeros(len(self.grid.node), dtype=np.int32)
-        self.material = self.node_material(0)
-        for part in range(1, len(self.index)):
-            other = self.node_material(part)
+        # first moment and mass per node of each soft body, shape (n, 4)
+        self.shares = [self.node_material(part) for part in range(len(self.index))]
+        self.material = self.shares[0].copy()
+        for part, other in enumerate(self.shares[1:], start=1):
             more = other[:, 3] > self.material[:, 3]
             self.owner[more] = part
             self.material[more] = other[more]
@@ -182,7 +183,7 @@ class SoftBodies:
         """Pairs of soft bodies that share a node: they feel each other through the grid."""
         if len(self.index) < 2:
             return set()
-        there = [self.node_material(part)[:, 3] > self.least_mass for part in range(len(self.index))]
+        there = [share[:, 3] > self.least_mass for share in self.shares]
         return {(a, b) for a, b in combinations(range(len(there)), 2) if (there[a] & there[b]).any()}
 
     def add_rigid_motion(self, part: int, impulse: Array) -> None:

@@ -198,15 +198,17 @@ class Coupling:
         return np.concatenate([np.stack(rows), state.rotation[index]])
 
 
-def dashpot_coefficient(model: Model, rigid: int, soft: int, config: SolverConfig) -> float:
-    """Critical damping [N s/m] of a pair's bounce: 2 zeta sqrt(k m), k the Hertz stiffness of the moving body."""
-    one, two = model.bodies[rigid], dict(model.soft_bodies)[soft]
-    free = [b for b in (one, two) if not b.fixed]
+def dashpot_coefficient(model: Model, first: int, second: int, config: SolverConfig) -> float:
+    """Critical damping [N s/m] of a pair's bounce: 2 zeta sqrt(k m), k the Hertz stiffness of the lighter moving body
+    on the softer of the two."""
+    pair = model.bodies[first], model.bodies[second]
+    free = [b for b in pair if not b.fixed]
     if not free:
         return 0.0
     mass = 1.0 / sum(1.0 / b.mass for b in free)
     lighter = min(free, key=lambda b: b.mass)
-    stiffness = contact_stiffness(lighter.mass * model.gravity_strength, footprint_radius(lighter), *softness(two))
+    young, poisson = min(softness(b) for b in pair if isinstance(b, SoftBody))
+    stiffness = contact_stiffness(lighter.mass * model.gravity_strength, footprint_radius(lighter), young, poisson)
     return 2.0 * config.damping_ratio * float(np.sqrt(stiffness * mass))
 
 

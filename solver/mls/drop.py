@@ -6,7 +6,8 @@ One step [H18, Alg. 1 with its Sec. 5 for rigid bodies]:
 
 The motion of a free body as a whole (falling, sliding, rolling) is never damped. What is damped: the strain motion of
 every soft body, by kinetic damping [B99] (at each peak of its kinetic energy relative to its rigid motion that part
-is taken away: the peak is where it passes its equilibrium), and the bounce of a touching pair (coupling.py).
+is taken away: the peak is where it passes its equilibrium), and the bounce of a touching pair (coupling.py,
+soft_pairs.py).
 
 [H18] Hu et al.: A moving least squares material point method ... SIGGRAPH 2018.
 [B99] Barnes: Form finding and analysis of tension structures by dynamic relaxation. Int. J. Space Struct. 14, 1999.
@@ -28,6 +29,7 @@ from solver.mls.outcome import IntervalImpulses, IntervalReport, measure_interva
 from solver.mls.particles import PER_AXIS, distance
 from solver.mls.plates import THIN, Plates, thin_bodies
 from solver.mls.rigid import RigidBodies
+from solver.mls.soft_pairs import SoftPairs
 from solver.model.bodies import Body, Model
 from solver.rest import Progress, RestMonitor
 from solver.result import FinalState, SettledModel, beside, build_result, carried
@@ -71,6 +73,7 @@ class ExplicitDrop:
         self.soft = SoftBodies(model, cell, thin=config.cpic and bool(thin))
         self.rigid = RigidBodies(model, config)
         self.coupling = Coupling(model, self.soft, self.rigid, config)
+        self.soft_pairs = SoftPairs(model, self.soft, config)
         self.plates = Plates(model, self.soft, self.rigid, self.coupling, thin)
         if thin:
             names = ", ".join(repr(model.bodies[i].name) for i in thin)
@@ -158,6 +161,7 @@ class ExplicitDrop:
         self.plates.take_impulses()
         self._check(dt)
         self.coupling.damp(dt)
+        self.soft_pairs.damp(dt)
         self._damp_strain()
         self._stiffen_cores()
         self.rigid.move(dt)

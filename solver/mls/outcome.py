@@ -17,6 +17,7 @@ from solver.mls.bodies import SoftBodies
 from solver.mls.coupling import PairImpulse
 from solver.mls.particles import distance
 from solver.mls.rigid import RigidBodies
+from solver.mls.soft_pairs import soft_contact
 from solver.model.bodies import Model, RigidBody, SoftBody
 from solver.model.state import best_rigid_motion
 from solver.rest import Signals
@@ -140,22 +141,15 @@ class IntervalReport:
         out = []
         for (a, b), force in zip(pairs, forces, strict=True):
             i, j = self.soft.index[a], self.soft.index[b]
-            direction = self._facing(i, j)
-            out.append((i, j, force, (force @ direction) * direction))
+            contact = soft_contact(self.soft, a, b)
+            if contact is not None:
+                out.append((i, j, force, (force @ contact.normal) * contact.normal))
         return out
 
     def _weight(self, part: int) -> Array:
         """What gravity does to the s-th soft body [N], shape (3,)."""
         constant = self.soft.particles.constant[self.soft.particles.group // 2 == part]
         return np.asarray((constant[:, 0] * constant[:, 3]).sum() * self.model.gravity)
-
-    def _facing(self, a: int, b: int) -> Array:
-        """Mean direction from the surface of b to that of a where they touch, shape (3,)."""
-        one, two = self.surface(a), self.surface(b)
-        gap, near = cKDTree(two).query(one)
-        touching = gap < 2.0 * PATCH * self.soft.grid.cell
-        way = (one[touching] - two[near[touching]]).sum(axis=0) if touching.any() else one.mean(0) - two.mean(0)
-        return np.asarray(way / max(float(np.linalg.norm(way)), 1e-30))
 
     def _rigid(self) -> list[tuple[int, int, Array, Array]]:
         """Rigid on rigid: force on the first and its normal part [N]."""

@@ -214,6 +214,46 @@ def test_a_soft_body_rests_on_a_soft_body_through_the_grid(lab):
 
 
 @pytest.mark.slow
+def test_a_soft_ball_on_a_soft_slab_stops_bouncing(lab):
+    """Nothing but the dashpot between the two takes the energy of its hops; it rests within half a second."""
+    h = 0.0125
+    slab = lab.soft("slab", lab.Box(np.array([0.2, 0.2, 0.05])), [0, 0, -0.025], E=2e4, rho=60.0, cell=h, fixed=True,
+                    held=np.s_[:, :, 0], loaded=True)  # fmt: skip
+    ball = lab.soft("ball", lab.Capsule(0.06, 0.0), [0.003, 0.0012, 0.065], E=2e4, cell=h)
+    result = drop(lab, ball, slab, mls_cell=h, step_limit=63)
+    assert result.verdict == "at_rest"
+    assert result.contacts[0].normal_force_n == pytest.approx(200.0 * 4 / 3 * np.pi * 0.06**3 * lab.gravity, rel=0.02)
+
+
+@pytest.mark.parametrize("clamped", [False, True])
+def test_the_dashpot_of_two_soft_bodies_keeps_momentum_and_takes_energy(lab, clamped):
+    """Of two blocks that meet slantwise, momentum and angular momentum stay unless one is clamped; the approach slows
+    down, and bodies that move as one feel nothing."""
+    h = 0.0125
+    side = np.full(3, 0.05)
+    under = lab.soft("under", lab.Box(side), [0, 0, 0], E=2e4, cell=h, fixed=clamped,
+                     held=np.s_[:, :, 0] if clamped else None)  # fmt: skip
+    over = lab.soft("over", lab.Box(side), [0.02, 0.01, 0.052], E=2e4, cell=h)
+    over = replace(over, velocity=np.array([0.05, 0.0, -0.2]))
+    one = stepping(lab, under, over, gravity=(0, 0, 0), mls_cell=h)
+    before, approach = momentum(one), one.soft.motion(1).velocity[2] - one.soft.motion(0).velocity[2]
+    one.soft_pairs.damp(1e-3)
+    after = one.soft.motion(1).velocity[2] - one.soft.motion(0).velocity[2]
+    assert 0.2 * approach > after > approach
+    if not clamped:
+        assert momentum(one) == pytest.approx(before, rel=1e-9, abs=1e-12)
+        for part in (0, 1):
+            turn, center = np.array([0.3, -0.2, 0.1]), one.soft.motion(part).center
+            one.soft.move(2 * part, keep=0.0, old=one.soft.motion(part),
+                          velocity=np.array([0.1, 0.2, 0.3]) + np.cross(turn, center), spin=turn)  # fmt: skip
+        together = momentum(one)
+        v = one.soft.particles.v.copy()
+        one.soft_pairs.damp(1e-3)
+        assert one.soft.particles.v == pytest.approx(v, abs=1e-12)
+        assert momentum(one) == pytest.approx(together, abs=1e-12)
+
+
+@pytest.mark.slow
 def test_rigid_bodies_stand_on_each_other_beside_the_material(lab):
     """A rigid cube on a rigid floor comes to rest on it while a soft body rests elsewhere."""
     cube = lab.rigid("cube", lab.Box(np.full(3, 0.05)), [0.2, 0, 0.0255], mass=0.5)
