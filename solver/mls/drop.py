@@ -83,7 +83,7 @@ class ExplicitDrop:
         self.length = max(model.bodies[i].size for i in self.watched)
         self.peak = np.zeros(len(self.soft.index))
         self.time = 0.0
-        self.moved = 0.0
+        self.moved = self._sides_unknown()
         self.monitor = RestMonitor(config, model.gravity_strength, self.length)
         self.steps = 0
         self._refuse_overlap()
@@ -173,6 +173,10 @@ class ExplicitDrop:
             self.soft.locate_material()
             self.moved = 0.0
 
+    def _sides_unknown(self) -> float:
+        """`moved` on a grid just laid out: its material was located without sides, and is again once they are found."""
+        return np.inf if self.soft.thin else 0.0
+
     def _check(self, dt: float) -> None:
         """Raise UnstableStep for what cannot go on; lay the grid out anew where particles have left their pencils."""
         soft = self.soft
@@ -192,6 +196,7 @@ class ExplicitDrop:
             )
         if total[STRAYS] > 0.0:
             soft.lay_out()
+            self.moved = self._sides_unknown()
             self.coupling.discard_distances()
 
     def _damp_strain(self) -> None:
