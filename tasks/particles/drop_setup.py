@@ -76,6 +76,13 @@ class DropSetup:
         low, high = self.crop[0, :2] - margin, self.crop[1, :2] + margin
         return np.asarray(faces[((corner.max(axis=1) >= low) & (corner.min(axis=1) <= high)).all(axis=1)])
 
+    def beside_base(self, margin: float) -> Mesh:
+        """What is not the base but at most `margin` [m] from its box in plan: the floor around a rug."""
+        faces = np.flatnonzero(self.scene.face_instance != self.base_index)
+        corner, box = self.scene.mesh.corners(faces)[:, :, :2], self.base.box.corners[:, :2]
+        low, high = box.min(axis=0) - margin, box.max(axis=0) + margin
+        return self.scene.mesh.submesh(faces[((corner.max(axis=1) >= low) & (corner.min(axis=1) <= high)).all(axis=1)])
+
     def note_geometry(self, body: str, parts: list[str], report: RepairReport) -> None:
         """Keep how a body's solid was made, and say where it is in doubt."""
         part = ", ".join(dict.fromkeys(parts))
@@ -182,11 +189,12 @@ def friction_of_points(rows: list[PartMaterial], part: NDArray[np.integer]) -> A
 def with_layers(
     constants: MaterialConstants, rows: list[PartMaterial], part: NDArray[np.integer], normal: Array
 ) -> MaterialConstants:
-    """The same with the layers of those parts (n,) that have some."""
+    """The same with the layers of those parts (n,) that have some; what is taken as softer is so in all directions."""
     along, in_plane = constants.youngs_modulus.copy(), constants.poisson_ratio.copy()
     shear = along / (2.0 * (1.0 + in_plane))
-    for row in rows:
+    for row, taken in zip(rows, stiffness_of(rows), strict=True):
         if (layers := row.material.layers) is not None:
-            own = part == row.part_index
-            along[own], in_plane[own], shear[own] = layers.youngs_modulus, layers.poisson_ratio, layers.shear_modulus
+            own, share = part == row.part_index, taken / row.material.youngs_modulus
+            along[own], in_plane[own] = share * layers.youngs_modulus, layers.poisson_ratio
+            shear[own] = share * layers.shear_modulus
     return constants._replace(layers=LayeredPoints(along, in_plane, shear, normal))
