@@ -157,8 +157,8 @@ def base_layers(setup: DropSetup, rows: list[PartMaterial], mesh: Mesh, part: ND
 
 def constants_in(rows: list[PartMaterial], layers: BaseLayers, position: Array) -> MaterialConstants:
     """Material at points (n, 3) of the soft base."""
-    owner = layers.owners(position)
-    return constants_of_parts(rows, owner, lambda: layers.normals(position, owner))
+    owner, layered = layers.owners(position), [r.part_index for r in rows if r.material.layers is not None]
+    return constants_of_parts(rows, owner, lambda: layers.normals(position, owner, layered))
 
 
 def loaded_region(setup: DropSetup) -> Array:

@@ -109,10 +109,11 @@ class BaseLayers:
         faces = faces if len(faces) else np.flatnonzero(own)
         return self.mesh.submesh(faces) if len(faces) else None
 
-    def normals(self, position: Array, owner: NDArray[np.integer]) -> Array:
-        """Unit normals, of either sign, of the layers of the part (n,) of each point (n, 3), shape (n, 3)."""
+    def normals(self, position: Array, owner: NDArray[np.integer], layered: Sequence[int]) -> Array:
+        """Unit normals, of either sign, of layers at points (n, 3) of parts (n,), upright where a part is none of
+        those with layers, shape (n, 3)."""
         normal = np.tile(UPRIGHT, (len(position), 1))
-        for index in np.unique(owner).tolist():
+        for index in set(layered) & set(owner.tolist()):
             within = np.flatnonzero(owner == index)
             surface = self.surface_of(index)
             surface = self.mesh if surface is None else surface  # hidden: it lies as what is seen above it does

@@ -62,3 +62,20 @@ def written(path: Path, parts: Parts) -> Path:
     """The file of these parts, one named node each."""
     write_object(path, list(parts.items()))
     return path
+
+
+def sofa(seat: float, thick: float) -> Parts:
+    """A seat cushion 1.2 x 0.7 m, in one piece and `thick` [m], its top at `seat` [m], on a base and before a back."""
+    base = block((-0.65, 0.65), (-0.4, 0.4), (0.0, seat - thick))
+    back = block((-0.65, 0.65), (0.35, 0.5), (0.0, seat + 0.4))
+    cushion = Mesh.concatenate([sheet((-0.6, 0.6), (-0.35, 0.35), seat),
+                                walls((-0.6, 0.6), (-0.35, 0.35), (seat - thick, seat))])  # fmt: skip
+    return {"base": base, "seat cushion": cushion, "back": back}
+
+
+def table(top: float) -> Parts:
+    """A wooden table 1.2 x 0.8 m whose top is 4 cm thick."""
+    legs = [
+        block((x - 0.03, x + 0.03), (y - 0.03, y + 0.03), (0.0, top - 0.04)) for x in (-0.5, 0.5) for y in (-0.3, 0.3)
+    ]
+    return {"top": block((-0.6, 0.6), (-0.4, 0.4), (top - 0.04, top)), "leg": Mesh.concatenate(legs)}

@@ -232,7 +232,7 @@ def test_layers_of_a_cover_lie_along_its_open_surface(slope_deg):
     mesh = Mesh.of(mesh.vertices + slope * mesh.vertices[:, :1] * [0.0, 0.0, 1.0], mesh.faces)
     x, y = (a.ravel() for a in np.meshgrid([-0.66, -0.3, 0.0, 0.5, 0.66], [0.1, 0.5, 0.95]))
     points = np.column_stack([x, y, TOP + 0.03 + slope * x - 0.015])
-    found = lying(base, mesh, part).normals(points, np.ones(len(points), dtype=np.int64))
+    found = lying(base, mesh, part).normals(points, np.ones(len(points), dtype=np.int64), [1])
     upright = np.array([-np.sin(np.radians(slope_deg)), 0.0, np.cos(np.radians(slope_deg))])
     assert np.abs(found @ upright) == pytest.approx(1.0, abs=1e-6)
 
@@ -245,5 +245,5 @@ def test_an_edge_turns_layers_over_half_their_thickness_only():
     base = Instance("mat_0", "mat", box_of((-0.5, -0.5, 0), (0.5, 0.5, 0.02)),
                     (Part("body", box_of((-0.5, -0.5, 0), (0.5, 0.5, 0.02)), 1.0),), None)  # fmt: skip
     points = np.column_stack([np.linspace(0.3, 0.5 - 0.03, 20), np.zeros(20), np.full(20, 0.012)])
-    found = lying(base, mesh, part).normals(points, np.zeros(20, dtype=np.int64))
+    found = lying(base, mesh, part).normals(points, np.zeros(20, dtype=np.int64), [0])
     assert np.abs(found[:, 2]).min() > 0.999

@@ -380,3 +380,21 @@ def test_an_object_on_a_slope_may_touch_with_all_of_its_underside() -> None:
     foot = predicted_footprint(slope, Raycaster(floor), 5.0, 1e-5, 0.0)
     assert foot.high[0] - foot.low[0] < 0.3
     assert foot.wider[:, 0] == pytest.approx([-0.2, 0.2], abs=0.4 / 40)
+
+
+@pytest.mark.parametrize(
+    ("item", "flat"),
+    [
+        (ball(0.1), False),
+        (box_mesh((-0.1, -0.1, 0.0), (0.1, 0.1, 0.2)), True),
+        (box_mesh((-0.1,) * 3, (0.1,) * 3), True),
+    ],
+)
+def test_a_ball_that_sinks_deep_is_round_still(item: Mesh, flat: bool) -> None:
+    """Pressed in by a third of its radius it shows no more of itself below its equator; a cube's face is flat at any
+    depth."""
+    ground = Raycaster(box_mesh((-1.0, -1.0, -1.2), (1.0, 1.0, -0.2)))
+    for weight in (2.0, 30.0, 70.0):
+        foot = predicted_footprint(item, ground, weight, 1.0 / 1.2e4, -0.2)
+        assert foot.flat is flat
+    assert flat or foot.depth > 0.03
