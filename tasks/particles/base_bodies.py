@@ -26,7 +26,14 @@ from tasks.bodies.soft_cells import Cells, graded_cells
 from tasks.bodies.thin_parts import UnderResolved, through_thin_parts
 from tasks.particles.bottoms import soft_bottoms
 from tasks.particles.covers import NEAR_EDGE, covers_beneath, covers_of
-from tasks.particles.drop_setup import REACH_BELOW, DropSetup, constants_of_parts, contact_cell_size, friction_of_points
+from tasks.particles.drop_setup import (
+    REACH_BELOW,
+    DropSetup,
+    constants_of_parts,
+    contact_cell_size,
+    friction_of_faces,
+    part_of_faces,
+)
 from tasks.particles.layers import COLUMN_STEPS, BaseLayers, column_of
 from tasks.particles.obstacles import NEARBY, governing_part, rigid_base
 
@@ -133,9 +140,9 @@ def soft_base(
     main = governing_part(setup, [r for r in rows if r.model is BodyModel.MPM], part)
     setup.note_stiffness(base_id, rows)
     surface = base_surface(setup, mesh, box, cells.size)
-    near = part[MeshDistance(mesh).nearest_face(surface.vertices)]
     body = SoftSimulationBody(
-        name=base_id, instance=base_id, fixed=True, surface=surface, point_friction=friction_of_points(rows, near),
+        name=base_id, instance=base_id, fixed=True, surface=surface,
+        face_friction=friction_of_faces(rows, part_of_faces(surface, mesh, part)),
         distance=contact_distance(setup, solid, box, cells.size), inertial=inertial_of_material(points),
         friction=main.material.friction, points=points, grid=grid_of(cells.planes, held=held), loaded=True,
     )  # fmt: skip

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from dcap.geometry.distance import MeshDistance
 from dcap.geometry.raycast import Raycaster
 from dcap.scene.types.anchor import Anchor
 from dcap.scene.types.gravity import GRAVITY
@@ -178,12 +179,18 @@ def stiffness_of(rows: list[PartMaterial]) -> list[float]:
     return [min(r.material.youngs_modulus, most[r.model]) for r in rows]
 
 
-def friction_of_points(rows: list[PartMaterial], part: NDArray[np.integer]) -> Array | None:
-    """Static and dynamic friction [-] and rolling resistance [m] of points that belong to the given parts (n,), shape
-    (n, 3); None where all parts have the same."""
+def friction_of_faces(rows: list[PartMaterial], part: NDArray[np.integer]) -> Array | None:
+    """Static and dynamic friction [-] and rolling resistance [m] of faces that belong to the given parts (m,), shape
+    (m, 3); None where all parts have the same."""
     table = np.array([(f.static, f.dynamic, f.rolling_resistance) for f in (r.material.friction for r in rows)])
     alike = (table[np.unique(part)] == table[part[:1]]).all()
     return None if alike else table[part]
+
+
+def part_of_faces(surface: Mesh, mesh: Mesh, part: NDArray[np.integer]) -> NDArray[np.int64]:
+    """Part of each face of a surface (m,) that was made from a mesh, whose faces belong to the given parts (k,): that
+    of the face under its middle; its corners may lie on several."""
+    return part[MeshDistance(mesh).nearest_face(surface.triangles.mean(axis=1))].astype(np.int64)
 
 
 def with_layers(

@@ -41,8 +41,9 @@ def constants(layer: Layer) -> Array:
     """mu, lambda, K_aa, K_aw, K_ww, k_d, k_s [Pa], shape (7,)."""
     e, nu = layer.youngs_modulus, layer.poisson_ratio
     along = layer.along or (e, nu, e / (2.0 * (1.0 + nu)))
-    values = [np.array([v]) for v in along]
-    mu, lam, added = split(np.array([e]), np.array([nu]), Layers(*values, np.array([[0.0, 0.0, 1.0]])))
+    in_layers, in_plane, shear = (np.array([value]) for value in along)
+    rest = Layers(in_layers, in_plane, shear, np.array([[0.0, 0.0, 1.0]]))
+    mu, lam, added = split(np.array([e]), np.array([nu]), rest)
     return np.concatenate([mu, lam, added[0]])
 
 

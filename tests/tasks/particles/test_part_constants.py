@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from dcap.scene.types.materials import BodyModel, LayerConstants, Material, PartMaterial
-from tasks.particles.drop_setup import MOST_CONTRAST, constants_of_parts, friction_of_points, stiffness_of
+from tasks.particles.drop_setup import MOST_CONTRAST, constants_of_parts, friction_of_faces, stiffness_of
 
 FOAM = Material("foam", 30.0, 1e4, 0.3, 0.6, 0.5, 0.002, "soft", "test")
 
@@ -27,15 +27,15 @@ def test_soft_parts_keep_their_stiffness_up_to_the_contrast() -> None:
     assert stiffness_of(rows(FOAM, stiff, stiffer, steel)) == [1e4, 9e7, MOST_CONTRAST * 1e4, 100.0 * 1e4]
 
 
-def test_points_have_the_friction_of_their_part() -> None:
+def test_faces_have_the_friction_of_their_part() -> None:
     """Static, dynamic, rolling of each; nothing where there is no difference."""
     rubber = replace(FOAM, id="rubber", static_friction=0.9, dynamic_friction=0.8, rolling_resistance=0.01)
     part = np.array([0, 1, 1, 0])
-    found = friction_of_points(rows(FOAM, rubber), part)
+    found = friction_of_faces(rows(FOAM, rubber), part)
     assert found is not None
     assert found == pytest.approx(np.array([[0.6, 0.5, 0.002], [0.9, 0.8, 0.01], [0.9, 0.8, 0.01], [0.6, 0.5, 0.002]]))
-    assert friction_of_points(rows(FOAM, rubber), np.zeros(4, dtype=np.int64)) is None
-    assert friction_of_points(rows(FOAM, replace(FOAM, id="other", density=99.0)), part) is None
+    assert friction_of_faces(rows(FOAM, rubber), np.zeros(4, dtype=np.int64)) is None
+    assert friction_of_faces(rows(FOAM, replace(FOAM, id="other", density=99.0)), part) is None
 
 
 def test_a_cap_softens_layers_in_all_directions() -> None:
