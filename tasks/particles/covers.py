@@ -11,6 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from dcap.geometry.boundary import is_closed
+from dcap.geometry.distance import signed_volume
 from dcap.geometry.solid.repair import subdivide_near
 from dcap.geometry.solid.support import COVERED, TOUCHING, over, plan_samples
 from dcap.language.covers import cover_thickness
@@ -47,16 +49,17 @@ class Cover:
     why: str
     """How the thickness is known."""
     beside: int | None = None
-    """The part whose top is seen beside its edge, that much lower; None where its edge shows no thickness."""
+    """The part whose top is seen beside its edge, a layer's thickness lower; None where none is."""
 
     @property
     def measured(self) -> bool:
         """Whether its edge shows the thickness; else it is what such covers usually have."""
-        return self.why == SHOWN
+        return self.why in (SHOWN, CLOSED)
 
 
-SHOWN, UNEVEN, UNSEEN = (
+SHOWN, CLOSED, UNEVEN, UNSEEN = (
     "as its edge shows",
+    "as its closed surface shows",
     "as is usual: no even step is seen along its edge",
     "as is usual: nothing is seen beside it that it lies on",
 )
@@ -87,13 +90,26 @@ def measured_cover(index: int, usual: float, mesh: Mesh, others: Mapping[int, Me
     near = mesh.bounds + np.array([[-NEAR_EDGE], [NEAR_EDGE]])
     near[:, 2] = -np.inf, np.inf
     top = upward_places(mesh, near)
+    solid = closed_thickness(mesh)
     beside = {other: steps_beside(top, upward_places(one, near)) for other, one in others.items()}
     steps = {other: step for other, heights in beside.items() if (step := even_step(heights)) is not None}
+    best = max(steps, key=lambda other: (steps[other].pairs, -other), default=-1)
+    if solid is not None:
+        return Cover(index, solid, CLOSED, None if best < 0 else best)
     if not steps:
         seen = any(len(heights) >= LEAST_PAIRS for heights in beside.values())
         return Cover(index, usual, UNEVEN if seen else UNSEEN)
-    best = max(steps, key=lambda other: (steps[other].pairs, -other))
     return Cover(index, steps[best].height, SHOWN, None if best < 0 else best)
+
+
+def closed_thickness(mesh: Mesh) -> float | None:
+    """Volume over area in plan of a surface that is closed [m]; None of any other, and of what is no layer."""
+    if not is_closed(mesh):
+        return None
+    normal = mesh.face_normals[:, 2]
+    plan = 0.5 * float(normal[normal > 0.0].sum())
+    thickness = abs(signed_volume(mesh.vertices, mesh.faces)) / max(plan, np.finfo(float).tiny)
+    return thickness if THINNEST < thickness < THICKEST else None
 
 
 def steps_beside(above: Array, beneath: Array) -> Array:

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import trimesh
 
 from dcap.language.covers import cover_thickness
 from dcap.scene.types.box import OrientedBox
@@ -150,13 +151,17 @@ def test_faces_inside_bound_no_cover():
 
 
 def test_a_thing_that_is_a_cover_as_a_whole():
-    """The one part of a rug is the rug, whatever the part is called."""
+    """The one part of a rug is the rug, whatever the part is called, as thick as its closed surface or the floor beside
+    it show."""
     sheet = plate((-1, 1), (-1, 1), 0.01)
     rug = Instance(
         "rug_1", "rug", box_of((-1, -1, 0), (1, 1, 0.01)), (Part("body", box_of((-1, -1, 0), (1, 1, 0.01)), 1.0),), None
     )
     part = np.zeros(len(sheet.faces), dtype=np.int32)
     assert covers_of(rug, [0], sheet, part)[0].thickness == cover_thickness("rug")
+    closed = trimesh.creation.box((2.0, 2.0, 0.03))
+    solid = Mesh.of(closed.vertices, closed.faces)
+    assert covers_of(rug, [0], solid, np.zeros(12, np.int32))[0].thickness == pytest.approx(0.03)
     floor = plate((-2, 2), (-2, 2), 0.01 - 0.022, 2)
     assert covers_of(rug, [0], sheet, part, floor)[0].thickness == pytest.approx(0.022, abs=1e-6)
 
