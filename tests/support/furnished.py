@@ -58,6 +58,26 @@ def bed(top: float, thick: float, blanket: float) -> Parts:
     return {"mattress": Mesh.concatenate(mattress), "blanket": Mesh.concatenate(covered), "frame": frame}
 
 
+def joined(meshes: list[Mesh]) -> Mesh:
+    """One mesh of many."""
+    return Mesh.concatenate(meshes)
+
+
+def bare_bed(top: float, thick: float) -> Parts:
+    """The same bed without its blanket."""
+    x, y, bottom = (-0.7, 0.7), (-1.0, 1.0), top - thick
+    mattress = joined([sheet(x, y, top), walls(x, y, (bottom, top))])
+    return {"mattress": mattress, "frame": block((-0.75, 0.75), (-1.05, 1.05), (0.0, bottom))}
+
+
+def rug(thick: float) -> Parts:
+    """A rug 2 x 1.4 m whose top is at `thick` [m], on a floor that is seen around it."""
+    x, y = (-1.0, 1.0), (-0.7, 0.7)
+    floor = [sheet((-2.0, 2.0), span, 0.0) for span in ((-2.0, y[0]), (y[1], 2.0))]
+    floor += [sheet(span, y, 0.0) for span in ((-2.0, x[0]), (x[1], 2.0))]
+    return {"rug": joined([sheet(x, y, thick), walls(x, y, (0.0, thick))]), "floor": joined(floor)}
+
+
 def written(path: Path, parts: Parts) -> Path:
     """The file of these parts, one named node each."""
     write_object(path, list(parts.items()))
