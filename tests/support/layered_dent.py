@@ -21,7 +21,7 @@ GAUSS = 0.5 + np.array([-0.5, 0.5]) / 3.0**0.5
 CONTACT = 1e9  # stiffness of the contact [Pa/m]: 10 kPa are 0.01 mm
 STEP = 1e-30  # of complex differentiation
 LARGER = 1e-6  # of central differences of exact first derivatives
-STEPS, ITERATIONS, DONE = 8, 60, 1e-8
+STEPS, ITERATIONS, DONE = 4, 60, 1e-8
 
 
 @dataclass(frozen=True, slots=True)
