@@ -66,11 +66,11 @@ SHOWN, CLOSED, UNEVEN, UNSEEN = (
 
 
 def covers_of(
-    base: Instance, soft: Sequence[int], mesh: Mesh, part: NDArray[np.int32], around: Mesh | None = None
+    base: Instance, soft: Sequence[int], mesh: Mesh, part: NDArray[np.int32], around: Sequence[Mesh] = ()
 ) -> dict[int, Cover]:
     """The covers among the soft parts of a base, by part; `part` (m,) is that of each face of `mesh`, all of the base.
 
-    What a thing lies on that is a cover as a whole is another thing: its edge is looked for in what is `around`.
+    What a thing lies on that is a cover as a whole is another thing, one of those `around` it.
     """
     found = {}
     for index in soft:
@@ -79,8 +79,8 @@ def covers_of(
             usual = cover_thickness(base.label)  # a rug is one part, whatever that is called
         if usual is not None and (part == index).any():
             others = {other: mesh.submesh(np.flatnonzero(part == other)) for other in set(part.tolist()) - {index}}
-            if len(base.parts) == 1 and around is not None:
-                others = {-1: around}
+            if len(base.parts) == 1:
+                others = {-1 - number: one for number, one in enumerate(around)}
             found[index] = measured_cover(index, usual, mesh.submesh(np.flatnonzero(part == index)), others)
     return found
 

@@ -77,12 +77,15 @@ class DropSetup:
         low, high = self.crop[0, :2] - margin, self.crop[1, :2] + margin
         return np.asarray(faces[((corner.max(axis=1) >= low) & (corner.min(axis=1) <= high)).all(axis=1)])
 
-    def beside_base(self, margin: float) -> Mesh:
-        """What is not the base but at most `margin` [m] from its box in plan: the floor around a rug."""
+    def beside_base(self, margin: float) -> list[Mesh]:
+        """What is not the base but at most `margin` [m] from its box in plan, thing by thing: the floor around a
+        rug."""
         faces = np.flatnonzero(self.scene.face_instance != self.base_index)
         corner, box = self.scene.mesh.corners(faces)[:, :, :2], self.base.box.corners[:, :2]
         low, high = box.min(axis=0) - margin, box.max(axis=0) + margin
-        return self.scene.mesh.submesh(faces[((corner.max(axis=1) >= low) & (corner.min(axis=1) <= high)).all(axis=1)])
+        faces = faces[((corner.max(axis=1) >= low) & (corner.min(axis=1) <= high)).all(axis=1)]
+        owner = self.scene.face_instance[faces]
+        return [self.scene.mesh.submesh(faces[owner == one]) for one in np.unique(owner)]
 
     def note_geometry(self, body: str, parts: list[str], report: RepairReport) -> None:
         """Keep how a body's solid was made, and say where it is in doubt."""

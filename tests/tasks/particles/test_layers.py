@@ -163,7 +163,8 @@ def test_a_thing_that_is_a_cover_as_a_whole():
     solid = Mesh.of(closed.vertices, closed.faces)
     assert covers_of(rug, [0], solid, np.zeros(12, np.int32))[0].thickness == pytest.approx(0.03)
     floor = plate((-2, 2), (-2, 2), 0.01 - 0.022, 2)
-    assert covers_of(rug, [0], sheet, part, floor)[0].thickness == pytest.approx(0.022, abs=1e-6)
+    shelf = plate((-2, 2), (-2, 2), 0.5)  # hides nothing
+    assert covers_of(rug, [0], sheet, part, [shelf, floor])[0].thickness == pytest.approx(0.022, abs=1e-6)
 
 
 def test_below_a_cover_lies_what_carries_it():
