@@ -73,9 +73,9 @@ class _CommonBody:
     dynamic_friction: float
     rolling_resistance: float
     """Length b of the resisting torque b * N [m]."""
-    point_friction: NDArray[np.float64] | None = field(default=None, kw_only=True)
-    """Static and dynamic friction and rolling resistance of each surface point where they differ, in place of the three
-    above, shape (n, 3)."""
+    face_friction: NDArray[np.float64] | None = field(default=None, kw_only=True)
+    """Static and dynamic friction and rolling resistance of each face where they differ, in place of the three above,
+    shape (m, 3)."""
     velocity: NDArray[np.float64] = field(default_factory=lambda: np.zeros(3), kw_only=True)
     """Start velocity [m/s], shape (3,)."""
     angular_velocity: NDArray[np.float64] = field(default_factory=lambda: np.zeros(3), kw_only=True)
@@ -98,20 +98,30 @@ class _CommonBody:
             raise ModelError(
                 f"body {self.name!r}: rolling_resistance is {self.rolling_resistance} m, must not be negative"
             )
-        rows = self.friction_rows
-        if rows.shape not in ((1, 3), (len(self.vertices), 3)):
-            raise ModelError(
-                f"body {self.name!r}: point_friction has shape {rows.shape}, not ({len(self.vertices)}, 3)"
-            )
-        if not ((rows >= 0.0) & (rows[:, 1:2] <= rows[:, :1] + np.array([0.0, 0.0, np.inf]))).all():
-            raise ModelError(f"body {self.name!r}: point_friction needs 0 <= dynamic <= static and rolling >= 0")
+        if (rows := self.face_friction) is not None:
+            if rows.shape != (len(self.faces), 3):
+                raise ModelError(
+                    f"body {self.name!r}: face_friction has shape {rows.shape}, not ({len(self.faces)}, 3)"
+                )
+            if not ((rows >= 0.0) & (rows[:, 1:2] <= rows[:, :1] + np.array([0.0, 0.0, np.inf]))).all():
+                raise ModelError(f"body {self.name!r}: face_friction needs 0 <= dynamic <= static and rolling >= 0")
 
     @property
     def friction_rows(self) -> NDArray[np.float64]:
-        """Static and dynamic friction [-], rolling resistance length [m]: of every point (n, 3), or of all (1, 3)."""
-        if self.point_friction is not None:
-            return self.point_friction
-        return np.array([[self.static_friction, self.dynamic_friction, self.rolling_resistance]])
+        """Static and dynamic friction [-], rolling resistance length [m]: of every point (n, 3), or of all (1, 3). A
+        point between faces that differ has their mean by area: so its own share of the surface has."""
+        own = np.array([[self.static_friction, self.dynamic_friction, self.rolling_resistance]])
+        if self.face_friction is None:
+            return own
+        a, b, c = self.vertices[self.faces].transpose(1, 0, 2)
+        area = np.repeat(np.linalg.norm(np.cross(b - a, c - a), axis=1), 3)
+        corner, rows = self.faces.ravel(), np.repeat(self.face_friction, 3, axis=0)
+        some = np.repeat(own, len(self.vertices), axis=0)
+        some[corner] = rows  # of one of its faces
+        share = area / np.maximum(np.bincount(corner, area, len(some)), np.finfo(float).tiny)[corner]
+        # differences from that one, so that equal rows give the same bytes
+        change = share[:, None] * (rows - some[corner])
+        return some + np.stack([np.bincount(corner, change[:, k], len(some)) for k in range(3)], axis=1)
 
 
 @dataclass(frozen=True, eq=False, slots=True)

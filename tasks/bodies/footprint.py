@@ -70,11 +70,18 @@ def predicted_footprint(
     radius = min(radius, float(np.sqrt(area[touching].sum() / np.pi)))
     wider = gap <= closest + WIDER * depth
     corner, beyond = (fine.triangles[under[those]].reshape(-1, 3) for those in (touching, wider))
+    height = float(np.ptp(item.vertices[:, 2]))
     return Footprint(
         corner.min(axis=0), corner.max(axis=0), np.stack([beyond.min(axis=0), beyond.max(axis=0)]), radius, depth,
-        float(area[wider].sum()) < FLAT * float(area[touching].sum()), closest,
+        is_flat(gap - closest, area, min(WIDER * depth, 0.5 * height)), closest,
         int(nearest_face(item, center[int(np.argmin(gap))])),
     )  # fmt: skip
+
+
+def is_flat(gap: NDArray[np.float64], area: NDArray[np.float64], depth: float) -> bool:
+    """Whether faces of these gaps [m] and areas in plan [m^2] grow little on the last way to a depth [m], which is at
+    most half an object's height: a ball has no more to show beyond that."""
+    return float(area[gap <= depth].sum()) < FLAT * float(area[gap <= depth / WIDER].sum())
 
 
 def underside(

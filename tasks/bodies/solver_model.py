@@ -33,7 +33,7 @@ def solver_body(body: SimulationBody) -> Body:
         case RigidSimulationBody():
             return RigidBody(
                 *common, inertial.inertia, velocity=body.velocity, angular_velocity=body.angular_velocity,
-                vertical=body.vertical, point_friction=body.point_friction,
+                vertical=body.vertical, face_friction=body.face_friction,
             )  # fmt: skip
         case SoftSimulationBody(points=points, grid=grid):
             interior = Interior(
@@ -42,7 +42,7 @@ def solver_body(body: SimulationBody) -> Body:
             )  # fmt: skip
             return SoftBody(
                 *common, interior, velocity=body.velocity, angular_velocity=body.angular_velocity,
-                point_friction=body.point_friction,
+                face_friction=body.face_friction,
             )  # fmt: skip
 
 

@@ -1,8 +1,9 @@
 """Cells through what is thin in a soft support: a cushion of one cell can neither bend nor be pressed together.
 
 In: the sampled distance of a solid and the planes that the contact asked for. Out: planes with enough cells through
-what is thin, where a budget allows them. Thickness is that of the material that a line along an axis passes at one
-stretch; rims and rounded edges are shorter than what they belong to, so that a low quantile counts, not the least.
+what is thin, where a budget allows them, and the places where it does not. Thickness is that of the material that a
+line along an axis passes at one stretch; rims and rounded edges are shorter than what they belong to, so that a low
+quantile counts, not the least.
 """
 
 from dataclasses import dataclass
@@ -42,7 +43,7 @@ class ThinProfile:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class UnderResolved:
-    """The thinnest place for its cells."""
+    """A place that is too thin for its cells."""
 
     cells: float
     """Cells through it [-]."""
@@ -82,9 +83,9 @@ def thin_profile(grid: DistanceGrid, axis: int, region: Array) -> ThinProfile:
 
 def through_thin_parts(
     cells: Cells, grid: DistanceGrid, region: Array, budget: int, least: float
-) -> tuple[Cells, UnderResolved | None]:
+) -> tuple[Cells, list[UnderResolved]]:
     """Cells with THROUGH of them through what is thin in a box [m], shape (2, 3), at least `least` [m] each and at most
-    ALLOWANCE times `budget` of them; and what stays thinner than that."""
+    ALLOWANCE times `budget` of them; and the places along each axis that stay thinner than that."""
     profiles = [thin_profile(grid, axis, region) for axis in range(3)]
     distance = sampler(grid)
     found = cells
@@ -97,8 +98,9 @@ def through_thin_parts(
         if count <= max(ALLOWANCE * budget, cells.count):
             found = Cells((x, y, z), cells.size, count)
             break
-    worst = min((coarsest(planes, profile) for planes, profile in zip(found.planes, profiles, strict=True)), key=few)
-    return found, worst if worst.cells < NAMED * THROUGH else None
+    return found, [
+        one for planes, profile in zip(found.planes, profiles, strict=True) for one in too_thin(planes, profile)
+    ]
 
 
 def split(planes: Array, profile: ThinProfile, share: float, least: float) -> Array:
@@ -117,14 +119,11 @@ def thinnest(profile: ThinProfile, low: float, high: float) -> float:
     return float(profile.thickness[between].min(initial=np.inf))
 
 
-def coarsest(planes: Array, profile: ThinProfile) -> UnderResolved:
-    """Where there are fewest cells through the thickness."""
+def too_thin(planes: Array, profile: ThinProfile) -> list[UnderResolved]:
+    """Where there are fewer cells through the thickness than are to be."""
     index = np.clip(np.searchsorted(planes, profile.place, side="right") - 1, 0, len(planes) - 2)
     through = profile.thickness / np.diff(planes)[index]
-    worst = int(np.argmin(through))
-    return UnderResolved(float(through[worst]), float(profile.thickness[worst]), profile.example[worst])
-
-
-def few(found: UnderResolved) -> float:
-    """Its number of cells, to compare by."""
-    return found.cells
+    return [
+        UnderResolved(float(through[one]), float(profile.thickness[one]), profile.example[one])
+        for one in np.flatnonzero(through < NAMED * THROUGH)
+    ]

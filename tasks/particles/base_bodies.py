@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dcap.geometry.distance import Distance, MeshDistance, sampler
-from dcap.geometry.solid.support import carried_bottoms, ready_support, shell_bottoms
+from dcap.geometry.solid.support import ready_support, shell_bottoms
 from dcap.scene.errors import GeometryError
 from dcap.scene.types.materials import BodyModel, PartMaterial
 from dcap.scene.types.mesh import Mesh
@@ -20,13 +20,21 @@ from dcap.scene.types.particles import (
 from tasks.bodies.contact_surface import PER_CELL, soft_support_surface
 from tasks.bodies.distance_samples import distance_samples
 from tasks.bodies.inertial import inertial_of_material
-from tasks.bodies.layer_normals import layer_normals
-from tasks.bodies.material_points import material_points
+from tasks.bodies.material_points import MaterialConstants, material_points
 from tasks.bodies.node_states import grid_of, nodes_at_bottoms, nodes_at_cuts, nodes_within
 from tasks.bodies.soft_cells import Cells, graded_cells
 from tasks.bodies.thin_parts import UnderResolved, through_thin_parts
-from tasks.particles.drop_setup import REACH_BELOW, DropSetup, constants_of_parts, contact_cell_size, friction_of_points
-from tasks.particles.layers import COLUMN_STEPS, Cover, column_of, covers_of, lies_under, owners, top_of
+from tasks.particles.bottoms import soft_bottoms
+from tasks.particles.covers import NEAR_EDGE, covers_beneath, covers_of
+from tasks.particles.drop_setup import (
+    REACH_BELOW,
+    DropSetup,
+    constants_of_parts,
+    contact_cell_size,
+    friction_of_faces,
+    part_of_faces,
+)
+from tasks.particles.layers import COLUMN_STEPS, BaseLayers, column_of
 from tasks.particles.obstacles import NEARBY, governing_part, rigid_base
 
 Array = NDArray[np.float64]
@@ -113,8 +121,8 @@ def soft_base(
     """All soft parts of the base within the crop as one fixed body, its cell size at the contact [m], and the column of
     materials there."""
     base_id, config, mesh = setup.anchor.base_id, setup.config, setup.scene.mesh.submesh(faces)
-    covers = noted_covers(setup, rows, mesh, part)
-    bottom = soft_bottoms(setup, rows, covers, mesh, part)
+    layers = base_layers(setup, rows, mesh, part)
+    bottom = soft_bottoms(setup, layers)
     solid, report = ready_support(mesh, bottom, setup.contact_region, config.hole_perimeter)
     setup.note_geometry(base_id, [setup.base.parts[p].name for p in np.unique(part)], report)
     box, cut = soft_box(setup, solid)
@@ -123,26 +131,41 @@ def soft_base(
     cells, thin = through_thin_parts(
         base_cells(setup, inside, box), grid, loaded_region(setup), config.base_cells, config.finest_cell
     )  # fmt: skip
-    if thin is not None:
-        note_thin(setup, int(owners(setup.base, covers, mesh, part, thin.place[None])[0]), thin)
+    note_cells(setup, layers, cells, thin)
     points = material_points(
-        cells.planes, inside,
-        lambda x: constants_of_parts(
-            rows, owners(setup.base, covers, mesh, part, x), lambda: layer_normals(grid, x)
-        ),
+        cells.planes, inside, lambda x: constants_in(rows, layers, x),
         if_empty=f"{base_id}: no solid beneath the object; raise ParticlesConfig.least_thickness",
     )  # fmt: skip
     held = held_nodes(setup, cells, cut, bottom, part, rigid)
     main = governing_part(setup, [r for r in rows if r.model is BodyModel.MPM], part)
     setup.note_stiffness(base_id, rows)
     surface = base_surface(setup, mesh, box, cells.size)
-    near = part[MeshDistance(mesh).nearest_face(surface.vertices)]
     body = SoftSimulationBody(
-        name=base_id, instance=base_id, fixed=True, surface=surface, point_friction=friction_of_points(rows, near),
+        name=base_id, instance=base_id, fixed=True, surface=surface,
+        face_friction=friction_of_faces(rows, part_of_faces(surface, mesh, part)),
         distance=contact_distance(setup, solid, box, cells.size), inertial=inertial_of_material(points),
         friction=main.material.friction, points=points, grid=grid_of(cells.planes, held=held), loaded=True,
     )  # fmt: skip
-    return body, cells.size, column_under(setup, rows, covers, mesh, part, float(box[0, 2]))
+    return body, cells.size, column_under(setup, rows, layers, float(box[0, 2]))
+
+
+def base_layers(setup: DropSetup, rows: list[PartMaterial], mesh: Mesh, part: NDArray[np.int32]) -> BaseLayers:
+    """The soft parts of the base with their covers, which are looked for all over it: what carries a blanket may be
+    seen far from the object only. Each is noted with how thick it is taken to be."""
+    soft = [r.part_index for r in rows if r.model is BodyModel.MPM]
+    faces = np.flatnonzero(setup.scene.face_instance == setup.base_index)
+    whole, parts = setup.scene.mesh.submesh(faces), np.clip(setup.scene.face_part[faces], 0, None)
+    covers = covers_of(setup.base, soft, whole, parts, setup.beside_base(NEAR_EDGE))
+    for cover in covers.values():
+        name = setup.base.parts[cover.part].name
+        setup.notes.append(f"{setup.anchor.base_id}: {name} is a layer of {1e3 * cover.thickness:.0f} mm, {cover.why}")
+    return BaseLayers.of(setup.base, soft, covers, covers_beneath(setup.base, covers, whole, parts), mesh, part)
+
+
+def constants_in(rows: list[PartMaterial], layers: BaseLayers, position: Array) -> MaterialConstants:
+    """Material at points (n, 3) of the soft base."""
+    owner, layered = layers.owners(position), [r.part_index for r in rows if r.material.layers is not None]
+    return constants_of_parts(rows, owner, lambda: layers.normals(position, owner, layered))
 
 
 def loaded_region(setup: DropSetup) -> Array:
@@ -154,33 +177,24 @@ def loaded_region(setup: DropSetup) -> Array:
     return box
 
 
-def note_thin(setup: DropSetup, part: int, thin: UnderResolved) -> None:
-    """Name the part that has too few cells through it."""
-    setup.notes.append(
-        f"{setup.anchor.base_id}: only {thin.cells:.1f} cells through {setup.base.parts[part].name} where it is "
-        f"{1e3 * thin.thickness:.0f} mm thick, to meet the budget of {setup.config.base_cells} cells "
-        "(ParticlesConfig.base_cells)"
-    )
-
-
-def noted_covers(setup: DropSetup, rows: list[PartMaterial], mesh: Mesh, part: NDArray[np.int32]) -> dict[int, Cover]:
-    """The covers among the soft parts, each with a note of how thick it is taken to be."""
-    soft = [r.part_index for r in rows if r.model is BodyModel.MPM]
-    covers = covers_of(setup.base, soft, mesh, part)
-    for cover in covers.values():
-        why = "as its edge shows" if cover.measured else "as is usual: its edge shows no thickness"
-        name = setup.base.parts[cover.part].name
-        setup.notes.append(f"{setup.anchor.base_id}: {name} is a layer of {1e3 * cover.thickness:.0f} mm, {why}")
-    return covers
+def note_cells(setup: DropSetup, layers: BaseLayers, cells: Cells, thin: list[UnderResolved]) -> None:
+    """Say where thin parts took more cells than the budget, and name every part that has too few through it."""
+    base_id, budget = setup.anchor.base_id, f"budget of {setup.config.base_cells} cells (ParticlesConfig.base_cells)"
+    if cells.count > setup.config.base_cells:
+        setup.notes.append(f"{base_id}: {cells.count} cells, for two through what is thin, beyond the {budget}")
+    worst: dict[int, UnderResolved] = {}
+    owner = layers.owners(np.array([one.place for one in thin]).reshape(-1, 3))
+    for part, one in zip(owner.tolist(), thin, strict=True):
+        worst[part] = min(worst.get(part, one), one, key=lambda found: found.cells)
+    for part, one in worst.items():
+        setup.notes.append(
+            f"{base_id}: only {one.cells:.1f} cells through {setup.base.parts[part].name} where it is "
+            f"{1e3 * one.thickness:.0f} mm thick, to meet the {budget}"
+        )
 
 
 def column_under(
-    setup: DropSetup,
-    rows: list[PartMaterial],
-    covers: dict[int, Cover],
-    mesh: Mesh,
-    part: NDArray[np.int32],
-    bottom: float,
+    setup: DropSetup, rows: list[PartMaterial], layers: BaseLayers, bottom: float
 ) -> tuple[ColumnLayer, ...]:
     """Parts and materials straight below the predicted contact, down to `bottom` [m]."""
     foot = setup.footprint
@@ -188,8 +202,7 @@ def column_under(
     depth = np.linspace(0.0, max(top - bottom, 0.0), COLUMN_STEPS)
     middle = 0.5 * (foot.low + foot.high)[:2]
     points = np.column_stack([np.tile(middle, (len(depth), 1)), top - depth])
-    owner = owners(setup.base, covers, mesh, part, points)
-    return column_of(owner, depth, [(r.part, r.material.id) for r in rows])
+    return column_of(layers.owners(points), depth, [(r.part, r.material.id) for r in rows])
 
 
 def contact_distance(setup: DropSetup, solid: MeshDistance, box: Array, cell: float) -> DistanceGrid:
@@ -197,30 +210,6 @@ def contact_distance(setup: DropSetup, solid: MeshDistance, box: Array, cell: fl
     region = setup.contact_region
     reached = np.stack([np.maximum(box[0], region[0]), np.minimum(box[1], region[1])])
     return distance_samples(solid, reached, cell / SAMPLES_PER_CELL, margin=MARGIN, most=setup.config.distance_samples)
-
-
-def soft_bottoms(
-    setup: DropSetup, rows: list[PartMaterial], covers: dict[int, Cover], mesh: Mesh, part: NDArray[np.int32]
-) -> Array:
-    """Bottom of the soft solid under each face [m], shape (m,)."""
-    index = [r.part_index for r in rows if r.model is BodyModel.MPM]
-    carried = carried_bottoms([setup.base.parts[i].box for i in index])
-    bottom = np.full(len(rows), np.inf)
-    bottom[index] = carried
-    for one in sorted(set(part.tolist())):
-        top = float(np.median(mesh.corners(np.flatnonzero(part == one))[:, :, 2]))
-        if one in covers:  # over something soft it ends where that does, else at its own thickness
-            under = [i for i in index if i not in covers and lies_under(setup.base, i, covers[one])]
-            own_bottom = top_of(mesh, part == one) - covers[one].thickness
-            bottom[one] = min([bottom[one], *bottom[under]]) if under else own_bottom
-            continue
-        if top - bottom[one] < setup.config.least_thickness:
-            bottom[one] = top - setup.config.least_thickness
-            setup.notes.append(
-                f"{setup.anchor.base_id}: {setup.base.parts[one].name} shows no thickness and is taken as "
-                f"{setup.config.least_thickness} m thick (ParticlesConfig.least_thickness)"
-            )
-    return bottom[part]
 
 
 def soft_box(setup: DropSetup, solid: MeshDistance) -> tuple[Array, NDArray[np.bool_]]:

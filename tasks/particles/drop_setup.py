@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from dcap.geometry.distance import MeshDistance
 from dcap.geometry.raycast import Raycaster
 from dcap.scene.types.anchor import Anchor
 from dcap.scene.types.gravity import GRAVITY
@@ -75,6 +76,16 @@ class DropSetup:
         corner = self.scene.mesh.corners(faces)[:, :, :2]
         low, high = self.crop[0, :2] - margin, self.crop[1, :2] + margin
         return np.asarray(faces[((corner.max(axis=1) >= low) & (corner.min(axis=1) <= high)).all(axis=1)])
+
+    def beside_base(self, margin: float) -> list[Mesh]:
+        """What is not the base but at most `margin` [m] from its box in plan, thing by thing: the floor around a
+        rug."""
+        faces = np.flatnonzero(self.scene.face_instance != self.base_index)
+        corner, box = self.scene.mesh.corners(faces)[:, :, :2], self.base.box.corners[:, :2]
+        low, high = box.min(axis=0) - margin, box.max(axis=0) + margin
+        faces = faces[((corner.max(axis=1) >= low) & (corner.min(axis=1) <= high)).all(axis=1)]
+        owner = self.scene.face_instance[faces]
+        return [self.scene.mesh.submesh(faces[owner == one]) for one in np.unique(owner)]
 
     def note_geometry(self, body: str, parts: list[str], report: RepairReport) -> None:
         """Keep how a body's solid was made, and say where it is in doubt."""
@@ -171,22 +182,29 @@ def stiffness_of(rows: list[PartMaterial]) -> list[float]:
     return [min(r.material.youngs_modulus, most[r.model]) for r in rows]
 
 
-def friction_of_points(rows: list[PartMaterial], part: NDArray[np.integer]) -> Array | None:
-    """Static and dynamic friction [-] and rolling resistance [m] of points that belong to the given parts (n,), shape
-    (n, 3); None where all parts have the same."""
+def friction_of_faces(rows: list[PartMaterial], part: NDArray[np.integer]) -> Array | None:
+    """Static and dynamic friction [-] and rolling resistance [m] of faces that belong to the given parts (m,), shape
+    (m, 3); None where all parts have the same."""
     table = np.array([(f.static, f.dynamic, f.rolling_resistance) for f in (r.material.friction for r in rows)])
     alike = (table[np.unique(part)] == table[part[:1]]).all()
     return None if alike else table[part]
 
 
+def part_of_faces(surface: Mesh, mesh: Mesh, part: NDArray[np.integer]) -> NDArray[np.int64]:
+    """Part of each face of a surface (m,) that was made from a mesh, whose faces belong to the given parts (k,): that
+    of the face under its middle; its corners may lie on several."""
+    return part[MeshDistance(mesh).nearest_face(surface.triangles.mean(axis=1))].astype(np.int64)
+
+
 def with_layers(
     constants: MaterialConstants, rows: list[PartMaterial], part: NDArray[np.integer], normal: Array
 ) -> MaterialConstants:
-    """The same with the layers of those parts (n,) that have some."""
+    """The same with the layers of those parts (n,) that have some; what is taken as softer is so in all directions."""
     along, in_plane = constants.youngs_modulus.copy(), constants.poisson_ratio.copy()
     shear = along / (2.0 * (1.0 + in_plane))
-    for row in rows:
+    for row, taken in zip(rows, stiffness_of(rows), strict=True):
         if (layers := row.material.layers) is not None:
-            own = part == row.part_index
-            along[own], in_plane[own], shear[own] = layers.youngs_modulus, layers.poisson_ratio, layers.shear_modulus
+            own, share = part == row.part_index, taken / row.material.youngs_modulus
+            along[own], in_plane[own] = share * layers.youngs_modulus, layers.poisson_ratio
+            shear[own] = share * layers.shear_modulus
     return constants._replace(layers=LayeredPoints(along, in_plane, shear, normal))

@@ -1,138 +1,171 @@
-"""Layers of a soft base: covers of their own thickness over what carries them.
+"""Layers of a soft base: which part lies at which depth, and which way the layers of cloth lie there.
 
-A scan shows the top of a blanket and nothing beneath. In: the soft parts of a base as they are seen. Out: for every
-cover its thickness, measured where its edge shows it, and for every point the part that it belongs to: within that
-thickness below the cover's surface the cover, deeper what lies under it.
+In: the soft parts of a base as they are seen, and its covers. Out: for every point the part that it belongs to, within
+a cover's thickness below its open surface that cover, deeper the covers beneath it, each as thick as it is, and below
+them what carries them; and the normals of layers, across the open surface of the part.
 """
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from dcap.geometry.distance import MeshDistance
 from dcap.geometry.raycast import Raycaster
-from dcap.geometry.solid.support import COVERED, TOUCHING, over, plan_samples
-from dcap.language.covers import cover_thickness
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.particles import ColumnLayer
 from dcap.scene.types.segmentation import Instance
+from tasks.particles.covers import Cover
 
 Array = NDArray[np.float64]
 
-UPWARD = 0.8  # of a normal's z: faces that show how high a layer lies [-]
-NEAR_EDGE = 0.06  # a cover's top and the top of what it lies on are compared this far apart in plan [m]
-LEAST_PAIRS = 8  # of places along the edge
-SPREAD = 0.5  # middle half of the steps over their median: where they scatter more, the edge shows no thickness [-]
-THINNEST, THICKEST = 0.002, 0.12  # steps outside are no edge of a cover [m]
 COLUMN_STEPS = 400
 OFF_FACE, WAY_OUT = 1e-3, 0.5  # a ray starts this far from its face, and is out after so far [m]
+# Gauss-Hermite nodes over the deviation and their weights, exact to the fifth power along each axis
+HERMITE = ((-(3.0**0.5), 1.0 / 6.0), (0.0, 2.0 / 3.0), (3.0**0.5, 1.0 / 6.0))
+UPRIGHT = (0.0, 0.0, 1.0)
 
 
-@dataclass(frozen=True, slots=True)
-class Cover:
-    """One part that lies over others."""
+@dataclass(frozen=True, eq=False, slots=True)
+class BaseLayers:
+    """The soft parts of a base in the crop, prepared to say what lies where."""
 
-    part: int
-    thickness: float
-    """[m]."""
-    measured: bool
-    """Whether its edge shows the thickness; else it is what such covers usually have."""
+    base: Instance
+    soft: tuple[int, ...]
+    """Indices of all soft parts, also of those that are seen elsewhere only."""
+    covers: Mapping[int, Cover]
+    """Those of them that are covers."""
+    beneath: Mapping[int, Sequence[int]]
+    """The covers under each cover, from the top down."""
+    mesh: Mesh
+    """What is seen of them in the crop."""
+    part: NDArray[np.int32]
+    """Of each face, shape (m,)."""
+    open: NDArray[np.bool_]
+    """Faces from which one gets out of the thing, shape (m,)."""
 
+    @classmethod
+    def of(
+        cls,
+        base: Instance,
+        soft: Sequence[int],
+        covers: Mapping[int, Cover],
+        beneath: Mapping[int, Sequence[int]],
+        mesh: Mesh,
+        part: NDArray[np.int32],
+    ) -> "BaseLayers":
+        """Find the open faces."""
+        return cls(base, tuple(soft), covers, beneath, mesh, part, open_faces(mesh))
 
-def covers_of(base: Instance, soft: list[int], mesh: Mesh, part: NDArray[np.int32]) -> dict[int, Cover]:
-    """The covers among the soft parts of a base, by part; `part` (m,) is that of each face of `mesh`."""
-    found = {}
-    for index in soft:
-        usual = cover_thickness(base.parts[index].name)
-        if usual is None and len(base.parts) == 1:
-            usual = cover_thickness(base.label)  # a rug is one part, whatever that is called
-        if usual is not None and (part == index).any():
-            step = edge_step(mesh, part == index, part != index)
-            found[index] = Cover(index, usual if step is None else step, step is not None)
-    return found
+    @property
+    def carrying(self) -> list[int]:
+        """The parts that are no covers."""
+        return [index for index in self.soft if index not in self.covers]
 
-
-def edge_step(mesh: Mesh, own: NDArray[np.bool_], others: NDArray[np.bool_]) -> float | None:
-    """How far the top of some faces lies above that of others beside them [m]; None where no edge shows it."""
-    upward, middle = looks_up(mesh), mesh.triangles.mean(axis=1)
-    above, beneath = middle[own & upward], middle[others & upward]
-    if not len(above) or not len(beneath):
-        return None
-    distance, nearest = cKDTree(above[:, :2]).query(beneath[:, :2], distance_upper_bound=NEAR_EDGE)
-    beside = np.isfinite(distance)
-    step = above[nearest[beside], 2] - beneath[beside, 2]
-    step = step[(step > THINNEST) & (step < THICKEST)]
-    if len(step) < LEAST_PAIRS or len(step) < 0.5 * beside.sum():
-        return None
-    low, median, high = np.quantile(step, [0.25, 0.5, 0.75])
-    return float(median) if high - low < SPREAD * median else None
-
-
-def looks_up(mesh: Mesh) -> NDArray[np.bool_]:
-    """Faces that look up, shape (m,)."""
-    normal = mesh.face_normals
-    return np.asarray(normal[:, 2] > UPWARD * np.linalg.norm(normal, axis=1))
-
-
-def top_of(mesh: Mesh, faces: NDArray[np.bool_]) -> float:
-    """Median height of the faces (m,) that look up [m], of all of them where none does."""
-    upward = faces & looks_up(mesh)
-    return float(np.median(mesh.triangles[upward if upward.any() else faces][:, :, 2]))
-
-
-def lies_under(base: Instance, lower: int, cover: Cover) -> bool:
-    """Whether a part begins below a cover, with a good share of one over the other: a blanket may hang lower than the
-    mattress that carries it, and a throw lie on a part of a sofa."""
-    one, other = base.parts[lower].box, base.parts[cover.part].box
-    beside = max(over(plan_samples(other), one), over(plan_samples(one), other))
-    return beside > COVERED and one.bottom < other.top - cover.thickness - TOUCHING
-
-
-def owners(
-    base: Instance, covers: dict[int, Cover], mesh: Mesh, part: NDArray[np.int32], position: Array
-) -> NDArray[np.int64]:
-    """Part that each point (n, 3) belongs to: that of the nearest face, but deeper in a cover than it is thick what
-    lies beneath, shape (n,)."""
-    field = MeshDistance(mesh)
-    owner = part[field.nearest_face(position)].astype(np.int64)
-    beneath = np.flatnonzero(~np.isin(part, list(covers)))
-    if not len(beneath) or not covers:
+    def owners(self, position: Array) -> NDArray[np.int64]:
+        """Part that each point (n, 3) belongs to, shape (n,): that of the nearest face, but deeper in a cover than it
+        is thick what lies beneath."""
+        nearest = self.part[MeshDistance(self.mesh).nearest_face(position)].astype(np.int64)
+        owner = nearest.copy()
+        for index, cover in self.covers.items():
+            within = np.flatnonzero(nearest == index)
+            if len(within) and (surface := self.surface_of(index)) is not None:
+                below = MeshDistance(surface).unsigned(position[within]) - cover.thickness
+                owner[within] = self.under(index, position[within], below)
         return owner
-    seen = open_faces(mesh, np.isin(part, list(covers)))
-    for cover in covers.values():
-        deep = np.flatnonzero(owner == cover.part)
-        outside = np.flatnonzero(seen & (part == cover.part))
-        if len(deep) and len(outside):
-            deep = deep[MeshDistance(mesh.submesh(outside)).unsigned(position[deep]) > cover.thickness]
-        if len(deep):
-            owner[deep] = carriers(base, mesh.submesh(beneath), part[beneath], position[deep])
-    return owner
+
+    def under(self, upper: int, position: Array, below: Array) -> NDArray[np.int64]:
+        """Part that each point (n, 3) belongs to that is so far below the underside of a cover [m], shape (n,)."""
+        owner, left = np.full(len(position), upper, dtype=np.int64), below.copy()
+        for lower in self.beneath[upper]:
+            there = np.flatnonzero((left > 0.0) & over_box(self.base, lower, position))
+            owner[there] = lower
+            left[there] -= self.covers[lower].thickness
+        deep = np.flatnonzero(left > 0.0)
+        if len(deep) and self.carrying:
+            owner[deep] = self.carriers(position[deep])
+        return owner
+
+    def carriers(self, position: Array) -> NDArray[np.int64]:
+        """The part, none of the covers, whose box holds each point (n, 3), the largest where several do, else that of
+        the nearest face, else of the nearest box: under a blanket lies the mattress, though a pillow's faces may be
+        nearer or none of its own be seen near by, shape (n,)."""
+        seen = np.flatnonzero(np.isin(self.part, self.carrying))
+        if len(seen):
+            owner = self.part[seen][MeshDistance(self.mesh.submesh(seen)).nearest_face(position)].astype(np.int64)
+        else:
+            away = [box_distance(self.base, index, position) for index in self.carrying]
+            owner = np.array(self.carrying)[np.argmin(away, axis=0)]
+        for index in sorted(self.carrying, key=lambda one: float(np.prod(self.base.parts[one].box.half_extents))):
+            owner[self.base.parts[index].box.contains(position)] = index
+        return owner
+
+    def surface_of(self, index: int) -> Mesh | None:
+        """What is open of a part in the crop, else all that is seen of it; None where nothing is."""
+        own = self.part == index
+        faces = np.flatnonzero(own & self.open)
+        faces = faces if len(faces) else np.flatnonzero(own)
+        return self.mesh.submesh(faces) if len(faces) else None
+
+    def normals(self, position: Array, owner: NDArray[np.integer], layered: Sequence[int]) -> Array:
+        """Unit normals, of either sign, of layers at points (n, 3) of parts (n,), upright where a part is none of
+        those with layers, shape (n, 3)."""
+        normal = np.tile(UPRIGHT, (len(position), 1))
+        for index in set(layered) & set(owner.tolist()):
+            within = np.flatnonzero(owner == index)
+            surface = self.surface_of(index)
+            surface = self.mesh if surface is None else surface  # hidden: it lies as what is seen above it does
+            normal[within] = normals_of_surface(surface, position[within], 0.5 * self.thickness(index))
+        return normal
+
+    def thickness(self, index: int) -> float:
+        """Of a cover, else of the part's box where that is thinnest [m]."""
+        if index in self.covers:
+            return self.covers[index].thickness
+        return 2.0 * float(self.base.parts[index].box.half_extents.min())
 
 
-def open_faces(mesh: Mesh, faces: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Those of the faces (m,) from which one gets out upwards, to one side or the other: a cover is as thick as it is
+def normals_of_surface(surface: Mesh, position: Array, reach: float) -> Array:
+    """Axes across layers that lie along a surface, at points (n, 3): the first principal direction of the normals'
+    products n n^T, averaged around each point with a deviation of `reach` [m] (layer_normals.py), shape (n, 3).
+
+    The normal at a place is that of the face nearest to it.
+    """
+    field, normal = MeshDistance(surface), surface.face_normals
+    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), np.finfo(float).tiny)
+    tensor = np.zeros((len(position), 3, 3))
+    for (x, a), (y, b), (z, c) in product(HERMITE, repeat=3):
+        near = normal[field.nearest_face(position + reach * np.array([x, y, z]))]
+        tensor += a * b * c * near[:, :, None] * near[:, None, :]
+    return np.asarray(np.linalg.eigh(tensor)[1][:, :, 2])
+
+
+def over_box(base: Instance, index: int, position: Array) -> NDArray[np.bool_]:
+    """Which points (n, 3) lie over or under a part's box, shape (n,)."""
+    box = base.parts[index].box
+    return np.asarray((np.abs(box.to_local(position))[:, :2] <= box.half_extents[:2]).all(axis=1))
+
+
+def box_distance(base: Instance, index: int, position: Array) -> Array:
+    """From a part's box to each point (n, 3) [m], shape (n,)."""
+    box = base.parts[index].box
+    return np.asarray(np.linalg.norm(np.maximum(np.abs(box.to_local(position)) - box.half_extents, 0.0), axis=1))
+
+
+def open_faces(mesh: Mesh) -> NDArray[np.bool_]:
+    """The faces from which one gets out upwards, to one side or the other, shape (m,): a cover is as thick as it is
     below such a face, while faces of its that lie in the thing, where a model joins its pieces, bound nothing."""
-    out, some = np.zeros(len(mesh.faces), dtype=bool), np.flatnonzero(faces)
-    normal = mesh.face_normals[some]
+    out = np.zeros(len(mesh.faces), dtype=bool)
+    normal = mesh.face_normals
     aside = normal / np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-12) * [1.0, 1.0, 0.0]
-    middle, caster = mesh.corners(some).mean(axis=1), Raycaster(mesh)
+    middle, caster = mesh.triangles.mean(axis=1), Raycaster(mesh)
     for side in (aside, -aside):
-        direction = side + np.array([0.0, 0.0, 1.0])
+        direction = side + np.array(UPRIGHT)
         direction /= np.linalg.norm(direction, axis=1, keepdims=True)
-        out[some] |= ~caster.occluded(middle + OFF_FACE * direction, direction, WAY_OUT)
+        out |= ~caster.occluded(middle + OFF_FACE * direction, direction, WAY_OUT)
     return out
-
-
-def carriers(base: Instance, mesh: Mesh, part: NDArray[np.int32], position: Array) -> NDArray[np.int64]:
-    """The part whose box holds each point (n, 3), the largest where several do, else that of the nearest face: under a
-    blanket lies the mattress, though a pillow's faces may be nearer, shape (n,)."""
-    owner = part[MeshDistance(mesh).nearest_face(position)].astype(np.int64)
-    boxes = {int(one): base.parts[int(one)].box for one in np.unique(part)}
-    for one, box in sorted(boxes.items(), key=lambda item: float(np.prod(item[1].half_extents))):
-        owner[(np.abs(box.to_local(position)) <= box.half_extents).all(axis=1)] = one
-    return owner
 
 
 def column_of(part: NDArray[np.int64], depth: Array, names: list[tuple[str, str]]) -> tuple[ColumnLayer, ...]:

@@ -13,7 +13,7 @@ from dcap.scene.types.particles import RigidSimulationBody
 from tasks.bodies.contact_surface import obstacle_surface
 from tasks.bodies.distance_samples import distance_samples
 from tasks.bodies.inertial import inertial_of_shell
-from tasks.particles.drop_setup import DropSetup, friction_of_points
+from tasks.particles.drop_setup import DropSetup, friction_of_faces, part_of_faces
 
 SAMPLES = 80.0  # of an obstacle's signed distance along the object's diagonal
 MARGIN = 0.02  # a signed distance reaches this far beyond the faces in reach [m]
@@ -36,8 +36,7 @@ def rigid_base(
     name = f"{setup.anchor.base_id}/rigid"
     mesh = setup.scene.mesh.submesh(faces[kept])
     body = obstacle(setup, name, setup.anchor.base_id, mesh, solid, main.material)
-    near = part[kept][MeshDistance(mesh).nearest_face(body.surface.vertices)]
-    return replace(body, point_friction=friction_of_points(rows, near))
+    return replace(body, face_friction=friction_of_faces(rows, part_of_faces(body.surface, mesh, part[kept])))
 
 
 def neighbours(setup: DropSetup) -> list[RigidSimulationBody]:

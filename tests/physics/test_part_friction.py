@@ -12,8 +12,9 @@ from solver.settle import settle
 
 
 def halves(body, left, right):
-    """A body whose surface has other rows of friction at negative x than elsewhere."""
-    return replace(body, point_friction=np.where(body.vertices[:, :1] < 0.0, left, right))
+    """A body whose faces have other rows of friction where their middle has negative x than elsewhere."""
+    middle = body.vertices[body.faces].mean(axis=1)
+    return replace(body, face_friction=np.where(middle[:, :1] < 0.0, left, right))
 
 
 def tilted(lab, angle):
@@ -69,16 +70,44 @@ def test_one_row_for_all_points_is_the_bodys_own_friction(lab):
     """The same bytes with the same number at every point."""
     block = lab.rigid("block", lab.Box(np.full(3, 0.1)), [0, 0, 0.0501], edge=0.025)
     floor = lab.floor()
-    rows = np.tile([[0.5, 0.4, 0.0]], (len(floor.vertices), 1))
+    rows = np.tile([[0.5, 0.4, 0.0]], (len(floor.faces), 1))
     plain = lab.drop(block, floor, gravity=tilted(lab, 0.3), step_limit=20)
-    same = lab.drop(block, replace(floor, point_friction=rows), gravity=tilted(lab, 0.3), step_limit=20)
+    same = lab.drop(block, replace(floor, face_friction=rows), gravity=tilted(lab, 0.3), step_limit=20)
     assert np.array_equal(plain.bodies[0].vertices, same.bodies[0].vertices)
 
 
 def test_rows_that_make_no_sense_are_refused(lab):
     """The body and what is wrong are named."""
     floor = lab.floor()
-    with pytest.raises(ModelError, match="'floor': point_friction has shape"):
-        replace(floor, point_friction=np.ones((3, 3)))
-    with pytest.raises(ModelError, match="'floor': point_friction needs 0 <= dynamic <= static"):
-        replace(floor, point_friction=np.tile([[0.3, 0.4, 0.0]], (len(floor.vertices), 1)))
+    with pytest.raises(ModelError, match="'floor': face_friction has shape"):
+        replace(floor, face_friction=np.ones((3, 3)))
+    with pytest.raises(ModelError, match="'floor': face_friction needs 0 <= dynamic <= static"):
+        replace(floor, face_friction=np.tile([[0.3, 0.4, 0.0]], (len(floor.faces), 1)))
+
+
+def test_the_face_that_a_point_lies_on_decides(lab):
+    """A floor of two large triangles around a small rough plate in it: a block near the plate, whose vertices are the
+    nearest, slides on the slippery floor all the same."""
+    slippery, rough = [0.02, 0.02, 0.0], [1.0, 1.0, 0.0]
+    plain = lab.floor()
+    corners = np.array([[-0.3, -0.3, 0.0], [0.3, -0.3, 0.0], [0.3, 0.3, 0.0], [-0.3, 0.3, 0.0]])
+    plate = np.array([[0.06, -0.01, -0.001], [0.08, -0.01, -0.001], [0.07, 0.01, -0.001]])
+    floor = replace(
+        plain, vertices=np.concatenate([corners, plate]), faces=np.array([[0, 1, 2], [0, 2, 3], [4, 5, 6]], np.int32),
+        face_friction=np.array([slippery, slippery, rough]),
+    )  # fmt: skip
+    block = lab.rigid("block", lab.Box(np.full(3, 0.1)), [0, 0, 0.0501], mu=(1.0, 1.0), edge=0.025)
+    found = lab.drop(block, floor, gravity=tilted(lab, 0.25), step_limit=40)  # sqrt(0.02) = 0.14 < tan 0.25
+    assert abs(found.bodies[0].translation[1]) > 0.02
+
+
+def test_a_point_between_two_parts_has_their_mean_by_area(lab):
+    """Of equal rows it is that row to the bit; of two rows it is a quarter and three quarters where areas are so."""
+    floor = lab.floor()
+    same = replace(floor, face_friction=np.tile([[0.1, 0.07, 0.003]], (len(floor.faces), 1)))
+    assert (same.friction_rows == [0.1, 0.07, 0.003]).all()
+    tent = replace(
+        floor, vertices=np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [-3.0, 0, 0]]),
+        faces=np.array([[0, 1, 2], [0, 2, 3]], np.int32), face_friction=np.array([[0.8, 0.4, 0.0], [0.4, 0.4, 0.0]]),
+    )  # fmt: skip
+    assert tent.friction_rows[:, 0] == pytest.approx([0.5, 0.8, 0.5, 0.4])

@@ -146,17 +146,17 @@ class SimulationBodyBase:
     inertial: InertialProperties
     friction: ContactFriction
     """Of the part that the contact is predicted on."""
-    point_friction: NDArray[np.float64] | None = None
-    """Where parts differ, static and dynamic friction [-] and rolling resistance [m] of each surface point, shape
-    (n, 3)."""
+    face_friction: NDArray[np.float64] | None = None
+    """Where parts differ, static and dynamic friction [-] and rolling resistance [m] of each face of the surface, shape
+    (m, 3)."""
     velocity: NDArray[np.float64] = field(default_factory=lambda: np.zeros(3))
     """[m/s], shape (3,)."""
     angular_velocity: NDArray[np.float64] = field(default_factory=lambda: np.zeros(3))
     """[rad/s], shape (3,)."""
 
     def __post_init__(self) -> None:
-        if self.point_friction is not None:
-            check_array(f"point_friction of {self.name}", self.point_friction, len(self.surface.vertices), 3)
+        if self.face_friction is not None:
+            check_array(f"face_friction of {self.name}", self.face_friction, len(self.surface.faces), 3)
         check_array(f"velocity of {self.name}", self.velocity, 3)
         check_array(f"angular_velocity of {self.name}", self.angular_velocity, 3)
 

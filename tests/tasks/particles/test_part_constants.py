@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dcap.scene.types.materials import BodyModel, Material, PartMaterial
-from tasks.particles.drop_setup import MOST_CONTRAST, friction_of_points, stiffness_of
+from dcap.scene.types.materials import BodyModel, LayerConstants, Material, PartMaterial
+from tasks.particles.drop_setup import MOST_CONTRAST, constants_of_parts, friction_of_faces, stiffness_of
 
 FOAM = Material("foam", 30.0, 1e4, 0.3, 0.6, 0.5, 0.002, "soft", "test")
 
@@ -27,12 +27,26 @@ def test_soft_parts_keep_their_stiffness_up_to_the_contrast() -> None:
     assert stiffness_of(rows(FOAM, stiff, stiffer, steel)) == [1e4, 9e7, MOST_CONTRAST * 1e4, 100.0 * 1e4]
 
 
-def test_points_have_the_friction_of_their_part() -> None:
+def test_faces_have_the_friction_of_their_part() -> None:
     """Static, dynamic, rolling of each; nothing where there is no difference."""
     rubber = replace(FOAM, id="rubber", static_friction=0.9, dynamic_friction=0.8, rolling_resistance=0.01)
     part = np.array([0, 1, 1, 0])
-    found = friction_of_points(rows(FOAM, rubber), part)
+    found = friction_of_faces(rows(FOAM, rubber), part)
     assert found is not None
     assert found == pytest.approx(np.array([[0.6, 0.5, 0.002], [0.9, 0.8, 0.01], [0.9, 0.8, 0.01], [0.6, 0.5, 0.002]]))
-    assert friction_of_points(rows(FOAM, rubber), np.zeros(4, dtype=np.int64)) is None
-    assert friction_of_points(rows(FOAM, replace(FOAM, id="other", density=99.0)), part) is None
+    assert friction_of_faces(rows(FOAM, rubber), np.zeros(4, dtype=np.int64)) is None
+    assert friction_of_faces(rows(FOAM, replace(FOAM, id="other", density=99.0)), part) is None
+
+
+def test_a_cap_softens_layers_in_all_directions() -> None:
+    """Of a part that is taken as a tenth as stiff, along its layers and between them it is a tenth too; the ratios of
+    its constants, and with them a positive definite stiffness, stay."""
+    layers = LayerConstants(youngs_modulus=4e9, poisson_ratio=0.2, shear_modulus=2e8)
+    stack = replace(FOAM, id="stack", youngs_modulus=1e9, layers=layers)
+    part = np.array([0, 1])
+    found = constants_of_parts(rows(FOAM, stack), part, lambda: np.tile([0.0, 0.0, 1.0], (2, 1)))
+    assert found.youngs_modulus == pytest.approx([1e4, 1e8])
+    assert found.layers is not None
+    assert found.layers.youngs_modulus == pytest.approx([1e4, 4e8])
+    assert found.layers.shear_modulus == pytest.approx([1e4 / 2.6, 2e7])
+    assert found.layers.poisson_ratio == pytest.approx([0.3, 0.2])

@@ -8,7 +8,6 @@ import pytest
 import trimesh
 
 from dcap.geometry.distance import sampler
-from dcap.geometry.raycast import Raycaster
 from dcap.scene.errors import GeometryError
 from dcap.scene.store.codec import encode
 from dcap.scene.types.anchor import Anchor
@@ -19,7 +18,6 @@ from dcap.scene.types.materials import BodyModel, Material, PartMaterial, PartMa
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.particles import NodeState, Particles, RigidSimulationBody, SoftSimulationBody
 from dcap.scene.types.segmentation import Instance, Part, Segmentation, SegmentedObject, SegmentedScene
-from tasks.bodies.footprint import predicted_footprint
 from tasks.particles.config import ParticlesConfig
 from tasks.particles.drop_setup import drop_setup
 from tasks.particles.stage import particles
@@ -368,15 +366,3 @@ def test_faces_under_the_object_are_a_third_of_a_cell_or_meet_their_budget() -> 
     assert cells / 3.0 < longest(few)
     assert any("ParticlesConfig.base_faces" in note for note in few.notes)
     assert not any("ParticlesConfig.base_faces" in note for note in ball_on_bed().notes)
-
-
-def test_an_object_on_a_slope_may_touch_with_all_of_its_underside() -> None:
-    """A board that slopes by 2 mm over its length touches with an edge first; `wider` holds all of it."""
-    board = box_mesh((-0.2, -0.05, 0.0), (0.2, 0.05, 0.02))
-    slope = Mesh.of(
-        board.vertices + np.array([0, 0, 0.01]) + 0.005 * board.vertices[:, :1] * np.array([0, 0, 1]), board.faces
-    )
-    floor = box_mesh((-1.0, -1.0, -0.1), (1.0, 1.0, 0.0))
-    foot = predicted_footprint(slope, Raycaster(floor), 5.0, 1e-5, 0.0)
-    assert foot.high[0] - foot.low[0] < 0.3
-    assert foot.wider[:, 0] == pytest.approx([-0.2, 0.2], abs=0.4 / 40)

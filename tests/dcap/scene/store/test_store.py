@@ -89,7 +89,7 @@ def a_body(*, rigid: bool) -> SimulationBody:
     if rigid:
         return RigidSimulationBody(
             name="shelf", instance="3", fixed=True, surface=a_mesh(), distance=distance, inertial=INERTIAL,
-            friction=FRICTION, point_friction=np.tile([0.5, 0.4, 0.001], (60, 1)),
+            friction=FRICTION, face_friction=np.tile([0.5, 0.4, 0.001], (len(a_mesh().faces), 1)),
         )  # fmt: skip
     return SoftSimulationBody(
         name="object", instance="object", fixed=False, surface=a_mesh(), distance=distance, inertial=INERTIAL,

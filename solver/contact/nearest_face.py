@@ -1,0 +1,125 @@
+"""The face of a surface that is nearest to a point: exact, and looked for only where it decides something.
+
+In: triangles with a label each. Out: the label of the face nearest to each point. A point near a vertex around which
+all faces have one label needs no search; others are compared with the faces that can be nearest [E05, Sec. 5.1.5].
+
+[E05] Ericson: Real-Time Collision Detection. Morgan Kaufmann 2005.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class FaceGroup:
+    """Faces of about one size."""
+
+    face: Index
+    """Which ones, shape (k,)."""
+    middle: cKDTree
+    """Their middles."""
+    radius: float
+    """No corner is farther from its middle [m]."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class NearestFace:
+    """A labelled surface, prepared for many points."""
+
+    triangles: Array
+    """Corners [m], shape (m, 3, 3)."""
+    label: Index
+    """Of each face, shape (m,)."""
+    groups: tuple[FaceGroup, ...]
+    vertices: cKDTree
+    vertex_label: Index
+    """Of the faces around each vertex, shape (n,)."""
+    clear: Array
+    """How far around each vertex there is no other label at least [m], shape (n,)."""
+
+    @classmethod
+    def of(cls, vertices: Array, faces: NDArray[np.int32], label: Index) -> "NearestFace":
+        """Prepare a surface with a label for each face (m,)."""
+        triangles, used = vertices[faces], np.unique(faces)
+        place = np.searchsorted(used, faces)
+        vertex_label = np.zeros(len(used), dtype=np.int64)
+        vertex_label[place.ravel()] = np.repeat(label, 3)
+        clear = np.full(len(used), np.inf)
+        for one in np.unique(label):
+            mine = np.flatnonzero(vertex_label == one)
+            for group in groups_of(triangles, np.flatnonzero(label != one)):
+                away = group.middle.query(vertices[used[mine]])[0] - group.radius
+                clear[mine] = np.minimum(clear[mine], away)
+        groups = groups_of(triangles, np.arange(len(faces)))
+        return cls(triangles, label, groups, cKDTree(vertices[used]), vertex_label, clear)
+
+    def label_at(self, point: Array) -> Index:
+        """Label of the face nearest to each point (k, 3), shape (k,)."""
+        away, vertex = self.vertices.query(point)
+        label = self.vertex_label[vertex]
+        # the nearest face is no farther than the vertex, so within twice that of the vertex
+        unsure = np.flatnonzero(2.0 * away >= self.clear[vertex])
+        if len(unsure):
+            label[unsure] = self.label[self.nearest(point[unsure])]
+        return np.asarray(label)
+
+    def nearest(self, point: Array) -> Index:
+        """Index of the face nearest to each point (k, 3), the first of several, shape (k,)."""
+        best = np.full(len(point), np.inf)
+        for group in self.groups:
+            first = group.face[group.middle.query(point)[1]]
+            best = np.minimum(best, distances(point, self.triangles[first]))
+        pairs = [near(group, point, best) for group in self.groups]
+        row, face = (np.concatenate([pair[k] for pair in pairs]) for k in (0, 1))
+        order = np.lexsort((face, distances(point[row], self.triangles[face]), row))
+        return np.asarray(face[order[np.unique(row[order], return_index=True)[1]]])
+
+
+def groups_of(triangles: Array, chosen: Index) -> tuple[FaceGroup, ...]:
+    """The chosen faces (k,) by powers of two of their size."""
+    middle = triangles[chosen].mean(axis=1)
+    radius = np.linalg.norm(triangles[chosen] - middle[:, None], axis=2).max(axis=1)
+    power = np.ceil(np.log2(np.maximum(radius, np.finfo(float).tiny)))
+    return tuple(
+        FaceGroup(chosen[power == one], cKDTree(middle[power == one]), float(radius[power == one].max()))
+        for one in np.unique(power)
+    )
+
+
+def near(group: FaceGroup, point: Array, reach: Array) -> tuple[Index, Index]:
+    """Rows of points (k, 3) and faces of a group that may be within the reach (k,) of each [m], in pairs."""
+    found = group.middle.query_ball_point(point, reach * (1.0 + 1e-9) + group.radius)
+    row = np.repeat(np.arange(len(point)), [len(one) for one in found])
+    return row, group.face[np.array([face for one in found for face in one], dtype=np.int64)]
+
+
+def distances(point: Array, triangle: Array) -> Array:
+    """Distance of each point (k, 3) to its triangle (k, 3, 3) [m], shape (k,): to its plane where the foot lies in it,
+    else to the nearest edge."""
+    a, b, c = triangle.transpose(1, 0, 2)
+    normal = np.cross(b - a, c - a)
+    length = np.maximum(np.linalg.norm(normal, axis=1), np.finfo(float).tiny)
+    edges = [(a, b), (b, c), (c, a)]
+    within = np.stack([dot(np.cross(normal, q - p), point - p) >= 0.0 for p, q in edges]).all(axis=0)
+    to_edge = np.min([edge_distances(point, p, q) for p, q in edges], axis=0)
+    return np.asarray(
+        np.where(within & (length > np.finfo(float).tiny), np.abs(dot(normal, point - a)) / length, to_edge)
+    )
+
+
+def edge_distances(point: Array, p: Array, q: Array) -> Array:
+    """Distance of each point (k, 3) to the segment from p to q [m], shape (k,)."""
+    along = q - p
+    share = np.clip(dot(point - p, along) / np.maximum(dot(along, along), np.finfo(float).tiny), 0.0, 1.0)
+    return np.asarray(np.linalg.norm(point - p - share[:, None] * along, axis=1))
+
+
+def dot(a: Array, b: Array) -> Array:
+    """Row by row, shape (k,)."""
+    return np.asarray(np.einsum("ij,ij->i", a, b))
