@@ -24,7 +24,9 @@ COVERED = 1.0  # least area of a region within a radius r of a point, over r^2 [
 HALF_CELL_DIAGONAL = 0.75  # longest edge of a face with corners half a cell apart, over the cell [-]: 0.71
 PLANES = 3  # regions that are looked at for each point: those of a box's corner
 LEVELS = 3  # radii, each twice the one before
-CHUNK = 4000  # points looked at together: a fine surface has hundreds of faces around each
+GRAIN = 0.125  # of a radius: smaller faces are looked at together, else a fine surface has thousands around a point
+PARALLEL = 0.125  # components of normals that are looked at together agree within this [-]: 7 degrees
+CHUNK = 4000  # points looked at together: each has hundreds of faces around it
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -87,10 +89,12 @@ def flat_regions(body: Body, partner: Body, smallest: float) -> FlatRegions:
     length = np.linalg.norm(cross, axis=1)
     face_normal, area = cross / np.maximum(length, 1e-300)[:, None], 0.5 * length
     normal = adjacent_normals(body, face_normal, area)
-    tree, radius = cKDTree(corner.mean(axis=1)), np.zeros(normal.shape[:2])
+    center, radius = corner.mean(axis=1), np.zeros(normal.shape[:2])
     going = np.asarray(np.abs(normal).sum(axis=2) > 0.0)
     for level in range(LEVELS):
         reach = smallest * 2.0**level
+        center, face_normal, area = joined_faces(center, face_normal, area, GRAIN * reach)
+        tree = cKDTree(center)
         rows = np.flatnonzero(going.any(axis=1))
         for some in np.array_split(rows, max(1, -(-len(rows) // CHUNK))):
             near = tree.query_ball_point(body.vertices[some], reach)
@@ -103,6 +107,19 @@ def flat_regions(body: Body, partner: Body, smallest: float) -> FlatRegions:
             going[some] &= covered >= COVERED * reach**2
         radius[going] = reach
     return FlatRegions(Sampling.of(partner), normal, radius)
+
+
+def joined_faces(center: Array, normal: Array, area: Array, grain: float) -> tuple[Array, Array, Array]:
+    """Centres (f, 3) [m], unit normals (f, 3) and areas (f,) [m^2] of faces, those in one cube of side `grain` [m] with
+    nearly parallel normals as one."""
+    key = np.concatenate([np.floor(center / grain), np.round(normal / PARALLEL)], axis=1).astype(np.int64)
+    _, group = np.unique(key, axis=0, return_inverse=True)
+    total = np.bincount(group, area)
+    weight = area / np.maximum(total, 1e-300)[group]
+    middle, mean = (
+        np.stack([np.bincount(group, weight * values[:, i]) for i in range(3)], axis=1) for values in (center, normal)
+    )
+    return middle, mean / np.maximum(np.linalg.norm(mean, axis=1), 1e-300)[:, None], total
 
 
 def adjacent_normals(body: Body, face_normal: Array, area: Array) -> Array:

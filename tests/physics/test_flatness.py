@@ -3,10 +3,12 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 import trimesh
 from scipy.spatial.transform import Rotation
 
-from solver.contact.flatness import flat_regions
+from solver.contact import flatness
+from solver.contact.flatness import flat_regions, joined_faces
 
 CELL = 0.01
 
@@ -95,3 +97,22 @@ def test_a_partner_needs_points_between_its_nodes(lab):
     found = superfluous(lab, body, partner=replace(coarse, vertices=vertices, faces=faces))
     assert found[left].all()
     assert not found[right].any()
+
+
+def test_small_faces_are_looked_at_together(lab, monkeypatch):
+    """Area, mean place and direction stay; a surface ten times as fine as its cells has the same flat regions."""
+    body = cube(lab, edge=0.02)
+    corner = body.vertices[body.faces]
+    cross = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
+    area = 0.5 * np.linalg.norm(cross, axis=1)
+    center, normal, total = joined_faces(corner.mean(axis=1), 0.5 * cross / area[:, None], area, 0.05)
+    assert len(total) < 0.5 * len(area)
+    assert total.sum() == pytest.approx(area.sum(), rel=1e-12)
+    assert total @ center == pytest.approx(area @ corner.mean(axis=1), abs=1e-12)
+    assert np.abs(normal).max(axis=1) == pytest.approx(np.ones(len(total)), abs=1e-12)  # no two sides become one
+    body, partner = cube(lab, edge=0.004), slab(lab, edge=0.005)
+    together = flat_regions(body, partner, 0.04)
+    monkeypatch.setattr(flatness, "GRAIN", 1e-6)
+    apart = flat_regions(body, partner, 0.04)
+    assert {0.0, 0.04, 0.08} == set(apart.radius.ravel())
+    assert (together.radius == apart.radius).mean() > 0.97
