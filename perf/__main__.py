@@ -139,7 +139,8 @@ def main() -> None:
     console = Console(highlight=False, width=120)
     console.print(table)
     console.print(starts.table())
-    drops = Table("drop", "particles", "steps", "wall", "per particle and step", "memory", "depth", "ratio", box=None)
+    titles = ["drop", "particles", "steps", "Newton", "linear", "wall", "per particle and step", "memory", "depth"]
+    drops = Table(*titles, "ratio", box=None)
     rows, memory = drop_rows()
     for row in rows:
         drops.add_row(*row)

@@ -12,6 +12,7 @@ import time
 from pathlib import Path
 
 import numpy as np
+import pyarrow.parquet as pq
 
 from dcap.packages import module_command
 from perf.peers.reference import DEPTH
@@ -49,6 +50,15 @@ def mattress(width: float, depth: float) -> str:
     return case_of((width, depth, 0.25), foam, {"radius": 0.12, "mass": 5.0}, resolution=8e-3)
 
 
+def rolling() -> str:
+    """A soft ball thrown along a slab: soft on soft, with friction, over many steps."""
+    case = json.loads(case_of((0.8, 0.4, 0.1), {"density": 60, "youngs_modulus": 3e4}, {"radius": 0.1, "mass": 0.4}))
+    slab, ball = case["bodies"]
+    soft = {"density": 95, "youngs_modulus": 1e5, "rolling_resistance": 2e-3}
+    ball |= {"material": slab["material"] | soft, "position": [-0.25, 0.0, 0.205], "velocity": [0.4, 0.0, 0.0]}
+    return json.dumps(case)
+
+
 def measured(case: str) -> dict[str, float]:
     """Depth, steps, wall time and peak memory of a drop in a fresh process."""
     with tempfile.TemporaryDirectory() as folder:
@@ -60,13 +70,14 @@ def measured(case: str) -> dict[str, float]:
 
 
 def drop_rows() -> tuple[list[tuple[str, ...]], str]:
-    """(what, particles, steps, wall, per particle and step, memory, depth, wall over the first) of every drop, and what
-    the drops of one case at all its resolutions say of memory, in a line."""
+    """(what, particles, steps, Newton and linear iterations, wall, per particle and step, memory, depth, wall over the
+    first) of every drop, and what the drops of one case at all its resolutions say of memory, in a line."""
     cases: dict[str, tuple[str, float | None]] = {
         "ball on foam, E 5e5": (reference(5e5), DEPTH[5e5]),
         "ball on foam, E 2e4": (reference(2e4), DEPTH[2e4]),
         "mattress, whole": (mattress(2.0, 1.6), None),
         "mattress, cut out": (mattress(0.6, 0.6), None),
+        "soft ball rolls on foam": (rolling(), None),
     }
     scaled = {f"E 2e4, cells of {1e3 * h:.1f} mm": (reference(2e4, resolution=h), DEPTH[2e4]) for h in CELLS}
     results = {name: measured(case) for name, (case, _) in (cases | scaled).items()}
@@ -77,7 +88,8 @@ def drop_rows() -> tuple[list[tuple[str, ...]], str]:
         error = f"{100 * (one['depth'] / depth - 1):+.1f} %" if depth else f"{1e3 * one['depth']:.1f} mm"
         per = 1e9 * one["wall_s"] / (one["particles"] * one["steps"])
         rows.append(
-            (name, f"{one['particles']:,.0f}", f"{one['steps']:.0f}", f"{one['wall_s']:.1f} s", f"{per:.0f} ns",
+            (name, f"{one['particles']:,.0f}", f"{one['steps']:.0f}", f"{one['newton']:.0f}",
+             f"{one['linear']:.0f}", f"{one['wall_s']:.1f} s", f"{per:.0f} ns",
              f"{one['memory'] / 2**20:.0f} MiB", error, f"{one['wall_s'] / first:.2f}")
         )  # fmt: skip
     particles, memory = (np.array([results[name][key] for name in scaled]) for key in ("particles", "memory"))
@@ -138,7 +150,8 @@ def main() -> None:
     bodies = result["bodies"]
     assert isinstance(bodies, dict)
     top = json.loads(Path(sys.argv[1]).read_text())["bodies"][0]["shape"]["box"]["size"][2]
-    kept = {key: result[key] for key in ("wall_s", "particles", "steps")}
+    history = pq.read_table(Path(sys.argv[2]) / "history.parquet", columns=["newton", "linear"]).to_pydict()
+    kept = {key: result[key] for key in ("wall_s", "particles", "steps")} | {k: sum(v) for k, v in history.items()}
     memory = 1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     sys.stdout.write(json.dumps(kept | {"depth": top - bodies["ball"]["aabb"][0][2], "memory": memory}))
 
