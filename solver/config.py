@@ -55,7 +55,8 @@ class SolverConfig(BaseModel, frozen=True, extra="forbid"):
     linear_limit: PositiveInt = 400
     """Iterations of the linear solver per Newton step."""
     tangent_refresh: NonNegativeFloat = 0.1
-    """The elastic tangent is rebuilt when an entry of a particle's deformation gradient has changed by this [-]."""
+    """The elastic tangent is rebuilt when an entry of a particle's deformation gradient has changed by this [-], in all
+    cells where one has by half of that."""
     longest_move: PositiveFloat = 0.01
     """Longest move of any point per Newton iteration [m]."""
 

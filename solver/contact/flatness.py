@@ -25,7 +25,7 @@ HALF_CELL_DIAGONAL = 0.75  # longest edge of a face with corners half a cell apa
 PLANES = 3  # regions that are looked at for each point: those of a box's corner
 LEVELS = 3  # radii, each twice the one before
 GRAIN = 0.125  # of a radius: smaller faces are looked at together, else a fine surface has thousands around a point
-PARALLEL = 0.125  # components of normals that are looked at together agree within this [-]: 7 degrees
+PARALLEL = 0.06  # components of normals that are looked at together agree within this [-]: 6 degrees at most
 CHUNK = 4000  # points looked at together: each has hundreds of faces around it
 
 
@@ -113,11 +113,12 @@ def joined_faces(center: Array, normal: Array, area: Array, grain: float) -> tup
     """Centres (f, 3) [m], unit normals (f, 3) and areas (f,) [m^2] of faces, those in one cube of side `grain` [m] with
     nearly parallel normals as one."""
     key = np.concatenate([np.floor(center / grain), np.round(normal / PARALLEL)], axis=1).astype(np.int64)
-    _, group = np.unique(key, axis=0, return_inverse=True)
-    total = np.bincount(group, area)
+    group = np.unique(key, axis=0, return_inverse=True)[1].reshape(-1)
+    total = np.asarray(np.bincount(group, area), np.float64)
     weight = area / np.maximum(total, 1e-300)[group]
     middle, mean = (
-        np.stack([np.bincount(group, weight * values[:, i]) for i in range(3)], axis=1) for values in (center, normal)
+        np.stack([np.bincount(group, weight * values[:, i]) for i in range(3)], axis=1).astype(np.float64)
+        for values in (center, normal)
     )
     return middle, mean / np.maximum(np.linalg.norm(mean, axis=1), 1e-300)[:, None], total
 

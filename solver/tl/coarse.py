@@ -243,9 +243,9 @@ class CoarseSolve:
             columns.indptr, columns.indices, columns.data, rows.indptr, rows.indices, rows.data, contact.tangent, matrix
         )
         if contact.frames.size:
-            pushed = columns @ contact.pushed_frames().reshape(len(contact.tangent), -1)
-            matrix[split:, :split] += pushed.reshape(split, -1).T
-            matrix[split:, split:] += contact.frame_matrix()
+            pushed, own = contact.of_frames()
+            matrix[split:, :split] += (columns @ pushed.reshape(len(pushed), -1)).reshape(split, -1).T
+            matrix[split:, split:] += own
 
     def apply(
         self, nodes: NDArray[np.float64], frames: NDArray[np.float64]

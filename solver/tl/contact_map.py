@@ -55,10 +55,7 @@ class ContactMap:
         """Blocks of J^T T J on the diagonal of each node, shape (n, 9)."""
         return np.asarray(self.nodes.multiply(self.nodes).T @ self.tangent.reshape(-1, 9))
 
-    def pushed_frames(self) -> Array:
-        """T J of the frames, shape (k, 3, 6 b)."""
-        return np.asarray(self.tangent @ self.frames)
-
-    def frame_matrix(self) -> Array:
-        """J^T T J between the frames, shape (6 b, 6 b)."""
-        return np.asarray(np.tensordot(self.frames, self.pushed_frames(), axes=((0, 1), (0, 1))))
+    def of_frames(self) -> tuple[Array, Array]:
+        """T J of the frames, shape (k, 3, 6 b), and J^T T J between them, shape (6 b, 6 b)."""
+        pushed = np.asarray(self.tangent @ self.frames)
+        return pushed, np.asarray(np.tensordot(self.frames, pushed, axes=((0, 1), (0, 1))))

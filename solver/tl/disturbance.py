@@ -48,6 +48,8 @@ class StopCriteria:
     """Beyond it at the end of a period."""
     speed: float
     """Faster at the end of a period, over the kick's speed [-]."""
+    when_quiet: bool = False
+    """At rest over a window too: not after a kick, which is so small that a lost balance shows only later."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -145,14 +147,12 @@ def follow(
     *,
     near: Displacement,
     stop: StopCriteria,
-    until_quiet: bool = False,
     progress: Progress | None,
 ) -> Response:
     """Let a disturbed state go on from where it is; it is stable if it comes to rest within `near` of the rest state.
 
     Rolling resistance gives way meanwhile (rolling.py). `monitor` takes the signals; steps begin anew at half the
-    longest that follows a loss of balance. It may end `until_quiet`, at the first window without motion: not after a
-    kick, which is so small that a lost balance shows only later.
+    longest that follows a loss of balance.
     """
     c = simulation.config
     start, farthest, control = state.time, 0.0, replace(control, dt=0.5 * simulation.balance_step())
@@ -169,7 +169,7 @@ def follow(
             farthest = max(farthest, moved.distance)
             if not moved.within(stop.at_once):
                 return Response(state, control, False, moved, farthest, np.inf, True, segment)
-            if until_quiet and len(monitor.signals) >= begin + c.rest_steps and monitor.quiet():
+            if stop.when_quiet and len(monitor.signals) >= begin + c.rest_steps and monitor.quiet():
                 return Response(state, control, moved.within(near), moved, farthest, 0.0, False, segment)
         left, growing = _speed_left(monitor, monitor.signals[first:], c)
         moving = growing or left > c.kick_decay

@@ -35,6 +35,8 @@ class ElasticForces:
         self.cell_force = np.zeros((cells, 8, 3))
         self.place = np.zeros((0, 3))
         """Node positions that the rest belongs to [m]."""
+        self.polar = np.zeros((0, 9))
+        """Rotations of the particles' polar decompositions."""
         self.deformation = np.zeros((particles, 9))
         self.volume_ratio = np.ones(particles)
         self.energy = np.zeros(particles)
@@ -45,12 +47,12 @@ class ElasticForces:
         f = np.zeros_like(state.x)
         if len(f):
             s = self.soft
-            self.place = state.x.copy()
             elastic.cell_forces(
                 state.x, s.cell_node, s.cell_size, s.cell_start, s.local, s.volume, s.mu, s.lam, s.relief,
                 state.polar,
                 self.deformation, self.volume_ratio, self.energy, self.cell_force,
             )  # fmt: skip
+            self.place, self.polar = state.x.copy(), state.polar
             if len(s.layered):
                 layers.add_layer_forces(
                     s.layered, s.cell_size, s.cell_start, s.local, s.volume, s.added, s.frame, self.deformation,
@@ -70,9 +72,11 @@ class ElasticForces:
         return f
 
     def evaluate(self, state: State) -> None:
-        """Make the particles' deformation that of a state."""
+        """Make the particles' deformation that of a state, and the state's rotations its own."""
         if not np.array_equal(state.x, self.place):
             self.forces(state)
+        elif state.polar is not self.polar:
+            state.polar[:] = self.polar
 
     def strain(self, state: State, dt: float) -> StepStrain | None:
         """What material damping in a step from this state is measured from, None without it."""

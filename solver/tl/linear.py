@@ -171,7 +171,7 @@ class TangentSystem:
         more = np.zeros((len(self.soft.rest), 9))
         if len(self.contacts.a):
             more += self.contact.node_blocks()
-            own = self.contact.frame_matrix()
+            own = self.contact.of_frames()[1]
             for f in range(len(frames)):
                 frames[f] += own[6 * f : 6 * f + 6, 6 * f : 6 * f + 6]
         for tangent, rows in self.rolling:

@@ -80,10 +80,8 @@ class PushTrials:
             if state.time >= self.rest.time + seconds + simulation.config.rest_steps * control.dt and monitor.quiet():
                 break  # in balance under the whole push
         near = Displacement(c.push_distance * size, c.push_angle)
-        stop = StopCriteria(lost_bound, lost_bound, np.inf)
-        end = follow(
-            simulation, monitor, self.rest, state, control, near=near, stop=stop, until_quiet=True, progress=progress
-        )
+        stop = StopCriteria(lost_bound, lost_bound, np.inf, when_quiet=True)
+        end = follow(simulation, monitor, self.rest, state, control, near=near, stop=stop, progress=progress)
         return end.stable, end.moved
 
     def bracket(self, most: int, guess: int | None, progress: Progress | None) -> tuple[int, PushRow]:

@@ -95,8 +95,9 @@ def carried_weights(weights: NDArray[np.float64], contacts: Contacts) -> NDArray
 class Stepper:
     """`step` moves a state by one step; holds what is constant, and work arrays.
 
-    All that a step starts from is in its arguments, but for one cache: the elastic tangent (tangent.py) may be that of
-    an earlier state, which changes how Newton's iterations get to a solution within its tolerance.
+    All that a step starts from is in its arguments, but for two caches: the elastic tangent (tangent.py) may be that of
+    an earlier state, which changes how Newton's iterations get to a solution within its tolerance; and what belongs to
+    the last place of the nodes is not computed again there (forces.py).
     """
 
     def __init__(

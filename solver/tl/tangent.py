@@ -166,7 +166,10 @@ class ElasticTangent:
                 layered, s.cell_size, s.cell_start, s.local, s.volume, s.added, s.frame, deformation, self.cells
             )
         around = s.node_cell[nodes]
-        row = (late[np.where(around < 0, 0, around - cells.start)] & (around >= 0)).any(axis=1).astype(np.int32)
+        row = np.zeros(len(around), dtype=np.int32)
+        changed = np.unique(s.cell_node[cells][late]) - nodes.start
+        row[changed] = 1
         tangents.gather_tangents(row, around, self.cells, self.stencil[nodes])
-        self.unit[nodes] = np.ldexp(1.0, np.frexp(np.abs(self.stencil[nodes, 13]).max(axis=(1, 2)))[1])
+        diagonal = self.stencil[nodes, 13][changed]
+        self.unit[nodes][changed] = np.ldexp(1.0, np.frexp(np.abs(diagonal).max(axis=(1, 2)))[1])
         sparse.halve(row, self.stencil[nodes], self.unit[nodes], self.half[nodes])
