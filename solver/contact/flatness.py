@@ -26,6 +26,9 @@ PLANES = 3  # regions that are looked at for each point: those of a box's corner
 LEVELS = 3  # radii, each twice the one before
 GRAIN = 0.125  # of a radius: smaller faces are looked at together, else a fine surface has thousands around a point
 PARALLEL = 0.06  # components of normals that are looked at together agree within this [-]: 6 degrees at most
+LEAST_THICKNESS = 4e-3  # of a body behind a region [m]: points of a surface sink in by up to a millimetre
+LEAST_SAMPLES = 6  # of its distance across: with fewer a direction is off near the middle
+OTHER_SIDE = -0.5  # cosine between a way out and a normal from which it leads to the other side
 CHUNK = 4000  # points looked at together: each has hundreds of faces around it
 
 
@@ -90,7 +93,7 @@ def flat_regions(body: Body, partner: Body, smallest: float) -> FlatRegions:
     face_normal, area = cross / np.maximum(length, 1e-300)[:, None], 0.5 * length
     normal = adjacent_normals(body, face_normal, area)
     center, radius = corner.mean(axis=1), np.zeros(normal.shape[:2])
-    going = np.asarray(np.abs(normal).sum(axis=2) > 0.0)
+    going = np.asarray(np.abs(normal).sum(axis=2) > 0.0) & thick_behind(body, normal)
     for level in range(LEVELS):
         reach = smallest * 2.0**level
         center, face_normal, area = joined_faces(center, face_normal, area, GRAIN * reach)
@@ -107,6 +110,19 @@ def flat_regions(body: Body, partner: Body, smallest: float) -> FlatRegions:
             going[some] &= covered >= COVERED * reach**2
         radius[going] = reach
     return FlatRegions(Sampling.of(partner), normal, radius)
+
+
+def thick_behind(body: Body, normal: Array) -> NDArray[np.bool_]:
+    """Whether a rigid body is thick behind its vertices along normals (n, PLANES, 3), shape (n, PLANES): half of
+    LEAST_THICKNESS deep the way out does not lead to the other side. A point of the partner that has sunk into
+    something thinner would be pushed out there."""
+    half = 0.5 * max(LEAST_SAMPLES * body.distance.spacing, LEAST_THICKNESS)
+    behind = (body.vertices[:, None] - half * normal).reshape(-1, 3)
+    step = body.distance.spacing * np.eye(3)
+    way_out = np.stack([body.distance.at(behind + s) - body.distance.at(behind - s) for s in step], axis=1)
+    length = np.maximum(np.linalg.norm(way_out, axis=1), 1e-30)
+    along = np.einsum("ni,ni->n", way_out, normal.reshape(-1, 3)) / length
+    return np.asarray(along.reshape(normal.shape[:2]) > OTHER_SIDE)
 
 
 def joined_faces(center: Array, normal: Array, area: Array, grain: float) -> tuple[Array, Array, Array]:

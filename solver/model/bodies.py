@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import map_coordinates
 
 from solver.box import bounds
 from solver.errors import ModelError
@@ -27,6 +28,11 @@ class SignedDistance:
     """Distance of neighbouring samples [m]."""
     values: NDArray[np.float32]
     """Signed distances [m], shape (nx, ny, nz), each side at least 3."""
+
+    def at(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Distances of points (n, 3) of the start pose, trilinear between samples; outside those of the border [m]."""
+        index = ((points - self.origin) / self.spacing).T
+        return np.asarray(map_coordinates(self.values, index, order=1, mode="nearest", output=np.float64), np.float64)
 
 
 @dataclass(frozen=True, eq=False, slots=True)

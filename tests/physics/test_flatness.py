@@ -116,3 +116,16 @@ def test_small_faces_are_looked_at_together(lab, monkeypatch):
     apart = flat_regions(body, partner, 0.04)
     assert {0.0, 0.04, 0.08} == set(apart.radius.ravel())
     assert (together.radius == apart.radius).mean() > 0.97
+
+
+def test_what_is_thin_keeps_its_points(lab):
+    """A point of the partner that has sunk half through a sheet would come out on the other side; a board is thick
+    enough, up to its rim."""
+    sheet, board = (
+        lab.rigid("plate", lab.Box(np.array([0.1, 0.1, thick])), [0, 0, 0], edge=0.004, spacing=5e-4)
+        for thick in (0.002, 0.012)
+    )
+    assert not superfluous(lab, sheet).any()
+    low = board.vertices[:, 2] == board.vertices[:, 2].min()
+    at_corner = (np.abs(board.vertices[:, :2]) > 0.05 - CELL).all(axis=1)
+    assert superfluous(lab, board)[low & ~at_corner].all()
