@@ -22,6 +22,7 @@ from solver.model.bodies import Body, Model
 Array = NDArray[np.float64]
 
 THIN = 2.0  # cells; a thicker part keeps the supports of particles on its two sides, 1.5 cells each, nearly apart
+ROUNDING = 1e-3  # of a spacing: distances are sampled in single precision
 NEAR = 2.0  # cells around such a part where sides are told apart: more than a particle's support
 
 
@@ -42,12 +43,20 @@ def meets_soft(model: Model, index: int, cell: float) -> bool:
 
 
 def has_thin_part(body: Body, cell: float) -> bool:
-    """Whether the body ends within THIN cells beneath one of its surface points, in a face opposite to that one: the
-    rule by which the kernels tell where it has sides (lies_over_thin_part)."""
-    normal = outward(body.distance, body.vertices)
-    thin, inside = np.zeros(len(normal), np.bool_), np.ones(len(normal), np.bool_)
+    """Whether the body ends within THIN cells beneath its surface, in a face opposite to that one: the rule by which
+    the kernels tell where it has sides (lies_over_thin_part).
+
+    Asked where its distance was sampled within half a spacing of the surface, so that every face answers, however few
+    its triangles are: at a corner or an edge, where its points may all be, the normal leads aslant into the body.
+    """
+    grid = body.distance
+    near = np.argwhere(np.abs(grid.values) <= (0.5 + ROUNDING) * grid.spacing)
+    sample = grid.origin + grid.spacing * near
+    normal = outward(grid, sample)
+    surface = sample - distance(grid, sample)[:, None] * normal
+    thin, inside = np.zeros(len(normal), np.bool_), normal.any(axis=1)
     for k in range(PROBES):
-        at = body.vertices - (k + 1) / PROBES * THIN * cell * normal
+        at = surface - (k + 1) / PROBES * THIN * cell * normal
         ends = inside & (distance(body.distance, at) > 0.0)
         thin |= ends & ((outward(body.distance, at) * normal).sum(axis=1) < OPPOSED)
         inside &= ~ends
