@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from solver.config import SolverConfig
 from solver.errors import ModelError, UnstableStep
@@ -118,6 +119,18 @@ def test_rigid_body_and_grid_exchange_equal_impulses(lab):
     total = momentum(one)[:3] + 0.05 * one.rigid.state.velocity[1]
     assert given > 0.01  # it did hit
     assert total == pytest.approx(start_momentum, abs=1e-12)
+
+
+@pytest.mark.parametrize(("mass", "friction", "settles"), [(0.05, 0.5, True), (1e-3, 5.0, False)])
+def test_a_result_says_where_contact_did_not_settle(lab, mass, friction, settles):
+    """A cube of a two-hundredth of the block's mass that is thrown on it with a spin, and sticks, makes nodes come into
+    touch and leave it in turn; one of a quarter of its mass does not."""
+    mu = (friction, friction)
+    block = lab.soft("block", lab.Box(np.full(3, 0.1)), [0, 0, 0], E=5e4, cell=0.0125, mu=mu)
+    cube = lab.rigid("cube", lab.Box(np.full(3, 0.06)), [0.01, 0, 0.081], mass=mass, mu=mu,
+                     velocity=np.array([0.3, 0, -0.5]), angular_velocity=np.array([5.0, 20.0, 3.0]))  # fmt: skip
+    result = drop(lab, block, cube, mls_cell=0.0125, step_limit=6)
+    assert any("'cube'" in line and "did not settle" in line for line in result.warnings) is not settles
 
 
 @pytest.mark.slow
@@ -358,6 +371,19 @@ def test_a_body_has_sides_where_a_part_of_it_is_thinner_than_two_cells(lab, thic
     assert thin_bodies(Model((board, block), np.array([0.0, 0.0, -9.81])), h) == ([0] if thin else [])
     pad = lab.soft("pad", lab.Box(np.full(3, 0.05)), [0, 0, 0.5], E=5e4, cell=h, fixed=True, held=np.s_[:, :, 0])
     assert thin_bodies(Model((board, pad), np.array([0.0, 0.0, -9.81])), h) == []
+
+
+@pytest.mark.parametrize("tilt", [0.0, 0.4])
+@pytest.mark.parametrize("edge", [1.0, 0.01])
+def test_a_plate_has_sides_however_few_its_triangles_are(lab, edge, tilt):
+    """A plate of a sixth of a cell has them as 12 triangles, whose points are its corners, and subdivided."""
+    h = 0.0125
+    turn = Rotation.from_rotvec([tilt, 0.5 * tilt, 0.0]).as_matrix()
+    plate = lab.rigid("plate", lab.Box(np.array([0.1, 0.1, 0.002])), [0, 0, 0.2], edge=edge, spacing=7e-4,
+                      rotation=turn)  # fmt: skip
+    assert (len(plate.faces) == 12) == (edge == 1.0)
+    block = lab.soft("block", lab.Box(np.full(3, 0.05)), [0, 0, 0.06], E=5e4, cell=h)
+    assert thin_bodies(Model((plate, block), np.array([0.0, 0.0, -9.81])), h) == [0]
 
 
 @pytest.mark.parametrize("solid", ["ball", "block", "rod"])
