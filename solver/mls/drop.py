@@ -272,7 +272,7 @@ class ExplicitDrop:
 
     def _result(self, verdict: Verdict, last: IntervalReport) -> SettledModel:
         rows, final = self.monitor.rows(), self._final(last)
-        warnings = [*self.warnings, *self.coupling.warnings(), *last.warnings()]
+        warnings = [*self.warnings, *self.coupling.warnings(), *self.plates.warnings(), *last.warnings()]
         result = build_result(verdict, final, self.monitor, rows, NotDone(), self.config, warnings)
         certificate = replace(
             result.certificate,

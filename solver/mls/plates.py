@@ -77,6 +77,8 @@ class Plates:
             self.friction[t] = coupling.friction[i]
         self.rows = np.zeros((count, 9))
         self.impulse = np.zeros((1, 6 * count))
+        # 1 where material has been near both of two thin bodies
+        self.met = np.zeros((count, count), dtype=np.int32)
 
     def find_sides(self) -> None:
         """Sides of all nodes and particles near thin bodies."""
@@ -89,9 +91,20 @@ class Plates:
                 continue
             sides_at_nodes(
                 t + 1.0, THIN * g.cell, g.cell, int(g.shape[1]), int(g.shape[2]), NEAR * g.cell, frame, span,
-                grid.spacing, grid.values, self.soft.node_side,
+                grid.spacing, grid.values, self.soft.material, self.soft.node_side, self.met,
             )  # fmt: skip
-            sides_of_particles(t + 1.0, THIN * g.cell, NEAR * g.cell, frame, grid.spacing, grid.values, p.x, p.side)
+            sides_of_particles(
+                t + 1.0, THIN * g.cell, NEAR * g.cell, frame, grid.spacing, grid.values, p.x, p.side, self.met
+            )
+
+    def warnings(self) -> list[str]:
+        """Pairs of thin bodies between which sides were mixed up."""
+        names = [self.model.bodies[i].name for i in self.index]
+        return [
+            f"mls: {names[a]!r} and {names[b]!r}: material was within {NEAR:.0f} cells of thin parts of both, where "
+            f"only the sides of {names[b]!r} are told apart: it may leak through {names[a]!r}; lower mls_cell"
+            for a, b in np.argwhere(self.met).tolist()
+        ]
 
     def motion(self) -> tuple[Array, Array, Array]:
         """Centres and velocities, friction, and an empty account of impulses per block of particles."""

@@ -83,6 +83,22 @@ def test_a_body_has_sides_where_a_part_of_it_is_thinner_than_two_cells(lab, thic
     assert thin_bodies(Model((board, pad), np.array([0.0, 0.0, -9.81])), h) == []
 
 
+@pytest.mark.parametrize(("gap", "overlap"), [(3.0, True), (5.0, False)])
+@pytest.mark.parametrize("order", [1, -1])
+def test_a_result_says_where_material_is_near_two_thin_bodies(lab, gap, overlap, order):
+    """Sides reach two cells: material between boards of a quarter cell that are three cells apart is near both, of
+    which one only keeps its sides, whichever comes first; between boards five cells apart none is."""
+    h, size = 0.0125, np.array([0.15, 0.15, 0.003])
+    boards = [
+        lab.rigid(name, lab.Box(size), [0, 0, z], fixed=True, spacing=7e-4)
+        for name, z in (("low", 0.0), ("high", gap * h + 0.003))
+    ]
+    block = lab.soft("block", lab.Box(np.array([0.05, 0.05, 0.02])), [0, 0, 0.0015 + 0.5 * gap * h], E=5e4, cell=h)
+    result = stepping(*boards[::order], block, mls_cell=h, step_limit=1).run(None)
+    said = [line for line in result.warnings if "'low'" in line and "'high'" in line and "may leak" in line]
+    assert len(said) == int(overlap)
+
+
 @pytest.mark.parametrize("tilt", [0.0, 0.4])
 @pytest.mark.parametrize("edge", [1.0, 0.01])
 def test_a_plate_has_sides_however_few_its_triangles_are(lab, edge, tilt):
