@@ -290,6 +290,7 @@ def test_soft_bodies_around_each_other_have_no_common_normal(lab, share, determi
     result, contact = one.run(None), soft_contact(one.soft, 1, 0)
     said = [line for line in result.warnings if "'ring' and 'rod'" in line and "not determined" in line]
     row = result.contacts[0]
+    assert contact is not None
     if determined:
         assert contact.normal == pytest.approx([-1.0, 0.0, 0.0], abs=0.1)
         assert not said
