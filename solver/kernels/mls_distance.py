@@ -10,6 +10,7 @@ from solver.kernels.elastic import vec3
 from solver.kernels.mls_columns import (
     CENTER,
     GRID_LOW,
+    MATERIAL_MASS,
     NODE_MASS,
     ROTATION,
     SAMPLE_ORIGIN,
@@ -105,15 +106,24 @@ def sides_at_nodes(
     span: ti.types.ndarray(dtype=ti.i32, ndim=2),
     spacing: ti.f64,
     values: ti.types.ndarray(dtype=ti.f32, ndim=3),
+    material: ti.types.ndarray(dtype=ti.f64, ndim=2),
     node_side: ti.types.ndarray(dtype=ti.f64, ndim=2),
+    met: ti.types.ndarray(dtype=ti.i32, ndim=2),
 ):
-    """Which side of a rigid body each node within `reach` of a part of it thinner than `thickness` is on."""
+    """Which side of a rigid body each node within `reach` of a part of it thinner than `thickness` is on.
+
+    A node that was on a side of another body is on this one's from now on, and where it has material,
+    met[other, this] (counted from 0) becomes 1.
+    """
     for s in range(span[SPAN_COUNT, 0] * span[SPAN_COUNT, 1] * span[SPAN_COUNT, 2]):
         index = node_in_span(s, span)
         x = vector_at(frame, GRID_LOW, 0) + h * ti.cast(index, ti.f64)
         phi, n = distance_and_normal(x, frame, spacing, values)
         if phi < reach and lies_over_thin_part(phi, n, x, thickness, frame, spacing, values):
             node = (index[0] * nodes_y + index[1]) * nodes_z + index[2]
+            other = ti.cast(node_side[node, SIDE_MARK], ti.i32)
+            if other > 0 and material[node, MATERIAL_MASS] > 0.0:
+                met[other - 1, ti.cast(mark, ti.i32) - 1] = 1
             for a in ti.static(range(3)):
                 node_side[node, a] = n[a]
             node_side[node, SIDE_MARK] = mark
@@ -129,14 +139,18 @@ def sides_of_particles(
     values: ti.types.ndarray(dtype=ti.f32, ndim=3),
     x: ti.types.ndarray(dtype=ti.f64, ndim=2),
     side: ti.types.ndarray(dtype=ti.f64, ndim=2),
+    met: ti.types.ndarray(dtype=ti.i32, ndim=2),
 ):
     """The same for particles, with their distance; one that was near before stays on its side, also where it has been
-    pressed through."""
+    pressed through. To be asked of bodies in the order of their marks: a lower one was then given just now."""
     for p in range(x.shape[0]):
         X = vector_at(x, p, 0)
         phi, n = distance_and_normal(X, frame, spacing, values)
         near = phi < reach and lies_over_thin_part(phi, n, X, thickness, frame, spacing, values)
         if near and n.norm_sqr() > 0.0:
+            other = ti.cast(side[p, SIDE_MARK], ti.i32)
+            if other > 0 and other < ti.cast(mark, ti.i32):
+                met[other - 1, ti.cast(mark, ti.i32) - 1] = 1
             before = vector_at(side, p, 0)
             if side[p, SIDE_MARK] == mark and before.dot(n) < 0.0:
                 n = -n

@@ -139,8 +139,7 @@ def particles_to_grid(
 ):
     """Add mass and momentum, elastic forces and gravity included, of the particles of pencils of one colour.
 
-    With `thin`, nothing is given to nodes behind a thin
-    rigid body (CPIC [H18, Sec. 5.2]).
+    With `thin`, nothing is given to nodes behind a thin rigid body (CPIC [H18, Sec. 5.2]).
     """
     for task in range(pencils.shape[0] * TASK):
         if task % TASK != 0:

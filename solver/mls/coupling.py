@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from solver.config import SolverConfig
 from solver.contact.predict import contact_stiffness
-from solver.kernels.mls_coupling import COUPLED, IMPULSE, LOAD, NORMAL_IMPULSE, NORMAL_MATRIX, TOUCHING, couple
+from solver.kernels.mls_coupling import COUPLED, IMPULSE, LOAD, NORMAL_IMPULSE, NORMAL_MATRIX, SETTLED, TOUCHING, couple
 from solver.kernels.mls_distance import distance_at_nodes
 from solver.mls.bodies import SoftBodies
 from solver.mls.rigid import RigidBodies
@@ -72,6 +72,15 @@ class PairImpulse:
     """Normal part of it [N s], shape (3,)."""
 
 
+@dataclass(eq=False, slots=True)
+class Unsettled:
+    """Exchanges of a rigid body in which its velocity and the friction on it had not come to agree."""
+
+    count: int = 0
+    largest_change: float = 0.0
+    """Of the velocity in the last sweep, over the velocity [-]."""
+
+
 class Coupling:
     """All pairs of a rigid and a soft body."""
 
@@ -80,6 +89,8 @@ class Coupling:
         self.work = np.zeros((6, 7))
         self.number = np.zeros((0, 2), dtype=np.int32)
         self.touching = np.zeros((0, TOUCHING))
+        self.last_change = np.zeros(1)
+        self.unsettled: dict[int, Unsettled] = {}
         self.fixed_distances: dict[int, NodeDistances | None] = {}
         self.friction = {
             r: np.array([model.friction(model.bodies[r], model.bodies[i]) for i in soft.index]) for r in rigid.index
@@ -112,14 +123,30 @@ class Coupling:
                 int(not body.fixed), g.cell, REACH * g.cell, self.soft.least_mass, int(g.shape[1]), int(g.shape[2]),
                 self.frame(index), near.span, near.phi, near.normal, self.soft.owner, self.soft.material,
                 self.friction[index], self.rigid.mass_matrix(index), g.node, q, self.work, self.number,
-                self.touching, out,
+                self.touching, self.last_change, out,
             )  # fmt: skip
+            self._watch(index, float(self.last_change[0]))
             if not body.fixed:
                 self.rigid.set_velocity(index, q)
             for part in np.flatnonzero(out[:, LOAD] > 0.0).tolist():
                 received = Exchange.of(out[part])
                 self._add(index, part, received)
                 self.loaded.append((index, part, received))
+
+    def _watch(self, index: int, change: float) -> None:
+        """Remember an exchange that did not settle."""
+        if change > SETTLED:
+            one = self.unsettled.setdefault(index, Unsettled())
+            one.count += 1
+            one.largest_change = max(one.largest_change, change)
+
+    def warnings(self) -> list[str]:
+        """Rigid bodies of which some exchange did not settle."""
+        return [
+            f"mls: {self.model.bodies[i].name!r}: in {one.count} steps contact and friction did not settle with the "
+            f"body's velocity, which still changed by up to {one.largest_change:.1g} of itself; compare with method tl"
+            for i, one in self.unsettled.items()
+        ]
 
     def hand_over_impulses(self) -> dict[tuple[int, int], PairImpulse]:
         """What was summed up since this was last asked for, by rigid body and soft part; sums begin anew."""

@@ -272,7 +272,8 @@ class ExplicitDrop:
 
     def _result(self, verdict: Verdict, last: IntervalReport) -> SettledModel:
         rows, final = self.monitor.rows(), self._final(last)
-        result = build_result(verdict, final, self.monitor, rows, NotDone(), self.config, self.warnings)
+        warnings = [*self.warnings, *self.coupling.warnings(), *self.plates.warnings(), *last.warnings()]
+        result = build_result(verdict, final, self.monitor, rows, NotDone(), self.config, warnings)
         certificate = replace(
             result.certificate,
             method="mls",

@@ -121,7 +121,7 @@ class IntervalReport:
         """Soft on soft through shared nodes: what is missing in the momentum balance of the free ones.
 
         Exact where every such pair is needed to balance some body (two bodies, a stack); else the smallest forces
-        that do.
+        that do. Their normal part is that along the contact's mean normal, and all of it where there is none.
         """
         pairs = sorted(self.soft.touching_parts())
         movable = [p for p, i in enumerate(self.soft.index) if not self.model.bodies[i].fixed]
@@ -143,8 +143,20 @@ class IntervalReport:
             i, j = self.soft.index[a], self.soft.index[b]
             contact = soft_contact(self.soft, a, b)
             if contact is not None:
-                out.append((i, j, force, (force @ contact.normal) * contact.normal))
+                n = contact.normal
+                out.append((i, j, force, force if n is None else (force @ n) * n))
         return out
+
+    def warnings(self) -> list[str]:
+        """Soft bodies around each other, whose force has no normal part of its own."""
+        pairs = [(a, b, soft_contact(self.soft, a, b)) for a, b in sorted(self.soft.touching_parts())]
+        names = [self.model.bodies[i].name for i in self.soft.index]
+        return [
+            f"mls: {names[a]!r} and {names[b]!r}: one is around the other, so their normals have no common direction; "
+            "which part of their force is normal is not determined, all of it is given as normal_force_n"
+            for a, b, contact in pairs
+            if contact is not None and contact.normal is None and not (self.soft.is_fixed(a) and self.soft.is_fixed(b))
+        ]
 
     def _weight(self, part: int) -> Array:
         """What gravity does to the s-th soft body [N], shape (3,)."""

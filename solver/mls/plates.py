@@ -22,6 +22,7 @@ from solver.model.bodies import Body, Model
 Array = NDArray[np.float64]
 
 THIN = 2.0  # cells; a thicker part keeps the supports of particles on its two sides, 1.5 cells each, nearly apart
+ROUNDING = 1e-3  # of a spacing: distances are sampled in single precision
 NEAR = 2.0  # cells around such a part where sides are told apart: more than a particle's support
 
 
@@ -42,12 +43,20 @@ def meets_soft(model: Model, index: int, cell: float) -> bool:
 
 
 def has_thin_part(body: Body, cell: float) -> bool:
-    """Whether the body ends within THIN cells beneath one of its surface points, in a face opposite to that one: the
-    rule by which the kernels tell where it has sides (lies_over_thin_part)."""
-    normal = outward(body.distance, body.vertices)
-    thin, inside = np.zeros(len(normal), np.bool_), np.ones(len(normal), np.bool_)
+    """Whether the body ends within THIN cells beneath its surface, in a face opposite to that one: the rule by which
+    the kernels tell where it has sides (lies_over_thin_part).
+
+    Asked where its distance was sampled within half a spacing of the surface, so that every face answers, however few
+    its triangles are: at a corner or an edge, where its points may all be, the normal leads aslant into the body.
+    """
+    grid = body.distance
+    near = np.argwhere(np.abs(grid.values) <= (0.5 + ROUNDING) * grid.spacing)
+    sample = grid.origin + grid.spacing * near
+    normal = outward(grid, sample)
+    surface = sample - distance(grid, sample)[:, None] * normal
+    thin, inside = np.zeros(len(normal), np.bool_), normal.any(axis=1)
     for k in range(PROBES):
-        at = body.vertices - (k + 1) / PROBES * THIN * cell * normal
+        at = surface - (k + 1) / PROBES * THIN * cell * normal
         ends = inside & (distance(body.distance, at) > 0.0)
         thin |= ends & ((outward(body.distance, at) * normal).sum(axis=1) < OPPOSED)
         inside &= ~ends
@@ -68,6 +77,8 @@ class Plates:
             self.friction[t] = coupling.friction[i]
         self.rows = np.zeros((count, 9))
         self.impulse = np.zeros((1, 6 * count))
+        # 1 where material has been near both of two thin bodies
+        self.met = np.zeros((count, count), dtype=np.int32)
 
     def find_sides(self) -> None:
         """Sides of all nodes and particles near thin bodies."""
@@ -80,9 +91,20 @@ class Plates:
                 continue
             sides_at_nodes(
                 t + 1.0, THIN * g.cell, g.cell, int(g.shape[1]), int(g.shape[2]), NEAR * g.cell, frame, span,
-                grid.spacing, grid.values, self.soft.node_side,
+                grid.spacing, grid.values, self.soft.material, self.soft.node_side, self.met,
             )  # fmt: skip
-            sides_of_particles(t + 1.0, THIN * g.cell, NEAR * g.cell, frame, grid.spacing, grid.values, p.x, p.side)
+            sides_of_particles(
+                t + 1.0, THIN * g.cell, NEAR * g.cell, frame, grid.spacing, grid.values, p.x, p.side, self.met
+            )
+
+    def warnings(self) -> list[str]:
+        """Pairs of thin bodies between which sides were mixed up."""
+        names = [self.model.bodies[i].name for i in self.index]
+        return [
+            f"mls: {names[a]!r} and {names[b]!r}: material was within {NEAR:.0f} cells of thin parts of both, where "
+            f"only the sides of {names[b]!r} are told apart: it may leak through {names[a]!r}; lower mls_cell"
+            for a, b in np.argwhere(self.met).tolist()
+        ]
 
     def motion(self) -> tuple[Array, Array, Array]:
         """Centres and velocities, friction, and an empty account of impulses per block of particles."""

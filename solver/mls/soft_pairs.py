@@ -20,6 +20,10 @@ from solver.model.state import cross_matrix
 
 Array = NDArray[np.float64]
 
+# length of the mean of unit normals below which they have no common direction: that of a hemisphere's. Where they go
+# farther around, normals lie opposite to each other, carry a load without any force in sum, and tell no direction
+AROUND = 0.5
+
 
 @dataclass(frozen=True, eq=False, slots=True)
 class SoftContact:
@@ -27,8 +31,8 @@ class SoftContact:
 
     center: Array
     """Mean place of the contact [m], shape (3,)."""
-    normal: Array
-    """Mean normal from the second to the first, of unit length, shape (3,)."""
+    normal: Array | None
+    """Mean normal from the second to the first, of unit length, shape (3,); None where one body is around the other."""
     normal_matrix: Array
     """Mean of G^T n n^T G about the centre, G = [I, -[r]x], shape (6, 6)."""
 
@@ -83,5 +87,6 @@ def soft_contact(soft: SoftBodies, a: int, b: int) -> SoftContact | None:
     center = weight @ at
     Gn = np.concatenate([normal, np.einsum("kij,kj->ki", cross_matrix(at - center), normal)], axis=1)
     mean = weight @ normal
-    mean /= max(float(np.linalg.norm(mean)), 1e-30)
-    return SoftContact(center, mean, np.einsum("k,ki,kj->ij", weight, Gn, Gn))
+    length = float(np.linalg.norm(mean))
+    common = mean / length if length > AROUND else None
+    return SoftContact(center, common, np.einsum("k,ki,kj->ij", weight, Gn, Gn))

@@ -11,6 +11,8 @@ from solver.kernels.mls_coupling import (
     LOAD,
     NORMAL_IMPULSE,
     NORMAL_MATRIX,
+    SETTLED,
+    SWEEPS,
     TOUCHING,
     couple,
 )
@@ -67,11 +69,18 @@ class Scene:
 
     def couple(self, *, free: bool) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """What the kernel makes of the nodes' velocities and of q, and what it tells of the two owners."""
+        velocity, q, out, change = self.coupled(free=free)
+        assert change <= SETTLED
+        return velocity, q, out
+
+    def coupled(self, *, free: bool) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
+        """The same, settled or not, and the last change of q."""
         grid, q, out, near = self.grid.copy(), self.q.copy(), np.zeros((2, COUPLED)), len(self.phi)
         scratch = np.full((6, 7), np.nan), np.zeros((near, 2), np.int32), np.full((near, TOUCHING), np.nan)
+        change = np.full(1, np.nan)
         couple(int(free), H, H, LEAST, *SHAPE[1:], self.frame, SPAN, self.phi, self.normal, self.owner, self.material,
-               self.friction, self.mass, grid, q, *scratch, out)  # fmt: skip
-        return grid[:, :3], q, out
+               self.friction, self.mass, grid, q, *scratch, change, out)  # fmt: skip
+        return grid[:, :3], q, out, float(change[0])
 
     def touching(self) -> dict[int, ContactNode]:
         """The nodes that touch by the twin's rule."""
@@ -142,22 +151,60 @@ def test_what_sticks_moves_with_the_body_and_what_slides_takes_friction_at_its_l
         scene = Scene.random(3, FRICTION[kind])
         scene.friction[:] = FRICTION[kind]
         velocity, q, _ = scene.couple(free=True)
-        loaded = 0
+        loaded, known = 0, settled_slip(scene, q)
         for node, one in scene.touching().items():
             J = one.mass * (velocity[node] - one.velocity)
             if not J.any():
                 continue
             loaded += 1
             slip = velocity[node] - one.motion @ q
-            # shares that oscillate contract in each of the 20 sweeps: measured 5e-9 of speeds of 1 m/s
-            assert slip @ one.normal == pytest.approx(0.0, abs=1e-7)
+            assert slip @ one.normal == pytest.approx(0.0, abs=known)
             along = J - (J @ one.normal) * one.normal
             if kind == "sticking":
-                assert slip == pytest.approx(np.zeros(3), abs=1e-7)
+                assert slip == pytest.approx(np.zeros(3), abs=known)
             else:
                 assert np.linalg.norm(along) == pytest.approx(one.dynamic_friction * (J @ one.normal), rel=1e-6)
                 assert along @ slip < 0.0
         assert loaded > 5
+
+
+def settled_slip(scene: Scene, q: np.ndarray) -> float:
+    """Largest slip [m/s] that sweeps leave which have settled.
+
+    Sweeps that contract by c per sweep end within c / (1 - c) of the last change of q', and c <= SETTLED**(1 / SWEEPS),
+    or they would not have settled. The body takes the opposite of the nodes' impulses, so an error e of q' is one of
+    M^-1 (M + sum m G^T G) e of its velocity; at a node, one of G times that. Rounding of q' counts alike.
+    """
+    nodes = list(scene.touching().values())
+    contraction = SETTLED ** (1.0 / SWEEPS)
+    error = (contraction / (1.0 - contraction) * SETTLED + 1e-15) * max(np.linalg.norm(q), np.linalg.norm(scene.q))
+    system = scene.mass + np.sum([one.mass * one.motion.T @ one.motion for one in nodes], axis=0)
+    back = np.linalg.solve(scene.mass, system)
+    return max(float(np.linalg.norm(one.motion @ back, 2)) for one in nodes) * float(error)
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("weight", [1.0, 1e-4])
+def test_what_light_bodies_take_has_settled(seed: int, weight: float) -> None:
+    """Also where friction's shares oscillate, as they do for bodies far lighter than the material, sweeps settle, and
+    nodes move as by the law."""
+    scene = Scene.random(seed, FRICTION["mixed"], weight)
+    velocity, _, _ = scene.couple(free=True)
+    nodes = scene.touching()
+    after = velocity_after(list(nodes.values()), scene.q, scene.mass)
+    for node, one in nodes.items():
+        assert velocity[node] == pytest.approx(one.velocity + impulse(one, after) / one.mass, abs=1e-10)
+
+
+def test_an_exchange_that_does_not_settle_says_so() -> None:
+    """Where nodes come into touch and leave it in turn no velocity agrees with its own impulses; the last change of the
+    sweeps is told, and the body still takes exactly the opposite of what the nodes take."""
+    scene = Scene.random(3, FRICTION["sticking"], 0.01)
+    velocity, q, _, change = scene.coupled(free=True)
+    assert change > 0.01
+    given = [(one, one.mass * (velocity[node] - one.velocity)) for node, one in scene.touching().items()]
+    taken = sum((one.motion.T @ J for one, J in given), np.zeros(6))
+    assert scene.mass @ (q - scene.q) == pytest.approx(-taken, abs=1e-12 * float(np.abs(taken).max()))
 
 
 def test_separating_nodes_take_nothing() -> None:
