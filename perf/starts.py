@@ -10,7 +10,7 @@ from rich.table import Table
 from dcap.scene.errors import InputError
 from dcap.scene.types.outcome import Infeasible
 from tasks.runner.process import run_in_process
-from tasks.runner.process_server import ProcessServer, process_server
+from tasks.runner.process_server import FORK_SERVER, ProcessServer, process_server, start_method
 
 REPEATS = 5
 STAGES = ("drop", "mesh", "segment", "rotation", "particles", "render")
@@ -35,18 +35,24 @@ def start_seconds(stage: str, server: ProcessServer | None) -> float:
     raise AssertionError("the stage says when it began")
 
 
+def best_and_median(stage: str, server: ProcessServer | None) -> list[str]:
+    """Of a few starts."""
+    seconds = [start_seconds(stage, server) for _ in range(REPEATS)]
+    return [f"{number:.3f} s" for number in (min(seconds), median(seconds))]
+
+
 def table() -> Table:
-    """Best and median of a few starts of every stage, forked and spawned, and what the server holds."""
-    shown = Table("start of a stage's process", "forked", "median", "spawned", "median", "server", box=None)
+    """Best and median of a few starts of every stage, spawned and, where processes are, forked, and what the server
+    holds."""
+    columns = ["spawned", "median"] + ["forked", "median", "server"] * (start_method() == FORK_SERVER)
+    shown = Table("start of a stage's process", *columns, box=None)
     for stage in STAGES:
+        forked: list[str] = []
         with process_server([__name__, f"tasks.{stage}.stage"]) as server:
-            assert server is not None
-            start_seconds(stage, server)  # the server has loaded once this has begun
-            forked = [start_seconds(stage, server) for _ in range(REPEATS)]
-            held = proportional_memory(server.pid)
-        spawned = [start_seconds(stage, None) for _ in range(REPEATS)]
-        times = (f"{number:.3f} s" for one in (forked, spawned) for number in (min(one), median(one)))
-        shown.add_row(stage, *times, f"{held / 2**20:.0f} MiB")
+            if server is not None:
+                start_seconds(stage, server)  # the server has loaded once this has begun
+                forked = [*best_and_median(stage, server), f"{proportional_memory(server.pid) / 2**20:.0f} MiB"]
+        shown.add_row(stage, *best_and_median(stage, None), *forked)
     return shown
 
 

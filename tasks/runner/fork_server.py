@@ -70,23 +70,35 @@ class ForkServer:
     def answer(self, module: str, descriptors: list[int]) -> bool:
         """Load the module, then fork if a child is asked for; True in the child."""
         load(module)
-        if not descriptors:
+        if len(descriptors) < DESCRIPTORS:  # none, or no room for all: the parent finds the child's socket closed
+            for one in descriptors:
+                os.close(one)
             return False
         link = socket.socket(fileno=descriptors[0])
-        try:
-            pid = os.fork()
-        except OSError as error:
-            tell(link, errno=error.errno)
-            link.close()
-        else:
-            if pid == 0:
-                self.become_child(link, descriptors[1:])
-                return True
-            self.watch(Job(pid, link, os.pidfd_open(pid)))
-            tell(link, pid=pid)
+        if self.start_child(link) == 0:
+            self.become_child(link, descriptors[1:])
+            return True
         for one in descriptors[1:]:
             os.close(one)
         return False
+
+    def start_child(self, link: socket.socket) -> int:
+        """Fork, watch the child and tell its process id, or the error that kept it from starting; 0 in the child."""
+        pid = -1
+        try:
+            pid = os.fork()
+            exit_fd = os.pidfd_open(pid) if pid else -1
+        except OSError as error:
+            if pid > 0:
+                kill(pid)
+                reap(pid)
+            tell(link, errno=error.errno)
+            link.close()
+            return -1
+        if pid:
+            self.watch(Job(pid, link, exit_fd))
+            tell(link, pid=pid)
+        return pid
 
     def become_child(self, link: socket.socket, standard: list[int]) -> None:
         """Lead a session, keep nothing of the server's, and have the standard descriptors that were sent."""
@@ -112,7 +124,7 @@ class ForkServer:
             return
         if readable != job.exit_fd:
             self.selector.unregister(job.link)
-            kill(job)
+            kill(job.pid)
             return
         if job.link in self.selector.get_map():
             self.selector.unregister(job.link)
@@ -139,10 +151,10 @@ def tell(link: socket.socket, **message: object) -> None:
         link.sendall(json.dumps(message).encode() + b"\n")
 
 
-def kill(job: Job) -> None:
+def kill(pid: int) -> None:
     """Kill a child and everything that it started."""
-    kill_group(job.pid)
-    os.kill(job.pid, signal.SIGKILL)  # it may not lead its group yet; nobody else reaps it, so the number is its own
+    kill_group(pid)
+    os.kill(pid, signal.SIGKILL)  # it may not lead its group yet; nobody else reaps it, so the number is its own
 
 
 def main() -> None:
@@ -155,7 +167,7 @@ def main() -> None:
         child.main()
         return
     for job in server.jobs:
-        kill(job)
+        kill(job.pid)
     os._exit(0)
 
 

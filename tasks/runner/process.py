@@ -5,7 +5,6 @@ interrupted or the time is up.
 """
 
 import json
-import signal
 import tempfile
 import threading
 from collections.abc import Callable
@@ -13,7 +12,8 @@ from contextlib import suppress
 from typing import IO, Any
 
 from dcap.scene import errors
-from tasks.runner.process_server import ProcessServer, SpawnedProcess, StageProcess
+from tasks.runner.process_group import exit_words
+from tasks.runner.process_server import ProcessServer, SpawnedProcess, StageProcess, servers
 
 MOST_SECONDS = 3600.0
 """A stage that runs longer hangs: budgets count steps, so this never decides a result."""
@@ -71,11 +71,6 @@ def converse(
     return done | {"cpu_seconds": ended.cpu_seconds, "peak_memory": ended.peak_memory}
 
 
-def exit_words(status: int) -> str:
-    """An exit status in words."""
-    return f"signal {signal.Signals(-status).name}" if status < 0 else f"status {status}"
-
-
 def raise_again(error: dict[str, str]) -> None:
     """Raise the child's error here under its own type."""
     kind = getattr(errors, error["type"], errors.DcapError)
@@ -83,6 +78,8 @@ def raise_again(error: dict[str, str]) -> None:
 
 
 def kill_all() -> None:
-    """Kill the processes of all running stages, for an interrupted program."""
+    """Kill the processes of all running stages, and those that are about to start, for an interrupted program."""
+    for server in list(servers):
+        server.close()
     for process in list(running):
         process.kill()

@@ -32,6 +32,11 @@ def reap(pid: int) -> Ended:
     return Ended(os.waitstatus_to_exitcode(status), usage.ru_utime + usage.ru_stime, usage.ru_maxrss * KIB)
 
 
+def exit_words(status: int) -> str:
+    """An exit status in words."""
+    return f"signal {signal.Signals(-status).name}" if status < 0 else f"status {status}"
+
+
 def kill_group(pid: int) -> None:
     """Kill a process and everything that it started."""
     with suppress(ProcessLookupError):  # all gone already

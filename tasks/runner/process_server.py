@@ -2,7 +2,8 @@
 
 A run has one server of its own (fork_server.py beside this). A process is spawned, with an interpreter of its own,
 where a forked one would not be the same: the system cannot fork, the server has gone, or environment, working directory
-or our source files have changed since it was started.
+or our source files have changed since it was started. Each wait for the server ends: a server that does not answer a
+request in START_SECONDS is killed, and with it the children that it alone could tell about.
 """
 
 import json
@@ -11,22 +12,32 @@ import signal
 import socket
 import subprocess
 import sys
+import tempfile
 import threading
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
+from pathlib import Path
 from typing import IO, Protocol, Self
 
 from dcap.packages import module_command
 from dcap.scene.errors import InputError
 from dcap.scene.settings import PROJECT_ROOT
 from tasks.runner.digests import PACKAGES
-from tasks.runner.process_group import Ended, kill_group, reap
+from tasks.runner.process_group import Ended, exit_words, kill_group, reap
 
 START_METHOD = "DCAP_START_METHOD"
 """Environment variable: `forkserver`, the default on Linux, or `spawn`."""
 FORK_SERVER, SPAWN = "forkserver", "spawn"
 SOURCES = tuple(PROJECT_ROOT / name for name in sorted(PACKAGES))
 """Folders of the code that a stage may load."""
+START_SECONDS = 300.0
+"""A start that takes longer hangs. It is about a hundred times what loading takes, for cold disks and busy machines: a
+server that is given up takes the children at work with it."""
+LOST_SECONDS = 5.0
+"""For how long the exit status of a server is waited for that has closed its sockets [s]; the kernel does both."""
+LAST_LINES = 10
+
+servers: set["ProcessServer"] = set()
 
 
 class StageProcess(Protocol):
@@ -81,43 +92,56 @@ class NotForkedError(Exception):
 
 
 class ForkedProcess:
-    """A child of the server; raises NotForkedError, or OSError if the system has no room for another process."""
+    """A child of the server; raises NotForkedError, TimeoutError if the server does not answer, or OSError if the
+    system has no room for another process."""
 
-    def __init__(self, requests: socket.socket, module: str, errors: IO[str]) -> None:
-        self._link, link = socket.socketpair()
-        theirs_in, mine_in = os.pipe()
-        mine_out, theirs_out = os.pipe()
-        self.input: IO[str] = os.fdopen(mine_in, "w")
-        self.output: IO[str] = os.fdopen(mine_out)
-        self._answers = self._link.makefile()
+    def __init__(self, server: "ProcessServer", module: str, errors: IO[str]) -> None:
+        self._server = server
+        self._errors = errors
         self._ended: Ended | None = None
         self._lock = threading.Lock()
-        try:
-            with suppress(OSError):  # no answer below
-                sent = [link.fileno(), theirs_in, theirs_out, errors.fileno()]
-                socket.send_fds(requests, [request(module)], sent)
-        finally:
-            link.close()
-            os.close(theirs_in)
-            os.close(theirs_out)
+        with ExitStack() as mine:
+            with ExitStack() as theirs:
+                self._link, link = socket.socketpair()
+                mine.enter_context(self._link)
+                theirs.enter_context(link)
+                self._answers = mine.enter_context(self._link.makefile())
+                their_input, self.input = pipe(theirs, mine)
+                self.output, their_output = pipe(mine, theirs)
+                sent = [one.fileno() for one in (link, their_input, their_output, errors)]
+                with suppress(OSError):  # no answer below
+                    socket.send_fds(server.requests, [request(module)], sent)
+            self.pid = self._first_answer()
+            mine.pop_all()
+
+    def _first_answer(self) -> int:
+        """Its process id."""
+        self._link.settimeout(START_SECONDS)
         answer = self._answers.readline()
+        self._link.settimeout(None)
         if not answer:
             raise NotForkedError
         forked = json.loads(answer)
         if "errno" in forked:
             raise OSError(forked["errno"], os.strerror(forked["errno"]))
-        self.pid = int(forked["pid"])
+        return int(forked["pid"])
 
     def wait(self) -> Ended:
         """How it ended; nothing that it started is left."""
         with self._lock:
             if self._ended is None:
                 answer = self._answers.readline()
-                # without the server it does not go on: the kernel has been asked to kill it then
-                self._ended = Ended(**json.loads(answer)) if answer else Ended(-signal.SIGKILL, 0.0, 0)
+                self._ended = Ended(**json.loads(answer)) if answer else self._lost()
                 self._answers.close()
                 self._link.close()
             return self._ended
+
+    def _lost(self) -> Ended:
+        """Its end without the server, which the kernel makes: only its group is left to kill, and nobody has waited
+        for it who could tell what it took. Its standard error says why."""
+        kill_group(self.pid)  # the number is its own while one of the group lives; another's only if all ended just now
+        os.write(self._errors.fileno(), self._server.last_words().encode())  # where the process itself stopped writing
+        return Ended(-signal.SIGKILL, 0.0, 0)
 
     def kill(self) -> None:
         """Kill it and everything that it started, and wait."""
@@ -126,40 +150,81 @@ class ForkedProcess:
         self.wait()
 
 
-class ProcessServer:
-    """Starts processes for the stages of a run; safe for many threads at once."""
+class InterruptedRunError(RuntimeError):
+    """No process is started for a run that has been interrupted."""
 
-    def __init__(self, modules: Iterable[str]) -> None:
+
+class ProcessServer:
+    """Starts processes for the stages of a run; safe for many threads at once. What the server itself writes to
+    standard error goes to the file `errors`."""
+
+    def __init__(self, modules: Iterable[str], errors: IO[str]) -> None:
         self._surroundings = surroundings()
-        self._requests, requests = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        self._errors = errors
+        self._given_up = ""
+        self._closed = False
+        self._lock = threading.Lock()
+        self.requests, requests = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        self.requests.settimeout(START_SECONDS)
         with requests:
             self._popen = subprocess.Popen(
                 module_command("tasks.runner.fork_server", str(requests.fileno()), str(os.getpid())),
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.DEVNULL,
-                stderr=subprocess.DEVNULL,
+                stderr=self._errors,
                 pass_fds=[requests.fileno()],
                 start_new_session=True,
             )
         self.pid = self._popen.pid
         for module in modules:
             with suppress(OSError):  # it has ended; processes are spawned
-                self._requests.sendall(request(module))
+                self.requests.sendall(request(module))
+        servers.add(self)
 
     def start(self, module: str, errors: IO[str]) -> StageProcess:
         """A process, with `module` loaded if it is forked; what it writes to standard error goes to `errors`."""
-        if surroundings() == self._surroundings:
-            with suppress(NotForkedError):
-                return ForkedProcess(self._requests, module, errors)
+        if not self._closed and surroundings() == self._surroundings:
+            try:
+                return ForkedProcess(self, module, errors)
+            except TimeoutError:
+                self._given_up = f", killed since it had not started a process for {module} in {START_SECONDS:g} s"
+                self._popen.kill()
+            except NotForkedError:
+                pass
+        if self._closed:
+            raise InterruptedRunError("the run was interrupted before this stage's process started")
         return SpawnedProcess(errors)
+
+    def last_words(self) -> str:
+        """How the server ended, and the last that it wrote to standard error."""
+        with self._lock:
+            try:
+                how = exit_words(self._popen.wait(LOST_SECONDS))
+            except subprocess.TimeoutExpired:
+                how = "closed sockets"
+            self._errors.seek(0)
+            tail = "".join(self._errors.readlines()[-LAST_LINES:])
+        return f"the server that had forked it ended with {how}{self._given_up}\n{tail}"
+
+    def close(self) -> None:
+        """Kill the server, its children with it, and start no more processes, forked or spawned."""
+        self._closed = True
+        self._popen.kill()  # it may be loading
 
     def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._requests.close()
-        self._popen.kill()  # it may be loading
+        servers.discard(self)
+        self.close()
         self._popen.wait()
+        self.requests.close()
+
+
+def pipe(reader: ExitStack, writer: ExitStack) -> tuple[IO[str], IO[str]]:
+    """Both ends of a pipe, each closed with its owner."""
+    read_fd, write_fd = os.pipe()
+    return reader.enter_context(os.fdopen(read_fd)), writer.enter_context(os.fdopen(write_fd, "w"))
 
 
 def request(module: str) -> bytes:
@@ -170,9 +235,20 @@ def request(module: str) -> bytes:
 def surroundings() -> tuple[object, ...]:
     """What a process finds when it loads its modules: working directory, environment, and when each of our source
     files was changed; equal if a forked process would be as one that is spawned now."""
-    files = sorted(path for folder in SOURCES for path in folder.rglob("*.py"))
-    changed = tuple((str(path), path.stat().st_ctime_ns) for path in files)
+    changed: dict[str, int | None] = {}
+    for folder in SOURCES:
+        with suppress(FileNotFoundError):  # a folder that is deleted meanwhile: what is missing counts as changed
+            for path in folder.rglob("*.py"):
+                changed[str(path)] = change_time(path)
     return os.getcwd(), dict(os.environ), changed
+
+
+def change_time(path: Path) -> int | None:
+    """When a file was changed [ns]; None if it was deleted since it was listed, or links to nothing, as editors' locks
+    do."""
+    with suppress(FileNotFoundError):
+        return path.stat().st_ctime_ns
+    return None
 
 
 @contextmanager
@@ -181,7 +257,7 @@ def process_server(modules: Iterable[str]) -> Iterator[ProcessServer | None]:
     if start_method() == SPAWN:
         yield None
         return
-    with ProcessServer(modules) as server:
+    with tempfile.TemporaryFile("w+", errors="replace") as errors, ProcessServer(modules, errors) as server:
         yield server
 
 

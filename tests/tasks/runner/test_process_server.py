@@ -2,141 +2,31 @@
 
 import json
 import os
-import signal
 import subprocess
 import sys
 import textwrap
 import threading
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager, suppress
 from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
+from process_jobs import JOBS, ROOT, alive, job, quiet, serving, told, wait_until
 
 from dcap.scene.errors import InputError
 from flows.place import STAGES
 from tasks.runner import process
 from tasks.runner import process_server as process_server_module
 from tasks.runner.process import StageProcessError, run_in_process
-from tasks.runner.process_server import START_METHOD, ProcessServer, process_server, start_method
+from tasks.runner.process_server import (
+    START_METHOD,
+    process_server,
+    start_method,
+    surroundings,
+)
 
 MIB = 2**20
-ROOT = Path(__file__).parents[3]
-JOBS = """
-import json, os, re, signal, subprocess, sys, threading, time
-from pathlib import Path
-import numpy as np
-from dcap.scene.types.outcome import Infeasible, Reason
-
-DONE = Infeasible(Reason.NO_SUPPORT_HIT, "done", None)
-
-def describe(path: str) -> Infeasible:
-    status = dict(line.split(":", 1) for line in Path("/proc/self/status").read_text().splitlines())
-    links = {one: f"/proc/self/fd/{one}" for one in os.listdir("/proc/self/fd")}  # and that of the listing, gone by now
-    files = {one: re.sub("[0-9]+", "", os.readlink(link)) for one, link in links.items() if os.path.lexists(link)}
-    told = {
-        "environment": dict(os.environ), "native": Path("/proc/self/environ").read_text(), "folder": os.getcwd(),
-        "path": sys.path, "arguments": [Path(sys.argv[0]).name, sys.argv[1] == str(os.getppid())],
-        "leads": [os.getsid(0) == os.getpid(), os.getpgid(0) == os.getpid()], "files": files,
-        "signals": [status[name] for name in ("SigBlk", "SigIgn", "SigCgt")], "umask": status["Umask"],
-        "python": [repr(signal.getsignal(one)) for one in (signal.SIGINT, signal.SIGTERM, signal.SIGCHLD)],
-        "threads": threading.active_count(), "cores": sorted(os.sched_getaffinity(0)),
-        "streams": [[one.encoding, one.errors] for one in (sys.stdin, sys.stdout, sys.stderr)],
-    }
-    Path(path).write_text(json.dumps(told))
-    return DONE
-
-def multiply(path: str) -> Infeasible:
-    import hashlib, scipy.linalg
-    a = np.random.default_rng(0).random((600, 600))
-    digests = [hashlib.sha256(one.tobytes()).hexdigest() for one in (a @ a, scipy.linalg.lu(a)[2])]
-    names = [one.read_text().strip() for one in Path("/proc/self/task").glob("*/comm")]
-    Path(path).write_text(json.dumps([digests, len(names) - names.count("jemalloc_bg_thd")]))  # comes and goes
-    return DONE
-
-def crash(path: str) -> Infeasible:
-    print("last words", file=sys.stderr, flush=True)
-    os.kill(os.getpid(), signal.SIGSEGV)
-
-def family(path: str) -> Infeasible:
-    grandchild = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(60)"])
-    draft = Path(path + ".draft")
-    draft.write_text(json.dumps([os.getpid(), grandchild.pid]))
-    draft.rename(path)
-    time.sleep(60)
-
-def orphan(path: str) -> Infeasible:
-    grandchild = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(60)"])
-    Path(path).write_text(json.dumps(grandchild.pid))
-    return DONE
-
-def write_name(path: str) -> Infeasible:
-    time.sleep(0.2)
-    Path(path).write_text(json.dumps([path, os.getppid()]))
-    return DONE
-
-def fill(path: str, mib: int) -> Infeasible:
-    np.ones(mib * 2**20, np.uint8)
-    return DONE
-"""
-
-
-@pytest.fixture
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A data folder, with the fake stages on the path of processes."""
-    (tmp_path / "fake_jobs.py").write_text(JOBS)
-    monkeypatch.setenv("DCAP_DATA", str(tmp_path))
-    monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(ROOT), str(tmp_path)]))
-    monkeypatch.delenv(START_METHOD, raising=False)
-    return tmp_path
-
-
-@contextmanager
-def serving() -> Iterator[ProcessServer]:
-    """A server; in the body of a test, because pytest changes the environment between a fixture and the test."""
-    with process_server(["fake_jobs"]) as server:
-        assert server is not None
-        yield server
-
-
-def job(function: str, path: Path, module: str = "fake_jobs", **inputs: object) -> dict[str, object]:
-    """A job for a process."""
-    values = {"path": str(path)} | inputs
-    return {
-        "module": module,
-        "function": function,
-        "inputs": {name: {"value": value} for name, value in values.items()},
-        "config": None,
-        "session": {},
-    }
-
-
-def quiet(part: float, text: str) -> None:
-    """Hears nothing."""
-
-
-def told(function: str, path: Path, server: ProcessServer | None) -> object:
-    """What a job writes."""
-    run_in_process(job(function, path), quiet, server)
-    return json.loads(path.read_text())
-
-
-def alive(pid: int) -> bool:
-    """Whether a process runs (a dead one that nobody has waited for does not)."""
-    with suppress(FileNotFoundError):
-        return Path(f"/proc/{pid}/stat").read_text().split(")")[1].split()[0] != "Z"
-    return False
-
-
-def wait_until(condition: Callable[[], bool], seconds: float = 20.0) -> None:
-    """Wait for a condition; fail if it never comes."""
-    deadline = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < deadline, "waited in vain"
-        time.sleep(0.02)
 
 
 def test_a_forked_process_is_like_a_spawned_one(folder: Path) -> None:
@@ -281,34 +171,17 @@ def test_a_changed_environment_is_seen(folder: Path, monkeypatch: pytest.MonkeyP
         assert found["folder"] == str(folder)
 
 
-@pytest.mark.slow
-def test_a_lost_server_is_survived(folder: Path) -> None:
-    """A job whose server is killed fails as one whose process is killed; the next gets a process of its own."""
-    with serving() as server:
-        path = folder / "pids"
-        with ThreadPoolExecutor(1) as pool:
-            doomed = pool.submit(run_in_process, job("family", path), quiet, server)
-            wait_until(path.exists)
-            os.kill(server.pid, signal.SIGKILL)
-            with pytest.raises(StageProcessError, match="signal SIGKILL"):
-                doomed.result()
-        child, grandchild = json.loads(path.read_text())
-        wait_until(lambda: not alive(child))
-        os.kill(grandchild, signal.SIGKILL)
-        assert told("write_name", folder / "name", server) == [str(folder / "name"), os.getpid()]
-
-
-@pytest.mark.slow
-def test_a_module_that_cannot_be_loaded_is_told(folder: Path) -> None:
-    """A stage whose module fails or crashes while it is loaded is reported as by a process started anew."""
-    with serving() as server:
-        (folder / "fake_broken.py").write_text("raise ValueError('broken on purpose')")
-        (folder / "fake_crash.py").write_text("import os; os.abort()")
-        with pytest.raises(StageProcessError, match=r"status 1\n(.|\n)*ValueError: broken on purpose"):
-            run_in_process(job("stage", folder / "path", "fake_broken"), quiet, server)
-        assert told("write_name", folder / "name", server) == [str(folder / "name"), server.pid]
-        with pytest.raises(StageProcessError, match="signal SIGABRT"):
-            run_in_process(job("stage", folder / "path", "fake_crash"), quiet, server)
+def test_a_source_file_that_goes_is_a_change(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A source that is deleted while the sources are looked at makes them others, and no error; a link to nothing, as
+    editors make, stays as it is."""
+    monkeypatch.setattr(process_server_module, "SOURCES", (folder,))
+    (folder / ".#edited.py").symlink_to("user@host.1")
+    before = surroundings()
+    assert surroundings() == before
+    listed = list(folder.rglob("*.py"))
+    (folder / "fake_jobs.py").unlink()
+    monkeypatch.setattr(process_server_module, "SOURCES", (SimpleNamespace(rglob=lambda pattern: listed),))
+    assert surroundings() != before
 
 
 def test_a_server_ends_with_its_run(folder: Path) -> None:
