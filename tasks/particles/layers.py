@@ -83,7 +83,10 @@ class BaseLayers:
     def owners(self, position: Array) -> NDArray[np.int64]:
         """Part that each point (n, 3) belongs to, shape (n,): that of the nearest face, but deeper in a cover than it
         is thick what lies beneath."""
-        nearest = self.part[self.nearest.nearest_face(position)].astype(np.int64)
+        if len(self.surfaces) == 1:
+            nearest = np.full(len(position), self.part[0], dtype=np.int64)
+        else:
+            nearest = self.part[self.nearest.nearest_face(position)].astype(np.int64)
         owner = nearest.copy()
         for index, cover in self.covers.items():
             within = np.flatnonzero(nearest == index)
