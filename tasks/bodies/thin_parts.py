@@ -7,6 +7,7 @@ quantile counts, not the least.
 """
 
 from dataclasses import dataclass
+from enum import StrEnum
 from itertools import pairwise
 
 import numpy as np
@@ -14,7 +15,7 @@ from numpy.typing import NDArray
 
 from dcap.geometry.distance import sampler
 from dcap.scene.types.particles import DistanceGrid
-from tasks.bodies.soft_cells import THIN_SHARE, Cells, occupied
+from tasks.bodies.soft_cells import THIN_SHARE, Cells, Planes, occupied
 
 THROUGH = 2.0  # cells through what bends, at least
 ALLOWANCE = 1.25  # times the budget of the contact's cells, for thin parts too
@@ -41,6 +42,17 @@ class ThinProfile:
     """The middle of a stretch of that thickness [m], shape (n, 3)."""
 
 
+class Limit(StrEnum):
+    """What keeps cells coarser than something thin needs."""
+
+    BUDGET = "budget"
+    """With more cells in all there would be enough."""
+    FINEST = "finest"
+    """Cells are as fine as they may be."""
+    PIECES = "pieces"
+    """A cell that the contact asks for is cut into MOST_PIECES already."""
+
+
 @dataclass(frozen=True, eq=False, slots=True)
 class UnderResolved:
     """A place that is too thin for its cells."""
@@ -51,6 +63,8 @@ class UnderResolved:
     """[m]."""
     place: Array
     """A point in it [m], shape (3,)."""
+    limit: Limit
+    """Why there are no more."""
 
 
 def thin_profile(grid: DistanceGrid, axis: int, region: Array) -> ThinProfile:
@@ -88,19 +102,25 @@ def through_thin_parts(
     ALLOWANCE times `budget` of them; and the places along each axis that stay thinner than that."""
     profiles = [thin_profile(grid, axis, region) for axis in range(3)]
     distance = sampler(grid)
+    wanted = split_through(cells.planes, profiles, 1.0 / THROUGH, least)
     found = cells
     for eased in EASED:
-        x, y, z = (
-            split(planes, profile, eased / THROUGH, least)
-            for planes, profile in zip(cells.planes, profiles, strict=True)
-        )
-        count = occupied((x, y, z), distance)
+        planes = split_through(cells.planes, profiles, eased / THROUGH, least)
+        count = occupied(planes, distance)
         if count <= max(ALLOWANCE * budget, cells.count):
-            found = Cells((x, y, z), cells.size, count)
+            found = Cells(planes, cells.size, count)
             break
     return found, [
-        one for planes, profile in zip(found.planes, profiles, strict=True) for one in too_thin(planes, profile)
+        one
+        for planes, without_budget, profile in zip(found.planes, wanted, profiles, strict=True)
+        for one in too_thin(planes, without_budget, profile, least)
     ]
+
+
+def split_through(planes: Planes, profiles: list[ThinProfile], share: float, least: float) -> Planes:
+    """The planes along the three axes, split by the profiles along them."""
+    x, y, z = (split(own, profile, share, least) for own, profile in zip(planes, profiles, strict=True))
+    return x, y, z
 
 
 def split(planes: Array, profile: ThinProfile, share: float, least: float) -> Array:
@@ -115,15 +135,33 @@ def split(planes: Array, profile: ThinProfile, share: float, least: float) -> Ar
 
 def thinnest(profile: ThinProfile, low: float, high: float) -> float:
     """Smallest thickness between two places along the axis [m]."""
-    between = (profile.place > low) & (profile.place < high)
+    between = (profile.place >= low) & (profile.place < high)  # as interval_at has it
     return float(profile.thickness[between].min(initial=np.inf))
 
 
-def too_thin(planes: Array, profile: ThinProfile) -> list[UnderResolved]:
-    """Where there are fewer cells through the thickness than are to be."""
-    index = np.clip(np.searchsorted(planes, profile.place, side="right") - 1, 0, len(planes) - 2)
-    through = profile.thickness / np.diff(planes)[index]
+def too_thin(planes: Array, without_budget: Array, profile: ThinProfile, least: float) -> list[UnderResolved]:
+    """Where there are fewer cells through the thickness than are to be, and what keeps them from it: the budget if the
+    planes without it have enough."""
+    through = profile.thickness / interval_at(planes, profile.place)
+    affordable = interval_at(without_budget, profile.place)
     return [
-        UnderResolved(float(through[one]), float(profile.thickness[one]), profile.example[one])
+        UnderResolved(
+            float(through[one]), float(profile.thickness[one]), profile.example[one],
+            limit_of(float(profile.thickness[one]), float(affordable[one]), least),
+        )
         for one in np.flatnonzero(through < NAMED * THROUGH)
-    ]
+    ]  # fmt: skip
+
+
+def interval_at(planes: Array, place: Array) -> Array:
+    """Length of the interval between planes in which each place (n,) along the axis lies [m], shape (n,)."""
+    index = np.clip(np.searchsorted(planes, place, side="right") - 1, 0, len(planes) - 2)
+    return np.asarray(np.diff(planes)[index])
+
+
+def limit_of(thickness: float, interval: float, least: float) -> Limit:
+    """What keeps something of a thickness from having enough cells, where they are `interval` long with any budget
+    and may be no finer than `least` [m]."""
+    if thickness >= NAMED * THROUGH * interval:
+        return Limit.BUDGET
+    return Limit.FINEST if interval <= least * (1.0 + 1e-6) else Limit.PIECES

@@ -23,7 +23,7 @@ from tasks.bodies.inertial import inertial_of_material
 from tasks.bodies.material_points import MaterialConstants, material_points
 from tasks.bodies.node_states import grid_of, nodes_at_bottoms, nodes_at_cuts, nodes_within
 from tasks.bodies.soft_cells import Cells, graded_cells
-from tasks.bodies.thin_parts import UnderResolved, through_thin_parts
+from tasks.bodies.thin_parts import MOST_PIECES, Limit, UnderResolved, through_thin_parts
 from tasks.particles.bottoms import soft_bottoms
 from tasks.particles.covers import NEAR_EDGE, covers_beneath, covers_of
 from tasks.particles.drop_setup import (
@@ -31,8 +31,7 @@ from tasks.particles.drop_setup import (
     DropSetup,
     constants_of_parts,
     contact_cell_size,
-    friction_of_faces,
-    part_of_faces,
+    friction_of_surface,
 )
 from tasks.particles.layers import COLUMN_STEPS, BaseLayers, column_of
 from tasks.particles.obstacles import NEARBY, governing_part, rigid_base
@@ -128,10 +127,12 @@ def soft_base(
     box, cut = soft_box(setup, solid)
     grid = distance_samples(solid, box, 2.0 * config.finest_cell, margin=MARGIN, most=config.distance_samples)
     inside = sampler(grid)
+    for_contact = base_cells(setup, inside, box)
     cells, thin = through_thin_parts(
-        base_cells(setup, inside, box), grid, loaded_region(setup), config.base_cells, config.finest_cell
+        for_contact, grid, loaded_region(setup), config.base_cells, config.finest_cell
     )  # fmt: skip
-    note_cells(setup, layers, cells, thin)
+    note_cells(setup, for_contact, cells)
+    note_thin(setup, layers, thin)
     points = material_points(
         cells.planes, inside, lambda x: constants_in(rows, layers, x),
         if_empty=f"{base_id}: no solid beneath the object; raise ParticlesConfig.least_thickness",
@@ -142,7 +143,7 @@ def soft_base(
     surface = base_surface(setup, mesh, box, cells.size)
     body = SoftSimulationBody(
         name=base_id, instance=base_id, fixed=True, surface=surface,
-        face_friction=friction_of_faces(rows, part_of_faces(surface, mesh, part)),
+        face_friction=friction_of_surface(rows, surface, mesh, part),
         distance=contact_distance(setup, solid, box, cells.size), inertial=inertial_of_material(points),
         friction=main.material.friction, points=points, grid=grid_of(cells.planes, held=held), loaded=True,
     )  # fmt: skip
@@ -155,7 +156,8 @@ def base_layers(setup: DropSetup, rows: list[PartMaterial], mesh: Mesh, part: ND
     soft = [r.part_index for r in rows if r.model is BodyModel.MPM]
     faces = np.flatnonzero(setup.scene.face_instance == setup.base_index)
     whole, parts = setup.scene.mesh.submesh(faces), np.clip(setup.scene.face_part[faces], 0, None)
-    covers = covers_of(setup.base, soft, whole, parts, setup.beside_base(NEAR_EDGE))
+    around = setup.beside_base(NEAR_EDGE) if len(setup.base.parts) == 1 else []
+    covers = covers_of(setup.base, soft, whole, parts, around)
     for cover in covers.values():
         name = setup.base.parts[cover.part].name
         setup.notes.append(f"{setup.anchor.base_id}: {name} is a layer of {1e3 * cover.thickness:.0f} mm, {cover.why}")
@@ -177,19 +179,34 @@ def loaded_region(setup: DropSetup) -> Array:
     return box
 
 
-def note_cells(setup: DropSetup, layers: BaseLayers, cells: Cells, thin: list[UnderResolved]) -> None:
-    """Say where thin parts took more cells than the budget, and name every part that has too few through it."""
-    base_id, budget = setup.anchor.base_id, f"budget of {setup.config.base_cells} cells (ParticlesConfig.base_cells)"
-    if cells.count > setup.config.base_cells:
-        setup.notes.append(f"{base_id}: {cells.count} cells, for two through what is thin, beyond the {budget}")
+def note_cells(setup: DropSetup, for_contact: Cells, cells: Cells) -> None:
+    """Say where thin parts took more cells than the contact, beyond the budget."""
+    budget = setup.config.base_cells
+    if cells.count > max(budget, for_contact.count):
+        setup.notes.append(
+            f"{setup.anchor.base_id}: {cells.count} cells instead of {for_contact.count}, to be finer through what is "
+            f"thin, beyond the budget of {budget} cells (ParticlesConfig.base_cells)"
+        )
+
+
+def note_thin(setup: DropSetup, layers: BaseLayers, thin: list[UnderResolved]) -> None:
+    """Name every part that has too few cells through it, with its worst place and what keeps it from more."""
+    if not thin:
+        return
     worst: dict[int, UnderResolved] = {}
-    owner = layers.owners(np.array([one.place for one in thin]).reshape(-1, 3))
+    owner = layers.owners(np.array([one.place for one in thin]))
     for part, one in zip(owner.tolist(), thin, strict=True):
         worst[part] = min(worst.get(part, one), one, key=lambda found: found.cells)
+    why = {
+        Limit.BUDGET: f"to meet the budget of {setup.config.base_cells} cells (ParticlesConfig.base_cells)",
+        Limit.FINEST: f"as none is finer than {1e3 * setup.config.finest_cell:.2g} mm (ParticlesConfig.finest_cell)",
+        Limit.PIECES: f"as each that the contact needs is cut into {MOST_PIECES} at most; finer ones at the contact "
+        "(ParticlesConfig.cell) are finer there too",
+    }
     for part, one in worst.items():
         setup.notes.append(
-            f"{base_id}: only {one.cells:.1f} cells through {setup.base.parts[part].name} where it is "
-            f"{1e3 * one.thickness:.0f} mm thick, to meet the {budget}"
+            f"{setup.anchor.base_id}: only {one.cells:.1f} cells through {setup.base.parts[part].name} where it is "
+            f"{1e3 * one.thickness:.0f} mm thick, {why[one.limit]}"
         )
 
 

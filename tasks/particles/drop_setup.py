@@ -182,6 +182,14 @@ def stiffness_of(rows: list[PartMaterial]) -> list[float]:
     return [min(r.material.youngs_modulus, most[r.model]) for r in rows]
 
 
+def friction_of_surface(rows: list[PartMaterial], surface: Mesh, mesh: Mesh, part: NDArray[np.integer]) -> Array | None:
+    """The friction of each face of a surface (m,) that was made from a mesh, whose faces belong to the given parts
+    (k,), as `friction_of_faces` has it."""
+    if friction_of_faces(rows, part) is None:
+        return None
+    return friction_of_faces(rows, part_of_faces(surface, mesh, part))
+
+
 def friction_of_faces(rows: list[PartMaterial], part: NDArray[np.integer]) -> Array | None:
     """Static and dynamic friction [-] and rolling resistance [m] of faces that belong to the given parts (m,), shape
     (m, 3); None where all parts have the same."""

@@ -30,7 +30,7 @@ from tasks.bodies.layer_normals import layer_normals
 from tasks.bodies.material_points import material_points, with_mass
 from tasks.bodies.node_states import grid_of
 from tasks.bodies.soft_cells import Cells, Planes, nodes, thickness, uniform_cells
-from tasks.particles.drop_setup import DropSetup, constants_of_parts, friction_of_faces, part_of_faces
+from tasks.particles.drop_setup import DropSetup, constants_of_parts, friction_of_surface
 
 Array = NDArray[np.float64]
 
@@ -73,7 +73,7 @@ def object_body(setup: DropSetup, contact_cell: float, *, on_soft: bool) -> Obje
     body = RigidSimulationBody(
         name=OBJECT, instance=OBJECT, fixed=False, distance=grid, inertial=inertial, surface=surface,
         friction=touching.material.friction,
-        face_friction=friction_of_faces(rows, part_of_faces(surface, setup.mesh, part_of_face)),
+        face_friction=friction_of_surface(rows, surface, setup.mesh, part_of_face),
     )  # fmt: skip
     return ObjectBody(body, contact_cell)
 
@@ -149,7 +149,7 @@ def soft_object(
     surface = soft_object_surface(simplified_item(setup), setup.mesh.bounds, cells.size, setup.config.object_faces)
     body = SoftSimulationBody(
         name=OBJECT, instance=OBJECT, fixed=False, distance=grid, friction=touching.friction, surface=surface,
-        face_friction=friction_of_faces(rows, part_of_faces(surface, setup.mesh, part_of_face)),
+        face_friction=friction_of_surface(rows, surface, setup.mesh, part_of_face),
         inertial=inertial_of_material(points),
         points=points,
         grid=grid_of(cells.planes, core=core_nodes(setup, cells.planes, rows, part_of_face, inside)), loaded=False,

@@ -1,19 +1,17 @@
 """What stands around the soft part of the base: its rigid parts and other things in reach, as fixed rigid bodies."""
 
-from dataclasses import replace
-
 import numpy as np
 from numpy.typing import NDArray
 
 from dcap.geometry.distance import MeshDistance
 from dcap.geometry.solid.support import ready_support, shell_bottoms
-from dcap.scene.types.materials import Material, PartMaterial
-from dcap.scene.types.mesh import Mesh
+from dcap.scene.types.materials import PartMaterial
 from dcap.scene.types.particles import RigidSimulationBody
+from dcap.scene.types.segmentation import Instance
 from tasks.bodies.contact_surface import obstacle_surface
 from tasks.bodies.distance_samples import distance_samples
 from tasks.bodies.inertial import inertial_of_shell
-from tasks.particles.drop_setup import DropSetup, friction_of_faces, part_of_faces
+from tasks.particles.drop_setup import DropSetup, friction_of_surface
 
 SAMPLES = 80.0  # of an obstacle's signed distance along the object's diagonal
 MARGIN = 0.02  # a signed distance reaches this far beyond the faces in reach [m]
@@ -34,9 +32,7 @@ def rigid_base(
     there = set(part[kept].tolist())
     main = governing_part(setup, [r for r in rows if r.part_index in there], part[kept])
     name = f"{setup.anchor.base_id}/rigid"
-    mesh = setup.scene.mesh.submesh(faces[kept])
-    body = obstacle(setup, name, setup.anchor.base_id, mesh, solid, main.material)
-    return replace(body, face_friction=friction_of_faces(rows, part_of_faces(body.surface, mesh, part[kept])))
+    return obstacle(setup, (name, setup.anchor.base_id), faces[kept], solid, rows, main)
 
 
 def neighbours(setup: DropSetup) -> list[RigidSimulationBody]:
@@ -50,10 +46,9 @@ def neighbours(setup: DropSetup) -> list[RigidSimulationBody]:
         if len(faces) == 0:
             continue
         solid = neighbour_solid(setup, index)
-        rows = [r for r in setup.materials.rows if r.body == instance.id]
-        row = rows[0] if rows else setup.materials.of(setup.anchor.base_id, setup.anchor.part_index)
-        mesh = setup.scene.mesh.submesh(faces)
-        bodies.append(obstacle(setup, instance.id, instance.id, mesh, solid, row.material))
+        rows = rows_of(setup, instance)
+        main = most_seen(rows, np.clip(setup.scene.face_part[faces], 0, None))
+        bodies.append(obstacle(setup, (instance.id, instance.id), faces, solid, rows, main))
         setup.notes.append(f"{instance.id} ({instance.label}) is in reach: a fixed rigid obstacle")
     return bodies
 
@@ -70,23 +65,44 @@ def neighbour_solid(setup: DropSetup, index: int) -> MeshDistance:
     return solid
 
 
+def rows_of(setup: DropSetup, instance: Instance) -> list[PartMaterial]:
+    """The material of each part of another thing; that under the anchor for one that nobody was asked about."""
+    if any(row.body == instance.id for row in setup.materials.rows):
+        return setup.materials.of_parts(instance.id, len(instance.parts))
+    return [setup.materials.of(setup.anchor.base_id, setup.anchor.part_index)] * len(instance.parts)
+
+
 def obstacle(
-    setup: DropSetup, name: str, instance: str, mesh: Mesh, solid: MeshDistance, material: Material
+    setup: DropSetup,
+    name: tuple[str, str],
+    faces: NDArray[np.int64],
+    solid: MeshDistance,
+    rows: list[PartMaterial],
+    main: PartMaterial,
 ) -> RigidSimulationBody:
-    """A fixed rigid body: its faces in reach and its distance field where the object may come."""
+    """A fixed rigid body, its own `name` and its instance's: its faces in reach, each with the friction of its part,
+    and its distance field where the object may come. `rows` are those of all parts, `main` the one for the whole."""
+    mesh, part = setup.scene.mesh.submesh(faces), np.clip(setup.scene.face_part[faces], 0, None)
     box, surface = setup.contact_region, obstacle_surface(mesh, setup.footprint)
     reached = np.stack([np.maximum(mesh.bounds[0], box[0]), np.minimum(mesh.bounds[1], box[1])])
     spacing = float(np.linalg.norm(np.ptp(setup.mesh.vertices, axis=0))) / SAMPLES
     return RigidSimulationBody(
-        name=name, instance=instance, fixed=True, surface=surface,
+        name=name[0], instance=name[1], fixed=True, surface=surface,
         distance=distance_samples(solid, reached, spacing, margin=MARGIN, most=setup.config.distance_samples),
-        inertial=inertial_of_shell(surface, material.density), friction=material.friction,
+        inertial=inertial_of_shell(surface, main.material.density), friction=main.material.friction,
+        face_friction=friction_of_surface(rows, surface, mesh, part),
     )  # fmt: skip
 
 
 def governing_part(setup: DropSetup, rows: list[PartMaterial], part: NDArray[np.integer]) -> PartMaterial:
-    """The part whose friction counts for all: the one under the anchor if it is there, else the one with most faces."""
+    """The part of the base whose friction is that of the body, where its faces have none of their own: the one under
+    the anchor if it is there, else the one with most faces (n,)."""
     for row in rows:
         if row.part_index == setup.anchor.part_index:
             return row
+    return most_seen(rows, part)
+
+
+def most_seen(rows: list[PartMaterial], part: NDArray[np.integer]) -> PartMaterial:
+    """The part that most of the faces (n,) belong to, the first of several."""
     return max(rows, key=lambda r: (int((part == r.part_index).sum()), -r.part_index))

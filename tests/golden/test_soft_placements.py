@@ -15,9 +15,10 @@ import furnished as make
 import numpy as np
 import pytest
 from furnished import Parts
-from layered_dent import Layer, dent
+from layered_dent import Layer, dent, disc_sink
 from numpy.typing import NDArray
 
+from dcap.geometry.distance import signed_volume
 from dcap.language.material_table import load_materials
 from dcap.scene.store.artifacts import Store
 from dcap.scene.types.gravity import GRAVITY
@@ -139,15 +140,17 @@ def test_a_ball_on_a_blanket_dents_layers_not_a_block(place: Place) -> None:
     along = np.where(depth < blanket, cover.layers.youngs_modulus, foam.youngs_modulus)[covered]
     assert bed.points.layers.youngs_modulus[covered] == pytest.approx(along)
     assert np.abs(bed.points.layers.normal[covered & (depth < blanket), 2]) == pytest.approx(1.0, abs=1e-6)
-    assert depth.max() > 0.95 * (thick + blanket) - 0.01
+    lowest = float(np.diff(bed.grid.z)[0])  # the deepest points lie in the lower half of the lowest cells
+    assert thick + blanket - 0.5 * lowest < depth.max() < thick + blanket
 
     column = tree["certificate"]["placement"]["column"]
     assert [(one["part"], one["material"]) for one in column] == [("blanket", cover.id), ("mattress", foam.id)]
     assert [one["from_m"] for one in column] == pytest.approx([0.0, blanket], abs=2e-3)  # 400 steps of the column
     assert column[-1]["to_m"] == pytest.approx(thick + blanket, abs=2e-3)
 
-    # 20 x 4^4 triangles inscribed in a ball: the volume is short by 3 (edge / radius)^2 / (6 ...) < 0.3 %
-    assert tree["mass"] == pytest.approx(resin.density * 4.0 / 3.0 * np.pi * radius**3, rel=3e-3)
+    # of the polyhedron that was written, in single precision
+    volume = signed_volume(ball["body"].vertices, ball["body"].faces)
+    assert tree["mass"] == pytest.approx(resin.density * volume, rel=1e-5)
     assert placed.carried == pytest.approx(placed.weight, rel=0.03)  # the sides of the dent push inwards too
     below = placed.particles.bodies[0].surface.vertices
     friction = pair_friction(placed, 0, 1, below[:, 2] < below[:, 2].min() + 0.01)
@@ -164,13 +167,13 @@ def test_a_ball_on_a_blanket_dents_layers_not_a_block(place: Place) -> None:
     )
     found = top + blanket - tree["object_aabb"][0][2]
     assert found == pytest.approx(reference, rel=0.03)
-    assert reference - found <= tree["certificate"]["depth_error_m"]
+    assert abs(reference - found) <= tree["certificate"]["depth_error_m"]
 
 
 @pytest.mark.slow
 def test_a_heavy_pillow_and_a_mattress_give_each_by_its_own_stiffness(place: Place) -> None:
     """Soft on soft: the pillow is pressed together as a column under its own weight is, by p h / (2 E_t), and sinks as
-    far as a mattress must and may under that pressure: that around it helps, and that beneath it cannot all bulge."""
+    far as a mattress does under a pressure that is as even as that of something softer."""
     top, thick, size = 0.5, 0.2, (0.6, 0.4, 0.12)
     pillow = {"body": make.block((-0.3, 0.3), (-0.2, 0.2), (0.0, size[2]))}
     prompt = "put the pillow at the center of the mattress of the bed"
@@ -191,8 +194,9 @@ def test_a_heavy_pillow_and_a_mattress_give_each_by_its_own_stiffness(place: Pla
     # nu across is 0.05: sides that may not bulge make 2 nu_tp nu_pt < 2 % of difference
     assert size[2] - (upper - bottom) == pytest.approx(pressure * size[2] / (2.0 * filling.youngs_modulus), rel=0.05)
     sink, error = top - ends_of(placed, share=1.0)[0], tree["certificate"]["depth_error_m"]
-    least = least_sink(placed.weight, size[:2], thick, foam)
-    assert least - error <= sink <= pressure * thick / foam.youngs_modulus + 2.0 * PENETRATION
+    reference = rectangle_sink(placed.weight, size[:2], thick, foam, stiff=False)
+    # 3 %: strains of 1 % are taken as small, the rectangle as a disc, and the pressure is not quite even
+    assert 0.97 * reference - error <= sink <= 1.03 * reference + PENETRATION
 
 
 @pytest.mark.slow
@@ -226,7 +230,11 @@ def test_a_folded_towel_on_a_table_is_pressed_together_by_its_own_weight(place: 
 @pytest.mark.slow
 def test_a_stool_with_a_cushion_stands_on_its_legs_in_a_rug(place: Place) -> None:
     """Mixed: the legs move as one, the cushion on them keeps its stiffness and friction, and each leg sinks as far as a
-    rug must and may that helps around it and cannot all bulge beneath it."""
+    stiff one does into a rug, but for what the grid takes: a leg of seven cells presses like one up to a cell wider.
+
+    `depth_error_m`, an estimate, says how much that is to within a tenth of the depth. So a depth that is less than
+    28 % too small or 18 % too large passes.
+    """
     thick, leg, away = 0.02, 0.05, 0.15
     legs = [(x - leg / 2, y - leg / 2) for x in (-away, away) for y in (-away, away)]
     stool = {
@@ -264,22 +272,33 @@ def test_a_stool_with_a_cushion_stands_on_its_legs_in_a_rug(place: Place) -> Non
 
     force = placed.weight / len(legs)
     sink = thick - tree["object_aabb"][0][2]
-    most = force * thick / (wool.youngs_modulus * leg**2)
-    least, error = least_sink(force, (leg, leg), thick, wool), tree["certificate"]["depth_error_m"]
-    assert least - error <= sink <= most + 2.0 * PENETRATION
+    reference, error = rectangle_sink(force, (leg, leg), thick, wool, stiff=True), tree["certificate"]["depth_error_m"]
+    assert 0.9 * reference - error <= sink <= 1.02 * reference + PENETRATION
 
 
-def least_sink(force: float, sides: tuple[float, float], thick: float, layer: Material) -> float:
-    """Mean depth [m] to which a force presses a rectangle of these sides [m] into a layer on rigid ground at least:
-    that of an assumed field, which is stiffer than the true one.
+def rectangle_sink(force: float, sides: tuple[float, float], thick: float, layer: Material, *, stiff: bool) -> float:
+    """Mean depth [m] to which a force presses a rectangle of these sides [m] into a wide layer on rigid ground: that of
+    the disc of equal area, less by as much as in a field that knows perimeters.
 
-    It falls off linearly with depth, and as exp(-r / L) with the distance from the rectangle, L being the best. Twice
-    its energy over the square of the depth is M / h times the integral of the square of that fall, and G h / 3 times
-    that of its slope squared [V66]. [V66] Vlasov, Leontiev: Beams, plates and shells on elastic foundations. 1966.
+    The finite elements of 1/40 of the radius let a disc sink 0.2 % less than such of half that size if it presses
+    evenly, 0.5 % if it is stiff: they are off by up to about 1 %. The factor for the shape is 0.96 to 1.
+    """
+    area, perimeter = float(np.prod(sides)), 2.0 * sum(sides)
+    disc = (area / np.pi) ** 0.5
+    own = Layer(thick, layer.youngs_modulus, layer.poisson_ratio)
+    sink = disc_sink([own], disc + 8.0 * thick, disc, force, across=40, held=True, stiff=stiff)
+    return sink * stiffness(area, 2.0 * np.pi * disc, thick, layer) / stiffness(area, perimeter, thick, layer)
+
+
+def stiffness(area: float, perimeter: float, thick: float, layer: Material) -> float:
+    """Force over depth [N/m] of something of an area [m^2] and a perimeter [m] on a layer, in an assumed field.
+
+    It falls off linearly with depth, and as exp(-r / L) with the distance from the edge, L being the best. Twice its
+    energy over the square of the depth is M / h times the integral of the square of that fall, and G h / 3 times that
+    of its slope squared [V66]. [V66] Vlasov, Leontiev: Beams, plates and shells on elastic foundations. 1966.
     """
     nu, e = layer.poisson_ratio, layer.youngs_modulus
     confined, shear = e * (1.0 - nu) / ((1.0 + nu) * (1.0 - 2.0 * nu)), e / (2.0 * (1.0 + nu))
     reach = np.geomspace(0.01 * thick, 10.0 * thick, 400)
-    fall = sum(sides) * reach + 0.5 * np.pi * reach**2  # integral of exp(-2 r / L) around it: edges and corners
-    stiffness = confined / thick * (np.prod(sides) + fall) + shear * thick / 3.0 * fall / reach**2
-    return force / float(stiffness.min())
+    fall = 0.5 * perimeter * reach + 0.5 * np.pi * reach**2  # integral of exp(-2 r / L) around it: edges and corners
+    return float((confined / thick * (area + fall) + shear * thick / 3.0 * fall / reach**2).min())

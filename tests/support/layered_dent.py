@@ -1,9 +1,9 @@
-"""Depth of the dent of a heavy rigid ball in flat bonded layers, by axisymmetric finite elements of its own.
+"""Depth to which a ball or a disc presses flat bonded layers, by axisymmetric finite elements of its own.
 
 A static solution that shares nothing with the drop but the law of its materials (docs/physics.md): bilinear rings with
 2 x 2 points, the whole of the deformation gradient, Newton's method on the total energy. Layers lie level, are held at
 the bottom and, where asked, around, and weigh nothing, as the scan of a bed at rest. The ball is smooth; friction
-changes depths by less than 1 %.
+changes depths by less than 1 %. Under a disc displacements are small: linear elasticity.
 """
 
 from dataclasses import dataclass
@@ -22,6 +22,7 @@ CONTACT = 1e9  # stiffness of the contact [Pa/m]: 10 kPa are 0.01 mm
 STEP = 1e-30  # of complex differentiation
 LARGER = 1e-6  # of central differences of exact first derivatives
 STEPS, ITERATIONS, DONE = 4, 60, 1e-8
+SECANTS = 12
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,10 +81,10 @@ def curvature(f: Array, c: Array) -> Array:
 class Rings:
     """A mesh of rings under the ball and its gradients at the Gauss points."""
 
-    def __init__(self, layers: list[Layer], radius: float, fine: float, cell: float, *, held: bool) -> None:
-        """`layers` from the top down, of an outer `radius` [m]; cells of `cell` [m] within `fine` [m] of the contact;
+    def __init__(self, layers: list[Layer], r: Array, fine: float, cell: float, *, held: bool) -> None:
+        """`layers` from the top down, cut at the radii `r` [m]; cells of `cell` [m] down to a depth of `fine` [m];
         `held` also around."""
-        self.r = spaced(radius, fine, cell)
+        self.r, radius = r, r[-1]
         depths = [0.0]
         for layer in layers:
             depths += (depths[-1] + layered_spacing(depths[-1], layer.thickness, fine, cell)).tolist()
@@ -202,15 +203,51 @@ def dent(
 ) -> float:
     """How deep a ball of a radius [m] goes under a load [N] into layers (top down) of an outer radius [m]: undeformed
     top minus its lowest point [m], by the secant method from about `guess` [m]."""
-    rings = Rings(layers, outer, 2.0 * (ball * guess) ** 0.5, cell, held=held)
+    fine = 2.0 * (ball * guess) ** 0.5
+    rings = Rings(layers, spaced(outer, fine, cell), fine, cell, held=held)
     u = np.zeros((len(rings.place), 2))
     for share in np.linspace(0.0, 1.0, STEPS + 1)[1:]:
         u, carried = relaxed(rings, u, ball, -share * guess)
     deep, other = guess, (0.0, -load)
-    for _ in range(12):
+    for _ in range(SECANTS):
         off = carried - load
         if abs(off) < 1e-4 * load:
-            break
+            return deep
+        if off == other[1]:
+            raise AssertionError(f"the ball carries {carried:g} N at {deep:g} m and at {other[0]:g} m")
         deep, other = deep - off * (deep - other[0]) / (off - other[1]), (deep, off)
         u, carried = relaxed(rings, u, ball, -deep)
-    return deep
+    raise AssertionError(f"the ball carries {carried:g} of {load:g} N at {deep:g} m after {SECANTS} steps")
+
+
+def disc_sink(
+    layers: list[Layer], outer: float, disc: float, load: float, *, across: int, held: bool, stiff: bool
+) -> float:
+    """Mean depth [m] to which a disc of a radius [m] sinks under a load [N] into layers (top down) of about an outer
+    radius [m], with `across` cells along its radius: it stays flat if it is `stiff`, else it presses evenly."""
+    cell = disc / across
+    r = [cell * step for step in range(2 * across + 1)]  # so that a node lies at its rim
+    while r[-1] < outer:
+        r.append(r[-1] + 1.15 * (r[-1] - r[-2]))
+    rings = Rings(layers, np.array(r), 2.0 * disc, cell, held=held)
+    f = rings.deformation(np.zeros((len(rings.place), 2)))
+    tangent = rings.weight[:, None, None] * curvature(f, rings.constants)
+    p = np.arange(5 * len(f)).reshape(-1, 5)
+    blocks = coo_matrix((tangent.ravel(), (np.repeat(p, 5, 1).ravel(), np.tile(p, (1, 5)).ravel()))).tocsr()
+    matrix = (rings.gradient.T @ blocks @ rings.gradient).tocsc()
+    under = rings.top[rings.place[rings.top, 0] < disc + 0.5 * cell]
+    z, free = 2 * under + 1, rings.free.copy()
+    u = np.zeros(rings.place.size)
+    if stiff:
+        free[under, 1] = False
+        u[z] = -1.0
+        at = np.flatnonzero(free.ravel())
+        u[at] = spsolve(matrix[at][:, at], -(matrix @ u)[at])
+        return load / -float((matrix @ u)[z].sum())
+    # an even pressure on hat functions of the radius: consistent nodal forces
+    force, radius, step = np.zeros(u.size), rings.place[under, 0], np.diff(rings.place[under, 0])
+    force[z[:-1]] -= step * (2.0 * radius[:-1] + radius[1:]) * load / (3.0 * disc**2)
+    force[z[1:]] -= step * (radius[:-1] + 2.0 * radius[1:]) * load / (3.0 * disc**2)
+    at = np.flatnonzero(free.ravel())
+    u[at] = spsolve(matrix[at][:, at], force[at])
+    return float(force @ u) / load

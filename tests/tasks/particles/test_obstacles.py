@@ -1,0 +1,66 @@
+"""What stands around the base as fixed rigid bodies."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from benches import FOAM, WOOD, cube_over
+from box_rooms import block, segmentation
+
+from dcap.scene.types.materials import BodyModel, Material, PartMaterial, PartMaterials
+from dcap.scene.types.particles import RigidSimulationBody
+from tasks.particles.drop_setup import DropSetup
+from tasks.particles.obstacles import neighbours
+
+SEAT = block((-0.6, -0.4, 0.0), (0.6, 0.4, 0.45))
+RUBBER = replace(WOOD, id="rubber", static_friction=0.9, dynamic_friction=0.8, rolling_resistance=0.01)
+
+
+def cube_by_a_shelf(lower: Material, upper: Material) -> DropSetup:
+    """A cube over a bench, beside a shelf whose upper half is another part than its lower, of materials of their own;
+    the object may touch both."""
+    setup = cube_over([("seat", SEAT, FOAM)], 0.45)
+    shelf = [
+        ("foot", block((0.08, -0.1, 0.46), (0.2, 0.1, 0.5))),
+        ("board", block((0.08, -0.1, 0.5), (0.2, 0.1, 0.54))),
+    ]
+    setup.scene = segmentation({"bench_0": ("bench", None, [("seat", SEAT)]), "shelf_1": ("shelf", None, shelf)})
+    rows = [
+        PartMaterial("shelf_1", name, index, material, BodyModel.RIGID, "test")
+        for index, (name, material) in enumerate((("foot", lower), ("board", upper)))
+    ]
+    setup.materials = PartMaterials((*setup.materials.rows, *rows), "none")
+    return setup
+
+
+def shelf_of(setup: DropSetup) -> RigidSimulationBody:
+    """The one obstacle."""
+    (body,) = neighbours(setup)
+    return body
+
+
+def test_each_part_of_a_neighbour_has_its_own_friction() -> None:
+    """Where the object may touch a shelf's rubber feet it finds rubber, at its board wood."""
+    body = shelf_of(cube_by_a_shelf(RUBBER, WOOD))
+    height = body.surface.triangles.mean(axis=1)[:, 2]
+    assert body.face_friction is not None
+    for where, one in ((height < 0.499, RUBBER), (height > 0.501, WOOD)):
+        expected = [one.static_friction, one.dynamic_friction, one.rolling_resistance]
+        assert where.any()
+        assert np.abs(body.face_friction[where] - expected).max() == pytest.approx(0.0, abs=1e-12)
+
+
+def test_a_neighbour_of_one_material_has_one_friction() -> None:
+    """Nothing is kept for each face where there is no difference."""
+    body = shelf_of(cube_by_a_shelf(RUBBER, RUBBER))
+    assert body.face_friction is None
+    assert body.friction == RUBBER.friction
+
+
+def test_a_neighbour_that_nobody_was_asked_about_is_made_of_what_lies_under_the_anchor() -> None:
+    """It is farther than those that are asked about, and in reach all the same."""
+    setup = cube_by_a_shelf(RUBBER, WOOD)
+    setup.materials = PartMaterials(setup.materials.rows[:2], "none")
+    body = shelf_of(setup)
+    assert body.face_friction is None
+    assert body.friction == FOAM.friction
