@@ -118,10 +118,7 @@ def thick_behind(body: Body, normal: Array) -> NDArray[np.bool_]:
     something thinner would be pushed out there."""
     half = 0.5 * max(LEAST_SAMPLES * body.distance.spacing, LEAST_THICKNESS)
     behind = (body.vertices[:, None] - half * normal).reshape(-1, 3)
-    step = body.distance.spacing * np.eye(3)
-    way_out = np.stack([body.distance.at(behind + s) - body.distance.at(behind - s) for s in step], axis=1)
-    length = np.maximum(np.linalg.norm(way_out, axis=1), 1e-30)
-    along = np.einsum("ni,ni->n", way_out, normal.reshape(-1, 3)) / length
+    along = np.einsum("ni,ni->n", body.distance.outward(behind), normal.reshape(-1, 3))
     return np.asarray(along.reshape(normal.shape[:2]) > OTHER_SIDE)
 
 

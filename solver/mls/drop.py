@@ -26,7 +26,7 @@ from solver.kernels.mls_moments import ENERGY, INVERSIONS, SQUARED_SPEED, STRAYS
 from solver.mls.bodies import SoftBodies
 from solver.mls.coupling import Coupling
 from solver.mls.outcome import IntervalImpulses, IntervalReport, measure_interval
-from solver.mls.particles import PER_AXIS, distance
+from solver.mls.particles import PER_AXIS
 from solver.mls.plates import THIN, Plates, thin_bodies
 from solver.mls.rigid import RigidBodies
 from solver.mls.soft_pairs import SoftPairs
@@ -252,7 +252,7 @@ class ExplicitDrop:
                 inside = points[_within(points, other)]
                 if j == i or (other.fixed and self.model.bodies[i].fixed) or not len(inside):
                     continue
-                depth = float(-distance(other.distance, inside).min())
+                depth = float(-other.distance.at(inside).min())
                 if depth > self.config.start_overlap:
                     raise ModelError(
                         f"bodies {self.model.bodies[i].name!r} and {other.name!r} start {1e3 * depth:.1f} mm inside "

@@ -15,7 +15,6 @@ from solver.certificate import ContactRow
 from solver.contact.active import vertex_areas
 from solver.mls.bodies import SoftBodies
 from solver.mls.coupling import PairImpulse
-from solver.mls.particles import distance
 from solver.mls.rigid import RigidBodies
 from solver.mls.soft_pairs import soft_contact
 from solver.model.bodies import Model, RigidBody, SoftBody
@@ -176,7 +175,7 @@ class IntervalReport:
         body, other, points = self.model.bodies[a], self.model.bodies[b], self.surface(a)
         if isinstance(other, RigidBody):
             arm = points - self.rigid.state.center[b]
-            gap = distance(other.distance, arm @ self.rigid.state.rotation[b] + other.center_of_mass)
+            gap = other.distance.at(arm @ self.rigid.state.rotation[b] + other.center_of_mass)
         else:
             gap = cKDTree(self.surface(b)).query(points)[0]
         on = np.flatnonzero(gap < reach)

@@ -8,11 +8,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import map_coordinates
 from scipy.spatial import cKDTree
 
 from solver.errors import ModelError
-from solver.model.bodies import CORE, HELD, Interior, SignedDistance, SoftBody
+from solver.model.bodies import CORE, HELD, Interior, SoftBody
 from solver.model.soft import lame, locate, shape_values
 
 PER_AXIS = 2  # particles per cell and axis: the least that quadratic B-splines integrate without gaps
@@ -39,12 +38,6 @@ class BodyParticles:
     """Particles of the rigid core, shape (p,)."""
 
 
-def distance(grid: SignedDistance, points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Signed distance [m] at points (n, 3) by trilinear interpolation; beyond the samples that of their edge."""
-    at = (points - grid.origin) / grid.spacing
-    return np.asarray(map_coordinates(grid.values, at.T, order=1, mode="nearest", output=np.float64), dtype=np.float64)
-
-
 def lattice_particles(body: SoftBody, cell: float, origin: NDArray[np.float64]) -> BodyParticles:
     """Lattice particles of a soft body, grid nodes at `origin` + multiples of `cell`.
 
@@ -60,13 +53,13 @@ def lattice_particles(body: SoftBody, cell: float, origin: NDArray[np.float64]) 
         for a, b, o in zip(body.vertices.min(axis=0), body.vertices.max(axis=0), origin, strict=True)
     ]
     point = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
-    depth = -distance(body.distance, point) / spacing
+    depth = -body.distance.at(point) / spacing
     share = np.clip(0.5 + depth, 0.0, 1.0)
     keep = share > LEAST_SHARE
     if not keep.any():
         raise ModelError(f"body {body.name!r}: no particle fits at a spacing of {1e3 * spacing:.3g} mm; lower mls_cell")
     point, share = point[keep], share[keep]
-    point = point - 0.5 * spacing * (1.0 - share)[:, None] * outward(body.distance, point)
+    point = point - 0.5 * spacing * (1.0 - share)[:, None] * body.distance.outward(point)
     volume = share * (soft.volume.sum() / share.sum())
     nearest = cKDTree(soft.position).query(point)[1]
     density, young, poisson = soft.density[nearest], soft.youngs_modulus[nearest], soft.poisson_ratio[nearest]
@@ -76,17 +69,6 @@ def lattice_particles(body: SoftBody, cell: float, origin: NDArray[np.float64]) 
     core = indicator(soft, point, CORE) > 0.5
     speed = float(np.sqrt(((lam + 2.0 * mu) * volume / mass)[~core].max())) if not core.all() else 0.0
     return BodyParticles(point, volume, mass, np.where(core, 0.0, mu), np.where(core, 0.0, lam), speed, core)
-
-
-def outward(grid: SignedDistance, point: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Unit gradient of a signed distance at points (n, 3), by central differences; zero where it has none."""
-    step = grid.spacing
-    columns = [distance(grid, point + step * e) - distance(grid, point - step * e) for e in np.eye(3)]
-    gradient: NDArray[np.float64] = np.stack(columns, axis=1)
-    size = np.linalg.norm(gradient, axis=1, keepdims=True)
-    np.divide(gradient, size, out=gradient, where=size > 0.1 * step)
-    gradient[size[:, 0] <= 0.1 * step] = 0.0
-    return gradient
 
 
 def indicator(soft: Interior, point: NDArray[np.float64], state: int) -> NDArray[np.float64]:

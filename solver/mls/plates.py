@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 from solver.kernels.mls_distance import OPPOSED, PROBES, sides_at_nodes, sides_of_particles
 from solver.mls.bodies import SoftBodies
 from solver.mls.coupling import Coupling
-from solver.mls.particles import distance, outward
 from solver.mls.rigid import RigidBodies
 from solver.model.bodies import Body, Model
 
@@ -52,13 +51,13 @@ def has_thin_part(body: Body, cell: float) -> bool:
     grid = body.distance
     near = np.argwhere(np.abs(grid.values) <= (0.5 + ROUNDING) * grid.spacing)
     sample = grid.origin + grid.spacing * near
-    normal = outward(grid, sample)
-    surface = sample - distance(grid, sample)[:, None] * normal
+    normal = grid.outward(sample)
+    surface = sample - grid.at(sample)[:, None] * normal
     thin, inside = np.zeros(len(normal), np.bool_), normal.any(axis=1)
     for k in range(PROBES):
         at = surface - (k + 1) / PROBES * THIN * cell * normal
-        ends = inside & (distance(body.distance, at) > 0.0)
-        thin |= ends & ((outward(body.distance, at) * normal).sum(axis=1) < OPPOSED)
+        ends = inside & (body.distance.at(at) > 0.0)
+        thin |= ends & ((body.distance.outward(at) * normal).sum(axis=1) < OPPOSED)
         inside &= ~ends
     return bool(thin.any())
 

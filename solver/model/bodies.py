@@ -34,6 +34,13 @@ class SignedDistance:
         index = ((points - self.origin) / self.spacing).T
         return np.asarray(map_coordinates(self.values, index, order=1, mode="nearest", output=np.float64), np.float64)
 
+    def outward(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Unit gradient at points (n, 3), by central differences; zero where it has none."""
+        step = self.spacing
+        gradient = np.stack([self.at(points + step * e) - self.at(points - step * e) for e in np.eye(3)], axis=1)
+        size = np.linalg.norm(gradient, axis=1, keepdims=True)
+        return np.where(size > 0.1 * step, gradient / np.maximum(size, 1e-300), 0.0)
+
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Interior:
