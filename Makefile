@@ -57,7 +57,7 @@ benchmark: $(READY) ## place every sample of the embedded dataset; tables, pictu
 
 demo: $(READY) ## one placement: a ball on a bed
 	$(BIN)/dcap dataset make
-	$(BIN)/dcap place "$(DATA)/rooms/bedroom_01" "$(DATA)/objects/ball.glb" "put the ball in the middle of the blanket" --out "$(OUT)"
+	$(BIN)/dcap place "$(DATA)/rooms/bedroom_01" "$(DATA)/objects/ball.glb" "put the ball at the center of the bed" --out "$(OUT)"
 
 ui: $(READY) ## Prefect's pages over all runs, on http://127.0.0.1:4200
 	$(BIN)/dcap ui
