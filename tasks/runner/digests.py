@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
+from threading import Lock
 
 PACKAGES = frozenset({"dcap", "flows", "solver", "tasks"})
 MACHINERY = frozenset(
@@ -37,6 +38,9 @@ CARRIED = Path(FACE, "_resources")
 """Where an installed dcap has the data files that lie at the root of a clone."""
 DISTRIBUTIONS = {"PIL": "pillow", "igl": "libigl", "skimage": "scikit-image", "ruamel": "ruamel.yaml", "yaml": "PyYAML"}
 """Where the name to install differs from the name to import."""
+_PARSING = Lock()
+"""CPython keeps one recursion depth for the syntax trees of all threads; two that build trees at once fail now and then
+with "AST constructor recursion depth mismatch" (github.com/python/cpython/issues/106905)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,7 +137,8 @@ def digest_of_source(path: Path) -> str:
 @cache
 def parsed(path: Path, modified_ns: int) -> ParsedModule:
     """Parse a source file once per process and modification."""
-    tree = ast.parse(path.read_bytes(), filename=str(path))
+    with _PARSING:
+        tree = ast.parse(path.read_bytes(), filename=str(path))
     without_docstrings(tree)
     digest = hashlib.sha256(ast.dump(tree, annotate_fields=False).encode()).hexdigest()
     return ParsedModule(digest, tuple(sorted(set(imports_of(tree)))), tuple(sorted(set(texts_of(tree)))))

@@ -1,5 +1,9 @@
 """What counts as the code behind a stage."""
 
+import gc
+import time
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -117,3 +121,27 @@ def test_an_installed_dcap_has_the_same_digests(root: Path) -> None:
         (root / name).rename(root / "dcap" / "_resources" / name)
     (root / "materials.csv").write_text("of somebody else")
     assert digests(root) == cloned
+
+
+@pytest.fixture
+def threads_change_in_collections() -> Iterator[None]:
+    """Every garbage collection lets another thread run, as finalizers that wait do."""
+
+    def step_aside(_phase: str, _info: dict[str, int]) -> None:
+        time.sleep(0)
+
+    gc.callbacks.append(step_aside)
+    yield
+    gc.callbacks.remove(step_aside)
+
+
+@pytest.mark.usefixtures("threads_change_in_collections")
+def test_samples_look_their_code_up_at_once(tmp_path: Path) -> None:
+    """Samples run in threads of one process, and each parses what no one parsed before."""
+    source = "\n".join(f"def f{k}(x):\n    return (x + {k}) * [x, (x, {{x: -x}})][0]" for k in range(300))
+    paths = [tmp_path / f"{name}.py" for name in "abcdefgh"]
+    for path in paths:
+        path.write_text(source)
+    with ThreadPoolExecutor(4) as threads:
+        found = list(threads.map(lambda path: source_digests(path, tmp_path), paths))
+    assert [list(one) for one in found] == [[path.name] for path in paths]
