@@ -35,12 +35,11 @@ def cube(lab, edge=0.004):
 
 
 def test_a_flat_underside_needs_none_of_its_points(lab):
-    """Not even those of its rim: the partner's own points end there. Corners keep theirs."""
+    """Not even those of its rim and its corners: the partner's own points end there."""
     body = cube(lab)
     low = body.vertices[:, 2] == body.vertices[:, 2].min()
-    at_corner = (np.abs(body.vertices[:, :2]) > 0.05 - CELL).all(axis=1)
     found = superfluous(lab, body)
-    assert found[low & ~at_corner].all()
+    assert found[low].all()
     assert not found[~low].any()
 
 
@@ -114,7 +113,7 @@ def test_small_faces_are_looked_at_together(lab, monkeypatch):
     together = flat_regions(body, partner, 0.04)
     monkeypatch.setattr(flatness, "GRAIN", 1e-6)
     apart = flat_regions(body, partner, 0.04)
-    assert {0.0, 0.04, 0.08} == set(apart.radius.ravel())
+    assert set(apart.radius.ravel()) == {0.0, 0.08}  # some corner has fewer than three sides: none at all
     assert (together.radius == apart.radius).mean() > 0.97
 
 
