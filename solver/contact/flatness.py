@@ -22,7 +22,7 @@ PRESSED = np.cos(np.radians(25.0))  # a region whose normal is nearer to the par
 STILL_PRESSED = np.cos(np.radians(45.0))  # one that did goes on until its normal is farther off,
 STILL_WIDE = 0.5  # or it is narrower than this share of a cell [-]
 COVERED = 0.7  # least area of a region within a radius r of a point, over r^2 [-]: 1.57 at a rim, 0.79 at a corner
-WIDE = 0.04  # least variance of its places, over r^2 [-]: 0.049 at a corner, (w / r)^2 / 12 in a strip of width w
+WIDE = 0.03  # least variance of its places, over r^2 [-]: 0.049 at a corner, (w / r)^2 / 12 in a strip of width w
 HALF_CELL_DIAGONAL = 0.75  # longest edge of a face with corners half a cell apart, over the cell [-]: 0.71
 PLANES = 3  # regions that are looked at for each point: those of a box's corner
 LEVELS = 3  # radii, each twice the one before
@@ -108,24 +108,26 @@ def flat_regions(body: Body, partner: Body, smallest: float) -> FlatRegions:
             owner = np.repeat(np.arange(len(some)), count)
             alike = np.einsum("fpi,fi->fp", normal[some][owner], face_normal[face]) > ALIKE
             for plane in range(normal.shape[1]):
-                near = sparse.csr_matrix((area[face] * alike[:, plane], (owner, face)), shape=(len(some), len(area)))
-                covered, variance = spread(near, center)
+                near = sparse.csr_matrix((1.0 * alike[:, plane], (owner, face)), shape=(len(some), len(area)))
+                covered, variance = spread(near, area, center)
                 going[some, plane] &= (covered >= COVERED * reach**2) & (variance >= WIDE * reach**2)
         radius[going] = reach
     return FlatRegions(Sampling.of(partner), normal, radius)
 
 
-def spread(area: sparse.csr_matrix, center: Array) -> tuple[Array, Array]:
-    """Total area [m^2] of the faces near each of k points and the variance of their places along the shorter way over
-    the region [m^2], both of shape (k,), from their areas (k, f) [m^2] and centres (f, 3) [m]."""
-    middle = center.mean(axis=0)
-    place = center - middle
+def spread(near: sparse.csr_matrix, area: Array, center: Array) -> tuple[Array, Array]:
+    """Total area [m^2] of the faces near each of k points and the variance of their places the shorter way over the
+    region [m^2], both of shape (k,): `near` (k, f) is 1 where a face is; areas (f,) [m^2] and centres (f, 3) [m].
+
+    Within a face the variance is taken as that of a square, area / 12.
+    """
+    place = center - center.mean(axis=0)
     products = (place[:, :, None] * place[:, None, :]).reshape(-1, 9)
-    total, first, second = (area @ one for one in (np.ones(len(place)), place, products))
-    some = np.maximum(total, 1e-300)[:, None]
-    mean = first / some
-    covariance = (second / some).reshape(-1, 3, 3) - mean[:, :, None] * mean[:, None, :]
-    return total, np.linalg.eigvalsh(covariance)[:, 1]  # the least is across the region: it is flat
+    total, own, first, second = (near @ (area * one.T).T for one in (np.ones(len(area)), area / 12.0, place, products))
+    some = np.maximum(total, 1e-300)
+    mean = first / some[:, None]
+    covariance = (second / some[:, None]).reshape(-1, 3, 3) - mean[:, :, None] * mean[:, None, :]
+    return total, np.linalg.eigvalsh(covariance)[:, 1] + own / some  # the least is across the region: it is flat
 
 
 def thick_behind(body: Body, normal: Array) -> NDArray[np.bool_]:
