@@ -17,6 +17,8 @@ FAR = 1e9  # gap [m] that says: outside of the sampled region, no contact possib
 # a distance has slope 1; below this the nearest surface is ambiguous (a medial axis) and no normal exists
 LEAST_SLOPE = 0.1
 INVERSION_STEPS = 20  # Newton on a piecewise trilinear map: 3 to 5 inside one cell, one more per cell face crossed
+LEAST_VOLUME = 1e-3  # det F below which a map is not inverted [-]
+SURFACE_STEPS = 3  # towards the nearest place of the surface: each takes off what is left beside the normal
 OUTSIDE, UNLOCATED = -1, -2  # in place of a cell: none holds the point; the inversion ended inside, but not at it
 INVERSION_TOLERANCE = 1e-8  # [m], far below any gap that matters
 
@@ -151,6 +153,22 @@ def average_deformation(
 
 
 @ti.func
+def cell_around(
+    X: vec3,
+    planes_x: ti.template(),
+    planes_y: ti.template(),
+    planes_z: ti.template(),
+    cell_id: ti.template(),
+):
+    """The cell of the start pose that holds X, negative where there is none; local coordinates of X in the grid's
+    cell, beyond [0, 1] outside of the grid; and the size of that cell [m]."""
+    i, j, k = plane_interval(planes_x, X[0]), plane_interval(planes_y, X[1]), plane_interval(planes_z, X[2])
+    low = vec3(planes_x[i], planes_y[j], planes_z[k])
+    h = vec3(planes_x[i + 1], planes_y[j + 1], planes_z[k + 1]) - low
+    return cell_id[i, j, k], (X - low) / h, h
+
+
+@ti.func
 def invert(
     target: vec3,
     start: vec3,
@@ -168,11 +186,7 @@ def invert(
     running = True
     while running and count < INVERSION_STEPS:
         count += 1
-        i, j, k = plane_interval(planes_x, X[0]), plane_interval(planes_y, X[1]), plane_interval(planes_z, X[2])
-        low = vec3(planes_x[i], planes_y[j], planes_z[k])
-        h = vec3(planes_x[i + 1], planes_y[j + 1], planes_z[k + 1]) - low
-        s = (X - low) / h
-        c = cell_id[i, j, k]
+        c, s, h = cell_around(X, planes_x, planes_y, planes_z, cell_id)
         cell = UNLOCATED
         if c < 0 or s.min() < -1e-6 or s.max() > 1.0 + 1e-6:
             cell = OUTSIDE
@@ -188,7 +202,7 @@ def invert(
                 F += xa.outer_product(shape_gradient(a, s, h))
             J = F.determinant()
             r = target - here
-            if J < 1e-3:
+            if J < LEAST_VOLUME:
                 running = False
             elif r.norm() < INVERSION_TOLERANCE:
                 running = False
@@ -201,6 +215,17 @@ def invert(
                     step *= longest / step.norm()
                 X += step
     return cell, X, s
+
+
+@ti.func
+def smooth_map(c: ti.i32, s: vec3, x: ti.template(), cell_node: ti.template(), smooth: ti.template()):
+    """Where the point at local coordinates s of cell c is [m], and the deformation averaged at the nodes there."""
+    here, G = vec3(0.0), mat3(0.0)
+    for a in range(8):
+        w, n = shape_value(a, s), cell_node[c, a]
+        here += w * vec3(x[n, 0], x[n, 1], x[n, 2])
+        G += w * load3(smooth, n)
+    return here, G
 
 
 @ti.kernel
@@ -224,11 +249,16 @@ def query_soft(
     cell: ti.types.ndarray(),
     weight: ti.types.ndarray(),
 ):
-    """The same for a soft body: invert x(X), push the normal forward with F^-T, rescale the gap by 1 / |F^-T N|.
+    """The same for a soft body: invert x(X), and measure from the nearest place of the deformed surface.
 
     The inversion starts at material_point[m], where the point was last (NaN: nowhere), and if that fails at
-    undeformed[m], where it would be had the body moved rigidly. cell[m] is the global cell that holds the material
-    point (or OUTSIDE, or UNLOCATED), weight its 8 shape values.
+    undeformed[m], where it would be had the body moved rigidly. cell[m] is a global cell (or OUTSIDE, or UNLOCATED),
+    weight the 8 shape values in it of the place on the surface that the contact pushes.
+
+    A point of the surface Y near X has the normal n ~ F^-T N, and is the nearest one where target - x(Y) is along n;
+    the gap is (target - x(Y)) . n, equal to phi(X) / |F^-T N| where F is uniform. Where cells fold over themselves, as
+    under a sharp edge, x(X) = target has several solutions or none, but its surface does not jump: there the last X of
+    the inversion does.
     """
     o = vec3(0.0)
     for d in ti.static(range(3)):
@@ -243,26 +273,53 @@ def query_soft(
             found, X, s = invert(target, X, x, planes_x, planes_y, planes_z, cell_id, cell_node)
         if found < 0:
             start = vec3(undeformed[m, 0], undeformed[m, 1], undeformed[m, 2])
-            again, X, s = invert(target, start, x, planes_x, planes_y, planes_z, cell_id, cell_node)
-            found = ti.max(found, again)  # a cell if there is one, and outside if one of the two ended there
-        cell[m] = found
-        gap[m] = FAR
+            again, other, t = invert(target, start, x, planes_x, planes_y, planes_z, cell_id, cell_node)
+            if again > found or X[0] != X[0]:  # a cell if there is one, and outside if one of the two ended there
+                found, X, s = again, other, t
         for d in ti.static(range(3)):
             material_point[m, d] = X[d]
+        n, usable, folded = vec3(0.0), False, found == UNLOCATED
+        if folded:
+            found = cell_around(X, planes_x, planes_y, planes_z, cell_id)[0]
+        gap[m] = FAR
         if found >= 0:
-            G = ti.Matrix.zero(ti.f64, 3, 3)
-            for a in range(8):
-                w = shape_value(a, s)
-                weight[m, a] = w
-                G += w * load3(smooth, cell_node[found, a])
+            G = smooth_map(found, s, x, cell_node, smooth)[1]
             phi, N = distance_at(X, o, spacing, values)
             J = G.determinant()
-            if phi < FAR and N.norm() > LEAST_SLOPE and J > 1e-3:
-                n = cofactor(G) @ N.normalized() / J
+            if phi < FAR and N.norm() > LEAST_SLOPE and J > LEAST_VOLUME:
+                N = N.normalized()
+                n = cofactor(G) @ N / J
                 gap[m] = phi / n.norm()
                 n = n.normalized()
+                usable = not folded
+                if phi < 0.0:
+                    Y = X - phi * N
+                    for _ in range(SURFACE_STEPS):
+                        c, t, h = cell_around(Y, planes_x, planes_y, planes_z, cell_id)
+                        if c >= 0:
+                            there, H = smooth_map(c, t, x, cell_node, smooth)
+                            depth, M = distance_at(Y, o, spacing, values)
+                            K = H.determinant()
+                            if depth < FAR and M.norm() > LEAST_SLOPE and K > LEAST_VOLUME:
+                                N = M.normalized()
+                                n = (cofactor(H) @ N).normalized()
+                                r = target - there
+                                gap[m] = r.dot(n)
+                                found, s, usable = c, t, True
+                                along = cofactor(H).transpose() @ (r - gap[m] * n) / K
+                                if along.norm() > 0.5 * h.min():
+                                    along *= 0.5 * h.min() / along.norm()
+                                Y += along - depth * N
+            if usable:
                 for d in ti.static(range(3)):
                     normal[m, d] = n[d]
+                for a in range(8):
+                    weight[m, a] = shape_value(a, s)
+            else:
+                gap[m] = FAR
+        cell[m] = found
+        if folded and not usable:
+            cell[m] = UNLOCATED
 
 
 @ti.kernel
