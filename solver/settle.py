@@ -134,23 +134,24 @@ class ImplicitDrop(Simulation):
         return any(beside(self.model, self.query.surface(state, i), self.center(state, i)) for i in loose)
 
     def _adapt(self, state: State, contacts: Contacts, signals: Signals) -> None:
-        """Stiffen pairs that penetrate more than asked for; only near rest, where the load is the weight.
+        """Stiffen pairs that penetrate more than asked for near rest, where the load is the weight, and before that
+        those that penetrate more than is safe.
 
         Springs that are suddenly stiffer would throw a body up, so the next step only corrects positions.
         """
-        if signals.speed > self.config.moving_speed * np.sqrt(self.gravity * self.length):
-            return
+        moving = signals.speed > self.config.moving_speed * np.sqrt(self.gravity * self.length)
         stiffened: list[tuple[int, NDArray[np.float64]]] = []
         for t in contacts.active:
             load = t.normal_force
             if load.sum() <= 0.0:
                 continue
             depth = float(-(t.gap * load).sum() / load.sum())
-            if depth > 1.25 * self.config.penetration_target:
+            target = t.pair.safe_depth if moving else self.config.penetration_target
+            if depth > 1.25 * target:
                 if not self.config.inertia:
                     normal = load @ t.normal
                     stiffened += [(i, normal / np.linalg.norm(normal)) for i in t.pair.key]
-                factor = min(4.0, depth / self.config.penetration_target)
+                factor = min(4.0, depth / target)
                 state.memory = state.memory.stiffen(t.pair.key, factor)
         state.memory = replace(state.memory, stiffened=tuple(stiffened))
 

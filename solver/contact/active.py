@@ -25,6 +25,8 @@ class Pair:
     """Normal stiffness per point at the start [N/m], shape (n,)."""
     area: NDArray[np.float64]
     """Surface area that a point stands for [m^2], shape (n,)."""
+    safe_depth: float = np.inf
+    """Mean penetration in motion beyond which points could come out on the other side of what is thin [m]."""
     flat: FlatRegions | None = None
     """Of a rigid body before a soft one: points whose region the other's own points cover do not count."""
 

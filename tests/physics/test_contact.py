@@ -181,3 +181,25 @@ def test_springs_that_become_stiffer_throw_nothing_up(lab):
     assert stiffened >= 2
     # what the tolerance of a thousandth of the weight leaves pushes for three of the longest steps
     assert fastest < 3 * 1e-3 * lab.gravity * one.balance_step()
+
+
+@pytest.mark.slow
+def test_what_presses_hard_stays_on_its_side(lab):
+    """A plate on its edge presses with 1.2 E, and the first guess of the stiffness lets points into it by a third of
+    its thickness; from the half the way out leads to the other side. Contacts become stiffer before it lies still."""
+    cell = 0.02
+    slab = lab.soft("slab", lab.Box(np.array([0.4, 0.4, 0.2])), [0, 0, -0.1], E=1.2e4, cell=cell,
+                    held=np.s_[:, :, 0], fixed=True, loaded=True)  # fmt: skip
+    plate = lab.rigid("plate", lab.Box(np.array([0.2, 0.02, 0.1])), [0, 0, 0.051], mass=6.0, vertical=True, edge=0.01)
+    start(2)
+    one = ImplicitDrop(Model((plate, slab), np.array([0.0, 0.0, -lab.gravity])), SolverConfig())
+    state, control, deepest = one.start_state(), StepControl(4e-3), 0.0
+    with threadpool_limits(1):
+        for _ in range(40):
+            step = one.step(state, control)
+            state, control = step.state, step.control
+            one._adapt(state, step.report.contacts, step.signals)
+            for t in step.report.contacts.active:
+                deepest = max(deepest, -float(t.gap @ t.normal_force / t.normal_force.sum()))
+    assert step.report.inverted == 0
+    assert deepest < 0.3 * cell
