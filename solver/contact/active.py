@@ -26,7 +26,7 @@ class Pair:
     area: NDArray[np.float64]
     """Surface area that a point stands for [m^2], shape (n,)."""
     safe_depth: float = np.inf
-    """Mean penetration in motion beyond which points could come out on the other side of what is thin [m]."""
+    """Mean penetration in motion beyond which points might come out on the other side of what they push into [m]."""
     flat: FlatRegions | None = None
     """Of a rigid body before a soft one: points whose region the other's own points cover do not count."""
 

@@ -31,7 +31,7 @@ Load = Callable[[float], NDArray[np.float64]]
 """The time at which a step ends [s] -> the acceleration of each body besides gravity [m/s^2], shape (b, 3)."""
 
 CELL_STIFFNESS = 4.0  # first guess of the contact stiffness per area, in E / cell size; adapted to the target near rest
-SAFE_DEPTH = 0.125  # of a cell: with the first guess, where the pressure is half of E
+SAFE_DEPTH = 0.125  # of half the thickness that is pushed into: beyond all of it, the way out leads to the other side
 SHORTER = 0.1  # of a step that resolves elastic waves: what it may be shortened to in an impact
 STEP_GROWTH = 1.25  # growth of the step when Newton converges easily
 
@@ -212,14 +212,13 @@ def contact_pairs(model: Model, soft: SoftSystem, config: SolverConfig, gravity:
             # what three points need to carry the load at the penetration that is aimed at: more only makes impacts hard
             load = max(body.mass for body in (one, two) if not body.fixed) * max(gravity, 1.0)
             stiffness = np.full(len(area), load / (3.0 * config.penetration_target))
-            safe_depth = np.inf
+            safe_depth, flat = np.inf, None
             if isinstance(one, SoftBody) or isinstance(two, SoftBody):
                 cell, modulus = softest(one, two)
                 stiffness = np.minimum(stiffness, CELL_STIFFNESS * modulus / cell * np.minimum(area, cell**2))
-                safe_depth = SAFE_DEPTH * cell
-            flat = None
-            if isinstance(one, RigidBody) and isinstance(two, SoftBody):
-                flat = flat_regions(one, two, softest(one, two)[0])
+                safe_depth = -SAFE_DEPTH * float(two.distance.values.min())
+                if isinstance(one, RigidBody):
+                    flat = flat_regions(one, two, cell)
             pairs.append(Pair(a, b, PairFriction.of(model, one, two), stiffness, area, safe_depth, flat))
     return pairs
 
