@@ -179,9 +179,8 @@ def invert(
     cell_id: ti.template(),
     cell_node: ti.template(),
 ):
-    """Newton from `start` for the X with x(X) = target: the cell that holds X (or OUTSIDE, or UNLOCATED), X and its
-    local coordinates."""
-    X, s = start, vec3(0.0)
+    """Newton from `start` for the X with x(X) = target: the cell that holds X (or OUTSIDE, or UNLOCATED), and X."""
+    X = start
     cell, count = UNLOCATED, 0
     running = True
     while running and count < INVERSION_STEPS:
@@ -214,18 +213,67 @@ def invert(
                 if step.norm() > longest:
                     step *= longest / step.norm()
                 X += step
-    return cell, X, s
+    return cell, X
 
 
 @ti.func
 def smooth_map(c: ti.i32, s: vec3, x: ti.template(), cell_node: ti.template(), smooth: ti.template()):
     """Where the point at local coordinates s of cell c is [m], and the deformation averaged at the nodes there."""
-    here, G = vec3(0.0), mat3(0.0)
+    here, F = vec3(0.0), mat3(0.0)
     for a in range(8):
         w, n = shape_value(a, s), cell_node[c, a]
         here += w * vec3(x[n, 0], x[n, 1], x[n, 2])
-        G += w * load3(smooth, n)
-    return here, G
+        F += w * load3(smooth, n)
+    return here, F
+
+
+@ti.func
+def nearest_surface(
+    target: vec3,
+    X: vec3,
+    folded: bool,
+    x: ti.template(),
+    planes_x: ti.template(),
+    planes_y: ti.template(),
+    planes_z: ti.template(),
+    cell_id: ti.template(),
+    cell_node: ti.template(),
+    smooth: ti.template(),
+    origin: vec3,
+    spacing: ti.f64,
+    values: ti.template(),
+):
+    """The place of a body's deformed surface that is nearest to a point inside, from the material point X near there:
+    its cell and local coordinates, the world normal n, and the gap [m], FAR if none is found.
+
+    Near a material point Y with distance phi and normal N the surface is the plane with n ~ F^-T N that is
+    phi / |F^-T N| further along n; each step goes to where target - x(Y) is along n, and onto phi = 0. Of what is not
+    inside X itself is enough. With `folded`, X is no inverse of target, and a place outside of the body says nothing.
+    """
+    cell, local, normal, gap = UNLOCATED, vec3(0.0), vec3(0.0), FAR
+    Y, running, count = X, True, 0
+    while running and count <= SURFACE_STEPS:
+        running = False
+        c, s, h = cell_around(Y, planes_x, planes_y, planes_z, cell_id)
+        if c >= 0:
+            here, F = smooth_map(c, s, x, cell_node, smooth)
+            phi, N = distance_at(Y, origin, spacing, values)
+            J = F.determinant()
+            inside = count > 0 or phi < 0.0
+            if phi < FAR and N.norm() > LEAST_SLOPE and J > LEAST_VOLUME and (inside or not folded):
+                N = N.normalized()
+                pushed = cofactor(F) @ N / J
+                cell, local, normal = c, s, pushed.normalized()
+                away = target - here
+                gap = away.dot(normal) + phi / pushed.norm()
+                along = cofactor(F).transpose() @ (away - away.dot(normal) * normal) / J
+                longest = 0.5 * h.min()
+                if along.norm() > longest:
+                    along *= longest / along.norm()
+                Y += along - phi * N
+                running = inside
+        count += 1
+    return cell, local, normal, gap
 
 
 @ti.kernel
@@ -255,10 +303,8 @@ def query_soft(
     undeformed[m], where it would be had the body moved rigidly. cell[m] is a global cell (or OUTSIDE, or UNLOCATED),
     weight the 8 shape values in it of the place on the surface that the contact pushes.
 
-    A point of the surface Y near X has the normal n ~ F^-T N, and is the nearest one where target - x(Y) is along n;
-    the gap is (target - x(Y)) . n, equal to phi(X) / |F^-T N| where F is uniform. Where cells fold over themselves, as
-    under a sharp edge, x(X) = target has several solutions or none, but its surface does not jump: there the last X of
-    the inversion does.
+    Where cells fold over themselves, as under a sharp edge, x(X) = target has several solutions or none, but the
+    surface does not jump: there the last X of the inversion does.
     """
     o = vec3(0.0)
     for d in ti.static(range(3)):
@@ -268,58 +314,28 @@ def query_soft(
         target = vec3(points[p, 0], points[p, 1], points[p, 2])
         found = UNLOCATED
         X = vec3(material_point[m, 0], material_point[m, 1], material_point[m, 2])
-        s = vec3(0.0)
         if X[0] == X[0]:
-            found, X, s = invert(target, X, x, planes_x, planes_y, planes_z, cell_id, cell_node)
+            found, X = invert(target, X, x, planes_x, planes_y, planes_z, cell_id, cell_node)
         if found < 0:
             start = vec3(undeformed[m, 0], undeformed[m, 1], undeformed[m, 2])
-            again, other, t = invert(target, start, x, planes_x, planes_y, planes_z, cell_id, cell_node)
+            again, other = invert(target, start, x, planes_x, planes_y, planes_z, cell_id, cell_node)
             if again > found or X[0] != X[0]:  # a cell if there is one, and outside if one of the two ended there
-                found, X, s = again, other, t
+                found, X = again, other
         for d in ti.static(range(3)):
             material_point[m, d] = X[d]
-        n, usable, folded = vec3(0.0), False, found == UNLOCATED
-        if folded:
-            found = cell_around(X, planes_x, planes_y, planes_z, cell_id)[0]
-        gap[m] = FAR
-        if found >= 0:
-            G = smooth_map(found, s, x, cell_node, smooth)[1]
-            phi, N = distance_at(X, o, spacing, values)
-            J = G.determinant()
-            if phi < FAR and N.norm() > LEAST_SLOPE and J > LEAST_VOLUME:
-                N = N.normalized()
-                n = cofactor(G) @ N / J
-                gap[m] = phi / n.norm()
-                n = n.normalized()
-                usable = not folded
-                if phi < 0.0:
-                    Y = X - phi * N
-                    for _ in range(SURFACE_STEPS):
-                        c, t, h = cell_around(Y, planes_x, planes_y, planes_z, cell_id)
-                        if c >= 0:
-                            there, H = smooth_map(c, t, x, cell_node, smooth)
-                            depth, M = distance_at(Y, o, spacing, values)
-                            K = H.determinant()
-                            if depth < FAR and M.norm() > LEAST_SLOPE and K > LEAST_VOLUME:
-                                N = M.normalized()
-                                n = (cofactor(H) @ N).normalized()
-                                r = target - there
-                                gap[m] = r.dot(n)
-                                found, s, usable = c, t, True
-                                along = cofactor(H).transpose() @ (r - gap[m] * n) / K
-                                if along.norm() > 0.5 * h.min():
-                                    along *= 0.5 * h.min() / along.norm()
-                                Y += along - depth * N
-            if usable:
+        cell[m], gap[m] = found, FAR
+        if found != OUTSIDE:
+            c, s, n, depth = nearest_surface(
+                target, X, found == UNLOCATED, x, planes_x, planes_y, planes_z, cell_id, cell_node, smooth, o, spacing,
+                values,
+            )  # fmt: skip
+            gap[m] = depth
+            if c >= 0:
+                cell[m] = c
                 for d in ti.static(range(3)):
                     normal[m, d] = n[d]
                 for a in range(8):
                     weight[m, a] = shape_value(a, s)
-            else:
-                gap[m] = FAR
-        cell[m] = found
-        if folded and not usable:
-            cell[m] = UNLOCATED
 
 
 @ti.kernel

@@ -31,11 +31,11 @@ Array = NDArray[np.float64]
 
 RIGID_CELLS = 25.0  # in the smallest side where nothing is soft: spacing of surface points
 CELLS_ACROSS = 5.0  # cells in half the width of a predicted contact
+CELLS_AT_ENDS = 2.0  # and in the shorter half width where a long contact ends: pressure falls over about as much
 CELLS_THROUGH = 4.0  # least cells through a body along each axis
 # and across layers: cells of constant slip see the parabola of n slices as one of (1 - 1 / n^2) of its second moment,
 # so a body that gives by slip alone is 1.5 % too stiff with eight and 6 % with four
 CELLS_ACROSS_LAYERS = 8.0
-CELLS_AT_ENDS = 2.0  # and in that half width where a longer contact ends: pressure falls over about as much there
 BESIDE = 0.3  # of its half width: cells stay fine this far beside a contact
 GROWTH = 1.6  # ratio of neighbouring cells away from a contact
 BUDGET = 30_000  # cells of one soft body, unless a resolution was asked for
@@ -113,10 +113,12 @@ def axis_sizes(
         if axis < 2:
             place, half = contact.across(axis)
             step = 0.5 * contact.patch.spacing[axis]
-            ends, beside = place[[0, -1]], BESIDE * contact.half_width
+            apart = np.diff(place) > 3.0 * step
+            ends = np.concatenate([place[:1], place[:-1][apart], place[1:][apart], place[-1:]])
+            beside = BESIDE * contact.half_width
             begin += [np.append(place[0] - BESIDE * half[0], place[1:] - step), ends - beside]
             end += [np.append(place[:-1] + step, place[-1] + BESIDE * half[-1]), ends + beside]
-            wanted = np.append(half / CELLS_ACROSS, np.full(2, contact.half_width / CELLS_AT_ENDS))
+            wanted = np.append(half / CELLS_ACROSS, np.full(len(ends), contact.half_width / CELLS_AT_ENDS))
         else:
             half = np.array([contact.half_width])
             middle = np.clip([height], low, high)

@@ -6,6 +6,7 @@ from scipy import ndimage
 from scipy.interpolate import RegularGridInterpolator
 
 from solver.config import SolverConfig
+from solver.kernels import query as kernels
 from solver.model.bodies import Model
 from solver.runtime import start
 from solver.settle import ImplicitDrop
@@ -71,6 +72,7 @@ def test_a_bent_grid_is_inverted_as_scipy_maps_it(ask):
     assert np.isfinite(x).all()
     _, _, state, found = ask(bend, x)
     assert found.material == pytest.approx(X, abs=5e-8)
+    assert RegularGridInterpolator(planes, lattice)(found.material) == pytest.approx(x, abs=2e-8)
     surface = np.einsum("ka,kai->ki", found.weight, state.x[found.node])
     assert surface + found.gap[:, None] * found.normal == pytest.approx(x, abs=5e-6)  # as far as three steps get
 
@@ -88,7 +90,13 @@ def test_the_distance_is_scipys_quadratic_spline(ask, lab):
 
     step = 1e-6 * np.eye(3)
     slope = np.stack([(spline(X + s) - spline(X - s)) / 2e-6 for s in step], axis=1)
-    assert found.gap == pytest.approx(spline(X), abs=1e-9)  # samples are single precision
+    rigid, place, normal = np.zeros(len(X)), np.zeros_like(X), np.zeros_like(X)
+    everywhere, nowhere = np.arange(len(X), dtype=np.int32), np.zeros(3)
+    kernels.query_rigid(
+        X, everywhere, np.eye(3), nowhere, nowhere, grid.origin, grid.spacing, grid.values, place, rigid, normal
+    )
+    assert rigid == pytest.approx(spline(X), abs=1e-12)
+    assert found.gap == pytest.approx(rigid, abs=1e-9)  # of a soft body from its surface: samples are single precision
     assert found.normal == pytest.approx(slope / np.linalg.norm(slope, axis=1, keepdims=True), abs=1e-7)
 
 
