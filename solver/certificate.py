@@ -228,7 +228,8 @@ class Certificate:
     """Smallest share of the static friction cone that is left over the touching pairs [-]; 0: at the cone."""
     inverted_particles: int
     unlocated_points: int | None = None
-    """Points in a soft body whose deformation could not be inverted there; tl only."""
+    """Points in a soft body for which neither the way back to the start pose nor a surface near its last place was
+    found; tl only."""
     material_damping_s: float | None = None
     """Stiffness-proportional; tl only."""
     rolling_resistance: tuple[RollingRow, ...] | None = None

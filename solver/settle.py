@@ -135,18 +135,22 @@ class ImplicitDrop(Simulation):
 
     def _adapt(self, state: State, contacts: Contacts, signals: Signals) -> None:
         """Stiffen pairs that penetrate more than asked for near rest, where the load is the weight, and before that
-        those that penetrate more than is safe.
+        those that penetrate more than is safe; with inertia not before, as nothing may add energy to an impact.
 
         Springs that are suddenly stiffer would throw a body up, so the next step only corrects positions.
         """
         moving = signals.speed > self.config.moving_speed * np.sqrt(self.gravity * self.length)
+        if moving and self.config.inertia:
+            return
         stiffened: list[tuple[int, NDArray[np.float64]]] = []
         for t in contacts.active:
             load = t.normal_force
             if load.sum() <= 0.0:
                 continue
             depth = float(-(t.gap * load).sum() / load.sum())
-            target = t.pair.safe_depth if moving else self.config.penetration_target
+            target = (
+                max(t.pair.safe_depth, self.config.penetration_target) if moving else self.config.penetration_target
+            )
             if depth > 1.25 * target:
                 if not self.config.inertia:
                     normal = load @ t.normal

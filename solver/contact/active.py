@@ -66,7 +66,7 @@ class ActiveContacts:
     """New anchors, shape (k, 3)."""
     sliding: NDArray[np.bool_]
     node: NDArray[np.int64]
-    """Nodes that move the point minus nodes that move the material point of b, shape (k, 16)."""
+    """Nodes that move the point minus nodes that move the place of b that it pushes, shape (k, 16)."""
     weight: NDArray[np.float64]
     """Signed shape values, zero for rigid sides, shape (k, 16)."""
 
@@ -89,7 +89,7 @@ class PairPoints:
     tangent: NDArray[np.float64]
     """As in ActiveContacts, shape (k, 3, 3)."""
     node: NDArray[np.int64]
-    """Nodes that move the points minus nodes that move those of b, shape (k, 16)."""
+    """Nodes that move the points minus nodes that move the places of b that they push, shape (k, 16)."""
     weight: NDArray[np.float64]
     """Signed shape values, zero for rigid sides, shape (k, 16)."""
 

@@ -20,6 +20,7 @@ Array = NDArray[np.float64]
 ALIKE = np.cos(np.radians(15.0))  # faces whose normals differ by less belong to one flat region
 PRESSED = np.cos(np.radians(25.0))  # a region whose normal is nearer to the partner's presses flat on it
 STILL_PRESSED = np.cos(np.radians(45.0))  # one that did goes on until its normal is farther off,
+WIDER = 1.0 + 1e-6  # of a cell: a region as wide as one is not wider
 STILL_WIDE = 0.5  # or it is narrower than this share of a cell [-]
 COVERED = 0.7  # least area of a region within a radius r of a point, over r^2 [-]: 1.57 at a rim, 0.79 at a corner
 WIDE = 0.03  # least variance of its places, over r^2 [-]: 0.049 at a corner, (w / r)^2 / 12 in a strip of width w
@@ -82,7 +83,9 @@ class FlatRegions:
         cells [m] (k,) narrower than the region; `rotation` (3, 3) is that of the rigid body since the start. Those that
         did `before` (k,) go on until they clearly do not: else a body would rock between the two."""
         facing = np.einsum("kpi,ji,kj->kp", self.normal[point], rotation, -normal)
-        begins = (facing > PRESSED) & (self.radius[point] >= cell[:, None])
+        begins = (facing > PRESSED) & (
+            self.radius[point] > WIDER * cell[:, None]
+        )  # radii are cells times powers of two
         goes_on = (facing > STILL_PRESSED) & (self.radius[point] >= STILL_WIDE * cell[:, None])
         return np.asarray((begins.any(axis=1) | (before & goes_on.any(axis=1))) & self.partner.fine(material, cell))
 

@@ -53,7 +53,7 @@ class Located:
     normal: NDArray[np.float64]
     """Outwards, in the world, shape (k, 3)."""
     node: NDArray[np.int64]
-    """Nodes of the cell that holds each point, shape (k, 8)."""
+    """Nodes of the cell with the place of the surface that each point pushes, shape (k, 8)."""
     weight: NDArray[np.float64]
     """Their shape values, zero in a rigid body and where none holds it, shape (k, 8)."""
     found: NDArray[np.bool_]
@@ -61,7 +61,7 @@ class Located:
     unlocated: int = 0
     """As in Contacts."""
     cell: NDArray[np.int32] | None = None
-    """Cell that holds each point, negative where none does, shape (k,); None in a rigid body."""
+    """Cell with the place of the surface that each point pushes, negative: none, shape (k,); None if rigid."""
 
 
 def _interpolation(body: BodyGrid, nodes: int) -> sparse.csr_matrix:

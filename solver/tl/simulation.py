@@ -31,7 +31,7 @@ Load = Callable[[float], NDArray[np.float64]]
 """The time at which a step ends [s] -> the acceleration of each body besides gravity [m/s^2], shape (b, 3)."""
 
 CELL_STIFFNESS = 4.0  # first guess of the contact stiffness per area, in E / cell size; adapted to the target near rest
-SAFE_DEPTH = 0.125  # of half the thickness that is pushed into: beyond all of it, the way out leads to the other side
+SAFE_DEPTH = 0.125  # of half of the largest thickness that is pushed into; past a half the way out is the other side
 SHORTER = 0.1  # of a step that resolves elastic waves: what it may be shortened to in an impact
 STEP_GROWTH = 1.25  # growth of the step when Newton converges easily
 

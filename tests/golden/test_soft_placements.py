@@ -143,7 +143,7 @@ def test_a_ball_on_a_blanket_dents_layers_not_a_block(place: Place) -> None:
     lowest = float(np.diff(bed.grid.z)[0])  # the deepest points lie in the lower half of the lowest cells
     assert thick + blanket - 0.5 * lowest < depth.max() < thick + blanket
 
-    column = tree["certificate"]["placement"]["column"]
+    column = tree["certificate"]["column"]
     assert [(one["part"], one["material"]) for one in column] == [("blanket", cover.id), ("mattress", foam.id)]
     assert [one["from_m"] for one in column] == pytest.approx([0.0, blanket], abs=2e-3)  # 400 steps of the column
     assert column[-1]["to_m"] == pytest.approx(thick + blanket, abs=2e-3)
@@ -250,7 +250,7 @@ def test_a_stool_with_a_cushion_stands_on_its_legs_in_a_rug(place: Place) -> Non
         placed.material(*part) for part in (("object", "seat cushion"), ("object", "leg"), ("rug", "body"))
     )
 
-    column = tree["certificate"]["placement"]["column"]
+    column = tree["certificate"]["column"]
     assert [one["material"] for one in column] == [wool.id]
     assert column[0]["to_m"] == pytest.approx(thick, abs=1e-3)
     base = float(item.surface.vertices[:, 2].min())

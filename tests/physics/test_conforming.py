@@ -10,7 +10,6 @@ import trimesh
 from dcap.language.material_table import load_materials
 from tasks.case.run import run_case
 
-"""Ten times the penetration that contacts aim at [m]."""
 FOAM = {"density": 35, "youngs_modulus": 8e4, "poisson_ratio": 0.3, "static_friction": 0.7, "dynamic_friction": 0.6}
 
 

@@ -135,6 +135,25 @@ def test_with_inertia_a_bar_swings_with_its_first_period_and_keeps_swinging(lab)
 
 
 @pytest.mark.slow
+@pytest.mark.slow
+def test_with_inertia_a_thin_plate_rebounds_no_faster_than_it_came(lab):
+    """It sinks in by a good part of its thickness on the way; springs that became stiffer then would throw it up."""
+    slab = lab.soft("slab", lab.Box(np.array([0.3, 0.3, 0.1])), [0, 0, -0.05], E=1.2e4, cell=0.02,
+                    held=np.s_[:, :, 0], fixed=True, loaded=True)  # fmt: skip
+    plate = lab.rigid("plate", lab.Box(np.array([0.08, 0.08, 0.006])), [0, 0, 0.004], mass=2.0, vertical=True,
+                      edge=0.01, velocity=np.array([0.0, 0.0, -1.0]))  # fmt: skip
+    start(2)
+    one = ImplicitDrop(Model((plate, slab), np.array([0.0, 0.0, -lab.gravity])), SolverConfig(inertia=True))
+    state, control, speeds = one.start_state(), StepControl(2e-3), list[float]()
+    with threadpool_limits(1):
+        while len(speeds) < 400 and (len(speeds) < 5 or speeds[-1] >= speeds[-2] or speeds[-1] < 0.0):
+            step = one.step(state, control)
+            state, control = step.state, step.control
+            one._adapt(state, step.report.contacts, step.signals)
+            speeds.append(float(state.velocity[0, 2]))
+    assert 0.0 < max(speeds) < -min(speeds)
+
+
 @pytest.mark.parametrize("inertia", [True, False])
 def test_a_ball_rebounds_from_an_elastic_slab_only_with_inertia(lab, inertia):
     """Without loss of material a heavy ball gets most of its speed back; the way to rest is critically damped."""
