@@ -5,7 +5,6 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from dcap.geometry.segmentation.rooms.traits import Traits
-from dcap.language.offline.shapes import labels
 from dcap.language.protocol.replies import OTHER, LabelReply
 from dcap.language.protocol.requests import LabelRequest, PictureMaker
 
@@ -22,9 +21,13 @@ def label_levels(traits: Sequence[Traits]) -> list[list[int]]:
 
 
 def label_request(
-    number: int, traits: Sequence[Traits], known: Mapping[int, LabelReply], pictures: tuple[PictureMaker, ...]
+    number: int,
+    traits: Sequence[Traits],
+    known: Mapping[int, LabelReply],
+    pictures: tuple[PictureMaker, ...],
+    allowed: tuple[str, ...],
 ) -> LabelRequest:
-    """The question about one thing; `known` are the answers so far."""
+    """The question about one thing; `known` are the answers so far, `allowed` what it may be called."""
     one = traits[number]
     carrier = known.get(one.holder)
     return LabelRequest(
@@ -47,7 +50,7 @@ def label_request(
         color=one.color,
         varied=one.varied,
         balance=one.balance,
-        labels=labels(),
+        labels=allowed,
         pictures=pictures,
     )
 

@@ -14,23 +14,25 @@ from dcap.geometry.segmentation.faces import FaceTable
 from dcap.geometry.segmentation.named import THING, shell_groups
 from dcap.geometry.segmentation.rooms.composites import composites
 from dcap.geometry.segmentation.rooms.decomposition import DecomposedRoom, decompose_room
-from dcap.geometry.segmentation.rooms.traits import Traits, describe_things, thing_segments
+from dcap.geometry.segmentation.rooms.traits import FLOOR, Traits, describe_things, thing_segments
 from dcap.language.connect import Client
+from dcap.language.offline.shapes import labels
 from dcap.language.protocol.questions import LABEL
 from dcap.language.protocol.replies import OTHER, LabelReply
 from dcap.language.protocol.requests import LabelRequest
 from dcap.scene.types.mesh import Mesh
 from tasks.requests.pictures import close_up, in_the_room
+from tasks.segment.fused_rooms import likely_things, room_labels
 from tasks.segment.label_requests import label_levels, label_request
 
 
 def labelled_room(mesh: Mesh, table: FaceTable, inside: NDArray[np.bool_], client: Client) -> list[Group]:
     """Take the faces in `inside`, shape (m,), apart, ask what each thing is, and join what belongs together."""
-    room = decompose_room(table, inside)
+    room = decompose_room(table, inside, likely_things)
     pieces = thing_segments(table, room)
     traits = describe_things(table, room, pieces)
     replies = asked(mesh, room, traits, client)
-    labels = ["" if reply.label == OTHER else reply.label for reply in replies]
+    given = ["" if reply.label == OTHER else reply.label for reply in replies]
     found = [
         Group(
             "",
@@ -38,22 +40,32 @@ def labelled_room(mesh: Mesh, table: FaceTable, inside: NDArray[np.bool_], clien
             np.sort(np.concatenate([room.things[i] for i in whole.members])),
             None,
             replies[whole.main].confidence if whole.label else 0.0,
+            replies[whole.main].guesses,
+            floor_below(room, whole.main),
         )
-        for whole in composites(labels, traits, pieces)
+        for whole in composites(given, traits, pieces)
     ]
     return shell_groups(room.shell) + found
+
+
+def floor_below(room: DecomposedRoom, number: int) -> float | None:
+    """Height of the floor under a thing whose feet a fused scan may not show [m]; None where its faces tell."""
+    if not room.fused or room.fused[number].shape.held_by != FLOOR or np.isnan(room.shell.levels.floor):
+        return None
+    return room.shell.levels.floor
 
 
 def asked(mesh: Mesh, room: DecomposedRoom, traits: tuple[Traits, ...], client: Client) -> list[LabelReply]:
     """The client's answer for each thing."""
     known: dict[int, LabelReply] = {}
+    allowed = room_labels([one.shape for one in room.fused if one.likely]) if room.fused else labels()
 
     def request(i: int) -> LabelRequest:
         pictures = (
             partial(in_the_room, mesh, room, traits[i].box, room.things[i]),
             partial(close_up, mesh, room, traits[i].box, room.things[i]),
         )
-        return label_request(i, traits, known, pictures)
+        return label_request(i, traits, known, pictures, allowed)
 
     for level in label_levels(traits):
         known.update(zip(level, client.ask_all(LABEL, [request(i) for i in level]), strict=True))

@@ -48,7 +48,8 @@ def segment(scan: Scan, config: SegmentConfig, client: Client) -> SegmentedScene
             group.id, group.label, table, group.faces, group.axes, _words(scan, group.faces),
             annotated_parts(scan, group.faces),
         )  # fmt: skip
-        instances.append(replace(instance, confidence=group.confidence))
+        box = instance.box if group.stands_at is None else instance.box.down_to(group.stands_at)
+        instances.append(replace(instance, box=box, confidence=group.confidence, guesses=group.guesses))
         face_instance[group.faces] = index
         face_part[group.faces] = part
     found = Segmentation(scan.mesh, _with_fronts(instances), face_instance, face_part)

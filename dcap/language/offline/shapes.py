@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from functools import cache
 
 from dcap.language.offline.lexicon import rows
-from dcap.language.protocol.replies import OTHER, LabelReply
+from dcap.language.protocol.replies import OTHER, LabelGuess, LabelReply
 from dcap.language.protocol.requests import LabelRequest
 from dcap.scene.errors import InputError
 
@@ -23,12 +23,16 @@ EVIDENCE = 0.5
 """Share of the evidence of one measure that is counted [-]: size, level and outline are not independent."""
 DOUBT = 0.35
 """Least probability of a label that is given [-]; a doubtful one mostly competes with a kind of the same thing."""
+LEAST_GUESS = 0.01
+"""Labels less probable than this are not told [-]."""
 FARTHEST = 6.0
 """No measure speaks against a label by more than this many standard deviations: scans have holes [-]."""
 HELD, NOT_HELD = 0.9, 0.03
 """Probability that a thing is held by what is usual for it, and by one other kind of thing [-]."""
 NOTHING_KNOWN = 0.2
 """How common things are that no row describes, in the unit of the column `common` [-]."""
+ROOM = frozenset({"floor", "wall", "ceiling", "nothing"})
+"""What holds a thing and is none."""
 BLUR = 0.05
 """Least standard deviation [-]: of a logarithm for lengths, of a share otherwise."""
 
@@ -74,6 +78,8 @@ class ShapePrior:
 
     label: str
     """Several rows may have the same one."""
+    room: str
+    """wet or dry: such things stand in bathrooms, or not there; empty: anywhere."""
     held_by: tuple[str, ...]
     """floor, wall, ceiling, nothing, or labels."""
     common: float
@@ -106,7 +112,7 @@ def shape_row(row: Mapping[str, str]) -> ShapePrior:
         if name not in EVEN or len(numbers) != 4 or numbers != sorted(numbers):
             raise InputError(f"{SHAPES}: {row['label']}: {entry!r} is not a measure with four rising numbers")
         traits[name] = UsualRange.of(name, numbers)
-    return ShapePrior(row["label"], tuple(row["held_by"].split("|")), float(row["common"]), traits)
+    return ShapePrior(row["label"], row["room"], tuple(row["held_by"].split("|")), float(row["common"]), traits)
 
 
 def labels() -> tuple[str, ...]:
@@ -151,4 +157,10 @@ def label_of(request: LabelRequest) -> LabelReply:
     length, width, height = request.size
     shape = f"{length:.2f} x {width:.2f} x {height:.2f} m, held by {request.holder}"
     reason = f"{shape}: {first} {sure:.0%}, {second} {less:.0%}"
-    return LabelReply(label=first if sure >= DOUBT else OTHER, confidence=sure, reason=reason)
+    others = [LabelGuess(label=label, probability=p) for label, p in ranked if p > LEAST_GUESS and label != OTHER]
+    if sure >= DOUBT or first == OTHER:
+        return LabelReply(
+            label=first, confidence=sure, others=tuple(g for g in others if g.label != first), reason=reason
+        )
+    unknown = dict(ranked)[OTHER]
+    return LabelReply(label=OTHER, confidence=unknown, others=tuple(others), reason=reason)

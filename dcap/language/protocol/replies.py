@@ -194,17 +194,34 @@ class MaterialsReply(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False
                 )
 
 
+class LabelGuess(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False):
+    """What a thing may be too."""
+
+    label: str = Field(description="one of the listed labels")
+    probability: float = Field(ge=0.0, le=1.0)
+
+
 class LabelReply(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False):
     """What a thing is."""
 
     label: str = Field(description="one of the listed labels, or other")
     confidence: float = Field(ge=0.0, le=1.0, description="probability that the label is right")
+    others: tuple[LabelGuess, ...] = Field(
+        default=(), description="what else it may be, the likeliest first; all probabilities add up to at most 1"
+    )
     reason: str = ""
 
     def check(self, request: LabelRequest) -> None:
         """ValueError if it chooses what is not listed."""
-        if self.label not in (*request.labels, OTHER):
-            raise ValueError(f"label {self.label!r} is not one of {', '.join(request.labels)}, {OTHER}")
+        for label in (self.label, *(one.label for one in self.others)):
+            if label not in (*request.labels, OTHER):
+                raise ValueError(f"label {label!r} is not one of {', '.join(request.labels)}, {OTHER}")
+
+    @property
+    def guesses(self) -> tuple[tuple[str, float], ...]:
+        """Every label that is given some probability, the likeliest first."""
+        known = [(self.label, self.confidence), *((one.label, one.probability) for one in self.others)]
+        return tuple(sorted(((label, p) for label, p in known if label != OTHER), key=lambda one: -one[1]))
 
 
 class PartName(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False):

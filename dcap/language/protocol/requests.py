@@ -55,6 +55,8 @@ class InstanceView:
     color: Vector
     """Mean sRGB colour, 0..1."""
     parts: tuple[PartView, ...]
+    guesses: tuple[tuple[str, float], ...] = ()
+    """What it may be and how probable that is, the likeliest first; empty where the source names it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -220,13 +222,13 @@ class LabelRequest:
     """How far it rises above that surface [m]."""
     levels: int
     """Upward surfaces that cover a good part of its plan: boards of a shelf."""
-    closed: float
-    """Share of its outline seen from the side that is filled, 0..1."""
+    closed: float | None
+    """Share of its outline seen from the side that is filled, 0..1; None, as others, where a scan shows too little."""
     covered: float
     """Share of the rectangle around it, seen from above, that is filled, 0..1."""
-    waist: float
+    waist: float | None
     """Breadth where it is narrowest over where it is widest, 0..1."""
-    rough: float
+    rough: float | None
     """0: smooth, 0.1 and more: leaves, folds."""
     held_by: str
     """floor, wall, ceiling, nothing, or the id of the thing that carries it."""
@@ -240,7 +242,7 @@ class LabelRequest:
     """Mean sRGB colour, 0..1."""
     varied: float
     """Distance from its mean colour that a twentieth of its surface exceeds [CIELAB units]."""
-    balance: float
+    balance: float | None
     """Height of the middle of its surface within its box: 0 at the bottom, 1 at the top."""
     labels: tuple[str, ...]
     """What it may be called, besides `other`."""

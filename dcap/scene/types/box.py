@@ -49,6 +49,12 @@ class OrientedBox:
         """Height of the lower face [m]."""
         return float(self.center[2] - self.half_extents[2])
 
+    def down_to(self, height: float) -> "OrientedBox":
+        """The box with its lower face at that height [m], where that is lower."""
+        more = max(self.bottom - height, 0.0)
+        lower = np.array([0.0, 0.0, 0.5 * more])
+        return OrientedBox(self.center - lower, self.axes, self.half_extents + lower)
+
     def to_local(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """World points (n, 3) in box coordinates [m], origin at the centre."""
         return (points - self.center) @ self.axes

@@ -40,6 +40,8 @@ class Instance:
     """True for walls, floor, ceiling: never a movable thing, may still be a support (floor)."""
     confidence: float = 1.0
     """0..1, how sure the label is: 1 where the source names the thing, less where it was guessed from its shape."""
+    guesses: tuple[tuple[str, float], ...] = ()
+    """What it may be and how probable that is, the likeliest first; empty where the source names it."""
 
     def __post_init__(self) -> None:
         if self.front is not None:

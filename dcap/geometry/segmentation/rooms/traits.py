@@ -3,7 +3,7 @@
 In: a room taken apart. Out: one `Traits` per thing, in the same order. Nothing is named here.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,7 @@ from skimage.color import lab2rgb
 from dcap.geometry.segmentation.faces import FaceTable
 from dcap.geometry.segmentation.rooms.contacts import FEW, Segments, segments_of
 from dcap.geometry.segmentation.rooms.decomposition import DecomposedRoom
+from dcap.geometry.segmentation.rooms.fused import FusedThing
 from dcap.scene.types.box import OrientedBox
 from dcap.scene.types.rectangle import min_area_box
 
@@ -62,13 +63,14 @@ class Traits:
     """How far the thing rises above its main upward surface."""
     levels: int
     """Upward surfaces that cover a good part of the plan."""
-    closed: float
-    """Share of its outline seen from the side that is filled; the smaller of the two sides."""
+    closed: float | None
+    """Share of its outline seen from the side that is filled, the smaller of the two sides; None, as are the next ones
+    without a value, where a fused scan shows too little of it."""
     covered: float
     """Share of the plan's rectangle that is filled, seen from above."""
-    waist: float
+    waist: float | None
     """Breadth where it is narrowest over where it is widest."""
-    rough: float
+    rough: float | None
     """0: smooth surfaces, towards 2/3: leaves."""
     holder: int
     """Number of the thing that it stands on or touches most, -1: none."""
@@ -82,16 +84,32 @@ class Traits:
     """Mean sRGB colour, 0..1."""
     varied: float
     """Distance from its mean colour that a twentieth of its surface exceeds [CIELAB units]."""
-    balance: float
+    balance: float | None
     """Height of the middle of the surface within the box: 0 at its bottom, 1 at its top."""
 
 
 def describe_things(table: FaceTable, room: DecomposedRoom, segments: Segments) -> tuple[Traits, ...]:
     """Measure all things of a room; `segments` are what `thing_segments` makes of them."""
-    holder = [_holder(segments, room, i) for i in range(len(room.things))]
+    if room.fused:
+        holder = [(one.held_by, one.shape.held_by or NOTHING if one.held_by < 0 else "") for one in room.fused]
+    else:
+        holder = [_holder(segments, room, i) for i in range(len(room.things))]
     carries = np.bincount([h for h, _ in holder if h >= 0], minlength=len(holder))
-    return tuple(
-        _traits(table, room, segments, i, *holder[i], int(carries[i])) for i in range(len(room.things))
+    found = tuple(_traits(table, room, segments, i, *holder[i], int(carries[i])) for i in range(len(room.things)))
+    return tuple(map(_as_fused, found, room.fused)) if room.fused else found
+
+
+def _as_fused(traits: Traits, thing: FusedThing) -> Traits:
+    """With the measures that a fused scan tells more surely, without those that it does not tell."""
+    shape = thing.shape
+    level = shape.level_height if shape.level_height is not None else float("nan")
+    bottom = shape.bottom or 0.0
+    return replace(
+        traits, length=shape.length, width=shape.width, height=shape.top - bottom, bottom=bottom,
+        top=shape.top, level_height=level, level_area=shape.level_area,
+        rise=shape.top - (bottom if np.isnan(level) else level), levels=shape.levels,
+        wall_gap=float("inf") if shape.wall_gap is None else shape.wall_gap,
+        closed=None, waist=None, rough=None, balance=None,
     )  # fmt: skip
 
 

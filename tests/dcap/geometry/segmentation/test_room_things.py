@@ -64,8 +64,10 @@ def test_a_table_is_measured() -> None:
     assert one.level_area == pytest.approx(0.6, rel=0.02)
     assert (one.levels, one.rise) == (1, pytest.approx(0.0, abs=1e-6))
     # from the side: a top of 0.04 m and two legs of 0.05 m of 0.6 m, rounded up to whole cells of 0.04 m
+    assert one.closed is not None
     assert 0.15 < one.closed < 0.5
     assert one.covered == 1.0
+    assert one.balance is not None
     assert one.balance > 0.7
 
 
@@ -89,6 +91,8 @@ def test_shelves_have_levels_and_leaves_are_rough() -> None:
     leaves = Mesh.of(corners.reshape(-1, 3), np.arange(9000).reshape(-1, 3))
     shelf, plant = traits(joined([*boards, *sides]), moved(leaves, 3.0))
     assert shelf.levels == 5
+    assert plant.rough is not None
+    assert shelf.rough is not None
     assert plant.rough > 0.4 > 0.2 > shelf.rough
 
 

@@ -1,0 +1,158 @@
+"""Supporting patches and what belongs to each: how a fused scan falls into pieces that can carry something.
+
+Where a scan has made one surface of floor, furniture and clutter, the primitive that matters is the patch that looks up
+and could carry something. Every patch owns what hangs down from it: its sides and legs, reached over the surface
+without climbing. What no patch reaches that way (a thin back, a lamp) makes pieces of its own. Nothing is named here.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import dijkstra
+from scipy.spatial import cKDTree
+
+from dcap.geometry.segmentation.faces import connected_regions
+from dcap.geometry.segmentation.rooms.surfels import VOXEL, Surfels
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+Mask = NDArray[np.bool_]
+
+LEVEL = 0.8
+"""Least normal z of what carries [-]: 37 degrees from the vertical."""
+SLOPE = 0.4
+"""Steepest step from one surfel of a patch to the next [-], beside NOISE."""
+NOISE = 0.008
+"""Height by which neighbouring surfels of one level may differ [m]: what phones and headsets leave."""
+LEAST_PATCH = 0.02
+"""Smallest patch, seen from above [m^2]: a stack of books."""
+FLOORING = 0.06
+"""What looks up this near to the floor is the floor, or lies flat on it [m]."""
+LEAST_FLAT = 0.25
+"""Smallest thing that lies flat on the floor [m^2]: a bath mat."""
+RAISED = 0.005
+"""So far above the floor at least [m]."""
+REACH = 1.6
+"""Longest way from a patch to what hangs down from it [m]: from a desk's top to its feet and a bit."""
+CLIMB = 4.0
+"""A metre up counts as so many metres of way more [-]."""
+ABOVE = 0.05
+"""What is higher than this above a patch does not hang down from it [m]."""
+OUTWARD = (0.06, 0.10)
+"""What hangs down stays over so much beside its patch: constant [m] and share of the height below it [-]."""
+LEAST_REST = 0.02
+"""Surface of the smallest piece without a patch [m^2]."""
+SIDEWAYS = 0.6
+"""Least normal z of what is taken for floor near the floor [-]."""
+ROUNDS = 3
+"""In which what one patch reached and may not keep is offered to the others [-]."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Pieces:
+    """What a fused scan falls into."""
+
+    owner: Index
+    """Number of the piece of each surfel, -1 for none, shape (n,)."""
+    patches: int
+    """The first so many pieces have a supporting patch, the largest first; the others have none."""
+    count: int
+    level: Array
+    """Height of each patch: the 95th percentile of its surfels [m], shape (patches,)."""
+
+
+def carrying_pieces(surfels: Surfels, floor: float) -> Pieces:
+    """Patches with what hangs down from them, then what is left; `floor` is its height [m]."""
+    patch, count = _patches(surfels, floor)
+    level = np.array([np.percentile(surfels.position[patch == i, 2], 95.0) for i in range(count)])
+    owner = _hanging(surfels, patch, level)
+    z = surfels.position[:, 2]
+    owner[(patch < 0) & (z < floor + FLOORING) & (surfels.normal[:, 2] > SIDEWAYS)] = -1
+    _drop_far(surfels, owner, patch, level)
+    total = _add_rest(surfels, owner, count, floor)
+    return Pieces(owner, count, total, level)
+
+
+def _patches(surfels: Surfels, floor: float) -> tuple[Index, int]:
+    """Number of the patch of each surfel, -1 for none, the largest first, and how many there are."""
+    z = surfels.position[:, 2]
+    chosen = np.flatnonzero((surfels.normal[:, 2] > LEVEL) & (z > floor + RAISED))
+    high = z[chosen] > floor + FLOORING
+    number = np.full(len(z), -1)
+    number[chosen] = np.arange(len(chosen))
+    pairs = number[surfels.pairs]
+    pairs = pairs[(pairs >= 0).all(axis=1)]
+    a, b = surfels.position[chosen[pairs[:, 0]]], surfels.position[chosen[pairs[:, 1]]]
+    across = np.linalg.norm((a - b)[:, :2], axis=1)
+    joined = (np.abs(a[:, 2] - b[:, 2]) < SLOPE * across + NOISE) & (high[pairs[:, 0]] == high[pairs[:, 1]])
+    region = connected_regions(len(chosen), pairs, joined)
+    area = _plan_areas(surfels.position[chosen], region)
+    low = np.ones(len(area), dtype=bool)
+    low[region[high]] = False
+    large = np.flatnonzero(area > np.where(low, LEAST_FLAT, LEAST_PATCH))
+    large = large[np.argsort(-area[large], kind="stable")]
+    rank = np.full(len(area), -1)
+    rank[large] = np.arange(len(large))
+    result = np.full(len(z), -1, dtype=np.int64)
+    result[chosen] = rank[region]
+    return result, len(large)
+
+
+def _plan_areas(position: Array, region: Index) -> Array:
+    """Area of each region seen from above [m^2]: by cells, so that rough surfaces do not count more."""
+    cell = np.floor(position[:, :2] / (1.5 * VOXEL)).astype(np.int64)
+    seen = np.unique(np.c_[region, cell], axis=0)
+    count = np.bincount(seen[:, 0], minlength=int(region.max(initial=-1)) + 1)
+    return np.asarray(count * (1.5 * VOXEL) ** 2, dtype=np.float64)
+
+
+def _hanging(surfels: Surfels, patch: Index, level: Array) -> Index:
+    """The patch from which each surfel hangs down, -1 for none, shape (n,)."""
+    n, owner = len(patch), patch.copy()
+    if not (patch >= 0).any():
+        return owner
+    step = surfels.position[surfels.pairs[:, 1]] - surfels.position[surfels.pairs[:, 0]]
+    length = np.linalg.norm(step, axis=1)
+    start, end = np.r_[surfels.pairs[:, 0], surfels.pairs[:, 1]], np.r_[surfels.pairs[:, 1], surfels.pairs[:, 0]]
+    way = np.r_[length, length] + CLIMB * np.maximum(np.r_[step[:, 2], -step[:, 2]], 0.0) + 1e-6
+    for _ in range(ROUNDS):
+        free = owner[end] < 0
+        graph = coo_matrix((way[free], (start[free], end[free])), shape=(n, n)).tocsr()
+        source = np.flatnonzero(owner >= 0)
+        distance, _, origin = dijkstra(
+            graph, directed=True, indices=source, min_only=True, return_predecessors=True, limit=REACH
+        )
+        reached = np.flatnonzero(np.isfinite(distance) & (owner < 0))
+        wanted = owner[origin[reached]]
+        kept = surfels.position[reached, 2] < level[wanted] + ABOVE
+        owner[reached[kept]] = wanted[kept]
+        if kept.all():
+            break
+    return owner
+
+
+def _drop_far(surfels: Surfels, owner: Index, patch: Index, level: Array) -> None:
+    """What lies too far beside its patch, seen from above, is not its own: floor and wall that the scan fused."""
+    order = np.argsort(owner, kind="stable")
+    order = order[np.searchsorted(owner[order], 0) :]
+    for i, mine in enumerate(np.split(order, np.searchsorted(owner[order], np.arange(1, len(level))))):
+        top = mine[patch[mine] == i]
+        if len(mine) and len(top):
+            away = cKDTree(surfels.position[top, :2]).query(surfels.position[mine, :2])[0]
+            below = np.maximum(level[i] - surfels.position[mine, 2], 0.0)
+            owner[mine[away > OUTWARD[0] + OUTWARD[1] * below]] = -1
+
+
+def _add_rest(surfels: Surfels, owner: Index, count: int, floor: float) -> int:
+    """Number what no patch owns by connected pieces, the largest first; how many pieces there are then."""
+    rest = (owner < 0) & (surfels.position[:, 2] > floor + FLOORING)
+    joined = np.asarray(rest[surfels.pairs].all(axis=1), dtype=bool)
+    region = connected_regions(len(owner), surfels.pairs, joined)
+    area = np.bincount(region, surfels.area * rest)
+    large = np.flatnonzero(area > LEAST_REST)
+    rank = np.full(len(area), -1)
+    rank[large[np.argsort(-area[large], kind="stable")]] = count + np.arange(len(large))
+    owner[rest] = rank[region[rest]]
+    return count + len(large)
