@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from dcap.geometry.segmentation.annotated import annotated_groups
 from dcap.geometry.segmentation.boxed import Group
-from dcap.geometry.segmentation.faces import FaceTable, connected_regions, renumbered
+from dcap.geometry.segmentation.faces import FaceTable, connected_regions, renumbered, surface_points
 from dcap.geometry.segmentation.labels import (
     Category,
     category_of,
@@ -31,7 +31,13 @@ THING = "thing"
 """What nobody could name."""
 ROOM_SIZE = 3.2
 """What is this long and has a floor is a room [m]."""
-SMALL_ROOM = (1.2, 1.9)
+FLOORED = 0.35
+"""Share of a room where its floor is seen at least: furniture hides the rest [-]."""
+LOOKS_UP = 0.6
+"""Normal z from which on a face looks up: floors of scans are rough [-]."""
+FLOOR_CELLS = 64
+"""Cells along the longer side in which the floor is counted [-]."""
+SMALL_ROOM = (1.2, 1.6)
 """A smaller one is at least this broad and high [m], and has walls that look inwards."""
 WALLED = 0.5
 """Share of its outline that walls have at least [-]."""
@@ -134,11 +140,18 @@ def _is_room(table: FaceTable, faces: Index, label: str) -> bool:
     small = bool(size[:2].max() < ROOM_SIZE)
     if small and (size[:2].min() < SMALL_ROOM[0] or size[2] < SMALL_ROOM[1] or not _is_walled(table, faces)):
         return False
-    z = table.center[faces, 2]
-    low = (z < points[:, 2].min() + 0.15 * size[2]) & (table.normal[faces, 2] > 0.8)
-    covered = float(table.area[faces][low].sum()) / float(np.prod(size[:2]))
     furniture = category_of(label) not in (Category.OTHER, Category.STRUCTURE)
-    return covered > 0.5 and not (furniture and size[:2].max() < 2.0 * ROOM_SIZE)
+    return _floored(table, faces) > FLOORED and not (furniture and size[:2].max() < 2.0 * ROOM_SIZE)
+
+
+def _floored(table: FaceTable, faces: Index) -> float:
+    """Share of the rectangle around it in which something low looks up, seen from above: rough floors too."""
+    low, high = table.corners[faces].reshape(-1, 3).min(axis=0), table.corners[faces].reshape(-1, 3).max(axis=0)
+    chosen = (table.center[faces, 2] < low[2] + 0.15 * (high - low)[2]) & (table.normal[faces, 2] > LOOKS_UP)
+    step = max(float((high - low)[:2].max()) / FLOOR_CELLS, 1e-9)
+    points, _ = surface_points(table.corners[faces[chosen]], table.area[faces[chosen]], 0.5 * step)
+    cells = np.unique(np.floor((points[:, :2] - low[:2]) / step).astype(np.int64), axis=0)
+    return len(cells) * step**2 / max(float(np.prod((high - low)[:2])), 1e-12)
 
 
 def _is_walled(table: FaceTable, faces: Index) -> bool:

@@ -19,6 +19,8 @@ FUSED = 0.05
 """A component with more than this share of its area on the shell is fused with the room [-]."""
 MOSTLY = 0.5
 """Share of what is not the shell that hangs together with it in a room that was scanned as one surface [-]."""
+MAIN = 0.2
+"""Share of the shell in one component from which on that is the room, and not a box that stands in it [-]."""
 BY_WALL = 0.15
 """What comes this near to a wall or the ceiling may hang there [m]: curtains do at a hand's breadth."""
 LEAST_THING = 0.015
@@ -44,7 +46,10 @@ def decompose_room(table: FaceTable, inside: Mask, likely: Likely) -> Decomposed
     """
     shell = find_shell(table, inside)
     rest = inside & ~shell.any
-    fused = rest & _hangs_together(table, shell)[table.component]
+    count = int(table.component.max(initial=-1)) + 1
+    on_shell = np.bincount(table.component, table.area * shell.any, count)
+    main = on_shell > MAIN * on_shell.sum()
+    fused = rest & (_hangs_together(table, shell) & main)[table.component]
     if table.area[fused].sum() > MOSTLY * table.area[rest].sum():
         things = fused_things(table, np.flatnonzero(rest), shell, likely)
         return DecomposedRoom(shell, tuple(one.faces for one in things), tuple(things))

@@ -88,6 +88,7 @@ def find_shell(table: FaceTable, inside: Mask) -> ScannedShell:
 
 def _without_fronts(table: FaceTable, wall: NDArray[np.int64]) -> NDArray[np.int64]:
     """Planes that have a larger one close behind them are fronts of furniture, shape (m,)."""
+    wall = np.where(wall >= 0, np.unique(wall, return_inverse=True)[1].reshape(-1) - int((wall < 0).any()), -1)
     count = int(wall.max(initial=-1)) + 1
     planes = [_plane(table, wall == i) for i in range(count)]
     area = np.bincount(wall[wall >= 0], table.area[wall >= 0], count)
