@@ -26,6 +26,8 @@ CUT = 0.4
 COMMON = {"dry": 1.0, "wet": 1.0 / 8.0}
 """How many bathrooms there are for every other room that is scanned [-]: an estimate."""
 
+MOST_LEVELS = 4
+"""More levels tell no more [-]: on the boards of a shelf lies something that looks up, too."""
 EYES = 1.5
 """The top of what is higher than people hold a camera is not seen [m]."""
 
@@ -84,7 +86,7 @@ def rough_measures(shape: RoughShape) -> dict[str, float]:
     if shape.wall_gap is not None:
         found["gap"] = shape.wall_gap
     if shape.top > EYES:
-        found["levels"] = float(shape.levels)
+        found["levels"] = float(min(shape.levels, MOST_LEVELS))
     elif shape.level_height is not None:
         found |= {
             "level": shape.level_height,

@@ -46,6 +46,9 @@ LEAST_REST = 0.02
 """Surface of the smallest piece without a patch [m^2]."""
 SIDEWAYS = 0.6
 """Least normal z of what is taken for floor near the floor [-]."""
+SMOOTH = 0.7
+"""Cosine between the normals of neighbours in one piece without a patch [-]: the front of a wardrobe ends at the wall
+beside it."""
 ROUNDS = 3
 """In which what one patch reached and may not keep is offered to the others [-]."""
 
@@ -146,9 +149,11 @@ def _drop_far(surfels: Surfels, owner: Index, patch: Index, level: Array) -> Non
 
 
 def _add_rest(surfels: Surfels, owner: Index, count: int, floor: float) -> int:
-    """Number what no patch owns by connected pieces, the largest first; how many pieces there are then."""
+    """Number what no patch owns by smooth pieces, the largest first; how many pieces there are then."""
     rest = (owner < 0) & (surfels.position[:, 2] > floor + FLOORING)
-    joined = np.asarray(rest[surfels.pairs].all(axis=1), dtype=bool)
+    a, b = surfels.pairs.T
+    alike = np.einsum("ki,ki->k", surfels.normal[a], surfels.normal[b]) > SMOOTH
+    joined = np.asarray(rest[a] & rest[b] & alike, dtype=bool)
     region = connected_regions(len(owner), surfels.pairs, joined)
     area = np.bincount(region, surfels.area * rest)
     large = np.flatnonzero(area > LEAST_REST)

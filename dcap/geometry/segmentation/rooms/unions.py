@@ -70,7 +70,7 @@ class RoughShape:
     buried: float
     """Share of that level over which the surface goes on upwards as something else [-]."""
     cut: float
-    """Length along which its surface goes on as a patch that is not in it, or what hangs from that [m]."""
+    """Length along which its surface goes on beside it as a patch, or what hangs from one, that is not in it [m]."""
     levels: int
     """Heights at which a good part of the plan looks up."""
     wall_gap: float | None
@@ -155,8 +155,12 @@ class PieceGraph:
     def _cut(self, union: frozenset[int]) -> float:
         return VOXEL * sum(
             count for i in union for other, count in self.touching[i].items()
-            if other not in union and other < self.patches and i < self.patches
+            if other not in union and max(i, other) < self.patches
+            and not self._stands_on(other, i) and not self._stands_on(i, other)
         )  # fmt: skip
+
+    def _stands_on(self, piece: int, other: int) -> bool:
+        return self.over[piece].get(other, 0) > 0.5 * self.pieces[piece].cells
 
     def unions(self) -> list[frozenset[int]]:
         """Connected unions of at most MOST_PIECES pieces, the smaller first, and these with all that lies within."""
