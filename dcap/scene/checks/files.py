@@ -12,9 +12,8 @@ from dcap.scene.checks.places import Lines, json_lines
 from dcap.scene.errors import InputError
 from dcap.scene.problems import Place, Problem, Report, Severity, error, note, warning
 from dcap.scene.readers.mesh.raw import RawMesh
-from dcap.scene.readers.scenes.sugar import is_splats
 from dcap.scene.readers.source import BROKEN, READERS
-from dcap.scene.readers.splats.splats import check_splats
+from dcap.scene.readers.splats.formats import check_gaussians, is_splats
 
 MANY = 0.1
 """A share of faces without area above this is no rounding but a damaged mesh [-]."""
@@ -38,7 +37,7 @@ def check_shape(path: Path, findings: Findings) -> FileContents:
     """Check one mesh file, with the materials and textures it names, or one file of splats."""
     report = findings.report(path, _lines(path))
     if is_splats(path):
-        return FileContents(path, splats=_guarded(path, report, lambda: check_splats(path, report), 0))
+        return FileContents(path, splats=_guarded(path, report, lambda: check_gaussians(path, report), 0))
     return _guarded(path, report, lambda: _check_mesh(path, report), FileContents(path))
 
 

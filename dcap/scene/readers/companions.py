@@ -1,4 +1,4 @@
-"""Files that a mesh file names: the MTL files and textures of an OBJ, the buffers and pictures of a glTF.
+"""Files that a mesh file names: MTL files and textures of an OBJ, buffers and pictures of a glTF or a SOG's meta.json.
 
 The store copies what `companions` finds, and the readers find it again with the same functions (files/references.py),
 so both always agree.
@@ -12,6 +12,7 @@ from urllib.parse import unquote
 from dcap.scene.errors import FormatError
 from dcap.scene.readers.files.references import beside, library_names, material_lines, texture_beside
 from dcap.scene.readers.gltf.document import read_document, uris
+from dcap.scene.readers.splats.sog import is_sog_meta, picture_names
 
 LARGEST_TEXT = 64 << 20
 """Largest glTF or MTL text that is searched for names [bytes]."""
@@ -19,7 +20,7 @@ LARGEST_TEXT = 64 << 20
 
 def companions(path: Path) -> Iterator[str]:
     """The files that a mesh file names and that exist, by their name relative to its folder."""
-    search = {".obj": _of_obj, ".gltf": _of_gltf, ".glb": _of_gltf}.get(path.suffix.lower())
+    search = {".obj": _of_obj, ".gltf": _of_gltf, ".glb": _of_gltf, ".json": _of_sog}.get(path.suffix.lower())
     if search is not None:
         with path.open("rb") as file, mmap(file.fileno(), 0, access=ACCESS_READ) as data:
             yield from search(path, data)
@@ -44,3 +45,8 @@ def _of_gltf(path: Path, data: mmap) -> Iterator[str]:
         found = beside(path.parent, unquote(uri))
         if found is not None:
             yield found
+
+
+def _of_sog(path: Path, data: mmap) -> Iterator[str]:
+    if is_sog_meta(path):
+        yield from (one for name in picture_names(path, bytes(data)) if (one := beside(path.parent, name)))

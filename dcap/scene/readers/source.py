@@ -17,8 +17,9 @@ from dcap.scene.readers.mesh.raw import RawMesh
 from dcap.scene.readers.mesh.stl import read_stl
 from dcap.scene.readers.scenes.interiorgs import is_interiorgs, read_labels, read_structure
 from dcap.scene.readers.scenes.scannet import is_scannet, read_scannet
-from dcap.scene.readers.scenes.sugar import check_suffix, describe, find_mesh, is_splats
-from dcap.scene.readers.splats.splats import discs, read_splats
+from dcap.scene.readers.scenes.sugar import check_suffix, describe, find_mesh
+from dcap.scene.readers.splats.formats import is_splats, read_gaussians
+from dcap.scene.readers.splats.splats import discs
 from dcap.scene.readers.usd.usd import USD_SUFFIXES, read_usd
 from dcap.scene.types.gaussians import Gaussians
 from dcap.scene.types.mesh import Mesh
@@ -139,7 +140,7 @@ def read_file(path: Path) -> tuple[RawMesh, Gaussians | None]:
     check_suffix(path)
     with readable(path):
         if is_splats(path):
-            splats = read_splats(path)
+            splats = read_gaussians(path)
             return discs(path, splats), splats
         return READERS[path.suffix.lower()](path).without_loose_vertices(), None
 

@@ -46,11 +46,11 @@ def read_splat_scene(path: Path, options: SourceOptions) -> SplatScene:
     found = find_splats(path) if path.is_dir() else path
     if found is None:
         raise InputError(
-            f"{path}: no Gaussian splats in this folder (looked for {COMPRESSED_NAME} and other .ply files of splats)"
+            f"{path}: no Gaussian splats in this folder (looked for {COMPRESSED_NAME} and other files of splats: .ply, .splat, .spz, .sog)"
         )
     raw, splats = read_file(found)
     if splats is None:
-        raise InputError(f"{found}: a mesh, not Gaussian splats; give a .ply of splats or a folder with one")
+        raise InputError(f"{found}: a mesh, not Gaussian splats; give a file of splats or a folder with one")
     frame = (stated_frame if annotated else find_frame)(raw, options, Role.SCENE)
     boxes, notes = read_labels(path) if annotated else ((), ())
     rooms = read_structure(path)[0] if annotated else ()

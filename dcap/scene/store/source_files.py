@@ -14,6 +14,7 @@ from dcap.scene.readers.companions import companions
 from dcap.scene.readers.scenes.interiorgs import is_interiorgs
 from dcap.scene.readers.scenes.scannet import scannet_files
 from dcap.scene.readers.scenes.sugar import MESH_SUFFIXES, check_suffix, is_generic
+from dcap.scene.readers.splats.sog import META
 
 MOST_BYTES = 4 << 30
 """Largest input in total; the largest InteriorGS scene or SuGaR mesh is well below 1 GiB."""
@@ -47,7 +48,8 @@ def telling_folder(path: Path, files: Iterable[str]) -> str:
     folder = Path(os.path.abspath(path if path.is_dir() else path.parent))
     if path.is_dir() and (is_interiorgs(path) or scannet_files(path) is not None):
         return ""
-    meshes = (Path(name) for name in files if "/" not in name and Path(name).suffix.lower() in MESH_SUFFIXES)
+    top = (Path(name) for name in files if "/" not in name)
+    meshes = (one for one in top if one.suffix.lower() in MESH_SUFFIXES or one.name == META)
     generic = next((mesh for mesh in meshes if is_generic(mesh)), None)
     return "" if generic is None else folder.name or generic.stem  # the root folder has no name
 

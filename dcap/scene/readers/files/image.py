@@ -30,6 +30,11 @@ def read_gray(data: bytes, where: str, most: int) -> NDArray[np.uint8]:
     return _decoded(data, where, "L", most)
 
 
+def read_rgba(data: bytes, where: str, most: int) -> NDArray[np.uint8]:
+    """An encoded image of at most `most` pixels with its transparency as it is, first row on top, shape (h, w, 4)."""
+    return _decoded(data, where, "RGBA", most)
+
+
 def _decoded(data: bytes, where: str, mode: str, most: int) -> NDArray[np.uint8]:
     try:
         with Image.open(io.BytesIO(data)) as image:

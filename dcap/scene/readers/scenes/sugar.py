@@ -7,10 +7,11 @@ import re
 from pathlib import Path
 
 from dcap.scene.errors import InputError
-from dcap.scene.readers.mesh.ply_table import describes_splats, read_header
+from dcap.scene.readers.splats.formats import SPLAT_SUFFIXES, is_splats
+from dcap.scene.readers.splats.sog import META
 from dcap.scene.readers.usd.usd import USD_SUFFIXES
 
-MESH_SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".stl", *USD_SUFFIXES)
+MESH_SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".stl", *USD_SUFFIXES, *SPLAT_SUFFIXES)
 
 COMPRESSED_NAME = "3dgs_compressed.ply"
 """What InteriorGS calls the splats of a scene."""
@@ -26,13 +27,14 @@ GENERIC_STEMS = {
     "export",
     "nontextured",
     "geometry",
+    "meta",
 }
 """File stems that say nothing about the thing: the folder's name says more."""
 
 
 def check_suffix(path: Path) -> None:
     """Refuse a file that no reader reads."""
-    if path.suffix.lower() not in MESH_SUFFIXES:
+    if path.suffix.lower() not in MESH_SUFFIXES and not is_splats(path):
         suffix = path.suffix or "no suffix"
         raise InputError(f"{path}: {suffix} is not a mesh format that is read ({', '.join(MESH_SUFFIXES)})")
 
@@ -65,7 +67,8 @@ def find_mesh(folder: Path) -> tuple[Path, tuple[str, ...]]:
 
 def find_splats(folder: Path) -> Path | None:
     """The Gaussian splats of a scene folder, whether or not it has a mesh too; None where there are none."""
-    found = sorted((p for p in folder.glob("*.ply") if is_splats(p)), key=lambda p: (p.name != COMPRESSED_NAME, p.name))
+    files = (p for p in folder.iterdir() if p.suffix.lower() in (".ply", *SPLAT_SUFFIXES) or p.name == META)
+    found = sorted(filter(is_splats, files), key=lambda p: (p.name != COMPRESSED_NAME, p.name))
     if len(found) > 1 and found[0].name != COMPRESSED_NAME:
         raise InputError(f"{folder}: {len(found)} files of splats ({', '.join(p.name for p in found)}); name one")
     return found[0] if found else None
@@ -83,16 +86,6 @@ def _choose(folder: Path, found: list[Path]) -> tuple[Path, tuple[str, ...]]:
 def _number(path: Path, key: str) -> int:
     match = re.search(rf"{key}(\d+)", path.stem)
     return int(match.group(1)) if match else 0
-
-
-def is_splats(path: Path) -> bool:
-    """Whether a PLY holds Gaussian splats (by its header)."""
-    if path.suffix.lower() != ".ply" or not path.is_file():
-        return False
-    try:
-        return describes_splats(read_header(path))
-    except InputError:
-        return False  # what is wrong is said where the file is read
 
 
 def has_only_splats(path: Path) -> bool:

@@ -1,4 +1,4 @@
-"""Gaussian splats from PLY files: the plain schema of 3D Gaussian splatting and PlayCanvas' compressed one.
+"""Gaussian splats from PLY files, plain and compressed by PlayCanvas; and what all readers of splats share.
 
 Plain: x y z, f_dc_0..2, opacity, scale_0..2, rot_0..3 and 0, 9, 24 or 45 f_rest, in any order; normals are ignored.
 Compressed (InteriorGS): chunks of 256 splats with the ranges of their positions, scales and colours, four 32-bit words
@@ -53,7 +53,12 @@ def read_splats(path: Path) -> Gaussians:
     """Read either schema, in the file's own units and axes."""
     tables, report = splat_tables(path), refusing(path)
     fields = _packed(path, tables, report) if WORDS[0] in tables["vertex"] else _plain(path, tables["vertex"])
-    _check_fields(fields, report)
+    return gaussians_of(fields, report)
+
+
+def gaussians_of(fields: "Fields", report: Report) -> Gaussians:
+    """Fields as read, once they are checked; infinite opacities are cut."""
+    check_fields(fields, report)
     position, log_scale, rotation, logit, dc, rest = fields
     return Gaussians(position, log_scale, rotation, _bounded(logit), dc, rest)
 
@@ -66,7 +71,7 @@ def check_splats(path: Path, report: Report) -> int:
     tables = splat_tables(path)
     vertex = tables["vertex"]
     if WORDS[0] not in vertex:
-        _check_fields(_plain(path, vertex), report)
+        check_fields(_plain(path, vertex), report)
         return len(scalar(path, vertex, "x"))
     count = {len(_words(path, vertex, name)) for name in WORDS}.pop()
     _chunk_ranges(path, tables.get("chunk", {}), count, report)
@@ -80,12 +85,17 @@ def splat_tables(path: Path) -> dict[str, Table]:
     if not describes_splats(header):
         raise FormatError(f"{path}: no Gaussians: its vertices have neither packed_position nor f_dc_0 and opacity")
     count = header.counts["vertex"]
-    if min(count, path.stat().st_size) > MOST_SPLATS:
-        raise InputError(f"{path}: {count} splats > {MOST_SPLATS}; decimate them first")
+    check_count(path, min(count, path.stat().st_size))
     tables = read_tables(path, header)
     if count == 0:
         raise InputError(f"{path}: no Gaussians in it")
     return tables
+
+
+def check_count(path: Path, count: int) -> None:
+    """Refuse more Gaussians than we can work with, before memory is taken for them."""
+    if count > MOST_SPLATS:
+        raise InputError(f"{path}: {count} splats > {MOST_SPLATS}; decimate them first")
 
 
 Fields = tuple[F32, F32, F32, F32, F32, F32]
@@ -123,9 +133,7 @@ def _packed(path: Path, tables: dict[str, Table], report: Report) -> Fields:
     color = np.stack([_unit(words["packed_color"] >> shift, 8) for shift in (24, 16, 8)], axis=1)
     if "min_r" in chunk:
         color = _between(chunk, "{}_r {}_g {}_b", color)
-    alpha = _unit(words["packed_color"], 8)
-    with np.errstate(divide="ignore"):
-        logit = np.clip(-np.log(1.0 / alpha - 1.0), -LARGEST_LOGIT, LARGEST_LOGIT)
+    logit = logit_of(_unit(words["packed_color"], 8))
     return tuple(
         np.asarray(field, dtype=np.float32)
         for field in (
@@ -133,6 +141,12 @@ def _packed(path: Path, tables: dict[str, Table], report: Report) -> Fields:
             _harmonics(path, tables.get("sh"), n),
         )
     )  # type: ignore[return-value]  # fmt: skip
+
+
+def logit_of(alpha: NDArray[np.floating]) -> NDArray[np.floating]:
+    """Logits of opacities 0..1, those of 0 and 1 cut, shape as given."""
+    with np.errstate(divide="ignore"):
+        return np.clip(-np.log(1.0 / alpha - 1.0), -LARGEST_LOGIT, LARGEST_LOGIT)
 
 
 def _words(path: Path, table: Table, name: str) -> U32:
@@ -232,7 +246,7 @@ def _bounded(logit: F32) -> F32:
     return np.clip(logit, -LARGEST_LOGIT, LARGEST_LOGIT)
 
 
-def _check_fields(fields: Fields, report: Report) -> None:
+def check_fields(fields: Fields, report: Report) -> None:
     """Report numbers that are not finite, sizes beyond all bounds and rotations of no length."""
     position, log_scale, rotation, logit, dc, rest = fields
     for name, field in (
