@@ -5,7 +5,7 @@ the nearest known one; messages write options as the command line does, `object_
 """
 
 import os
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Literal, TypedDict, TypeVar, get_args
 
@@ -50,6 +50,17 @@ def within(low: float, high: float, meaning: str) -> AfterValidator:
 
 Words = Annotated[str, BeforeValidator(lambda value: os.fspath(value) if isinstance(value, os.PathLike) else value)]
 """Text, or a path."""
+
+
+def between_commas(value: object) -> object:
+    """Numbers as the command line has them."""
+    if isinstance(value, str) or not isinstance(value, Iterable):
+        return value
+    return ",".join(str(one) for one in value)
+
+
+Numbers = Annotated[str, BeforeValidator(between_commas)]
+"""Numbers between commas, or any sequence of them."""
 Up = Annotated[UpName, one_of(UpName)]
 Unit = Annotated[UnitName, one_of(UnitName)]
 CellSize = Annotated[float, within(0.0, LARGEST_RESOLUTION_M, f"a cell size between 0 and {LARGEST_RESOLUTION_M} m")]
@@ -102,6 +113,14 @@ class PlaceOptions(DropOptions, frozen=True, extra="forbid"):
     """Up axis of the scene file."""
     unit: Unit = "auto"
     """Length unit of the scene file."""
+    height_of: str = ""
+    """THING=METRES: the height of a thing of the scene, by which a file of unknown scale is scaled."""
+    labels: Words = ""
+    """File that names the scene's things."""
+    at: Numbers = ""
+    """X,Y,Z or X,Y: a point of the scene file's own frame that the object goes to."""
+    support: Numbers = ""
+    """x0,y0,z0,x1,y1,z1: a box of the scene file's own frame whose faces carry."""
     object_label: str = ""
     """What the object is."""
     object_up: Up = "auto"
@@ -139,6 +158,10 @@ class PlaceKeywords(DropKeywords, total=False):
     label: str
     up: UpName
     unit: UnitName
+    height_of: str
+    labels: str | os.PathLike[str]
+    at: str | Sequence[float]
+    support: str | Sequence[float]
     object_label: str
     object_up: UpName
     object_unit: UnitName

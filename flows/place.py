@@ -17,6 +17,7 @@ from dcap.scene.types.sample import Sample
 from dcap.scene.types.scan import Scan
 from dcap.scene.types.segmentation import SegmentedObject, SegmentedScene
 from dcap.scene.types.settled import Settled
+from flows.given import given_labels
 from tasks.anchor.stage import AnchorConfig, anchor_task
 from tasks.drop.stage import DropConfig, drop_task
 from tasks.intent.stage import IntentConfig, intent_task
@@ -25,6 +26,7 @@ from tasks.mesh.stage import MeshConfig, mesh_object_task, mesh_scene_task
 from tasks.overview import OverviewConfig, overview_task
 from tasks.particles.config import ParticlesConfig
 from tasks.particles.stage import particles_task
+from tasks.pointed.stage import point_out_task, point_task
 from tasks.render.stage import RenderConfig, render_task
 from tasks.rotation.stage import RotationConfig, rotation_task
 from tasks.runner.stage import Stage
@@ -84,15 +86,38 @@ class PlacementRefs:
     """Pictures of an infeasible placement, from what its stages found; None if it is feasible."""
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SceneRefs:
+    """What the stages of a scene alone returned."""
+
+    scan: Ref[Scan]
+    scene: Ref[SegmentedScene]
+
+
+def scene_of(sample: Sample, config: PlaceConfig) -> SceneRefs:
+    """The sample's scene and the things in it, nothing placed."""
+    labels = given_labels(sample.labels)
+    source, options = Store.default().add_source(sample.scene), sample.scene_options
+    scan = mesh_scene_task(source, options, config=config.scene_mesh, labels=labels.vertices)
+    return SceneRefs(scan=scan, scene=segment_task(scan, config=config.segment, labels=labels.things))
+
+
 def place(sample: Sample, config: PlaceConfig) -> PlacementRefs:
     """Place the sample's object in its scene as its prompt says."""
+    labels = given_labels(sample.labels)
     scene_source, object_source = Store.default().add_source(sample.scene), Store.default().add_source(sample.object)
 
-    scene_scan = mesh_scene_task(scene_source, sample.scene_options, config=config.scene_mesh)
+    scene_scan = mesh_scene_task(
+        scene_source, sample.scene_options, config=config.scene_mesh, labels=labels.vertices
+    )  # fmt: skip
     object_scan = mesh_object_task(object_source, sample.object_options, config=config.object_mesh)
-    scene = segment_task(scene_scan, config=config.segment)
+    scene = segment_task(scene_scan, config=config.segment, labels=labels.things)
     item = segment_object_task(object_scan, config=config.segment)
-    intent = intent_task(scene, item, sample.prompt, sample.mass, config=config.intent)
+    pointed = None
+    if sample.place is not None:
+        pointed = point_task(scene_scan, scene, sample.place, sample.prompt)
+        scene = point_out_task(scene, pointed)
+    intent = intent_task(scene, item, sample.prompt, sample.mass, config=config.intent, pointed=pointed)
     rotation = rotation_task(scene, item, intent, sample.prompt, config=config.rotation)
     anchor = anchor_task(scene, item, intent, rotation, sample.prompt, config=config.anchor)
     materials = materials_task(scene, item, intent, anchor, sample.prompt, config=config.materials)

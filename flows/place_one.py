@@ -5,20 +5,18 @@ from functools import partial
 from pathlib import Path
 
 from rich.console import Console
-from rich.status import Status
-from rich.text import Text
 
 from dcap.language.model.ledger import in_words, spending_of
 from dcap.scene.json_tree import JsonObject
-from dcap.scene.types.sample import Sample, SourceOptions
 from flows.configure import configured
 from flows.language_options import language_options
+from flows.one_sample import sample_of, show
 from flows.options import PlaceOptions
 from flows.output import write_placement
-from flows.sample_run import STAGE_NAMES, FinishedSample, heavy_modules, place_flow, plan_sample, recorded
+from flows.sample_run import FinishedSample, heavy_modules, place_flow, plan_sample, recorded
 from flows.server import prefect_server
 from tasks.arch import chosen_arch
-from tasks.runner.context import Event, RunContext, StageEvent
+from tasks.runner.context import RunContext
 from tasks.runner.process_server import process_server
 
 
@@ -50,35 +48,3 @@ def place_files(scene: str, thing: str, prompt: str, options: PlaceOptions, out:
     if session.ledger and Path(session.ledger).is_file():
         console.print(in_words(spending_of(Path(session.ledger))))
     return write_placement(FinishedSample(sample, placement, tuple(recorder.records)), out)
-
-
-def show(console: Console, status: Status, event: StageEvent) -> None:
-    """Show what happens to a stage: a line that changes while it works, a line that stays when it has finished."""
-    if event.event is Event.STARTED:
-        status.update(event.stage)
-    elif event.event is Event.PROGRESS:
-        status.update(Text(f"{event.stage} {event.part:4.0%} {event.text}"))
-    else:
-        console.print(stage_line(event))
-
-
-def sample_of(scene: str, thing: str, prompt: str, options: PlaceOptions) -> Sample:
-    """What is placed where, as the stages take it."""
-    return Sample(
-        id=f"{Path(thing).stem} in {Path(scene).name}",
-        scene=scene,
-        object=thing,
-        prompt=prompt,
-        scene_options=SourceOptions(options.up, options.unit, options.label),
-        object_options=SourceOptions(options.object_up, options.object_unit, options.object_label),
-        mass=options.mass,
-        seed=options.seed,
-    )
-
-
-def stage_line(event: StageEvent) -> str:
-    """A finished stage in a line."""
-    assert event.record is not None
-    width = max(len(name) for name in STAGE_NAMES)
-    took = "cached" if event.event is Event.CACHED else f"{event.record.seconds:.2f} s"
-    return f"{event.stage:<{width}}  {took:>9}  {event.record.size / 1024:9.0f} KiB  {event.record.ref.kind}"

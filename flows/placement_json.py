@@ -144,6 +144,7 @@ def warnings_of(values: Values) -> list[str]:
     """What a reader should know, in the order of the stages, each once."""
     found: list[str] = list(values.scan.notes) if values.scan else []
     found += [f"object: {note}" for note in values.object_scan.notes] if values.object_scan else []
+    found += values.scene.notes if values.scene else ()
     if values.intent:
         found += values.intent.notes
         if values.intent.not_understood:

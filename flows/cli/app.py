@@ -99,6 +99,21 @@ def place(
     label: Annotated[str, typer.Option(help="What the scene mesh, or each of its unnamed nodes, is: table.")] = "",
     up: Annotated[str, typer.Option(help="Up axis of the scene file: z, y, -y, -z or auto.")] = "auto",
     unit: Annotated[str, typer.Option(help="Length unit of the scene file: m, cm, mm, in or auto.")] = "auto",
+    height_of: Annotated[
+        str,
+        typer.Option(metavar="THING=METRES", help="Height of a thing, for a file of unknown scale: table=0.75."),
+    ] = "",
+    labels: Annotated[
+        str,
+        typer.Option(metavar="FILE", help="Names of the scene's things: labels.json, vertex ids, RoomPlan's JSON."),
+    ] = "",
+    at: Annotated[
+        str, typer.Option(metavar="X,Y[,Z]", help="Point of the scene file's own frame that the object goes to.")
+    ] = "",
+    support: Annotated[
+        str,
+        typer.Option(metavar="X0,Y0,Z0,X1,Y1,Z1", help="Box of the scene file's own frame whose faces carry."),
+    ] = "",
     object_label: Annotated[str, typer.Option(help="What the object is: mug.")] = "",
     object_up: Annotated[str, typer.Option(help="Up axis of the object file: z, y, -y, -z or auto.")] = "auto",
     object_unit: Annotated[str, typer.Option(help="Length unit of the object file: m, cm, mm, in or auto.")] = "auto",

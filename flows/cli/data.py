@@ -1,4 +1,4 @@
-"""The commands about data: `dcap dataset make|check|prepare-sugar` and `dcap cache ls|verify`."""
+"""The commands about data: `dcap dataset make|label|check|prepare-sugar` and `dcap cache ls|verify`."""
 
 import json
 from pathlib import Path
@@ -7,8 +7,8 @@ from typing import Annotated
 import typer
 
 from dcap.scene.types.sample import SourceOptions
-from flows.cli.checks import Json, choice
-from flows.options import UNITS, UPS, check_out
+from flows.cli.checks import Json, choice, given
+from flows.options import UNITS, UPS, PlaceOptions, check_out, checked
 
 dataset_app = typer.Typer(help="Make the embedded dataset, or check any.", no_args_is_help=True, rich_markup_mode=None)
 cache_app = typer.Typer(help="What has been computed.", no_args_is_help=True, rich_markup_mode=None)
@@ -58,6 +58,41 @@ def dataset_prepare_sugar(
     folder, record = prepare_sugar(scene, out, options, config, threads=threads, quiet=as_json)
     tree = object_to_json(record)
     print(json.dumps(tree, indent=2, ensure_ascii=False) if as_json else summary(folder, record))
+    return 0
+
+
+@dataset_app.command("label")
+def dataset_label(
+    context: typer.Context,
+    scene: Annotated[str, typer.Argument(help="Folder (InteriorGS, ScanNet, SuGaR), mesh or Gaussian splats.")],
+    out: Annotated[Path | None, typer.Option(help="Folder for the results; default: data/runs/labels/NAME.")] = None,
+    language: Annotated[str, typer.Option(help="Who names things: offline, anthropic or replay.")] = "",
+    model: Annotated[str, typer.Option(help="Model to ask.")] = "",
+    record: Annotated[str, typer.Option(metavar="DIR", help="Keep a copy of each reply in this folder.")] = "",
+    replay: Annotated[str, typer.Option(metavar="DIR", help="Answer from replies recorded in this folder.")] = "",
+    max_cost: Annotated[float | None, typer.Option(help="Spend at most this on a model [USD].")] = None,
+    label: Annotated[str, typer.Option(help="What the scene mesh, or each of its unnamed nodes, is: table.")] = "",
+    up: Annotated[str, typer.Option(help="Up axis of the scene file: z, y, -y, -z or auto.")] = "auto",
+    unit: Annotated[str, typer.Option(help="Length unit of the scene file: m, cm, mm, in or auto.")] = "auto",
+    height_of: Annotated[
+        str, typer.Option(metavar="THING=METRES", help="Height of a thing's surface, for a file of unknown scale.")
+    ] = "",
+    labels: Annotated[str, typer.Option(metavar="FILE", help="Names of the things: labels.json to go on from.")] = "",
+    threads: Annotated[int, typer.Option(min=0, help="Threads, 0: all cores; never changes a result.")] = 0,
+    as_json: Json = False,
+) -> int:
+    """Find the things of a scene and write labels.json with a page of numbered pictures, to correct by hand."""
+    options = checked(PlaceOptions, given(context, "scene", "as_json"))
+    if out is not None:
+        check_out(out)
+
+    from flows.label_one import LABELS, PAGE, label_scene
+
+    folder, tree = label_scene(scene, out, options, quiet=as_json)
+    things = tree["things"]
+    assert isinstance(things, list)
+    where = f"{len(things)} things: {folder / LABELS}\npictures: {folder / PAGE}"
+    print(json.dumps(tree, ensure_ascii=False) if as_json else where)
     return 0
 
 

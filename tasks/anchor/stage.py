@@ -31,6 +31,7 @@ from dcap.scene.types.outcome import Infeasible
 from dcap.scene.types.rotation import Rotation
 from dcap.scene.types.segmentation import Instance, Segmentation, SegmentedObject, SegmentedScene
 from tasks.anchor.carriers import COVERS, carriers, owner
+from tasks.anchor.given_point import area_at, beside_the_point, carrying_at, reply_at
 from tasks.anchor.no_room import no_room, not_on_it
 from tasks.anchor.request import anchor_request
 from tasks.requests.surroundings import apart, part_frame, reference_boxes, reference_frame
@@ -81,18 +82,27 @@ def anchor(
     mesh = item.mesh.transformed(pose)
     pose[:3, 3] = -center_of_mass(mesh)
     mesh = item.mesh.transformed(pose)
-    reply = client.ask(ANCHOR, anchor_request(scene, base, intent, prompt, mesh))
-    choice = choice_of(scene, base, intent, reply, mesh)
-    if choice.beside is not None:
-        return not_on_it(base, choice.index, intent, choice.beside)
     caster = Raycaster(scene.mesh)
+    if intent.at is None:
+        reply = client.ask(ANCHOR, anchor_request(scene, base, intent, prompt, mesh))
+        choice = choice_of(scene, base, intent, reply, mesh)
+        if choice.beside is not None:
+            return not_on_it(base, choice.index, intent, choice.beside)
+        masks = carriers(scene, base, choice.index, named=asked(base, choice.index, intent), caster=caster)
+    else:
+        reply = reply_at(scene, base, intent.at, caster)
+        frame = part_frame(scene, base, base.parts[reply.part_index].box)
+        choice = Choice(reply.part_index, frame, [area_at(intent.at, mesh)], "at the point")
+        masks = [carrying_at(scene, base, intent.at)]
     exact = Clearance(mesh, scene.mesh, caster)
     search = None
-    for mask in carriers(scene, base, choice.index, named=asked(base, choice.index, intent), caster=caster):
+    for mask in masks:
         search = PlacementSearch(scene.mesh, caster, mask, mesh)
         start = set_down(search, exact, choice.areas, config.clearance)
         if start is not None:
-            return anchored(scene, base, choice, start, pose, search, reply)
+            found = anchored(scene, base, choice, start, pose, search, reply)
+            spot = np.array([start.spot.x, start.spot.y])
+            return replace(found, reason=found.reason + beside_the_point(intent.at, spot))
     assert search is not None  # there is always a mask to try
     return no_room(scene, base, choice.index, choice.frame, search, choice.areas, intent, mesh)
 

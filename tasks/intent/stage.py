@@ -16,11 +16,14 @@ from dcap.language.protocol.questions import INTENT
 from dcap.language.protocol.replies import IntentReply
 from dcap.language.protocol.requests import IntentRequest
 from dcap.scene.errors import InputError
-from dcap.scene.types.intent import Intent, OrientationRequest, RegionRequest
+from dcap.scene.types.intent import Intent, OrientationRequest
 from dcap.scene.types.outcome import Infeasible, NotInScene, Reason
+from dcap.scene.types.pointed import Pointed
 from dcap.scene.types.segmentation import SegmentedObject, SegmentedScene
+from tasks.intent.given_place import place_of
+from tasks.intent.request import intent_request
 from tasks.intent.rescale import Rescale, rescale
-from tasks.requests.views import instance_of, instance_views, object_view, room_center, vector
+from tasks.requests.views import instance_of
 from tasks.runner.stage import stage
 
 LONGEST_PROMPT = 1000
@@ -42,20 +45,27 @@ class IntentConfig(BaseModel, frozen=True, extra="forbid"):
 
 
 def intent(
-    scene: SegmentedScene, item: SegmentedObject, prompt: str, mass: float | None, config: IntentConfig, client: Client
+    scene: SegmentedScene,
+    item: SegmentedObject,
+    prompt: str,
+    mass: float | None,
+    config: IntentConfig,
+    client: Client,
+    pointed: Pointed | None = None,
 ) -> Intent | Infeasible:
-    """Ask once, then turn the priors into a scale and a mass."""
+    """Ask once, then turn the priors into a scale and a mass; `pointed` decides the base, and perhaps the place."""
     if len(prompt) > LONGEST_PROMPT:
         raise InputError(f"the prompt has {len(prompt)} characters > {LONGEST_PROMPT}")
     if mass is not None and not (np.isfinite(mass) and mass > 0):
         raise InputError(f"--mass {mass} is not a positive number of kilograms")
-    request = IntentRequest(prompt, object_view(item), instance_views(scene), vector(room_center(scene)))
+    request = intent_request(scene, item, prompt, "" if pointed is None else pointed.base_id)
     reply = client.ask(INTENT, request)
     if not reply.base_id:
         return not_found(reply, request)
     extents = np.array(request.item.size)
     fit = scale_of(reply, extents, config)
     weight, mass_note = mass_of(reply, fit.shape, extents * fit.scale, mass, config)
+    where = place_of(reply, pointed)
     return Intent(
         base_id=reply.base_id,
         base_label=instance_of(scene, reply.base_id).label,
@@ -65,10 +75,11 @@ def intent(
         hollow=reply.hollow,
         scale=fit.scale,
         orientation=OrientationRequest(reply.pose, reply.facing, reply.orientation_words, reply.turn_deg),
-        region=RegionRequest(reply.part, reply.regions, reply.references, reply.region_words, reply.which),
+        region=where.region,
         not_understood=reply.not_understood,
-        notes=(*reply.notes, fit.note, mass_note),
+        notes=(*where.notes, *reply.notes, fit.note, mass_note),
         mass_given=mass is not None,
+        at=where.at,
     )
 
 

@@ -20,6 +20,7 @@ from dcap.scene.readers.scenes.sugar import has_only_splats
 from dcap.scene.readers.source import read_scan
 from dcap.scene.store.artifacts import Source
 from dcap.scene.types.gaussians import Gaussians
+from dcap.scene.types.given_labels import VertexLabels
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.sample import SourceOptions
 from dcap.scene.types.scan import Scan
@@ -42,9 +43,11 @@ class MeshConfig(BaseModel, frozen=True, extra="forbid"):
     """Worker threads for that, 0: all cores; never changes a result."""
 
 
-def mesh_scene(source: Source, options: SourceOptions, config: MeshConfig) -> Scan:
-    """The scene's source as a clean mesh."""
-    return mesh(source, options, Role.SCENE, config)
+def mesh_scene(
+    source: Source, options: SourceOptions, config: MeshConfig, labels: VertexLabels | None = None
+) -> Scan:  # fmt: skip
+    """The scene's source as a clean mesh; `labels` name the things of its vertices."""
+    return mesh(source, options, Role.SCENE, config, labels)
 
 
 def mesh_object(source: Source, options: SourceOptions, config: MeshConfig) -> Scan:
@@ -52,10 +55,13 @@ def mesh_object(source: Source, options: SourceOptions, config: MeshConfig) -> S
     return mesh(source, options, Role.OBJECT, config)
 
 
-def mesh(source: Source, options: SourceOptions, role: Role, config: MeshConfig) -> Scan:
+def mesh(
+    source: Source, options: SourceOptions, role: Role, config: MeshConfig, labels: VertexLabels | None = None
+) -> Scan:  # fmt: skip
     """Read the source and clean it; the role decides which sizes are plausible and which option a message names."""
     try:
-        scan = read_scan(source.path, options, role, folder=source.folder, mesher=partial(surface, config=config))
+        mesher = partial(surface, config=config)
+        scan = read_scan(source.path, options, role, folder=source.folder, mesher=mesher, labels=labels)
         return cleaned(scan, config)
     except GeometryError as error:
         raise FormatError(f"{source.path}: {error}") from None

@@ -94,6 +94,7 @@ def instance_view(scene: Segmentation, index: int, sums: Sums) -> InstanceView:
         color=mean_color(sums.color[mine].sum(axis=0), float(sums.area[mine].sum())),
         parts=part_views(scene, index, sums),
         guesses=instance.guesses,
+        confidence=instance.confidence,
     )
 
 

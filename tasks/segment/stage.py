@@ -20,9 +20,11 @@ from dcap.geometry.segmentation.parts.front import facing_away_from_wall
 from dcap.geometry.segmentation.parts.rules import find_parts, make_instance, node_words, object_node_words
 from dcap.language.connect import Client
 from dcap.language.protocol.client import LanguageConfig
+from dcap.scene.types.given_labels import GivenLabels
 from dcap.scene.types.scan import Scan
 from dcap.scene.types.segmentation import Instance, Segmentation, SegmentedObject, SegmentedScene
 from tasks.runner.stage import stage
+from tasks.segment.given_things import GivenGroups, given_groups
 from tasks.segment.part_names import with_part_names
 from tasks.segment.room_labels import labelled_room
 
@@ -35,10 +37,16 @@ class SegmentConfig(BaseModel, frozen=True, extra="forbid"):
     """Instances with fewer faces are left out [-]: a stray triangle is noise, two make a floor."""
 
 
-def segment(scan: Scan, config: SegmentConfig, client: Client) -> SegmentedScene:
-    """Divide a scene into instances and parts."""
+def segment(
+    scan: Scan, config: SegmentConfig, client: Client, labels: GivenLabels | None = None
+) -> SegmentedScene:  # fmt: skip
+    """Divide a scene into instances and parts; `labels` say what is where instead of the source."""
     table = FaceTable.of(scan.mesh)
-    groups = boxed_groups(table, scan.boxes) if scan.boxes else _groups_without_boxes(scan, table, client)
+    given = None if labels is None else _given(scan, table, labels, client)
+    if given is not None:
+        groups = given.groups
+    else:
+        groups = boxed_groups(table, scan.boxes) if scan.boxes else _groups_without_boxes(scan, table, client)
     groups = [g for g in groups if len(g.faces) >= min(config.min_faces, len(scan.mesh.faces))]
     face_instance = np.full(len(scan.mesh.faces), -1, dtype=np.int32)
     face_part = np.full(len(scan.mesh.faces), -1, dtype=np.int32)
@@ -46,14 +54,20 @@ def segment(scan: Scan, config: SegmentConfig, client: Client) -> SegmentedScene
     for index, group in enumerate(groups):
         instance, part = make_instance(
             group.id, group.label, table, group.faces, group.axes, _words(scan, group.faces),
-            annotated_parts(scan, group.faces),
+            given.parts.get(group.id) if given is not None else annotated_parts(scan, group.faces),
         )  # fmt: skip
         box = instance.box if group.stands_at is None else instance.box.down_to(group.stands_at)
         instances.append(replace(instance, box=box, confidence=group.confidence, guesses=group.guesses))
         face_instance[group.faces] = index
         face_part[group.faces] = part
-    found = Segmentation(scan.mesh, _with_fronts(instances), face_instance, face_part)
+    notes = given.notes if given is not None else ()
+    found = Segmentation(scan.mesh, _with_fronts(instances), face_instance, face_part, notes)
     return SegmentedScene(with_part_names(found, client))
+
+
+def _given(scan: Scan, table: FaceTable, labels: GivenLabels, client: Client) -> GivenGroups:
+    """By a person's labels; the client is asked only for what they leave out."""
+    return given_groups(scan, table, labels, lambda inside: labelled_room(scan.mesh, table, inside, client))
 
 
 def _groups_without_boxes(scan: Scan, table: FaceTable, client: Client) -> list[Group]:

@@ -15,8 +15,8 @@ from flows.cli import app as cli
 from flows.cli.checks import given
 from flows.configure import changed, configured
 from flows.drop_one import drop_case
+from flows.one_sample import sample_of
 from flows.options import UNITS, DropKeywords, DropOptions, PlaceKeywords, PlaceOptions, checked
-from flows.place_one import sample_of
 from tasks.mesh.stage import MeshConfig
 
 OTHER: dict[str, Any] = {

@@ -49,7 +49,7 @@ def spz(splats: Gaussians, version: int, fraction: int = 12) -> bytes:
 
 def levels(values: np.ndarray) -> bytes:
     """Rounded to whole numbers of 0 to 255."""
-    return np.clip(np.rint(values), 0, 255).astype(np.uint8).tobytes()
+    return bytes(np.clip(np.rint(values), 0, 255).astype(np.uint8))
 
 
 def first_three(q: np.ndarray) -> bytes:

@@ -7,6 +7,7 @@ understand.
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
+from dcap.language.offline.given_base import given_target
 from dcap.language.offline.lexicon import thing_of
 from dcap.language.offline.made_of import material_words_about
 from dcap.language.offline.material_choice import chosen_materials
@@ -64,7 +65,7 @@ class OfflineClient:
 def intent(request: IntentRequest) -> IntentReply:
     """Which base, how big, how heavy, which orientation and region."""
     reading = read(request.prompt)
-    target = target_of(reading, request)
+    target = given_target(reading, request) if request.given_base else target_of(reading, request)
     prior = prior_of(reading.theme, request.item.label, request.item.size)
     facing, unclear = facing_of(reading, target, request)
     base = thing_of(target.base.label) if target.base else None

@@ -91,6 +91,8 @@ class IntentReply(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False):
     def check(self, request: IntentRequest) -> None:
         """ValueError if it chooses what is not listed."""
         by_id = {instance.id: instance for instance in request.instances}
+        if request.given_base and self.base_id != request.given_base:
+            raise ValueError(f"base_id {self.base_id!r} is not {request.given_base!r}, which the person has pointed at")
         if not self.base_id:
             if not self.missing:
                 raise ValueError("base_id is empty but missing does not say what the scene lacks")

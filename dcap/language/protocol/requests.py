@@ -57,6 +57,10 @@ class InstanceView:
     parts: tuple[PartView, ...]
     guesses: tuple[tuple[str, float], ...] = ()
     """What it may be and how probable that is, the likeliest first; empty where the source names it."""
+    confidence: float = 1.0
+    """0..1, how sure the label is."""
+    number: int = 0
+    """Its number in the pictures; 0 where it has none."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,6 +83,9 @@ class IntentRequest:
     room_center: Vector
     """Middle of the scene [m]."""
     pictures: tuple[PictureMaker, ...] = field(default=(), compare=False)
+    """Where labels are unsure: the scene from above and over two corners, things with their numbers."""
+    given_base: str = ""
+    """Id of the instance that the person has pointed at; empty: the prompt says which."""
 
 
 @dataclass(frozen=True, slots=True)

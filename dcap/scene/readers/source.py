@@ -16,12 +16,13 @@ from dcap.scene.readers.mesh.ply import read_ply
 from dcap.scene.readers.mesh.raw import RawMesh
 from dcap.scene.readers.mesh.stl import read_stl
 from dcap.scene.readers.scenes.interiorgs import is_interiorgs, read_labels, read_structure
-from dcap.scene.readers.scenes.scannet import is_scannet, read_scannet
+from dcap.scene.readers.scenes.scannet import is_scannet, majority, read_scannet
 from dcap.scene.readers.scenes.sugar import check_suffix, describe, find_mesh
 from dcap.scene.readers.splats.formats import is_splats, read_gaussians
 from dcap.scene.readers.splats.splats import discs
 from dcap.scene.readers.usd.usd import USD_SUFFIXES, read_usd
 from dcap.scene.types.gaussians import Gaussians
+from dcap.scene.types.given_labels import VertexLabels
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.sample import SourceOptions
 from dcap.scene.types.scan import LabelBox, Room, Scan
@@ -44,29 +45,46 @@ Mesher = Callable[[Gaussians], Mesh]
 
 
 def read_scan(
-    path: Path, options: SourceOptions, role: Role, *, folder: str = "", mesher: Mesher | None = None
+    path: Path,
+    options: SourceOptions,
+    role: Role,
+    *,
+    folder: str = "",
+    mesher: Mesher | None = None,
+    labels: VertexLabels | None = None,
 ) -> Scan:
     """Read a folder (InteriorGS, ScanNet, SuGaR, or one with a single mesh), a mesh file or Gaussian splats.
 
     `folder` is the name of the folder that was given, or that a given file lay in, where `path` is a copy of it. Splats
-    without a mesh need a `mesher`.
+    without a mesh need a `mesher`. `labels` name the things of the file's vertices, instead of what it says itself.
     """
     if not path.exists():
         raise InputError(f"{path}: no such file or folder")
     if path.is_dir():
-        return _read_folder(path, options, role, folder, mesher)
-    raw, splats = read_file(path)
+        return _read_folder(path, options, role, folder, mesher, labels)
+    raw, splats = read_file(path, labels)
     frame = find_frame(raw, options, role)
     return _scan(raw, frame, label=options.label or describe(path, folder), mesh=_meshed(path, splats, frame, mesher))
 
 
-def _read_folder(folder: Path, options: SourceOptions, role: Role, name: str, mesher: Mesher | None) -> Scan:
+def _read_folder(
+    folder: Path,
+    options: SourceOptions,
+    role: Role,
+    name: str,
+    mesher: Mesher | None,
+    labels: VertexLabels | None,
+) -> Scan:
     if is_scannet(folder) and not is_interiorgs(folder):
+        if labels is not None:
+            raise InputError(
+                f"--labels {labels.source}: {folder} is annotated itself; give its mesh instead of the folder"
+            )
         return _read_scannet(folder, options, role)
     if is_interiorgs(folder):
         check_options(folder, options, role)
     mesh_path, notes = find_mesh(folder)
-    raw, splats = read_file(mesh_path)
+    raw, splats = read_file(mesh_path, labels)
     if not is_interiorgs(folder):
         frame = find_frame(raw, options, role)
         own = describe(mesh_path, name if mesh_path.parent == folder else "")
@@ -76,6 +94,8 @@ def _read_folder(folder: Path, options: SourceOptions, role: Role, name: str, me
         boxes, label_notes = read_labels(folder)
         rooms, structure = read_structure(folder)
     frame = stated_frame(raw, options, role)
+    if labels is not None:  # a person's word over the annotation's
+        boxes, structure = (), ()
     boxes = boxes + tuple(box for box in structure if not any(_same_thing(box, other) for other in boxes))
     mesh = _meshed(mesh_path, splats, frame, mesher)
     return _scan(raw, frame, label=options.label, notes=notes + label_notes, boxes=boxes, rooms=rooms, mesh=mesh)
@@ -135,14 +155,29 @@ def readable(path: Path) -> Iterator[None]:
         raise FormatError(f"{path}: the file contradicts its format ({type(error).__name__}: {error})") from None
 
 
-def read_file(path: Path) -> tuple[RawMesh, Gaussians | None]:
+def read_file(path: Path, labels: VertexLabels | None = None) -> tuple[RawMesh, Gaussians | None]:
     """A mesh, or Gaussians with the discs that they look like as a mesh, which units and axes are found by."""
     check_suffix(path)
     with readable(path):
         if is_splats(path):
+            if labels is not None:
+                raise InputError(f"--labels {labels.source}: {path} holds splats, which have no vertices to label")
             splats = read_gaussians(path)
             return discs(path, splats), splats
-        return READERS[path.suffix.lower()](path).without_loose_vertices(), None
+        raw = READERS[path.suffix.lower()](path)
+        return (raw if labels is None else with_vertex_labels(raw, labels)).without_loose_vertices(), None
+
+
+def with_vertex_labels(raw: RawMesh, labels: VertexLabels) -> RawMesh:
+    """A mesh whose nodes are the labelled things: the one that most corners of a face belong to."""
+    if len(labels.instance) != len(raw.vertices):
+        raise InputError(
+            f"--labels {labels.source}: {len(labels.instance)} vertices, {raw.path} has {len(raw.vertices)}; "
+            "give one number for each vertex in the file's order"
+        )
+    node = majority(labels.instance.astype(np.int64)[raw.faces])
+    names = tuple(label or "thing" for label in labels.labels)
+    return replace(raw, face_node=node, node_names=labels.ids, node_labels=names, notes=(*raw.notes, *labels.notes))
 
 
 def _meshed(path: Path, splats: Gaussians | None, frame: FileFrame, mesher: Mesher | None) -> Mesh | None:

@@ -46,7 +46,8 @@ def read_splat_scene(path: Path, options: SourceOptions) -> SplatScene:
     found = find_splats(path) if path.is_dir() else path
     if found is None:
         raise InputError(
-            f"{path}: no Gaussian splats in this folder (looked for {COMPRESSED_NAME} and other files of splats: .ply, .splat, .spz, .sog)"
+            f"{path}: no Gaussian splats in this folder (looked for {COMPRESSED_NAME} and other "
+            ".ply, .splat, .spz and .sog files)"
         )
     raw, splats = read_file(found)
     if splats is None:

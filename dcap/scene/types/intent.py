@@ -5,6 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from dcap.scene.types.arrays import check_array
+
 
 @dataclass(frozen=True, slots=True)
 class OrientationRequest:
@@ -62,3 +64,9 @@ class Intent:
     notes: tuple[str, ...]
     mass_given: bool = False
     """The mass comes from the user and is not to be replaced by density times volume."""
+    at: NDArray[np.float64] | None = None
+    """The place on the base that the user gave [m], shape (3,); None: the region says where."""
+
+    def __post_init__(self) -> None:
+        if self.at is not None:
+            check_array("at", self.at, 3)

@@ -16,6 +16,26 @@ class SourceOptions:
 
 
 @dataclass(frozen=True, slots=True)
+class GivenPlace:
+    """Where on what the object goes, said in the scene file's own frame and unit; one of the two is given."""
+
+    at: tuple[float, ...] = ()
+    """x, y, z of a point; or the two level coordinates, for the highest surface there."""
+    support: tuple[float, ...] = ()
+    """Lowest and highest corner, x0, y0, z0, x1, y1, z1, of a box whose faces carry."""
+
+
+@dataclass(frozen=True, slots=True)
+class KnownHeight:
+    """How high a thing of the scene is: what the scale of a file without a unit is found by."""
+
+    thing: str
+    """What it is: table."""
+    height: float
+    """Of its main surface above the floor [m]."""
+
+
+@dataclass(frozen=True, slots=True)
 class Sample:
     """One placement to make."""
 
@@ -32,3 +52,9 @@ class Sample:
     mass: float | None = None
     """Overrides the mass prior [kg]."""
     seed: int = 0
+    labels: str = ""
+    """Path of a file that names the scene's things; empty: none."""
+    place: GivenPlace | None = None
+    """A point or a box of the scene that decides where the object goes."""
+    known_height: KnownHeight | None = None
+    """What the scene's scale is found by."""

@@ -58,6 +58,8 @@ class Segmentation:
     """Index into `instances` per face, -1 for none, shape (m,)."""
     face_part: NDArray[np.int32]
     """Index into that instance's `parts` per face, -1 for none, shape (m,)."""
+    notes: tuple[str, ...] = ()
+    """What was assumed or left out, one sentence each."""
 
     def __post_init__(self) -> None:
         length, most = len(self.mesh.faces), max((len(one.parts) for one in self.instances), default=0)

@@ -86,7 +86,7 @@ def read_scannet(folder: Path) -> tuple[RawMesh, NDArray[np.float64]]:
     segment = segments_of(read_json(files.segments), len(raw.vertices), refusing(files.segments))
     vertex = vertex_instances(segment, instances, refusing(files.groups))
     named = replace(
-        raw, face_node=_majority(vertex[raw.faces]), node_names=tuple(one.name for one in instances),
+        raw, face_node=majority(vertex[raw.faces]), node_names=tuple(one.name for one in instances),
         node_labels=tuple(one.label for one in instances), notes=notes,
     )  # fmt: skip
     return named.without_loose_vertices(), alignment
@@ -182,7 +182,7 @@ def vertex_instances(
     return np.asarray(owner[place.reshape(-1)])
 
 
-def _majority(corner: NDArray[np.int64]) -> NDArray[np.int32]:
+def majority(corner: NDArray[np.int64]) -> NDArray[np.int32]:
     """The instance of two corners of a face at least, of its first corner where all three differ, shape (m,)."""
     first, second, third = corner.T
     return np.asarray(np.where(second == third, second, first), dtype=np.int32)

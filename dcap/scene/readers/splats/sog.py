@@ -154,7 +154,7 @@ def _file(path: Path, meta: Mapping[str, object], name: str, index: int) -> str:
     names = _section(path, meta, name).get("files")
     if not isinstance(names, list) or len(names) <= index or not isinstance(names[index], str):
         raise FormatError(f"{path}: files of {name} are {short(names)}, expected names of pictures")
-    return names[index]
+    return str(names[index])
 
 
 def _pixels(files: SogFiles, meta: Mapping[str, object], name: str, index: int, count: int) -> U8:

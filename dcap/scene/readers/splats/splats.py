@@ -146,7 +146,7 @@ def _packed(path: Path, tables: dict[str, Table], report: Report) -> Fields:
 def logit_of(alpha: NDArray[np.floating]) -> NDArray[np.floating]:
     """Logits of opacities 0..1, those of 0 and 1 cut, shape as given."""
     with np.errstate(divide="ignore"):
-        return np.clip(-np.log(1.0 / alpha - 1.0), -LARGEST_LOGIT, LARGEST_LOGIT)
+        return np.asarray(np.clip(-np.log(1.0 / alpha - 1.0), -LARGEST_LOGIT, LARGEST_LOGIT))
 
 
 def _words(path: Path, table: Table, name: str) -> U32:

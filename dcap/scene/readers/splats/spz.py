@@ -2,8 +2,8 @@
 
 Header: magic NGSP, version, number of points (32 bits each), degree of the harmonics, fractional bits, flags, reserved
 (8 bits each). Arrays, one after the other: centres (3 x 24 bits, fixed point), opacities (8 bits), colours (3 x 8),
-log sizes (3 x 8), rotations (version 2: x, y, z in 3 x 8; version 3: the smaller three of x, y, z, w in 10 bits each with
-2 bits that say which is left out), harmonics (8 bits, coefficient by coefficient with the channels side by side).
+log sizes (3 x 8), rotations (version 2: x, y, z in 3 x 8; version 3: the smaller three of x, y, z, w in 10 bits each
+with 2 bits that say which is left out), harmonics (8 bits, coefficient by coefficient with the channels side by side).
 Axes are right, up, back by its documents; what is up in a scan is found from the content, as in other splats.
 
 Guaranteed: no more is decompressed than the header's counts say, and those are bounded.
@@ -47,7 +47,9 @@ def read_spz(path: Path, report: Report | None = None) -> Gaussians:
     if head[:4] != MAGIC or version not in ROTATION_BYTES:
         raise FormatError(f"{path}: magic {head[:4]!r}, version {version}; expected {MAGIC!r}, version 2 or 3")
     if degree not in COEFFICIENTS or fraction > 24:
-        raise FormatError(f"{path}: harmonics of degree {degree} and {fraction} fractional bits, expected 0 to 3 and 24")
+        raise FormatError(
+            f"{path}: harmonics of degree {degree} and {fraction} fractional bits, expected 0 to 3 and 24"
+        )
     check_count(path, count)
     if count == 0:
         raise FormatError(f"{path}: no Gaussians in it")

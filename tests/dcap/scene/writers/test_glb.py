@@ -57,8 +57,8 @@ def made() -> Segmentation:
         parts = tuple(Part(name, min_area_box(mesh.vertices), 1.0) for name, mesh in pieces)
         instances.append(Instance(one, label, whole, parts, None))
     meshes.append(block((3, 3, 0), (0.2, 0.2, 0.2), (1, 2, 3)))
-    index = (np.array([*x, *[-1] * 12], dtype=np.int32) for x in (instance, part))
-    return Segmentation(Mesh.concatenate(meshes), tuple(instances), *index)
+    face_instance, face_part = (np.array([*x, *[-1] * 12], dtype=np.int32) for x in (instance, part))
+    return Segmentation(Mesh.concatenate(meshes), tuple(instances), face_instance, face_part)
 
 
 def test_instances_and_parts_come_back(tmp_path: Path) -> None:

@@ -1,0 +1,67 @@
+"""The page on which a person looks at the things that were found in a scene: numbered pictures, one row per thing.
+
+Self-contained: pictures are in it. What it shows is what labels.json says; that is the file to correct.
+"""
+
+import base64
+import io
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
+from numpy.typing import NDArray
+from PIL import Image
+
+from dcap.scene.writers.labels import FoundThing
+
+TEMPLATES = Path(__file__).parent / "templates"
+UNSURE = 0.9
+"""Guesses below this are marked [-]."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Row:
+    """A thing on the page."""
+
+    thing: FoundThing
+    picture: NDArray[np.uint8]
+    """Of the thing alone, (h, w, 3)."""
+    color: str
+    """Of its number in the pictures, as CSS has it."""
+    parts: str
+    """Names of its parts."""
+
+    @property
+    def unsure(self) -> bool:
+        """Whether a person should look."""
+        return self.thing.confidence < UNSURE
+
+
+def labels_page(
+    scene: str, plan: NDArray[np.uint8], views: Sequence[NDArray[np.uint8]], rows: Sequence[Row], command: str
+) -> str:
+    """The page; `command` is how the corrected file is used."""
+    environment = Environment(
+        loader=FileSystemLoader(TEMPLATES),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    return environment.get_template("labels.html.j2").render(
+        scene=scene,
+        plan=embedded(plan),
+        views=[embedded(view) for view in views],
+        rows=[(row, embedded(row.picture)) for row in rows],
+        unsure=sum(row.unsure for row in rows),
+        command=command,
+    )
+
+
+def embedded(rgb: NDArray[np.uint8]) -> str:
+    """A picture as the address of an image."""
+    out = io.BytesIO()
+    Image.fromarray(rgb).save(out, "WEBP", quality=85)
+    return "data:image/webp;base64," + base64.b64encode(out.getvalue()).decode()

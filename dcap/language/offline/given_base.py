@@ -1,0 +1,47 @@
+"""The target of a sentence whose support a person has pointed at: the sentence says where on it, no longer on what."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from dcap.language.offline.ground import candidates, named
+from dcap.language.offline.placing import names_support, placing_of, whole
+from dcap.language.offline.sentence import Place, Reading
+from dcap.language.offline.target import Target, target_of
+from dcap.language.protocol.requests import InstanceView, IntentRequest
+from dcap.scene.errors import LanguageError
+
+
+def given_target(reading: Reading, request: IntentRequest) -> Target:
+    """Part, regions and references on the given base; a sentence that names no support will do."""
+    base = next(one for one in request.instances if one.id == request.given_base)
+    try:
+        main = placing_of(reading).place
+    except LanguageError:
+        return Target(base=base, not_understood=list(reading.not_understood))
+    target = target_of(reading, replace(request, instances=with_one_support(base, main, request.instances)))
+    if target.base is None:
+        target.notes.append(f"the scene has no {target.missing}; what was pointed at decides")
+        target.missing, target.part, target.regions, target.references = "", "", [], []
+    elif target.base.id != base.id:
+        target.part, target.which = "", ""
+    own = {part.name for part in base.parts}
+    target.references = [one for one in target.references if one != base.id and part_of_it(one, own)]
+    target.base = base
+    target.part = target.part if target.part in own else ""
+    return target
+
+
+def part_of_it(reference: str, own: set[str]) -> bool:
+    """Whether a reference is an instance's or a part that the base has."""
+    kind, _, name = reference.partition(":")
+    return kind != "part" or name.partition("/")[0] in own
+
+
+def with_one_support(base: InstanceView, main: Place, instances: Sequence[InstanceView]) -> tuple[InstanceView, ...]:
+    """The instances of which the sentence's support can only be the given one, whatever that is called."""
+    if not names_support(main):
+        return tuple(instances)
+    noun = whole(main)
+    others = {one.id for one in candidates(noun, instances)} - {base.id}
+    called = base if named(noun, [base]) or not noun.thing else replace(base, label=noun.name or noun.thing)
+    return (*(one for one in instances if one.id not in others and one.id != base.id), called)

@@ -1,0 +1,132 @@
+"""The things of a scene for a person: runs mesh and segment alone, writes labels.json and a page of pictures."""
+
+import os
+import sys
+import tempfile
+from collections.abc import Sequence
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+from rich.console import Console
+
+from dcap.evaluation.labels_page import Row, labels_page
+from dcap.geometry.segmentation.main_surface import main_level
+from dcap.language.protocol.session import Session
+from dcap.scene.json_tree import JsonObject, object_to_json
+from dcap.scene.settings import runs_root
+from dcap.scene.store.artifacts import Store
+from dcap.scene.types.sample import Sample
+from dcap.scene.types.scan import Scan
+from dcap.scene.types.segmentation import Segmentation
+from dcap.scene.writers.labels import FoundThing, labels_text, labels_tree
+from flows.configure import configured
+from flows.language_options import language_options
+from flows.one_sample import sample_of, show
+from flows.options import PlaceOptions
+from flows.place import PlaceConfig, SceneRefs, scene_of
+from flows.sample_run import recorded
+from flows.server import prefect_server
+from tasks.requests.badges import paint
+from tasks.requests.marks import MarkedScene, marked, numbers_of, plan_picture, room_pictures, thumbnail
+from tasks.runner.context import NotCachedError, RunContext, use_context
+
+LABELS, PAGE, PLAN = "labels.json", "labels.html", "plan.png"
+VIEWS = 2
+"""Views of the room on the page [-]."""
+
+
+def label_scene(scene: str, out: Path | None, options: PlaceOptions, *, quiet: bool) -> tuple[Path, JsonObject]:
+    """Write the things of a scene into a folder; the folder and what labels.json holds."""
+    folder = out or runs_root() / "labels" / Path(scene.rstrip("/")).stem
+    asking = language_options(options)
+    sample = sample_of(scene, "things", "", options)
+    refs = found_scene(sample, configured(options, language=asking.config()), asking.session(folder), quiet=quiet)
+    scan, found = Store.default().load(refs.scan), Store.default().load(refs.scene)
+    assert isinstance(scan, Scan)
+    assert isinstance(found, Segmentation)
+    things = found_things(found)
+    tree = labels_tree(scan, found, things, scene)
+    pictures = marked(found)
+    plan = plan_picture(pictures, file_from_world=np.asarray(np.linalg.inv(scan.world_from_file), dtype=np.float64))
+    page = page_of(scene, folder, found, things, pictures, plan)
+    write_all(folder, {LABELS: labels_text(tree).encode(), PAGE: page.encode()}, plan)
+    return folder, object_to_json(tree)
+
+
+def found_scene(sample: Sample, config: PlaceConfig, session: Session, *, quiet: bool) -> SceneRefs:
+    """The two stages, from the cache where they are there."""
+    console = Console(file=sys.stderr, quiet=quiet, highlight=False, force_jupyter=False)
+    try:
+        with use_context(RunContext(lookup_only=True)):
+            return scene_of(sample, config)
+    except NotCachedError:
+        pass
+    with console.status("starting") as status, prefect_server():
+        from prefect import Flow  # once the server's address is known
+
+        flow = Flow(scene_of, name="label", validate_parameters=False, persist_result=False)
+        with recorded(sample, RunContext(session=session), partial(show, console, status)):
+            return flow(sample, config)
+
+
+def found_things(scene: Segmentation) -> list[FoundThing]:
+    """The instances with their numbers, sizes and heights."""
+    numbers = numbers_of(scene)
+    floors = [main_level(scene.mesh, np.flatnonzero(scene.face_instance == i))
+              for i, one in enumerate(scene.instances) if one.structure and one.label == "floor"]  # fmt: skip
+    ground = next((level for level in floors if not np.isnan(level)), float(scene.mesh.bounds[0, 2]))
+    found = []
+    for index, one in enumerate(scene.instances):
+        level = main_level(scene.mesh, np.flatnonzero(scene.face_instance == index))
+        x, y, z = (float(2.0 * half) for half in one.box.half_extents)
+        found.append(
+            FoundThing(
+                number=numbers.get(index, 0),
+                index=index,
+                id=one.id,
+                label=one.label,
+                confidence=one.confidence,
+                structure=one.structure,
+                size_m=(x, y, z),
+                surface_m=None if np.isnan(level) else round(level - ground, 4) + 0.0,
+            )
+        )
+    return found
+
+
+def page_of(
+    scene: str,
+    folder: Path,
+    found: Segmentation,
+    things: Sequence[FoundThing],
+    pictures: MarkedScene,
+    plan: NDArray[np.uint8],
+) -> str:
+    """The page with all pictures."""
+    by_number = {thing.number: thing for thing in things if thing.number}
+    rows = [
+        Row(
+            thing=by_number[mark.number],
+            picture=thumbnail(pictures, mark),
+            color="rgb({:.0f}, {:.0f}, {:.0f})".format(*paint(mark.number)),
+            parts=", ".join(part.name for part in found.instances[by_number[mark.number].index].parts),
+        )
+        for mark in pictures.marks
+    ]
+    command = f'dcap place {scene} OBJECT "put it on the table" --labels {folder / LABELS}'
+    return labels_page(Path(scene).name, plan, room_pictures(pictures, VIEWS), rows, command)
+
+
+def write_all(folder: Path, files: dict[str, bytes], plan: NDArray[np.uint8]) -> None:
+    """Write the files beside the folder's others and move them in; the plan as a picture of its own too."""
+    folder.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(dir=folder, prefix=".writing-") as name:
+        draft = Path(name)
+        for file, data in files.items():
+            (draft / file).write_bytes(data)
+        Image.fromarray(plan).save(draft / PLAN)
+        for file in (*files, PLAN):
+            os.replace(draft / file, folder / file)

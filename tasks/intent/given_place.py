@@ -1,0 +1,30 @@
+"""Where on the base the object goes: as the sentence says, or at the point that the user gave."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dcap.language.protocol.replies import IntentReply
+from dcap.scene.types.intent import RegionRequest
+from dcap.scene.types.pointed import Pointed
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class WantedPlace:
+    """The region, or a point."""
+
+    region: RegionRequest
+    at: NDArray[np.float64] | None
+    """[m], shape (3,)."""
+    notes: tuple[str, ...]
+
+
+def place_of(reply: IntentReply, pointed: Pointed | None) -> WantedPlace:
+    """The sentence's region; a given point comes before it, which is told where the sentence has one."""
+    said = RegionRequest(reply.part, reply.regions, reply.references, reply.region_words, reply.which)
+    if pointed is None or not len(pointed.point):
+        return WantedPlace(said, None, () if pointed is None else pointed.notes)
+    words = reply.region_words or reply.part
+    lost = (f"--at decides where: {words!r} is not followed",) if reply.regions or reply.part else ()
+    return WantedPlace(RegionRequest("", (), (), ""), pointed.point, (*pointed.notes, *lost))

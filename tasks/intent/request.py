@@ -1,0 +1,43 @@
+"""The question of the intent: the sentence, what there is, and where labels are unsure numbered pictures of it."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from functools import cache, partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dcap.language.protocol.requests import IntentRequest, PictureMaker
+from dcap.scene.types.segmentation import Segmentation
+from tasks.requests.marks import marked, numbers_of, plan_picture, room_pictures
+from tasks.requests.views import instance_views, object_view, room_center, vector
+
+UNSURE = 0.9
+"""A scene with labels below this is shown as well as told [-]."""
+VIEWS = 2
+"""Views over corners of the room, besides the plan [-]."""
+
+
+def intent_request(scene: Segmentation, item: Segmentation, prompt: str, given_base: str) -> IntentRequest:
+    """What a client needs to choose; pictures are made only if it looks."""
+    views, pictures = instance_views(scene), tuple[PictureMaker, ...]()
+    if any(one.confidence < UNSURE and not one.structure for one in scene.instances):
+        numbers = numbers_of(scene)
+        views = tuple(replace(view, number=numbers.get(index, 0)) for index, view in enumerate(views))
+        pictures = set_of_marks(scene, numbers)
+    center = vector(room_center(scene))
+    return IntentRequest(prompt, object_view(item), views, center, pictures, given_base)
+
+
+def set_of_marks(scene: Segmentation, numbers: Mapping[int, int]) -> tuple[PictureMaker, ...]:
+    """The plan and the views, made together at the first look."""
+
+    @cache
+    def made() -> list[NDArray[np.uint8]]:
+        pictures = marked(scene, numbers)
+        return [plan_picture(pictures), *room_pictures(pictures, VIEWS)]
+
+    def shown(index: int) -> NDArray[np.uint8]:
+        return made()[index]
+
+    return tuple(partial(shown, index) for index in range(1 + VIEWS))

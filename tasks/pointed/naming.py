@@ -1,0 +1,62 @@
+"""What the thing that was pointed at is called: as the scene says where that is sure, else as the sentence does."""
+
+from dataclasses import dataclass
+
+from dcap.language.offline.lexicon import default_parts, is_a, label_words, lineage, thing_of
+from dcap.language.offline.nouns import Noun
+from dcap.language.offline.placing import names_support, placing_of, whole
+from dcap.language.offline.sentence import read
+from dcap.scene.errors import LanguageError
+from dcap.scene.types.segmentation import Instance
+
+SURE = 0.9
+"""Labels below this are guesses, over which the sentence has its say [-]."""
+PLAIN_PART = "top"
+"""The part of a thing of which nobody knows what it is."""
+
+
+@dataclass(frozen=True, slots=True)
+class Name:
+    """A label and how it came about."""
+
+    label: str
+    renamed: bool
+    notes: tuple[str, ...] = ()
+
+
+def asked_thing(prompt: str) -> Noun | None:
+    """The thing that the sentence wants to be put on; None if it names none that words are known for."""
+    try:
+        place = placing_of(read(prompt)).place
+    except LanguageError:
+        return None
+    noun = whole(place)
+    return noun if names_support(place) and noun.thing and noun.thing != "room" else None
+
+
+def name_of(owner: Instance, asked: Noun | None, option: str) -> Name:
+    """What an instance is called once a sentence and a person have pointed at it."""
+    if asked is None or fits(asked, owner.label):
+        return Name(owner.label, renamed=False)
+    if owner.structure or owner.confidence >= SURE:
+        said = f"the sentence says {asked.text!r}, but {option} lies on {owner.label} ({owner.id}): {option} decides"
+        return Name(owner.label, renamed=False, notes=(said,))
+    label = asked.name or asked.thing.replace("_", " ")
+    guess = f"{owner.label!r} ({owner.confidence:.0%})"
+    taken = f"what {option} lies on was taken for {guess}; it is called {label!r} as in the sentence"
+    return Name(label, renamed=True, notes=(taken,))
+
+
+def fits(noun: Noun, label: str) -> bool:
+    """Whether a label is what a noun says, a kind of it or the kind that it is."""
+    if tuple(label_words(noun.name)) == tuple(label_words(label)):
+        return True
+    thing = thing_of(label)
+    return thing is not None and (is_a(thing.id, noun.thing) or is_a(noun.thing, thing.id))
+
+
+def carrying_part(label: str) -> str:
+    """The part on which a thing of this label usually carries."""
+    thing = thing_of(label)
+    usual = (default_parts().get(one, ()) for one in lineage(thing.id if thing else ""))
+    return next((names[0] for names in usual if names), PLAIN_PART)

@@ -1,0 +1,119 @@
+"""Numbers on a picture: each on its own thing where that is widest, none on another, a line where there is no room.
+
+In: a picture and which thing is seen in each pixel. Out: the picture with things tinted, outlined and numbered.
+"""
+
+import colorsys
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image, ImageDraw, ImageFont
+from scipy.ndimage import binary_erosion, distance_transform_edt
+
+Array = NDArray[np.float64]
+Place = tuple[float, float]
+
+HUE_STEP = 0.381966
+"""Turn of the colour wheel from number to number [-]: by the golden section, hues next to each other come late."""
+TINT, LINE = 0.22, 0.85
+"""Share of a thing's paint on it and on its outline [-]."""
+LETTERS = 0.026
+"""Height of the numbers over the picture's width [-]: 20 pixels at 768."""
+LEAST_LETTERS = 13
+"""[pixels]."""
+LEAST_SEEN = 12
+"""Pixels of a thing below which it is not numbered: nobody could tell what is meant."""
+STEPS, TURNS = 14, 16
+"""Distances and directions that are tried for a badge beside its thing."""
+INK, PAPER = (255, 255, 255), (20, 20, 24)
+
+
+def paint(number: int) -> NDArray[np.float64]:
+    """The colour of a number, sRGB 0..255, shape (3,)."""
+    return 255.0 * np.array(colorsys.hsv_to_rgb((number * HUE_STEP) % 1.0, 0.85, 1.0))
+
+
+def numbered(rgb: NDArray[np.uint8], seen: NDArray[np.integer], numbers: Mapping[int, int]) -> NDArray[np.uint8]:
+    """The picture (h, w, 3) with badges; `seen` (h, w) names the thing of each pixel, `numbers` gives its number.
+
+    Things that are not in `numbers`, or of which next to nothing is seen, get none.
+    """
+    shown = rgb.astype(np.float64)
+    image_width = rgb.shape[1]
+    aims: list[tuple[float, int, Place]] = []
+    for thing, number in numbers.items():
+        mask = seen == thing
+        if int(mask.sum()) < LEAST_SEEN:
+            continue
+        line = mask & ~binary_erosion(mask, iterations=max(1, image_width // 512))
+        share = np.where(line, LINE, np.where(mask, TINT, 0.0))[..., None]
+        shown = shown * (1.0 - share) + paint(number) * share
+        depth = distance_transform_edt(np.pad(mask, 1))[1:-1, 1:-1]
+        row, column = np.unravel_index(int(np.argmax(depth)), depth.shape)
+        aims.append((float(depth.max()), number, (float(column), float(row))))
+    image = Image.fromarray(np.rint(shown).astype(np.uint8))
+    # what has the least room chooses first: a large thing has other places
+    draw_badges(image, [(number, place) for _, number, place in sorted(aims)])
+    return np.asarray(image, dtype=np.uint8).copy()
+
+
+def draw_badges(image: Image.Image, aims: Sequence[tuple[int, Place]]) -> None:
+    """A badge for each number at its place, moved aside with a line to it where another badge is there already."""
+    draw = ImageDraw.Draw(image)
+    font = ImageFont.load_default(size=max(LEAST_LETTERS, round(LETTERS * image.width)))
+    taken: list[tuple[float, float, float, float]] = []
+    placed: list[tuple[int, Place, tuple[float, float, float, float]]] = []
+    for number, aim in aims:
+        box = free_box(aim, badge_size(draw, str(number), font), image.size, taken)
+        taken.append(box)
+        placed.append((number, aim, box))
+    for number, aim, box in placed:  # lines first: no line crosses a number
+        middle = (0.5 * (box[0] + box[2]), 0.5 * (box[1] + box[3]))
+        if not (box[0] <= aim[0] <= box[2] and box[1] <= aim[1] <= box[3]):
+            color = tuple(int(c) for c in paint(number))
+            draw.line([aim, middle], fill=PAPER, width=4)
+            draw.line([aim, middle], fill=color, width=2)
+            draw.ellipse([aim[0] - 3, aim[1] - 3, aim[0] + 3, aim[1] + 3], fill=color, outline=PAPER)
+    for number, _, box in placed:
+        color = tuple(int(c) for c in paint(number))
+        draw.rounded_rectangle(box, radius=0.3 * (box[3] - box[1]), fill=PAPER, outline=color, width=2)
+        draw.text((0.5 * (box[0] + box[2]), 0.5 * (box[1] + box[3])), str(number), INK, font, "mm")
+
+
+def badge_size(
+    draw: ImageDraw.ImageDraw, text: str, font: ImageFont.ImageFont | ImageFont.FreeTypeFont
+) -> tuple[float, float]:
+    """Width and height of a badge [pixels]."""
+    left, _, right, _ = draw.textbbox((0, 0), text, font)
+    _, top, _, bottom = draw.textbbox((0, 0), "0123456789", font)
+    height = 1.55 * (bottom - top)
+    return max(right - left + 0.7 * height, height), height
+
+
+def free_box(
+    aim: Place, size: tuple[float, float], limits: tuple[int, int], taken: Sequence[tuple[float, float, float, float]]
+) -> tuple[float, float, float, float]:
+    """The rectangle of a badge nearest to where it should be that meets none that is there; inside the picture."""
+    boxes = [box_at(aim, size, limits)]
+    for ring in range(1, STEPS + 1):
+        for angle in np.linspace(0.0, 2.0 * np.pi, TURNS, endpoint=False):
+            reach = 0.55 * ring
+            moved = (aim[0] + reach * size[0] * float(np.cos(angle)), aim[1] + reach * size[1] * float(np.sin(angle)))
+            boxes.append(box_at(moved, size, limits))
+    return next((box for box in boxes if not any(meet(box, other) for other in taken)), boxes[0])
+
+
+def box_at(
+    middle: Place, size: tuple[float, float], limits: tuple[int, int]
+) -> tuple[float, float, float, float]:  # fmt: skip
+    """A rectangle about a point, pushed into the picture."""
+    left, top = (
+        float(np.clip(c - 0.5 * s, 1.0, limit - s - 2.0)) for c, s, limit in zip(middle, size, limits, strict=True)
+    )
+    return left, top, left + size[0], top + size[1]
+
+
+def meet(a: tuple[float, float, float, float], b: tuple[float, float, float, float]) -> bool:
+    """Whether two rectangles overlap, or nearly touch."""
+    return a[0] < b[2] + 1 and b[0] < a[2] + 1 and a[1] < b[3] + 1 and b[1] < a[3] + 1

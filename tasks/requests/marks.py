@@ -1,0 +1,252 @@
+"""Numbered pictures of things in a scene ("set of marks"): from above its corners, as a plan, and each thing alone.
+
+In: a scene and the things that are to be told apart. Out: sRGB pictures in which each thing has its number. What is in
+the way (ceiling, walls before the camera) is left out. The pages that people correct, the picture of a refusal and
+what a model is asked with show the same numbers.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dcap.geometry.camera import Camera, looking_at
+from dcap.geometry.rendering.cutaway import cut_faces
+from dcap.geometry.rendering.picture import picture
+from dcap.scene.types.box import OrientedBox
+from dcap.scene.types.mesh import Mesh
+from dcap.scene.types.segmentation import Segmentation
+from tasks.requests.badges import numbered
+from tasks.requests.pictures import best_place, from_inside
+from tasks.requests.rulers import with_rulers
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+Mask = NDArray[np.bool_]
+
+SIZE = 896
+"""Width of the views of the room and longer side of the plan [pixels]."""
+VIEW_SHAPE = 0.75
+"""Height over width of the views [-]."""
+ELEVATION_DEG = 42.0
+"""Height of the camera over the horizon: into a room over its walls [degrees]."""
+PLAN_FOV_DEG = 12.0
+"""Narrow, so that high things hardly lean outward [degrees]."""
+HEAD = 1.9
+"""Level faces of the building this high above the floor are its ceiling, whatever they were taken for [m]."""
+WIDE = 0.5
+"""A thing that covers this share of the plan is the room's rather than furniture: its ceiling is left out too [-]."""
+LEVEL = 0.7
+"""Cosine to the vertical from which a face is level [-]."""
+ON_THE_FLOOR = 0.15
+"""Faces up to this height tell whether floors look up [m]."""
+ONE_SIDED = 0.9
+"""Share of those that look up where the sides of all faces can be trusted [-]."""
+RIM = 1.04
+"""The room fills the picture but for a rim [-]."""
+CENTERED, HALVINGS = 3, 30
+"""How often the box is moved into the middle, and the interval of distances halved [-]."""
+THUMBNAIL = 224
+"""Width and height of the picture of one thing [pixels]."""
+THING_DISTANCE = 1.35
+"""Distance of its camera over the diagonal of its box [-]."""
+NEAREST = 0.4
+"""The camera does not come nearer [m]."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Mark:
+    """A thing with its number."""
+
+    number: int
+    faces: Index
+    """Faces of the mesh, shape (k,)."""
+    box: OrientedBox
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class MarkedScene:
+    """A mesh with things to be told apart."""
+
+    mesh: Mesh
+    structure: Mask
+    """Faces of walls, floor and ceiling and those of nothing, shape (m,)."""
+    marks: tuple[Mark, ...]
+
+    @property
+    def owner(self) -> Index:
+        """Position in `marks` for each face, -1 for none, shape (m,)."""
+        owner = np.full(len(self.mesh.faces), -1, dtype=np.int64)
+        for index, mark in enumerate(self.marks):
+            owner[mark.faces] = index
+        return owner
+
+
+def numbers_of(scene: Segmentation) -> Mapping[int, int]:
+    """The numbers of a scene's things, 1 and up in their order, by their place among the instances; walls and ceilings
+    have none, floors do: things are put on them."""
+    shown = [i for i, one in enumerate(scene.instances) if not one.structure or one.label == "floor"]
+    return {index: number for number, index in enumerate(shown, start=1)}
+
+
+def marked(scene: Segmentation, numbers: Mapping[int, int] | None = None) -> MarkedScene:
+    """A scene with numbers on its instances, `numbers_of` them unless others are given."""
+    numbers = numbers_of(scene) if numbers is None else numbers
+    structure = np.array([one.structure for one in scene.instances] + [True])[scene.face_instance]
+    order = np.argsort(scene.face_instance, kind="stable")
+    ends = np.searchsorted(scene.face_instance[order], np.arange(len(scene.instances) + 1))
+    marks = (
+        Mark(number, order[ends[i] : ends[i + 1]], scene.instances[i].box)
+        for i, number in numbers.items()
+        if ends[i + 1] > ends[i]
+    )
+    return MarkedScene(scene.mesh, structure, tuple(marks))
+
+
+def room_pictures(scene: MarkedScene, count: int = 2, size: int = SIZE) -> list[NDArray[np.uint8]]:
+    """The room over `count` of its corners, opposite ones first, each of shape (VIEW_SHAPE size, size, 3)."""
+    low, high = framed(scene)
+    middle = 0.5 * (low + high)
+    half = 0.5 * (high - low)
+    corners = [(1.0, -1.0), (-1.0, 1.0), (-1.0, -1.0), (1.0, 1.0)][:count]
+    return [photograph(scene, corner_camera(middle, half, corner, size)) for corner in corners]
+
+
+def plan_picture(
+    scene: MarkedScene, size: int = SIZE, file_from_world: Array | None = None
+) -> NDArray[np.uint8]:  # fmt: skip
+    """The room from above without its ceiling, world x to the right and y up, the longer side `size` pixels.
+
+    With `file_from_world` (4, 4) there are rulers at the left and below, in the file's own coordinates.
+    """
+    camera = plan_camera(scene, size)
+    shot = photograph(scene, camera)
+    return shot if file_from_world is None else with_rulers(shot, camera, framed(scene), file_from_world)
+
+
+def plan_camera(scene: MarkedScene, size: int) -> Camera:
+    """Straight down on all of the room, from so far that high things hardly lean outward."""
+    low, high = framed(scene)
+    extent = np.maximum(high[:2] - low[:2], 1e-6)
+    width, height = (max(64, round(size * float(side / extent.max()))) for side in extent)
+    # the picture is as wide as the room at the height of its top: everything lower is in it as well
+    distance = 0.5 * RIM * float(extent.max()) / np.tan(np.radians(0.5 * PLAN_FOV_DEG))
+    fov = 2.0 * np.degrees(np.arctan(0.5 * RIM * float(extent[0]) / distance))
+    middle = 0.5 * (low + high)
+    position = np.array([middle[0], middle[1], high[2] + distance])
+    return looking_at(position, np.array([*middle[:2], low[2]]), width, height, fov_deg=fov, up=(0.0, 1.0, 0.0))
+
+
+def thumbnail(scene: MarkedScene, mark: Mark, size: int = THUMBNAIL) -> NDArray[np.uint8]:
+    """One thing from where most of it is seen, what stands around it in place, shape (size, size, 3)."""
+    others = np.ones(len(scene.mesh.faces), dtype=bool)
+    others[mark.faces] = False
+    thing = scene.mesh.submesh(mark.faces)
+    loose = scene.mesh.submesh(np.flatnonzero(others & ~scene.structure))
+    distance = max(NEAREST, THING_DISTANCE * mark.box.diagonal)
+    position = best_place(loose, thing, mark.box, distance, *from_inside(scene.mesh.bounds, mark.box))
+    camera = looking_at(position, mark.box.center, size, size)
+    kept = others & ~hidden(scene, camera)
+    meshes = [scene.mesh.submesh(np.flatnonzero(kept)), thing]
+    taken = picture(meshes, camera, samples=2, shadows=False)
+    faded = np.where((taken.mesh_index == 1)[..., None], taken.rgb, np.rint(0.45 * taken.rgb + 0.55 * 235.0))
+    return np.asarray(faded, dtype=np.uint8)
+
+
+def photograph(scene: MarkedScene, camera: Camera) -> NDArray[np.uint8]:
+    """What a camera sees, numbered."""
+    owner, kept = scene.owner, ~hidden(scene, camera)
+    rest = scene.mesh.submesh(np.flatnonzero(kept & (owner < 0)))
+    meshes, place = ([rest], {}) if len(rest.faces) else ([], {})
+    for mark in scene.marks:
+        faces = mark.faces[kept[mark.faces]]
+        if len(faces):
+            place[len(meshes)] = mark.number
+            meshes.append(scene.mesh.submesh(faces))
+    if not meshes:
+        return np.full((camera.height, camera.width, 3), 255, dtype=np.uint8)
+    taken = picture(meshes, camera, samples=1, shadows=False)
+    return numbered(taken.rgb, taken.mesh_index, place)
+
+
+def hidden(scene: MarkedScene, camera: Camera) -> Mask:
+    """Faces that are left out: walls before the camera, ceilings, level faces of the room over everybody's head, and,
+    where the mesh tells its sides, all that is seen from behind: a scan shows its walls from the room only."""
+    cut = cut_faces(scene.mesh, scene.structure, camera.position, camera.target)
+    normal, floor = scene.mesh.face_normals, framed(scene)[0][2]
+    height, length = scene.mesh.triangles[:, :, 2], np.linalg.norm(normal, axis=1)
+    overhead = (np.abs(normal[:, 2]) > LEVEL * length) & (height.min(axis=1) > floor + HEAD)
+    cut |= overhead & of_the_room(scene)
+    low = height.max(axis=1) < floor + ON_THE_FLOOR
+    up, down = (float(length[low & (sign * normal[:, 2] > LEVEL * length)].sum()) for sign in (1.0, -1.0))
+    if up > ONE_SIDED * (up + down) > 0.0:
+        center = scene.mesh.triangles.mean(axis=1)
+        cut |= np.einsum("ij,ij->i", normal, camera.position - center) < 0.0
+    return np.asarray(cut)
+
+
+def of_the_room(scene: MarkedScene) -> Mask:
+    """Faces of the building and of things so wide that they must be more than furniture, shape (m,)."""
+    plan = float(np.prod(np.ptp(scene.mesh.bounds[:, :2], axis=0)))
+    rooms = scene.structure.copy()
+    for mark in scene.marks:
+        if 4.0 * float(np.prod(mark.box.half_extents[:2])) > WIDE * plan:
+            rooms[mark.faces] = True
+    return rooms
+
+
+def framed(scene: MarkedScene) -> tuple[Array, Array]:
+    """Lowest and highest corner of what has to be in the picture [m], each of shape (3,): almost all of the surface."""
+    center, area = scene.mesh.triangles.mean(axis=1), scene.mesh.face_areas
+    low, high = (np.array([share_of(center[:, axis], area, share) for axis in range(3)]) for share in (0.002, 0.998))
+    return low, high
+
+
+def share_of(values: Array, weight: Array, share: float) -> float:
+    """The value below which a share of the weight lies; the extreme where it is lumped there."""
+    order = np.argsort(values)
+    total = np.cumsum(weight[order])
+    return float(values[order[min(int(np.searchsorted(total, share * total[-1])), len(values) - 1)]])
+
+
+def corner_camera(middle: Array, half: Array, corner: Sequence[float], size: int) -> Camera:
+    """A camera beyond a corner of a box, as near as it sees all of it, the box in the middle of the picture."""
+    lift = np.radians(ELEVATION_DEG)
+    flat = np.array(corner) / np.linalg.norm(corner)
+    way = np.array([*(np.cos(lift) * flat), np.sin(lift)])
+    points = middle + half * np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
+    target = middle
+    camera = fitting(points, target, way, half, size)
+    for _ in range(CENTERED):
+        image = camera.project(points)
+        off = 0.5 * (image[:, :2].min(axis=0) + image[:, :2].max(axis=0)) - 0.5 * np.array(
+            [camera.width, camera.height]
+        )
+        depth = float(np.linalg.norm(camera.position - target))
+        target = target + camera.world_from_camera[:, :2] @ (off * depth / camera.focal)
+        camera = fitting(points, target, way, half, size)
+    return camera
+
+
+def fitting(points: Array, target: Array, way: Array, half: Array, size: int) -> Camera:
+    """The nearest camera along a way from a target that sees all points (n, 3)."""
+    frame = np.array([size, round(VIEW_SHAPE * size)])
+    unit = max(float(np.linalg.norm(half)), 1e-6)
+    near, far = 0.5, 40.0
+    for _ in range(HALVINGS):  # what the points take of the picture falls with the distance
+        distance = float(np.sqrt(near * far))
+        image = looking_at(target + distance * unit * way, target, *frame.tolist()).project(points)
+        fits = (image[:, 2] > 0).all() and (2.0 * RIM * np.abs(image[:, :2] - frame / 2) < frame).all()
+        near, far = (near, distance) if fits else (distance, far)
+    return looking_at(target + far * unit * way, target, *frame.tolist())
+
+
+def listed(scene: Segmentation) -> Sequence[str]:
+    """A line for each number: what it is taken for and how sure that is."""
+    found = []
+    for index, number in numbers_of(scene).items():
+        one = scene.instances[index]
+        size = " x ".join(f"{2.0 * half:.2f}" for half in one.box.half_extents)
+        found.append(f"{number}  {one.label} ({one.confidence:.0%}), {size} m")
+    return found

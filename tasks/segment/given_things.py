@@ -1,0 +1,164 @@
+"""Things of a scene as a person named them: by their faces where the mesh is the same, else by their boxes.
+
+In: a scan and its labels. Out: groups of faces with names, their parts where those are known, and notes. What the
+labels leave out is nothing where they are complete, else it is found by its shape.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dcap.geometry.segmentation.boxed import Group, boxed_groups
+from dcap.geometry.segmentation.faces import FaceTable
+from dcap.geometry.segmentation.labels import Category, category_of
+from dcap.geometry.segmentation.named import with_ids
+from dcap.scene.errors import InputError
+from dcap.scene.readers.frame.frame import WORLD_FROM_FILE
+from dcap.scene.types.box import OrientedBox
+from dcap.scene.types.given_labels import CornerFrame, GivenLabels, GivenThing, faces_digest
+from dcap.scene.types.rectangle import min_area_box
+from dcap.scene.types.scan import LabelBox, Scan
+
+Index = NDArray[np.int64]
+Mask = NDArray[np.bool_]
+Parts = tuple[Index, list[str]]
+
+MARGIN = 0.01
+"""A box that a person drew is grown by this when asked what it holds [m]."""
+WHOLE = 0.75
+"""A named thing of which a new box holds this share stays what it is: the lamp on the missing table [-]."""
+FLAT = 0.06
+"""A box no higher than this is a rug or a mat: it takes faces of the floor [m]."""
+
+
+@dataclass(frozen=True, slots=True)
+class GivenGroups:
+    """What labels say of a scan."""
+
+    groups: list[Group]
+    parts: dict[str, Parts]
+    """Part of each face and the parts' names, by the id of a group."""
+    notes: tuple[str, ...]
+
+
+def given_groups(
+    scan: Scan, table: FaceTable, labels: GivenLabels, taken_apart: Callable[[Mask], list[Group]]
+) -> GivenGroups:
+    """The labelled things; InputError where none of them is in the scene."""
+    if labels.mesh and labels.mesh == faces_digest(scan.mesh):
+        return by_faces(scan, table, labels)
+    other = f"{labels.source} was made of another mesh: its boxes decide, not its faces"
+    found = by_boxes(scan, table, labels, taken_apart)
+    return replace(found, notes=(*((other,) if labels.mesh else ()), *found.notes))
+
+
+def by_faces(scan: Scan, table: FaceTable, labels: GivenLabels) -> GivenGroups:
+    """Each thing has its faces; those that only have a box take what they hold."""
+    count = len(table.area)
+    owner = np.full(count, -1, dtype=np.int64)
+    for number, thing in enumerate(labels.things):
+        mine = faces_in(thing.faces, count, labels, thing.id or thing.label)
+        taken = owner[mine]
+        if (taken >= 0).any():
+            other = labels.things[int(taken[taken >= 0][0])]
+            raise InputError(
+                f"--labels {labels.source}: face {mine[taken >= 0][0]} is of {other.id!r} and of {thing.id!r}; "
+                "give both the same id to merge them"
+            )
+        owner[mine] = number
+    notes = []
+    boxed = [i for i, thing in enumerate(labels.things) if not len(thing.faces)]
+    for number in sorted(boxed, key=lambda i: -float(np.prod(box_of(scan, labels, labels.things[i]).half_extents))):
+        mine = held_by(table, box_of(scan, labels, labels.things[number]), owner, labels)
+        if not len(mine):
+            notes.append(f"{labels.source}: no face is in the box of {labels.things[number].label}; it is left out")
+        owner[mine] = number
+    groups = with_ids(
+        [
+            Group(thing.id, thing.label, np.flatnonzero(owner == number), None, thing.confidence)
+            for number, thing in enumerate(labels.things)
+        ]
+    )
+    parts = {
+        group.id: part_numbers(thing, group.faces, count, labels)
+        for group, thing in zip(groups, labels.things, strict=True)
+        if thing.parts and len(group.faces)
+    }
+    return GivenGroups([group for group in groups if len(group.faces)], parts, (*labels.notes, *notes))
+
+
+def faces_in(runs: Index, count: int, labels: GivenLabels, name: str) -> Index:
+    """The faces of runs (k, 2), in order."""
+    if len(runs) and int(runs[:, 1].max()) > count:
+        raise InputError(f"--labels {labels.source}: {name} has face {runs[:, 1].max() - 1}, the mesh has {count}")
+    length = runs[:, 1] - runs[:, 0]
+    start = np.repeat(runs[:, 0] - (np.cumsum(length) - length), length)
+    return np.unique(start + np.arange(int(length.sum())))
+
+
+def held_by(table: FaceTable, box: OrientedBox, owner: Index, labels: GivenLabels) -> Index:
+    """The faces that a new box takes: not the floor's and the walls' unless it is flat, nor those of named things that
+    it holds whole."""
+    inside = np.flatnonzero(box.contains(table.center, margin=MARGIN))
+    flat = 2.0 * float(box.half_extents.min()) <= FLAT
+    kept = np.ones(len(inside), dtype=bool)
+    for number in np.unique(owner[inside][owner[inside] >= 0]):
+        thing = labels.things[number]
+        mine = owner[inside] == number
+        share = table.area[inside[mine]].sum() / max(float(table.area[owner == number].sum()), 1e-12)
+        structure = category_of(thing.label) is Category.STRUCTURE
+        named = thing.confidence > 0.0 and not structure
+        if (structure and not flat) or (named and share >= WHOLE):
+            kept[mine] = False
+    return inside[kept]
+
+
+def part_numbers(thing: GivenThing, faces: Index, count: int, labels: GivenLabels) -> Parts:
+    """The part of each face of a thing (k,) and the parts' names; faces of no part are the first's."""
+    number = np.zeros(count, dtype=np.int64)
+    for index, part in enumerate(thing.parts):
+        number[faces_in(part.faces, count, labels, f"{thing.id}, {part.name},")] = index
+    used, inverse = np.unique(number[faces], return_inverse=True)
+    return np.asarray(inverse, dtype=np.int64).reshape(-1), [thing.parts[int(one)].name for one in used]
+
+
+def by_boxes(
+    scan: Scan, table: FaceTable, labels: GivenLabels, taken_apart: Callable[[Mask], list[Group]]
+) -> GivenGroups:
+    """Labelled boxes, as in a scene that is annotated with them; what else there is by its shape."""
+    given = [thing for thing in labels.things if len(thing.corners)]
+    boxes = tuple(
+        LabelBox(thing.id or f"{thing.label.replace(' ', '_')}_{i}", thing.label, box_of(scan, labels, thing))
+        for i, thing in enumerate(given)
+    )
+    groups = boxed_groups(table, boxes)
+    confidence = {box.id: thing.confidence for box, thing in zip(boxes, given, strict=True)}
+    groups = [replace(group, confidence=confidence.get(group.id, 1.0)) for group in groups]
+    held = {group.id for group in groups}
+    things = [box for box in boxes if category_of(box.label) is not Category.STRUCTURE]
+    missed = [box.label for box in things if box.id not in held]
+    if things and len(missed) == len(things):
+        low, high = scan.mesh.bounds
+        raise InputError(
+            f"--labels {labels.source}: none of its {len(things)} boxes holds anything of the scene, which spans "
+            f"{np.round(low, 2).tolist()} to {np.round(high, 2).tolist()} m, z up; give labels in the scene's frame"
+        )
+    notes = (f"{labels.source}: nothing of the scene is in the box of {', '.join(missed)}",) if missed else ()
+    if not labels.complete:
+        named = [group for group in groups if category_of(group.label) is not Category.STRUCTURE]
+        rest = np.ones(len(table.area), dtype=bool)
+        for group in named:
+            rest[group.faces] = False
+        groups = named + (taken_apart(rest) if rest.any() else [])
+    return GivenGroups(with_ids([group for group in groups if len(group.faces)]), {}, (*labels.notes, *notes))
+
+
+def box_of(scan: Scan, labels: GivenLabels, thing: GivenThing) -> OrientedBox:
+    """A thing's box in the world."""
+    if labels.frame is CornerFrame.FILE:
+        map_ = scan.world_from_file
+        return min_area_box(thing.corners @ map_[:3, :3].T + map_[:3, 3])
+    turn = np.array(WORLD_FROM_FILE["y"] if labels.frame is CornerFrame.Y_UP else WORLD_FROM_FILE["z"], dtype=float)
+    return min_area_box(thing.corners @ turn.T)
