@@ -30,7 +30,7 @@ from dcap.language.protocol.session import Session
 from dcap.scene.errors import InputError
 from dcap.scene.json_tree import JsonObject, object_to_json
 from dcap.scene.settings import data_root, runs_root
-from dcap.scene.types.sample import Sample, SourceOptions
+from dcap.scene.types.sample import GivenPlace, KnownHeight, Sample, SourceOptions
 from flows.display import Display, print_plan, print_table
 from flows.language_options import LEDGER, LanguageOptions
 from flows.output import readable_json, write_placement
@@ -371,4 +371,8 @@ def sample_from_json(tree: Mapping[str, object]) -> Sample:
         options = values[name]
         assert isinstance(options, dict)
         values[name] = SourceOptions(**options)
+    for name, kind in (("place", GivenPlace), ("known_height", KnownHeight)):
+        given = values.get(name)
+        if isinstance(given, dict):
+            values[name] = kind(**{key: tuple(one) if isinstance(one, list) else one for key, one in given.items()})
     return Sample(**values)  # type: ignore[arg-type]

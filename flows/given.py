@@ -27,6 +27,8 @@ def given_labels(path: str) -> LabelRefs:
     """Take a file of labels in; nothing for an empty path."""
     if not path:
         return LabelRefs()
+    if not Path(path).exists():
+        raise InputError(f"--labels {path}: no such file")
     found = read_given_labels(Path(path))
     if isinstance(found, GivenLabels):
         return LabelRefs(things=Store.default().save(found))

@@ -1,13 +1,15 @@
 """One placement, from files and a sentence to pictures of the object at rest: the table of contents of DCAP."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypeVar
 
 from pydantic import BaseModel
 
-from dcap.scene.store.artifacts import Store
+from dcap.scene.readers.frame.frame import ANY
+from dcap.scene.store.artifacts import Source, Store
 from dcap.scene.store.ref import Ref
 from dcap.scene.types.anchor import Anchor
+from dcap.scene.types.file_scale import FileScale
 from dcap.scene.types.intent import Intent
 from dcap.scene.types.materials import PartMaterials
 from dcap.scene.types.particles import Particles
@@ -17,7 +19,7 @@ from dcap.scene.types.sample import Sample
 from dcap.scene.types.scan import Scan
 from dcap.scene.types.segmentation import SegmentedObject, SegmentedScene
 from dcap.scene.types.settled import Settled
-from flows.given import given_labels
+from flows.given import LabelRefs, given_labels
 from tasks.anchor.stage import AnchorConfig, anchor_task
 from tasks.drop.stage import DropConfig, drop_task
 from tasks.intent.stage import IntentConfig, intent_task
@@ -30,6 +32,7 @@ from tasks.pointed.stage import point_out_task, point_task
 from tasks.render.stage import RenderConfig, render_task
 from tasks.rotation.stage import RotationConfig, rotation_task
 from tasks.runner.stage import Stage
+from tasks.segment.known_height import found_scale_task
 from tasks.segment.stage import SegmentConfig, segment_object_task, segment_task
 
 ValueT = TypeVar("ValueT")
@@ -98,7 +101,8 @@ def scene_of(sample: Sample, config: PlaceConfig) -> SceneRefs:
     """The sample's scene and the things in it, nothing placed."""
     labels = given_labels(sample.labels)
     source, options = Store.default().add_source(sample.scene), sample.scene_options
-    scan = mesh_scene_task(source, options, config=config.scene_mesh, labels=labels.vertices)
+    scale = scale_of(sample, source, labels, config)
+    scan = mesh_scene_task(source, options, config=config.scene_mesh, labels=labels.vertices, scale=scale)
     return SceneRefs(scan=scan, scene=segment_task(scan, config=config.segment, labels=labels.things))
 
 
@@ -107,9 +111,10 @@ def place(sample: Sample, config: PlaceConfig) -> PlacementRefs:
     labels = given_labels(sample.labels)
     scene_source, object_source = Store.default().add_source(sample.scene), Store.default().add_source(sample.object)
 
+    scale = scale_of(sample, scene_source, labels, config)
     scene_scan = mesh_scene_task(
-        scene_source, sample.scene_options, config=config.scene_mesh, labels=labels.vertices
-    )  # fmt: skip
+        scene_source, sample.scene_options, config=config.scene_mesh, labels=labels.vertices, scale=scale
+    )
     object_scan = mesh_object_task(object_source, sample.object_options, config=config.object_mesh)
     scene = segment_task(scene_scan, config=config.segment, labels=labels.things)
     item = segment_object_task(object_scan, config=config.segment)
@@ -142,6 +147,15 @@ def place(sample: Sample, config: PlaceConfig) -> PlacementRefs:
         renders=renders,
         overview=overview,
     )
+
+
+def scale_of(sample: Sample, source: Ref[Source], labels: LabelRefs, config: PlaceConfig) -> Ref[FileScale] | None:
+    """The scene's scale by the height of a thing in it, which is looked for at a guess; None where none was said."""
+    if sample.known_height is None:
+        return None
+    options = replace(sample.scene_options, unit=ANY)
+    guess = mesh_scene_task(source, options, config=config.scene_mesh, labels=labels.vertices)
+    return found_scale_task(guess, sample.known_height, config=config.segment, labels=labels.things)
 
 
 def found(ref: Ref[ValueT]) -> Ref[ValueT] | None:

@@ -41,7 +41,10 @@ class Plan:
     @property
     def later(self) -> tuple[str, ...]:
         """Stages after the first missing one; they run if their inputs change and a placement stays feasible."""
-        return () if self.missing in ("", OVERVIEW) else STAGE_NAMES[len(self.cached) + 1 :]
+        if self.missing in ("", OVERVIEW):
+            return ()
+        known = [STAGE_NAMES.index(name) for name in (*self.cached, self.missing) if name in STAGE_NAMES]
+        return STAGE_NAMES[max(known, default=-1) + 1 :]
 
     @property
     def coming(self) -> tuple[str, ...]:

@@ -1,14 +1,15 @@
 """Reads a dataset: a YAML list of samples, each with the names or paths of a scene and an object and a prompt.
 
 Keys of a sample: `id`, `room` (or `scene`), `object`, `prompt`, and optionally `seed`, `mass`, `label`, `up`, `unit`,
-`object_label`, `object_up`, `object_unit`. A name is looked up beside the file and in the data folder, each time
-there and then in `rooms/` or `objects/`.
+`object_label`, `object_up`, `object_unit`, `labels`, `at`, `support`, `height_of`. A name is looked up beside the file
+and in the data folder, each time there and then in `rooms/` or `objects/`.
 """
 
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path
+from typing import TypeVar
 
 from ruamel.yaml import YAML
 from ruamel.yaml.constructor import ConstructorError, SafeConstructor
@@ -21,7 +22,8 @@ from dcap.scene.problems import Report, error, refusing, short
 from dcap.scene.readers.scenes.sugar import MESH_SUFFIXES
 from dcap.scene.settings import data_root, resource
 from dcap.scene.spelling import did_you_mean
-from dcap.scene.types.sample import Sample, SourceOptions
+from dcap.scene.types.sample import GivenPlace, KnownHeight, Sample, SourceOptions
+from flows.given import height_of, place_of
 from flows.options import UNITS, UPS
 
 EMBEDDED = resource("data/rooms.yaml")
@@ -31,11 +33,13 @@ SPLAT_ROOMS = resource("data/splat_rooms.yaml")
 TRUTH = "truth.yaml"
 """Intended outcomes of a dataset's samples, beside it; read after a run, never by a stage."""
 REQUIRED = ("id", "object", "prompt")
-OPTIONAL = ("room", "scene", "seed", "mass", "label", "up", "unit", "object_label", "object_up", "object_unit")
+OPTIONAL = ("room", "scene", "seed", "mass", "label", "up", "unit", "object_label", "object_up", "object_unit",
+            "labels", "at", "support", "height_of")  # fmt: skip
 HEAVIEST = 1e12
 """A mass that no object has [kg]."""
 MOST_KEYS = 10_000
 """More keys than anyone writes in one mapping; merges that repeat each other make any number of a short file."""
+Found = TypeVar("Found")
 CHOICES = {"up": UPS, "unit": UNITS}
 
 
@@ -110,6 +114,9 @@ def sample_of(row: object, index: int, folder: Path, report: Report) -> Sample |
         object_options=read.options("object_"),
         mass=read.mass(),
         seed=read.seed(),
+        labels=labels_beside(read.text("labels"), folder) if "labels" in row else "",
+        place=read.place(),
+        known_height=read.known_height(),
     )
     return sample if read.sound else None
 
@@ -170,6 +177,30 @@ class SampleReader:
             return 0
         return value
 
+    def place(self) -> GivenPlace | None:
+        """A point or a box of the scene's own frame."""
+        return self.told("at", lambda: place_of(self.numbers("at"), self.numbers("support")))
+
+    def known_height(self) -> KnownHeight | None:
+        """The height of a thing of the scene."""
+        unit = str(self.values.get("unit", "auto"))
+        return self.told(
+            "height_of", lambda: height_of(self.text("height_of") if "height_of" in self.values else "", unit)
+        )
+
+    def numbers(self, key: str) -> str:
+        """A list of numbers as the command line has it."""
+        value = self.values.get(key, "")
+        return ",".join(str(one) for one in value) if isinstance(value, list) else str(value)
+
+    def told(self, key: str, read: Callable[[], Found]) -> Found | None:
+        """A value, or a mistake at its key."""
+        try:
+            return read()
+        except InputError as refused:
+            self.wrong(str(refused), key)
+            return None
+
     def options(self, prefix: str) -> SourceOptions:
         """How to read the scene (no prefix) or the object."""
         given = {}
@@ -181,6 +212,11 @@ class SampleReader:
                 if given[one.name] not in allowed:
                     self.wrong(f"{key} {given[one.name]!r} is not one of {', '.join(allowed)}", key)
         return SourceOptions(**given)
+
+
+def labels_beside(name: str, folder: Path) -> str:
+    """A file of labels beside the dataset, or where its path leads."""
+    return str(folder / name) if os.path.exists(folder / name) else name
 
 
 def find(name: str, folder: Path, kind: str) -> str:

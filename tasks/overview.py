@@ -1,6 +1,7 @@
 """Pictures of an infeasible placement: the scene, and the object where it should have gone.
 
-In: scene and object, and what the stages found before one of them gave up. Out: one or two pictures from one camera.
+In: scene and object, and what the stages found before one of them gave up. Out: one or two pictures from one camera;
+where no support was found, what there is, numbered.
 """
 
 import numpy as np
@@ -15,6 +16,7 @@ from dcap.scene.types.intent import Intent
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.renders import Overview
 from dcap.scene.types.segmentation import Segmentation, SegmentedObject, SegmentedScene
+from tasks.requests.candidates import candidates_picture
 from tasks.runner.stage import stage
 
 Array = NDArray[np.float64]
@@ -48,7 +50,8 @@ def overview(
     cut = cut_faces(scene.mesh, structure, camera.position, camera.target)
     shown = scene.mesh.submesh(np.flatnonzero(~cut))
     asked = None if anchor is None else photograph([shown, item.mesh.transformed(anchor.world_from_object)], camera)
-    return Overview(photograph([shown], camera), asked)
+    candidates = candidates_picture(scene) if intent is None and scene.instances else None
+    return Overview(photograph([shown], camera), asked, candidates)
 
 
 def photograph(meshes: list[Mesh], camera: Camera) -> NDArray[np.uint8]:

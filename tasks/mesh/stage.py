@@ -19,6 +19,7 @@ from dcap.scene.readers.frame.frame import Role
 from dcap.scene.readers.scenes.sugar import has_only_splats
 from dcap.scene.readers.source import read_scan
 from dcap.scene.store.artifacts import Source
+from dcap.scene.types.file_scale import FileScale
 from dcap.scene.types.gaussians import Gaussians
 from dcap.scene.types.given_labels import VertexLabels
 from dcap.scene.types.mesh import Mesh
@@ -44,10 +45,17 @@ class MeshConfig(BaseModel, frozen=True, extra="forbid"):
 
 
 def mesh_scene(
-    source: Source, options: SourceOptions, config: MeshConfig, labels: VertexLabels | None = None
-) -> Scan:  # fmt: skip
-    """The scene's source as a clean mesh; `labels` name the things of its vertices."""
-    return mesh(source, options, Role.SCENE, config, labels)
+    source: Source,
+    options: SourceOptions,
+    config: MeshConfig,
+    labels: VertexLabels | None = None,
+    scale: FileScale | None = None,
+) -> Scan:
+    """The scene's source as a clean mesh; `labels` name the things of its vertices, `scale` is its unit."""
+    if scale is None:
+        return mesh(source, options, Role.SCENE, config, labels)
+    scan = mesh(source, replace(options, unit=repr(scale.metres)), Role.SCENE, config, labels)
+    return replace(scan, notes=(*scan.notes, scale.note))
 
 
 def mesh_object(source: Source, options: SourceOptions, config: MeshConfig) -> Scan:
@@ -61,7 +69,10 @@ def mesh(
     """Read the source and clean it; the role decides which sizes are plausible and which option a message names."""
     try:
         mesher = partial(surface, config=config)
-        scan = read_scan(source.path, options, role, folder=source.folder, mesher=mesher, labels=labels)
+        ask = role is Role.SCENE and options.unit == "auto"
+        scan = read_scan(
+            source.path, options, role, folder=source.folder, mesher=mesher, labels=labels, ask_scale=ask
+        )  # fmt: skip
         return cleaned(scan, config)
     except GeometryError as error:
         raise FormatError(f"{source.path}: {error}") from None

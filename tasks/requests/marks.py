@@ -240,13 +240,3 @@ def fitting(points: Array, target: Array, way: Array, half: Array, size: int) ->
         fits = (image[:, 2] > 0).all() and (2.0 * RIM * np.abs(image[:, :2] - frame / 2) < frame).all()
         near, far = (near, distance) if fits else (distance, far)
     return looking_at(target + far * unit * way, target, *frame.tolist())
-
-
-def listed(scene: Segmentation) -> Sequence[str]:
-    """A line for each number: what it is taken for and how sure that is."""
-    found = []
-    for index, number in numbers_of(scene).items():
-        one = scene.instances[index]
-        size = " x ".join(f"{2.0 * half:.2f}" for half in one.box.half_extents)
-        found.append(f"{number}  {one.label} ({one.confidence:.0%}), {size} m")
-    return found

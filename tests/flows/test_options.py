@@ -23,7 +23,8 @@ OTHER: dict[str, Any] = {
     "out": Path("elsewhere"), "solver": "mls", "resolution": 0.013, "threads": 3, "arch": "cuda", "stability": True,
     "load_aware": True, "language": "anthropic", "model": "m", "record": "r", "replay": "p", "max_cost": 1.5,
     "label": "sofa", "up": "y", "unit": "cm", "object_label": "mug", "object_up": "-z", "object_unit": "in",
-    "mass": 2.5, "seed": 7, "paper_limits": True,
+    "mass": 2.5, "seed": 7, "paper_limits": True, "height_of": "table=0.75", "labels": "labels.json", "at": "1,2.5,-3",
+    "support": "0,0,0,1,1,1",
 }  # fmt: skip
 """A value of every option that is not its default."""
 ASKED = {"language", "model", "record", "replay", "max_cost"}

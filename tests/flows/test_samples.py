@@ -1,11 +1,15 @@
 """Datasets are read strictly: whoever mistypes a key is told so."""
 
+import json
+from dataclasses import asdict
 from pathlib import Path
 
 import pytest
 
 from dcap.scene.errors import InputError
-from flows.samples import load_samples
+from dcap.scene.types.sample import GivenPlace, KnownHeight, Sample
+from flows.benchmark import sample_from_json
+from flows.samples import load_samples, samples_of
 
 
 def written(folder: Path, text: str) -> Path:
@@ -90,3 +94,28 @@ def test_a_missing_dataset_is_named(tmp_path: Path) -> None:
     """A dataset file that is not there is an error with its path."""
     with pytest.raises(InputError, match=r"nothing\.yaml: no such file"):
         load_samples(tmp_path / "nothing.yaml")
+
+
+def test_a_sample_may_say_more_than_a_sentence(tmp_path: Path) -> None:
+    """Labels beside the dataset, a point or a box as a list or a text, a known height; mistakes name the sample."""
+    (tmp_path / "labels.json").write_text("{}")
+    plain = {"id": "a", "scene": "room.glb", "object": "ball.glb", "prompt": "put it there"}
+    told: list[str] = []
+
+    def read(**more: object) -> list[Sample]:
+        rows = [plain | more]
+        return [one for _, one in samples_of(rows, tmp_path, lambda problem: told.append(problem.what))]
+
+    assert read(labels="labels.json")[0].labels == str(tmp_path / "labels.json")
+    assert read(at=[1, 2.5])[0].place == read(at="1,2.5")[0].place == GivenPlace(at=(1.0, 2.5))
+    assert read(support=[0, 0, 0, 1, 1, 1])[0].place == GivenPlace(support=(0, 0, 0, 1, 1, 1))
+    assert read(height_of="table=0.75")[0].known_height == KnownHeight("table", 0.75)
+    assert told == []
+    assert read(at=[1]) == []
+    assert told == ["sample 0: --at '1' is not 2 or 3 finite numbers between commas, for example 1.2,0.4,0.75"]
+
+
+def test_a_sample_with_a_place_is_repeated() -> None:
+    """run.json gives back the sample that it was written from."""
+    sample = Sample("a", "s", "o", "p", place=GivenPlace(at=(1.0, 2.0)), known_height=KnownHeight("table", 0.7))
+    assert sample_from_json(json.loads(json.dumps(asdict(sample)))) == sample

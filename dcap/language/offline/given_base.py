@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import replace
 
-from dcap.language.offline.ground import candidates, named
+from dcap.language.offline.ground import candidates, named, part_of
 from dcap.language.offline.placing import names_support, placing_of, whole
 from dcap.language.offline.sentence import Place, Reading
 from dcap.language.offline.target import Target, target_of
@@ -43,5 +43,6 @@ def with_one_support(base: InstanceView, main: Place, instances: Sequence[Instan
         return tuple(instances)
     noun = whole(main)
     others = {one.id for one in candidates(noun, instances)} - {base.id}
-    called = base if named(noun, [base]) or not noun.thing else replace(base, label=noun.name or noun.thing)
+    known = named(noun, [base]) or part_of(noun, base) or not noun.thing
+    called = base if known else replace(base, label=noun.name or noun.thing)
     return (*(one for one in instances if one.id not in others and one.id != base.id), called)

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from dcap.scene.errors import FormatError, GeometryError, InputError
-from dcap.scene.readers.frame.frame import FileFrame, Role, find_frame, option_name
+from dcap.scene.readers.frame.frame import BY_HEIGHT, FileFrame, Role, find_frame, option_name
 from dcap.scene.readers.gltf.gltf import read_gltf
 from dcap.scene.readers.mesh.obj import read_obj
 from dcap.scene.readers.mesh.paint import bake
@@ -40,6 +40,9 @@ BROKEN = (ArithmeticError, AttributeError, LookupError, RecursionError, StopIter
 STATED = {"up": "z", "unit": "m"}
 """What InteriorGS and ScanNet state of their scenes."""
 
+ROOM_HEIGHT, ROOM_BREADTH = (2.0, 4.5), (2.0, 30.0)
+"""Height and longer side of what is taken for a room in metres [m]."""
+
 Mesher = Callable[[Gaussians], Mesh]
 """Makes a mesh of Gaussians in metres and z up."""
 
@@ -52,18 +55,21 @@ def read_scan(
     folder: str = "",
     mesher: Mesher | None = None,
     labels: VertexLabels | None = None,
+    ask_scale: bool = False,
 ) -> Scan:
     """Read a folder (InteriorGS, ScanNet, SuGaR, or one with a single mesh), a mesh file or Gaussian splats.
 
     `folder` is the name of the folder that was given, or that a given file lay in, where `path` is a copy of it. Splats
     without a mesh need a `mesher`. `labels` name the things of the file's vertices, instead of what it says itself.
+    `ask_scale`: splats of a scene of which nobody says how large they are, and that are no room in metres, are refused.
     """
     if not path.exists():
         raise InputError(f"{path}: no such file or folder")
     if path.is_dir():
-        return _read_folder(path, options, role, folder, mesher, labels)
+        return _read_folder(path, options, role, folder, mesher, labels, ask_scale=ask_scale)
     raw, splats = read_file(path, labels)
     frame = find_frame(raw, options, role)
+    frame = check_scale(path, raw, frame, role) if ask_scale else frame
     return _scan(raw, frame, label=options.label or describe(path, folder), mesh=_meshed(path, splats, frame, mesher))
 
 
@@ -74,6 +80,8 @@ def _read_folder(
     name: str,
     mesher: Mesher | None,
     labels: VertexLabels | None,
+    *,
+    ask_scale: bool,
 ) -> Scan:
     if is_scannet(folder) and not is_interiorgs(folder):
         if labels is not None:
@@ -87,6 +95,7 @@ def _read_folder(
     raw, splats = read_file(mesh_path, labels)
     if not is_interiorgs(folder):
         frame = find_frame(raw, options, role)
+        frame = check_scale(mesh_path, raw, frame, role) if ask_scale else frame
         own = describe(mesh_path, name if mesh_path.parent == folder else "")
         mesh = _meshed(mesh_path, splats, frame, mesher)
         return _scan(raw, frame, label=options.label or own, notes=notes, mesh=mesh)
@@ -178,6 +187,21 @@ def with_vertex_labels(raw: RawMesh, labels: VertexLabels) -> RawMesh:
     node = majority(labels.instance.astype(np.int64)[raw.faces])
     names = tuple(label or "thing" for label in labels.labels)
     return replace(raw, face_node=node, node_names=labels.ids, node_labels=names, notes=(*raw.notes, *labels.notes))
+
+
+def check_scale(path: Path, raw: RawMesh, frame: FileFrame, role: Role) -> FileFrame:
+    """Ask for the scale of splats that nobody states and that are no room in metres; a room is taken and told."""
+    if not raw.of_splats or role is not Role.SCENE or frame.unit_source != "estimate":
+        return frame
+    low, high = np.quantile(raw.vertices @ frame.world_from_file[:3, :3].T, [0.01, 0.99], axis=0)
+    size = high - low
+    if not (ROOM_HEIGHT[0] <= size[2] <= ROOM_HEIGHT[1] and ROOM_BREADTH[0] <= size[:2].max() <= ROOM_BREADTH[1]):
+        raise InputError(
+            f"{path}: Gaussians have no unit, and as metres they would be {size[0]:.3g} x {size[1]:.3g} m and "
+            f"{size[2]:.3g} m high, which is no room; say the scale: {BY_HEIGHT}; or --unit m, cm, mm or in"
+        )
+    told = f"Gaussians without a unit: taken as metres, for they are a room {size[2]:.2f} m high (--unit, --height-of)"
+    return replace(frame, notes=(*frame.notes, told))
 
 
 def _meshed(path: Path, splats: Gaussians | None, frame: FileFrame, mesher: Mesher | None) -> Mesh | None:

@@ -24,6 +24,7 @@ from dcap.scene.errors import StoreError
 from dcap.scene.store.ply import mesh_from_ply, mesh_to_ply
 from dcap.scene.types.anchor import Anchor
 from dcap.scene.types.box import OrientedBox
+from dcap.scene.types.file_scale import FileScale
 from dcap.scene.types.given_labels import GivenLabels, GivenPart, GivenThing, VertexLabels
 from dcap.scene.types.intent import Intent, OrientationRequest, RegionRequest
 from dcap.scene.types.materials import ContactFriction, LayerConstants, Material, PartMaterial, PartMaterials
@@ -76,13 +77,13 @@ KINDS: dict[str, type] = {
     one.__name__: one
     for one in (
         Anchor, BackgroundGrid, BesideThePart, BodyGeometry, BodyStability, BondRow, Certificate, CertificateRow,
-        ColumnLayer, ContactFriction, ContactRow, DistanceGrid, GivenLabels, GivenPart, GivenPlace, GivenThing,
-        HiddenObject, History, InertialProperties, Infeasible, Instance, Intent, InTheWay, KickCheck, KickRow,
-        KnownHeight, LabelBox, LastState, LayerConstants, LayeredPoints, Material, MaterialPoints, Mesh, NoRoom,
-        NotDone, NotInScene, OrientationRequest, OrientedBox, Overview, Part, Particles, PartMaterial, PartMaterials,
-        PlacementChecks, Pointed, PushBounds, PushRow, RegionRequest, Renders, RepairReport, RigidSimulationBody,
-        RollingRow, Room, Rotation, Sample, Scan, Segmentation, Settled, SettledBody, SignalRows, SoftSimulationBody,
-        SourceOptions, StabilityGrade, VertexLabels,
+        ColumnLayer, ContactFriction, ContactRow, DistanceGrid, FileScale, GivenLabels, GivenPart, GivenPlace,
+        GivenThing, HiddenObject, History, InertialProperties, Infeasible, Instance, Intent, InTheWay, KickCheck,
+        KickRow, KnownHeight, LabelBox, LastState, LayerConstants, LayeredPoints, Material, MaterialPoints, Mesh,
+        NoRoom, NotDone, NotInScene, OrientationRequest, OrientedBox, Overview, Part, Particles, PartMaterial,
+        PartMaterials, PlacementChecks, Pointed, PushBounds, PushRow, RegionRequest, Renders, RepairReport,
+        RigidSimulationBody, RollingRow, Room, Rotation, Sample, Scan, Segmentation, Settled, SettledBody, SignalRows,
+        SoftSimulationBody, SourceOptions, StabilityGrade, VertexLabels,
     )
 }  # fmt: skip
 """Every type that may be stored, by the name that `value.json` gives it: files outlive moves between modules."""

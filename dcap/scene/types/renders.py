@@ -30,3 +30,5 @@ class Overview:
     """The scene, (h, w, 3)."""
     asked: NDArray[np.uint8] | None
     """The scene with the object at its pre-drop pose, same camera, (h, w, 3); None if no stage got that far."""
+    candidates: NDArray[np.uint8] | None = None
+    """Everything that the object could have gone on, numbered and listed, (h, w, 3); None where a support was found."""

@@ -10,7 +10,7 @@ class SourceOptions:
     up: str = "auto"
     """Axis of the file that points up: y, z, -y, -z or auto."""
     unit: str = "auto"
-    """Length unit: m, cm, mm, in or auto."""
+    """Length unit: m, cm, mm, in or auto; or its length in metres; or any: what makes a room of it, at first."""
     label: str = ""
     """Name for a whole mesh or for its unnamed nodes; empty: take names from the file."""
 

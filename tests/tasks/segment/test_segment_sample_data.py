@@ -73,7 +73,9 @@ def test_real_files_that_are_refused(name: str) -> None:
 def test_a_real_thing_of_splats_becomes_a_mesh() -> None:
     """A guitar, 4 units long: half of its opaque splats lie within a cell of the surface that is made of them."""
     path = FOLDER / "gs_guitar_compressed" / "guitar.compressed.ply"
-    scan = mesh_scene(Source(path), SourceOptions(), MeshConfig())
+    with pytest.raises(InputError, match=r"Gaussians have no unit.*--height-of table=0.75.*--unit m"):
+        mesh_scene(Source(path), SourceOptions(), MeshConfig())
+    scan = mesh_scene(Source(path), SourceOptions(unit="m"), MeshConfig())
     splats = read_splats(path).transformed(scan.world_from_file)
     away = MeshDistance(scan.mesh).unsigned(splats.position[splats.opacity > 0.5].astype(float))
     assert np.median(away) < MeshConfig().surface.cell

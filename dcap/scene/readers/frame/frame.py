@@ -55,6 +55,12 @@ LIMITS = {
 """A scene is anything from a mug to a hall; an object is something that a person puts down.
 Of 40 to 600 units a scene is as well a room in centimetres as a stool in millimetres: only the user knows."""
 
+ANY = "any"
+ROOM = (2.0, 40.0, 6.0)
+"""Extents at which a scene of any unit stays as it is, and what it is made otherwise [m]."""
+BY_HEIGHT = "--height-of THING=METRES, for example --height-of table=0.75"
+"""How a person may say the scale of a scene without measuring units."""
+
 
 @dataclass(frozen=True)
 class FileFrame:
@@ -87,10 +93,11 @@ def _unit(raw: RawMesh, options: SourceOptions, role: Role, notes: list[str]) ->
     """Length of the file's unit [m] and who said so."""
     extent = float(np.ptp(raw.vertices, axis=0).max())
     limits = LIMITS[role]
+    if options.unit == ANY:
+        unit = raw.unit_metres or (1.0 if ROOM[0] <= extent <= ROOM[1] else ROOM[2] / extent)
+        return unit, "estimate"
     if options.unit != "auto":
-        if options.unit not in METRES:
-            raise InputError(f"{option_name(role, 'unit')} {options.unit!r} is not one of auto, {', '.join(METRES)}")
-        unit, source = METRES[options.unit], "option"
+        unit, source = _stated_unit(options.unit, role), "option"
     elif raw.unit_metres:
         unit, source = raw.unit_metres, "format"
     elif extent <= limits.metres_up_to:
@@ -111,9 +118,23 @@ def _unit(raw: RawMesh, options: SourceOptions, role: Role, notes: list[str]) ->
     return unit, source
 
 
+def _stated_unit(unit: str, role: Role) -> float:
+    """The length of a unit by its name or as a number [m]."""
+    if unit in METRES:
+        return METRES[unit]
+    try:
+        metres = float(unit)
+    except ValueError:
+        metres = 0.0
+    if not 0.0 < metres < float("inf"):
+        raise InputError(f"{option_name(role, 'unit')} {unit!r} is not one of auto, {', '.join(METRES)}")
+    return metres
+
+
 def _size_line(extent: float, role: Role) -> str:
     sizes = ", ".join(f"{name}: {extent * METRES[name]:.3g} m" for name in ("m", "cm", "mm"))
-    return f"{extent:.4g} units long and the file states no unit ({sizes}); set {option_name(role, 'unit')}"
+    or_height = f", or {BY_HEIGHT}" if role is Role.SCENE else ""
+    return f"{extent:.4g} units long and the file states no unit ({sizes}); set {option_name(role, 'unit')}{or_height}"
 
 
 def _up(raw: RawMesh, options: SourceOptions, role: Role, unit: float, notes: list[str]) -> str:

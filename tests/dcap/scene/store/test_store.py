@@ -31,6 +31,8 @@ from dcap.scene.store.codec import KINDS, decode, encode
 from dcap.scene.store.ref import Ref
 from dcap.scene.types.anchor import Anchor
 from dcap.scene.types.box import OrientedBox
+from dcap.scene.types.file_scale import FileScale
+from dcap.scene.types.given_labels import CornerFrame, GivenLabels, GivenPart, GivenThing, VertexLabels
 from dcap.scene.types.intent import Intent, OrientationRequest, RegionRequest
 from dcap.scene.types.materials import BodyModel, ContactFriction, LayerConstants, Material, PartMaterial, PartMaterials
 from dcap.scene.types.mesh import Mesh
@@ -47,10 +49,11 @@ from dcap.scene.types.particles import (
     SimulationBody,
     SoftSimulationBody,
 )
+from dcap.scene.types.pointed import Pointed
 from dcap.scene.types.renders import Overview, Renders
 from dcap.scene.types.repair_report import BodyGeometry, Method, RepairReport
 from dcap.scene.types.rotation import Rotation
-from dcap.scene.types.sample import Sample, SourceOptions
+from dcap.scene.types.sample import GivenPlace, KnownHeight, Sample, SourceOptions
 from dcap.scene.types.scan import LabelBox, Room, Scan
 from dcap.scene.types.segmentation import Instance, Part, Segmentation
 from dcap.scene.types.settled import LastState, Settled, SettledBody
@@ -113,9 +116,20 @@ LAST = LastState(
 )  # fmt: skip
 COLUMN = ColumnLayer("mattress", "foam", 0.02, 0.2)
 BODIES = (a_body(rigid=True), a_body(rigid=False))
+A_THING = GivenThing(
+    "3", "sofa", 0.5, np.array([[0, 4], [6, 7]]), np.zeros((8, 3)), (GivenPart("seat", np.array([[0, 4]])),)
+)  # fmt: skip
 VALUES = [
     Anchor("3", "mattress", 0, "center", np.zeros(2), np.zeros(3), np.eye(4), 0.01, np.zeros((4, 2)), "asked"),
     DistanceGrid(np.zeros(3), 0.01, RNG.normal(size=(4, 4, 4)).astype(np.float32)),
+    FileScale(0.0254, "by a table"),
+    GivenLabels("labels.json", (A_THING,), CornerFrame.Y_UP, complete=False, mesh="0123", notes=("one",)),
+    A_THING.parts[0],
+    GivenPlace(at=(1.0, 2.5)),
+    A_THING,
+    KnownHeight("table", 0.75),
+    Pointed("3", "sofa", "", np.zeros(3), np.zeros((0, 2), np.int64), True, ()),
+    VertexLabels("ids.npy", np.array([0, -1, 0], np.int32), ("sofa_3",), ("sofa",)),
     Infeasible(Reason.TOO_LARGE_FOR_TARGET, "no room", NO_ROOM),
     INSTANCE,
     Intent(
