@@ -374,5 +374,6 @@ def sample_from_json(tree: Mapping[str, object]) -> Sample:
     for name, kind in (("place", GivenPlace), ("known_height", KnownHeight)):
         given = values.get(name)
         if isinstance(given, dict):
-            values[name] = kind(**{key: tuple(one) if isinstance(one, list) else one for key, one in given.items()})
+            told = {key: tuple(one) if isinstance(one, list) else one for key, one in given.items()}
+            values[name] = kind(**told)  # type: ignore[arg-type]
     return Sample(**values)  # type: ignore[arg-type]

@@ -20,7 +20,7 @@ from dcap.scene.settings import runs_root
 from dcap.scene.store.artifacts import Store
 from dcap.scene.types.sample import Sample
 from dcap.scene.types.scan import Scan
-from dcap.scene.types.segmentation import Segmentation
+from dcap.scene.types.segmentation import Instance, Segmentation
 from dcap.scene.writers.labels import FoundThing, labels_text, labels_tree
 from flows.configure import configured
 from flows.language_options import language_options
@@ -34,6 +34,8 @@ from tasks.requests.marks import MarkedScene, marked, numbers_of, plan_picture, 
 from tasks.runner.context import NotCachedError, RunContext, use_context
 
 LABELS, PAGE, PLAN = "labels.json", "labels.html", "plan.png"
+LEAST_GUESS, MOST_GUESSES = 0.05, 3
+"""Other labels of a thing that the page shows: their least probability, and how many [-]."""
 VIEWS = 2
 """Views of the room on the page [-]."""
 
@@ -97,6 +99,12 @@ def found_things(scene: Segmentation) -> list[FoundThing]:
     return found
 
 
+def others_of(one: Instance) -> str:
+    """What else a thing may be, the likeliest first."""
+    others = [(label, share) for label, share in one.guesses if label != one.label and share >= LEAST_GUESS]
+    return ", ".join(f"{label} {share:.0%}" for label, share in others[:MOST_GUESSES])
+
+
 def page_of(
     scene: str,
     folder: Path,
@@ -113,6 +121,7 @@ def page_of(
             picture=thumbnail(pictures, mark),
             color="rgb({:.0f}, {:.0f}, {:.0f})".format(*paint(mark.number)),
             parts=", ".join(part.name for part in found.instances[by_number[mark.number].index].parts),
+            others=others_of(found.instances[by_number[mark.number].index]),
         )
         for mark in pictures.marks
     ]

@@ -32,6 +32,8 @@ class Row:
     """Of its number in the pictures, as CSS has it."""
     parts: str
     """Names of its parts."""
+    others: str = ""
+    """What else it may be."""
 
     @property
     def unsure(self) -> bool:

@@ -77,7 +77,15 @@ def by_faces(scan: Scan, table: FaceTable, labels: GivenLabels) -> GivenGroups:
         owner[mine] = number
     groups = with_ids(
         [
-            Group(thing.id, thing.label, np.flatnonzero(owner == number), None, thing.confidence)
+            Group(
+                thing.id,
+                thing.label,
+                np.flatnonzero(owner == number),
+                None,
+                thing.confidence,
+                thing.guesses,
+                box_of(scan, labels, thing).bottom if len(thing.corners) else None,
+            )
             for number, thing in enumerate(labels.things)
         ]
     )

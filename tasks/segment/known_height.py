@@ -94,11 +94,17 @@ def heights(scene: Segmentation, thing: str) -> list[tuple[float, float]]:
     ground = floor_level(scene)
     found = []
     for index, one in enumerate(scene.instances):
-        if is_such(one.label, thing):
+        sure = one.confidence if is_such(one.label, thing) else likely(one.guesses, thing)
+        if sure > 0.0:
             level = main_level(scene.mesh, np.flatnonzero(scene.face_instance == index))
             if not np.isnan(level):
-                found.append((level - ground, one.confidence))
+                found.append((level - ground, sure))
     return found
+
+
+def likely(guesses: tuple[tuple[str, float], ...], thing: str) -> float:
+    """How probable one of the labels that a thing may have is such a thing [-]."""
+    return max((share for label, share in guesses if is_such(label, thing)), default=0.0)
 
 
 def is_such(label: str, thing: str) -> bool:

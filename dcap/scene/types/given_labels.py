@@ -46,6 +46,8 @@ class GivenThing:
     """The corners of its box, shape (8, 3), or (0, 3) where it has none."""
     parts: tuple[GivenPart, ...] = ()
     """Its parts where they are known; empty: found by its label."""
+    guesses: tuple[tuple[str, float], ...] = ()
+    """What else it may be and how probable that is, where nobody has corrected it."""
 
     def __post_init__(self) -> None:
         check_array(f"faces of {self.id}", self.faces, None, 2)

@@ -21,7 +21,8 @@ Index = NDArray[np.int64]
 Array = NDArray[np.float64]
 
 VERSION = 1
-KEYS = ("number", "id", "label", "guess", "confidence", "structure", "size_m", "surface_m", "box", "parts", "faces")
+KEYS = ("number", "id", "label", "guess", "confidence", "structure", "size_m", "surface_m", "box", "parts", "faces",
+        "guesses")  # fmt: skip
 """What an entry may have."""
 
 
@@ -104,6 +105,7 @@ class EntryReader:
             faces=faces,
             corners=corners,
             parts=self.parts() if own and len(faces) else (),
+            guesses=self.guesses() if own else (),
         )
 
     def text(self, key: str) -> str:
@@ -119,6 +121,14 @@ class EntryReader:
         if isinstance(value, bool) or not isinstance(value, int | float) or not 0.0 <= value <= 1.0:
             raise self.wrong(f"confidence is {short(value)}, expected a number from 0 to 1")
         return float(value)
+
+    def guesses(self) -> tuple[tuple[str, float], ...]:
+        """Labels with their probabilities."""
+        rows = self.entry.get("guesses") or []
+        sound = isinstance(rows, list) and all(isinstance(row, list) and len(row) == 2 for row in rows)
+        if not isinstance(rows, list) or not sound or not all(isinstance(name, str) for name, _ in rows):
+            raise self.wrong(f"guesses is {short(rows)}, expected a list of [label, probability]")
+        return tuple((name, float(self.numbers("guesses", [share], 1)[0])) for name, share in rows)
 
     def runs(self, key: str, value: object) -> Index:
         """Runs of faces, shape (k, 2)."""

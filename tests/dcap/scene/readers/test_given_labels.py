@@ -36,14 +36,15 @@ def labels_of(folder: Path, document: object) -> GivenLabels:
 
 
 GUESSED = {"id": "thing_2", "label": "thing", "guess": "thing", "confidence": 0.2, "faces": [[0, 4]],
-           "parts": [{"name": "body", "faces": [[0, 4]]}]}  # fmt: skip
+           "guesses": [["sofa", 0.2]], "parts": [{"name": "body", "faces": [[0, 4]]}]}  # fmt: skip
 
 
 def test_a_label_that_a_person_changed_is_sure(tmp_path: Path) -> None:
     """Its parts are found anew; those of a guess that stands are kept."""
     left, right = labels_of(tmp_path, things(GUESSED, GUESSED | {"id": "x", "label": "Sofa", "faces": [[5, 6]]})).things
     assert (left.confidence, [part.name for part in left.parts]) == (0.2, ["body"])
-    assert (right.label, right.confidence, right.parts) == ("sofa", 1.0, ())
+    assert left.guesses == (("sofa", 0.2),)
+    assert (right.label, right.confidence, right.parts, right.guesses) == ("sofa", 1.0, (), ())
 
 
 def test_entries_of_one_id_are_one_thing(tmp_path: Path) -> None:
@@ -78,6 +79,7 @@ WRONG: dict[str, tuple[object, str]] = {
     "nan": (things({"label": "sofa", "box": [float("nan"), 0, 0, 0, 1, 1]}), "expected 6 finite numbers"),
     "size": (things({"label": "sofa", "box": {"center": [0, 0, 0], "size": [1, 0, 1]}}), "three positive lengths"),
     "confidence": (things(GUESSED | {"confidence": 3}), "confidence is 3, expected a number from 0 to 1"),
+    "guesses": (things(GUESSED | {"guesses": ["sofa"]}), "expected a list of \\[label, probability\\]"),
     "digest": (things(GUESSED, mesh={}), "mesh.digest is missing"),
     "merged": (things(GUESSED | {"label": "sofa"}, GUESSED | {"label": "bed"}), "'bed' and 'sofa'; things that are"),
     "empty": ("", "the file is empty"),
