@@ -55,13 +55,13 @@ def test_a_table_of_known_height_gives_the_unit(factor: float) -> None:
 
 def test_named_things_need_no_guess() -> None:
     """A node that the file calls a desk is one at any scale; its surface gives the unit."""
-    scan = room(30.0)
+    scan = room(5.0)
     top = np.ptp(scan.mesh.triangles[:, :, 2], axis=1) < 1e-6
-    high = np.isclose(scan.mesh.triangles[:, :, 2].max(axis=1), 30 * TOP)
+    high = np.isclose(scan.mesh.triangles[:, :, 2].max(axis=1), 5 * TOP)
     node = np.where(top & high, 0, -1).astype(np.int32)
     named = replace(scan, face_node=node, node_names=("desk", "lamp"))
     found = found_scale(named, KnownHeight("desk", 0.5 * TOP), SegmentConfig(), OfflineClient())
-    assert found.metres == pytest.approx(scan.unit_metres * 0.5 / 30, rel=1e-3)
+    assert found.metres == pytest.approx(scan.unit_metres * 0.5 / 5, rel=1e-3)
 
 
 def test_a_thing_that_is_nowhere() -> None:
