@@ -155,3 +155,15 @@ def test_a_phones_boxes_name_what_they_hold(tmp_path: Path) -> None:
     assert isinstance(labels, GivenLabels)
     with pytest.raises(InputError, match="none of its 1 boxes holds anything"):
         segment(replace(SCAN), SegmentConfig(), OfflineClient(), labels)
+
+
+def test_a_plan_that_names_everything(tmp_path: Path) -> None:
+    """Nothing is left to be found by its shape but the room."""
+    path = tmp_path / "room.json"
+    boxes = (("bed", (0, 0.5, 0), (1.7, 1.1, 2.2)), ("table", (2, 0.48, -1), (1.0, 1.0, 1.0)))
+    path.write_text(json.dumps(plan(*boxes)))
+    labels = read_given_labels(path)
+    assert isinstance(labels, GivenLabels)
+    scene = segment(SCAN, SegmentConfig(), OfflineClient(), labels)
+    assert sorted(one.label for one in scene.instances if not one.structure) == ["bed", "table"]
+    assert any(one.label == "floor" for one in scene.instances)

@@ -118,6 +118,8 @@ class Segments:
 def segments_of(table: FaceTable, segment: Index) -> Segments:
     """Sample the faces with `segment` >= 0, shape (m,), and find what touches."""
     used = np.flatnonzero(segment >= 0)
+    if not len(used):  # a bare room, or one of which everything is known
+        return Segments(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0), {})
     position, owner = surface_points(table.corners[used], table.area[used], SPACING)
     face = used[owner]
     weight = table.area[face] / np.bincount(face, minlength=len(segment))[face]
