@@ -150,7 +150,7 @@ def test_a_benchmark_from_cold_to_warm(
     }  # fmt: skip
 
     assert {path.name for path in (run / "samples" / "none").iterdir()} == {
-        "placement.json", "scene.glb", "clean.png",
+        "placement.json", "scene.glb", "clean.png", "candidates.png",
     }  # fmt: skip
 
     def refuse() -> None:

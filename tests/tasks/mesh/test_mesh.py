@@ -99,7 +99,7 @@ def test_splats_alone_become_a_clean_mesh(tmp_path: Path) -> None:
     write_splats(tmp_path / "crate.ply", splats_on_mesh(true, 0.02, seed=0))
     source = Source(tmp_path / "crate.ply")
     config = MeshConfig(surface=SurfaceConfig(places=4, pixels=128, cell=0.02))
-    scan = mesh_scene(source, SourceOptions(), config)
+    scan = mesh_scene(source, SourceOptions(unit="m"), config)
     assert needs_process(source)
     away = MeshDistance(true).unsigned(scan.mesh.vertices)
     assert np.quantile(away, 0.95) < 0.02
