@@ -18,6 +18,7 @@ LARGEST_RESOLUTION_M = 1.0
 """A cell larger than this resolves nothing that can be placed in a room [m]."""
 SolverName = Literal["tl", "mls"]
 ArchName = Literal["auto", "cpu", "cuda"]
+AmbiguousName = Literal["ask", "best"]
 UpName = Literal["auto", "y", "z", "-y", "-z"]
 UnitName = Literal["auto", "m", "cm", "mm", "in"]  # the keys of METRES: a Literal cannot be computed
 UPS: tuple[str, ...] = get_args(UpName)
@@ -133,6 +134,8 @@ class PlaceOptions(DropOptions, frozen=True, extra="forbid"):
     """Seed of everything random."""
     paper_limits: bool = False
     """Clamp the materials as the paper does."""
+    ambiguous: Annotated[AmbiguousName, one_of(AmbiguousName)] = "ask"
+    """Where the sentence may mean another thing as well: ask which, or take the best and say so."""
 
 
 class DropKeywords(TypedDict, total=False):
@@ -168,6 +171,7 @@ class PlaceKeywords(DropKeywords, total=False):
     mass: float | None
     seed: int
     paper_limits: bool
+    ambiguous: AmbiguousName
 
 
 Options = TypeVar("Options", bound=DropOptions)

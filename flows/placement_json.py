@@ -56,6 +56,7 @@ def placement_json(finished: FinishedSample, values: Values, artifacts: Mapping[
         "message": values.infeasible.message if values.infeasible else None,
         "prompt": finished.sample.prompt,
         "base": base_of(values),
+        "candidates": list(intent.candidates) if intent else [],
         "part": anchor.part if anchor else None,
         "region": anchor.region if anchor else None,
         "region_missed": missed,
@@ -149,6 +150,7 @@ def warnings_of(values: Values) -> list[str]:
         found += values.intent.notes
         if values.intent.not_understood:
             found.append(f"not understood: {', '.join(values.intent.not_understood)}")
+    found += values.anchor.notes if values.anchor else ()
     found += values.particles.notes if values.particles else ()
     last = last_state(values)
     found += last.warnings if last else ()

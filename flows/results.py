@@ -81,6 +81,16 @@ class Base:
 
 
 @dataclass(frozen=True, slots=True)
+class CandidateRow:
+    """An instance that the prompt may mean as the support."""
+
+    id: str
+    label: str
+    score: float
+    """How likely it is meant, 0..1."""
+
+
+@dataclass(frozen=True, slots=True)
 class Pose:
     """Of the object's own origin; for a soft object its best-fit rigid motion."""
 
@@ -137,6 +147,7 @@ class Placement:
     message: str | None
     prompt: str
     base: Base | None
+    candidates: tuple[CandidateRow, ...]
     part: str | None
     region: str | None
     region_missed: bool | None

@@ -38,6 +38,7 @@ BEFORE_THE_DROP = ("", Reason.TARGET_NOT_FOUND, Reason.NO_SUPPORT_HIT, Reason.TO
 """Reasons that show before anything is simulated; other infeasible samples have an anchor."""
 NOT_UNDERSTOOD = "not_understood"
 """Stands for a sentence that is refused."""
+TAKE_THE_BEST = IntentConfig(ambiguous="best")
 PICTURES = RotationConfig(picture_size=64)
 """The offline client looks at none."""
 
@@ -81,7 +82,7 @@ def shot(room: str, item: str, prompt: str) -> Shot:
     """Intent, rotation and anchor for a sentence in an embedded room."""
     scene, thing = room_of(room)[1], item_of(item)
     try:
-        meant = intent(SegmentedScene(scene), SegmentedObject(thing), prompt, None, IntentConfig(), OfflineClient())
+        meant = intent(SegmentedScene(scene), SegmentedObject(thing), prompt, None, TAKE_THE_BEST, OfflineClient())
     except LanguageError as error:
         return Shot(scene, thing, None, None, str(error))
     if isinstance(meant, Infeasible):

@@ -150,7 +150,7 @@ def answer(room: str, scene: SegmentedScene, item: SegmentedObject, noun: str, b
     """What is taken for a noun, and where a ball would be set down."""
     client, prompt = OfflineClient(), f"put the ball on the {noun}"
     try:
-        found = intent(scene, item, prompt, None, IntentConfig(), client)
+        found = intent(scene, item, prompt, None, IntentConfig(ambiguous="best"), client)
         if isinstance(found, Infeasible):
             return NounScore(room, noun, 0.0, False, 0.0, found.message)
         place = placed(scene, item, found, prompt)

@@ -58,6 +58,9 @@ LoadAware = Annotated[
     bool,
     typer.Option("--load-aware", help="Treat parts that give less than 0.05 mm under the load as rigid too."),
 ]
+Ambiguous = Annotated[
+    str, typer.Option(help="Where the sentence may mean several things: ask (and end) or take the best.")
+]
 PaperLimits = Annotated[
     bool,
     typer.Option("--paper-limits", help="Clamp materials to the paper's limits (E >= 5e4 Pa ...)."),
@@ -126,6 +129,7 @@ def place(
     stability: Stability = False,
     load_aware: LoadAware = False,
     paper_limits: PaperLimits = False,
+    ambiguous: Ambiguous = "ask",
     as_json: Json = False,
 ) -> int:
     """Place one object in one scene."""
@@ -189,6 +193,7 @@ def benchmark(
         bool, typer.Option("--batch", help="Ask in batches: half the price, answers within minutes to a day.")
     ] = False,
     paper_limits: PaperLimits = False,
+    ambiguous: Ambiguous = "best",
     as_json: Json = False,
 ) -> int:
     """Place every sample of a dataset and report."""
@@ -203,7 +208,8 @@ def benchmark(
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     threads = max(1, cores // workers)  # drops side by side must not fight for the cores
     asking = LanguageOptions(language, model, record, replay, max_cost, batch)
-    config = configured(PlaceOptions(threads=threads, paper_limits=paper_limits), language=asking.config())
+    chosen = checked(PlaceOptions, {"threads": threads, "paper_limits": paper_limits, "ambiguous": ambiguous})
+    config = configured(chosen, language=asking.config())
     run = run_benchmark(dataset, config, asking, limit=limit, workers=workers, only_failed=only_failed)
     if as_json:
         print(json.dumps(object_to_json(run.summary), indent=2, ensure_ascii=False))
@@ -219,6 +225,7 @@ def plan(
     record: Record = "",
     replay: Replay = "",
     paper_limits: PaperLimits = False,
+    ambiguous: Ambiguous = "best",
     as_json: Json = False,
 ) -> int:
     """Show what a benchmark would run and why, without running anything."""
@@ -228,7 +235,8 @@ def plan(
     from flows.language_options import LanguageOptions
 
     asking = LanguageOptions(language, model, record, replay)
-    config = configured(PlaceOptions(paper_limits=paper_limits), language=asking.config(plan=True))
+    chosen = checked(PlaceOptions, {"paper_limits": paper_limits, "ambiguous": ambiguous})
+    config = configured(chosen, language=asking.config(plan=True))
     rows = plan_benchmark(dataset, config, limit=limit)
     if as_json:
         print(json.dumps(to_json(rows), indent=2, ensure_ascii=False))

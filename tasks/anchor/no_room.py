@@ -66,6 +66,29 @@ def not_on_it(base: Instance, index: int, intent: Intent, away: float) -> Infeas
     return Infeasible(Reason.NO_SUPPORT_HIT, text, evidence)
 
 
+def nothing_left(base: Instance, index: int, intent: Intent) -> Infeasible:
+    """The refusal of constraints that no place of the part keeps to."""
+    part, region = base.parts[index], intent.region
+    asked = ", ".join(dict.fromkeys(one.words for one in region.constraints if one.words)) or region.words
+    evidence = BesideThePart(
+        base=base.id,
+        part=part.name,
+        region=" ".join(region.names),
+        references=tuple(one.reference for one in region.constraints if one.reference) or tuple(region.references),
+        beside_m=0.0,
+    )
+    text = f"no place on the {part.name} of {base.label} is as asked ({asked}); say less of it, or another distance"
+    return Infeasible(Reason.NO_SUPPORT_HIT, text, evidence)
+
+
+def not_leaning(base: Instance, index: int, intent: Intent, why: str) -> Infeasible:
+    """The refusal of leaning where there is no such pose."""
+    part, on = base.parts[index], intent.orientation.lean
+    evidence = BesideThePart(base=base.id, part=part.name, region="leaning", references=(on,), beside_m=0.0)
+    text = f"{intent.object_name} cannot lean on {on} on the {part.name} of {base.label}: {why}"
+    return Infeasible(Reason.NO_SUPPORT_HIT, text, evidence)
+
+
 def in_the_way(scene: Segmentation, base: Instance, faces: NDArray[np.int64]) -> list[tuple[str, str, float]]:
     """Id, name and share of the spots of what is in the way most often; parts of the base go by their own names."""
     if len(faces) == 0:

@@ -10,13 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dcap.geometry.placement.named_regions import ViewerFrame
-from dcap.language.protocol.requests import AnchorRequest, BoxView
+from dcap.language.protocol.requests import AnchorRequest, BoxView, PartView
 from dcap.scene.types.box import OrientedBox
 from dcap.scene.types.intent import Intent
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.segmentation import Instance, Segmentation
 from tasks.anchor.base_picture import base_from_above
-from tasks.requests.surroundings import apart, boxes_of, part_frame
+from tasks.requests.surroundings import PART, apart, boxes_of, part_frame, parts_meant
 from tasks.requests.views import part_views, vector
 
 BESIDE = 0.6
@@ -36,11 +36,12 @@ def anchor_request(scene: Segmentation, base: Instance, intent: Intent, prompt: 
         object_name=intent.object_name,
         footprint=(float(size[0]), float(size[1])),
         base_label=base.label,
-        parts=part_views(scene, scene.index_of(base.id)),
+        parts=allowed_parts(scene, base, intent),
         asked_part=intent.region.part,
         asked_which=intent.region.which,
         asked_regions=intent.region.names,
         asked_references=intent.region.references,
+        asked_constraints=intent.region.constraints,
         right=(float(frame.right[0]), float(frame.right[1]), 0.0),
         front=(float(frame.front[0]), float(frame.front[1]), 0.0),
         part_boxes=tuple(box_view(str(k), part.name, part.box, frame, base) for k, part in enumerate(base.parts)),
@@ -48,6 +49,18 @@ def anchor_request(scene: Segmentation, base: Instance, intent: Intent, prompt: 
         neighbours=tuple(box_view(one.id, one.label, one.box, frame, base) for one in others),
         pictures=(partial(base_from_above, scene, base, frame, others),),
     )
+
+
+def allowed_parts(scene: Segmentation, base: Instance, intent: Intent) -> tuple[PartView, ...]:
+    """The base's parts without those on which the object shall not go; all, if that would leave none."""
+    views = part_views(scene, scene.index_of(base.id))
+    barred = {
+        index
+        for one in intent.region.constraints
+        if one.kind == "not_on" and one.reference.startswith(PART)
+        for index in parts_meant(scene, base, one.reference)
+    }
+    return tuple(view for view in views if view.index not in barred) or views
 
 
 def asked_boxes(scene: Segmentation, base: Instance, intent: Intent, frame: ViewerFrame) -> tuple[BoxView, ...]:

@@ -4,17 +4,18 @@ In: scene, object, intent and rotation. Out: `Anchor` with the pre-drop pose, or
 `too_large_for_target`. The region's aim is tried first, then the spots around it: a ray along gravity must hit the
 part, the object's underside must be over it, and nothing else may be in the way. Faces need not look up. The object's
 centre of mass goes over the anchor, and its lowest points start `clearance` above what lies beneath them, measured
-between the meshes, which cut through each other nowhere.
+between the meshes, which cut through each other nowhere. Beside a thing means neither over nor under it; excluded
+places and distances cut the areas (see `constraints.py`); what leans starts tilted against what it leans on
+(`leaning.py`).
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, PositiveFloat
 
 from dcap.geometry.placement.clearance import Clearance
-from dcap.geometry.placement.named_regions import Region, ViewerFrame, both, distance_beside, regions
 from dcap.geometry.placement.poses import center_of_mass
 from dcap.geometry.placement.search import SHARES, PlacementSearch
 from dcap.geometry.placement.set_down import Start, set_down
@@ -23,24 +24,23 @@ from dcap.language.connect import Client
 from dcap.language.protocol.client import LanguageConfig
 from dcap.language.protocol.questions import ANCHOR
 from dcap.language.protocol.replies import AnchorReply
-from dcap.scene.types.anchor import Anchor
-from dcap.scene.types.box import OrientedBox
+from dcap.scene.types.anchor import Anchor, Lean
 from dcap.scene.types.intent import Intent
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.outcome import Infeasible
 from dcap.scene.types.rotation import Rotation
 from dcap.scene.types.segmentation import Instance, Segmentation, SegmentedObject, SegmentedScene
-from tasks.anchor.carriers import COVERS, carriers, owner
+from tasks.anchor.carriers import owner
+from tasks.anchor.choice import Choice, carrier_masks, choice_of
 from tasks.anchor.given_point import area_at, beside_the_point, carrying_at, reply_at
-from tasks.anchor.no_room import no_room, not_on_it
+from tasks.anchor.leaning import leaning_start
+from tasks.anchor.no_room import no_room, not_on_it, nothing_left
 from tasks.anchor.request import anchor_request
-from tasks.requests.surroundings import apart, part_frame, reference_boxes, reference_frame
+from tasks.requests.surroundings import part_frame
 from tasks.requests.views import instance_of
 from tasks.runner.stage import stage
 
 Array = NDArray[np.float64]
-NEIGHBOUR = 1.5
-"""A base within this distance of a thing stands beside it [m]: then "the chair next to the desk" says which chair."""
 
 
 class AnchorConfig(BaseModel, frozen=True, extra="forbid"):
@@ -49,21 +49,6 @@ class AnchorConfig(BaseModel, frozen=True, extra="forbid"):
     language: LanguageConfig = LanguageConfig()
     clearance: PositiveFloat = 0.01
     """Smallest vertical gap at the start [m]; the paper's 1 cm."""
-
-
-@dataclass(frozen=True, eq=False, slots=True)
-class Choice:
-    """A part with its frame and the areas to try."""
-
-    index: int
-    frame: ViewerFrame
-    areas: list[Region]
-    region: str
-    """Region words that the areas mean; empty for the whole part."""
-    note: str = ""
-    """How the region was understood."""
-    beside: float | None = None
-    """How far from the part the asked place lies [m]; None where it is on it."""
 
 
 def anchor(
@@ -85,80 +70,34 @@ def anchor(
     caster = Raycaster(scene.mesh)
     if intent.at is None:
         reply = client.ask(ANCHOR, anchor_request(scene, base, intent, prompt, mesh))
+        if intent.orientation.lean:
+            return leaned(scene, base, item.mesh, pose, intent, reply, caster)
         choice = choice_of(scene, base, intent, reply, mesh)
         if choice.beside is not None:
             return not_on_it(base, choice.index, intent, choice.beside)
-        masks = carriers(scene, base, choice.index, named=asked(base, choice.index, intent), caster=caster)
+        if not choice.areas:
+            return nothing_left(base, choice.index, intent)
+        masks = carrier_masks(scene, base, choice, intent, caster)
     else:
         reply = reply_at(scene, base, intent.at, caster)
         frame = part_frame(scene, base, base.parts[reply.part_index].box)
-        choice = Choice(reply.part_index, frame, [area_at(intent.at, mesh)], "at the point")
+        choice = Choice(reply.part_index, frame, [area_at(intent.at, mesh)], [], "at the point")
         masks = [carrying_at(scene, base, intent.at)]
     exact = Clearance(mesh, scene.mesh, caster)
     search = None
-    for mask in masks:
-        search = PlacementSearch(scene.mesh, caster, mask, mesh)
-        start = set_down(search, exact, choice.areas, config.clearance)
-        if start is not None:
-            found = anchored(scene, base, choice, start, pose, search, reply)
-            spot = np.array([start.spot.x, start.spot.y])
-            return replace(found, reason=found.reason + beside_the_point(intent.at, spot))
+    for areas, note in ((choice.areas, choice.note), (choice.spare, choice.spare_note)):
+        for mask in masks if areas else ():
+            search = PlacementSearch(scene.mesh, caster, mask, mesh)
+            start = set_down(search, exact, areas, config.clearance)
+            if start is not None:
+                found = anchored(scene, base, replace(choice, note=note), start, pose, search, reply)
+                spot = np.array([start.spot.x, start.spot.y])
+                return replace(found, reason=found.reason + beside_the_point(intent.at, spot))
     assert search is not None  # there is always a mask to try
     return no_room(scene, base, choice.index, choice.frame, search, choice.areas, intent, mesh)
 
 
 anchor_task = stage(anchor)
-
-
-# choosing -----------------------------------------------------------------------------------------------------------
-
-
-def asked(base: Instance, index: int, intent: Intent) -> bool:
-    """Whether the prompt names this part."""
-    return base.parts[index].name == intent.region.part
-
-
-def choice_of(scene: Segmentation, base: Instance, intent: Intent, reply: AnchorReply, mesh: Mesh) -> Choice:
-    """The areas that the reply means on the part; words for a place on a bed mean its mattress, whatever covers it.
-
-    A point is one of the part that was chosen, and stays on it.
-    """
-    index = reply.part_index
-    if base.parts[index].name in COVERS and reply.point is None and not asked(base, index, intent):
-        index = next((number for number, part in enumerate(base.parts) if part.name == "mattress"), index)
-    frame = part_frame(scene, base, base.parts[index].box)
-    names: tuple[str, ...] = reply.regions
-    note = ""
-    groups = groups_of(scene, base, reply, index)
-    view, reach = reference_frame(scene, base, reply.references) or frame, reach_of(mesh, frame)
-    areas = [area for group in groups for area in regions(frame, names, group, reach, view)]
-    if len(reply.references) > 1 and "between" not in names:
-        areas[:0] = both(areas)  # "next to the lamp and the book": where the two meet, if they do
-    if not areas and all(apart(base.box, box) < NEIGHBOUR for group in groups for box in group):
-        names, note = (), f"; {intent.region.words!r} is taken to say which {base.label} is meant"
-        areas = regions(frame, (), [], reach)
-    if not areas:
-        away = min(distance_beside(frame, names, group, reach, view) for group in groups)
-        return Choice(index, frame, [], " ".join(names), beside=away)
-    if reply.point is not None:
-        areas = [replace(area, target=frame.world(np.array(reply.point))) for area in areas]
-    if not names and not note and sum(part.name == base.parts[index].name for part in base.parts) > 1:
-        names = intent.region.names  # "on the left": it picked one of the cushions side by side
-    return Choice(index, frame, areas, " ".join(names), note)
-
-
-def groups_of(scene: Segmentation, base: Instance, reply: AnchorReply, index: int) -> list[list[OrientedBox]]:
-    """Boxes of what the regions refer to, those that make an area together in a group, the nearest to the part first.
-
-    "Near the pillow" with two pillows is near one of them; "between" takes all together.
-    """
-    boxes = reference_boxes(scene, base, reply.references, base.parts[index].box.center)
-    return [[box] for box in boxes] if boxes and "between" not in reply.regions else [boxes]
-
-
-def reach_of(mesh: Mesh, frame: ViewerFrame) -> Array:
-    """Half extents along a frame's right and front [m], shape (2,)."""
-    return np.asarray(0.5 * np.ptp(mesh.vertices[:, :2] @ np.stack([frame.right, frame.front], axis=1), axis=0))
 
 
 # setting ------------------------------------------------------------------------------------------------------------
@@ -172,6 +111,7 @@ def anchored(
     pose: Array,
     search: PlacementSearch,
     reply: AnchorReply,
+    lean: Lean | None = None,
 ) -> Anchor:
     """The pre-drop pose over the spot."""
     spot = np.array([start.spot.x, start.spot.y])
@@ -190,8 +130,20 @@ def anchored(
         world_from_object=world_from_object,
         clearance=start.gap,
         region_polygon=start.region.polygon,
-        reason=f"{reply.reason}{choice.note}{covered(base, choice, carrier, index)}{support_note(start, part.name)}",
+        reason=f"{reply.reason}{covered(base, choice, carrier, index)}{support_note(start, part.name)}",
+        lean=lean,
+        notes=(choice.note,) if choice.note else (),
     )
+
+
+def leaned(
+    scene: Segmentation, base: Instance, item: Mesh, pose: Array, intent: Intent, reply: AnchorReply, caster: Raycaster
+) -> Anchor | Infeasible:
+    """The pre-drop pose of what leans."""
+    found = leaning_start(scene, base, item, pose, intent, reply, caster)
+    if isinstance(found, Infeasible):
+        return found
+    return anchored(scene, base, found.choice, found.start, found.pose, found.search, reply, found.lean)
 
 
 def covered(base: Instance, choice: Choice, carrier: Instance, index: int) -> str:

@@ -18,7 +18,7 @@ from dcap.scene.types.gravity import GRAVITY
 from dcap.scene.types.intent import Intent
 from dcap.scene.types.outcome import Infeasible, Reason
 from dcap.scene.types.particles import Particles
-from dcap.scene.types.settled import LastState, PlacementChecks, Settled
+from dcap.scene.types.settled import LastState, LeanCheck, PlacementChecks, Settled
 from solver.certificate import CertificateRow, Verdict
 from solver.config import SolverConfig
 from solver.errors import ArchError, UnstableStep
@@ -32,6 +32,8 @@ Array = NDArray[np.float64]
 
 LOG = logging.getLogger(__name__)
 
+PART = "part:"
+FOOT = 0.25  # of what leans, over its height: contact above it is with what it leans on [-]
 REPORTED = 10  # steps between two lines of progress
 
 
@@ -45,6 +47,10 @@ class DropConfig(BaseModel, frozen=True, extra="forbid"):
     """Change of the object's own tilt that is toppling, where an orientation was asked [rad]."""
     turn_angle: PositiveFloat = 0.7854
     """Turn about the vertical that is looking elsewhere, where a facing was asked [rad]."""
+    lean_angle: PositiveFloat = 0.2618
+    """Change of the tilt of what leans that is sliding down or falling back [rad]."""
+    held_share: PositiveFloat = 0.005
+    """Share of all force on what leans that must come from what it leans on [-]."""
     object_share: PositiveFloat = 0.5
     """Share of the object's weight that the base must carry for the object to be on it [-]."""
 
@@ -82,7 +88,41 @@ def with_checks(settled: Settled, particles: Particles, anchor: Anchor, intent: 
         tilt = CertificateRow.at_most(tilt_of(turned, anchor.world_from_object), config.topple_angle)
     if orientation.facing:
         turn = CertificateRow.at_most(turn_of(turned), config.turn_angle)
-    return replace(settled, checks=PlacementChecks(share, tilt, turn, particles.column or None))
+    lean = lean_of(settled, particles, anchor, config)
+    checks = PlacementChecks(share, tilt, turn, lean, particles.column or None)
+    told = () if lean is None or lean.held_share.holds else (f"it rests without leaning on {lean.on}",)
+    return replace(settled, checks=checks, warnings=(*settled.warnings, *told))
+
+
+def lean_of(settled: Settled, particles: Particles, anchor: Anchor, config: DropConfig) -> LeanCheck | None:
+    """How it leans at rest beside how it was asked to; None where it was not, or stands by itself."""
+    if anchor.lean is None or anchor.lean.angle == 0.0:
+        return None
+    after = Rotation.from_quat(settled.bodies[0].quaternion, scalar_first=True).apply(anchor.lean.axis)
+    angle = float(np.arccos(np.clip(after[2], -1.0, 1.0)))
+    return LeanCheck(
+        on=anchor.lean.on,
+        asked_rad=anchor.lean.angle,
+        rest_rad=angle,
+        change_rad=CertificateRow.at_most(abs(angle - anchor.lean.angle), config.lean_angle),
+        held_share=CertificateRow.at_least(held_share(settled, particles, anchor), config.held_share),
+    )
+
+
+def held_share(settled: Settled, particles: Particles, anchor: Anchor) -> float:
+    """Normal force between the object and what it leans on over all normal force on it [-]; of a part of the base, with
+    which the contact is one, the share of the contact's points that are not at the foot."""
+    assert anchor.lean is not None
+    own, on = particles.bodies[0].name, anchor.lean.on
+    if on.startswith(PART):
+        low, high = settled.bodies[0].surface.bounds[:, 2]
+        points = settled.contact_points
+        return float(np.mean(points[:, 2] > low + FOOT * (high - low))) if len(points) else 0.0
+    holding = {b.name for b in particles.bodies if b.instance == on}
+    touching = [row for row in settled.contacts if own in (row.a, row.b)]
+    total = sum(row.normal_force_n for row in touching)
+    held = sum(row.normal_force_n for row in touching if (row.b if row.a == own else row.a) in holding)
+    return held / total if total > 0.0 else 0.0
 
 
 def checks_of(settled: Settled) -> PlacementChecks:
@@ -104,9 +144,11 @@ def toppling(settled: Settled, intent: Intent) -> Infeasible | None:
     """The object has tilted away from a pose, or turned away from a facing, that was asked for."""
     checks = checks_of(settled)
     asked = intent.orientation.facing if intent.orientation.pose == "any" else intent.orientation.pose
+    lean = None if checks.lean is None else checks.lean.change_rad
     for check, what, wanted in (
         (checks.tilt_rad, "fell over", asked),
         (checks.turn_rad, "turned away", intent.orientation.facing),
+        (lean, "slid down or fell back", f"leaning on {intent.orientation.lean}"),
     ):
         if check is not None and not check.holds:
             angle, bound = np.degrees([check.value, check.threshold])

@@ -1,10 +1,12 @@
 """Stage 3, intent: one question about the sentence; its answer fixes base, size, mass, orientation and region.
 
 In: the segmented scene and object, the prompt, a mass where the user gives one. Out: `Intent`, or `target_not_found`
-with what there is. One isotropic factor makes the mesh as large as such things are (see `rescale.py`); a mesh of a
-plausible size stays as it is. The mass prior follows the size: with the volume, for hollow things with the surface, for
-sheets with the area.
+with what there is; a choice that the prompt leaves open is asked back (see `which.py`). One isotropic factor makes the
+mesh as large as such things are (see `rescale.py`); a mesh of a plausible size stays as it is. The mass prior follows
+the size: with the volume, for hollow things with the surface, for sheets with the area.
 """
+
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,13 +18,14 @@ from dcap.language.protocol.questions import INTENT
 from dcap.language.protocol.replies import IntentReply
 from dcap.language.protocol.requests import IntentRequest
 from dcap.scene.errors import InputError
-from dcap.scene.types.intent import Intent, OrientationRequest
+from dcap.scene.types.intent import Intent, OrientationRequest, SupportCandidate
 from dcap.scene.types.outcome import Infeasible, NotInScene, Reason
 from dcap.scene.types.pointed import Pointed
 from dcap.scene.types.segmentation import SegmentedObject, SegmentedScene
 from tasks.intent.given_place import place_of
 from tasks.intent.request import intent_request
 from tasks.intent.rescale import Rescale, rescale
+from tasks.intent.which import settle_choice
 from tasks.requests.views import instance_of
 from tasks.runner.stage import stage
 
@@ -36,6 +39,9 @@ class IntentConfig(BaseModel, frozen=True, extra="forbid"):
     """Who is asked, and how far a mesh may be rescaled."""
 
     language: LanguageConfig = LanguageConfig()
+    ambiguous: Literal["ask", "best"] = "ask"
+    """Where the sentence may mean another thing as well (with at least half of the best one's likelihood): ask which,
+    or take the likeliest and say so."""
     smallest_scale: PositiveFloat = 1e-3
     """Lower clamp of the isotropic factor [-]: millimetres read as metres."""
     largest_scale: PositiveFloat = 1e3
@@ -62,6 +68,7 @@ def intent(
     reply = client.ask(INTENT, request)
     if not reply.base_id:
         return not_found(reply, request)
+    open_choice = settle_choice(reply, request, ask=config.ambiguous == "ask")
     extents = np.array(request.item.size)
     fit = scale_of(reply, extents, config)
     weight, mass_note = mass_of(reply, fit.shape, extents * fit.scale, mass, config)
@@ -74,10 +81,13 @@ def intent(
         mass=weight,
         hollow=reply.hollow,
         scale=fit.scale,
-        orientation=OrientationRequest(reply.pose, reply.facing, reply.orientation_words, reply.turn_deg),
+        orientation=OrientationRequest(
+            reply.pose, reply.facing, reply.orientation_words, reply.turn_deg, reply.lean_on
+        ),
         region=where.region,
         not_understood=reply.not_understood,
-        notes=(*where.notes, *reply.notes, fit.note, mass_note),
+        notes=(*where.notes, *reply.notes, *open_choice, fit.note, mass_note),
+        candidates=candidates_of(reply, request),
         mass_given=mass is not None,
         at=where.at,
     )
@@ -86,14 +96,23 @@ def intent(
 intent_task = stage(intent)
 
 
+def candidates_of(reply: IntentReply, request: IntentRequest) -> tuple[SupportCandidate, ...]:
+    """The supports that may be meant, the one that is taken first."""
+    label = {one.id: one.label for one in request.instances}
+    said = [SupportCandidate(one.id, label[one.id], one.likelihood) for one in reply.candidates]
+    said.sort(key=lambda one: (one.id != reply.base_id, -one.score, one.id))
+    return tuple(said) or (SupportCandidate(reply.base_id, label[reply.base_id], 1.0),)
+
+
 def not_found(reply: IntentReply, request: IntentRequest) -> Infeasible:
     """The scene has no such thing; name what it has."""
     present = sorted({i.label for i in request.instances if not i.structure})
     structure = sorted({i.label for i in request.instances if i.structure})
     there = ", ".join([*present, *structure]) or "nothing that has a name"
+    meant = f" (did you mean the {reply.did_you_mean}?)" if reply.did_you_mean else ""
     return Infeasible(
         Reason.TARGET_NOT_FOUND,
-        f"the scene has no {reply.missing.removeprefix('the ').removeprefix('a ')}; it has: {there}",
+        f"the scene has no {reply.missing.removeprefix('the ').removeprefix('a ')}{meant}; it has: {there}",
         NotInScene(asked=reply.missing, present=(*present, *structure), object=reply.object_name),
     )
 

@@ -1,11 +1,13 @@
 """What stands around the soft part of the base: its rigid parts and other things in reach, as fixed rigid bodies."""
 
 import numpy as np
+import trimesh
 from numpy.typing import NDArray
 
 from dcap.geometry.distance import MeshDistance
 from dcap.geometry.solid.support import ready_support, shell_bottoms
 from dcap.scene.types.materials import PartMaterial
+from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.particles import RigidSimulationBody
 from dcap.scene.types.segmentation import Instance
 from tasks.bodies.contact_surface import obstacle_surface
@@ -15,6 +17,8 @@ from tasks.particles.drop_setup import DropSetup, friction_of_surface
 
 SAMPLES = 80.0  # of an obstacle's signed distance along the object's diagonal
 MARGIN = 0.02  # a signed distance reaches this far beyond the faces in reach [m]
+TOWARDS = 0.75  # share of a wall's area in reach that lies behind its face: of two skins the nearer one [-]
+SLAB = 0.3  # thickness of the block that a wall is taken as [m]
 NEARBY = 0.1  # faces this far around the crop decide what an obstacle's solid is [m]
 
 
@@ -36,21 +40,40 @@ def rigid_base(
 
 
 def neighbours(setup: DropSetup) -> list[RigidSimulationBody]:
-    """Other things in reach as fixed rigid bodies; walls, floor and ceiling are left out."""
+    """Other things in reach as fixed rigid bodies; walls, floor and ceiling are left out, but for what is leaned on."""
     bodies = []
+    held = setup.anchor.lean.on if setup.anchor.lean is not None else ""
     for index, instance in enumerate(setup.scene.instances):
-        if index == setup.base_index or instance.structure:
+        if index == setup.base_index or (instance.structure and instance.id != held):
             continue
         faces = setup.faces_near_crop(index, 0.0)
         faces = faces[setup.in_contact_region(setup.scene.mesh.corners(faces))]
         if len(faces) == 0:
             continue
-        solid = neighbour_solid(setup, index)
+        solid = MeshDistance(wall_slab(setup, instance, faces)) if instance.structure else neighbour_solid(setup, index)
         rows = rows_of(setup, instance)
         main = most_seen(rows, np.clip(setup.scene.face_part[faces], 0, None))
         bodies.append(obstacle(setup, (instance.id, instance.id), faces, solid, rows, main))
         setup.notes.append(f"{instance.id} ({instance.label}) is in reach: a fixed rigid obstacle")
     return bodies
+
+
+def wall_slab(setup: DropSetup, wall: Instance, faces: NDArray[np.int64]) -> Mesh:
+    """A wall as a closed block: a scan shows its skin only, so it goes on behind the face that the object is at.
+
+    That face is where most of the wall's area (k faces in reach) towards the object lies: rims and sockets stand out.
+    """
+    box, thin = wall.box, int(np.argmin(wall.box.half_extents[:2]))
+    axis = box.axes[:, thin]
+    side = np.sign(float((setup.mesh.bounds.mean(axis=0) - box.center) @ axis)) or 1.0
+    out = side * ((setup.scene.mesh.corners(faces).mean(axis=1) - box.center) @ axis)
+    order = np.argsort(out)
+    area = np.cumsum(setup.scene.mesh.face_areas[faces][order])
+    face = side * float(out[order][np.searchsorted(area, TOWARDS * area[-1])])
+    half = box.half_extents.copy()
+    half[thin] = 0.5 * SLAB
+    solid = trimesh.creation.box(2.0 * half)
+    return Mesh.of(solid.vertices @ box.axes.T + box.center + (face - side * half[thin]) * axis, solid.faces)
 
 
 def neighbour_solid(setup: DropSetup, index: int) -> MeshDistance:

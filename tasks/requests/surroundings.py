@@ -3,6 +3,8 @@
 In: scene and intent. Out: the viewer's frame of a part, boxes of references, directions to what shall be faced.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -18,6 +20,8 @@ PART = "part:"
 UP = np.array([0.0, 0.0, 1.0])
 WIDE = 1.2
 """Things longer than this are faced at their nearest point, smaller ones at their middle [m]: walls, sofas."""
+FLAT = 0.05
+"""What is no higher than this is walked on: things on it are seen as on the floor [m]."""
 LARGE = 0.2
 """Pieces of a part with this share of its largest piece's faces count as things of their own [-]: a sofa's arms."""
 
@@ -35,6 +39,17 @@ def boxes_of(scene: Segmentation, base: Instance, reference: str) -> list[Orient
         boxes = [box for number in named for box in piece_boxes(scene, base, number)]
         return boxes if not side else outermost_box(boxes, side, part_frame(scene, base, base.box))
     return [scene.instances[scene.index_of(reference)].box]
+
+
+def parts_meant(scene: Segmentation, base: Instance, reference: str) -> list[int]:
+    """Indices of the base's parts that a reference `part:NAME` or `part:NAME/SIDE` means."""
+    name, _, side = reference.removeprefix(PART).partition("/")
+    named = [number for number, part in enumerate(base.parts) if part.name == name]
+    if not side or not named:
+        return named
+    boxes = [base.parts[number].box for number in named]
+    best = outermost_box(boxes, side, part_frame(scene, base, base.box))[0]
+    return [number for number, box in zip(named, boxes, strict=True) if box is best]
 
 
 def outermost_box(boxes: list[OrientedBox], side: str, frame: ViewerFrame) -> list[OrientedBox]:
@@ -63,15 +78,26 @@ def box_about(like: OrientedBox, points: Array) -> OrientedBox:
     return OrientedBox(like.to_world(0.5 * (low + high)[None])[0], like.axes, 0.5 * (high - low))
 
 
-def reference_frame(scene: Segmentation, base: Instance, names: tuple[str, ...]) -> ViewerFrame | None:
+def reference_frame(
+    scene: Segmentation, base: Instance, names: tuple[str, ...], regions: Sequence[str] = ()
+) -> ViewerFrame | None:
     """Whose left and front are meant: on the floor those of a single thing; else None, the part's.
 
-    Doors and walls are seen from the room, as are things without a front.
+    Doors and walls are seen from the room, as are things without a front. On a table "in front of the chair" that
+    stands beside it is the table's side at the chair: there the chair's front is towards the table.
     """
-    if not base.structure or len(names) != 1 or names[0].startswith(PART):
+    if len(names) != 1 or names[0].startswith(PART):
         return None
     one = scene.instances[scene.index_of(names[0])]
+    if not is_floor(base):
+        beside = "front" in regions and apart(base.box, one.box) > 0.0
+        return viewer_frame(one.box, base.box.center - one.box.center, room_center(scene)) if beside else None
     return viewer_frame(one.box, None if one.structure else one.front, room_center(scene))
+
+
+def is_floor(base: Instance) -> bool:
+    """Whether one walks on it: a floor or a rug."""
+    return base.structure or 2.0 * float(base.box.half_extents[2]) < FLAT
 
 
 def apart(a: OrientedBox, b: OrientedBox) -> float:

@@ -64,15 +64,17 @@ def rotation(
     poses = pose_views(mesh, own, front_side(intent.object_name))
     place = wished_place(scene, base, intent, 0.5 * float(np.ptp(mesh.bounds[:, :2], axis=0).max()))
     pictures = three_flips(scene, base, mesh, place, config.picture_size)
+    has_front = front_of(turned(mesh, own), front_side(intent.object_name))[1]
+    facing = wished_facing(intent, has_front=has_front)
     request = RotationRequest(
         prompt=refined(prompt, intent),
         object_name=intent.object_name,
         pose=intent.orientation.pose,
-        facing=intent.orientation.facing,
+        facing=facing,
         poses=poses,
-        facings=facings(scene, base, place, intent.orientation.facing),
+        facings=facings(scene, base, place, facing),
         symmetry=symmetry_about_z(turned(mesh, own)),
-        has_front=front_of(turned(mesh, own), front_side(intent.object_name))[1],
+        has_front=has_front,
         stands=stands_as_read(mesh),
         righting=righting,
         turn_deg=intent.orientation.turn_deg,
@@ -89,6 +91,12 @@ def rotation(
 
 
 rotation_task = stage(rotation)
+
+
+def wished_facing(intent: Intent, *, has_front: bool) -> str:
+    """What the front shall look at: what was said; of what leans, away from what it leans on."""
+    said, lean = intent.orientation.facing, intent.orientation.lean
+    return f"away:{lean}" if lean and has_front and not said else said
 
 
 def refined(prompt: str, intent: Intent) -> str:

@@ -24,6 +24,7 @@ def written(infeasible: Infeasible) -> dict[str, Any]:
     keys = {one.name for one in fields(Placement)} - {"folder", "tree", "checks", "evidence"}
     return dict.fromkeys(keys) | {
         "verdict": "infeasible", "reason": infeasible.reason.value, "prompt": "put it there", "contacts": [],
+        "candidates": [],
         "materials": [], "geometry": [], "warnings": [], "timings": {}, "artifacts": {},
         "certificate": certificate_of(Values(**nothing)),
     }  # fmt: skip

@@ -35,7 +35,8 @@ def meant(model: Stages, prompt: str = ON_THE_BED, item=CUBE) -> Intent:
 
 def test_another_base_carries_it(api: FakeApi, model: Stages):
     """The model takes the table although the sentence says bed."""
-    api.answers = [self_willed(intent={"base_id": "table", "part": "leg", "regions": []}, anchor={"part_index": 0})]
+    taken = {"base_id": "table", "candidates": [], "part": "leg", "regions": []}
+    api.answers = [self_willed(intent=taken, anchor={"part_index": 0})]
     intent, _, found = model.placed(ON_THE_BED, CUBE)
     assert (intent.base_id, intent.region.part, found.base_id, found.part) == ("table", "leg", "table", "top")
 

@@ -17,6 +17,7 @@ from dcap.geometry.placement.polygons import (
     counter_clockwise,
     gap_between,
     grown,
+    swept,
 )
 from dcap.scene.types.box import OrientedBox
 
@@ -31,6 +32,8 @@ END = 0.3
 """Head and foot begin this far from the middle, over the half extent [-]."""
 BESIDE = {"near": 0.5, "next_to": 0.15, "between": 0.0, "under": 0.0}
 """How far from the reference's box a place beside it ends, plus the object's radius [m]."""
+OFF = frozenset({"near", "next_to"})
+"""Relations in which a thing is beside another and not over or under it."""
 VIEWER = 0.03
 """Of places all around a thing that on the viewer's side is taken: the aim lies this far towards him [m]."""
 SIDES = {"left": (-1, 0), "right": (1, 0), "front": (0, 1), "back": (0, -1), "head": (0, -1), "foot": (0, 1)}
@@ -72,6 +75,8 @@ class Region:
     """World xy [m], shape (2,)."""
     name: str = ""
     """Its words, where it is only one of what was asked for; else empty."""
+    excluded: tuple[Array, ...] = ()
+    """Convex areas of it in which the object's origin may not be: world xy [m], shape (k, 2) each."""
 
 
 def viewer_frame(box: OrientedBox, front: Array | None, room_center: Array) -> ViewerFrame:
@@ -97,18 +102,28 @@ def regions(
     references: Sequence[OrientedBox],
     reach: Array,
     view: ViewerFrame | None = None,
+    footprint: Array | None = None,
+    farther: float = 0.0,
 ) -> list[Region]:
     """Areas for the names, best first; the whole part where nothing is asked.
 
     `reach`: half extents of the object along the frame's right and front [m], shape (2,).
     `view`: whose left and front are meant beside references; the part's unless given.
+    `footprint`: corners of the object's outline from its origin [m], shape (k, 2): near and next to things it stays off
+    them then, neither over nor under them. `farther`: at least so far a place beside things reaches [m].
     """
     radius = float(reach.max())
     beside = [n for n in names if n in BESIDE]
     if beside and references:
-        area = beside_region(frame, view or frame, beside[0], names, references, radius)
-        return [area] if area is not None else []
+        area = beside_region(frame, view or frame, beside[0], names, references, radius, farther)
+        if area is None:
+            return []
+        if footprint is None or beside[0] not in OFF:
+            return [area]
+        return [off_them(area, view or frame, names, references, footprint)]
     sides = [n for n in names if n in SIDES]
+    if "end" in names:
+        return [end_region(frame, d) for d in end_directions(frame, [SIDES[n] for n in sides])]
     if "corner" in names:
         return [strip(frame, d, reach) for d in corner_directions([SIDES[n] for n in sides])]
     if "edge" in names and opposite(sides):
@@ -146,6 +161,22 @@ def half_region(frame: ViewerFrame, names: Sequence[str]) -> Region:
     if (low >= high).any():  # "left" and "right" at once: what is common to both is the middle
         return rectangle(frame, (-CENTER, -1.0), (CENTER, 1.0), (0.0, 0.0))
     return rectangle(frame, low.tolist(), high.tolist(), target.tolist())
+
+
+def end_directions(frame: ViewerFrame, directions: Sequence[tuple[int, int]]) -> list[tuple[int, int]]:
+    """The asked end, or both ends of the longer axis; a side that is no end of it is meant as that side."""
+    if directions:
+        return [directions[0]]
+    return [(1, 0), (-1, 0)] if frame.half[0] >= frame.half[1] else [(0, 1), (0, -1)]
+
+
+def end_region(frame: ViewerFrame, direction: tuple[int, int]) -> Region:
+    """The outer part of the surface in a direction, beyond what is still its middle."""
+    low, high, target = [-1.0, -1.0], [1.0, 1.0], [0.0, 0.0]
+    axis = 0 if direction[0] else 1
+    target[axis] = direction[axis] * 0.5 * (1.0 + CENTER)
+    (low if direction[axis] > 0 else high)[axis] = direction[axis] * CENTER
+    return rectangle(frame, low, high, target)
 
 
 def opposite(sides: Sequence[str]) -> bool:
@@ -198,9 +229,10 @@ def beside_region(
     names: Sequence[str],
     references: Sequence[OrientedBox],
     radius: float,
+    farther: float = 0.0,
 ) -> Region | None:
     """Near, next to, between or under other things, cut to the part; None if that leaves nothing."""
-    polygon, target = beside_area(view, relation, names, references, radius)
+    polygon, target = beside_area(view, relation, names, references, radius, farther)
     polygon = clipped(polygon, outline(frame))
     return Region(polygon, closest_inside(frame, target)) if len(polygon) >= 3 else None
 
@@ -221,12 +253,17 @@ def distance_beside(
 
 
 def beside_area(
-    view: ViewerFrame, relation: str, names: Sequence[str], references: Sequence[OrientedBox], radius: float
+    view: ViewerFrame,
+    relation: str,
+    names: Sequence[str],
+    references: Sequence[OrientedBox],
+    radius: float,
+    farther: float = 0.0,
 ) -> tuple[Array, Array]:
     """The polygon near, next to, between or under other things, wherever it lies, and its aim [m]."""
     rings = [box.corners[:4, :2] for box in references]
     middle = np.mean([box.center[:2] for box in references], axis=0)
-    reach = radius + BESIDE[relation]
+    reach = radius + max(BESIDE[relation], farther)
     if relation == "between" and len(references) > 1:
         polygon = grown(np.array([box.center[:2] for box in references]), max(radius, 0.1))
     else:
@@ -240,6 +277,23 @@ def beside_area(
             polygon = clipped_half_plane(polygon, middle, -direction)
             target = target + direction * (float(np.max((rings[0] - middle) @ direction)) + radius)
     return polygon, target
+
+
+def off_them(
+    area: Region, view: ViewerFrame, names: Sequence[str], references: Sequence[OrientedBox], footprint: Array
+) -> Region:
+    """The area without the places where the object would be over or under the references; of "in front of" and the like
+    what lies beyond the face on that side."""
+    rings = [box.corners[:4, :2] for box in references]
+    polygon = area.polygon
+    middle = np.mean([box.center[:2] for box in references], axis=0)
+    for name in names:
+        if name in SIDES:
+            direction = SIDES[name][0] * view.right + SIDES[name][1] * view.front
+            face = middle + direction * float(np.max((rings[0] - middle) @ direction))
+            beyond = clipped_half_plane(polygon, face, -direction)
+            polygon = beyond if len(beyond) >= 3 else polygon
+    return replace(area, polygon=polygon, excluded=(*area.excluded, *(swept(ring, footprint) for ring in rings)))
 
 
 def outline(frame: ViewerFrame) -> Array:

@@ -4,6 +4,8 @@ In and out: rings of corners (k, 2) [m], counter-clockwise, the first corner not
 begin at their leftmost corner (of several the lowest), so that equal polygons have equal arrays.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 import shapely
 from numpy.typing import NDArray
@@ -41,6 +43,17 @@ def grown(points: Array, distance: float) -> Array:
     """Convex hull of discs about points (n, 2) as 16-gons [m], shape (k, 2)."""
     discs = shapely.buffer(shapely.points(points), max(distance, LEAST_RADIUS), quad_segs=QUARTER)
     return convex_hull(shapely.get_coordinates(discs))
+
+
+def swept(ring: Array, footprint: Array) -> Array:
+    """Where the origin of a footprint (k, 2) may not be if it shall stay off a convex ring (n, 2), shape (m, 2)."""
+    return convex_hull((ring[:, None] - footprint[None]).reshape(-1, 2))
+
+
+def area_without(polygon: Array, holes: Sequence[Array]) -> float:
+    """Area of a polygon less what other polygons cover of it [m^2]."""
+    rings = [shapely.Polygon(one) for one in holes if len(one) >= 3]
+    return float(shapely.area(shapely.difference(shapely.Polygon(polygon), shapely.union_all(rings))))
 
 
 def clipped(polygon: Array, window: Array) -> Array:

@@ -251,7 +251,7 @@ class PlacementSearch:
 
     def _fits(self, region: Region) -> Iterator[CandidateFits]:
         """Grid points of the region that are over the support, nearest to the target first, each fitted once."""
-        key = region.polygon.tobytes() + region.target.tobytes()
+        key = b"|".join(ring.tobytes() for ring in (region.polygon, region.target, *region.excluded))
         if key not in self._known:
             self._known[key] = ([], self._batches(region))
         known, rest = self._known[key]
@@ -265,6 +265,9 @@ class PlacementSearch:
         index = np.argwhere(self.surface.support)
         position = self.origin + self.cell * index
         keep = inside(region.polygon, position, margin=1e-6)
+        for ring in region.excluded:
+            if len(ring) >= 3:
+                keep &= ~inside(ring, position, margin=-1e-6)
         index, position = index[keep], position[keep]
         reach = self.around.min(axis=0), self.around.max(axis=0)
         fits = ((index + reach[0] >= 0) & (index + reach[1] < self.count)).all(axis=1)

@@ -16,7 +16,9 @@ from dcap.language.offline.pose_choice import chosen_pose
 from dcap.language.offline.priors import prior_of
 from dcap.language.offline.sentence import read
 from dcap.language.offline.shapes import label_of
-from dcap.language.offline.target import facing_of, target_of
+from dcap.language.offline.target import target_of
+from dcap.language.offline.where import facing_of
+from dcap.language.offline.words import SceneWords
 from dcap.language.protocol.questions import (
     ANCHOR,
     INTENT,
@@ -64,8 +66,9 @@ class OfflineClient:
 
 def intent(request: IntentRequest) -> IntentReply:
     """Which base, how big, how heavy, which orientation and region."""
-    reading = read(request.prompt)
+    reading = read(request.prompt, SceneWords.of((one.id, one.label) for one in request.instances))
     target = given_target(reading, request) if request.given_base else target_of(reading, request)
+    leaning = reading.pose == "leaning"
     prior = prior_of(reading.theme, request.item.label, request.item.size)
     facing, unclear = facing_of(reading, target, request)
     base = thing_of(target.base.label) if target.base else None
@@ -77,13 +80,17 @@ def intent(request: IntentRequest) -> IntentReply:
         {
             "base_id": target.base.id if target.base else "",
             "missing": target.missing,
+            "did_you_mean": target.meant if target.missing else "",
+            "candidates": target.candidates,
+            "reference_candidates": target.reference_candidates,
             "object_name": prior.name,
             "size": prior.sizes[0],
             "alternative_sizes": prior.sizes[1:],
             "spread": prior.spread,
             "mass": prior.mass,
             "hollow": prior.hollow,
-            "pose": reading.pose,
+            "pose": "upright" if leaning and not target.lean_on else reading.pose,
+            "lean_on": target.lean_on,
             "facing": facing,
             "turn_deg": reading.turn,
             "orientation_words": words,
@@ -91,9 +98,10 @@ def intent(request: IntentRequest) -> IntentReply:
             "which": target.which,
             "regions": tuple(target.regions),
             "references": tuple(target.references),
+            "constraints": tuple(target.constraints),
             "region_words": ", ".join(target.words),
             "not_understood": tuple(dict.fromkeys(unclear)),
-            "notes": (*prior.notes, *target.notes),
+            "notes": (*reading.notes, *prior.notes, *target.notes),
         }
     )
 

@@ -4,9 +4,10 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from dcap.language.offline.ground import candidates, named, part_of
+from dcap.language.offline.grounded import Target
 from dcap.language.offline.placing import names_support, placing_of, whole
-from dcap.language.offline.sentence import Place, Reading
-from dcap.language.offline.target import Target, target_of
+from dcap.language.offline.reading import Place, Reading
+from dcap.language.offline.target import target_of
 from dcap.language.protocol.requests import InstanceView, IntentRequest
 from dcap.scene.errors import LanguageError
 
@@ -26,6 +27,9 @@ def given_target(reading: Reading, request: IntentRequest) -> Target:
         target.part, target.which = "", ""
     own = {part.name for part in base.parts}
     target.references = [one for one in target.references if one != base.id and part_of_it(one, own)]
+    known = [one for one in target.constraints if one.reference != base.id and part_of_it(one.reference, own)]
+    target.constraints, target.candidates = known, ()
+    target.lean_on = target.lean_on if target.lean_on != base.id and part_of_it(target.lean_on, own) else ""
     target.base = base
     target.part = target.part if target.part in own else ""
     return target

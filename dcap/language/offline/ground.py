@@ -1,18 +1,20 @@
 """Nouns tied to the instances of a scene: which bed is "the left bed", what does the lamp stand on.
 
-In: noun phrases and instance views. Out: instances, part names and regions. Boxes decide; the sides of several alike
-things are those of a viewer who looks at their fronts (at things without fronts: along +y, as on a floor plan).
+In: noun phrases and instance views. Out: instances with how likely each is meant, part names and regions. How likely a
+noun means an instance says `likelihood`; colours, sides and places weigh several such things against each other. Boxes
+decide; the sides of several alike things are those of a viewer who looks at their fronts (at things without fronts:
+along +y, as on a floor plan).
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dcap.language.offline.lexicon import is_a, label_words, thing_of, things
+from dcap.language.offline.likelihood import LEAST, NO_KIND, PLAUSIBLE, label_thing, likelihood, parent_of
 from dcap.language.offline.nouns import Noun
-from dcap.language.offline.sentence import Place
+from dcap.language.offline.reading import Place
 from dcap.language.protocol.requests import InstanceView
 
 Vector = NDArray[np.float64]
@@ -22,52 +24,57 @@ COLOURS: dict[str, tuple[float, float, float]] = {
     "brown": (0.45, 0.3, 0.2), "pink": (0.9, 0.6, 0.7), "purple": (0.5, 0.25, 0.6),
 }  # fmt: skip
 """Typical sRGB values of colour words."""
-NO_KIND = frozenset({"", "furniture", "structure"})
-"""Parents that hold things together that nobody would take for each other."""
+SHADE = 0.1
+"""Difference of two distances from a colour word's value that tells things apart by their colour [sRGB]."""
+HAND = 0.3
+"""A distance that still counts as beside [m]: at it a thing is half as likely to be meant as one that touches."""
+SAME_SIZE = 1.05
+"""Things whose sizes differ by less than this factor are equally large [-]."""
+SAME_PLACE = 0.05
+"""Distances and heights that differ by less than this are alike [m]."""
 STANDS_ON = 0.12
 """A thing stands on what has its top within this height of its bottom [m]; a mattress gives way that much."""
 
 
 @dataclass(frozen=True, slots=True)
 class Found:
-    """Instances that a noun may mean, best first."""
+    """Instances that a noun may mean, the likeliest first."""
 
     instances: tuple[InstanceView, ...]
+    scores: tuple[float, ...]
+    """How likely each is meant, 0..1."""
     note: str = ""
     """How one was chosen among several."""
 
+    @property
+    def best(self) -> InstanceView:
+        """The likeliest; of equals the first by id."""
+        return self.instances[0]
+
+    @property
+    def open(self) -> bool:
+        """Whether another may be meant as well."""
+        return len(self.scores) > 1 and self.scores[1] >= PLAUSIBLE * self.scores[0]
+
 
 def named(noun: Noun, instances: Sequence[InstanceView]) -> tuple[InstanceView, ...]:
-    """Instances whose label is what the noun says: the same words or thing, a kind of it, or the kind that it is.
+    """Instances that the noun may mean: the likeliest, and those that are at least half as likely."""
+    scores = [likelihood(noun, i) for i in instances]
+    least = max(LEAST, PLAUSIBLE * max(scores, default=0.0))
+    return tuple(i for i, score in zip(instances, scores, strict=True) if score >= least)
 
-    An ottoman may be labelled as a stool; a piano is not what is labelled as furniture.
-    """
-    words = tuple(label_words(noun.name))
-    exact = tuple(i for i in instances if words == tuple(label_words(i.label)))
-    if exact:
-        return exact
-    if noun.thing:
-        same = tuple(i for i in instances if label_thing(i) == noun.thing)
-        kinds = tuple(i for i in instances if label_thing(i) and is_a(label_thing(i), noun.thing))
-        return same or kinds or tuple(i for i in instances if is_wider(i, noun))
-    return tuple(i for i in instances if words and contains_words(label_words(i.label), words))
+
+def near_miss(noun: Noun, instances: Sequence[InstanceView]) -> str:
+    """The label that comes nearest to a noun that names nothing here, empty if none does."""
+    scored = [(likelihood(noun, i), i.label) for i in instances]
+    best = max(scored, default=(0.0, ""))
+    return best[1] if best[0] > 0.0 else ""
 
 
 def is_wider(instance: InstanceView, noun: Noun) -> bool:
     """Whether a label names the kind that the noun's thing is: a stool, where an ottoman is asked for."""
-    parent = things()[noun.thing].parent if noun.thing in things() else ""
+    parent = parent_of(noun.thing)
     return parent not in NO_KIND and label_thing(instance) == parent
-
-
-def contains_words(label: list[str], words: tuple[str, ...]) -> bool:
-    """Whether the words stand in the label side by side."""
-    return any(tuple(label[i : i + len(words)]) == words for i in range(len(label)))
-
-
-def label_thing(instance: InstanceView) -> str:
-    """Thing id of an instance's label, empty if unknown."""
-    thing = thing_of(instance.label)
-    return thing.id if thing else ""
 
 
 def owners(noun: Noun, instances: Sequence[InstanceView]) -> tuple[InstanceView, ...]:
@@ -82,8 +89,25 @@ def part_of(noun: Noun, instance: InstanceView) -> str:
 
 
 def candidates(noun: Noun, instances: Sequence[InstanceView]) -> tuple[InstanceView, ...]:
-    """Instances that the noun itself names, else those that have such a part."""
-    return named(noun, instances) or owners(noun, instances)
+    """Instances that the noun itself names, else those that have such a part.
+
+    "The second shelf" is a board where something has several above each other.
+    """
+    return boarded(noun, instances) or named(noun, instances) or owners(noun, instances)
+
+
+def boarded(noun: Noun, instances: Sequence[InstanceView]) -> tuple[InstanceView, ...]:
+    """Instances one of whose boards a noun counts: "the second shelf from the top"; none for other nouns."""
+    counts = any(side[0].isdigit() or side in ("top", "bottom", "middle", "last") for side in noun.sides)
+    if not counts or "board" not in noun.parts or noun.owner is not None:
+        return ()
+    return tuple(i for i in owners(noun, instances) if is_stacked(i, part_of(noun, i)))
+
+
+def is_stacked(instance: InstanceView, part: str) -> bool:
+    """Whether it has several parts of that name above each other."""
+    heights = [one.center[2] for one in instance.parts if one.name == part]
+    return len(heights) > 1 and max(heights) - min(heights) > 2.0 * SAME_PLACE
 
 
 def choose(
@@ -93,24 +117,33 @@ def choose(
     instances: Sequence[InstanceView],
     room_center: Sequence[float],
 ) -> Found:
-    """One of several: by colour, by restrictions, by sides; else the largest, the first of equals."""
-    left = list(found)
+    """How likely each of several is meant: by the noun, by colour, by places that say which, by sides."""
+    score = {i.id: likelihood(noun, i) or 1.0 for i in found}
     notes = []
-    if noun.colour and len(left) > 1:
-        left = [min(left, key=lambda i: colour_distance(i, noun.colour))]
-        notes.append(f"the one that is most {noun.colour}")
+
+    def weigh(factors: Sequence[float], note: str) -> None:
+        if len(found) > 1 and any(factors):
+            score.update({i.id: score[i.id] * factor for i, factor in zip(found, factors, strict=True)})
+            notes.append(note)
+
+    if noun.colour:
+        weigh(of_colour(found, noun.colour), f"the one that is most {noun.colour}")
     for place in restrictions:
-        if len(left) > 1 and (narrowed := restricted(left, place, instances)):
-            left = narrowed
-            notes.append(f"the one {place.text}")
+        if (factors := fits(found, place, instances)) is not None:
+            weigh(factors, f"the one {place.text}")
     for side in noun.sides:
-        if len(left) > 1:
-            left = [by_side(left, side, room_center)]
-            notes.append(f"the {side} one")
-    if len(left) > 1:
-        left.sort(key=lambda i: (-round(float(np.prod(i.size)), 3), i.id))
-        notes.append(f"{len(left)} match, the largest or first is taken: {left[0].id}")
-    return Found(tuple(left), "; ".join(notes))
+        best = max(score.values(), default=0.0)
+        left = [i for i in found if score[i.id] >= PLAUSIBLE * best]
+        picked = {i.id for i in by_side(left, side, room_center, instances)}
+        weigh([float(i.id in picked) for i in found], f"the {side} one")
+    ordered = sorted(found, key=lambda i: (-round(score[i.id], 6), -round(float(np.prod(i.size)), 3), i.id))
+    return Found(tuple(ordered), tuple(round(score[i.id], 6) for i in ordered), "; ".join(notes))
+
+
+def of_colour(found: Sequence[InstanceView], colour: str) -> list[float]:
+    """How well each fits a colour word beside the one that fits best, 0..1."""
+    away = [colour_distance(i, colour) for i in found]
+    return [float(np.exp(-0.5 * ((one - min(away)) / SHADE) ** 2)) for one in away]
 
 
 def colour_distance(instance: InstanceView, colour: str) -> float:
@@ -118,53 +151,100 @@ def colour_distance(instance: InstanceView, colour: str) -> float:
     return float(np.linalg.norm(np.subtract(instance.color, COLOURS[colour])))
 
 
-def restricted(
-    found: Sequence[InstanceView], place: Place, instances: Sequence[InstanceView]
-) -> list[InstanceView] | None:
-    """Those that stand in the relation to the named thing; None if that thing is not there."""
+def fits(found: Sequence[InstanceView], place: Place, instances: Sequence[InstanceView]) -> list[float] | None:
+    """How well each stands in the relation to the named thing, 0..1; None if that thing is not there."""
+    good = fits_as_said(found, place, instances)
+    return None if good is None else [1.0 - min(one, 1.0) for one in good] if place.excluded else good
+
+
+def fits_as_said(found: Sequence[InstanceView], place: Place, instances: Sequence[InstanceView]) -> list[float] | None:
+    """The same as if the place were not excluded."""
     noun = place.nouns[0]
     if noun.colour and noun.pronoun == "one":
-        return [min(found, key=lambda i: colour_distance(i, noun.colour))]
+        return of_colour(found, noun.colour)
     if place.relation == "which" or noun.is_region:
-        return [by_side(list(found), side, (0, 0, 0)) for side in noun.sides[:1]] or None
+        picked = {i.id for i in by_side(found, noun.sides[0], (0, 0, 0), instances)} if noun.sides else set()
+        return [float(i.id in picked) for i in found] if picked else None
     if place.relation in ("on", "in") and (meant := [i for i in named(noun, instances) if i in found]):
-        return list(choose(meant, noun, (), instances, (0, 0, 0)).instances[:1])
+        best = choose(meant, noun, (), instances, (0, 0, 0)).best
+        return [float(i is best) for i in found]
     others = [i for i in candidates(noun, instances) if i not in found]
+    if place.relation in ("carrying", "lacking"):
+        return by_load(found, place, others)
     if not others:
         return None
-    if place.relation == "away":
-        return [max(found, key=lambda i: min(gap(i, o) for o in others))]
-    if place.relation in ("left_of", "right_of"):
-        sign = -1.0 if place.relation == "left_of" else 1.0
+    return by_place(found, place.relation, others)
+
+
+def by_load(found: Sequence[InstanceView], place: Place, others: Sequence[InstanceView]) -> list[float] | None:
+    """Which carry the named thing or have it as a part, or do not; None if nothing here is called so."""
+    noun = place.nouns[0]
+    loaded = [bool(part_of(noun, i)) or any(stands_on(other, i) for other in others) for i in found]
+    known = bool(others) or any(loaded)
+    if not known:
+        return None
+    return [float(one == (place.relation == "carrying")) for one in loaded]
+
+
+def by_place(found: Sequence[InstanceView], relation: str, others: Sequence[InstanceView]) -> list[float] | None:
+    """How well each is beside, far from, on one side of or under the nearest of other things; None if none is."""
+    gaps = [min(gap(i, o) for o in others) for i in found]
+    if relation in ("away", "farthest", "opposite"):
+        return [float(one > max(gaps) - SAME_PLACE) for one in gaps]
+    if relation == "nearest":
+        return [float(one < min(gaps) + SAME_PLACE) for one in gaps]
+    near = [1.0 / (1.0 + (one / HAND) ** 2) for one in gaps]
+    if relation in ("left_of", "right_of"):
+        sign = -1.0 if relation == "left_of" else 1.0
         right = right_of(found)
-        return [i for i in found if sign * float(np.dot(np.subtract(i.center, others[0].center), right)) > 0] or None
-    return [min(found, key=lambda i: (min(gap(i, o) for o in others), i.id))]
+        beyond = [sign * float(np.dot(np.subtract(i.center, others[0].center), right)) > 0 for i in found]
+    elif relation in ("front_of", "behind") and others[0].front is not None:
+        sign = 1.0 if relation == "front_of" else -1.0
+        front = np.array(others[0].front)
+        beyond = [sign * float(np.dot(np.subtract(i.center, others[0].center), front)) > 0 for i in found]
+    else:
+        beyond = [True] * len(near)
+    good = [share * ahead for share, ahead in zip(near, beyond, strict=True)]
+    return good if any(good) else None
 
 
-def by_side(found: list[InstanceView], side: str, room_center: Sequence[float]) -> InstanceView:
-    """The left one, the lower one, the second one, the largest one."""
+def by_side(
+    found: Sequence[InstanceView], side: str, room_center: Sequence[float], instances: Sequence[InstanceView] = ()
+) -> list[InstanceView]:
+    """The left one, the lower one, the second one, the largest one; several where they are equal."""
+    if not found:
+        return []
+    if side == "empty":
+        return [i for i in found if not any(stands_on(o, i) for o in instances if o.id != i.id and not o.structure)]
     right = right_of(found)
-    ordered = sorted(found, key=lambda i: (round(float(np.dot(i.center, right)), 3), i.id))
     toward = np.cross(right, (0.0, 0.0, 1.0))
-    keys: dict[str, Callable[[InstanceView], float]] = {
-        "top": lambda i: -i.center[2],
-        "bottom": lambda i: i.center[2],
-        "front": lambda i: -float(np.dot(i.center, toward)),
-        "back": lambda i: float(np.dot(i.center, toward)),
-        "largest": lambda i: -float(np.prod(i.size)),
-        "smallest": lambda i: float(np.prod(i.size)),
-        "nearest": lambda i: float(np.linalg.norm(np.subtract(i.center, room_center))),
+    size = np.log(SAME_SIZE)
+    keys = {
+        "top": ([-i.center[2] for i in found], SAME_PLACE),
+        "bottom": ([i.center[2] for i in found], SAME_PLACE),
+        "front": ([-float(np.dot(i.center, toward)) for i in found], SAME_PLACE),
+        "back": ([float(np.dot(i.center, toward)) for i in found], SAME_PLACE),
+        "largest": ([-float(np.log(np.prod(i.size))) for i in found], size),
+        "smallest": ([float(np.log(np.prod(i.size))) for i in found], size),
+        "tallest": ([-float(np.log(i.size[2])) for i in found], size),
+        "shortest": ([float(np.log(i.size[2])) for i in found], size),
+        "widest": ([-float(np.log(max(i.size[:2]))) for i in found], size),
+        "narrowest": ([float(np.log(max(i.size[:2]))) for i in found], size),
+        "nearest": ([float(np.linalg.norm(np.subtract(i.center, room_center))) for i in found], SAME_PLACE),
     }
     if side in keys:
-        return min(found, key=lambda i: (keys[side](i), i.id))
+        values, alike = keys[side]
+        return [i for i, value in zip(found, values, strict=True) if value <= min(values) + alike]
+    along = sorted(found, key=lambda i: (round(float(np.dot(i.center, right)), 3), i.id))
     if side == "middle":
-        return ordered[len(ordered) // 2]
+        return [along[len(along) // 2]]
     index = {"left": 0, "right": -1, "last": -1}.get(side)
     if index is None:
-        number = int(side.split()[0]) if side.split()[0].isdigit() else 1
-        index = min(number, len(ordered)) - 1
+        if not side.split()[0].isdigit():
+            return list(found)
+        index = min(int(side.split()[0]), len(along)) - 1
         index = -1 - index if side.endswith("from right") else index
-    return ordered[index]
+    return [along[index]]
 
 
 def right_of(found: Sequence[InstanceView]) -> Vector:

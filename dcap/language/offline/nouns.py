@@ -3,10 +3,10 @@
 In: a cursor at the first token of one. Out: a `Noun` that keeps every reading of its head; the scene decides later
 between a thing, a part and a region ("back" of a sofa, "pillow", "shelf"). Grammar, as in `sentence`:
 
-    noun     = simple [ GENITIVE noun ] { OF noun | COUNT }     the bed's left corner, the second shelf from the top
-    simple   = { FILLER } { modifier | name | UNKNOWN }         a name as often as it comes: "bed corner"
+    noun     = simple [ GENITIVE noun ] { OF noun | COUNT | ID }   the bed's left corner, the second shelf from the top
+    simple   = { FILLER } { modifier | name | UNKNOWN }            a name as often as it comes: "bed corner"
     modifier = DET | SIDE | COLOUR | QUALITY | NUMBER | BOTH
-    name     = THING | PART | REGION | PRONOUN | ONE | VIEWER
+    name     = THING | PART | REGION | PRONOUN | ONE | VIEWER | ID
 """
 
 from dataclasses import dataclass, replace
@@ -16,7 +16,7 @@ from dcap.language.offline.words import Token, TokenCursor
 
 MODIFIERS = ("det", "side", "colour", "quality", "number", "both")
 NOUNS = ("thing", "part", "region")
-SAYING = (*MODIFIERS[1:], *NOUNS, "pronoun", "one", "viewer", "unknown")
+SAYING = (*MODIFIERS[1:], *NOUNS, "pronoun", "one", "viewer", "id", "unknown")
 """Kinds of tokens that can make a noun phrase alone; an article cannot."""
 STARTS = ("det", *SAYING)
 """Kinds of tokens that a noun phrase may start with."""
@@ -47,16 +47,21 @@ class Noun:
     """What it looks at: "the edge facing the sofa"."""
     encloses: bool = False
     """One goes into it rather than onto it: a drawer, a basket."""
+    id: str = ""
+    """Id of the instance that is meant: "the chair with id chair_2"."""
+    modifiers: tuple[str, ...] = ()
+    """Words before the head that are no article, side, colour or number: "single", "wooden"."""
 
     @property
     def is_region(self) -> bool:
         """Whether it can only mean a region ("the left", "the far corner")."""
-        return not self.thing and not self.parts and not self.pronoun and bool(self.region or self.sides)
+        named = self.thing or self.parts or self.pronoun or self.id
+        return not named and bool(self.region or self.sides)
 
     @property
     def is_unknown(self) -> bool:
         """Whether the head is a word that nobody taught us."""
-        return not (self.thing or self.parts or self.region or self.pronoun or self.sides)
+        return not (self.thing or self.parts or self.region or self.pronoun or self.sides or self.id)
 
 
 def at_noun(cursor: TokenCursor, ahead: int = 0) -> bool:
@@ -85,6 +90,9 @@ def noun_phrase(cursor: TokenCursor) -> Noun:
             noun = owned(noun, noun_phrase(cursor))
         elif cursor.here("count") and counted(noun) and not starts(cursor, 1):
             noun = counting(noun, cursor.take().value("count"))
+        elif cursor.here("id word") and cursor.here("id", ahead=1):
+            cursor.take()
+            noun = replace(noun, id=cursor.take().value("id"))
         else:
             return replace(noun, text=cursor.text(begin))
 
@@ -116,7 +124,7 @@ def goes_on(cursor: TokenCursor, words: list[Token]) -> bool:
     if not starts(cursor) or (cursor.here("verb") and words and not cursor.here("side", *NOUNS)):
         return False
     named = any(word.has(*NOUNS) and not word.has("det") for word in words)
-    return not (named and cursor.here("det", "pronoun", "number"))
+    return not (named and cursor.here("det", "pronoun", "number") and not cursor.here("id"))
 
 
 def noun_of(words: list[Token], text: str) -> Noun:
@@ -130,7 +138,7 @@ def noun_of(words: list[Token], text: str) -> Noun:
         pronoun = next((kind for kind in kinds if any(t.has(kind) for t in words)), "")
         pronoun = "it" if pronoun == "pronoun" else pronoun
         name, colour = name_of(words), colour_of(words)
-        return Noun(text, name, pronoun=pronoun, sides=sides, colour=colour, plural=several)
+        return Noun(text, name, pronoun=pronoun, sides=sides, colour=colour, plural=several, id=id_of(words))
     head, before = words[index], words[:index]
     if any(is_for(head.value("thing"), token.text) for token in words[index + 1 : index + 2]):
         return Noun(text, name_of(words), colour=colour_of(before), plural=several)
@@ -146,7 +154,14 @@ def noun_of(words: list[Token], text: str) -> Noun:
         owner=owner_before(head, before),
         plural=several or head.plural(),
         encloses=head.has("encloses"),
+        id=id_of(words),
+        modifiers=tuple(t.text for t in before if t.has("quality", "unknown") and not t.has("side", "colour", "id")),
     )
+
+
+def id_of(words: list[Token]) -> str:
+    """The id that stands among the words, empty if none does."""
+    return next((t.value("id") for t in words if t.has("id")), "")
 
 
 def name_of(words: list[Token]) -> str:
@@ -169,7 +184,11 @@ def colour_of(words: list[Token]) -> str:
 
 
 def owned(noun: Noun, owner: Noun) -> Noun:
-    """The noun with its owner; "the corner of the cushion of the sofa" is the cushion's."""
+    """The noun with its owner; "the corner of the cushion of the sofa" is the cushion's, "the smaller of the two
+    tables" is a table."""
+    if noun.is_region and not noun.region and owner.plural:
+        pronoun = "" if owner.thing or owner.parts else "one"
+        return replace(owner, sides=noun.sides, plural=False, pronoun=pronoun)
     innermost = owned(noun.owner, owner) if noun.owner is not None else owner
     return replace(noun, owner=innermost)
 

@@ -7,7 +7,8 @@ scene starts from the same place.
 from dataclasses import dataclass
 
 from dcap.language.offline.nouns import Noun
-from dcap.language.offline.sentence import SUPPORT, Place, Reading
+from dcap.language.offline.reading import Place, Reading
+from dcap.language.offline.sentence import SUPPORT
 from dcap.scene.errors import LanguageError
 
 BESIDE = {
@@ -20,6 +21,8 @@ BESIDE = {
     "right_of": ("right", "next_to"),
     "front_of": ("front", "next_to"),
     "behind": ("back", "next_to"),
+    "nearest": ("near",),
+    "distance": ("near",),
 }
 """Regions that a relation to another thing asks for."""
 PLACEABLE = frozenset({"at", *SUPPORT})
@@ -32,7 +35,7 @@ class Placing:
     object: Noun | None
     """What is moved; None if the sentence says only "it"."""
     relation: str
-    """on, in, at, under, next_to, near, against, between, left_of, right_of, front_of or behind."""
+    """on, in, at, under, next_to, near, nearest, distance, against, between, left_of, right_of, front_of or behind."""
     reference: Noun
     """The thing or part that the relation is to; of several (between) the first."""
     place: Place
@@ -57,7 +60,8 @@ def support_place(reading: Reading) -> Place | None:
 
 def neighbour_place(reading: Reading) -> Place | None:
     """Where no support is named: the first place beside, between or under something."""
-    return next((place for place in reading.places if place.relation in BESIDE and names_thing(whole(place))), None)
+    beside = (place for place in reading.places if place.relation in BESIDE and not place.excluded)
+    return next((place for place in beside if not place.restrict and names_thing(whole(place))), None)
 
 
 def reference_of(place: Place) -> Noun:
@@ -87,9 +91,17 @@ def whole(place: Place) -> Noun:
 def names_support(place: Place) -> bool:
     """Whether the place can name the support."""
     noun = place.nouns[0]
-    edge_of = place.relation in ("near", "against") and noun.region != "" and noun.owner is not None
+    edge_of = (
+        place.relation in ("near", "nearest", "against", "distance") and noun.region != "" and noun.owner is not None
+    )
     on_it = place.relation in PLACEABLE or edge_of
-    return on_it and not place.restrict and names_thing(whole(place)) and not bare_region(whole(place))
+    return (
+        on_it
+        and not place.restrict
+        and not place.excluded
+        and names_thing(whole(place))
+        and not bare_region(whole(place))
+    )
 
 
 def names_thing(noun: Noun) -> bool:

@@ -36,7 +36,8 @@ def chosen_pose(request: RotationRequest, thing: Thing | None) -> tuple[PoseView
     if wanted == "any":
         return default, f"{name}: {why}"
     if wanted == "standing":
-        return standing(request, default, rest), f"{name}: stands on end"
+        why = "on end, to lean" if request.pose == "leaning" else "stands on end"
+        return standing(request, default, rest), f"{name}: {why}"
     if wanted == "upside_down":
         return turned_over(request, default), f"{name}: upside down"
     if wanted in ("on_back", "on_front"):
@@ -49,6 +50,8 @@ def chosen_pose(request: RotationRequest, thing: Thing | None) -> tuple[PoseView
 def meant(request: RotationRequest, thing: Thing | None, default: PoseView) -> str:
     """What the words come to for such a thing: a pose among those of the reply apart from upright."""
     wanted, rest = request.pose, thing.rest if thing else "upright"
+    if wanted == "leaning":  # flat things lean on edge, upright ones as they stand
+        return "any" if rest == "upright" and not is_low(default, LOW) else "standing"
     if wanted in ("any", "") or (wanted == "upright" and rest == "upright"):
         return "any"
     if wanted == "upright":

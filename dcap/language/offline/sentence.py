@@ -5,118 +5,56 @@ lexicon); each line is a method of `Reader`, nouns are read in `nouns`:
 
     sentence = { clause }
     clause   = { element } [ VERB { element } ]
-    element  = turn | place | facing | POSE | RESTRICT | noun | FILLER
+    element  = turn | measured | place | carried | facing | POSE | RESTRICT | EXCLUDE | noun | FILLER
     turn                                                               see `turns`
+    measured = [ BOUND ] DISTANCE ( RELATION | "of" ) noun             "20 cm from the left edge", "10 cm left of it"
     place    = RELATION [ noun [ "and" noun ] ]                        two nouns after "between", or beside both
+    carried  = ( "with" | "without" | "where" ) noun [ BE ] [ "on" IT ]  says which: "that has a lamp on it"
     facing   = [ noun ] FACE noun                                      "its screen facing the window"
 
 The first noun of a clause is what is moved. In "pick A near B and place it on C" only the last clause says where; in
 "open A and put B in it" the first only says what "it" is. Every word is used by one of these rules or reported: what
-no rule kept is the reading's `not_understood`. A sentence that is no placement of one thing raises LanguageError.
+no rule kept is the reading's `not_understood`. EXCLUDE before a place or a noun makes it one where not to go, and so
+does a clause that says what not to do. A sentence that is no placement of one thing raises LanguageError.
 """
 
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
+from dcap.language.offline.clauses import EXAMPLE, check, reading_of
 from dcap.language.offline.lexicon import is_a, part_words
 from dcap.language.offline.nouns import Noun, at_noun, noun_phrase, starts
-from dcap.language.offline.turns import Turn, is_to, turn_length, turn_of
-from dcap.language.offline.words import Token, TokenCursor, tokens_of
+from dcap.language.offline.reading import Clause, Facing, Measure, Place, Reading
+from dcap.language.offline.turns import is_to, turn_length, turn_of
+from dcap.language.offline.words import NO_SCENE, SceneWords, Token, TokenCursor, tokens_of, words_of
 from dcap.scene.errors import LanguageError
 
 SUPPORT = frozenset({"on", "in"})
-NEIGHBOURING = frozenset({"near", "next_to"})
+NEIGHBOURING = frozenset({"near", "next_to", "nearest", "away", "farthest"})
 """Relations that one can have to two things at once."""
+SAYS_WHICH = frozenset({"carrying", "lacking"})
+"""Relations that only say which thing is meant."""
+OF_A_LENGTH = frozenset({"source", "away", "near", "left_of", "right_of", "front_of", "behind"})
+"""Relations that a length may stand before: "10 cm to the left of"."""
 SIDED = {"left_of": "left", "right_of": "right", "front_of": "front", "behind": "back"}
 """The side of a support that a relation to its middle means."""
 MIDDLES = frozenset({"center", "middle"})
-EXAMPLE = "say what to put where, for example: put the ball on the bed"
 
 
-@dataclass(frozen=True, slots=True)
-class Place:
-    """A relation to one or two nouns."""
-
-    relation: str
-    """on, in, at, near, next_to, against, between, under, left_of, right_of, front_of, behind, away, which."""
-    nouns: tuple[Noun, ...]
-    restrict: bool
-    """It says which one is meant ("the bed that is near the window"), not where to go."""
-    text: str
-    attached: bool = False
-    """It follows a noun without a pause, so that it may say which one: "the bed on the left"."""
-    clause: int = 0
-    """Which of the clauses says it."""
-
-
-@dataclass(frozen=True, slots=True)
-class Facing:
-    """Where the front shall look."""
-
-    mode: str
-    """toward or away."""
-    noun: Noun
-    text: str
-
-
-@dataclass(frozen=True, slots=True)
-class Reading:
-    """A sentence understood as far as it goes without a scene."""
-
-    theme: Noun | None
-    """What is moved; None if only "it" or nothing was said."""
-    places: tuple[Place, ...]
-    pose: str
-    """upright, standing, upside_down, on_side, on_left_side, on_right_side, lying, on_back, on_front or any."""
-    pose_words: str
-    turn: float
-    """About the vertical, counterclockwise seen from above [degrees]."""
-    turn_words: str
-    facing: Facing | None
-    aside: tuple[str, ...]
-    """Phrases that are understood and do not say where to put it: where it is picked up, its name once more."""
-    not_understood: tuple[str, ...]
-
-
-@dataclass(slots=True)
-class Clause:
-    """A clause while it is read."""
-
-    begin: int
-    kind: str = ""
-    """place, pick, be, other (no placement), or empty as long as no verb was read."""
-    theme: Noun | None = None
-    places: list[Place] = field(default_factory=list)
-    verb_pose: str = ""
-    poses: list[Token] = field(default_factory=list)
-    facing: Facing | None = None
-    turning: bool = False
-    """Its verb is "turn": an angle after it is how far."""
-    turns: list[Turn] = field(default_factory=list)
-
-    def texts(self) -> list[str]:
-        """What it says of places, poses, turns and facings."""
-        turns = [turn.text for turn in self.turns]
-        facing = [self.facing.text] if self.facing is not None else []
-        return [*(place.text for place in self.places), *(token.text for token in self.poses), *turns, *facing]
-
-    @property
-    def says_where(self) -> bool:
-        """Whether its places are where to go."""
-        return self.kind not in ("pick", "other")
-
-
-def read(prompt: str) -> Reading:
-    """Read a prompt; LanguageError if it is not the placement of one thing."""
-    tokens = tokens_of(prompt)
+def read(prompt: str, scene: SceneWords = NO_SCENE) -> Reading:
+    """Read a prompt, with the words of a scene if one is known; LanguageError if it is not the placement of one
+    thing."""
+    tokens = tokens_of(prompt, scene)
     if not any(token.text != "," for token in tokens):
         raise LanguageError(f"the prompt is empty; {EXAMPLE}")
-    for token in tokens:
-        if token.has("negation", "choice"):
-            raise LanguageError(f"prompt {prompt!r}: {token.text!r} is not understood; name one place to put it")
     reader = Reader(tokens)
     clauses = reader.sentence()
+    for index, token in enumerate(tokens):
+        if token.has("choice") or (token.has("negation") and index not in reader.kept):
+            raise LanguageError(f"prompt {prompt!r}: {token.text!r} is not understood; name one place to put it")
     check(prompt, clauses)
-    return reading_of(clauses, reader.lost())
+    mended = words_of(prompt, scene).mended
+    notes = tuple(f"{typed!r} is read as {meant!r}" for typed, meant in mended.items())
+    return replace(reading_of(clauses, reader.lost()), notes=notes)
 
 
 class Reader:
@@ -130,6 +68,10 @@ class Reader:
         """What "it" is, after "open the drawer"."""
         self.restrict = False
         """The next place says which one is meant."""
+        self.but = ""
+        """The word that excluded it."""
+        self.exclude = False
+        """The next place says where not to go, or what the one that is meant is not."""
         self.last_place_ends = -1
         """Index of the token after the last place."""
 
@@ -144,7 +86,12 @@ class Reader:
         """{ element } [ VERB { element } ]."""
         clause = Clause(self.cursor.index)
         while not self.cursor.at_end:
-            if not self.at_verb(clause):
+            if self.at_ban():
+                if clause.kind or clause.places:
+                    break
+                self.use()
+                clause.negated = True
+            elif not self.at_verb(clause):
                 self.element(clause)
             elif (clause.kind or clause.places) and self.cursor.tokens[self.cursor.index].value("verb") != "be":
                 break
@@ -152,16 +99,27 @@ class Reader:
                 self.verb(clause)
         return clause
 
+    def at_ban(self) -> bool:
+        """Whether a clause begins that says what not to do: "don't put it on the desk"."""
+        ahead = 1
+        while self.cursor.here("filler", ahead=ahead) and not self.cursor.here("verb", ahead=ahead):
+            ahead += 1
+        return self.cursor.here("negation") and self.cursor.here("verb", ahead=ahead)
+
     def at_verb(self, clause: Clause) -> bool:
         """Whether a verb comes; after one, a word that may be a noun is one ("stand"), unless "and" precedes it."""
         here = self.cursor.here
+        if here("relation") and self.cursor.value("relation") in SAYS_WHICH:  # "the table where the lamp is"
+            return False
         return here("verb") and not (
             clause.kind and here("thing", "part", "region") and not here("conj", "pause", ahead=-1)
         )
 
     def verb(self, clause: Clause) -> None:
         """VERB: what kind of clause it is, and the pose that it says ("lay", "stand", "flip")."""
-        kind = self.use().value("verb")
+        token = self.use()
+        kind = token.value("verb")
+        clause.leans |= token.has("leans")
         if kind == "other":
             self.kept.difference_update(range(clause.begin, self.cursor.index))
         if kind == "be":
@@ -174,10 +132,20 @@ class Reader:
             clause.kind, clause.verb_pose = "place", kind
 
     def element(self, clause: Clause) -> None:
-        """turn | place | facing | POSE | RESTRICT | noun | FILLER."""
+        """turn | measured | place | carried | facing | POSE | RESTRICT | EXCLUDE | noun | FILLER."""
         here = self.cursor.here
         if clause.kind == "other":
             self.topic()
+        elif here("filler") and self.cursor.index == 0 and here("det", ahead=1):  # "can the vase go on the table?"
+            self.use()
+        elif here("exclude") and self.leads_to_place(1):
+            self.but, self.exclude = self.use().text, True
+            if at_noun(self.cursor):  # "but not the pillow"
+                self.bare_exclusion(clause)
+        elif here("bound", "distance") and (length := self.measure_length()):
+            self.measured(clause, length)
+        elif self.cursor.value("relation") in SAYS_WHICH:
+            self.carried(clause)
         elif length := turn_length(self.cursor, said=clause.turning):
             self.turn(clause, length)
         elif here("pose") and not here("relation"):
@@ -187,12 +155,94 @@ class Reader:
         elif here("relation"):
             self.place(clause)
         elif here("restrict"):
-            self.use()
+            self.exclude |= self.use().value("restrict") == "not"
             self.restrict = True
         elif starts(self.cursor) and at_noun(self.cursor):
             self.noun(clause)
         else:
             self.cursor.take()
+
+    def leads_to_place(self, ahead: int) -> bool:
+        """Whether a place or a noun comes that many tokens further."""
+        here = self.cursor.here
+        return here("relation", "distance", "bound", ahead=ahead) or at_noun(self.cursor, ahead)
+
+    def bare_exclusion(self, clause: Clause) -> None:
+        """ "except the pillow": not on it; a pronoun or a verb after it excludes nothing."""
+        begin = self.cursor.index
+        noun = noun_phrase(self.cursor)
+        self.exclude = False
+        if noun.pronoun in ("it", "viewer"):
+            return
+        self.keep(begin)
+        clause.places.append(Place("on", (noun,), self.restrict, f"{self.but} {noun.text}", excluded=True))
+        self.restrict, self.but = False, ""
+
+    def measure_length(self) -> int:
+        """How many tokens a length with its bound, its relation and "away" take; 0 if it is none of a place."""
+        here = self.cursor.here
+        ahead = 1 if here("bound") and here("distance", ahead=1) else 0
+        if not here("distance", ahead=ahead):
+            return 0
+        ahead += 1
+        if here("count", ahead=ahead) and here("region", ahead=ahead + 1):  # "from the left edge"
+            return ahead
+        fits = here("of", ahead=ahead) or self.cursor.value("relation", ahead=ahead) in OF_A_LENGTH
+        return ahead if fits and at_noun(self.cursor, ahead + 1) else 0
+
+    def measured(self, clause: Clause, length: int) -> None:
+        """[ BOUND ] DISTANCE ( RELATION | "of" ) noun."""
+        begin = self.cursor.index
+        tokens = [self.cursor.take() for _ in range(length)]
+        mode = next((token.value("bound") for token in tokens if token.has("bound")), "exactly")
+        measure = Measure(float(tokens[-1].value("distance")), mode)
+        side = self.cursor.value("count")
+        token = self.cursor.take()
+        noun = noun_phrase(self.cursor)
+        noun = replace(noun, sides=(side, *noun.sides)) if side else noun
+        relation = token.value("relation") if token.value("relation") in SIDED else "distance"
+        self.keep(begin)
+        noun = self.referred(noun, relation)
+        place = Place(relation, (noun,), self.restrict, self.cursor.text(begin), excluded=self.exclude, measure=measure)
+        self.said(clause, place)
+
+    def may_say_which(self, clause: Clause) -> bool:
+        """Whether "with", "without" or "where" comes right after the name of a place."""
+        follows = self.last_place_ends == self.cursor.index or self.restrict
+        return self.cursor.value("relation") in SAYS_WHICH and bool(clause.places) and follows
+
+    def carried(self, clause: Clause) -> None:
+        """ "with a lamp on it" after the name of a place; else "with" means nothing that is used."""
+        begin, may = self.cursor.index, self.may_say_which(clause)
+        relation = self.cursor.take().value("relation")
+        if not at_noun(self.cursor):
+            return
+        noun = noun_phrase(self.cursor)
+        if not may and self.cursor.tokens[begin].text == "where" and self.cursor.value("verb") == "be":
+            self.cursor.take()  # "put it where the lamp is": beside it, as the lamp is there
+            self.keep(begin)
+            self.said(clause, Place("next_to", (noun,), False, self.cursor.text(begin), excluded=self.exclude))
+            return
+        if not may or self.cursor.here("face", "toward", "pose") or noun.pronoun or noun.is_region:
+            self.cursor.index = begin + 1
+            return
+        if self.cursor.here("verb") and self.cursor.value("verb") == "be":  # "where the lamp is"
+            self.cursor.take()
+        if self.cursor.here("relation") and self.cursor.value("relation") in SUPPORT and self.nothing_new(1):
+            self.cursor.index += 2 if self.cursor.here("pronoun", ahead=1) else 1  # "on it"
+        self.keep(begin)
+        place = Place(relation, (noun,), True, self.cursor.text(begin), excluded=self.exclude)
+        self.said(clause, place)
+
+    def nothing_new(self, ahead: int) -> bool:
+        """Whether no noun but a pronoun comes: "on it", "on top"."""
+        return self.cursor.here("pronoun", ahead=ahead) or not at_noun(self.cursor, ahead)
+
+    def said(self, clause: Clause, place: Place) -> None:
+        """Keep a place; what restricted or excluded it is used up."""
+        clause.places.append(replace(place, text=f"{self.but} {place.text}".strip()))
+        self.restrict, self.exclude, self.but = False, False, ""
+        self.last_place_ends = self.cursor.index
 
     def topic(self) -> None:
         """Inside "close the drawer": remember the noun for a later "it"."""
@@ -226,8 +276,6 @@ class Reader:
             nouns = [self.last_noun]
         if not nouns or (relation == "source" and nouns[0].region):  # "5 cm from the edge"
             return
-        if nouns[0].is_unknown and self.cursor.here("length"):  # "close to 10 cm from the edge"
-            return
         if relation in SIDED and nouns[0].is_region:
             if nouns[0].region not in MIDDLES:  # "left of the edge"
                 return
@@ -236,10 +284,16 @@ class Reader:
         self.keep(begin)
         clause.poses += [token] if token.has("pose") else []  # "leaning against the wall"
         nouns = [self.referred(noun, relation) for noun in nouns]
-        self.last_noun = nouns[0]
-        clause.places.append(Place(relation, tuple(nouns), self.restrict, self.cursor.text(begin), attached))
-        self.restrict = False
-        self.last_place_ends = self.cursor.index
+        owner = nouns[0].owner
+        if token.text == "at" and nouns[0].name == "foot" and owner is not None and not belongs(clause.theme, owner):
+            relation, nouns = "front_of", [owner]  # "at the foot of the bed" is on the floor before it
+        if not self.exclude:
+            self.last_noun = nouns[0]
+        place = Place(
+            relation, tuple(nouns), self.restrict, self.cursor.text(begin), attached,
+            excluded=self.exclude, topmost=token.has("topmost"), literal=token.text,
+        )  # fmt: skip
+        self.said(clause, place)
 
     def second(self, relation: str) -> list[Noun]:
         """The noun after "and": of "between", or of "next to A and B" where the sentence ends or pauses with it."""
@@ -348,6 +402,12 @@ def thing_and_region(noun: Noun) -> bool:
     return noun.is_region and noun.owner is not None and noun.name.startswith(noun.owner.name)
 
 
+def belongs(theme: Noun | None, whole: Noun) -> bool:
+    """Whether what is moved is what such a thing usually has: a blanket at the foot of the bed lies on the bed."""
+    owners = {one for part in theme.parts for one in part_words()[part].owners} if theme is not None else set()
+    return any(is_a(whole.thing, one) for one in owners)
+
+
 def several(one: Noun, other: Noun) -> Noun:
     """Two things to be moved."""
     return replace(one, text=f"{one.text} and {other.text}", plural=True)
@@ -357,55 +417,3 @@ def trimmed(run: list[Token]) -> str:
     """The words of a run without fillers, articles and "and" at its ends."""
     bare = [index for index, token in enumerate(run) if not token.has("filler", "conj", "of", "genitive", "det")]
     return " ".join(token.text for token in run[bare[0] : bare[-1] + 1]) if bare else ""
-
-
-# from clauses to a reading ------------------------------------------------------------------------------------------
-
-
-def check(prompt: str, clauses: list[Clause]) -> None:
-    """Refuse what is not the placement of one thing."""
-    placing = [clause for clause in clauses if clause.says_where]
-    if not any(clause.kind or clause.places for clause in placing):
-        what = "asks for something other than a placement" if len(placing) < len(clauses) else "says no place"
-        raise LanguageError(f"prompt {prompt!r} {what}; {EXAMPLE}")
-    moved = themes(clauses)
-    plural = any(clause.theme is not None and clause.theme.plural for clause in clauses if clause.kind != "other")
-    if plural or any(not alike(moved[0], theme) for theme in moved[1:]):
-        listed = f" ({' and '.join(dict.fromkeys(theme.text for theme in moved))})" if moved else ""
-        raise LanguageError(f"prompt {prompt!r} moves more than one thing{listed}; place one object at a time")
-
-
-def themes(clauses: list[Clause]) -> list[Noun]:
-    """What is moved, clause by clause."""
-    nouns = (clause.theme for clause in clauses if clause.kind != "other")
-    return [noun for noun in nouns if noun is not None and noun.pronoun != "it"]
-
-
-def alike(one: Noun, other: Noun) -> bool:
-    """Whether two phrases can mean one thing: "the red mug", then "the mug"."""
-    colours, sides = {one.colour, other.colour} - {""}, {one.sides, other.sides} - {()}
-    return one.name == other.name and len(colours) < 2 and len(sides) < 2
-
-
-def reading_of(clauses: list[Clause], lost: tuple[str, ...]) -> Reading:
-    """The clauses as one reading: the last pose counts, a said pose before one that a verb implies."""
-    moved = themes(clauses)
-    placing = [clause for clause in clauses if clause.says_where]
-    poses = [token for clause in placing for token in clause.poses]
-    implied = next((clause.verb_pose for clause in reversed(placing) if clause.verb_pose), "")
-    places = [replace(place, clause=index) for index, clause in enumerate(placing) for place in clause.places]
-    facings = [clause.facing for clause in placing if clause.facing is not None]
-    turns = [turn for clause in placing for turn in clause.turns]
-    elsewhere = [text for clause in clauses if not clause.says_where for text in clause.texts()]
-    sources = [place.text for place in places if place.relation == "source"]
-    return Reading(
-        theme=moved[0] if moved else None,
-        places=tuple(place for place in places if place.relation != "source"),
-        pose=poses[-1].value("pose") if poses else implied or "any",
-        pose_words=" ".join(token.text for token in poses) or implied,
-        turn=turns[-1].degrees if turns else 0.0,
-        turn_words=turns[-1].text if turns else "",
-        facing=facings[-1] if facings else None,
-        aside=(*elsewhere, *sources, *(theme.text for theme in moved[1:])),
-        not_understood=(*lost, *(facing.text for facing in facings[:-1]), *(turn.text for turn in turns[:-1])),
-    )

@@ -5,61 +5,37 @@ the words of the reply. The first place that names a thing is the base; later on
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import replace
 
 from dcap.language.offline.ground import (
-    Found,
+    boarded,
     candidates,
     carrier,
     choose,
+    fits,
     floor_of,
     gap,
     inventory,
+    is_stacked,
     is_wider,
-    label_thing,
     named,
+    near_miss,
     owners,
     part_of,
     stands_on,
 )
-from dcap.language.offline.lexicon import inside_parts, label_words, lineage
-from dcap.language.offline.nouns import Noun
+from dcap.language.offline.grounded import Target, as_candidates, is_any
+from dcap.language.offline.lexicon import default_parts, inside_parts, label_words, lineage
+from dcap.language.offline.likelihood import label_thing
+from dcap.language.offline.limits import exclude, lean, limit
 from dcap.language.offline.placing import BESIDE, PLACEABLE, bare_region, names_support, placing_of, whole
-from dcap.language.offline.sentence import SUPPORT, Place, Reading
-from dcap.language.protocol.requests import PART_SIDES, InstanceView, IntentRequest
+from dcap.language.offline.reading import Place, Reading
+from dcap.language.offline.sentence import SUPPORT
+from dcap.language.offline.where import ground_further, ground_own_region, set_part
+from dcap.language.protocol.requests import InstanceView, IntentRequest
 
-SIDE_REGIONS = {"left": "left", "right": "right", "front": "front", "back": "back", "head": "head", "foot": "foot",
-                "top": "back", "bottom": "front", "nearest": "front", "middle": "middle"}  # fmt: skip
-"""Sides as regions of a horizontal surface, seen like a page: the top is far away."""
-REACH = 0.5
-"""Beside a second thing farther from the support than this nothing can be put [m]."""
-PART_REGIONS = {"headboard": "head", "footboard": "foot", "back": "back"}
-"""Where a part would be that the segmentation did not find."""
-
-
-@dataclass(slots=True)
-class Target:
-    """What was found."""
-
-    base: InstanceView | None = None
-    missing: str = ""
-    part: str = ""
-    which: str = ""
-    regions: list[str] = field(default_factory=list)
-    references: list[str] = field(default_factory=list)
-    words: list[str] = field(default_factory=list)
-    not_understood: list[str] = field(default_factory=list)
-    notes: list[str] = field(default_factory=list)
-    used: list[Place] = field(default_factory=list)
-    """Places that chose the base and say nothing more."""
-
-    def add_regions(self, names: Sequence[str]) -> None:
-        """Regions that are not there yet."""
-        self.regions.extend(name for name in names if name not in self.regions)
-
-    def add_references(self, names: Sequence[str]) -> None:
-        """References that are not there yet."""
-        self.references.extend(name for name in names if name not in self.references)
+AROUND = 1.5
+"""A thing farther off is not where a sentence says that it is, "the desk near the window" [m]."""
 
 
 def target_of(reading: Reading, request: IntentRequest) -> Target:
@@ -69,15 +45,37 @@ def target_of(reading: Reading, request: IntentRequest) -> Target:
     if names_support(main):
         ground_support(target, main, reading, request)
     else:
-        ground_by_neighbour(target, main, request)
+        ground_by_neighbour(target, main, reading, request)
     for place in reading.places:
         said = place is main and names_support(main)
-        if target.base is not None and not said and not place.restrict and place not in target.used:
+        if target.base is None or said or place in target.used:
+            continue
+        if leans(reading, place):
+            continue
+        if place.excluded and not place.restrict:
+            exclude(target, place, request)
+        elif not place.restrict and (place.measure is not None or place.relation in ("away", "farthest")):
+            limit(target, place, request)
+        elif not place.restrict:
             ground_further(target, place, request)
-    if target.base is not None and names_support(main):
+        elif is_so(target.base, place, request):
+            target.used = [*target.used, place]
+        else:
+            target.not_understood.append(place.nouns[0].text if place.nouns[0].is_unknown else place.text)
+    if target.base is not None and main.measure is not None and names_support(main):
+        limit(target, main, request)
+    elif target.base is not None and names_support(main):
         ground_own_region(target, main, request)
+    for place in reading.places:
+        if target.base is not None and leans(reading, place):  # after what else is beside it
+            lean(target, place, request)
     target.not_understood[:0] = still_unknown(reading.not_understood, target, request)
     return target
+
+
+def leans(reading: Reading, place: Place) -> bool:
+    """Whether the place is what the object shall lean on."""
+    return reading.pose == "leaning" and place.relation == "against" and not place.excluded
 
 
 def still_unknown(phrases: Sequence[str], target: Target, request: IntentRequest) -> list[str]:
@@ -101,21 +99,63 @@ def ground_support(target: Target, support: Place, reading: Reading, request: In
     if not found:
         target.missing = noun.text
         target.notes.append(f"the scene has {inventory(request.instances)}")
+        target.meant = near_miss(noun, request.instances)
         return
     target.used = narrowing(reading, support, found, request)
     able = carrying(reading, support, found, request)
-    chosen = choose(able, noun, target.used, request.instances, request.room_center)
-    target.base = chosen.instances[0]
+    if (unmet := unmet_load(able, target.used, request)) is not None:
+        target.missing = f"{noun.text} {unmet.text}"
+        return
+    a_board = bool(boarded(noun, request.instances))
+    told = replace(noun, sides=()) if a_board else noun  # its number is that of the board
+    chosen = choose(able, told, target.used, request.instances, request.room_center)
+    target.base = chosen.best
+    target.candidates = as_candidates(chosen)
     if chosen.note:
         target.notes.append(f"{noun.text}: {chosen.note}")
     if is_wider(target.base, noun):
         target.notes.append(f"using the {target.base.label} as {noun.text}")
     only_a_part = noun is support.nouns[0] and not named(noun, request.instances)
     one_of_its_parts = len(found) == 1 and noun.sides and part_of(noun, target.base)  # "the second shelf"
-    if only_a_part or one_of_its_parts:
+    if only_a_part or one_of_its_parts or a_board:
         set_part(target, noun)
     elif support.relation == "in" and inside(target.base) and support.nouns[0].owner is None:
         target.part = inside(target.base)
+    elif support.topmost:
+        set_topmost(target)
+
+
+def unmet_load(
+    found: Sequence[InstanceView], places: Sequence[Place], request: IntentRequest
+) -> Place | None:  # fmt: skip
+    """What all of them are said to carry or lack, and none does."""
+    for place in places:
+        fit = fits(found, place, request.instances) if place.relation in ("carrying", "lacking") else None
+        if fit is not None and not any(fit):
+            return place
+    return None
+
+
+def set_topmost(target: Target) -> None:
+    """ "On top of the bookcase" is its highest board, where those that carry lie above each other."""
+    assert target.base is not None
+    names = {part.name for part in target.base.parts}
+    usual = (name for one in lineage(label_thing(target.base)) for name in default_parts().get(one, ()))
+    part = next((name for name in usual if name in names), "")
+    if part and is_stacked(target.base, part):
+        highest = max(target.base.parts, key=lambda one: one.center[2] + one.size[2] / 2)
+        target.part, target.which = (highest.name, "") if highest.name == "top" else (part, "top")
+
+
+def is_so(base: InstanceView, place: Place, request: IntentRequest) -> bool:
+    """Whether what a place says of the base, which is meant anyway, holds of it."""
+    noun = place.nouns[0]
+    if place.relation not in ("carrying", "lacking"):
+        others = [one for one in candidates(noun, request.instances) if one is not base]
+        near = any(gap(one, base) < AROUND for one in others)
+        return noun.is_region or (bool(others) and near != place.excluded) or base in named(noun, request.instances)
+    loaded = bool(part_of(noun, base)) or any(stands_on(one, base) for one in named(noun, request.instances))
+    return loaded == ((place.relation == "carrying") != place.excluded)
 
 
 def inside(base: InstanceView) -> str:
@@ -166,177 +206,22 @@ def says_which(place: Place, found: Sequence[InstanceView], request: IntentReque
     return bool(others) and not any(stands_on(other, one) for other in others for one in found)
 
 
-def set_part(target: Target, noun: Noun) -> None:
-    """Ask for the part that the noun names."""
-    assert target.base is not None
-    part = part_of(noun, target.base)
-    if part:
-        target.part = part
-        target.which = " ".join([side for side in noun.sides if side != part][:1])
-        target.words.append(noun.text)
-
-
-def ground_by_neighbour(target: Target, place: Place, request: IntentRequest) -> None:
+def ground_by_neighbour(target: Target, place: Place, reading: Reading, request: IntentRequest) -> None:
     """No support is named: what has the part or carries the thing of which the place speaks, or the floor."""
     noun = whole(place)
     if found := named(noun, request.instances):
-        thing = choose(found, noun, (), request.instances, request.room_center).instances[0]
+        which = [p for p in reading.places if p is not place and p.restrict]
+        chosen = choose(found, noun, which, request.instances, request.room_center)
+        target.used, thing = which, chosen.best
+        if not noun.plural and not is_any(thing):
+            target.reference_candidates = as_candidates(chosen)
         of_it = noun is not place.nouns[0] and part_of(place.nouns[0], thing) and place.relation != "under"
         target.base = thing if of_it else carrier(thing, request.instances)
     elif found := owners(noun, request.instances):
-        target.base = choose(found, noun, (), request.instances, request.room_center).instances[0]
+        chosen = choose(found, noun, (), request.instances, request.room_center)
+        target.base, target.candidates = chosen.best, as_candidates(chosen)
     if target.base is None:
         target.missing = noun.text if not found else "floor"
+        target.meant = near_miss(noun, request.instances) if not found else ""
     else:
         target.notes.append(f"{place.text}: on {target.base.label}, as no support is named")
-
-
-# where on it --------------------------------------------------------------------------------------------------------
-
-
-def ground_own_region(target: Target, support: Place, request: IntentRequest) -> None:
-    """The region or part in front of "of the bed"."""
-    noun = support.nouns[0]
-    assert target.base is not None
-    if noun.owner is None:
-        return
-    part = part_of(noun, target.base)
-    if part and support.relation in SUPPORT:
-        set_part(target, noun)
-    elif noun.region or noun.sides:
-        region_words(target, noun, request)
-    elif part:
-        set_part(target, noun)
-    part_of_whole = noun.owner.owner is not None or not named(noun.owner, request.instances)
-    if part_of_whole and not target.part:  # "the corner of the mattress of the bed"
-        set_part(target, noun.owner)
-
-
-def region_words(target: Target, noun: Noun, request: IntentRequest) -> None:
-    """Sides and region of a noun as region names; of an edge, what it looks at as reference."""
-    names = [SIDE_REGIONS[side] for side in noun.sides if side in SIDE_REGIONS]
-    if noun.region and noun.region != "side":
-        names.append(noun.region)
-    target.add_regions(names)
-    (target.words if names else target.not_understood).append(noun.text)
-    if noun.toward is not None:
-        seen = references_of(noun.toward, target, request, several=False)
-        target.add_references(seen)
-        (target.words if seen else target.not_understood).append(noun.toward.text)
-
-
-def ground_further(target: Target, place: Place, request: IntentRequest) -> None:
-    """A place beside the one that named the base."""
-    noun = place.nouns[0]
-    assert target.base is not None
-    unclear = place.relation == "between" and any(noun.region for noun in place.nouns)
-    if place.relation in ("away", "which") or unclear:
-        target.not_understood.append(place.text)
-    elif place.relation in PLACEABLE:
-        ground_on_again(target, place, request)
-    elif (noun.region or noun.is_region) and (
-        noun.owner is None or noun.region in ("edge", "corner", "center", "middle")
-    ):
-        region_words(target, noun, request)
-    else:
-        beside(target, place, request)
-
-
-def ground_on_again(target: Target, place: Place, request: IntentRequest) -> None:
-    """ "... on the mattress", "... on the left", "... in the corner"."""
-    noun = place.nouns[0]
-    assert target.base is not None
-    names = {part.name for part in target.base.parts}
-    own = next((part for part in noun.parts if part in names), "")
-    if own and not noun.is_region and not bare_region(noun):
-        set_part(target, noun)
-    elif noun.region or noun.sides:
-        owner = named(noun.owner, request.instances) if noun.owner is not None else ()
-        if owner and target.base not in owner:
-            beside(
-                target, Place(f"{(noun.sides or ('near',))[0]}_of", (noun.owner or noun,), False, place.text), request
-            )
-        else:
-            region_words(target, noun, request)
-    elif noun.pronoun != "it" and target.base not in named(noun, request.instances):  # a second support
-        target.not_understood.append(place.text)
-
-
-def beside(target: Target, place: Place, request: IntentRequest) -> None:
-    """Near, next to, between, under: regions with references."""
-    assert target.base is not None
-    references: list[str] = []
-    for noun in place.nouns:
-        if references and place.relation != "between" and not within_reach(noun, target.base, request):
-            target.not_understood.append(noun.text)
-            continue
-        found = references_of(noun, target, request, several=place.relation == "between" and len(place.nouns) == 1)
-        if not found:
-            part = next((p for p in noun.parts if p in PART_REGIONS), "")
-            if part and place.relation in ("near", "against", "next_to"):
-                target.add_regions([PART_REGIONS[part]])
-                target.words.append(place.text)
-                return
-            target.missing = noun.text
-            target.base = None
-            target.notes.append(f"the scene has {inventory(request.instances)}")
-            return
-        references.extend(found)
-    if references == [target.base.id]:
-        return
-    target.add_regions(BESIDE.get(place.relation, ("near",)))
-    target.add_references(references)
-    target.words.append(place.text)
-
-
-def within_reach(noun: Noun, base: InstanceView, request: IntentRequest) -> bool:
-    """Whether a thing of that name is so near the base that one can be beside it there."""
-    return any(gap(i, base) < REACH for i in named(noun, request.instances)) or part_of(noun, base) != ""
-
-
-def references_of(noun: Noun, target: Target, request: IntentRequest, *, several: bool) -> list[str]:
-    """Ids of the things, or `part:NAME`, that a relation speaks of; those nearest to the base."""
-    assert target.base is not None
-    base = target.base
-    found = [i for i in named(noun, request.instances) if i.id != base.id]
-    near_ones = [i for i in found if gap(i, base) < 0.05]
-    part = part_of(noun, base)
-    if part and not near_ones:
-        side = next((side for side in noun.sides if side in PART_SIDES and side != part), "")
-        return [f"part:{part}/{side}" if side and not several else f"part:{part}"]
-    if not found:
-        return []
-    if several:
-        pool = near_ones if len(near_ones) > 1 else found
-        return [i.id for i in sorted(pool, key=lambda i: (gap(i, base), i.id))[:2]]
-    pool = near_ones or found
-    nearest = min(gap(i, base) for i in pool)
-    chosen: Found = choose(
-        [i for i in pool if gap(i, base) <= nearest + 0.05], noun, (), request.instances, request.room_center
-    )
-    return [chosen.instances[0].id]
-
-
-def facing_of(reading: Reading, target: Target, request: IntentRequest) -> tuple[str, tuple[str, ...]]:
-    """What the front shall look at, and what of it was not understood."""
-    facing = reading.facing
-    if facing is None or target.base is None:
-        return "", ()
-    away = "away:" if facing.mode == "away" else ""
-    noun = facing.noun
-    if noun.pronoun == "viewer":
-        return f"{away}viewer", ()
-    if noun.thing == "room" or (noun.owner is not None and noun.owner.thing == "room"):
-        return f"{away}room", ()
-    part = part_of(noun, target.base)
-    if not part or named(noun, request.instances):
-        found = list(named(noun, request.instances))
-        if found:
-            nearest = min(found, key=lambda i: (gap(i, target.base or i), i.id))
-            return f"{away}{nearest.id}", ()
-    if part:
-        return f"{away}part:{part}", ()
-    if noun.thing in ("wall", "door"):
-        return f"{away}{noun.thing}", ()
-    side = next((s for s in noun.sides if s in ("left", "right", "front", "back")), "")
-    return (f"{away}{side}", ()) if side else ("", (facing.text,))

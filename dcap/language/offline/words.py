@@ -1,18 +1,49 @@
 """A prompt cut into tokens: known phrases with everything they may mean, and unknown words.
 
-In: text. Out: tokens in order; the longest known phrase at each place wins, and a number with its unit is one token.
-Nothing is lost: every word is in some token.
+In: text, and what the scene calls its things. Out: tokens in order; the longest known phrase at each place wins, a
+number with its unit is one token, and so is the id of a thing. A mistyped word is read as the known one that it must
+be, and that is told. Nothing is lost: every word is in some token.
 """
 
 import re
-from dataclasses import dataclass
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from functools import cache
 
-from dcap.language.offline.lexicon import Meaning, longest_phrase, split_words, vocabulary
+from dcap.language.material_table import material_words
+from dcap.language.offline.lexicon import Meaning, label_words, longest_phrase, rows, split_words, vocabulary
+from dcap.language.offline.typos import LONG, meant_by
 
 UNKNOWN = frozenset({Meaning("unknown", "")})
 PAUSE = frozenset({Meaning("pause", "")})
 HUNDRED = 100.0
 """The number word that multiplies what stands before it."""
+GRAMMAR = frozenset({"relation", "verb", "det", "side", "region", "restrict", "count", "face", "pose", "of"})
+"""Kinds of words that a mistyped word is before it is the name of a thing."""
+OTHER_WORDS = ("lexicon/families.csv", "lexicon/opposites.csv")
+"""Words that are known although the grammar has no use for them."""
+NOT_BY_MISTAKE = frozenset({"negation", "exclude", "choice"})
+"""Kinds of words that are not read into a slip: they turn a sentence round."""
+MEASURE = re.compile(r"(?<=\d)(?=(?:m|cm|cms|mm|inch|inches|deg)\b)", re.IGNORECASE)
+"""Between a number and the unit that is written on to it."""
+
+
+@dataclass(frozen=True, slots=True)
+class SceneWords:
+    """What a scene calls its things."""
+
+    labels: frozenset[str] = frozenset()
+    """Words of its labels."""
+    ids: frozenset[str] = frozenset()
+
+    @classmethod
+    def of(cls, named: Iterable[tuple[str, str]]) -> "SceneWords":
+        """From ids with labels."""
+        pairs = list(named)
+        return cls(frozenset(word for _, label in pairs for word in label_words(label)), frozenset(i for i, _ in pairs))
+
+
+NO_SCENE = SceneWords()
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,6 +88,10 @@ class TokenCursor:
         index = self.index + ahead
         return 0 <= index < len(self.tokens) and self.tokens[index].has(*kinds)
 
+    def value(self, kind: str, ahead: int = 0) -> str:
+        """What the next token, or the one `ahead` further, means as that kind; empty if it is none."""
+        return self.tokens[self.index + ahead].value(kind) if self.here(kind, ahead=ahead) else ""
+
     def take(self) -> Token:
         """The next token; the cursor moves on."""
         token = self.tokens[self.index]
@@ -68,25 +103,106 @@ class TokenCursor:
         return " ".join(token.text for token in self.tokens[begin : self.index])
 
 
-def tokens_of(text: str) -> list[Token]:
+@dataclass(slots=True)
+class Words:
+    """The words of a prompt, mistyped ones mended."""
+
+    words: list[str]
+    mended: dict[str, str] = field(default_factory=dict)
+    """What was typed, and what it is read as."""
+
+
+def tokens_of(text: str, scene: SceneWords = NO_SCENE) -> list[Token]:
     """The prompt as tokens."""
-    words = split_words(text)
+    return tokens_of_words(words_of(text, scene).words, ids_in(text, scene))
+
+
+def words_of(text: str, scene: SceneWords = NO_SCENE) -> Words:
+    """The prompt's words; each that is unknown is compared with the known ones and with the scene's labels."""
+    words = split_words(MEASURE.sub(" ", text))
+    said = {word for one in ids_in(text, scene) for word in one}
+    found = Words(words)
+    for index, word in enumerate(words):
+        if word in known_words() or word in scene.labels or word in said:
+            continue
+        meant = mended(word, scene)
+        if meant:
+            found.words[index], found.mended[word] = meant, meant
+    return found
+
+
+def mended(word: str, scene: SceneWords) -> str:
+    """The word that a mistyped one must be: of the scene's labels, else of the grammar, else any; empty if none."""
+    return next((meant for known in (scene.labels, *tiers()) if (meant := meant_by(word, known))), "")
+
+
+@cache
+def known_words() -> frozenset[str]:
+    """Every word of every known phrase, those for materials and their opposites too."""
+    lists = [row["words"].replace("|", " ") for name in OTHER_WORDS for row in rows(name)]
+    said = {word for text in (*lists, *material_words()) for word in split_words(text)}
+    return frozenset(word for phrase in vocabulary() for word in phrase) | said
+
+
+@cache
+def tiers() -> tuple[frozenset[str], frozenset[str]]:
+    """Single words that a slip may be mended to: those of the grammar, and all."""
+    alone = {phrase[0]: meanings for phrase, meanings in vocabulary().items() if len(phrase) == 1}
+    fit = {word: m for word, m in alone.items() if not any(one.kind in NOT_BY_MISTAKE for one in m)}
+    grammar = frozenset(word for word, m in fit.items() if any(one.kind in GRAMMAR for one in m))
+    named = (p for p, m in vocabulary().items() if len(p) > 1 and any(one.kind in ("thing", "part") for one in m))
+    return grammar, frozenset(fit) | frozenset(word for phrase in named for word in phrase if len(word) >= LONG)
+
+
+def ids_in(text: str, scene: SceneWords) -> dict[tuple[str, ...], str]:
+    """The ids of the scene's things that stand in a text, by their words.
+
+    An id that is a plain word, as nodes of glTF files have them, counts after the word "id" only.
+    """
+    found = {}
+    for one in scene.ids:
+        plain = one.replace(" ", "").isalpha()
+        before = r"\bid\s+[\"']?" if plain else r"(?<![\w-])"
+        if one and re.search(before + re.escape(one) + r"(?![\w-])", text, re.IGNORECASE):
+            found[tuple(split_words(one))] = one
+    return found
+
+
+def tokens_of_words(words: list[str], ids: dict[tuple[str, ...], str]) -> list[Token]:
+    """The words as tokens; an id comes after the word "id", the name of a thing, or is no plain number."""
     found: list[Token] = []
     begin = 0
     while begin < len(words):
+        said = next(
+            (one for one in sorted(ids, key=len, reverse=True) if tuple(words[begin : begin + len(one)]) == one), None
+        )
+        if said is not None and is_id(said, found, words[begin + len(said) :]):
+            found.append(Token(" ".join(said), frozenset({Meaning("id", ids[said])})))
+            begin += len(said)
+            continue
         token, length = longest_at(words, begin)
         found.append(token)
         begin += length
     return found
 
 
+def is_id(said: tuple[str, ...], before: list[Token], after: list[str]) -> bool:
+    """Whether words that are an id are meant as one: "2" alone may be a number, "chair 2" is the chair with that id."""
+    if not all(is_digits(word) for word in said):
+        return True
+    told = bool(before) and before[-1].has("id word", "thing", "det", "relation", "unknown")
+    return told and not (after and (of_kind(after[0], "unit") or of_kind(after[0], "length")))
+
+
 def longest_at(words: list[str], begin: int) -> tuple[Token, int]:
     """The longest known phrase that starts here, and its length in words."""
     if words[begin] == ",":
         return Token(",", PAUSE), 1
-    if length := angle_length(words, begin):
-        degrees = f"{number(words[begin : begin + length - 1]):g}"
-        return Token(" ".join(words[begin : begin + length]), frozenset({Meaning("angle", degrees)})), length
+    if length := measure_length(words, begin):
+        unit = "unit" if of_kind(words[begin + length - 1], "unit") else "length"
+        value = number(words[begin : begin + length - 1]) * float(of_kind(words[begin + length - 1], unit))
+        meaning = Meaning("angle" if unit == "unit" else "distance", f"{value:g}")
+        return Token(" ".join(words[begin : begin + length]), frozenset({meaning})), length
     for length in range(min(longest_phrase(), len(words) - begin), 0, -1):
         phrase = tuple(words[begin : begin + length])
         if phrase in vocabulary():
@@ -94,12 +210,13 @@ def longest_at(words: list[str], begin: int) -> tuple[Token, int]:
     return Token(words[begin], UNKNOWN), 1
 
 
-def angle_length(words: list[str], begin: int) -> int:
-    """How many words from there on are an angle, "forty five degrees" or "-30 deg"; 0 if none is."""
+def measure_length(words: list[str], begin: int) -> int:
+    """How many words from there on are an angle or a length, "forty five degrees" or "20 cm"; 0 if none is."""
     end = begin
     while end < len(words) and (is_digits(words[end]) or of_kind(words[end], "numeral")):
         end += 1
-    return end + 1 - begin if end > begin and end < len(words) and of_kind(words[end], "unit") else 0
+    unit = end > begin and end < len(words) and (of_kind(words[end], "unit") or of_kind(words[end], "length"))
+    return end + 1 - begin if unit else 0
 
 
 def number(words: list[str]) -> float:

@@ -5,6 +5,7 @@ that can be shown to a model as it is. A reply that fails is no reply.
 """
 
 import math
+from collections.abc import Collection
 from typing import Literal
 
 from pydantic import BaseModel, Field, PositiveFloat
@@ -21,12 +22,15 @@ from dcap.language.protocol.requests import (
 
 Pose = Literal[
     "upright", "upside_down", "on_side", "on_left_side", "on_right_side", "lying", "standing", "on_back", "on_front",
-    "any",
+    "leaning", "any",
 ]  # fmt: skip
 Region = Literal[
-    "center", "left", "right", "front", "back", "head", "foot", "edge", "corner", "near", "next_to", "between",
+    "center", "left", "right", "front", "back", "head", "foot", "edge", "corner", "end", "near", "next_to", "between",
     "middle", "under", "any",
 ]  # fmt: skip
+ConstraintKind = Literal["not_on", "not_in", "exactly", "at_least", "at_most", "farthest", "nearest", "away"]
+MEASURED = frozenset({"exactly", "at_least", "at_most"})
+"""Kinds of constraints that say how far."""
 SPECIAL_FACINGS = ("wall", "door", "viewer", "room", "left", "right", "front", "back")
 Metres = PositiveFloat
 LONGEST_NAME = 80
@@ -39,11 +43,58 @@ OTHER = "other"
 """The label of what none of the listed ones fits."""
 
 
+class Candidate(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False):
+    """An instance that the prompt may mean."""
+
+    id: str = Field(description="id of a listed instance")
+    likelihood: float = Field(gt=0.0, le=1.0, description="how likely the prompt means this one")
+
+
+class Constraint(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False):
+    """What the place must keep to beside its region."""
+
+    kind: ConstraintKind = Field(
+        description="not_on: neither on, over nor under the reference; not_in: not in the regions; exactly, at_least, "
+        "at_most: so many metres of free gap; farthest, nearest, away: from the reference or the edge"
+    )
+    regions: tuple[Region, ...] = Field(
+        default=(), description="of the part, or beside the reference; of a distance edge, corner or end with sides"
+    )
+    reference: str = Field(default="", description="listed instance id or part:NAME; empty: the part's own regions")
+    metres: float | None = Field(default=None, gt=0, le=20, description="only of exactly, at_least and at_most [m]")
+    words: str = Field(default="", max_length=200)
+
+    def check(self, targets: Collection[str]) -> None:
+        """ValueError if it refers to what is not listed, or says too little."""
+        if self.reference and not listed(self.reference, targets):
+            raise ValueError(f"reference {self.reference!r} of constraint {self.kind} is not listed")
+        if not (self.reference or self.regions) or (self.kind == "not_on" and not self.reference):
+            raise ValueError(f"constraint {self.kind} names neither a reference nor a region")
+        if (self.metres is None) == (self.kind in MEASURED):
+            raise ValueError(
+                f"constraint {self.kind} has metres {self.metres}; only exactly, at_least, at_most have some"
+            )
+
+
+def listed(reference: str, targets: Collection[str]) -> bool:
+    """Whether a reference, `part:NAME/SIDE` included, is one of the targets."""
+    name, _, side = reference.partition("/") if reference.startswith("part:") else (reference, "", "")
+    return name in targets and side in ("", *PART_SIDES)
+
+
 class IntentReply(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False):
     """Base, size, mass, orientation and region."""
 
     base_id: str = Field(description="id of the listed instance that shall carry the object; empty if it is not there")
+    candidates: tuple[Candidate, ...] = Field(
+        default=(),
+        description="every listed instance that the prompt may mean as the base, with how likely; base_id among them",
+    )
+    reference_candidates: tuple[Candidate, ...] = Field(
+        default=(), description="the same for the thing that the first reference means, where several may be meant"
+    )
     missing: str = Field(default="", description="what the prompt asks for and the scene does not have; else empty")
+    did_you_mean: str = Field(default="", description="label of a listed instance that may be meant by what is missing")
     object_name: str = Field(
         min_length=1, max_length=LONGEST_NAME, description="category of the object, one to three words"
     )
@@ -57,7 +108,12 @@ class IntentReply(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False):
     mass: float = Field(gt=0, le=5000, description="realistic mass of the object [kg]")
     hollow: bool = Field(default=False, description="mass is not density times the volume of its closed mesh")
     pose: Pose = Field(
-        default="any", description="orientation that the prompt asks for; upright: right way up, standing: on end"
+        default="any",
+        description="orientation that the prompt asks for; upright: right way up, standing: on end, leaning: tilted "
+        "against lean_on",
+    )
+    lean_on: str = Field(
+        default="", description="listed instance id or part:NAME of the base that it leans on; only with pose leaning"
     )
     facing: str = Field(
         default="",
@@ -84,6 +140,9 @@ class IntentReply(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False):
         description="listed instance ids, or part:NAME of the base; of several, part:NAME/left, right, front, back, "
         "top or bottom",
     )
+    constraints: tuple[Constraint, ...] = Field(
+        default=(), description="excluded places, distances, farthest and nearest: what regions cannot say"
+    )
     region_words: str = ""
     not_understood: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
@@ -109,9 +168,17 @@ class IntentReply(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False):
             raise ValueError(f"part {self.part!r} is not one of {', '.join(sorted(parts))}")
         targets = {*by_id, *(f"part:{name}" for name in parts)}
         for reference in self.references:
-            name, _, side = reference.partition("/") if reference.startswith("part:") else (reference, "", "")
-            if name not in targets or side not in ("", *PART_SIDES):
+            if not listed(reference, targets):
                 raise ValueError(f"reference {reference!r} is neither a listed instance nor a part of {self.base_id}")
+        for constraint in self.constraints:
+            constraint.check(targets)
+        if bool(self.lean_on) != (self.pose == "leaning") or (self.lean_on and not listed(self.lean_on, targets)):
+            raise ValueError(f"lean_on {self.lean_on!r} with pose {self.pose}: leaning needs a listed instance or part")
+        unlisted = [one.id for one in (*self.candidates, *self.reference_candidates) if one.id not in by_id]
+        if unlisted:
+            raise ValueError(f"candidate {unlisted[0]!r} is not one of {', '.join(by_id)}")
+        if self.candidates and self.base_id not in [one.id for one in self.candidates]:
+            raise ValueError(f"base_id {self.base_id!r} is not among the candidates")
         facing = self.facing.removeprefix("away:")
         if facing and facing not in targets and facing not in SPECIAL_FACINGS:
             raise ValueError(f"facing {self.facing!r} is not listed")
@@ -151,6 +218,9 @@ class AnchorReply(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False):
     part_index: int = Field(description="index of a listed part")
     regions: tuple[Region, ...] = ()
     references: tuple[str, ...] = ()
+    constraints: tuple[Constraint, ...] = Field(
+        default=(), description="constraints to keep beside the asked ones, which always hold"
+    )
     point: tuple[float, float] | None = Field(
         default=None, description="aim on the part: right and front of its middle, -1..1; empty: the region decides"
     )
@@ -164,6 +234,9 @@ class AnchorReply(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False):
         unlisted = [r for r in self.references if r not in request.asked_references]
         if unlisted:
             raise ValueError(f"reference {unlisted[0]!r} is not one of {', '.join(request.asked_references) or 'none'}")
+        targets = {*request.asked_references, *(one.id for one in (*request.neighbours, *request.references))}
+        for constraint in self.constraints:
+            constraint.check(targets | {f"part:{part.name}" for part in request.parts})
         if self.point is not None and max(abs(c) for c in self.point) > 1:
             raise ValueError(f"point {self.point} is outside -1..1")
 

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from dcap.scene.types.intent import RegionConstraint
 from dcap.scene.types.materials import Material
 
 Vector = tuple[float, float, float]
@@ -177,6 +178,8 @@ class AnchorRequest:
     """Unit vector to the right of a viewer who looks at the base's front."""
     front: Vector
     """Unit vector from the base towards that viewer."""
+    asked_constraints: tuple[RegionConstraint, ...] = ()
+    """Excluded places and distances; the stage keeps them whatever is answered."""
     part_boxes: tuple[BoxView, ...] = ()
     """Of all parts, in the order of `parts`."""
     references: tuple[BoxView, ...] = ()

@@ -22,11 +22,11 @@ from PIL import Image
 
 from dcap.scene.errors import StoreError
 from dcap.scene.store.ply import mesh_from_ply, mesh_to_ply
-from dcap.scene.types.anchor import Anchor
+from dcap.scene.types.anchor import Anchor, Lean
 from dcap.scene.types.box import OrientedBox
 from dcap.scene.types.file_scale import FileScale
 from dcap.scene.types.given_labels import GivenLabels, GivenPart, GivenThing, VertexLabels
-from dcap.scene.types.intent import Intent, OrientationRequest, RegionRequest
+from dcap.scene.types.intent import Intent, OrientationRequest, RegionConstraint, RegionRequest, SupportCandidate
 from dcap.scene.types.materials import ContactFriction, LayerConstants, Material, PartMaterial, PartMaterials
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.outcome import BesideThePart, HiddenObject, Infeasible, InTheWay, NoRoom, NotInScene
@@ -48,7 +48,7 @@ from dcap.scene.types.rotation import Rotation
 from dcap.scene.types.sample import GivenPlace, KnownHeight, Sample, SourceOptions
 from dcap.scene.types.scan import LabelBox, Room, Scan
 from dcap.scene.types.segmentation import Instance, Part, Segmentation
-from dcap.scene.types.settled import LastState, PlacementChecks, Settled, SettledBody
+from dcap.scene.types.settled import LastState, LeanCheck, PlacementChecks, Settled, SettledBody
 from solver.certificate import (
     BodyStability,
     BondRow,
@@ -79,11 +79,12 @@ KINDS: dict[str, type] = {
         Anchor, BackgroundGrid, BesideThePart, BodyGeometry, BodyStability, BondRow, Certificate, CertificateRow,
         ColumnLayer, ContactFriction, ContactRow, DistanceGrid, FileScale, GivenLabels, GivenPart, GivenPlace,
         GivenThing, HiddenObject, History, InertialProperties, Infeasible, Instance, Intent, InTheWay, KickCheck,
-        KickRow, KnownHeight, LabelBox, LastState, LayerConstants, LayeredPoints, Material, MaterialPoints, Mesh,
-        NoRoom, NotDone, NotInScene, OrientationRequest, OrientedBox, Overview, Part, Particles, PartMaterial,
-        PartMaterials, PlacementChecks, Pointed, PushBounds, PushRow, RegionRequest, Renders, RepairReport,
-        RigidSimulationBody, RollingRow, Room, Rotation, Sample, Scan, Segmentation, Settled, SettledBody, SignalRows,
-        SoftSimulationBody, SourceOptions, StabilityGrade, VertexLabels,
+        KickRow, KnownHeight, LabelBox, LastState, LayerConstants, LayeredPoints, Lean, LeanCheck, Material,
+        MaterialPoints, Mesh, NoRoom, NotDone, NotInScene, OrientationRequest, OrientedBox, Overview, Part,
+        Particles, PartMaterial, PartMaterials, PlacementChecks, Pointed, PushBounds, PushRow, RegionConstraint,
+        RegionRequest, Renders, RepairReport, RigidSimulationBody, RollingRow, Room, Rotation, Sample, Scan,
+        Segmentation, Settled, SettledBody, SignalRows, SoftSimulationBody, SourceOptions, StabilityGrade,
+        SupportCandidate, VertexLabels,
     )
 }  # fmt: skip
 """Every type that may be stored, by the name that `value.json` gives it: files outlive moves between modules."""

@@ -9,6 +9,21 @@ from dcap.scene.types.arrays import check_array
 
 
 @dataclass(frozen=True, eq=False, slots=True)
+class Lean:
+    """How an object leans before the drop."""
+
+    on: str
+    """Instance id, or 'part:NAME' of the base, that it leans on."""
+    angle: float
+    """Tilt of its own upright axis from the vertical [rad]."""
+    axis: NDArray[np.float64]
+    """That axis at the start, a unit vector in the world, shape (3,)."""
+
+    def __post_init__(self) -> None:
+        check_array("axis", self.axis, 3)
+
+
+@dataclass(frozen=True, eq=False, slots=True)
 class Anchor:
     """The pre-drop pose."""
 
@@ -30,6 +45,10 @@ class Anchor:
     region_polygon: NDArray[np.float64]
     """Asked region on the part, world xy [m], shape (k, 2), counter-clockwise; used only for `region_missed`."""
     reason: str
+    lean: Lean | None = None
+    """None where it stands by itself."""
+    notes: tuple[str, ...] = ()
+    """How the place was understood, where that is not what was said word by word."""
 
     def __post_init__(self) -> None:
         check_array("local", self.local, 2)

@@ -14,13 +14,43 @@ class OrientationRequest:
 
     pose: str
     """upright (right way up) | standing (on end) | upside_down | on_side | on_left_side | on_right_side | lying |
-    on_back | on_front | any (nothing said)."""
+    on_back | on_front | leaning | any (nothing said)."""
     facing: str
     """Id of an instance or 'part:NAME' or 'wall' | 'door' | 'viewer' to face; empty: nothing said."""
     words: str
     """The words it was read from."""
     turn_deg: float = 0.0
     """Turn about the vertical beyond the facing or the usual alignment, counterclockwise seen from above [degrees]."""
+    lean: str = ""
+    """Id of an instance or 'part:NAME' of the base that the object leans on; empty: it stands by itself."""
+
+
+@dataclass(frozen=True, slots=True)
+class RegionConstraint:
+    """What a place must keep to, beside its region."""
+
+    kind: str
+    """not_on (neither on it nor over or under it) | not_in (not in that region) | exactly | at_least | at_most (so far
+    from it) | farthest | nearest | away (from it)."""
+    regions: tuple[str, ...]
+    """Region names as in RegionRequest, of the part or beside the reference; of distances edge, corner or end with
+    sides; empty: the reference itself."""
+    reference: str
+    """Instance id, 'part:NAME' or 'part:NAME/SIDE'; empty: the part's own regions."""
+    metres: float | None = None
+    """The distance of exactly, at_least and at_most [m]: the free gap between the object and it, seen from above."""
+    words: str = ""
+    """The words it was read from."""
+
+
+@dataclass(frozen=True, slots=True)
+class SupportCandidate:
+    """An instance that the sentence may mean."""
+
+    id: str
+    label: str
+    score: float
+    """How likely it is meant, 0..1."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,6 +69,8 @@ class RegionRequest:
     which: str = ""
     """Which of several parts of that name: left, right, top, bottom, middle or a number counted from below; or
     empty."""
+    constraints: tuple[RegionConstraint, ...] = ()
+    """What else must hold of the place; all of them."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -62,6 +94,8 @@ class Intent:
     not_understood: tuple[str, ...]
     """Words that were left over."""
     notes: tuple[str, ...]
+    candidates: tuple[SupportCandidate, ...] = ()
+    """Supports that the sentence may mean, the one that is taken first."""
     mass_given: bool = False
     """The mass comes from the user and is not to be replaced by density times volume."""
     at: NDArray[np.float64] | None = None

@@ -26,6 +26,23 @@ class SettledBody:
 
 
 @dataclass(frozen=True, slots=True)
+class LeanCheck:
+    """How the object leans: what was asked and what came out."""
+
+    on: str
+    """Instance id, or 'part:NAME' of the base, that it was to lean on."""
+    asked_rad: float
+    """Tilt of its upright axis from the vertical at the start [rad]."""
+    rest_rad: float
+    """The same at rest [rad]."""
+    change_rad: CertificateRow
+    """The difference of the two."""
+    held_share: CertificateRow
+    """Normal force between the object and what it leans on over all that acts on it; of a part of the base the share
+    of the contact's points above the object's foot [-]."""
+
+
+@dataclass(frozen=True, slots=True)
 class PlacementChecks:
     """What was asked of the rest state."""
 
@@ -35,6 +52,8 @@ class PlacementChecks:
     """Change of the object's tilt, where an orientation was asked."""
     turn_rad: CertificateRow | None = None
     """Turn about the vertical, where a facing was asked."""
+    lean: LeanCheck | None = None
+    """How it leans, where that was asked."""
     column: tuple[ColumnLayer, ...] | None = None
     """What of a soft base lies under the predicted contact, from the top down."""
 

@@ -15,7 +15,8 @@ from dcap.scene.types.anchor import Anchor
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.outcome import BesideThePart, Infeasible, InTheWay, NoRoom, Reason
 from dcap.scene.types.segmentation import Segmentation, SegmentedObject, SegmentedScene
-from tasks.anchor.stage import AnchorConfig, anchor, choice_of
+from tasks.anchor.choice import choice_of
+from tasks.anchor.stage import AnchorConfig, anchor
 
 OFFLINE = Stages()
 
@@ -73,7 +74,7 @@ def test_handle_may_reach_over_the_pillow_but_not_into_it():
             ("at the center of the bed", (-0.27, -0.34), (0.27, 0.34)),
             ("on the left side of the bed", (-0.75, -0.95), (0.0, 0.95)),
             ("on the right side of the bed", (0.0, -0.95), (0.75, 0.95)),
-            ("at the foot of the bed", (-0.75, -0.95), (0.75, -0.28)),
+            ("on the foot of the bed", (-0.75, -0.95), (0.75, -0.28)),
             ("in the front left corner of the bed", (-0.75, -0.95), (-0.45, -0.6)),
             ("on the right edge of the bed", (0.45, -0.95), (0.75, 0.95)),
             ("on the bed near the headboard", (-0.75, 0.2), (0.75, 0.95)),
@@ -252,7 +253,7 @@ def test_neighbour_says_which_one_is_meant(stages):
     _, _, found = stages.placed("put the mug on the chair next to the bench", mug_thing, HALL)
     assert found.base_id == "chair"
     assert found.region == "center"
-    assert "which chair is meant" in found.reason
+    assert "which chair is meant" in found.notes[0]
     refused = stages.tried("put the mug on the chair next to the stove", mug_thing, HALL)
     assert isinstance(refused, Infeasible)
     assert refused.reason is Reason.NO_SUPPORT_HIT

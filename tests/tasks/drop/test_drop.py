@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from dcap.geometry.distance import distance_grid
 from dcap.geometry.primitives import Box, Capsule, Primitive
-from dcap.scene.types.anchor import Anchor
+from dcap.scene.types.anchor import Anchor, Lean
 from dcap.scene.types.intent import Intent, OrientationRequest, RegionRequest
 from dcap.scene.types.materials import ContactFriction
 from dcap.scene.types.mesh import Mesh
@@ -179,3 +179,45 @@ def test_turning_about_the_vertical_is_not_tilting() -> None:
     assert tilt_of(yaw, pose) == pytest.approx(0.0, abs=1e-7)
     assert turn_of(about_z(50)) == turn_of(about_z(-50)) == pytest.approx(np.radians(50))
     assert tilt_of(fall, pose) == pytest.approx(np.radians(50))
+
+
+def leaning_board(degrees: float) -> tuple[Particles, Anchor]:
+    """A board 40 cm high that touches a wall at y = 0.3 with its upper edge, tilted by so much."""
+    angle = np.radians(degrees)
+    turn = Rotation.from_rotvec([-angle, 0.0, 0.0]).as_matrix()
+    half = np.array([0.1, 0.01, 0.2])
+    reach, height = half[1] * np.cos(angle) + half[2] * np.sin(angle), half[1] * np.sin(angle) + half[2] * np.cos(angle)
+    item = body("object", Box(2.0 * half), [0.0, 0.299 - reach, height + 0.001], fixed=False, turn=turn)
+    floor = body("floor/rigid", Box(np.array([0.8, 0.8, 0.02])), [0.0, 0.0, -0.01], fixed=True)
+    wall = replace(body("wall_0", Box(np.array([0.8, 0.04, 0.8])), [0.0, 0.32, 0.4], fixed=True), instance="wall_0")
+    lean = Lean("wall_0", float(angle), np.array([0.0, np.sin(angle), np.cos(angle)]))
+    return Particles((item, floor, wall), (), 0.01, ()), replace(anchor(), lean=lean)
+
+
+@pytest.mark.slow
+def test_a_leaning_board_stays_and_says_how_it_leans() -> None:
+    """At 15 degrees friction 0.6 holds it: tan 15 = 0.27 < 2 mu / (1 - mu^2). The wall's force is, by moments about the
+    foot, half the weight times the tangent of the tilt, less what friction at the wall takes, at most mu of it."""
+    particles, start = leaning_board(15.0)
+    intent = replace(asked("leaning"), orientation=OrientationRequest("leaning", "", "", 0.0, "wall_0"))
+    found = drop(particles, start, intent, 0, DropConfig(threads=2))
+    assert isinstance(found, Settled)
+    assert found.checks is not None
+    check = found.checks.lean
+    assert check is not None
+    assert (check.on, check.asked_rad) == ("wall_0", pytest.approx(np.radians(15.0)))
+    assert check.change_rad.holds
+    assert check.rest_rad == pytest.approx(check.asked_rad, abs=np.radians(1.0))  # 1 mm above the floor, 1 mm off
+    most = 0.5 * np.tan(np.radians(15.0))
+    assert 0.4 * most <= check.held_share.value <= most
+
+
+@pytest.mark.slow
+def test_a_board_that_leans_too_far_slides_down() -> None:
+    """Friction 0.6 holds up to the angle whose tangent is 2 mu / (1 - mu^2) = 1.9; tan 65 = 2.1."""
+    particles, start = leaning_board(65.0)
+    intent = replace(asked("leaning"), orientation=OrientationRequest("leaning", "", "", 0.0, "wall_0"))
+    found = drop(particles, start, intent, 0, DropConfig(threads=2))
+    assert isinstance(found, Infeasible)
+    assert found.reason is Reason.TOPPLED
+    assert "slid down" in found.message or "fell over" in found.message

@@ -5,12 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from benches import FOAM, WOOD, cube_over
-from box_rooms import block, segmentation
+from box_rooms import Things, block, segmentation
 
+from dcap.scene.types.anchor import Lean
 from dcap.scene.types.materials import BodyModel, Material, PartMaterial, PartMaterials
+from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.particles import RigidSimulationBody
 from tasks.particles.drop_setup import DropSetup
-from tasks.particles.obstacles import neighbours
+from tasks.particles.obstacles import SLAB, neighbours, wall_slab
 
 SEAT = block((-0.6, -0.4, 0.0), (0.6, 0.4, 0.45))
 RUBBER = replace(WOOD, id="rubber", static_friction=0.9, dynamic_friction=0.8, rolling_resistance=0.01)
@@ -64,3 +66,32 @@ def test_a_neighbour_that_nobody_was_asked_about_is_made_of_what_lies_under_the_
     body = shelf_of(setup)
     assert body.face_friction is None
     assert body.friction == FOAM.friction
+
+
+def cube_by_a_wall(lean: str) -> DropSetup:
+    """A cube over a bench, beside a thin wall whose face is at x = 0.06 and on which a socket stands out by 5 mm."""
+    setup = cube_over([("seat", SEAT, FOAM)], 0.45)
+    wall = Mesh.concatenate(
+        [block((0.06, -1.0, 0.0), (0.061, 1.0, 2.0)), block((0.055, 0.03, 0.5), (0.06, 0.035, 0.505))]
+    )
+    things: Things = {
+        "bench_0": ("bench", None, [("seat", SEAT)]), "wall_0": ("wall", None, [("wall", wall)]),
+    }  # fmt: skip
+    setup.scene = segmentation(things)
+    setup.anchor = replace(setup.anchor, lean=Lean(lean, 0.2, np.array([0.2, 0.0, 0.98])) if lean else None)
+    return setup
+
+
+def test_a_wall_takes_part_only_where_something_leans_on_it() -> None:
+    """Else walls are left out, as nothing touches them."""
+    assert neighbours(cube_by_a_wall("")) == []
+    assert [body.name for body in neighbours(cube_by_a_wall("wall_0"))] == ["wall_0"]
+
+
+def test_a_wall_is_a_block_behind_its_face() -> None:
+    """Its skin is at x = 0.06: before it the distance is positive, 2 cm behind it -2 cm, whatever stands out of it."""
+    (wall,) = neighbours(cube_by_a_wall("wall_0"))
+    slab = wall_slab(cube_by_a_wall("wall_0"), cube_by_a_wall("wall_0").scene.instances[1], np.arange(12, 36))
+    assert slab.bounds[0, 0] == pytest.approx(0.06, abs=2e-3)
+    assert slab.bounds[1, 0] == pytest.approx(0.06 + SLAB, abs=2e-3)
+    assert wall.fixed

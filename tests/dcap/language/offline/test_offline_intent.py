@@ -115,8 +115,6 @@ def test_sentence_is_read_as_a_person_reads_it(line, ask):
         "put the ball upside down",
         "put it",
         "what is on the bed?",
-        "put the ball at least 30 cm from the headboard of the bed",
-        "put the ball close to 10 cm from the edge of the desk",
         "Leg den Ball auf das Bett",
     ],
 )
@@ -148,7 +146,7 @@ def test_missing_things_are_named(prompt, missing, ask):
     ("prompt", "word"),
     [
         ("put the akita bowl on the desk", "akita"),
-        ("put the ball on the desk away from the laptop", "away from the laptop"),
+        ("put the ball on the desk opposite the laptop", "opposite the laptop"),
         ("put the ball quixotically on the desk", "quixotically"),
         ("put the mug on the desk facing the television", "facing the television"),
         ("put the mug on the desk left of the edge", "left of the edge"),

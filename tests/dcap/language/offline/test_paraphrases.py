@@ -10,10 +10,11 @@ import pytest
 
 from dcap.language.offline.client import OfflineClient
 from dcap.language.protocol.questions import INTENT
+from dcap.language.protocol.replies import Constraint
 from dcap.scene.errors import LanguageError
 
 TABLE = Path(__file__).parents[1] / "paraphrases.txt"
-KEYS = ("part", "which", "regions", "refs", "pose", "facing", "turn", "lost")
+KEYS = ("part", "which", "regions", "refs", "limits", "pose", "lean", "facing", "turn", "lost")
 
 
 def sentences() -> list[str]:
@@ -25,6 +26,12 @@ def expected(cell: str) -> dict[str, str]:
     """ "which=2 from top regions=left" as a dictionary with every key."""
     said = re.findall(rf"({'|'.join(KEYS)})=(.*?)(?= (?:{'|'.join(KEYS)})=|$)", cell)
     return {**dict.fromkeys(KEYS, ""), "pose": "any", "turn": "0", **dict(said)}
+
+
+def limit_of(constraint: Constraint) -> str:
+    """ "exactly left edge 0.2", "not_on part:pillow"."""
+    metres = "" if constraint.metres is None else f"{constraint.metres:g}"
+    return " ".join(word for word in (constraint.kind, *constraint.regions, constraint.reference, metres) if word)
 
 
 @pytest.mark.parametrize("line", sentences(), ids=lambda line: line.split(" | ")[0][:60])
@@ -44,7 +51,9 @@ def test_paraphrase_is_read_as_a_person_reads_it(line, ask):
             "which": reply.which,
             "regions": ",".join(reply.regions),
             "refs": ",".join(reply.references),
+            "limits": ",".join(limit_of(one) for one in reply.constraints),
             "pose": reply.pose,
+            "lean": reply.lean_on,
             "facing": reply.facing,
             "turn": f"{reply.turn_deg:g}",
             "lost": ",".join(reply.not_understood),

@@ -6,7 +6,8 @@ from hypothesis import strategies as st
 
 from dcap.language.offline.client import OfflineClient
 from dcap.language.offline.lexicon import split_words, vocabulary
-from dcap.language.offline.sentence import Reading, read
+from dcap.language.offline.reading import Reading
+from dcap.language.offline.sentence import read
 from dcap.language.offline.words import tokens_of
 from dcap.language.protocol.questions import INTENT
 from dcap.scene.errors import LanguageError

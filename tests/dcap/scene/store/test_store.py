@@ -29,11 +29,11 @@ from dcap.scene.errors import InputError, MissingArtifactError, StoreError
 from dcap.scene.store.artifacts import Source, Store
 from dcap.scene.store.codec import KINDS, decode, encode
 from dcap.scene.store.ref import Ref
-from dcap.scene.types.anchor import Anchor
+from dcap.scene.types.anchor import Anchor, Lean
 from dcap.scene.types.box import OrientedBox
 from dcap.scene.types.file_scale import FileScale
 from dcap.scene.types.given_labels import CornerFrame, GivenLabels, GivenPart, GivenThing, VertexLabels
-from dcap.scene.types.intent import Intent, OrientationRequest, RegionRequest
+from dcap.scene.types.intent import Intent, OrientationRequest, RegionConstraint, RegionRequest, SupportCandidate
 from dcap.scene.types.materials import BodyModel, ContactFriction, LayerConstants, Material, PartMaterial, PartMaterials
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.outcome import BesideThePart, HiddenObject, Infeasible, InTheWay, NoRoom, NotInScene, Reason
@@ -56,8 +56,8 @@ from dcap.scene.types.rotation import Rotation
 from dcap.scene.types.sample import GivenPlace, KnownHeight, Sample, SourceOptions
 from dcap.scene.types.scan import LabelBox, Room, Scan
 from dcap.scene.types.segmentation import Instance, Part, Segmentation
-from dcap.scene.types.settled import LastState, Settled, SettledBody
-from solver.certificate import BondRow, NotDone, RollingRow, Verdict
+from dcap.scene.types.settled import LastState, LeanCheck, Settled, SettledBody
+from solver.certificate import BondRow, CertificateRow, NotDone, RollingRow, Verdict
 
 RNG = np.random.default_rng(0)
 
@@ -115,6 +115,10 @@ LAST = LastState(
     explicit_certificate(), (CONTACT,), np.zeros(3), np.array([1.0, 0, 0, 0]), 12, 0.5, ("still moving",), CHECKS
 )  # fmt: skip
 COLUMN = ColumnLayer("mattress", "foam", 0.02, 0.2)
+LEAN = Lean("wall_0", 0.21, np.array([0.2, 0.0, 0.98]))
+LEANING = LeanCheck("wall_0", 0.21, 0.22, CertificateRow.at_most(0.01, 0.26), CertificateRow.at_least(0.1, 0.005))
+LIMIT = RegionConstraint("exactly", ("left", "edge"), "", 0.2, "20 cm from the left edge")
+SUPPORT = SupportCandidate("3", "bed", 0.9)
 BODIES = (a_body(rigid=True), a_body(rigid=False))
 A_THING = GivenThing(
     "3", "sofa", 0.5, np.array([[0, 4], [6, 7]]), np.zeros((8, 3)), (GivenPart("seat", np.array([[0, 4]])),)
@@ -134,9 +138,13 @@ VALUES = [
     INSTANCE,
     Intent(
         "3", "bed", "ball", np.array([0.2, 0.2, 0.2]), 0.4, True, 1.02, OrientationRequest("any", "", ""),
-        RegionRequest("", ("left", "front"), (), "left front"), ("gently",), (),
+        RegionRequest("", ("left", "front"), (), "left front", "", (LIMIT,)), ("gently",), (), (SUPPORT,),
     ),
     LabelBox("3", "bed", a_box()),
+    LEAN,
+    LEANING,
+    LIMIT,
+    SUPPORT,
     LAYERS,
     LAYERED,
     MATERIAL,

@@ -1,0 +1,54 @@
+"""What a sentence asks for in a given scene, while it is worked out: filled by `target`, `where` and `limits`."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+from dcap.language.offline.ground import Found
+from dcap.language.offline.likelihood import label_thing
+from dcap.language.offline.reading import Place
+from dcap.language.protocol.replies import Candidate, Constraint
+from dcap.language.protocol.requests import InstanceView
+
+
+@dataclass(slots=True)
+class Target:
+    """What was found."""
+
+    base: InstanceView | None = None
+    missing: str = ""
+    meant: str = ""
+    """The label that comes nearest to what is missing."""
+    part: str = ""
+    which: str = ""
+    regions: list[str] = field(default_factory=list)
+    references: list[str] = field(default_factory=list)
+    words: list[str] = field(default_factory=list)
+    not_understood: list[str] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+    used: list[Place] = field(default_factory=list)
+    """Places that chose the base and say nothing more."""
+    candidates: tuple[Candidate, ...] = ()
+    """What the base's noun may mean, the base first."""
+    reference_candidates: tuple[Candidate, ...] = ()
+    """What a reference may mean, if that is open."""
+    constraints: list[Constraint] = field(default_factory=list)
+    lean_on: str = ""
+
+    def add_regions(self, names: Sequence[str]) -> None:
+        """Regions that are not there yet."""
+        self.regions.extend(name for name in names if name not in self.regions)
+
+    def add_references(self, names: Sequence[str]) -> None:
+        """References that are not there yet."""
+        self.references.extend(name for name in names if name not in self.references)
+
+
+def as_candidates(found: Found) -> tuple[Candidate, ...]:
+    """What a noun may mean, as the reply has it; what is not likely at all is left out."""
+    pairs = zip(found.instances, found.scores, strict=True)
+    return tuple(Candidate(id=one.id, likelihood=score) for one, score in pairs if score > 0.0)
+
+
+def is_any(instance: InstanceView) -> bool:
+    """Whether one of it is as good as another: walls, beside or against any of which a thing may be."""
+    return instance.structure and label_thing(instance) in ("wall", "floor", "ceiling")

@@ -1,0 +1,206 @@
+"""Where on the base: parts, regions, and places beside other things.
+
+In: a target whose base is found, and a place of the sentence. Out: the target with regions and references in the words
+of the reply, and with what was not understood.
+"""
+
+from dcap.language.offline.ground import (
+    Found,
+    choose,
+    gap,
+    inventory,
+    named,
+    near_miss,
+    part_of,
+)
+from dcap.language.offline.grounded import Target, as_candidates, is_any
+from dcap.language.offline.lexicon import lineage
+from dcap.language.offline.likelihood import label_thing
+from dcap.language.offline.nouns import Noun
+from dcap.language.offline.placing import BESIDE, PLACEABLE, bare_region
+from dcap.language.offline.reading import Place, Reading
+from dcap.language.offline.sentence import SUPPORT
+from dcap.language.protocol.requests import PART_SIDES, InstanceView, IntentRequest
+
+SIDE_REGIONS = {"left": "left", "right": "right", "front": "front", "back": "back", "head": "head", "foot": "foot",
+                "top": "back", "bottom": "front", "nearest": "front", "middle": "middle"}  # fmt: skip
+"""Sides as regions of a horizontal surface, seen like a page: the top is far away."""
+REACH = 0.5
+"""Beside a second thing farther from the support than this nothing can be put [m]."""
+PART_REGIONS = {"headboard": "head", "footboard": "foot", "back": "back"}
+"""Where a part would be that the segmentation did not find."""
+
+
+def ground_own_region(target: Target, support: Place, request: IntentRequest) -> None:
+    """The region or part in front of "of the bed"."""
+    noun = support.nouns[0]
+    assert target.base is not None
+    if noun.owner is None:
+        return
+    part = part_of(noun, target.base)
+    if part and support.relation in SUPPORT:
+        set_part(target, noun)
+    elif noun.region or noun.sides:
+        region_words(target, noun, request, noun.text)
+    elif part:
+        set_part(target, noun)
+    part_of_whole = noun.owner.owner is not None or not named(noun.owner, request.instances)
+    if part_of_whole and not target.part:  # "the corner of the mattress of the bed"
+        set_part(target, noun.owner)
+
+
+def region_words(target: Target, noun: Noun, request: IntentRequest, text: str) -> None:
+    """Sides and region of a noun as region names; of an edge, what it looks at as reference."""
+    names = regions_of(noun, target.base)
+    target.add_regions(names)
+    (target.words if names else target.not_understood).append(text)
+    if noun.toward is not None:
+        seen = references_of(noun.toward, target, request, several=False)
+        target.add_references(seen)
+        (target.words if seen else target.not_understood).append(noun.toward.text)
+
+
+def regions_of(noun: Noun, base: InstanceView | None) -> list[str]:
+    """Sides and region of a noun as region names; the end of a bed is its foot."""
+    names = [SIDE_REGIONS[side] for side in noun.sides if side in SIDE_REGIONS]
+    if noun.region == "end" and base is not None and "bed" in lineage(label_thing(base)):
+        names = [name for name in names if name in ("head", "foot")] or ["foot"]
+    elif noun.region and noun.region != "side":
+        names.append(noun.region)
+    return names
+
+
+def ground_further(target: Target, place: Place, request: IntentRequest) -> None:
+    """A place beside the one that named the base."""
+    noun = place.nouns[0]
+    assert target.base is not None
+    unclear = place.relation == "between" and any(noun.region for noun in place.nouns)
+    if place.relation in ("opposite", "which", "carrying", "lacking") or unclear:
+        target.not_understood.append(place.text)
+    elif place.relation in PLACEABLE:
+        ground_on_again(target, place, request)
+    elif (noun.region or noun.is_region) and (
+        noun.owner is None or noun.region in ("edge", "corner", "center", "middle")
+    ):
+        region_words(target, noun, request, place.text)
+    else:
+        beside(target, place, request)
+
+
+def ground_on_again(target: Target, place: Place, request: IntentRequest) -> None:
+    """ "... on the mattress", "... on the left", "... in the corner"."""
+    noun = place.nouns[0]
+    assert target.base is not None
+    names = {part.name for part in target.base.parts}
+    own = next((part for part in noun.parts if part in names), "")
+    if own and not noun.is_region and not bare_region(noun):
+        set_part(target, noun)
+    elif noun.region or noun.is_region or bare_region(noun):
+        owner = named(noun.owner, request.instances) if noun.owner is not None else ()
+        if owner and target.base not in owner:
+            beside(
+                target, Place(f"{(noun.sides or ('near',))[0]}_of", (noun.owner or noun,), False, place.text), request
+            )
+        else:
+            region_words(target, noun, request, place.text)
+    elif noun.pronoun == "it" or target.base in named(noun, request.instances):  # the same once more
+        target.used = [*target.used, place]
+    else:
+        target.not_understood.append(place.text)  # a second support
+
+
+def beside(target: Target, place: Place, request: IntentRequest) -> None:
+    """Near, next to, between, under: regions with references."""
+    assert target.base is not None
+    references: list[str] = []
+    for noun in place.nouns:
+        if references and place.relation != "between" and not within_reach(noun, target.base, request):
+            target.not_understood.append(noun.text)
+            continue
+        found = references_of(noun, target, request, several=place.relation == "between" and len(place.nouns) == 1)
+        if not found:
+            part = next((p for p in noun.parts if p in PART_REGIONS), "")
+            if part and place.relation in ("near", "against", "next_to"):
+                target.add_regions([PART_REGIONS[part]])
+                target.words.append(place.text)
+                return
+            target.missing = noun.text
+            target.meant = near_miss(noun, request.instances)
+            target.base = None
+            target.notes.append(f"the scene has {inventory(request.instances)}")
+            return
+        references.extend(found)
+    if references == [target.base.id]:
+        target.not_understood.append(place.text)
+        return
+    target.add_regions(BESIDE.get(place.relation, ("near",)))
+    target.add_references(references)
+    target.words.append(place.text)
+
+
+def within_reach(noun: Noun, base: InstanceView, request: IntentRequest) -> bool:
+    """Whether a thing of that name is so near the base that one can be beside it there."""
+    return any(gap(i, base) < REACH for i in named(noun, request.instances)) or part_of(noun, base) != ""
+
+
+def references_of(noun: Noun, target: Target, request: IntentRequest, *, several: bool) -> list[str]:
+    """Ids of the things, or `part:NAME`, that a relation speaks of; those nearest to the base."""
+    assert target.base is not None
+    base = target.base
+    found = [i for i in named(noun, request.instances) if i.id != base.id]
+    near_ones = [i for i in found if gap(i, base) < 0.05]
+    part = part_of(noun, base)
+    if part and not near_ones:
+        side = next((side for side in noun.sides if side in PART_SIDES and side != part), "")
+        return [f"part:{part}/{side}" if side and not several else f"part:{part}"]
+    if not found:
+        return []
+    if several:
+        pool = near_ones if len(near_ones) > 1 else found
+        return [i.id for i in sorted(pool, key=lambda i: (gap(i, base), i.id))[:2]]
+    pool = near_ones or found
+    nearest = min(gap(i, base) for i in pool)
+    chosen: Found = choose(
+        [i for i in pool if gap(i, base) <= nearest + 0.05], noun, (), request.instances, request.room_center
+    )
+    told = target.reference_candidates[0].id if target.reference_candidates else ""
+    if any(i.id == told for i in chosen.instances) and not noun.sides and not noun.colour:
+        return [told]  # the thing by which the base was found
+    if chosen.open and not noun.plural and not is_any(chosen.best):
+        target.reference_candidates = as_candidates(chosen)
+    return [chosen.best.id]
+
+
+def facing_of(reading: Reading, target: Target, request: IntentRequest) -> tuple[str, tuple[str, ...]]:
+    """What the front shall look at, and what of it was not understood."""
+    facing = reading.facing
+    if facing is None or target.base is None:
+        return "", ()
+    away = "away:" if facing.mode == "away" else ""
+    noun = facing.noun
+    if noun.pronoun == "viewer":
+        return f"{away}viewer", ()
+    if noun.thing == "room" or (noun.owner is not None and noun.owner.thing == "room"):
+        return f"{away}room", ()
+    part = part_of(noun, target.base)
+    if not part or named(noun, request.instances):
+        found = list(named(noun, request.instances))
+        if found:
+            nearest = min(found, key=lambda i: (gap(i, target.base or i), i.id))
+            return f"{away}{nearest.id}", ()
+    if part:
+        return f"{away}part:{part}", ()
+    if noun.thing in ("wall", "door"):
+        return f"{away}{noun.thing}", ()
+    side = next((s for s in noun.sides if s in ("left", "right", "front", "back")), "")
+    return (f"{away}{side}", ()) if side else ("", (facing.text,))
+
+
+def set_part(target: Target, noun: Noun) -> None:
+    """Ask for the part that the noun names."""
+    assert target.base is not None
+    part = part_of(noun, target.base)
+    if part:
+        target.part = part
+        target.which = " ".join([side for side in noun.sides if side != part][:1])
+        target.words.append(noun.text)

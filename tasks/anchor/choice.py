@@ -1,0 +1,143 @@
+"""The part and the areas on it that a reply means, under the intent's constraints.
+
+In: scene, base, intent, the reply and the object as it will lie. Out: a `Choice`: areas to try, and spare ones where
+those have no place.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dcap.geometry.placement.named_regions import OFF, SIDES, Region, ViewerFrame, both, distance_beside, regions
+from dcap.geometry.placement.polygons import convex_hull
+from dcap.geometry.raycast import Raycaster
+from dcap.language.protocol.replies import AnchorReply
+from dcap.scene.types.box import OrientedBox
+from dcap.scene.types.intent import Intent, RegionConstraint
+from dcap.scene.types.mesh import Mesh
+from dcap.scene.types.segmentation import Instance, Segmentation
+from tasks.anchor.carriers import COVERS, Mask, carriers
+from tasks.anchor.constraints import Bounds, constrained
+from tasks.requests.surroundings import apart, is_floor, part_frame, reference_boxes, reference_frame
+
+Array = NDArray[np.float64]
+HAND = 0.6
+"""A hand's reach: beside a thing on the floor no place is farther from it [m]."""
+NEIGHBOUR = 1.5
+"""A base within this distance of a thing stands beside it [m]: then "the chair next to the desk" says which chair."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Choice:
+    """A part with its frame and the areas to try."""
+
+    index: int
+    frame: ViewerFrame
+    areas: list[Region]
+    spare: list[Region]
+    """Areas to try where those have no place."""
+    region: str
+    """Region words that the areas mean; empty for the whole part."""
+    note: str = ""
+    """How the region was understood."""
+    spare_note: str = ""
+    """How it was understood in the spare areas."""
+    beside: float | None = None
+    """How far from the part the asked place lies [m]; None where it is on it."""
+
+
+def carrier_masks(
+    scene: Segmentation, base: Instance, choice: Choice, intent: Intent, caster: Raycaster
+) -> list[Mask]:  # fmt: skip
+    """Faces that may carry, best first."""
+    return carriers(scene, base, choice.index, named=asked(base, choice.index, intent), caster=caster)
+
+
+def asked(base: Instance, index: int, intent: Intent) -> bool:
+    """Whether the prompt names this part."""
+    return base.parts[index].name == intent.region.part
+
+
+def choice_of(scene: Segmentation, base: Instance, intent: Intent, reply: AnchorReply, mesh: Mesh) -> Choice:
+    """The areas that the reply means on the part; words for a place on a bed mean its mattress, whatever covers it.
+
+    A point is one of the part that was chosen, and stays on it.
+    """
+    index = reply.part_index
+    if base.parts[index].name in COVERS and reply.point is None and not asked(base, index, intent):
+        index = next((number for number, part in enumerate(base.parts) if part.name == "mattress"), index)
+    frame = part_frame(scene, base, base.parts[index].box)
+    names: tuple[str, ...] = reply.regions
+    note = ""
+    groups = groups_of(scene, base, reply, index)
+    view, reach = reference_frame(scene, base, reply.references, names) or frame, reach_of(mesh, frame)
+    outline = convex_hull(mesh.vertices[np.unique(mesh.faces)][:, :2])
+    outside = any(apart(base.box, box) > 0.0 for group in groups for box in group) and not is_floor(base)
+    sided = any(name in SIDES for name in names)  # in front of a chair that stands beside the table
+    areas = asked_areas(frame, names, groups, reach, view, outline, HAND if outside and sided else 0.0)
+    if len(reply.references) > 1 and "between" not in names:
+        areas[:0] = both(areas)  # "next to the lamp and the book": where the two meet, if they do
+    if not areas and all(apart(base.box, box) < NEIGHBOUR for group in groups for box in group):
+        names, note = (), f"{intent.region.words!r} is taken to say which {base.label} is meant"
+        areas = regions(frame, (), [], reach)
+    if not areas:
+        away = min(distance_beside(frame, names, group, reach, view) for group in groups)
+        return Choice(index, frame, [], [], " ".join(names), beside=away)
+    spare, spare_note = spare_areas(base, frame, names, groups, reach, view, outline)
+    if reply.point is not None:
+        areas = [replace(area, target=frame.world(np.array(reply.point))) for area in areas]
+    if not names and not note and sum(part.name == base.parts[index].name for part in base.parts) > 1:
+        names = intent.region.names  # "on the left": it picked one of the cushions side by side
+    limits = (*intent.region.constraints, *constraints_of(reply))
+    bounds = Bounds(scene, base, index, frame, outline, reach, float(np.ptp(mesh.bounds[:, 2])))
+    left, spare = (constrained(some, limits, bounds) for some in (areas, spare))
+    return Choice(index, frame, left, spare, " ".join(names), note, spare_note)
+
+
+def asked_areas(
+    frame: ViewerFrame, names: Sequence[str], groups: Sequence[list[OrientedBox]], reach: Array, view: ViewerFrame,
+    outline: Array, farther: float = 0.0,
+) -> list[Region]:  # fmt: skip
+    """The areas of the region words for each group of references, off the references."""
+    return [
+        area
+        for group in groups
+        for area in regions(frame, names, group, reach, view, footprint=outline, farther=farther)
+    ]
+
+
+def spare_areas(
+    base: Instance, frame: ViewerFrame, names: Sequence[str], groups: Sequence[list[OrientedBox]], reach: Array,
+    view: ViewerFrame, outline: Array,
+) -> tuple[list[Region], str]:  # fmt: skip
+    """Where beside a thing there is no room: on the floor a little farther off, on furniture under what overhangs."""
+    if not OFF.intersection(names) or not any(groups):
+        return [], ""
+    if is_floor(base):
+        far = asked_areas(frame, names, groups, reach, view, outline, HAND)
+        return far, f"there is no room right beside it: up to {HAND:g} m away"
+    under = [area for group in groups for area in regions(frame, names, group, reach, view)]
+    return under, "there is no room beside it: partly over or under it"
+
+
+def constraints_of(reply: AnchorReply) -> tuple[RegionConstraint, ...]:
+    """What the reply adds to the asked constraints."""
+    return tuple(
+        RegionConstraint(one.kind, one.regions, one.reference, one.metres, one.words) for one in reply.constraints
+    )
+
+
+def groups_of(scene: Segmentation, base: Instance, reply: AnchorReply, index: int) -> list[list[OrientedBox]]:
+    """Boxes of what the regions refer to, those that make an area together in a group, the nearest to the part first.
+
+    "Near the pillow" with two pillows is near one of them; "between" takes all together.
+    """
+    boxes = reference_boxes(scene, base, reply.references, base.parts[index].box.center)
+    return [[box] for box in boxes] if boxes and "between" not in reply.regions else [boxes]
+
+
+def reach_of(mesh: Mesh, frame: ViewerFrame) -> Array:
+    """Half extents along a frame's right and front [m], shape (2,)."""
+    return np.asarray(0.5 * np.ptp(mesh.vertices[:, :2] @ np.stack([frame.right, frame.front], axis=1), axis=0))

@@ -1,0 +1,211 @@
+"""Areas cut to what a place must keep to: excluded places, distances, farthest and nearest.
+
+In: areas of a part, the constraints of the intent, and the object's outline. Out: the areas with what is left of them
+and where to aim then; those of which nothing is left fall away. Distances are free gaps between the object and what
+they are measured from, seen from above.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dcap.geometry.placement.named_regions import (
+    BESIDE,
+    SIDES,
+    Region,
+    ViewerFrame,
+    beside_area,
+    corner_directions,
+    edge_directions,
+    outline,
+    regions,
+)
+from dcap.geometry.placement.polygons import area_without, clipped, clipped_half_plane, grown, swept
+from dcap.scene.types.box import OrientedBox
+from dcap.scene.types.intent import RegionConstraint
+from dcap.scene.types.segmentation import Instance, Segmentation
+from tasks.requests.surroundings import PART, boxes_of, reference_frame
+
+Array = NDArray[np.float64]
+TOLERANCE = 0.015
+"""A distance holds to this [m]: places are searched on a grid."""
+AWAY, AWAY_FROM_EDGE = 0.5, 0.1
+"""What "away from" a thing, and from an edge, means at least where there is room [m]."""
+SPOT = 1e-5
+"""Less than this is no room [m^2]: rounding."""
+SAME_LEVEL = 0.05
+"""An excluded part that ends this far below the chosen one is no obstacle on it [m]."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Bounds:
+    """What areas are cut to: a part, and the object that goes on it."""
+
+    scene: Segmentation
+    base: Instance
+    index: int
+    """The part."""
+    frame: ViewerFrame
+    footprint: Array
+    """Corners of the object's outline from its origin [m], shape (k, 2)."""
+    reach: Array
+    """Half extents of the object along the frame's right and front [m], shape (2,)."""
+    height: float
+    """Of the object [m]."""
+
+
+def constrained(areas: Sequence[Region], constraints: Sequence[RegionConstraint], bounds: Bounds) -> list[Region]:
+    """What is left of the areas, in their order; cut first, aimed then."""
+    left = list(areas)
+    for one in sorted(constraints, key=lambda one: one.kind in ("farthest", "nearest")):
+        left = [cut for area in left for cut in cut_to(area, one, bounds) if len(cut.polygon) >= 3]
+    if any(one.kind == "farthest" for one in constraints):
+        rings = [ring for one in constraints if one.kind == "farthest" for ring in rings_of(one, bounds)]
+        left.sort(key=lambda area: -round(distance(area.target, rings), 3))
+    return [area for area in left if has_room(area)]
+
+
+def cut_to(area: Region, one: RegionConstraint, bounds: Bounds) -> list[Region]:
+    """An area under one constraint; a distance from no edge in particular has an area for each."""
+    if one.kind == "not_on":
+        return [without(area, [swept(ring, bounds.footprint) for ring in barred_rings(one, bounds)])]
+    if one.kind == "not_in":
+        return [without(area, barred_areas(one, bounds))]
+    if not one.reference:
+        return from_edges(area, one, bounds)
+    rings = [swept(ring, bounds.footprint) for ring in rings_of(one, bounds)]
+    if one.kind in ("farthest", "nearest"):
+        return [aimed(area, one.kind, rings_of(one, bounds), bounds)]
+    if one.kind == "away":
+        far = without(area, [grown(ring, AWAY) for ring in rings])
+        return [far if has_room(far) else aimed(without(area, rings), "farthest", rings_of(one, bounds), bounds)]
+    return from_things(area, one, rings)
+
+
+def from_things(area: Region, one: RegionConstraint, rings: Sequence[Array]) -> list[Region]:
+    """So far from things, at least or at most; from one of several exactly so far."""
+    assert one.metres is not None
+    nearest = max(one.metres - TOLERANCE, 0.0)
+    if one.kind == "at_least":
+        return [without(area, [grown(ring, nearest) for ring in rings])]
+    found = []
+    for ring in rings:
+        off = [grown(ring, nearest)] if one.kind == "exactly" and nearest > 0.0 else [ring]
+        within = clipped(area.polygon, grown(ring, one.metres + TOLERANCE))
+        found.append(without(replace(area, polygon=within), [*off, *(other for other in rings if other is not ring)]))
+    return found
+
+
+def from_edges(area: Region, one: RegionConstraint, bounds: Bounds) -> list[Region]:
+    """So far from an edge, a corner or an end of the part; from all edges where it is no single one."""
+    frame, sides = bounds.frame, [SIDES[name] for name in one.regions if name in SIDES]
+    if "corner" in one.regions:
+        spots = [frame.world(np.array(d, dtype=float))[None] for d in corner_directions(sides)]
+        rings = [swept(np.repeat(spot, 3, axis=0), bounds.footprint) for spot in spots]
+        return from_things(area, one, rings) if one.metres is not None else [without(area, rings)]
+    edges = [(x, 0) for x, _ in sides if x] + [(0, y) for _, y in sides if y]
+    if one.kind in ("exactly", "at_most"):
+        return [banded(area, [edge], one, bounds) for edge in edges or edge_directions(frame, [])]
+    return [banded(area, edges or edge_directions(frame, []), one, bounds)]
+
+
+def banded(area: Region, edges: Sequence[tuple[int, int]], one: RegionConstraint, bounds: Bounds) -> Region:
+    """The area where the object's free gap to each of these edges is as asked."""
+    polygon, frame = area.polygon, bounds.frame
+    for x, y in edges:
+        axis, sign = (0, x) if x else (1, y)
+        outward = sign * (frame.right, frame.front)[axis]
+        half, reach = float(frame.half[axis]), float((bounds.footprint @ outward).max())
+        metres = one.metres if one.metres is not None else min(AWAY_FROM_EDGE, 0.5 * max(half - reach, 0.0))
+        at = frame.center + outward * (half - reach - metres)
+        if one.kind != "at_most":
+            polygon = clipped_half_plane(polygon, at + TOLERANCE * outward, outward)
+        if one.kind in ("exactly", "at_most") and len(polygon) >= 3:
+            polygon = clipped_half_plane(polygon, at - TOLERANCE * outward, -outward)
+        if len(polygon) < 3:
+            break
+    return aimed_inside(replace(area, polygon=polygon))
+
+
+def aimed(area: Region, kind: str, rings: Sequence[Array], bounds: Bounds) -> Region:
+    """The area with its aim farthest from, or nearest to, things: a corner of it, as distances grow outwards."""
+    room = clipped(area.polygon, shrunk(bounds))
+    corners = room if len(room) >= 3 else area.polygon
+    edges = np.linspace(corners, np.roll(corners, -1, axis=0), 9)[:-1].reshape(-1, 2)
+    away = np.array([distance(point, rings) for point in edges])
+    best = edges[int(np.argmax(np.round(away if kind == "farthest" else -away, 6)))]
+    return replace(area, target=best)
+
+
+def shrunk(bounds: Bounds) -> Array:
+    """The part's rectangle less the object's reach, shape (4, 2); the part's where nothing would be left."""
+    left = 1.0 - bounds.reach / np.maximum(bounds.frame.half, 1e-9)
+    if (left <= 0.0).any():
+        return outline(bounds.frame)
+    return np.asarray(bounds.frame.world(np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * left))
+
+
+def distance(point: Array, rings: Sequence[Array]) -> float:
+    """From a point to the nearest of rings, by the middles of their corners and sides [m]."""
+    along = np.concatenate([np.linspace(ring, np.roll(ring, -1, axis=0), 9).reshape(-1, 2) for ring in rings])
+    return float(np.linalg.norm(along - point, axis=1).min())
+
+
+def aimed_inside(area: Region) -> Region:
+    """The area with its aim moved on to what is left of it."""
+    if len(area.polygon) < 3:
+        return area
+    edges = np.linspace(area.polygon, np.roll(area.polygon, -1, axis=0), 17)[:-1].reshape(-1, 2)
+    points = np.concatenate([edges, area.polygon.mean(axis=0)[None]])
+    inner = clipped(area.polygon, grown(area.target[None], 2e-3))
+    if len(inner) >= 3:
+        return area
+    return replace(area, target=points[int(np.argmin(np.linalg.norm(points - area.target, axis=1)))])
+
+
+def without(area: Region, rings: Sequence[Array]) -> Region:
+    """The area with more of it excluded."""
+    return replace(area, excluded=(*area.excluded, *rings))
+
+
+def has_room(area: Region) -> bool:
+    """Whether something of it is not excluded."""
+    return len(area.polygon) >= 3 and area_without(area.polygon, area.excluded) > SPOT
+
+
+# what they refer to -------------------------------------------------------------------------------------------------
+
+
+def rings_of(one: RegionConstraint, bounds: Bounds) -> list[Array]:
+    """The plans of what a constraint refers to [m], shape (4, 2) each."""
+    return [box.corners[:4, :2] for box in boxes_of(bounds.scene, bounds.base, one.reference)]
+
+
+def barred_rings(one: RegionConstraint, bounds: Bounds) -> list[Array]:
+    """The plans of what the object shall not be on: of parts those that are in the way on the chosen part."""
+    boxes = boxes_of(bounds.scene, bounds.base, one.reference)
+    if one.reference.startswith(PART):
+        boxes = [box for box in boxes if at_level(box, bounds)]
+    return [box.corners[:4, :2] for box in boxes]
+
+
+def at_level(box: OrientedBox, bounds: Bounds) -> bool:
+    """Whether a box is where the object would be on the part, not a board above or below it."""
+    top = bounds.base.parts[bounds.index].box.top
+    return top - SAME_LEVEL < box.top and box.bottom < top + bounds.height
+
+
+def barred_areas(one: RegionConstraint, bounds: Bounds) -> list[Array]:
+    """The areas of regions where the object's middle shall not be."""
+    if not one.reference:
+        return [area.polygon for area in regions(bounds.frame, one.regions, [], bounds.reach)]
+    relation = next((name for name in one.regions if name in BESIDE), "near")
+    view = reference_frame(bounds.scene, bounds.base, (one.reference,), one.regions) or bounds.frame
+    radius = float(bounds.reach.max())
+    farther = AWAY if any(name in SIDES for name in one.regions) else 0.0  # in front of it is more than next to it
+    return [
+        beside_area(view, relation, one.regions, [box], radius, farther)[0]
+        for box in boxes_of(bounds.scene, bounds.base, one.reference)
+    ]

@@ -1,0 +1,273 @@
+"""Where an object starts that leans: tilted against a wall, a back or another thing, its foot a stable way off.
+
+In: scene, base, object, intent and the anchor's reply. Out: the pre-drop pose, the spot and the tilt, or why there is
+none. The thin side of the object goes along the wall; it is tilted until its centre of mass lies clearly beyond its
+lower edge, at least by `LEAST` (so that it presses against what holds it) and at most by `MOST` (so that friction
+holds its foot: a ladder slides where the tangent of its angle from the vertical exceeds twice the coefficient of
+friction, at 0.3 beyond 31 degrees). Set down on the base a little off, it is moved against what it leans on until `GAP`
+is left; gravity does the rest.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation as Turn
+
+from dcap.geometry.placement.clearance import Clearance
+from dcap.geometry.placement.named_regions import Region
+from dcap.geometry.placement.polygons import clipped, counter_clockwise, smallest_rectangle
+from dcap.geometry.placement.poses import about_z, center_of_mass
+from dcap.geometry.placement.search import PlacementSearch
+from dcap.geometry.placement.set_down import Start, set_down
+from dcap.geometry.raycast import Raycaster
+from dcap.language.protocol.replies import AnchorReply
+from dcap.scene.types.anchor import Lean
+from dcap.scene.types.box import OrientedBox
+from dcap.scene.types.intent import Intent
+from dcap.scene.types.mesh import Mesh
+from dcap.scene.types.outcome import Infeasible
+from dcap.scene.types.segmentation import Instance, Segmentation
+from tasks.anchor.choice import Choice, carrier_masks, choice_of
+from tasks.anchor.no_room import not_leaning
+from tasks.requests.surroundings import PART, boxes_of, parts_meant
+from tasks.requests.views import room_center
+
+Array = NDArray[np.float64]
+LEAST, MOST = np.radians(12.0), np.radians(28.0)
+"""Smallest and largest tilt [rad]."""
+BEYOND = np.radians(4.0)
+"""How far the centre of mass is tilted beyond the point where it would stand on its edge [rad]."""
+GAP = 0.004
+"""Left between the object and what it leans on, and between its foot and the base [m]."""
+STRIP = 0.04
+"""Breadth of the strip in which the place of the object's middle is searched [m]."""
+FARTHEST = 0.6
+"""The object is not moved farther against what it leans on [m]."""
+THIN = 0.75
+"""A plan shorter than this times its length has a thin side, which goes along the wall [-]."""
+Z = np.array([0.0, 0.0, 1.0])
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class LeanSide:
+    """An upright face to lean on."""
+
+    middle: Array
+    """Of the face, seen from above [m], shape (2,)."""
+    toward: Array
+    """Horizontal unit vector into it, shape (2,)."""
+    half: float
+    """Half its width [m]."""
+    top: float
+    """Height of its upper edge [m]."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class LeaningStart:
+    """Where and how it starts."""
+
+    choice: Choice
+    start: Start
+    pose: Array
+    """Object mesh as read to the world, its centre of mass at the origin, shape (4, 4)."""
+    search: PlacementSearch
+    lean: Lean
+
+
+def leaning_start(
+    scene: Segmentation, base: Instance, item: Mesh, pose: Array, intent: Intent, reply: AnchorReply, caster: Raycaster
+) -> LeaningStart | Infeasible:
+    """The first side of what it shall lean on that has a place for it."""
+    why = "there is nothing to lean on"
+    for on, side in faces_to_lean_on(scene, base, intent.orientation.lean, reply.part_index):
+        turned = aligned(item, pose, side.toward, turn=not intent.orientation.facing)
+        tilt = tilt_of(item.transformed(turned), side.toward)
+        squat = tilt > MOST
+        tilt = 0.0 if squat else tilt
+        tilted = tilted_pose(item, turned, side.toward, tilt)
+        mesh = item.transformed(tilted)
+        if not squat and base.parts[reply.part_index].box.top + float(-mesh.bounds[0, 2]) > side.top:
+            why = "its middle would be above what it leans on"
+            continue
+        choice = choice_of(scene, base, intent, reply, mesh)
+        found = set_against(scene, base, choice, (intent, on), mesh, side, caster)
+        if found is not None:
+            start, search = found
+            axis = np.array([*(np.sin(tilt) * side.toward), np.cos(tilt)])
+            noted = replace(choice, note=note_of(intent.orientation.lean, on, squat=squat))
+            return LeaningStart(noted, start, tilted, search, Lean(on, tilt, axis))
+        why = "there is no free place before it"
+    return not_leaning(base, reply.part_index, intent, why)
+
+
+def note_of(asked: str, on: str, *, squat: bool) -> str:
+    """What differs from leaning as it was said."""
+    other = f"{on} is leaned on: there is no free place before {asked}" if on != asked else ""
+    upright = f"it is too thick for its height to lean: it stands by itself, right against {on}" if squat else ""
+    return "; ".join(note for note in (other, upright) if note)
+
+
+# what it leans on ---------------------------------------------------------------------------------------------------
+
+
+def faces_to_lean_on(
+    scene: Segmentation, base: Instance, asked: str, part_index: int
+) -> Iterator[tuple[str, LeanSide]]:  # fmt: skip
+    """The faces of what was asked, and where that is a wall those of the other walls: one is as good as another."""
+    yield from ((asked, side) for side in sides_of(scene, base, asked, part_index))
+    if asked.startswith(PART):
+        return
+    wall = scene.instances[scene.index_of(asked)]
+    for one in scene.instances:
+        if wall.structure and one.structure and one.label == wall.label and one.id != asked:
+            yield from ((one.id, side) for side in sides_of(scene, base, one.id, part_index))
+
+
+def sides_of(scene: Segmentation, base: Instance, on: str, part_index: int) -> Iterator[LeanSide]:
+    """The upright faces to lean on, the likeliest first: a wall's towards the room, a back's towards the seat, a
+    thing's front, then its other sides from that towards the room on."""
+    if on.startswith(PART):
+        before = base.parts[part_index].box.center
+        for box in sorted(boxes_of(scene, base, on), key=lambda box: -float(np.prod(box.half_extents))):
+            yield max(faces_of_box(box), key=lambda face: float(-face.toward @ (before - box.center)[:2]))
+        return
+    thing = scene.instances[scene.index_of(on)]
+    inward = room_center(scene) - thing.box.center
+    ahead = inward if thing.structure or thing.front is None else thing.front
+    ordered = sorted(faces_of_box(thing.box), key=lambda face: float(face.toward @ ahead[:2]))
+    if thing.structure:  # the broad face of a wall
+        yield max(ordered[:2], key=lambda face: face.half)
+        return
+    yield from ordered
+
+
+def faces_of_box(box: OrientedBox) -> list[LeanSide]:
+    """Its four upright faces."""
+    found = []
+    for axis in (0, 1):
+        for sign in (1.0, -1.0):
+            outward = sign * box.axes[:2, axis]
+            middle = box.center[:2] + box.half_extents[axis] * outward
+            found.append(LeanSide(middle, -outward, float(box.half_extents[1 - axis]), box.top))
+    return found
+
+
+def leaned_faces(scene: Segmentation, base: Instance, on: str) -> NDArray[np.int64]:
+    """The faces of what it leans on, shape (k,)."""
+    if not on.startswith(PART):
+        return np.flatnonzero(scene.face_instance == scene.index_of(on))
+    own = scene.face_instance == scene.index_of(base.id)
+    return np.flatnonzero(own & np.isin(scene.face_part, parts_meant(scene, base, on)))
+
+
+# the pose -----------------------------------------------------------------------------------------------------------
+
+
+def aligned(item: Mesh, pose: Array, toward: Array, *, turn: bool) -> Array:
+    """The pose turned about the vertical so that a side lies along the face, the thin one if there is one; the nearest
+    turn that does it. Not turned where a facing is asked."""
+    mesh = item.transformed(pose)
+    along, size = smallest_rectangle(mesh.vertices[np.unique(mesh.faces)][:, :2])
+    if not turn:
+        return pose
+    across = np.array([-along[1], along[0]])
+    angle = float(np.arctan2(across[0] * toward[1] - across[1] * toward[0], across @ toward))
+    period = np.pi if size[1] < THIN * size[0] else np.pi / 2
+    matrix = np.eye(4)
+    matrix[:3, :3] = about_z(angle - period * np.round(angle / period))
+    return np.asarray(matrix @ pose)
+
+
+def tilt_of(mesh: Mesh, toward: Array) -> float:
+    """How far it has to be tilted towards a face so that it presses against it [rad]: its middle beyond its edge."""
+    depth = mesh.vertices[:, :2] @ toward
+    # the centre of mass is at the origin
+    edge, height = float(depth[mesh.vertices[:, 2] < low_band(mesh)].max()), float(-mesh.bounds[0, 2])
+    return max(float(LEAST), float(np.arctan2(edge, height) + BEYOND))
+
+
+def low_band(mesh: Mesh) -> float:
+    """Height under which the object's foot is [m]."""
+    low, high = mesh.bounds[:, 2]
+    return float(low + 0.1 * (high - low)) + 1e-9
+
+
+def tilted_pose(item: Mesh, pose: Array, toward: Array, angle: float) -> Array:
+    """The pose tilted towards a face, the centre of mass at the origin, shape (4, 4)."""
+    matrix = np.eye(4)
+    matrix[:3, :3] = Turn.from_rotvec(angle * np.cross(Z, [*toward, 0.0])).as_matrix()
+    tilted = matrix @ pose
+    tilted[:3, 3] -= center_of_mass(item.transformed(tilted))
+    return np.asarray(tilted)
+
+
+# the place ----------------------------------------------------------------------------------------------------------
+
+
+def set_against(
+    scene: Segmentation, base: Instance, choice: Choice, asked: tuple[Intent, str], mesh: Mesh, side: LeanSide,
+    caster: Raycaster,
+) -> tuple[Start, PlacementSearch] | None:  # fmt: skip
+    """The place before a face, then moved against it; None where there is none. `asked`: with what it leans on."""
+    intent, on = asked
+    exact = Clearance(mesh, scene.mesh, caster)
+    held = scene.mesh.submesh(leaned_faces(scene, base, on))
+    sideways = Sideways(mesh, held, side.toward)
+    for mask in carrier_masks(scene, base, choice, intent, caster):
+        search = PlacementSearch(scene.mesh, caster, mask, mesh)
+        areas = [strip for area in (*choice.areas, *choice.spare) for strip in strips(area, mesh, side, search.cell)]
+        start = set_down(search, exact, areas, GAP)
+        if start is not None and (moved := against(start, search, exact, sideways)) is not None:
+            return moved, search
+    return None
+
+
+def strips(area: Region, mesh: Mesh, side: LeanSide, cell: float) -> list[Region]:
+    """Where the object's middle goes before the face: a little off, as samples cannot touch; cut to the area."""
+    reach = float((mesh.vertices[:, :2] @ side.toward).max()) + 3.0 * cell
+    along = np.array([-side.toward[1], side.toward[0]])
+    wide = max(side.half - 0.25 * float(np.ptp(mesh.vertices[:, :2] @ along)), 0.05)
+    near, far = side.middle - reach * side.toward, side.middle - (reach + STRIP + cell) * side.toward
+    ring = np.array([near - wide * along, near + wide * along, far + wide * along, far - wide * along])
+    polygon = clipped(counter_clockwise(ring), area.polygon)
+    if len(polygon) < 3:
+        return []
+    offset = float(np.clip((area.target - side.middle) @ along, -wide, wide))
+    return [replace(area, polygon=polygon, target=near + offset * along)]
+
+
+class Sideways:
+    """How far an object is from what it leans on, along a horizontal way: clearance in a frame that has it as down."""
+
+    def __init__(self, item: Mesh, held: Mesh, toward: Array) -> None:
+        """`toward`: horizontal unit vector to what holds it, shape (2,)."""
+        down = np.array([*toward, 0.0])
+        self.turn = np.stack([Z, np.cross(-down, Z), -down])  # rows: an own right-handed frame whose -z is `toward`
+        matrix = np.eye(4)
+        matrix[:3, :3] = self.turn
+        turned = held.transformed(matrix)
+        self.clearance = Clearance(item.transformed(matrix), turned, Raycaster(turned))
+
+    def gap(self, place: Array) -> float:
+        """Smallest way to what holds it for the object's origin there [m]; inf where it would miss it."""
+        return self.clearance.gap(self.turn @ place)
+
+
+def against(start: Start, search: PlacementSearch, exact: Clearance, sideways: Sideways) -> Start | None:
+    """The start moved until only the gap is left to what it leans on; None if that is far or something is between."""
+    place = np.array([start.spot.x, start.spot.y, start.height])
+    toward = np.array([*-sideways.turn[2, :2], 0.0])
+    for _ in range(2):  # moved, its foot may stand a little higher or lower
+        way = sideways.gap(place)
+        if not np.isfinite(way) or way > FARTHEST:
+            return None
+        place = place + (way - GAP) * toward
+        place[2] += GAP - exact.gap(place)
+    points, _ = exact.cuts(place)
+    measured = exact.gap(place)
+    if len(points) or not np.isfinite(measured):
+        return None
+    spot = replace(start.spot, x=float(place[0]), y=float(place[1]))
+    return Start(start.region, spot, float(place[2]), measured)

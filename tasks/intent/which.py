@@ -1,0 +1,51 @@
+"""A choice that a sentence leaves open: a question back that lists what may be meant, the same for all clients.
+
+In: a reply with how likely each thing is meant. Out: nothing where one thing is meant; else a LanguageError whose one
+line tells the candidates apart so that a person can answer, or, where no one is to be asked, a note that says which
+was taken.
+"""
+
+from collections.abc import Sequence
+
+from dcap.language.offline.tell_apart import told_apart
+from dcap.language.protocol.replies import Candidate, IntentReply
+from dcap.language.protocol.requests import InstanceView, IntentRequest
+from dcap.scene.errors import LanguageError
+
+AS_LIKELY = 0.5
+"""Share of the best one's likelihood from which another may be meant as well [-]."""
+MOST = 8
+"""So many are listed [-]."""
+
+
+def settle_choice(reply: IntentReply, request: IntentRequest, *, ask: bool) -> tuple[str, ...]:
+    """Notes on choices that were taken for the user; LanguageError where he is to be asked."""
+    notes = []
+    for candidates in (reply.candidates, reply.reference_candidates):
+        likely = as_likely(candidates)
+        if len(likely) < 2:
+            continue
+        by_id = {one.id: one for one in request.instances}
+        found = [by_id[one.id] for one in likely]
+        if ask:
+            raise LanguageError(question(found, request))
+        others = ", ".join(one.id for one in found[1:])
+        notes.append(f"{found[0].label}: several may be meant, {found[0].id} is taken (also {others})")
+    return tuple(notes)
+
+
+def as_likely(candidates: Sequence[Candidate]) -> list[Candidate]:
+    """The likeliest and those with at least half of its likelihood, the likeliest first."""
+    ordered = sorted(candidates, key=lambda one: -one.likelihood)
+    return [one for one in ordered if one.likelihood >= AS_LIKELY * ordered[0].likelihood]
+
+
+def question(found: Sequence[InstanceView], request: IntentRequest) -> str:
+    """The question in one line."""
+    listed = told_apart(found[:MOST], request.instances, request.room_center)
+    rest = f", or one of {len(found) - MOST} more" if len(found) > MOST else ""
+    named = f"{', '.join(listed[:-1])} or {listed[-1]}{rest}"
+    return (
+        f"which one does prompt {request.prompt!r} mean: {named}? Say it in the prompt (an id will do), or take the "
+        "likeliest with --ambiguous best"
+    )

@@ -1,0 +1,118 @@
+"""Excluded places and distances hold for where the object starts, and what cannot hold is refused."""
+
+import numpy as np
+import pytest
+from box_rooms import CUBE, HALL, ROOM
+from stage_chain import Stages
+
+from dcap.scene.types.outcome import Infeasible, Reason
+from dcap.scene.types.segmentation import Segmentation
+from tasks.anchor.constraints import TOLERANCE
+
+OFFLINE = Stages()
+SLACK = TOLERANCE + 0.005
+"""A distance holds to its tolerance and to a grid of places 3 mm apart [m]."""
+
+
+def plan(prompt: str, room: Segmentation = ROOM) -> tuple[str, np.ndarray, np.ndarray]:
+    """What carries the cube, and the lowest and highest corner of its plan."""
+    _, _, found = OFFLINE.placed(prompt, CUBE, room)
+    low, high = CUBE.mesh.transformed(found.world_from_object).bounds
+    return found.part, low[:2], high[:2]
+
+
+def gap(low: np.ndarray, high: np.ndarray, other: tuple[float, float, float, float]) -> float:
+    """Distance of the plan from a rectangle x0, y0, x1, y1 [m]."""
+    apart = np.maximum(np.maximum(np.array(other[:2]) - high, low - np.array(other[2:])), 0.0)
+    return float(np.linalg.norm(apart))
+
+
+LAMP = (1.8, 0.8, 2.2, 1.2)
+PILLOWS = ((-0.65, 0.5, -0.05, 0.9), (0.05, 0.5, 0.65, 0.9))
+
+
+@pytest.mark.parametrize(
+    ("words", "axis", "edge", "metres"),
+    [
+        # who looks at the bed's front stands at -y: left is -x
+        ("20 cm from the left edge", 0, -0.75, 0.2), ("30 cm from the right edge", 0, 0.75, 0.3),
+        ("50cm from the front edge", 1, -0.95, 0.5),
+    ],
+)  # fmt: skip
+def test_distances_from_edges_are_free_gaps(words: str, axis: int, edge: float, metres: float) -> None:
+    """The object's near side is as far from the edge as was asked."""
+    _, low, high = plan(f"put the cube on the bed, {words}")
+    near = low[axis] - edge if edge < 0 else edge - high[axis]
+    assert near == pytest.approx(metres, abs=SLACK)
+
+
+def test_a_distance_from_a_thing_is_a_free_gap() -> None:
+    """10 cm from the lamp's box, wherever around it."""
+    _, low, high = plan("put the cube on the table, 10 cm from the lamp")
+    assert gap(low, high, LAMP) == pytest.approx(0.1, abs=SLACK)
+
+
+def test_bounds_of_a_distance() -> None:
+    """At least is no less, within is no more."""
+    _, low, high = plan("put the cube on the bed, at least 60 cm from the pillows")
+    assert min(gap(low, high, one) for one in PILLOWS) >= 0.6 - SLACK
+    _, low, high = plan("put the cube on the bed within 5 cm of the headboard")
+    assert 1.0 - high[1] <= 0.05 + SLACK
+
+
+def test_away_from_edges_is_off_them() -> None:
+    """At least a hand's breadth, as far as the part is large enough."""
+    _, low, high = plan("put the cube on the table next to the lamp, away from the edge")
+    assert min(*(low - (1.6, 0.6)), *((2.4, 1.4) - high)) >= min(0.1, 0.5 * (0.4 - 0.03)) - SLACK
+
+
+def test_farthest_is_at_the_other_end() -> None:
+    """As far as possible from the pillows is a corner at the foot: no place of the bed is farther."""
+    _, low, high = plan("put the cube on the bed, as far as possible from the pillows")
+    best = gap(np.array([0.75 - 0.06, -0.95]), np.array([0.75, -0.95 + 0.06]), PILLOWS[1])
+    assert min(gap(low, high, one) for one in PILLOWS) == pytest.approx(best, abs=0.06)
+
+
+@pytest.mark.parametrize(
+    "words", ["at the head of the bed, but not on the pillow", "on the bed near the headboard, not on a pillow"]
+)
+def test_excluded_parts_are_kept_free(words: str) -> None:
+    """The cube lies on the mattress, over no pillow."""
+    part, low, high = plan(f"put the cube {words}")
+    assert part == "mattress"
+    assert min(gap(low, high, one) for one in PILLOWS) > 0.0
+
+
+def test_excluded_regions_are_kept_free() -> None:
+    """Neither in the middle nor on the left: on the right."""
+    _, low, high = plan("put the cube on the bed, not in the middle, not on the left side")
+    assert 0.5 * (low + high)[0] > 0.0
+
+
+@pytest.mark.parametrize(
+    ("words", "side"), [("beside the table", None), ("near the table", None), ("in front of the bench", (1, -1.5))]
+)
+def test_beside_is_neither_over_nor_under(words: str, side: tuple[int, float] | None) -> None:
+    """On the floor within a hand's reach, off the thing's plan, in front of it before its front."""
+    bounds = (-0.6, -0.4, 0.6, 0.4) if "table" in words else (-0.5, -1.9, 0.5, -1.5)
+    part, low, high = plan(f"put the cube {words}", HALL)
+    assert part in ("floor", "body")
+    assert -1e-9 < gap(low, high, bounds) <= 0.6
+    assert not ((low < bounds[2:]) & (high > bounds[:2])).all()
+    assert side is None or low[side[0]] >= side[1] - 1e-9
+
+
+def test_at_the_foot_is_on_the_floor_and_on_the_foot_on_the_bed() -> None:
+    """The bed ends at y = -1 where its viewer stands."""
+    part, _, high = plan("put the cube at the foot of the bed")
+    assert (part, bool(high[1] <= -1.0)) == ("floor", True)
+    part, low, _ = plan("put the cube on the foot of the bed")
+    assert (part, bool(low[1] >= -0.95 - 1e-6)) == ("mattress", True)
+
+
+def test_what_cannot_hold_is_refused() -> None:
+    """A table of 0.8 m has no place 70 cm from the lamp in its middle; the sentence's words say which."""
+    found = OFFLINE.tried("put the cube on the table, 70 cm from the lamp", CUBE)
+    assert isinstance(found, Infeasible)
+    assert found.reason is Reason.NO_SUPPORT_HIT
+    assert "70 cm from the lamp" in found.message
