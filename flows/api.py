@@ -33,11 +33,12 @@ def place(scene: AnyPath, object: AnyPath, prompt: str, **options: Unpack[PlaceK
     `scene` is a folder (InteriorGS, ScanNet, SuGaR) or a mesh, `object` a mesh, `prompt` says what to do. An infeasible
     placement is a result with a reason. The files go into `out`, by default a new folder below `data/runs/python`.
 
-    What the files do not say: `label`, `up` and `unit` of the scene, `height_of` (THING=METRES) for its scale, `labels`
-    (a file that names its things), `at` or `support` (a point or a box of its own frame) for the place; `object_label`,
-    `object_up`, `object_unit`, `mass` [kg]. Who reads the prompt: `language`, `model`, `record`, `replay`, `max_cost`
-    [USD]; `ambiguous`: ask (an error that lists what may be meant) or best. The physics: `solver`, `resolution` [m], `threads`, `arch`, `seed`, `stability`, `load_aware`,
-    `paper_limits`. Each is explained by `dcap place --help`. `out` is the folder of the results.
+    What the files do not say: `label`, `up` and `unit` of the scene, `height_of` (THING=METRES) for its scale,
+    `labels` (a file that names its things), `at` or `support` (a point or a box of its own frame) for the place;
+    `object_label`, `object_up`, `object_unit`, `mass` [kg]. Who reads the prompt: `language`, `model`, `record`,
+    `replay`, `max_cost` [USD]; `ambiguous`: ask (an error that lists what may be meant) or best. The physics:
+    `solver`, `resolution` [m], `threads`, `arch`, `seed`, `stability`, `load_aware`, `paper_limits`. Each is
+    explained by `dcap place --help`. `out` is the folder of the results.
 
     Raises InputError for input or options that cannot be used, LanguageError for a prompt that was not understood, and
     other kinds of DcapError.

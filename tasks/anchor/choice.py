@@ -46,6 +46,15 @@ class Choice:
     """How it was understood in the spare areas."""
     beside: float | None = None
     """How far from the part the asked place lies [m]; None where it is on it."""
+    in_turn: bool = False
+    """An area is tried only where those before it have no place: the corner that is farthest from something."""
+
+    def tries(self) -> list[tuple[list[Region], str]]:
+        """Areas to try together, best first, with how the region is understood in them."""
+        both = ((self.areas, self.note), (self.spare, self.spare_note))
+        return [
+            (part, note) for areas, note in both for part in ([[one] for one in areas] if self.in_turn else [areas])
+        ]
 
 
 def carrier_masks(
@@ -93,7 +102,8 @@ def choice_of(scene: Segmentation, base: Instance, intent: Intent, reply: Anchor
     limits = (*intent.region.constraints, *constraints_of(reply))
     bounds = Bounds(scene, base, index, frame, outline, reach, float(np.ptp(mesh.bounds[:, 2])))
     left, spare = (constrained(some, limits, bounds) for some in (areas, spare))
-    return Choice(index, frame, left, spare, " ".join(names), note, spare_note)
+    in_turn = any(one.kind == "farthest" for one in limits)
+    return Choice(index, frame, left, spare, " ".join(names), note, spare_note, in_turn=in_turn)
 
 
 def asked_areas(

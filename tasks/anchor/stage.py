@@ -85,7 +85,7 @@ def anchor(
         masks = [carrying_at(scene, base, intent.at)]
     exact = Clearance(mesh, scene.mesh, caster)
     search = None
-    for areas, note in ((choice.areas, choice.note), (choice.spare, choice.spare_note)):
+    for areas, note in choice.tries():
         for mask in masks if areas else ():
             search = PlacementSearch(scene.mesh, caster, mask, mesh)
             start = set_down(search, exact, areas, config.clearance)

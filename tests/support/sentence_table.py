@@ -70,7 +70,7 @@ def score(row: Row, *, whole: bool = True) -> Score:
         SegmentedScene(scene), SegmentedObject(item), meant, turned, row["prompt"], AnchorConfig(), OfflineClient()
     )
     if isinstance(found, Infeasible):
-        return Score("infeasible", ("infeasible",), found.message)
+        return Score("infeasible", () if "infeasible" in wanted else ("infeasible",), found.message)
     return Score("at", tuple(place_faults(row, scene, item, meant, found)), said)
 
 

@@ -93,7 +93,13 @@ def candidates(noun: Noun, instances: Sequence[InstanceView]) -> tuple[InstanceV
 
     "The second shelf" is a board where something has several above each other.
     """
-    return boarded(noun, instances) or named(noun, instances) or owners(noun, instances)
+    found = boarded(noun, instances) or named(noun, instances) or owners(noun, instances)
+    return widened(noun, instances) if noun.sides and len(found) == 1 and found[0] in named(noun, instances) else found
+
+
+def widened(noun: Noun, instances: Sequence[InstanceView]) -> tuple[InstanceView, ...]:
+    """All that a noun may mean at all: who says "the larger table" sees two, of which one may be called otherwise."""
+    return tuple(i for i in instances if likelihood(noun, i) >= LEAST)
 
 
 def boarded(noun: Noun, instances: Sequence[InstanceView]) -> tuple[InstanceView, ...]:
@@ -119,6 +125,8 @@ def choose(
 ) -> Found:
     """How likely each of several is meant: by the noun, by colour, by places that say which, by sides."""
     score = {i.id: likelihood(noun, i) or 1.0 for i in found}
+    if noun.sides and sum(one >= PLAUSIBLE * max(score.values()) for one in score.values()) < 2:
+        score = dict.fromkeys(score, max(score.values(), default=0.0))  # the side tells them apart, see `widened`
     notes = []
 
     def weigh(factors: Sequence[float], note: str) -> None:

@@ -65,7 +65,7 @@ def regions_of(noun: Noun, base: InstanceView | None) -> list[str]:
     names = [SIDE_REGIONS[side] for side in noun.sides if side in SIDE_REGIONS]
     if noun.region == "end" and base is not None and "bed" in lineage(label_thing(base)):
         names = [name for name in names if name in ("head", "foot")] or ["foot"]
-    elif noun.region and noun.region != "side":
+    elif noun.region and noun.region != "side" and not (noun.region == "end" and names):  # the left end is the left
         names.append(noun.region)
     return names
 
