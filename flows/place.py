@@ -21,7 +21,7 @@ from dcap.scene.types.segmentation import SegmentedObject, SegmentedScene
 from dcap.scene.types.settled import Settled
 from flows.given import LabelRefs, given_labels
 from tasks.anchor.stage import AnchorConfig, anchor_task
-from tasks.drop.stage import DropConfig, drop_task
+from tasks.drop.stage import DropConfig, drop_task, unforeseen
 from tasks.intent.stage import IntentConfig, intent_task
 from tasks.materials.stage import MaterialsConfig, materials_task
 from tasks.mesh.stage import MeshConfig, mesh_object_task, mesh_scene_task
@@ -128,6 +128,9 @@ def place(sample: Sample, config: PlaceConfig) -> PlacementRefs:
     materials = materials_task(scene, item, intent, anchor, sample.prompt, config=config.materials)
     particles = particles_task(scene, item, intent, anchor, materials, config=config.particles)
     settled = drop_task(particles, anchor, intent, sample.seed, config=config.drop)
+    if unforeseen(Store.default().load(settled)):
+        particles = particles_task(scene, item, intent, anchor, materials, config=config.particles, rest=settled)
+        settled = drop_task(particles, anchor, intent, sample.seed, config=config.drop)
     renders = render_task(scene, item, anchor, settled, config=config.render)
     overview = None
     if renders.infeasible:

@@ -22,6 +22,8 @@ Array = NDArray[np.float64]
 
 TOLERANCE = 1e-3  # change of the pressures in an iteration over the load [-]: resolutions need no more
 MOST_ITERATIONS = 200
+NARROW = 0.25  # half the width of a gap that is closed, over the radius of a disc as large as the patch [-]
+IDLE = 0.05  # load on a place over that on the one that carries most: less does not decide how deep anything sinks [-]
 LOADED = 1e-3  # of the largest pressure: less counts as no contact
 
 
@@ -41,10 +43,23 @@ class Patch:
         """Cells in contact, shape (nx, ny)."""
         return np.asarray(self.pressure > LOADED * self.pressure.max())
 
+    @property
+    def region(self) -> NDArray[np.bool_]:
+        """Where the load comes down, shape (nx, ny): a rough surface touches with its crests first, but what is between
+        them is under the same load; and places of their own that carry next to nothing are left out."""
+        radius = float(np.sqrt(self.touching.sum() * self.spacing[0] * self.spacing[1] / np.pi))
+        near = ndimage.distance_transform_edt(~self.touching, sampling=self.spacing) <= NARROW * radius
+        if not near.all():
+            inside = ndimage.distance_transform_edt(near, sampling=self.spacing) > NARROW * radius
+            near = inside | self.touching
+        label, count = ndimage.label(near, np.ones((3, 3)))
+        load = np.bincount(label.ravel(), self.pressure.ravel(), count + 1)
+        return np.asarray(near & (load[label] >= IDLE * load.max()))
+
     def half_widths(self, axis: int) -> Array:
         """Half the length of the run of contact through each row of cells across an axis, mean over its load [m]; nan
-        where nothing touches, shape (n,): how wide the patch is along `axis` there."""
-        touching, pressure = (np.moveaxis(one, axis, 0) for one in (self.touching, self.pressure))
+        where nothing touches, shape (n,): how wide the region is along `axis` there."""
+        touching, pressure = (np.moveaxis(one, axis, 0) for one in (self.region, self.pressure))
         run = np.zeros(touching.shape)
         for row in range(touching.shape[1]):
             label, count = ndimage.label(touching[:, row])

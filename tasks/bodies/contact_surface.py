@@ -20,7 +20,7 @@ OBSTACLE_EDGES = 8.0  # edges of an obstacle across the shorter side of the foot
 LEAST_OBSTACLE_EDGE = 0.01  # [m]
 OBSTACLE_FACES = 60_000  # faces that refining adds to an obstacle at most
 FAR_EDGE = 0.02  # least edge of a soft support away from the footprint [m]
-PER_CELL = 3.0  # edges per fine cell of a soft support under the footprint
+PER_CELL = 2.0  # edges per fine cell of a soft support under the footprint
 
 
 def rigid_object_surface(mesh: Mesh, foot: Footprint, edge: float, most_faces: int) -> Mesh:
@@ -39,7 +39,7 @@ def soft_object_surface(mesh: Mesh, bounds: Array, cell: float, most_faces: int)
 def obstacle_surface(mesh: Mesh, foot: Footprint) -> Mesh:
     """Edges of a fixed rigid body, finer where the object will probably touch it."""
     edge = max(foot.small_side / OBSTACLE_EDGES, LEAST_OBSTACLE_EDGE)
-    region = np.stack([foot.low - foot.radius - edge, foot.high + foot.radius + edge])
+    region = np.stack([foot.low - foot.half_width - edge, foot.high + foot.half_width + edge])
     return subdivide_near(mesh, region, edge, OBSTACLE_FACES)
 
 
@@ -48,14 +48,14 @@ def soft_support_surface(
 ) -> tuple[Mesh, float]:
     """Visible soft faces within the box (2, 3), and the longest edge that is left where the object may touch [m].
 
-    Under the footprint a third of a fine cell, as far as `most_faces` more allow; longer farther away in the crop and
+    Under the footprint half a fine cell, as far as `most_faces` more allow; longer farther away in the crop and
     deeper than the object is expected to come. Faces as long as a cell cut the corners of the dent under an edge: they
     showed a dumbbell 1 mm deep in its bed.
     """
-    margin = np.array([0.3, 0.3, 0.0]) * (foot.high - foot.low) + 0.5 * foot.radius
+    margin = np.array([0.3, 0.3, 0.0]) * (foot.high - foot.low) + 0.5 * foot.half_width
     first, later = (grown(part, margin) for part in (np.stack([foot.low, foot.high]), foot.wider))
-    first[0, 2] -= foot.gap + foot.depth
-    later[0, 2] -= foot.gap + WIDER * foot.depth
+    first[0, 2] = foot.ground[0] - foot.depth - margin[2]
+    later[0, 2] = foot.ground[1] - WIDER * foot.depth - margin[2]
     mesh = subdivide_near(mesh, crop, max(4.0 * cell, FAR_EDGE), most_faces)
     mesh = refined(mesh, first, later, cell / PER_CELL, most_faces)
     longest = longest_near(mesh, later)

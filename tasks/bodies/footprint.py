@@ -1,8 +1,8 @@
-"""Where and how wide the object will probably touch: decides cell sizes before anything is simulated.
+"""Where and how wide the object will probably touch: decides cells and contact points before anything is simulated.
 
-In: the object at its pre-drop pose, what lies beneath it, weight and elasticity. Out: the footprint at the expected
-indentation. The gap between the object's underside and what lies below it is measured along gravity; the part of it
-that closes first touches first.
+In: the object at its pre-drop pose, what lies beneath it, its weight, and the layers that press on each other. The gap
+between the object's underside and what lies below it is measured along gravity, once the object has tilted onto it; the
+part of it that closes first touches first.
 """
 
 from dataclasses import dataclass
@@ -10,39 +10,43 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from dcap.geometry.boundary import is_closed
 from dcap.geometry.raycast import Raycaster
 from dcap.geometry.solid.repair import subdivide_near
+from dcap.scene.errors import GeometryError
 from dcap.scene.types.mesh import Mesh
-from solver.contact.predict import contact_radius
+from tasks.bodies.inertial import inertial_of_solid
+from tasks.bodies.layered_patch import Stack
+from tasks.bodies.levelling import levelling
+from tasks.bodies.plan_contact import Heights, PlanContact, plan_contact
+
+Array = NDArray[np.float64]
 
 LEAST_DEPTH, MOST_DEPTH = 5e-4, 0.06  # expected indentation [m]: below it is invisible, above it no formula holds
-ROUNDS = 8  # indentation and footprint decide each other: a few rounds settle within a few per cent
 WIDER = 4.0  # times the expected indentation: what may touch before the object has levelled out
-# a footprint that grows by less than this factor when the depth grows by WIDER is flat (a sphere's grows by WIDER)
-FLAT = 2.0
+UP = (0.0, 0.0, 1.0)
+BELOW = 0.01  # a ray that looks for an underside starts this far below it [m]
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Footprint:
     """The predicted contact."""
 
-    low: NDArray[np.float64]
+    low: Array
     """Lower corner of its box [m], shape (3,)."""
-    high: NDArray[np.float64]
+    high: Array
     """Upper corner [m], shape (3,)."""
-    wider: NDArray[np.float64]
-    """Lower and upper corner of what may touch too, at WIDER times the indentation [m], shape (2, 3): an object that
-    lies on a slope comes down at one end first."""
-    radius: float
-    """Contact radius [m] (of a disc of the same area where it is not round)."""
+    wider: Array
+    """Lower and upper corner of what may touch too, at WIDER times the indentation [m], shape (2, 3)."""
+    ground: tuple[float, float]
+    """Lowest place below its box, and below the wider one [m]."""
+    half_width: float
+    """Half the width of the contact where it is narrower [m]."""
     depth: float
     """Expected indentation [m]."""
-    flat: bool
-    """An extended face rather than a rounded underside."""
-    gap: float
-    """Smallest gap at the start [m]."""
-    face_nearest: int
-    """Face of the object that touches first."""
+    contacts: tuple[PlanContact, ...]
+    """The patch, and that where it was found at rest before; none where nothing there is soft or the object is beside
+    what is below."""
 
     @property
     def small_side(self) -> float:
@@ -50,38 +54,97 @@ class Footprint:
         return float((self.high - self.low)[:2].min())
 
 
-def predicted_footprint(
-    item: Mesh, beneath: Raycaster, weight: float, compliance: float, fallback_height: float
-) -> Footprint:
-    """The footprint of an object of a given weight [N]; `compliance` = 1 / E* of the pair [1/Pa].
-
-    `fallback_height` [m] stands for what lies below where a ray meets nothing.
-    """
-    fine, under, gap, area = underside(item, beneath, fallback_height)
-    center = fine.triangles[under].mean(axis=1)
-    closest = float(gap.min())
-    depth, radius = 3e-3, 0.0
-    for _ in range(ROUNDS):
-        covered = float(area[gap <= closest + depth].sum())
-        curvature = covered / (2.0 * np.pi * depth)
-        radius = contact_radius(weight, curvature, 1.0 / compliance, 0.0)
-        depth = float(np.clip(0.5 * depth + 0.5 * radius**2 / curvature, LEAST_DEPTH, MOST_DEPTH))
-    touching = gap <= closest + depth
-    radius = min(radius, float(np.sqrt(area[touching].sum() / np.pi)))
-    wider = gap <= closest + WIDER * depth
-    corner, beyond = (fine.triangles[under[those]].reshape(-1, 3) for those in (touching, wider))
-    height = float(np.ptp(item.vertices[:, 2]))
+def joined(one: Footprint, other: Footprint) -> Footprint:
+    """Two places where the object may touch."""
+    wider = np.stack([np.minimum(one.wider[0], other.wider[0]), np.maximum(one.wider[1], other.wider[1])])
     return Footprint(
-        corner.min(axis=0), corner.max(axis=0), np.stack([beyond.min(axis=0), beyond.max(axis=0)]), radius, depth,
-        is_flat(gap - closest, area, min(WIDER * depth, 0.5 * height)), closest,
-        int(nearest_face(item, center[int(np.argmin(gap))])),
+        np.minimum(one.low, other.low), np.maximum(one.high, other.high), wider,
+        (min(one.ground[0], other.ground[0]), min(one.ground[1], other.ground[1])),
+        min(one.half_width, other.half_width), max(one.depth, other.depth), one.contacts + other.contacts,
     )  # fmt: skip
 
 
-def is_flat(gap: NDArray[np.float64], area: NDArray[np.float64], depth: float) -> bool:
-    """Whether faces of these gaps [m] and areas in plan [m^2] grow little on the last way to a depth [m], which is at
-    most half an object's height: a ball has no more to show beyond that."""
-    return float(area[gap <= depth].sum()) < FLAT * float(area[gap <= depth / WIDER].sum())
+@dataclass(frozen=True, eq=False, slots=True)
+class Approach:
+    """The object over what it comes down on, before its contact is known."""
+
+    beneath: Raycaster
+    lying: Mesh
+    """The object once it has tilted onto what is below."""
+    under: Array
+    """Its faces that look down, at its pre-drop pose [m], shape (k, 3, 3)."""
+    start: Array
+    """Their way down [m], shape (k,)."""
+    way: Array
+    """The same once the object lies [m], shape (k,)."""
+    face_nearest: int
+    """Face of the object that touches first."""
+    first: Array
+    """Where it touches what is below; of several places the one nearest to its middle [m], shape (3,)."""
+
+    @property
+    def gap(self) -> float:
+        """Smallest gap at the start [m]."""
+        return float(self.start.min())
+
+    @classmethod
+    def of(cls, item: Mesh, beneath: Raycaster, fallback_height: float, *, tilts: bool) -> "Approach":
+        """Of an object at its pre-drop pose; `tilts` where it may lie down on what it meets. `fallback_height` [m]
+        stands for what lies below where a ray meets nothing."""
+        center = center_of(item)
+        turn = levelling(item, center, lambda turned: heights_over(turned, beneath)) if tilts else np.eye(4)
+        fine, under, gap, _ = underside(item, beneath, fallback_height)
+        nearest = nearest_face(item, fine.triangles[under[int(np.argmin(gap))]].mean(axis=0))
+        middle = fine.transformed(turn).triangles[under].mean(axis=1)
+        way = gaps(middle, beneath, fallback_height)
+        at_once = np.flatnonzero(way <= way.min() + LEAST_DEPTH)
+        first = at_once[int(np.argmin(np.linalg.norm((middle[at_once] - center)[:, :2], axis=1)))]
+        place = middle[first] - [0.0, 0.0, way[first]]
+        return cls(
+            beneath, item.transformed(turn), fine.triangles[under], gap, way, nearest, place
+        )  # fmt: skip
+
+    def footprint(self, weight: float, stacks: tuple[Stack, Stack]) -> Footprint:
+        """The contact under a weight [N] of the layers of the object with those of what is below it."""
+        contact = None
+        if any(compliance > 0.0 for stack in stacks for _, compliance in stack):
+            contact = plan_contact(heights_over(self.lying, self.beneath), self.lying.bounds[:, :2], weight, stacks)
+        depth = LEAST_DEPTH if contact is None else float(np.clip(contact.patch.approach, LEAST_DEPTH, MOST_DEPTH))
+        boxes, ground = [], []
+        for times in (1.0, WIDER):
+            touching = self.way <= self.way.min() + times * depth
+            corner = self.under[touching]
+            boxes.append(np.stack([corner.min(axis=(0, 1)), corner.max(axis=(0, 1))]))
+            ground.append(float((corner[:, :, 2].min(axis=1) - self.start[touching]).min()))
+        (low, high), wider = boxes
+        half = 0.5 * float((high - low)[:2].min()) if contact is None else contact.half_width
+        contacts = () if contact is None else (contact,)
+        return Footprint(low, high, wider, (ground[0], ground[1]), half, depth, contacts)
+
+
+def heights_over(item: Mesh, beneath: Raycaster) -> Heights:
+    """Tells where vertical lines enter the object from below, and what lies below that."""
+    own, start = Raycaster(item), float(item.bounds[0, 2]) - BELOW
+
+    def heights(plan: Array) -> tuple[Array, Array]:
+        origin = np.column_stack([plan, np.full(len(plan), start)])
+        under = start + own.cast(origin, np.tile(UP, (len(plan), 1))).distance
+        there = np.isfinite(under)
+        top = np.full(len(plan), np.nan)
+        top[there] = under[there] - gaps(np.column_stack([plan, under])[there], beneath, np.nan)
+        return np.where(there, under, np.nan), top
+
+    return heights
+
+
+def center_of(item: Mesh) -> Array:
+    """Centre of the solid, else of the surface [m], shape (3,)."""
+    if is_closed(item):
+        try:
+            return inertial_of_solid(item, 1.0).center_of_mass
+        except GeometryError:
+            pass
+    return np.average(item.triangles.mean(axis=1), axis=0, weights=np.maximum(item.face_areas, 1e-12))
 
 
 def underside(

@@ -10,14 +10,12 @@ from numpy.typing import NDArray
 
 from dcap.geometry.distance import Distance
 from dcap.scene.types.particles import DistanceGrid
-from solver.model.grid import graded_planes
 
 Planes = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
 
 THIN_SHARE = 0.2  # chords shorter than all but this share count as the thinnest: rims and tips are always shorter
 MOST_ASPECT = 3.0  # longest over shortest cell edge: beyond it trilinear cells lock
 COARSENING = 1.06  # factor per round when a grid exceeds its budget
-GROWTHS = (1.3, 1.4, 1.5, 1.6)  # ratios of neighbouring spacings away from the contact, tried in this order
 MOST_LOOKED_AT = 4_000_000  # cells of a grid that are looked at one by one: half a gigabyte while it lasts
 PADDING = 2  # cells beyond the surface of a free body, so that its displacement extends past it
 
@@ -77,44 +75,6 @@ def uniform_planes(bounds: NDArray[np.float64], cell: NDArray[np.float64]) -> Pl
         middle = 0.5 * (low + high)
         planes.append(middle + cell[axis] * (np.arange(count + 1) - 0.5 * count))
     return planes[0], planes[1], planes[2]
-
-
-def graded_cells(
-    distance: Distance,
-    box: NDArray[np.float64],
-    fine: NDArray[np.float64],
-    cell: float,
-    coarsest: float,
-    budget: int,
-) -> Cells:
-    """A grid over `box` (2, 3), fine within `fine` (2, 3): first grows faster away from it, then coarsens, to meet
-    the budget.
-    """
-    size = cell
-    while True:
-        allowed = GROWTHS if size >= coarsest else GROWTHS[:-1]  # the steepest only once cells cannot be coarser
-        least = occupied(planes_of(box, fine, size, allowed[-1]), distance)
-        if least <= budget:  # the slower growths make more cells, so that none of them needs a look otherwise
-            for growth in allowed:
-                planes = planes_of(box, fine, size, growth)
-                count = occupied(planes, distance)
-                if count <= budget:
-                    return Cells(planes, size, count)
-        # a factor makes about its third power fewer cells: most sizes that cannot do are left out, but not the first
-        # one at which the steepest growth is allowed
-        steps = int(np.log(least / budget) / (4.0 * np.log(COARSENING)))
-        if size < coarsest:
-            steps = min(steps, int(np.ceil(np.log(coarsest / size) / np.log(COARSENING))))
-        size *= COARSENING ** max(1, steps)
-
-
-def planes_of(box: NDArray[np.float64], fine: NDArray[np.float64], cell: float, growth: float) -> Planes:
-    """Graded planes along the three axes."""
-    x, y, z = (
-        graded_planes(float(box[0, a]), float(box[1, a]), float(fine[0, a]), float(fine[1, a]), cell, growth)
-        for a in range(3)
-    )
-    return x, y, z
 
 
 def occupied(planes: Planes, distance: Distance) -> int:

@@ -18,7 +18,7 @@ from dcap.scene.types.particles import (
     SimulationBody,
     SoftSimulationBody,
 )
-from solver.model.grid import sized_planes
+from tasks.bodies.contact_cells import WantedCells, cells_within, wanted_in_height, wanted_in_plan
 from tasks.bodies.distance_samples import distance_samples
 from tasks.bodies.material_points import MaterialConstants, material_points, with_mass
 from tasks.bodies.node_states import grid_of, nodes_at_faces
@@ -30,31 +30,35 @@ from tasks.case.solid import CaseSolid
 Array = NDArray[np.float64]
 
 RIGID_CELLS = 25.0  # in the smallest side where nothing is soft: spacing of surface points
-CELLS_ACROSS = 5.0  # cells in half the width of a predicted contact
-CELLS_AT_ENDS = 2.0  # and in the shorter half width where a long contact ends: pressure falls over about as much
 CELLS_THROUGH = 4.0  # least cells through a body along each axis
 # and across layers: cells of constant slip see the parabola of n slices as one of (1 - 1 / n^2) of its second moment,
 # so a body that gives by slip alone is 1.5 % too stiff with eight and 6 % with four
 CELLS_ACROSS_LAYERS = 8.0
-BESIDE = 0.3  # of its half width: cells stay fine this far beside a contact
-GROWTH = 1.6  # ratio of neighbouring cells away from a contact
 BUDGET = 30_000  # cells of one soft body, unless a resolution was asked for
-COARSER = 1.06  # factor of the cells in a round until they keep to it
 MOST_MARGIN = 0.02  # a signed distance reaches this far beyond the body [m], half its thickness for small ones
 MOST_SAMPLES = 250.0  # of a signed distance along its longest side: 16 million in a cube
 MOST_CELLS = 200_000  # cells of one soft body; more would not fit the time a user expects
 """What a person can raise with --resolution."""
 
 
-def case_particles(case: Case, folder: Path, resolution: float | None) -> Particles:
-    """The simulation input of a case, with the smallest cell at a contact [m]."""
-    solids = [CaseSolid(body, folder, _bonded_to(body.name, case.bonds)) for body in case.bodies]
-    contacts = predicted_contacts(solids, float(np.linalg.norm(case.gravity)))
+def case_particles(case: Case, folder: Path, resolution: float | None, ended: Case | None = None) -> Particles:
+    """The simulation input of a case, with the smallest cell at a contact [m]; cells are fine too where the same bodies
+    `ended` before."""
+    solids, contacts = foreseen(case, folder)
+    if ended is not None:
+        contacts += foreseen(ended, folder)[1]
     grids = [None if s.rigid else soft_grid(s, solids, contacts, resolution) for s in solids]
     finest = min([g.size for g in grids if g is not None] or [min(s.smallest for s in solids) / RIGID_CELLS])
     bodies = tuple(case_body(s, g, finest) for s, g in zip(solids, grids, strict=True))
     pairs = tuple((p.a, p.b, p.static_friction, p.dynamic_friction) for p in case.friction_pairs)
-    return Particles(bodies, pairs, finest, ())
+    boxes = np.stack([one.plan.box for one in contacts]) if contacts else None
+    return Particles(bodies, pairs, finest, (), foreseen=boxes)
+
+
+def foreseen(case: Case, folder: Path) -> tuple[list[CaseSolid], list[PredictedContact]]:
+    """The bodies as they start, and where they will press on each other."""
+    solids = [CaseSolid(body, folder, _bonded_to(body.name, case.bonds)) for body in case.bodies]
+    return solids, predicted_contacts(solids, float(np.linalg.norm(case.gravity)))
 
 
 def case_body(solid: CaseSolid, grid: Cells | None, finest: float) -> SimulationBody:
@@ -84,50 +88,42 @@ def soft_grid(
     takes more cells than the budget, unless they were asked for."""
     joined = bonded_group(solid, solids)
     felt = [c for c in contacts if c.upper in joined or c.lower in joined]
-    scale = 1.0
-    while True:
-        sizes = [axis_sizes(solid, axis, felt, resolution, scale) for axis in range(3)]
-        planes = tuple(sized_planes(float(solid.low[a]), float(solid.high[a]), *sizes[a], GROWTH) for a in range(3))
-        cell = min(float(np.diff(p).min()) for p in planes)
-        count = int(np.prod([len(p) - 1 for p in planes], dtype=np.float64))
-        if count <= (MOST_CELLS if resolution else BUDGET):
-            return Cells((planes[0], planes[1], planes[2]), cell, count)
-        if resolution:
-            raise InputError(
-                f"body {solid.body.name!r}: {count:.3g} cells of {1e3 * cell:.2g} mm > {MOST_CELLS}; raise --resolution"
-            )
-        scale *= COARSER
+
+    def wanted(scale: float) -> list[WantedCells]:
+        return [wanted_along(solid, axis, felt, resolution, scale) for axis in range(3)]
+
+    box = np.stack([solid.low, solid.high])
+    cells, scale = cells_within(box, wanted, all_cells, MOST_CELLS if resolution else BUDGET)
+    if resolution and scale > 1.0:
+        raise InputError(
+            f"body {solid.body.name!r}: more than {MOST_CELLS} cells of {1e3 * resolution:.2g} mm; raise --resolution"
+        )
+    return cells
 
 
-def axis_sizes(
+def all_cells(planes: Planes) -> int:
+    """Number of cells between planes."""
+    return int(np.prod([len(p) - 1 for p in planes], dtype=np.float64))
+
+
+def wanted_along(
     solid: CaseSolid, axis: int, felt: list[PredictedContact], resolution: float | None, scale: float
-) -> tuple[Array, Array, Array]:
-    """Where intervals along an axis begin and end [m], and the cell sizes [m] wanted there, each of shape (k,)."""
+) -> WantedCells:
+    """The largest cells along an axis: through the body, and where contacts are felt."""
     low, high = float(solid.low[axis]), float(solid.high[axis])
     least = cells_through(solid)
     through = (high - low) / least[axis] if felt else resolution or scale * min(solid.extent / least)
-    begin, end, size = [np.array([low])], [np.array([high])], [np.array([through])]
+    found = [WantedCells(np.array([low]), np.array([high]), np.array([through]))]
     for contact in felt:
         height = contact.height_on(solid)
         away = max(float(solid.low[2]) - height, height - float(solid.high[2]), 0.0)
         if axis < 2:
-            place, half = contact.across(axis)
-            step = 0.5 * contact.patch.spacing[axis]
-            apart = np.diff(place) > 3.0 * step
-            ends = np.concatenate([place[:1], place[:-1][apart], place[1:][apart], place[-1:]])
-            beside = BESIDE * contact.half_width
-            begin += [np.append(place[0] - BESIDE * half[0], place[1:] - step), ends - beside]
-            end += [np.append(place[:-1] + step, place[-1] + BESIDE * half[-1]), ends + beside]
-            wanted = np.append(half / CELLS_ACROSS, np.full(len(ends), contact.half_width / CELLS_AT_ENDS))
+            wanted = wanted_in_plan(contact.plan, axis)
         else:
-            half = np.array([contact.half_width])
-            middle = np.clip([height], low, high)
-            begin.append(middle - half)
-            end.append(middle + half)
-            wanted = half / CELLS_ACROSS
-        asked = np.full(len(wanted), resolution) if resolution else scale * wanted
-        size.append(asked + np.log(GROWTH) * away)
-    return np.concatenate(begin), np.concatenate(end), np.concatenate(size)
+            middle = float(np.clip(height, low, high))
+            wanted = wanted_in_height(contact.plan, middle, middle)
+        found.append(wanted.resized(size=resolution, scale=scale, away=away))
+    return WantedCells.joined(found)
 
 
 def cells_through(solid: CaseSolid) -> Array:

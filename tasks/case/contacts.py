@@ -11,20 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dcap.geometry.raycast import Raycaster
-from solver.contact.patch import Patch, elastic_patch
+from tasks.bodies.layered_patch import Layer
+from tasks.bodies.plan_contact import PlanContact, plan_contact
 from tasks.case.solid import CaseSolid
 
 Array = NDArray[np.float64]
-Layer = tuple[float, float]
-"""Thickness [m] and compliance (1 - nu^2) / E [1/Pa]."""
 
-SAMPLES = 128  # of the gap along each side of the box in plan that two bodies share
-ZOOMED = 0.4  # a patch that fills less of the box along both sides is looked at again in a smaller one [-]
-BORDER = 0.25  # of the patch's box on each side of it [-]
-MOST_ZOOMS = 6
 MARCHES = 80  # steps of a point along gravity to the surface of a primitive
 ON_SURFACE = 1e-7  # of the body's size: nearer counts as on it [-]
-LAYER_ROUNDS = 4  # the patch and what it feels of deeper layers decide each other
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -33,36 +27,13 @@ class PredictedContact:
 
     upper: CaseSolid
     lower: CaseSolid
-    x: Array
-    """Middles of the patch's cells [m], shape (nx,)."""
-    y: Array
-    """[m], shape (ny,)."""
-    height: float
-    """Of the first contact on the lower body [m]."""
-    patch: Patch
-
-    def across(self, axis: int) -> tuple[Array, Array]:
-        """Coordinates along an axis where there is contact [m], and half the patch's width along it there [m]."""
-        half = self.patch.half_widths(axis)
-        touching = np.isfinite(half)
-        return (self.x, self.y)[axis][touching], half[touching]
+    plan: PlanContact
 
     def height_on(self, solid: CaseSolid) -> float:
         """Height of the contact [m] as a body sees it that touches there or is bonded to one that does: on the lower
         body and what is below it where that begins to be touched, else on the underside of the upper one."""
         from_below = solid is self.lower or (solid is not self.upper and higher(self.upper, solid))
-        return self.height if from_below else float(self.upper.low[2])
-
-    @property
-    def half_width(self) -> float:
-        """Half the width of the patch where it is narrower, mean over its load [m]."""
-        means = []
-        for axis in range(2):
-            load = self.patch.pressure.sum(axis=1 - axis)
-            half = self.patch.half_widths(axis)
-            touching = np.isfinite(half)
-            means.append(float(np.average(half[touching], weights=load[touching])))
-        return min(means)
+        return self.plan.height if from_below else float(self.upper.low[2])
 
 
 def predicted_contacts(solids: list[CaseSolid], gravity: float) -> list[PredictedContact]:
@@ -89,26 +60,12 @@ def predicted_contact(
     soft = any(compliance > 0.0 for stack in stacks for _, compliance in stack)
     if (box[0] >= box[1]).any() or load <= 0.0 or not soft:
         return None
-    region = box
-    for _ in range(MOST_ZOOMS):
-        width = (region[1] - region[0]) / SAMPLES
-        x, y = (region[0, a] + width[a] * (np.arange(SAMPLES) + 0.5) for a in range(2))
-        plan = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2)
-        top = heights(lower, plan, -1.0)
-        gap = (heights(upper, plan, 1.0) - top).reshape(SAMPLES, SAMPLES)
-        if not np.isfinite(gap).any():
-            return None
-        patch = layered_patch(gap, (float(width[0]), float(width[1])), load, stacks)
-        height = float(top[int(np.nanargmin(gap))])
-        contact = PredictedContact(upper, lower, x, y, height, patch)
-        filled = [np.ptp(axis[patch.touching.any(axis=1 - a)]) for a, axis in enumerate((x, y))]
-        if (np.array(filled) >= ZOOMED * (region[1] - region[0])).any():
-            break
-        ends = [axis[patch.touching.any(axis=1 - a)] for a, axis in enumerate((x, y))]
-        near = np.array([[e.min() for e in ends], [e.max() for e in ends]])
-        margin = BORDER * (near[1] - near[0]) + 2.0 * width
-        region = np.stack([np.maximum(near[0] - margin, box[0]), np.minimum(near[1] + margin, box[1])])
-    return contact
+
+    def gap_of(plan: Array) -> tuple[Array, Array]:
+        return heights(upper, plan, 1.0), heights(lower, plan, -1.0)
+
+    found = plan_contact(gap_of, box, load, stacks)
+    return None if found is None else PredictedContact(upper, lower, found)
 
 
 def higher(one: CaseSolid, two: CaseSolid) -> bool:
@@ -158,19 +115,6 @@ def heights(solid: CaseSolid, plan: Array, side: float) -> Array:
     return np.where(missed, np.nan, point[:, 2])
 
 
-def layered_patch(
-    gap: Array, spacing: tuple[float, float], load: float, stacks: tuple[list[Layer], list[Layer]]
-) -> Patch:
-    """The patch between two stacks of layers, counted by how much the contact feels of them."""
-    gap = np.where(np.isfinite(gap), gap, np.inf)
-    radius = 0.0
-    for _ in range(LAYER_ROUNDS):
-        compliance = sum(felt_compliance(stack, radius) for stack in stacks)
-        patch = elastic_patch(gap, spacing, load, 1.0 / max(compliance, 1e-30))
-        radius = float(np.sqrt(patch.touching.sum() * spacing[0] * spacing[1] / np.pi))
-    return patch
-
-
 def layers(solid: CaseSolid, solids: list[CaseSolid], side: float) -> list[Layer]:
     """Of a body and of what is bonded to it further from the contact: below it (`side` -1) or above (1)."""
     found, one = [], solid
@@ -182,22 +126,3 @@ def layers(solid: CaseSolid, solids: list[CaseSolid], side: float) -> list[Layer
         if not farther:
             return found
         one = min(farther, key=lambda s: side * float(s.low[2] + s.high[2]))
-
-
-def felt_compliance(stack: list[Layer], radius: float) -> float:
-    """1 / E* that a contact of a radius [m] feels of layers: each weighted by its share of the indentation of a uniform
-    half-space under uniform pressure, 1 - F(depth / radius) [J85, Eq. 3.32b]; the last one reaches down for ever."""
-    depth, felt, total = 0.0, 1.0, 0.0
-    for k, (thickness, compliance) in enumerate(stack):
-        depth += thickness
-        left = 0.0 if k == len(stack) - 1 or radius == 0.0 else below(depth / radius)
-        total += (felt - left) * compliance
-        felt = left
-    return total
-
-
-def below(depth: float) -> float:
-    """Share of the indentation that comes from deeper than `depth` radii, nu = 0.3: vertical displacement on the axis
-    of a uniformly loaded circle over that at the surface."""
-    root = np.sqrt(1.0 + depth**2)
-    return float(root - depth + depth * (1.0 - depth / root) / (2.0 * (1.0 - 0.3)))

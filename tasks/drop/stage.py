@@ -24,6 +24,7 @@ from solver.config import SolverConfig
 from solver.errors import ArchError, UnstableStep
 from solver.rest import Signals
 from solver.settle import settle
+from tasks.bodies.plan_contact import share_within
 from tasks.bodies.solver_model import solver_model
 from tasks.drop.settled import settled_of
 from tasks.runner.stage import stage
@@ -51,6 +52,8 @@ class DropConfig(BaseModel, frozen=True, extra="forbid"):
     """Change of the tilt of what leans that is sliding down or falling back [rad]."""
     held_share: PositiveFloat = 0.005
     """Share of all force on what leans that must come from what it leans on [-]."""
+    foreseen_share: PositiveFloat = 0.5
+    """Share of the contact's points that must lie where it was foreseen; else it is resolved there too [-]."""
     object_share: PositiveFloat = 0.5
     """Share of the object's weight that the base must carry for the object to be on it [-]."""
 
@@ -89,9 +92,34 @@ def with_checks(settled: Settled, particles: Particles, anchor: Anchor, intent: 
     if orientation.facing:
         turn = CertificateRow.at_most(turn_of(turned), config.turn_angle)
     lean = lean_of(settled, particles, anchor, config)
-    checks = PlacementChecks(share, tilt, turn, lean, particles.column or None)
-    told = () if lean is None or lean.held_share.holds else (f"it rests without leaning on {lean.on}",)
+    foreseen = None
+    if particles.foreseen is not None and anchor.lean is None and lies_on(settled, anchor.base_id):
+        foreseen = CertificateRow.at_least(
+            share_within(settled.contact_points, particles.foreseen), config.foreseen_share
+        )
+    checks = PlacementChecks(share, tilt, turn, lean, particles.column or None, foreseen)
+    told = [] if lean is None or lean.held_share.holds else [f"it rests without leaning on {lean.on}"]
+    if foreseen is not None and not foreseen.holds:
+        told.append(
+            f"only {foreseen.value:.0%} of its contact lies where cells are fine enough for it; finer ones everywhere: "
+            "ParticlesConfig.base_cells"
+        )
     return replace(settled, checks=checks, warnings=(*settled.warnings, *told))
+
+
+def lies_on(settled: Settled, soft: str) -> bool:
+    """Whether most of what presses on the object is a soft body."""
+    own = settled.bodies[0].name
+    rows = [row for row in settled.contacts if own in (row.a, row.b)]
+    force = sum(row.normal_force_n for row in rows)
+    return force > 0.0 and sum(row.normal_force_n for row in rows if soft in (row.a, row.b)) > 0.5 * force
+
+
+def unforeseen(outcome: Settled | Infeasible) -> bool:
+    """Whether the object came to rest where its contact is not resolved as it should be."""
+    if isinstance(outcome, Infeasible) or outcome.checks is None or outcome.checks.foreseen_share is None:
+        return False
+    return not outcome.checks.foreseen_share.holds
 
 
 def lean_of(settled: Settled, particles: Particles, anchor: Anchor, config: DropConfig) -> LeanCheck | None:

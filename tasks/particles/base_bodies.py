@@ -1,6 +1,6 @@
 """The base of the drop within the crop: its soft parts one bonded body, clamped where it is cut and carried."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,20 +17,23 @@ from dcap.scene.types.particles import (
     SimulationBody,
     SoftSimulationBody,
 )
+from tasks.bodies.contact_cells import CELLS_ACROSS, WantedCells, cells_within, wanted_in_height, wanted_in_plan
 from tasks.bodies.contact_surface import PER_CELL, soft_support_surface
 from tasks.bodies.distance_samples import distance_samples
+from tasks.bodies.footprint import Footprint
 from tasks.bodies.inertial import inertial_of_material
 from tasks.bodies.material_points import MaterialConstants, material_points
 from tasks.bodies.node_states import grid_of, nodes_at_bottoms, nodes_at_cuts, nodes_within
-from tasks.bodies.soft_cells import Cells, graded_cells
+from tasks.bodies.soft_cells import Cells, occupied
 from tasks.bodies.thin_parts import MOST_PIECES, Limit, UnderResolved, through_thin_parts
 from tasks.particles.bottoms import soft_bottoms
+from tasks.particles.config import ParticlesConfig
+from tasks.particles.contact_layers import footprint_on, layers_of, names_of
 from tasks.particles.covers import NEAR_EDGE, covers_beneath, covers_of
 from tasks.particles.drop_setup import (
     REACH_BELOW,
     DropSetup,
     constants_of_parts,
-    contact_cell_size,
     friction_of_surface,
 )
 from tasks.particles.layers import COLUMN_STEPS, BaseLayers, column_of
@@ -40,6 +43,7 @@ Array = NDArray[np.float64]
 
 SOFT_REACH = 0.05  # soft parts of the base farther than this [m] from the object's box are not dented
 MARGIN = 0.01  # a signed distance reaches this far beyond the soft solid [m]
+CELLS_THROUGH = 4.0  # least cells through the box of what is soft along each axis
 SAMPLES_PER_CELL = 3.0  # of the signed distance that contact reads
 
 
@@ -51,6 +55,8 @@ class BaseBodies:
     rigid: RigidSimulationBody | None
     cell: float
     """Cell size under the contact, 0 without a soft part [m]."""
+    footprint: Footprint
+    """The object's predicted contact with it."""
     column: tuple[ColumnLayer, ...]
     """What lies under the predicted contact, from the top down; empty without a soft part."""
 
@@ -73,14 +79,14 @@ def base_bodies(setup: DropSetup) -> BaseBodies:
     part = np.clip(setup.scene.face_part[faces], 0, None)
     stiff = np.array([r.model is BodyModel.RIGID for r in rows])[part] | ~soft_in_reach(setup, rows, faces, part)
     solid = rigid_solid(setup, faces[stiff], part[stiff]) if stiff.any() else None
-    soft, cell = None, 0.0
-    column: tuple[ColumnLayer, ...] = ()
+    base = BaseBodies(None, None, 0.0, footprint_on(setup, []), ())
     if not stiff.all():
-        soft, cell, column = soft_base(setup, rows, faces[~stiff], part[~stiff], solid)
-    rigid = None if solid is None else rigid_base(setup, rows, faces[stiff], part[stiff], solid)
-    if soft is None and rigid is None:
+        base = soft_base(setup, rows, faces[~stiff], part[~stiff], solid)
+    if solid is not None:
+        base = replace(base, rigid=rigid_base(setup, base.footprint, rows, (faces[stiff], part[stiff]), solid))
+    if not base.bodies:
         raise GeometryError(f"{base_id} has no surface beneath the object; raise ParticlesConfig.crop_margin")
-    return BaseBodies(soft, rigid, cell, column)
+    return base
 
 
 def rigid_solid(setup: DropSetup, faces: NDArray[np.int64], part: NDArray[np.int32]) -> MeshDistance:
@@ -100,7 +106,7 @@ def soft_in_reach(
     """Whether the soft parts, taken together, come so near to the object that they may be dented, shape (m,)."""
     soft = np.array([r.model is BodyModel.MPM for r in rows])[part]
     low, high = setup.mesh.bounds + np.array([[-SOFT_REACH], [SOFT_REACH]])
-    low[2] = setup.mesh.bounds[0, 2] - setup.footprint.gap - REACH_BELOW
+    low[2] = setup.mesh.bounds[0, 2] - setup.approach.gap - REACH_BELOW
     corner = setup.scene.mesh.corners(faces[soft])
     if ((corner.max(axis=1) >= low) & (corner.min(axis=1) <= high)).all(axis=1).any():
         return np.ones(len(faces), dtype=bool)
@@ -116,9 +122,8 @@ def soft_base(
     faces: NDArray[np.int64],
     part: NDArray[np.int32],
     rigid: MeshDistance | None,
-) -> tuple[SoftSimulationBody, float, tuple[ColumnLayer, ...]]:
-    """All soft parts of the base within the crop as one fixed body, its cell size at the contact [m], and the column of
-    materials there."""
+) -> BaseBodies:
+    """All soft parts of the base within the crop as one fixed body, and what the object will touch of it."""
     base_id, config, mesh = setup.anchor.base_id, setup.config, setup.scene.mesh.submesh(faces)
     layers = base_layers(setup, rows, mesh, part)
     bottom = soft_bottoms(setup, layers)
@@ -127,7 +132,9 @@ def soft_base(
     box, cut = soft_box(setup, solid)
     grid = distance_samples(solid, box, 2.0 * config.finest_cell, margin=MARGIN, most=config.distance_samples)
     inside = sampler(grid)
-    for_contact = base_cells(setup, inside, box)
+    column = column_under(setup, rows, layers, float(box[0, 2]))
+    foot = footprint_on(setup, layers_of(column, rows))
+    for_contact = base_cells(setup, foot, inside, box)
     cells, thin = through_thin_parts(
         for_contact, grid, loaded_region(setup), config.base_cells, config.finest_cell
     )  # fmt: skip
@@ -140,14 +147,14 @@ def soft_base(
     held = held_nodes(setup, cells, cut, bottom, part, rigid)
     main = governing_part(setup, [r for r in rows if r.model is BodyModel.MPM], part)
     setup.note_stiffness(base_id, rows)
-    surface = base_surface(setup, mesh, box, cells.size)
+    surface = base_surface(setup, foot, mesh, box, cells.size)
     body = SoftSimulationBody(
         name=base_id, instance=base_id, fixed=True, surface=surface,
         face_friction=friction_of_surface(rows, surface, mesh, part),
         distance=contact_distance(setup, solid, box, cells.size), inertial=inertial_of_material(points),
         friction=main.material.friction, points=points, grid=grid_of(cells.planes, held=held), loaded=True,
     )  # fmt: skip
-    return body, cells.size, column_under(setup, rows, layers, float(box[0, 2]))
+    return BaseBodies(body, None, cells.size, foot, column)
 
 
 def base_layers(setup: DropSetup, rows: list[PartMaterial], mesh: Mesh, part: NDArray[np.int32]) -> BaseLayers:
@@ -213,13 +220,11 @@ def note_thin(setup: DropSetup, layers: BaseLayers, thin: list[UnderResolved]) -
 def column_under(
     setup: DropSetup, rows: list[PartMaterial], layers: BaseLayers, bottom: float
 ) -> tuple[ColumnLayer, ...]:
-    """Parts and materials straight below the predicted contact, down to `bottom` [m]."""
-    foot = setup.footprint
-    top = float(foot.low[2] - foot.gap)
-    depth = np.linspace(0.0, max(top - bottom, 0.0), COLUMN_STEPS)
-    middle = 0.5 * (foot.low + foot.high)[:2]
-    points = np.column_stack([np.tile(middle, (len(depth), 1)), top - depth])
-    return column_of(layers.owners(points), depth, [(r.part, r.material.id) for r in rows])
+    """Parts and materials straight below the first contact, down to `bottom` [m]."""
+    first = setup.approach.first
+    depth = np.linspace(0.0, max(float(first[2]) - bottom, 0.0), COLUMN_STEPS)
+    points = np.column_stack([np.tile(first[:2], (len(depth), 1)), first[2] - depth])
+    return column_of(layers.owners(points), depth, names_of(rows))
 
 
 def contact_distance(setup: DropSetup, solid: MeshDistance, box: Array, cell: float) -> DistanceGrid:
@@ -241,25 +246,33 @@ def soft_box(setup: DropSetup, solid: MeshDistance) -> tuple[Array, NDArray[np.b
     return box, cut
 
 
-def base_cells(setup: DropSetup, distance: Distance, box: Array) -> Cells:
+def base_cells(setup: DropSetup, foot: Footprint, distance: Distance, box: Array) -> Cells:
     """A graded grid over the soft box, fine under the predicted contact."""
-    foot = setup.footprint
-    wanted = contact_cell_size(foot, setup.config)
-    given = foot.flat or setup.config.cell is not None
-    coarsest = wanted if given else foot.radius / setup.config.least_cells_per_radius
-    reach = 0.3 * foot.small_side if foot.flat else 0.3 * foot.radius
-    middle = 0.5 * (foot.low + foot.high)
-    half = np.maximum(0.5 * (foot.high - foot.low), 0.0 if foot.flat else foot.radius) + reach
-    fine = np.stack([middle - half, middle + half])
-    depth = min(foot.radius, 4.0 * wanted)
-    fine[:, 2] = foot.low[2] - foot.gap - foot.depth - depth, foot.high[2] - foot.gap + wanted
-    cells = graded_cells(distance, box, fine, wanted, max(coarsest, wanted), setup.config.base_cells)
-    if cells.size > 1.001 * max(coarsest, wanted):
+    config = setup.config
+
+    def wanted(scale: float) -> list[WantedCells]:
+        return [wanted_along(foot, axis, box, config, scale) for axis in range(3)]
+
+    cells, scale = cells_within(box, wanted, lambda planes: occupied(planes, distance), config.base_cells)
+    if scale > config.cells_across / config.least_cells_across or (config.cell is not None and scale > 1.0):
+        finest = min(float(one.size.min()) for one in wanted(1.0))
         setup.notes.append(
             f"{setup.anchor.base_id}: cells of {1e3 * cells.size:.2g} mm at the contact instead of "
-            f"{1e3 * wanted:.2g} mm, to meet the budget of {setup.config.base_cells} cells (ParticlesConfig.base_cells)"
+            f"{1e3 * finest:.2g} mm, to meet the budget of {config.base_cells} cells (ParticlesConfig.base_cells)"
         )
     return cells
+
+
+def wanted_along(foot: Footprint, axis: int, box: Array, config: ParticlesConfig, scale: float) -> WantedCells:
+    """The largest cells of the base along an axis: through its box (2, 3) [m], and where the object touches it."""
+    low, high = box[:, axis]
+    through = WantedCells(low[None], high[None], (high[None] - low) / CELLS_THROUGH)
+    found = [through]
+    for contact in foot.contacts:
+        wanted = wanted_in_plan(contact, axis) if axis < 2 else wanted_in_height(contact, *contact.touched_heights)
+        size = np.clip(wanted.size * CELLS_ACROSS / config.cells_across, config.finest_cell, config.coarsest_cell)
+        found.append(replace(wanted, size=size).resized(size=config.cell, scale=scale))
+    return WantedCells.joined(found)
 
 
 def held_nodes(
@@ -281,13 +294,13 @@ def held_nodes(
     return held
 
 
-def base_surface(setup: DropSetup, mesh: Mesh, box: Array, cell: float) -> Mesh:
-    """Visible soft faces within the grid; edges that the budget keeps longer than a third of a cell [m] are noted."""
+def base_surface(setup: DropSetup, foot: Footprint, mesh: Mesh, box: Array, cell: float) -> Mesh:
+    """Visible soft faces within the grid; edges that the budget keeps longer than half a cell [m] are noted."""
     most = setup.config.base_faces
-    surface, edge = soft_support_surface(mesh, setup.footprint, setup.crop, box, cell, most)
+    surface, edge = soft_support_surface(mesh, foot, setup.crop, box, cell, most)
     if edge > 1.001 * cell / PER_CELL:
         setup.notes.append(
-            f"{setup.anchor.base_id}: faces of up to {1e3 * edge:.2g} mm under the object, not a third of a cell "
+            f"{setup.anchor.base_id}: faces of up to {1e3 * edge:.2g} mm under the object, not half a cell "
             f"({1e3 * cell / PER_CELL:.2g} mm), to meet the budget of {most} (ParticlesConfig.base_faces)"
         )
     return surface

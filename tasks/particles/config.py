@@ -14,14 +14,12 @@ class ParticlesConfig(BaseModel, frozen=True, extra="forbid"):
     """Times farther around a ball, which may roll before it rests [-]."""
     cell: PositiveFloat | None = None
     """Cell size at the contact that was asked for [m]; without it the predicted contact decides."""
-    cells_per_radius: PositiveFloat = 6.0
-    """Cells across the predicted contact radius (section 6: about a sixth)."""
-    least_cells_per_radius: PositiveFloat = 4.0
-    """Cells are never coarser than this many per contact radius without a note."""
-    cells_per_side: PositiveFloat = 7.0
-    """Cells across the shorter side of an extended footprint."""
+    cells_across: PositiveFloat = 5.0
+    """Cells in half the width of the predicted contact."""
+    least_cells_across: PositiveFloat = 4.0
+    """Cells are never coarser than this many in half that width without a note."""
     coarsest_cell: PositiveFloat = 0.025
-    """Largest cell under an extended footprint [m]."""
+    """Largest cell under an extended contact [m]."""
     finest_cell: PositiveFloat = 0.0015
     """Smallest cell under the contact [m]: what a picture can show."""
     cells_through: PositiveInt = 4

@@ -5,24 +5,27 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from dcap.geometry.distance import MeshDistance
 from dcap.geometry.raycast import Raycaster
 from dcap.scene.types.anchor import Anchor
-from dcap.scene.types.gravity import GRAVITY
 from dcap.scene.types.intent import Intent
 from dcap.scene.types.materials import BodyModel, PartMaterial, PartMaterials
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.particles import LayeredPoints
 from dcap.scene.types.repair_report import BodyGeometry, RepairReport
 from dcap.scene.types.segmentation import Instance, Segmentation
-from tasks.bodies.footprint import Footprint, predicted_footprint
+from dcap.scene.types.settled import Settled
+from tasks.bodies.footprint import MOST_DEPTH, Approach
 from tasks.bodies.material_points import MaterialConstants
 from tasks.particles.config import ParticlesConfig
 
 Array = NDArray[np.float64]
 
-RIGID_MODULUS = 2e11  # Young's modulus [Pa] that stands for a rigid part in the predicted contact
+OBJECT = "object"
+"""The body to place."""
+
 # over the softest of a body: what is soft itself, which takes three times the iterations at the bound, and what is
 # rigid, whose nodes move as one and whose stiffness counts only in cells that it shares with the rest
 MOST_CONTRAST, RIGID_CONTRAST = 1e4, 100.0
@@ -46,8 +49,10 @@ class DropSetup:
     base_index: int
     crop: Array
     """Region of the base that takes part [m], shape (2, 3)."""
-    footprint: Footprint
-    """The predicted contact of the object with what lies beneath it."""
+    approach: Approach
+    """The object over what lies beneath it."""
+    returned: Approach | None
+    """The same where it came to rest in an earlier drop that had not foreseen it there."""
     notes: list[str] = field(default_factory=list)
     geometry: list[BodyGeometry] = field(default_factory=list)
 
@@ -61,7 +66,7 @@ class DropSetup:
         """Where the object may touch anything [m], shape (2, 3): the crop, cut in height to the object's own way."""
         top, lowest = float(self.mesh.bounds[1, 2]), float(self.mesh.bounds[0, 2])
         box = self.crop.copy()
-        box[:, 2] = lowest - self.footprint.gap - REACH_BELOW, top + REACH_ABOVE
+        box[:, 2] = lowest - self.approach.gap - REACH_BELOW, top + REACH_ABOVE
         return box
 
     def in_contact_region(self, triangles: Array) -> NDArray[np.bool_]:
@@ -111,8 +116,9 @@ def drop_setup(
     anchor: Anchor,
     materials: PartMaterials,
     config: ParticlesConfig,
+    rest: Settled | None = None,
 ) -> DropSetup:
-    """Put the object at its pre-drop pose, cut the region of the base out and predict the contact."""
+    """Put the object at its pre-drop pose, cut the region of the base out and look at what is beneath it."""
     mesh = item.mesh.transformed(anchor.world_from_object)
     low, high = mesh.bounds
     margin = max(config.crop_margin * float((high - low)[:2].max()), config.least_crop_margin)
@@ -120,47 +126,28 @@ def drop_setup(
         margin *= config.rolling_margin
     crop = np.stack([low - margin, high + margin])
     base_index = scene.index_of(anchor.base_id)
-    contact = footprint(scene, item, intent, anchor, materials, mesh)
-    setup = DropSetup(scene, item, intent, anchor, materials, config, mesh, base_index, crop, contact)
+    beneath = Raycaster(scene.mesh.submesh(np.flatnonzero(scene.face_instance == base_index)))
+    below = float(anchor.surface_point[2])
+    approach = Approach.of(mesh, beneath, below, tilts=anchor.lean is None)
+    returned = None if rest is None else Approach.of(lifted(mesh, rest), beneath, below, tilts=False)
+    setup = DropSetup(scene, item, intent, anchor, materials, config, mesh, base_index, crop, approach, returned)
     setup.notes += materials.notes
     setup.notes.append(f"{anchor.base_id} is cut {margin:.2f} m around the object and clamped at the cut")
     return setup
+
+
+def lifted(mesh: Mesh, rest: Settled) -> Mesh:
+    """The object as it came to rest, lifted out of its dent."""
+    moved = np.eye(4)
+    moved[:3, :3] = Rotation.from_quat(rest.bodies[0].quaternion, scalar_first=True).as_matrix()
+    moved[:3, 3] = rest.bodies[0].position + np.array([0.0, 0.0, MOST_DEPTH])
+    return mesh.transformed(moved)
 
 
 def is_spherical(mesh: Mesh) -> bool:
     """Whether all of the surface is about as far from its centroid."""
     away = np.linalg.norm(mesh.triangles.mean(axis=1) - mesh.vertices.mean(axis=0), axis=1)
     return float(away.std() / away.mean()) < SPHERICAL
-
-
-def footprint(
-    scene: Segmentation, item: Segmentation, intent: Intent, anchor: Anchor, materials: PartMaterials, mesh: Mesh
-) -> Footprint:
-    """The predicted contact of the object, `mesh` at its pre-drop pose, with what lies beneath it."""
-    base_faces = np.flatnonzero(scene.face_instance == scene.index_of(anchor.base_id))
-    row = materials.of(anchor.base_id, anchor.part_index)
-    softest = min(materials.of_parts("object", len(item.instances[0].parts)), key=contact_modulus)
-    compliance = sum((1.0 - r.material.poisson_ratio**2) / contact_modulus(r) for r in (row, softest))
-    return predicted_footprint(
-        mesh, Raycaster(scene.mesh.submesh(base_faces)), intent.mass * GRAVITY, compliance,
-        float(anchor.surface_point[2]),
-    )  # fmt: skip
-
-
-def contact_modulus(row: PartMaterial) -> float:
-    """Young's modulus that counts in a predicted contact [Pa]."""
-    return RIGID_MODULUS if row.model is BodyModel.RIGID else row.material.youngs_modulus
-
-
-def contact_cell_size(foot: Footprint, config: ParticlesConfig) -> float:
-    """Cell size under the contact [m]."""
-    if config.cell is not None:
-        return config.cell
-    if foot.flat:
-        cell = min(foot.small_side / config.cells_per_side, config.coarsest_cell)
-    else:
-        cell = foot.radius / config.cells_per_radius
-    return float(np.clip(cell, config.finest_cell, config.coarsest_cell))
 
 
 def constants_of_parts(

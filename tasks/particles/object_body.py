@@ -10,7 +10,6 @@ from dcap.geometry.distance import Distance, MeshDistance, sampler
 from dcap.geometry.solid.closed import RepairLimits, enclosed, is_sheet, tidied, used_as_given, with_faces_kept
 from dcap.geometry.solid.fill import fill
 from dcap.geometry.solid.repair import outer_faces, simplified
-from dcap.geometry.solid.repair import volume as mesh_volume
 from dcap.geometry.solid.repair_log import RepairLog
 from dcap.scene.errors import GeometryError
 from dcap.scene.types.materials import BodyModel, Material, PartMaterial
@@ -25,16 +24,17 @@ from dcap.scene.types.particles import (
 from dcap.scene.types.repair_report import RepairReport
 from tasks.bodies.contact_surface import rigid_object_surface, soft_object_surface
 from tasks.bodies.distance_samples import distance_samples
+from tasks.bodies.footprint import Footprint
 from tasks.bodies.inertial import inertial_of_material, inertial_of_points, inertial_of_solid
 from tasks.bodies.layer_normals import layer_normals
 from tasks.bodies.material_points import material_points, with_mass
 from tasks.bodies.node_states import grid_of
 from tasks.bodies.soft_cells import Cells, Planes, nodes, thickness, uniform_cells
-from tasks.particles.drop_setup import DropSetup, constants_of_parts, friction_of_surface
+from tasks.particles.drop_setup import OBJECT, DropSetup, constants_of_parts, friction_of_surface
+from tasks.particles.object_parts import part_at
 
 Array = NDArray[np.float64]
 
-OBJECT = "object"
 UNMOVED = 1e-4  # what can be seen of an object may move this far [m]: contact points are its given faces
 SAMPLES = 220.0  # of the distance along the object's diagonal, if ParticlesConfig.object_distance_samples allow
 SAMPLES_PER_CELL = 3.0  # of the distance in a cell under the contact, at least
@@ -52,8 +52,9 @@ class ObjectBody:
     """Its cell size [m]; of a rigid one the size that its contact points resolve."""
 
 
-def object_body(setup: DropSetup, contact_cell: float, *, on_soft: bool) -> ObjectBody:
-    """The thing to place, with points of contact for cells of `contact_cell` [m] in the base, if that is soft."""
+def object_body(setup: DropSetup, foot: Footprint, base_cell: float | None) -> ObjectBody:
+    """The thing to place, with points of contact for its predicted contact and for cells of `base_cell` [m] in the
+    base; None where that is rigid."""
     instance = setup.item.instances[0]
     rows = setup.materials.of_parts(OBJECT, len(instance.parts))
     part_of_face = np.clip(setup.item.face_part, 0, None)
@@ -61,21 +62,21 @@ def object_body(setup: DropSetup, contact_cell: float, *, on_soft: bool) -> Obje
     solid, report = solid_of(setup.mesh)
     setup.note_geometry(OBJECT, [instance.parts[p].name for p in used], report)
     size = float(np.linalg.norm(np.ptp(setup.mesh.vertices, axis=0)))
-    spacing = min(contact_cell / SAMPLES_PER_CELL, size / SAMPLES)
+    edge = foot.small_side / POINTS_ACROSS if base_cell is None else base_cell
+    spacing = min(edge / SAMPLES_PER_CELL, size / SAMPLES)
     most = setup.config.object_distance_samples
     grid = distance_samples(solid, setup.mesh.bounds, spacing, margin=MARGIN, most=most)
-    touching = rows[int(part_of_face[setup.footprint.face_nearest])]
+    touching = rows[int(part_of_face[setup.approach.face_nearest])]
     if any(rows[p].model is BodyModel.MPM for p in used):
-        return soft_object(setup, rows, part_of_face, grid, touching.material)
+        return soft_object(setup, foot, rows, part_of_face, grid, touching.material)
     inertial = rigid_inertial(setup, rows, part_of_face, grid)
-    edge = contact_cell if on_soft else setup.footprint.small_side / POINTS_ACROSS
-    surface = rigid_object_surface(simplified_item(setup), setup.footprint, edge, setup.config.object_faces)
+    surface = rigid_object_surface(simplified_item(setup), foot, edge, setup.config.object_faces)
     body = RigidSimulationBody(
         name=OBJECT, instance=OBJECT, fixed=False, distance=grid, inertial=inertial, surface=surface,
         friction=touching.material.friction,
         face_friction=friction_of_surface(rows, surface, setup.mesh, part_of_face),
     )  # fmt: skip
-    return ObjectBody(body, contact_cell)
+    return ObjectBody(body, edge)
 
 
 def simplified_item(setup: DropSetup) -> Mesh:
@@ -131,6 +132,7 @@ def object_mass(setup: DropSetup, natural: float) -> float:
 
 def soft_object(
     setup: DropSetup,
+    foot: Footprint,
     rows: list[PartMaterial],
     part_of_face: NDArray[np.int32],
     grid: DistanceGrid,
@@ -138,7 +140,7 @@ def soft_object(
 ) -> ObjectBody:
     """A soft object, possibly with a rigid core."""
     inside = sampler(grid)
-    cells = object_cells(setup, grid, inside)
+    cells = object_cells(setup, foot, grid, inside)
     points = material_points(
         cells.planes, inside,
         lambda x: constants_of_parts(rows, part_at(setup.mesh, part_of_face, x), lambda: layer_normals(grid, x)),
@@ -157,10 +159,10 @@ def soft_object(
     return ObjectBody(body, cells.size)
 
 
-def object_cells(setup: DropSetup, grid: DistanceGrid, inside: Distance) -> Cells:
+def object_cells(setup: DropSetup, foot: Footprint, grid: DistanceGrid, inside: Distance) -> Cells:
     """A uniform grid around a soft object; fewer cells through thin parts than bending needs are noted."""
     config, thin = setup.config, thickness(grid)
-    contact = config.cell or max(setup.footprint.radius / config.least_cells_per_radius, config.finest_cell)
+    contact = config.cell or max(foot.half_width / config.least_cells_across, config.finest_cell)
     cells = uniform_cells(inside, setup.mesh.bounds, thin, contact, config.cells_through, config.object_cells)
     through = float(min(thin[a] / np.diff(cells.planes[a])[0] for a in range(3)))
     if through < config.least_cells_through:
@@ -189,22 +191,6 @@ def core_nodes(
         else:
             setup.notes.append(f"object: {names} is smaller than a cell and only stiffens it")
     return mask.reshape([len(p) for p in planes])
-
-
-def nearest_part(mesh: Mesh, part_of_face: NDArray[np.int32], points: Array) -> NDArray[np.int64]:
-    """Part whose surface is nearest to each point (n, 3), shape (n,)."""
-    return part_of_face[MeshDistance(mesh).nearest_face(points)].astype(np.int64)
-
-
-def part_at(mesh: Mesh, part_of_face: NDArray[np.int32], points: Array) -> NDArray[np.int64]:
-    """Part of an object that each point belongs to, shape (n,): the smallest closed one around it, else the nearest."""
-    owner = nearest_part(mesh, part_of_face, points)
-    parts = [(one, mesh.submesh(np.flatnonzero(part_of_face == one))) for one in np.unique(part_of_face).tolist()]
-    closed = [(mesh_volume(piece), one, MeshDistance(piece)) for one, piece in parts if is_closed(piece)]
-    if len(parts) > 1:
-        for _, one, piece_field in sorted(closed, key=lambda c: -c[0]):
-            owner[piece_field.inside(points)] = one
-    return owner
 
 
 def solid_of(mesh: Mesh) -> tuple[MeshDistance, RepairReport]:

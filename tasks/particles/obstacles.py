@@ -12,6 +12,7 @@ from dcap.scene.types.particles import RigidSimulationBody
 from dcap.scene.types.segmentation import Instance
 from tasks.bodies.contact_surface import obstacle_surface
 from tasks.bodies.distance_samples import distance_samples
+from tasks.bodies.footprint import Footprint
 from tasks.bodies.inertial import inertial_of_shell
 from tasks.particles.drop_setup import DropSetup, friction_of_surface
 
@@ -24,22 +25,23 @@ NEARBY = 0.1  # faces this far around the crop decide what an obstacle's solid i
 
 def rigid_base(
     setup: DropSetup,
+    foot: Footprint,
     rows: list[PartMaterial],
-    faces: NDArray[np.int64],
-    part: NDArray[np.int32],
+    own: tuple[NDArray[np.int64], NDArray[np.int32]],
     solid: MeshDistance,
 ) -> RigidSimulationBody | None:
-    """The rigid parts of the base in reach as one obstacle."""
+    """The rigid parts of the base in reach, their `own` faces and the part of each, as one obstacle."""
+    faces, part = own
     kept = setup.in_contact_region(setup.scene.mesh.corners(faces))
     if not kept.any():
         return None
     there = set(part[kept].tolist())
     main = governing_part(setup, [r for r in rows if r.part_index in there], part[kept])
     name = f"{setup.anchor.base_id}/rigid"
-    return obstacle(setup, (name, setup.anchor.base_id), faces[kept], solid, rows, main)
+    return obstacle(setup, foot, (name, setup.anchor.base_id), faces[kept], solid, rows, main)
 
 
-def neighbours(setup: DropSetup) -> list[RigidSimulationBody]:
+def neighbours(setup: DropSetup, foot: Footprint) -> list[RigidSimulationBody]:
     """Other things in reach as fixed rigid bodies; walls, floor and ceiling are left out, but for what is leaned on."""
     bodies = []
     held = setup.anchor.lean.on if setup.anchor.lean is not None else ""
@@ -53,7 +55,7 @@ def neighbours(setup: DropSetup) -> list[RigidSimulationBody]:
         solid = MeshDistance(wall_slab(setup, instance, faces)) if instance.structure else neighbour_solid(setup, index)
         rows = rows_of(setup, instance)
         main = most_seen(rows, np.clip(setup.scene.face_part[faces], 0, None))
-        bodies.append(obstacle(setup, (instance.id, instance.id), faces, solid, rows, main))
+        bodies.append(obstacle(setup, foot, (instance.id, instance.id), faces, solid, rows, main))
         setup.notes.append(f"{instance.id} ({instance.label}) is in reach: a fixed rigid obstacle")
     return bodies
 
@@ -97,6 +99,7 @@ def rows_of(setup: DropSetup, instance: Instance) -> list[PartMaterial]:
 
 def obstacle(
     setup: DropSetup,
+    foot: Footprint,
     name: tuple[str, str],
     faces: NDArray[np.int64],
     solid: MeshDistance,
@@ -106,7 +109,7 @@ def obstacle(
     """A fixed rigid body, its own `name` and its instance's: its faces in reach, each with the friction of its part,
     and its distance field where the object may come. `rows` are those of all parts, `main` the one for the whole."""
     mesh, part = setup.scene.mesh.submesh(faces), np.clip(setup.scene.face_part[faces], 0, None)
-    box, surface = setup.contact_region, obstacle_surface(mesh, setup.footprint)
+    box, surface = setup.contact_region, obstacle_surface(mesh, foot)
     reached = np.stack([np.maximum(mesh.bounds[0], box[0]), np.minimum(mesh.bounds[1], box[1])])
     spacing = float(np.linalg.norm(np.ptp(setup.mesh.vertices, axis=0))) / SAMPLES
     return RigidSimulationBody(

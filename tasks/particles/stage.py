@@ -5,6 +5,9 @@ In: the segmented scene and object, the intent (mass), the pre-drop pose and the
 and the neighbours in reach as obstacles. Every crop, cap and treatment is named in the notes.
 """
 
+import numpy as np
+from numpy.typing import NDArray
+
 from dcap.geometry.distance import sampler
 from dcap.scene.errors import GeometryError
 from dcap.scene.types.anchor import Anchor
@@ -13,9 +16,10 @@ from dcap.scene.types.materials import PartMaterials
 from dcap.scene.types.outcome import Infeasible
 from dcap.scene.types.particles import Particles, SimulationBody, SoftSimulationBody
 from dcap.scene.types.segmentation import SegmentedObject, SegmentedScene
-from tasks.particles.base_bodies import base_bodies
+from dcap.scene.types.settled import Settled
+from tasks.particles.base_bodies import BaseBodies, base_bodies
 from tasks.particles.config import ParticlesConfig
-from tasks.particles.drop_setup import DropSetup, contact_cell_size, drop_setup
+from tasks.particles.drop_setup import DropSetup, drop_setup
 from tasks.particles.object_body import object_body
 from tasks.particles.obstacles import neighbours
 from tasks.runner.stage import stage
@@ -28,13 +32,13 @@ def particles(
     anchor: Anchor,
     materials: PartMaterials,
     config: ParticlesConfig,
+    rest: Settled | None = None,
 ) -> Particles | Infeasible:
-    """Build every body of the drop."""
-    setup = drop_setup(scene, item, intent, anchor, materials, config)
+    """Build every body of the drop; with the end of an earlier drop cells are fine there too."""
+    setup = drop_setup(scene, item, intent, anchor, materials, config, rest)
     base = base_bodies(setup)
-    on_soft = base.soft is not None
-    placed = object_body(setup, base.cell if on_soft else contact_cell_size(setup.footprint, config), on_soft=on_soft)
-    bodies: list[SimulationBody] = [placed.body, *base.bodies, *neighbours(setup)]
+    placed = object_body(setup, base.footprint, base.cell or None)
+    bodies: list[SimulationBody] = [placed.body, *base.bodies, *neighbours(setup, base.footprint)]
     note_overlaps(setup, bodies)
     total = sum(len(b.points.volume) for b in bodies if isinstance(b, SoftSimulationBody))
     if total > config.particle_limit:
@@ -43,9 +47,16 @@ def particles(
             f"or base_cells ({config.base_cells}), or raise particle_limit"
         )
     return Particles(
-        tuple(bodies), (), base.cell if on_soft else placed.cell, tuple(setup.notes), tuple(setup.geometry),
-        base.column,
+        tuple(bodies), (), base.cell or placed.cell, tuple(setup.notes), tuple(setup.geometry),
+        base.column, foreseen_on(base),
     )  # fmt: skip
+
+
+def foreseen_on(base: BaseBodies) -> NDArray[np.float64] | None:
+    """Where a soft base is resolved for the contact, boxes in plan (k, 2, 2) [m]."""
+    if base.soft is None or not base.footprint.contacts:
+        return None
+    return np.stack([one.box for one in base.footprint.contacts])
 
 
 def note_overlaps(setup: DropSetup, bodies: list[SimulationBody]) -> None:

@@ -211,3 +211,6 @@ class Particles:
     """How the solid of each body was made of its faces, and how far that moved them."""
     column: tuple[ColumnLayer, ...] = ()
     """What lies under the predicted contact, from the top down; empty on a rigid base."""
+    foreseen: NDArray[np.float64] | None = None
+    """Boxes in plan within which cells of a soft base are fine enough for the contact [m], shape (k, 2, 2); None on a
+    rigid base."""

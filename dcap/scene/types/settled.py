@@ -56,6 +56,8 @@ class PlacementChecks:
     """How it leans, where that was asked."""
     column: tuple[ColumnLayer, ...] | None = None
     """What of a soft base lies under the predicted contact, from the top down."""
+    foreseen_share: CertificateRow | None = None
+    """Share of the contact's points that lie where cells are fine enough for it [-]; None on a rigid base."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)

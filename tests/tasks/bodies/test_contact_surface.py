@@ -17,7 +17,7 @@ def sloping(length: float) -> Footprint:
     """A board that comes down with a short end first and may touch along all of its length later [m]."""
     end = np.array([[0.0, -0.05, TOP + 0.01], [0.02, 0.05, TOP + 0.011]])
     wider = np.array([[0.0, -0.05, TOP + 0.01], [length, 0.05, TOP + 0.02]])
-    return Footprint(end[0], end[1], wider, radius=0.01, depth=2e-3, flat=False, gap=0.01, face_nearest=0)
+    return Footprint(end[0], end[1], wider, ground=(TOP, TOP), half_width=0.01, depth=2e-3, contacts=())
 
 
 def at_top(foot: Footprint, end: float) -> np.ndarray:
@@ -49,6 +49,6 @@ def test_a_rigid_object_of_any_size_keeps_within_its_budget() -> None:
     that it may have."""
     cube = Box(np.full(3, 4.0)).surface(4.0)
     under = np.array([[-2.0, -2.0, -2.0], [2.0, 2.0, -1.99]])
-    foot = Footprint(under[0], under[1], under, radius=0.01, depth=2e-3, flat=True, gap=0.01, face_nearest=0)
+    foot = Footprint(under[0], under[1], under, ground=(-2.0, -2.0), half_width=0.01, depth=2e-3, contacts=())
     fine = rigid_object_surface(cube, foot, 0.002, 20_000)
     assert len(cube.faces) < len(fine.faces) <= len(cube.faces) + 20_000

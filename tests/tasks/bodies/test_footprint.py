@@ -2,38 +2,103 @@
 
 import numpy as np
 import pytest
-from box_rooms import ball, block
+import trimesh
+from box_rooms import block
 
 from dcap.geometry.raycast import Raycaster
 from dcap.scene.types.mesh import Mesh
-from tasks.bodies.footprint import predicted_footprint
+from tasks.bodies.footprint import Approach, Footprint
+
+FLOOR = block((-1.0, -1.0, -0.2), (1.0, 1.0, 0.0))
+FOAM, RIGID = (np.inf, 1.0 / 2e4), (np.inf, 0.0)
+BOARD = block((-0.2, -0.05, 0.01), (0.2, 0.05, 0.03))
 
 
-def test_an_object_on_a_slope_may_touch_with_all_of_its_underside() -> None:
-    """A board that slopes by 2 mm over its length touches with an edge first; `wider` holds all of it."""
-    board = block((-0.2, -0.05, 0.0), (0.2, 0.05, 0.02))
-    slope = Mesh.of(
-        board.vertices + np.array([0, 0, 0.01]) + 0.005 * board.vertices[:, :1] * np.array([0, 0, 1]), board.faces
-    )
-    floor = block((-1.0, -1.0, -0.1), (1.0, 1.0, 0.0))
-    foot = predicted_footprint(slope, Raycaster(floor), 5.0, 1e-5, 0.0)
-    assert foot.high[0] - foot.low[0] < 0.3
-    assert foot.wider[:, 0] == pytest.approx([-0.2, 0.2], abs=0.4 / 40)
+def on_foam(item: Mesh, weight: float, *, tilts: bool = True, ground: Mesh = FLOOR) -> Footprint:
+    """A rigid object on soft ground."""
+    return Approach.of(item, Raycaster(ground), 0.0, tilts=tilts).footprint(weight, ([RIGID], [FOAM, RIGID]))
 
 
-@pytest.mark.parametrize(
-    ("item", "flat"),
-    [
-        (ball(0.1), False),
-        (block((-0.1, -0.1, 0.0), (0.1, 0.1, 0.2)), True),
-        (block((-0.1,) * 3, (0.1,) * 3), True),
-    ],
-)
-def test_a_ball_that_sinks_deep_is_round_still(item: Mesh, flat: bool) -> None:
-    """Pressed in by a third of its radius it shows no more of itself below its equator; a cube's face is flat at any
-    depth."""
-    ground = Raycaster(block((-1.0, -1.0, -1.2), (1.0, 1.0, -0.2)))
-    for weight in (2.0, 30.0, 70.0):
-        foot = predicted_footprint(item, ground, weight, 1.0 / 1.2e4, -0.2)
-        assert foot.flat is flat
-    assert flat or foot.depth > 0.03
+def sloping(item: Mesh, slope: float) -> Mesh:
+    """The object with one end lifted."""
+    lift = slope * (item.vertices[:, :1] - item.vertices[:, 0].min())
+    return Mesh.of(item.vertices + lift * [0.0, 0.0, 1.0], item.faces)
+
+
+def sphere(radius: float, height: float) -> Mesh:
+    """A fine ball with its lowest point at a height [m]."""
+    found = trimesh.creation.icosphere(5, radius)
+    return Mesh.of(found.vertices + np.array([0.0, 0.0, radius + height]), found.faces)
+
+
+def test_an_object_lies_down_on_what_it_meets() -> None:
+    """A board that slopes by 2 cm over its length comes down with an end and then lies: all of it will touch, unless it
+    is held as it is. Its start is told as it was: the gap of its lower end, the ground below its higher one."""
+    board = sloping(BOARD, 0.05)
+    held, lying = (on_foam(board, 5.0, tilts=tilts) for tilts in (False, True))
+    assert held.high[0] - held.low[0] < 0.3
+    assert [lying.low[0], lying.high[0]] == pytest.approx([-0.2, 0.2], abs=0.4 / 40)
+    assert Approach.of(board, Raycaster(FLOOR), 0.0, tilts=True).gap == pytest.approx(0.01, abs=1e-3)
+    assert lying.ground == pytest.approx((0.0, 0.0), abs=2e-3)
+
+
+def test_what_would_fall_over_is_not_laid_down() -> None:
+    """A rod on its end, tilted by 40 degrees, touches with its rim."""
+    turn = trimesh.transformations.rotation_matrix(np.radians(40.0), [0.0, 1.0, 0.0])
+    rod = block((-0.02, -0.02, -0.2), (0.02, 0.02, 0.2)).transformed(turn)
+    rod = Mesh.of(rod.vertices - [0.0, 0.0, rod.bounds[0, 2] - 0.01], rod.faces)
+    foot = on_foam(rod, 5.0)
+    assert foot.half_width < 0.02
+
+
+@pytest.mark.parametrize("weight", [0.5, 5.0])
+def test_a_ball_touches_as_hertz_says(weight: float) -> None:
+    """a^3 = 3 W R / 4 E*, and as deep as a^2 / R; the mean half width of a disc under Hertz's pressure is 3 pi / 16 of
+    its diameter: rows of length 2 sqrt(a^2 - x^2), weighed with their load pi p0 (a^2 - x^2) / (2 a)."""
+    radius = 0.1
+    a = (0.75 * weight * radius / 2e4) ** (1 / 3)
+    foot = on_foam(sphere(radius, 0.005), weight)
+    assert foot.half_width == pytest.approx(9.0 * np.pi / 32.0 * a, rel=0.04)
+    assert foot.depth == pytest.approx(a**2 / radius, rel=0.03)
+
+
+def test_a_rod_touches_along_its_length() -> None:
+    """Lying on foam its contact is as long as it is, and narrow; the cells across it follow the width."""
+    rod = Mesh.of(*_rod(0.02, 0.3))
+    foot = on_foam(rod, 3.0)
+    x, _ = foot.contacts[0].across(0)
+    assert np.ptp(x) > 0.28
+    assert foot.half_width < 0.012
+
+
+def test_feet_are_seen_one_by_one() -> None:
+    """A plate on four feet: the patch is as wide as a foot, its box as wide as the plate."""
+    feet = [block((x, y, 0.01), (x + 0.03, y + 0.03, 0.05)) for x in (-0.1, 0.07) for y in (-0.1, 0.07)]
+    parts = [*feet, block((-0.1, -0.1, 0.05), (0.1, 0.1, 0.07))]
+    count = len(parts[0].vertices)
+    faces = np.concatenate([part.faces + k * count for k, part in enumerate(parts)])
+    foot = on_foam(Mesh.of(np.concatenate([part.vertices for part in parts]), faces), 5.0)
+    assert foot.half_width == pytest.approx(0.015, rel=0.1)
+    assert foot.small_side == pytest.approx(0.2, abs=0.01)
+
+
+def test_on_a_rigid_base_there_is_no_patch() -> None:
+    """What may touch within the least visible depth decides where points are."""
+    foot = Approach.of(sphere(0.1, 0.005), Raycaster(FLOOR), 0.0, tilts=True).footprint(5.0, ([RIGID], [RIGID]))
+    assert not foot.contacts
+    assert foot.half_width == pytest.approx(np.sqrt(2 * 0.1 * 5e-4), rel=0.3)
+
+
+def test_what_hangs_over_an_edge_touches_up_to_it() -> None:
+    """A board with two thirds of its length on a bench."""
+    bench = block((-1.0, -1.0, -0.2), (0.07, 1.0, 0.0))
+    foot = on_foam(BOARD, 5.0, ground=bench)
+    assert foot.contacts[0].across(0)[0].max() == pytest.approx(0.07, abs=0.005)
+
+
+def _rod(radius: float, length: float) -> tuple[np.ndarray, np.ndarray]:
+    """A fine cylinder that lies along x, a centimetre above the floor."""
+    found = trimesh.creation.cylinder(radius, length, sections=128)
+    turn = trimesh.transformations.rotation_matrix(np.pi / 2.0, [0.0, 1.0, 0.0])
+    vertices = found.vertices @ turn[:3, :3].T
+    return vertices + np.array([0.0, 0.0, radius + 0.01]), found.faces

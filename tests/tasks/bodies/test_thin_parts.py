@@ -6,8 +6,9 @@ from numpy.typing import NDArray
 
 from dcap.geometry.distance import sampler
 from dcap.geometry.primitives import Box
+from solver.model.grid import graded_planes
 from tasks.bodies.distance_samples import distance_samples
-from tasks.bodies.soft_cells import Cells, graded_cells, occupied
+from tasks.bodies.soft_cells import Cells, occupied
 from tasks.bodies.thin_parts import MOST_PIECES, THROUGH, Limit, UnderResolved, thin_profile, through_thin_parts
 
 SEAT, BACK = Box(np.array([0.6, 0.5, 0.3])), Box(np.array([0.6, 0.05, 0.4]))
@@ -30,7 +31,8 @@ def contact_cells() -> Cells:
     """Fine under a contact on the seat, coarse at the back."""
     box = np.array([[-0.3, -0.25, -0.15], [0.3, 0.25, 0.5]])
     fine = np.array([[-0.05, -0.15, 0.1], [0.05, -0.05, 0.15]])
-    return graded_cells(INSIDE, box, fine, 0.02, 0.02, 4000)
+    x, y, z = (graded_planes(*map(float, (*box[:, a], *fine[:, a], 0.02))) for a in range(3))
+    return Cells((x, y, z), 0.02, occupied((x, y, z), INSIDE))
 
 
 def with_budget(budget: int) -> tuple[Cells, list[UnderResolved]]:

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from tasks.case.bodies import BUDGET, CELLS_ACROSS, case_particles
-from tasks.case.contacts import felt_compliance, heights, predicted_contacts
+from tasks.bodies.contact_cells import CELLS_ACROSS
+from tasks.case.bodies import BUDGET, case_particles
+from tasks.case.contacts import heights, predicted_contacts
 from tasks.case.file import checked_case
 from tasks.case.solid import CaseSolid
 
@@ -37,19 +38,19 @@ def lying(axis):
 def test_a_lying_capsule_touches_along_its_whole_length():
     """Not only in its middle; across it is as narrow as a line of contact."""
     (found,) = contacts(body({"capsule": {"radius": 0.04, "length": 0.1}}, 0.2, quaternion=lying("y")))
-    x, along = found.across(0)
-    _, across = found.across(1)
+    x, along = found.plan.across(0)
+    _, across = found.plan.across(1)
     assert np.ptp(x) > 0.09
     assert along.max() > 3.0 * across.max()
-    assert found.half_width == pytest.approx(np.median(across), rel=0.4)
+    assert found.plan.half_width == pytest.approx(np.median(across), rel=0.4)
 
 
 def test_a_cube_on_its_edge_touches_in_a_line():
     """Its true underside decides, whatever its box is."""
     turn = Rotation.from_euler("x", 45.0, degrees=True).as_quat(scalar_first=True).tolist()
     (found,) = contacts(body({"box": {"size": [0.1, 0.1, 0.1]}}, 0.23, quaternion=turn, motion="vertical"))
-    assert found.half_width < 0.02
-    assert np.ptp(found.across(0)[0]) == pytest.approx(0.1, abs=0.005)
+    assert found.plan.half_width < 0.02
+    assert np.ptp(found.plan.across(0)[0]) == pytest.approx(0.1, abs=0.005)
 
 
 def test_what_falls_past_has_no_contact():
@@ -66,8 +67,8 @@ def test_what_stands_on_top_presses_too():
     plate = {"name": "plate", "shape": {"box": {"size": [0.1, 0.1, 0.02]}}, "position": [0, 0, 0.161], "mass": 1.0,
              "material": "steel"}  # fmt: skip
     found = {one.upper.body.name: one for one in contacts(plate, body({"sphere": {"radius": 0.05}}, 0.23))}
-    area = float(np.prod(found["plate"].patch.spacing))
-    assert found["plate"].patch.pressure.sum() * area == pytest.approx(3.0 * 9.81)
+    area = float(np.prod(found["plate"].plan.patch.spacing))
+    assert found["plate"].plan.patch.pressure.sum() * area == pytest.approx(3.0 * 9.81)
 
 
 def test_heights_of_a_primitive_are_exact():
@@ -80,22 +81,13 @@ def test_heights_of_a_primitive_are_exact():
     assert np.isnan(heights(solid, plan, 1.0)[3])
 
 
-def test_a_contact_feels_a_thin_layer_little_and_a_thick_one_alone():
-    """Between those limits both count; one layer counts as itself."""
-    soft, hard = 1e-4, 1e-6
-    assert felt_compliance([(0.1, soft)], 0.02) == pytest.approx(soft)
-    assert felt_compliance([(1e-6, hard), (1.0, soft)], 0.02) == pytest.approx(soft, rel=1e-3)
-    assert felt_compliance([(10.0, soft), (1.0, hard)], 0.02) == pytest.approx(soft, rel=1e-2)
-    assert hard < felt_compliance([(0.01, soft), (1.0, hard)], 0.02) < soft
-
-
 def test_cells_follow_the_patch_within_the_budget():
     """A fifth of half its width across, larger along a line, fine under a cover too; at most the budget."""
     capsule = body({"capsule": {"radius": 0.04, "length": 0.1}}, 0.2, quaternion=lying("y"))
     case, (found,) = checked_case({"bodies": [SLAB, capsule]}, "case"), contacts(capsule)
     slab = case_particles(case, Path(), None).bodies[0]
     x, y, z = (np.diff(p) for p in slab.grid.planes)  # type: ignore[union-attr]
-    assert y.min() <= 1.1 * found.across(1)[1].max() / CELLS_ACROSS
-    assert z.min() <= 1.01 * found.half_width / CELLS_ACROSS
+    assert y.min() <= 1.1 * found.plan.across(1)[1].max() / CELLS_ACROSS
+    assert z.min() <= 1.01 * found.plan.half_width / CELLS_ACROSS
     assert x.min() > 1.5 * y.min()
     assert len(x) * len(y) * len(z) <= BUDGET

@@ -15,9 +15,19 @@ from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.outcome import Infeasible, Reason
 from dcap.scene.types.particles import InertialProperties, Particles, RigidSimulationBody
 from dcap.scene.types.settled import LastState, PlacementChecks, Settled
-from solver.certificate import NotDone
+from solver.certificate import CertificateRow, NotDone
 from solver.config import SolverConfig
-from tasks.drop.stage import DropConfig, carried_share, drop, tilt_of, toppling, turn_of, with_checks
+from tasks.bodies.plan_contact import share_within
+from tasks.drop.stage import (
+    DropConfig,
+    carried_share,
+    drop,
+    tilt_of,
+    toppling,
+    turn_of,
+    unforeseen,
+    with_checks,
+)
 
 
 def body(
@@ -221,3 +231,21 @@ def test_a_board_that_leans_too_far_slides_down() -> None:
     assert isinstance(found, Infeasible)
     assert found.reason is Reason.TOPPLED
     assert "slid down" in found.message or "fell over" in found.message
+
+
+def test_the_share_of_the_contact_that_was_foreseen() -> None:
+    """Points in any of the boxes count once; with less than half the drop is to be repeated."""
+    boxes = np.array([[[0.0, 0.0], [1.0, 1.0]], [[0.5, 0.5], [2.0, 2.0]]])
+    points = np.array([[0.6, 0.6, 0.0], [1.5, 1.5, 9.0], [3.0, 0.5, 0.0], [0.2, -0.1, 0.0]])
+    assert share_within(points, boxes) == 0.5
+    rest = drop(Particles((body("object", Box(np.full(3, 0.1)), [0, 0, 0.051], fixed=False), table()), (), 0.01, ()),
+                anchor(), asked(), 0, DropConfig())  # fmt: skip
+    assert isinstance(rest, Settled)
+    assert not unforeseen(rest)  # nothing is soft
+    checks = [
+        replace(rest.checks or PlacementChecks(CertificateRow.at_least(1.0, 0.5)),
+                foreseen_share=CertificateRow.at_least(share, 0.5))
+        for share in (0.4, 0.6)
+    ]  # fmt: skip
+    assert [unforeseen(replace(rest, checks=one)) for one in checks] == [True, False]
+    assert not unforeseen(Infeasible(Reason.TOPPLED, "", None))

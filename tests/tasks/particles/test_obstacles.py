@@ -11,6 +11,7 @@ from dcap.scene.types.anchor import Lean
 from dcap.scene.types.materials import BodyModel, Material, PartMaterial, PartMaterials
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.particles import RigidSimulationBody
+from tasks.particles.contact_layers import footprint_on
 from tasks.particles.drop_setup import DropSetup
 from tasks.particles.obstacles import SLAB, neighbours, wall_slab
 
@@ -35,9 +36,14 @@ def cube_by_a_shelf(lower: Material, upper: Material) -> DropSetup:
     return setup
 
 
+def around(setup: DropSetup) -> list[RigidSimulationBody]:
+    """All obstacles."""
+    return neighbours(setup, footprint_on(setup, []))
+
+
 def shelf_of(setup: DropSetup) -> RigidSimulationBody:
     """The one obstacle."""
-    (body,) = neighbours(setup)
+    (body,) = around(setup)
     return body
 
 
@@ -84,13 +90,13 @@ def cube_by_a_wall(lean: str) -> DropSetup:
 
 def test_a_wall_takes_part_only_where_something_leans_on_it() -> None:
     """Else walls are left out, as nothing touches them."""
-    assert neighbours(cube_by_a_wall("")) == []
-    assert [body.name for body in neighbours(cube_by_a_wall("wall_0"))] == ["wall_0"]
+    assert around(cube_by_a_wall("")) == []
+    assert [body.name for body in around(cube_by_a_wall("wall_0"))] == ["wall_0"]
 
 
 def test_a_wall_is_a_block_behind_its_face() -> None:
     """Its skin is at x = 0.06: before it the distance is positive, 2 cm behind it -2 cm, whatever stands out of it."""
-    (wall,) = neighbours(cube_by_a_wall("wall_0"))
+    (wall,) = around(cube_by_a_wall("wall_0"))
     slab = wall_slab(cube_by_a_wall("wall_0"), cube_by_a_wall("wall_0").scene.instances[1], np.arange(12, 36))
     assert slab.bounds[0, 0] == pytest.approx(0.06, abs=2e-3)
     assert slab.bounds[1, 0] == pytest.approx(0.06 + SLAB, abs=2e-3)

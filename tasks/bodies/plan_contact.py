@@ -1,0 +1,113 @@
+"""Where one body will press on another, seen in plan: the patch that layered half-spaces show under the true gap.
+
+In: the gap between the upper body's underside and what lies below it, at any points in plan. Out: the patch on a grid
+that is as fine as the patch is small. No shape is assumed: a line of contact, an edge, a ring and feet come out as they
+are.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solver.contact.patch import Patch
+from tasks.bodies.layered_patch import Stack, layered_patch
+
+Array = NDArray[np.float64]
+Heights = Callable[[Array], tuple[Array, Array]]
+"""Of points in plan (n, 2): heights of the upper body's underside and of the top of what is below it [m], each (n,),
+nan where there is none."""
+
+SAMPLES = 128  # of the gap along each side of a box in plan
+ZOOMED = 0.4  # a patch that fills less of the box along both sides is looked at again in a smaller one [-]
+BORDER = 0.25  # of the patch's box on each side of it [-]
+MOST_ZOOMS = 6
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class PlanContact:
+    """A patch and where it is."""
+
+    x: Array
+    """Middles of the patch's cells [m], shape (nx,)."""
+    y: Array
+    """[m], shape (ny,)."""
+    top: Array
+    """Heights of the lower body there [m], nan where there is none, shape (nx, ny)."""
+    closest: tuple[int, int]
+    """The cell that touches first."""
+    patch: Patch
+
+    @property
+    def height(self) -> float:
+        """Of the first contact on the lower body [m]."""
+        return float(self.top[self.closest])
+
+    @property
+    def touched_heights(self) -> tuple[float, float]:
+        """Lowest and highest place of the lower body within the patch [m]."""
+        touched = self.top[self.patch.region]
+        return float(np.nanmin(touched)), float(np.nanmax(touched))
+
+    @property
+    def box(self) -> Array:
+        """Around the patch and half its width beside it, in plan [m], shape (2, 2)."""
+        touched = self.patch.region
+        ends = [axis[touched.any(axis=1 - a)] for a, axis in enumerate((self.x, self.y))]
+        margin = self.half_width
+        return np.array([[e.min() - margin for e in ends], [e.max() + margin for e in ends]])
+
+    def across(self, axis: int) -> tuple[Array, Array]:
+        """Coordinates along an axis where there is contact [m], and half the patch's width along it there [m]."""
+        half = self.patch.half_widths(axis)
+        touching = np.isfinite(half)
+        return (self.x, self.y)[axis][touching], half[touching]
+
+    @property
+    def half_width(self) -> float:
+        """Half the width of the patch where it is narrower, mean over its load [m]."""
+        means = []
+        for axis in range(2):
+            load = self.patch.pressure.sum(axis=1 - axis)
+            half = self.patch.half_widths(axis)
+            touching = np.isfinite(half)
+            means.append(float(np.average(half[touching], weights=load[touching])))
+        return min(means)
+
+
+def plan_contact(heights: Heights, box: Array, load: float, stacks: Sequence[Stack]) -> PlanContact | None:
+    """The contact under a load [N] within a box in plan [m], shape (2, 2); None where nothing lies above anything."""
+    region = box
+    for _ in range(MOST_ZOOMS):
+        x, y, gap, top = gap_map(heights, region)
+        if not np.isfinite(gap).any():
+            return None
+        spacing = (float(x[1] - x[0]), float(y[1] - y[0]))
+        patch = layered_patch(gap, spacing, load, stacks)
+        first = int(np.nanargmin(gap))
+        contact = PlanContact(x, y, top, (first // SAMPLES, first % SAMPLES), patch)
+        touched = patch.region
+        ends = [axis[touched.any(axis=1 - a)] for a, axis in enumerate((x, y))]
+        if (np.array([np.ptp(e) for e in ends]) >= ZOOMED * (region[1] - region[0])).any():
+            break
+        near = np.array([[e.min() for e in ends], [e.max() for e in ends]])
+        margin = BORDER * (near[1] - near[0]) + 2.0 * np.array(spacing)
+        region = np.stack([np.maximum(near[0] - margin, box[0]), np.minimum(near[1] + margin, box[1])])
+    return contact
+
+
+def gap_map(heights: Heights, region: Array) -> tuple[Array, Array, Array, Array]:
+    """Middles of the cells of a grid over a box in plan [m], shapes (k,) and (k,), the gap and the height of what is
+    below there [m], nan where there is none, shapes (k, k), with k = SAMPLES."""
+    width = (region[1] - region[0]) / SAMPLES
+    x, y = (region[0, a] + width[a] * (np.arange(SAMPLES) + 0.5) for a in range(2))
+    under, top = heights(np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2))
+    return x, y, (under - top).reshape(SAMPLES, SAMPLES), top.reshape(SAMPLES, SAMPLES)
+
+
+def share_within(points: Array, boxes: Array) -> float:
+    """Share of points (n, 3) within any of some boxes in plan, shape (k, 2, 2) [m]."""
+    point = points[:, None, :2]
+    within = ((point >= boxes[:, 0]) & (point <= boxes[:, 1])).all(axis=2)
+    return float(np.any(within, axis=1).mean())
