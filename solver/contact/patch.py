@@ -13,6 +13,7 @@ multi-summation and conjugate gradient techniques, Wear 231, 1999.
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,7 +28,7 @@ IDLE = 0.05  # load on a place over that on the one that carries most: less does
 LOADED = 1e-3  # of the largest pressure: less counts as no contact
 
 
-@dataclass(frozen=True, eq=False, slots=True)
+@dataclass(frozen=True, eq=False)
 class Patch:
     """A predicted contact."""
 
@@ -43,7 +44,7 @@ class Patch:
         """Cells in contact, shape (nx, ny)."""
         return np.asarray(self.pressure > LOADED * self.pressure.max())
 
-    @property
+    @cached_property
     def region(self) -> NDArray[np.bool_]:
         """Where the load comes down, shape (nx, ny): a rough surface touches with its crests first, but what is between
         them is under the same load; and places of their own that carry next to nothing are left out."""

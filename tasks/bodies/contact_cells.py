@@ -36,7 +36,12 @@ class WantedCells:
     @classmethod
     def joined(cls, several: Sequence["WantedCells"]) -> "WantedCells":
         """All of them."""
-        return cls(*(np.concatenate([getattr(one, name) for one in several]) for name in ("begin", "end", "size")))
+        nothing = np.zeros(0)
+        return cls(
+            np.concatenate([nothing, *(one.begin for one in several)]),
+            np.concatenate([nothing, *(one.end for one in several)]),
+            np.concatenate([nothing, *(one.size for one in several)]),
+        )
 
     def resized(self, *, size: float | None = None, scale: float = 1.0, away: float = 0.0) -> "WantedCells":
         """The same with a given size [m], that many times larger, and grown over a way `away` [m] to the body."""

@@ -7,6 +7,7 @@ are.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +26,7 @@ BORDER = 0.25  # of the patch's box on each side of it [-]
 MOST_ZOOMS = 6
 
 
-@dataclass(frozen=True, eq=False, slots=True)
+@dataclass(frozen=True, eq=False)
 class PlanContact:
     """A patch and where it is."""
 
@@ -64,7 +65,7 @@ class PlanContact:
         touching = np.isfinite(half)
         return (self.x, self.y)[axis][touching], half[touching]
 
-    @property
+    @cached_property
     def half_width(self) -> float:
         """Half the width of the patch where it is narrower, mean over its load [m]."""
         means = []

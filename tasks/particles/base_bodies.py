@@ -250,12 +250,15 @@ def base_cells(setup: DropSetup, foot: Footprint, distance: Distance, box: Array
     """A graded grid over the soft box, fine under the predicted contact."""
     config = setup.config
 
+    asked = [wanted_along(foot, axis, config) for axis in range(3)]
+    through = [WantedCells(box[:1, a], box[1:, a], np.ptp(box[:, a], keepdims=True) / CELLS_THROUGH) for a in range(3)]
+
     def wanted(scale: float) -> list[WantedCells]:
-        return [wanted_along(foot, axis, box, config, scale) for axis in range(3)]
+        return [WantedCells.joined([through[a], asked[a].resized(scale=scale)]) for a in range(3)]
 
     cells, scale = cells_within(box, wanted, lambda planes: occupied(planes, distance), config.base_cells)
     if scale > config.cells_across / config.least_cells_across or (config.cell is not None and scale > 1.0):
-        finest = min(float(one.size.min()) for one in wanted(1.0))
+        finest = min(float(one.size.min()) for one in asked)
         setup.notes.append(
             f"{setup.anchor.base_id}: cells of {1e3 * cells.size:.2g} mm at the contact instead of "
             f"{1e3 * finest:.2g} mm, to meet the budget of {config.base_cells} cells (ParticlesConfig.base_cells)"
@@ -263,15 +266,13 @@ def base_cells(setup: DropSetup, foot: Footprint, distance: Distance, box: Array
     return cells
 
 
-def wanted_along(foot: Footprint, axis: int, box: Array, config: ParticlesConfig, scale: float) -> WantedCells:
-    """The largest cells of the base along an axis: through its box (2, 3) [m], and where the object touches it."""
-    low, high = box[:, axis]
-    through = WantedCells(low[None], high[None], (high[None] - low) / CELLS_THROUGH)
-    found = [through]
+def wanted_along(foot: Footprint, axis: int, config: ParticlesConfig) -> WantedCells:
+    """The largest cells of the base along an axis where the object touches it."""
+    found = []
     for contact in foot.contacts:
         wanted = wanted_in_plan(contact, axis) if axis < 2 else wanted_in_height(contact, *contact.touched_heights)
         size = np.clip(wanted.size * CELLS_ACROSS / config.cells_across, config.finest_cell, config.coarsest_cell)
-        found.append(replace(wanted, size=size).resized(size=config.cell, scale=scale))
+        found.append(replace(wanted, size=size).resized(size=config.cell))
     return WantedCells.joined(found)
 
 

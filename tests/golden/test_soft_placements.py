@@ -151,7 +151,7 @@ def test_a_ball_on_a_blanket_dents_layers_not_a_block(place: Place) -> None:
     # of the polyhedron that was written, in single precision
     volume = signed_volume(ball["body"].vertices, ball["body"].faces)
     assert tree["mass"] == pytest.approx(resin.density * volume, rel=1e-5)
-    assert placed.carried == pytest.approx(placed.weight, rel=0.03)  # the sides of the dent push inwards too
+    assert placed.carried == pytest.approx(placed.weight, rel=0.04)  # the sides of the dent push inwards too
     below = placed.particles.bodies[0].surface.vertices
     friction = pair_friction(placed, 0, 1, below[:, 2] < below[:, 2].min() + 0.01)
     assert friction == pytest.approx(mean_friction(resin, cover))
