@@ -5,11 +5,13 @@ factor, the shape that the mesh was compared with, and a sentence that says why.
 axes, sorted by length, of usual extent over the mesh's: one odd axis (a handle, a thickness that a mesh leaves out)
 decides nothing.
 
-A mesh whose median lies within the spread of one shape stays as it is. Else files in centimetres, inches and
-millimetres that say metres are the usual reason, and the exact factor of the unit keeps what is true of this very
-thing: a large mug stays a large mug. Where a file states no unit the reader itself may have taken inches or millimetres
-as centimetres. A unit counts if it brings the mesh within the spread; of several (centimetres and inches differ by 2.54
-only) the one that comes nearest. Else the unit is the file's own, and nothing better is known than the usual size.
+A unit that the user gave is not doubted. Else a mesh whose median lies within the spread of one shape stays as it is.
+Else the unit is wrong, and what it should be is a guess that needs evidence. A file that states none may be in
+centimetres, inches or millimetres where the reader took metres: a unit counts if it brings the mesh within the spread,
+of several (centimetres and inches differ by 2.54 only) the one that comes nearest, and its exact factor keeps what is
+true of this very thing: a large mug stays a large mug. Where the file states its unit, or where the reader's
+centimetres would be guessed over by another guess, a unit must bring the mesh nearly to the usual size. Else the file
+has a unit of its own, nothing better is known than the usual size, and the mesh is scaled to that.
 """
 
 from dataclasses import dataclass
@@ -27,6 +29,10 @@ TAKEN_AS_CENTIMETRES = {
     "millimetres taken as centimetres": METRES["mm"] / METRES["cm"],
 }
 """Factor by what the file's unit really is, where the reader found none and took centimetres [-]."""
+OPTION = "--object-unit"
+OVERRIDE = f"{OPTION} m, cm, mm or in keeps another size"
+CONVINCING = 1.25
+"""A unit against what the file states, or against another guess, brings a mesh within this factor of the usual size."""
 SLACK = 1e-6
 """Of the spread, for rounding."""
 THINNEST = 1e-3
@@ -43,7 +49,9 @@ class Rescale:
     note: str
 
 
-def rescale(shapes: Array, extents: Array, spread: float, limits: tuple[float, float]) -> Rescale:
+def rescale(
+    shapes: Array, extents: Array, spread: float, limits: tuple[float, float], unit_source: str = "estimate"
+) -> Rescale:
     """The factor for a mesh of these extents [m].
 
     Args:
@@ -51,6 +59,7 @@ def rescale(shapes: Array, extents: Array, spread: float, limits: tuple[float, f
         extents: of the mesh [m], shape (3,).
         spread: real ones are between usual / spread and usual * spread.
         limits: smallest and largest factor.
+        unit_source: who said what the file's unit is: option, format or estimate.
 
     Sorted by length inside. The shape is that in whose range the mesh lies, else that whose proportions it has.
     """
@@ -63,25 +72,39 @@ def rescale(shapes: Array, extents: Array, spread: float, limits: tuple[float, f
             return Rescale(1.0, shapes[index], f"the mesh of {shown} m is of a plausible size and is not rescaled")
     alike = by_likeness[0]
     ratio = float(ratios[alike])
-    units = possible_units(extents[0])
-    fitting = [name for name in units if within(ratio / units[name], spread) and limits[0] <= units[name] <= limits[1]]
+    if unit_source == "option":
+        asked = f"the mesh of {shown} m keeps the size that {OPTION} gives it, though such things usually have"
+        return Rescale(1.0, shapes[alike], f"{asked} {sizes(shapes[alike])} m")
+    units = possible_units(extents[0], unit_source)
+    fitting = [
+        name for name in units
+        if within(ratio / units[name], needed(name, spread, unit_source)) and limits[0] <= units[name] <= limits[1]
+    ]  # fmt: skip
     fitting.sort(key=lambda name: abs(np.log(ratio / units[name])))
     if fitting:
         unit = units[fitting[0]]
         others = "".join(f"; {name} would fit as well" for name in fitting[1:])
         read = f"the mesh of {shown} is read as {fitting[0]}, {sizes(extents * unit)} m: scaled by {unit:g}{others}"
-        return Rescale(unit, shapes[alike], read)
+        return Rescale(unit, shapes[alike], f"{read}; {OVERRIDE}")
     scale = float(np.clip(ratio, *limits))
     clamped = "" if scale == ratio else f", clamped from {ratio:.3g}"
     usual = f"the mesh of {shown} m is scaled by {scale:.4g} to the usual {sizes(shapes[alike])} m (median over axes"
-    return Rescale(scale, shapes[alike], f"{usual}{clamped})")
+    return Rescale(scale, shapes[alike], f"{usual}{clamped}); {OVERRIDE}")
 
 
-def possible_units(longest: float) -> dict[str, float]:
+def possible_units(longest: float, unit_source: str) -> dict[str, float]:
     """Factors that undo a unit that was read wrongly, for a mesh with this longest extent [m]."""
     guessed = LIMITS[Role.OBJECT].metres_up_to, LIMITS[Role.OBJECT].centimetres_up_to
     read_as_centimetres = guessed[0] * METRES["cm"] < longest <= guessed[1] * METRES["cm"]
-    return TAKEN_AS_METRES | TAKEN_AS_CENTIMETRES if read_as_centimetres else TAKEN_AS_METRES
+    if unit_source == "format" or not read_as_centimetres:
+        return TAKEN_AS_METRES
+    return TAKEN_AS_METRES | TAKEN_AS_CENTIMETRES
+
+
+def needed(name: str, spread: float, unit_source: str) -> float:
+    """How near a unit must bring a mesh to the usual size, as a factor [-]."""
+    doubted = unit_source == "format" or name in TAKEN_AS_CENTIMETRES
+    return min(spread, CONVINCING) if doubted else spread
 
 
 def within(ratio: float, spread: float) -> bool:

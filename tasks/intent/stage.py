@@ -70,7 +70,7 @@ def intent(
         return not_found(reply, request)
     open_choice = settle_choice(reply, request, ask=config.ambiguous == "ask")
     extents = np.array(request.item.size)
-    fit = scale_of(reply, extents, config)
+    fit = scale_of(reply, extents, config, item.unit_source)
     weight, mass_note = mass_of(reply, fit.shape, extents * fit.scale, mass, config)
     where = place_of(reply, pointed)
     return Intent(
@@ -117,10 +117,13 @@ def not_found(reply: IntentReply, request: IntentRequest) -> Infeasible:
     )
 
 
-def scale_of(reply: IntentReply, extents: NDArray[np.float64], config: IntentConfig) -> Rescale:
-    """Isotropic factor for a mesh of these extents [m], the shape it was compared with, and why."""
+def scale_of(
+    reply: IntentReply, extents: NDArray[np.float64], config: IntentConfig, unit_source: str = "estimate"
+) -> Rescale:
+    """Isotropic factor for a mesh of these extents [m], the shape it was compared with, and why. `unit_source` says who
+    said what the file's unit is."""
     shapes = np.array([reply.size, *reply.alternative_sizes])
-    return rescale(shapes, extents, reply.spread, (config.smallest_scale, config.largest_scale))
+    return rescale(shapes, extents, reply.spread, (config.smallest_scale, config.largest_scale), unit_source)
 
 
 def mass_of(

@@ -90,7 +90,9 @@ def segment_object(scan: Scan, config: SegmentConfig, client: Client) -> Segment
     words = object_node_words(scan.node_names, scan.face_node, faces) if scan.node_names else []
     part, parts, box, front = find_parts(table, faces, label, None, words, as_object=True)
     instance = Instance("object", label, box, parts, front)
-    found = Segmentation(scan.mesh, (instance,), np.zeros(len(faces), dtype=np.int32), part)
+    found = Segmentation(
+        scan.mesh, (instance,), np.zeros(len(faces), dtype=np.int32), part, unit_source=scan.unit_source
+    )
     return SegmentedObject(with_part_names(found, client))
 
 

@@ -1,6 +1,6 @@
 """Which face belongs to which instance and part."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import NewType
 
 import numpy as np
@@ -60,6 +60,8 @@ class Segmentation:
     """Index into that instance's `parts` per face, -1 for none, shape (m,)."""
     notes: tuple[str, ...] = ()
     """What was assumed or left out, one sentence each."""
+    unit_source: str = field(default="estimate", kw_only=True)
+    """Who said what the source's unit is: option, format or estimate."""
 
     def __post_init__(self) -> None:
         length, most = len(self.mesh.faces), max((len(one.parts) for one in self.instances), default=0)

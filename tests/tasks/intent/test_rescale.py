@@ -115,3 +115,27 @@ def test_embedded_objects_come_out_at_the_size_they_were_made(name):
     unit = object_recipes()[name].unit
     scale, _ = decided(things()[name.replace("_", " ")], np.ptp(points, axis=0))
     assert scale == pytest.approx(unit, rel=0.0 if unit in UNITS.values() else 0.02)
+
+
+@pytest.mark.parametrize(
+    ("source", "extents", "scale", "words"),
+    [
+        # 34 cm of a file without units read as centimetres: inches would make 86 cm of it, a third too much
+        ("estimate", (0.34, 0.24, 0.08), 0.66 / 0.34, "usual"),
+        # 26 units read as centimetres: as inches it is 66 cm, the usual size within a tenth
+        ("estimate", (0.26, 0.18, 0.05), 2.54, "inches taken as centimetres"),
+        # a file that says metres, with a pillow of 95 m: as centimetres too far off the usual 66 to be sure
+        ("format", (95.0, 63.0, 19.0), 0.66 / 95.0, "usual"),
+        ("format", (62.0, 41.0, 12.0), 0.01, "centimetres"),
+        ("estimate", (95.0, 63.0, 19.0), 0.01, "centimetres"),
+        ("option", (0.2, 0.14, 0.05), 1.0, "--object-unit"),
+        ("option", (95.0, 63.0, 19.0), 1.0, "--object-unit"),
+    ],
+)
+def test_a_guess_weighs_less_than_what_the_file_or_the_user_says(source, extents, scale, words):
+    """A pillow: the factor by who said what its unit is, and a note that says what to do about it."""
+    pillow = things()["pillow"]
+    found = rescale(np.array(pillow.sizes), np.array(extents), pillow.spread, LIMITS, source)
+    assert found.scale == pytest.approx(scale, rel=0.12)
+    assert words in found.note
+    assert "--object-unit" in found.note
