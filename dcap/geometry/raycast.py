@@ -86,6 +86,12 @@ class Raycaster:
             return np.asarray(blocked.numpy(), dtype=bool)
         return self.blocked(packed_rays(origins, directions * limit[:, None]))
 
+    def distance_to(self, points: FloatArray) -> NDArray[np.float64]:
+        """Distance of points (n, 3) from the surface [m], inf of an empty mesh, shape (n,)."""
+        if self._empty or len(points) == 0:
+            return np.full(len(points), np.inf)
+        return np.asarray(self._scene.compute_distance(tensor(points)).numpy(), dtype=np.float64)
+
     def first_hits(self, packed: Packed) -> PackedHits:
         """What rays hit first: origin and direction in the six columns, shape (n, 6)."""
         if self._empty or len(packed) == 0:

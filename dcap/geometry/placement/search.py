@@ -46,6 +46,8 @@ FINEST, COARSEST = 0.003, 0.025
 """Limits of the sampling distance [m]."""
 ROOM_HEIGHT = 3.0
 """How far up a ray that began inside a door or a wardrobe searches for its top [m]."""
+CRACK = 2
+"""Of the eight samples around one in a crack so many are in one too at most [-]."""
 MOST_SAMPLES = 600_000
 """Rays for one surface; larger ones are sampled more coarsely."""
 BATCH = 256
@@ -158,8 +160,8 @@ class PlacementSearch:
         if support.any() and upward[support].mean() > 0.8:
             height[hit & (hits.normal[:, 2] < -0.1) | self._inside(start)] = np.inf
             support &= np.isfinite(height)
-        return HeightField(
-            height.reshape(i.shape), support.reshape(i.shape), hits.face.astype(np.int64).reshape(i.shape)
+        return over_cracks(
+            HeightField(height.reshape(i.shape), support.reshape(i.shape), hits.face.astype(np.int64).reshape(i.shape))
         )
 
     def add(self, points: Array, faces: NDArray[np.int64]) -> None:
@@ -319,6 +321,29 @@ class PlacementSearch:
         """Row and column of a spot, shape (2,)."""
         steps: NDArray[np.int64] = np.rint((np.array([spot.x, spot.y]) - self.origin) / self.cell).astype(np.int64)
         return steps
+
+
+def over_cracks(field: HeightField) -> HeightField:
+    """The heights with single samples that seem to be inside of something like those around them: through a crack in a
+    scan, narrower than the samples, backs of faces are seen."""
+    rows, columns = field.height.shape
+    steps = [(a, b) for a in (0, 1, 2) for b in (0, 1, 2) if (a, b) != (1, 1)]
+
+    def around(values: NDArray[np.generic]) -> NDArray[np.generic]:
+        padded = np.pad(values, 1, mode="edge")
+        return np.stack([padded[a : a + rows, b : b + columns] for a, b in steps])
+
+    inside = np.isposinf(field.height)
+    crack = inside & (around(inside).sum(axis=0) <= CRACK)
+    if not crack.any():
+        return field
+    level, place = around(field.height)[:, crack], np.arange(int(crack.sum()))
+    middle = np.argsort(level, axis=0)[len(steps) // 2 - 1]  # the inside ones are last
+    height, support, face = field.height.copy(), field.support.copy(), field.face.copy()
+    height[crack] = level[middle, place]
+    support[crack] = around(field.support)[:, crack][middle, place]
+    face[crack] = around(field.face)[:, crack][middle, place]
+    return HeightField(height, support, face)
 
 
 def widened(offset: NDArray[np.int64], under: Array) -> tuple[NDArray[np.int64], Array]:

@@ -201,6 +201,8 @@ def without_scraps(pieces: list[Mesh], log: RepairLog) -> list[int]:
     """Which pieces are kept: not the open ones of next to no area."""
     area = np.array([float(p.face_areas.sum()) for p in pieces])
     kept = [i for i, p in enumerate(pieces) if area[i] > STRAY * area.sum() or (len(p.faces) and is_closed(p))]
+    if not kept:  # a soup: nothing but scraps is what there is
+        return [i for i, a in enumerate(area) if a > 0.0]
     for one in np.setdiff1d(np.arange(len(pieces)), kept):
         log.add(RepairKind.STRAY, float(area[one]))
     return kept

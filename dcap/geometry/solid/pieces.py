@@ -9,6 +9,8 @@ from scipy.sparse.csgraph import connected_components
 from dcap.geometry.boundary import welded
 from dcap.scene.types.mesh import Mesh
 
+BITS, BIT = 50, 0.2  # more pieces than that, none with more than this share of the area, are a soup [-]
+
 
 def components(mesh: Mesh) -> NDArray[np.int64]:
     """Number of the connected piece of each face, shape (m,); faces that share a vertex position are connected."""
@@ -62,3 +64,9 @@ def uneven(faces: NDArray[np.int32]) -> NDArray[np.bool_]:
     number = number.reshape(-1)
     balance = np.bincount(number, weights=np.sign(end - start).reshape(-1))
     return np.asarray(((count != 2) | (balance != 0.0))[number].reshape(-1, 3).any(axis=1))
+
+
+def is_soup(mesh: Mesh) -> bool:
+    """Whether a surface is in so many bits that none of them shows its shape."""
+    area = np.bincount(components(mesh), weights=mesh.face_areas)
+    return int((area > 0.0).sum()) > BITS and float(area.max()) < BIT * float(area.sum())

@@ -11,6 +11,8 @@ class Method(StrEnum):
     """The given faces and those that close them."""
     WINDING = "faces, inside by winding number"
     """The given faces and, for a support, what lies under them: no clean surface, its sides are told by counting."""
+    COLUMNS = "columns under what is seen"
+    """A closed surface of what is seen from where the object comes down, and what lies under it."""
     REMESHED = "remeshed"
     """A surface meshed again from a sampled distance."""
 

@@ -1,0 +1,227 @@
+"""A scanned thing made fit to carry: wound outwards, without scraps that float, its holes closed as seen from above.
+
+In: the faces of one thing. Out: the same faces, less the scraps, turned where a scan has them inside out, and more
+where what is seen from above was torn; what was done in numbers. Where nothing is wrong nothing changes.
+"""
+
+from dataclasses import dataclass, replace
+
+import igl
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import binary_dilation
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
+
+from dcap.geometry.boundary import welded
+from dcap.geometry.raycast import Raycaster
+from dcap.geometry.solid.height_map import HeightMap, TornHole, holes_closed, seen_from_above
+from dcap.geometry.solid.pieces import components
+from dcap.scene.types.mesh import Mesh
+from dcap.scene.types.segmentation import Segmentation
+
+IntArray = NDArray[np.int64]
+FloatArray = NDArray[np.float64]
+
+FINEST, COARSEST = 0.004, 0.02  # distance of the looks from above [m]
+MOST_LOOKS = 250_000  # of them
+MOST_SCRAP = 0.03  # m^2: a piece of more area is a thing of its own, be it torn off
+SCRAP_SHARE = 0.05  # ... and so is one of more than this share of all area
+APART = 0.015  # a scrap is at least this far from all else [m]: less is the gap of a seam, or scan noise
+STANDING = 0.02  # a piece that reaches down to the lowest of a thing but for this [m] is a foot
+WRONG_SIDE = 0.002  # share of the looks from above that meet the back of a face beyond which windings are not trusted
+BACK = -0.1  # vertical component of a unit normal that looks down
+ASKED = 12  # points of each patch from which both sides are looked out of
+BROAD, AGREED = 0.05, 0.8  # share of a patch's area seen from above, and of the looks there that agree
+UNSURE = 0.1  # share of the looks by which one side must win
+LIFT = 1e-3  # where such a look begins, off the face [m]
+WAYS = np.random.default_rng(5).standard_normal((24, 3))  # generic directions
+WAYS /= np.linalg.norm(WAYS, axis=1, keepdims=True)
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class MendedSurface:
+    """The faces of a thing, mended."""
+
+    mesh: Mesh
+    source: IntArray
+    """The given face that each was, or the one nearest to where it was added, shape (m,)."""
+    scraps: int
+    """Pieces that floated and were left out."""
+    scrap_area: float
+    """Of them [m^2]."""
+    turned: int
+    """Faces that were wound inwards."""
+    holes: tuple[TornHole, ...]
+    """Those that were closed."""
+
+    @property
+    def changed(self) -> bool:
+        """Whether anything was done."""
+        return bool(self.scraps or self.turned or self.holes)
+
+
+def mended(mesh: Mesh) -> MendedSurface:
+    """The surface of a thing that may have been scanned badly, as it can carry something."""
+    kept, scraps, area = without_floating(mesh)
+    whole = mesh if scraps == 0 else mesh.submesh(kept)
+    caster = Raycaster(whole)
+    seen = seen_from_above(caster, whole.bounds, look_spacing(whole))
+    faces, turned = whole.faces, 0
+    if looks_at_backs(whole, seen):
+        faces, turned = wound_outwards(whole, caster, seen)
+    whole = Mesh(whole.vertices, faces, whole.colors)
+    closed, holes = holes_closed(seen, caster, whole.face_normals[:, 2] > 0.0)
+    made, near = patches(closed, holes, seen, whole)
+    new = Mesh.concatenate([whole, made])
+    return MendedSurface(new, np.concatenate([kept, kept[near]]), scraps, area, turned, tuple(holes))
+
+
+def with_mended(scene: Segmentation, index: int) -> tuple[Segmentation, MendedSurface]:
+    """A scene with one of its things mended, and what that took; the scene itself where that was nothing. What is
+    mended comes last among the faces."""
+    own = np.flatnonzero(scene.face_instance == index)
+    surface = mended(scene.mesh.submesh(own))
+    if not surface.changed:
+        return scene, surface
+    others = np.flatnonzero(scene.face_instance != index)
+    source = np.concatenate([others, own[surface.source]])
+    mesh = Mesh.concatenate([scene.mesh.submesh(others), surface.mesh])
+    return replace(
+        scene, mesh=mesh, face_instance=scene.face_instance[source], face_part=scene.face_part[source]
+    ), surface  # fmt: skip
+
+
+def look_spacing(mesh: Mesh) -> float:
+    """Distance of the looks from above [m]."""
+    plan = float(np.prod(np.ptp(mesh.bounds[:, :2], axis=0) + 4.0 * FINEST))
+    return float(np.clip(np.sqrt(plan / MOST_LOOKS), FINEST, COARSEST))
+
+
+# scraps -------------------------------------------------------------------------------------------------------------
+
+
+def without_floating(mesh: Mesh) -> tuple[IntArray, int, float]:
+    """Faces that are no floating scraps, shape (k,), the number of scraps, and their area [m^2].
+
+    A scrap is a small piece that hangs in the air, or lies inside of a thing, with nothing near: what lies on the thing
+    touches it.
+    """
+    everything = np.arange(len(mesh.faces))
+    piece = np.unique(components(mesh), return_inverse=True)[1].reshape(-1)
+    count = int(piece.max(initial=0)) + 1
+    if count == 1:
+        return everything, 0, 0.0
+    piece = near_as_one(mesh, piece, count)
+    area = np.bincount(piece, weights=mesh.face_areas)
+    total = float(area.sum())
+    small = (area < MOST_SCRAP) & (area < SCRAP_SHARE * total)
+    if not small.any() or small.all():
+        return everything, 0, 0.0
+    lowest = np.full(len(area), np.inf)
+    np.minimum.at(lowest, piece, mesh.triangles[:, :, 2].min(axis=1))
+    small &= (area > 0.0) & (lowest > mesh.bounds[0, 2] + STANDING)
+    gone = small[piece]
+    return everything[~gone], int(small.sum()), float(area[small].sum())
+
+
+def near_as_one(mesh: Mesh, piece: IntArray, count: int) -> IntArray:
+    """Number of the group of each face (m,), pieces nearer to each other than APART in one group, shape (m,)."""
+    corner = mesh.triangles
+    points = np.concatenate([corner.reshape(-1, 3), corner.mean(axis=1)])
+    owner = np.concatenate([np.repeat(piece, 3), piece])
+    large = int(np.argmax(np.bincount(piece, weights=mesh.face_areas, minlength=count)))
+    # what touches the largest piece anywhere belongs to it, also where that has large faces
+    body = Raycaster(mesh.submesh(np.flatnonzero(piece == large)))
+    near_body = body.distance_to(points) < APART
+    # else pieces are near whose points fall into the same cells or into neighbouring ones
+    cells, cell = np.unique(np.floor(points / (0.5 * APART)).astype(np.int64), axis=0, return_inverse=True)
+    cell = cell.reshape(-1) + count
+    beside = cKDTree(cells).query_pairs(2.01, output_type="ndarray") + count
+    rows = np.concatenate([owner, owner[near_body], beside[:, 0]])
+    columns = np.concatenate([cell, np.full(int(near_body.sum()), large), beside[:, 1]])
+    size = count + len(cells)
+    link = coo_matrix((np.ones(len(rows), dtype=np.int8), (rows, columns)), shape=(size, size))
+    return np.asarray(connected_components(link, directed=False)[1][piece], dtype=np.int64)
+
+
+# windings -----------------------------------------------------------------------------------------------------------
+
+
+def looks_at_backs(mesh: Mesh, seen: HeightMap) -> bool:
+    """Whether looks from above meet backs of faces: nothing is seen from its inside from there."""
+    face = seen.face[seen.face >= 0]
+    normal = mesh.face_normals[face]
+    length = np.maximum(np.linalg.norm(normal, axis=1), np.finfo(float).tiny)
+    return len(face) > 0 and float((normal[:, 2] < BACK * length).mean()) > WRONG_SIDE
+
+
+def wound_outwards(mesh: Mesh, caster: Raycaster, seen: HeightMap | None) -> tuple[NDArray[np.int32], int]:
+    """The faces with each patch wound so that more ways lead out of its front than out of its back, and how many were
+    turned. What is `seen` from above looks up, as far as that is a good part of a patch and agrees; what is told
+    neither way stays as most of it was."""
+    place = welded(mesh.vertices)[mesh.faces]
+    oriented, patch = igl.bfs_orient(np.ascontiguousarray(place, dtype=np.int64))
+    patch = np.asarray(patch, dtype=np.int64).reshape(-1)
+    relative = np.where(cyclic_sense(np.asarray(oriented)) == cyclic_sense(place), 1, -1)
+    order = np.lexsort((np.random.default_rng(0).random(len(patch)), patch))
+    rank = np.arange(len(order)) - np.searchsorted(patch[order], patch[order])
+    asked = order[rank < ASKED]
+    corner = mesh.corners(asked).mean(axis=1)
+    normal = mesh.face_normals[asked]
+    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), np.finfo(float).tiny)
+    outward = np.zeros(len(asked))
+    for way in WAYS:
+        ahead = np.sign(normal @ way)[:, None] * way
+        outward += ~caster.occluded(corner + LIFT * normal, ahead)
+        outward -= ~caster.occluded(corner - LIFT * normal, -ahead)
+    count = int(patch.max()) + 1
+    vote = np.bincount(patch[asked], weights=relative[asked] * outward, minlength=count)
+    looks = np.bincount(patch[asked], minlength=count) * len(WAYS)
+    own = np.bincount(patch, weights=relative * mesh.face_areas, minlength=count)
+    sense = np.sign(np.where(np.abs(vote) > UNSURE * looks, vote, own))
+    if seen is not None:
+        face = seen.face[seen.face >= 0]
+        up = np.bincount(patch[face], weights=relative[face] * np.sign(mesh.face_normals[face, 2]), minlength=count)
+        met = np.bincount(patch[face], minlength=count)
+        broad = met * seen.cell**2 > BROAD * np.bincount(patch, weights=mesh.face_areas, minlength=count)
+        told = broad & (np.abs(up) >= AGREED * met) & (met > 0)
+        sense[told] = np.sign(up[told])
+    sense[sense == 0.0] = 1.0
+    turn = relative != sense[patch]
+    faces = mesh.faces.copy()
+    faces[turn] = faces[turn][:, ::-1]
+    return faces, int(turn.sum())
+
+
+def cyclic_sense(faces: NDArray[np.integer]) -> NDArray[np.int64]:
+    """1 where the vertices of a face run upwards in cyclic order, else -1, shape (m,)."""
+    a, b, c = np.sign(np.roll(faces, -1, axis=1).astype(np.int64) - faces).T
+    return np.where(a + b + c > 0, 1, -1)
+
+
+# holes --------------------------------------------------------------------------------------------------------------
+
+
+def patches(closed: HeightMap, holes: list[TornHole], seen: HeightMap, mesh: Mesh) -> tuple[Mesh, IntArray]:
+    """The faces that close holes, one sample over their rims, and the given face nearest to each: whose part it is."""
+    mask = np.zeros(closed.height.shape, dtype=bool)
+    for hole in holes:
+        mask[hole.place] |= hole.mask
+    around = binary_dilation(mask, np.ones((3, 3))) & np.isfinite(closed.height)
+    corners = np.stack([around[:-1, :-1], around[1:, :-1], around[1:, 1:], around[:-1, 1:]])
+    inside = np.stack([mask[:-1, :-1], mask[1:, :-1], mask[1:, 1:], mask[:-1, 1:]])
+    square = np.argwhere(corners.all(axis=0) & inside.any(axis=0))
+    number = np.full(closed.height.shape, -1)
+    index = np.argwhere(around)
+    number[tuple(index.T)] = np.arange(len(index))
+    a, b, c, d = (number[tuple((square + step).T)] for step in ((0, 0), (1, 0), (1, 1), (0, 1)))
+    faces = np.concatenate([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)])
+    rim = np.argwhere(around & ~mask & (seen.face >= 0))
+    if len(rim) == 0 or len(faces) == 0:
+        return Mesh.of(np.zeros((0, 3)), np.zeros((0, 3))), np.zeros(0, dtype=np.int64)
+    face = seen.face[tuple(rim.T)][cKDTree(rim).query(index)[1]]
+    vertices = np.c_[closed.world(index), closed.height[tuple(index.T)]]
+    made = Mesh(vertices, faces.astype(np.int32), mesh.colors[mesh.faces[face, 0]])
+    return made, np.asarray(face[faces[:, 0]], dtype=np.int64)

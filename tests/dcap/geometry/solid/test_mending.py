@@ -1,0 +1,99 @@
+"""A scan is mended where it was torn, and left alone where the thing is like that."""
+
+import numpy as np
+import pytest
+from torn import ball, fine_box, middles, normals, scrap, turned, where, with_hole
+
+from dcap.geometry.raycast import Raycaster
+from dcap.geometry.solid.mending import mended
+from dcap.scene.types.mesh import Mesh
+
+TOP = 0.4
+BLOCK = fine_box((-0.4, -0.3, 0.0), (0.4, 0.3, TOP))
+
+
+def height_at(mesh: Mesh, x: float, y: float) -> float:
+    """Of the first surface from above [m]."""
+    return float(Raycaster(mesh).cast(np.array([[x, y, 2.0]]), np.array([[0.0, 0.0, -1.0]])).position[0, 2])
+
+
+def test_what_is_whole_is_not_touched() -> None:
+    """No face is added, turned or left out, and there is nothing to tell."""
+    found = mended(BLOCK)
+    assert not found.changed
+    assert np.array_equal(found.mesh.faces, BLOCK.faces)
+
+
+@pytest.mark.parametrize("underside", [True, False])
+def test_a_hole_is_closed_level_with_its_rim(underside: bool) -> None:
+    """Whether the inside of the bottom is seen through it or nothing: to a tenth of a millimetre where it is flat. Its
+    size is that of the faces that are missing, to one edge of them (25 mm) and one look."""
+    torn = with_hole(BLOCK, (0.05, 0.0), (0.16, 0.12))
+    torn = torn if underside else where(torn, normals(torn)[:, 2] > -0.5)
+    found = mended(torn)
+    (hole,) = found.holes
+    assert height_at(found.mesh, 0.05, 0.0) == pytest.approx(TOP, abs=1e-4)
+    assert hole.sides == pytest.approx((0.16, 0.12), abs=0.03)
+    assert (hole.low < (0.05, 0.0)).all()
+    assert (hole.high > (0.05, 0.0)).all()
+
+
+def test_a_hole_in_a_dome_goes_on_as_the_dome_does() -> None:
+    """A hole of 12 cm in a cap of radius 1 m: a lid would be 1.8 mm low in its middle, the surface is within 0.5 mm."""
+    dome = where(ball(1.0), middles(ball(1.0))[:, 2] > 0.9)
+    fine = dome
+    for _ in range(2):
+        mesh = fine.triangles
+        mid = [0.5 * (mesh[:, k] + mesh[:, (k + 1) % 3]) for k in range(3)]
+        parts = [(mesh[:, 0], mid[0], mid[2]), (mid[0], mesh[:, 1], mid[1]), (mid[2], mid[1], mesh[:, 2]), tuple(mid)]
+        points = np.concatenate([np.stack(part, axis=1) for part in parts]).reshape(-1, 3)
+        points /= np.linalg.norm(points, axis=1, keepdims=True)
+        fine = Mesh.of(points, np.arange(len(points)).reshape(-1, 3))
+    found = mended(with_hole(fine, (0.0, 0.0), (0.12, 0.12)))
+    assert len(found.holes) >= 1
+    assert height_at(found.mesh, 0.0, 0.0) == pytest.approx(1.0, abs=5e-4)
+
+
+def test_a_tub_stays_open() -> None:
+    """Walls lead down to what is seen in it."""
+    inner = turned(fine_box((-0.2, -0.15, 0.1), (0.2, 0.15, TOP)), np.ones(12 * 4**5, dtype=bool))
+    inner = where(inner, middles(inner)[:, 2] < TOP - 1e-6)
+    plan = np.abs(middles(BLOCK)[:, :2])
+    outer = where(BLOCK, ~((plan < (0.2, 0.15)).all(axis=1) & (middles(BLOCK)[:, 2] > TOP - 1e-6)))
+    found = mended(Mesh.concatenate([outer, inner]))
+    assert not found.holes
+    assert height_at(found.mesh, 0.0, 0.0) == pytest.approx(0.1)
+
+
+def test_a_gap_between_cushions_stays_a_gap() -> None:
+    """3 cm wide and 15 cm deep, with sides."""
+    left, right = fine_box((-0.4, -0.3, 0.2), (-0.015, 0.3, TOP)), fine_box((0.015, -0.3, 0.2), (0.4, 0.3, TOP))
+    base = fine_box((-0.4, -0.3, 0.0), (0.4, 0.3, 0.25))
+    found = mended(Mesh.concatenate([left, right, base]))
+    assert height_at(found.mesh, 0.0, 0.0) == pytest.approx(0.25, abs=1e-6)
+
+
+def test_floating_scraps_are_left_out() -> None:
+    """Those in the air and those inside; not what lies on the thing, nor its feet."""
+    feet = [fine_box((x, -0.28, -0.1), (x + 0.04, -0.24, -0.02), 1) for x in (-0.38, 0.34)]
+    on_it = scrap((0.1, 0.1, TOP + 0.002))
+    thing = Mesh.concatenate([BLOCK, *feet, on_it])
+    found = mended(Mesh.concatenate([thing, scrap((0.0, 0.0, TOP + 0.1)), scrap((-0.1, 0.0, 0.2))]))
+    assert found.scraps == 2
+    assert len(found.mesh.faces) == len(thing.faces)
+    assert found.scrap_area == pytest.approx(2 * 4e-4 * np.hypot(1.0, 0.25))  # 2 x 2 cm, a corner 5 mm up
+
+
+def test_patches_that_were_inside_out_are_turned() -> None:
+    """So that what is seen from above looks up, and the sides outwards."""
+    found = mended(turned(BLOCK, middles(BLOCK)[:, 0] > 0.1))
+    way = middles(found.mesh) - BLOCK.bounds.mean(axis=0)
+    assert found.turned == int((middles(BLOCK)[:, 0] > 0.1).sum())
+    assert (np.einsum("ij,ij->i", way, found.mesh.face_normals) > 0.0).all()
+
+
+def test_a_sheet_seen_from_above_looks_up() -> None:
+    """Its sides cannot tell, as it looks out both ways."""
+    sheet = where(BLOCK, middles(BLOCK)[:, 2] > TOP - 1e-6)
+    found = mended(turned(sheet, np.ones(len(sheet.faces), dtype=bool)))
+    assert (found.mesh.face_normals[:, 2] > 0.0).all()
