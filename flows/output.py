@@ -27,7 +27,7 @@ from flows.placement_json import AT_REST, Values, placement_json
 from flows.sample_run import FinishedSample
 from tasks.render.stage import settled_item, settled_scene
 
-PICTURES = ("clean", "asked", "settled", "closeup", "candidates")
+PICTURES = ("clean", "asked", "settled", "closeup", "candidates", "hole")
 OWNED = frozenset({"object.ply", "scene.glb", *(f"{name}.png" for name in PICTURES)})
 
 Kind = TypeVar("Kind")

@@ -137,6 +137,8 @@ def certificate_of(values: Values) -> JsonObject | None:
 def certificate_with(certificate: Certificate, checks: PlacementChecks | None) -> JsonObject:
     """A drop's certificate with, as `placement`, what was asked of the rest state, and the column under the contact."""
     asked = {} if checks is None else object_to_json(checks)
+    if not asked.get("poses"):
+        asked.pop("poses", None)
     column = {"column": asked.pop("column")} if "column" in asked else {}
     return sorted_keys({**object_to_json(certificate), **({"placement": asked} if asked else {}), **column})
 

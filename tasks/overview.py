@@ -6,6 +6,7 @@ where no support was found, what there is, numbered.
 
 import numpy as np
 from numpy.typing import NDArray
+from PIL import Image, ImageDraw
 from pydantic import BaseModel, PositiveFloat, PositiveInt
 
 from dcap.geometry.camera import Camera, looking_at
@@ -16,10 +17,15 @@ from dcap.scene.types.intent import Intent
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.renders import Overview
 from dcap.scene.types.segmentation import Segmentation, SegmentedObject, SegmentedScene
+from tasks.bodies.object_shape import OpenShape, object_shape
 from tasks.requests.candidates import candidates_picture
 from tasks.runner.stage import stage
 
 Array = NDArray[np.float64]
+
+RED = (214, 40, 40)
+HOLE_DISTANCE = 1.0  # of the camera that looks at a hole, over the object's diagonal [-]
+ASKEW = np.array([0.25, -0.35, 0.3])  # a hole is looked at from a little aside, so that its depth shows
 
 
 class OverviewConfig(BaseModel, frozen=True, extra="forbid"):
@@ -51,7 +57,29 @@ def overview(
     shown = scene.mesh.submesh(np.flatnonzero(~cut))
     asked = None if anchor is None else photograph([shown, item.mesh.transformed(anchor.world_from_object)], camera)
     candidates = candidates_picture(scene) if intent is None and scene.instances else None
-    return Overview(photograph([shown], camera), asked, candidates)
+    return Overview(photograph([shown], camera), asked, candidates, hole_picture(item, intent, anchor, config))
+
+
+def hole_picture(
+    item: Segmentation, intent: Intent | None, anchor: Anchor | None, config: OverviewConfig
+) -> NDArray[np.uint8] | None:
+    """The object before the drop, looked at through its largest hole, with the rims of all in red; None where its
+    surface can be closed or no stage got as far as asking."""
+    shape = None if intent is None or anchor is None else object_shape(item, intent, anchor)
+    if anchor is None or not isinstance(shape, OpenShape):
+        return None
+    mesh = item.mesh.transformed(anchor.world_from_object)
+    middle, diagonal = mesh.bounds.mean(axis=0), float(np.linalg.norm(np.ptp(mesh.bounds, axis=0)))
+    way = shape.rims[0].middle - middle if shape.rims else np.array([0.0, -1.0, 0.0])
+    way = way / max(float(np.linalg.norm(way)), 1e-9 * diagonal) + ASKEW
+    seen_from = middle + HOLE_DISTANCE * diagonal * way / float(np.linalg.norm(way))
+    camera = looking_at(seen_from, middle, config.size, config.size, fov_deg=config.fov_deg)
+    image = Image.fromarray(photograph([mesh], camera))
+    draw = ImageDraw.Draw(image)
+    for one in shape.rims:
+        line = [(float(x), float(y)) for x, y in camera.project(np.append(one.rim, one.rim[:1], axis=0))[:, :2]]
+        draw.line(line, fill=RED, width=max(2, config.size // 250))
+    return np.asarray(image, dtype=np.uint8).copy()
 
 
 def photograph(meshes: list[Mesh], camera: Camera) -> NDArray[np.uint8]:

@@ -20,6 +20,7 @@ from dcap.geometry.placement.poses import center_of_mass
 from dcap.geometry.placement.search import SHARES, PlacementSearch
 from dcap.geometry.placement.set_down import Start, set_down
 from dcap.geometry.raycast import Raycaster
+from dcap.geometry.solid.mending import with_mended
 from dcap.language.connect import Client
 from dcap.language.protocol.client import LanguageConfig
 from dcap.language.protocol.questions import ANCHOR
@@ -67,9 +68,10 @@ def anchor(
     mesh = item.mesh.transformed(pose)
     pose[:3, 3] = -center_of_mass(mesh)
     mesh = item.mesh.transformed(pose)
+    reply = None if intent.at is not None else client.ask(ANCHOR, anchor_request(scene, base, intent, prompt, mesh))
+    scene = SegmentedScene(with_mended(scene, scene.index_of(base.id))[0])  # a place may be over a hole of the scan
     caster = Raycaster(scene.mesh)
-    if intent.at is None:
-        reply = client.ask(ANCHOR, anchor_request(scene, base, intent, prompt, mesh))
+    if reply is not None:
         if intent.orientation.lean:
             return leaned(scene, base, item.mesh, pose, intent, reply, caster)
         choice = choice_of(scene, base, intent, reply, mesh)
@@ -79,6 +81,7 @@ def anchor(
             return nothing_left(base, choice.index, intent)
         masks = carrier_masks(scene, base, choice, intent, caster)
     else:
+        assert intent.at is not None
         reply = reply_at(scene, base, intent.at, caster)
         frame = part_frame(scene, base, base.parts[reply.part_index].box)
         choice = Choice(reply.part_index, frame, [area_at(intent.at, mesh)], [], "at the point")
@@ -92,7 +95,7 @@ def anchor(
             if start is not None:
                 found = anchored(scene, base, replace(choice, note=note), start, pose, search, reply)
                 spot = np.array([start.spot.x, start.spot.y])
-                return replace(found, reason=found.reason + beside_the_point(intent.at, spot))
+                return replace(found, reason=found.reason + beside_the_point(intent.at, spot), pose=rotation.pose)
     assert search is not None  # there is always a mask to try
     return no_room(scene, base, choice.index, choice.frame, search, choice.areas, intent, mesh)
 

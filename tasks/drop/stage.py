@@ -26,6 +26,7 @@ from solver.rest import Signals
 from solver.settle import settle
 from tasks.bodies.plan_contact import share_within
 from tasks.bodies.solver_model import solver_model
+from tasks.drop.poses import pose_checks, pose_warnings
 from tasks.drop.settled import settled_of
 from tasks.runner.stage import stage
 
@@ -94,17 +95,18 @@ def with_checks(settled: Settled, particles: Particles, anchor: Anchor, intent: 
     lean = lean_of(settled, particles, anchor, config)
     foreseen = None
     if particles.foreseen is not None and anchor.lean is None and lies_on(settled, anchor.base_id):
-        foreseen = CertificateRow.at_least(
-            share_within(settled.contact_points, particles.foreseen), config.foreseen_share
-        )
-    checks = PlacementChecks(share, tilt, turn, lean, particles.column or None, foreseen)
+        within = share_within(settled.contact_points, particles.foreseen)
+        foreseen = CertificateRow.at_least(within, config.foreseen_share)
+    bounds = config.topple_angle, config.turn_angle
+    poses = pose_checks(anchor.pose, orientation, anchor.world_from_object, turned, turn_of(turned), bounds)
+    checks = PlacementChecks(share, tilt, turn, lean, particles.column or None, foreseen, poses)
     told = [] if lean is None or lean.held_share.holds else [f"it rests without leaning on {lean.on}"]
     if foreseen is not None and not foreseen.holds:
         told.append(
             f"only {foreseen.value:.0%} of its contact lies where cells are fine enough for it; finer ones everywhere: "
             "ParticlesConfig.base_cells"
         )
-    return replace(settled, checks=checks, warnings=(*settled.warnings, *told))
+    return replace(settled, checks=checks, warnings=(*settled.warnings, *told, *pose_warnings(poses)))
 
 
 def lies_on(settled: Settled, soft: str) -> bool:

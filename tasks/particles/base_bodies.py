@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dcap.geometry.distance import Distance, MeshDistance, sampler
-from dcap.geometry.solid.support import ready_support, shell_bottoms
+from dcap.geometry.solid.support import shell_bottoms
 from dcap.scene.errors import GeometryError
 from dcap.scene.types.materials import BodyModel, PartMaterial
 from dcap.scene.types.mesh import Mesh
@@ -38,6 +38,7 @@ from tasks.particles.drop_setup import (
 )
 from tasks.particles.layers import COLUMN_STEPS, BaseLayers, column_of
 from tasks.particles.obstacles import NEARBY, governing_part, rigid_base
+from tasks.particles.sound_support import SoundSupport, sound_support
 
 Array = NDArray[np.float64]
 
@@ -81,23 +82,22 @@ def base_bodies(setup: DropSetup) -> BaseBodies:
     solid = rigid_solid(setup, faces[stiff], part[stiff]) if stiff.any() else None
     base = BaseBodies(None, None, 0.0, footprint_on(setup, []), ())
     if not stiff.all():
-        base = soft_base(setup, rows, faces[~stiff], part[~stiff], solid)
+        held_by = None if solid is None else solid.solid
+        base = soft_base(setup, rows, faces[~stiff], part[~stiff], held_by)
     if solid is not None:
-        base = replace(base, rigid=rigid_base(setup, base.footprint, rows, (faces[stiff], part[stiff]), solid))
+        base = replace(base, rigid=rigid_base(setup, base.footprint, rows, solid))
     if not base.bodies:
         raise GeometryError(f"{base_id} has no surface beneath the object; raise ParticlesConfig.crop_margin")
     return base
 
 
-def rigid_solid(setup: DropSetup, faces: NDArray[np.int64], part: NDArray[np.int32]) -> MeshDistance:
-    """Signed distance to the solid of the base's rigid parts."""
+def rigid_solid(setup: DropSetup, faces: NDArray[np.int64], part: NDArray[np.int32]) -> SoundSupport:
+    """The solid of the base's rigid parts."""
     mesh = setup.scene.mesh.submesh(faces)
     own = np.array([p.box.bottom for p in setup.base.parts])[part]
     bottom = shell_bottoms(mesh, own, setup.config.shell)
-    solid, report = ready_support(mesh, bottom, setup.contact_region, setup.config.hole_perimeter)
     names = [setup.base.parts[p].name for p in np.unique(part)]
-    setup.note_geometry(f"{setup.anchor.base_id}/rigid", names, report)
-    return solid
+    return sound_support(setup, f"{setup.anchor.base_id}/rigid", names, mesh, part, bottom, torn=setup.torn)
 
 
 def soft_in_reach(
@@ -127,8 +127,9 @@ def soft_base(
     base_id, config, mesh = setup.anchor.base_id, setup.config, setup.scene.mesh.submesh(faces)
     layers = base_layers(setup, rows, mesh, part)
     bottom = soft_bottoms(setup, layers)
-    solid, report = ready_support(mesh, bottom, setup.contact_region, config.hole_perimeter)
-    setup.note_geometry(base_id, [setup.base.parts[p].name for p in np.unique(part)], report)
+    names = [setup.base.parts[p].name for p in np.unique(part)]
+    sound = sound_support(setup, base_id, names, mesh, part, bottom, torn=setup.torn)
+    solid, mesh, part, bottom = sound.solid, sound.mesh, sound.part, sound.bottom
     box, cut = soft_box(setup, solid)
     grid = distance_samples(solid, box, 2.0 * config.finest_cell, margin=MARGIN, most=config.distance_samples)
     inside = sampler(grid)

@@ -9,6 +9,8 @@ from scipy.spatial.transform import Rotation
 
 from dcap.geometry.distance import MeshDistance
 from dcap.geometry.raycast import Raycaster
+from dcap.geometry.solid.height_map import TornHole
+from dcap.geometry.solid.mending import MendedSurface, with_mended
 from dcap.scene.types.anchor import Anchor
 from dcap.scene.types.intent import Intent
 from dcap.scene.types.materials import BodyModel, PartMaterial, PartMaterials
@@ -31,6 +33,8 @@ OBJECT = "object"
 MOST_CONTRAST, RIGID_CONTRAST = 1e4, 100.0
 REACH_BELOW = 0.12  # how far below the predicted contact fields are sampled [m]: deeper than any dent
 REACH_ABOVE = 0.03  # above the object's top [m]
+UNDER = 0.25  # of its larger horizontal side around the object is under it [-]: it may move that far
+CRACK = 0.01  # what is shorter is a crack, which nothing notices [m]
 SPHERICAL = 0.1  # relative spread of a ball's radius; a cube has 0.14
 
 
@@ -53,6 +57,8 @@ class DropSetup:
     """The object over what lies beneath it."""
     returned: Approach | None
     """The same where it came to rest in an earlier drop that had not foreseen it there."""
+    torn: bool = False
+    """Whether the scan of the base has a hole under the object, which `scene` has closed."""
     notes: list[str] = field(default_factory=list)
     geometry: list[BodyGeometry] = field(default_factory=list)
 
@@ -126,12 +132,17 @@ def drop_setup(
         margin *= config.rolling_margin
     crop = np.stack([low - margin, high + margin])
     base_index = scene.index_of(anchor.base_id)
+    whole, surface = with_mended(scene, base_index)
+    found = mended_here(surface, mesh)
+    if found:
+        scene = whole
+    torn = bool(found and holes_under(surface, mesh))
     beneath = Raycaster(scene.mesh.submesh(np.flatnonzero(scene.face_instance == base_index)))
     below = float(anchor.surface_point[2])
     approach = Approach.of(mesh, beneath, below, tilts=anchor.lean is None)
     returned = None if rest is None else Approach.of(lifted(mesh, rest), beneath, below, tilts=False)
-    setup = DropSetup(scene, item, intent, anchor, materials, config, mesh, base_index, crop, approach, returned)
-    setup.notes += materials.notes
+    setup = DropSetup(scene, item, intent, anchor, materials, config, mesh, base_index, crop, approach, returned, torn)
+    setup.notes += [*materials.notes, *(f"{anchor.base_id}: {note}" for note in found)]
     setup.notes.append(f"{anchor.base_id} is cut {margin:.2f} m around the object and clamped at the cut")
     return setup
 
@@ -142,6 +153,34 @@ def lifted(mesh: Mesh, rest: Settled) -> Mesh:
     moved[:3, :3] = Rotation.from_quat(rest.bodies[0].quaternion, scalar_first=True).as_matrix()
     moved[:3, 3] = rest.bodies[0].position + np.array([0.0, 0.0, MOST_DEPTH])
     return mesh.transformed(moved)
+
+
+def mended_here(surface: MendedSurface, mesh: Mesh) -> list[str]:
+    """What was mended of the base where it matters to the object `mesh`, in words; empty: nothing there."""
+    notes = []
+    if holes := holes_under(surface, mesh):
+        size = f"{1e2 * holes[0].sides[0]:.2g} x {1e2 * holes[0].sides[1]:.2g} cm under the object"
+        notes.append(
+            f"the scan has a hole of {size}; closed from its rim" if len(holes) == 1 else
+            f"the scan has {len(holes)} holes, the largest of {size}; closed from their rims"
+        )  # fmt: skip
+    if surface.scraps:
+        notes.append(
+            f"{surface.scraps} floating scraps of the scan ({1e4 * surface.scrap_area:.3g} cm2 in all) carry nothing "
+            "and are left out"
+        )
+    if surface.turned:
+        notes.append(f"{surface.turned} faces of the scan were inside out and are turned")
+    return notes
+
+
+def holes_under(surface: MendedSurface, mesh: Mesh) -> list[TornHole]:
+    """Closed holes, no mere cracks, that reach under the object or near it, in plan, the largest first."""
+    low, high = mesh.bounds[:, :2]
+    margin = UNDER * float((high - low).max())
+    large = [one for one in surface.holes if one.sides[0] > CRACK]
+    under = [one for one in large if (one.low <= high + margin).all() and (one.high >= low - margin).all()]
+    return sorted(under, key=lambda one: -one.sides[0] * one.sides[1])
 
 
 def is_spherical(mesh: Mesh) -> bool:

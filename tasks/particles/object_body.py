@@ -6,11 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dcap.geometry.boundary import is_closed
-from dcap.geometry.distance import Distance, MeshDistance, sampler
-from dcap.geometry.solid.closed import RepairLimits, enclosed, is_sheet, tidied, used_as_given, with_faces_kept
+from dcap.geometry.distance import Distance, sampler
 from dcap.geometry.solid.fill import fill
-from dcap.geometry.solid.repair import outer_faces, simplified
-from dcap.geometry.solid.repair_log import RepairLog
+from dcap.geometry.solid.repair import simplified
 from dcap.scene.errors import GeometryError
 from dcap.scene.types.materials import BodyModel, Material, PartMaterial
 from dcap.scene.types.mesh import Mesh
@@ -21,7 +19,6 @@ from dcap.scene.types.particles import (
     SimulationBody,
     SoftSimulationBody,
 )
-from dcap.scene.types.repair_report import RepairReport
 from tasks.bodies.contact_surface import rigid_object_surface, soft_object_surface
 from tasks.bodies.distance_samples import distance_samples
 from tasks.bodies.footprint import Footprint
@@ -29,13 +26,13 @@ from tasks.bodies.inertial import inertial_of_material, inertial_of_points, iner
 from tasks.bodies.layer_normals import layer_normals
 from tasks.bodies.material_points import material_points, with_mass
 from tasks.bodies.node_states import grid_of
+from tasks.bodies.object_shape import ObjectShape
 from tasks.bodies.soft_cells import Cells, Planes, nodes, thickness, uniform_cells
 from tasks.particles.drop_setup import OBJECT, DropSetup, constants_of_parts, friction_of_surface
 from tasks.particles.object_parts import part_at
 
 Array = NDArray[np.float64]
 
-UNMOVED = 1e-4  # what can be seen of an object may move this far [m]: contact points are its given faces
 SAMPLES = 220.0  # of the distance along the object's diagonal, if ParticlesConfig.object_distance_samples allow
 SAMPLES_PER_CELL = 3.0  # of the distance in a cell under the contact, at least
 MARGIN = 0.01  # the distance reaches this far beyond the object [m]
@@ -52,20 +49,19 @@ class ObjectBody:
     """Its cell size [m]; of a rigid one the size that its contact points resolve."""
 
 
-def object_body(setup: DropSetup, foot: Footprint, base_cell: float | None) -> ObjectBody:
-    """The thing to place, with points of contact for its predicted contact and for cells of `base_cell` [m] in the
-    base; None where that is rigid."""
+def object_body(setup: DropSetup, shape: ObjectShape, foot: Footprint, base_cell: float | None) -> ObjectBody:
+    """The thing to place, whose `shape` the set-up has, with points of contact for its predicted contact and for cells
+    of `base_cell` [m] in the base; None where that is rigid."""
     instance = setup.item.instances[0]
     rows = setup.materials.of_parts(OBJECT, len(instance.parts))
     part_of_face = np.clip(setup.item.face_part, 0, None)
     used = sorted(set(part_of_face.tolist()))
-    solid, report = solid_of(setup.mesh)
-    setup.note_geometry(OBJECT, [instance.parts[p].name for p in used], report)
+    setup.note_geometry(OBJECT, [instance.parts[p].name for p in used], shape.report)
     size = float(np.linalg.norm(np.ptp(setup.mesh.vertices, axis=0)))
     edge = foot.small_side / POINTS_ACROSS if base_cell is None else base_cell
     spacing = min(edge / SAMPLES_PER_CELL, size / SAMPLES)
     most = setup.config.object_distance_samples
-    grid = distance_samples(solid, setup.mesh.bounds, spacing, margin=MARGIN, most=most)
+    grid = distance_samples(shape.solid, setup.mesh.bounds, spacing, margin=MARGIN, most=most)
     touching = rows[int(part_of_face[setup.approach.face_nearest])]
     if any(rows[p].model is BodyModel.MPM for p in used):
         return soft_object(setup, foot, rows, part_of_face, grid, touching.material)
@@ -191,21 +187,3 @@ def core_nodes(
         else:
             setup.notes.append(f"object: {names} is smaller than a cell and only stiffens it")
     return mask.reshape([len(p) for p in planes])
-
-
-def solid_of(mesh: Mesh) -> tuple[MeshDistance, RepairReport]:
-    """Signed distance to the object as one solid, and what that took: faces of its pieces inside one another do not
-    count.
-    """
-    allowed, log = RepairLimits(tolerance=UNMOVED), RepairLog()
-    given = tidied(mesh, None, log)
-    field = MeshDistance(mesh)
-    if is_closed(mesh):
-        outer = mesh.submesh(outer_faces(mesh))
-        field = MeshDistance(outer, sides=mesh) if len(outer.faces) else field
-    as_given = used_as_given(field, given, RepairLimits(), log.copy())
-    sheet = any(is_sheet(piece) for piece in given.pieces)  # its contact points have one side only
-    if sheet or (field.closed and not as_given.problem):
-        return field, as_given
-    found = with_faces_kept(given, enclosed(given, allowed), allowed, log)
-    return (MeshDistance(found[0]), found[1]) if found is not None and not found[1].problem else (field, as_given)

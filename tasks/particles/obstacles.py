@@ -5,7 +5,7 @@ import trimesh
 from numpy.typing import NDArray
 
 from dcap.geometry.distance import MeshDistance
-from dcap.geometry.solid.support import ready_support, shell_bottoms
+from dcap.geometry.solid.support import shell_bottoms
 from dcap.scene.types.materials import PartMaterial
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.particles import RigidSimulationBody
@@ -15,6 +15,7 @@ from tasks.bodies.distance_samples import distance_samples
 from tasks.bodies.footprint import Footprint
 from tasks.bodies.inertial import inertial_of_shell
 from tasks.particles.drop_setup import DropSetup, friction_of_surface
+from tasks.particles.sound_support import SoundSupport, sound_support
 
 SAMPLES = 80.0  # of an obstacle's signed distance along the object's diagonal
 MARGIN = 0.02  # a signed distance reaches this far beyond the faces in reach [m]
@@ -24,21 +25,17 @@ NEARBY = 0.1  # faces this far around the crop decide what an obstacle's solid i
 
 
 def rigid_base(
-    setup: DropSetup,
-    foot: Footprint,
-    rows: list[PartMaterial],
-    own: tuple[NDArray[np.int64], NDArray[np.int32]],
-    solid: MeshDistance,
+    setup: DropSetup, foot: Footprint, rows: list[PartMaterial], sound: SoundSupport
 ) -> RigidSimulationBody | None:
-    """The rigid parts of the base in reach, their `own` faces and the part of each, as one obstacle."""
-    faces, part = own
-    kept = setup.in_contact_region(setup.scene.mesh.corners(faces))
+    """The rigid parts of the base in reach as one obstacle."""
+    kept = setup.in_contact_region(sound.mesh.triangles)
     if not kept.any():
         return None
-    there = set(part[kept].tolist())
-    main = governing_part(setup, [r for r in rows if r.part_index in there], part[kept])
+    part = sound.part[kept]
+    there = set(part.tolist())
+    main = governing_part(setup, [r for r in rows if r.part_index in there], part)
     name = f"{setup.anchor.base_id}/rigid"
-    return obstacle(setup, foot, (name, setup.anchor.base_id), faces[kept], solid, rows, main)
+    return obstacle(setup, foot, (name, setup.anchor.base_id), sound, kept, rows, main)
 
 
 def neighbours(setup: DropSetup, foot: Footprint) -> list[RigidSimulationBody]:
@@ -52,12 +49,19 @@ def neighbours(setup: DropSetup, foot: Footprint) -> list[RigidSimulationBody]:
         faces = faces[setup.in_contact_region(setup.scene.mesh.corners(faces))]
         if len(faces) == 0:
             continue
-        solid = MeshDistance(wall_slab(setup, instance, faces)) if instance.structure else neighbour_solid(setup, index)
+        sound = wall_support(setup, instance, faces) if instance.structure else neighbour_solid(setup, index)
+        kept = setup.in_contact_region(sound.mesh.triangles) & in_plan(sound.mesh.triangles, setup.crop)
         rows = rows_of(setup, instance)
         main = most_seen(rows, np.clip(setup.scene.face_part[faces], 0, None))
-        bodies.append(obstacle(setup, foot, (instance.id, instance.id), faces, solid, rows, main))
+        bodies.append(obstacle(setup, foot, (instance.id, instance.id), sound, kept, rows, main))
         setup.notes.append(f"{instance.id} ({instance.label}) is in reach: a fixed rigid obstacle")
     return bodies
+
+
+def wall_support(setup: DropSetup, wall: Instance, faces: NDArray[np.int64]) -> SoundSupport:
+    """A wall as a block, with its faces in reach (k,)."""
+    mesh, part = setup.scene.mesh.submesh(faces), np.clip(setup.scene.face_part[faces], 0, None)
+    return SoundSupport(MeshDistance(wall_slab(setup, wall, faces)), mesh, part, mesh.triangles[:, :, 2].min(axis=1))
 
 
 def wall_slab(setup: DropSetup, wall: Instance, faces: NDArray[np.int64]) -> Mesh:
@@ -78,16 +82,21 @@ def wall_slab(setup: DropSetup, wall: Instance, faces: NDArray[np.int64]) -> Mes
     return Mesh.of(solid.vertices @ box.axes.T + box.center + (face - side * half[thin]) * axis, solid.faces)
 
 
-def neighbour_solid(setup: DropSetup, index: int) -> MeshDistance:
-    """Signed distance to the solid of another instance near the crop."""
+def in_plan(triangles: NDArray[np.float64], crop: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Which triangles (n, 3, 3) reach into a crop (2, 3) as seen from above, shape (n,)."""
+    corner = triangles[:, :, :2]
+    return np.asarray(((corner.max(axis=1) >= crop[0, :2]) & (corner.min(axis=1) <= crop[1, :2])).all(axis=1))
+
+
+def neighbour_solid(setup: DropSetup, index: int) -> SoundSupport:
+    """The solid of another instance near the crop."""
     instance, faces = setup.scene.instances[index], setup.faces_near_crop(index, NEARBY)
     mesh = setup.scene.mesh.submesh(faces)
     part = np.clip(setup.scene.face_part[faces], 0, None)
     own = np.array([p.box.bottom for p in instance.parts])[part]
     bottom = shell_bottoms(mesh, own, setup.config.shell)
-    solid, report = ready_support(mesh, bottom, setup.contact_region, setup.config.hole_perimeter)
-    setup.note_geometry(instance.id, [instance.parts[p].name for p in np.unique(part)], report)
-    return solid
+    names = [instance.parts[p].name for p in np.unique(part)]
+    return sound_support(setup, instance.id, names, mesh, part, bottom, torn=False)
 
 
 def rows_of(setup: DropSetup, instance: Instance) -> list[PartMaterial]:
@@ -101,20 +110,21 @@ def obstacle(
     setup: DropSetup,
     foot: Footprint,
     name: tuple[str, str],
-    faces: NDArray[np.int64],
-    solid: MeshDistance,
+    sound: SoundSupport,
+    kept: NDArray[np.bool_],
     rows: list[PartMaterial],
     main: PartMaterial,
 ) -> RigidSimulationBody:
-    """A fixed rigid body, its own `name` and its instance's: its faces in reach, each with the friction of its part,
-    and its distance field where the object may come. `rows` are those of all parts, `main` the one for the whole."""
-    mesh, part = setup.scene.mesh.submesh(faces), np.clip(setup.scene.face_part[faces], 0, None)
+    """A fixed rigid body, its own `name` and its instance's: those of its faces (m,) that are in reach, each with the
+    friction of its part, and its distance where the object may come. `rows` are those of all parts, `main` the one for
+    the whole."""
+    mesh, part = sound.mesh.submesh(np.flatnonzero(kept)), sound.part[kept]
     box, surface = setup.contact_region, obstacle_surface(mesh, foot)
     reached = np.stack([np.maximum(mesh.bounds[0], box[0]), np.minimum(mesh.bounds[1], box[1])])
     spacing = float(np.linalg.norm(np.ptp(setup.mesh.vertices, axis=0))) / SAMPLES
     return RigidSimulationBody(
         name=name[0], instance=name[1], fixed=True, surface=surface,
-        distance=distance_samples(solid, reached, spacing, margin=MARGIN, most=setup.config.distance_samples),
+        distance=distance_samples(sound.solid, reached, spacing, margin=MARGIN, most=setup.config.distance_samples),
         inertial=inertial_of_shell(surface, main.material.density), friction=main.material.friction,
         face_friction=friction_of_surface(rows, surface, mesh, part),
     )  # fmt: skip

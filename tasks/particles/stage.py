@@ -17,6 +17,7 @@ from dcap.scene.types.outcome import Infeasible
 from dcap.scene.types.particles import Particles, SimulationBody, SoftSimulationBody
 from dcap.scene.types.segmentation import SegmentedObject, SegmentedScene
 from dcap.scene.types.settled import Settled
+from tasks.bodies.object_shape import OpenShape, object_shape, refused
 from tasks.particles.base_bodies import BaseBodies, base_bodies
 from tasks.particles.config import ParticlesConfig
 from tasks.particles.drop_setup import DropSetup, drop_setup
@@ -35,9 +36,13 @@ def particles(
     rest: Settled | None = None,
 ) -> Particles | Infeasible:
     """Build every body of the drop; with the end of an earlier drop cells are fine there too."""
-    setup = drop_setup(scene, item, intent, anchor, materials, config, rest)
+    shape = object_shape(item, intent, anchor)
+    if isinstance(shape, OpenShape):
+        return refused(shape, intent.object_name)
+    setup = drop_setup(scene, shape.item, intent, anchor, materials, config, rest)
+    setup.notes += [f"object: {note}" for note in shape.notes]
     base = base_bodies(setup)
-    placed = object_body(setup, base.footprint, base.cell or None)
+    placed = object_body(setup, shape, base.footprint, base.cell or None)
     bodies: list[SimulationBody] = [placed.body, *base.bodies, *neighbours(setup, base.footprint)]
     note_overlaps(setup, bodies)
     total = sum(len(b.points.volume) for b in bodies if isinstance(b, SoftSimulationBody))

@@ -34,6 +34,7 @@ from dcap.scene.types.rotation import Rotation
 from dcap.scene.types.segmentation import Instance, Segmentation, SegmentedObject, SegmentedScene
 from tasks.requests.surroundings import direction_to, horizontal, part_frame, wished_place
 from tasks.requests.views import instance_of, vector
+from tasks.rotation.asked_pose import asked_pose
 from tasks.runner.stage import stage
 
 Array = NDArray[np.float64]
@@ -60,7 +61,7 @@ def rotation(
     """Ask once with all choices and pictures, then build the matrix."""
     base = instance_of(scene, intent.base_id)
     mesh = item.mesh.transformed(np.diag([intent.scale] * 3 + [1.0]))
-    own, righting = standing_pose(mesh)
+    own, righting, lead = standing_pose(mesh)
     poses = pose_views(mesh, own, front_side(intent.object_name))
     place = wished_place(scene, base, intent, 0.5 * float(np.ptp(mesh.bounds[:, :2], axis=0).max()))
     pictures = three_flips(scene, base, mesh, place, config.picture_size)
@@ -87,7 +88,8 @@ def rotation(
         raise GeometryError(f"the chosen rotation is not orthonormal: {matrix.tolist()}")
     said = "" if not intent.orientation.words else f"; the prompt says {intent.orientation.words!r}"
     candidate, facing = (reply.pose_id, reply.facing_id) if reply.quaternion is None else ("quaternion", "as given")
-    return Rotation(matrix, pictures, request.prompt, candidate, f"{reply.reason}, {facing}{said}")
+    pose = asked_pose(request, matrix, reply.pose_id, lead)
+    return Rotation(matrix, pictures, request.prompt, candidate, f"{reply.reason}, {facing}{said}", pose)
 
 
 rotation_task = stage(rotation)
@@ -109,10 +111,11 @@ def refined(prompt: str, intent: Intent) -> str:
 # choices ------------------------------------------------------------------------------------------------------------
 
 
-def standing_pose(mesh: Mesh) -> tuple[Array, float]:
-    """Rotation to the pose in which the shape stands, and how much better; none and 0 where that is as in the file."""
-    own, gain = upright_pose(mesh)
-    return (np.eye(3), 0.0) if gain <= 0.0 or own[2, 2] > np.cos(SAME_POSE) else (own, gain)
+def standing_pose(mesh: Mesh) -> tuple[Array, float, float]:
+    """Rotation to the pose in which the shape stands, and how much better; none and 0 where that is as in the file. And
+    by how much the shape prefers it to any other side [-]."""
+    own, gain, lead = upright_pose(mesh)
+    return (np.eye(3), 0.0, lead) if gain <= 0.0 or own[2, 2] > np.cos(SAME_POSE) else (own, gain, lead)
 
 
 def pose_views(mesh: Mesh, own: Array, side: str) -> tuple[PoseView, ...]:

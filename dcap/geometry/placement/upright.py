@@ -42,6 +42,8 @@ ALIGNED = np.cos(np.radians(3.0))
 FILE_DOWN = np.array([0.0, 0.0, -1.0])
 SAME_SIDE = np.cos(np.radians(12.0))
 """A stable pose rests on a side within this angle of it."""
+OTHER_SIDE = np.cos(np.pi / 4.0)
+"""A stable pose on a side beyond this angle is another one: nobody would call both upright."""
 MOST_POSES = 60
 """More poses than that are those of a ball [-]."""
 LEAST_SHARE = 0.0005
@@ -133,11 +135,12 @@ def _round_about(points: Array, axis: Array) -> bool:
     return bool((np.maximum(*away) < near).mean() > ROUND_SHARE)
 
 
-def upright_pose(mesh: Mesh) -> tuple[Array, float]:
-    """How a mesh stands by its shape alone, and how much better than as it is in its file.
+def upright_pose(mesh: Mesh) -> tuple[Array, float, float]:
+    """How a mesh stands by its shape alone, how much better than as it is in its file, and how sure that is.
 
-    Returns the rotation that puts it on that side with its box's sides along x and y, shape (3, 3), and the difference
-    of the weighted sums of features [-].
+    Returns the rotation that puts it on that side with its box's sides along x and y, shape (3, 3), and two differences
+    of weighted sums of features [-]: to the file's side, and to the best of the sides far from the chosen one, inf
+    where there is none.
     """
     caster, axis, center = Raycaster(mesh), round_axis(mesh), center_of_mass(mesh)
     points = used_vertices(mesh)
@@ -150,11 +153,12 @@ def upright_pose(mesh: Mesh) -> tuple[Array, float]:
     best = sorted(poses, key=score, reverse=True)[:BEST_FEW]
     full = [score(pose) + WEIGHTS["opening"] * opening(mesh, caster, pose.down) for pose in (own, *best)]
     chosen = best[int(np.argmax(full[1:]))]
+    others = [value for value, pose in zip(full[1:], best, strict=True) if float(pose.down @ chosen.down) < OTHER_SIDE]
     corners = outermost(points)
     side, _ = smallest_rectangle((corners @ chosen.rotation.T)[:, :2])
     angle = float(np.arctan2(side[1], side[0]))
     aligned = about_z(np.pi / 2 * np.round(angle / (np.pi / 2)) - angle) @ chosen.rotation
-    return np.asarray(aligned), max(full[1:]) - full[0]
+    return np.asarray(aligned), max(full[1:]) - full[0], max(full[1:]) - max(others, default=-np.inf)
 
 
 def probability_of(down: Array, poses: list[StablePose]) -> float:

@@ -11,6 +11,7 @@ import numpy as np
 
 from dcap.language.offline.fronts import FrontSide, front_side
 from dcap.language.offline.lexicon import Thing, is_a
+from dcap.language.offline.vessels import faced_by_opening
 from dcap.language.protocol.requests import PoseView, RotationRequest
 
 CLOSE = 15.0
@@ -19,8 +20,8 @@ LOW = 0.75
 """A thing less high than this times its length lies already [-]."""
 RIGHTING = 0.5
 """So much more must the shape speak for another side for a file that could stand to be lying or overturned [-]."""
-CONTAINERS = frozenset({"mug", "cup", "glass", "bowl", "basket", "bucket", "pot", "vase", "jar", "hat"})
-"""Things whose opening is their face."""
+LEVEL = 0.5
+"""The upright axis of what lies on its side is nearer than this to the horizontal, as the sine of its height [-]."""
 HANDS = {"on_left_side": 1.0, "on_right_side": -1.0}
 """Which side is down, as a factor of the axis that points to the thing's own left."""
 Miss = Callable[[PoseView], float]
@@ -52,7 +53,7 @@ def meant(request: RotationRequest, thing: Thing | None, default: PoseView) -> s
     wanted, rest = request.pose, thing.rest if thing else "upright"
     if wanted == "leaning":  # flat things lean on edge, upright ones as they stand
         return "any" if rest == "upright" and not is_low(default, LOW) else "standing"
-    if wanted in ("any", "") or (wanted == "upright" and rest == "upright"):
+    if wanted in ("any", "", "seated") or (wanted == "upright" and rest == "upright"):
         return "any"
     if wanted == "upright":
         return "standing"
@@ -63,7 +64,7 @@ def meant(request: RotationRequest, thing: Thing | None, default: PoseView) -> s
     if wanted == "lying" and thing is not None and is_a(thing.id, "toy") and request.has_front:
         return "on_back"  # a creature that lies down lies on its back
     topped = rest == "flat" or front_side(request.object_name) is FrontSide.LONG  # its face or its back is its top
-    if wanted == "on_front" and thing is not None and any(is_a(thing.id, c) for c in CONTAINERS):
+    if wanted == "on_front" and thing is not None and any(is_a(thing.id, c) for c in faced_by_opening()):
         return "upside_down"
     if topped and wanted in ("on_back", "on_front"):
         return "any" if (wanted == "on_back") == (rest == "flat") else "upside_down"
@@ -103,8 +104,11 @@ def to_right(request: RotationRequest, thing: Thing | None) -> bool:
     """
     if request.righting == 0.0:
         return False
-    known = thing is not None and not is_a(thing.id, "furniture")
-    return not request.stands or (known and request.righting > RIGHTING)
+    clearly = request.righting > RIGHTING
+    if thing is None:  # it may be furniture, and only what is on its side is surely not
+        righted = by_id(request, "righted")
+        return not request.stands or (clearly and abs(own_up(righted, by_id(request, "upright"))[2]) < LEVEL)
+    return not request.stands or (clearly and not is_a(thing.id, "furniture"))
 
 
 def by_id(request: RotationRequest, pose_id: str) -> PoseView:

@@ -62,8 +62,8 @@ class Reading:
     """What is moved; None if only "it" or nothing was said."""
     places: tuple[Place, ...]
     pose: str
-    """upright, standing, upside_down, on_side, on_left_side, on_right_side, lying, on_back, on_front, leaning or
-    any."""
+    """upright, seated, standing, upside_down, on_side, on_left_side, on_right_side, lying, on_back, on_front,
+    leaning or any."""
     pose_words: str
     turn: float
     """About the vertical, counterclockwise seen from above [degrees]."""

@@ -21,8 +21,8 @@ from dcap.language.protocol.requests import (
 )
 
 Pose = Literal[
-    "upright", "upside_down", "on_side", "on_left_side", "on_right_side", "lying", "standing", "on_back", "on_front",
-    "leaning", "any",
+    "upright", "seated", "upside_down", "on_side", "on_left_side", "on_right_side", "lying", "standing", "on_back",
+    "on_front", "leaning", "any",
 ]  # fmt: skip
 Region = Literal[
     "center", "left", "right", "front", "back", "head", "foot", "edge", "corner", "end", "near", "next_to", "between",
@@ -109,8 +109,8 @@ class IntentReply(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False):
     hollow: bool = Field(default=False, description="mass is not density times the volume of its closed mesh")
     pose: Pose = Field(
         default="any",
-        description="orientation that the prompt asks for; upright: right way up, standing: on end, leaning: tilted "
-        "against lean_on",
+        description="orientation that the prompt asks for; upright: right way up, seated: as such a thing "
+        "sits or usually rests, standing: on end, leaning: tilted against lean_on",
     )
     lean_on: str = Field(
         default="", description="listed instance id or part:NAME of the base that it leans on; only with pose leaning"

@@ -29,7 +29,16 @@ from dcap.scene.types.given_labels import GivenLabels, GivenPart, GivenThing, Ve
 from dcap.scene.types.intent import Intent, OrientationRequest, RegionConstraint, RegionRequest, SupportCandidate
 from dcap.scene.types.materials import ContactFriction, LayerConstants, Material, PartMaterial, PartMaterials
 from dcap.scene.types.mesh import Mesh
-from dcap.scene.types.outcome import BesideThePart, HiddenObject, Infeasible, InTheWay, NoRoom, NotInScene
+from dcap.scene.types.outcome import (
+    BesideThePart,
+    HiddenObject,
+    Infeasible,
+    InTheWay,
+    NoRoom,
+    NotInScene,
+    ObjectHole,
+    OpenObject,
+)
 from dcap.scene.types.particles import (
     BackgroundGrid,
     ColumnLayer,
@@ -44,11 +53,11 @@ from dcap.scene.types.particles import (
 from dcap.scene.types.pointed import Pointed
 from dcap.scene.types.renders import Overview, Renders
 from dcap.scene.types.repair_report import BodyGeometry, RepairReport
-from dcap.scene.types.rotation import Rotation
+from dcap.scene.types.rotation import AskedPose, Rotation
 from dcap.scene.types.sample import GivenPlace, KnownHeight, Sample, SourceOptions
 from dcap.scene.types.scan import LabelBox, Room, Scan
 from dcap.scene.types.segmentation import Instance, Part, Segmentation
-from dcap.scene.types.settled import LastState, LeanCheck, PlacementChecks, Settled, SettledBody
+from dcap.scene.types.settled import LastState, LeanCheck, PlacementChecks, PoseCheck, Settled, SettledBody
 from solver.certificate import (
     BodyStability,
     BondRow,
@@ -76,15 +85,15 @@ MOST_COLUMNS = 16
 KINDS: dict[str, type] = {
     one.__name__: one
     for one in (
-        Anchor, BackgroundGrid, BesideThePart, BodyGeometry, BodyStability, BondRow, Certificate, CertificateRow,
-        ColumnLayer, ContactFriction, ContactRow, DistanceGrid, FileScale, GivenLabels, GivenPart, GivenPlace,
-        GivenThing, HiddenObject, History, InertialProperties, Infeasible, Instance, Intent, InTheWay, KickCheck,
-        KickRow, KnownHeight, LabelBox, LastState, LayerConstants, LayeredPoints, Lean, LeanCheck, Material,
-        MaterialPoints, Mesh, NoRoom, NotDone, NotInScene, OrientationRequest, OrientedBox, Overview, Part,
-        Particles, PartMaterial, PartMaterials, PlacementChecks, Pointed, PushBounds, PushRow, RegionConstraint,
-        RegionRequest, Renders, RepairReport, RigidSimulationBody, RollingRow, Room, Rotation, Sample, Scan,
-        Segmentation, Settled, SettledBody, SignalRows, SoftSimulationBody, SourceOptions, StabilityGrade,
-        SupportCandidate, VertexLabels,
+        Anchor, AskedPose, BackgroundGrid, BesideThePart, BodyGeometry, BodyStability, BondRow, Certificate,
+        CertificateRow, ColumnLayer, ContactFriction, ContactRow, DistanceGrid, FileScale, GivenLabels, GivenPart,
+        GivenPlace, GivenThing, HiddenObject, History, InertialProperties, Infeasible, Instance, Intent, InTheWay,
+        KickCheck, KickRow, KnownHeight, LabelBox, LastState, LayerConstants, LayeredPoints, Lean, LeanCheck, Material,
+        MaterialPoints, Mesh, NoRoom, NotDone, NotInScene, ObjectHole, OpenObject, OrientationRequest, OrientedBox,
+        Overview, Part, Particles, PartMaterial, PartMaterials, PlacementChecks, Pointed, PoseCheck, PushBounds,
+        PushRow, RegionConstraint, RegionRequest, Renders, RepairReport, RigidSimulationBody, RollingRow, Room,
+        Rotation, Sample, Scan, Segmentation, Settled, SettledBody, SignalRows, SoftSimulationBody, SourceOptions,
+        StabilityGrade, SupportCandidate, VertexLabels,
     )
 }  # fmt: skip
 """Every type that may be stored, by the name that `value.json` gives it: files outlive moves between modules."""

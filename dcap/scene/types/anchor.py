@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dcap.scene.types.arrays import check_array
+from dcap.scene.types.rotation import AskedPose
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -49,6 +50,8 @@ class Anchor:
     """None where it stands by itself."""
     notes: tuple[str, ...] = ()
     """How the place was understood, where that is not what was said word by word."""
+    pose: AskedPose | None = None
+    """What was asked of the orientation; None: nothing, or that it leans."""
 
     def __post_init__(self) -> None:
         check_array("local", self.local, 2)

@@ -13,8 +13,8 @@ class OrientationRequest:
     """What the prompt says about orientation."""
 
     pose: str
-    """upright (right way up) | standing (on end) | upside_down | on_side | on_left_side | on_right_side | lying |
-    on_back | on_front | leaning | any (nothing said)."""
+    """upright (right way up) | seated (as such a thing usually rests) | standing (on end) | upside_down | on_side |
+    on_left_side | on_right_side | lying | on_back | on_front | leaning | any (nothing said)."""
     facing: str
     """Id of an instance or 'part:NAME' or 'wall' | 'door' | 'viewer' to face; empty: nothing said."""
     words: str

@@ -21,6 +21,7 @@ class Reason(StrEnum):
     NO_SUPPORT_HIT = "no_support_hit"
     TOO_LARGE_FOR_TARGET = "too_large_for_target"
     BURIED = "buried"
+    OBJECT_NOT_SOLID = "object_not_solid"
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,7 +87,26 @@ class HiddenObject:
     """Of the best view [m], shape (3,)."""
 
 
-Evidence: TypeAlias = NotInScene | NoRoom | BesideThePart | HiddenObject | LastState
+@dataclass(frozen=True, slots=True)
+class ObjectHole:
+    """A hole in an object's surface."""
+
+    middle_m: tuple[float, ...]
+    """Of its rim, at the pose before the drop [m], three numbers."""
+    size_m: tuple[float, float]
+    """Length and width [m]."""
+
+
+@dataclass(frozen=True, slots=True)
+class OpenObject:
+    """An object whose surface encloses nothing and cannot be closed."""
+
+    hole_count: int
+    holes: tuple[ObjectHole, ...]
+    """The largest ones, the largest first."""
+
+
+Evidence: TypeAlias = NotInScene | NoRoom | BesideThePart | HiddenObject | OpenObject | LastState
 
 
 @dataclass(frozen=True, eq=False, slots=True)

@@ -32,3 +32,5 @@ class Overview:
     """The scene with the object at its pre-drop pose, same camera, (h, w, 3); None if no stage got that far."""
     candidates: NDArray[np.uint8] | None = None
     """Everything that the object could have gone on, numbered and listed, (h, w, 3); None where a support was found."""
+    hole: NDArray[np.uint8] | None = None
+    """The object with the rims of its holes in red where its surface cannot be closed, (h, w, 3); else None."""

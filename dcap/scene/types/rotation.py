@@ -7,6 +7,26 @@ from numpy.typing import NDArray
 
 
 @dataclass(frozen=True, eq=False, slots=True)
+class AskedPose:
+    """What was asked of the orientation, as directions of the mesh, so that it can be compared with the rest state."""
+
+    name: str
+    """upright, on_back ... as in `OrientationRequest`; any: nothing said."""
+    axis: NDArray[np.float64]
+    """Direction in the mesh that the pose is about: its own upright axis, front or left, unit, shape (3,)."""
+    from_vertical: float | None
+    """Angle of that direction from the vertical that is asked [rad]; None: the one that it has before the drop."""
+    up: NDArray[np.float64]
+    """What is up in the mesh when it stands or lies as usual, unit, shape (3,)."""
+    front: NDArray[np.float64]
+    """Its front, unit, shape (3,)."""
+    doubt: str = ""
+    """Why the shape does not tell that pose; empty: it does."""
+    facing_doubt: str = ""
+    """Why the shape does not tell where its front is, where a facing is asked; empty: it does."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
 class Rotation:
     """R*: object mesh frame (as read, z up) to world."""
 
@@ -18,3 +38,5 @@ class Rotation:
     candidate: str
     """Which stable pose or flip was chosen."""
     reason: str
+    pose: AskedPose | None = None
+    """None where nothing was asked of the orientation."""

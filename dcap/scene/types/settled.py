@@ -43,6 +43,23 @@ class LeanCheck:
 
 
 @dataclass(frozen=True, slots=True)
+class PoseCheck:
+    """A pose or a facing that was asked for, and what came out."""
+
+    asked: str
+    """upright, on_back ...; `facing ID`; `turned by N degrees`."""
+    found: str
+    """What the rest state shows, in the same words; of a facing the angle that it is off."""
+    angle_rad: float
+    """Angle between what was asked and what was found [rad]."""
+    threshold_rad: float
+    """Largest angle that meets it [rad]."""
+    met: bool
+    doubt: str = ""
+    """Why the shape does not tell whether it is met; empty: it does."""
+
+
+@dataclass(frozen=True, slots=True)
 class PlacementChecks:
     """What was asked of the rest state."""
 
@@ -58,6 +75,8 @@ class PlacementChecks:
     """What of a soft base lies under the predicted contact, from the top down."""
     foreseen_share: CertificateRow | None = None
     """Share of the contact's points that lie where cells are fine enough for it [-]; None on a rigid base."""
+    poses: tuple[PoseCheck, ...] = ()
+    """Every pose and facing that was asked, in the words of the request."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)

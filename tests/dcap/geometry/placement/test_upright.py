@@ -64,9 +64,10 @@ def test_axis_of_round_things(name, axis):
 def test_household_things_are_put_upright(name, vector):
     """However its file lies, the shape tells which way is up (5 degrees)."""
     file_from_own = Turn.from_rotvec(vector, degrees=True).as_matrix()
-    matrix, gain = upright_pose(turned(mesh_of(name), file_from_own))
+    matrix, gain, lead = upright_pose(turned(mesh_of(name), file_from_own))
     assert float((matrix @ file_from_own)[2, 2]) > np.cos(np.radians(5))
     assert gain > 0.3
+    assert lead > 0.1
 
 
 def test_upright_files_are_left_alone():

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
+from asked_records import asked_and_refused
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
@@ -141,8 +142,7 @@ VALUES = [
         RegionRequest("", ("left", "front"), (), "left front", "", (LIMIT,)), ("gently",), (), (SUPPORT,),
     ),
     LabelBox("3", "bed", a_box()),
-    LEAN,
-    LEANING,
+    *(LEAN, LEANING),
     LIMIT,
     SUPPORT,
     LAYERS,
@@ -153,6 +153,7 @@ VALUES = [
     OrientationRequest("upright", "", "upright"),
     a_box(),
     Overview(a_picture(), None),
+    *asked_and_refused(),
     Part("mattress", a_box(), 0.5),
     Particles(BODIES, (("object", "3", 0.5, 0.4),), 0.004, ("cropped",), (GEOMETRY,), (COLUMN,)),
     COLUMN,

@@ -1,0 +1,88 @@
+"""What was asked of the orientation, compared with the rest state: rows for the certificate and lines for people.
+
+In: the pose that was asked, as directions of the mesh, and the object before and after the drop. Out: a row for each
+pose, facing and turn that was asked.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from dcap.scene.types.intent import OrientationRequest
+from dcap.scene.types.rotation import AskedPose
+from dcap.scene.types.settled import PoseCheck
+
+Array = NDArray[np.float64]
+
+OTHER_WORDS = {"seated": "upright", "standing": "upright"}
+"""What a rest state shows where that was asked."""
+UPRIGHT = np.cos(np.pi / 4.0)  # a direction that is nearer to the vertical than this is up or down
+
+
+def pose_checks(
+    asked: AskedPose | None,
+    orientation: OrientationRequest,
+    world_from_object: Array,
+    quaternion_wxyz: Array,
+    turned: float,
+    bounds: tuple[float, float],
+) -> tuple[PoseCheck, ...]:
+    """A row for each pose, facing and turn that was asked.
+
+    Args:
+        asked: the pose as directions of the mesh; None: nothing was asked.
+        orientation: the request in words.
+        world_from_object: the pose before the drop, shape (4, 4).
+        quaternion_wxyz: what the drop turned it by.
+        turned: the part of that about the vertical [rad].
+        bounds: largest angles that meet a pose and a facing [rad].
+    """
+    if asked is None:
+        return ()
+    before = world_from_object[:3, :3] / np.cbrt(np.linalg.det(world_from_object[:3, :3]))
+    after = Rotation.from_quat(quaternion_wxyz, scalar_first=True).as_matrix() @ before
+    rows = []
+    if asked.name != "any":
+        wanted = asked.from_vertical if asked.from_vertical is not None else tilt(before @ asked.axis)
+        angle = abs(tilt(after @ asked.axis) - wanted)
+        found = pose_name(after @ asked.up, after @ asked.front)
+        if angle <= bounds[0] and (asked.from_vertical is None or found == OTHER_WORDS.get(asked.name)):
+            found = asked.name  # also where it is about the way that it was put down, such as on end, not its own up
+        rows.append(PoseCheck(asked.name, found, angle, bounds[0], angle <= bounds[0], asked.doubt))
+    words = f"{np.degrees(turned):.0f} degrees off"
+    wishes = [f"facing {orientation.facing}"] if orientation.facing else []
+    wishes += [f"turned by {orientation.turn_deg:g} degrees"] if orientation.turn_deg else []
+    for wish in wishes:
+        unsure = asked.facing_doubt if wish.startswith("facing") else ""
+        rows.append(PoseCheck(wish, words, turned, bounds[1], turned <= bounds[1], unsure))
+    return tuple(rows)
+
+
+def tilt(direction: Array) -> float:
+    """Angle of a unit vector from the vertical [rad]."""
+    return float(np.arccos(np.clip(direction[2], -1.0, 1.0)))
+
+
+def pose_name(up: Array, front: Array) -> str:
+    """What a thing's own upright axis and front show, both in the world."""
+    if abs(up[2]) > UPRIGHT:
+        return "upright" if up[2] > 0.0 else "upside_down"
+    left = np.cross(up, front)
+    axis = int(np.argmax(np.abs([front[2], left[2]])))
+    names = (("on_back", "on_front"), ("on_right_side", "on_left_side"))[axis]
+    return names[0] if (front, left)[axis][2] > 0.0 else names[1]
+
+
+def pose_warnings(rows: tuple[PoseCheck, ...]) -> tuple[str, ...]:
+    """A line for each row that is not met or in doubt."""
+    lines = []
+    for row in rows:
+        what = row.asked.replace("_", " ")
+        if not row.met:
+            found, angle = row.found.replace("_", " "), np.degrees(row.angle_rad)
+            lines.append(
+                f"asked {what}, found {found}: {angle:.0f} degrees off; look at the pictures, or try --object-up"
+            )
+        elif row.doubt:
+            lines.append(f"asked {what}: {row.doubt}; look at the pictures, and try --object-up if it is not")
+    return tuple(lines)

@@ -1,0 +1,69 @@
+"""What was asked as a direction of the mesh, and whether its shape tells it."""
+
+import numpy as np
+import pytest
+from box_rooms import ball, mug, thing, toy
+from stage_chain import Stages
+
+from dcap.language.protocol.requests import PoseView, RotationRequest
+from dcap.scene.types.mesh import Mesh
+from dcap.scene.types.rotation import AskedPose
+from tasks.rotation.asked_pose import asked_pose
+
+OFFLINE = Stages()
+SIDEWAYS = np.array([[1, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1]], dtype=float)
+"""What was up in the mesh looks along -y."""
+
+
+def seated(righting: float) -> RotationRequest:
+    """A teddy that shall sit, whose shape speaks for another side than its file."""
+    rows = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+    poses = [PoseView(name, rows, 0.3, rows[2], (0.0, -1.0, 0.0), (0.2, 0.2, 0.3)) for name in ("upright", "righted")]
+    return RotationRequest("p", "teddy", "seated", "", tuple(poses), (), 1, has_front=True, righting=righting)
+
+
+def pose_of(sentence: str, name: str, mesh: Mesh) -> AskedPose:
+    """What a sentence asks."""
+    found = OFFLINE.oriented(sentence, thing(name, mesh)).pose
+    assert found is not None
+    return found
+
+
+@pytest.mark.parametrize(
+    ("words", "axis", "angle"),
+    [("sit the teddy", (0, 0, 1), 0.0), ("put the teddy upside down", (0, 0, 1), np.pi),
+     ("lay the teddy on its back", (0, -1, 0), 0.0), ("lay the teddy on its left side", (1, 0, 0), np.pi)],
+)  # fmt: skip
+def test_the_direction_is_the_toys_own(words, axis, angle):
+    """It looks along -y and stands along +z: seated that is up, on its back its front is."""
+    found = pose_of(f"{words} on the bed", "teddy", toy())
+    assert found.axis == pytest.approx(np.array(axis, dtype=float), abs=0.1)
+    assert found.from_vertical == pytest.approx(angle)
+
+
+def test_what_is_righted_is_up_as_it_is_righted():
+    """A mug that lies in its file: up is along its own axis, not the file's z. Which end is up a full one does not
+    tell."""
+    found = pose_of("stand the mug upright on the bed", "mug", mug().transformed(SIDEWAYS))
+    assert abs(found.up[1]) > 0.99
+    assert "which way is up" in found.doubt
+
+
+@pytest.mark.parametrize(("lead", "doubted"), [(0.05, True), (0.5, False)])
+def test_an_up_that_the_shape_hardly_tells_is_a_doubt(lead, doubted):
+    """Righted on weak evidence: nobody would know from the row alone. As it is in its file nothing was guessed."""
+    for name, righting in (("righted", 0.4), ("upright", 0.0)):
+        found = asked_pose(seated(righting), np.eye(3), name, lead)
+        assert found is not None
+        assert bool(found.doubt) == (doubted and name == "righted")
+
+
+def test_a_front_that_the_shape_does_not_tell_is_a_doubt():
+    """A mug laid on its back: which side is that?"""
+    assert "front" in pose_of("put the vase on the bed facing the door", "vase", mug()).facing_doubt
+
+
+def test_nothing_asked_is_nothing_to_check():
+    """The pose then is nobody's wish."""
+    assert OFFLINE.oriented("put the mug on the bed", thing("mug", mug())).pose is None
+    assert OFFLINE.oriented("sit the ball on the bed", thing("ball", ball())).pose is None
