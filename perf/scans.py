@@ -7,11 +7,12 @@ folder of third-party rooms, those of `scans.yaml`. Right: the box of what is ta
 (intersection over union; of flat things their plans), and the point at which a ball would be set down is over it.
 """
 
+import itertools
 import json
 import os
 import sys
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -55,6 +56,8 @@ SUPPORTS = frozenset({
     Category.BED, Category.SOFA, Category.CHAIR, Category.STOOL, Category.TABLE, Category.CABINET, Category.SHELF,
     Category.BATHTUB,
 })  # fmt: skip
+BINS = (1e-9, 0.15, 0.35, 0.6, 0.8, 0.95, 1.01)
+"""Limits of likelihoods between which the share of right answers is told [-]."""
 FLAT = frozenset({"rug", "carpet", "floor"})
 """What is named as a support beside these."""
 
@@ -78,6 +81,9 @@ class NounScore:
     overlap: float
     over: bool
     likelihood: float
+    """How likely the program says that it is meant, 0 if nothing is taken."""
+    second: str
+    """What else may be meant, with how likely that is; empty if nothing."""
     said: str
 
     @property
@@ -152,24 +158,24 @@ def answer(room: str, scene: SegmentedScene, item: SegmentedObject, noun: str, b
     try:
         found = intent(scene, item, prompt, None, IntentConfig(ambiguous="best"), client)
         if isinstance(found, Infeasible):
-            return NounScore(room, noun, 0.0, False, 0.0, found.message)
+            return NounScore(room, noun, 0.0, False, 0.0, "", found.message)
         place = placed(scene, item, found, prompt)
     except DcapError as error:
-        return NounScore(room, noun, 0.0, False, 0.0, str(error))
+        return NounScore(room, noun, 0.0, False, 0.0, "", str(error))
     base = scene.instances[scene.index_of(found.base_id)]
-    likelihood = chance(scene, found)
+    likelihood, second = found.candidates[0].score, second_of(found)
     best = max(boxes, key=lambda box: overlap(bounds(base.box), box))
     share = overlap(bounds(base.box), best)
     if not isinstance(place, Anchor):
-        return NounScore(room, noun, share, False, likelihood, f"{base.id}: {place.message}")
+        return NounScore(room, noun, share, False, likelihood, second, f"{base.id}: {place.message}")
     point = place.surface_point[:2]
     over = bool(((point > best[0, :2] - BESIDE) & (point < best[1, :2] + BESIDE)).all())
-    return NounScore(room, noun, share, over, likelihood, f"{base.id} ({place.part})")
+    return NounScore(room, noun, share, over, likelihood, second, f"{base.id} ({place.part})")
 
 
-def chance(scene: SegmentedScene, found: Intent) -> float:
-    """How likely the program says that what it took is what is named."""
-    return scene.instances[scene.index_of(found.base_id)].confidence
+def second_of(found: Intent) -> str:
+    """What came second, with how likely it is; empty if nothing did."""
+    return next((f"{one.id} {one.score:.2f}" for one in found.candidates[1:]), "")
 
 
 def placed(scene: SegmentedScene, item: SegmentedObject, found: Intent, prompt: str) -> Anchor | Infeasible:
@@ -191,12 +197,19 @@ def ball() -> SegmentedObject:
 
 
 def calibration(found: list[NounScore]) -> Table:
-    """How often what is likely is right."""
-    table = Table("likelihood", "answers", "right", box=None)
-    for low, high in ((0.0, 0.35), (0.35, 0.6), (0.6, 0.8), (0.8, 0.95), (0.95, 1.01)):
-        rows = [one.right for one in found if low <= one.likelihood < high]
-        table.add_row(f"{low:.2f} to {min(high, 1.0):.2f}", str(len(rows)), f"{np.mean(rows):.2f}" if rows else "-")
+    """How likely answers are said to be, and how often they are right; refusals have no likelihood."""
+    table = Table("likelihood", "answers", "mean", "right", box=None)
+    for low, high in itertools.pairwise(BINS):
+        mine = [one for one in found if low <= one.likelihood < high]
+        means = mean([one.likelihood for one in mine]), mean([one.right for one in mine])
+        table.add_row(f"{low:.2f} to {min(high, 1.0):.2f}", str(len(mine)), *means)
+    table.add_row("refused", str(sum(one.likelihood == 0.0 for one in found)), "-", "-")
     return table
+
+
+def mean(values: Sequence[float]) -> str:
+    """The mean in words, "-" of nothing."""
+    return f"{np.mean(values):.2f}" if values else "-"
 
 
 def main(wanted: list[str]) -> None:
@@ -206,7 +219,8 @@ def main(wanted: list[str]) -> None:
         for one in answers(room, item):
             found.append(one)
             verdict = "right" if one.right else "WRONG"
-            console.print(f"{one.room:40s} {one.noun:16s} {verdict} {one.overlap:.2f} {one.likelihood:.2f} {one.said}")
+            sure = f"{one.likelihood:.2f} (second: {one.second or '-'})"
+            console.print(f"{one.room:40s} {one.noun:16s} {verdict} {one.overlap:.2f} {sure} {one.said}")
     console.print(f"{sum(one.right for one in found)} of {len(found)} right")
     console.print(calibration(found))
 

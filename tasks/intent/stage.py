@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, PositiveFloat
 
 from dcap.language.connect import Client
+from dcap.language.offline.likelihood import LEAST
 from dcap.language.protocol.client import LanguageConfig
 from dcap.language.protocol.questions import INTENT
 from dcap.language.protocol.replies import IntentReply
@@ -110,10 +111,23 @@ def not_found(reply: IntentReply, request: IntentRequest) -> Infeasible:
     structure = sorted({i.label for i in request.instances if i.structure})
     there = ", ".join([*present, *structure]) or "nothing that has a name"
     meant = f" (did you mean the {reply.did_you_mean}?)" if reply.did_you_mean else ""
+    missing = reply.missing.removeprefix("the ").removeprefix("a ")
     return Infeasible(
         Reason.TARGET_NOT_FOUND,
-        f"the scene has no {reply.missing.removeprefix('the ').removeprefix('a ')}{meant}; it has: {there}",
+        f"the scene has no {missing}{meant}; it has: {there}{named_by_shape(reply, request)}",
         NotInScene(asked=reply.missing, present=(*present, *structure), object=reply.object_name),
+    )
+
+
+def named_by_shape(reply: IntentReply, request: IntentRequest) -> str:
+    """Where nobody named the things: what comes nearest to what is missing, and what settles it; else nothing."""
+    if not any(one.guesses for one in request.instances):
+        return ""
+    nearest = ", ".join(f"{one.id} ({one.likelihood:.2f})" for one in reply.candidates)
+    likely = f"likeliest: {nearest}, less than {LEAST:g} is not taken" if nearest else "none is likely to be it"
+    return (
+        f". Its things are named by shape alone ({likely}); candidates.png shows them: point at one with --at X,Y,Z, "
+        "or name them with dcap dataset label and --labels"
     )
 
 

@@ -7,7 +7,7 @@ living room.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from dcap.geometry.segmentation.rooms.composites import ONLY_PARTS
 from dcap.geometry.segmentation.rooms.unions import RoughShape, worth_most
 from dcap.language.offline.rough_shapes import Evidence, evidence
-from dcap.language.offline.shapes import labels, shapes
+from dcap.language.offline.shapes import colour_measures, labels, shapes
 
 PER_THING = 8.5
 """What one thing more must explain [nats]: position and size, each to a few per cent of what a room allows."""
@@ -28,8 +28,6 @@ COMMON = {"dry": 1.0, "wet": 1.0 / 8.0}
 
 MOST_LEVELS = 4
 """More levels tell no more [-]: on the boards of a shelf lies something that looks up, too."""
-EYES = 1.5
-"""The top of what is higher than people hold a camera is not seen [m]."""
 
 Union = frozenset[int]
 
@@ -48,9 +46,9 @@ def likely_things(unions: Sequence[Union], rough: Sequence[RoughShape]) -> list[
     return best[1]
 
 
-def room_labels(rough: Sequence[RoughShape]) -> tuple[str, ...]:
-    """What things of these shapes may be called: what stands in such a room."""
-    room = max(COMMON, key=lambda room: explained(room, _worthy(_evidence(rough, room))))
+def room_labels(measures: Sequence[Mapping[str, float]], holders: Sequence[str]) -> tuple[str, ...]:
+    """What things of these measures, held by these, may be called: what stands in such a room."""
+    room = max(COMMON, key=lambda room: explained(room, _worthy(evidence(measures, holders, room, ONLY_PARTS))))
     odd = {shape.label for shape in shapes() if shape.room not in ("", room)}
     return tuple(label for label in labels() if label not in odd)
 
@@ -85,7 +83,9 @@ def rough_measures(shape: RoughShape) -> dict[str, float]:
         found["bottom"] = shape.bottom
     if shape.wall_gap is not None:
         found["gap"] = shape.wall_gap
-    if shape.top > EYES:
+    if shape.color is not None:
+        found |= colour_measures(shape.color)
+    if not shape.top_seen:
         found["levels"] = float(min(shape.levels, MOST_LEVELS))
     elif shape.level_height is not None:
         found |= {

@@ -16,7 +16,7 @@ from dcap.geometry.segmentation.rooms.composites import composites
 from dcap.geometry.segmentation.rooms.decomposition import DecomposedRoom, decompose_room
 from dcap.geometry.segmentation.rooms.traits import FLOOR, Traits, describe_things, thing_segments
 from dcap.language.connect import Client
-from dcap.language.offline.shapes import labels
+from dcap.language.offline.shapes import labels, measures_of
 from dcap.language.protocol.questions import LABEL
 from dcap.language.protocol.replies import OTHER, LabelReply
 from dcap.language.protocol.requests import LabelRequest
@@ -55,10 +55,17 @@ def floor_below(room: DecomposedRoom, number: int) -> float | None:
     return room.shell.levels.floor
 
 
+def fused_labels(room: DecomposedRoom, traits: tuple[Traits, ...]) -> tuple[str, ...]:
+    """What may stand in a fused room: by all that is known of what looks like things there."""
+    likely = [i for i, one in enumerate(room.fused) if one.likely]
+    measures = [measures_of(label_request(i, traits, {}, (), labels())) for i in likely]
+    return room_labels(measures, [traits[i].held_by for i in likely])
+
+
 def asked(mesh: Mesh, room: DecomposedRoom, traits: tuple[Traits, ...], client: Client) -> list[LabelReply]:
     """The client's answer for each thing."""
     known: dict[int, LabelReply] = {}
-    allowed = room_labels([one.shape for one in room.fused if one.likely]) if room.fused else labels()
+    allowed = fused_labels(room, traits) if room.fused else labels()
 
     def request(i: int) -> LabelRequest:
         pictures = (

@@ -48,5 +48,5 @@ def with_one_support(base: InstanceView, main: Place, instances: Sequence[Instan
     noun = whole(main)
     others = {one.id for one in candidates(noun, instances)} - {base.id}
     known = named(noun, [base]) or part_of(noun, base) or not noun.thing
-    called = base if known else replace(base, label=noun.name or noun.thing)
+    called = base if known else replace(base, label=noun.name or noun.thing, guesses=())
     return (*(one for one in instances if one.id not in others and one.id != base.id), called)

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from dcap.language.offline.likelihood import LEAST, NO_KIND, PLAUSIBLE, label_thing, likelihood, parent_of
+from dcap.language.offline.likelihood import LEAST, NO_KIND, PLAUSIBLE, by_label, label_thing, likelihood, parent_of
 from dcap.language.offline.nouns import Noun
 from dcap.language.offline.reading import Place
 from dcap.language.protocol.requests import InstanceView
@@ -32,6 +32,8 @@ SAME_SIZE = 1.05
 """Things whose sizes differ by less than this factor are equally large [-]."""
 SAME_PLACE = 0.05
 """Distances and heights that differ by less than this are alike [m]."""
+NEAREST = 3
+"""So many things are told of those that are too unlikely to be meant [-]."""
 STANDS_ON = 0.12
 """A thing stands on what has its top within this height of its bottom [m]; a mattress gives way that much."""
 
@@ -66,9 +68,16 @@ def named(noun: Noun, instances: Sequence[InstanceView]) -> tuple[InstanceView, 
 
 def near_miss(noun: Noun, instances: Sequence[InstanceView]) -> str:
     """The label that comes nearest to a noun that names nothing here, empty if none does."""
-    scored = [(likelihood(noun, i), i.label) for i in instances]
+    scored = [(by_label(noun, i), i.label) for i in instances]
     best = max(scored, default=(0.0, ""))
     return best[1] if best[0] > 0.0 else ""
+
+
+def unlikely(noun: Noun, instances: Sequence[InstanceView]) -> Found:
+    """What comes nearest to a noun that names nothing here, by what things may be: not likely enough to be taken."""
+    scored = [(likelihood(noun, i), i) for i in instances]
+    left = sorted((one for one in scored if one[0] > 0.0), key=lambda one: (-one[0], one[1].id))[:NEAREST]
+    return Found(tuple(i for _, i in left), tuple(round(score, 6) for score, _ in left))
 
 
 def is_wider(instance: InstanceView, noun: Noun) -> bool:

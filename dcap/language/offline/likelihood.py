@@ -4,13 +4,18 @@ In: a noun phrase and an instance with what its label says. Out: 0 to 1. The lab
 is called by the noun's words is what it says, a kind of it that goes by another name is that less, the wider kind less
 again, its kin only a guess. Words before the noun that the label has not lower it, words that contradict the label's
 lower it more. Colours, sides and places tell several such things apart; they are weighed in `ground`.
+
+What a thing may be by its shape alone counts by its probability: "coffee table" finds a low table that is more likely a
+bench. Such labels mix up kin, so kin of the noun's shape counts more there, and its kinds by its usual size.
 """
 
+import math
 from collections.abc import Sequence
 from functools import cache
 
-from dcap.language.offline.lexicon import is_a, label_words, rows, thing_of, things
+from dcap.language.offline.lexicon import is_a, label_words, lineage, rows, thing_of, things
 from dcap.language.offline.nouns import Noun
+from dcap.language.offline.shapes import EVIDENCE, ShapePrior, labels, shapes
 from dcap.language.offline.typos import may_be
 from dcap.language.protocol.requests import InstanceView
 
@@ -24,6 +29,10 @@ MISTYPED = 0.3
 """An unknown word that a slip makes of a word of the label [-]."""
 KIN = 0.1
 """Another kind of the same: a "side table" for "coffee table"; no answer, but worth a question [-]."""
+KIN_BY_SHAPE = 0.3
+"""The same where shape alone tells the label: a desk is easily taken for a dining table [-]."""
+LEAST_SPREAD = 1.2
+"""Sizes of things that are all of one size differ by so much in a scan [-]."""
 UNSAID = 0.45
 """Factor where a word before the noun is none of the label's [-]."""
 CONTRADICTED = 0.1
@@ -41,12 +50,79 @@ def likelihood(noun: Noun, instance: InstanceView) -> float:
     """How likely the noun means the instance, 0..1; parts, sides, colour and places are not looked at."""
     if noun.id:
         return 1.0 if noun.id == instance.id else 0.0
+    if not instance.guesses:
+        return by_label(noun, instance)
+    return min(sum(share * by_shape(noun, label, instance) for label, share in possible_labels(instance)), 1.0)
+
+
+def by_label(noun: Noun, instance: InstanceView) -> float:
+    """How likely the noun means an instance that is what its label says."""
     label = label_words(instance.label)
     return kinship(noun, label, label_thing(instance)) * fit_of_words(noun, label)
 
 
-def kinship(noun: Noun, label: Sequence[str], theirs: str) -> float:
-    """How likely from the thing alone; `theirs`: the thing that the label names."""
+def possible_labels(instance: InstanceView) -> tuple[tuple[str, float], ...]:
+    """What an instance may be; its label counts where its parts gave it, none of which is the whole."""
+    guessed = instance.guesses
+    if instance.label in [label for label, _ in guessed] or not label_thing(instance):
+        return guessed
+    return ((instance.label, instance.confidence), *guessed)
+
+
+def by_shape(noun: Noun, text: str, instance: InstanceView) -> float:
+    """How likely the noun means an instance that is what this label says, where only its shape tells so."""
+    label, thing = label_words(text), thing_of(text)
+    theirs = thing.id if thing else ""
+    if theirs and theirs == told_by_shape(noun.thing):
+        return CALLED * usual_size(noun.thing, instance.size)  # shapes tell boxes, not what is kept in them
+    akin = kinship(noun, label, theirs, KIN_BY_SHAPE) * fit_of_words(noun, label)
+    if theirs == noun.thing or not akin:
+        return akin
+    return akin * (usual_size if is_a(theirs, noun.thing) else usual_shape)(noun.thing, instance.size)
+
+
+@cache
+def told_by_shape(thing: str) -> str:
+    """The wider kind by which shapes know a thing that has no usual shape of its own, empty if there is none."""
+    known = {one.id for one in map(thing_of, labels()) if one}
+    return "" if thing in known else next((kind for kind in lineage(thing) if kind in known), "")
+
+
+def usual_size(thing: str, size: Sequence[float]) -> float:
+    """Factor for extents that are not usual of a thing, its spread the standard deviation of the mean ratio [-]; 1 of
+    what no size is known."""
+    if thing not in things():
+        return 1.0
+    known, extents = things()[thing], sorted((max(one, 1e-3) for one in size), reverse=True)
+    away = min(math.dist([math.log(a) for a in usual], [math.log(b) for b in extents]) for usual in known.sizes)
+    return math.exp(-0.5 * (away / (math.sqrt(3.0) * math.log(max(known.spread, LEAST_SPREAD)))) ** 2)
+
+
+def usual_shape(thing: str, size: Sequence[float]) -> float:
+    """Factor for extents, the last one upright, that shapes do not know of a thing: a high table is no coffee table."""
+    known = shapes_of(thing)
+    if not known:
+        return usual_size(thing, size)
+    length, width = max(size[:2]), min(size[:2])
+    measures = {"length": length, "width": width, "height": size[2]}
+    return max(math.prod(fit_of_size(one, name, extent) for name, extent in measures.items()) for one in known)
+
+
+@cache
+def shapes_of(thing: str) -> tuple[ShapePrior, ...]:
+    """What is usual for the shape of a thing, nothing where that is not known."""
+    return tuple(one for one in shapes() if (named := thing_of(one.label)) and named.id == thing)
+
+
+def fit_of_size(row: ShapePrior, name: str, extent: float) -> float:
+    """How well one extent [m] fits a row, 1 within what is usual."""
+    usual, value = row.traits.get(name), math.log(max(extent, 1e-3))
+    away = max((usual.low - value) / usual.below, (value - usual.high) / usual.above, 0.0) if usual else 0.0
+    return math.exp(-0.5 * EVIDENCE * away**2)
+
+
+def kinship(noun: Noun, label: Sequence[str], theirs: str, kin: float = KIN) -> float:
+    """How likely from the thing alone; `theirs`: the thing that the label names; `kin`: another kind of the same."""
     words = tuple(label_words(noun.name))
     if words and words == tuple(label):
         return 1.0
@@ -63,7 +139,7 @@ def kinship(noun: Noun, label: Sequence[str], theirs: str) -> float:
     parent = parent_of(noun.thing)
     if parent in NO_KIND:
         return 0.0
-    return WIDER if theirs == parent else KIN if parent_of(theirs) == parent else 0.0
+    return WIDER if theirs == parent else kin if parent_of(theirs) == parent else 0.0
 
 
 def fit_of_words(noun: Noun, label: Sequence[str]) -> float:

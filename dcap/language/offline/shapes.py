@@ -123,16 +123,25 @@ def labels() -> tuple[str, ...]:
 def measures_of(request: LabelRequest) -> dict[str, float]:
     """The request's numbers under the names of the table; what could not be measured is left out."""
     length, width, height = (max(size, 1e-3) for size in request.size)
-    red, green, blue = request.color
     found = {
         "length": math.log(length), "width": math.log(width), "height": math.log(height), "bottom": request.bottom,
         "level": request.level_height, "rise": request.rise, "levels": float(request.levels),
         "closed": request.closed, "covered": request.covered, "waist": request.waist, "rough": request.rough,
-        "gap": request.wall_gap, "light": 0.2126 * red + 0.7152 * green + 0.0722 * blue, "varied": request.varied,
-        "green": green - 0.5 * (red + blue), "share": min(request.level_area / (length * width), 1.0),
-        "balance": request.balance,
+        "gap": request.wall_gap, "varied": request.varied, "share": share_of(request.level_area, length * width),
+        "balance": request.balance, **colour_measures(request.color),
     }  # fmt: skip
     return {name: value for name, value in found.items() if value is not None}
+
+
+def colour_measures(color: tuple[float, float, float]) -> dict[str, float]:
+    """How light and how green an sRGB colour, 0..1, is."""
+    red, green, blue = color
+    return {"light": 0.2126 * red + 0.7152 * green + 0.0722 * blue, "green": green - 0.5 * (red + blue)}
+
+
+def share_of(area: float | None, plan: float) -> float | None:
+    """Share of the plan, both in m^2, that a level covers; None where that is not known."""
+    return None if area is None else min(area / plan, 1.0)
 
 
 def probabilities(request: LabelRequest) -> dict[str, float]:

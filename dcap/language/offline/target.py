@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from dcap.language.offline.ground import (
+    Found,
     boarded,
     candidates,
     carrier,
@@ -23,6 +24,7 @@ from dcap.language.offline.ground import (
     owners,
     part_of,
     stands_on,
+    unlikely,
 )
 from dcap.language.offline.grounded import Target, as_candidates, is_any
 from dcap.language.offline.lexicon import default_parts, inside_parts, label_words, lineage
@@ -100,6 +102,7 @@ def ground_support(target: Target, support: Place, reading: Reading, request: In
         target.missing = noun.text
         target.notes.append(f"the scene has {inventory(request.instances)}")
         target.meant = near_miss(noun, request.instances)
+        target.candidates = as_candidates(unlikely(noun, request.instances))
         return
     target.used = narrowing(reading, support, found, request)
     able = carrying(reading, support, found, request)
@@ -115,6 +118,8 @@ def ground_support(target: Target, support: Place, reading: Reading, request: In
         target.notes.append(f"{noun.text}: {chosen.note}")
     if is_wider(target.base, noun):
         target.notes.append(f"using the {target.base.label} as {noun.text}")
+    if target.base.guesses:
+        target.notes.append(by_shape_alone(noun.text, chosen))
     only_a_part = noun is support.nouns[0] and not named(noun, request.instances)
     one_of_its_parts = len(found) == 1 and noun.sides and part_of(noun, target.base)  # "the second shelf"
     if only_a_part or one_of_its_parts or a_board:
@@ -123,6 +128,12 @@ def ground_support(target: Target, support: Place, reading: Reading, request: In
         target.part = inside(target.base)
     elif support.topmost:
         set_topmost(target)
+
+
+def by_shape_alone(text: str, found: Found) -> str:
+    """How sure the choice among things that nobody named is, and what came second."""
+    second = f", second {found.instances[1].id} ({found.scores[1]:.2f})" if len(found.scores) > 1 else ""
+    return f"{text}: {found.best.id} by its shape, likelihood {found.scores[0]:.2f}{second}"
 
 
 def unmet_load(

@@ -226,9 +226,9 @@ class LabelRequest:
     """Height above the floor [m]."""
     level_height: float | None
     """Height of its main upward surface above the floor [m]; None where nothing looks up."""
-    level_area: float
-    """[m^2]."""
-    rise: float
+    level_area: float | None
+    """[m^2]; None, as `rise`, where a scan has not seen the top."""
+    rise: float | None
     """How far it rises above that surface [m]."""
     levels: int
     """Upward surfaces that cover a good part of its plan: boards of a shelf."""

@@ -1,9 +1,11 @@
 """What the stage makes of a sentence and a mesh: base, scale and mass, or what is missing."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from box_rooms import ball, block, book, segmentation, thing
-from stage_chain import Stages
+from stage_chain import ROOM, Stages
 
 from dcap.language.protocol.client import ClientName, LanguageConfig
 from dcap.scene.errors import InputError, LanguageError
@@ -72,6 +74,40 @@ def test_missing_target_is_infeasible_and_lists_what_is_there(stages):
     assert "bed" in found.message
     assert isinstance(found.evidence, NotInScene)
     assert found.evidence.asked == "the piano"
+
+
+def by_shape(room: Segmentation, *guesses: tuple[str, float]) -> Segmentation:
+    """The room as if only their shapes named its things, all of them so."""
+    label, sure = guesses[0]
+    named = (
+        one if one.structure else replace(one, label=label, guesses=guesses, confidence=sure) for one in room.instances
+    )
+    return replace(room, instances=tuple(named))
+
+
+def test_a_refusal_among_guesses_says_what_settles_it():
+    """What came nearest, from which likelihood on it would be taken, where the candidates are shown, both options."""
+    found = OFFLINE.meant(
+        "put the ball on the bench", thing("ball", ball()), by_shape(ROOM, ("stool", 0.9), ("bench", 0.1))
+    )
+    assert isinstance(found, Infeasible)
+    for said in ("(0.10)", "0.15", "candidates.png", "--at X,Y,Z", "dcap dataset label", "--labels"):
+        assert said in found.message
+    assert "\n" not in found.message
+    annotated = OFFLINE.meant("put the ball on the bench", thing("ball", ball()))
+    assert isinstance(annotated, Infeasible)
+    assert "--at" not in annotated.message
+
+
+def test_what_shapes_only_guess_is_taken_with_its_likelihood():
+    """The likelihood and what came second are in the notes and among the candidates."""
+    room = by_shape(ROOM, ("stool", 0.6), ("bench", 0.3))
+    found = OFFLINE.meant(
+        "put the ball on the bench", thing("ball", ball()), room, config=IntentConfig(ambiguous="best")
+    )
+    assert isinstance(found, Intent)
+    assert found.candidates[0].score == pytest.approx(0.3)
+    assert any("by its shape, likelihood 0.30" in note for note in found.notes)
 
 
 @pytest.mark.parametrize("prompt", ["", "hello there", "x" * 2000])

@@ -1,5 +1,8 @@
 """A room that is one noisy surface: a sofa, a low table and a shelf are found in it though nothing parts them."""
 
+from collections.abc import Sequence
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -10,7 +13,7 @@ from dcap.geometry.segmentation.rooms.unions import RoughShape, worth_most
 from dcap.scene.types.mesh import Mesh
 from dcap.synthetic.depth_scan import scanned
 from dcap.synthetic.shapes import columns, joined, line, moved, rounded_box, sheet
-from tasks.segment.fused_rooms import explained, likely_things, room_labels
+from tasks.segment.fused_rooms import explained, likely_things, room_labels, rough_measures
 
 Array = NDArray[np.float64]
 SIZE = (4.0, 3.6, 2.4)
@@ -82,11 +85,14 @@ def test_a_fused_thing_is_found(room: DecomposedRoom, parts: list[Mesh]) -> None
     assert fitting[0].held_by == "floor"
 
 
-def shape(length: float, width: float, top: float, level: float) -> RoughShape:
+Color = tuple[float, float, float]
+
+
+def shape(length: float, width: float, top: float, level: float, color: Color | None = None) -> RoughShape:
     """A thing on the floor, far from walls."""
     return RoughShape(
         length=length, width=width, bottom=None, top=top, level_height=level, level_area=0.8 * length * width,
-        buried=0.0, cut=0.0, levels=1, wall_gap=1.0, holder=-1, held_by="floor",
+        buried=0.0, cut=0.0, levels=1, wall_gap=1.0, holder=-1, held_by="floor", color=color,
     )  # fmt: skip
 
 
@@ -97,9 +103,31 @@ def test_a_whole_sofa_is_worth_more_than_its_seat_and_back() -> None:
     assert likely_things([seat, back, whole], shapes) == [whole]
 
 
+def labels_of(found: Sequence[RoughShape]) -> tuple[str, ...]:
+    """What may stand in a room of these things."""
+    return room_labels([rough_measures(one) for one in found], [one.held_by for one in found])
+
+
+def rim(color: Color) -> RoughShape:
+    """What a scan sees of a tub: a rim, and little else that looks up."""
+    return replace(shape(1.7, 0.8, 0.58, 0.56, color), level_area=0.28 * 1.7 * 0.8, wall_gap=0.02)
+
+
+def test_a_tub_makes_a_bathroom_if_it_is_white() -> None:
+    """The same rim in the brown of a wooden bed does not, nor is anything wet then."""
+    assert "toilet" in labels_of([rim((0.93, 0.93, 0.92)), shape(0.36, 0.36, 0.45, 0.45)])
+    assert "toilet" not in labels_of([rim((0.4, 0.28, 0.2)), shape(0.36, 0.36, 0.45, 0.45)])
+
+
+def test_of_what_is_higher_than_a_camera_no_top_is_known() -> None:
+    """The main level of a shelf of 1.9 m is that of some board: how far it rises above it says nothing."""
+    assert not {"level", "rise", "share"} & set(rough_measures(shape(0.8, 0.3, 1.9, 0.5)))
+    assert rough_measures(shape(0.8, 0.3, 1.2, 1.15))["rise"] == pytest.approx(0.05)
+
+
 def test_a_living_room_has_no_toilet() -> None:
     """A seat of 40 cm beside a sofa and a table is none; what may stand in any room stays."""
-    said = room_labels([shape(1.9, 0.88, 0.85, 0.42), shape(1.1, 0.6, 0.42, 0.42), shape(0.4, 0.4, 0.45, 0.45)])
+    said = labels_of([shape(1.9, 0.88, 0.85, 0.42), shape(1.1, 0.6, 0.42, 0.42), shape(0.4, 0.4, 0.45, 0.45)])
     assert "toilet" not in said
     assert {"sofa", "stool", "rug"} <= set(said)
 

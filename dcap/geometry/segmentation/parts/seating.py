@@ -11,6 +11,9 @@ from dcap.geometry.segmentation.faces import level_of
 from dcap.geometry.segmentation.parts.instance_surface import InstanceSurface, SurfacePiece
 from dcap.geometry.segmentation.parts.partmap import SIDES, PartMap
 
+SEAT_BAND = 0.06
+"""What one sits on lies within this share of the height above and below the level [-]."""
+
 
 def _seat_level(surface: InstanceSurface) -> float:
     """Height of the sitting surface [m]."""
@@ -61,10 +64,16 @@ def sofa_parts(surface: InstanceSurface) -> PartMap:
 
 def _seat_bottom(surface: InstanceSurface, level: float, height: float) -> float:
     """Underside of the seat cushions [m]: of the piece whose top is the seat, else a cushion's usual thickness."""
-    for piece in surface.pieces():
-        if _is_seat_piece(surface, piece, level, height):
-            return float(piece.low[2])
-    return level - 0.18 * height
+    cushions = _cushions(surface, level, height)
+    return float(cushions[0].low[2]) if cushions else level - 0.18 * height
+
+
+def _cushions(surface: InstanceSurface, level: float, height: float) -> list[SurfacePiece]:
+    """The seat cushions, the largest first; none where they are not most of what one sits on: a scan tears crumbs off a
+    seat that is one with its front."""
+    found = [piece for piece in surface.pieces() if _is_seat_piece(surface, piece, level, height)]
+    seat = surface.area * (surface.open_up & (np.abs(surface.center[:, 2] - level) < SEAT_BAND * height))
+    return found if sum(seat[one.faces].sum() for one in found) > 0.5 * seat.sum() else []
 
 
 def _is_seat_piece(surface: InstanceSurface, piece: SurfacePiece, level: float, height: float) -> bool:
@@ -111,11 +120,10 @@ def _sofa_faces(
     axis = int(np.argmax(np.abs(back)))
     sideways, rearward = center[:, 1 - axis], center @ back
     inner_arm, inner_back = _inner_edges(surface, level, axis, back)
-    has_cushion = any(_is_seat_piece(surface, piece, level, height) for piece in surface.pieces())
     above = center[:, 2] > seat_bottom
     arm = above & (np.abs(sideways) > inner_arm)
     rear = above & (rearward > inner_back)
-    if not has_cushion:
+    if not _cushions(surface, level, height):
         names[above & ~arm & ~rear & (center[:, 2] < level + 0.06 * height) & (normal[:, 2] > -0.5)] = "seat cushion"
     names[arm] = "arm"
     # Where back and arm meet, what is higher than the arms is back.
@@ -131,7 +139,7 @@ def _arm_top(center: NDArray[np.float64], arm: NDArray[np.bool_], height: float)
 def _inner_edges(surface: InstanceSurface, level: float, axis: int, back: NDArray[np.float64]) -> tuple[float, float]:
     """Where the arms begin, from the middle sideways, and where the back begins, rearward [m]."""
     height, width, depth = float(surface.size[2]), float(surface.size[1 - axis]), float(surface.size[axis])
-    seat = surface.open_up & (np.abs(surface.center[:, 2] - level) < 0.06 * height)
+    seat = surface.open_up & (np.abs(surface.center[:, 2] - level) < SEAT_BAND * height)
     points = surface.corners[seat].reshape(-1, 3)
     sideways = float(np.percentile(np.abs(points[:, 1 - axis]), 98))
     rearward = float(np.percentile(points @ back, 97))

@@ -57,9 +57,9 @@ class Traits:
     top: float
     level_height: float
     """Height of the main upward surface; nan where nothing looks up."""
-    level_area: float
-    """Its area [m^2]."""
-    rise: float
+    level_area: float | None
+    """Its area [m^2]; None, as the next one, where a scan has not seen the top."""
+    rise: float | None
     """How far the thing rises above its main upward surface."""
     levels: int
     """Upward surfaces that cover a good part of the plan."""
@@ -102,12 +102,13 @@ def describe_things(table: FaceTable, room: DecomposedRoom, segments: Segments) 
 def _as_fused(traits: Traits, thing: FusedThing) -> Traits:
     """With the measures that a fused scan tells more surely, without those that it does not tell."""
     shape = thing.shape
-    level = shape.level_height if shape.level_height is not None else float("nan")
-    bottom = shape.bottom or 0.0
+    bottom, level, area, rise = shape.bottom or 0.0, float("nan"), None, None
+    if shape.top_seen:
+        level = shape.level_height if shape.level_height is not None else level
+        area, rise = shape.level_area, shape.top - (bottom if np.isnan(level) else level)
     return replace(
         traits, length=shape.length, width=shape.width, height=shape.top - bottom, bottom=bottom,
-        top=shape.top, level_height=level, level_area=shape.level_area,
-        rise=shape.top - (bottom if np.isnan(level) else level), levels=shape.levels,
+        top=shape.top, level_height=level, level_area=area, rise=rise, levels=shape.levels,
         wall_gap=float("inf") if shape.wall_gap is None else shape.wall_gap,
         closed=None, waist=None, rough=None, balance=None,
     )  # fmt: skip

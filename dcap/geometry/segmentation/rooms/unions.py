@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
+from skimage.color import lab2rgb
 
 from dcap.geometry.segmentation.rooms.pieces import Pieces
 from dcap.geometry.segmentation.rooms.surfels import VOXEL, Surfels
@@ -51,6 +52,10 @@ LOW_ENOUGH = 1.2
 """What begins lower than this above the floor, with nothing below it, stands on the floor [m]."""
 BY_WALL = 0.15
 """What comes this near to a wall may hang there [m]."""
+ONE_COLOUR = 1.0
+"""Colours that differ by less are one [CIELAB units]."""
+EYES = 1.5
+"""The top of what is higher than people hold a camera is not seen [m]."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -79,6 +84,13 @@ class RoughShape:
     """The piece that it stands on, -1: none."""
     held_by: str
     """floor, wall, ceiling, nothing, or empty: the holder."""
+    color: tuple[float, float, float] | None
+    """Mean sRGB colour, 0..1; None where the scan has but one."""
+
+    @property
+    def top_seen(self) -> bool:
+        """Whether a camera that people hold has seen its top: else the level is that of some board below it."""
+        return self.top <= EYES
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -98,6 +110,10 @@ class _Piece:
     wall_gap: float
     cells: int
     """It is seen from above in so many cells."""
+    area: float
+    """[m^2]."""
+    lab: Array
+    """Mean colour in CIELAB, shape (3,)."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -113,6 +129,8 @@ class PieceGraph:
     """The first so many pieces have a patch that carries."""
     ceiling: float
     """Above the floor [m]; inf where there is none."""
+    colored: bool
+    """Whether the scan has more than one colour."""
 
     def shape(self, union: frozenset[int]) -> RoughShape:
         """Measure a union."""
@@ -128,7 +146,7 @@ class PieceGraph:
             length=float(length), width=float(width), bottom=None if held_by == "floor" else low, top=top,
             level_height=level, level_area=area, buried=self._buried(union, area), cut=self._cut(union), levels=levels,
             wall_gap=gap if np.isfinite(gap) else None,
-            holder=holder, held_by=held_by,
+            holder=holder, held_by=held_by, color=_color(members) if self.colored else None,
         )  # fmt: skip
 
     def _holder(self, union: frozenset[int], low: float, top: float, gap: float) -> tuple[int, str]:
@@ -219,6 +237,7 @@ def piece_graph(surfels: Surfels, pieces: Pieces, planes: Array, floor: float, c
     return PieceGraph(
         known, _touching(surfels, pieces.owner, known), _over(surfels, pieces, members, known, floor), pieces.patches,
         float("inf") if np.isnan(ceiling) else ceiling - floor,
+        bool(np.ptp(surfels.lab, axis=0).max(initial=0.0) > ONE_COLOUR),
     )  # fmt: skip
 
 
@@ -238,7 +257,14 @@ def _piece(surfels: Surfels, mine: Index, gap: Array, floor: float) -> _Piece:
         _outline(position[kept, :2] if kept.sum() > 2 else position[:, :2]),
         float(low[2] - floor), float(high[2] - floor), windows, areas, heights,
         float(np.percentile(gap, STRAY)), len(cells),
+        float(surfels.area[mine].sum()), np.average(surfels.lab[mine], axis=0, weights=surfels.area[mine]),
     )  # fmt: skip
+
+
+def _color(members: Sequence[_Piece]) -> tuple[float, float, float]:
+    """Mean sRGB colour, 0..1."""
+    red, green, blue = lab2rgb(np.average([one.lab for one in members], axis=0, weights=[one.area for one in members]))
+    return float(red), float(green), float(blue)
 
 
 def _outline(points: Array) -> Array:

@@ -1,9 +1,11 @@
 """How likely a noun means an instance: the label's own words weigh, modifiers that contradict it weigh more."""
 
+from dataclasses import replace
+
 import pytest
 from furnished_views import thing
 
-from dcap.language.offline.ground import named, near_miss
+from dcap.language.offline.ground import named, near_miss, unlikely
 from dcap.language.offline.likelihood import LEAST, PLAUSIBLE, likelihood
 from dcap.language.offline.sentence import read
 from dcap.language.offline.words import SceneWords
@@ -71,3 +73,62 @@ def test_what_nearly_fits_is_asked_about(text: str, label: str, near: str) -> No
     """A label that is kin, or contradicts one word only, is what "did you mean" names; nothing else is."""
     instances = labelled(label)
     assert near_miss(noun(text, instances), instances) == near
+
+
+def guessed(name: str, size: tuple[float, float, float], *guesses: tuple[str, float]) -> InstanceView:
+    """A thing that only its shape names, the likeliest first."""
+    label, confidence = guesses[0]
+    return replace(thing(name, label, (0.0, 0.0, 0.5), size), guesses=guesses, confidence=confidence)
+
+
+LOW = guessed("low", (1.2, 0.7, 0.45), ("bench", 0.52), ("stool", 0.22), ("coffee table", 0.18))
+HIGH = guessed("high", (1.6, 0.75, 0.75), ("dining table", 0.7), ("table", 0.2), ("bed", 0.08))
+CASE = guessed("case", (0.5, 0.35, 0.3), ("box", 0.6), ("stool", 0.2))
+
+
+@pytest.mark.parametrize(
+    ("text", "meant"),
+    [
+        ("coffee table", "low"),  # its third guess
+        ("bench", "low"),
+        ("dining table", "high"),
+        ("table", "high"),
+        ("desk", "high"),  # kin, which shapes mix up
+        ("storage box", "case"),  # shapes know boxes, not what is kept in them
+    ],
+)
+def test_what_a_thing_may_be_by_its_shape_counts(text: str, meant: str) -> None:
+    """The noun finds the thing that is most probably called so, whatever its first label is."""
+    instances = [LOW, HIGH, CASE]
+    said = noun(text, instances)
+    best = max(instances, key=lambda one: likelihood(said, one))
+    assert best.id == meant
+    assert named(said, instances)[0].id == meant
+
+
+def test_a_guess_is_worth_its_probability() -> None:
+    """A bench with 0.52 is a bench with 0.52; annotated it is one for sure; 1 is not exceeded."""
+    said = noun("bench", [LOW])
+    assert likelihood(said, LOW) == pytest.approx(0.52)
+    assert likelihood(said, replace(LOW, guesses=())) == 1.0
+    assert likelihood(noun("table", [HIGH]), replace(HIGH, guesses=(("table", 0.8), ("dining table", 0.4)))) <= 1.0
+
+
+def test_kin_by_shape_is_weighed_by_the_usual_size() -> None:
+    """For "desk" a table of a desk's size comes before one of a dollhouse's."""
+    small = replace(HIGH, id="small", size=(0.3, 0.2, 0.15))
+    said = noun("desk", [HIGH, small])
+    assert likelihood(said, small) < 0.5 * likelihood(said, HIGH)
+
+
+def test_a_label_that_the_parts_gave_counts_beside_those_of_the_largest_part() -> None:
+    """A sofa of base and cushions is a sofa although shapes said "sofa base" of its base."""
+    sofa = replace(LOW, label="sofa", confidence=0.8, guesses=(("sofa base", 0.8), ("bench", 0.1)))
+    assert likelihood(noun("sofa", [sofa]), sofa) >= 0.8
+
+
+def test_what_is_unlikely_is_told_with_its_likelihood() -> None:
+    """Nothing here is a piano; of a bathtub a chest of 3 per cent comes nearest."""
+    tub = replace(CASE, guesses=(("box", 0.6), ("bathtub", 0.03)))
+    assert unlikely(noun("bathtub", [tub, LOW]), [tub, LOW]).instances == (tub,)
+    assert unlikely(noun("piano", [tub, LOW]), [tub, LOW]).instances == ()
