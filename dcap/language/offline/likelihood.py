@@ -29,8 +29,8 @@ MISTYPED = 0.3
 """An unknown word that a slip makes of a word of the label [-]."""
 KIN = 0.1
 """Another kind of the same: a "side table" for "coffee table"; no answer, but worth a question [-]."""
-KIN_BY_SHAPE = 0.3
-"""The same where shape alone tells the label: a desk is easily taken for a dining table [-]."""
+KIND_BY_SHAPE, KIN_BY_SHAPE = 0.6, 0.3
+"""The last and KIND where shape alone tells the label: a desk is easily taken for a dining table [-]."""
 LEAST_SPREAD = 1.2
 """Sizes of things that are all of one size differ by so much in a scan [-]."""
 UNSAID = 0.45
@@ -75,7 +75,7 @@ def by_shape(noun: Noun, text: str, instance: InstanceView) -> float:
     theirs = thing.id if thing else ""
     if theirs and theirs == told_by_shape(noun.thing):
         return CALLED * usual_size(noun.thing, instance.size)  # shapes tell boxes, not what is kept in them
-    akin = kinship(noun, label, theirs, KIN_BY_SHAPE) * fit_of_words(noun, label)
+    akin = kinship(noun, label, theirs, KIND_BY_SHAPE, KIN_BY_SHAPE) * fit_of_words(noun, label)
     if theirs == noun.thing or not akin:
         return akin
     return akin * (usual_size if is_a(theirs, noun.thing) else usual_shape)(noun.thing, instance.size)
@@ -121,8 +121,16 @@ def fit_of_size(row: ShapePrior, name: str, extent: float) -> float:
     return math.exp(-0.5 * EVIDENCE * away**2)
 
 
-def kinship(noun: Noun, label: Sequence[str], theirs: str, kin: float = KIN) -> float:
-    """How likely from the thing alone; `theirs`: the thing that the label names; `kin`: another kind of the same."""
+def kinship(noun: Noun, label: Sequence[str], theirs: str, kind: float = KIND, kin: float = KIN) -> float:
+    """How likely from the thing alone.
+
+    Args:
+        noun: a noun phrase.
+        label: the words of the label.
+        theirs: the thing that the label names, empty if unknown.
+        kind: for a kind of the noun's thing by another name [-].
+        kin: for another kind of the same [-].
+    """
     words = tuple(label_words(noun.name))
     if words and words == tuple(label):
         return 1.0
@@ -135,7 +143,7 @@ def kinship(noun: Noun, label: Sequence[str], theirs: str, kin: float = KIN) -> 
     if len(words) > 1 and set(words) <= set(label) and (is_a(theirs, noun.thing) or is_a(noun.thing, theirs)):
         return CALLED  # "single bed" and "bed single clone"
     if is_a(theirs, noun.thing):
-        return CALLED if contains_words(label, words[len(noun.modifiers) :]) else KIND
+        return CALLED if contains_words(label, words[len(noun.modifiers) :]) else kind
     parent = parent_of(noun.thing)
     if parent in NO_KIND:
         return 0.0

@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from box_rooms import ball, block, book, segmentation, thing
-from stage_chain import ROOM, Stages
+from box_rooms import ROOM, ball, block, book, segmentation, thing
+from stage_chain import Stages
 
 from dcap.language.protocol.client import ClientName, LanguageConfig
 from dcap.scene.errors import InputError, LanguageError
