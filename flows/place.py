@@ -128,7 +128,7 @@ def place(sample: Sample, config: PlaceConfig) -> PlacementRefs:
     materials = materials_task(scene, item, intent, anchor, sample.prompt, config=config.materials)
     particles = particles_task(scene, item, intent, anchor, materials, config=config.particles)
     settled = drop_task(particles, anchor, intent, sample.seed, config=config.drop)
-    if unforeseen(Store.default().load(settled)):
+    if ended_elsewhere(settled):
         particles = particles_task(scene, item, intent, anchor, materials, config=config.particles, rest=settled)
         settled = drop_task(particles, anchor, intent, sample.seed, config=config.drop)
     renders = render_task(scene, item, anchor, settled, config=config.render)
@@ -159,6 +159,11 @@ def scale_of(sample: Sample, source: Ref[Source], labels: LabelRefs, config: Pla
     options = replace(sample.scene_options, unit=ANY)
     guess = mesh_scene_task(source, options, config=config.scene_mesh, labels=labels.vertices)
     return found_scale_task(guess, sample.known_height, config=config.segment, labels=labels.things)
+
+
+def ended_elsewhere(settled: Ref[Settled]) -> bool:
+    """Whether the drop showed that cells must be fine at another place than was foreseen."""
+    return unforeseen(Store.default().load(settled))
 
 
 def found(ref: Ref[ValueT]) -> Ref[ValueT] | None:

@@ -65,7 +65,7 @@ def joined(one: Footprint, other: Footprint) -> Footprint:
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Approach:
+class Descent:
     """The object over what it comes down on, before its contact is known."""
 
     beneath: Raycaster
@@ -88,7 +88,7 @@ class Approach:
         return float(self.start.min())
 
     @classmethod
-    def of(cls, item: Mesh, beneath: Raycaster, fallback_height: float, *, tilts: bool) -> "Approach":
+    def of(cls, item: Mesh, beneath: Raycaster, fallback_height: float, *, tilts: bool) -> "Descent":
         """Of an object at its pre-drop pose; `tilts` where it may lie down on what it meets. `fallback_height` [m]
         stands for what lies below where a ray meets nothing."""
         center = center_of(item)

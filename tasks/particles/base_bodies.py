@@ -106,7 +106,7 @@ def soft_in_reach(
     """Whether the soft parts, taken together, come so near to the object that they may be dented, shape (m,)."""
     soft = np.array([r.model is BodyModel.MPM for r in rows])[part]
     low, high = setup.mesh.bounds + np.array([[-SOFT_REACH], [SOFT_REACH]])
-    low[2] = setup.mesh.bounds[0, 2] - setup.approach.gap - REACH_BELOW
+    low[2] = setup.mesh.bounds[0, 2] - setup.descent.gap - REACH_BELOW
     corner = setup.scene.mesh.corners(faces[soft])
     if ((corner.max(axis=1) >= low) & (corner.min(axis=1) <= high)).all(axis=1).any():
         return np.ones(len(faces), dtype=bool)
@@ -222,7 +222,7 @@ def column_under(
     setup: DropSetup, rows: list[PartMaterial], layers: BaseLayers, bottom: float
 ) -> tuple[ColumnLayer, ...]:
     """Parts and materials straight below the first contact, down to `bottom` [m]."""
-    first = setup.approach.first
+    first = setup.descent.first
     depth = np.linspace(0.0, max(float(first[2]) - bottom, 0.0), COLUMN_STEPS)
     points = np.column_stack([np.tile(first[:2], (len(depth), 1)), first[2] - depth])
     return column_of(layers.owners(points), depth, names_of(rows))

@@ -21,7 +21,7 @@ RIGID: Layer = (np.inf, 0.0)
 def footprint_on(setup: DropSetup, base: list[Layer]) -> Footprint:
     """The object's predicted contact with layers of the base, from the top down."""
     weight, stacks = setup.intent.mass * GRAVITY, (object_layers(setup), [*base, RIGID])
-    foot = setup.approach.footprint(weight, stacks)
+    foot = setup.descent.footprint(weight, stacks)
     return foot if setup.returned is None else joined(foot, setup.returned.footprint(weight, stacks))
 
 
@@ -33,9 +33,9 @@ def object_layers(setup: DropSetup) -> list[Layer]:
     bottom, top = (float(z) for z in setup.mesh.bounds[:, 2])
     if len(used) == 1 or all(rows[p].model is BodyModel.RIGID for p in used):
         return [(top - bottom, compliance_of(rows[used[0]]))]
-    start = float(setup.approach.first[2] + setup.approach.gap)
+    start = float(setup.descent.first[2] + setup.descent.gap)
     depth = np.linspace(0.0, max(top - start, 0.0), COLUMN_STEPS)
-    points = np.column_stack([np.tile(setup.approach.first[:2], (len(depth), 1)), start + depth])
+    points = np.column_stack([np.tile(setup.descent.first[:2], (len(depth), 1)), start + depth])
     owner = part_at(setup.mesh, part_of_face, points)
     return layers_of(column_of(owner, depth, names_of(rows)), rows)
 

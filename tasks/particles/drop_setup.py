@@ -19,7 +19,7 @@ from dcap.scene.types.particles import LayeredPoints
 from dcap.scene.types.repair_report import BodyGeometry, RepairReport
 from dcap.scene.types.segmentation import Instance, Segmentation
 from dcap.scene.types.settled import Settled
-from tasks.bodies.footprint import MOST_DEPTH, Approach
+from tasks.bodies.footprint import MOST_DEPTH, Descent
 from tasks.bodies.material_points import MaterialConstants
 from tasks.particles.config import ParticlesConfig
 
@@ -53,9 +53,9 @@ class DropSetup:
     base_index: int
     crop: Array
     """Region of the base that takes part [m], shape (2, 3)."""
-    approach: Approach
+    descent: Descent
     """The object over what lies beneath it."""
-    returned: Approach | None
+    returned: Descent | None
     """The same where it came to rest in an earlier drop that had not foreseen it there."""
     torn: bool = False
     """Whether the scan of the base has a hole under the object, which `scene` has closed."""
@@ -72,7 +72,7 @@ class DropSetup:
         """Where the object may touch anything [m], shape (2, 3): the crop, cut in height to the object's own way."""
         top, lowest = float(self.mesh.bounds[1, 2]), float(self.mesh.bounds[0, 2])
         box = self.crop.copy()
-        box[:, 2] = lowest - self.approach.gap - REACH_BELOW, top + REACH_ABOVE
+        box[:, 2] = lowest - self.descent.gap - REACH_BELOW, top + REACH_ABOVE
         return box
 
     def in_contact_region(self, triangles: Array) -> NDArray[np.bool_]:
@@ -139,9 +139,9 @@ def drop_setup(
     torn = bool(found and holes_under(surface, mesh))
     beneath = Raycaster(scene.mesh.submesh(np.flatnonzero(scene.face_instance == base_index)))
     below = float(anchor.surface_point[2])
-    approach = Approach.of(mesh, beneath, below, tilts=anchor.lean is None)
-    returned = None if rest is None else Approach.of(lifted(mesh, rest), beneath, below, tilts=False)
-    setup = DropSetup(scene, item, intent, anchor, materials, config, mesh, base_index, crop, approach, returned, torn)
+    descent = Descent.of(mesh, beneath, below, tilts=anchor.lean is None)
+    returned = None if rest is None else Descent.of(lifted(mesh, rest), beneath, below, tilts=False)
+    setup = DropSetup(scene, item, intent, anchor, materials, config, mesh, base_index, crop, descent, returned, torn)
     setup.notes += [*materials.notes, *(f"{anchor.base_id}: {note}" for note in found)]
     setup.notes.append(f"{anchor.base_id} is cut {margin:.2f} m around the object and clamped at the cut")
     return setup

@@ -28,7 +28,7 @@ from tasks.bodies.material_points import material_points, with_mass
 from tasks.bodies.node_states import grid_of
 from tasks.bodies.object_shape import ObjectShape
 from tasks.bodies.soft_cells import Cells, Planes, nodes, thickness, uniform_cells
-from tasks.particles.drop_setup import OBJECT, DropSetup, constants_of_parts, friction_of_surface
+from tasks.particles.drop_setup import OBJECT, RIGID_CONTRAST, DropSetup, constants_of_parts, friction_of_surface
 from tasks.particles.object_parts import part_at
 
 Array = NDArray[np.float64]
@@ -62,7 +62,7 @@ def object_body(setup: DropSetup, shape: ObjectShape, foot: Footprint, base_cell
     spacing = min(edge / SAMPLES_PER_CELL, size / SAMPLES)
     most = setup.config.object_distance_samples
     grid = distance_samples(shape.solid, setup.mesh.bounds, spacing, margin=MARGIN, most=most)
-    touching = rows[int(part_of_face[setup.approach.face_nearest])]
+    touching = rows[int(part_of_face[setup.descent.face_nearest])]
     if any(rows[p].model is BodyModel.MPM for p in used):
         return soft_object(setup, foot, rows, part_of_face, grid, touching.material)
     inertial = rigid_inertial(setup, rows, part_of_face, grid)
@@ -183,7 +183,13 @@ def core_nodes(
         spread = np.linalg.matrix_rank(point[core] - point[core].mean(axis=0), tol=1e-6) if len(core) > 3 else 0
         if spread == 3:
             mask[core] = True
-            setup.notes.append(f"object: {names} is a rigid core of {len(core)} nodes in a soft body")
+            setup.notes.append(
+                f"object: {names} is a rigid core of {len(core)} nodes in a soft body; in cells shared with "
+                f"the rest it is {RIGID_CONTRAST:g} times as stiff as the softest part"
+            )
         else:
-            setup.notes.append(f"object: {names} is smaller than a cell and only stiffens it")
+            setup.notes.append(
+                f"object: {names} is smaller than a cell and only stiffens it, to {RIGID_CONTRAST:g} times the softest "
+                "part"
+            )
     return mask.reshape([len(p) for p in planes])

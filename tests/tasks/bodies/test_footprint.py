@@ -7,7 +7,7 @@ from box_rooms import block
 
 from dcap.geometry.raycast import Raycaster
 from dcap.scene.types.mesh import Mesh
-from tasks.bodies.footprint import Approach, Footprint
+from tasks.bodies.footprint import Descent, Footprint
 
 FLOOR = block((-1.0, -1.0, -0.2), (1.0, 1.0, 0.0))
 FOAM, RIGID = (np.inf, 1.0 / 2e4), (np.inf, 0.0)
@@ -16,7 +16,7 @@ BOARD = block((-0.2, -0.05, 0.01), (0.2, 0.05, 0.03))
 
 def on_foam(item: Mesh, weight: float, *, tilts: bool = True, ground: Mesh = FLOOR) -> Footprint:
     """A rigid object on soft ground."""
-    return Approach.of(item, Raycaster(ground), 0.0, tilts=tilts).footprint(weight, ([RIGID], [FOAM, RIGID]))
+    return Descent.of(item, Raycaster(ground), 0.0, tilts=tilts).footprint(weight, ([RIGID], [FOAM, RIGID]))
 
 
 def sloping(item: Mesh, slope: float) -> Mesh:
@@ -38,7 +38,7 @@ def test_an_object_lies_down_on_what_it_meets() -> None:
     held, lying = (on_foam(board, 5.0, tilts=tilts) for tilts in (False, True))
     assert held.high[0] - held.low[0] < 0.3
     assert [lying.low[0], lying.high[0]] == pytest.approx([-0.2, 0.2], abs=0.4 / 40)
-    assert Approach.of(board, Raycaster(FLOOR), 0.0, tilts=True).gap == pytest.approx(0.01, abs=1e-3)
+    assert Descent.of(board, Raycaster(FLOOR), 0.0, tilts=True).gap == pytest.approx(0.01, abs=1e-3)
     assert lying.ground == pytest.approx((0.0, 0.0), abs=2e-3)
 
 
@@ -84,7 +84,7 @@ def test_feet_are_seen_one_by_one() -> None:
 
 def test_on_a_rigid_base_there_is_no_patch() -> None:
     """What may touch within the least visible depth decides where points are."""
-    foot = Approach.of(sphere(0.1, 0.005), Raycaster(FLOOR), 0.0, tilts=True).footprint(5.0, ([RIGID], [RIGID]))
+    foot = Descent.of(sphere(0.1, 0.005), Raycaster(FLOOR), 0.0, tilts=True).footprint(5.0, ([RIGID], [RIGID]))
     assert not foot.contacts
     assert foot.half_width == pytest.approx(np.sqrt(2 * 0.1 * 5e-4), rel=0.3)
 
