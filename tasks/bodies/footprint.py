@@ -45,8 +45,7 @@ class Footprint:
     depth: float
     """Expected indentation [m]."""
     contacts: tuple[PlanContact, ...]
-    """The patch, and that where it was found at rest before; none where nothing there is soft or the object is beside
-    what is below."""
+    """The patch, and that where it was found at rest before; none where nothing there is soft."""
 
     @property
     def small_side(self) -> float:
@@ -69,6 +68,8 @@ class Descent:
     """The object over what it comes down on, before its contact is known."""
 
     beneath: Raycaster
+    fallback_height: float
+    """Stands for what lies below where a ray meets nothing [m]."""
     lying: Mesh
     """The object once it has tilted onto what is below."""
     under: Array
@@ -89,8 +90,7 @@ class Descent:
 
     @classmethod
     def of(cls, item: Mesh, beneath: Raycaster, fallback_height: float, *, tilts: bool) -> "Descent":
-        """Of an object at its pre-drop pose; `tilts` where it may lie down on what it meets. `fallback_height` [m]
-        stands for what lies below where a ray meets nothing."""
+        """Of an object at its pre-drop pose; `tilts` where it may lie down on what it meets."""
         center = center_of(item)
         turn = levelling(item, center, lambda turned: heights_over(turned, beneath)) if tilts else np.eye(4)
         fine, under, gap, _ = underside(item, beneath, fallback_height)
@@ -101,14 +101,18 @@ class Descent:
         first = at_once[int(np.argmin(np.linalg.norm((middle[at_once] - center)[:, :2], axis=1)))]
         place = middle[first] - [0.0, 0.0, way[first]]
         return cls(
-            beneath, item.transformed(turn), fine.triangles[under], gap, way, nearest, place
+            beneath, fallback_height, item.transformed(turn), fine.triangles[under], gap, way, nearest, place
         )  # fmt: skip
 
     def footprint(self, weight: float, stacks: tuple[Stack, Stack]) -> Footprint:
         """The contact under a weight [N] of the layers of the object with those of what is below it."""
         contact = None
         if any(compliance > 0.0 for stack in stacks for _, compliance in stack):
-            contact = plan_contact(heights_over(self.lying, self.beneath), self.lying.bounds[:, :2], weight, stacks)
+            box = self.lying.bounds[:, :2]
+            contact = plan_contact(heights_over(self.lying, self.beneath), box, weight, stacks)
+            if contact is None:  # all of it is over a hole of what is seen
+                level = heights_over(self.lying, self.beneath, self.fallback_height)
+                contact = plan_contact(level, box, weight, stacks)
         depth = LEAST_DEPTH if contact is None else float(np.clip(contact.patch.approach, LEAST_DEPTH, MOST_DEPTH))
         boxes, ground = [], []
         for times in (1.0, WIDER):
@@ -122,8 +126,9 @@ class Descent:
         return Footprint(low, high, wider, (ground[0], ground[1]), half, depth, contacts)
 
 
-def heights_over(item: Mesh, beneath: Raycaster) -> Heights:
-    """Tells where vertical lines enter the object from below, and what lies below that."""
+def heights_over(item: Mesh, beneath: Raycaster, fallback_height: float = np.nan) -> Heights:
+    """Tells where vertical lines enter the object from below, and what lies below that; `fallback_height` [m] where
+    nothing is seen."""
     own, start = Raycaster(item), float(item.bounds[0, 2]) - BELOW
 
     def heights(plan: Array) -> tuple[Array, Array]:
@@ -131,7 +136,7 @@ def heights_over(item: Mesh, beneath: Raycaster) -> Heights:
         under = start + own.cast(origin, np.tile(UP, (len(plan), 1))).distance
         there = np.isfinite(under)
         top = np.full(len(plan), np.nan)
-        top[there] = under[there] - gaps(np.column_stack([plan, under])[there], beneath, np.nan)
+        top[there] = under[there] - gaps(np.column_stack([plan, under])[there], beneath, fallback_height)
         return np.where(there, under, np.nan), top
 
     return heights

@@ -80,8 +80,9 @@ def base_bodies(setup: DropSetup) -> BaseBodies:
     part = np.clip(setup.scene.face_part[faces], 0, None)
     stiff = np.array([r.model is BodyModel.RIGID for r in rows])[part] | ~soft_in_reach(setup, rows, faces, part)
     solid = rigid_solid(setup, faces[stiff], part[stiff]) if stiff.any() else None
-    base = BaseBodies(None, None, 0.0, footprint_on(setup, []), ())
-    if not stiff.all():
+    if stiff.all():
+        base = BaseBodies(None, None, 0.0, footprint_on(setup, []), ())
+    else:
         held_by = None if solid is None else solid.solid
         base = soft_base(setup, rows, faces[~stiff], part[~stiff], held_by)
     if solid is not None:

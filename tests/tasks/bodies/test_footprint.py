@@ -96,6 +96,13 @@ def test_what_hangs_over_an_edge_touches_up_to_it() -> None:
     assert foot.contacts[0].across(0)[0].max() == pytest.approx(0.07, abs=0.005)
 
 
+def test_over_a_hole_the_height_that_was_asked_counts() -> None:
+    """Nothing is seen below a ball: its patch is that on a level ground there."""
+    aside = block((2.0, -1.0, -0.2), (3.0, 1.0, 0.0))
+    seen, unseen = (on_foam(sphere(0.1, 0.005), 1.0, ground=ground) for ground in (FLOOR, aside))
+    assert unseen.contacts[0].half_width == pytest.approx(seen.contacts[0].half_width, rel=1e-3)
+
+
 def _rod(radius: float, length: float) -> tuple[np.ndarray, np.ndarray]:
     """A fine cylinder that lies along x, a centimetre above the floor."""
     found = trimesh.creation.cylinder(radius, length, sections=128)
