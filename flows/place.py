@@ -129,8 +129,10 @@ def place(sample: Sample, config: PlaceConfig) -> PlacementRefs:
     particles = particles_task(scene, item, intent, anchor, materials, config=config.particles)
     settled = drop_task(particles, anchor, intent, sample.seed, config=config.drop)
     if ended_elsewhere(settled):
-        particles = particles_task(scene, item, intent, anchor, materials, config=config.particles, rest=settled)
-        settled = drop_task(particles, anchor, intent, sample.seed, config=config.drop)
+        finer = particles_task(scene, item, intent, anchor, materials, config=config.particles, rest=settled)
+        again = drop_task(finer, anchor, intent, sample.seed, config=config.drop)
+        if not again.infeasible:
+            particles, settled = finer, again
     renders = render_task(scene, item, anchor, settled, config=config.render)
     overview = None
     if renders.infeasible:

@@ -11,14 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from solver.model.grid import sized_planes
-from tasks.bodies.plan_contact import PlanContact
+from tasks.bodies.plan_contact import BESIDE, PlanContact
 from tasks.bodies.soft_cells import COARSENING, Cells, Planes
 
 Array = NDArray[np.float64]
 
 CELLS_ACROSS = 5.0  # cells in half the width of a predicted contact
 CELLS_AT_ENDS = 2.0  # and in the shorter half width where a long contact ends: pressure falls over about as much
-BESIDE = 0.3  # of its half width: cells stay fine this far beside a contact
+ONE_CELL = 6  # planes of a grid that cannot be coarser
 GROWTH = 1.6  # ratio of neighbouring cells away from a contact
 
 
@@ -70,10 +70,10 @@ def wanted_in_height(contact: PlanContact, low: float, high: float) -> WantedCel
 
 
 def cells_within(
-    box: Array, wanted: Callable[[float], Sequence[WantedCells]], count: Callable[[Planes], int], budget: int
+    box: Array, wanted: Callable[[float], Sequence[WantedCells]], count: Callable[[Planes], int], budget: int | None
 ) -> tuple[Cells, float]:
     """Cells over a box (2, 3) [m] as they are wanted along x, y and z, or larger by the least factor with which their
-    `count` meets a budget; and that factor. `wanted` is asked with the factor."""
+    `count` meets a budget, if there is one; and that factor. `wanted` is asked with the factor."""
     scale = 1.0
     while True:
         x, y, z = (
@@ -81,6 +81,6 @@ def cells_within(
             for a, w in enumerate(wanted(scale))
         )
         total = count((x, y, z))
-        if total <= budget:
+        if budget is None or total <= budget or len(x) + len(y) + len(z) == ONE_CELL:
             return Cells((x, y, z), min(float(np.diff(p).min()) for p in (x, y, z)), total), scale
         scale *= COARSENING

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from dcap.geometry.solid.repair import longest_near, subdivide_near
 from dcap.scene.types.mesh import Mesh
-from tasks.bodies.footprint import WIDER, Footprint
+from tasks.bodies.footprint import WIDER, Footprint, around
 
 Array = NDArray[np.float64]
 
@@ -39,7 +39,7 @@ def soft_object_surface(mesh: Mesh, bounds: Array, cell: float, most_faces: int)
 def obstacle_surface(mesh: Mesh, foot: Footprint) -> Mesh:
     """Edges of a fixed rigid body, finer where the object will probably touch it."""
     edge = max(foot.small_side / OBSTACLE_EDGES, LEAST_OBSTACLE_EDGE)
-    region = np.stack([foot.low - foot.half_width - edge, foot.high + foot.half_width + edge])
+    region = grown(around(np.stack([foot.low, foot.high]), foot.on_base[0]), np.full(3, foot.half_width + edge))
     return subdivide_near(mesh, region, edge, OBSTACLE_FACES)
 
 
@@ -52,10 +52,10 @@ def soft_support_surface(
     deeper than the object is expected to come. Faces as long as a cell cut the corners of the dent under an edge: they
     showed a dumbbell 1 mm deep in its bed.
     """
-    margin = np.array([0.3, 0.3, 0.0]) * (foot.high - foot.low) + 0.5 * foot.half_width
-    first, later = (grown(part, margin) for part in (np.stack([foot.low, foot.high]), foot.wider))
-    first[0, 2] = foot.ground[0] - foot.depth - margin[2]
-    later[0, 2] = foot.ground[1] - WIDER * foot.depth - margin[2]
+    margin = np.array([0.3, 0.3, 0.0]) * np.ptp(foot.on_base[0], axis=0) + 0.5 * foot.half_width
+    first, later = (grown(part, margin) for part in foot.on_base)
+    first[0, 2] -= foot.depth
+    later[0, 2] -= WIDER * foot.depth
     mesh = subdivide_near(mesh, crop, max(4.0 * cell, FAR_EDGE), most_faces)
     mesh = refined(mesh, first, later, cell / PER_CELL, most_faces)
     longest = longest_near(mesh, later)

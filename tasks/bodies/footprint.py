@@ -38,8 +38,8 @@ class Footprint:
     """Upper corner [m], shape (3,)."""
     wider: Array
     """Lower and upper corner of what may touch too, at WIDER times the indentation [m], shape (2, 3)."""
-    ground: tuple[float, float]
-    """Lowest place below its box, and below the wider one [m]."""
+    on_base: Array
+    """The same two boxes of what is below once the object lies [m], shape (2, 2, 3)."""
     half_width: float
     """Half the width of the contact where it is narrower [m]."""
     depth: float
@@ -49,18 +49,22 @@ class Footprint:
 
     @property
     def small_side(self) -> float:
-        """Shorter horizontal side [m]."""
-        return float((self.high - self.low)[:2].min())
+        """Shorter horizontal side once the object lies [m]."""
+        return float(np.ptp(self.on_base[0], axis=0)[:2].min())
 
 
 def joined(one: Footprint, other: Footprint) -> Footprint:
     """Two places where the object may touch."""
-    wider = np.stack([np.minimum(one.wider[0], other.wider[0]), np.maximum(one.wider[1], other.wider[1])])
     return Footprint(
-        np.minimum(one.low, other.low), np.maximum(one.high, other.high), wider,
-        (min(one.ground[0], other.ground[0]), min(one.ground[1], other.ground[1])),
+        np.minimum(one.low, other.low), np.maximum(one.high, other.high), around(one.wider, other.wider),
+        np.stack([around(a, b) for a, b in zip(one.on_base, other.on_base, strict=True)]),
         min(one.half_width, other.half_width), max(one.depth, other.depth), one.contacts + other.contacts,
     )  # fmt: skip
+
+
+def around(one: Array, other: Array) -> Array:
+    """The box of two boxes, all of shape (2, 3)."""
+    return np.stack([np.minimum(one[0], other[0]), np.maximum(one[1], other[1])])
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -74,19 +78,16 @@ class Descent:
     """The object once it has tilted onto what is below."""
     under: Array
     """Its faces that look down, at its pre-drop pose [m], shape (k, 3, 3)."""
-    start: Array
-    """Their way down [m], shape (k,)."""
+    laid: Array
+    """The same once the object lies [m], shape (k, 3, 3)."""
+    gap: float
+    """Smallest gap at the start [m]."""
     way: Array
-    """The same once the object lies [m], shape (k,)."""
+    """The way down of each face once the object lies [m], shape (k,)."""
     face_nearest: int
     """Face of the object that touches first."""
     first: Array
     """Where it touches what is below; of several places the one nearest to its middle [m], shape (3,)."""
-
-    @property
-    def gap(self) -> float:
-        """Smallest gap at the start [m]."""
-        return float(self.start.min())
 
     @classmethod
     def of(cls, item: Mesh, beneath: Raycaster, fallback_height: float, *, tilts: bool) -> "Descent":
@@ -95,13 +96,15 @@ class Descent:
         turn = levelling(item, center, lambda turned: heights_over(turned, beneath)) if tilts else np.eye(4)
         fine, under, gap, _ = underside(item, beneath, fallback_height)
         nearest = nearest_face(item, fine.triangles[under[int(np.argmin(gap))]].mean(axis=0))
-        middle = fine.transformed(turn).triangles[under].mean(axis=1)
+        laid = fine.transformed(turn).triangles[under]
+        middle = laid.mean(axis=1)
         way = gaps(middle, beneath, fallback_height)
         at_once = np.flatnonzero(way <= way.min() + LEAST_DEPTH)
         first = at_once[int(np.argmin(np.linalg.norm((middle[at_once] - center)[:, :2], axis=1)))]
         place = middle[first] - [0.0, 0.0, way[first]]
         return cls(
-            beneath, fallback_height, item.transformed(turn), fine.triangles[under], gap, way, nearest, place
+            beneath, fallback_height, item.transformed(turn), fine.triangles[under], laid, float(gap.min()), way,
+            nearest, place,
         )  # fmt: skip
 
     def footprint(self, weight: float, stacks: tuple[Stack, Stack]) -> Footprint:
@@ -114,16 +117,20 @@ class Descent:
                 level = heights_over(self.lying, self.beneath, self.fallback_height)
                 contact = plan_contact(level, box, weight, stacks)
         depth = LEAST_DEPTH if contact is None else float(np.clip(contact.patch.approach, LEAST_DEPTH, MOST_DEPTH))
-        boxes, ground = [], []
+        boxes, below = [], []
         for times in (1.0, WIDER):
             touching = self.way <= self.way.min() + times * depth
-            corner = self.under[touching]
-            boxes.append(np.stack([corner.min(axis=(0, 1)), corner.max(axis=(0, 1))]))
-            ground.append(float((corner[:, :, 2].min(axis=1) - self.start[touching]).min()))
+            boxes.append(box_of(self.under[touching]))
+            below.append(box_of(self.laid[touching] - self.way[touching, None, None] * np.array(UP)))
         (low, high), wider = boxes
-        half = 0.5 * float((high - low)[:2].min()) if contact is None else contact.half_width
+        half = 0.5 * float(np.ptp(below[0], axis=0)[:2].min()) if contact is None else contact.half_width
         contacts = () if contact is None else (contact,)
-        return Footprint(low, high, wider, (ground[0], ground[1]), half, depth, contacts)
+        return Footprint(low, high, wider, np.stack(below), half, depth, contacts)
+
+
+def box_of(corner: Array) -> Array:
+    """Around triangles (n, 3, 3) [m], shape (2, 3)."""
+    return np.stack([corner.min(axis=(0, 1)), corner.max(axis=(0, 1))])
 
 
 def heights_over(item: Mesh, beneath: Raycaster, fallback_height: float = np.nan) -> Heights:

@@ -9,7 +9,7 @@ from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import ConvexHull
+from scipy.spatial import ConvexHull, QhullError
 from scipy.spatial.transform import Rotation
 
 from dcap.scene.types.mesh import Mesh
@@ -53,13 +53,17 @@ def slope_below(x: Array, y: Array, gap: Array, center: Array) -> Array | None:
     it lies beside all of them. `gap` [m] is known at some of x (k,) and y (m,), shape (k, m)."""
     point = np.stack([*np.meshgrid(x, y, indexing="ij"), gap], axis=-1).reshape(-1, 3)
     point = point[np.isfinite(point[:, 2])]
-    if len(point) < 4:
+    if len(point) < 4 or np.linalg.matrix_rank(point[:, :2] - point[:, :2].mean(axis=0), tol=1e-9) < 2:
         return None
-    hull = ConvexHull(point, qhull_options="QJ")  # flat gaps span no volume
+    try:
+        hull = ConvexHull(point, qhull_options="QJ")  # flat gaps span no volume
+    except QhullError:
+        return None
     normal = hull.equations[:, :3]
     below = normal[:, 2] < -1e-9
     corner = point[hull.simplices[below]][:, :, :2] - center
-    area = np.stack([np.cross(corner[:, k], corner[:, (k + 1) % 3]) for k in range(3)], axis=1)
+    after = np.roll(corner, -1, axis=1)
+    area = corner[:, :, 0] * after[:, :, 1] - corner[:, :, 1] * after[:, :, 0]
     around = np.flatnonzero((area >= 0.0).all(axis=1) | (area <= 0.0).all(axis=1))
     if len(around) == 0:
         return None

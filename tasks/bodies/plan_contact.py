@@ -11,6 +11,7 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import ndimage
 
 from solver.contact.patch import Patch
 from tasks.bodies.layered_patch import Stack, layered_patch
@@ -24,6 +25,7 @@ SAMPLES = 128  # of the gap along each side of a box in plan
 ZOOMED = 0.4  # a patch that fills less of the box along both sides is looked at again in a smaller one [-]
 BORDER = 0.25  # of the patch's box on each side of it [-]
 MOST_ZOOMS = 6
+BESIDE = 0.3  # of its half width: cells stay fine this far beside a contact
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,12 +54,14 @@ class PlanContact:
         return float(np.nanmin(touched)), float(np.nanmax(touched))
 
     @property
-    def box(self) -> Array:
-        """Around the patch and half its width beside it, in plan [m], shape (2, 2)."""
-        touched = self.patch.region
-        ends = [axis[touched.any(axis=1 - a)] for a, axis in enumerate((self.x, self.y))]
-        margin = self.half_width
-        return np.array([[e.min() - margin for e in ends], [e.max() + margin for e in ends]])
+    def boxes(self) -> Array:
+        """Around each place of the patch and a little beside it, in plan [m], shape (k, 2, 2)."""
+        label, count = ndimage.label(self.patch.region, np.ones((3, 3)))
+        margin, found = BESIDE * self.half_width, []
+        for one in range(1, count + 1):
+            ends = [axis[(label == one).any(axis=1 - a)] for a, axis in enumerate((self.x, self.y))]
+            found.append([[e.min() - margin for e in ends], [e.max() + margin for e in ends]])
+        return np.array(found)
 
     def across(self, axis: int) -> tuple[Array, Array]:
         """Coordinates along an axis where there is contact [m], and half the patch's width along it there [m]."""

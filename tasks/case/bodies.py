@@ -42,17 +42,17 @@ MOST_CELLS = 200_000  # cells of one soft body; more would not fit the time a us
 
 
 def case_particles(case: Case, folder: Path, resolution: float | None, ended: Case | None = None) -> Particles:
-    """The simulation input of a case, with the smallest cell at a contact [m]; cells are fine too where the same bodies
-    `ended` before."""
+    """The simulation input of a case, with the smallest cell at a contact [m]; cells of fixed bodies are fine too where
+    others `ended` on them before."""
     solids, contacts = foreseen(case, folder)
-    if ended is not None:
-        contacts += foreseen(ended, folder)[1]
-    grids = [None if s.rigid else soft_grid(s, solids, contacts, resolution) for s in solids]
+    later = [] if ended is None else foreseen(ended, folder)[1]
+    grids = [
+        None if s.rigid else soft_grid(s, solids, contacts + later if s.fixed else contacts, resolution) for s in solids
+    ]
     finest = min([g.size for g in grids if g is not None] or [min(s.smallest for s in solids) / RIGID_CELLS])
     bodies = tuple(case_body(s, g, finest) for s, g in zip(solids, grids, strict=True))
     pairs = tuple((p.a, p.b, p.static_friction, p.dynamic_friction) for p in case.friction_pairs)
-    boxes = np.stack([one.plan.box for one in contacts]) if contacts else None
-    return Particles(bodies, pairs, finest, (), foreseen=boxes)
+    return Particles(bodies, pairs, finest, ())
 
 
 def foreseen(case: Case, folder: Path) -> tuple[list[CaseSolid], list[PredictedContact]]:
@@ -86,17 +86,20 @@ def soft_grid(
 ) -> Cells:
     """The cells of a soft body: fine where a contact is predicted, or of `resolution` [m] there; coarser where that
     takes more cells than the budget, unless they were asked for."""
-    joined = bonded_group(solid, solids)
-    felt = [c for c in contacts if c.upper in joined or c.lower in joined]
+    joined = {one.body.name for one in bonded_group(solid, solids)}
+    felt = [c for c in contacts if joined & c.names]
 
     def wanted(scale: float) -> list[WantedCells]:
         return [wanted_along(solid, axis, felt, resolution, scale) for axis in range(3)]
 
     box = np.stack([solid.low, solid.high])
-    cells, scale = cells_within(box, wanted, all_cells, MOST_CELLS if resolution else BUDGET)
-    if resolution and scale > 1.0:
+    if not resolution:
+        return cells_within(box, wanted, all_cells, BUDGET)[0]
+    cells = cells_within(box, wanted, all_cells, None)[0]
+    if cells.count > MOST_CELLS:
         raise InputError(
-            f"body {solid.body.name!r}: more than {MOST_CELLS} cells of {1e3 * resolution:.2g} mm; raise --resolution"
+            f"body {solid.body.name!r}: {cells.count:.3g} cells of {1e3 * cells.size:.2g} mm > {MOST_CELLS}; "
+            "raise --resolution"
         )
     return cells
 
@@ -112,7 +115,7 @@ def wanted_along(
     """The largest cells along an axis: through the body, and where contacts are felt."""
     low, high = float(solid.low[axis]), float(solid.high[axis])
     least = cells_through(solid)
-    through = (high - low) / least[axis] if felt else resolution or scale * min(solid.extent / least)
+    through = scale * ((high - low) / least[axis] if felt else resolution or min(solid.extent / least))
     found = [WantedCells(np.array([low]), np.array([high]), np.array([through]))]
     for contact in felt:
         height = contact.height_on(solid)

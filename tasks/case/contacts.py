@@ -1,8 +1,7 @@
-"""Where the bodies of a case will press on each other, and how fine their cells must be there.
+"""Where the bodies of a case will press on each other.
 
 In: the solids as they start. Out: for every pair of which one may come to lie on the other the patch that an elastic
-half-space would show under the gap between their true shapes; and from all patches of a body the size of its cells
-along each axis. No shape is assumed: a line of contact is resolved across and along for itself, feet one by one.
+half-space would show under the gap between their true shapes. No shape is assumed.
 """
 
 from dataclasses import dataclass
@@ -29,10 +28,16 @@ class PredictedContact:
     lower: CaseSolid
     plan: PlanContact
 
+    @property
+    def names(self) -> set[str]:
+        """Of both bodies."""
+        return {self.upper.body.name, self.lower.body.name}
+
     def height_on(self, solid: CaseSolid) -> float:
         """Height of the contact [m] as a body sees it that touches there or is bonded to one that does: on the lower
         body and what is below it where that begins to be touched, else on the underside of the upper one."""
-        from_below = solid is self.lower or (solid is not self.upper and higher(self.upper, solid))
+        name = solid.body.name
+        from_below = name == self.lower.body.name or (name != self.upper.body.name and higher(self.upper, solid))
         return self.plan.height if from_below else float(self.upper.low[2])
 
 

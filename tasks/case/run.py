@@ -18,8 +18,7 @@ from dcap.scene.errors import GeometryError, InputError
 from dcap.scene.json_tree import JsonObject, JsonValue, to_json
 from dcap.scene.store.ply import mesh_to_ply
 from dcap.scene.types.mesh import Mesh
-from dcap.scene.types.particles import Particles
-from solver.certificate import History, Verdict
+from solver.certificate import History
 from solver.config import SolverConfig
 from solver.errors import ArchError, ModelError, UnstableStep
 from solver.model.bodies import Body
@@ -27,14 +26,11 @@ from solver.rest import Signals
 from solver.result import SettledModel
 from solver.settle import settle
 from solver.warmup import warm_up
-from tasks.bodies.plan_contact import share_within
 from tasks.bodies.solver_model import solver_model
+from tasks.case.again import dropped_again, elsewhere
 from tasks.case.bodies import case_particles
 from tasks.case.file import Case, checked_case, read_case
 from tasks.case.stiff_bodies import load_aware as stiffened
-
-FORESEEN = 0.5
-"""Share of the contact's points that must lie where it was foreseen; else it is resolved there too [-]."""
 
 
 def run_case(
@@ -74,12 +70,14 @@ def run_case(
         warm_up(model, config)  # compilation is not part of wall_s
         built = time.perf_counter()
         result = settle(model, config, None if quiet else _progress)
-        if chosen is None and elsewhere(particles, result):
-            particles = case_particles(case, path.parent, chosen, as_ended(case, result))
-            model = solver_model(particles, case.gravity, [(a, b) for a, b in case.bonds])
-            bodies = model.bodies
-            result = settle(model, config, None if quiet else _progress)
-            notes.append("bodies rolled or slid from where contact was foreseen: dropped again with fine cells there")
+        if chosen is None and solver != "mls" and elsewhere(case, path.parent, result):
+            again, told = dropped_again(
+                case, path.parent, result, lambda one: settle(one, config, None if quiet else _progress)
+            )
+            notes.append(told)
+            if again is not None:
+                particles, model, result = again
+                bodies = model.bodies
         cell = result.certificate.cell_m or particles.resolution
     except (ModelError, ArchError) as error:
         raise InputError(f"{path}: {error}") from error
@@ -94,25 +92,6 @@ def run_case(
     summary |= {"wall_s": done - built, "timings": {"build_s": built - begin, "drop_s": done - built}}
     write_case(out, summary, bodies, result)
     return summary
-
-
-def elsewhere(particles: Particles, result: SettledModel) -> bool:
-    """Whether bodies came to rest where less than half of their contact has cells that are fine enough for it."""
-    points = [one for one in result.contact_points.values() if len(one)]
-    if result.verdict is not Verdict.AT_REST or particles.foreseen is None or not points:
-        return False
-    return share_within(np.concatenate(points), particles.foreseen) < FORESEEN
-
-
-def as_ended(case: Case, result: SettledModel) -> Case:
-    """The case with its bodies where they came to rest."""
-    moved = []
-    for body, rest in zip(case.bodies, result.bodies, strict=True):
-        turned = Rotation.from_matrix(rest.rotation) * Rotation.from_quat(body.quaternion, scalar_first=True)
-        place = rest.rotation @ np.asarray(body.position) + rest.translation
-        update = {"position": place.tolist(), "quaternion": turned.as_quat(scalar_first=True).tolist()}
-        moved.append(body.model_copy(update=update))
-    return case.model_copy(update={"bodies": moved})
 
 
 def _progress(step: int, seconds: float, signals: Signals) -> None:

@@ -260,7 +260,7 @@ def base_cells(setup: DropSetup, foot: Footprint, distance: Distance, box: Array
 
     cells, scale = cells_within(box, wanted, lambda planes: occupied(planes, distance), config.base_cells)
     if scale > config.cells_across / config.least_cells_across or (config.cell is not None and scale > 1.0):
-        finest = min(float(one.size.min()) for one in asked)
+        finest = min(float(one.size.min(initial=cells.size)) for one in asked)
         setup.notes.append(
             f"{setup.anchor.base_id}: cells of {1e3 * cells.size:.2g} mm at the contact instead of "
             f"{1e3 * finest:.2g} mm, to meet the budget of {config.base_cells} cells (ParticlesConfig.base_cells)"

@@ -30,20 +30,21 @@ def object_layers(setup: DropSetup) -> list[Layer]:
     rows = setup.materials.of_parts(OBJECT, len(setup.item.instances[0].parts))
     part_of_face = np.clip(setup.item.face_part, 0, None)
     used = np.unique(part_of_face).tolist()
-    bottom, top = (float(z) for z in setup.mesh.bounds[:, 2])
+    lying, first = setup.descent.lying, setup.descent.first
+    bottom, top = (float(z) for z in lying.bounds[:, 2])
     if len(used) == 1 or all(rows[p].model is BodyModel.RIGID for p in used):
         return [(top - bottom, compliance_of(rows[used[0]]))]
-    start = float(setup.descent.first[2] + setup.descent.gap)
+    start = float(first[2] + setup.descent.way.min())
     depth = np.linspace(0.0, max(top - start, 0.0), COLUMN_STEPS)
-    points = np.column_stack([np.tile(setup.descent.first[:2], (len(depth), 1)), start + depth])
-    owner = part_at(setup.mesh, part_of_face, points)
+    points = np.column_stack([np.tile(first[:2], (len(depth), 1)), start + depth])
+    owner = part_at(lying, part_of_face, points)
     return layers_of(column_of(owner, depth, names_of(rows)), rows)
 
 
 def layers_of(column: tuple[ColumnLayer, ...], rows: list[PartMaterial]) -> list[Layer]:
     """Thickness and compliance of each layer of a column."""
     named = {name: compliance_of(row) for name, row in zip(names_of(rows), rows, strict=True)}
-    return [(one.to_m - one.from_m, named[one.part, one.material]) for one in column]
+    return [(one.to_m - one.from_m, named[one.part, one.material]) for one in column if one.to_m > one.from_m]
 
 
 def names_of(rows: list[PartMaterial]) -> list[tuple[str, str]]:

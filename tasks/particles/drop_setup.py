@@ -19,7 +19,7 @@ from dcap.scene.types.particles import LayeredPoints
 from dcap.scene.types.repair_report import BodyGeometry, RepairReport
 from dcap.scene.types.segmentation import Instance, Segmentation
 from dcap.scene.types.settled import Settled
-from tasks.bodies.footprint import MOST_DEPTH, Descent
+from tasks.bodies.footprint import Descent
 from tasks.bodies.material_points import MaterialConstants
 from tasks.particles.config import ParticlesConfig
 
@@ -35,6 +35,7 @@ REACH_BELOW = 0.12  # how far below the predicted contact fields are sampled [m]
 REACH_ABOVE = 0.03  # above the object's top [m]
 UNDER = 0.25  # of its larger horizontal side around the object is under it [-]: it may move that far
 CRACK = 0.01  # what is shorter is a crack, which nothing notices [m]
+OUT_OF_DENT = 2e-3  # height of an object over a dent that it is lifted out of [m]
 SPHERICAL = 0.1  # relative spread of a ball's radius; a cube has 0.14
 
 
@@ -140,18 +141,23 @@ def drop_setup(
     beneath = Raycaster(scene.mesh.submesh(np.flatnonzero(scene.face_instance == base_index)))
     below = float(anchor.surface_point[2])
     descent = Descent.of(mesh, beneath, below, tilts=anchor.lean is None)
-    returned = None if rest is None else Descent.of(lifted(mesh, rest), beneath, below, tilts=False)
+    returned = None if rest is None else Descent.of(at_rest(mesh, rest, beneath), beneath, below, tilts=False)
     setup = DropSetup(scene, item, intent, anchor, materials, config, mesh, base_index, crop, descent, returned, torn)
     setup.notes += [*materials.notes, *(f"{anchor.base_id}: {note}" for note in found)]
     setup.notes.append(f"{anchor.base_id} is cut {margin:.2f} m around the object and clamped at the cut")
     return setup
 
 
-def lifted(mesh: Mesh, rest: Settled) -> Mesh:
-    """The object as it came to rest, lifted out of its dent."""
+def at_rest(mesh: Mesh, rest: Settled, beneath: Raycaster) -> Mesh:
+    """The object as it came to rest, lifted out of its dent: until no point of it is below a surface that looks up."""
     moved = np.eye(4)
     moved[:3, :3] = Rotation.from_quat(rest.bodies[0].quaternion, scalar_first=True).as_matrix()
-    moved[:3, 3] = rest.bodies[0].position + np.array([0.0, 0.0, MOST_DEPTH])
+    moved[:3, 3] = rest.bodies[0].position
+    lying = mesh.transformed(moved)
+    under = lying.triangles.mean(axis=1)
+    hits = beneath.cast(under, np.tile([0.0, 0.0, 1.0], (len(under), 1)))
+    inside = np.isfinite(hits.distance) & (hits.normal[:, 2] > 0.0) & (hits.distance < np.ptp(lying.vertices[:, 2]))
+    moved[2, 3] += OUT_OF_DENT + float(hits.distance[inside].max(initial=0.0))
     return mesh.transformed(moved)
 
 

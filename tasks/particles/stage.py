@@ -41,6 +41,10 @@ def particles(
         return refused(shape, intent.object_name)
     setup = drop_setup(scene, shape.item, intent, anchor, materials, config, rest)
     setup.notes += [f"object: {note}" for note in shape.notes]
+    if rest is not None:
+        setup.notes.append(
+            "dropped again from its start: it had come to rest where contact was not foreseen; cells are fine there too"
+        )
     base = base_bodies(setup)
     placed = object_body(setup, shape, base.footprint, base.cell or None)
     bodies: list[SimulationBody] = [placed.body, *base.bodies, *neighbours(setup, base.footprint)]
@@ -61,7 +65,7 @@ def foreseen_on(base: BaseBodies) -> NDArray[np.float64] | None:
     """Where a soft base is resolved for the contact, boxes in plan (k, 2, 2) [m]."""
     if base.soft is None or not base.footprint.contacts:
         return None
-    return np.stack([one.box for one in base.footprint.contacts])
+    return np.concatenate([one.boxes for one in base.footprint.contacts])
 
 
 def note_overlaps(setup: DropSetup, bodies: list[SimulationBody]) -> None:

@@ -17,7 +17,14 @@ def sloping(length: float) -> Footprint:
     """A board that comes down with a short end first and may touch along all of its length later [m]."""
     end = np.array([[0.0, -0.05, TOP + 0.01], [0.02, 0.05, TOP + 0.011]])
     wider = np.array([[0.0, -0.05, TOP + 0.01], [length, 0.05, TOP + 0.02]])
-    return Footprint(end[0], end[1], wider, ground=(TOP, TOP), half_width=0.01, depth=2e-3, contacts=())
+    return Footprint(
+        end[0], end[1], wider, on_base=np.stack([under(end), under(wider)]), half_width=0.01, depth=2e-3, contacts=()
+    )
+
+
+def under(box: np.ndarray) -> np.ndarray:
+    """What of the support is below a box."""
+    return box * [1.0, 1.0, 0.0] + [0.0, 0.0, TOP]
 
 
 def at_top(foot: Footprint, end: float) -> np.ndarray:
@@ -49,6 +56,8 @@ def test_a_rigid_object_of_any_size_keeps_within_its_budget() -> None:
     that it may have."""
     cube = Box(np.full(3, 4.0)).surface(4.0)
     under = np.array([[-2.0, -2.0, -2.0], [2.0, 2.0, -1.99]])
-    foot = Footprint(under[0], under[1], under, ground=(-2.0, -2.0), half_width=0.01, depth=2e-3, contacts=())
+    foot = Footprint(
+        under[0], under[1], under, on_base=np.stack([under, under]), half_width=0.01, depth=2e-3, contacts=()
+    )
     fine = rigid_object_surface(cube, foot, 0.002, 20_000)
     assert len(cube.faces) < len(fine.faces) <= len(cube.faces) + 20_000

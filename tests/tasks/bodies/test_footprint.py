@@ -39,7 +39,7 @@ def test_an_object_lies_down_on_what_it_meets() -> None:
     assert held.high[0] - held.low[0] < 0.3
     assert [lying.low[0], lying.high[0]] == pytest.approx([-0.2, 0.2], abs=0.4 / 40)
     assert Descent.of(board, Raycaster(FLOOR), 0.0, tilts=True).gap == pytest.approx(0.01, abs=1e-3)
-    assert lying.ground == pytest.approx((0.0, 0.0), abs=2e-3)
+    assert lying.on_base[:, :, 2] == pytest.approx(0.0, abs=2e-3)
 
 
 def test_what_would_fall_over_is_not_laid_down() -> None:

@@ -2,8 +2,11 @@
 
 import numpy as np
 import pytest
+from box_rooms import block
 
-from tasks.bodies.levelling import slope_below
+from dcap.scene.types.mesh import Mesh
+from tasks.bodies.levelling import levelling, slope_below
+from tasks.bodies.plan_contact import Heights
 
 X, Y = np.linspace(-0.1, 0.1, 21), np.linspace(-0.05, 0.05, 11)
 
@@ -31,3 +34,24 @@ def test_beside_all_that_carries_there_is_no_facet() -> None:
     gap = grid(np.where(X < 0.0, 0.01, np.nan)[:, None])
     assert slope_below(X, Y, gap, np.array([0.05, 0.0])) is None
     assert slope_below(X, Y, np.full((len(X), len(Y)), np.nan), np.zeros(2)) is None
+
+
+def test_along_one_line_there_is_no_facet() -> None:
+    """A narrow shelf under one row of places."""
+    gap = grid(np.where(np.abs(Y) < 1e-6, 0.01, np.nan)[None, :])
+    assert slope_below(X, Y, gap, np.zeros(2)) is None
+
+
+@pytest.mark.parametrize("slope", [(0.2, 0.0), (0.0, -0.2), (0.1, 0.15)])
+def test_a_board_over_a_slope_turns_flush_with_it(slope: tuple[float, float]) -> None:
+    """Seen from the board: after the turn its underside is as far from the slope everywhere."""
+    board = block((-0.2, -0.1, 0.1), (0.2, 0.1, 0.12))
+
+    def heights_of(turned: Mesh) -> Heights:
+        low = turned.vertices[board.vertices[:, 2] < 0.11]
+        plane = np.linalg.lstsq(np.column_stack([low[:, :2], np.ones(len(low))]), low[:, 2], rcond=None)[0]
+        return lambda plan: (plan @ plane[:2] + plane[2], plan @ np.array(slope))
+
+    lying = board.transformed(levelling(board, np.array([0.0, 0.0, 0.11]), heights_of))
+    low = lying.vertices[board.vertices[:, 2] < 0.11]
+    assert np.ptp(low[:, 2] - low[:, :2] @ np.array(slope)) < 1e-3
