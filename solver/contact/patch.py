@@ -49,10 +49,9 @@ class Patch:
         """Where the load comes down, shape (nx, ny): a rough surface touches with its crests first, but what is between
         them is under the same load; and places of their own that carry next to nothing are left out."""
         radius = float(np.sqrt(self.touching.sum() * self.spacing[0] * self.spacing[1] / np.pi))
-        near = ndimage.distance_transform_edt(~self.touching, sampling=self.spacing) <= NARROW * radius
-        if not near.all():
-            inside = ndimage.distance_transform_edt(near, sampling=self.spacing) > NARROW * radius
-            near = inside | self.touching
+        near = self.touching
+        for axis, spacing in enumerate(self.spacing):
+            near = near | without_gaps(self.touching, axis, int(2.0 * NARROW * radius / spacing))
         label, count = ndimage.label(near, np.ones((3, 3)))
         load = np.bincount(label.ravel(), self.pressure.ravel(), count + 1)
         return np.asarray(near & (load[label] >= IDLE * load.max()))
@@ -70,6 +69,16 @@ class Patch:
         total = load.sum(axis=1)
         with np.errstate(invalid="ignore"):
             return np.asarray(0.5 * self.spacing[axis] * (load * run).sum(axis=1) / total)
+
+
+def without_gaps(mask: NDArray[np.bool_], axis: int, cells: int) -> NDArray[np.bool_]:
+    """With gaps of at most so many cells along an axis filled; no run gets longer at its own end."""
+    if cells < 1:
+        return mask
+    room = [(cells, cells) if a == axis else (0, 0) for a in range(2)]
+    line = np.ones([cells + 1 if a == axis else 1 for a in range(2)], dtype=bool)
+    inner = tuple(slice(cells, -cells) if a == axis else slice(None) for a in range(2))
+    return np.asarray(ndimage.binary_closing(np.pad(mask, room), line)[inner])
 
 
 def elastic_patch(gap: Array, spacing: tuple[float, float], load: float, modulus: float) -> Patch:

@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 
 CELLS_ACROSS = 5.0  # cells in half the width of a predicted contact
 CELLS_AT_ENDS = 2.0  # and in the shorter half width where a long contact ends: pressure falls over about as much
-ONE_CELL = 6  # planes of a grid that cannot be coarser
+MOST_FACTOR = 1e3  # on the wanted sizes: what is still over its budget then is so without any contact
 GROWTH = 1.6  # ratio of neighbouring cells away from a contact
 
 
@@ -81,6 +81,6 @@ def cells_within(
             for a, w in enumerate(wanted(scale))
         )
         total = count((x, y, z))
-        if budget is None or total <= budget or len(x) + len(y) + len(z) == ONE_CELL:
+        if budget is None or total <= budget or scale > MOST_FACTOR:
             return Cells((x, y, z), min(float(np.diff(p).min()) for p in (x, y, z)), total), scale
         scale *= COARSENING

@@ -115,7 +115,7 @@ def wanted_along(
     """The largest cells along an axis: through the body, and where contacts are felt."""
     low, high = float(solid.low[axis]), float(solid.high[axis])
     least = cells_through(solid)
-    through = scale * ((high - low) / least[axis] if felt else resolution or min(solid.extent / least))
+    through = (high - low) / least[axis] if felt else scale * (resolution or min(solid.extent / least))
     found = [WantedCells(np.array([low]), np.array([high]), np.array([through]))]
     for contact in felt:
         height = contact.height_on(solid)

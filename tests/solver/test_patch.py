@@ -66,3 +66,22 @@ def test_where_bodies_cannot_meet_there_is_no_pressure():
     patch = elastic_patch(gap, spacing, 50.0, MODULUS)
     assert not patch.pressure[x > 0.0].any()
     assert patch.pressure.sum() * np.prod(spacing) == pytest.approx(50.0)
+
+
+def test_a_rough_surface_touches_as_a_whole():
+    """Grooves much narrower than the patch do not split it, and what carries next to nothing is left out; a smooth one
+    is as it was, feet stay apart."""
+    x, y = (np.linspace(-0.04, 0.04, 128),) * 2
+    spacing = (x[1] - x[0], y[1] - y[0])
+    sphere = (x[:, None] ** 2 + y[None, :] ** 2) / 0.2
+    smooth = elastic_patch(sphere, spacing, 5.0, 1e5)
+    assert (smooth.region == smooth.touching).all()
+    rough = elastic_patch(sphere + np.where(np.arange(128) % 8 == 0, np.inf, 0.0)[:, None], spacing, 5.0, 1e5)
+    assert np.nanmax(rough.half_widths(0)) == pytest.approx(np.nanmax(smooth.half_widths(0)), rel=0.15)
+    feet = np.minimum((x[:, None] - 0.025) ** 2, (x[:, None] + 0.025) ** 2) / 0.02 + y[None, :] ** 2 / 0.02
+    two = elastic_patch(feet, spacing, 2.0, 1e6)
+    assert not two.region[64, 64]
+    crumb = np.where((np.abs(x[:, None] - 0.035) < 1e-3) & (np.abs(y[None, :]) < 1e-3), 0.00185, np.inf)
+    beside = elastic_patch(np.minimum(np.where(x[:, None] < 0.03, sphere, np.inf), crumb), spacing, 5.0, 1e5)
+    assert beside.touching[x > 0.034].any()
+    assert not beside.region[x > 0.034].any()
