@@ -67,7 +67,7 @@ def column_solid(
     seen = seen_below(caster, region, item, cell)
     if not np.isfinite(seen.height).any():
         return None
-    closed, holes = holes_closed(seen, caster, mesh.face_normals[:, 2] > 0.0)
+    closed, holes = holes_closed(seen, caster, mesh)
     height, lowest = closed.height, bottoms(closed, bottom)
     surface, source, top = closed_columns(closed, np.minimum(lowest, height - THINNEST))
     log.add(RepairKind.COLUMNS, cell)

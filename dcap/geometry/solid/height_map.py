@@ -1,9 +1,10 @@
 """What is seen of a surface from straight above, and where it was torn: holes that a scan has and the thing has not.
 
 In: faces of one thing. Out: heights on a regular grid, holes in them with their sizes, and the height of the surface
-that closes each from its rim. A hole is a pit whose rim ends in the air: from the surface to what is seen through it no
-wall leads down, as one would in a tub or between two cushions. The rim has to go around it and to be about as flat as
-a surface: the way between a seat and a back is no hole.
+that closes each from its rim. A hole is a pit whose rim ends in the air: faces end there that nothing joins, and from
+the surface to what is seen through it no wall leads down, as one would in a tub or between two cushions. What is closed
+has no holes but its own, be it as thin as a slat. The rim has to go around a hole and to be about as flat as a surface:
+the way between a seat and a back is no hole.
 """
 
 from collections.abc import Iterator
@@ -17,6 +18,8 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
 from dcap.geometry.raycast import Raycaster
+from dcap.geometry.solid.open_edges import OpenEdges
+from dcap.scene.types.mesh import Mesh
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -26,7 +29,8 @@ DEEP = 0.01  # what is seen through a hole lies at least this far below its rim 
 STEP = 0.02  # neighbouring places whose heights differ by less than this [m] are on one level
 WIDTHS = (0.03, 0.08, 0.2, 0.5)  # pits up to these widths [m] are looked for one after the other, small ones first
 ENCLOSED = 0.92  # share of a pit's border beyond which the surface lies higher
-TORN = 0.6  # share of that border down which no wall leads
+TORN = 0.6  # share of that border at which faces end and no wall leads down
+NEAR_EDGE = 2.0  # samples from where a surface goes down to the edge at which it ends, at most
 WALL_DEPTH = 0.04  # a wall is looked for this far down at most [m]
 WALL_HEIGHTS = (0.25, 0.5, 0.75)  # shares of the depth at which it is looked for
 STEEPEST = 1.0  # slope of the plane through a hole's rim at most [-]: beyond 45 degrees it is a side of the thing
@@ -85,10 +89,11 @@ def seen_from_above(caster: Raycaster, bounds: Array, cell: float) -> HeightMap:
     return HeightMap(origin, cell, height.reshape(rows, columns), hits.face.astype(np.int64).reshape(rows, columns))
 
 
-def holes_closed(seen: HeightMap, caster: Raycaster, upward: Mask) -> tuple[HeightMap, list[TornHole]]:
-    """The map with its holes closed, and these; the faces there stay those that are seen through them. `upward` says
-    which faces (m,) look up."""
-    carrying = (seen.face >= 0) & upward[seen.face]
+def holes_closed(seen: HeightMap, caster: Raycaster, mesh: Mesh) -> tuple[HeightMap, list[TornHole]]:
+    """The map of a mesh with its holes closed, and these; the faces there stay those that are seen through them."""
+    edges = OpenEdges(mesh, seen.cell)
+    carrying = seen.face >= 0
+    carrying[carrying] = mesh.face_normals[seen.face[carrying], 2] > 0.0
     floor = float(seen.height[np.isfinite(seen.height)].min(initial=np.inf)) - 1.0
     height = np.where(np.isfinite(seen.height), seen.height, floor)
     largest = LARGEST_SHARE * int(np.isfinite(seen.height).sum())
@@ -96,13 +101,15 @@ def holes_closed(seen: HeightMap, caster: Raycaster, upward: Mask) -> tuple[Heig
     for width in WIDTHS:
         around = closed_over(height, max(round(width / seen.cell), 2))
         number, _ = label(around - height > DEEP)
-        cracks = (np.bincount(number.reshape(-1)) <= TINY)[number] & (number > 0)
-        height[cracks], found[cracks], number[cracks] = around[cracks], True, 0
+        tiny = (np.bincount(number.reshape(-1)) <= TINY)[number] & (number > 0)
+        cracks = torn_cracks(seen, height, number, tiny, edges)
+        height[cracks], found[cracks] = around[cracks], True
+        number[tiny] = 0
         for window, pit in windows(number):
             part = HeightMap(
                 seen.world(np.array([side.start for side in window])), seen.cell, height[window], seen.face
             )
-            for hole in torn_off(part, pit, caster):
+            for hole in torn_off(part, pit, caster, edges):
                 if hole.sum() > largest or is_a_place(hole, carrying[window], seen.cell):
                     continue
                 closed = surface_across(part, hole)
@@ -136,7 +143,7 @@ def windows(number: NDArray[np.integer]) -> Iterator[tuple[tuple[slice, slice], 
             yield (rows, columns), number[rows, columns] == one
 
 
-def torn_off(part: HeightMap, pit: Mask, caster: Raycaster) -> Iterator[Mask]:
+def torn_off(part: HeightMap, pit: Mask, caster: Raycaster, edges: OpenEdges) -> Iterator[Mask]:
     """Those places of a pit, shape (rows, columns), around which the surface ends in the air.
 
     What is seen in a pit falls into levels. One that walls or slopes lead down to, as to the way between two cushions,
@@ -147,7 +154,8 @@ def torn_off(part: HeightMap, pit: Mask, caster: Raycaster) -> Iterator[Mask]:
     drop = part.height[tuple(outer.T)] - part.height[tuple(inner.T)]
     higher = drop > DEEP
     air = higher.copy()
-    air[higher] = ~walls_between(part, inner[higher], outer[higher], drop[higher], caster)
+    air[higher] = edges.near(brinks(part, part.height, inner[higher], outer[higher]), NEAR_EDGE * part.cell)
+    air[air] = ~walls_between(part, inner[air], outer[air], drop[air], caster)
     own, other = level[tuple(inner.T)], level[tuple(outer.T)]
     open_ = np.ones(count + 1, dtype=bool)
     open_[0] = False
@@ -164,6 +172,21 @@ def torn_off(part: HeightMap, pit: Mask, caster: Raycaster) -> Iterator[Mask]:
     number, found = label(open_[level])
     for one in range(1, found + 1):
         yield number == one
+
+
+def torn_cracks(seen: HeightMap, height: Array, number: NDArray[np.integer], tiny: Mask, edges: OpenEdges) -> Mask:
+    """Those of the numbered places that are tiny around which faces end, shape (rows, columns)."""
+    inner, outer = neighbours_of(tiny)
+    down = height[tuple(outer.T)] - height[tuple(inner.T)] > DEEP
+    inner, outer = inner[down], outer[down]
+    own, count = number[tuple(inner.T)], int(number.max(initial=0)) + 1
+    free = np.bincount(own, edges.near(brinks(seen, height, inner, outer), NEAR_EDGE * seen.cell), count)
+    return np.asarray(tiny & (free >= TORN * np.maximum(np.bincount(own, minlength=count), 1))[number])
+
+
+def brinks(seen: HeightMap, height: Array, inner: NDArray[np.int64], outer: NDArray[np.int64]) -> Array:
+    """Where a surface goes down between places and higher ones beside them [m], shape (n, 3)."""
+    return np.asarray(np.c_[0.5 * (seen.world(inner) + seen.world(outer)), height[tuple(outer.T)]])
 
 
 def levels_of(height: Array, pit: Mask) -> tuple[NDArray[np.int64], int]:

@@ -72,7 +72,7 @@ def mended(mesh: Mesh) -> MendedSurface:
     if looks_at_backs(whole, seen):
         faces, turned = wound_outwards(whole, caster, seen)
     whole = Mesh(whole.vertices, faces, whole.colors)
-    closed, holes = holes_closed(seen, caster, whole.face_normals[:, 2] > 0.0)
+    closed, holes = holes_closed(seen, caster, whole)
     made, near = patches(closed, holes, seen, whole)
     new = Mesh.concatenate([whole, made])
     return MendedSurface(new, np.concatenate([kept, kept[near]]), scraps, area, turned, tuple(holes))

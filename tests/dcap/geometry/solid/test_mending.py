@@ -97,3 +97,37 @@ def test_a_sheet_seen_from_above_looks_up() -> None:
     sheet = where(BLOCK, middles(BLOCK)[:, 2] > TOP - 1e-6)
     found = mended(turned(sheet, np.ones(len(sheet.faces), dtype=bool)))
     assert (found.mesh.face_normals[:, 2] > 0.0).all()
+
+
+@pytest.mark.parametrize("thickness", [0.005, 0.012, 0.02, 0.04])
+@pytest.mark.parametrize("underside", [True, False])
+def test_slats_with_gaps_between_them_stay_as_they_are(thickness: float, underside: bool) -> None:
+    """Boxes with 3 cm between them on two beams, closed or not scanned from below: what lies between them was built."""
+    slats = [fine_box((x, -0.4, TOP - thickness), (x + 0.05, 0.4, TOP), 2) for x in np.arange(10) * 0.08]
+    beams = [fine_box((0.0, y, 0.0), (0.77, y + 0.05, TOP - thickness), 2) for y in (-0.38, 0.33)]
+    bench = Mesh.concatenate([*slats, *beams])
+    if not underside:
+        bench = where(bench, normals(bench)[:, 2] > -0.5)
+    found = mended(bench)
+    assert not found.holes
+    assert len(found.mesh.faces) == len(bench.faces)
+
+
+def test_a_shelf_of_wires_keeps_its_openings() -> None:
+    """Closed rods of 3 mm, 6 cm and 15 mm apart, one way over the other."""
+    for apart in (0.06, 0.015):
+        along = np.arange(-0.15, 0.151, apart)
+        rods = [fine_box((x, -0.2, TOP), (x + 0.003, 0.2, TOP + 0.003), 1) for x in along]
+        rods += [fine_box((-0.2, y, TOP - 0.003), (0.2, y + 0.003, TOP), 1) for y in along]
+        assert not mended(Mesh.concatenate(rods)).holes
+
+
+@pytest.mark.parametrize("below", [True, False])
+def test_a_torn_sheet_is_closed(below: bool) -> None:
+    """With one side only, over the floor or over nothing."""
+    sheet = where(BLOCK, middles(BLOCK)[:, 2] > TOP - 1e-6)
+    torn = with_hole(sheet, (0.05, 0.0), (0.16, 0.12))
+    floor = where(BLOCK, middles(BLOCK)[:, 2] < 1e-6)
+    found = mended(Mesh.concatenate([torn, floor]) if below else torn)
+    assert len(found.holes) == 1
+    assert height_at(found.mesh, 0.05, 0.0) == pytest.approx(TOP, abs=1e-4)
