@@ -15,7 +15,7 @@ from scipy.ndimage import uniform_filter
 
 from dcap.geometry.distance import MeshDistance
 from dcap.geometry.raycast import Raycaster
-from dcap.geometry.solid.height_map import HeightMap, TornHole, holes_closed
+from dcap.geometry.solid.height_map import HeightMap, TornHole, holes_closed, spacing_within
 from dcap.geometry.solid.repair_log import RepairKind, RepairLog
 from dcap.geometry.solid.soundness import agreement, well_formed
 from dcap.scene.types.mesh import Mesh
@@ -25,8 +25,8 @@ IntArray = NDArray[np.int64]
 FloatArray = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-FINEST, COARSEST = 0.002, 0.008  # width of a column [m]
-MOST_COLUMNS = 60_000
+FINEST = 0.002  # width of a column, at least [m]
+MOST_COLUMNS = 60_000  # looks at them: in large regions they are wider
 THINNEST = 0.01  # a column is at least this high [m]
 UP = 0.1  # vertical component of a unit normal that looks up
 LIFT = 1e-4  # rays begin this far off [m]
@@ -63,7 +63,7 @@ def column_solid(
     `tolerance` [m] is how far what is seen may be off its surface before the report calls that a problem.
     """
     caster = Raycaster(mesh)
-    cell = float(np.clip(np.sqrt(np.prod(np.ptp(region[:, :2], axis=0)) / MOST_COLUMNS), FINEST, COARSEST))
+    cell = spacing_within(np.ptp(region[:, :2], axis=0), FINEST, MOST_COLUMNS, 0)
     seen = seen_below(caster, region, item, cell)
     if not np.isfinite(seen.height).any():
         return None

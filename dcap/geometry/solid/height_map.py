@@ -24,6 +24,7 @@ from dcap.scene.types.mesh import Mesh
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
+MARGIN = 2  # samples that a map is wider on each side than what is seen
 ABOVE = 0.05  # rays begin this far above the surface [m]
 DEEP = 0.01  # what is seen through a hole lies at least this far below its rim [m]: less is a dent, or scan noise
 STEP = 0.02  # neighbouring places whose heights differ by less than this [m] are on one level
@@ -78,10 +79,23 @@ class TornHole:
     """Length and width of the smallest rectangle in plan about it [m]."""
 
 
+def spacing_within(sides: Array, finest: float, most: int, margin: int) -> float:
+    """Distance of the samples of a rectangle with these sides (2,) [m], `margin` more on each side, at least `finest`
+    [m] and so that there are at most so many."""
+    low, high = finest, max(finest, 2.0 * float(sides.max()) / max(np.sqrt(most) - 2 * margin - 2, 1.0))
+    if float(np.prod(np.ceil(sides / low) + 2 * margin + 1)) <= most:
+        return float(low)
+    for _ in range(30):
+        middle = 0.5 * (low + high)
+        fits = float(np.prod(np.ceil(sides / middle) + 2 * margin + 1)) <= most
+        low, high = (low, middle) if fits else (middle, high)
+    return float(high)
+
+
 def seen_from_above(caster: Raycaster, bounds: Array, cell: float) -> HeightMap:
-    """The heights of a surface within bounds (2, 3) [m], two samples wider all around."""
-    origin = bounds[0, :2] - 2.0 * cell
-    rows, columns = np.ceil((bounds[1, :2] + 2.0 * cell - origin) / cell).astype(int) + 1
+    """The heights of a surface within bounds (2, 3) [m], MARGIN samples wider all around."""
+    origin = bounds[0, :2] - MARGIN * cell
+    rows, columns = np.ceil(np.ptp(bounds[:, :2], axis=0) / cell).astype(int) + 2 * MARGIN + 1
     index = np.indices((rows, columns)).reshape(2, -1).T
     start = np.c_[origin + cell * index, np.full(len(index), bounds[1, 2] + ABOVE)]
     hits = caster.cast(start, np.broadcast_to((0.0, 0.0, -1.0), start.shape))

@@ -16,7 +16,7 @@ from scipy.spatial import cKDTree
 
 from dcap.geometry.boundary import welded
 from dcap.geometry.raycast import Raycaster
-from dcap.geometry.solid.height_map import HeightMap, TornHole, holes_closed, seen_from_above
+from dcap.geometry.solid.height_map import MARGIN, HeightMap, TornHole, holes_closed, seen_from_above, spacing_within
 from dcap.geometry.solid.pieces import components
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.segmentation import Segmentation
@@ -24,12 +24,16 @@ from dcap.scene.types.segmentation import Segmentation
 IntArray = NDArray[np.int64]
 FloatArray = NDArray[np.float64]
 
-FINEST, COARSEST = 0.004, 0.02  # distance of the looks from above [m]
-MOST_LOOKS = 250_000  # of them
+FINEST = 0.004  # distance of the looks from above, at least [m]
+MOST_LOOKS = 250_000  # of them: over large things they are farther apart
 MOST_SCRAP = 0.03  # m^2: a piece of more area is a thing of its own, be it torn off
 SCRAP_SHARE = 0.05  # ... and so is one of more than this share of all area
 APART = 0.015  # a scrap is at least this far from all else [m]: less is the gap of a seam, or scan noise
 STANDING = 0.02  # a piece that reaches down to the lowest of a thing but for this [m] is a foot
+LEVEL = 0.8  # vertical component of the unit normal of what something can lie on
+COMPARABLE = 0.1  # share of the largest area that looks up, or of all, that is as good as that
+LONG = 0.25  # what is longer than this share of a thing is a piece of it
+UPWARD = 0.3  # least share of its area by which a piece looks up or down: all of a sheet, a third of a square bar
 WRONG_SIDE = 0.002  # share of the looks from above that meet the back of a face beyond which windings are not trusted
 BACK = -0.1  # vertical component of a unit normal that looks down
 ASKED = 12  # points of each patch from which both sides are looked out of
@@ -63,7 +67,9 @@ class MendedSurface:
 
 
 def mended(mesh: Mesh) -> MendedSurface:
-    """The surface of a thing that may have been scanned badly, as it can carry something."""
+    """The surface of a thing that may have been scanned badly, as it can carry something; one without area as it is."""
+    if not mesh.face_areas.sum() > 0.0:
+        return MendedSurface(mesh, np.arange(len(mesh.faces)), 0, 0.0, 0, ())
     kept, scraps, area = without_floating(mesh)
     whole = mesh if scraps == 0 else mesh.submesh(kept)
     caster = Raycaster(whole)
@@ -95,8 +101,7 @@ def with_mended(scene: Segmentation, index: int) -> tuple[Segmentation, MendedSu
 
 def look_spacing(mesh: Mesh) -> float:
     """Distance of the looks from above [m]."""
-    plan = float(np.prod(np.ptp(mesh.bounds[:, :2], axis=0) + 4.0 * FINEST))
-    return float(np.clip(np.sqrt(plan / MOST_LOOKS), FINEST, COARSEST))
+    return spacing_within(np.ptp(mesh.bounds[:, :2], axis=0), FINEST, MOST_LOOKS, MARGIN)
 
 
 # scraps -------------------------------------------------------------------------------------------------------------
@@ -106,7 +111,7 @@ def without_floating(mesh: Mesh) -> tuple[IntArray, int, float]:
     """Faces that are no floating scraps, shape (k,), the number of scraps, and their area [m^2].
 
     A scrap is a small piece that hangs in the air, or lies inside of a thing, with nothing near: what lies on the thing
-    touches it.
+    touches it. What something could lie on is none: a slat, a shelf whose posts the scan lacks.
     """
     everything = np.arange(len(mesh.faces))
     piece = np.unique(components(mesh), return_inverse=True)[1].reshape(-1)
@@ -122,8 +127,32 @@ def without_floating(mesh: Mesh) -> tuple[IntArray, int, float]:
     lowest = np.full(len(area), np.inf)
     np.minimum.at(lowest, piece, mesh.triangles[:, :, 2].min(axis=1))
     small &= (area > 0.0) & (lowest > mesh.bounds[0, 2] + STANDING)
+    small &= ~could_carry(mesh, piece, small)
     gone = small[piece]
     return everything[~gone], int(small.sum()), float(area[small].sum())
+
+
+def could_carry(mesh: Mesh, piece: IntArray, small: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Which pieces, given by the number of each face (m,) and whether a piece is `small` (n,), look up and have much of
+    the largest area that does, reach along much of the thing, or lie level with much of what else does, shape (n,)."""
+    count, area = len(small), mesh.face_areas
+    normal = mesh.face_normals[:, 2] / np.maximum(np.linalg.norm(mesh.face_normals, axis=1), np.finfo(float).tiny)
+    flat = np.abs(normal) > LEVEL  # windings are not known yet
+    upper = np.where(flat, area, 0.0)
+    own = np.bincount(piece, weights=upper, minlength=count)
+    height = mesh.triangles[:, :, 2].mean(axis=1)
+    level = np.bincount(piece, weights=upper * height, minlength=count) / np.maximum(own, np.finfo(float).tiny)
+    low, high = np.full((count, 2), np.inf), np.full((count, 2), -np.inf)
+    np.minimum.at(low, piece, mesh.triangles[:, :, :2].min(axis=1))
+    np.maximum.at(high, piece, mesh.triangles[:, :, :2].max(axis=1))
+    along = (high - low).max(axis=1) > LONG * float(np.ptp(mesh.bounds[:, :2], axis=0).max())
+    carries = along | (own > COMPARABLE * own.max(initial=0.0))
+    rest = upper * ~small[piece]
+    order = np.argsort(height)
+    heights, sums = height[order], np.concatenate([[0.0], np.cumsum(rest[order])])
+    beside = sums[np.searchsorted(heights, level + STANDING)] - sums[np.searchsorted(heights, level - STANDING)]
+    carries |= beside > COMPARABLE * max(float(rest.sum()), np.finfo(float).tiny)
+    return np.asarray(carries & (own > UPWARD * np.bincount(piece, weights=area, minlength=count)))
 
 
 def near_as_one(mesh: Mesh, piece: IntArray, count: int) -> IntArray:
@@ -161,6 +190,8 @@ def wound_outwards(mesh: Mesh, caster: Raycaster, seen: HeightMap | None) -> tup
     """The faces with each patch wound so that more ways lead out of its front than out of its back, and how many were
     turned. What is `seen` from above looks up, as far as that is a good part of a patch and agrees; what is told
     neither way stays as most of it was."""
+    if len(mesh.faces) == 0:
+        return mesh.faces, 0
     place = welded(mesh.vertices)[mesh.faces]
     oriented, patch = igl.bfs_orient(np.ascontiguousarray(place, dtype=np.int64))
     patch = np.asarray(patch, dtype=np.int64).reshape(-1)

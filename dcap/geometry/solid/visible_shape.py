@@ -84,6 +84,8 @@ class VisibleShape:
 
 def visible_shape(mesh: Mesh, *, vessel: bool | None) -> VisibleShape:
     """The solid of what is seen of an object. `vessel`: whether it holds something by its kind; None: not known."""
+    if not mesh.face_areas.sum() > 0.0:
+        return VisibleShape(None, ("its surface has no area",), ())
     kept, scraps, area = without_floating(mesh)
     whole = mesh.submesh(kept)
     # from above one looks into a cup, at the back of its floor: only the ways out tell
@@ -98,12 +100,15 @@ def visible_shape(mesh: Mesh, *, vessel: bool | None) -> VisibleShape:
     rims = sorted(
         (OpenRim(p.vertices[loop]) for p in pieces for loop in hole_loops(p)), key=lambda one: -perimeter(one.rim)
     )  # fmt: skip
+    if not pieces:
+        return VisibleShape(None, ("its surface has no area",), ())
     if lone := apart(pieces, size):
-        why = f"it has {lone} open pieces that do not touch; the largest hole is {rims[0].in_words}"
+        many = f"{lone} open pieces that do" if lone > 1 else "an open piece that does"
+        why = f"it has {many} not touch{' the rest' if lone == 1 else ''}{largest_told(rims)}"
         return VisibleShape(None, (why,), tuple(rims))
     unseen = guessed_share(pieces, vessel)
     if unseen > UNSEEN:
-        why = f"{100.0 * unseen:.0f} % of its surface would be a guess; the largest hole is {rims[0].in_words}"
+        why = f"{100.0 * unseen:.0f} % of its surface would be a guess{largest_told(rims)}"
         return VisibleShape(None, (why,), tuple(rims))
     closed = []
     for piece in pieces:
@@ -116,9 +121,14 @@ def visible_shape(mesh: Mesh, *, vessel: bool | None) -> VisibleShape:
     return meshed_again(pieces, closed, size, notes, rims)
 
 
+def largest_told(rims: list[OpenRim]) -> str:
+    """How large the first of the holes is, to be added to a sentence; empty where there is none."""
+    return f"; the largest hole is {rims[0].in_words}" if rims else ""
+
+
 def apart(pieces: list[Mesh], size: float) -> int:
-    """How many pieces there are if much of the surface is open pieces that do not hang together, closed from their
-    rims, with the largest; else 0."""
+    """How many open pieces lie apart if much of the surface is open pieces that do not hang together, closed from their
+    rims, with the largest, which counts if it is open too; else 0."""
     area = np.array([float(p.face_areas.sum()) for p in pieces])
     large = np.flatnonzero(area > FLAKE * area.sum()).tolist()
     whole = {one: capped(pieces[one], hole_loops(pieces[one]), RepairLog()) for one in large}
@@ -137,7 +147,8 @@ def apart(pieces: list[Mesh], size: float) -> int:
         left -= touching
         waiting += touching
     lone = [one for one in left if not is_closed(pieces[one])]
-    return len(pieces) if float(area[lone].sum()) > LONE * float(area.sum()) else 0
+    count = len(lone) + (not is_closed(pieces[main]))
+    return count if float(area[lone].sum()) > LONE * float(area.sum()) else 0
 
 
 def guessed_share(pieces: list[Mesh], vessel: bool | None) -> float:
@@ -240,8 +251,7 @@ def meshed_again(
         return VisibleShape(None, (str(error),), tuple(rims))
     off = moved(Mesh.concatenate(pieces), solid)[0]
     if not is_closed(solid) or report.agreement < SOUND or off > TOLERANCE * size:
-        hole = f"; the largest hole is {rims[0].in_words}" if rims else ""
-        why = f"closing it would move what is seen by up to {1e3 * off:.2g} mm{hole}"
+        why = f"closing it would move what is seen by up to {1e3 * off:.2g} mm{largest_told(rims)}"
         return VisibleShape(None, (why,), tuple(rims))
     told = f"it is meshed anew in cells of {1e3 * report.resolution:.2g} mm, at most {1e3 * off:.2g} mm off"
     return VisibleShape(solid, (*dict.fromkeys(notes), told), tuple(rims))

@@ -5,7 +5,8 @@ import pytest
 from torn import ball, fine_box, middles, normals, scrap, turned, where, with_hole
 
 from dcap.geometry.raycast import Raycaster
-from dcap.geometry.solid.mending import mended
+from dcap.geometry.solid.height_map import seen_from_above
+from dcap.geometry.solid.mending import MOST_LOOKS, look_spacing, mended
 from dcap.scene.types.mesh import Mesh
 
 TOP = 0.4
@@ -131,3 +132,58 @@ def test_a_torn_sheet_is_closed(below: bool) -> None:
     found = mended(Mesh.concatenate([torn, floor]) if below else torn)
     assert len(found.holes) == 1
     assert height_at(found.mesh, 0.05, 0.0) == pytest.approx(TOP, abs=1e-4)
+
+
+def upper_side(low: tuple[float, float], high: tuple[float, float], z: float) -> Mesh:
+    """A level sheet."""
+    return where(box := fine_box((*low, z - 0.01), (*high, z), 2), middles(box)[:, 2] > z - 1e-6)
+
+
+def test_slats_seen_from_above_only_are_no_scraps() -> None:
+    """Ten of 3 cm x 1 m between two large ends, each with less than a twentieth of all area."""
+    slats = [upper_side((x, 0.0), (x + 0.029, 1.0), TOP) for x in np.arange(10) * 0.06]
+    ends = [fine_box((-0.1, y, 0.0), (0.7, y + 0.05, 0.8), 3) for y in (-0.1, 1.05)]
+    assert mended(Mesh.concatenate([*slats, *ends])).scraps == 0
+
+
+def test_shelves_whose_posts_a_scan_lacks_are_no_scraps() -> None:
+    """Boards of 30 x 9 cm, each at its own height; a scrap between them is one."""
+    boards = [upper_side((0.0, 0.0), (0.3, 0.09), 0.1 + 0.3 * level) for level in range(6)]
+    back = where(box := fine_box((-0.1, 0.15, 0.0), (0.5, 0.2, 1.9), 3), normals(box)[:, 2] < 0.5)
+    found = mended(Mesh.concatenate([*boards, back, scrap((0.1, 0.04, 0.25))]))
+    assert found.scraps == 1
+    assert height_at(found.mesh, 0.15, 0.05) == pytest.approx(1.6)
+
+
+def test_an_island_of_a_torn_top_is_no_scrap() -> None:
+    """It lies level with the rest; the same a hand higher is one."""
+    for rise, scraps in ((0.0, 0), (0.1, 1)):
+        island = upper_side((0.5, 0.0), (0.54, 0.04), TOP + rise)
+        assert mended(Mesh.concatenate([BLOCK, island])).scraps == scraps
+
+
+NOTHING = Mesh.of(np.zeros((0, 3)), np.zeros((0, 3)))
+LINE = Mesh.of(np.array([[0, 0, 0], [0, 0, 1], [0, 0, 2.0]]), [[0, 1, 2], [0, 1, 1]])
+
+
+@pytest.mark.parametrize("mesh", [NOTHING, LINE], ids=["nothing", "no_area"])
+def test_what_has_no_area_is_left_alone(mesh: Mesh) -> None:
+    """There is nothing to mend."""
+    found = mended(mesh)
+    assert not found.changed
+    assert len(found.mesh.faces) == len(found.source) == len(mesh.faces)
+
+
+def test_faces_without_area_are_no_harm() -> None:
+    """A line that hangs over a block."""
+    above = Mesh.of(LINE.vertices + np.array([0.0, 0.0, 1.0]), LINE.faces)
+    assert not mended(Mesh.concatenate([BLOCK, above])).holes
+
+
+@pytest.mark.parametrize("sides", [(0.5, 0.3), (30.0, 30.0), (100.0, 0.5), (3.0, 0.001)])
+def test_there_is_a_limit_to_the_looks(sides: tuple[float, float]) -> None:
+    """However large a thing is; small ones are looked at every 4 mm."""
+    floor = fine_box((0.0, 0.0, 0.0), (*sides, 0.1), 1)
+    seen = seen_from_above(Raycaster(floor), floor.bounds, look_spacing(floor))
+    assert seen.height.size <= MOST_LOOKS
+    assert seen.height.size > 0.8 * MOST_LOOKS or seen.cell == pytest.approx(0.004)

@@ -104,3 +104,35 @@ def test_parts_that_only_touch_where_they_are_open_hang_together() -> None:
     found = visible_shape(Mesh.concatenate(chain), vessel=False)
     assert found.mesh is not None
     assert signed_volume(found.mesh.vertices, found.mesh.faces) == pytest.approx(1.5 * FULL, rel=0.05)
+
+
+def test_only_open_pieces_are_told_as_such() -> None:
+    """Three closed balls and two shells of about their size, all apart."""
+    dome = where(BALL, middles(BALL)[:, 2] > -0.05)
+    apart = [
+        Mesh.of(one.vertices + np.array([0.3 * step, 0.0, 0.0]), one.faces)
+        for step, one in enumerate([BALL] * 3 + [dome] * 2)
+    ]
+    found = visible_shape(Mesh.concatenate(apart), vessel=False)
+    assert found.mesh is None
+    assert found.notes[0].startswith("it has 2 open pieces that do not touch")
+
+
+NOTHING = np.zeros((0, 3))
+LINE = np.array([[0, 0, 0], [0, 0, 1], [0, 0, 2.0]])
+
+
+@pytest.mark.parametrize(("points", "faces"), [(NOTHING, NOTHING), (LINE, [[0, 1, 2]]), (LINE, [[0, 1, 1]])])
+@pytest.mark.parametrize("vessel", [True, False, None])
+def test_what_has_no_area_is_refused(points: np.ndarray, faces: np.ndarray, vessel: bool | None) -> None:
+    """It has no solid."""
+    found = visible_shape(Mesh.of(points, np.asarray(faces)), vessel=vessel)
+    assert found.mesh is None
+    assert found.notes == ("its surface has no area",)
+
+
+def test_faces_without_area_change_nothing() -> None:
+    """A ball with a line on it."""
+    line = Mesh.of(LINE * 0.01 + (0.0, 0.0, R), [[0, 1, 2], [0, 1, 1]])
+    found = visible_shape(Mesh.concatenate([BALL, line]), vessel=False)
+    assert volume(found, BALL) == pytest.approx(FULL, rel=0.01)
