@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import uniform_filter
+from scipy.ndimage import binary_dilation, uniform_filter
 
 from dcap.geometry.distance import MeshDistance
 from dcap.geometry.raycast import Raycaster
@@ -35,7 +35,10 @@ SEEN_FROM = 3  # of five places of the object from which a point is hidden
 NEAR = 0.5  # how far around the object what is seen must be kept, over its larger horizontal side [-]
 CRACK = 0.01  # holes shorter than this are not told [m]
 RIDGES = 0.01  # share of what is seen that may be farther off than allowed: edges narrower than a column
-PLACES = 4000  # at which the distance between what is seen and the solid is measured
+LOOKS = 0.5  # distance of the looks that measure how far what is seen is off the solid, in columns
+PLACES, FARTHEST = 4000, 20_000  # of what they meet, at random and farthest over or under it, where that is measured
+STEP = 1.5  # columns that what is seen at a step may be off the slope there
+FEW = 10  # looks that meet what the columns missed: fewer are noise
 LEVEL = 0.5  # vertical component of the unit normal of what may carry: sides are seen at their edges only
 
 
@@ -85,12 +88,8 @@ def seen_below(caster: Raycaster, region: FloatArray, item: Mesh, cell: float) -
     count = np.maximum(np.round(np.ptp(region[:, :2], axis=0) / cell).astype(int), 2)
     index = np.indices(count + 1).reshape(2, -1).T
     plan = region[0, :2] + cell * index
-    start = np.full(len(plan), float(item.bounds[1, 2]))
+    start, own = heights_over(item, plan, float(region[0, 2]) - 1.0)
     down, up = (np.broadcast_to((0.0, 0.0, sign), (len(plan), 3)) for sign in (-1.0, 1.0))
-    below = np.c_[plan, np.full(len(plan), region[0, 2] - 1.0)]
-    under = Raycaster(item).cast(below, up)
-    own = under.face >= 0
-    start[own] = below[own, 2] + under.distance[own] - LIFT
     hits = caster.cast(np.c_[plan, start], down)
     shape = (int(count[0]) + 1, int(count[1]) + 1)
     inside = behind(caster, np.c_[plan, start], item).reshape(shape)
@@ -172,29 +171,72 @@ def reported(
     tolerance: float,
     log: RepairLog,
 ) -> RepairReport:
-    """How far what is seen under the object and near it, but not through holes, lies off the solid."""
+    """How far what is seen under the object and near it lies off the solid, by looks of their own, which may meet what
+    is narrower than a column."""
     field, whole = MeshDistance(surface), well_formed(surface)
     margin = NEAR * float(np.ptp(item.bounds[:, :2], axis=0).max())
     near = np.stack([item.bounds[0] - margin, item.bounds[1] + margin])
     near[0, 2] = surface.bounds[0, 2]
-    index = np.argwhere(np.isfinite(seen.height) & (seen.face >= 0) & (closed.height == seen.height))
-    plan = seen.world(index)
-    index = index[((plan >= near[0, :2]) & (plan <= near[1, :2])).all(axis=1)]
-    off = np.zeros(1)
-    if len(index):
-        rng = np.random.default_rng(0)
-        index = index[rng.integers(0, len(index), PLACES)]
-        start = np.c_[seen.world(index) + rng.uniform(-0.5, 0.5, (PLACES, 2)) * seen.cell, seen.height[tuple(index.T)]]
-        hits = caster.cast(start + np.array([0.0, 0.0, seen.cell]), np.broadcast_to((0.0, 0.0, -1.0), start.shape))
-        carrying = (hits.normal[:, 2] > LEVEL) & (hits.distance < 2.0 * seen.cell)
-        off = np.append(off, field.unsigned(hits.position[carrying]))
-    most, mean = float(off.max()), float(off[1:].mean()) if len(off) > 1 else 0.0
+    points, over = looked_at(caster, closed, seen.height != closed.height, near, item, surface)
+    rng = np.random.default_rng(0)
+    some = rng.integers(0, len(points), PLACES) if len(points) else np.zeros(0, dtype=np.int64)
+    farthest = np.argsort(-np.abs(over))[:FARTHEST]  # none is farther off than it is over or under the solid
+    asked = np.concatenate([some, farthest])
+    off = field.unsigned(points[asked])
+    # a step is a slope one column wide; what lies deeper is in a cleft narrower than a column, or behind a surface
+    met = (over[asked] >= 0.0) | (off < STEP * seen.cell)
+    off = np.where(met, off, 0.0)
+    usual = off[: len(some)][met[: len(some)]]
+    most, mean = float(off.max(initial=0.0)), float(usual.mean()) if len(usual) else 0.0
+    missed = (off > max(tolerance, STEP * seen.cell)) & (over[asked] > 0.0)
     problem = ""
     if not whole:
         problem = "it is not closed"
-    elif float((off > tolerance).mean()) > RIDGES:
+    elif len(some) and float((off[: len(some)] > tolerance).mean()) > RIDGES:
         problem = f"what can be seen lies up to {1e3 * most:.2g} mm off its surface > {1e3 * tolerance:.2g} mm"
+    elif int(missed[len(some) :].sum()) >= FEW:
+        problem = (
+            f"what is narrower than its columns of {1e3 * seen.cell:.2g} mm stands up to {1e3 * most:.2g} mm out of it "
+            f"> {1e3 * tolerance:.2g} mm"
+        )
     return RepairReport(
         Method.COLUMNS, whole, agreement(surface) if whole else 0.0, most, mean, tolerance, seen.cell, field.volume,
         seen.cell, log.sentences(), problem, tuple(near.reshape(-1).tolist()),
     )  # fmt: skip
+
+
+def looked_at(
+    caster: Raycaster, columns: HeightMap, filled: Mask, near: FloatArray, item: Mesh, surface: Mesh
+) -> tuple[FloatArray, FloatArray]:
+    """What may carry and is met from above near an object, (n, 3) [m], and how high each lies over the solid's surface
+    [m], below 0 under it, inf where there is none, (n,). Not what lies under closed holes (`filled` samples).
+
+    Looks are half a column apart, at random places of their squares.
+    """
+    spacing = LOOKS * columns.cell
+    low = np.maximum(near[0, :2], columns.origin)
+    high = np.minimum(near[1, :2], columns.world(np.array([columns.height.shape])[0] - 1))
+    count = np.maximum(np.floor((high - low) / spacing).astype(int), 0)
+    rng = np.random.default_rng(1)
+    plan = low + spacing * (np.indices(count).reshape(2, -1).T + rng.random((int(count.prod()), 2)))
+    down = np.broadcast_to((0.0, 0.0, -1.0), (len(plan), 3))
+    hits = caster.cast(np.c_[plan, heights_over(item, plan, near[0, 2] - 1.0)[0]], down)
+    carrying = hits.normal[:, 2] > LEVEL
+    points = hits.position[carrying]
+    top = float(surface.bounds[1, 2]) + 1.0
+    under = Raycaster(surface).cast(np.c_[plan[carrying], np.full(len(points), top)], down[carrying])
+    over = points[:, 2] - (top - under.distance)
+    index = np.round((points[:, :2] - columns.origin) / columns.cell).astype(int)
+    hole = binary_dilation(filled, np.ones((3, 3)))[tuple(index.T)] & (over < 0.0)
+    return points[~hole], over[~hole]
+
+
+def heights_over(item: Mesh, plan: FloatArray, below: float) -> tuple[FloatArray, Mask]:
+    """Where looks down at places (n, 2) begin [m], shape (n,): at the underside of the object, which is higher than
+    `below` [m], beside it as high as its top; and which are under it, shape (n,)."""
+    start = np.full(len(plan), float(item.bounds[1, 2]))
+    origin = np.c_[plan, np.full(len(plan), below)]
+    under = Raycaster(item).cast(origin, np.broadcast_to((0.0, 0.0, 1.0), origin.shape))
+    own = under.face >= 0
+    start[own] = below + under.distance[own] - LIFT
+    return start, own

@@ -87,3 +87,29 @@ def test_where_nothing_is_seen_there_is_no_solid() -> None:
     """None, for the caller to tell."""
     away = Mesh.of(SEAT.vertices + np.array([5.0, 0.0, 0.0]), SEAT.faces)
     assert column_solid(away, np.zeros(len(away.faces)), REGION, item(), 5e-3, RepairLog()) is None
+
+
+@pytest.mark.parametrize("apart", [0.6, 0.11])
+def test_ribs_narrower_than_a_column_are_told(apart: float) -> None:
+    """3 mm wide and 30 mm high under a plate of 1.2 m, whose columns are 10 mm wide: between two looks, or met by some.
+    Nothing of that is less than its height off where no column has it."""
+    plate = fine_box((-0.6, -0.6, TOP + 0.05), (0.6, 0.6, TOP + 0.07), 1)
+    slab = fine_box((-1.5, -1.5, 0.0), (1.5, 1.5, TOP), 1)
+    ribs = [fine_box((x, -0.5, TOP), (x + 0.003, 0.5, TOP + 0.03), 1) for x in np.arange(-0.5, 0.51, apart) + 0.0044]
+    region = np.array([[-1.2, -1.2, 0.2], [1.2, 1.2, 0.7]])
+    for mesh, told in ((slab, False), (Mesh.concatenate([slab, *ribs]), True)):
+        found = column_solid(mesh, np.zeros(len(mesh.faces)), region, plate, 5e-3, RepairLog())
+        assert found is not None
+        assert bool(found.report.problem) == told
+        assert found.report.hausdorff == pytest.approx(0.03 if told else 0.0, abs=1e-3)
+
+
+def test_clefts_narrower_than_a_column_and_holes_that_were_closed_are_no_problem() -> None:
+    """Nothing reaches in there."""
+    boards = [fine_box((x, -0.4, TOP - 0.02), (x + 0.0989, 0.4, TOP), 2) for x in np.arange(-5, 5) * 0.1]
+    ground = fine_box((-0.5, -0.4, 0.0), (0.5, 0.4, 0.1), 2)
+    mesh = Mesh.concatenate([ground, *boards])
+    found = column_solid(mesh, np.zeros(len(mesh.faces)), REGION, item(), 5e-3, RepairLog())
+    assert found is not None
+    assert not found.report.problem
+    assert found.report.hausdorff < 3e-3
