@@ -1,7 +1,7 @@
 """What was asked of the orientation, compared with the rest state: rows for the certificate and lines for people.
 
-In: the pose that was asked, as directions of the mesh, and the object before and after the drop. Out: a row for each
-pose, facing and turn that was asked.
+In: the pose that was asked, as directions of the mesh and the world, and the object before and after the drop. Out: a
+row for each pose, facing and turn that was asked.
 """
 
 import numpy as np
@@ -14,8 +14,10 @@ from dcap.scene.types.settled import PoseCheck
 
 Array = NDArray[np.float64]
 
-OTHER_WORDS = {"seated": "upright", "standing": "upright"}
-"""What a rest state shows where that was asked."""
+ON_END = ("standing", "upright", "leaning")
+"""Poses of flat and long things that lie where they are not met."""
+NOT_KNOWN = "nothing tells where it should look"
+LEVEL = 0.3  # horizontal part of a unit vector below which it looks up or down [-]
 UPRIGHT = np.cos(np.pi / 4.0)  # a direction that is nearer to the vertical than this is up or down
 
 
@@ -34,7 +36,7 @@ def pose_checks(
         orientation: the request in words.
         world_from_object: the pose before the drop, shape (4, 4).
         quaternion_wxyz: what the drop turned it by.
-        turned: the part of that about the vertical [rad].
+        turned: the part of that about the vertical [rad]; all there is of a facing where nobody can tell the way.
         bounds: largest angles that meet a pose and a facing [rad].
     """
     if asked is None:
@@ -43,19 +45,39 @@ def pose_checks(
     after = Rotation.from_quat(quaternion_wxyz, scalar_first=True).as_matrix() @ before
     rows = []
     if asked.name != "any":
-        wanted = asked.from_vertical if asked.from_vertical is not None else tilt(before @ asked.axis)
-        angle = abs(tilt(after @ asked.axis) - wanted)
-        found = pose_name(after @ asked.up, after @ asked.front)
-        if angle <= bounds[0] and (asked.from_vertical is None or found == OTHER_WORDS.get(asked.name)):
-            found = asked.name  # also where it is about the way that it was put down, such as on end, not its own up
-        rows.append(PoseCheck(asked.name, found, angle, bounds[0], angle <= bounds[0], asked.doubt))
-    words = f"{np.degrees(turned):.0f} degrees off"
+        rows.append(pose_row(asked, before, after, bounds[0]))
     wishes = [f"facing {orientation.facing}"] if orientation.facing else []
     wishes += [f"turned by {orientation.turn_deg:g} degrees"] if orientation.turn_deg else []
+    angle = turned if asked.looks is None or asked.ahead is None else off(after @ asked.looks, asked.ahead)
+    words = f"{np.degrees(angle):.0f} degrees off"
     for wish in wishes:
-        unsure = asked.facing_doubt if wish.startswith("facing") else ""
-        rows.append(PoseCheck(wish, words, turned, bounds[1], turned <= bounds[1], unsure))
+        unsure = NOT_KNOWN if asked.ahead is None else asked.facing_doubt if wish.startswith("facing") else ""
+        rows.append(PoseCheck(wish, words, angle, bounds[1], angle <= bounds[1], unsure))
     return tuple(rows)
+
+
+def pose_row(asked: AskedPose, before: Array, after: Array, bound: float) -> PoseCheck:
+    """The row of the pose itself; rotations before and after the drop, shape (3, 3)."""
+    own = tilt(after @ asked.axis)
+    wanted = asked.from_vertical if asked.from_vertical is not None else tilt(before @ asked.axis)
+    angle = abs(own - wanted)
+    if asked.either_way:
+        angle = min(angle, abs(np.pi - own - wanted))
+    met = angle <= bound
+    found = pose_name(after @ asked.up, after @ asked.front)
+    if met and (asked.either_way or found == "upright"):  # standing, seated; a slab on its back
+        found = asked.name
+    elif asked.either_way:
+        found = "lying" if asked.name in ON_END else "standing"
+    return PoseCheck(asked.name, found, angle, bound, met, asked.doubt)
+
+
+def off(looks: Array, ahead: Array) -> float:
+    """Angle between where it looks and a horizontal direction, seen from above unless it looks up or down [rad]."""
+    flat = looks * (1.0, 1.0, 0.0)
+    length = float(np.linalg.norm(flat))
+    way = flat / length if length > LEVEL else looks
+    return float(np.arccos(np.clip(way @ ahead, -1.0, 1.0)))
 
 
 def tilt(direction: Array) -> float:

@@ -32,9 +32,10 @@ from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.outcome import Infeasible
 from dcap.scene.types.rotation import Rotation
 from dcap.scene.types.segmentation import Instance, Segmentation, SegmentedObject, SegmentedScene
-from tasks.requests.surroundings import direction_to, horizontal, part_frame, wished_place
+from tasks.requests.surroundings import direction_to, part_frame, wished_place
 from tasks.requests.views import instance_of, vector
 from tasks.rotation.asked_pose import asked_pose
+from tasks.rotation.looking import looking, nearest_side
 from tasks.runner.stage import stage
 
 Array = NDArray[np.float64]
@@ -88,7 +89,7 @@ def rotation(
         raise GeometryError(f"the chosen rotation is not orthonormal: {matrix.tolist()}")
     said = "" if not intent.orientation.words else f"; the prompt says {intent.orientation.words!r}"
     candidate, facing = (reply.pose_id, reply.facing_id) if reply.quaternion is None else ("quaternion", "as given")
-    pose = asked_pose(request, matrix, reply.pose_id, lead)
+    pose = asked_pose(request, reply, matrix, mesh, lead)
     return Rotation(matrix, pictures, request.prompt, candidate, f"{reply.reason}, {facing}{said}", pose)
 
 
@@ -196,7 +197,8 @@ def matrix_of(reply: RotationReply, request: RotationRequest, scene: Segmentatio
         yaw = 0.0
     else:
         facing = next(f for f in request.facings if f.id == reply.facing_id)
-        ahead = looking(pose) if request.has_front else nearest_side(mesh, matrix, looking(pose))
+        ahead = looking(np.array(pose.front), np.array(pose.up))
+        ahead = ahead if request.has_front else nearest_side(mesh, matrix, ahead)
         yaw = yaw_between(ahead, np.array(facing.direction))
     return np.asarray(about_z(yaw + np.radians(reply.turn_deg)) @ matrix)
 
@@ -207,22 +209,6 @@ def matrix_of_quaternion(quaternion: Array) -> Array:
     if not abs(length - 1.0) < ROUNDED:
         raise LanguageError(f"the chosen quaternion {quaternion.tolist()} has length {length:.3g}, not 1")
     return np.asarray(Turn.from_quat(quaternion, scalar_first=True).as_matrix())
-
-
-def looking(pose: PoseView) -> Array:
-    """Where the object looks, horizontally: along its front, or, where that is vertical, along its own up."""
-    for axis in (pose.front, pose.up):
-        flat = horizontal(np.array(axis))
-        if flat is not None and np.linalg.norm(axis[:2]) > 0.3:
-            return flat
-    return np.array([0.0, -1.0, 0.0])
-
-
-def nearest_side(mesh: Mesh, matrix: Array, ahead: Array) -> Array:
-    """The outward side of the plan's smallest rectangle that is nearest to a direction: what has no front has sides."""
-    along, _ = smallest_rectangle((outermost(mesh.vertices) @ matrix.T)[:, :2])
-    sides = [np.array([x, y, 0.0]) for x, y in (along, -along, (-along[1], along[0]), (along[1], -along[0]))]
-    return max(sides, key=lambda side: float(side @ ahead))
 
 
 def yaw_between(a: Array, b: Array) -> float:
@@ -236,7 +222,8 @@ def aligned_yaw(mesh: Mesh, matrix: Array, request: RotationRequest, scene: Segm
     pose = next(p for p in request.poses if np.allclose(p.rotation, matrix))
     if request.has_front:
         lies = abs(pose.front[2]) > abs(pose.up[2])  # on a bed, its head to the head end
-        return yaw_between(looking(pose), np.array([*(-frame.front if lies else frame.front), 0.0]))
+        ahead = looking(np.array(pose.front), np.array(pose.up))
+        return yaw_between(ahead, np.array([*(-frame.front if lies else frame.front), 0.0]))
     own, size = smallest_rectangle((outermost(mesh.vertices) @ matrix.T)[:, :2])
     if size[0] < ELONGATED * size[1]:
         return 0.0 if request.symmetry == 0 else smallest_turn(own, frame.right, quarter=True)

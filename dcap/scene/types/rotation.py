@@ -15,7 +15,7 @@ class AskedPose:
     axis: NDArray[np.float64]
     """Direction in the mesh that the pose is about: its own upright axis, front or left, unit, shape (3,)."""
     from_vertical: float | None
-    """Angle of that direction from the vertical that is asked [rad]; None: the one that it has before the drop."""
+    """Angle of that direction from the vertical that is asked [rad]; None: nobody can tell, the one before the drop."""
     up: NDArray[np.float64]
     """What is up in the mesh when it stands or lies as usual, unit, shape (3,)."""
     front: NDArray[np.float64]
@@ -24,6 +24,12 @@ class AskedPose:
     """Why the shape does not tell that pose; empty: it does."""
     facing_doubt: str = ""
     """Why the shape does not tell where its front is, where a facing is asked; empty: it does."""
+    either_way: bool = False
+    """Whether the axis has no direction: a book stands on both its ends."""
+    looks: NDArray[np.float64] | None = None
+    """Direction in the mesh that a facing or a turn is about, unit, shape (3,); None: not asked or not known."""
+    ahead: NDArray[np.float64] | None = None
+    """Where that shall look in the world, horizontal, unit, shape (3,); None as above."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)

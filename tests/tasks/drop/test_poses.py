@@ -51,21 +51,52 @@ def test_a_thing_laid_on_its_back_is_not_seated():
     assert "asked upright, found on back: 90 degrees off" in line
 
 
-def test_a_pose_about_the_way_it_was_put_down_is_compared_with_that():
-    """On end is no matter of its own up: the axis that was vertical stays so."""
-    on_end = AskedPose("standing", LEFT, None, UP, FRONT)
+def test_a_pose_that_the_shape_does_not_tell_is_compared_with_the_one_before_the_drop():
+    """A cube has no end: what was up stays so."""
+    on_end = AskedPose("standing", LEFT, None, UP, FRONT, either_way=True)
     (row,) = checked(on_end, before=turn("y", -90), dropped=turn("x", 10))
     assert (row.found, row.met) == ("standing", True)
     assert row.angle_rad == pytest.approx(np.radians(10))
     assert not checked(on_end, before=turn("y", -90), dropped=turn("x", 60))[0].met
 
 
-def test_a_facing_has_a_row_of_its_own():
-    """Its angle is the turn about the vertical; a front that nobody can tell is a doubt, and a line."""
-    asked = AskedPose("any", UP, None, UP, FRONT, facing_doubt="nothing tells")
-    (row,) = checked(asked, before=turn("z", 0), dropped=turn("z", 0), facing="bed_0")
-    assert (row.asked, row.met, row.angle_rad, row.doubt) == ("facing bed_0", True, 0.1, "nothing tells")
-    assert "nothing tells" in pose_warnings((row,))[0]
+@pytest.mark.parametrize(("before", "dropped", "degrees"), [(180, 0, 180), (0, 0, 0), (170, -160, 10), (0, -100, 100)])
+def test_a_facing_is_the_front_against_what_it_shall_face(before, dropped, degrees):
+    """Its front looks along -y of the mesh and shall look along -y of the world: what was set down facing away is not
+    met although the drop changed nothing, and says so in a line."""
+    asked = AskedPose("any", UP, 0.0, UP, FRONT, looks=FRONT, ahead=FRONT)
+    (row,) = checked(asked, before=turn("z", before), dropped=turn("z", dropped), facing="door_0")
+    assert (row.asked, row.met) == ("facing door_0", degrees < 45)
+    assert row.angle_rad == pytest.approx(np.radians(degrees), abs=1e-6)
+    assert any(f"facing door 0, found {degrees} degrees off" in line for line in pose_warnings((row,))) != row.met
+
+
+def test_what_looks_down_faces_nothing():
+    """Fallen on its face: a quarter turn from the horizontal."""
+    asked = AskedPose("any", UP, 0.0, UP, FRONT, looks=FRONT, ahead=FRONT)
+    (row,) = checked(asked, before=turn("z", 0), dropped=turn("x", 90), facing="door_0")
+    assert not row.met
+    assert row.angle_rad == pytest.approx(0.5 * np.pi)
+
+
+def test_a_front_that_nobody_can_tell_is_a_doubt():
+    """And a line; so is a facing towards what is not known."""
+    for told in ("nothing tells", ""):
+        ahead = FRONT if told else None
+        asked = AskedPose("any", UP, 0.0, UP, FRONT, facing_doubt=told, looks=ahead, ahead=ahead)
+        (row,) = checked(asked, before=turn("z", 0), dropped=turn("z", 0), facing="bed_0")
+        assert row.met
+        assert "nothing tells" in pose_warnings((row,))[0]
+
+
+@pytest.mark.parametrize(("axis", "degrees", "met"), [("y", 0, False), ("y", 90, True), ("y", -90, True)])
+def test_what_lies_does_not_stand(axis, degrees, met):
+    """A book whose long axis is x lies as it is in its file, whatever it was before the drop, and stands on both its
+    ends."""
+    asked = AskedPose("standing", LEFT, 0.0, UP, FRONT, either_way=True)
+    (row,) = checked(asked, before=turn(axis, degrees), dropped=turn("z", 20))
+    assert (row.found, row.met) == ("standing" if met else "lying", met)
+    assert len(pose_warnings((row,))) == (0 if met else 1)
 
 
 def test_nothing_asked_nothing_checked():

@@ -1,11 +1,15 @@
 """What was asked as a direction of the mesh, and whether its shape tells it."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
-from box_rooms import ball, mug, thing, toy
+from box_rooms import ball, block, book, mug, thing, toy
 from stage_chain import Stages
 
-from dcap.language.protocol.requests import PoseView, RotationRequest
+from dcap.geometry.placement.poses import about_z
+from dcap.language.protocol.replies import RotationReply
+from dcap.language.protocol.requests import FacingView, PoseView, RotationRequest
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.rotation import AskedPose
 from tasks.rotation.asked_pose import asked_pose
@@ -53,7 +57,7 @@ def test_what_is_righted_is_up_as_it_is_righted():
 def test_an_up_that_the_shape_hardly_tells_is_a_doubt(lead, doubted):
     """Righted on weak evidence: nobody would know from the row alone. As it is in its file nothing was guessed."""
     for name, righting in (("righted", 0.4), ("upright", 0.0)):
-        found = asked_pose(seated(righting), np.eye(3), name, lead)
+        found = asked_pose(seated(righting), RotationReply(pose_id=name), np.eye(3), toy(), lead)
         assert found is not None
         assert bool(found.doubt) == (doubted and name == "righted")
 
@@ -67,3 +71,39 @@ def test_nothing_asked_is_nothing_to_check():
     """The pose then is nobody's wish."""
     assert OFFLINE.oriented("put the mug on the bed", thing("mug", mug())).pose is None
     assert OFFLINE.oriented("sit the ball on the bed", thing("ball", ball())).pose is None
+
+
+@pytest.mark.parametrize("words", ["stand the book on end", "stand the book upright"])
+def test_whether_a_book_stands_is_told_by_its_shape(words):
+    """Not by the pose that was chosen: its long axis vertical, or its thin one level."""
+    found = pose_of(f"{words} on the bed", "book", book())
+    size = np.ptp(book().bounds, axis=0)
+    axis = np.eye(3)[int(np.argmax(size) if found.from_vertical == 0.0 else np.argmin(size))]
+    assert found.from_vertical in (0.0, 0.5 * np.pi)
+    assert abs(found.axis @ axis) == pytest.approx(1.0)
+    assert found.either_way
+    assert not found.doubt
+
+
+def test_a_cube_has_no_end():
+    """Nobody can tell whether it stands, which is said."""
+    found = pose_of("stand the book on end on the bed", "book", block((0, 0, 0), (0.1, 0.1, 0.1)))
+    assert found.from_vertical is None
+    assert "no end" in found.doubt
+
+
+def test_a_wrong_choice_does_not_change_what_was_asked():
+    """It shall look along +x: chosen so or facing away from it, what is asked is the same; a turn goes on from there,
+    and one that the reply leaves out is missed."""
+    view = FacingView("door_0", (1.0, 0.0, 0.0))
+    request = replace(seated(0.0), facing="door_0", facings=(view,))
+    for angle in (0.0, 90.0, -90.0):
+        chosen, reply = about_z(np.radians(angle)), RotationReply(pose_id="upright", facing_id="aligned")
+        found = asked_pose(request, reply, chosen, toy(), 0.5)
+        turned = asked_pose(replace(request, facing="", turn_deg=90.0), reply, chosen, toy(), 0.5)
+        assert found is not None
+        assert found.looks == pytest.approx(np.array([0.0, -1.0, 0.0]))
+        assert found.ahead == pytest.approx(np.array([1.0, 0.0, 0.0]))
+        assert turned is not None
+        assert turned.looks is not None
+        assert turned.ahead == pytest.approx(about_z(0.5 * np.pi) @ chosen @ turned.looks)
