@@ -29,7 +29,7 @@ from dcap.scene.types.anchor import Anchor, Lean
 from dcap.scene.types.intent import Intent
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.outcome import Infeasible
-from dcap.scene.types.rotation import Rotation
+from dcap.scene.types.rotation import AskedPose, Rotation
 from dcap.scene.types.segmentation import Instance, Segmentation, SegmentedObject, SegmentedScene
 from tasks.anchor.carriers import owner
 from tasks.anchor.choice import Choice, carrier_masks, choice_of
@@ -73,7 +73,8 @@ def anchor(
     caster = Raycaster(scene.mesh)
     if reply is not None:
         if intent.orientation.lean:
-            return leaned(scene, base, item.mesh, pose, intent, reply, caster)
+            found = leaned(scene, base, item.mesh, pose, intent, reply, caster)
+            return found if isinstance(found, Infeasible) else replace(found, pose=facing_alone(rotation.pose, intent))
         choice = choice_of(scene, base, intent, reply, mesh)
         if choice.beside is not None:
             return not_on_it(base, choice.index, intent, choice.beside)
@@ -147,6 +148,11 @@ def leaned(
     if isinstance(found, Infeasible):
         return found
     return anchored(scene, base, found.choice, found.start, found.pose, found.search, reply, found.lean)
+
+
+def facing_alone(asked: AskedPose | None, intent: Intent) -> AskedPose | None:
+    """What is compared of what leans: how it leans has a check of its own, and a turn gives way to what it leans on."""
+    return replace(asked, name="any") if asked is not None and intent.orientation.facing else None
 
 
 def covered(base: Instance, choice: Choice, carrier: Instance, index: int) -> str:

@@ -28,7 +28,8 @@ NO_END = "its shape has no end to stand on, and no side to lie on"
 UP_TOLD = "its shape does not clearly tell which way is up, and its file has it on another side"
 CLEAR = 0.15
 """By so much more than for any other side must a shape speak for the one it is put on [-]: of sixteen household things
-in three turns each those put on a wrong side had at most 0.12, and all but eight of those put right more than this."""
+in three turns each those put on a wrong side had at most 0.12, and all but eight of those put right more than this. By
+more than this it must speak for another side than that of a file that is believed, for this to be doubted."""
 BY_FRONT = {"on_back": 0.0, "on_front": np.pi}
 BY_LEFT = {"on_left_side": np.pi, "on_right_side": 0.0}
 BY_UP = {"upside_down": np.pi, "on_side": 0.5 * np.pi, "lying": 0.5 * np.pi}
@@ -144,6 +145,6 @@ def doubt(request: RotationRequest, rest: PoseView, lead: float) -> str:
     if rest.id == "righted" and lead < CLEAR:
         return UP_TOLD
     believed = thing is not None and (is_a(thing.id, "furniture") or thing.rest == "any")
-    if rest.id == "upright" and request.righting > 0.0 and not believed:
+    if rest.id == "upright" and request.righting > CLEAR and not believed:
         return "by its shape it may rather stand on another side than in its file"
     return ""

@@ -12,7 +12,7 @@ from dcap.language.protocol.replies import RotationReply
 from dcap.language.protocol.requests import FacingView, PoseView, RotationRequest
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.rotation import AskedPose
-from tasks.rotation.asked_pose import asked_pose
+from tasks.rotation.asked_pose import CLEAR, asked_pose
 
 OFFLINE = Stages()
 SIDEWAYS = np.array([[1, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1]], dtype=float)
@@ -107,3 +107,11 @@ def test_a_wrong_choice_does_not_change_what_was_asked():
         assert turned is not None
         assert turned.looks is not None
         assert turned.ahead == pytest.approx(about_z(0.5 * np.pi) @ chosen @ turned.looks)
+
+
+@pytest.mark.parametrize(("righting", "doubted"), [(0.01, False), (CLEAR, False), (0.3, True)])
+def test_a_file_that_is_believed_is_doubted_only_where_its_shape_clearly_speaks_for_another_side(righting, doubted):
+    """By more than what makes a righted shape clear; a little more for another side is no doubt."""
+    found = asked_pose(seated(righting), RotationReply(pose_id="upright"), np.eye(3), toy(), 0.5)
+    assert found is not None
+    assert bool(found.doubt) == doubted
