@@ -136,7 +136,8 @@ def place(sample: Sample, config: PlaceConfig) -> PlacementRefs:
     renders = render_task(scene, item, anchor, settled, config=config.render)
     overview = None
     if renders.infeasible:
-        overview = overview_task(scene, item, found(intent), found(anchor), config=config.overview)
+        filled = not particles.infeasible
+        overview = overview_task(scene, item, found(intent), found(anchor), config=config.overview, filled=filled)
 
     return PlacementRefs(
         scene_scan=scene_scan,

@@ -49,15 +49,17 @@ def overview(
     intent: Intent | None,
     anchor: Anchor | None,
     config: OverviewConfig,
+    filled: bool = False,
 ) -> Overview:
-    """Look at the base if one was found, else at the whole scene."""
+    """Look at the base if one was found, else at the whole scene; what was filled with particles has no holes."""
     camera = camera_for(scene, intent, anchor, config)
     structure = np.array([one.structure for one in scene.instances] + [True])[scene.face_instance]
     cut = cut_faces(scene.mesh, structure, camera.position, camera.target)
     shown = scene.mesh.submesh(np.flatnonzero(~cut))
     asked = None if anchor is None else photograph([shown, item.mesh.transformed(anchor.world_from_object)], camera)
     candidates = candidates_picture(scene) if intent is None and scene.instances else None
-    return Overview(photograph([shown], camera), asked, candidates, hole_picture(item, intent, anchor, config))
+    hole = None if filled else hole_picture(item, intent, anchor, config)
+    return Overview(photograph([shown], camera), asked, candidates, hole)
 
 
 def hole_picture(

@@ -9,6 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from dcap.geometry.distance import MeshDistance
 from dcap.geometry.raycast import Raycaster
+from dcap.geometry.solid.columns import CRACK
 from dcap.geometry.solid.height_map import TornHole
 from dcap.geometry.solid.mending import MendedSurface, with_mended
 from dcap.scene.types.anchor import Anchor
@@ -34,7 +35,6 @@ MOST_CONTRAST, RIGID_CONTRAST = 1e4, 100.0
 REACH_BELOW = 0.12  # how far below the predicted contact fields are sampled [m]: deeper than any dent
 REACH_ABOVE = 0.03  # above the object's top [m]
 UNDER = 0.25  # of its larger horizontal side around the object is under it [-]: it may move that far
-CRACK = 0.01  # what is shorter is a crack, which nothing notices [m]
 OUT_OF_DENT = 2e-3  # height of an object over a dent that it is lifted out of [m]
 SPHERICAL = 0.1  # relative spread of a ball's radius; a cube has 0.14
 

@@ -24,7 +24,6 @@ class RepairKind(StrEnum):
     BY_WINDING = "by winding"  # [1]
     COLUMNS = "columns"  # width [m]
     HOLE = "hole"  # length [m]
-    SCRAP = "scrap"  # area [m^2]
 
 
 SENTENCES: dict[RepairKind, Callable[[int, float, float], str]] = {
@@ -44,7 +43,6 @@ SENTENCES: dict[RepairKind, Callable[[int, float, float], str]] = {
     RepairKind.BY_WINDING: lambda n, total, most: (
         "faces kept as given, inside and outside decided by the winding number"
     ),
-    RepairKind.SCRAP: lambda n, total, most: f"{n} floating scraps of {1e4 * total:.3g} cm2 in all left out",
     RepairKind.HOLE: lambda n, total, most: f"{n} holes closed from their rims, the longest {1e2 * most:.2g} cm",
     RepairKind.COLUMNS: lambda n, total, most: (
         f"solid under what is seen from above, in columns of {1e3 * most:.2g} mm"

@@ -88,6 +88,10 @@ def test_strips_are_refused_with_sizes_places_and_a_picture():
     assert shown.hole is not None
     red = (shown.hole[..., 0] > 180) & (shown.hole[..., 1] < 90) & (shown.hole[..., 2] < 90)
     assert red.sum() > 50
+    filled = overview(
+        SegmentedScene(ROOM), SegmentedObject(item(strips)), named("ball"), anchor(), OverviewConfig(size=96), True
+    )
+    assert filled.hole is None
     whole = overview(
         SegmentedScene(ROOM), SegmentedObject(item(ball())), named("ball"), anchor(), OverviewConfig(size=96)
     )
