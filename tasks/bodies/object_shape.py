@@ -62,6 +62,8 @@ def object_shape(item: Segmentation, intent: Intent, anchor: Anchor) -> ObjectSh
     part = item.face_part[MeshDistance(mesh).nearest_face(shape.mesh.triangles.mean(axis=1))]
     whole = replace(item, mesh=closed, face_instance=np.zeros(len(part), dtype=np.int32), face_part=part)
     solid, found = solid_of(shape.mesh)
+    if found.problem:
+        return OpenShape(shape.holes, found.problem)
     found = replace(found, repairs=(*found.repairs, *shape.notes))
     return ObjectShape(whole, solid, found, shape.notes)
 

@@ -1,17 +1,20 @@
 """The object as one solid at its size in the scene; what cannot be closed is refused with its holes and a picture."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from box_rooms import segmentation
 from torn import ball, fine_box, middles, normals, where
 
 from dcap.geometry.boundary import is_closed
+from dcap.geometry.distance import MeshDistance
 from dcap.scene.types.anchor import Anchor
 from dcap.scene.types.intent import Intent, OrientationRequest, RegionRequest
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.outcome import OpenObject, Reason
 from dcap.scene.types.segmentation import Segmentation, SegmentedObject, SegmentedScene
-from tasks.bodies.object_shape import ObjectShape, OpenShape, object_shape, refused
+from tasks.bodies.object_shape import ObjectShape, OpenShape, object_shape, refused, solid_of
 from tasks.overview import OverviewConfig, overview
 
 SCALE = 0.5
@@ -104,3 +107,15 @@ def test_a_hole_that_a_cap_closes_is_told():
     found = object_shape(item(dome), named("ball"), anchor())
     assert isinstance(found, ObjectShape)
     assert any("below, closed from the rim" in note for note in found.notes)
+
+
+def test_what_was_closed_and_is_still_no_solid_is_refused(monkeypatch):
+    """With the reason and the holes of the given faces."""
+    _, report = solid_of(ball())
+    broken = replace(report, problem="it is not closed")
+    monkeypatch.setattr("tasks.bodies.object_shape.solid_of", lambda mesh: (MeshDistance(mesh), broken))
+    dome = where(ball(), middles(ball())[:, 2] > 0.0)
+    found = object_shape(item(dome), named("ball"), anchor())
+    assert isinstance(found, OpenShape)
+    assert found.rims
+    assert "it is not closed" in refused(found, "ball").message
