@@ -103,8 +103,8 @@ def with_checks(settled: Settled, particles: Particles, anchor: Anchor, intent: 
     told = [] if lean is None or lean.held_share.holds else [f"it rests without leaning on {lean.on}"]
     if foreseen is not None and not foreseen.holds:
         told.append(
-            f"only {foreseen.value:.0%} of its contact lies where it was foreseen and cells are fine enough for it: "
-            "its dent is coarser elsewhere"
+            f"only {foreseen.value:.0%} of its contact lies where it was foreseen and cells were made for it: its dent "
+            "is coarser elsewhere"
         )
     return replace(settled, checks=checks, warnings=(*settled.warnings, *told, *pose_warnings(poses)))
 

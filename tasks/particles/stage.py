@@ -62,10 +62,12 @@ def particles(
 
 
 def foreseen_on(base: BaseBodies) -> NDArray[np.float64] | None:
-    """Where a soft base is resolved for the contact, boxes in plan (k, 2, 2) [m]."""
-    if base.soft is None or not base.footprint.contacts:
+    """Where the object was foreseen on a soft base, boxes in plan (k, 2, 2) [m]: its patches, and where it may touch as
+    it levels out, that is, has neither rolled nor slid away."""
+    foot = base.footprint
+    if base.soft is None or not foot.contacts:
         return None
-    return np.concatenate([one.boxes for one in base.footprint.contacts])
+    return np.concatenate([*(one.boxes for one in foot.contacts), foot.on_base[1:, :, :2]])
 
 
 def note_overlaps(setup: DropSetup, bodies: list[SimulationBody]) -> None:

@@ -37,7 +37,7 @@ BY_UP = {"upside_down": np.pi, "on_side": 0.5 * np.pi, "lying": 0.5 * np.pi}
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Aim:
+class WantedLook:
     """What a pose is about."""
 
     axis: Array
@@ -106,32 +106,32 @@ def usual_pose(request: RotationRequest, pose_id: str) -> PoseView:
     return default_pose(request, thing_of(request.object_name))[0]
 
 
-def aim(request: RotationRequest, rest: PoseView, mesh: Mesh, up: Array, front: Array) -> Aim:
+def aim(request: RotationRequest, rest: PoseView, mesh: Mesh, up: Array, front: Array) -> WantedLook:
     """The direction of the mesh that the pose is about, from the words and the shape."""
     thing = thing_of(request.object_name)
     kind = thing.rest if thing else "upright"
     wanted = meant(request, thing, rest)
     if wanted in BY_FRONT:
-        return Aim(front, BY_FRONT[wanted])
+        return WantedLook(front, BY_FRONT[wanted])
     if wanted in BY_LEFT:
-        return Aim(np.cross(up, front), BY_LEFT[wanted])
+        return WantedLook(np.cross(up, front), BY_LEFT[wanted])
     if wanted in BY_UP:
-        return Aim(up, BY_UP[wanted])
+        return WantedLook(up, BY_UP[wanted])
     if wanted == "standing" and (kind != "upright" or is_low(rest, LOW)):
         return of_shape(mesh, on_edge=request.pose != "standing", lies=False)
     if wanted == "any" and request.pose in ("lying", "on_side") and kind == "any":
         return of_shape(mesh, on_edge=True, lies=True)
     # as it usually rests; what lies flat does so on both its sides, unless words say which
-    return Aim(up, 0.0, kind == "flat" and request.pose not in ("on_back", "on_front"))
+    return WantedLook(up, 0.0, kind == "flat" and request.pose not in ("on_back", "on_front"))
 
 
-def of_shape(mesh: Mesh, *, on_edge: bool, lies: bool) -> Aim:
+def of_shape(mesh: Mesh, *, on_edge: bool, lies: bool) -> WantedLook:
     """On end, or lying, as its extents have it."""
     found = end_axis(mesh, on_edge=on_edge)
     if found is None:
-        return Aim(UP, None, either_way=True)
+        return WantedLook(UP, None, either_way=True)
     axis, angle = found
-    return Aim(axis, 0.5 * np.pi - angle if lies else angle, either_way=True)
+    return WantedLook(axis, 0.5 * np.pi - angle if lies else angle, either_way=True)
 
 
 def doubt(request: RotationRequest, rest: PoseView, lead: float) -> str:

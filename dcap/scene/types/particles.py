@@ -212,5 +212,5 @@ class Particles:
     column: tuple[ColumnLayer, ...] = ()
     """What lies under the predicted contact, from the top down; empty on a rigid base."""
     foreseen: NDArray[np.float64] | None = None
-    """Boxes in plan within which cells of a soft base are fine enough for the contact [m], shape (k, 2, 2); None on a
-    rigid base."""
+    """Boxes in plan where contact with a soft base was foreseen, and cells were made for it [m], shape (k, 2, 2); None
+    on a rigid base."""

@@ -74,8 +74,8 @@ class PlacementChecks:
     column: tuple[ColumnLayer, ...] | None = None
     """What of a soft base lies under the predicted contact, from the top down."""
     foreseen_share: CertificateRow | None = None
-    """Share of the contact's points that lie where cells are fine enough for it [-]; None unless most of what presses
-    on the object is soft, and where it leans."""
+    """Share of the contact's points that lie where it was foreseen, and cells were made for it [-]; None unless most of
+    what presses on the object is soft, and where it leans."""
     poses: tuple[PoseCheck, ...] = ()
     """Every pose and facing that was asked, in the words of the request."""
 

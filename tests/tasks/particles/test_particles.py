@@ -22,6 +22,7 @@ from dcap.scene.types.particles import NodeState, Particles, RigidSimulationBody
 from dcap.scene.types.segmentation import Instance, Part, Segmentation, SegmentedObject, SegmentedScene
 from dcap.scene.types.settled import Settled, SettledBody
 from tasks.bodies.contact_surface import PER_CELL
+from tasks.bodies.plan_contact import share_within
 from tasks.particles.config import ParticlesConfig
 from tasks.particles.drop_setup import drop_setup
 from tasks.particles.stage import particles
@@ -243,6 +244,8 @@ def test_a_second_drop_is_resolved_where_the_first_one_ended() -> None:
     assert again.foreseen is not None
     assert again.foreseen[0] == pytest.approx(first.foreseen[0])
     assert again.foreseen[1].mean(axis=0) == pytest.approx([0.0, -0.4], abs=0.01)
+    rolled = np.array([[0.0, -0.4, TOP]])
+    assert (share_within(rolled, first.foreseen), share_within(rolled, again.foreseen)) == (0.0, 1.0)
 
     def cell_at(found: Particles, y: float) -> float:
         planes = soft_body(found, 1).grid.y
