@@ -32,7 +32,7 @@ from dcap.scene.types.outcome import Infeasible
 from dcap.scene.types.rotation import AskedPose, Rotation
 from dcap.scene.types.segmentation import Instance, Segmentation, SegmentedObject, SegmentedScene
 from tasks.anchor.carriers import owner
-from tasks.anchor.choice import Choice, carrier_masks, choice_of
+from tasks.anchor.choice import Choice, asked, carrier_masks, choice_of
 from tasks.anchor.given_point import area_at, beside_the_point, carrying_at, reply_at
 from tasks.anchor.leaning import leaning_start
 from tasks.anchor.no_room import no_room, not_on_it, nothing_left
@@ -69,7 +69,8 @@ def anchor(
     pose[:3, 3] = -center_of_mass(mesh)
     mesh = item.mesh.transformed(pose)
     reply = None if intent.at is not None else client.ask(ANCHOR, anchor_request(scene, base, intent, prompt, mesh))
-    scene = SegmentedScene(with_mended(scene, scene.index_of(base.id))[0])  # a place may be over a hole of the scan
+    whole, _ = with_mended(scene, scene.index_of(base.id), turn=False)  # a place may be over a hole of the scan
+    scene = SegmentedScene(whole)
     caster = Raycaster(scene.mesh)
     if reply is not None:
         if intent.orientation.lean:
@@ -88,11 +89,13 @@ def anchor(
         choice = Choice(reply.part_index, frame, [area_at(intent.at, mesh)], [], "at the point")
         masks = [carrying_at(scene, base, intent.at)]
     exact = Clearance(mesh, scene.mesh, caster)
+    anywhere = intent.at is None and reply.point is None and not asked(base, choice.index, intent)
+    anywhere &= not (choice.region or intent.region.names or intent.region.constraints)
     search = None
     for areas, note in choice.tries():
         for mask in masks if areas else ():
             search = PlacementSearch(scene.mesh, caster, mask, mesh)
-            start = set_down(search, exact, areas, config.clearance)
+            start = set_down(search, exact, areas, config.clearance, anywhere=anywhere)
             if start is not None:
                 found = anchored(scene, base, replace(choice, note=note), start, pose, search, reply)
                 spot = np.array([start.spot.x, start.spot.y])

@@ -65,7 +65,7 @@ def pose_row(asked: AskedPose, before: Array, after: Array, bound: float) -> Pos
         angle = min(angle, abs(np.pi - own - wanted))
     met = angle <= bound
     found = pose_name(after @ asked.up, after @ asked.front)
-    if met and (asked.either_way or found == "upright"):  # standing, seated; a slab on its back
+    if met and (asked.either_way or (found == "upright" and not asked.doubt)):  # standing, seated; a slab on its back
         found = asked.name
     elif asked.either_way:
         found = "lying" if asked.name in ON_END else "standing"

@@ -112,9 +112,11 @@ def not_found(reply: IntentReply, request: IntentRequest) -> Infeasible:
     there = ", ".join([*present, *structure]) or "nothing that has a name"
     meant = f" (did you mean the {reply.did_you_mean}?)" if reply.did_you_mean else ""
     missing = reply.missing.removeprefix("the ").removeprefix("a ")
+    shapes = named_by_shape(reply, request)
+    none = f"nothing here is known as {missing} by its shape" if shapes else f"the scene has no {missing}"
     return Infeasible(
         Reason.TARGET_NOT_FOUND,
-        f"the scene has no {missing}{meant}; it has: {there}{named_by_shape(reply, request)}",
+        f"{none}{meant}; it has: {there}{shapes}",
         NotInScene(asked=reply.missing, present=(*present, *structure), object=reply.object_name),
     )
 

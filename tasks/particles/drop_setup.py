@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from dcap.geometry.distance import MeshDistance
 from dcap.geometry.raycast import Raycaster
 from dcap.geometry.solid.columns import CRACK
-from dcap.geometry.solid.height_map import TornHole
+from dcap.geometry.solid.height_map import WIDTHS, TornHole
 from dcap.geometry.solid.mending import MendedSurface, with_mended
 from dcap.scene.types.anchor import Anchor
 from dcap.scene.types.intent import Intent
@@ -133,7 +133,8 @@ def drop_setup(
         margin *= config.rolling_margin
     crop = np.stack([low - margin, high + margin])
     base_index = scene.index_of(anchor.base_id)
-    whole, surface = with_mended(scene, base_index)
+    widest = max(WIDTHS)  # a hole that reaches into the crop is seen with all of its rim
+    whole, surface = with_mended(scene, base_index, crop[:, :2] + np.array([[-widest], [widest]]))
     found = mended_here(surface, mesh)
     if found:
         scene = whole

@@ -4,7 +4,8 @@ In: scene, object, intent and prompt. Out: `Rotation`: R*, orthonormal, and exac
 by 180 degrees about x, y and z with the base fixed. Listed to choose from: the pose of the file, its flips and quarter
 turns, the same of the pose in which the shape stands where that is another (a file that is lying or overturned), and
 the stable poses of the convex hull, each before a turn about the vertical; and directions for the front. The front of
-an object is what `dcap.geometry.placement.poses.front_of` says: where its lower half reaches out, else -y of the mesh.
+an object is looked for in the frame in which it stands: what `dcap.geometry.placement.poses.front_of` says there, where
+its lower half reaches out, else -y.
 """
 
 from functools import partial
@@ -18,10 +19,13 @@ from scipy.spatial.transform import Rotation as Turn
 from dcap.geometry.camera import Camera, looking_at
 from dcap.geometry.placement.polygons import smallest_rectangle
 from dcap.geometry.placement.poses import StablePose, about_z, front_of, stable_poses, symmetry_about_z
+from dcap.geometry.placement.seat import on_legs
 from dcap.geometry.placement.upright import outermost, stands_as_read, upright_pose
 from dcap.geometry.rendering.picture import picture
 from dcap.language.connect import Client
 from dcap.language.offline.fronts import front_side
+from dcap.language.offline.lexicon import thing_of
+from dcap.language.offline.pose_choice import to_right
 from dcap.language.protocol.client import LanguageConfig
 from dcap.language.protocol.questions import ROTATION
 from dcap.language.protocol.replies import ROUNDED, RotationReply
@@ -63,23 +67,26 @@ def rotation(
     base = instance_of(scene, intent.base_id)
     mesh = item.mesh.transformed(np.diag([intent.scale] * 3 + [1.0]))
     own, righting, lead = standing_pose(mesh)
-    poses = pose_views(mesh, own, front_side(intent.object_name))
+    stands, side = stands_as_read(mesh), front_side(intent.object_name)
+    trusted = to_right(thing_of(intent.object_name), righting=righting, stands=stands, file_up=float(own[2, 2]))
+    believed = own if trusted else np.eye(3)
     place = wished_place(scene, base, intent, 0.5 * float(np.ptp(mesh.bounds[:, :2], axis=0).max()))
     pictures = three_flips(scene, base, mesh, place, config.picture_size)
-    has_front = front_of(turned(mesh, own), front_side(intent.object_name))[1]
+    has_front = front_of(turned(mesh, believed), side)[1]
     facing = wished_facing(intent, has_front=has_front)
     request = RotationRequest(
         prompt=refined(prompt, intent),
         object_name=intent.object_name,
         pose=intent.orientation.pose,
         facing=facing,
-        poses=poses,
+        poses=pose_views(mesh, own, believed, side),
         facings=facings(scene, base, place, facing),
-        symmetry=symmetry_about_z(turned(mesh, own)),
+        symmetry=symmetry_about_z(turned(mesh, believed)),
         has_front=has_front,
-        stands=stands_as_read(mesh),
+        stands=stands,
         righting=righting,
         turn_deg=intent.orientation.turn_deg,
+        on_legs=on_legs(mesh, believed[2]),
         pictures=tuple(partial(np.copy, one) for one in pictures),
     )
     reply = client.ask(ROTATION, request)
@@ -119,20 +126,30 @@ def standing_pose(mesh: Mesh) -> tuple[Array, float, float]:
     return (np.eye(3), 0.0, lead) if gain <= 0.0 or own[2, 2] > np.cos(SAME_POSE) else (own, gain, lead)
 
 
-def pose_views(mesh: Mesh, own: Array, side: str) -> tuple[PoseView, ...]:
-    """All poses that can be chosen, that of the file first; `own` is how it stands by its shape, shape (3, 3)."""
+def pose_views(mesh: Mesh, own: Array, believed: Array, side: str) -> tuple[PoseView, ...]:
+    """All poses that can be chosen, that of the file first; `own` is how it stands by its shape, shape (3, 3).
+
+    Each kind has the up and the front of the frame that its poses are turned from; stable poses, which any frame leads
+    to, those of the `believed` one, shape (3, 3).
+    """
     stable = stable_poses(mesh)
     frames = {"upright": np.eye(3)} | ({} if np.allclose(own, np.eye(3)) else {"righted": own})
     views = []
     for frame, matrix in frames.items():
-        front = matrix.T @ front_of(turned(mesh, matrix), side)[0]
+        own_axes = axes_of(mesh, matrix, side)
         views += [
-            pose_view(name, turn @ matrix, probability_of(turn @ matrix, stable), mesh, front)
-            for name, turn in turns_of(frame, matrix @ front).items()
+            pose_view(name, turn @ matrix, probability_of(turn @ matrix, stable), mesh, own_axes)
+            for name, turn in turns_of(frame, matrix @ own_axes[1]).items()
         ]
+    own_axes = axes_of(mesh, believed, side)
     for number, pose in enumerate(stable):
-        views.append(pose_view(f"stable_{number}", pose.rotation, pose.probability, mesh, front))
+        views.append(pose_view(f"stable_{number}", pose.rotation, pose.probability, mesh, own_axes))
     return tuple(views)
+
+
+def axes_of(mesh: Mesh, frame: Array, side: str) -> tuple[Array, Array]:
+    """Up and front of a mesh that stands in a frame, shape (3, 3), as unit vectors of the mesh."""
+    return frame[2], frame.T @ front_of(turned(mesh, frame), side)[0]
 
 
 def turns_of(frame: str, front: Array) -> dict[str, Array]:
@@ -161,11 +178,12 @@ def probability_of(matrix: Array, stable: list[StablePose]) -> float:
     return max(close, default=0.0)
 
 
-def pose_view(name: str, matrix: Array, probability: float, mesh: Mesh, front: Array) -> PoseView:
-    """One choice with what it does to the object's axes and extents."""
+def pose_view(name: str, matrix: Array, probability: float, mesh: Mesh, own_axes: tuple[Array, Array]) -> PoseView:
+    """One choice with what it does to the object's own up and front and to its extents."""
     rows: tuple[Vector, Vector, Vector] = (vector(matrix[0]), vector(matrix[1]), vector(matrix[2]))
     size = np.ptp(mesh.vertices @ matrix.T, axis=0)
-    return PoseView(name, rows, round(probability, 6), vector(matrix[:, 2]), vector(matrix @ front), vector(size))
+    up, front = (vector(matrix @ axis) for axis in own_axes)
+    return PoseView(name, rows, round(probability, 6), up, front, vector(size))
 
 
 def facings(scene: Segmentation, base: Instance, place: Array, asked: str) -> tuple[FacingView, ...]:
@@ -192,7 +210,7 @@ def matrix_of(reply: RotationReply, request: RotationRequest, scene: Segmentatio
     pose = next(p for p in request.poses if p.id == reply.pose_id)
     matrix = np.array(pose.rotation)
     if reply.facing_id == "aligned":
-        yaw = aligned_yaw(mesh, matrix, request, scene, base)
+        yaw = aligned_yaw(mesh, pose, request, scene, base)
     elif reply.facing_id == "keep":
         yaw = 0.0
     else:
@@ -216,15 +234,14 @@ def yaw_between(a: Array, b: Array) -> float:
     return float(np.arctan2(a[0] * b[1] - a[1] * b[0], a[:2] @ b[:2]))
 
 
-def aligned_yaw(mesh: Mesh, matrix: Array, request: RotationRequest, scene: Segmentation, base: Instance) -> float:
+def aligned_yaw(mesh: Mesh, pose: PoseView, request: RotationRequest, scene: Segmentation, base: Instance) -> float:
     """Front to the viewer, lying, feet to the viewer; without a front the long side across, or along a slender base."""
     frame = part_frame(scene, base, base.box)
-    pose = next(p for p in request.poses if np.allclose(p.rotation, matrix))
     if request.has_front:
         lies = abs(pose.front[2]) > abs(pose.up[2])  # on a bed, its head to the head end
         ahead = looking(np.array(pose.front), np.array(pose.up))
         return yaw_between(ahead, np.array([*(-frame.front if lies else frame.front), 0.0]))
-    own, size = smallest_rectangle((outermost(mesh.vertices) @ matrix.T)[:, :2])
+    own, size = smallest_rectangle((outermost(mesh.vertices) @ np.array(pose.rotation).T)[:, :2])
     if size[0] < ELONGATED * size[1]:
         return 0.0 if request.symmetry == 0 else smallest_turn(own, frame.right, quarter=True)
     across = 2.0 * frame.half[0] >= size[0] or frame.half[0] >= frame.half[1]

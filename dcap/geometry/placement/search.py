@@ -193,12 +193,15 @@ class PlacementSearch:
         hits = self.caster.cast(start, np.tile([0.0, 0.0, 1.0], (len(start), 1)))
         return np.asarray((hits.normal[:, 2] > 0.1) & (hits.distance < ROOM_HEIGHT))
 
-    def find(self, region: Region, share: float, *, level: bool, steady: bool = False) -> Spot | None:
+    def find(
+        self, region: Region, share: float, *, level: bool, steady: bool = False, anywhere: bool = False
+    ) -> Spot | None:
         """The spot nearest to the region's target that has this much support and nothing in the way.
 
         `level`: the support must be no further than DROP below the contact to count; `steady`: the object must not come
         down when it is moved a little, and the spot must be nearby. On a narrow support, where the nearest spot has
-        the edge beside it, no steady one is searched: a request for a ridge means the ridge.
+        the edge beside it, no steady one is searched: a request for a ridge means the ridge. `anywhere`: nobody asked
+        for a place, and a steady one may be far off, on a narrow support too.
         """
         nearest = True
         for seen in self._fits(region):
@@ -206,11 +209,12 @@ class PlacementSearch:
             good = np.flatnonzero((seen.lift <= STEPPED) & (supported >= share) & ~self.excluded[tuple(seen.index.T)])
             if steady:
                 away = np.linalg.norm(self.origin + self.cell * seen.index - region.target, axis=1)
-                if away.min() > NEARBY * self.extent:
+                farthest = np.inf if anywhere else NEARBY * self.extent
+                if away.min() > farthest:
                     return None
-                good = good[away[good] <= NEARBY * self.extent]
+                good = good[away[good] <= farthest]
                 descent, broad = self._surroundings(seen.index[good], seen.height[good])
-                if nearest and len(good) and not broad[0]:
+                if nearest and len(good) and not (broad[0] or anywhere):
                     return None
                 nearest &= len(good) == 0
                 good = good[descent <= STEADY]

@@ -45,16 +45,20 @@ class Start:
     """Smallest vertical distance to what lies below, measured there [m]."""
 
 
-def set_down(search: PlacementSearch, exact: Clearance, areas: Sequence[Region], gap: float) -> Start | None:
-    """The best supported free spot, a steady one if there is one nearby; of equally good ones the nearest to its area's
-    aim, earlier areas first."""
+def set_down(
+    search: PlacementSearch, exact: Clearance, areas: Sequence[Region], gap: float, *, anywhere: bool = False
+) -> Start | None:
+    """The best supported free spot, a steady one if there is one nearby, or `anywhere` in the areas; of equally good
+    ones the nearest to its area's aim, earlier areas first."""
     failed, before = 0, None
     for share, level, steady in PASSES:
-        while (found := nearest(search, areas, share, level=level, steady=steady)) is not None:
+        while (found := nearest(search, areas, share, level, steady, anywhere)) is not None:
             area, spot = found
             start = hover(search, exact, spot, gap)
             if start is not None:
                 return Start(area, spot, *start)
+            if steady and anywhere:
+                break  # something is in the way at the steadiest place: the next passes look near the aim
             if spot == before:  # with all that is known now it looked free again, and is not
                 search.exclude(spot, failed // PATIENCE)
                 failed += 1
@@ -63,12 +67,12 @@ def set_down(search: PlacementSearch, exact: Clearance, areas: Sequence[Region],
 
 
 def nearest(
-    search: PlacementSearch, areas: Sequence[Region], share: float, *, level: bool, steady: bool = False
+    search: PlacementSearch, areas: Sequence[Region], share: float, level: bool, steady: bool, anywhere: bool
 ) -> tuple[Region, Spot] | None:
     """Of each area's best spot the one nearest to its aim, the earlier area's if they are about as near."""
     best: tuple[int, Region, Spot] | None = None
     for area in areas:
-        spot = search.find(area, share, level=level, steady=steady)
+        spot = search.find(area, share, level=level, steady=steady, anywhere=anywhere)
         if spot is not None:
             steps = round(float(np.hypot(*(area.target - (spot.x, spot.y)))) / ALIKE)
             if best is None or steps < best[0]:

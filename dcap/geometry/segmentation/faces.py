@@ -12,6 +12,8 @@ from dcap.scene.types.mesh import Mesh
 
 MAX_POINTS = 400_000
 """Most points that `surface_points` lays; beyond it they lie farther apart [-]."""
+STRAY = 0.005
+"""Share of a surface that may be stray points of a scan, below all else and above it [-]."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -91,6 +93,20 @@ def connected_regions(count: int, pairs: NDArray[np.int64], joined: NDArray[np.b
     a, b = pairs[joined].T
     graph = coo_matrix((np.ones(len(a), dtype=np.int8), (a, b)), shape=(count, count))
     return np.asarray(connected_components(graph, directed=False)[1], dtype=np.int64)
+
+
+def plan_cells(corners: NDArray[np.float64], area: NDArray[np.float64], step: float) -> int:
+    """How many cells of a grid in plan faces (m, 3, 3) of these areas (m,) [m^2] lie over, cells of `step` [m]."""
+    points, _ = surface_points(corners, area, 0.5 * step)
+    return len(np.unique(np.floor(points[:, :2] / step).astype(np.int64), axis=0))
+
+
+def surface_heights(z: NDArray[np.float64], area: NDArray[np.float64]) -> tuple[float, float]:
+    """Heights between which faces at z (m,) [m] of these areas lie but for what is stray at either end [m]."""
+    order = np.argsort(z)
+    sums = np.cumsum(area[order])
+    low, high = np.searchsorted(sums, np.array([STRAY, 1.0 - STRAY]) * sums[-1])
+    return float(z[order[low]]), float(z[order[min(int(high), len(order) - 1)]])
 
 
 def surface_points(

@@ -9,7 +9,13 @@ from numpy.typing import NDArray
 
 from dcap.geometry.segmentation.annotated import annotated_groups
 from dcap.geometry.segmentation.boxed import Group
-from dcap.geometry.segmentation.faces import FaceTable, connected_regions, renumbered, surface_points
+from dcap.geometry.segmentation.faces import (
+    FaceTable,
+    connected_regions,
+    plan_cells,
+    renumbered,
+    surface_heights,
+)
 from dcap.geometry.segmentation.labels import (
     Category,
     category_of,
@@ -32,7 +38,7 @@ THING = "thing"
 ROOM_SIZE = 3.2
 """What is this long and has a floor is a room [m]."""
 FLOORED = 0.35
-"""Share of a room where its floor is seen at least: furniture hides the rest [-]."""
+"""Share of a room's plan where its floor is seen at least: furniture hides the rest [-]."""
 LOOKS_UP = 0.6
 """Normal z from which on a face looks up: floors of scans are rough [-]."""
 FLOOR_CELLS = 64
@@ -145,13 +151,12 @@ def _is_room(table: FaceTable, faces: Index, label: str) -> bool:
 
 
 def _floored(table: FaceTable, faces: Index) -> float:
-    """Share of the rectangle around it in which something low looks up, seen from above: rough floors too."""
-    low, high = table.corners[faces].reshape(-1, 3).min(axis=0), table.corners[faces].reshape(-1, 3).max(axis=0)
-    chosen = (table.center[faces, 2] < low[2] + 0.15 * (high - low)[2]) & (table.normal[faces, 2] > LOOKS_UP)
-    step = max(float((high - low)[:2].max()) / FLOOR_CELLS, 1e-9)
-    points, _ = surface_points(table.corners[faces[chosen]], table.area[faces[chosen]], 0.5 * step)
-    cells = np.unique(np.floor((points[:, :2] - low[:2]) / step).astype(np.int64), axis=0)
-    return len(cells) * step**2 / max(float(np.prod((high - low)[:2])), 1e-12)
+    """Share of what is scanned, in plan, in which something low looks up: rough floors, at any heading, too."""
+    corners, area = table.corners[faces], table.area[faces]
+    low, high = surface_heights(table.center[faces, 2], area)
+    chosen = (table.center[faces, 2] < low + 0.15 * (high - low)) & (table.normal[faces, 2] > LOOKS_UP)
+    step = max(float(np.ptp(corners.reshape(-1, 3)[:, :2], axis=0).max()) / FLOOR_CELLS, 1e-9)
+    return plan_cells(corners[chosen], area[chosen], step) / max(plan_cells(corners, area, step), 1)
 
 
 def _is_walled(table: FaceTable, faces: Index) -> bool:

@@ -260,6 +260,8 @@ def surface_across(part: HeightMap, pit: Mask) -> Array | None:
         off = np.abs(rim - about @ plane)
         kept = off <= max(OUTLYING * float(np.median(off)), DEEP)
     points, rim, off = points[kept], rim[kept], off[kept]
+    if np.linalg.matrix_rank(points - points.mean(axis=0)) < 2:
+        return None  # what is left of the rim lies on a line
     if np.linalg.norm(plane[:2]) > STEEPEST or np.sqrt((off**2).mean()) > UNEVEN * size + DEEP:
         return None
     across = RBFInterpolator((points - middle) / size, rim, kernel="thin_plate_spline", smoothing=SMOOTH * len(points))

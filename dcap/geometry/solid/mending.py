@@ -66,16 +66,19 @@ class MendedSurface:
         return bool(self.scraps or self.turned or self.holes)
 
 
-def mended(mesh: Mesh) -> MendedSurface:
-    """The surface of a thing that may have been scanned badly, as it can carry something; one without area as it is."""
+def mended(mesh: Mesh, region: FloatArray | None = None, *, turn: bool = True) -> MendedSurface:
+    """The surface of a thing that may have been scanned badly, as it can carry something; one without area as it is.
+    Holes are looked for within `region` (2, 2), a rectangle in plan [m], and as finely as its size allows; windings are
+    left alone unless they shall `turn`: who only looks for a place has to know what is there, not its inside."""
     if not mesh.face_areas.sum() > 0.0:
         return MendedSurface(mesh, np.arange(len(mesh.faces)), 0, 0.0, 0, ())
     kept, scraps, area = without_floating(mesh)
     whole = mesh if scraps == 0 else mesh.submesh(kept)
     caster = Raycaster(whole)
-    seen = seen_from_above(caster, whole.bounds, look_spacing(whole))
+    bounds = bounds_within(whole, region)
+    seen = seen_from_above(caster, bounds, look_spacing(bounds))
     faces, turned = whole.faces, 0
-    if looks_at_backs(whole, seen):
+    if turn and looks_at_backs(whole, seen):
         faces, turned = wound_outwards(whole, caster, seen)
     whole = Mesh(whole.vertices, faces, whole.colors)
     closed, holes = holes_closed(seen, caster, whole)
@@ -84,11 +87,13 @@ def mended(mesh: Mesh) -> MendedSurface:
     return MendedSurface(new, np.concatenate([kept, kept[near]]), scraps, area, turned, tuple(holes))
 
 
-def with_mended(scene: Segmentation, index: int) -> tuple[Segmentation, MendedSurface]:
-    """A scene with one of its things mended, and what that took; the scene itself where that was nothing. What is
-    mended comes last among the faces."""
+def with_mended(
+    scene: Segmentation, index: int, region: FloatArray | None = None, *, turn: bool = True
+) -> tuple[Segmentation, MendedSurface]:
+    """A scene with one of its things mended, within `region` and with a `turn` as by `mended`, and what that took; the
+    scene itself where that was nothing. What is mended comes last among the faces."""
     own = np.flatnonzero(scene.face_instance == index)
-    surface = mended(scene.mesh.submesh(own))
+    surface = mended(scene.mesh.submesh(own), region, turn=turn)
     if not surface.changed:
         return scene, surface
     others = np.flatnonzero(scene.face_instance != index)
@@ -99,9 +104,19 @@ def with_mended(scene: Segmentation, index: int) -> tuple[Segmentation, MendedSu
     ), surface  # fmt: skip
 
 
-def look_spacing(mesh: Mesh) -> float:
-    """Distance of the looks from above [m]."""
-    return spacing_within(np.ptp(mesh.bounds[:, :2], axis=0), FINEST, MOST_LOOKS, MARGIN)
+def bounds_within(mesh: Mesh, region: FloatArray | None) -> FloatArray:
+    """The bounds of a mesh [m], shape (2, 3), in plan as far as they are in a region that they meet."""
+    bounds = mesh.bounds.copy()
+    if region is not None:
+        low, high = np.maximum(bounds[0, :2], region[0]), np.minimum(bounds[1, :2], region[1])
+        if (low < high).all():
+            bounds[:, :2] = low, high
+    return bounds
+
+
+def look_spacing(bounds: FloatArray) -> float:
+    """Distance of the looks from above within bounds (2, 3) [m]."""
+    return spacing_within(np.ptp(bounds[:, :2], axis=0), FINEST, MOST_LOOKS, MARGIN)
 
 
 # scraps -------------------------------------------------------------------------------------------------------------

@@ -13,7 +13,7 @@ import math
 from collections.abc import Sequence
 from functools import cache
 
-from dcap.language.offline.lexicon import is_a, label_words, lineage, rows, thing_of, things
+from dcap.language.offline.lexicon import is_a, label_words, lineage, rows, thing_of, things, vocabulary
 from dcap.language.offline.nouns import Noun
 from dcap.language.offline.shapes import EVIDENCE, ShapePrior, labels, shapes
 from dcap.language.offline.typos import may_be
@@ -33,6 +33,12 @@ KIND_BY_SHAPE, KIN_BY_SHAPE = 0.6, 0.3
 """The last and KIND where shape alone tells the label: a desk is easily taken for a dining table [-]."""
 LEAST_SPREAD = 1.2
 """Sizes of things that are all of one size differ by so much in a scan [-]."""
+SIZE_ALONE = 0.1
+"""What shapes know nothing of, by its size: no answer, but worth telling [-]."""
+ONE_SPREAD = math.exp(-0.5)
+"""Factor of a size that is one standard deviation off [-]."""
+PIECE = 0.3
+"""Factor for a piece whose shape is that of a part alone: a "sofa back" for "sofa"; less than half, as KIND [-]."""
 UNSAID = 0.45
 """Factor where a word before the noun is none of the label's [-]."""
 CONTRADICTED = 0.1
@@ -41,7 +47,8 @@ LEAST = 0.15
 """What is less likely is not meant; it is what "did you mean" asks [-]."""
 PLAUSIBLE = 0.5
 """What has at least this share of the best one's likelihood may be meant as well [-]."""
-NO_KIND = frozenset({"", "furniture", "structure"})
+FURNITURE = "furniture"
+NO_KIND = frozenset({"", FURNITURE, "structure"})
 """Parents that hold things together that nobody would take for each other."""
 OPPOSITES = "lexicon/opposites.csv"
 
@@ -52,7 +59,12 @@ def likelihood(noun: Noun, instance: InstanceView) -> float:
         return 1.0 if noun.id == instance.id else 0.0
     if not instance.guesses:
         return by_label(noun, instance)
-    return min(sum(share * by_shape(noun, label, instance) for label, share in possible_labels(instance)), 1.0)
+    akin = sum(share * by_shape(noun, label, instance) for label, share in possible_labels(instance))
+    unknown = noun.thing and is_a(noun.thing, FURNITURE) and not (shapes_of(noun.thing) or told_by_shape(noun.thing))
+    if not akin and unknown and not instance.structure:
+        fit = usual_size(noun.thing, instance.size)
+        return SIZE_ALONE * fit if fit > ONE_SPREAD else 0.0
+    return min(akin, 1.0)
 
 
 def by_label(noun: Noun, instance: InstanceView) -> float:
@@ -73,6 +85,8 @@ def by_shape(noun: Noun, text: str, instance: InstanceView) -> float:
     """How likely the noun means an instance that is what this label says, where only its shape tells so."""
     label, thing = label_words(text), thing_of(text)
     theirs = thing.id if thing else ""
+    if theirs and label != label_words(noun.name) and not named_last(tuple(label)):
+        return PIECE * kinship(noun, label, theirs, KIND_BY_SHAPE, KIN_BY_SHAPE)
     if theirs and theirs == told_by_shape(noun.thing):
         return CALLED * usual_size(noun.thing, instance.size)  # shapes tell boxes, not what is kept in them
     akin = kinship(noun, label, theirs, KIND_BY_SHAPE, KIN_BY_SHAPE) * fit_of_words(noun, label)
@@ -163,6 +177,13 @@ def fit_of_words(noun: Noun, label: Sequence[str]) -> float:
 def mistyped(words: Sequence[str], label: Sequence[str]) -> float:
     """How likely unknown words are the label's with slips."""
     return MISTYPED if words and all(any(may_be(word, one) for one in label) for word in words) else 0.0
+
+
+@cache
+def named_last(label: tuple[str, ...]) -> bool:
+    """Whether a label ends with the name of a thing, as what is called by two nouns is a kind of the second."""
+    ends = (vocabulary().get(label[begin:], ()) for begin in range(len(label)))
+    return any(meaning.kind == "thing" for meanings in ends for meaning in meanings)
 
 
 def contains_words(label: Sequence[str], words: Sequence[str]) -> bool:

@@ -9,6 +9,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from dcap.language.offline.figures import is_figure
 from dcap.language.offline.fronts import FrontSide, front_side
 from dcap.language.offline.lexicon import Thing, is_a
 from dcap.language.offline.vessels import faced_by_opening
@@ -57,13 +58,17 @@ def meant(request: RotationRequest, thing: Thing | None, default: PoseView) -> s
         return "any"
     if wanted == "upright":
         return "standing"
+    on_fours = is_figure(request.object_name) is not False and request.on_legs and is_low(default, LOW)
+    if wanted == "lying" and on_fours:
+        return "on_side"  # standing it is low, and lies on its belly in no rigid pose
     if wanted == "lying" and (rest != "upright" or (request.has_front and is_low(default, LOW))):
         return "any"
     if wanted == "on_side" and rest == "any" and is_low(default, 0.99):
         return "any"  # a dumbbell lies on its side
     if wanted == "lying" and thing is not None and is_a(thing.id, "toy") and request.has_front:
         return "on_back"  # a creature that lies down lies on its back
-    topped = rest == "flat" or front_side(request.object_name) is FrontSide.LONG  # its face or its back is its top
+    # its face or its back is its top
+    topped = rest == "flat" or front_side(request.object_name) is FrontSide.LONG or on_fours
     if wanted == "on_front" and thing is not None and any(is_a(thing.id, c) for c in faced_by_opening()):
         return "upside_down"
     if topped and wanted in ("on_back", "on_front"):
@@ -92,23 +97,30 @@ def default_pose(request: RotationRequest, thing: Thing | None) -> tuple[PoseVie
         ), "lies flat on its largest face"
     if rest == "any" and upright.probability == 0 and stable:
         return max(stable, key=lambda pose: (pose.probability, pose.id)), "rests as it most probably falls"
-    if rest == "upright" and to_right(request, thing):
+    up_in_file = own_up(by_id(request, "righted"), upright)[2] if request.righting > 0.0 else 1.0
+    if to_right(thing, righting=request.righting, stands=request.stands, file_up=float(up_in_file)):
         return by_id(request, "righted"), "put upright: in its file it lies, is tilted or overturned"
     return upright, "upright as in its file"
 
 
-def to_right(request: RotationRequest, thing: Thing | None) -> bool:
-    """Whether the file's pose is not trusted: it could not stand, or its shape speaks clearly for another side.
+def to_right(thing: Thing | None, *, righting: float, stands: bool, file_up: float) -> bool:
+    """Whether the file's pose is not believed: it could not stand, or its shape speaks clearly for another side.
 
     Furniture stands on legs and is open below, which the shape takes for an opening: there the file is believed.
+    Figures may have four legs and a flat back: one that stands in its file is righted from its side only.
+
+    Args:
+        thing: what it is; None: not known.
+        righting: how much more its shape speaks for the righted pose than for the file's [-]; 0: for none.
+        stands: whether it could stand as in its file.
+        file_up: the vertical component of the file's z axis in the righted pose [-].
     """
-    if request.righting == 0.0:
+    if righting == 0.0 or (thing is not None and thing.rest != "upright"):
         return False
-    clearly = request.righting > RIGHTING
-    if thing is None:  # it may be furniture, and only what is on its side is surely not
-        righted = by_id(request, "righted")
-        return not request.stands or (clearly and abs(own_up(righted, by_id(request, "upright"))[2]) < LEVEL)
-    return not request.stands or (clearly and not is_a(thing.id, "furniture"))
+    clearly = righting > RIGHTING
+    if thing is None or is_figure(thing.id):  # it may have legs as furniture has, and only what is on its side has not
+        return not stands or (clearly and abs(file_up) < LEVEL)
+    return not stands or (clearly and not is_a(thing.id, "furniture"))
 
 
 def by_id(request: RotationRequest, pose_id: str) -> PoseView:

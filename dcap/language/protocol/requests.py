@@ -100,9 +100,9 @@ class PoseView:
     probability: float
     """Share of directions from which it comes to rest like that; 0 where it is no stable pose."""
     up: Vector
-    """Where the mesh's own z axis points in the world."""
+    """Where what is up of the standing thing points in the world: the mesh's z axis, or the righted one's."""
     front: Vector
-    """Where the mesh's own front points in the world."""
+    """Where its front points in the world, as found in the frame in which that is up."""
     size: Vector
     """Extents along world x, y, z in that pose [m]."""
 
@@ -131,7 +131,7 @@ class RotationRequest:
     poses: tuple[PoseView, ...]
     facings: tuple[FacingView, ...]
     symmetry: int
-    """Order of the rotational symmetry about the mesh's z axis; 0: any angle, 1: none."""
+    """Order of the rotational symmetry about its upright axis; 0: any angle, 1: none."""
     has_front: bool
     """Whether shape or category tell front from back."""
     pictures: tuple[PictureMaker, ...] = field(default=(), compare=False)
@@ -142,6 +142,8 @@ class RotationRequest:
     """How much more the shape speaks for `righted` than for `upright`: from 0.5 clearly; 0 where it is not listed."""
     turn_deg: float = 0.0
     """Turn about the vertical that the prompt asks for, counterclockwise seen from above [degrees]."""
+    on_legs: bool = False
+    """Whether it has more air than body under its middle: on four legs its back is its top."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,5 +1,7 @@
 """Every pose that was asked is compared with the rest state, and said where it is not met or in doubt."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -49,6 +51,16 @@ def test_a_thing_laid_on_its_back_is_not_seated():
     assert [(row.found, row.met) for row in rows] == [("on_back", False)]
     (line,) = pose_warnings(rows)
     assert "asked upright, found on back: 90 degrees off" in line
+
+
+def test_what_has_no_seat_is_not_found_seated():
+    """A bear on its four feet is upright; the row says what is in doubt, and so does a line."""
+    seated = AskedPose("seated", UP, 0.0, UP, FRONT)
+    (row,) = checked(seated, before=turn("z", 0), dropped=turn("z", 0))
+    assert (row.found, pose_warnings((row,))) == ("seated", ())
+    (row,) = checked(replace(seated, doubt="it stands"), before=turn("z", 0), dropped=turn("z", 0))
+    assert row.found == "upright"
+    assert "asked seated: it stands" in pose_warnings((row,))[0]
 
 
 def test_a_pose_that_the_shape_does_not_tell_is_compared_with_the_one_before_the_drop():

@@ -62,6 +62,18 @@ def test_an_up_that_the_shape_hardly_tells_is_a_doubt(lead, doubted):
         assert bool(found.doubt) == (doubted and name == "righted")
 
 
+@pytest.mark.parametrize(("name", "doubted"), [("teddy", True), ("gorilla", True), ("stool", False)])
+def test_a_figure_on_legs_does_not_sit(name, doubted):
+    """It stands, whatever was asked; what is no figure is just set down. A teddy with its seat on the ground does."""
+    on_legs = Mesh.concatenate(
+        [block((-0.08, -0.16, 0.14), (0.08, 0.16, 0.28)),
+         *(block((x - 0.02, y - 0.02, 0.0), (x + 0.02, y + 0.02, 0.14)) for x in (-0.05, 0.05) for y in (-0.12, 0.12))]
+    )  # fmt: skip
+    assert ("no seat" in pose_of(f"sit the {name} on the bed", name, on_legs).doubt) == doubted
+    assert not pose_of("sit the teddy on the bed", "teddy", toy()).doubt
+    assert "no seat" not in pose_of("stand the teddy upright on the bed", "teddy", on_legs).doubt
+
+
 def test_a_front_that_the_shape_does_not_tell_is_a_doubt():
     """A mug laid on its back: which side is that?"""
     assert "front" in pose_of("put the vase on the bed facing the door", "vase", mug()).facing_doubt

@@ -1,19 +1,44 @@
 """Three pictures and one rotation: where up and front come to point for what the words say."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
-from box_rooms import ROOM, book, mug, thing, toy
-from stage_chain import Stages, with_each
+from box_rooms import ROOM, block, book, mug, thing, toy
+from scipy.spatial.transform import Rotation as Turn
+from stage_chain import Stages, turned, with_each
 
 from dcap.geometry.placement.poses import about_z
+from dcap.language.offline.client import OfflineClient
+from dcap.language.protocol.questions import Question
 from dcap.language.protocol.replies import RotationReply
 from dcap.language.protocol.requests import FacingView, RotationRequest
+from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.rotation import Rotation
 from tasks.rotation.stage import matrix_of, pose_views
 
 OFFLINE = Stages()
+LYING = [Turn.from_euler("xy", angles, degrees=True).as_matrix() for angles in ((90, 0), (-90, 0), (0, 90))]
+"""Own axes to those of files that have a thing on its front, its back, its side."""
+
+
+class Asked(OfflineClient):
+    """The offline client, with what it was asked."""
+
+    def __init__(self) -> None:
+        self.requests: list[Any] = []
+
+    def ask(self, question: Question[Any, Any], request: Any) -> Any:
+        self.requests.append(request)
+        return super().ask(question, request)
+
+
+def sitter() -> Mesh:
+    """A figure on a broad foot, which shows on which side it stands; it looks along -y."""
+    return Mesh.concatenate(
+        [block((-0.15, -0.2, 0.0), (0.15, 0.1, 0.08)), block((-0.07, -0.02, 0.08), (0.07, 0.08, 0.3))]
+    )
 
 
 def test_three_pictures_and_a_rotation(stages):
@@ -52,6 +77,17 @@ def test_words_turn_the_book(words, height):
     for mesh in (book(), upright):
         turned = OFFLINE.oriented(f"put the book {words} on the bed", thing("book", mesh))
         assert np.ptp(mesh.vertices @ turned.matrix.T, axis=0)[2] == pytest.approx(height, abs=1e-3)
+
+
+@pytest.mark.parametrize(("words", "height"), [("on its back", -1), ("down", 0), ("on its left side", 0)])
+def test_the_back_of_what_has_four_legs_is_its_top(words, height):
+    """Its own up points down on its back; lying it is on a side, as a dog sleeps."""
+    legs = (block((x - 0.02, y - 0.02, 0.0), (x + 0.02, y + 0.02, 0.14)) for x in (-0.05, 0.05) for y in (-0.1, 0.1))
+    head, body = block((-0.05, -0.25, 0.2), (0.05, -0.16, 0.3)), block((-0.08, -0.16, 0.14), (0.08, 0.16, 0.28))
+    turned = OFFLINE.oriented(
+        f"lay the teddy {words} on the bed", thing("teddy", Mesh.concatenate([body, head, *legs]))
+    )
+    assert up_of(turned)[2] == pytest.approx(height, abs=np.sin(np.radians(15)))
 
 
 @pytest.mark.parametrize(("words", "down"), [("on its left side", (1, 0, 0)), ("on its right side", (-1, 0, 0))])
@@ -101,7 +137,7 @@ def test_any_rotation_may_be_chosen():
     """A quaternion in the reply is the rotation, also where it is no listed pose; unit length is checked."""
     half = np.sqrt(0.5)
     reply = RotationReply(pose_id="upright", quaternion=(half, half, 0.0, 0.0))
-    request = RotationRequest("", "mug", "any", "", pose_views(mug(), np.eye(3), ""), (), 1, False)
+    request = RotationRequest("", "mug", "any", "", pose_views(mug(), np.eye(3), np.eye(3), ""), (), 1, False)
     matrix = matrix_of(reply, request, ROOM, ROOM.instances[0], mug())
     assert np.allclose(matrix @ (0.0, 1.0, 0.0), (0.0, 0.0, 1.0), atol=1e-12)
     facings = (FacingView("aligned", (0.0, -1.0, 0.0)),)
@@ -109,3 +145,30 @@ def test_any_rotation_may_be_chosen():
     reply.check(listed)
     with pytest.raises(ValueError, match="length"):
         RotationReply(pose_id="upright", quaternion=(1.0, 1.0, 0.0, 0.0)).check(listed)
+
+
+@pytest.mark.parametrize("words", ["", "facing the pillows"])
+@pytest.mark.parametrize("file_from_own", LYING)
+def test_what_lies_looks_along_its_own_axis_however_its_file_has_it(file_from_own, words):
+    """On its back it looks along its own up: the head, to the head end or where it is told, both of which are +y."""
+    pose = np.eye(4)
+    pose[:3, :3] = file_from_own
+    item = thing("teddy", sitter().transformed(pose))
+    own = OFFLINE.oriented(f"lay the teddy on its back on the bed {words}", item).matrix @ file_from_own
+    assert own @ (0.0, -1.0, 0.0) == pytest.approx(np.array([0.0, 0.0, 1.0]), abs=1e-9)
+    assert own @ (0.0, 0.0, 1.0) == pytest.approx(np.array([0.0, 1.0, 0.0]), abs=1e-9)
+
+
+def test_stable_poses_have_the_front_of_the_frame_that_is_believed():
+    """The toy's shape hardly speaks for another side than its file's, which is believed: on its back is its own back,
+    not that of the frame in which it would lie, and every stable pose says where the file's front and up point."""
+    asked = Asked()
+    found = turned("lay the teddy on its back on the bed", thing("teddy", toy()), ROOM, asked)[1]
+    request = asked.requests[-1]
+    stable = [pose for pose in request.poses if pose.id.startswith("stable")]
+    assert any(pose.id == "righted" for pose in request.poses)
+    assert stable
+    for pose in stable:
+        assert np.array(pose.rotation) @ (0.0, -1.0, 0.0) == pytest.approx(np.array(pose.front), abs=1e-5)
+        assert np.array(pose.rotation)[:, 2] == pytest.approx(np.array(pose.up), abs=1e-5)
+    assert (found.matrix @ (0.0, -1.0, 0.0))[2] == pytest.approx(1.0, abs=1e-5)

@@ -6,11 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dcap.geometry.segmentation.convex import convex_pieces
-from dcap.geometry.segmentation.faces import FaceTable, connected_regions
+from dcap.geometry.segmentation.faces import FaceTable, connected_regions, surface_heights
 from dcap.geometry.segmentation.rooms.contacts import segments_of
 from dcap.geometry.segmentation.rooms.fused import FusedThing, Likely, fused_things
 from dcap.geometry.segmentation.rooms.grouping import Surroundings, grouped
-from dcap.geometry.segmentation.rooms.shell import ScannedShell, find_shell
+from dcap.geometry.segmentation.rooms.shell import LARGEST_FLUSH, ScannedShell, find_shell
 
 Index = NDArray[np.int64]
 Mask = NDArray[np.bool_]
@@ -20,7 +20,10 @@ FUSED = 0.05
 MOSTLY = 0.5
 """Share of what is not the shell that hangs together with it in a room that was scanned as one surface [-]."""
 MAIN = 0.2
-"""Share of the shell in one component from which on that is the room, and not a box that stands in it [-]."""
+"""Share of the shell in what hangs together with it from which on that is the room, and not a box that stands in it
+[-]."""
+HIGHEST = 0.75
+"""A component of more surface than any thing on a wall that is this share of the room's height is fused, too [-]."""
 BY_WALL = 0.15
 """What comes this near to a wall or the ceiling may hang there [m]: curtains do at a hand's breadth."""
 LEAST_THING = 0.015
@@ -41,15 +44,13 @@ class DecomposedRoom:
 def decompose_room(table: FaceTable, inside: Mask, likely: Likely) -> DecomposedRoom:
     """Take the faces in `inside`, shape (m,), apart; crumbs are left out.
 
-    Where most of what is not the shell hangs together with it, things are unions of pieces that are `likely`; else they
+    Where most of what is not the shell hangs together with it, be that in one surface or in the many of a scan that was
+    written cell by cell, things are unions of pieces that are `likely`; else they
     are components, cut in grooves where they are fused, and grouped by statics.
     """
     shell = find_shell(table, inside)
     rest = inside & ~shell.any
-    count = int(table.component.max(initial=-1)) + 1
-    on_shell = np.bincount(table.component, table.area * shell.any, count)
-    main = on_shell > MAIN * on_shell.sum()
-    fused = rest & (_hangs_together(table, shell) & main)[table.component]
+    fused = rest & (_hangs_together(table, shell) | _room_large(table, rest))[table.component]
     if table.area[fused].sum() > MOSTLY * table.area[rest].sum():
         things = fused_things(table, np.flatnonzero(rest), shell, likely)
         return DecomposedRoom(shell, tuple(one.faces for one in things), tuple(things))
@@ -72,7 +73,22 @@ def _segments(table: FaceTable, rest: Mask, shell: ScannedShell) -> Index:
 
 
 def _hangs_together(table: FaceTable, shell: ScannedShell) -> Mask:
-    """Which components are fused with the shell, shape (components,)."""
+    """Which components are fused with the shell, shape (components,): none where those that are more than shell hold
+    little of it, as a box does that stands in an empty room."""
     count = int(table.component.max(initial=-1)) + 1
-    share = np.bincount(table.component, table.area * shell.any, count)
-    return np.asarray(share > FUSED * np.bincount(table.component, table.area, count))
+    on_shell = np.bincount(table.component, table.area * shell.any, count)
+    area = np.bincount(table.component, table.area, count)
+    touching = on_shell > FUSED * area
+    more = touching & (on_shell < (1.0 - FUSED) * area)
+    return touching & bool(on_shell[more].sum() > MAIN * on_shell.sum())
+
+
+def _room_large(table: FaceTable, rest: Mask) -> Mask:
+    """Which components are larger than any thing, shape (components,)."""
+    count = int(table.component.max(initial=-1)) + 1
+    low, high = np.full(count, np.inf), np.full(count, -np.inf)
+    np.minimum.at(low, table.component, table.corners[..., 2].min(axis=1))
+    np.maximum.at(high, table.component, table.corners[..., 2].max(axis=1))
+    bottom, top = surface_heights(table.center[:, 2], table.area)
+    large = np.bincount(table.component, table.area * rest, count) > LARGEST_FLUSH
+    return np.asarray(large & (high - low > HIGHEST * (top - bottom)))

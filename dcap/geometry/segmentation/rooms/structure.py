@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from dcap.geometry.segmentation.faces import FaceTable, level_of
+from dcap.geometry.segmentation.faces import FaceTable, level_of, plan_cells, surface_heights
 from dcap.scene.types.box import OrientedBox
 
 LEVEL_BAND = 0.03
@@ -19,6 +19,9 @@ WALL_AREA = 1.2
 
 WALL_SHARE = 0.25
 """... and least share of the largest wall's area: the front of a wardrobe is smaller [-]."""
+
+PLAN_STEP = 0.1
+"""Cells in which the plan of a scene is measured [m]."""
 
 MAX_WALLS = 40
 """Planes that are tried [-]."""
@@ -35,11 +38,11 @@ class Levels:
 def find_levels(table: FaceTable) -> Levels:
     """Floor: the heaviest level of upward faces in the lowest third; ceiling: of downward faces in the highest."""
     z = table.center[:, 2]
-    low, high = float(z.min()), float(z.max())
+    low, high = surface_heights(z, table.area)
     height = high - low
     up = (table.normal[:, 2] > 0.8) & (z < low + 0.35 * height)
     down = (table.normal[:, 2] < -0.8) & (z > high - 0.3 * height)
-    footprint = float(np.prod(np.ptp(table.center[:, :2], axis=0)))
+    footprint = plan_cells(table.corners, table.area, PLAN_STEP) * PLAN_STEP**2
     return Levels(_level(z, table.area, up, footprint), _level(z, table.area, down, footprint))
 
 

@@ -39,6 +39,9 @@ UPRIGHT = 0.03
 MOST_UPRIGHT = 1.5
 """Weight that uprightness has at the most [-]."""
 
+CLEARLY = 3.0
+"""So many times UPRIGHT tells the axis alone: walls of a scan stand at any heading, but they stand [-]."""
+
 GROUND = 0.5
 """Share of the footprint that a ground covers [-]; the other end has less than half of it."""
 
@@ -98,7 +101,10 @@ def up_of_scene(raw: RawMesh, unit: float) -> tuple[str, str] | None:
     if smallest >= ROOM_METRES[0] and sum(share > COVERED for share in sides) >= WALLS:
         return _furnished(faces), "how the room is furnished"
     grounds = _grounds(faces)
-    return (grounds[0], "the ground") if len(grounds) == 1 else None
+    if len(grounds) == 1:
+        return grounds[0], "the ground"
+    more = _upright(faces, AXES["z"]) - _upright(faces, AXES["y"])
+    return ("z" if more > 0.0 else "y", "its upright walls") if abs(more) > CLEARLY * UPRIGHT else None
 
 
 def _furnished(faces: Faces) -> str:

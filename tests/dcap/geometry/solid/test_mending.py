@@ -5,7 +5,7 @@ import pytest
 from torn import ball, fine_box, middles, normals, scrap, turned, where, with_hole
 
 from dcap.geometry.raycast import Raycaster
-from dcap.geometry.solid.height_map import seen_from_above
+from dcap.geometry.solid.height_map import HeightMap, seen_from_above, surface_across
 from dcap.geometry.solid.mending import MOST_LOOKS, look_spacing, mended
 from dcap.scene.types.mesh import Mesh
 
@@ -184,6 +184,46 @@ def test_faces_without_area_are_no_harm() -> None:
 def test_there_is_a_limit_to_the_looks(sides: tuple[float, float]) -> None:
     """However large a thing is; small ones are looked at every 4 mm."""
     floor = fine_box((0.0, 0.0, 0.0), (*sides, 0.1), 1)
-    seen = seen_from_above(Raycaster(floor), floor.bounds, look_spacing(floor))
+    seen = seen_from_above(Raycaster(floor), floor.bounds, look_spacing(floor.bounds))
     assert seen.height.size <= MOST_LOOKS
     assert seen.height.size > 0.8 * MOST_LOOKS or seen.cell == pytest.approx(0.004)
+
+
+def test_a_small_hole_in_a_large_floor_is_found_where_it_matters() -> None:
+    """Of 5 cm, in a floor of 30 m: looks all over it are 6 cm apart, those within a region of a metre 4 mm."""
+    middle = with_hole(fine_box((-0.4, -0.4, -0.02), (0.4, 0.4, 0.0)), (0.13, 0.13), (0.05, 0.05))
+    around = [
+        fine_box(low, high, 1)
+        for low, high in (
+            ((-15.0, -15.0, -0.02), (-0.4, 15.0, 0.0)),
+            ((0.4, -15.0, -0.02), (15.0, 15.0, 0.0)),
+            ((-0.4, 0.4, -0.02), (0.4, 15.0, 0.0)),
+            ((-0.4, -15.0, -0.02), (0.4, -0.4, 0.0)),
+        )
+    ]
+    floor = Mesh.concatenate([middle, *around])
+    near = np.array([[-0.4, -0.4], [0.6, 0.6]])
+    assert not mended(floor).holes
+    (hole,) = mended(floor, near).holes
+    assert hole.sides == pytest.approx((0.05, 0.05), abs=0.03)
+
+
+def test_a_rim_on_a_line_is_none() -> None:
+    """Nothing says how steep the surface is across it, once both of its ends are found to be no rim."""
+    height = np.full((9, 30), 5.0)
+    height[3, 5:25], height[4, 4], height[4, 25] = 1.0, 0.95, 1.05
+    pit = np.zeros(height.shape, dtype=bool)
+    pit[4, 5:25] = True
+    height[pit] = 0.0
+    seen = HeightMap(np.zeros(2), 0.004, height, np.zeros(height.shape, dtype=np.int64))
+    assert surface_across(seen, pit) is None
+    height[5, 5:25] = 1.0
+    assert surface_across(seen, pit) == pytest.approx(1.0, abs=0.01)
+
+
+def test_windings_are_left_alone_where_nobody_needs_them() -> None:
+    """What is inside out stays so."""
+    torn = with_hole(BLOCK, (0.05, 0.0), (0.16, 0.12))
+    over = turned(torn, np.ones(len(torn.faces), dtype=bool))
+    assert mended(over).turned > 0
+    assert mended(over, turn=False).turned == 0

@@ -128,7 +128,24 @@ def test_a_label_that_the_parts_gave_counts_beside_those_of_the_largest_part() -
 
 
 def test_what_is_unlikely_is_told_with_its_likelihood() -> None:
-    """Nothing here is a piano; of a bathtub a chest of 3 per cent comes nearest."""
+    """Nothing here is as large as a piano; of a bathtub a chest of 3 per cent comes nearest."""
     tub = replace(CASE, guesses=(("box", 0.6), ("bathtub", 0.03)))
     assert unlikely(noun("bathtub", [tub, LOW]), [tub, LOW]).instances == (tub,)
-    assert unlikely(noun("piano", [tub, LOW]), [tub, LOW]).instances == ()
+    assert unlikely(noun("piano", [tub]), [tub]).instances == ()
+
+
+def test_what_no_shape_is_known_of_is_told_by_its_size_and_not_taken() -> None:
+    """A case of a piano's size comes nearest to a piano, a small one does not."""
+    case = replace(CASE, id="upright", size=(1.5, 0.6, 1.2), guesses=(("cabinet", 0.9),))
+    said = noun("piano", [case, CASE])
+    assert unlikely(said, [case, CASE]).instances == (case,)
+    assert likelihood(said, case) < LEAST
+
+
+def test_a_part_seen_by_itself_is_not_the_thing() -> None:
+    """The back of another sofa does not make a sofa doubtful, and is found by its own name."""
+    sofa = replace(LOW, id="sofa", label="sofa", guesses=(("sofa", 0.78), ("bed", 0.2)))
+    back = replace(LOW, id="back", label="thing", guesses=(("sofa back", 0.55), ("sofa arm", 0.35)))
+    said = noun("sofa", [sofa, back])
+    assert likelihood(said, back) < PLAUSIBLE * likelihood(said, sofa)
+    assert likelihood(noun("sofa back", [sofa, back]), back) > likelihood(noun("sofa back", [sofa, back]), sofa)

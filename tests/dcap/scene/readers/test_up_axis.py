@@ -174,3 +174,19 @@ def test_real_rooms_stand_on_their_floor(tmp_path: Path, name: str, up: str) -> 
     """Written without a word on axes; neither had a part in how rooms are told."""
     mesh = read_scan(SAMPLE_DATA / name, SourceOptions(), Role.SCENE).mesh
     assert mesh_scan(tmp_path, mesh, up).up == up
+
+
+@pytest.mark.parametrize("up", ["y", "z"])
+def test_walls_at_any_heading_tell_the_vertical(up: str, tmp_path: Path) -> None:
+    """Of a torn scan neither four sides nor a ground are covered: what is upright or level tells the axis."""
+    mesh = build_room("bathroom_01", 0).record.mesh
+    low, high = mesh.bounds
+    place = mesh.triangles.mean(axis=1)
+    level = np.abs(mesh.face_normals[:, 2]) > 0.9 * np.linalg.norm(mesh.face_normals, axis=1)
+    ends = (place[:, 2] < low[2] + 0.1) | (place[:, 2] > high[2] - 0.1)
+    kept = mesh.submesh(np.flatnonzero(~(level & ends)))
+    heading = np.eye(4)
+    heading[:2, :2] = np.array([[np.cos(0.5), -np.sin(0.5)], [np.sin(0.5), np.cos(0.5)]])
+    scan = mesh_scan(tmp_path, kept.transformed(heading), up)
+    assert scan.up == up
+    assert any("estimated from its upright walls" in note for note in scan.notes)
