@@ -15,6 +15,7 @@ class Category(StrEnum):
     TABLE = "table"
     CABINET = "cabinet"
     SHELF = "shelf"
+    STORAGE = "storage"
     LAMP = "lamp"
     BATHTUB = "bathtub"
     FLAT = "flat"
@@ -46,6 +47,7 @@ TEXT = {
     Category.SHOE: "shoe sneaker boot sandal slipper shoes trainer",
     Category.LAPTOP: "laptop notebook",
     Category.PLANT: "plant plants flowerpot tree bush cactus",
+    Category.STORAGE: "storage shelving",
     Category.PLUSH: "plush teddy bear koala bunny rabbit doll",
 }
 """Words of a label that mean a category, in order of precedence ("bedside table" is a cabinet)."""

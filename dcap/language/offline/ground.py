@@ -12,7 +12,17 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from dcap.language.offline.likelihood import LEAST, NO_KIND, PLAUSIBLE, by_label, label_thing, likelihood, parent_of
+from dcap.language.offline.lexicon import is_a
+from dcap.language.offline.likelihood import (
+    FURNITURE,
+    LEAST,
+    NO_KIND,
+    PLAUSIBLE,
+    by_label,
+    label_thing,
+    likelihood,
+    parent_of,
+)
 from dcap.language.offline.nouns import Noun
 from dcap.language.offline.reading import Place
 from dcap.language.protocol.requests import InstanceView
@@ -98,12 +108,19 @@ def part_of(noun: Noun, instance: InstanceView) -> str:
 
 
 def candidates(noun: Noun, instances: Sequence[InstanceView]) -> tuple[InstanceView, ...]:
-    """Instances that the noun itself names, else those that have such a part.
+    """Instances that the noun itself names, else those that have such a part, else the only thing, if it has no name.
 
     "The second shelf" is a board where something has several above each other.
     """
-    found = boarded(noun, instances) or named(noun, instances) or owners(noun, instances)
+    found = boarded(noun, instances) or named(noun, instances) or owners(noun, instances) or nameless(noun, instances)
     return widened(noun, instances) if noun.sides and len(found) == 1 and found[0] in named(noun, instances) else found
+
+
+def nameless(noun: Noun, instances: Sequence[InstanceView]) -> tuple[InstanceView, ...]:
+    """The only thing there is, where nothing says what it is: a scan of one sofa in "export.ply"."""
+    things = tuple(i for i in instances if not i.structure)
+    unknown = len(things) == 1 and not things[0].guesses and not label_thing(things[0])
+    return things if unknown and is_a(noun.thing, FURNITURE) else ()
 
 
 def widened(noun: Noun, instances: Sequence[InstanceView]) -> tuple[InstanceView, ...]:

@@ -2,18 +2,19 @@
 
 In: a noun phrase and an instance with what its label says. Out: 0 to 1. The label's own words weigh first: a thing that
 is called by the noun's words is what it says, a kind of it that goes by another name is that less, the wider kind less
-again, its kin only a guess. Words before the noun that the label has not lower it, words that contradict the label's
-lower it more. Colours, sides and places tell several such things apart; they are weighed in `ground`.
+again, its kin only a guess; scanners that know a few categories only call every shelf "storage". Words before the noun
+that the label has not lower it, words that contradict the label's lower it more. Colours, sides and places tell several
+such things apart; they are weighed in `ground`.
 
 What a thing may be by its shape alone counts by its probability: "coffee table" finds a low table that is more likely a
 bench. Such labels mix up kin, so kin of the noun's shape counts more there, and its kinds by its usual size.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import cache
 
-from dcap.language.offline.lexicon import is_a, label_words, lineage, rows, thing_of, things, vocabulary
+from dcap.language.offline.lexicon import default_parts, is_a, label_words, lineage, rows, thing_of, things, vocabulary
 from dcap.language.offline.nouns import Noun
 from dcap.language.offline.shapes import EVIDENCE, ShapePrior, labels, shapes
 from dcap.language.offline.typos import may_be
@@ -51,6 +52,7 @@ FURNITURE = "furniture"
 NO_KIND = frozenset({"", FURNITURE, "structure"})
 """Parents that hold things together that nobody would take for each other."""
 OPPOSITES = "lexicon/opposites.csv"
+COARSE = "lexicon/coarse.csv"
 
 
 def likelihood(noun: Noun, instance: InstanceView) -> float:
@@ -70,7 +72,32 @@ def likelihood(noun: Noun, instance: InstanceView) -> float:
 def by_label(noun: Noun, instance: InstanceView) -> float:
     """How likely the noun means an instance that is what its label says."""
     label = label_words(instance.label)
-    return kinship(noun, label, label_thing(instance)) * fit_of_words(noun, label)
+    akin = max(kinship(noun, label, label_thing(instance)), coarsely(noun, label, instance))
+    return akin * fit_of_words(noun, label)
+
+
+def coarsely(noun: Noun, label: Sequence[str], instance: InstanceView) -> float:
+    """How likely where a label names one of the few wide categories that scanners know: "storage" for "bookshelf"."""
+    kinds = coarse().get(tuple(label), ())
+    narrower = [noun.thing if is_a(noun.thing, kind) else kind for kind in kinds if shares_lineage(noun.thing, kind)]
+    return WIDER * max((usual_size(one, instance.size) * carries_like(one, instance) for one in narrower), default=0.0)
+
+
+def carries_like(thing: str, instance: InstanceView) -> float:
+    """Factor for what has not the part that first carries things on this one: without boards it is hardly a shelf."""
+    first = next((default_parts()[one][0] for one in lineage(thing) if default_parts().get(one)), "")
+    return 1.0 if not first or any(part.name == first for part in instance.parts) else UNSAID
+
+
+def shares_lineage(thing: str, other: str) -> bool:
+    """Whether one of two things is a kind of the other."""
+    return bool(thing) and (is_a(thing, other) or is_a(other, thing))
+
+
+@cache
+def coarse() -> Mapping[tuple[str, ...], tuple[str, ...]]:
+    """The things that a wide category may be, by the words of its label."""
+    return {tuple(label_words(row["label"])): tuple(row["things"].split("|")) for row in rows(COARSE)}
 
 
 def possible_labels(instance: InstanceView) -> tuple[tuple[str, float], ...]:

@@ -20,6 +20,7 @@ from dcap.language.offline.ground import (
     is_stacked,
     is_wider,
     named,
+    nameless,
     near_miss,
     owners,
     part_of,
@@ -118,6 +119,8 @@ def ground_support(target: Target, support: Place, reading: Reading, request: In
         target.notes.append(f"{noun.text}: {chosen.note}")
     if is_wider(target.base, noun):
         target.notes.append(f"using the {target.base.label} as {noun.text}")
+    if target.base in nameless(noun, request.instances):
+        target.notes.append(f"the scene is one thing that nothing names: it is taken for the {noun.thing}")
     if target.base.guesses:
         target.notes.append(by_shape_alone(noun.text, chosen))
     only_a_part = noun is support.nouns[0] and not named(noun, request.instances)

@@ -233,6 +233,16 @@ def test_each_board_is_a_part() -> None:
     np.testing.assert_allclose(tops, [0.1245, 0.6245, 1.1245, 1.6245], atol=1e-6)
 
 
+CUPBOARD: Blocks = {"body": [([-0.5, -0.2, 0.0], [0.5, 0.2, 0.9], WOOD)]}
+
+
+@pytest.mark.parametrize(("made", "parts"), [(SHELF, {"board", "side"}), (CUPBOARD, {"body", "top"})])
+def test_storage_is_a_shelf_if_it_has_boards(made: Blocks, parts: set[str]) -> None:
+    """Scanners call both so."""
+    result = segment(scan_of([built(made)[0]], "storage"), SegmentConfig(), OfflineClient())
+    assert {part.name for part in result.instances[0].parts} == parts
+
+
 def label_box(identifier: str, label: str, meshes: Sequence[Mesh]) -> LabelBox:
     """The annotated box of meshes."""
     return LabelBox(identifier, label, min_area_box(Mesh.concatenate(list(meshes)).vertices))

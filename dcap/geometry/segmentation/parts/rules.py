@@ -29,7 +29,14 @@ from dcap.geometry.segmentation.parts.small_things import (
     plush_parts,
     shoe_parts,
 )
-from dcap.geometry.segmentation.parts.tables import basin_parts, cabinet_parts, other_parts, shelf_parts, table_parts
+from dcap.geometry.segmentation.parts.tables import (
+    basin_parts,
+    cabinet_parts,
+    other_parts,
+    shelf_parts,
+    storage_parts,
+    table_parts,
+)
 from dcap.scene.types.box import OrientedBox
 from dcap.scene.types.rectangle import min_area_box
 from dcap.scene.types.segmentation import Instance, Part
@@ -42,6 +49,7 @@ RULES: dict[Category, Callable[[InstanceSurface], PartMap]] = {
     Category.TABLE: table_parts,
     Category.CABINET: cabinet_parts,
     Category.SHELF: shelf_parts,
+    Category.STORAGE: storage_parts,
     Category.LAMP: lamp_parts,
     Category.BATHTUB: bathtub_parts,
     Category.FLAT: flat_parts,
@@ -73,6 +81,7 @@ ONLY_SCENE_THINGS = frozenset(
         Category.CABINET,
         Category.TABLE,
         Category.SHELF,
+        Category.STORAGE,
         Category.STRUCTURE,
         Category.BED,
         Category.SOFA,

@@ -8,6 +8,9 @@ from dcap.geometry.segmentation.parts.instance_surface import InstanceSurface
 from dcap.geometry.segmentation.parts.partmap import PartMap
 from dcap.geometry.segmentation.parts.seating import underside
 
+SEVERAL = 0.2
+"""Boards whose heights span this share of a thing's height are several [-]."""
+
 
 def _top_level(surface: InstanceSurface) -> float:
     """Height of the highest surface that covers a good part of the footprint [m]."""
@@ -103,6 +106,13 @@ def shelf_parts(surface: InstanceSurface) -> PartMap:
             parts.names[piece.faces[_in_slabs(surface, piece.faces)]] = "board"
     parts.confidence = 0.75 if (parts.names == "board").any() else 0.4
     return parts
+
+
+def storage_parts(surface: InstanceSurface) -> PartMap:
+    """Scanners call shelves and cupboards "storage": boards at several heights make a shelf."""
+    shelf = shelf_parts(surface)
+    boards = surface.center[(shelf.names == "board") & surface.up, 2]
+    return shelf if len(boards) and np.ptp(boards) > SEVERAL * float(surface.size[2]) else cabinet_parts(surface)
 
 
 def _in_slabs(surface: InstanceSurface, faces: NDArray[np.int64]) -> NDArray[np.bool_]:

@@ -3,9 +3,9 @@
 from dataclasses import replace
 
 import pytest
-from furnished_views import thing
+from furnished_views import part, thing
 
-from dcap.language.offline.ground import named, near_miss, unlikely
+from dcap.language.offline.ground import candidates, named, near_miss, unlikely
 from dcap.language.offline.likelihood import LEAST, PLAUSIBLE, likelihood
 from dcap.language.offline.sentence import read
 from dcap.language.offline.words import SceneWords
@@ -149,3 +149,40 @@ def test_a_part_seen_by_itself_is_not_the_thing() -> None:
     said = noun("sofa", [sofa, back])
     assert likelihood(said, back) < PLAUSIBLE * likelihood(said, sofa)
     assert likelihood(noun("sofa back", [sofa, back]), back) > likelihood(noun("sofa back", [sofa, back]), sofa)
+
+
+def scanned_room() -> list[InstanceView]:
+    """What a scanner that knows few categories calls a bookcase, a low cupboard, a couch and a seat with arms."""
+    return [
+        thing("tall", "storage", (0, 0, 1), (0.9, 0.35, 2.0), part(0, "board", (0, 0, 1), (0.9, 0.35, 0.02))),
+        thing("low", "storage", (2, 0, 0.2), (1.45, 0.42, 0.6), part(0, "top", (2, 0, 0.5), (1.4, 0.42, 0.02))),
+        thing("long", "sofa", (0, 2, 0.4), (2.0, 0.9, 0.8)),
+        thing("short", "sofa", (3, 2, 0.5), (0.87, 0.88, 0.95)),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("text", "meant"),
+    [
+        ("bookshelf", ["tall"]),
+        ("shelf", ["tall"]),
+        ("sideboard", ["low"]),
+        ("armchair", ["short"]),
+        ("chair", ["short"]),
+        ("sofa", ["long", "short"]),
+        ("storage", ["tall", "low"]),
+        ("table", []),
+    ],
+)
+def test_wide_categories_of_scanners_are_told_apart_by_size_and_parts(text: str, meant: list[str]) -> None:
+    """RoomPlan and headsets know "storage" and "sofa" only."""
+    instances = scanned_room()
+    assert [one.id for one in named(noun(text, instances), instances)] == meant
+
+
+def test_the_only_thing_is_what_the_sentence_names_where_nothing_else_does() -> None:
+    """A scan of one piece of furniture in a file called anything; what has a name, or company, keeps to it."""
+    floor = thing("floor", "floor", (0, 0, 0), (4, 4, 0.1), structure=True)
+    nameless, lamp = labelled("export 3")[0], labelled("table lamp")[0]
+    for scene, meant in (([floor, nameless], [nameless]), ([floor, lamp], []), ([nameless, labelled("scan")[0]], [])):
+        assert list(candidates(noun("sofa", scene), scene)) == meant
