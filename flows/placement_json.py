@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation as Turn
 
-from dcap.evaluation.region import region_missed
+from dcap.evaluation.region import part_missed, region_missed
 from dcap.scene.json_tree import JsonObject, JsonValue, object_to_json, sorted_keys, to_json
 from dcap.scene.types.anchor import Anchor
 from dcap.scene.types.intent import Intent
@@ -49,7 +49,7 @@ def placement_json(finished: FinishedSample, values: Values, artifacts: Mapping[
     verdict, reason = verdict_of(values)
     missed = None
     if anchor and settled and body:
-        missed = region_missed(support_point(settled, body), anchor.region_polygon)
+        missed = region_missed(support_point(settled, body), anchor.region_polygon) or off_its_part(values)
     tree = {
         "verdict": verdict,
         "reason": reason,
@@ -77,6 +77,15 @@ def placement_json(finished: FinishedSample, values: Values, artifacts: Mapping[
         "artifacts": artifacts,
     }
     return object_to_json(tree)
+
+
+def off_its_part(values: Values) -> bool:
+    """Whether the sentence names a part, the object was set down on it, and it came to rest on another one."""
+    scene, intent, anchor, settled = values.scene, values.intent, values.anchor, values.settled
+    body = object_body(settled)
+    if not (scene and intent and anchor and settled and body) or intent.region.part != anchor.part:
+        return False
+    return part_missed(scene, anchor.part, settled.contact_points, float(body.surface.bounds[1, 2]))
 
 
 def base_of(values: Values) -> dict[str, str] | None:

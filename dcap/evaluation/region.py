@@ -3,8 +3,34 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from dcap.geometry.raycast import Raycaster
+from dcap.scene.types.segmentation import Segmentation
+
 TOLERANCE_M = 0.02
 """Regions are stated by words; a finger's breadth outside is still inside [m]."""
+
+MOSTLY = 0.5
+"""What has less of its contact on the part that was asked for rests elsewhere [-]: beside the arm of a sofa, on its
+seat."""
+
+
+def part_missed(scene: Segmentation, part: str, points: NDArray[np.float64], top: float) -> bool:
+    """Whether most of a contact lies on other parts than the one of this name.
+
+    Args:
+        scene: the scene without the object, undeformed.
+        part: name of the part asked for.
+        points: of the contact [m], shape (k, 3).
+        top: height of the object's highest point [m]; what is between it and the contact is what gave way.
+    """
+    if not len(points):
+        return False
+    start = np.c_[points[:, :2], np.full(len(points), top)]
+    faces = Raycaster(scene.mesh).cast(start, np.tile([0.0, 0.0, -1.0], (len(start), 1))).face
+    owner, number = scene.face_instance[faces], scene.face_part[faces]
+    met = (faces >= 0) & (owner >= 0) & (number >= 0)
+    names = [scene.instances[i].parts[k].name for i, k in zip(owner[met], number[met], strict=True)]
+    return bool(sum(name == part for name in names) < MOSTLY * len(points))
 
 
 def region_missed(point: NDArray[np.float64], polygon: NDArray[np.float64]) -> bool:

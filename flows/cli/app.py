@@ -8,6 +8,7 @@ import json
 import os
 import signal
 import sys
+import traceback
 from pathlib import Path
 from typing import Annotated
 
@@ -303,9 +304,19 @@ def main(arguments: list[str] | None = None) -> int:
         return 2
     except DcapError as error:
         complain(str(error))
+        let_go(error)
         return error.exit_code
     except (KeyboardInterrupt, typer.Abort):
         complain("interrupted")
         return INTERRUPTED
     finally:
         kill_all()
+
+
+def let_go(error: BaseException) -> None:
+    """Clear what the calls held through which an error came: Prefect keeps it, and Open3D ends a process in which one
+    of its tensors is left with a status of its own."""
+    seen: BaseException | None = error
+    while seen is not None:
+        traceback.clear_frames(seen.__traceback__)
+        seen = seen.__cause__ or seen.__context__

@@ -85,7 +85,9 @@ def choice_of(scene: Segmentation, base: Instance, intent: Intent, reply: Anchor
     outline = convex_hull(mesh.vertices[np.unique(mesh.faces)][:, :2])
     outside = any(apart(base.box, box) > 0.0 for group in groups for box in group) and not is_floor(base)
     sided = any(name in SIDES for name in names)  # in front of a chair that stands beside the table
-    areas = asked_areas(frame, names, groups, reach, view, outline, HAND if outside and sided else 0.0)
+    limits = (*intent.region.constraints, *constraints_of(reply))
+    farther = max([HAND if outside and sided else 0.0, *distances(limits, reply.references)])
+    areas = asked_areas(frame, names, groups, reach, view, outline, farther)
     if len(reply.references) > 1 and "between" not in names:
         areas[:0] = both(areas)  # "next to the lamp and the book": where the two meet, if they do
     if not areas and all(apart(base.box, box) < NEIGHBOUR for group in groups for box in group):
@@ -99,7 +101,6 @@ def choice_of(scene: Segmentation, base: Instance, intent: Intent, reply: Anchor
         areas = [replace(area, target=frame.world(np.array(reply.point))) for area in areas]
     if not names and not note and sum(part.name == base.parts[index].name for part in base.parts) > 1:
         names = intent.region.names  # "on the left": it picked one of the cushions side by side
-    limits = (*intent.region.constraints, *constraints_of(reply))
     bounds = Bounds(scene, base, index, frame, outline, reach, float(np.ptp(mesh.bounds[:, 2])))
     left, spare = (constrained(some, limits, bounds) for some in (areas, spare))
     in_turn = any(one.kind == "farthest" for one in limits)
@@ -130,6 +131,11 @@ def spare_areas(
         return far, f"there is no room right beside it: up to {HAND:g} m away"
     under = [area for group in groups for area in regions(frame, names, group, reach, view)]
     return under, "there is no room beside it: partly over or under it"
+
+
+def distances(limits: Sequence[RegionConstraint], references: Sequence[str]) -> list[float]:
+    """How far off the things beside which it goes it is to be [m]: "in front of the armchair, 50 cm from it"."""
+    return [one.metres for one in limits if one.metres is not None and one.reference in references]
 
 
 def constraints_of(reply: AnchorReply) -> tuple[RegionConstraint, ...]:

@@ -29,6 +29,8 @@ from dcap.scene.types.segmentation import Instance, Segmentation
 from tasks.requests.surroundings import PART, boxes_of, reference_frame
 
 Array = NDArray[np.float64]
+EDGE = "edge"
+"""The region that a constraint with a reference has where that says which edge is meant."""
 TOLERANCE = 0.015
 """A distance holds to this [m]: places are searched on a grid."""
 AWAY, AWAY_FROM_EDGE = 0.5, 0.1
@@ -73,7 +75,7 @@ def cut_to(area: Region, one: RegionConstraint, bounds: Bounds) -> list[Region]:
         return [without(area, [swept(ring, bounds.footprint) for ring in barred_rings(one, bounds)])]
     if one.kind == "not_in":
         return [without(area, barred_areas(one, bounds))]
-    if not one.reference:
+    if not one.reference or EDGE in one.regions:
         return from_edges(area, one, bounds)
     rings = [swept(ring, bounds.footprint) for ring in rings_of(one, bounds)]
     if one.kind in ("farthest", "nearest"):
@@ -99,13 +101,17 @@ def from_things(area: Region, one: RegionConstraint, rings: Sequence[Array]) -> 
 
 
 def from_edges(area: Region, one: RegionConstraint, bounds: Bounds) -> list[Region]:
-    """So far from an edge, a corner or an end of the part; from all edges where it is no single one."""
+    """So far from an edge, a corner or an end of the part, or from the edge at a thing; from all edges where it is no
+    single one."""
     frame, sides = bounds.frame, [SIDES[name] for name in one.regions if name in SIDES]
     if "corner" in one.regions:
         spots = [frame.world(np.array(d, dtype=float))[None] for d in corner_directions(sides)]
         rings = [swept(np.repeat(spot, 3, axis=0), bounds.footprint) for spot in spots]
         return from_things(area, one, rings) if one.metres is not None else [without(area, rings)]
     edges = [(x, 0) for x, _ in sides if x] + [(0, y) for _, y in sides if y]
+    if one.reference and (rings := rings_of(one, bounds)):
+        there = {edge: distance(frame.world(np.array(edge, dtype=float)), rings) for edge in edge_directions(frame, [])}
+        edges = [min(there, key=lambda edge: there[edge])]
     if one.kind in ("exactly", "at_most"):
         return [banded(area, [edge], one, bounds) for edge in edges or edge_directions(frame, [])]
     return [banded(area, edges or edge_directions(frame, []), one, bounds)]

@@ -32,9 +32,10 @@ from dcap.scene.types.outcome import Infeasible
 from dcap.scene.types.rotation import AskedPose, Rotation
 from dcap.scene.types.segmentation import Instance, Segmentation, SegmentedObject, SegmentedScene
 from tasks.anchor.carriers import owner
-from tasks.anchor.choice import Choice, asked, carrier_masks, choice_of
+from tasks.anchor.choice import Choice, carrier_masks, choice_of
 from tasks.anchor.given_point import area_at, beside_the_point, carrying_at, reply_at
 from tasks.anchor.leaning import leaning_start
+from tasks.anchor.middles import at_own_middles
 from tasks.anchor.no_room import no_room, not_on_it, nothing_left
 from tasks.anchor.request import anchor_request
 from tasks.requests.surroundings import part_frame
@@ -89,13 +90,14 @@ def anchor(
         choice = Choice(reply.part_index, frame, [area_at(intent.at, mesh)], [], "at the point")
         masks = [carrying_at(scene, base, intent.at)]
     exact = Clearance(mesh, scene.mesh, caster)
-    anywhere = intent.at is None and reply.point is None and not asked(base, choice.index, intent)
+    anywhere = intent.at is None and reply.point is None
     anywhere &= not (choice.region or intent.region.names or intent.region.constraints)
     search = None
     for areas, note in choice.tries():
         for mask in masks if areas else ():
             search = PlacementSearch(scene.mesh, caster, mask, mesh)
-            start = set_down(search, exact, areas, config.clearance, anywhere=anywhere)
+            aims = at_own_middles(scene.mesh, mask, areas) if anywhere else areas
+            start = set_down(search, exact, aims, config.clearance, anywhere=anywhere)
             if start is not None:
                 found = anchored(scene, base, replace(choice, note=note), start, pose, search, reply)
                 spot = np.array([start.spot.x, start.spot.y])

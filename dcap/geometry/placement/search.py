@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dcap.geometry.placement.named_regions import Region
-from dcap.geometry.placement.polygons import inside
+from dcap.geometry.placement.polygons import inside, smallest_rectangle
 from dcap.geometry.raycast import Raycaster
 from dcap.scene.types.mesh import Mesh
 
@@ -38,6 +38,8 @@ STEADY = float(np.tan(np.radians(4.0)))
 crest that it rolls off, no slope that it slides down."""
 MOVED = (0.25, 0.5, 1.0)
 """How far it is moved to see that, in its larger horizontal extents [-]; much less would measure a scan's noise."""
+CLOSE = 1e-3
+"""What comes this near is in contact [m]."""
 NEARBY = 2.0
 """How far from the aim a steady place is searched, in the same extents [-]."""
 SAMPLES = 24
@@ -143,6 +145,8 @@ class PlacementSearch:
         self.under = start[hit, 2] + hits.distance[hit]
         self.lowest = self.under <= self.under.min() + max(LOWEST * self.height, 0.004)
         self.extent = float(np.ptp(item.bounds[:, :2], axis=0).max())
+        self.long_axis, size = smallest_rectangle(item.vertices[:, :2])
+        self.breadth = float(size[1])
         self.around, self.around_under = widened(self.offset, self.under)
 
     @cached_property
@@ -201,7 +205,7 @@ class PlacementSearch:
         `level`: the support must be no further than DROP below the contact to count; `steady`: the object must not come
         down when it is moved a little, and the spot must be nearby. On a narrow support, where the nearest spot has
         the edge beside it, no steady one is searched: a request for a ridge means the ridge. `anywhere`: nobody asked
-        for a place, and a steady one may be far off, on a narrow support too.
+        for a place, and a steady one may be far off, on a narrow support too, if it is held on all sides there.
         """
         nearest = True
         for seen in self._fits(region):
@@ -213,6 +217,8 @@ class PlacementSearch:
                 if away.min() > farthest:
                     return None
                 good = good[away[good] <= farthest]
+                if anywhere:  # where the support ends beside it, it may tip without coming down
+                    good = good[self._held(seen.index[good])]
                 descent, broad = self._surroundings(seen.index[good], seen.height[good])
                 if nearest and len(good) and not (broad[0] or anywhere):
                     return None
@@ -311,6 +317,19 @@ class PlacementSearch:
             steepest = np.maximum(steepest, (height - lowest) / (reach * self.cell))
             broad &= on.all(axis=1)
         return steepest, broad
+
+    def _held(self, index: NDArray[np.int64]) -> NDArray[np.bool_]:
+        """Whether the object touches the support on all sides of its origin at each grid point, shape (n,), or would
+        once it has tilted as far as steady places may: what lies on a crest with one of its edges tips over."""
+        angle = np.radians(45.0 * np.arange(8))
+        across = np.array([-self.long_axis[1], self.long_axis[0]])
+        along = self.offset @ (np.outer(self.long_axis, np.cos(angle)) + np.outer(across, np.sin(angle)))
+        below, on = self._below(index, self.offset)
+        needed = np.where(on, below - self.under, -np.inf)
+        contact = needed.max(axis=1, initial=-np.inf)[:, None]
+        touching = needed >= contact - max(0.5 * STEADY * self.breadth, CLOSE)
+        sides = [np.where(touching, one, -np.inf).max(axis=1) for one in along.T]
+        return np.asarray(np.stack(sides, axis=1).min(axis=1, initial=np.inf) >= 0.0)
 
     def _below(self, index: NDArray[np.int64], offset: NDArray[np.int64]) -> tuple[Array, NDArray[np.bool_]]:
         """Height of the surface and whether it is the support, under each offset from each grid point."""

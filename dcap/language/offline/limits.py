@@ -37,7 +37,11 @@ def limit(target: Target, place: Place, request: IntentRequest) -> None:
             target.not_understood.append(place.text)
             return
         kind = "away" if kind == "farthest" else kind
-        keep(target, place, kind, names, [""], metres)
+        facing = references_of(noun.toward, target, request, several=False) if noun.toward else [""]
+        if facing:
+            keep(target, place, kind, names, facing, metres)
+        else:
+            target.not_understood.append(place.text)
         return
     sides = [name for name in BESIDE.get(place.relation, ()) if name in ("left", "right", "front", "back")]
     for one in place.nouns:

@@ -61,8 +61,8 @@ def meant(request: RotationRequest, thing: Thing | None, default: PoseView) -> s
     on_fours = is_figure(request.object_name) is not False and request.on_legs and is_low(default, LOW)
     if wanted == "lying" and on_fours:
         return "on_side"  # standing it is low, and lies on its belly in no rigid pose
-    if wanted == "lying" and (rest != "upright" or (request.has_front and is_low(default, LOW))):
-        return "any"
+    if wanted == "lying" and (rest != "upright" or is_low(default, LOW)):
+        return "any"  # "lay a plate on the table"
     if wanted == "on_side" and rest == "any" and is_low(default, 0.99):
         return "any"  # a dumbbell lies on its side
     if wanted == "lying" and thing is not None and is_a(thing.id, "toy") and request.has_front:

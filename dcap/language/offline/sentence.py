@@ -282,6 +282,9 @@ class Reader:
             side = SIDED[relation]  # "left of the middle of the desk" is on its left
             relation, nouns = "at", [replace(nouns[0], region="", sides=(side,))]
         self.keep(begin)
+        if relation == "nearest" and self.is_measured_edge(clause, begin):  # "10 cm from the edge nearest the sofa"
+            self.says_edge(clause, begin, nouns[0])
+            return
         clause.poses += [token] if token.has("pose") else []  # "leaning against the wall"
         nouns = [self.referred(noun, relation) for noun in nouns]
         owner = nouns[0].owner
@@ -311,14 +314,25 @@ class Reader:
         mode = self.cursor.take().value("face") or "toward"
         if not at_noun(self.cursor) or clause.facing is not None:
             return
-        edge = clause.places[-1] if clause.places and self.last_place_ends == begin else None
+        edge = bool(clause.places) and self.last_place_ends == begin and clause.places[-1].nouns[0].region == "edge"
         noun = noun_phrase(self.cursor)
         self.keep(begin)
-        if edge is not None and edge.nouns[0].region == "edge" and mode == "toward":
-            text = f"{edge.text} {self.cursor.text(begin)}"
-            clause.places[-1] = replace(edge, nouns=(replace(edge.nouns[0], toward=noun),), text=text)
+        if edge and mode == "toward":
+            self.says_edge(clause, begin, noun)
         else:
             clause.facing = Facing(mode, noun, self.cursor.text(begin))
+
+    def is_measured_edge(self, clause: Clause, begin: int) -> bool:
+        """Whether a distance from an edge was said right before."""
+        last = clause.places[-1] if clause.places and self.last_place_ends == begin else None
+        return last is not None and last.measure is not None and last.nouns[0].region == "edge"
+
+    def says_edge(self, clause: Clause, begin: int, noun: Noun) -> None:
+        """The edge that was named last is the one at this thing."""
+        edge = clause.places[-1]
+        text = f"{edge.text} {self.cursor.text(begin)}"
+        clause.places[-1] = replace(edge, nouns=(replace(edge.nouns[0], toward=noun),), text=text)
+        self.last_place_ends = self.cursor.index
 
     def noun(self, clause: Clause) -> None:
         """A noun without a relation: what is moved, a region, or "the one" that explains the noun before."""

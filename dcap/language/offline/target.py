@@ -185,7 +185,8 @@ def narrowing(reading: Reading, support: Place, found: Sequence[InstanceView], r
         return []
     index = reading.places.index(support)
     chosen = [p for p in reading.places[index + 1 : index + 2] if says_side(p) and not whole(support).sides]
-    later = [p for p in reading.places if p is not support and p not in chosen]
+    again = [p for p in reading.places if p.excluded and p.nouns[0] == whole(support)]  # "... but not on top of it"
+    later = [p for p in reading.places if p is not support and p not in chosen and p not in again]
     return chosen + [p for p in later if p.restrict or (p.clause == support.clause and says_which(p, found, request))]
 
 

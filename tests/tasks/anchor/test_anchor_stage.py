@@ -332,3 +332,26 @@ def test_a_steady_place_nearby_is_taken():
         room = segmentation({"bed": ("bed", (0.0, -1.0, 0.0), [("mattress", surface)])})
         _, _, found = OFFLINE.placed(f"put the ball {words} the bed", thing("ball", ball(0.1)), room)
         assert low <= abs(found.surface_point[1]) <= high
+
+
+@pytest.mark.slow
+def test_on_the_arm_is_the_middle_of_one_of_them_and_held_there():
+    """Between two arms there is none; a slab as narrow as their rounded tops lies on the crest, not on its flank."""
+
+    def arm(x):
+        angle = np.linspace(0.0, np.pi, 17)
+        ring = np.c_[x + 0.1 * np.cos(angle), 0.45 + 0.1 * np.sin(angle)]
+        points = [(a, y, z) for y in (-0.45, 0.45) for a, z in ring]
+        return Mesh.of(points, [f for k in range(16) for f in ((k, k + 17, k + 1), (k + 1, k + 17, k + 18))])
+
+    seat = block((-0.6, -0.45, 0.25), (0.6, 0.45, 0.35))
+    arms = Mesh.concatenate([arm(-0.7), arm(0.7)])
+    if arms.face_normals[:, 2].sum() < 0.0:
+        arms = Mesh.of(arms.vertices, arms.faces[:, ::-1])
+    room = segmentation({"sofa": ("sofa", (0.0, -1.0, 0.0), [("seat cushion", seat), ("arm", arms)])})
+    for size in ((0.05, 0.18, 0.02), (0.18, 0.05, 0.02)):
+        item = thing("remote", block(tuple(-0.5 * np.array(size)), tuple(0.5 * np.array(size))))
+        _, _, found = OFFLINE.placed("put the remote on the arm of the sofa", item, room)
+        x, y, _ = found.surface_point
+        assert (found.part, abs(abs(x) - 0.7) < 0.02) == ("arm", True)
+        assert abs(y) < 0.36

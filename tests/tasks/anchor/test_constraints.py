@@ -46,6 +46,21 @@ def test_distances_from_edges_are_free_gaps(words: str, axis: int, edge: float, 
     assert near == pytest.approx(metres, abs=SLACK)
 
 
+@pytest.mark.parametrize("words", ["nearest the lamp", "facing the lamp", "closest to the lamp"])
+def test_the_edge_at_a_thing_is_one_of_them(words: str) -> None:
+    """The lamp stands to the right of the bed; "15 cm in from" is "from"."""
+    _, _, high = plan(f"put the cube on the bed, 15cm in from the edge {words}")
+    assert 0.75 - high[0] == pytest.approx(0.15, abs=SLACK)
+
+
+def test_a_distance_reaches_as_far_as_it_says() -> None:
+    """In front of a thing on the floor is a hand's reach, unless a distance is given."""
+    _, low, high = plan("put the cube on the floor in front of the bench, 70 cm away from it", HALL)
+    assert low[1] - -1.5 == pytest.approx(0.7, abs=SLACK)
+    assert high[0] > -0.5
+    assert low[0] < 0.5
+
+
 def test_a_distance_from_a_thing_is_a_free_gap() -> None:
     """10 cm from the lamp's box, wherever around it."""
     _, low, high = plan("put the cube on the table, 10 cm from the lamp")

@@ -79,6 +79,13 @@ def test_words_turn_the_book(words, height):
         assert np.ptp(mesh.vertices @ turned.matrix.T, axis=0)[2] == pytest.approx(height, abs=1e-3)
 
 
+def test_laying_down_what_is_low_leaves_it_as_it_rests():
+    """Nobody who lays a plate on a table wants it on its rim."""
+    plate = block((-0.12, -0.12, 0.0), (0.12, 0.12, 0.022))
+    turned = OFFLINE.oriented("lay the plate on the bed", thing("plate", plate))
+    assert np.ptp(plate.vertices @ turned.matrix.T, axis=0)[2] == pytest.approx(0.022, abs=1e-6)
+
+
 @pytest.mark.parametrize(("words", "height"), [("on its back", -1), ("down", 0), ("on its left side", 0)])
 def test_the_back_of_what_has_four_legs_is_its_top(words, height):
     """Its own up points down on its back; lying it is on a side, as a dog sleeps."""

@@ -287,10 +287,13 @@ def outcome(path: Path) -> Scan | str:
 
 @cache
 def warm_up(name: str) -> None:
-    """Read a sound file once: modules that are first imported then are no memory that a broken file takes."""
+    """Read a sound file and an empty one: what is imported then for the first time is no memory that a broken file
+    takes, such as all of Pillow's formats for a picture of none of the usual ones."""
     one = FORMATS[name]
     with TemporaryDirectory() as folder:
         one.make(Path(folder))
+        outcome(Path(folder) / (one.read or one.broken))
+        (Path(folder) / one.broken).write_bytes(b"")
         outcome(Path(folder) / (one.read or one.broken))
 
 

@@ -1,0 +1,44 @@
+"""Where to aim on a part of several pieces: the middle of each, as between the arms of a sofa there is no arm."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from dcap.geometry.placement.named_regions import Region
+from dcap.geometry.segmentation.faces import connected_regions, shared_edges, surface_points, welded_index
+from dcap.scene.types.mesh import Mesh
+
+LEVEL = 0.7
+"""Least normal z of what carries in the middle of a piece [-]."""
+PIECE = 0.3
+"""A piece has at least this share of the largest one's surface [-]."""
+OVER = 0.05
+"""An aim this near to a piece, seen from above, is over it [m]."""
+
+
+def at_own_middles(mesh: Mesh, mask: NDArray[np.bool_], areas: Sequence[Region]) -> list[Region]:
+    """The areas, those whose aim is over none of the carrying pieces once for each piece, aimed at its middle.
+
+    Args:
+        mesh: the scene.
+        mask: faces that may carry, shape (m,).
+        areas: where to look.
+    """
+    faces = np.flatnonzero(mask & (mesh.face_normals[:, 2] > LEVEL * 2.0 * mesh.face_areas))
+    if not len(faces):
+        return list(areas)
+    pairs = shared_edges(welded_index(mesh.vertices)[mesh.faces[faces]])
+    piece = connected_regions(len(faces), pairs, np.ones(len(pairs), dtype=bool))
+    area, center = mesh.face_areas[faces], mesh.triangles[faces].mean(axis=1)[:, :2]
+    total = np.bincount(piece, area)
+    large = np.flatnonzero(total > PIECE * total.max())
+    middles = [np.average(center[piece == one], axis=0, weights=area[piece == one]) for one in large]
+    tree = cKDTree(surface_points(mesh.triangles[faces], area, 0.5 * OVER)[0][:, :2])
+    found = []
+    for one in areas:
+        between = len(middles) > 1 and tree.query(one.target)[0] > OVER
+        found += [replace(one, target=middle) for middle in middles] if between else [one]
+    return found
