@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from dcap.language.offline.lexicon import is_a
+from dcap.language.offline.lexicon import is_a, label_words
 from dcap.language.offline.likelihood import (
     FURNITURE,
     LEAST,
@@ -42,6 +42,8 @@ SAME_SIZE = 1.05
 """Things whose sizes differ by less than this factor are equally large [-]."""
 SAME_PLACE = 0.05
 """Distances and heights that differ by less than this are alike [m]."""
+SIZES = frozenset({"largest", "smallest", "tallest", "shortest", "widest", "narrowest"})
+"""What words of size ask for, be they compared or not."""
 NEAREST = 3
 """So many things are told of those that are too unlikely to be meant [-]."""
 STANDS_ON = 0.12
@@ -113,7 +115,15 @@ def candidates(noun: Noun, instances: Sequence[InstanceView]) -> tuple[InstanceV
     "The second shelf" is a board where something has several above each other.
     """
     found = boarded(noun, instances) or named(noun, instances) or owners(noun, instances) or nameless(noun, instances)
-    return widened(noun, instances) if noun.sides and len(found) == 1 and found[0] in named(noun, instances) else found
+    one = len(found) == 1 and found[0] in named(noun, instances)
+    return widened(noun, instances) if one and noun.sides and not describes(noun) else found
+
+
+def describes(noun: Noun) -> bool:
+    """Whether its size is that of one thing, as of "the little table", not beside another's: "the smaller table"."""
+    words = label_words(noun.text)
+    compared = any(word.endswith(("er", "est")) for word in words if word not in label_words(noun.name))
+    return SIZES.issuperset(noun.sides) and not compared
 
 
 def nameless(noun: Noun, instances: Sequence[InstanceView]) -> tuple[InstanceView, ...]:

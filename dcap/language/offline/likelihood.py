@@ -40,6 +40,10 @@ ONE_SPREAD = math.exp(-0.5)
 """Factor of a size that is one standard deviation off [-]."""
 PIECE = 0.3
 """Factor for a piece whose shape is that of a part alone: a "sofa back" for "sofa"; less than half, as KIND [-]."""
+SURELY_OTHER = 0.3
+"""A thing that is less likely what the noun says than this share of what it may be besides hardly is that [-]."""
+SCANNED = 0.5
+"""Factor for a wide category of a scanner: "storage" for "bookshelf" [-]."""
 UNSAID = 0.45
 """Factor where a word before the noun is none of the label's [-]."""
 CONTRADICTED = 0.1
@@ -61,7 +65,11 @@ def likelihood(noun: Noun, instance: InstanceView) -> float:
         return 1.0 if noun.id == instance.id else 0.0
     if not instance.guesses:
         return by_label(noun, instance)
-    akin = sum(share * by_shape(noun, label, instance) for label, share in possible_labels(instance))
+    possible = [(share, share * by_shape(noun, label, instance)) for label, share in possible_labels(instance)]
+    akin = sum(part for _, part in possible)
+    other = max((share for share, part in possible if part < PLAUSIBLE * share), default=0.0)
+    if akin < SURELY_OTHER * other:  # a sofa that might just be a bed is not meant by "bed"
+        akin *= (akin / (SURELY_OTHER * other)) ** 2
     unknown = noun.thing and is_a(noun.thing, FURNITURE) and not (shapes_of(noun.thing) or told_by_shape(noun.thing))
     if not akin and unknown and not instance.structure:
         fit = usual_size(noun.thing, instance.size)
@@ -72,15 +80,20 @@ def likelihood(noun: Noun, instance: InstanceView) -> float:
 def by_label(noun: Noun, instance: InstanceView) -> float:
     """How likely the noun means an instance that is what its label says."""
     label = label_words(instance.label)
-    akin = max(kinship(noun, label, label_thing(instance)), coarsely(noun, label, instance))
-    return akin * fit_of_words(noun, label)
+    akin = kinship(noun, label, label_thing(instance))
+    if akin == WIDER:  # a large table is no nightstand
+        akin *= usual_size(noun.thing, instance.size)
+    return max(akin, coarsely(noun, label, instance)) * fit_of_words(noun, label)
 
 
 def coarsely(noun: Noun, label: Sequence[str], instance: InstanceView) -> float:
     """How likely where a label names one of the few wide categories that scanners know: "storage" for "bookshelf"."""
     kinds = coarse().get(tuple(label), ())
     narrower = [noun.thing if is_a(noun.thing, kind) else kind for kind in kinds if shares_lineage(noun.thing, kind)]
-    return WIDER * max((usual_size(one, instance.size) * carries_like(one, instance) for one in narrower), default=0.0)
+    named = label_thing(instance)
+    as_named = usual_size(named, instance.size) if named else 0.0
+    fits = [(usual_size(one, instance.size), carries_like(one, instance)) for one in narrower]
+    return SCANNED * max((carries * fit * fit / (fit + as_named) for fit, carries in fits), default=0.0)
 
 
 def carries_like(thing: str, instance: InstanceView) -> float:

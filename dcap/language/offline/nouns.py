@@ -49,6 +49,8 @@ class Noun:
     """One goes into it rather than onto it: a drawer, a basket."""
     id: str = ""
     """Id of the instance that is meant: "the chair with id chair_2"."""
+    whichever: bool = False
+    """One is as good as another: "any chair", "one of the chairs"."""
     modifiers: tuple[str, ...] = ()
     """Words before the head that are no article, side, colour or number: "single", "wooden"."""
 
@@ -155,6 +157,7 @@ def noun_of(words: list[Token], text: str) -> Noun:
         plural=several or head.plural(),
         encloses=head.has("encloses"),
         id=id_of(words),
+        whichever=any(t.value("det") == "any" for t in before),
         modifiers=tuple(t.text for t in before if t.has("quality", "unknown") and not t.has("side", "colour", "id")),
     )
 

@@ -31,6 +31,8 @@ from dcap.scene.errors import LanguageError
 SUPPORT = frozenset({"on", "in"})
 NEIGHBOURING = frozenset({"near", "next_to", "nearest", "away", "farthest"})
 """Relations that one can have to two things at once."""
+BESIDE_IT = frozenset({"at", "near", "next_to", "front_of", "behind", "against", "left_of", "right_of"})
+"""Relations of what a thing has beside it."""
 SAYS_WHICH = frozenset({"carrying", "lacking"})
 """Relations that only say which thing is meant."""
 OF_A_LENGTH = frozenset({"source", "away", "near", "left_of", "right_of", "front_of", "behind"})
@@ -230,6 +232,9 @@ class Reader:
             self.cursor.take()
         if self.cursor.here("relation") and self.cursor.value("relation") in SUPPORT and self.nothing_new(1):
             self.cursor.index += 2 if self.cursor.here("pronoun", ahead=1) else 1  # "on it"
+        elif self.cursor.value("relation") in BESIDE_IT and self.cursor.value("pronoun", ahead=1) == "it":
+            self.cursor.index += 2  # "the desk that has a chair at it" is the one near a chair
+            relation = "near"
         self.keep(begin)
         place = Place(relation, (noun,), True, self.cursor.text(begin), excluded=self.exclude)
         self.said(clause, place)

@@ -114,6 +114,9 @@ def ground_support(target: Target, support: Place, reading: Reading, request: In
     told = replace(noun, sides=()) if a_board else noun  # its number is that of the board
     chosen = choose(able, told, target.used, request.instances, request.room_center)
     target.base = chosen.best
+    if noun.whichever and chosen.open:
+        target.notes.append(f"{noun.text}: {chosen.best.id} is taken, as any will do")
+        chosen = replace(chosen, instances=chosen.instances[:1], scores=chosen.scores[:1])
     target.candidates = as_candidates(chosen)
     if chosen.note:
         target.notes.append(f"{noun.text}: {chosen.note}")

@@ -156,8 +156,8 @@ def scanned_room() -> list[InstanceView]:
     return [
         thing("tall", "storage", (0, 0, 1), (0.9, 0.35, 2.0), part(0, "board", (0, 0, 1), (0.9, 0.35, 0.02))),
         thing("low", "storage", (2, 0, 0.2), (1.45, 0.42, 0.6), part(0, "top", (2, 0, 0.5), (1.4, 0.42, 0.02))),
-        thing("long", "sofa", (0, 2, 0.4), (2.0, 0.9, 0.8)),
-        thing("short", "sofa", (3, 2, 0.5), (0.87, 0.88, 0.95)),
+        thing("long", "sofa", (0, 2, 0.4), (2.0, 0.9, 0.8), part(0, "seat cushion", (0, 2, 0.4), (1.6, 0.6, 0.1))),
+        thing("short", "sofa", (3, 2, 0.5), (0.87, 0.88, 0.95), part(0, "seat cushion", (3, 2, 0.4), (0.6, 0.6, 0.1))),
     ]
 
 
@@ -186,3 +186,27 @@ def test_the_only_thing_is_what_the_sentence_names_where_nothing_else_does() -> 
     nameless, lamp = labelled("export 3")[0], labelled("table lamp")[0]
     for scene, meant in (([floor, nameless], [nameless]), ([floor, lamp], []), ([nameless, labelled("scan")[0]], [])):
         assert list(candidates(noun("sofa", scene), scene)) == meant
+
+
+def test_size_counts_where_the_label_names_the_wider_kind() -> None:
+    """A scanner's "table" of 94 x 80 cm is no nightstand, one of 50 cm may be; who looks for an ottoman takes a stool."""
+    tables = [
+        thing("large", "table", (0, 0, 0.36), (0.94, 0.8, 0.72)),
+        thing("small", "table", (2, 0, 0.3), (0.5, 0.4, 0.55)),
+    ]
+    assert [one.id for one in named(noun("nightstand", tables), tables)] == ["small"]
+
+
+def test_what_is_surely_another_thing_is_not_meant() -> None:
+    """A sofa that might just be a bed is none; a bench that may be a coffee table is taken for one."""
+    sofa = guessed("sofa", (2.0, 0.9, 0.8), ("sofa", 0.78), ("bed", 0.19))
+    assert likelihood(noun("bed", [sofa]), sofa) < LEAST < likelihood(noun("coffee table", [LOW]), LOW)
+
+
+def test_any_one_of_several_settles_the_choice() -> None:
+    """The comparison sees what is only likely, a plain word of size does not."""
+    chairs = labelled("chair", "chair")
+    for text, settled in (("one of the chairs", True), ("any chair", True), ("either chair", True), ("chair", False)):
+        assert noun(text, chairs).whichever is settled
+    tables = [LOW, replace(thing("side", "side table", (3, 0, 0.3), (0.4, 0.4, 0.5)))]
+    assert [one.id for one in candidates(noun("little side table", tables), tables)] == ["side"]

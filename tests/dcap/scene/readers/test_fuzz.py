@@ -10,9 +10,7 @@ import struct
 import tracemalloc
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -39,6 +37,8 @@ from dcap.scene.writers.objects import write_object
 
 MANY = int(os.environ.get("DCAP_FUZZ_EXAMPLES", "50"))
 """Changes per format that the slow test tries."""
+
+Image.init()  # imported at the first picture of no usual format: no memory that a broken file takes
 
 
 def grid(cells: int) -> Mesh:
@@ -285,24 +285,11 @@ def outcome(path: Path) -> Scan | str:
         return str(error)
 
 
-@cache
-def warm_up(name: str) -> None:
-    """Read a sound file and an empty one: what is imported then for the first time is no memory that a broken file
-    takes, such as all of Pillow's formats for a picture of none of the usual ones."""
-    one = FORMATS[name]
-    with TemporaryDirectory() as folder:
-        one.make(Path(folder))
-        outcome(Path(folder) / (one.read or one.broken))
-        (Path(folder) / one.broken).write_bytes(b"")
-        outcome(Path(folder) / (one.read or one.broken))
-
-
 def try_file(folder: Path, name: str, change: Callable[[bytes], bytes]) -> Scan | str:
     """Break a sound file and read it."""
     one = FORMATS[name]
     one.make(folder)
     path = folder / one.broken
-    warm_up(name)
     path.write_bytes(change(path.read_bytes()))
     tracemalloc.start()
     try:
