@@ -189,11 +189,9 @@ def test_the_only_thing_is_what_the_sentence_names_where_nothing_else_does() -> 
 
 
 def test_size_counts_where_the_label_names_the_wider_kind() -> None:
-    """A scanner's "table" of 94 x 80 cm is no nightstand, one of 50 cm may be; who looks for an ottoman takes a stool."""
-    tables = [
-        thing("large", "table", (0, 0, 0.36), (0.94, 0.8, 0.72)),
-        thing("small", "table", (2, 0, 0.3), (0.5, 0.4, 0.55)),
-    ]
+    """A scanner's "table" of 94 x 80 cm is no nightstand, one of 50 cm may be."""
+    sizes = {"large": (0.94, 0.8, 0.72), "small": (0.5, 0.4, 0.55)}
+    tables = [thing(name, "table", (0, 0, 0.3), size) for name, size in sizes.items()]
     assert [one.id for one in named(noun("nightstand", tables), tables)] == ["small"]
 
 
