@@ -83,9 +83,9 @@ def off_its_part(values: Values) -> bool:
     """Whether the sentence names a part, the object was set down on it, and it came to rest on another one."""
     scene, intent, anchor, settled = values.scene, values.intent, values.anchor, values.settled
     body = object_body(settled)
-    if not (scene and intent and anchor and settled and body) or intent.region.part != anchor.part:
+    if not (scene and intent and anchor and settled and body) or intent.region.part != anchor.part or anchor.lean:
         return False
-    return part_missed(scene, anchor.part, settled.contact_points, float(body.surface.bounds[1, 2]))
+    return part_missed(scene, anchor.base_id, anchor.part, settled.contact_points, float(body.surface.bounds[1, 2]))
 
 
 def base_of(values: Values) -> dict[str, str] | None:

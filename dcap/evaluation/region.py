@@ -14,12 +14,13 @@ MOSTLY = 0.5
 seat."""
 
 
-def part_missed(scene: Segmentation, part: str, points: NDArray[np.float64], top: float) -> bool:
-    """Whether most of a contact lies on other parts than the one of this name.
+def part_missed(scene: Segmentation, base: str, part: str, points: NDArray[np.float64], top: float) -> bool:
+    """Whether most of a contact lies on other parts than those of this name of the base.
 
     Args:
         scene: the scene without the object, undeformed.
-        part: name of the part asked for.
+        base: id of the instance asked for.
+        part: name of its part.
         points: of the contact [m], shape (k, 3).
         top: height of the object's highest point [m]; what is between it and the contact is what gave way.
     """
@@ -29,8 +30,9 @@ def part_missed(scene: Segmentation, part: str, points: NDArray[np.float64], top
     faces = Raycaster(scene.mesh).cast(start, np.tile([0.0, 0.0, -1.0], (len(start), 1))).face
     owner, number = scene.face_instance[faces], scene.face_part[faces]
     met = (faces >= 0) & (owner >= 0) & (number >= 0)
-    names = [scene.instances[i].parts[k].name for i, k in zip(owner[met], number[met], strict=True)]
-    return bool(sum(name == part for name in names) < MOSTLY * len(points))
+    own = {k for k, one in enumerate(scene.instances[scene.index_of(base)].parts) if one.name == part}
+    on_it = (owner[met] == scene.index_of(base)) & np.isin(number[met], list(own))
+    return bool(on_it.sum() < MOSTLY * len(points))
 
 
 def region_missed(point: NDArray[np.float64], polygon: NDArray[np.float64]) -> bool:

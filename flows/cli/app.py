@@ -306,8 +306,9 @@ def main(arguments: list[str] | None = None) -> int:
         complain(str(error))
         let_go(error)
         return error.exit_code
-    except (KeyboardInterrupt, typer.Abort):
+    except (KeyboardInterrupt, typer.Abort) as error:
         complain("interrupted")
+        let_go(error)
         return INTERRUPTED
     finally:
         kill_all()
@@ -316,7 +317,10 @@ def main(arguments: list[str] | None = None) -> int:
 def let_go(error: BaseException) -> None:
     """Clear what the calls held through which an error came: Prefect keeps it, and Open3D ends a process in which one
     of its tensors is left with a status of its own."""
-    seen: BaseException | None = error
-    while seen is not None:
-        traceback.clear_frames(seen.__traceback__)
-        seen = seen.__cause__ or seen.__context__
+    waiting, seen = [error], set[int]()
+    while waiting:
+        one = waiting.pop()
+        if id(one) not in seen:
+            seen.add(id(one))
+            traceback.clear_frames(one.__traceback__)
+            waiting += [other for other in (one.__cause__, one.__context__) if other is not None]

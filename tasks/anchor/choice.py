@@ -19,7 +19,7 @@ from dcap.scene.types.intent import Intent, RegionConstraint
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.segmentation import Instance, Segmentation
 from tasks.anchor.carriers import COVERS, Mask, carriers
-from tasks.anchor.constraints import Bounds, constrained
+from tasks.anchor.constraints import EDGE, Bounds, constrained
 from tasks.requests.surroundings import apart, is_floor, part_frame, reference_boxes, reference_frame
 
 Array = NDArray[np.float64]
@@ -135,7 +135,11 @@ def spare_areas(
 
 def distances(limits: Sequence[RegionConstraint], references: Sequence[str]) -> list[float]:
     """How far off the things beside which it goes it is to be [m]: "in front of the armchair, 50 cm from it"."""
-    return [one.metres for one in limits if one.metres is not None and one.reference in references]
+    return [
+        one.metres for one in limits
+        if one.metres is not None and one.reference in references and one.kind in ("exactly", "at_least")
+        and EDGE not in one.regions
+    ]  # fmt: skip
 
 
 def constraints_of(reply: AnchorReply) -> tuple[RegionConstraint, ...]:

@@ -18,6 +18,7 @@ from dcap.geometry.placement.named_regions import (
     ViewerFrame,
     beside_area,
     corner_directions,
+    edge_at,
     edge_directions,
     outline,
     regions,
@@ -109,9 +110,8 @@ def from_edges(area: Region, one: RegionConstraint, bounds: Bounds) -> list[Regi
         rings = [swept(np.repeat(spot, 3, axis=0), bounds.footprint) for spot in spots]
         return from_things(area, one, rings) if one.metres is not None else [without(area, rings)]
     edges = [(x, 0) for x, _ in sides if x] + [(0, y) for _, y in sides if y]
-    if one.reference and (rings := rings_of(one, bounds)):
-        there = {edge: distance(frame.world(np.array(edge, dtype=float)), rings) for edge in edge_directions(frame, [])}
-        edges = [min(there, key=lambda edge: there[edge])]
+    if one.reference and not edges and (boxes := boxes_of(bounds.scene, bounds.base, one.reference)):
+        edges = [edge_at(frame, boxes)]
     if one.kind in ("exactly", "at_most"):
         return [banded(area, [edge], one, bounds) for edge in edges or edge_directions(frame, [])]
     return [banded(area, edges or edge_directions(frame, []), one, bounds)]

@@ -200,12 +200,27 @@ def edge_directions(
     if directions:
         return [(sum(d[0] for d in directions), sum(d[1] for d in directions))]
     if references:
-        away = np.mean([box.center[:2] for box in references], axis=0) - frame.center
-        sides = [(1, 0), (-1, 0), (0, 1), (0, -1)]
-        return [max(sides, key=lambda side: float(away @ (side[0] * frame.right + side[1] * frame.front)))]
+        return [edge_at(frame, references)]
     if frame.half[0] >= frame.half[1]:
         return [(0, 1), (1, 0), (-1, 0), (0, -1)]
     return [(1, 0), (-1, 0), (0, 1), (0, -1)]
+
+
+def edge_at(frame: ViewerFrame, references: Sequence[OrientedBox]) -> tuple[int, int]:
+    """The edge that comes nearest to one of these, seen from above; of two that meet in a corner the one that looks at
+    it."""
+    sides, along = ((1, 0), (-1, 0), (0, 1), (0, -1)), np.linspace(-1.0, 1.0, 33)[:, None]
+
+    def away(side: tuple[int, int]) -> tuple[float, float]:
+        points = frame.world(np.array(side, dtype=float) + along * np.array(side[::-1], dtype=float))
+        gaps = []
+        for box in references:
+            local = np.abs(box.to_local(np.c_[points, np.full(len(points), box.center[2])]))
+            gaps.append(np.linalg.norm(np.maximum(local - box.half_extents, 0.0)[:, :2], axis=1))
+        nearest = np.min(gaps, axis=0)
+        return round(float(nearest.min()), 3), float(nearest.mean())
+
+    return min(sides, key=away)
 
 
 def strip(frame: ViewerFrame, direction: tuple[int, int], reach: Array) -> Region:

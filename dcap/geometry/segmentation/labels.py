@@ -63,7 +63,7 @@ HANGING = frozenset({"ceiling", "wall", "pendant"})
 TOOL_WORDS = """
 cube sphere cylinder cone plane mesh object obj node group root scene geometry model material default solid body part
 component primitive box polygon surface shape untitled world empty armature sketchfab gltf rootnode unnamed circle
-icosphere torus none textured
+icosphere torus none textured scan export output
 """
 
 GENERIC = frozenset(TOOL_WORDS.split())

@@ -124,7 +124,8 @@ def _is_one_thing(top: Sequence[str], label: str) -> bool:
 def _unnamed_groups(table: FaceTable, faces: Index, label: str, taken_apart: TakeApart) -> list[Group]:
     """What is unnamed in a furnished room is taken apart; anything else is one thing."""
     if not _is_room(table, np.arange(len(table.area)), label):
-        said = "" if category_of(label) is Category.STRUCTURE else label  # a file called "room" is no wall
+        unsaid = category_of(label) is Category.STRUCTURE or not says_something(label)  # a file called "room" or "scan"
+        said = "" if unsaid else label
         return [Group("", said, faces, None)]
     inside = np.zeros(len(table.area), dtype=bool)
     inside[faces] = True

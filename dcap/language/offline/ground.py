@@ -44,6 +44,10 @@ SAME_PLACE = 0.05
 """Distances and heights that differ by less than this are alike [m]."""
 SIZES = frozenset({"largest", "smallest", "tallest", "shortest", "widest", "narrowest"})
 """What words of size ask for, be they compared or not."""
+POSITIVE = frozenset({"big", "large", "small", "little", "tiny", "tall", "low", "high"})
+"""Those that compare with nothing."""
+NAMELESS = "thing"
+"""The label of what neither the source nor its shape names."""
 NEAREST = 3
 """So many things are told of those that are too unlikely to be meant [-]."""
 STANDS_ON = 0.12
@@ -110,26 +114,24 @@ def part_of(noun: Noun, instance: InstanceView) -> str:
 
 
 def candidates(noun: Noun, instances: Sequence[InstanceView]) -> tuple[InstanceView, ...]:
-    """Instances that the noun itself names, else those that have such a part, else the only thing, if it has no name.
+    """Instances that the noun itself names, else those that have such a part.
 
     "The second shelf" is a board where something has several above each other.
     """
-    found = boarded(noun, instances) or named(noun, instances) or owners(noun, instances) or nameless(noun, instances)
+    found = boarded(noun, instances) or named(noun, instances) or owners(noun, instances)
     one = len(found) == 1 and found[0] in named(noun, instances)
     return widened(noun, instances) if one and noun.sides and not describes(noun) else found
 
 
 def describes(noun: Noun) -> bool:
     """Whether its size is that of one thing, as of "the little table", not beside another's: "the smaller table"."""
-    words = label_words(noun.text)
-    compared = any(word.endswith(("er", "est")) for word in words if word not in label_words(noun.name))
-    return SIZES.issuperset(noun.sides) and not compared
+    return SIZES.issuperset(noun.sides) and not POSITIVE.isdisjoint(label_words(noun.text))
 
 
 def nameless(noun: Noun, instances: Sequence[InstanceView]) -> tuple[InstanceView, ...]:
-    """The only thing there is, where nothing says what it is: a scan of one sofa in "export.ply"."""
+    """The only thing there is, where nothing says what it is: a scan of one sofa in "scan.ply"."""
     things = tuple(i for i in instances if not i.structure)
-    unknown = len(things) == 1 and not things[0].guesses and not label_thing(things[0])
+    unknown = len(things) == 1 and not things[0].guesses and things[0].label == NAMELESS
     return things if unknown and is_a(noun.thing, FURNITURE) else ()
 
 

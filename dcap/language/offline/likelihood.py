@@ -81,7 +81,8 @@ def by_label(noun: Noun, instance: InstanceView) -> float:
     """How likely the noun means an instance that is what its label says."""
     label = label_words(instance.label)
     akin = kinship(noun, label, label_thing(instance))
-    if akin == WIDER:  # a large table is no nightstand
+    named_wider = noun.thing and label_thing(instance) == parent_of(noun.thing)
+    if named_wider and akin <= WIDER:  # a large table is no nightstand
         akin *= usual_size(noun.thing, instance.size)
     return max(akin, coarsely(noun, label, instance)) * fit_of_words(noun, label)
 
@@ -99,7 +100,8 @@ def coarsely(noun: Noun, label: Sequence[str], instance: InstanceView) -> float:
 def carries_like(thing: str, instance: InstanceView) -> float:
     """Factor for what has not the part that first carries things on this one: without boards it is hardly a shelf."""
     first = next((default_parts()[one][0] for one in lineage(thing) if default_parts().get(one)), "")
-    return 1.0 if not first or any(part.name == first for part in instance.parts) else UNSAID
+    names = {part.name for part in instance.parts}
+    return 1.0 if not first or not names or first in names else UNSAID
 
 
 def shares_lineage(thing: str, other: str) -> bool:

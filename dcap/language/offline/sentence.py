@@ -232,11 +232,13 @@ class Reader:
             self.cursor.take()
         if self.cursor.here("relation") and self.cursor.value("relation") in SUPPORT and self.nothing_new(1):
             self.cursor.index += 2 if self.cursor.here("pronoun", ahead=1) else 1  # "on it"
-        elif self.cursor.value("relation") in BESIDE_IT and self.cursor.value("pronoun", ahead=1) == "it":
-            self.cursor.index += 2  # "the desk that has a chair at it" is the one near a chair
-            relation = "near"
+        beside = self.cursor.value("relation") in BESIDE_IT and self.cursor.here("pronoun", ahead=1)
+        excluded = self.exclude
+        if beside and self.cursor.tokens[self.cursor.index + 1].text == "it":
+            self.cursor.index += 2  # "the desk that has a chair at it" is the one near a chair, "without": is not
+            relation, excluded = "near", excluded or relation == "lacking"
         self.keep(begin)
-        place = Place(relation, (noun,), True, self.cursor.text(begin), excluded=self.exclude)
+        place = Place(relation, (noun,), True, self.cursor.text(begin), excluded=excluded)
         self.said(clause, place)
 
     def nothing_new(self, ahead: int) -> bool:

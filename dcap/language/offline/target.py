@@ -95,7 +95,7 @@ def still_unknown(phrases: Sequence[str], target: Target, request: IntentRequest
 def ground_support(target: Target, support: Place, reading: Reading, request: IntentRequest) -> None:
     """The base from the place that names it."""
     noun = whole(support)
-    found = candidates(noun, request.instances)
+    found = candidates(noun, request.instances) or nameless(noun, request.instances)
     if noun.thing == "room":
         floor = floor_of(request.instances)
         found = (floor,) if floor else ()

@@ -35,8 +35,9 @@ def test_what_rests_beside_the_part_asked_for_misses_it() -> None:
     """A contact sunk 8 cm into the mattress is on it; moved by half, or lying on a pillow, it is not; a dent's depth
     does not matter, as the first surface below the object's top is what gave way."""
     on_it = np.array([[x, -0.5, 0.42] for x in (-0.1, 0.0, 0.1)])
-    assert not part_missed(ROOM, "mattress", on_it, top=0.6)
-    assert part_missed(ROOM, "mattress", on_it + np.array([0.0, 1.2, 0.2]), top=0.9)
-    assert not part_missed(ROOM, "pillow", on_it + np.array([-0.35, 1.2, 0.2]), top=0.9)
-    assert part_missed(ROOM, "mattress", on_it + np.array([5.0, 0.0, 0.0]), top=0.6)
-    assert not part_missed(ROOM, "mattress", np.zeros((0, 3)), top=0.6)
+    assert not part_missed(ROOM, "bed", "mattress", on_it, top=0.6)
+    assert part_missed(ROOM, "bed", "mattress", on_it + np.array([0.0, 1.2, 0.2]), top=0.9)
+    assert not part_missed(ROOM, "bed", "pillow", on_it + np.array([-0.35, 1.2, 0.2]), top=0.9)
+    assert part_missed(ROOM, "bed", "mattress", on_it + np.array([5.0, 0.0, 0.0]), top=0.6)
+    assert not part_missed(ROOM, "bed", "mattress", np.zeros((0, 3)), top=0.6)
+    assert part_missed(ROOM, "table", "top", on_it, top=0.6)

@@ -5,6 +5,8 @@ import pytest
 from box_rooms import CUBE, HALL, ROOM
 from stage_chain import Stages
 
+from dcap.geometry.placement.named_regions import ViewerFrame, edge_at
+from dcap.scene.types.box import OrientedBox
 from dcap.scene.types.outcome import Infeasible, Reason
 from dcap.scene.types.segmentation import Segmentation
 from tasks.anchor.constraints import TOLERANCE
@@ -48,9 +50,17 @@ def test_distances_from_edges_are_free_gaps(words: str, axis: int, edge: float, 
 
 @pytest.mark.parametrize("words", ["nearest the lamp", "facing the lamp", "closest to the lamp"])
 def test_the_edge_at_a_thing_is_one_of_them(words: str) -> None:
-    """The lamp stands to the right of the bed; "15 cm in from" is "from"."""
+    """The lamp stands to the right of the bed, the wall behind it; "15 cm in from" is "from"."""
     _, _, high = plan(f"put the cube on the bed, 15cm in from the edge {words}")
     assert 0.75 - high[0] == pytest.approx(0.15, abs=SLACK)
+
+
+def test_the_edge_at_a_thing_is_the_one_that_it_stands_at() -> None:
+    """A lamp behind one end of a long desk is at the back edge, though the short edge's middle is nearer."""
+    desk = ViewerFrame(np.zeros(2), np.array([1.0, 0.0]), np.array([0.0, -1.0]), np.array([1.0, 0.3]))
+    lamp = OrientedBox(np.array([-0.75, 0.45, 0.9]), np.eye(3), np.array([0.1, 0.1, 0.2]))
+    outward = np.array(edge_at(desk, [lamp]), dtype=float)
+    np.testing.assert_allclose(desk.world(outward) - desk.center, [0.0, 0.3], atol=1e-9)
 
 
 def test_a_distance_reaches_as_far_as_it_says() -> None:

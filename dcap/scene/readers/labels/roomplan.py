@@ -24,12 +24,12 @@ SURFACES = {"walls": "wall", "doors": "door", "windows": "window", "openings": "
 """Lists of the building and what is in them."""
 LISTS = (*SURFACES, "objects")
 NAMES = {
-    "storage": "cabinet", "washerDryer": "washing machine", "television": "tv", "sink": "sink", "stairs": "stairs",
+    "storage": "storage", "washerDryer": "washing machine", "television": "tv", "sink": "sink", "stairs": "stairs",
     "refrigerator": "refrigerator", "stove": "stove", "bed": "bed", "toilet": "toilet", "bathtub": "bathtub",
     "oven": "oven", "dishwasher": "dishwasher", "table": "table", "sofa": "sofa", "chair": "chair",
     "fireplace": "fireplace",
 }  # fmt: skip
-"""Categories of objects and what people call them; cabinets and shelves are both storage."""
+"""Categories of objects and what people call them; which storage is a shelf and which a cupboard, their shapes tell."""
 THINNEST = 0.05
 """Walls and openings are planes: their boxes are this thick at least [m]."""
 

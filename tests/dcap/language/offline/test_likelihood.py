@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 from furnished_views import part, thing
 
-from dcap.language.offline.ground import candidates, named, near_miss, unlikely
+from dcap.language.offline.ground import candidates, named, nameless, near_miss, unlikely
 from dcap.language.offline.likelihood import LEAST, PLAUSIBLE, likelihood
 from dcap.language.offline.sentence import read
 from dcap.language.offline.words import SceneWords
@@ -181,11 +181,17 @@ def test_wide_categories_of_scanners_are_told_apart_by_size_and_parts(text: str,
 
 
 def test_the_only_thing_is_what_the_sentence_names_where_nothing_else_does() -> None:
-    """A scan of one piece of furniture in a file called anything; what has a name, or company, keeps to it."""
+    """A scan of one piece of furniture without a name; what has a name, even an unknown one, or company, keeps it."""
     floor = thing("floor", "floor", (0, 0, 0), (4, 4, 0.1), structure=True)
-    nameless, lamp = labelled("export 3")[0], labelled("table lamp")[0]
-    for scene, meant in (([floor, nameless], [nameless]), ([floor, lamp], []), ([nameless, labelled("scan")[0]], [])):
-        assert list(candidates(noun("sofa", scene), scene)) == meant
+    one, other = labelled("thing", "thing")
+    for scene, meant in (
+        ([floor, one], [one]),
+        ([floor, *labelled("jukebox")], []),
+        ([floor, *labelled("storage")], []),
+        ([one, other], []),
+    ):
+        assert list(nameless(noun("sofa", scene), scene)) == meant
+    assert not nameless(noun("pillow", [one]), [one])
 
 
 def test_size_counts_where_the_label_names_the_wider_kind() -> None:
@@ -202,9 +208,14 @@ def test_what_is_surely_another_thing_is_not_meant() -> None:
 
 
 def test_any_one_of_several_settles_the_choice() -> None:
-    """The comparison sees what is only likely, a plain word of size does not."""
+    """Said in so many words; an article alone does not."""
     chairs = labelled("chair", "chair")
     for text, settled in (("one of the chairs", True), ("any chair", True), ("either chair", True), ("chair", False)):
         assert noun(text, chairs).whichever is settled
-    tables = [LOW, replace(thing("side", "side table", (3, 0, 0.3), (0.4, 0.4, 0.5)))]
-    assert [one.id for one in candidates(noun("little side table", tables), tables)] == ["side"]
+
+
+def test_a_size_that_compares_with_nothing_describes() -> None:
+    """The smaller table is one of two, of which one may be called otherwise; the little one, hers too, need not be."""
+    tables = [LOW, thing("main", "coffee table", (3, 0, 0.3), (0.9, 0.5, 0.45))]
+    for text, found in (("little coffee table", 1), ("her little coffee table", 1), ("smaller coffee table", 2)):
+        assert len(candidates(noun(text, tables), tables)) == found

@@ -94,3 +94,38 @@ def test_angles_are_numbers_in_words_or_digits(words, degrees):
     """A number and its unit are one token; whole turns fall away."""
     reading = read(f"put the mug on the desk rotated by {words}")
     assert (reading.turn, reading.not_understood) == (degrees, ())
+
+
+@pytest.mark.parametrize(
+    ("words", "excluded"),
+    [("that has a chair at it", False), ("with a chair next to it", False), ("without a chair at it", True),
+     ("that has no chair at it", True), ("that does not have a chair at it", True)],
+)  # fmt: skip
+def test_what_a_thing_has_beside_it_says_which_is_meant(words: str, excluded: bool) -> None:
+    """The desk near a chair, or the one that is not."""
+    place = read(f"put the cup on the desk {words}").places[1]
+    assert (place.relation, place.restrict, place.excluded) == ("near", True, excluded)
+
+
+def test_only_it_is_what_was_named_before() -> None:
+    """ "Near this chair" is near a chair, not near the desk."""
+    on, lamp, chair = read("put the cup on the desk that has a lamp near this chair").places
+    assert (on.relation, lamp.relation, chair.relation) == ("on", "carrying", "near")
+    assert chair.nouns[0].thing == "chair"
+
+
+@pytest.mark.parametrize("words", ["nearest the sofa", "facing the sofa", "closest to the sofa", "nearer the sofa"])
+def test_an_edge_is_the_one_at_a_thing(words: str) -> None:
+    """A distance from it keeps the thing that tells which edge is meant."""
+    edge = read(f"put the mug on the table, 10 cm in from the edge {words}").places[1]
+    assert edge.measure is not None
+    assert edge.measure.metres == pytest.approx(0.1)
+    assert edge.nouns[0].toward is not None
+    assert edge.nouns[0].toward.thing == "sofa"
+
+
+def test_shelving_is_placing() -> None:
+    """The verb takes its object along."""
+    found = read("shelve the book in the bookcase, but not on top of it")
+    assert found.theme is not None
+    assert (found.theme.thing, found.not_understood) == ("book", ())
