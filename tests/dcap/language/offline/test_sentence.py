@@ -129,3 +129,9 @@ def test_shelving_is_placing() -> None:
     found = read("shelve the book in the bookcase, but not on top of it")
     assert found.theme is not None
     assert (found.theme.thing, found.not_understood) == ("book", ())
+
+
+@pytest.mark.parametrize("words", ["should stand", "must stand", "has to stand"])
+def test_what_a_thing_should_do_is_a_pose(words: str) -> None:
+    """As much as if one were told to stand it there."""
+    assert read(f"the shampoo bottle {words} on the floor").pose == "upright"
