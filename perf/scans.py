@@ -54,8 +54,7 @@ THICKNESS = 0.1
 """Of what is lower only the plans are compared [m]: a rug has no height."""
 SUPPORTS = frozenset({
     Category.BED, Category.SOFA, Category.CHAIR, Category.STOOL, Category.TABLE, Category.CABINET, Category.SHELF,
-    Category.STORAGE,
-    Category.BATHTUB,
+    Category.STORAGE, Category.BATHTUB,
 })  # fmt: skip
 BINS = (1e-9, 0.15, 0.35, 0.6, 0.8, 0.95, 1.01)
 """Limits of likelihoods between which the share of right answers is told [-]."""

@@ -9,13 +9,13 @@ from collections.abc import Sequence
 import numpy as np
 
 from dcap.evaluation.segment_scores import Score
-from dcap.language.offline.lexicon import is_a, thing_of
+from dcap.language.offline.lexicon import in_line, thing_of
 
 
 def means_the_same(found: str, true: str) -> bool:
     """Whether two labels name the same kind of thing, one perhaps more exactly."""
     a, b = thing_of(found), thing_of(true)
-    return found == true or (a is not None and b is not None and (is_a(a.id, b.id) or is_a(b.id, a.id)))
+    return found == true or (a is not None and b is not None and in_line(a.id, b.id))
 
 
 def label_accuracy(rows: Sequence[Score]) -> float:

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from dcap.geometry.placement.named_regions import Region
-from dcap.geometry.segmentation.faces import connected_regions, shared_edges, surface_points, welded_index
+from dcap.geometry.segmentation.faces import surface_pieces, surface_points
 from dcap.scene.types.mesh import Mesh
 
 LEVEL = 0.7
@@ -30,8 +30,7 @@ def at_own_middles(mesh: Mesh, mask: NDArray[np.bool_], areas: Sequence[Region])
     faces = np.flatnonzero(mask & (mesh.face_normals[:, 2] > LEVEL * 2.0 * mesh.face_areas))
     if not len(faces):
         return list(areas)
-    pairs = shared_edges(welded_index(mesh.vertices)[mesh.faces[faces]])
-    piece = connected_regions(len(faces), pairs, np.ones(len(pairs), dtype=bool))
+    piece = surface_pieces(mesh, faces)
     area, center = mesh.face_areas[faces], mesh.triangles[faces].mean(axis=1)[:, :2]
     total = np.bincount(piece, area)
     large = np.flatnonzero(total > PIECE * total.max())

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from dcap.language.offline.lexicon import default_parts, is_a, label_words, lineage, thing_of
+from dcap.language.offline.lexicon import first_part, in_line, label_words, thing_of
 from dcap.language.offline.nouns import Noun
 from dcap.language.offline.placing import names_support, placing_of, whole
 from dcap.language.offline.sentence import read
@@ -52,11 +52,10 @@ def fits(noun: Noun, label: str) -> bool:
     if tuple(label_words(noun.name)) == tuple(label_words(label)):
         return True
     thing = thing_of(label)
-    return thing is not None and (is_a(thing.id, noun.thing) or is_a(noun.thing, thing.id))
+    return thing is not None and in_line(thing.id, noun.thing)
 
 
 def carrying_part(label: str) -> str:
     """The part on which a thing of this label usually carries."""
     thing = thing_of(label)
-    usual = (default_parts().get(one, ()) for one in lineage(thing.id if thing else ""))
-    return next((names[0] for names in usual if names), PLAIN_PART)
+    return first_part(thing.id if thing else "") or PLAIN_PART

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import Delaunay, QhullError
 
-from dcap.geometry.segmentation.faces import FaceTable, connected_regions, shared_edges, welded_index
+from dcap.geometry.segmentation.faces import FaceTable, surface_pieces
 from dcap.geometry.segmentation.parts.rules import make_instance
 from dcap.scene.errors import InputError
 from dcap.scene.types.pointed import Pointed
@@ -104,8 +104,7 @@ def patch_at(scene: Segmentation, face: int, position: Array) -> Index:
     near = up & (np.abs(center[:, 2] - position[2]) < BAND) & (scene.face_instance == scene.face_instance[face])
     near[face] = True
     faces = np.flatnonzero(near)
-    pairs = shared_edges(welded_index(scene.mesh.vertices)[scene.mesh.faces[faces]])
-    region = connected_regions(len(faces), pairs, np.ones(len(pairs), dtype=bool))
+    region = surface_pieces(scene.mesh, faces)
     return np.asarray(faces[region == region[np.searchsorted(faces, face)]])
 
 

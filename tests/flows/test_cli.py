@@ -120,6 +120,34 @@ def test_meshes_that_cannot_be_used(
     assert words in said
 
 
+FLOOR_AND_WALL = """o floor
+v 0 0 0
+v 2 0 0
+v 2 2 0
+v 0 2 0
+v -1 0 0
+v -1 2 0
+v -1 2 2
+v -1 0 2
+f 1 2 3 4
+o wall
+f 5 6 7 8
+"""
+
+
+def test_a_point_with_nothing_below_it_is_refused_by_the_process_too(tmp_path: Path, data_folder: Path) -> None:
+    """Exit 2 and an empty standard output: what was being computed when it was found out is let go before the end."""
+    (tmp_path / "room.obj").write_text(FLOOR_AND_WALL)
+    (tmp_path / "cube.obj").write_bytes(obj_of(CUBE, SIDES))
+    command = [sys.executable, "-m", "flows.cli", "place", str(tmp_path / "room.obj"), str(tmp_path / "cube.obj")]
+    done = subprocess.run(
+        [*command, "put it there", "--up", "z", "--unit", "m", "--at=-0.5,1,0.5"], capture_output=True, text=True,
+        env=os.environ | {"DCAP_DATA": str(data_folder)}, cwd=tmp_path,
+    )  # fmt: skip
+    assert (done.returncode, done.stdout) == (2, "")
+    assert "nothing below it" in done.stderr.splitlines()[-1]
+
+
 @pytest.mark.parametrize("out", ["file", "file/below", "file/far/below"])
 def test_out_must_be_a_folder(capsys: pytest.CaptureFixture[str], tmp_path: Path, out: str) -> None:
     """A result folder that is a file, or would lie below one, is refused before anything runs."""

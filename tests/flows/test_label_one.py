@@ -65,29 +65,3 @@ def test_labels_are_written_corrected_and_used(tmp_path: Path) -> None:
     assert [one.label for one in labels.things] == ["bed", "stool", "table lamp", "floor", "wall"]
     gone = dcap(tmp_path, "dataset", "label", str(tmp_path / "gone.glb"), "--out", str(out))
     assert (gone.returncode, gone.stderr.count("\n")) == (2, 1)
-
-
-FLOOR_AND_WALL = """o floor
-v 0 0 0
-v 2 0 0
-v 2 2 0
-v 0 2 0
-v -1 0 0
-v -1 2 0
-v -1 2 2
-v -1 0 2
-f 1 2 3 4
-o wall
-f 5 6 7 8
-"""
-
-
-def test_a_point_with_nothing_below_it_is_refused_by_the_process_too(tmp_path: Path) -> None:
-    """Exit 2 and an empty standard output: what was being computed when it was found out is let go before the end."""
-    scene, block = tmp_path / "room.obj", tmp_path / "block.glb"
-    scene.write_text(FLOOR_AND_WALL)
-    block.write_bytes(glb_bytes([Node("block", children=tuple(labelled_nodes(ROOM))[:1])]))
-    words = ["place", str(scene), str(block), "put it there", "--up", "z", "--unit", "m", "--at=-0.5,1,0.5"]
-    done = dcap(tmp_path, *words, "--out", str(tmp_path / "out"))
-    assert (done.returncode, done.stdout) == (2, "")
-    assert "nothing below it" in done.stderr.splitlines()[-1]

@@ -38,6 +38,8 @@ STEADY = float(np.tan(np.radians(4.0)))
 crest that it rolls off, no slope that it slides down."""
 MOVED = (0.25, 0.5, 1.0)
 """How far it is moved to see that, in its larger horizontal extents [-]; much less would measure a scan's noise."""
+CIRCLE = np.c_[np.cos(np.radians(45.0 * np.arange(8))), np.sin(np.radians(45.0 * np.arange(8)))]
+"""Directions all around, shape (8, 2)."""
 CLOSE = 1e-3
 """What comes this near is in contact [m]."""
 NEARBY = 2.0
@@ -304,15 +306,13 @@ class PlacementSearch:
     def _surroundings(self, index: NDArray[np.int64], height: Array) -> tuple[Array, NDArray[np.bool_]]:
         """How steeply the object comes down at most when it is moved about the support from each grid point, where it
         touches at such a height [-], and whether the support goes on all around; both of shape (n,)."""
-        angle = np.radians(45.0 * np.arange(8))
-        circle = np.c_[np.cos(angle), np.sin(angle)]
         low, high = -self.around.min(axis=0), self.count - 1 - self.around.max(axis=0)
         steepest, broad = np.zeros(len(index)), np.ones(len(index), dtype=bool)
         for part in MOVED if len(index) else ():
             reach = max(round(part * self.extent / self.cell), 1)
-            moved = np.clip(index[:, None] + np.rint(reach * circle).astype(np.int64), low, high).reshape(-1, 2)
+            moved = np.clip(index[:, None] + np.rint(reach * CIRCLE).astype(np.int64), low, high).reshape(-1, 2)
             there = [self._fit(moved[k : k + BATCH]) for k in range(0, len(moved), BATCH)]
-            on = np.concatenate([seen.level for seen in there]).reshape(-1, len(circle)) >= SHARES[-1]
+            on = np.concatenate([seen.level for seen in there]).reshape(-1, len(CIRCLE)) >= SHARES[-1]
             lowest = np.where(on, np.concatenate([seen.height for seen in there]).reshape(on.shape), np.inf).min(axis=1)
             steepest = np.maximum(steepest, (height - lowest) / (reach * self.cell))
             broad &= on.all(axis=1)
@@ -321,9 +321,8 @@ class PlacementSearch:
     def _held(self, index: NDArray[np.int64]) -> NDArray[np.bool_]:
         """Whether the object touches the support on all sides of its origin at each grid point, shape (n,), or would
         once it has tilted as far as steady places may: what lies on a crest with one of its edges tips over."""
-        angle = np.radians(45.0 * np.arange(8))
         across = np.array([-self.long_axis[1], self.long_axis[0]])
-        along = self.offset @ (np.outer(self.long_axis, np.cos(angle)) + np.outer(across, np.sin(angle)))
+        along = self.offset @ (CIRCLE @ np.stack([self.long_axis, across])).T
         below, on = self._below(index, self.offset)
         needed = np.where(on, below - self.under, -np.inf)
         contact = needed.max(axis=1, initial=-np.inf)[:, None]

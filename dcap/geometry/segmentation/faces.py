@@ -95,6 +95,12 @@ def connected_regions(count: int, pairs: NDArray[np.int64], joined: NDArray[np.b
     return np.asarray(connected_components(graph, directed=False)[1], dtype=np.int64)
 
 
+def surface_pieces(mesh: Mesh, faces: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Number of the piece that each of some faces (k,) belongs to, connected by edges among these alone, shape (k,)."""
+    pairs = shared_edges(welded_index(mesh.vertices)[mesh.faces[faces]])
+    return connected_regions(len(faces), pairs, np.ones(len(pairs), dtype=bool))
+
+
 def plan_cells(corners: NDArray[np.float64], area: NDArray[np.float64], step: float) -> int:
     """How many cells of a grid in plan faces (m, 3, 3) of these areas (m,) [m^2] lie over, cells of `step` [m]."""
     points, _ = surface_points(corners, area, 0.5 * step)

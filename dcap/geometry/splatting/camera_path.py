@@ -29,8 +29,7 @@ Array = NDArray[np.float64]
 
 FURNITURE = frozenset({
     Category.BED, Category.SOFA, Category.CHAIR, Category.STOOL, Category.TABLE, Category.CABINET, Category.SHELF,
-    Category.STORAGE,
-    Category.BATHTUB, Category.BASIN,
+    Category.STORAGE, Category.BATHTUB, Category.BASIN,
 })  # fmt: skip
 """What things are put on or into, and what is looked at from all around."""
 MOST_STANDS = 6000

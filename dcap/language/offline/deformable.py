@@ -10,7 +10,7 @@ from collections.abc import Iterable
 from functools import cache
 
 from dcap.language.material_table import load_materials
-from dcap.language.offline.lexicon import default_parts, is_a, label_words, lineage, thing_of
+from dcap.language.offline.lexicon import first_part, is_a, label_words, thing_of
 from dcap.language.offline.material_choice import material_of, parts_named
 from dcap.language.protocol.requests import MaterialQuestion, PartView
 
@@ -50,9 +50,7 @@ def deformable_kind(label: str) -> str:
     kind = next((kind for kind, things in KINDS.items() if any(is_a(thing.id, one) for one in things)), "")
     if not kind and not is_a(thing.id, "furniture"):
         return ""
-    bases = [base for base in lineage(thing.id) if base in default_parts()]
-    carrying = default_parts()[bases[0]][0] if bases else "body"
-    return (kind or OTHER) if _is_soft(label, carrying) else ""
+    return (kind or OTHER) if _is_soft(label, first_part(thing.id) or "body") else ""
 
 
 def _is_soft(label: str, part: str) -> bool:

@@ -163,6 +163,11 @@ def default_parts() -> Mapping[str, tuple[str, ...]]:
     return MappingProxyType({row["base"]: tuple(row["parts"].split("|")) for row in rows(DEFAULTS)})
 
 
+def first_part(thing_id: str) -> str:
+    """The part that first carries things on a thing, or on the nearest kind that it is; empty if none is known."""
+    return next((default_parts()[one][0] for one in lineage(thing_id) if one in default_parts()), "")
+
+
 @cache
 def inside_parts() -> Mapping[str, str]:
     """The part that `in` means."""
@@ -179,6 +184,11 @@ def lineage(thing_id: str) -> Iterator[str]:
 def is_a(thing_id: str, ancestor: str) -> bool:
     """Whether one category is the other or a kind of it."""
     return ancestor in lineage(thing_id)
+
+
+def in_line(thing_id: str, other: str) -> bool:
+    """Whether one of two categories is the other or a kind of it."""
+    return is_a(thing_id, other) or is_a(other, thing_id)
 
 
 def plural(word: str) -> str:

@@ -14,7 +14,17 @@ import math
 from collections.abc import Mapping, Sequence
 from functools import cache
 
-from dcap.language.offline.lexicon import default_parts, is_a, label_words, lineage, rows, thing_of, things, vocabulary
+from dcap.language.offline.lexicon import (
+    first_part,
+    in_line,
+    is_a,
+    label_words,
+    lineage,
+    rows,
+    thing_of,
+    things,
+    vocabulary,
+)
 from dcap.language.offline.nouns import Noun
 from dcap.language.offline.shapes import EVIDENCE, ShapePrior, labels, shapes
 from dcap.language.offline.typos import may_be
@@ -90,7 +100,7 @@ def by_label(noun: Noun, instance: InstanceView) -> float:
 def coarsely(noun: Noun, label: Sequence[str], instance: InstanceView) -> float:
     """How likely where a label names one of the few wide categories that scanners know: "storage" for "bookshelf"."""
     kinds = coarse().get(tuple(label), ())
-    narrower = [noun.thing if is_a(noun.thing, kind) else kind for kind in kinds if shares_lineage(noun.thing, kind)]
+    narrower = [noun.thing if is_a(noun.thing, kind) else kind for kind in kinds if in_line(noun.thing, kind)]
     named = label_thing(instance)
     as_named = usual_size(named, instance.size) if named else 0.0
     fits = [(usual_size(one, instance.size), carries_like(one, instance)) for one in narrower]
@@ -99,14 +109,8 @@ def coarsely(noun: Noun, label: Sequence[str], instance: InstanceView) -> float:
 
 def carries_like(thing: str, instance: InstanceView) -> float:
     """Factor for what has not the part that first carries things on this one: without boards it is hardly a shelf."""
-    first = next((default_parts()[one][0] for one in lineage(thing) if default_parts().get(one)), "")
-    names = {part.name for part in instance.parts}
+    first, names = first_part(thing), {part.name for part in instance.parts}
     return 1.0 if not first or not names or first in names else UNSAID
-
-
-def shares_lineage(thing: str, other: str) -> bool:
-    """Whether one of two things is a kind of the other."""
-    return bool(thing) and (is_a(thing, other) or is_a(other, thing))
 
 
 @cache
@@ -196,7 +200,7 @@ def kinship(noun: Noun, label: Sequence[str], theirs: str, kind: float = KIND, k
         return 1.0
     if not theirs:
         return 0.0
-    if len(words) > 1 and set(words) <= set(label) and (is_a(theirs, noun.thing) or is_a(noun.thing, theirs)):
+    if len(words) > 1 and set(words) <= set(label) and in_line(theirs, noun.thing):
         return CALLED  # "single bed" and "bed single clone"
     if is_a(theirs, noun.thing):
         return CALLED if contains_words(label, words[len(noun.modifiers) :]) else kind

@@ -12,7 +12,7 @@ from functools import cache
 from types import MappingProxyType
 
 from dcap.language.material_table import families, material_words
-from dcap.language.offline.lexicon import Words, is_a, rows, split_words, vocabulary
+from dcap.language.offline.lexicon import Words, in_line, is_a, rows, split_words, vocabulary
 from dcap.language.offline.words import Token, tokens_of
 from dcap.scene.errors import InputError
 
@@ -126,7 +126,7 @@ def without_id(words: Sequence[str], whole: str) -> list[str]:
 def said_of_thing(prompt: str, whole: str, *, last: bool) -> list[str]:
     """What the prompt says before and after its word for a thing; the last word if it stands there twice and `last`."""
     tokens = tokens_of(prompt)
-    there = [i for i, t in enumerate(tokens) if any(is_a(v, whole) or is_a(whole, v) for v in t.values("thing"))]
+    there = [i for i, t in enumerate(tokens) if any(in_line(v, whole) for v in t.values("thing"))]
     # an adjective may be a thing as well, "glass table": the noun is the one that no other noun follows
     nouns = [i for i in there if not (i + 1 < len(tokens) and tokens[i + 1].has("thing", "part"))]
     return around(tokens, nouns[-1 if last else 0], whole) if nouns else []

@@ -45,8 +45,8 @@ def decompose_room(table: FaceTable, inside: Mask, likely: Likely) -> Decomposed
     """Take the faces in `inside`, shape (m,), apart; crumbs are left out.
 
     Where most of what is not the shell hangs together with it, be that in one surface or in the many of a scan that was
-    written cell by cell, things are unions of pieces that are `likely`; else they
-    are components, cut in grooves where they are fused, and grouped by statics.
+    written cell by cell, things are unions of pieces that are `likely`; else they are components, cut in grooves where
+    they are fused, and grouped by statics.
     """
     shell = find_shell(table, inside)
     rest = inside & ~shell.any
