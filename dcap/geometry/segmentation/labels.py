@@ -26,6 +26,7 @@ class Category(StrEnum):
     PLUSH = "plush"
     PLANT = "plant"
     BASIN = "basin"
+    WINDOW = "window"
     OTHER = "other"
 
 
@@ -48,6 +49,7 @@ TEXT = {
     Category.LAPTOP: "laptop notebook",
     Category.PLANT: "plant plants flowerpot tree bush cactus",
     Category.STORAGE: "storage shelving",
+    Category.WINDOW: "window windows",
     Category.PLUSH: "plush teddy bear koala bunny rabbit doll",
 }
 """Words of a label that mean a category, in order of precedence ("bedside table" is a cabinet)."""
@@ -78,7 +80,7 @@ SYNONYMS = {
     "arm": "arm arms armrest armrests", "seat": "seat", "leg": "leg legs foot feet", "top": "top tabletop",
     "board": "board boards", "side": "side sides", "shade": "shade lampshade", "pole": "pole stem", "base": "base",
     "rim": "rim", "shell": "shell", "head": "head heads", "handle": "handle", "sole": "sole", "upper": "upper",
-    "screen": "screen", "eye": "eye eyes nose", "body": "body drawer drawers",
+    "screen": "screen", "sill": "sill windowsill", "eye": "eye eyes nose", "body": "body drawer drawers",
 }  # fmt: skip
 
 PART_WORDS = {word: part for part, text in SYNONYMS.items() for word in text.split()}

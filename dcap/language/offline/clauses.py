@@ -3,10 +3,11 @@
 from dataclasses import replace
 
 from dcap.language.offline.nouns import Noun
-from dcap.language.offline.reading import Clause, Reading
+from dcap.language.offline.reading import Clause, Place, Reading
 from dcap.scene.errors import LanguageError
 
 EXAMPLE = "say what to put where, for example: put the ball on the bed"
+MIRRORED = {"left": "right", "right": "left", "left_of": "right_of", "right_of": "left_of"}
 STANDS_BY_ITSELF = frozenset({"upside_down", "on_side", "on_left_side", "on_right_side", "on_back", "on_front"})
 """Poses that a thing keeps although it rests against something."""
 
@@ -45,7 +46,10 @@ def reading_of(clauses: list[Clause], lost: tuple[str, ...]) -> Reading:
     poses = [token for clause in placing for token in clause.poses if not clause.negated]
     implied = next((clause.verb_pose for clause in reversed(placing) if clause.verb_pose), "")
     places = [
-        replace(place, clause=index, excluded=place.excluded or (clause.negated and not place.restrict))
+        replace(
+            mirrored(place) if clause.own_view else place,
+            clause=index, excluded=place.excluded or (clause.negated and not place.restrict),
+        )
         for index, clause in enumerate(placing) for place in clause.places
     ]  # fmt: skip
     said = poses[-1].value("pose") if poses else implied or "any"
@@ -65,3 +69,9 @@ def reading_of(clauses: list[Clause], lost: tuple[str, ...]) -> Reading:
         aside=(*elsewhere, *sources, *(theme.text for theme in moved[1:])),
         not_understood=(*lost, *(facing.text for facing in facings[:-1]), *(turn.text for turn in turns[:-1])),
     )
+
+
+def mirrored(place: Place) -> Place:
+    """A place with left and right exchanged: who sits in a chair looks the other way than who stands before it."""
+    nouns = tuple(replace(noun, sides=tuple(MIRRORED.get(side, side) for side in noun.sides)) for noun in place.nouns)
+    return replace(place, relation=MIRRORED.get(place.relation, place.relation), nouns=nouns)

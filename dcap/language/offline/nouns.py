@@ -3,7 +3,7 @@
 In: a cursor at the first token of one. Out: a `Noun` that keeps every reading of its head; the scene decides later
 between a thing, a part and a region ("back" of a sofa, "pillow", "shelf"). Grammar, as in `sentence`:
 
-    noun     = simple [ GENITIVE noun ] { OF noun | COUNT | ID }   the bed's left corner, the second shelf from the top
+    noun     = simple [ GENITIVE noun ] { OF noun | COUNT | ID | NOW }  the bed's left corner, the second shelf
     simple   = { FILLER } { modifier | name | UNKNOWN }            a name as often as it comes: "bed corner"
     modifier = DET | SIDE | COLOUR | QUALITY | NUMBER | BOTH
     name     = THING | PART | REGION | PRONOUN | ONE | VIEWER | ID
@@ -11,7 +11,7 @@ between a thing, a part and a region ("back" of a sofa, "pillow", "shelf"). Gram
 
 from dataclasses import dataclass, replace
 
-from dcap.language.offline.lexicon import is_for
+from dcap.language.offline.lexicon import is_a, is_for, part_words
 from dcap.language.offline.words import Token, TokenCursor
 
 MODIFIERS = ("det", "side", "colour", "quality", "number", "both")
@@ -95,6 +95,8 @@ def noun_phrase(cursor: TokenCursor) -> Noun:
         elif cursor.here("id word") and cursor.here("id", ahead=1):
             cursor.take()
             noun = replace(noun, id=cursor.take().value("id"))
+        elif cursor.here("now") and not cursor.here("now", ahead=-1):  # "the shelf with nothing on it"
+            noun = replace(noun, sides=(*noun.sides, cursor.take().value("now")))
         else:
             return replace(noun, text=cursor.text(begin))
 
@@ -204,3 +206,24 @@ def counted(noun: Noun) -> bool:
 def counting(noun: Noun, where: str) -> Noun:
     """ "the second shelf from the top"."""
     return replace(noun, sides=tuple(f"{side} from {where}" if side.isdigit() else side for side in noun.sides))
+
+
+def thing_and_region(noun: Noun) -> bool:
+    """Two nouns side by side of which the second is only a region: "mug dead centre"."""
+    return noun.is_region and noun.owner is not None and noun.name.startswith(noun.owner.name)
+
+
+def several(one: Noun, other: Noun) -> Noun:
+    """Two things to be moved."""
+    return replace(one, text=f"{one.text} and {other.text}", plural=True)
+
+
+def belongs(theme: Noun | None, whole: Noun) -> bool:
+    """Whether what is moved is what such a thing usually has: a blanket at the foot of the bed lies on the bed."""
+    owners = {one for part in theme.parts for one in part_words()[part].owners} if theme is not None else set()
+    return any(is_a(whole.thing, one) for one in owners)
+
+
+def is_place_alone(noun: Noun) -> bool:
+    """Whether a noun without a relation can only be a region; "left side" is no board at the side."""
+    return noun.is_region or bool(noun.region == "side" and noun.sides and not noun.thing and noun.owner is None)

@@ -63,7 +63,7 @@ def which_of(alike: list[PartView], which: str, request: AnchorRequest) -> PartV
         return upward[-1 if word == "top" else 0]
     if word in ("middle", "center"):
         stacked = np.ptp([p.center[2] for p in alike]) > 0.1
-        return (upward if stacked else along)[len(alike) // 2]
+        return upward[(len(alike) - 1) // 2] if stacked else along[len(alike) // 2]  # the roof of a case is no middle
     if word.isdigit():
         order = along if counted in ("left", "right") else upward
         order = order[::-1] if counted in ("top", "right") else order

@@ -93,6 +93,8 @@ class Clause:
     turns: list[Turn] = field(default_factory=list)
     negated: bool = False
     """It says what not to do: its places are excluded."""
+    own_view: bool = False
+    """Left and right are those of who sits or lies in the support."""
     leans: bool = False
     """Its verb may mean leaning: "rest it against the wall"."""
 

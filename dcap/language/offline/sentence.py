@@ -5,7 +5,7 @@ lexicon); each line is a method of `Reader`, nouns are read in `nouns`:
 
     sentence = { clause }
     clause   = { element } [ VERB { element } ]
-    element  = turn | measured | place | carried | facing | POSE | RESTRICT | EXCLUDE | noun | FILLER
+    element  = turn | measured | place | carried | facing | POSE | RESTRICT | EXCLUDE | VIEW | noun | FILLER
     turn                                                               see `turns`
     measured = [ BOUND ] DISTANCE ( RELATION | "of" ) noun             "20 cm from the left edge", "10 cm left of it"
     place    = RELATION [ noun [ "and" noun ] ]                        two nouns after "between", or beside both
@@ -21,11 +21,29 @@ does a clause that says what not to do. A sentence that is no placement of one t
 from dataclasses import replace
 
 from dcap.language.offline.clauses import EXAMPLE, check, reading_of
+from dcap.language.offline.kept_words import KeptWords
 from dcap.language.offline.lexicon import is_a, part_words
-from dcap.language.offline.nouns import Noun, at_noun, noun_phrase, starts
+from dcap.language.offline.nouns import (
+    Noun,
+    at_noun,
+    belongs,
+    is_place_alone,
+    noun_phrase,
+    several,
+    starts,
+    thing_and_region,
+)
 from dcap.language.offline.reading import Clause, Facing, Measure, Place, Reading
 from dcap.language.offline.turns import is_to, turn_length, turn_of
-from dcap.language.offline.words import NO_SCENE, SceneWords, Token, TokenCursor, tokens_of, words_of
+from dcap.language.offline.words import (
+    NO_SCENE,
+    SceneWords,
+    Token,
+    given_last,
+    is_aside,
+    tokens_of,
+    words_of,
+)
 from dcap.scene.errors import LanguageError
 
 SUPPORT = frozenset({"on", "in"})
@@ -40,18 +58,23 @@ OF_A_LENGTH = frozenset({"source", "away", "near", "left_of", "right_of", "front
 SIDED = {"left_of": "left", "right_of": "right", "front_of": "front", "behind": "back"}
 """The side of a support that a relation to its middle means."""
 MIDDLES = frozenset({"center", "middle"})
+ACROSS = frozenset({"corner", "end", "edge", "side"})
+"""Regions of which one lies opposite a thing."""
+SEEN = {"back": "farthest", "front": "nearest", "nearest": "nearest"}
+"""What a side means for who looks from somewhere."""
 
 
 def read(prompt: str, scene: SceneWords = NO_SCENE) -> Reading:
     """Read a prompt, with the words of a scene if one is known; LanguageError if it is not the placement of one
     thing."""
-    tokens = tokens_of(prompt, scene)
+    tokens = given_last(tokens_of(prompt, scene))
     if not any(token.text != "," for token in tokens):
         raise LanguageError(f"the prompt is empty; {EXAMPLE}")
     reader = Reader(tokens)
     clauses = reader.sentence()
     for index, token in enumerate(tokens):
-        if token.has("choice") or (token.has("negation") and index not in reader.kept):
+        forbids = token.has("negation") and index not in reader.kept and not is_aside(tokens, index)
+        if token.has("choice") or forbids:
             raise LanguageError(f"prompt {prompt!r}: {token.text!r} is not understood; name one place to put it")
     check(prompt, clauses)
     mended = words_of(prompt, scene).mended
@@ -59,13 +82,11 @@ def read(prompt: str, scene: SceneWords = NO_SCENE) -> Reading:
     return replace(reading_of(clauses, reader.lost()), notes=notes)
 
 
-class Reader:
+class Reader(KeptWords):
     """Goes through the tokens once, from left to right; each method reads what its line of the grammar says."""
 
     def __init__(self, tokens: list[Token]) -> None:
-        self.cursor = TokenCursor(tokens)
-        self.kept: set[int] = set()
-        """Indices of the tokens that a rule used."""
+        super().__init__(tokens)
         self.last_noun: Noun | None = None
         """What "it" is, after "open the drawer"."""
         self.restrict = False
@@ -150,6 +171,14 @@ class Reader:
             self.carried(clause)
         elif length := turn_length(self.cursor, said=clause.turning):
             self.turn(clause, length)
+        elif here("negation") and is_aside(self.cursor.tokens, self.cursor.index):
+            while not self.cursor.at_end and not here("pause"):
+                self.cursor.take()
+        elif here("own view"):
+            self.use()
+            clause.own_view = True
+        elif here("side") and self.says_again():  # "put the book back on the shelf"
+            self.use()
         elif here("pose") and not here("relation"):
             clause.poses.append(self.use())
         elif here("face") or (clause.turning and not clause.places and here("toward")):  # "turn it towards the wall"
@@ -289,6 +318,11 @@ class Reader:
             side = SIDED[relation]  # "left of the middle of the desk" is on its left
             relation, nouns = "at", [replace(nouns[0], region="", sides=(side,))]
         self.keep(begin)
+        if relation == "seen_from":
+            self.seen_from(clause, nouns[0], begin)
+            return
+        if relation == "opposite" and clause.places and clause.places[-1].nouns[0].region in ACROSS:
+            relation = "farthest"  # "the corner opposite the lamp"
         if relation == "nearest" and self.is_measured_edge(clause, begin):  # "10 cm from the edge nearest the sofa"
             self.says_edge(clause, begin, nouns[0])
             return
@@ -304,6 +338,25 @@ class Reader:
             excluded=self.exclude, topmost=token.has("topmost"), literal=token.text,
         )  # fmt: skip
         self.said(clause, place)
+
+    def seen_from(self, clause: Clause, viewer: Noun, begin: int) -> None:
+        """ "The far end, seen from the door" is the one farthest from it; any other side seen from there is not
+        understood."""
+        last = clause.places[-1] if clause.places else None
+        far = next((side for side in (last.nouns[0].sides if last else ()) if side in SEEN), "")
+        if last is None or not far:
+            self.kept.difference_update(range(begin, self.cursor.index) if viewer.pronoun != "viewer" else ())
+            return
+        noun = last.nouns[0]
+        noun = replace(noun, sides=tuple(side for side in noun.sides if side != far))
+        clause.places[-1] = replace(last, nouns=(noun, *last.nouns[1:]))
+        clause.places.append(Place(SEEN[far], (viewer,), False, self.cursor.text(begin)))
+
+    def says_again(self) -> bool:
+        """Whether "back" only says that it was there before: right after what is moved, before where it goes."""
+        after = self.cursor.value("relation", ahead=1) in SUPPORT or self.cursor.value("relation", ahead=1) == "under"
+        before = self.cursor.here("thing", "pronoun", "verb", ahead=-1)
+        return self.cursor.tokens[self.cursor.index].text == "back" and after and before
 
     def second(self, relation: str) -> list[Noun]:
         """The noun after "and": of "between", or of "next to A and B" where the sentence ends or pauses with it."""
@@ -350,7 +403,7 @@ class Reader:
                 clause.places.append(Place("which", (noun,), True, noun.text))
             else:
                 self.restrict = True
-        elif noun.is_region and not (clause.theme is None and thing_and_region(noun)):
+        elif is_place_alone(noun) and not (clause.theme is None and thing_and_region(noun)):
             clause.places.append(Place("at", (noun,), False, noun.text))
         elif clause.theme is None and not clause.places:
             self.theme(clause, noun)
@@ -359,6 +412,8 @@ class Reader:
             return
         elif clause.theme is not None and clause.places and self.cursor.here("relation") and noun.thing:
             clause.theme = several(clause.theme, noun)  # "... and a mug on the desk"
+        elif clause.theme is not None and noun.thing and self.alone(begin) and not (clause.kind or clause.places):
+            self.said(clause, Place("on", (noun,), False, noun.text))  # "mug, white table"
         elif noun.pronoun != "it":
             return
         if noun.pronoun != "it" or not (noun.colour or noun.owner):  # "it red" says nothing that is used
@@ -392,49 +447,3 @@ class Reader:
             return noun
         last = self.last_noun
         return last.owner if relation == "on" and last.encloses and last.owner is not None else last
-
-    # words that no rule used ---------------------------------------------------------------------------------------
-
-    def use(self) -> Token:
-        """The next token, kept."""
-        token = self.cursor.take()
-        self.keep(self.cursor.index - 1)
-        return token
-
-    def keep(self, begin: int) -> None:
-        """The tokens from there up to here are used, apart from unknown words."""
-        indices = range(begin, self.cursor.index)
-        self.kept.update(i for i in indices if not self.cursor.tokens[i].has("unknown"))
-
-    def lost(self) -> tuple[str, ...]:
-        """Runs of tokens that no rule used, without the fillers around them."""
-        runs: list[list[Token]] = [[]]
-        for index, token in enumerate(self.cursor.tokens):
-            if index in self.kept or token.has("pause"):
-                runs.append([])
-            else:
-                runs[-1].append(token)
-        found = (trimmed(run) for run in runs)
-        return tuple(dict.fromkeys(text for text in found if text))
-
-
-def thing_and_region(noun: Noun) -> bool:
-    """Two nouns side by side of which the second is only a region: "mug dead centre"."""
-    return noun.is_region and noun.owner is not None and noun.name.startswith(noun.owner.name)
-
-
-def belongs(theme: Noun | None, whole: Noun) -> bool:
-    """Whether what is moved is what such a thing usually has: a blanket at the foot of the bed lies on the bed."""
-    owners = {one for part in theme.parts for one in part_words()[part].owners} if theme is not None else set()
-    return any(is_a(whole.thing, one) for one in owners)
-
-
-def several(one: Noun, other: Noun) -> Noun:
-    """Two things to be moved."""
-    return replace(one, text=f"{one.text} and {other.text}", plural=True)
-
-
-def trimmed(run: list[Token]) -> str:
-    """The words of a run without fillers, articles and "and" at its ends."""
-    bare = [index for index, token in enumerate(run) if not token.has("filler", "conj", "of", "genitive", "det")]
-    return " ".join(token.text for token in run[bare[0] : bare[-1] + 1]) if bare else ""

@@ -22,7 +22,7 @@ GRAMMAR = frozenset({"relation", "verb", "det", "side", "region", "restrict", "c
 """Kinds of words that a mistyped word is before it is the name of a thing."""
 OTHER_WORDS = ("lexicon/families.csv", "lexicon/opposites.csv")
 """Words that are known although the grammar has no use for them."""
-NOT_BY_MISTAKE = frozenset({"negation", "exclude", "choice"})
+NOT_BY_MISTAKE = frozenset({"negation", "exclude", "choice", "numeral"})
 """Kinds of words that are not read into a slip: they turn a sentence round."""
 MEASURE = re.compile(r"(?<=\d)(?=(?:m|cm|cms|mm|inch|inches|deg)\b)", re.IGNORECASE)
 """Between a number and the unit that is written on to it."""
@@ -236,3 +236,24 @@ def is_digits(word: str) -> bool:
 def of_kind(word: str, kind: str) -> str:
     """What one word means as that kind; empty if it is none."""
     return next((m.value for m in vocabulary().get((word,), ()) if m.kind == kind), "")
+
+
+def given_last(tokens: list[Token]) -> list[Token]:
+    """The tokens with what receives something after it: "the table gets the cup" is "the cup on the table"."""
+    at = next((i for i, token in enumerate(tokens) if token.has("receives")), 0)
+    end = next((i for i in range(at, len(tokens)) if tokens[i].has("pause")), len(tokens))
+    if not at or at + 1 == end:
+        return tokens
+    return [
+        *tokens[at + 1 : end],
+        Token(tokens[at].text, frozenset({Meaning("relation", "on")})),
+        *tokens[:at],
+        *tokens[end:],
+    ]
+
+
+def is_aside(tokens: list[Token], at: int) -> bool:
+    """Whether a negation speaks of no place: "don't ask", "I don't want anyone to trip over it"."""
+    end = next((i for i in range(at, len(tokens)) if tokens[i].has("pause")), len(tokens))
+    said = tokens[at + 1 : end]
+    return bool(said) and not any(token.has("thing", "part", "region", "side", "pose") for token in said)

@@ -36,6 +36,7 @@ from dcap.geometry.segmentation.parts.tables import (
     shelf_parts,
     storage_parts,
     table_parts,
+    window_parts,
 )
 from dcap.scene.types.box import OrientedBox
 from dcap.scene.types.rectangle import min_area_box
@@ -59,6 +60,7 @@ RULES: dict[Category, Callable[[InstanceSurface], PartMap]] = {
     Category.PLUSH: plush_parts,
     Category.PLANT: plant_parts,
     Category.BASIN: basin_parts,
+    Category.WINDOW: window_parts,
     Category.OTHER: other_parts,
 }
 """The part rule of each category."""

@@ -1,4 +1,4 @@
-"""Parts of what one puts things on: table (top, leg), cabinet (top, surface), shelf (board, side)."""
+"""Parts of what one puts things on: table (top, leg), cabinet (top, surface), shelf (board, side), window (sill)."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +10,10 @@ from dcap.geometry.segmentation.parts.seating import underside
 
 SEVERAL = 0.2
 """Boards whose heights span this share of a thing's height are several [-]."""
+SILL = 0.3
+"""Below this share of a window's height lies its sill [-]."""
+SILL_DEPTH = 0.5
+"""Share of a window's depth and width from which on what lies level in it is its sill [-]."""
 
 
 def _top_level(surface: InstanceSurface) -> float:
@@ -113,6 +117,24 @@ def storage_parts(surface: InstanceSurface) -> PartMap:
     shelf = shelf_parts(surface)
     boards = surface.center[(shelf.names == "board") & surface.up, 2]
     return shelf if len(boards) and np.ptp(boards) > SEVERAL * float(surface.size[2]) else cabinet_parts(surface)
+
+
+def window_parts(surface: InstanceSurface) -> PartMap:
+    """Name the faces of a window: the broadest level surface low in it, with what is below, is its sill, the rest
+    frame."""
+    parts = PartMap.filled(len(surface.area), "body")
+    low = np.flatnonzero(surface.center[:, 2] < SILL * surface.size[2] + surface.corners[..., 2].min())
+    extent = np.sort(surface.size[:2])
+    deep = [
+        (height, float(np.prod(span[1] - span[0]))) for height, span in _level_patches(surface, low, surface.up)
+        if (np.sort(span[1] - span[0]) > SILL_DEPTH * extent).all()
+    ]  # fmt: skip
+    if deep:
+        level = max(deep, key=lambda one: one[1])[0]
+        below = surface.center[:, 2] < level + 0.01 * surface.size[2]
+        parts.names[:] = np.where(below, "sill", "frame")
+        parts.confidence = 0.75
+    return parts
 
 
 def _in_slabs(surface: InstanceSurface, faces: NDArray[np.int64]) -> NDArray[np.bool_]:

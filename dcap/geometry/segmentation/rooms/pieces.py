@@ -6,6 +6,7 @@ without climbing. What no patch reaches that way (a thin back, a lamp) makes pie
 """
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,6 +50,14 @@ SIDEWAYS = 0.6
 SMOOTH = 0.7
 """Cosine between the normals of neighbours in one piece without a patch [-]: the front of a wardrobe ends at the wall
 beside it."""
+APART = 0.10
+"""Levels of one rough patch that differ by this much are the tops of two things, or of a thing and its back [m]."""
+BAND = 0.02
+"""Step of height in which such levels are looked for [m]."""
+LEVEL_SHARE = 0.1
+"""Least share of the patch in each of its levels, seen from above [-]."""
+VALLEY = 0.5
+"""Between two levels there is less at one height than this share of the smaller one [-]: else it is one slope."""
 ROUNDS = 3
 """In which what one patch reached and may not keep is offered to the others [-]."""
 
@@ -91,6 +100,7 @@ def _patches(surfels: Surfels, floor: float) -> tuple[Index, int]:
     across = np.linalg.norm((a - b)[:, :2], axis=1)
     joined = (np.abs(a[:, 2] - b[:, 2]) < SLOPE * across + NOISE) & (high[pairs[:, 0]] == high[pairs[:, 1]])
     region = connected_regions(len(chosen), pairs, joined)
+    region = _levelled(surfels.position[chosen], pairs[joined], region)
     area = _plan_areas(surfels.position[chosen], region)
     low = np.ones(len(area), dtype=bool)
     low[region[high]] = False
@@ -101,6 +111,63 @@ def _patches(surfels: Surfels, floor: float) -> tuple[Index, int]:
     result = np.full(len(z), -1, dtype=np.int64)
     result[chosen] = rank[region]
     return result, len(large)
+
+
+def _levelled(position: Array, pairs: Index, region: Index) -> Index:
+    """The regions, shape (n,), cut where one of them has several levels: a ramp of a rough scan joins the back of a
+    sofa to the table beside it. What lies between two levels is no patch, and hangs from the higher one; what lies
+    below or above all goes with the one that it is nearest to over the surface."""
+    level = np.full(len(region), -1, dtype=np.int64)
+    between = np.zeros(len(region), dtype=bool)
+    count = 0
+    order = np.argsort(region, kind="stable")
+    for mine in np.split(order, np.flatnonzero(np.diff(region[order])) + 1):
+        bands = _bands_of(position[mine])
+        for low, high in bands:
+            on = mine[(position[mine, 2] >= low) & (position[mine, 2] < high)]
+            level[on] = count
+            count += 1
+        for (_, low), (high, _) in pairwise(bands):
+            between[mine[(position[mine, 2] >= low) & (position[mine, 2] < high)]] = True
+    if not count:
+        return region
+    inside = level[pairs]
+    same = (inside[:, 0] == inside[:, 1]) & (inside[:, 0] >= 0)
+    seed = connected_regions(len(region), pairs, same)
+    area = _plan_areas(position, seed)
+    seeds = np.flatnonzero((level >= 0) & (area[seed] > LEAST_PATCH))
+    length = np.linalg.norm(np.diff(position[pairs], axis=1)[:, 0], axis=1) + 1e-6
+    n = len(region)
+    graph = coo_matrix((length, (pairs[:, 0], pairs[:, 1])), shape=(n, n)).tocsr()
+    distance, _, origin = dijkstra(graph, directed=False, indices=seeds, min_only=True, return_predecessors=True)
+    result = region.astype(np.int64)
+    reached = np.isfinite(distance)
+    result[reached] = int(region.max()) + 1 + seed[origin[reached]]
+    result[between] = int(result.max()) + 1 + np.arange(int(between.sum()))
+    return np.asarray(np.unique(result, return_inverse=True)[1], dtype=np.int64)
+
+
+def _bands_of(position: Array) -> list[tuple[float, float]]:
+    """Bounds of height of each level, [low, high) in metres, where there are several; else nothing."""
+    z = position[:, 2]
+    if len(z) < 2 or np.ptp(z) < APART:
+        return []
+    first = float(z.min())
+    band = np.floor((z - first) / BAND).astype(np.int64)
+    total = np.convolve(np.bincount(band), np.ones(3), mode="same")
+    peaks: list[int] = []
+    for one in np.argsort(-total, kind="stable"):
+        apart = all(abs(int(one) - other) * BAND > APART for other in peaks)
+        if (
+            total[one] > LEVEL_SHARE * len(z)
+            and apart
+            and all(
+                total[min(one, other) : max(one, other) + 1].min() < VALLEY * min(total[one], total[other])
+                for other in peaks
+            )
+        ):
+            peaks.append(int(one))
+    return [(first + (one - 1) * BAND, first + (one + 2) * BAND) for one in sorted(peaks)] if len(peaks) > 1 else []
 
 
 def _plan_areas(position: Array, region: Index) -> Array:
