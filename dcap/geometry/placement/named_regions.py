@@ -114,6 +114,11 @@ def regions(
     """
     radius = float(reach.max())
     beside = [n for n in names if n in BESIDE]
+    if references and "corner" in names and beside and beside[0] in OFF:
+        return [strip(frame, corner_at(frame, view or frame, names, references), reach)]
+    if references and "end" in names and beside and beside[0] in OFF:
+        ends = end_directions(frame, [])
+        return [end_region(frame, min(ends, key=lambda d: gap_to(frame.world([[d[0], d[1]]])[0], references)))]
     if beside and references:
         area = beside_region(frame, view or frame, beside[0], names, references, radius, farther)
         if area is None:
@@ -193,6 +198,31 @@ def corner_directions(directions: Sequence[tuple[int, int]]) -> list[tuple[int, 
     return [c for c in corners if c[0] in right and c[1] in front]
 
 
+def corner_at(
+    frame: ViewerFrame, view: ViewerFrame, names: Sequence[str], references: Sequence[OrientedBox]
+) -> tuple[int, int]:
+    """The corner nearest to one of these, of those on the side of it that is named."""
+    middle = np.mean([box.center[:2] for box in references], axis=0)
+    ways = [SIDES[n][0] * view.right + SIDES[n][1] * view.front for n in names if n in SIDES]
+
+    def away(corner: tuple[int, int]) -> tuple[int, float]:
+        point = frame.world([[corner[0], corner[1]]])[0]
+        return sum(float((point - middle) @ way) <= 0.0 for way in ways), gap_to(point, references)
+
+    return min(corner_directions([]), key=away)
+
+
+def gap_to(point: Array, references: Sequence[OrientedBox]) -> float:
+    """Horizontal distance of a point (2,) from the nearest of these [m]."""
+    return min(horizontal_gaps(point[None], box)[0] for box in references)
+
+
+def horizontal_gaps(points: Array, box: OrientedBox) -> Array:
+    """Horizontal distances of points (n, 2) from a box [m], 0 over and under it, shape (n,)."""
+    local = np.abs(box.to_local(np.c_[points, np.full(len(points), box.center[2])]))
+    return np.asarray(np.linalg.norm(np.maximum(local - box.half_extents, 0.0)[:, :2], axis=1))
+
+
 def edge_directions(
     frame: ViewerFrame, directions: Sequence[tuple[int, int]], references: Sequence[OrientedBox] = ()
 ) -> list[tuple[int, int]]:
@@ -213,11 +243,7 @@ def edge_at(frame: ViewerFrame, references: Sequence[OrientedBox]) -> tuple[int,
 
     def away(side: tuple[int, int]) -> tuple[float, float]:
         points = frame.world(np.array(side, dtype=float) + along * np.array(side[::-1], dtype=float))
-        gaps = []
-        for box in references:
-            local = np.abs(box.to_local(np.c_[points, np.full(len(points), box.center[2])]))
-            gaps.append(np.linalg.norm(np.maximum(local - box.half_extents, 0.0)[:, :2], axis=1))
-        nearest = np.min(gaps, axis=0)
+        nearest = np.min([horizontal_gaps(points, box) for box in references], axis=0)
         return round(float(nearest.min()), 3), float(nearest.mean())
 
     return min(sides, key=away)

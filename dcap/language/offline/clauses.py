@@ -20,6 +20,10 @@ def check(prompt: str, clauses: list[Clause]) -> None:
     if not any(clause.kind or clause.places for clause in placing):
         what = "asks for something other than a placement" if len(placing) < len(clauses) else "says no place"
         raise LanguageError(f"prompt {prompt!r} {what}; {EXAMPLE}")
+    if any(clause.hangs and any(place.relation == "source" for place in clause.places) for clause in clauses):
+        raise LanguageError(
+            f"prompt {prompt!r} hangs something up: only what rests on a support can be placed; {EXAMPLE}"
+        )
     moved = themes(clauses)
     plural = any(clause.theme is not None and clause.theme.plural for clause in clauses if clause.kind != "other")
     if plural or any(not alike(moved[0], theme) for theme in moved[1:]):

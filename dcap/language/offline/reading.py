@@ -95,6 +95,8 @@ class Clause:
     """It says what not to do: its places are excluded."""
     own_view: bool = False
     """Left and right are those of who sits or lies in the support."""
+    hangs: bool = False
+    """Its verb may mean hanging: "hang it from the ceiling"."""
     leans: bool = False
     """Its verb may mean leaning: "rest it against the wall"."""
 

@@ -94,7 +94,7 @@ class Reader(KeptWords):
         self.but = ""
         """The word that excluded it."""
         self.exclude = False
-        """The next place says where not to go, or what the one that is meant is not."""
+        """... where not to go, or what the one that is meant is not."""
         self.last_place_ends = -1
         """Index of the token after the last place."""
 
@@ -142,7 +142,7 @@ class Reader(KeptWords):
         """VERB: what kind of clause it is, and the pose that it says ("lay", "stand", "flip")."""
         token = self.use()
         kind = token.value("verb")
-        clause.leans |= token.has("leans")
+        clause.leans, clause.hangs = clause.leans or token.has("leans"), clause.hangs or token.has("hangs")
         if kind == "other":
             self.kept.difference_update(range(clause.begin, self.cursor.index))
         if kind == "be":
@@ -345,7 +345,7 @@ class Reader(KeptWords):
         last = clause.places[-1] if clause.places else None
         far = next((side for side in (last.nouns[0].sides if last else ()) if side in SEEN), "")
         if last is None or not far:
-            self.kept.difference_update(range(begin, self.cursor.index) if viewer.pronoun != "viewer" else ())
+            self.kept -= set(range(begin, self.cursor.index)) if viewer.pronoun != "viewer" else set()
             return
         noun = last.nouns[0]
         noun = replace(noun, sides=tuple(side for side in noun.sides if side != far))
@@ -374,7 +374,7 @@ class Reader(KeptWords):
         mode = self.cursor.take().value("face") or "toward"
         if not at_noun(self.cursor) or clause.facing is not None:
             return
-        edge = bool(clause.places) and self.last_place_ends == begin and clause.places[-1].nouns[0].region == "edge"
+        edge = bool(clause.places) and self.last_place_ends == begin and clause.places[-1].nouns[0].region in ACROSS
         noun = noun_phrase(self.cursor)
         self.keep(begin)
         if edge and mode == "toward":
@@ -385,13 +385,16 @@ class Reader(KeptWords):
     def is_measured_edge(self, clause: Clause, begin: int) -> bool:
         """Whether a distance from an edge was said right before."""
         last = clause.places[-1] if clause.places and self.last_place_ends == begin else None
-        return last is not None and last.measure is not None and last.nouns[0].region == "edge"
+        return last is not None and last.measure is not None and last.nouns[0].region in ("edge", "end")
 
     def says_edge(self, clause: Clause, begin: int, noun: Noun) -> None:
         """The edge that was named last is the one at this thing."""
         edge = clause.places[-1]
+        if edge.nouns[0].region != "edge" and edge.measure is None:  # "the end that points towards the plant"
+            self.said(clause, Place("nearest", (noun,), False, self.cursor.text(begin)))
+            return
         text = f"{edge.text} {self.cursor.text(begin)}"
-        clause.places[-1] = replace(edge, nouns=(replace(edge.nouns[0], toward=noun),), text=text)
+        clause.places[-1] = replace(edge, nouns=(replace(edge.nouns[0], region="edge", toward=noun),), text=text)
         self.last_place_ends = self.cursor.index
 
     def noun(self, clause: Clause) -> None:
@@ -399,10 +402,8 @@ class Reader(KeptWords):
         begin = self.cursor.index
         noun = noun_phrase(self.cursor)
         if noun.pronoun == "one" and clause.places:
-            if noun.sides or noun.colour:
-                clause.places.append(Place("which", (noun,), True, noun.text))
-            else:
-                self.restrict = True
+            clause.places += [Place("which", (noun,), True, noun.text)] if noun.sides or noun.colour else []
+            self.restrict |= not (noun.sides or noun.colour)
         elif is_place_alone(noun) and not (clause.theme is None and thing_and_region(noun)):
             clause.places.append(Place("at", (noun,), False, noun.text))
         elif clause.theme is None and not clause.places:

@@ -173,3 +173,22 @@ def test_place_beside_the_part_says_how_far(names, place, away):
     assert regions(frame, names, [thing], np.full(2, 0.1)) == []
     # a 16-gon lies inside its circle by up to 1 - cos(pi / 16) = 2 % of at most 0.6 m
     assert distance_beside(frame, names, [thing], np.full(2, 0.1)) == pytest.approx(away, abs=0.012)
+
+
+@pytest.mark.parametrize("names", [("end", "near"), ("corner", "near"), ("corner", "back", "next_to")])
+@pytest.mark.parametrize("at", [(3.0, 0.4), (-3.0, 0.4)])
+def test_end_and_corner_at_a_thing_are_those_that_come_nearest(names, at):
+    areas = regions(viewer_frame(box(0, 0, 2.0, 1.0), FRONT, MIDDLE), names, [box(*at, 0.3, 0.3)], np.full(2, 0.1))
+    assert len(areas) == 1
+    x, y = areas[0].target
+    assert np.sign(x) == np.sign(at[0])
+    assert ("corner" in names) == (abs(y) > 0.3)
+
+
+def test_corner_behind_a_thing_is_no_corner_before_it():
+    """Behind a chair that stands near the front corner: the corner at the back."""
+    areas = regions(
+        viewer_frame(box(0, 0, 2.0, 2.0), FRONT, MIDDLE), ("corner", "back", "next_to"), [box(0.6, -0.6, 0.4, 0.4)],
+        np.full(2, 0.1),
+    )  # fmt: skip
+    assert [int(s) for s in np.sign(areas[0].target)] == [1, 1]
