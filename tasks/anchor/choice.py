@@ -103,7 +103,7 @@ def choice_of(scene: Segmentation, base: Instance, intent: Intent, reply: Anchor
         names = intent.region.names  # "on the left": it picked one of the cushions side by side
     bounds = Bounds(scene, base, index, frame, outline, reach, float(np.ptp(mesh.bounds[:, 2])))
     left, spare = (constrained(some, limits, bounds) for some in (areas, spare))
-    in_turn = any(one.kind == "farthest" for one in limits)
+    in_turn = any(one.kind in ("farthest", "nearest") for one in limits)
     return Choice(index, frame, left, spare, " ".join(names), note, spare_note, in_turn=in_turn)
 
 

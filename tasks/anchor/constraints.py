@@ -64,9 +64,12 @@ def constrained(areas: Sequence[Region], constraints: Sequence[RegionConstraint]
     left = list(areas)
     for one in sorted(constraints, key=lambda one: one.kind in ("farthest", "nearest")):
         left = [cut for area in left for cut in cut_to(area, one, bounds) if len(cut.polygon) >= 3]
-    if any(one.kind == "farthest" for one in constraints):
-        rings = [ring for one in constraints if one.kind == "farthest" for ring in rings_of(one, bounds)]
-        left.sort(key=lambda area: -round(distance(area.target, rings), 3))
+    near, far = (
+        [ring for one in constraints if one.kind == kind for ring in rings_of(one, bounds)]
+        for kind in ("nearest", "farthest")
+    )
+    left.sort(key=lambda area: round(distance(area.target, near), 3) if near else 0.0)
+    left.sort(key=lambda area: -round(distance(area.target, far), 3) if far else 0.0)
     return [area for area in left if has_room(area)]
 
 

@@ -214,7 +214,7 @@ def corner_at(
 
 def gap_to(point: Array, references: Sequence[OrientedBox]) -> float:
     """Horizontal distance of a point (2,) from the nearest of these [m]."""
-    return min(horizontal_gaps(point[None], box)[0] for box in references)
+    return min(float(horizontal_gaps(point[None], box)[0]) for box in references)
 
 
 def horizontal_gaps(points: Array, box: OrientedBox) -> Array:

@@ -227,3 +227,16 @@ def belongs(theme: Noun | None, whole: Noun) -> bool:
 def is_place_alone(noun: Noun) -> bool:
     """Whether a noun without a relation can only be a region; "left side" is no board at the side."""
     return noun.is_region or bool(noun.region == "side" and noun.sides and not noun.thing and noun.owner is None)
+
+
+def is_bare_side(noun: Noun) -> bool:
+    """Whether it is "the side" of nothing in particular."""
+    return noun.region == "side" and not (noun.sides or noun.thing or noun.owner)
+
+
+def is_front(noun: Noun, theme: Noun | None) -> bool:
+    """Whether it is a side of what is moved that can look at something: "its screen towards the window"."""
+    parts = [part_words()[part] for part in noun.parts if part_words()[part].front]
+    whole = theme.thing if theme is not None else ""
+    own = not whole or any(is_a(whole, owner) for part in parts for owner in part.owners)
+    return bool(parts) and own

@@ -22,11 +22,12 @@ from dataclasses import replace
 
 from dcap.language.offline.clauses import EXAMPLE, check, reading_of
 from dcap.language.offline.kept_words import KeptWords
-from dcap.language.offline.lexicon import is_a, part_words
 from dcap.language.offline.nouns import (
     Noun,
     at_noun,
     belongs,
+    is_bare_side,
+    is_front,
     is_place_alone,
     noun_phrase,
     several,
@@ -321,6 +322,8 @@ class Reader(KeptWords):
         if relation == "seen_from":
             self.seen_from(clause, nouns[0], begin)
             return
+        if relation == "nearest" and self.last_place_ends == begin and is_bare_side(clause.places[-1].nouns[0]):
+            clause.places.pop()  # "on the side nearer the stool"
         if relation == "opposite" and clause.places and clause.places[-1].nouns[0].region in ACROSS:
             relation = "farthest"  # "the corner opposite the lamp"
         if relation == "nearest" and self.is_measured_edge(clause, begin):  # "10 cm from the edge nearest the sofa"
@@ -408,7 +411,7 @@ class Reader(KeptWords):
             clause.places.append(Place("at", (noun,), False, noun.text))
         elif clause.theme is None and not clause.places:
             self.theme(clause, noun)
-        elif self.is_front(noun, clause.theme):
+        elif is_front(noun, clause.theme) and self.cursor.here("face", "toward"):
             self.facing(clause, begin)
             return
         elif clause.theme is not None and clause.places and self.cursor.here("relation") and noun.thing:
@@ -419,13 +422,6 @@ class Reader(KeptWords):
             return
         if noun.pronoun != "it" or not (noun.colour or noun.owner):  # "it red" says nothing that is used
             self.keep(begin)
-
-    def is_front(self, noun: Noun, theme: Noun | None) -> bool:
-        """Whether it is the side of what is moved that looks at something: "its screen towards the window"."""
-        parts = [part_words()[part] for part in noun.parts if part_words()[part].front]
-        whole = theme.thing if theme is not None else ""
-        own = not whole or any(is_a(whole, owner) for part in parts for owner in part.owners)
-        return bool(parts) and own and self.cursor.here("face", "toward")
 
     def theme(self, clause: Clause, noun: Noun) -> None:
         """What is moved; "the mug dead centre" is a mug and a region, "the mug and the book" are two things."""

@@ -31,12 +31,15 @@ from dcap.language.offline.grounded import Target, as_candidates, is_any
 from dcap.language.offline.lexicon import default_parts, inside_parts, label_words, lineage
 from dcap.language.offline.likelihood import label_thing
 from dcap.language.offline.limits import exclude, lean, limit
+from dcap.language.offline.nouns import Noun
 from dcap.language.offline.placing import BESIDE, PLACEABLE, bare_region, names_support, placing_of, whole
 from dcap.language.offline.reading import Place, Reading
 from dcap.language.offline.sentence import SUPPORT
 from dcap.language.offline.where import ground_further, ground_own_region, set_part
 from dcap.language.protocol.requests import InstanceView, IntentRequest
 
+AT_IT = 0.05
+"""A thing no farther off is on it or stands at it [m]."""
 AROUND = 1.5
 """A thing farther off is not where a sentence says that it is, "the desk near the window" [m]."""
 
@@ -59,6 +62,8 @@ def target_of(reading: Reading, request: IntentRequest) -> Target:
             exclude(target, place, request)
         elif not place.restrict and (place.measure is not None or place.relation in ("away", "farthest")):
             limit(target, place, request)
+        elif not place.restrict and (toward := side_at(place, target, request)) is not None:
+            limit(target, toward, request)
         elif not place.restrict:
             ground_further(target, place, request)
         elif is_so(target.base, place, request):
@@ -74,6 +79,24 @@ def target_of(reading: Reading, request: IntentRequest) -> Target:
             lean(target, place, request)
     target.not_understood[:0] = still_unknown(reading.not_understood, target, request)
     return target
+
+
+def side_at(place: Place, target: Target, request: IntentRequest) -> Place | None:
+    """ "On the window side", "towards the window", and beside something "on the side nearer the window", say on which
+    side: as near it as can be."""
+    noun = place.nouns[0]
+    if place.excluded:
+        return None
+    if place.relation == "nearest" and not noun.is_region:
+        return place if target.references or is_off(noun, target.base, request) else None
+    at_thing = noun.region == "side" and noun.owner is not None and noun.owner.thing and not noun.sides
+    return replace(place, relation="nearest", nouns=(noun.owner,)) if at_thing and noun.owner is not None else None
+
+
+def is_off(noun: Noun, base: InstanceView | None, request: IntentRequest) -> bool:
+    """Whether what a noun names is neither on a piece of furniture nor beside it."""
+    found = [one for one in named(noun, request.instances) if one is not base]
+    return base is not None and not base.structure and bool(found) and all(gap(one, base) > AT_IT for one in found)
 
 
 def leans(reading: Reading, place: Place) -> bool:
@@ -126,6 +149,10 @@ def ground_support(target: Target, support: Place, reading: Reading, request: In
         target.notes.append(f"the scene is one thing that nothing names: it is taken for the {noun.thing}")
     if target.base.guesses:
         target.notes.append(by_shape_alone(noun.text, chosen))
+    if is_shut(support, target.base):
+        target.missing, target.base = f"open {support.nouns[0].text.removeprefix('the ')}", None
+        target.notes.append(f"the {chosen.best.label} is closed: what is put on it lies on top")
+        return
     only_a_part = noun is support.nouns[0] and not named(noun, request.instances)
     one_of_its_parts = len(found) == 1 and noun.sides and part_of(noun, target.base)  # "the second shelf"
     if only_a_part or one_of_its_parts or a_board:
@@ -173,6 +200,15 @@ def is_so(base: InstanceView, place: Place, request: IntentRequest) -> bool:
         return noun.is_region or (bool(others) and near != place.excluded) or base in named(noun, request.instances)
     loaded = bool(part_of(noun, base)) or any(stands_on(one, base) for one in named(noun, request.instances))
     return loaded == ((place.relation == "carrying") != place.excluded)
+
+
+def is_shut(support: Place, base: InstanceView) -> bool:
+    """Whether something shall go into a drawer or a cupboard of which the scene shows but the outside."""
+    noun = support.nouns[0]
+    if support.relation != "in" or noun.is_region or inside(base) or part_of(noun, base):
+        return False
+    kinds = lineage(label_thing(base))
+    return (noun.encloses and noun.owner is not None) or any(inside_parts().get(one) for one in kinds)
 
 
 def inside(base: InstanceView) -> str:

@@ -118,6 +118,9 @@ def beside(target: Target, place: Place, request: IntentRequest) -> None:
             target.not_understood.append(noun.text)
             continue
         found = references_of(noun, target, request, several=place.relation == "between" and len(place.nouns) == 1)
+        if not found and target.base in named(noun, request.instances):  # "parallel to the wall behind the desk"
+            target.not_understood.append(place.text)
+            return
         if not found:
             part = next((p for p in noun.parts if p in PART_REGIONS), "")
             if part and place.relation in ("near", "against", "next_to"):
