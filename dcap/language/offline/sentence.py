@@ -324,7 +324,8 @@ class Reader(KeptWords):
             return
         if relation == "nearest" and self.last_place_ends == begin and is_bare_side(clause.places[-1].nouns[0]):
             clause.places.pop()  # "on the side nearer the stool"
-        if relation == "opposite" and clause.places and clause.places[-1].nouns[0].region in ACROSS:
+        across = clause.places and self.last_place_ends == begin and clause.places[-1].nouns[0].region in ACROSS
+        if relation in ("opposite", "away") and across:
             relation = "farthest"  # "the corner opposite the lamp"
         if relation == "nearest" and self.is_measured_edge(clause, begin):  # "10 cm from the edge nearest the sofa"
             self.says_edge(clause, begin, nouns[0])
