@@ -38,7 +38,8 @@ def place(scene: AnyPath, object: AnyPath, prompt: str, **options: Unpack[PlaceK
     `object_label`, `object_up`, `object_unit`, `mass` [kg]. Who reads the prompt: `language`, `model`, `record`,
     `replay`, `max_cost` [USD]; `ambiguous`: ask (an error that lists what may be meant) or best. The physics:
     `solver`, `resolution` [m], `threads`, `arch`, `seed`, `stability`, `load_aware`, `paper_limits`. Each is
-    explained by `dcap place --help`. `out` is the folder of the results.
+    explained by `dcap place --help`. `out` is the folder of the results; `maps` adds
+    conditioning maps to it.
 
     Raises InputError for input or options that cannot be used, LanguageError for a prompt that was not understood, and
     other kinds of DcapError.

@@ -136,6 +136,8 @@ class PlaceOptions(DropOptions, frozen=True, extra="forbid"):
     """Clamp the materials as the paper does."""
     ambiguous: Annotated[AmbiguousName, one_of(AmbiguousName)] = "ask"
     """Where the sentence may mean another thing as well: ask which, or take the best and say so."""
+    maps: bool = False
+    """Write conditioning maps, too."""
 
 
 class DropKeywords(TypedDict, total=False):
@@ -172,6 +174,7 @@ class PlaceKeywords(DropKeywords, total=False):
     seed: int
     paper_limits: bool
     ambiguous: AmbiguousName
+    maps: bool
 
 
 Options = TypeVar("Options", bound=DropOptions)

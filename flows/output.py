@@ -25,7 +25,7 @@ from dcap.scene.types.settled import Settled
 from dcap.scene.writers.glb import Node, glb_bytes, labelled_nodes
 from flows.placement_json import AT_REST, Values, placement_json
 from flows.sample_run import FinishedSample
-from tasks.render.stage import settled_item, settled_scene
+from tasks.render.settled_meshes import settled_item, settled_scene
 
 PICTURES = ("clean", "asked", "settled", "closeup", "candidates", "hole")
 OWNED = frozenset({"object.ply", "scene.glb", *(f"{name}.png" for name in PICTURES)})
@@ -93,7 +93,7 @@ def write_geometry(values: Values, folder: Path) -> dict[str, str]:
         return {}
     scene, thing = values.scene, None
     if values.settled and values.anchor and values.item and values.settled.bodies:
-        scene = settled_scene(values.scene, values.settled, values.anchor.base_id)
+        scene = settled_scene(values.scene, values.settled, values.anchor.base_id).scene
         thing = settled_item(values.item, values.anchor, values.settled.bodies[0])
         (folder / "object.ply").write_bytes(mesh_to_ply(thing))
     (folder / "scene.glb").write_bytes(scene_glb(scene, thing))

@@ -12,6 +12,7 @@ from dcap.scene.types.anchor import Anchor
 from dcap.scene.types.file_scale import FileScale
 from dcap.scene.types.intent import Intent
 from dcap.scene.types.materials import PartMaterials
+from dcap.scene.types.outcome import Infeasible, Reason
 from dcap.scene.types.particles import Particles
 from dcap.scene.types.renders import Overview, Renders
 from dcap.scene.types.rotation import Rotation
@@ -36,6 +37,8 @@ from tasks.segment.known_height import found_scale_task
 from tasks.segment.stage import SegmentConfig, segment_object_task, segment_task
 
 ValueT = TypeVar("ValueT")
+COARSER = 1.4
+"""How much larger cells are where a drop broke down: half as many along two axes [-]."""
 
 
 class PlaceConfig(BaseModel, frozen=True, extra="forbid"):
@@ -128,8 +131,15 @@ def place(sample: Sample, config: PlaceConfig) -> PlacementRefs:
     materials = materials_task(scene, item, intent, anchor, sample.prompt, config=config.materials)
     particles = particles_task(scene, item, intent, anchor, materials, config=config.particles)
     settled = drop_task(particles, anchor, intent, sample.seed, config=config.drop)
+    cells = config.particles
+    if broke(settled):
+        cells = coarsened(cells)
+        larger = particles_task(scene, item, intent, anchor, materials, config=cells)
+        again = drop_task(larger, anchor, intent, sample.seed, config=config.drop)
+        if not again.infeasible:
+            particles, settled = larger, again
     if ended_elsewhere(settled):
-        finer = particles_task(scene, item, intent, anchor, materials, config=config.particles, rest=settled)
+        finer = particles_task(scene, item, intent, anchor, materials, config=cells, rest=settled)
         again = drop_task(finer, anchor, intent, sample.seed, config=config.drop)
         if not again.infeasible:
             particles, settled = finer, again
@@ -167,6 +177,17 @@ def scale_of(sample: Sample, source: Ref[Source], labels: LabelRefs, config: Pla
 def ended_elsewhere(settled: Ref[Settled]) -> bool:
     """Whether the drop showed that cells must be fine at another place than was foreseen."""
     return unforeseen(Store.default().load(settled))
+
+
+def broke(settled: Ref[Settled]) -> bool:
+    """Whether the drop broke down: slivers of material in cut cells can fold, and where the grid cuts is chance."""
+    value = Store.default().load(settled) if settled.infeasible else None
+    return isinstance(value, Infeasible) and value.reason is Reason.UNSTABLE_STEP
+
+
+def coarsened(cells: ParticlesConfig) -> ParticlesConfig:
+    """The same with larger cells."""
+    return cells.model_copy(update={"coarser": COARSER * cells.coarser})
 
 
 def found(ref: Ref[ValueT]) -> Ref[ValueT] | None:

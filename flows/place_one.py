@@ -1,5 +1,6 @@
 """One placement for a person: says what is cached, starts a server only if something must run, shows the stages."""
 
+import shutil
 import sys
 from functools import partial
 from pathlib import Path
@@ -10,9 +11,12 @@ from dcap.language.model.ledger import in_words, spending_of
 from dcap.scene.json_tree import JsonObject
 from flows.configure import configured
 from flows.language_options import language_options
+from flows.map_output import FOLDER, write_maps_of
 from flows.one_sample import sample_of, show
 from flows.options import PlaceOptions
 from flows.output import write_placement
+from flows.place import PlaceConfig
+from flows.placement_json import AT_REST
 from flows.sample_run import FinishedSample, heavy_modules, place_flow, plan_sample, recorded
 from flows.server import prefect_server
 from tasks.arch import chosen_arch
@@ -37,7 +41,7 @@ def place_files(scene: str, thing: str, prompt: str, options: PlaceOptions, out:
         raise plan.failed.error
     if plan.finished is not None:
         console.print(f"all {len(plan.cached)} stages cached")
-        return write_placement(plan.finished, out)
+        return write_results(plan.finished, out, config if options.maps else None)
     with (
         console.status("starting") as status,
         prefect_server(),
@@ -47,4 +51,15 @@ def place_files(scene: str, thing: str, prompt: str, options: PlaceOptions, out:
         placement = place_flow(sample)(sample, config)
     if session.ledger and Path(session.ledger).is_file():
         console.print(in_words(spending_of(Path(session.ledger))))
-    return write_placement(FinishedSample(sample, placement, tuple(recorder.records)), out)
+    finished = FinishedSample(sample, placement, tuple(recorder.records))
+    return write_results(finished, out, config if options.maps else None)
+
+
+def write_results(finished: FinishedSample, out: Path, mapped: PlaceConfig | None) -> JsonObject:
+    """All files of a placement, with conditioning maps under the configuration `mapped` unless that is None; returns
+    placement.json."""
+    shutil.rmtree(out / FOLDER, ignore_errors=True)  # of an earlier result in the same folder
+    tree = write_placement(finished, out)
+    if mapped is not None and tree["verdict"] == AT_REST:
+        write_maps_of(finished, out / FOLDER, mapped.render)
+    return tree

@@ -1,6 +1,7 @@
-"""Pinhole cameras in the OpenCV convention: x to the right, y down, z forward, principal point in the middle."""
+"""Pinhole cameras in the OpenCV convention: x to the right, y down, z forward; pixel (0, 0) reaches from 0 to 1."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,7 +29,21 @@ class Camera:
     """[pixel]."""
     height: int
     focal: float
-    """Focal length [pixel], the same along both axes."""
+    """Focal length along the rows [pixel]."""
+    middle: tuple[float, float] | None = None
+    """Principal point (column, row) [pixel]; None: the middle of the picture."""
+    stretch: float = 1.0
+    """Focal length along the columns over that along the rows [-]."""
+
+    @property
+    def principal(self) -> Array:
+        """Principal point (column, row) [pixel], shape (2,)."""
+        return np.array(self.middle or (0.5 * self.width, 0.5 * self.height))
+
+    @property
+    def focals(self) -> Array:
+        """Focal lengths (along rows, along columns) [pixel], shape (2,)."""
+        return np.array([self.focal, self.focal * self.stretch])
 
     @property
     def pixel_centers(self) -> Array:
@@ -38,10 +53,17 @@ class Camera:
         center[..., 1] = np.arange(self.height)[:, None] + 0.5
         return center.reshape(-1, 2)
 
+    def scaled(self, factor: int) -> Self:
+        """The same view with so many times the pixels along each side."""
+        column, row = self.principal
+        return replace(
+            self, width=factor * self.width, height=factor * self.height, focal=factor * self.focal,
+            middle=(factor * column, factor * row),
+        )  # fmt: skip
+
     def directions(self, points: NDArray[np.floating]) -> Array:
         """Unit world directions of rays through image points (n, 2) = (column, row) [pixel], shape (n, 3)."""
-        x = (points[:, 0] - 0.5 * self.width) / self.focal
-        y = (points[:, 1] - 0.5 * self.height) / self.focal
+        x, y = ((points - self.principal) / self.focals).T
         length = np.sqrt(1.0 + x * x + y * y)
         # one component after the other: three times as fast as vectors of three
         return np.stack([(x * a + y * b + c) / length for a, b, c in self.world_from_camera]).T
@@ -49,7 +71,7 @@ class Camera:
     def project(self, points: Array) -> Array:
         """Image points (column, row) [pixel] and depth [m] of world points (n, 3) before the camera, shape (n, 3)."""
         local = (points - self.position) @ self.world_from_camera
-        image = local[:, :2] / local[:, 2:] * self.focal + np.array([0.5 * self.width, 0.5 * self.height])
+        image = local[:, :2] / local[:, 2:] * self.focals + self.principal
         return np.concatenate([image, local[:, 2:]], axis=1)
 
 

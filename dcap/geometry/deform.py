@@ -5,6 +5,8 @@ finer where that bends, with the displacement of the nearest surface point added
 are.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 import open3d
 from numpy.typing import NDArray
@@ -24,25 +26,33 @@ MOST_ROUNDS = 10  # halvings of an edge: from a 2 m mattress to 2 mm
 COARSE = 6.0  # an edge longer than this, over the simulated edges, is split unseen: a dent may lie between its ends
 
 
-def displaced(
-    mesh: Mesh, movable: NDArray[np.bool_], surface: Mesh, displacement: NDArray[np.float64]
-) -> tuple[Mesh, NDArray[np.int64]]:
-    """The mesh with its movable faces (m,) following the surface, and the face of the given mesh that each face
-    came from.
-    """
+@dataclass(frozen=True, eq=False, slots=True)
+class Displaced:
+    """A mesh that has followed a surface."""
+
+    mesh: Mesh
+    """Finer where it bends."""
+    origin: NDArray[np.int64]
+    """The face of the given mesh that each face came from, shape (m,)."""
+    shift: NDArray[np.float64]
+    """How far each vertex has moved [m], shape (n, 3)."""
+
+
+def displaced(mesh: Mesh, movable: NDArray[np.bool_], surface: Mesh, displacement: NDArray[np.float64]) -> Displaced:
+    """The mesh with its movable faces (m,) following the surface."""
     start = Mesh(surface.vertices - displacement, surface.faces, surface.colors)
     moving = np.linalg.norm(displacement, axis=1)[surface.faces].max(axis=1) > NEGLIGIBLE
     if not moving.any():
-        return mesh, np.arange(len(mesh.faces))
+        return Displaced(mesh, np.arange(len(mesh.faces)), np.zeros_like(mesh.vertices))
     low, high = start.submesh(np.flatnonzero(moving)).bounds
     edge = float(np.quantile(edge_lengths(start)[moving], 0.25))
     field = DisplacementField(start, displacement)
     fine, origin = refined(mesh, movable, low, high, edge, field)
     used = np.unique(fine.faces[movable[origin]])
     near = used[((fine.vertices[used] >= low - FAR) & (fine.vertices[used] <= high + FAR)).all(axis=1)]
-    vertices = fine.vertices.copy()
-    vertices[near] += field.at(vertices[near])
-    return Mesh(vertices, fine.faces, fine.colors), origin
+    shift = np.zeros_like(fine.vertices)
+    shift[near] = field.at(fine.vertices[near])
+    return Displaced(Mesh(fine.vertices + shift, fine.faces, fine.colors), origin, shift)
 
 
 def following(mesh: Mesh, surface: Mesh, displacement: NDArray[np.float64]) -> Mesh:

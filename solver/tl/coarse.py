@@ -24,6 +24,8 @@ from solver.tl.contact_map import ContactMap
 CELLS_PER_AXIS = 4  # 125 lattice nodes: the dense solve stays far below the cost of one fine product
 CELLS_PER_GRADED_AXIS = 6  # but along a graded grid's longer axes: halves the iterations
 GRADED = 1.5  # largest over smallest cell from which a grid counts as graded
+LIFTS = (0.0, 1e-5, 1e-4, 1e-3, 1e-2)
+"""Relative additions to the stiffness of rigid motions that are tried in turn [-]."""
 SHIFT = 1e-10  # relative diagonal shift that keeps lattice nodes with hardly any material solvable
 
 
@@ -198,6 +200,27 @@ def _corners(index: NDArray[np.int64], shape: tuple[int, int, int]) -> NDArray[n
     return np.stack([np.ravel_multi_index(tuple((index + o).T), shape) for o in np.ndindex(2, 2, 2)], axis=1)
 
 
+def factorised(matrix: NDArray[np.float64], frames: int) -> tuple[NDArray[np.float64], bool]:
+    """Cholesky factor of a matrix of which the lower triangle counts, its last 6 `frames` unknowns rigid motions.
+
+    Forces of a stiff core on the soft nodes around it come in single precision: what cancels between them and the
+    core's own stiffness may leave a rigid motion slightly negative. As it only preconditions, such motions are made
+    stiffer then. Raises LinAlgError where that does not help either.
+    """
+    split = len(matrix) - 6 * frames
+    motions = np.arange(split, len(matrix))
+    for lift in LIFTS:
+        matrix[motions, motions] *= 1.0 + lift
+        try:
+            factor = linalg.cho_factor(matrix.T, lower=False, overwrite_a=lift == LIFTS[-1], check_finite=False)
+        except linalg.LinAlgError:
+            if lift == LIFTS[-1]:
+                raise
+            continue
+        return np.asarray(factor[0]), bool(factor[1])
+    raise AssertionError
+
+
 class CoarseSolve:
     """The dense Galerkin matrix of one Newton step, of which the lower triangle is kept, factorised."""
 
@@ -230,7 +253,7 @@ class CoarseSolve:
             matrix += rows.T @ tangent @ rows
         diagonal = np.diagonal(matrix)
         matrix[np.diag_indices(len(matrix))] += SHIFT * diagonal.max() + np.where(diagonal > 0.0, 0.0, 1.0)
-        self.factor = linalg.cho_factor(matrix.T, lower=False, overwrite_a=True, check_finite=False)
+        self.factor = factorised(matrix, frames)
 
     def _add_contacts(self, contact: ContactMap, matrix: NDArray[np.float64]) -> None:
         """Add P^T J^T T J P to the lower triangle."""

@@ -258,12 +258,13 @@ def base_cells(setup: DropSetup, foot: Footprint, distance: Distance, box: Array
     def wanted(scale: float) -> list[WantedCells]:
         return [WantedCells.joined([through[a], asked[a].resized(scale=scale)]) for a in range(3)]
 
-    cells, scale = cells_within(box, wanted, lambda planes: occupied(planes, distance), config.base_cells)
+    budget = int(config.base_cells / config.coarser**2)
+    cells, scale = cells_within(box, wanted, lambda planes: occupied(planes, distance), budget)
     if scale > config.cells_across / config.least_cells_across or (config.cell is not None and scale > 1.0):
         finest = min(float(one.size.min(initial=cells.size)) for one in asked)
         setup.notes.append(
             f"{setup.anchor.base_id}: cells of {1e3 * cells.size:.2g} mm at the contact instead of "
-            f"{1e3 * finest:.2g} mm, to meet the budget of {config.base_cells} cells (ParticlesConfig.base_cells)"
+            f"{1e3 * finest:.2g} mm, to meet the budget of {budget} cells (ParticlesConfig.base_cells)"
         )
     return cells
 
@@ -274,7 +275,7 @@ def wanted_along(foot: Footprint, axis: int, config: ParticlesConfig) -> WantedC
     for contact in foot.contacts:
         wanted = wanted_in_plan(contact, axis) if axis < 2 else wanted_in_height(contact, *contact.touched_heights)
         size = np.clip(wanted.size * CELLS_ACROSS / config.cells_across, config.finest_cell, config.coarsest_cell)
-        found.append(replace(wanted, size=size).resized(size=config.cell))
+        found.append(replace(wanted, size=size).resized(size=config.cell).resized(scale=config.coarser))
     return WantedCells.joined(found)
 
 

@@ -16,6 +16,8 @@ class ParticlesConfig(BaseModel, frozen=True, extra="forbid"):
     """Cell size at the contact that was asked for [m]; without it the predicted contact decides."""
     cells_across: PositiveFloat = 5.0
     """Cells in half the width of the predicted contact."""
+    coarser: PositiveFloat = 1.0
+    """Cells are so many times larger than that: where a drop broke down on the smaller ones [-]."""
     least_cells_across: PositiveFloat = 4.0
     """Cells are never coarser than this many in half that width without a note."""
     coarsest_cell: PositiveFloat = 0.025

@@ -158,7 +158,7 @@ def soft_object(
 def object_cells(setup: DropSetup, foot: Footprint, grid: DistanceGrid, inside: Distance) -> Cells:
     """A uniform grid around a soft object; fewer cells through thin parts than bending needs are noted."""
     config, thin = setup.config, thickness(grid)
-    contact = config.cell or max(foot.half_width / config.least_cells_across, config.finest_cell)
+    contact = config.coarser * (config.cell or max(foot.half_width / config.least_cells_across, config.finest_cell))
     cells = uniform_cells(inside, setup.mesh.bounds, thin, contact, config.cells_through, config.object_cells)
     through = float(min(thin[a] / np.diff(cells.planes[a])[0] for a in range(3)))
     if through < config.least_cells_through:

@@ -41,6 +41,8 @@ def particles(
         return refused(shape, intent.object_name)
     setup = drop_setup(scene, shape.item, intent, anchor, materials, config, rest)
     setup.notes += [f"object: {note}" for note in shape.notes]
+    if config.coarser > 1.0:
+        setup.notes.append(f"cells are {config.coarser:.3g} times larger: on the smaller ones the drop broke down")
     if rest is not None:
         setup.notes.append(
             "dropped again from its start: it had come to rest where contact was not foreseen; cells are fine there too"

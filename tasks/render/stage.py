@@ -6,37 +6,33 @@ part's box diagonal (the paper's section 4.3), from where it sees most of the ob
 cut away.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, NonNegativeFloat, PositiveFloat, PositiveInt
 from scipy.ndimage import binary_closing, binary_erosion
 from scipy.spatial import cKDTree
-from scipy.spatial.transform import Rotation as Turn
 
 from dcap.geometry.camera import Camera, looking_at
-from dcap.geometry.deform import displaced, following
 from dcap.geometry.raycast import Raycaster, packed_rays
-from dcap.geometry.rendering.cutaway import cut_faces
 from dcap.geometry.rendering.picture import Picture, picture
 from dcap.scene.types.anchor import Anchor
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.outcome import HiddenObject, Infeasible, Reason
 from dcap.scene.types.renders import Renders
 from dcap.scene.types.segmentation import Segmentation, SegmentedObject, SegmentedScene
-from dcap.scene.types.settled import Settled, SettledBody
+from dcap.scene.types.settled import Settled
+from tasks.render.settled_meshes import settled_item, settled_scene, shown, structure_faces
 from tasks.runner.stage import stage
 
 Array = NDArray[np.float64]
 
-RIGID_TOLERANCE = 1e-6  # a surface that is this close [m] to a turned and moved copy of its start did not deform
 SEEN_POINTS = 400  # surface points of the object whose visibility ranks the views
 FRONT_BONUS = 0.25  # preference for the front over the side, in units of visible share
 TINTS = np.array([[255.0, 122.0, 26.0], [0.0, 172.0, 240.0]])
 TINT_SHARE, LINE_SHARE = 0.30, 0.85  # opacity of the contact patch and of its outline
 LEAST_PATCH = 1.5e-3  # a contact point stands for a disc of at least this radius [m]
-STUDIO_COLOR = (214, 212, 209)  # a floor for scenes that have none; close to the backdrop
 
 
 class RenderConfig(BaseModel, frozen=True, extra="forbid"):
@@ -77,7 +73,7 @@ def render(
 ) -> Renders | Infeasible:
     """Take the three pictures."""
     thing = settled_item(item, anchor, settled.bodies[0])
-    after = settled_scene(scene, settled, anchor.base_id)
+    after = settled_scene(scene, settled, anchor.base_id).scene
     solid = ~structure_faces(after)
     things = Raycaster(after.mesh.submesh(np.flatnonzero(solid)))
     target = contact_middle(settled, anchor)
@@ -99,61 +95,6 @@ def render(
 def photograph(meshes: list[Mesh], camera: Camera, config: RenderConfig) -> Picture:
     """What the camera sees."""
     return picture(meshes, camera, samples=config.samples)
-
-
-# --- what is in the picture -------------------------------------------------------------------------------------------
-
-
-def settled_item(item: Segmentation, anchor: Anchor, body: SettledBody) -> Mesh:
-    """The object at rest: its own mesh, moved as a whole or following the deformed surface."""
-    turn = Turn.from_quat(body.quaternion, scalar_first=True).as_matrix()
-    start = body.surface.vertices - body.displacement
-    moved = start @ turn.T + body.position
-    if np.abs(moved - body.surface.vertices).max() > RIGID_TOLERANCE:
-        return following(item.mesh.transformed(anchor.world_from_object), body.surface, body.displacement)
-    world_from_start = np.eye(4)
-    world_from_start[:3, :3], world_from_start[:3, 3] = turn, body.position
-    return item.mesh.transformed(world_from_start @ anchor.world_from_object)
-
-
-def settled_scene(scene: Segmentation, settled: Settled, base_id: str) -> Segmentation:
-    """The scene with the dents that the drop left in the base."""
-    base = scene.index_of(base_id)
-    for body in settled.bodies[1:]:
-        if body.name == base_id:
-            mine = scene.face_instance == base
-            mesh, origin = displaced(scene.mesh, mine, body.surface, body.displacement)
-            return replace(
-                scene, mesh=mesh, face_instance=scene.face_instance[origin], face_part=scene.face_part[origin]
-            )
-    return scene
-
-
-def structure_faces(scene: Segmentation) -> NDArray[np.bool_]:
-    """Faces of walls, ceiling and floor, and those that belong to nothing, shape (m,)."""
-    flag = np.array([one.structure for one in scene.instances] + [True])
-    return np.asarray(flag[scene.face_instance])
-
-
-def shown(scene: Segmentation, camera: Camera) -> list[Mesh]:
-    """The scene as the camera may see it: without what is cut away, on a studio floor if it has none."""
-    cut = cut_faces(scene.mesh, structure_faces(scene), camera.position, camera.target)
-    meshes = [scene.mesh.submesh(np.flatnonzero(~cut))]
-    if not any(one.structure for one in scene.instances):
-        meshes.append(studio_floor(scene.mesh))
-    return [mesh for mesh in meshes if len(mesh.faces)]
-
-
-def studio_floor(mesh: Mesh) -> Mesh:
-    """A wide round plate just under a scene without a floor."""
-    low, high = mesh.bounds
-    middle, reach = 0.5 * (low + high), 60.0 * float(np.linalg.norm(high - low))
-    angle = np.linspace(0.0, 2.0 * np.pi, 96, endpoint=False)
-    rim = middle[:2] + reach * np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    points = np.concatenate([middle[None, :2], rim])
-    index = np.arange(96)
-    faces = np.stack([np.zeros(96, dtype=int), 1 + index, 1 + (index + 1) % 96], axis=1)
-    return Mesh.of(np.concatenate([points, np.full((97, 1), low[2] - 1e-3)], axis=1), faces, STUDIO_COLOR)
 
 
 # --- where the camera stands ------------------------------------------------------------------------------------------

@@ -29,6 +29,7 @@ MISTAKES = {
     "unknown_setting": ("materials, config=config.particles)", "materials, settings=config.particles)"),
     "object_for_scene": ("render_task(scene, item", "render_task(item, scene"),
     "second_drop": ("drop_task(finer, anchor", "drop_task(settled, anchor"),
+    "drop_on_larger_cells": ("drop_task(larger, anchor", "drop_task(settled, anchor"),
     "no_rest": ("rest=settled)", "rest=particles)"),
     "wrong_field": ("        intent=intent,\n", "        intent=anchor,\n"),
 }
@@ -50,12 +51,12 @@ def test_wrong_wiring_is_a_type_error(tmp_path: Path, monkeypatch: pytest.Monkey
     assert wrong_files == MISTAKES.keys()
 
 
-@pytest.mark.parametrize("elsewhere", [False, True])
+@pytest.mark.parametrize(("elsewhere", "broke"), [(False, False), (True, False), (False, True)])
 def test_the_list_of_stages_is_the_path_of_a_placement(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, *, elsewhere: bool
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, *, elsewhere: bool, broke: bool
 ) -> None:
     """`place` calls exactly the stages of STAGES, in that order; where the object came to rest elsewhere than was
-    foreseen it is dropped once more."""
+    foreseen, or the drop broke down, it is dropped once more."""
     monkeypatch.setenv("DCAP_DATA", str(tmp_path))
     called: list[str] = []
 
@@ -65,8 +66,9 @@ def test_the_list_of_stages_is_the_path_of_a_placement(
 
     monkeypatch.setattr(Stage, "__call__", note)
     monkeypatch.setattr("flows.place.ended_elsewhere", lambda _: elsewhere)
+    monkeypatch.setattr("flows.place.broke", lambda _: broke)
     mesh = tmp_path / "triangle.obj"
     mesh.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
     place(Sample("one", str(mesh), str(mesh), "put it there"), PlaceConfig())
-    again = ["particles", "drop"] if elsewhere else []
+    again = ["particles", "drop"] * (elsewhere + broke)
     assert called == [*(stage.name for stage in STAGES[:-1]), *again, STAGES[-1].name]

@@ -42,18 +42,46 @@ def picture(meshes: Sequence[Mesh], camera: Camera, *, samples: int = 2, shadows
     """Render the meshes; `samples` x `samples` rays smooth each pixel at an edge, `shadows` adds shadows and
     occlusion.
     """
+    return exposed(meshes, camera, shadows=shadows).picture(samples)
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Exposure:
+    """A picture in the making: what each pixel's middle sees, and the light there."""
+
+    scene: RenderScene
+    surface: SurfaceHits
+    light: Array
+    """Shares of the key light and of the sky, shape (2, h * w)."""
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Rows and columns."""
+        return self.scene.camera.height, self.scene.camera.width
+
+    @property
+    def depth(self) -> NDArray[np.float32]:
+        """Distance along the viewing axis [m], inf where nothing is, shape (h, w)."""
+        forward = self.scene.camera.world_from_camera[:, 2].astype(np.float32)
+        return np.asarray((self.surface.distance * dot(self.surface.direction, forward)).reshape(self.shape))
+
+    def picture(self, samples: int = 2) -> Picture:
+        """Developed, with `samples` x `samples` rays at edges."""
+        shown = displayed(self.scene, self.surface, self.light)
+        if samples > 1:
+            rough = np.flatnonzero(edges(self.surface, shown, self.shape))
+            shown[:, rough] = smoothed(rough, self.scene, self.surface, self.light, samples)
+        return Picture(in_bytes(shown, self.shape), self.depth, self.surface.mesh_index.reshape(self.shape))
+
+
+def exposed(meshes: Sequence[Mesh], camera: Camera, *, shadows: bool = True) -> Exposure:
+    """What the camera sees of the meshes, and the light there."""
     scene = RenderScene(meshes, camera)
     surface = scene.look(camera.pixel_centers)
-    shape = (camera.height, camera.width)
     light = np.ones((2, camera.height * camera.width), dtype=np.float32)
     if shadows:
-        light = gathered_light(scene.caster, surface, scene.light, scene.reach, shape)
-    shown = displayed(scene, surface, light)
-    if samples > 1:
-        rough = np.flatnonzero(edges(surface, shown, shape))
-        shown[:, rough] = smoothed(rough, scene, surface, light, samples)
-    depth = surface.distance * dot(surface.direction, camera.world_from_camera[:, 2].astype(np.float32))
-    return Picture(in_bytes(shown, shape), depth.reshape(shape), surface.mesh_index.reshape(shape))
+        light = gathered_light(scene.caster, surface, scene.light, scene.reach, (camera.height, camera.width))
+    return Exposure(scene, surface, light)
 
 
 def displayed(scene: RenderScene, surface: SurfaceHits, light: Array) -> Array:

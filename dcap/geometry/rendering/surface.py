@@ -35,21 +35,27 @@ class SurfaceHits:
     """Linear colours 0..1, shape (3, n)."""
     mesh_index: NDArray[np.int32]
     """Mesh seen, -1 for none, shape (n,)."""
+    face: NDArray[np.int32]
+    """Face of the joined mesh, -1 for none, shape (n,)."""
+    corner_weights: Array
+    """Weights of that face's corners, zeros for none, shape (3, n)."""
 
     @classmethod
     def empty(cls, count: int) -> "SurfaceHits":
         """To be filled."""
-        vectors = [np.empty((3, count), dtype=np.float32) for _ in range(5)]
-        way, position, flat, smooth, color = vectors
+        vectors = [np.empty((3, count), dtype=np.float32) for _ in range(6)]
+        way, position, flat, smooth, color, weights = vectors
         return cls(
-            way, np.empty(count, dtype=np.float32), position, flat, smooth, color, np.empty(count, dtype=np.int32)
-        )
+            way, np.empty(count, dtype=np.float32), position, flat, smooth, color, np.empty(count, dtype=np.int32),
+            np.empty(count, dtype=np.int32), weights,
+        )  # fmt: skip
 
     def part(self, index: slice) -> "SurfaceHits":
         """Some of the rays, without a copy."""
         return SurfaceHits(
             self.direction[:, index], self.distance[index], self.position[:, index], self.flat[:, index],
-            self.smooth[:, index], self.color[:, index], self.mesh_index[index],
+            self.smooth[:, index], self.color[:, index], self.mesh_index[index], self.face[index],
+            self.corner_weights[:, index],
         )  # fmt: skip
 
 
@@ -89,17 +95,19 @@ class RenderScene:
         """Fill in what a band of rays meets."""
         out.direction[:] = rays[:, 3:].T
         out.distance[:] = hits.distance
+        out.face[:] = hits.face
         seen = hits.face >= 0
         if not seen.any():
             out.mesh_index[:] = -1
-            for nothing in (out.position, out.flat, out.smooth, out.color):
+            for nothing in (out.position, out.flat, out.smooth, out.color, out.corner_weights):
                 nothing[:] = 0.0
             return
         face = np.where(seen, hits.face, 0)
         out.position[:] = np.where(seen, rays[:, :3].T + np.where(seen, hits.distance, 0.0) * out.direction, 0.0)
         out.mesh_index[:] = np.where(seen, self.mesh_of_face[face], -1)
         u, v = np.where(seen, hits.uv.T, 0.0)
-        weights = np.stack([seen - u - v, u, v])
+        weights = out.corner_weights
+        weights[0], weights[1], weights[2] = seen - u - v, u, v
         out.color[:] = sum(
             w * components(self.colors[k]) for w, k in zip(weights, self.mesh.faces[face].T, strict=True)
         )

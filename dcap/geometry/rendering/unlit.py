@@ -1,7 +1,5 @@
 """Pictures of a mesh in its own colours, without light: what splats on it should look like; and how alike two are."""
 
-from dataclasses import replace
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -17,7 +15,7 @@ SAMPLES = 2
 
 def unlit(mesh: Mesh, camera: Camera, caster: Raycaster | None = None) -> F32:
     """sRGB 0 to 1 over black, shape (rows, columns, 3); `caster` is the mesh's, if there is one already."""
-    fine = replace(camera, width=SAMPLES * camera.width, height=SAMPLES * camera.height, focal=SAMPLES * camera.focal)
+    fine = camera.scaled(SAMPLES)
     ways = fine.directions(fine.pixel_centers)
     hits = (caster or Raycaster(mesh)).cast(np.broadcast_to(camera.position, ways.shape), ways)
     seen = hits.face >= 0

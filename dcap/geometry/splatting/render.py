@@ -67,7 +67,7 @@ class Splatter:
         turn = camera.world_from_camera.T
         kernels.project(
             self.splats.position, self.axes, self.scale, self.opacity, turn, -turn @ camera.position,
-            [camera.focal] * 2, [0.5 * camera.width, 0.5 * camera.height], [camera.width, camera.height], NEAR,
+            camera.focals.tolist(), camera.principal.tolist(), [camera.width, camera.height], NEAR,
             self.depth, self.mean, self.conic, self.rectangle,
         )  # fmt: skip
         seen = np.flatnonzero(self.depth > 0.0)

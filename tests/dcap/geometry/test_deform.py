@@ -30,7 +30,8 @@ def moved(depth: np.ndarray) -> tuple[Mesh, np.ndarray]:
     surface, displacement = simulated(), np.zeros(((CELLS + 1) ** 2, 3))
     displacement[:, 2] = -depth
     end = Mesh(surface.vertices + displacement, surface.faces, surface.colors)
-    return displaced(plate(), np.ones(2, dtype=bool), end, displacement)
+    found = displaced(plate(), np.ones(2, dtype=bool), end, displacement)
+    return found.mesh, found.origin
 
 
 def dent(x: np.ndarray, y: np.ndarray) -> np.ndarray:
@@ -71,7 +72,8 @@ def test_faces_that_may_not_move_stay():
     surface, displacement = simulated(), np.zeros(((CELLS + 1) ** 2, 3))
     displacement[:, 2] = -dent(surface.vertices[:, 0], surface.vertices[:, 1])
     end = Mesh(surface.vertices + displacement, surface.faces, surface.colors)
-    both, origin = displaced(Mesh.concatenate([one, other]), np.arange(4) < 2, end, displacement)
+    found = displaced(Mesh.concatenate([one, other]), np.arange(4) < 2, end, displacement)
+    both, origin = found.mesh, found.origin
     still = np.unique(both.faces[origin >= 2])
     assert np.abs(both.vertices[still, 2]).max() == 0.0
     assert np.isclose(both.face_areas[origin >= 2].sum(), (2 * half) ** 2)

@@ -178,7 +178,9 @@ def test_place_beside_the_part_says_how_far(names, place, away):
 @pytest.mark.parametrize("names", [("end", "near"), ("corner", "near"), ("corner", "back", "next_to")])
 @pytest.mark.parametrize("at", [(3.0, 0.4), (-3.0, 0.4)])
 def test_end_and_corner_at_a_thing_are_those_that_come_nearest(names, at):
-    areas = regions(viewer_frame(box(0, 0, 2.0, 1.0), FRONT, MIDDLE), names, [box(*at, 0.3, 0.3)], np.full(2, 0.1))
+    areas = regions(
+        viewer_frame(box(0, 0, 2.0, 1.0), FRONT, MIDDLE), names, [box(at[0], at[1], 0.3, 0.3)], np.full(2, 0.1)
+    )
     assert len(areas) == 1
     x, y = areas[0].target
     assert np.sign(x) == np.sign(at[0])

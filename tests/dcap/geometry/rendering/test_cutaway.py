@@ -54,7 +54,8 @@ def test_a_dent_is_carried_over_without_opening_the_mesh() -> None:
     displacement = np.stack([0 * depth, 0 * depth, -depth], axis=1)
     surface = Mesh(fine.vertices + displacement, fine.faces, fine.colors)
     scene = Mesh.concatenate([flat, other])
-    mesh, origin = displaced(scene, np.array([True, True, False]), surface, displacement)
+    found = displaced(scene, np.array([True, True, False]), surface, displacement)
+    mesh, origin = found.mesh, found.origin
     mine = mesh.submesh(np.flatnonzero(origin < 2))
     deep = np.linalg.norm(mine.vertices[:, :2], axis=1)
     expected = -0.01 * np.clip(1.0 - (deep / 0.1) ** 2, 0.0, None) ** 2

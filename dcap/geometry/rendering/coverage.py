@@ -1,0 +1,68 @@
+"""How much of each pixel a mesh covers, and what it looks like there: masks and colours for compositing.
+
+In: a picture in the making and the number of one of its meshes. Out: shares of pixels and that mesh's own colours.
+Only pixels at its rim are looked at again, with several rays each.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import binary_dilation, binary_erosion
+
+from dcap.geometry.camera import Camera
+from dcap.geometry.raycast import Raycaster, packed_rays
+from dcap.geometry.rendering.picture import Exposure, borrowed_light, displayed, neighbours, sample_offsets
+from dcap.geometry.rendering.shading import compressed, shade
+
+Array = NDArray[np.float32]
+Mask = NDArray[np.bool_]
+
+
+def coverage(exposure: Exposure, mesh: int, samples: int) -> tuple[Array, Array]:
+    """Share of each pixel that a mesh is seen in, (h, w), and its own displayed colour there, (3, h, w)."""
+    camera, shape = exposure.scene.camera, exposure.shape
+    seen = (exposure.surface.mesh_index == mesh).reshape(shape)
+    share = seen.astype(np.float32)
+    color = np.where(seen, displayed(exposure.scene, exposure.surface, exposure.light).reshape(3, *shape), 0.0)
+    rim = np.flatnonzero(rim_of(seen))
+    rays = exposure.scene.look(sub_pixels(rim, camera, samples))
+    own = [rays.part(slice(first, first + len(rim))) for first in range(0, len(rays.distance), len(rim) or 1)]
+    if not len(rim):
+        return share, color
+    light = borrowed_light(own, neighbours(rim, camera), exposure.surface, exposure.light)
+    hit = np.stack([one.mesh_index == mesh for one in own]).astype(np.float32)
+    tone = np.stack([compressed(shade(one, lit, exposure.scene.light)) for one, lit in zip(own, light, strict=True)])
+    total = hit.sum(axis=0)
+    share.reshape(-1)[rim] = total / len(own)
+    color.reshape(3, -1)[:, rim] = (tone * hit[:, None]).sum(axis=0) / np.maximum(total, 1.0)
+    return share, color
+
+
+def silhouette(caster: Raycaster, camera: Camera, samples: int) -> Array:
+    """Share of each pixel that a mesh alone covers, shape (h, w)."""
+    shape = (camera.height, camera.width)
+    seen = hits(caster, camera, camera.pixel_centers).reshape(shape)
+    share = seen.astype(np.float32)
+    rim = np.flatnonzero(rim_of(seen))
+    if len(rim):
+        share.reshape(-1)[rim] = (
+            hits(caster, camera, sub_pixels(rim, camera, samples)).reshape(-1, len(rim)).mean(axis=0)
+        )
+    return share
+
+
+def hits(caster: Raycaster, camera: Camera, points: NDArray[np.float64]) -> Mask:
+    """Which rays through image points (n, 2) meet a mesh, shape (n,)."""
+    ways = camera.directions(points)
+    return np.asarray(caster.first_hits(packed_rays(np.broadcast_to(camera.position, ways.shape), ways)).face >= 0)
+
+
+def rim_of(seen: Mask) -> Mask:
+    """Pixels on both sides of the rim of a mask (h, w); those at the picture's own edge are no rim."""
+    square = np.ones((3, 3), dtype=bool)
+    return np.asarray(binary_dilation(seen, square) & ~binary_erosion(seen, square, border_value=1))
+
+
+def sub_pixels(pixel: NDArray[np.int64], camera: Camera, samples: int) -> NDArray[np.float64]:
+    """Image points of samples^2 rays in each of n pixels, one ray of all pixels after the other, shape (s * n, 2)."""
+    corner = np.stack([pixel % camera.width, pixel // camera.width], axis=1)
+    return np.asarray((corner + sample_offsets(samples)[:, None]).reshape(-1, 2))

@@ -1,0 +1,81 @@
+"""Conditioning maps to files: pictures, arrays, the camera as JSON and as a COLMAP model.
+
+`camera.json` is that of `dcap.geometry.camera_file`. All are described in docs/formats.md.
+"""
+
+import json
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+from scipy.spatial.transform import Rotation
+
+from dcap.geometry.camera import Camera
+from dcap.geometry.camera_file import write_camera
+from dcap.scene.types.colmap import ColmapModel, Pinhole, PosedImage
+from dcap.scene.types.maps import ConditioningMaps
+from dcap.scene.writers.colmap import write_colmap_text
+
+MILLIMETRES = 1000.0
+FARTHEST = 65535
+"""Largest depth that 16 bits hold [mm]; farther is this."""
+POINTS = 2000
+"""Points of the surface in the COLMAP model."""
+PICTURE = "rgb.png"
+
+
+def write_maps(folder: Path, maps: ConditioningMaps, camera: Camera) -> None:
+    """All files of one view."""
+    folder.mkdir(parents=True, exist_ok=True)
+    seen = np.isfinite(maps.depth)
+    pictures: dict[str, NDArray[np.uint8] | NDArray[np.uint16]] = {
+        "rgb": maps.rgb,
+        "depth": millimetres(maps.depth),
+        "normal_world": normal_picture(maps.normal_world, seen),
+        "normal_camera": normal_picture(maps.normal_camera, seen),
+        "object_mask": maps.object_mask,
+        "occlusion_matte": np.stack([maps.hidden_mask, maps.object_mask, np.zeros_like(maps.object_mask)], axis=2),
+        "contact": maps.contact,
+        "shadow": in_bytes(maps.shadow),
+        "ambient_occlusion": in_bytes(maps.ambient_occlusion),
+        "instance": maps.instance,
+        "part": maps.part,
+        "material": maps.material,
+    }
+    for name, picture in pictures.items():
+        Image.fromarray(picture).save(folder / f"{name}.png")
+    for name in ("depth", "normal_world", "normal_camera", "dent"):
+        np.save(folder / f"{name}.npy", getattr(maps, name), allow_pickle=False)
+    (folder / "ids.json").write_text(json.dumps(maps.names, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+    write_camera(folder / "camera.json", camera)
+    write_colmap_text(folder / "colmap", colmap_model(maps, camera))
+
+
+def colmap_model(maps: ConditioningMaps, camera: Camera) -> ColmapModel:
+    """One camera, one picture, and points of the surface that it sees."""
+    turn = camera.world_from_camera.T
+    pinhole = Pinhole(1, camera.width, camera.height, (*camera.focals.tolist(),), (*camera.principal.tolist(),))
+    quaternion = Rotation.from_matrix(turn).as_quat(canonical=True, scalar_first=True)
+    image = PosedImage(1, PICTURE, 1, quaternion, -turn @ camera.position)
+    seen = np.flatnonzero(np.isfinite(maps.depth.ravel()))
+    some = seen[:: max(1, len(seen) // POINTS)]
+    ways = camera.directions(camera.pixel_centers[some])
+    along = maps.depth.ravel()[some] / (ways @ camera.world_from_camera[:, 2])
+    return ColmapModel((pinhole,), (image,), camera.position + along[:, None] * ways, maps.rgb.reshape(-1, 3)[some])
+
+
+def millimetres(depth: NDArray[np.float32]) -> NDArray[np.uint16]:
+    """Depth in whole millimetres, 0 where nothing is."""
+    whole = np.round(np.where(np.isfinite(depth), depth, 0.0) * MILLIMETRES)
+    return np.asarray(np.clip(whole, 0, FARTHEST), dtype=np.uint16)
+
+
+def normal_picture(normal: NDArray[np.float32], seen: NDArray[np.bool_]) -> NDArray[np.uint8]:
+    """Components -1..1 as 0..255; black where nothing is."""
+    return np.where(seen[..., None], np.round(127.5 * (normal + 1.0)), 0.0).astype(np.uint8)
+
+
+def in_bytes(share: NDArray[np.float32]) -> NDArray[np.uint8]:
+    """Numbers 0..1 as 0..255."""
+    return np.asarray(np.round(255.0 * np.clip(share, 0.0, 1.0)), dtype=np.uint8)

@@ -1,0 +1,201 @@
+"""Conditioning maps of a placement: all passes of one view, for inserting the object into photographs.
+
+In: the scene and the object as they settled, with their parts and materials, and a camera. Out: `ConditioningMaps`.
+Every pass is made from the same rays, so that pixels agree; masks and the object's own colours are smoothed over
+pixels at its rim, numbers and ids are those of the pixel's middle.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from dcap.geometry.camera import Camera
+from dcap.geometry.raycast import Raycaster, packed_rays
+from dcap.geometry.rendering.coverage import coverage, silhouette
+from dcap.geometry.rendering.picture import Exposure, exposed, in_bytes
+from dcap.geometry.rendering.shading import shade
+from dcap.geometry.rendering.visibility import gathered_light
+from dcap.scene.errors import InputError
+from dcap.scene.types.anchor import Anchor
+from dcap.scene.types.maps import HIDDEN_CONTACT, SEEN_CONTACT, ConditioningMaps
+from dcap.scene.types.materials import PartMaterials
+from dcap.scene.types.mesh import Mesh
+from dcap.scene.types.segmentation import Segmentation
+from dcap.scene.types.settled import Settled
+from tasks.render.settled_meshes import SettledScene, settled_item, settled_scene, shown_faces, studio_floor
+from tasks.render.stage import RenderConfig, patch_radius
+
+Array = NDArray[np.float64]
+F32 = NDArray[np.float32]
+LUMINANCE = np.array([0.2126, 0.7152, 0.0722], dtype=np.float32)
+"""Of linear sRGB [Rec. ITU-R BT.709]."""
+NEXT_PIXEL = 1.0
+"""A pixel this near to the contact patch is beside it [pixel]."""
+AXES = np.concatenate([np.eye(3), -np.eye(3)])
+OBJECT = "object"
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Placed:
+    """What is in the view."""
+
+    around: SettledScene
+    item: Segmentation
+    thing: Mesh
+    """The object at rest, faces as in `item`."""
+    contact: Array
+    """Points of the contact patch [m], shape (k, 3)."""
+    materials: PartMaterials | None
+
+
+def placed(
+    scene: Segmentation, item: Segmentation, anchor: Anchor, materials: PartMaterials | None, settled: Settled
+) -> Placed:
+    """The placement as it settled."""
+    thing = settled_item(item, anchor, settled.bodies[0])
+    return Placed(settled_scene(scene, settled, anchor.base_id), item, thing, settled.contact_points, materials)
+
+
+def conditioning_maps(what: Placed, camera: Camera, config: RenderConfig, *, cutaway: bool) -> ConditioningMaps:
+    """All passes of one view.
+
+    Args:
+        what: the placement.
+        camera: where it is seen from.
+        config: how many rays a pixel has at edges.
+        cutaway: leave out walls and ceiling between the camera and what it looks at, as in pictures of rooms.
+
+    Raises InputError where the camera is inside the object.
+    """
+    check_outside(what.thing, camera)
+    scene = what.around.scene
+    faces = shown_faces(scene, camera) if cutaway else np.arange(len(scene.mesh.faces))
+    meshes = [scene.mesh.submesh(faces)]
+    if not any(one.structure for one in scene.instances):
+        meshes.append(studio_floor(scene.mesh))
+    exposure = exposed([*meshes, what.thing], camera)
+    number = len(meshes)
+    share, color = coverage(exposure, number, config.samples)
+    alone = silhouette(Raycaster(what.thing), camera, config.samples)
+    surface, shape = exposure.surface, exposure.shape
+    seen = surface.mesh_index >= 0
+    bare = Raycaster(Mesh.concatenate(meshes))
+    normal = np.where(seen, surface.smooth, 0.0).T
+    ids, names = identities(what, exposure, faces, number)
+    return ConditioningMaps(
+        rgb=exposure.picture(config.samples).rgb,
+        object_rgb=in_bytes(color.reshape(3, -1), shape),
+        depth=exposure.depth,
+        normal_world=normal.reshape(*shape, 3).astype(np.float32),
+        normal_camera=(normal @ camera.world_from_camera).reshape(*shape, 3).astype(np.float32),
+        object_mask=as_bytes(share),
+        hidden_mask=as_bytes(np.clip(alone - share, 0.0, 1.0)),
+        contact=contact_map(what.contact, exposure, bare, number),
+        shadow=shadow_of(exposure, bare, number),
+        ambient_occlusion=np.where(seen, exposure.light[1], 1.0).reshape(shape).astype(np.float32),
+        dent=dent_map(what.around, exposure, faces),
+        instance=ids["instance"], part=ids["part"], material=ids["material"],
+        names=names,
+    )  # fmt: skip
+
+
+def check_outside(thing: Mesh, camera: Camera) -> None:
+    """InputError where the camera is inside the object: rays along most axes leave it through a back."""
+    hits = Raycaster(thing).cast(np.broadcast_to(camera.position, AXES.shape), AXES)
+    backs = (np.einsum("ij,ij->i", hits.normal, AXES) > 0.0) & (hits.face >= 0)
+    if backs.sum() >= len(AXES) - 1:
+        place = ", ".join(f"{one:.3f}" for one in camera.position)
+        raise InputError(f"the camera at ({place}) m is inside the object; move it outside (--camera FILE)")
+
+
+def as_bytes(share: F32) -> NDArray[np.uint8]:
+    """Numbers 0..1 as 0..255."""
+    return np.asarray(np.round(255.0 * np.clip(share, 0.0, 1.0)), dtype=np.uint8)
+
+
+def shadow_of(exposure: Exposure, bare: Raycaster, thing: int) -> F32:
+    """Light on the scene with the object over that without it, as luminance, shape (h, w)."""
+    surface, scene = exposure.surface, exposure.scene
+    before = gathered_light(bare, surface, scene.light, scene.reach, exposure.shape)
+    lit, unlit = (LUMINANCE @ shade(surface, light, scene.light) for light in (exposure.light, before))
+    on_scene = (surface.mesh_index >= 0) & (surface.mesh_index != thing)
+    ratio = np.where(on_scene, lit / np.maximum(unlit, 1e-6), 1.0)
+    return np.asarray(np.clip(ratio, 0.0, 1.0).reshape(exposure.shape), dtype=np.float32)
+
+
+def contact_map(contact: Array, exposure: Exposure, bare: Raycaster, thing: int) -> NDArray[np.uint8]:
+    """Where the contact patch is seen, and where the object hides it, shape (h, w)."""
+    result = np.zeros(exposure.shape[0] * exposure.shape[1], dtype=np.uint8)
+    if not len(contact):
+        return result.reshape(exposure.shape)
+    camera, surface = exposure.scene.camera, exposure.surface
+    behind = np.flatnonzero(surface.mesh_index == thing)
+    ways = surface.direction[:, behind].T
+    hits = bare.first_hits(packed_rays(np.broadcast_to(camera.position, ways.shape), ways))
+    met = np.isfinite(hits.distance)
+    points = camera.position + hits.distance[met, None] * ways[met].astype(np.float64)
+    result[behind[met][near_patch(points, contact, camera)]] = HIDDEN_CONTACT
+    seen = np.flatnonzero(surface.mesh_index >= 0)
+    result[seen[near_patch(surface.position[:, seen].T.astype(np.float64), contact, camera)]] = SEEN_CONTACT
+    return result.reshape(exposure.shape)
+
+
+def near_patch(points: Array, contact: Array, camera: Camera) -> NDArray[np.bool_]:
+    """Which points (n, 3) lie in the contact patch, or less than a pixel beside it, shape (n,)."""
+    depth = float(camera.project(contact)[:, 2].min())
+    radius = patch_radius(contact) + NEXT_PIXEL * max(depth, 0.0) / camera.focal
+    low, high = contact.min(axis=0) - radius, contact.max(axis=0) + radius
+    close = np.flatnonzero(((points >= low) & (points <= high)).all(axis=1))
+    result = np.zeros(len(points), dtype=bool)
+    result[close] = cKDTree(contact).query(points[close], distance_upper_bound=radius, workers=-1)[0] <= radius
+    return result
+
+
+def dent_map(around: SettledScene, exposure: Exposure, faces: NDArray[np.int64]) -> F32:
+    """Displacement of the scene along its outward normal [m], shape (h, w)."""
+    surface = exposure.surface
+    result = np.zeros(len(surface.face), dtype=np.float32)
+    mine = np.flatnonzero(surface.mesh_index == 0)
+    corner = around.scene.mesh.faces[faces[surface.face[mine]]]
+    shift = np.einsum("kn,nki->in", surface.corner_weights[:, mine], around.shift[corner])
+    result[mine] = np.einsum("in,in->n", shift, surface.flat[:, mine])
+    return result.reshape(exposure.shape)
+
+
+def identities(
+    what: Placed, exposure: Exposure, faces: NDArray[np.int64], thing: int
+) -> tuple[dict[str, NDArray[np.uint16]], dict[str, dict[str, str]]]:
+    """Ids of instance, part and material in each pixel, (h, w) each, and their names."""
+    scene, surface = what.around.scene, exposure.surface
+    names: dict[str, dict[str, str]] = {"instance": {}, "part": {}, "material": {}}
+    known = {(row.body, row.part): row.material.id for row in what.materials.rows} if what.materials else {}
+    material = {name: number for number, name in enumerate(sorted(set(known.values())), 1)}
+    names["material"] = {str(number): name for name, number in material.items()}
+    rows = [(one.id, one.label, [part.name for part in one.parts]) for one in scene.instances]
+    rows.append((OBJECT, what.item.instances[0].label, [part.name for part in what.item.instances[0].parts]))
+    first: list[int] = []
+    table = [(0, 0)]
+    for number, (body, label, parts) in enumerate(rows, 1):
+        names["instance"][str(number)] = label if body == OBJECT else f"{body}: {label}"
+        first.append(len(table))
+        for part in parts:
+            names["part"][str(len(table))] = f"{body}/{part}"
+            table.append((len(table), material.get(known.get((body, part), ""), 0)))
+    of_part = np.array(table)
+    owner, piece = (np.zeros(len(surface.face), dtype=np.int64) for _ in range(2))
+    for mesh, one, offset in ((0, scene, 0), (thing, what.item, len(scene.instances))):
+        mine = np.flatnonzero(surface.mesh_index == mesh)
+        face = surface.face[mine].astype(np.int64) - int((exposure.scene.mesh_of_face < mesh).sum())
+        face = faces[face] if mesh == 0 else face
+        instance = one.face_instance[face].astype(np.int64)
+        owner[mine] = np.where(instance >= 0, instance + 1 + offset, 0)
+        place = np.array(first)[np.maximum(instance, 0) + offset] + one.face_part[face]
+        piece[mine] = np.where((instance >= 0) & (one.face_part[face] >= 0), place, 0)
+    shape = exposure.shape
+    return {
+        "instance": owner.reshape(shape).astype(np.uint16),
+        "part": piece.reshape(shape).astype(np.uint16),
+        "material": of_part[piece, 1].reshape(shape).astype(np.uint16),
+    }, names
