@@ -33,8 +33,9 @@ def check(prompt: str, clauses: list[Clause]) -> None:
 
 def themes(clauses: list[Clause]) -> list[Noun]:
     """What is moved, clause by clause."""
-    nouns = (clause.theme for clause in clauses if clause.kind != "other")
-    return [noun for noun in nouns if noun is not None and noun.pronoun != "it"]
+    nouns = [clause.theme for clause in clauses if clause.kind != "other"]
+    known = any(noun is not None and not noun.is_unknown and noun.pronoun != "it" for noun in nouns)
+    return [noun for noun in nouns if noun is not None and noun.pronoun != "it" and not (known and noun.is_unknown)]
 
 
 def alike(one: Noun, other: Noun) -> bool:
@@ -46,6 +47,8 @@ def alike(one: Noun, other: Noun) -> bool:
 def reading_of(clauses: list[Clause], lost: tuple[str, ...]) -> Reading:
     """The clauses as one reading: the last pose counts, a said pose before one that a verb implies."""
     moved = themes(clauses)
+    nouns = (clause.theme for clause in clauses if clause.kind != "other" and clause.theme not in moved)
+    idle = [noun.text for noun in nouns if noun is not None and noun.pronoun == "" and noun.text not in " ".join(lost)]
     placing = [clause for clause in clauses if clause.says_where]
     poses = [token for clause in placing for token in clause.poses if not clause.negated]
     implied = next((clause.verb_pose for clause in reversed(placing) if clause.verb_pose), "")
@@ -71,7 +74,7 @@ def reading_of(clauses: list[Clause], lost: tuple[str, ...]) -> Reading:
         turn_words=turns[-1].text if turns else "",
         facing=facings[-1] if facings else None,
         aside=(*elsewhere, *sources, *(theme.text for theme in moved[1:])),
-        not_understood=(*lost, *(facing.text for facing in facings[:-1]), *(turn.text for turn in turns[:-1])),
+        not_understood=(*lost, *idle, *(facing.text for facing in facings[:-1]), *(turn.text for turn in turns[:-1])),
     )
 
 

@@ -25,6 +25,7 @@ DEFAULTS = "lexicon/defaults.csv"
 Words = tuple[str, ...]
 Size = tuple[float, float, float]
 ESTIMATE = "estimate"
+ARROW = re.compile(r"\s*(?:[-=]+>|\N{RIGHTWARDS ARROW})\s*")
 WORD_OR_MARK = re.compile(r"(?<!\S)-\d+(?:\.\d+)?|\d+\.\d+|[^\W_]+|[,.;:!?]")
 """Words and numbers, and the marks that separate clauses."""
 SOURCE = re.compile(r"size: (?P<size>\S+); mass: (?P<mass>\S+)|(?P<both>\S+)")
@@ -203,6 +204,7 @@ def plural(word: str) -> str:
 def split_words(text: str) -> list[str]:
     """Lower-case words; marks that separate clauses come out as `,`."""
     plain = unicodedata.normalize("NFKC", text).casefold().replace("\N{DEGREE SIGN}", " degrees ")
+    plain = ARROW.sub(" onto ", plain)  # "towel -> stool"
     return [w if w[-1].isalnum() else "," for w in WORD_OR_MARK.findall(plain)]
 
 

@@ -18,6 +18,8 @@ MODIFIERS = ("det", "side", "colour", "quality", "number", "both")
 NOUNS = ("thing", "part", "region")
 SAYING = (*MODIFIERS[1:], *NOUNS, "pronoun", "one", "viewer", "id", "unknown")
 """Kinds of tokens that can make a noun phrase alone; an article cannot."""
+OUTER = frozenset({"edge", "end", "side", "head", "foot"})
+"""Regions at the rim of a surface."""
 STARTS = ("det", *SAYING)
 """Kinds of tokens that a noun phrase may start with."""
 
@@ -194,6 +196,8 @@ def owned(noun: Noun, owner: Noun) -> Noun:
     if noun.is_region and not noun.region and owner.plural:
         pronoun = "" if owner.thing or owner.parts else "one"
         return replace(owner, sides=noun.sides, plural=False, pronoun=pronoun)
+    if noun.region in ("center", "middle") and noun.owner is None and owner.region in OUTER:
+        return owner  # "the middle of the long edge" is the edge, which is aimed at in its middle
     innermost = owned(noun.owner, owner) if noun.owner is not None else owner
     return replace(noun, owner=innermost)
 

@@ -233,6 +233,9 @@ class Reader(KeptWords):
         noun = noun_phrase(self.cursor)
         noun = replace(noun, sides=(side, *noun.sides)) if side else noun
         relation = token.value("relation") if token.value("relation") in SIDED else "distance"
+        of_a_side = next((one for one, side in SIDED.items() if (side,) == noun.sides), "")
+        if of_a_side and noun.region == "side" and noun.owner is not None and noun.owner.thing:
+            relation, noun = of_a_side, noun.owner  # "10 cm from the right side of the lamp"
         self.keep(begin)
         noun = self.referred(noun, relation)
         place = Place(relation, (noun,), self.restrict, self.cursor.text(begin), excluded=self.exclude, measure=measure)
@@ -410,7 +413,7 @@ class Reader(KeptWords):
             self.restrict |= not (noun.sides or noun.colour)
         elif is_place_alone(noun) and not (clause.theme is None and thing_and_region(noun)):
             clause.places.append(Place("at", (noun,), False, noun.text))
-        elif clause.theme is None and not clause.places:
+        elif not clause.places and (clause.theme is None or (clause.theme.is_unknown and noun.thing)):
             self.theme(clause, noun)
         elif is_front(noun, clause.theme) and self.cursor.here("face", "toward"):
             self.facing(clause, begin)

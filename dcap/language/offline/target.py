@@ -40,6 +40,8 @@ from dcap.language.protocol.requests import InstanceView, IntentRequest
 
 AT_IT = 0.05
 """A thing no farther off is on it or stands at it [m]."""
+ON_ITS_SIDE = frozenset({"on the side of", "at the side of", "to the side of", "by the side of"})
+"""Words that mean beside a thing, or of what it is not beside the side that looks at it."""
 AROUND = 1.5
 """A thing farther off is not where a sentence says that it is, "the desk near the window" [m]."""
 
@@ -89,6 +91,8 @@ def side_at(place: Place, target: Target, request: IntentRequest) -> Place | Non
         return None
     if place.relation == "nearest" and not noun.is_region:
         return place if target.references or is_off(noun, target.base, request) else None
+    if place.literal in ON_ITS_SIDE and is_off(noun, target.base, request):
+        return replace(place, relation="nearest")
     at_thing = noun.region == "side" and noun.owner is not None and noun.owner.thing and not noun.sides
     return replace(place, relation="nearest", nouns=(noun.owner,)) if at_thing and noun.owner is not None else None
 
