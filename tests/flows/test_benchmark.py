@@ -72,7 +72,7 @@ def drop(anchor: Anchor, seed: int) -> Settled:
 
 def render(settled: Settled) -> Renders:
     picture = np.full((8, 8, 3), 100, np.uint8)
-    return Renders(picture, picture, picture, 0.5, np.zeros(3), np.zeros(3))
+    return Renders(picture, picture, picture, 0.5, np.array([3.0, -2.0, 1.5]), np.zeros(3))
 
 stages = [stage(one) for one in (mesh, segment, intent, anchor, drop, render)]
 
@@ -118,6 +118,31 @@ def dataset(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
         patch.syspath_prepend(str(folder))
         patch.setattr("flows.sample_run.place", importlib.import_module("fake_pipeline").place)
         yield folder / "set.yaml"
+
+
+def check_maps(run: Path, folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Maps of a sample of a run, over a photo too; what has none is told in a line."""
+    assert main(["maps", "last", "good"]) == 0
+    made = run.resolve() / "samples" / "good" / "maps"
+    assert capsys.readouterr().out == f"{made}\n"
+    assert {"rgb.png", "depth.npy", "ids.json", "camera.json", "colmap"} <= {path.name for path in made.iterdir()}
+    camera, photo = ["--camera", str(made / "camera.json")], ["--over", str(made / "rgb.png")]
+    assert main(["maps", "last", "good", *camera, *photo, "--out", str(folder / "over")]) == 0
+    assert (folder / "over" / "composite.png").is_file()
+    capsys.readouterr()
+    (folder / "no.json").write_text("{}")
+    for words, told in (
+        (["none"], "no maps: target_not_found"),
+        (["nobody"], "not a sample"),
+        (["good", *photo], "--camera FILE"),
+        (["good", "--camera", str(folder / "no.json")], "width: Field required"),
+        (["good", *camera, "--over", str(folder / "no.json")], "no.json"),
+    ):
+        assert main(["maps", "last", *words, "--out", str(folder / "none")]) == 2
+        said = capsys.readouterr().err
+        assert told in said
+        assert len(said.splitlines()) == 1
+        assert not (folder / "none").exists()
 
 
 @pytest.mark.slow
@@ -180,6 +205,8 @@ def test_a_benchmark_from_cold_to_warm(
     assert main(["rerun", "last", "nobody", "--stage", "drop"]) == 2
     assert main(["rerun", "last", "good", "--stage", "cook"]) == 2
     assert main(["cache", "verify"]) == 0
+    capsys.readouterr()
+    check_maps(run.parent / "last", folder, capsys)
 
     ref = next(ref for ref in Store.default().refs() if ref.kind == "Settled")
     next(Store.default().folder(ref).glob("*.ply")).unlink()
