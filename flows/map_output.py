@@ -1,24 +1,26 @@
-"""Writes the conditioning maps of a finished placement into a folder: beside it first, then moved in.
+"""Writes the conditioning maps of a finished placement into a folder: into a draft there, then file by file.
 
-In: what the stages returned, a camera and perhaps a photograph. Out: the folder, whole or not at all.
+In: what the stages returned, a camera and perhaps a photograph. Out: the folder; what else is in it stays.
 """
 
+import io
 import os
-import shutil
 import tempfile
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image
+from PIL import ExifTags, Image, ImageOps
 
 from dcap.geometry.camera import Camera, looking_at
 from dcap.geometry.camera_file import read_camera
 from dcap.geometry.rendering.composite import composite
-from dcap.geometry.rendering.map_files import write_maps
+from dcap.geometry.rendering.map_files import COLMAP, COMPOSITE, FILES, write_maps
 from dcap.scene.errors import InputError
 from dcap.scene.readers.files.image import read_image
 from dcap.scene.store.artifacts import Store
+from flows.options import check_out
 from flows.output import load_values
 from flows.placement_json import Values
 from flows.sample_run import FinishedSample
@@ -26,7 +28,6 @@ from tasks.render.maps import conditioning_maps, placed
 from tasks.render.stage import RenderConfig
 
 FOLDER = "maps"
-COMPOSITE = "composite.png"
 
 
 def write_maps_of(
@@ -43,17 +44,29 @@ def write_maps_of(
     what = placed(scene, item, anchor, values.materials, settled)
     found = conditioning_maps(what, view, config, cutaway=camera is None)
     over = None if image is None else composite(found, image)
-    folder.parent.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(dir=folder.parent, prefix=".writing-") as draft:
-        fresh = Path(draft) / FOLDER
+    check_out(folder)
+    folder.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(dir=folder, prefix=".writing-") as draft:
+        fresh = Path(draft)
         write_maps(fresh, found, view)
         if over is not None:
             Image.fromarray(over).save(fresh / COMPOSITE)
-        if folder.exists():
-            os.replace(folder, Path(draft) / "before")
-        os.replace(fresh, folder)
-        shutil.rmtree(Path(draft) / "before", ignore_errors=True)
+        (folder / COLMAP).mkdir(exist_ok=True)
+        for name in FILES:
+            if (fresh / name).is_file():
+                os.replace(fresh / name, folder / name)
+            else:  # of an earlier view
+                (folder / name).unlink(missing_ok=True)
     return folder
+
+
+def clear_maps(folder: Path) -> None:
+    """Remove the files of earlier maps, and their folders if nothing else is in them."""
+    for name in FILES:
+        (folder / name).unlink(missing_ok=True)
+    for one in (folder / COLMAP, folder):
+        with suppress(OSError):  # not there, or something else is in it
+            one.rmdir()
 
 
 def automatic_camera(values: Values, config: RenderConfig) -> Camera:
@@ -64,8 +77,14 @@ def automatic_camera(values: Values, config: RenderConfig) -> Camera:
 
 
 def read_photo(path: Path) -> NDArray[np.uint8]:
-    """A photograph as sRGB bytes, shape (h, w, 3)."""
+    """A photograph as sRGB bytes, turned as its EXIF data say, shape (h, w, 3)."""
     try:
-        return read_image(path.read_bytes(), str(path))
+        data = path.read_bytes()
     except OSError as error:
         raise InputError(f"--over {path}: {error.strerror or error}") from None
+    plain = read_image(data, str(path))  # says what is wrong with what is no picture
+    with Image.open(io.BytesIO(data)) as photo:
+        if photo.mode.startswith(("I", "F")):
+            raise InputError(f"--over {path}: {photo.mode} has more than 8 bits a channel; give an 8-bit sRGB picture")
+        turned = photo.getexif().get(ExifTags.Base.Orientation, 1) != 1
+        return np.array(ImageOps.exif_transpose(photo).convert("RGB")) if turned else plain

@@ -1,6 +1,5 @@
 """One placement for a person: says what is cached, starts a server only if something must run, shows the stages."""
 
-import shutil
 import sys
 from functools import partial
 from pathlib import Path
@@ -11,7 +10,7 @@ from dcap.language.model.ledger import in_words, spending_of
 from dcap.scene.json_tree import JsonObject
 from flows.configure import configured
 from flows.language_options import language_options
-from flows.map_output import FOLDER, write_maps_of
+from flows.map_output import FOLDER, clear_maps, write_maps_of
 from flows.one_sample import sample_of, show
 from flows.options import PlaceOptions
 from flows.output import write_placement
@@ -58,8 +57,9 @@ def place_files(scene: str, thing: str, prompt: str, options: PlaceOptions, out:
 def write_results(finished: FinishedSample, out: Path, mapped: PlaceConfig | None) -> JsonObject:
     """All files of a placement, with conditioning maps under the configuration `mapped` unless that is None; returns
     placement.json."""
-    shutil.rmtree(out / FOLDER, ignore_errors=True)  # of an earlier result in the same folder
     tree = write_placement(finished, out)
     if mapped is not None and tree["verdict"] == AT_REST:
         write_maps_of(finished, out / FOLDER, mapped.render)
+    else:  # those of an earlier result in the same folder
+        clear_maps(out / FOLDER)
     return tree

@@ -17,8 +17,14 @@ from dcap.scene.errors import InputError
 
 PIXEL_MIDDLE = 0.5
 """Our place of the middle of OpenCV's pixel (0, 0) [pixel]."""
-LARGEST = 8192
-"""Most pixels along a side [pixel]: eight times that of other pictures."""
+LARGEST = 16_384
+"""Most pixels along a side [pixel]: the largest textures that are read."""
+MOST = 4096 * 4096
+"""Most pixels: a ray takes about a hundred bytes, so this many take 2 GiB [pixel]."""
+FARTHEST = 100.0
+"""Focal lengths and principal points within this many picture widths are meant [-]: 0.6 degrees of view."""
+DISTORTION = ("k1", "k2", "k3", "k4", "k5", "k6", "p1", "p2", "distortion", "dist_coeffs", "distortion_coefficients")
+"""Keys of lens distortion, which pinhole pictures do not have."""
 TURNED = 1e-3
 """A rotation may be off by so much [-]: files are rounded."""
 Row = tuple[float, float, float, float]
@@ -27,7 +33,7 @@ Focal = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 
 
-class CameraFile(BaseModel, frozen=True, extra="ignore"):
+class CameraFile(BaseModel, frozen=True, extra="allow"):
     """The content of the file."""
 
     width: Side
@@ -61,6 +67,7 @@ def read_camera(path: Path, target: NDArray[np.float64]) -> Camera:
         first = error.errors(include_url=False)[0]
         where = ".".join(str(one) for one in first["loc"])
         raise InputError(f"--camera {path}: {where + ': ' if where else ''}{first['msg']}") from None
+    check_pixels(path, found)
     pose = np.array(found.world_from_camera)
     turn = pose[:3, :3]
     if not np.isfinite(pose).all() or np.abs(turn @ turn.T - np.eye(3)).max() > TURNED or np.linalg.det(turn) < 0.0:
@@ -73,3 +80,21 @@ def read_camera(path: Path, target: NDArray[np.float64]) -> Camera:
         pose[:3, 3], target, turn, found.width, found.height, found.fx,
         middle=(found.cx + PIXEL_MIDDLE, found.cy + PIXEL_MIDDLE), stretch=found.fy / found.fx,
     )  # fmt: skip
+
+
+def check_pixels(path: Path, found: CameraFile) -> None:
+    """InputError for pictures that are too large, cameras that see nothing, and lenses that are no pinhole."""
+    if found.width * found.height > MOST:
+        raise InputError(
+            f"--camera {path}: {found.width} x {found.height} pixels are more than {MOST}; give a smaller view"
+        )
+    side = max(found.width, found.height)
+    for name in ("fx", "fy", "cx", "cy"):
+        value = abs(getattr(found, name))
+        if value > FARTHEST * side or (name in ("fx", "fy") and value < side / FARTHEST):
+            raise InputError(
+                f"--camera {path}: {name} = {getattr(found, name):g} does not fit a picture of {side} pixels"
+            )
+    for name, value in (found.model_extra or {}).items():
+        if name in DISTORTION and np.any(np.asarray(value, dtype=object) != 0):
+            raise InputError(f"--camera {path}: {name} is not 0; undistort the photo first, maps are of a pinhole")

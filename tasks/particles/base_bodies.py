@@ -264,7 +264,8 @@ def base_cells(setup: DropSetup, foot: Footprint, distance: Distance, box: Array
         finest = min(float(one.size.min(initial=cells.size)) for one in asked)
         setup.notes.append(
             f"{setup.anchor.base_id}: cells of {1e3 * cells.size:.2g} mm at the contact instead of "
-            f"{1e3 * finest:.2g} mm, to meet the budget of {budget} cells (ParticlesConfig.base_cells)"
+            f"{1e3 * finest:.2g} mm, to meet the budget of {budget} cells (ParticlesConfig.base_cells"
+            f"{'' if config.coarser == 1.0 else ', coarser'})"
         )
     return cells
 

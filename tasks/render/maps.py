@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import distance_transform_edt
 from scipy.spatial import cKDTree
 
 from dcap.geometry.camera import Camera
@@ -38,7 +39,7 @@ OBJECT = "object"
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Placed:
+class SettledView:
     """What is in the view."""
 
     around: SettledScene
@@ -52,13 +53,13 @@ class Placed:
 
 def placed(
     scene: Segmentation, item: Segmentation, anchor: Anchor, materials: PartMaterials | None, settled: Settled
-) -> Placed:
+) -> SettledView:
     """The placement as it settled."""
     thing = settled_item(item, anchor, settled.bodies[0])
-    return Placed(settled_scene(scene, settled, anchor.base_id), item, thing, settled.contact_points, materials)
+    return SettledView(settled_scene(scene, settled, anchor.base_id), item, thing, settled.contact_points, materials)
 
 
-def conditioning_maps(what: Placed, camera: Camera, config: RenderConfig, *, cutaway: bool) -> ConditioningMaps:
+def conditioning_maps(what: SettledView, camera: Camera, config: RenderConfig, *, cutaway: bool) -> ConditioningMaps:
     """All passes of one view.
 
     Args:
@@ -116,13 +117,18 @@ def as_bytes(share: F32) -> NDArray[np.uint8]:
 
 
 def shadow_of(exposure: Exposure, bare: Raycaster, thing: int) -> F32:
-    """Light on the scene with the object over that without it, as luminance, shape (h, w)."""
+    """Light on the scene with the object over that without it, as luminance, shape (h, w); on the object that of the
+    nearest pixel beside it, as pixels at its rim show both."""
     surface, scene = exposure.surface, exposure.scene
     before = gathered_light(bare, surface, scene.light, scene.reach, exposure.shape)
     lit, unlit = (LUMINANCE @ shade(surface, light, scene.light) for light in (exposure.light, before))
     on_scene = (surface.mesh_index >= 0) & (surface.mesh_index != thing)
-    ratio = np.where(on_scene, lit / np.maximum(unlit, 1e-6), 1.0)
-    return np.asarray(np.clip(ratio, 0.0, 1.0).reshape(exposure.shape), dtype=np.float32)
+    ratio = np.where(on_scene, lit / np.maximum(unlit, 1e-6), 1.0).reshape(exposure.shape)
+    mine = (surface.mesh_index == thing).reshape(exposure.shape)
+    if mine.any() and not mine.all():
+        row, column = distance_transform_edt(mine, return_distances=False, return_indices=True)
+        ratio = ratio[row, column]
+    return np.asarray(np.clip(ratio, 0.0, 1.0), dtype=np.float32)
 
 
 def contact_map(contact: Array, exposure: Exposure, bare: Raycaster, thing: int) -> NDArray[np.uint8]:
@@ -165,7 +171,7 @@ def dent_map(around: SettledScene, exposure: Exposure, faces: NDArray[np.int64])
 
 
 def identities(
-    what: Placed, exposure: Exposure, faces: NDArray[np.int64], thing: int
+    what: SettledView, exposure: Exposure, faces: NDArray[np.int64], thing: int
 ) -> tuple[dict[str, NDArray[np.uint16]], dict[str, dict[str, str]]]:
     """Ids of instance, part and material in each pixel, (h, w) each, and their names."""
     scene, surface = what.around.scene, exposure.surface

@@ -21,8 +21,22 @@ MILLIMETRES = 1000.0
 FARTHEST = 65535
 """Largest depth that 16 bits hold [mm]; farther is this."""
 POINTS = 2000
-"""Points of the surface in the COLMAP model."""
+"""Most points of the surface in the COLMAP model."""
 PICTURE = "rgb.png"
+
+
+ARRAYS = ("depth", "normal_world", "normal_camera", "dent")
+PICTURES = (
+    "rgb", "depth", "normal_world", "normal_camera", "object_mask", "occlusion_matte", "contact", "shadow",
+    "ambient_occlusion", "instance", "part", "material",
+)  # fmt: skip
+COLMAP = "colmap"
+COMPOSITE = "composite.png"
+FILES = (
+    *(f"{name}.png" for name in PICTURES), *(f"{name}.npy" for name in ARRAYS), "ids.json", "camera.json", COMPOSITE,
+    *(f"{COLMAP}/{name}.txt" for name in ("cameras", "images", "points3D")),
+)  # fmt: skip
+"""All that may be written, below the folder of the maps."""
 
 
 def write_maps(folder: Path, maps: ConditioningMaps, camera: Camera) -> None:
@@ -43,13 +57,13 @@ def write_maps(folder: Path, maps: ConditioningMaps, camera: Camera) -> None:
         "part": maps.part,
         "material": maps.material,
     }
-    for name, picture in pictures.items():
-        Image.fromarray(picture).save(folder / f"{name}.png")
-    for name in ("depth", "normal_world", "normal_camera", "dent"):
+    for name in PICTURES:
+        Image.fromarray(pictures[name]).save(folder / f"{name}.png")
+    for name in ARRAYS:
         np.save(folder / f"{name}.npy", getattr(maps, name), allow_pickle=False)
     (folder / "ids.json").write_text(json.dumps(maps.names, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
     write_camera(folder / "camera.json", camera)
-    write_colmap_text(folder / "colmap", colmap_model(maps, camera))
+    write_colmap_text(folder / COLMAP, colmap_model(maps, camera))
 
 
 def colmap_model(maps: ConditioningMaps, camera: Camera) -> ColmapModel:
@@ -59,7 +73,7 @@ def colmap_model(maps: ConditioningMaps, camera: Camera) -> ColmapModel:
     quaternion = Rotation.from_matrix(turn).as_quat(canonical=True, scalar_first=True)
     image = PosedImage(1, PICTURE, 1, quaternion, -turn @ camera.position)
     seen = np.flatnonzero(np.isfinite(maps.depth.ravel()))
-    some = seen[:: max(1, len(seen) // POINTS)]
+    some = seen[:: max(1, -(-len(seen) // POINTS))]
     ways = camera.directions(camera.pixel_centers[some])
     along = maps.depth.ravel()[some] / (ways @ camera.world_from_camera[:, 2])
     return ColmapModel((pinhole,), (image,), camera.position + along[:, None] * ways, maps.rgb.reshape(-1, 3)[some])

@@ -3,11 +3,11 @@
 from dataclasses import replace
 
 from dcap.language.offline.nouns import Noun
-from dcap.language.offline.reading import Clause, Place, Reading
+from dcap.language.offline.reading import Clause, Reading
 from dcap.scene.errors import LanguageError
 
 EXAMPLE = "say what to put where, for example: put the ball on the bed"
-MIRRORED = {"left": "right", "right": "left", "left_of": "right_of", "right_of": "left_of"}
+MIRRORED = {"left": "right", "right": "left"}
 STANDS_BY_ITSELF = frozenset({"upside_down", "on_side", "on_left_side", "on_right_side", "on_back", "on_front"})
 """Poses that a thing keeps although it rests against something."""
 
@@ -54,7 +54,7 @@ def reading_of(clauses: list[Clause], lost: tuple[str, ...]) -> Reading:
     implied = next((clause.verb_pose for clause in reversed(placing) if clause.verb_pose), "")
     places = [
         replace(
-            mirrored(place) if clause.own_view else place,
+            place, nouns=tuple(mirrored(noun) for noun in place.nouns) if clause.own_view else place.nouns,
             clause=index, excluded=place.excluded or (clause.negated and not place.restrict),
         )
         for index, clause in enumerate(placing) for place in clause.places
@@ -78,7 +78,7 @@ def reading_of(clauses: list[Clause], lost: tuple[str, ...]) -> Reading:
     )
 
 
-def mirrored(place: Place) -> Place:
-    """A place with left and right exchanged: who sits in a chair looks the other way than who stands before it."""
-    nouns = tuple(replace(noun, sides=tuple(MIRRORED.get(side, side) for side in noun.sides)) for noun in place.nouns)
-    return replace(place, relation=MIRRORED.get(place.relation, place.relation), nouns=nouns)
+def mirrored(noun: Noun) -> Noun:
+    """A noun with left and right exchanged: who sits in a chair looks the other way than who stands before it."""
+    swapped = tuple(" ".join(MIRRORED.get(word, word) for word in side.split()) for side in noun.sides)
+    return replace(noun, sides=swapped, owner=mirrored(noun.owner) if noun.owner is not None else None)

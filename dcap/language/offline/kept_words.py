@@ -19,6 +19,13 @@ class KeptWords:
         paused = begin > 0 and self.cursor.tokens[begin - 1].has("pause")
         return paused and (self.cursor.at_end or self.cursor.here("pause"))
 
+    def says_no_place(self) -> bool:
+        """Whether no relation or verb stands anywhere, and no thing comes any more: "mug, white table, left side"."""
+        rest = self.cursor.tokens[self.cursor.index :]
+        return not any(one.has("relation", "verb") for one in self.cursor.tokens) and not any(
+            one.has("thing") for one in rest
+        )
+
     def use(self) -> Token:
         """The next token, kept."""
         token = self.cursor.take()

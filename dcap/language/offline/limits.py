@@ -5,6 +5,7 @@ reply, or with the place among what was not understood.
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -13,7 +14,7 @@ from dcap.language.offline.grounded import Target, is_any
 from dcap.language.offline.likelihood import label_thing
 from dcap.language.offline.placing import BESIDE, whole
 from dcap.language.offline.reading import Place
-from dcap.language.offline.sentence import SUPPORT
+from dcap.language.offline.sentence import SIDED, SUPPORT
 from dcap.language.offline.where import references_of, regions_of
 from dcap.language.protocol.replies import Constraint
 from dcap.language.protocol.requests import PART_SIDES, InstanceView, IntentRequest
@@ -29,6 +30,13 @@ def limit(target: Target, place: Place, request: IntentRequest) -> None:
     """Distances, "as far as possible from" and "away from": a constraint to the edge or to things."""
     assert target.base is not None
     noun, measure = place.nouns[0], place.measure
+    whose = noun.owner if noun.region == "side" and noun.sides else None
+    if whose is not None and whose.thing and target.base not in candidates(whose, request.instances):
+        relation = next((one for one, side in SIDED.items() if (side,) == noun.sides), place.relation)
+        noun, place = (
+            whose,
+            replace(place, relation=relation, nouns=(whose,)),
+        )  # "10 cm from the right side of the lamp"
     kind = {"exactly": "exactly", "least": "at_least", "most": "at_most"}[measure.mode] if measure else place.relation
     metres = measure.metres if measure else None
     if noun.region or noun.is_region:

@@ -110,11 +110,19 @@ def simple(cursor: TokenCursor) -> Noun:
     while not cursor.at_end:
         if skipped(cursor, words):
             cursor.take()
+        elif begin > 0 and cursor.tokens[begin - 1].has("verb") and says_again(cursor):
+            break  # "put the book back on the shelf"
         elif goes_on(cursor, words):
             words.append(cursor.take())
         else:
             break
     return noun_of(words, cursor.text(begin))
+
+
+def says_again(cursor: TokenCursor) -> bool:
+    """Whether "back" comes and only says that something was there before: where it goes follows at once."""
+    again = cursor.tokens[cursor.index].text == "back" and cursor.here("thing", "pronoun", "verb", ahead=-1)
+    return again and cursor.value("relation", ahead=1) in ("on", "in", "under")
 
 
 def skipped(cursor: TokenCursor, words: list[Token]) -> bool:

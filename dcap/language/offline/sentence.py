@@ -30,6 +30,7 @@ from dcap.language.offline.nouns import (
     is_front,
     is_place_alone,
     noun_phrase,
+    says_again,
     several,
     starts,
     thing_and_region,
@@ -178,7 +179,7 @@ class Reader(KeptWords):
         elif here("own view"):
             self.use()
             clause.own_view = True
-        elif here("side") and self.says_again():  # "put the book back on the shelf"
+        elif says_again(self.cursor):  # "put the book back on the shelf"
             self.use()
         elif here("pose") and not here("relation"):
             clause.poses.append(self.use())
@@ -233,9 +234,6 @@ class Reader(KeptWords):
         noun = noun_phrase(self.cursor)
         noun = replace(noun, sides=(side, *noun.sides)) if side else noun
         relation = token.value("relation") if token.value("relation") in SIDED else "distance"
-        of_a_side = next((one for one, side in SIDED.items() if (side,) == noun.sides), "")
-        if of_a_side and noun.region == "side" and noun.owner is not None and noun.owner.thing:
-            relation, noun = of_a_side, noun.owner  # "10 cm from the right side of the lamp"
         self.keep(begin)
         noun = self.referred(noun, relation)
         place = Place(relation, (noun,), self.restrict, self.cursor.text(begin), excluded=self.exclude, measure=measure)
@@ -327,7 +325,8 @@ class Reader(KeptWords):
             return
         if relation == "nearest" and self.last_place_ends == begin and is_bare_side(clause.places[-1].nouns[0]):
             clause.places.pop()  # "on the side nearer the stool"
-        across = clause.places and self.last_place_ends == begin and clause.places[-1].nouns[0].region in ACROSS
+        right_before = begin - (self.cursor.tokens[begin - 1].value("verb") == "be")  # "whichever end is further from"
+        across = self.last_place_ends == right_before and clause.places[-1].nouns[0].region in ACROSS
         if relation in ("opposite", "away") and across:
             relation = "farthest"  # "the corner opposite the lamp"
         if relation == "nearest" and self.is_measured_edge(clause, begin):  # "10 cm from the edge nearest the sofa"
@@ -359,12 +358,6 @@ class Reader(KeptWords):
         clause.places[-1] = replace(last, nouns=(noun, *last.nouns[1:]))
         clause.places.append(Place(SEEN[far], (viewer,), False, self.cursor.text(begin)))
 
-    def says_again(self) -> bool:
-        """Whether "back" only says that it was there before: right after what is moved, before where it goes."""
-        after = self.cursor.value("relation", ahead=1) in SUPPORT or self.cursor.value("relation", ahead=1) == "under"
-        before = self.cursor.here("thing", "pronoun", "verb", ahead=-1)
-        return self.cursor.tokens[self.cursor.index].text == "back" and after and before
-
     def second(self, relation: str) -> list[Noun]:
         """The noun after "and": of "between", or of "next to A and B" where the sentence ends or pauses with it."""
         back = self.cursor.index
@@ -381,7 +374,7 @@ class Reader(KeptWords):
         mode = self.cursor.take().value("face") or "toward"
         if not at_noun(self.cursor) or clause.facing is not None:
             return
-        edge = bool(clause.places) and self.last_place_ends == begin and clause.places[-1].nouns[0].region in ACROSS
+        edge = bool(clause.places) and self.last_place_ends == begin and clause.places[-1].nouns[0].region == "edge"
         noun = noun_phrase(self.cursor)
         self.keep(begin)
         if edge and mode == "toward":
@@ -397,9 +390,6 @@ class Reader(KeptWords):
     def says_edge(self, clause: Clause, begin: int, noun: Noun) -> None:
         """The edge that was named last is the one at this thing."""
         edge = clause.places[-1]
-        if edge.nouns[0].region != "edge" and edge.measure is None:  # "the end that points towards the plant"
-            self.said(clause, Place("nearest", (noun,), False, self.cursor.text(begin)))
-            return
         text = f"{edge.text} {self.cursor.text(begin)}"
         clause.places[-1] = replace(edge, nouns=(replace(edge.nouns[0], region="edge", toward=noun),), text=text)
         self.last_place_ends = self.cursor.index
@@ -420,7 +410,7 @@ class Reader(KeptWords):
             return
         elif clause.theme is not None and clause.places and self.cursor.here("relation") and noun.thing:
             clause.theme = several(clause.theme, noun)  # "... and a mug on the desk"
-        elif clause.theme is not None and noun.thing and self.alone(begin) and not (clause.kind or clause.places):
+        elif clause.theme is not None and noun.thing and self.alone(begin) and self.says_no_place():
             self.said(clause, Place("on", (noun,), False, noun.text))  # "mug, white table"
         elif noun.pronoun != "it":
             return

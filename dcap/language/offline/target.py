@@ -89,7 +89,7 @@ def side_at(place: Place, target: Target, request: IntentRequest) -> Place | Non
     noun = place.nouns[0]
     if place.excluded:
         return None
-    if place.relation == "nearest" and not noun.is_region:
+    if place.relation == "nearest" and noun.thing and not noun.region:
         return place if target.references or is_off(noun, target.base, request) else None
     if place.literal in ON_ITS_SIDE and is_off(noun, target.base, request):
         return replace(place, relation="nearest")

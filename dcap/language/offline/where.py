@@ -123,7 +123,7 @@ def beside(target: Target, place: Place, request: IntentRequest) -> None:
             return
         if not found:
             part = next((p for p in noun.parts if p in PART_REGIONS), "")
-            if part and place.relation in ("near", "against", "next_to"):
+            if part and place.relation in ("near", "against", "next_to", "nearest"):
                 target.add_regions([PART_REGIONS[part]])
                 target.words.append(place.text)
                 return

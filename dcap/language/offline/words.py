@@ -242,14 +242,25 @@ def given_last(tokens: list[Token]) -> list[Token]:
     """The tokens with what receives something after it: "the table gets the cup" is "the cup on the table"."""
     at = next((i for i, token in enumerate(tokens) if token.has("receives")), 0)
     end = next((i for i in range(at, len(tokens)) if tokens[i].has("pause")), len(tokens))
-    if not at or at + 1 == end:
+    begin = next((i + 1 for i in range(at - 1, -1, -1) if tokens[i].has("pause")), 0)
+    place, given = tokens[begin:at], tokens[at + 1 : end]
+    plain = all(
+        is_named(side) and not any(one.has("verb", "restrict", "face") for one in side) for side in (place, given)
+    )
+    if not at or not plain or not given[0].has("det", "thing") or any(one.has("relation") for one in (*place, *given)):
         return tokens
     return [
-        *tokens[at + 1 : end],
+        *tokens[:begin],
+        *given,
         Token(tokens[at].text, frozenset({Meaning("relation", "on")})),
-        *tokens[:at],
+        *place,
         *tokens[end:],
     ]
+
+
+def is_named(tokens: list[Token]) -> bool:
+    """Whether the tokens name a thing."""
+    return any(one.has("thing") for one in tokens)
 
 
 def is_aside(tokens: list[Token], at: int) -> bool:

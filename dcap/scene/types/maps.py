@@ -35,7 +35,8 @@ class ConditioningMaps:
     """SEEN_CONTACT at surface beside or in the contact patch, HIDDEN_CONTACT where the object hides the patch, 0
     elsewhere, shape (h, w)."""
     shadow: F32
-    """Light on the scene with the object over that without it, luminance 0..1; 1 on the object, shape (h, w)."""
+    """Light on the scene with the object over that without it, luminance 0..1; on the object that of the
+    nearest pixel beside it, shape (h, w)."""
     ambient_occlusion: F32
     """Share of the sky that reaches the surface, 0..1; 1 where nothing is, shape (h, w)."""
     dent: F32

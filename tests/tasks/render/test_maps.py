@@ -18,7 +18,7 @@ from dcap.geometry.rendering.picture import picture
 from dcap.scene.errors import InputError
 from dcap.scene.types.maps import HIDDEN_CONTACT, SEEN_CONTACT, ConditioningMaps
 from dcap.scene.types.mesh import Mesh
-from tasks.render.maps import Placed, conditioning_maps, placed
+from tasks.render.maps import SettledView, conditioning_maps, placed
 from tasks.render.settled_meshes import SettledScene
 from tasks.render.stage import RenderConfig
 
@@ -33,7 +33,7 @@ def camera(position: tuple[float, float, float] = (0.3, -1.2, 1.1), size: int = 
 
 
 @cache
-def what() -> Placed:
+def what() -> SettledView:
     return placed(scene_of(), ball(), anchor(), None, settled())
 
 
@@ -80,7 +80,7 @@ def test_depth_and_normals_are_those_of_the_ball():
 
 def test_mask_has_the_area_of_a_sphere_seen_in_perspective():
     """A disc of tangent r / sqrt(d^2 - r^2) about the line to its centre."""
-    open_air = Placed(
+    open_air = SettledView(
         SettledScene(scene_of(), np.zeros_like(scene_of().mesh.vertices)), ball(), floating(), np.zeros((0, 3)), None
     )
     view = camera()
@@ -135,7 +135,7 @@ def test_contact_map_is_the_patch():
 
 def test_dent_is_the_depth_of_the_sphere():
     """Where the dent can be seen it is as deep as the sphere that made it, along the bed's normal."""
-    bare = Placed(what().around, ball(), floating(), np.zeros((0, 3)), None)
+    bare = SettledView(what().around, ball(), floating(), np.zeros((0, 3)), None)
     side = camera((0.0, -0.8, 1.2))
     found = conditioning_maps(bare, side, CONFIG, cutaway=False)
     points = positions(found, side)
@@ -224,3 +224,33 @@ def test_off_middle_stretched_camera_sees_what_it_projects():
     points = view.position + 1.7 * ways
     assert view.project(points)[:, :2] == pytest.approx(pixels, abs=1e-9)
     assert np.linalg.norm(ways, axis=1) == pytest.approx(1.0)
+
+
+def test_rim_of_the_object_lies_in_its_shadow():
+    """Where a pixel shows both, the composite is as dark as the picture: no bright rim in the contact shadow."""
+    before = picture([what().around.scene.mesh], camera()).rgb
+    error = composite(taken(), before).astype(float) - taken().rgb
+    rim = (taken().object_mask > 0) & (taken().object_mask < 255)
+    assert rim.sum() > 100
+    assert np.abs(error[rim].mean(axis=1)).mean() < 4.0
+
+
+@pytest.mark.parametrize(
+    ("more", "told"),
+    [
+        ({"width": 9000, "height": 9000}, "more than"),
+        ({"fx": 1e-3}, "fx = 0.001"),
+        ({"cx": 1e9}, "cx = 1e"),
+        ({"k1": 0.1}, "undistort"),
+        ({"distortion": [0.0, 0.2]}, "undistort"),
+    ],
+)
+def test_cameras_that_are_no_pinholes_of_such_pictures(tmp_path, more, told):
+    write_maps(tmp_path, taken(), camera())
+    with pytest.raises(InputError, match=told):
+        read_camera(changed(tmp_path / "camera.json", **more), CENTER)
+
+
+def test_distortion_of_nought_is_none(tmp_path):
+    write_maps(tmp_path, taken(), camera())
+    assert read_camera(changed(tmp_path / "camera.json", k1=0, distortion=[0.0, 0.0]), CENTER).width == 240
