@@ -24,9 +24,12 @@ from dcap.scene.types.segmentation import Segmentation
 from dcap.scene.types.settled import Settled
 from dcap.scene.writers.glb import Node, glb_bytes, labelled_nodes
 from flows.placement_json import AT_REST, Values, placement_json
+from flows.placement_schema import placement_schema
 from flows.sample_run import FinishedSample
 from tasks.render.settled_meshes import settled_item, settled_scene
 
+SCHEMA = "placement.schema.json"
+"""The JSON Schema of placement.json, beside it."""
 PICTURES = ("clean", "asked", "settled", "closeup", "candidates", "hole")
 OWNED = frozenset({"object.ply", "scene.glb", *(f"{name}.png" for name in PICTURES)})
 
@@ -72,6 +75,8 @@ def write_placement(finished: FinishedSample, out: Path) -> JsonObject:
         draft = Path(draft_name)
         artifacts = write_geometry(values, draft) | copy_pictures(finished, store, draft)
         tree = placement_json(finished, values, artifacts)
+        (draft / SCHEMA).write_bytes(readable_json(placement_schema()))
+        os.replace(draft / SCHEMA, out / SCHEMA)
         (out / "placement.json").unlink(missing_ok=True)
         for name in OWNED.difference(artifacts.values()):  # of an earlier result in the same folder
             (out / name).unlink(missing_ok=True)

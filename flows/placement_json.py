@@ -23,6 +23,8 @@ from flows.sample_run import FinishedSample
 from solver.certificate import Certificate, Verdict
 
 AT_REST = "at_rest"
+SCHEMA_VERSION = 1
+"""Of the keys of placement.json: keys are only added within a version."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,6 +53,7 @@ def placement_json(finished: FinishedSample, values: Values, artifacts: Mapping[
     if anchor and settled and body:
         missed = region_missed(support_point(settled, body), anchor.region_polygon) or off_its_part(values)
     tree = {
+        "schema": SCHEMA_VERSION,
         "verdict": verdict,
         "reason": reason,
         "message": values.infeasible.message if values.infeasible else None,

@@ -141,6 +141,8 @@ class GeometryRow:
 class Placement:
     """A placement: the keys of placement.json, and where its files are."""
 
+    schema: int
+    """Version of these keys; 0 of what was written before there was one."""
     verdict: str
     """at_rest or infeasible."""
     reason: str | None
@@ -192,7 +194,7 @@ class Placement:
             "checks": found.get("placement"),
             "evidence": {key: value for key, value in found.items() if key not in {*of_the_drop, "placement"}},
         }
-        values = {**tree, **told, "artifacts": files, "folder": place, "tree": dict(tree)}
+        values = {"schema": 0, **tree, **told, "artifacts": files, "folder": place, "tree": dict(tree)}
         placement: Placement = built(cls, values, place / "placement.json")
         return placement
 

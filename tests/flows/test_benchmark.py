@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from contextlib import nullcontext
 from pathlib import Path
 
+import jsonschema
 import pyarrow.parquet as pq
 import pytest
 
@@ -170,12 +171,19 @@ def test_a_benchmark_from_cold_to_warm(
     assert f"{folder / 'broken.ply'}: broken on purpose" in (run / "samples" / "bad" / "error.txt").read_text()
     placement = json.loads((run / "samples" / "good" / "placement.json").read_text())
     assert placement["pose"] == {"position": [0.0, 0.0, 1.0], "quaternion": [1.0, 0.0, 0.0, 0.0]}
+    for name in ("good", "none"):
+        folder_of = run / "samples" / name
+        schema = json.loads((folder_of / "placement.schema.json").read_text())
+        jsonschema.Draft202012Validator.check_schema(schema)
+        jsonschema.validate(json.loads((folder_of / "placement.json").read_text()), schema)
+    with pytest.raises(jsonschema.ValidationError, match="verdict"):
+        jsonschema.validate({**placement, "verdict": 3}, schema)
     assert {path.name for path in (run / "samples" / "good").iterdir()} == {
-        "placement.json", "object.ply", "scene.glb", "clean.png", "settled.png", "closeup.png",
+        "placement.json", "placement.schema.json", "object.ply", "scene.glb", "clean.png", "settled.png", "closeup.png",
     }  # fmt: skip
 
     assert {path.name for path in (run / "samples" / "none").iterdir()} == {
-        "placement.json", "scene.glb", "clean.png", "candidates.png",
+        "placement.json", "placement.schema.json", "scene.glb", "clean.png", "candidates.png",
     }  # fmt: skip
 
     def refuse() -> None:

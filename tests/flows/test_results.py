@@ -23,8 +23,8 @@ def written(infeasible: Infeasible) -> dict[str, Any]:
     nothing = dict.fromkeys(one.name for one in fields(Values)) | {"infeasible": infeasible}
     keys = {one.name for one in fields(Placement)} - {"folder", "tree", "checks", "evidence"}
     return dict.fromkeys(keys) | {
-        "verdict": "infeasible", "reason": infeasible.reason.value, "prompt": "put it there", "contacts": [],
-        "candidates": [],
+        "schema": 1, "verdict": "infeasible", "reason": infeasible.reason.value, "prompt": "put it there",
+        "contacts": [], "candidates": [],
         "materials": [], "geometry": [], "warnings": [], "timings": {}, "artifacts": {},
         "certificate": certificate_of(Values(**nothing)),
     }  # fmt: skip
@@ -59,3 +59,10 @@ def test_a_file_with_other_keys_is_refused_in_one_line(tmp_path: Path) -> None:
     tree["certificate"]["signals"]["linear_speed"]["value"] = None
     with pytest.raises(InputError, match=r"placement.json: certificate.signals.linear_speed.value: .*None"):
         Placement.of(tree, tmp_path)
+
+
+def test_a_file_from_before_the_version_is_read(tmp_path: Path) -> None:
+    tree = written(Infeasible(Reason.LEFT_TARGET, "it left", LAST))
+    assert Placement.of(tree, tmp_path).schema == 1
+    del tree["schema"]
+    assert Placement.of(tree, tmp_path).schema == 0

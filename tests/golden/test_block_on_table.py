@@ -67,7 +67,12 @@ def test_a_block_rests_on_the_table(files: Path, capsys: pytest.CaptureFixture[s
         sum(one["normal_force_n"] for one in contacts), 9.81 * float(str(tree["mass"])), rtol=5e-3
     )
     out = files / "out"
-    assert {path.name for path in out.iterdir()} == PICTURES | {"placement.json", "object.ply", "scene.glb"}
+    assert {path.name for path in out.iterdir()} == PICTURES | {
+        "placement.json",
+        "placement.schema.json",
+        "object.ply",
+        "scene.glb",
+    }
     np.testing.assert_allclose(mesh_from_ply((out / "object.ply").read_bytes()).bounds, tree["object_aabb"], atol=1e-9)
     assert json.loads((out / "placement.json").read_text()) == tree
     assert computed == sorted(stage.name for stage in STAGES)
