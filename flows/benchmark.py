@@ -8,7 +8,7 @@ after the last sample has finished, and only for the report.
 import json
 import os
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from concurrent.futures import Future, ThreadPoolExecutor, as_completed
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import asdict, dataclass, replace
@@ -30,11 +30,12 @@ from dcap.language.protocol.session import Session
 from dcap.scene.errors import InputError
 from dcap.scene.json_tree import JsonObject, object_to_json
 from dcap.scene.settings import data_root, runs_root
-from dcap.scene.types.sample import GivenPlace, KnownHeight, Sample, SourceOptions
+from dcap.scene.types.sample import Sample
 from flows.display import Display, print_plan, print_table
 from flows.language_options import LEDGER, LanguageOptions
 from flows.output import readable_json, write_placement
 from flows.place import PlaceConfig
+from flows.run_files import RUN, asked_of_run, find_run, located, sample_from_json
 from flows.sample_run import (
     OVERVIEW,
     STAGE_NAMES,
@@ -236,20 +237,11 @@ def new_run_folder(dataset: Path, samples: Sequence[Sample], config: PlaceConfig
         "language": asdict(language.located()),
         "samples": [asdict(located(sample)) for sample in samples],
     }
-    (folder / "run.json").write_bytes(readable_json(asked))
+    (folder / RUN).write_bytes(readable_json(asked))
     draft = runs_root() / f".last-{os.getpid()}"
     draft.symlink_to(folder.name)
     os.replace(draft, runs_root() / "last")
     return folder
-
-
-def located(sample: Sample) -> Sample:
-    """The sample with whole paths: a run is repeated from any working directory."""
-
-    def whole(path: str) -> str:
-        return str(Path(path).resolve()) if Path(path).exists() else path
-
-    return replace(sample, scene=whole(sample.scene), object=whole(sample.object))
 
 
 def finish(folder: Path, rows: Sequence[SampleOutcome], seconds: float) -> Run:
@@ -290,28 +282,23 @@ def rerun_sample(run: str, sample_id: str, stage: str, max_cost: float | None = 
     if not refreshed.issubset(known):
         raise InputError(f"--stage {stage!r} is not one of {', '.join((MESH, *known))}")
     folder = find_run(run)
-    asked = json.loads((folder / "run.json").read_text())
-    if "language" not in asked:
-        raise InputError(f"{folder.name} was made by an older version of dcap; run the benchmark again")
-    samples = {one["id"]: sample_from_json(one) for one in asked["samples"]}
-    if sample_id not in samples:
-        raise InputError(f"{sample_id!r} is not a sample of {folder.name}; it has {', '.join(sorted(samples))}")
-    config = PlaceConfig.model_validate(asked["config"])
-    language = replace(LanguageOptions(**asked["language"]), max_cost=max_cost, batch=False)
+    asked = asked_of_run(folder)
+    sample, config = asked.sample(sample_id), asked.config
+    language = replace(asked.language, max_cost=max_cost, batch=False)
     if language.client is ClientName.REPLAY and language.config() != config.intent.language:
         raise InputError(f"--replay {language.replay}: the recording has changed since {folder.name}; run it again")
     check_budget(config.intent.language.model, max_cost)
     with (
-        Display([samples[sample_id]]) as display,
+        Display([sample]) as display,
         prefect_server() as url,
         process_server(heavy_modules(STAGE_NAMES)) as server,
     ):
         display.serving(url)
         result = try_sample(
-            samples[sample_id],
+            sample,
             config,
             context=RunContext(refresh=refreshed, session=replace(language.session(folder), fresh=True), server=server),
-            listener=display.listener(samples[sample_id]),
+            listener=display.listener(sample),
         )
         tree, _ = settle_result(folder, result, display)
     page = rewrite_report(run)
@@ -324,7 +311,7 @@ def rerun_sample(run: str, sample_id: str, stage: str, max_cost: float | None = 
 def rewrite_report(run: str) -> Path:
     """Read a run's folder again and write its table and report."""
     folder = find_run(run)
-    asked = json.loads((folder / "run.json").read_text())
+    asked = json.loads((folder / RUN).read_text())
     samples = [sample_from_json(one) for one in asked["samples"]]
     rows = [
         row_of(sample, *read_result(sample_folder(folder, sample.id)), truth)
@@ -344,36 +331,12 @@ def read_result(folder: Path) -> tuple[JsonObject | None, str]:
     return None, "did not finish"
 
 
-def find_run(run: str) -> Path:
-    """Folder of a run by name, path or `last`."""
-    for folder in (runs_root() / run, Path(run)):
-        if (folder / "run.json").is_file():
-            return folder.resolve()
-    known = sorted(path.parent.name for path in runs_root().glob("*/run.json"))
-    raise InputError(f"{run!r} is not a run; there are {', '.join(known) or 'none'} in {runs_root()}")
-
-
 def failed_before(samples: Sequence[Sample]) -> list[Sample]:
     """The samples of the last run that failed or did not finish in it."""
     folder = find_run("last")
-    asked = {one["id"] for one in json.loads((folder / "run.json").read_text())["samples"]}
+    asked = {one["id"] for one in json.loads((folder / RUN).read_text())["samples"]}
     known = [sample for sample in samples if sample.id in asked]
     left = [sample for sample in known if read_result(sample_folder(folder, sample.id))[0] is None]
     if not left:
         raise InputError(f"nothing failed in {folder.name}; run without --only-failed")
     return left
-
-
-def sample_from_json(tree: Mapping[str, object]) -> Sample:
-    """The sample that `asdict` wrote."""
-    values = dict(tree)
-    for name in ("scene_options", "object_options"):
-        options = values[name]
-        assert isinstance(options, dict)
-        values[name] = SourceOptions(**options)
-    for name, kind in (("place", GivenPlace), ("known_height", KnownHeight)):
-        given = values.get(name)
-        if isinstance(given, dict):
-            told = {key: tuple(one) if isinstance(one, list) else one for key, one in given.items()}
-            values[name] = kind(**told)  # type: ignore[arg-type]
-    return Sample(**values)  # type: ignore[arg-type]

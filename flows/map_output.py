@@ -19,11 +19,9 @@ from dcap.geometry.rendering.composite import composite
 from dcap.geometry.rendering.map_files import COLMAP, COMPOSITE, FILES, write_maps
 from dcap.scene.errors import InputError
 from dcap.scene.readers.files.image import read_image
-from dcap.scene.store.artifacts import Store
 from flows.options import check_out
-from flows.output import load_values
 from flows.placement_json import Values
-from flows.sample_run import FinishedSample
+from flows.run_files import FinishedPlacement
 from tasks.render.maps import conditioning_maps, placed
 from tasks.render.stage import RenderConfig
 
@@ -31,14 +29,14 @@ FOLDER = "maps"
 
 
 def write_maps_of(
-    finished: FinishedSample, folder: Path, config: RenderConfig, camera: Path | None = None, photo: Path | None = None
+    placement: FinishedPlacement, folder: Path, camera: Path | None = None, photo: Path | None = None
 ) -> Path:
     """Write the maps of a finished placement; InputError where it has no rest state to be seen."""
-    values = load_values(finished, Store.default())
+    values, config = placement.values, placement.config.render
     scene, item, anchor, settled = values.scene, values.item, values.anchor, values.settled
     if scene is None or item is None or anchor is None or settled is None or values.renders is None:
         reason = values.infeasible.reason.value if values.infeasible else "it has no pictures"
-        raise InputError(f"{finished.sample.id} has no maps: {reason}")
+        raise InputError(f"{placement.finished.sample.id} has no maps: {reason}")
     view = automatic_camera(values, config) if camera is None else read_camera(camera, values.renders.camera_target)
     image = None if photo is None else read_photo(photo)
     what = placed(scene, item, anchor, values.materials, settled)

@@ -8,14 +8,16 @@ from rich.console import Console
 
 from dcap.language.model.ledger import in_words, spending_of
 from dcap.scene.json_tree import JsonObject
+from dcap.scene.store.artifacts import Store
 from flows.configure import configured
-from flows.language_options import language_options
+from flows.language_options import LanguageOptions, language_options
 from flows.map_output import FOLDER, clear_maps, write_maps_of
 from flows.one_sample import sample_of, show
 from flows.options import PlaceOptions
-from flows.output import write_placement
+from flows.output import load_values, write_placement
 from flows.place import PlaceConfig
 from flows.placement_json import AT_REST
+from flows.run_files import FinishedPlacement, write_asked
 from flows.sample_run import FinishedSample, heavy_modules, place_flow, plan_sample, recorded
 from flows.server import prefect_server
 from tasks.arch import chosen_arch
@@ -40,7 +42,7 @@ def place_files(scene: str, thing: str, prompt: str, options: PlaceOptions, out:
         raise plan.failed.error
     if plan.finished is not None:
         console.print(f"all {len(plan.cached)} stages cached")
-        return write_results(plan.finished, out, config if options.maps else None)
+        return write_results(plan.finished, out, config, asking, options)
     with (
         console.status("starting") as status,
         prefect_server(),
@@ -51,15 +53,18 @@ def place_files(scene: str, thing: str, prompt: str, options: PlaceOptions, out:
     if session.ledger and Path(session.ledger).is_file():
         console.print(in_words(spending_of(Path(session.ledger))))
     finished = FinishedSample(sample, placement, tuple(recorder.records))
-    return write_results(finished, out, config if options.maps else None)
+    return write_results(finished, out, config, asking, options)
 
 
-def write_results(finished: FinishedSample, out: Path, mapped: PlaceConfig | None) -> JsonObject:
-    """All files of a placement, with conditioning maps under the configuration `mapped` unless that is None; returns
-    placement.json."""
+def write_results(
+    finished: FinishedSample, out: Path, config: PlaceConfig, asking: LanguageOptions, options: PlaceOptions
+) -> JsonObject:
+    """All files of a placement, those that were asked for included; returns placement.json."""
     tree = write_placement(finished, out)
-    if mapped is not None and tree["verdict"] == AT_REST:
-        write_maps_of(finished, out / FOLDER, mapped.render)
+    write_asked(out, finished.sample, config, asking)
+    if options.maps and tree["verdict"] == AT_REST:
+        values = load_values(finished, Store.default())
+        write_maps_of(FinishedPlacement(out, finished, values, config), out / FOLDER)
     else:  # those of an earlier result in the same folder
         clear_maps(out / FOLDER)
     return tree

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from solver.certificate import Certificate, ContactRow, History, KickCheck, NotDone, SignalRows, Verdict
 from solver.config import SolverConfig
 from solver.model.bodies import Model
+from solver.motion import DropFrames
 from solver.rest import RestMonitor, history_of
 
 
@@ -57,6 +58,8 @@ class SettledModel:
     """Per free body the positions of its active contact points [m], shape (k, 3)."""
     certificate: Certificate
     history: History
+    frames: DropFrames
+    """How it came to this."""
     steps: int
     simulated_seconds: float
     particles: int
@@ -71,6 +74,7 @@ def build_result(
     kick: KickCheck | NotDone,
     config: SolverConfig,
     warnings: list[str],
+    frames: DropFrames,
 ) -> SettledModel:
     """The result with the part of its certificate that every method has; `rows` are the signals that were judged."""
     certificate = Certificate(
@@ -90,6 +94,7 @@ def build_result(
         contact_points=final.contact_points,
         certificate=certificate,
         history=history_of(monitor.signals),
+        frames=frames,
         steps=len(monitor.signals),
         simulated_seconds=final.seconds,
         particles=final.particles,

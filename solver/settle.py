@@ -1,6 +1,7 @@
 """Drop to rest: steps until quiet, then a kick to see whether the rest is stable, then the certificate."""
 
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +13,7 @@ from solver.contact.active import Contacts
 from solver.contact.bonds import bond_table
 from solver.contact.rolling import RollingLaw, law_compliant, law_stiff
 from solver.errors import ModelError
+from solver.frames import FrameRecorder
 from solver.mls import drop as mls
 from solver.model.bodies import Model
 from solver.model.state import State
@@ -65,6 +67,7 @@ class ImplicitDrop(Simulation):
     def __init__(self, model: Model, config: SolverConfig) -> None:
         super().__init__(model, config)
         self.monitor = self.rest_monitor()
+        self.recorder = FrameRecorder(model.bodies, self.length)
         self.warnings: list[str] = []
 
     def checked_start(self) -> State:
@@ -77,10 +80,12 @@ class ImplicitDrop(Simulation):
         self, state: State, control: StepControl, progress: Progress | None, rolling: RollingLaw = law_stiff
     ) -> Approach:
         """Steps from a state until the bodies are quiet, have left, or the steps are used up."""
+        self.recorder.note(state.time, partial(self._bodies, state))
         while True:
             step = self.step(state, control, rolling=rolling)
             state, control = step.state, step.control
             self.monitor.record(step.signals, progress)
+            self.recorder.note(state.time, partial(self._bodies, state))
             if self.monitor.creeping():
                 control = replace(control, tolerance_factor=CREEPING_TOLERANCE)
             if verdict := self._verdict(state, step.report.contacts):
@@ -185,7 +190,9 @@ class ImplicitDrop(Simulation):
         stability: StabilityGrade | NotDone | None,
     ) -> SettledModel:
         contacts, final = end.report.contacts, self._final(end.state, end.report)
-        result = build_result(end.verdict, final, self.monitor, rows, kicked, self.config, self.warnings)
+        self.recorder.note(end.state.time, lambda: final.bodies, last=True)
+        frames = self.recorder.frames()
+        result = build_result(end.verdict, final, self.monitor, rows, kicked, self.config, self.warnings, frames)
         certificate = replace(
             result.certificate,
             newton_residual=end.report.residual,
@@ -207,13 +214,9 @@ class ImplicitDrop(Simulation):
     def _final(self, state: State, report: StepReport) -> FinalState:
         """What the result says of the last state."""
         contacts = report.contacts
-        bodies = []
-        for i, body in enumerate(self.model.bodies):
-            surface, (rotation, translation) = self.query.surface(state, i), self.motion(state, i)
-            bodies.append(RestBody(body.name, surface, rotation, translation, self.speed(state, i)))
         return FinalState(
             seconds=state.time,
-            bodies=tuple(bodies),
+            bodies=self._bodies(state),
             contacts=contact_table(self.model, contacts),
             contact_points={self.model.bodies[i].name: points_of(contacts, i) for i in self.free},
             friction_margin=friction_margin(contacts),
@@ -221,6 +224,14 @@ class ImplicitDrop(Simulation):
             inverted=report.inverted,
             particles=int(self.soft.real.sum()),
         )
+
+    def _bodies(self, state: State) -> tuple[RestBody, ...]:
+        """Where every body is."""
+        out = []
+        for i, body in enumerate(self.model.bodies):
+            surface, (rotation, translation) = self.query.surface(state, i), self.motion(state, i)
+            out.append(RestBody(body.name, surface, rotation, translation, self.speed(state, i)))
+        return tuple(out)
 
 
 def points_of(contacts: Contacts, index: int) -> NDArray[np.float64]:

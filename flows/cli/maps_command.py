@@ -7,8 +7,8 @@ import typer
 
 
 def maps(
-    run: Annotated[str, typer.Argument(help="Name or folder of a run, or 'last'.")],
-    sample: Annotated[str, typer.Argument(help="Id of a sample.")],
+    run: Annotated[str, typer.Argument(help="Name or folder of a run, or 'last'; or a folder that `place` wrote.")],
+    sample: Annotated[str | None, typer.Argument(help="Id of a sample of the run.")] = None,
     camera: Annotated[
         Path | None, typer.Option(metavar="FILE", help="camera.json (docs/formats.md); default: that of settled.png.")
     ] = None,

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from solver.certificate import NotDone, Verdict
 from solver.config import SolverConfig
 from solver.errors import ModelError, UnstableStep
+from solver.frames import FrameRecorder
 from solver.kernels import mls_transfers as transfers
 from solver.kernels.mls_moments import ENERGY, INVERSIONS, SQUARED_SPEED, STRAYS
 from solver.mls.bodies import SoftBodies
@@ -86,6 +87,7 @@ class ExplicitDrop:
         self.moved = self._sides_unknown()
         self.monitor = RestMonitor(config, model.gravity_strength, self.length)
         self.steps = 0
+        self.recorder = FrameRecorder(model.bodies, self.length)
         self._refuse_overlap()
         self._name_thin_parts()
 
@@ -94,6 +96,7 @@ class ExplicitDrop:
         while True:
             last = self._interval()
             self.monitor.record(last.signals, progress)
+            self.recorder.note(self.time, last.bodies)
             if self._left(last.impulses):
                 verdict = Verdict.LEFT_TARGET
             elif self.monitor.quiet():
@@ -273,7 +276,9 @@ class ExplicitDrop:
     def _result(self, verdict: Verdict, last: IntervalReport) -> SettledModel:
         rows, final = self.monitor.rows(), self._final(last)
         warnings = [*self.warnings, *self.coupling.warnings(), *self.plates.warnings(), *last.warnings()]
-        result = build_result(verdict, final, self.monitor, rows, NotDone(), self.config, warnings)
+        self.recorder.note(self.time, lambda: final.bodies, last=True)
+        frames = self.recorder.frames()
+        result = build_result(verdict, final, self.monitor, rows, NotDone(), self.config, warnings, frames)
         certificate = replace(
             result.certificate,
             method="mls",

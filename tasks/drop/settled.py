@@ -22,6 +22,7 @@ def settled_of(particles: Particles, result: SettledModel) -> Settled:
         contact_points=result.contact_points[particles.bodies[0].name],
         certificate=result.certificate,
         history=result.history,
+        frames=result.frames,
         steps=result.steps,
         simulated_seconds=result.simulated_seconds,
         warnings=result.warnings + particles.notes,

@@ -8,7 +8,7 @@ import pytest
 
 from dcap.scene.errors import InputError
 from dcap.scene.types.sample import GivenPlace, KnownHeight, Sample
-from flows.benchmark import sample_from_json
+from flows.run_files import sample_from_json
 from flows.samples import load_samples, samples_of
 
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from dcap.scene.types.settled import PlacementChecks
+from dcap.scene.types.settled import LastState, PlacementChecks
 from solver.certificate import (
     BodyStability,
     Certificate,
@@ -18,6 +18,7 @@ from solver.certificate import (
     SignalRows,
     StabilityGrade,
 )
+from solver.motion import BodyPath, DropFrames
 
 ROW = CertificateRow.at_most(1e-5, 1e-3)
 KICK = KickCheck(
@@ -66,3 +67,10 @@ def history(steps: int) -> History:
     """Signals that die out over `steps` steps."""
     series, counts = np.linspace(1.0, 0.0, steps), np.arange(steps)
     return History(series, series, series, series, series, series, counts, counts)
+
+
+PATH = BodyPath(np.stack([np.eye(3)] * 2), np.zeros((2, 3)), np.array([4], np.int32), np.ones((2, 1, 3), np.float32))
+FRAMES = DropFrames(np.array([0.0, 0.1]), (PATH,))
+LAST = LastState(
+    explicit_certificate(), (CONTACT,), np.zeros(3), np.array([1.0, 0, 0, 0]), 12, 0.5, ("still moving",), CHECKS
+)  # fmt: skip

@@ -74,6 +74,7 @@ from solver.certificate import (
     SignalRows,
     StabilityGrade,
 )
+from solver.motion import BodyPath, DropFrames
 
 VALUE_FILE = "value.json"
 INLINE_ITEMS = 48
@@ -85,15 +86,15 @@ MOST_COLUMNS = 16
 KINDS: dict[str, type] = {
     one.__name__: one
     for one in (
-        Anchor, AskedPose, BackgroundGrid, BesideThePart, BodyGeometry, BodyStability, BondRow, Certificate,
-        CertificateRow, ColumnLayer, ContactFriction, ContactRow, DistanceGrid, FileScale, GivenLabels, GivenPart,
-        GivenPlace, GivenThing, HiddenObject, History, InertialProperties, Infeasible, Instance, Intent, InTheWay,
-        KickCheck, KickRow, KnownHeight, LabelBox, LastState, LayerConstants, LayeredPoints, Lean, LeanCheck, Material,
-        MaterialPoints, Mesh, NoRoom, NotDone, NotInScene, ObjectHole, OpenObject, OrientationRequest, OrientedBox,
-        Overview, Part, Particles, PartMaterial, PartMaterials, PlacementChecks, Pointed, PoseCheck, PushBounds,
-        PushRow, RegionConstraint, RegionRequest, Renders, RepairReport, RigidSimulationBody, RollingRow, Room,
-        Rotation, Sample, Scan, Segmentation, Settled, SettledBody, SignalRows, SoftSimulationBody, SourceOptions,
-        StabilityGrade, SupportCandidate, VertexLabels,
+        Anchor, AskedPose, BackgroundGrid, BesideThePart, BodyGeometry, BodyPath, BodyStability, BondRow, Certificate,
+        CertificateRow, ColumnLayer, ContactFriction, ContactRow, DistanceGrid, FileScale, DropFrames, GivenLabels,
+        GivenPart, GivenPlace, GivenThing, HiddenObject, History, InertialProperties, Infeasible, Instance, Intent,
+        InTheWay, KickCheck, KickRow, KnownHeight, LabelBox, LastState, LayerConstants, LayeredPoints, Lean,
+        LeanCheck, Material, MaterialPoints, Mesh, NoRoom, NotDone, NotInScene, ObjectHole, OpenObject,
+        OrientationRequest, OrientedBox, Overview, Part, Particles, PartMaterial, PartMaterials, PlacementChecks,
+        Pointed, PoseCheck, PushBounds, PushRow, RegionConstraint, RegionRequest, Renders, RepairReport,
+        RigidSimulationBody, RollingRow, Room, Rotation, Sample, Scan, Segmentation, Settled, SettledBody, SignalRows,
+        SoftSimulationBody, SourceOptions, StabilityGrade, SupportCandidate, VertexLabels,
     )
 }  # fmt: skip
 """Every type that may be stored, by the name that `value.json` gives it: files outlive moves between modules."""

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.particles import ColumnLayer
 from solver.certificate import Certificate, CertificateRow, ContactRow, History, Verdict
+from solver.motion import DropFrames
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -80,6 +81,16 @@ class PlacementChecks:
     """Every pose and facing that was asked, in the words of the request."""
 
 
+def surface_at(settled: "Settled", body: int, frame: int) -> NDArray[np.float64]:
+    """Surface points of a body at a frame [m], shape (n, 3)."""
+    assert settled.frames is not None
+    one, path = settled.bodies[body], settled.frames.bodies[body]
+    start = one.surface.vertices - one.displacement
+    points = np.asarray(start @ path.rotation[frame].T + path.translation[frame])
+    points[path.moved] += path.offset[frame]
+    return points
+
+
 @dataclass(frozen=True, eq=False, slots=True)
 class Settled:
     """The result of the drop."""
@@ -98,6 +109,8 @@ class Settled:
     warnings: tuple[str, ...]
     checks: PlacementChecks | None = None
     """None before the rest state is compared with what was asked."""
+    frames: DropFrames | None = None
+    """How the bodies came there, in their order; None where nobody kept it."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)

@@ -16,7 +16,9 @@ from PIL import Image
 from rest_records import (
     CHECKS,
     CONTACT,
+    FRAMES,
     KICK,
+    LAST,
     PUSHES,
     ROW,
     STABILITY,
@@ -57,7 +59,7 @@ from dcap.scene.types.rotation import Rotation
 from dcap.scene.types.sample import GivenPlace, KnownHeight, Sample, SourceOptions
 from dcap.scene.types.scan import LabelBox, Room, Scan
 from dcap.scene.types.segmentation import Instance, Part, Segmentation
-from dcap.scene.types.settled import LastState, LeanCheck, Settled, SettledBody
+from dcap.scene.types.settled import LeanCheck, Settled, SettledBody
 from solver.certificate import BondRow, CertificateRow, NotDone, RollingRow, Verdict
 
 RNG = np.random.default_rng(0)
@@ -111,9 +113,6 @@ REPORT = RepairReport(
 GEOMETRY = BodyGeometry("bed_0", "mattress, blanket", REPORT)
 NO_ROOM = NoRoom(
     "3", "mattress", "whole surface", (0.5, 0.4), 0.2, (0.4, 0.4), 0.4, 0.5, 0.1, (InTheWay("4", "book", 0.1),)
-)  # fmt: skip
-LAST = LastState(
-    explicit_certificate(), (CONTACT,), np.zeros(3), np.array([1.0, 0, 0, 0]), 12, 0.5, ("still moving",), CHECKS
 )  # fmt: skip
 COLUMN = ColumnLayer("mattress", "foam", 0.02, 0.2)
 LEAN = Lean("wall_0", 0.21, np.array([0.2, 0.0, 0.98]))
@@ -174,14 +173,15 @@ VALUES = [
     Settled(
         Verdict.AT_REST,
         (SettledBody("object", a_mesh(), np.zeros(3), np.array([1.0, 0, 0, 0]), np.zeros((60, 3))),),
-        (CONTACT,), np.zeros((0, 3)), implicit_certificate(), history(200), 200, 1.5, (), CHECKS,
+        (CONTACT,), np.zeros((0, 3)), implicit_certificate(), history(200), 200, 1.5, (), CHECKS, FRAMES,
     ),
     explicit_certificate(),
+    *FRAMES.bodies,
+    FRAMES,
     LAST,
     CONTACT,
     KICK,
-    STABILITY,
-    *STABILITY.bodies.values(),
+    STABILITY, *STABILITY.bodies.values(),
     *PUSHES,
     STABILITY.bounds,
     ROW,

@@ -1,0 +1,143 @@
+"""What was asked of a run or of one placement, as its folder keeps it: samples and configuration.
+
+A run has `run.json`; a folder that `place --out` wrote has `sample.json`, and is named like a run with one sample.
+"""
+
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+
+from dcap.evaluation.run_folder import sample_folder
+from dcap.scene.errors import InputError
+from dcap.scene.settings import runs_root
+from dcap.scene.store.artifacts import Store
+from dcap.scene.types.sample import GivenPlace, KnownHeight, Sample, SourceOptions
+from flows.language_options import LanguageOptions
+from flows.output import load_values, readable_json
+from flows.place import PlaceConfig
+from flows.placement_json import Values
+from flows.sample_run import FinishedSample, plan_sample
+
+RUN, PLACEMENT = "run.json", "sample.json"
+
+
+@dataclass(frozen=True, slots=True)
+class Asked:
+    """What was asked of a run, or of one placement."""
+
+    folder: Path
+    samples: Mapping[str, Sample]
+    config: PlaceConfig
+    language: LanguageOptions
+    one: bool = False
+    """Whether the folder is that of one placement."""
+
+    def sample(self, name: str) -> Sample:
+        """A sample by its id."""
+        if name not in self.samples:
+            raise InputError(
+                f"{name!r} is not a sample of {self.folder.name}; it has {', '.join(sorted(self.samples))}"
+            )
+        return self.samples[name]
+
+    def folder_of(self, name: str) -> Path:
+        """Where the files of a sample lie."""
+        return self.folder if self.one else sample_folder(self.folder, name)
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class FinishedPlacement:
+    """One placement with the values of its stages."""
+
+    folder: Path
+    """Where its files lie."""
+    finished: FinishedSample
+    values: Values
+    config: PlaceConfig
+
+
+def find_run(run: str) -> Path:
+    """Folder of a run by name, path or `last`."""
+    for folder in (runs_root() / run, Path(run)):
+        if (folder / RUN).is_file():
+            return folder.resolve()
+    known = sorted(path.parent.name for path in runs_root().glob(f"*/{RUN}"))
+    raise InputError(f"{run!r} is not a run; there are {', '.join(known) or 'none'} in {runs_root()}")
+
+
+def asked_of_run(folder: Path) -> Asked:
+    """What was asked of the run in a folder."""
+    tree = json.loads((folder / RUN).read_text())
+    if "language" not in tree:
+        raise InputError(f"{folder.name} was made by an older version of dcap; run the benchmark again")
+    samples = {one["id"]: sample_from_json(one) for one in tree["samples"]}
+    config = PlaceConfig.model_validate(tree["config"])
+    return Asked(folder, samples, config, LanguageOptions(**tree["language"]))
+
+
+def asked_of(run: str, sample: str | None) -> tuple[Asked, str]:
+    """What was asked, and the sample's id, of a sample of a run; or of the folder of a placement, without a sample."""
+    for folder in (Path(run), runs_root() / run):
+        if (folder / PLACEMENT).is_file() and not (folder / RUN).is_file():
+            tree = json.loads((folder / PLACEMENT).read_text())
+            one = sample_from_json(tree["sample"])
+            if sample not in (None, one.id):
+                raise InputError(f"{run} is one placement: leave {sample!r} out")
+            config = PlaceConfig.model_validate(tree["config"])
+            return Asked(folder.resolve(), {one.id: one}, config, LanguageOptions(**tree["language"]), one=True), one.id
+    asked = asked_of_run(find_run(run))
+    if not asked.samples:
+        raise InputError(f"{asked.folder.name} has no samples")
+    if sample is None:
+        raise InputError(
+            f"{asked.folder.name} is a run: name a sample of it; it has {', '.join(sorted(asked.samples))}"
+        )
+    asked.sample(sample)
+    return asked, sample
+
+
+def finished_placement(run: str, sample: str | None) -> FinishedPlacement:
+    """The values of a sample's stages from the store; InputError where one is no longer there."""
+    asked, name = asked_of(run, sample)
+    plan = plan_sample(asked.samples[name], asked.config)
+    if plan.finished is None:
+        why = plan.failed.message if plan.failed else f"stage {plan.missing} is not cached ({plan.why})"
+        again = "place it again" if asked.one else "run the benchmark again"
+        raise InputError(f"{name} of {asked.folder.name}: {why}; {again}")
+    values = load_values(plan.finished, Store.default())
+    return FinishedPlacement(asked.folder_of(name), plan.finished, values, asked.config)
+
+
+def write_asked(folder: Path, sample: Sample, config: PlaceConfig, language: LanguageOptions) -> None:
+    """Lay what was asked of a placement beside its files."""
+    tree = {
+        "sample": asdict(located(sample)),
+        "config": config.model_dump(mode="json"),
+        "language": asdict(language.located()),
+    }
+    (folder / PLACEMENT).write_bytes(readable_json(tree))
+
+
+def located(sample: Sample) -> Sample:
+    """The sample with whole paths: a run is repeated from any working directory."""
+
+    def whole(path: str) -> str:
+        return str(Path(path).resolve()) if path and Path(path).exists() else path
+
+    return replace(sample, scene=whole(sample.scene), object=whole(sample.object), labels=whole(sample.labels))
+
+
+def sample_from_json(tree: Mapping[str, object]) -> Sample:
+    """The sample that `asdict` wrote."""
+    values = dict(tree)
+    for name in ("scene_options", "object_options"):
+        options = values[name]
+        assert isinstance(options, dict)
+        values[name] = SourceOptions(**options)
+    for name, kind in (("place", GivenPlace), ("known_height", KnownHeight)):
+        given = values.get(name)
+        if isinstance(given, dict):
+            told = {key: tuple(one) if isinstance(one, list) else one for key, one in given.items()}
+            values[name] = kind(**told)  # type: ignore[arg-type]
+    return Sample(**values)  # type: ignore[arg-type]
