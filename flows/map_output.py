@@ -22,8 +22,8 @@ from dcap.scene.readers.files.image import read_image
 from flows.options import check_out
 from flows.placement_json import Values
 from flows.run_files import FinishedPlacement
+from tasks.render.config import RenderConfig
 from tasks.render.maps import conditioning_maps, placed
-from tasks.render.stage import RenderConfig
 
 FOLDER = "maps"
 
@@ -39,7 +39,8 @@ def write_maps_of(
         raise InputError(f"{placement.finished.sample.id} has no maps: {reason}")
     view = automatic_camera(values, config) if camera is None else read_camera(camera, values.renders.camera_target)
     image = None if photo is None else read_photo(photo)
-    what = placed(scene, item, anchor, values.materials, settled)
+    surfaces = values.scene_surface, values.object_surface
+    what = placed(scene, item, anchor, values.materials, settled, *surfaces)
     found = conditioning_maps(what, view, config, cutaway=camera is None)
     over = None if image is None else composite(found, image)
     check_out(folder)

@@ -8,6 +8,10 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TypeVar
 
+import numpy as np
+from numpy.typing import NDArray
+
+from dcap.geometry.rendering.normals import ShadingNormals
 from dcap.scene.json_tree import JsonObject, JsonValue
 from dcap.scene.store.artifacts import Store
 from dcap.scene.store.ply import mesh_to_ply
@@ -17,6 +21,7 @@ from dcap.scene.types.intent import Intent
 from dcap.scene.types.materials import PartMaterials
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.outcome import Infeasible
+from dcap.scene.types.paint import PaintedMesh, SourceSurface
 from dcap.scene.types.particles import Particles
 from dcap.scene.types.renders import Renders
 from dcap.scene.types.scan import Scan
@@ -26,12 +31,14 @@ from dcap.scene.writers.glb import Node, glb_bytes, labelled_nodes
 from flows.placement_json import AT_REST, Values, placement_json
 from flows.placement_schema import placement_schema
 from flows.sample_run import FinishedSample
-from tasks.render.settled_meshes import settled_item, settled_scene
+from tasks.render.contact_surfaces import contact_nodes
+from tasks.render.settled_meshes import settled_item
+from tasks.render.source_surfaces import object_at_rest, scene_at_rest
 
 SCHEMA = "placement.schema.json"
 """The JSON Schema of placement.json, beside it."""
-PICTURES = ("clean", "asked", "settled", "closeup", "candidates", "hole")
-OWNED = frozenset({"object.ply", "scene.glb", *(f"{name}.png" for name in PICTURES)})
+PICTURES = ("clean", "asked", "settled", "closeup", "before_after", "contact", "profile", "candidates", "hole")
+OWNED = frozenset({"object.ply", "object.glb", "contacts.glb", "scene.glb", *(f"{name}.png" for name in PICTURES)})
 
 Kind = TypeVar("Kind")
 
@@ -42,6 +49,8 @@ def load_values(finished: FinishedSample, store: Store) -> Values:
     return Values(
         scan=load(store, placement.scene_scan, Scan),
         object_scan=load(store, placement.object_scan, Scan),
+        scene_surface=load(store, placement.scene_surface, SourceSurface) or SourceSurface.untextured(),
+        object_surface=load(store, placement.object_surface, SourceSurface) or SourceSurface.untextured(),
         scene=load(store, placement.scene, Segmentation),
         item=load(store, placement.item, Segmentation),
         intent=load(store, placement.intent, Intent),
@@ -93,22 +102,35 @@ def readable_json(tree: object) -> bytes:
 
 
 def write_geometry(values: Values, folder: Path) -> dict[str, str]:
-    """object.ply and scene.glb, as far as there is something to write."""
+    """object.ply, object.glb, contacts.glb and scene.glb, as far as there is something to write."""
     if values.scene is None:
         return {}
-    scene, thing = values.scene, None
-    if values.settled and values.anchor and values.item and values.settled.bodies:
-        scene = settled_scene(values.scene, values.settled, values.anchor.base_id).scene
-        thing = settled_item(values.item, values.anchor, values.settled.bodies[0])
-        (folder / "object.ply").write_bytes(mesh_to_ply(thing))
-    (folder / "scene.glb").write_bytes(scene_glb(scene, thing))
-    return ({"object": "object.ply"} if thing else {}) | {"scene": "scene.glb"}
+    anchor, item = values.anchor, values.item
+    settled = values.settled if values.settled and values.settled.bodies and anchor and item else None
+    around, look = scene_at_rest(values.scene, values.scene_surface, settled, anchor.base_id if anchor else "")
+    nodes = [Node("scene", children=tuple(scene_nodes(around.scene, look)))]
+    files = {"scene": "scene.glb"}
+    if settled and anchor and item:
+        own = settled.bodies[0]
+        (folder / "object.ply").write_bytes(mesh_to_ply(settled_item(item, anchor, own)))
+        thing = object_at_rest(item, values.object_surface, anchor, own)
+        node = Node("object", thing.mesh, paint=thing.paint, normals=corner_normals(thing.mesh))
+        nodes.append(node)
+        (folder / "object.glb").write_bytes(glb_bytes([node]))
+        (folder / "contacts.glb").write_bytes(glb_bytes(contact_nodes(settled)))
+        files = {"object": "object.ply", "object_glb": "object.glb", "contacts": "contacts.glb"} | files
+    (folder / "scene.glb").write_bytes(glb_bytes(nodes))
+    return files
 
 
-def scene_glb(scene: Segmentation, thing: Mesh | None) -> bytes:
-    """The scene, below it a node per instance and part, and the object at rest in it."""
-    nodes = [Node("scene", children=tuple(labelled_nodes(scene)))]
-    return glb_bytes(nodes + ([] if thing is None else [Node("object", thing)]))
+def scene_nodes(scene: Segmentation, look: PaintedMesh) -> list[Node]:
+    """A node per instance and part; with normals where there are textures, so that both look alike in any viewer."""
+    return labelled_nodes(scene, look.paint, corner_normals(scene.mesh))
+
+
+def corner_normals(mesh: Mesh) -> NDArray[np.float32]:
+    """Unit shading normals at the corners of all faces, shape (m, 3, 3)."""
+    return ShadingNormals(mesh).of_corners(np.arange(len(mesh.faces)))
 
 
 def copy_pictures(finished: FinishedSample, store: Store, folder: Path) -> dict[str, str]:

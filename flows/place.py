@@ -13,6 +13,7 @@ from dcap.scene.types.file_scale import FileScale
 from dcap.scene.types.intent import Intent
 from dcap.scene.types.materials import PartMaterials
 from dcap.scene.types.outcome import Infeasible, Reason
+from dcap.scene.types.paint import SourceSurface
 from dcap.scene.types.particles import Particles
 from dcap.scene.types.renders import Overview, Renders
 from dcap.scene.types.rotation import Rotation
@@ -26,11 +27,13 @@ from tasks.drop.stage import DropConfig, drop_task, unforeseen
 from tasks.intent.stage import IntentConfig, intent_task
 from tasks.materials.stage import MaterialsConfig, materials_task
 from tasks.mesh.stage import MeshConfig, mesh_object_task, mesh_scene_task
+from tasks.mesh.surfaces import surface_object_task, surface_scene_task
 from tasks.overview import OverviewConfig, overview_task
 from tasks.particles.config import ParticlesConfig
 from tasks.particles.stage import particles_task
 from tasks.pointed.stage import point_out_task, point_task
-from tasks.render.stage import RenderConfig, render_task
+from tasks.render.config import RenderConfig
+from tasks.render.stage import render_task
 from tasks.rotation.stage import RotationConfig, rotation_task
 from tasks.runner.stage import Stage
 from tasks.segment.known_height import found_scale_task
@@ -60,6 +63,8 @@ class PlaceConfig(BaseModel, frozen=True, extra="forbid"):
 STAGES: tuple[Stage[..., object], ...] = (
     mesh_scene_task,
     mesh_object_task,
+    surface_scene_task,
+    surface_object_task,
     segment_task,
     segment_object_task,
     intent_task,
@@ -79,6 +84,8 @@ class PlacementRefs:
 
     scene_scan: Ref[Scan]
     object_scan: Ref[Scan]
+    scene_surface: Ref[SourceSurface]
+    object_surface: Ref[SourceSurface]
     scene: Ref[SegmentedScene]
     item: Ref[SegmentedObject]
     intent: Ref[Intent]
@@ -119,6 +126,8 @@ def place(sample: Sample, config: PlaceConfig) -> PlacementRefs:
         scene_source, sample.scene_options, config=config.scene_mesh, labels=labels.vertices, scale=scale
     )
     object_scan = mesh_object_task(object_source, sample.object_options, config=config.object_mesh)
+    scene_surface = surface_scene_task(scene_source, scene_scan)
+    object_surface = surface_object_task(object_source, object_scan)
     scene = segment_task(scene_scan, config=config.segment, labels=labels.things)
     item = segment_object_task(object_scan, config=config.segment)
     pointed = None
@@ -143,7 +152,7 @@ def place(sample: Sample, config: PlaceConfig) -> PlacementRefs:
         again = drop_task(finer, anchor, intent, sample.seed, config=config.drop)
         if not again.infeasible:
             particles, settled = finer, again
-    renders = render_task(scene, item, anchor, settled, config=config.render)
+    renders = render_task(scene, item, anchor, settled, scene_surface, object_surface, config=config.render)
     overview = None
     if renders.infeasible:
         filled = not particles.infeasible
@@ -152,6 +161,8 @@ def place(sample: Sample, config: PlaceConfig) -> PlacementRefs:
     return PlacementRefs(
         scene_scan=scene_scan,
         object_scan=object_scan,
+        scene_surface=scene_surface,
+        object_surface=object_surface,
         scene=scene,
         item=item,
         intent=intent,

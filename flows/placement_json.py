@@ -1,7 +1,7 @@
 """What placement.json says of a placement, from the values that its stages returned."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,8 +13,9 @@ from dcap.scene.types.anchor import Anchor
 from dcap.scene.types.intent import Intent
 from dcap.scene.types.materials import PartMaterial, PartMaterials
 from dcap.scene.types.outcome import Infeasible
+from dcap.scene.types.paint import SourceSurface
 from dcap.scene.types.particles import Particles
-from dcap.scene.types.renders import Renders
+from dcap.scene.types.renders import Renders, Visibility
 from dcap.scene.types.repair_report import BodyGeometry
 from dcap.scene.types.scan import Scan
 from dcap.scene.types.segmentation import Segmentation
@@ -42,6 +43,25 @@ class Values:
     settled: Settled | None
     renders: Renders | None
     infeasible: Infeasible | None
+    scene_surface: SourceSurface = field(default_factory=SourceSurface.untextured)
+    object_surface: SourceSurface = field(default_factory=SourceSurface.untextured)
+
+
+def visibility_of(found: Visibility) -> JsonObject:
+    """How much of the object is seen from the views around it and from the room."""
+    views = found.views
+    return object_to_json(
+        {
+            "canonical_best": float(views[:, 2].max()),
+            "canonical_mean": float(views[:, 2].mean()),
+            "recognisability": float(views[:, 3].max()),
+            "from_the_room": found.from_the_room,
+            "views": [
+                {"azimuth_deg": a, "elevation_deg": e, "visible_fraction": v, "outline_fraction": o}
+                for a, e, v, o in views.tolist()
+            ],
+        }
+    )
 
 
 def placement_json(finished: FinishedSample, values: Values, artifacts: Mapping[str, str]) -> JsonObject:
@@ -75,6 +95,7 @@ def placement_json(finished: FinishedSample, values: Values, artifacts: Mapping[
         "geometry": [geometry_row(one) for one in values.particles.geometry] if values.particles else [],
         "certificate": certificate_of(values),
         "visible_fraction": values.renders.visible_fraction if values.renders else None,
+        "visibility": visibility_of(values.renders.visibility) if values.renders else None,
         "warnings": warnings_of(values),
         "timings": timings_of(finished),
         "artifacts": artifacts,

@@ -137,6 +137,33 @@ class GeometryRow:
     problem: str | None
 
 
+@dataclass(frozen=True, slots=True)
+class ViewRow:
+    """One view of the object at rest."""
+
+    azimuth_deg: float
+    """Off the base's front."""
+    elevation_deg: float
+    visible_fraction: float
+    """Of the silhouette."""
+    outline_fraction: float
+    """Of the silhouette's outline."""
+
+
+@dataclass(frozen=True, slots=True)
+class VisibilityRow:
+    """How much of the object at rest is seen."""
+
+    canonical_best: float
+    """Largest visible share of the silhouette in the views around it."""
+    canonical_mean: float
+    recognisability: float
+    """Largest visible share of the outline in these views."""
+    from_the_room: float
+    """Mean visible share of what faces people who stand around it."""
+    views: tuple[ViewRow, ...]
+
+
 @dataclass(frozen=True, eq=False, slots=True)
 class Placement:
     """A placement: the keys of placement.json, and where its files are."""
@@ -171,6 +198,8 @@ class Placement:
     evidence: NamedValues[Any]
     """What else shows why there is no rest state: what a stage before the drop found, or the last state of a drop."""
     visible_fraction: float | None
+    visibility: VisibilityRow | None
+    """From views around the object and from the room."""
     warnings: tuple[str, ...]
     timings: NamedValues[float]
     """Seconds that each stage took when it was computed."""

@@ -10,11 +10,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
-from scipy.spatial import cKDTree
 
 from dcap.geometry.camera import Camera
 from dcap.geometry.raycast import Raycaster, packed_rays
-from dcap.geometry.rendering.coverage import coverage, silhouette
+from dcap.geometry.rendering.coverage import coverage, share_bytes, silhouette
 from dcap.geometry.rendering.picture import Exposure, exposed, in_bytes
 from dcap.geometry.rendering.shading import shade
 from dcap.geometry.rendering.visibility import gathered_light
@@ -23,17 +22,25 @@ from dcap.scene.types.anchor import Anchor
 from dcap.scene.types.maps import HIDDEN_CONTACT, SEEN_CONTACT, ConditioningMaps
 from dcap.scene.types.materials import PartMaterials
 from dcap.scene.types.mesh import Mesh
+from dcap.scene.types.paint import PaintedMesh, SourceSurface
 from dcap.scene.types.segmentation import Segmentation
 from dcap.scene.types.settled import Settled
-from tasks.render.settled_meshes import SettledScene, settled_item, settled_scene, shown_faces, studio_floor
-from tasks.render.stage import RenderConfig, patch_radius
+from tasks.render.config import RenderConfig
+from tasks.render.contact_picture import dents
+from tasks.render.patch import near_patch
+from tasks.render.settled_meshes import (
+    SettledScene,
+    painted_item,
+    painted_scene,
+    settled_scene,
+    shown_faces,
+    studio_floor,
+)
 
 Array = NDArray[np.float64]
 F32 = NDArray[np.float32]
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722], dtype=np.float32)
 """Of linear sRGB [Rec. ITU-R BT.709]."""
-NEXT_PIXEL = 1.0
-"""A pixel this near to the contact patch is beside it [pixel]."""
 AXES = np.concatenate([np.eye(3), -np.eye(3)])
 OBJECT = "object"
 
@@ -44,19 +51,23 @@ class SettledView:
 
     around: SettledScene
     item: Segmentation
-    thing: Mesh
-    """The object at rest, faces as in `item`."""
+    thing: PaintedMesh
+    """The object at rest in its textures, faces as in `item`."""
     contact: Array
     """Points of the contact patch [m], shape (k, 3)."""
     materials: PartMaterials | None
+    look: PaintedMesh
+    """The scene at rest in its textures, faces as in `around`."""
 
 
 def placed(
-    scene: Segmentation, item: Segmentation, anchor: Anchor, materials: PartMaterials | None, settled: Settled
-) -> SettledView:
+    scene: Segmentation, item: Segmentation, anchor: Anchor, materials: PartMaterials | None, settled: Settled,
+    scene_surface: SourceSurface, object_surface: SourceSurface,
+) -> SettledView:  # fmt: skip
     """The placement as it settled."""
-    thing = settled_item(item, anchor, settled.bodies[0])
-    return SettledView(settled_scene(scene, settled, anchor.base_id), item, thing, settled.contact_points, materials)
+    thing = painted_item(item, anchor, settled.bodies[0], object_surface)
+    around = settled_scene(scene, settled, anchor.base_id)
+    return SettledView(around, item, thing, settled.contact_points, materials, painted_scene(around, scene_surface))
 
 
 def conditioning_maps(what: SettledView, camera: Camera, config: RenderConfig, *, cutaway: bool) -> ConditioningMaps:
@@ -70,19 +81,19 @@ def conditioning_maps(what: SettledView, camera: Camera, config: RenderConfig, *
 
     Raises InputError where the camera is inside the object.
     """
-    check_outside(what.thing, camera)
+    check_outside(what.thing.mesh, camera)
     scene = what.around.scene
     faces = shown_faces(scene, camera) if cutaway else np.arange(len(scene.mesh.faces))
-    meshes = [scene.mesh.submesh(faces)]
+    meshes = [what.look.submesh(faces)]
     if not any(one.structure for one in scene.instances):
-        meshes.append(studio_floor(scene.mesh))
+        meshes.append(PaintedMesh(studio_floor(scene.mesh)))
     exposure = exposed([*meshes, what.thing], camera)
     number = len(meshes)
     share, color = coverage(exposure, number, config.samples)
-    alone = silhouette(Raycaster(what.thing), camera, config.samples)
+    alone = silhouette(Raycaster(what.thing.mesh), camera, config.samples)
     surface, shape = exposure.surface, exposure.shape
     seen = surface.mesh_index >= 0
-    bare = Raycaster(Mesh.concatenate(meshes))
+    bare = Raycaster(Mesh.concatenate([one.mesh for one in meshes]))
     normal = np.where(seen, surface.smooth, 0.0).T
     ids, names = identities(what, exposure, faces, number)
     return ConditioningMaps(
@@ -91,12 +102,12 @@ def conditioning_maps(what: SettledView, camera: Camera, config: RenderConfig, *
         depth=exposure.depth,
         normal_world=normal.reshape(*shape, 3).astype(np.float32),
         normal_camera=(normal @ camera.world_from_camera).reshape(*shape, 3).astype(np.float32),
-        object_mask=as_bytes(share),
-        hidden_mask=as_bytes(np.clip(alone - share, 0.0, 1.0)),
+        object_mask=share_bytes(share),
+        hidden_mask=share_bytes(np.clip(alone - share, 0.0, 1.0)),
         contact=contact_map(what.contact, exposure, bare, number),
         shadow=shadow_of(exposure, bare, number),
         ambient_occlusion=np.where(seen, exposure.light[1], 1.0).reshape(shape).astype(np.float32),
-        dent=dent_map(what.around, exposure, faces),
+        dent=dents(what.around.shift[np.unique(scene.mesh.faces[faces])], exposure),
         instance=ids["instance"], part=ids["part"], material=ids["material"],
         names=names,
     )  # fmt: skip
@@ -109,11 +120,6 @@ def check_outside(thing: Mesh, camera: Camera) -> None:
     if backs.sum() >= len(AXES) - 1:
         place = ", ".join(f"{one:.3f}" for one in camera.position)
         raise InputError(f"the camera at ({place}) m is inside the object; move it outside (--camera FILE)")
-
-
-def as_bytes(share: F32) -> NDArray[np.uint8]:
-    """Numbers 0..1 as 0..255."""
-    return np.asarray(np.round(255.0 * np.clip(share, 0.0, 1.0)), dtype=np.uint8)
 
 
 def shadow_of(exposure: Exposure, bare: Raycaster, thing: int) -> F32:
@@ -145,28 +151,6 @@ def contact_map(contact: Array, exposure: Exposure, bare: Raycaster, thing: int)
     result[behind[met][near_patch(points, contact, camera)]] = HIDDEN_CONTACT
     seen = np.flatnonzero(surface.mesh_index >= 0)
     result[seen[near_patch(surface.position[:, seen].T.astype(np.float64), contact, camera)]] = SEEN_CONTACT
-    return result.reshape(exposure.shape)
-
-
-def near_patch(points: Array, contact: Array, camera: Camera) -> NDArray[np.bool_]:
-    """Which points (n, 3) lie in the contact patch, or less than a pixel beside it, shape (n,)."""
-    depth = float(camera.project(contact)[:, 2].min())
-    radius = patch_radius(contact) + NEXT_PIXEL * max(depth, 0.0) / camera.focal
-    low, high = contact.min(axis=0) - radius, contact.max(axis=0) + radius
-    close = np.flatnonzero(((points >= low) & (points <= high)).all(axis=1))
-    result = np.zeros(len(points), dtype=bool)
-    result[close] = cKDTree(contact).query(points[close], distance_upper_bound=radius, workers=-1)[0] <= radius
-    return result
-
-
-def dent_map(around: SettledScene, exposure: Exposure, faces: NDArray[np.int64]) -> F32:
-    """Displacement of the scene along its outward normal [m], shape (h, w)."""
-    surface = exposure.surface
-    result = np.zeros(len(surface.face), dtype=np.float32)
-    mine = np.flatnonzero(surface.mesh_index == 0)
-    corner = around.scene.mesh.faces[faces[surface.face[mine]]]
-    shift = np.einsum("kn,nki->in", surface.corner_weights[:, mine], around.shift[corner])
-    result[mine] = np.einsum("in,in->n", shift, surface.flat[:, mine])
     return result.reshape(exposure.shape)
 
 

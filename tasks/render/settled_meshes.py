@@ -12,8 +12,10 @@ from scipy.spatial.transform import Rotation as Turn
 from dcap.geometry.camera import Camera
 from dcap.geometry.deform import displaced, following
 from dcap.geometry.rendering.cutaway import cut_faces
+from dcap.geometry.rendering.painted import painted
 from dcap.scene.types.anchor import Anchor
 from dcap.scene.types.mesh import Mesh
+from dcap.scene.types.paint import PaintedMesh, SourceSurface
 from dcap.scene.types.segmentation import Segmentation
 from dcap.scene.types.settled import Settled, SettledBody
 
@@ -27,14 +29,19 @@ STUDIO_COLOR = (214, 212, 209)
 
 def settled_item(item: Segmentation, anchor: Anchor, body: SettledBody) -> Mesh:
     """The object at rest: its own mesh, moved as a whole or following the deformed surface."""
+    return settled_mesh(item.mesh, anchor, body)
+
+
+def settled_mesh(own: Mesh, anchor: Anchor, body: SettledBody) -> Mesh:
+    """A mesh of the object, in the object's own frame, as it is at rest."""
     turn = Turn.from_quat(body.quaternion, scalar_first=True).as_matrix()
     start = body.surface.vertices - body.displacement
     moved = start @ turn.T + body.position
     if np.abs(moved - body.surface.vertices).max() > RIGID_TOLERANCE:
-        return following(item.mesh.transformed(anchor.world_from_object), body.surface, body.displacement)
+        return following(own.transformed(anchor.world_from_object), body.surface, body.displacement)
     world_from_start = np.eye(4)
     world_from_start[:3, :3], world_from_start[:3, 3] = turn, body.position
-    return item.mesh.transformed(world_from_start @ anchor.world_from_object)
+    return own.transformed(world_from_start @ anchor.world_from_object)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -45,6 +52,14 @@ class SettledScene:
     """With the dents that the drop left in the base."""
     shift: Array
     """How far each vertex has moved [m], shape (n, 3)."""
+    origin: NDArray[np.int64]
+    """The face of the scene as segmented that each face came from, shape (m,)."""
+
+    @property
+    def start(self) -> Mesh:
+        """The same faces undeformed."""
+        mesh = self.scene.mesh
+        return Mesh(mesh.vertices - self.shift, mesh.faces, mesh.colors)
 
 
 def settled_scene(scene: Segmentation, settled: Settled, base_id: str) -> SettledScene:
@@ -58,8 +73,8 @@ def settled_scene(scene: Segmentation, settled: Settled, base_id: str) -> Settle
             after = replace(
                 scene, mesh=found.mesh, face_instance=scene.face_instance[origin], face_part=scene.face_part[origin]
             )
-            return SettledScene(after, found.shift)
-    return SettledScene(scene, np.zeros_like(scene.mesh.vertices))
+            return SettledScene(after, found.shift, origin)
+    return SettledScene(scene, np.zeros_like(scene.mesh.vertices), np.arange(len(scene.mesh.faces)))
 
 
 def structure_faces(scene: Segmentation) -> NDArray[np.bool_]:
@@ -68,12 +83,23 @@ def structure_faces(scene: Segmentation) -> NDArray[np.bool_]:
     return np.asarray(flag[scene.face_instance])
 
 
-def shown(scene: Segmentation, camera: Camera) -> list[Mesh]:
-    """The scene as the camera may see it: without what is cut away, on a studio floor if it has none."""
-    meshes = [scene.mesh.submesh(shown_faces(scene, camera))]
+def painted_item(item: Segmentation, anchor: Anchor, body: SettledBody, surface: SourceSurface) -> PaintedMesh:
+    """The object at rest in its own textures."""
+    return painted(item.mesh, surface).moved(settled_item(item, anchor, body))
+
+
+def painted_scene(around: SettledScene, surface: SourceSurface) -> PaintedMesh:
+    """The scene at rest in its own textures."""
+    return painted(around.start, surface).moved(around.scene.mesh)
+
+
+def shown(scene: Segmentation, look: PaintedMesh, camera: Camera) -> list[PaintedMesh]:
+    """The scene as the camera may see it, with the looks of its mesh: without what is cut away, on a studio floor if it
+    has none."""
+    meshes = [look.submesh(shown_faces(scene, camera))]
     if not any(one.structure for one in scene.instances):
-        meshes.append(studio_floor(scene.mesh))
-    return [mesh for mesh in meshes if len(mesh.faces)]
+        meshes.append(PaintedMesh(studio_floor(scene.mesh)))
+    return [one for one in meshes if len(one.mesh.faces)]
 
 
 def shown_faces(scene: Segmentation, camera: Camera) -> NDArray[np.int64]:

@@ -31,7 +31,7 @@ from dcap.scene.types.materials import Material, BodyModel, PartMaterial, PartMa
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.outcome import Infeasible, NotInScene, Reason
 from dcap.scene.types.particles import Particles
-from dcap.scene.types.renders import Renders
+from dcap.scene.types.renders import Renders, Visibility
 from dcap.scene.types.rotation import Rotation
 from dcap.scene.types.scan import Scan
 from dcap.scene.types.segmentation import Instance, Part, Segmentation
@@ -73,7 +73,8 @@ def drop(anchor: Anchor, seed: int) -> Settled:
 
 def render(settled: Settled) -> Renders:
     picture = np.full((8, 8, 3), 100, np.uint8)
-    return Renders(picture, picture, picture, 0.5, np.array([3.0, -2.0, 1.5]), np.zeros(3))
+    seen = Visibility(np.array([[0.0, 15.0, 0.5, 0.5]]), 0.4)
+    return Renders(picture, picture, picture, 0.5, np.array([3.0, -2.0, 1.5]), np.zeros(3), *[picture] * 3, seen)
 
 stages = [stage(one) for one in (mesh, segment, intent, anchor, drop, render)]
 
@@ -86,7 +87,8 @@ def place(sample, config):
     settled = settle(target, sample.seed)
     pictures = paint(settled)
     return PlacementRefs(
-        scene_scan=scan, object_scan=scan, scene=scene, item=scene, intent=wish, rotation=wish, anchor=target,
+        scene_scan=scan, object_scan=scan, scene_surface=scan, object_surface=scan, scene=scene,
+        item=scene, intent=wish, rotation=wish, anchor=target,
         materials=wish, particles=settled, settled=settled, renders=pictures,
         overview=overview_task(scene, scene, None, None) if pictures.infeasible else None,
     )
@@ -179,7 +181,8 @@ def test_a_benchmark_from_cold_to_warm(
     with pytest.raises(jsonschema.ValidationError, match="verdict"):
         jsonschema.validate({**placement, "verdict": 3}, schema)
     assert {path.name for path in (run / "samples" / "good").iterdir()} == {
-        "placement.json", "placement.schema.json", "object.ply", "scene.glb", "clean.png", "settled.png", "closeup.png",
+        "placement.json", "placement.schema.json", "object.ply", "object.glb", "contacts.glb", "scene.glb", "clean.png",
+        "settled.png", "closeup.png", "before_after.png", "contact.png", "profile.png",
     }  # fmt: skip
 
     assert {path.name for path in (run / "samples" / "none").iterdir()} == {

@@ -20,7 +20,8 @@ LAST = LastState(implicit_certificate(), (CONTACT,), PLACE, TURN, 12, 0.5, ("mov
 
 def written(infeasible: Infeasible) -> dict[str, Any]:
     """placement.json of a placement that ended in a reason, as far as this is about it."""
-    nothing = dict.fromkeys(one.name for one in fields(Values)) | {"infeasible": infeasible}
+    names = (one.name for one in fields(Values) if not one.name.endswith("surface"))
+    nothing: dict[str, Any] = dict.fromkeys(names) | {"infeasible": infeasible}
     keys = {one.name for one in fields(Placement)} - {"folder", "tree", "checks", "evidence"}
     return dict.fromkeys(keys) | {
         "schema": 1, "verdict": "infeasible", "reason": infeasible.reason.value, "prompt": "put it there",

@@ -25,7 +25,7 @@ MISTAKES = {
     ),
     "text_for_a_reference": ("rotation_task(scene, item, intent", 'rotation_task(scene, item, "intent"'),
     "earlier_result": ("render_task(scene, item, anchor, settled", "render_task(scene, item, anchor, particles"),
-    "config_of_another": ("settled, config=config.render", "settled, config=config.drop"),
+    "config_of_another": ("object_surface, config=config.render", "settled, config=config.drop"),
     "unknown_setting": ("materials, config=config.particles)", "materials, settings=config.particles)"),
     "object_for_scene": ("render_task(scene, item", "render_task(item, scene"),
     "second_drop": ("drop_task(finer, anchor", "drop_task(settled, anchor"),

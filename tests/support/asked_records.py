@@ -1,8 +1,12 @@
 """Values to store about what was asked of an object and why it was refused."""
 
 import numpy as np
+from numpy.typing import NDArray
 
+from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.outcome import ObjectHole, OpenObject
+from dcap.scene.types.paint import Paint, SourceSurface
+from dcap.scene.types.renders import Renders, Visibility
 from dcap.scene.types.rotation import AskedPose
 from dcap.scene.types.settled import PoseCheck
 
@@ -14,3 +18,13 @@ def asked_and_refused() -> tuple[object, ...]:
         OpenObject(2, (hole,)), hole, AskedPose("upright", up, None, up, front, "lies"),
         PoseCheck("upright", "on_back", 1.57, 0.78, met=False, doubt="lies"),
     )  # fmt: skip
+
+
+def painted_records(picture: NDArray[np.uint8]) -> tuple[object, ...]:
+    """A textured surface and its paint, pictures and what is seen in them."""
+    uv = np.linspace(0.0, 1.0, 6).reshape(1, 3, 2)
+    paint = Paint(np.full((1, 3), 200, np.uint8), np.zeros(1, np.int32), uv, (picture,))
+    seen = Visibility(np.ones((3, 4)), 0.25)
+    renders = Renders(picture, picture, picture, 0.75, np.zeros(3), np.ones(3), picture, picture, picture, seen)
+    triangle = Mesh.of(np.eye(3), [[0, 1, 2]])
+    return paint, SourceSurface(triangle, paint), SourceSurface.untextured(), seen, renders

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dcap.scene.errors import InputError
+from dcap.scene.srgb import linear_from_srgb
 from dcap.scene.types.maps import ConditioningMaps
 
 Bytes = NDArray[np.uint8]
@@ -21,14 +22,8 @@ def composite(maps: ConditioningMaps, photo: Bytes) -> Bytes:
             f"the photo has {w} x {h} pixels and its camera {width} x {height}; give the photo's own camera"
         )
     share = maps.object_mask[..., None] / 255.0
-    ground = encoded(decoded(photo) * maps.shadow[..., None])
+    ground = encoded(linear_from_srgb(photo) * maps.shadow[..., None])
     return np.asarray(np.round(ground * (1.0 - share) + maps.object_rgb * share), dtype=np.uint8)
-
-
-def decoded(srgb: Bytes) -> NDArray[np.float64]:
-    """Linear light 0..1 of sRGB bytes [IEC 61966-2-1]."""
-    level = srgb / 255.0
-    return np.where(level <= 0.04045, level / 12.92, ((level + 0.055) / 1.055) ** 2.4)
 
 
 def encoded(linear: NDArray[np.float64]) -> NDArray[np.float64]:

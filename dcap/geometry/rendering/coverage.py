@@ -10,7 +10,7 @@ from scipy.ndimage import binary_dilation, binary_erosion
 
 from dcap.geometry.camera import Camera
 from dcap.geometry.raycast import Raycaster, packed_rays
-from dcap.geometry.rendering.picture import Exposure, borrowed_light, displayed, neighbours, sample_offsets
+from dcap.geometry.rendering.picture import Exposure, borrowed_light, neighbours, sample_offsets
 from dcap.geometry.rendering.shading import compressed, shade
 
 Array = NDArray[np.float32]
@@ -22,12 +22,12 @@ def coverage(exposure: Exposure, mesh: int, samples: int) -> tuple[Array, Array]
     camera, shape = exposure.scene.camera, exposure.shape
     seen = (exposure.surface.mesh_index == mesh).reshape(shape)
     share = seen.astype(np.float32)
-    color = np.where(seen, displayed(exposure.scene, exposure.surface, exposure.light).reshape(3, *shape), 0.0)
+    color = np.where(seen, exposure.shown.reshape(3, *shape), 0.0)
     rim = np.flatnonzero(rim_of(seen))
-    rays = exposure.scene.look(sub_pixels(rim, camera, samples))
-    own = [rays.part(slice(first, first + len(rim))) for first in range(0, len(rays.distance), len(rim) or 1)]
     if not len(rim):
         return share, color
+    rays = exposure.scene.look(sub_pixels(rim, camera, samples))
+    own = [rays.part(slice(first, first + len(rim))) for first in range(0, len(rays.distance), len(rim))]
     light = borrowed_light(own, neighbours(rim, camera), exposure.surface, exposure.light)
     hit = np.stack([one.mesh_index == mesh for one in own]).astype(np.float32)
     tone = np.stack([compressed(shade(one, lit, exposure.scene.light)) for one, lit in zip(own, light, strict=True)])
@@ -66,3 +66,8 @@ def sub_pixels(pixel: NDArray[np.int64], camera: Camera, samples: int) -> NDArra
     """Image points of samples^2 rays in each of n pixels, one ray of all pixels after the other, shape (s * n, 2)."""
     corner = np.stack([pixel % camera.width, pixel // camera.width], axis=1)
     return np.asarray((corner + sample_offsets(samples)[:, None]).reshape(-1, 2))
+
+
+def share_bytes(share: Array) -> NDArray[np.uint8]:
+    """Numbers 0..1 as 0..255."""
+    return np.asarray(np.round(255.0 * np.clip(share, 0.0, 1.0)), dtype=np.uint8)

@@ -13,6 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from dcap.geometry.camera import Camera
 from dcap.geometry.camera_file import write_camera
+from dcap.geometry.rendering.coverage import share_bytes
 from dcap.scene.types.colmap import ColmapModel, Pinhole, PosedImage
 from dcap.scene.types.maps import ConditioningMaps
 from dcap.scene.writers.colmap import write_colmap_text
@@ -23,8 +24,6 @@ FARTHEST = 65535
 POINTS = 2000
 """Most points of the surface in the COLMAP model."""
 PICTURE = "rgb.png"
-
-
 ARRAYS = ("depth", "normal_world", "normal_camera", "dent")
 PICTURES = (
     "rgb", "depth", "normal_world", "normal_camera", "object_mask", "occlusion_matte", "contact", "shadow",
@@ -51,8 +50,8 @@ def write_maps(folder: Path, maps: ConditioningMaps, camera: Camera) -> None:
         "object_mask": maps.object_mask,
         "occlusion_matte": np.stack([maps.hidden_mask, maps.object_mask, np.zeros_like(maps.object_mask)], axis=2),
         "contact": maps.contact,
-        "shadow": in_bytes(maps.shadow),
-        "ambient_occlusion": in_bytes(maps.ambient_occlusion),
+        "shadow": share_bytes(maps.shadow),
+        "ambient_occlusion": share_bytes(maps.ambient_occlusion),
         "instance": maps.instance,
         "part": maps.part,
         "material": maps.material,
@@ -88,8 +87,3 @@ def millimetres(depth: NDArray[np.float32]) -> NDArray[np.uint16]:
 def normal_picture(normal: NDArray[np.float32], seen: NDArray[np.bool_]) -> NDArray[np.uint8]:
     """Components -1..1 as 0..255; black where nothing is."""
     return np.where(seen[..., None], np.round(127.5 * (normal + 1.0)), 0.0).astype(np.uint8)
-
-
-def in_bytes(share: NDArray[np.float32]) -> NDArray[np.uint8]:
-    """Numbers 0..1 as 0..255."""
-    return np.asarray(np.round(255.0 * np.clip(share, 0.0, 1.0)), dtype=np.uint8)

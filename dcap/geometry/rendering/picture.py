@@ -18,6 +18,7 @@ from dcap.geometry.rendering.shading import compressed, shade
 from dcap.geometry.rendering.surface import RenderScene, SurfaceHits, dot
 from dcap.geometry.rendering.visibility import gathered_light
 from dcap.scene.types.mesh import Mesh
+from dcap.scene.types.paint import PaintedMesh
 
 EDGE_STEP = 0.004  # relative jump in depth against the neighbours' plane that makes an edge
 EDGE_COLOR = 0.035  # jump in displayed colour (0..1) that makes an edge
@@ -38,11 +39,14 @@ class Picture:
     """Index of the mesh seen, -1 where nothing is, shape (h, w)."""
 
 
-def picture(meshes: Sequence[Mesh], camera: Camera, *, samples: int = 2, shadows: bool = True) -> Picture:
+def picture(
+    meshes: Sequence[Mesh | PaintedMesh], camera: Camera, *, samples: int = 2, shadows: bool = True,
+    low_light: bool = False,
+) -> Picture:  # fmt: skip
     """Render the meshes; `samples` x `samples` rays smooth each pixel at an edge, `shadows` adds shadows and
-    occlusion.
+    occlusion, `low_light` shows relief.
     """
-    return exposed(meshes, camera, shadows=shadows).picture(samples)
+    return exposed(meshes, camera, shadows=shadows, low_light=low_light).picture(samples)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -53,6 +57,8 @@ class Exposure:
     surface: SurfaceHits
     light: Array
     """Shares of the key light and of the sky, shape (2, h * w)."""
+    shown: Array
+    """Displayed colours 0..1 of the pixels' middles, shape (3, h * w)."""
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -67,21 +73,24 @@ class Exposure:
 
     def picture(self, samples: int = 2) -> Picture:
         """Developed, with `samples` x `samples` rays at edges."""
-        shown = displayed(self.scene, self.surface, self.light)
+        shown = self.shown
         if samples > 1:
+            shown = shown.copy()
             rough = np.flatnonzero(edges(self.surface, shown, self.shape))
             shown[:, rough] = smoothed(rough, self.scene, self.surface, self.light, samples)
         return Picture(in_bytes(shown, self.shape), self.depth, self.surface.mesh_index.reshape(self.shape))
 
 
-def exposed(meshes: Sequence[Mesh], camera: Camera, *, shadows: bool = True) -> Exposure:
+def exposed(
+    meshes: Sequence[Mesh | PaintedMesh], camera: Camera, *, shadows: bool = True, low_light: bool = False
+) -> Exposure:
     """What the camera sees of the meshes, and the light there."""
-    scene = RenderScene(meshes, camera)
+    scene = RenderScene(meshes, camera, low_light=low_light)
     surface = scene.look(camera.pixel_centers)
     light = np.ones((2, camera.height * camera.width), dtype=np.float32)
     if shadows:
         light = gathered_light(scene.caster, surface, scene.light, scene.reach, (camera.height, camera.width))
-    return Exposure(scene, surface, light)
+    return Exposure(scene, surface, light, displayed(scene, surface, light))
 
 
 def displayed(scene: RenderScene, surface: SurfaceHits, light: Array) -> Array:

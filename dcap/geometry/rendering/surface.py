@@ -10,10 +10,15 @@ from dcap.geometry.camera import Camera
 from dcap.geometry.raycast import PackedHits, Raycaster
 from dcap.geometry.rendering.bands import in_bands
 from dcap.geometry.rendering.normals import ShadingNormals
+from dcap.geometry.rendering.painted import PaintedScene
+from dcap.scene.srgb import LINEAR
 from dcap.scene.types.mesh import Mesh
+from dcap.scene.types.paint import PaintedMesh
 
 Array = NDArray[np.float32]
 
+HIGH, LOW = np.radians([52.0, 24.0])
+"""Elevations of the key light; the low one grazes level surfaces, so that one sees their relief."""
 LEAN_COS = 0.1  # a shading normal that leans farther from its face would shade the side that is not seen
 
 
@@ -62,13 +67,16 @@ class SurfaceHits:
 class RenderScene:
     """The meshes as the camera sees them: one acceleration structure, colours, normals and the light."""
 
-    def __init__(self, meshes: Sequence[Mesh], camera: Camera) -> None:
+    def __init__(self, things: Sequence[Mesh | PaintedMesh], camera: Camera, *, low_light: bool = False) -> None:
+        known = [PaintedMesh(one) if isinstance(one, Mesh) else one for one in things]
+        meshes = [one.mesh for one in known]
         self.camera = camera
-        self.mesh = Mesh.concatenate(list(meshes))
+        self.mesh = Mesh.concatenate(meshes)
+        self.textures = PaintedScene(known, camera.focal) if any(one.paint for one in known) else None
         self.mesh_of_face = np.repeat(np.arange(len(meshes)), [len(m.faces) for m in meshes]).astype(np.int32)
         self.caster = Raycaster(self.mesh)
-        self.colors = colors_of(self.mesh)
-        self.light = key_direction(camera)
+        self.colors = LINEAR[self.mesh.colors]
+        self.light = key_direction(camera, LOW if low_light else HIGH)
         self.reach = float(np.linalg.norm(np.asarray(camera.target) - camera.position))
         self.normals = ShadingNormals(self.mesh)
 
@@ -111,6 +119,8 @@ class RenderScene:
         out.color[:] = sum(
             w * components(self.colors[k]) for w, k in zip(weights, self.mesh.faces[face].T, strict=True)
         )
+        if self.textures is not None:
+            self.textures.paint(face, weights, np.where(seen, hits.distance, 1.0), out.color)
         flat = np.where(seen, components(hits.normal), 0.0)
         rows = components(corner_normals.reshape(-1, 9)[face])
         smooth = weights[0] * rows[:3] + weights[1] * rows[3:6] + weights[2] * rows[6:]
@@ -132,18 +142,10 @@ def dot(a: Array, b: Array) -> Array:
     return np.asarray(a[0] * b[0] + a[1] * b[1] + a[2] * b[2])
 
 
-def key_direction(camera: Camera) -> NDArray[np.float64]:
-    """Unit vector to the key light: over the left shoulder of the photographer, 52 degrees above the horizon."""
+def key_direction(camera: Camera, elevation: float) -> NDArray[np.float64]:
+    """Unit vector to the key light: over the left shoulder of the photographer, at an elevation [rad]."""
     rotation = camera.world_from_camera
     side = -0.75 * rotation[:, 0] - 0.55 * rotation[:, 2] * (1.0, 1.0, 0.0)
     flat = side * (1.0, 1.0, 0.0)
     flat /= max(float(np.linalg.norm(flat)), 1e-9)
-    light = np.array([0.62 * flat[0], 0.62 * flat[1], 0.785])
-    return np.asarray(light / np.linalg.norm(light))
-
-
-def colors_of(mesh: Mesh) -> Array:
-    """Linear vertex colours 0..1, shape (n, 3)."""
-    level = np.arange(256) / 255.0
-    table = np.where(level <= 0.04045, level / 12.92, ((level + 0.055) / 1.055) ** 2.4).astype(np.float32)
-    return np.asarray(table[mesh.colors])
+    return np.asarray(np.cos(elevation) * flat + np.array([0.0, 0.0, np.sin(elevation)]))

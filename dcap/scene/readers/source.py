@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dcap.scene.errors import FormatError, GeometryError, InputError
 from dcap.scene.readers.frame.frame import BY_HEIGHT, FileFrame, Role, find_frame, option_name
@@ -24,6 +25,7 @@ from dcap.scene.readers.usd.usd import USD_SUFFIXES, read_usd
 from dcap.scene.types.gaussians import Gaussians
 from dcap.scene.types.given_labels import VertexLabels
 from dcap.scene.types.mesh import Mesh
+from dcap.scene.types.paint import SourceSurface
 from dcap.scene.types.sample import SourceOptions
 from dcap.scene.types.scan import LabelBox, Room, Scan
 
@@ -32,6 +34,9 @@ READERS = {
     **dict.fromkeys(USD_SUFFIXES, read_usd),
 }  # fmt: skip
 """Reader by file suffix."""
+
+TEXTURED = {".glb", ".gltf", ".obj"}
+"""Files that may have textures."""
 
 BROKEN = (ArithmeticError, AttributeError, LookupError, RecursionError, StopIteration, TypeError, ValueError)
 """What decoding can raise on bytes that break their format where no check of the reader names the place."""
@@ -71,6 +76,26 @@ def read_scan(
     frame = find_frame(raw, options, role)
     frame = check_scale(path, raw, frame, role) if ask_scale else frame
     return _scan(raw, frame, label=options.label or describe(path, folder), mesh=_meshed(path, splats, frame, mesher))
+
+
+def read_surface(path: Path, world_from_file: NDArray[np.float64]) -> SourceSurface:
+    """The textured surface of a file or folder that `read_scan` has read; `world_from_file` as it found (4, 4)."""
+    if path.is_dir():
+        if is_scannet(path) and not is_interiorgs(path):
+            return SourceSurface.untextured()
+        path, _ = find_mesh(path)
+    if path.suffix.lower() not in TEXTURED or is_splats(path):
+        return SourceSurface.untextured()
+    with readable(path):
+        raw = READERS[path.suffix.lower()](path).without_loose_vertices()
+    if raw.paint is None or not raw.paint.textures:
+        return SourceSurface.untextured()
+    colors = np.full(raw.vertices.shape, 255, dtype=np.uint8) if raw.colors is None else raw.colors
+    mesh = Mesh(np.ascontiguousarray(raw.vertices), raw.faces.astype(np.int32), colors)
+    paint = replace(raw.paint, corner_uv=np.nan_to_num(raw.paint.corner_uv, posinf=0.0, neginf=0.0))
+    if np.linalg.det(world_from_file[:3, :3]) < 0:  # faces are turned around with their corners
+        paint = replace(paint, corner_uv=paint.corner_uv[:, ::-1])
+    return SourceSurface(mesh.transformed(world_from_file), paint)
 
 
 def _read_folder(

@@ -39,6 +39,7 @@ from dcap.scene.types.outcome import (
     ObjectHole,
     OpenObject,
 )
+from dcap.scene.types.paint import Paint, SourceSurface
 from dcap.scene.types.particles import (
     BackgroundGrid,
     ColumnLayer,
@@ -51,7 +52,7 @@ from dcap.scene.types.particles import (
     SoftSimulationBody,
 )
 from dcap.scene.types.pointed import Pointed
-from dcap.scene.types.renders import Overview, Renders
+from dcap.scene.types.renders import Overview, Renders, Visibility
 from dcap.scene.types.repair_report import BodyGeometry, RepairReport
 from dcap.scene.types.rotation import AskedPose, Rotation
 from dcap.scene.types.sample import GivenPlace, KnownHeight, Sample, SourceOptions
@@ -87,14 +88,15 @@ KINDS: dict[str, type] = {
     one.__name__: one
     for one in (
         Anchor, AskedPose, BackgroundGrid, BesideThePart, BodyGeometry, BodyPath, BodyStability, BondRow, Certificate,
-        CertificateRow, ColumnLayer, ContactFriction, ContactRow, DistanceGrid, FileScale, DropFrames, GivenLabels,
+        CertificateRow, ColumnLayer, ContactFriction, ContactRow, DistanceGrid, DropFrames, FileScale, GivenLabels,
         GivenPart, GivenPlace, GivenThing, HiddenObject, History, InertialProperties, Infeasible, Instance, Intent,
         InTheWay, KickCheck, KickRow, KnownHeight, LabelBox, LastState, LayerConstants, LayeredPoints, Lean,
         LeanCheck, Material, MaterialPoints, Mesh, NoRoom, NotDone, NotInScene, ObjectHole, OpenObject,
-        OrientationRequest, OrientedBox, Overview, Part, Particles, PartMaterial, PartMaterials, PlacementChecks,
-        Pointed, PoseCheck, PushBounds, PushRow, RegionConstraint, RegionRequest, Renders, RepairReport,
-        RigidSimulationBody, RollingRow, Room, Rotation, Sample, Scan, Segmentation, Settled, SettledBody, SignalRows,
-        SoftSimulationBody, SourceOptions, StabilityGrade, SupportCandidate, VertexLabels,
+        OrientationRequest, OrientedBox, Overview, Paint, Part, Particles, PartMaterial, PartMaterials,
+        PlacementChecks, Pointed, PoseCheck, PushBounds, PushRow, RegionConstraint, RegionRequest, Renders,
+        RepairReport, RigidSimulationBody, RollingRow, Room, Rotation, Sample, Scan, Segmentation, Settled,
+        SettledBody, SignalRows, SoftSimulationBody, SourceOptions, SourceSurface, StabilityGrade, SupportCandidate,
+        VertexLabels, Visibility,
     )
 }  # fmt: skip
 """Every type that may be stored, by the name that `value.json` gives it: files outlive moves between modules."""

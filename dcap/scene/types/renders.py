@@ -7,6 +7,17 @@ from numpy.typing import NDArray
 
 
 @dataclass(frozen=True, eq=False, slots=True)
+class Visibility:
+    """How much of the object at rest is seen."""
+
+    views: NDArray[np.float64]
+    """Per view around the object: azimuth off the base's front and elevation [degrees], visible share of the
+    silhouette and of its outline [-], shape (n, 4)."""
+    from_the_room: float
+    """Mean visible share of the surface that faces people who stand around it [-]."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
 class Renders:
     """RGB images and what they show."""
 
@@ -15,11 +26,18 @@ class Renders:
     settled: NDArray[np.uint8]
     """The scene with the object at rest, same camera, (h, w, 3)."""
     closeup: NDArray[np.uint8]
-    """The contact from nearby, (h, w, 3)."""
+    """The object at rest from nearby, (h, w, 3)."""
     visible_fraction: float
     """Share of the object's pixels not hidden by the scene in the settled view, 0..1."""
     camera_position: NDArray[np.float64]
     camera_target: NDArray[np.float64]
+    before_after: NDArray[np.uint8]
+    """The place from nearby without the object, and beside it with it at rest, (h, w, 3)."""
+    contact: NDArray[np.uint8]
+    """The dent and the contact patch with the object lifted away, and a legend, (h, w, 3)."""
+    profile: NDArray[np.uint8]
+    """A vertical cut through the contact, before and after, (h, w, 3)."""
+    visibility: Visibility
 
 
 @dataclass(frozen=True, eq=False, slots=True)

@@ -1,20 +1,25 @@
-"""Writes GLB files: a tree of named nodes with vertex colours, y up and metres as the standard asks.
+"""Writes GLB files: a tree of named nodes with vertex colours or textures, y up and metres as the standard asks.
 
-Same input, same bytes. No material: many readers drop the vertex colours where there is one. A labelled scene has one
-node per instance, named by its id, with its label in `extras.label`, and below it one node per part;
-`dcap.scene.readers.gltf.gltf` gives the same instances and parts back.
+Same input, same bytes. Faces with vertex colours have no material: many readers drop them where there is one. A
+labelled scene has one node per instance, named by its id, with its label in `extras.label`, and below it one node per
+part; `dcap.scene.readers.gltf.gltf` gives the same instances and parts back.
 Source: Khronos, "glTF 2.0 Specification", sections 3.5 to 3.7 and 4.4.
 """
 
+import io
 import json
 import struct
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
 
 from dcap.scene.readers.gltf.document import BINARY_CHUNK, JSON_CHUNK
+from dcap.scene.srgb import srgb_from_linear
 from dcap.scene.types.mesh import Mesh
+from dcap.scene.types.paint import CornerPaint
 from dcap.scene.types.segmentation import Segmentation
 
 GLTF_FROM_WORLD = np.array([[1.0, 0, 0, 0], [0, 0, 1.0, 0], [0, -1.0, 0, 0], [0, 0, 0, 1.0]])
@@ -25,6 +30,13 @@ FLOAT, BYTE, INDEX = 5126, 5121, 5125
 
 VERTICES, INDICES = 34962, 34963
 """Targets of buffer views."""
+
+SAMPLER = {"magFilter": 9729, "minFilter": 9987, "wrapS": 10497, "wrapT": 10497}
+"""Linear, with smaller copies, repeating."""
+Shade = NDArray[np.float32]
+"""A linear colour 0..1, shape (3,)."""
+MOST_TINTS = 32
+"""Colours that multiply one texture and get a material each; where there are more they are vertex colours."""
 
 UNASSIGNED = "unassigned"
 """Name of the node of the faces that belong to no instance; its label is empty."""
@@ -39,6 +51,12 @@ class Node:
     label: str | None = None
     """What the instance is; None: not said."""
     children: tuple["Node", ...] = ()
+    paint: CornerPaint | None = None
+    """Textures of the mesh; None: its vertex colours say all."""
+    normals: NDArray[np.float32] | None = None
+    """Unit normals at the corners of the mesh's faces, shape (m, 3, 3); None: left to who reads it."""
+    extras: Mapping[str, object] = field(default_factory=dict)
+    """What else is said of the node."""
 
 
 def glb_bytes(roots: Sequence[Node]) -> bytes:
@@ -48,8 +66,17 @@ def glb_bytes(roots: Sequence[Node]) -> bytes:
     return writer.packed()
 
 
-def labelled_nodes(segmentation: Segmentation) -> list[Node]:
-    """A node per instance with a child per part, and one for the faces of no instance."""
+def labelled_nodes(
+    segmentation: Segmentation, paint: CornerPaint | None = None, normals: NDArray[np.float32] | None = None
+) -> list[Node]:
+    """A node per instance with a child per part, and one for the faces of no instance; with the paint and the corner
+    normals of the segmented mesh, if there are any."""
+
+    def node_of(name: str, faces: NDArray[np.int64], label: str | None = None) -> Node:
+        own = None if paint is None else paint.of(faces)
+        bent = None if normals is None else normals[faces]
+        return Node(name, segmentation.mesh.submesh(faces), label=label, paint=own, normals=bent)
+
     nodes = []
     for index, one in enumerate(segmentation.instances):
         mine = segmentation.face_instance == index
@@ -59,10 +86,18 @@ def labelled_nodes(segmentation: Segmentation) -> list[Node]:
             faces = np.flatnonzero(mine & (segmentation.face_part == number))
             used[part.name] = used.get(part.name, 0) + 1
             name = part.name if used[part.name] == 1 else f"{part.name}.{used[part.name]}"
-            parts.append(Node(name, segmentation.mesh.submesh(faces)))
+            parts.append(node_of(name, faces))
         nodes.append(Node(one.id, label=one.label, children=tuple(parts)))
     rest = np.flatnonzero(segmentation.face_instance < 0)
-    return nodes + ([Node(UNASSIGNED, segmentation.mesh.submesh(rest), label="")] if len(rest) else [])
+    return nodes + ([node_of(UNASSIGNED, rest, "")] if len(rest) else [])
+
+
+def in_gltf(normals: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Corner normals (m, 3, 3) in glTF's axes, one row a corner, exactly of unit length as far as numbers go."""
+    turned = normals.reshape(-1, 3).astype(np.float64) @ GLTF_FROM_WORLD[:3, :3].T
+    length = np.linalg.norm(turned, axis=1, keepdims=True)
+    upward = np.array([0.0, 1.0, 0.0])  # of faces without area
+    return np.where(length > 0.5, turned / np.maximum(length, 1e-12), upward).astype("<f4")
 
 
 @dataclass(eq=False)
@@ -75,16 +110,24 @@ class _Writer:
     accessors: list[dict[str, object]] = field(default_factory=list)
     views: list[dict[str, object]] = field(default_factory=list)
     binary: bytearray = field(default_factory=bytearray)
+    images: list[dict[str, object]] = field(default_factory=list)
+    materials: list[dict[str, object]] = field(default_factory=list)
+    texture_of: dict[int, int] = field(default_factory=dict)
+    """Index of a texture by the identity of its image."""
+    material_of: dict[tuple[int, bytes], int] = field(default_factory=dict)
+    """Index of a material by the identity of its image and its colour."""
 
     def add(self, node: Node) -> int:
         """Append a node and those below it; returns its index."""
         index = len(self.nodes)
         entry: dict[str, object] = {"name": node.name}
         self.nodes.append(entry)
-        if node.label is not None:
-            entry["extras"] = {"label": node.label}
+        extras = {**({} if node.label is None else {"label": node.label}), **node.extras}
+        if extras:
+            entry["extras"] = extras
         if node.mesh is not None and len(node.mesh.faces):
-            entry["mesh"] = self._mesh(node.name, node.mesh)
+            plain = node.paint is None and node.normals is None
+            entry["mesh"] = self._mesh(node.name, node.mesh) if plain else self._surface(node.name, node)
         if node.children:
             entry["children"] = [self.add(child) for child in node.children]
         return index
@@ -104,6 +147,108 @@ class _Writer:
         indices = self._accessor(faces.tobytes(), INDICES, INDEX, "SCALAR", faces.size)
         self.meshes.append({"name": name, "primitives": [{"attributes": attributes, "indices": indices}]})
         return len(self.meshes) - 1
+
+    def _surface(self, name: str, node: Node) -> int:
+        """A mesh with corner normals, one primitive for each texture and tint."""
+        assert node.mesh is not None
+        turned = node.mesh.transformed(GLTF_FROM_WORLD)
+        slot = np.full(len(turned.faces), -1) if node.paint is None else node.paint.texture
+        primitives = [self._plain(turned, np.flatnonzero(slot < 0), node.normals)] if (slot < 0).any() else []
+        for texture in np.unique(slot[slot >= 0]):
+            assert node.paint is not None
+            mine = np.flatnonzero(slot == texture)
+            tint = node.paint.corner_tint[mine]
+            shades, of_face = np.unique(tint[:, 0], axis=0, return_inverse=True)
+            even = len(shades) <= MOST_TINTS and bool((tint == tint[:, :1]).all())
+            groups = range(len(shades)) if even else [0]
+            for group in groups:
+                faces = mine[of_face.reshape(-1) == group] if even else mine
+                shade = shades[group] if even else np.ones(3, dtype=np.float32)
+                primitives.append(self._textured(turned, faces, node, int(texture), shade, tinted=not even))
+        self.meshes.append({"name": name, "primitives": primitives})
+        return len(self.meshes) - 1
+
+    def _plain(self, mesh: Mesh, faces: NDArray[np.int64], normals: NDArray[np.float32] | None) -> dict[str, object]:
+        """Faces with vertex colours."""
+        corner = mesh.faces[faces].reshape(-1)
+        columns = {"POSITION": mesh.vertices[corner].astype("<f4")}
+        if normals is not None:
+            columns["NORMAL"] = in_gltf(normals[faces])
+        return self._primitive(columns, mesh.colors[corner])
+
+    def _textured(
+        self,
+        mesh: Mesh,
+        faces: NDArray[np.int64],
+        node: Node,
+        texture: int,
+        shade: Shade,
+        *,
+        tinted: bool,
+    ) -> dict[str, object]:
+        """Faces with one texture and material."""
+        assert node.paint is not None
+        uv = node.paint.corner_uv[faces].reshape(-1, 2)
+        columns = {
+            "POSITION": mesh.vertices[mesh.faces[faces].reshape(-1)].astype("<f4"),
+            "TEXCOORD_0": np.stack([uv[:, 0], np.float32(1.0) - uv[:, 1]], axis=1).astype("<f4"),
+        }
+        if node.normals is not None:
+            columns["NORMAL"] = in_gltf(node.normals[faces])
+        tint = srgb_from_linear(node.paint.corner_tint[faces].reshape(-1, 3).astype(np.float64)) if tinted else None
+        return self._primitive(columns, tint, self._material(node.paint.textures[texture], shade))
+
+    def _primitive(
+        self, columns: dict[str, NDArray[np.float32]], colors: NDArray[np.uint8] | None, material: int | None = None
+    ) -> dict[str, object]:
+        """Corners (3 m, k) of faces as vertices that equal ones share, with their indices."""
+        rows = [np.ascontiguousarray(one).view("<u4").reshape(len(one), -1) for one in columns.values()]
+        if colors is not None:
+            rows.append(np.column_stack([colors, np.full(len(colors), 255, np.uint8)]).copy().view("<u4"))
+        _, first, inverse = np.unique(np.concatenate(rows, axis=1), axis=0, return_index=True, return_inverse=True)
+        attributes: dict[str, int] = {}
+        for name, values in columns.items():
+            own = np.ascontiguousarray(values[first])
+            more = {}
+            if name == "POSITION":
+                more = {"min": own.min(axis=0).tolist(), "max": own.max(axis=0).tolist()}
+            kind = f"VEC{own.shape[1]}"
+            attributes[name] = self._accessor(own.tobytes(), VERTICES, FLOAT, kind, len(own), **more)
+        if colors is not None:
+            data = np.column_stack([colors[first], np.full(len(first), 255, np.uint8)])
+            attributes["COLOR_0"] = self._accessor(data.tobytes(), VERTICES, BYTE, "VEC4", len(data), normalized=True)
+        index = inverse.reshape(-1).astype("<u4")
+        entry: dict[str, object] = {
+            "attributes": attributes,
+            "indices": self._accessor(index.tobytes(), INDICES, INDEX, "SCALAR", index.size),
+        }
+        return entry if material is None else entry | {"material": material}
+
+    def _material(self, image: NDArray[np.uint8], shade: Shade) -> int:
+        """Index of the material of a texture and a linear colour that multiplies it."""
+        key = (id(image), shade.tobytes())
+        if key not in self.material_of:
+            self.material_of[key] = len(self.materials)
+            look = {
+                "baseColorTexture": {"index": self._texture(image)},
+                "baseColorFactor": [*(float(one) for one in shade), 1.0],
+                "metallicFactor": 0.0,
+                "roughnessFactor": 0.9,
+            }
+            self.materials.append({"pbrMetallicRoughness": look, "doubleSided": True})
+        return self.material_of[key]
+
+    def _texture(self, image: NDArray[np.uint8]) -> int:
+        """Index of the texture of an image, which is written once."""
+        if id(image) not in self.texture_of:
+            file = io.BytesIO()
+            Image.fromarray(image).save(file, "PNG", compress_level=6)
+            data = file.getvalue()
+            self.views.append({"buffer": 0, "byteOffset": len(self.binary), "byteLength": len(data)})
+            self.binary += data + bytes(-len(data) % 4)
+            self.images.append({"bufferView": len(self.views) - 1, "mimeType": "image/png"})
+            self.texture_of[id(image)] = len(self.images) - 1
+        return self.texture_of[id(image)]
 
     def _accessor(self, data: bytes, target: int, component: int, kind: str, count: int, **more: object) -> int:
         view: dict[str, object] = {
@@ -127,6 +272,14 @@ class _Writer:
         }  # fmt: skip
         if not self.meshes:  # lists must not be empty
             document = {key: document[key] for key in ("asset", "scene", "scenes", "nodes")}
+        if self.materials:
+            textures = [{"source": source, "sampler": 0} for source in range(len(self.images))]
+            document |= {
+                "materials": self.materials,
+                "textures": textures,
+                "images": self.images,
+                "samplers": [SAMPLER],
+            }
         text = json.dumps(document, separators=(",", ":"), ensure_ascii=False).encode()
         text += b" " * (-len(text) % 4)
         chunks = struct.pack("<II", len(text), JSON_CHUNK) + text

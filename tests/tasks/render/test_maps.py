@@ -17,15 +17,16 @@ from dcap.geometry.rendering.map_files import write_maps
 from dcap.geometry.rendering.picture import picture
 from dcap.scene.errors import InputError
 from dcap.scene.types.maps import HIDDEN_CONTACT, SEEN_CONTACT, ConditioningMaps
-from dcap.scene.types.mesh import Mesh
+from dcap.scene.types.paint import PaintedMesh, SourceSurface
+from tasks.render.config import RenderConfig
 from tasks.render.maps import SettledView, conditioning_maps, placed
-from tasks.render.settled_meshes import SettledScene
-from tasks.render.stage import RenderConfig
+from tasks.render.source_surfaces import untouched
 
 CENTER = np.array([0.0, 0.0, TOP - DEPTH + RADIUS])
 """Of the ball at rest [m]."""
 HIGHER = np.array([0.0, 0.0, 0.2])
 CONFIG = RenderConfig(size=240)
+PLAIN = SourceSurface.untextured()
 
 
 def camera(position: tuple[float, float, float] = (0.3, -1.2, 1.1), size: int = 240) -> Camera:
@@ -34,7 +35,7 @@ def camera(position: tuple[float, float, float] = (0.3, -1.2, 1.1), size: int = 
 
 @cache
 def what() -> SettledView:
-    return placed(scene_of(), ball(), anchor(), None, settled())
+    return placed(scene_of(), ball(), anchor(), None, settled(), PLAIN, PLAIN)
 
 
 @cache
@@ -80,9 +81,7 @@ def test_depth_and_normals_are_those_of_the_ball():
 
 def test_mask_has_the_area_of_a_sphere_seen_in_perspective():
     """A disc of tangent r / sqrt(d^2 - r^2) about the line to its centre."""
-    open_air = SettledView(
-        SettledScene(scene_of(), np.zeros_like(scene_of().mesh.vertices)), ball(), floating(), np.zeros((0, 3)), None
-    )
+    open_air = SettledView(untouched(scene_of()), ball(), floating(), np.zeros((0, 3)), None, bare_look())
     view = camera()
     found = conditioning_maps(open_air, view, CONFIG, cutaway=False)
     middle = CENTER + HIGHER
@@ -97,11 +96,15 @@ def test_mask_has_the_area_of_a_sphere_seen_in_perspective():
     assert found.contact.max() == 0
 
 
-def floating() -> Mesh:
+def bare_look() -> PaintedMesh:
+    return PaintedMesh(scene_of().mesh)
+
+
+def floating() -> PaintedMesh:
     """The ball 20 cm over its place."""
     pose = np.eye(4)
     pose[:3, 3] = CENTER + HIGHER
-    return ball().mesh.transformed(pose)
+    return PaintedMesh(ball().mesh.transformed(pose))
 
 
 def test_what_hides_the_object_is_in_the_matte():
@@ -109,7 +112,7 @@ def test_what_hides_the_object_is_in_the_matte():
     board = box_mesh((-0.3, -0.6, TOP), (0.3, -0.58, TOP + 0.06))
     level = camera((0.0, -1.6, CENTER[2]))
     hidden = conditioning_maps(
-        placed(scene_of(board=board), ball(), anchor(), None, settled()), level, CONFIG, cutaway=False
+        placed(scene_of(board=board), ball(), anchor(), None, settled(), PLAIN, PLAIN), level, CONFIG, cutaway=False
     )
     free = conditioning_maps(what(), level, CONFIG, cutaway=False)
     whole = free.object_mask.astype(int) + free.hidden_mask
@@ -135,7 +138,7 @@ def test_contact_map_is_the_patch():
 
 def test_dent_is_the_depth_of_the_sphere():
     """Where the dent can be seen it is as deep as the sphere that made it, along the bed's normal."""
-    bare = SettledView(what().around, ball(), floating(), np.zeros((0, 3)), None)
+    bare = SettledView(what().around, ball(), floating(), np.zeros((0, 3)), None, what().look)
     side = camera((0.0, -0.8, 1.2))
     found = conditioning_maps(bare, side, CONFIG, cutaway=False)
     points = positions(found, side)

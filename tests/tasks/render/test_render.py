@@ -11,19 +11,23 @@ from dented_bed import DEPTH, RADIUS, TOP, anchor, ball, box_mesh, scene_of, set
 from dcap.geometry.camera import looking_at
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.outcome import HiddenObject, Infeasible, Reason
+from dcap.scene.types.paint import PaintedMesh, SourceSurface
 from dcap.scene.types.renders import Renders
 from dcap.scene.types.segmentation import Segmentation, SegmentedObject, SegmentedScene
 from dcap.scene.types.settled import SettledBody
+from tasks.render.config import RenderConfig
 from tasks.render.settled_meshes import settled_item, settled_scene, shown, structure_faces
-from tasks.render.stage import RenderConfig, rays_between, render, tinted
+from tasks.render.stage import render
+from tasks.render.views import rays_between
 
 SMALL = RenderConfig(size=160)
+PLAIN = SourceSurface.untextured()
 
 
 @cache
 def taken() -> Renders:
     """The pictures in the open."""
-    found = render(SegmentedScene(scene_of()), SegmentedObject(ball()), anchor(), settled(), SMALL)
+    found = render(SegmentedScene(scene_of()), SegmentedObject(ball()), anchor(), settled(), PLAIN, PLAIN, SMALL)
     assert isinstance(found, Renders)
     return found
 
@@ -59,8 +63,8 @@ def test_the_wall_in_front_is_cut_and_the_rest_is_shown() -> None:
     """
     assert taken().visible_fraction == 1.0
     scene = scene_of()
-    meshes = shown(scene, looking_at(taken().camera_position, taken().camera_target, 160, 160))
-    left = Mesh.concatenate(meshes)
+    camera = looking_at(taken().camera_position, taken().camera_target, 160, 160)
+    left = Mesh.concatenate([one.mesh for one in shown(scene, PaintedMesh(scene.mesh), camera)])
     assert (left.vertices[:, 1] > 1.19).any()
     in_front = (left.triangles[:, :, 1] < -1.69).all(axis=1)
     assert np.abs(left.face_normals[in_front, 1]).max(initial=0.0) == 0.0  # only the wall's narrow ends are left
@@ -74,6 +78,8 @@ def test_a_ball_in_a_box_is_buried() -> None:
         SegmentedObject(ball()),
         anchor(),
         settled(),
+        PLAIN,
+        PLAIN,
         SMALL,
     )
     assert isinstance(found, Infeasible)
@@ -112,24 +118,11 @@ def test_a_deformed_object_follows_its_simulated_surface() -> None:
     assert np.allclose(size, 2 * RADIUS * np.array([1.1, 1.1, 0.8]), atol=2 * sagitta)
 
 
-def test_the_contact_is_marked_in_the_close_up_only_where_it_is() -> None:
-    """A tint changes the masked pixels and no others, in a colour unlike what is there."""
-    picture = np.full((64, 64, 3), 200, dtype=np.uint8)
-    picture[:, :32] = (240, 130, 30)
-    mask = np.zeros((64, 64), dtype=bool)
-    mask[20:40, 5:25] = True
-    found = tinted(picture, mask)
-    changed = (found != picture).any(axis=-1)
-    assert np.array_equal(changed, mask)
-    assert found[30, 15, 2] > picture[30, 15, 2]  # blue on orange
-    assert np.array_equal(tinted(picture, np.zeros_like(mask)), picture)
-
-
 def test_same_input_same_bytes() -> None:
     """Pictures are a pure function of their input."""
-    again = render(SegmentedScene(scene_of()), SegmentedObject(ball()), anchor(), settled(), SMALL)
+    again = render(SegmentedScene(scene_of()), SegmentedObject(ball()), anchor(), settled(), PLAIN, PLAIN, SMALL)
     assert isinstance(again, Renders)
-    for name in ("clean", "settled", "closeup"):
+    for name in ("clean", "settled", "closeup", "before_after", "contact", "profile"):
         assert getattr(again, name).tobytes() == getattr(taken(), name).tobytes()
 
 

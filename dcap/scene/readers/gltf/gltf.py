@@ -19,8 +19,9 @@ from dcap.scene.readers.files.image import read_image
 from dcap.scene.readers.files.references import absence, beside
 from dcap.scene.readers.gltf.accessor import INCONSISTENT, Accessors
 from dcap.scene.readers.gltf.document import Entry, Json, binary_chunk, entries, read_document, require
-from dcap.scene.readers.mesh.raw import Paint, RawMesh, check_face_count, check_vertex_count
-from dcap.scene.readers.mesh.srgb import srgb_from_linear
+from dcap.scene.readers.mesh.raw import RawMesh, check_face_count, check_vertex_count
+from dcap.scene.srgb import srgb_from_linear
+from dcap.scene.types.paint import Paint
 
 COMPRESSED = {
     "KHR_draco_mesh_compression": "`gltf-transform copy in.glb out.glb`",

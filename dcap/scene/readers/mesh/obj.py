@@ -17,7 +17,8 @@ from dcap.scene.readers.files.content import read_bytes
 from dcap.scene.readers.files.references import library_names
 from dcap.scene.readers.mesh.mtl import MtlMaterial, read_mtl
 from dcap.scene.readers.mesh.polygons import triangulate
-from dcap.scene.readers.mesh.raw import Paint, RawMesh, check_face_count, check_vertex_count
+from dcap.scene.readers.mesh.raw import RawMesh, check_face_count, check_vertex_count
+from dcap.scene.types.paint import Paint
 
 CORNER = re.compile(rb"-?\d{1,18}(?:/(?:-?\d{1,18})?){0,2}")
 """One corner of a face: position, texture coordinate and normal."""

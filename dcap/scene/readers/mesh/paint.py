@@ -9,8 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from dcap.scene.readers.mesh.raw import Paint, RawMesh
-from dcap.scene.readers.mesh.srgb import linear_from_srgb, srgb_from_linear
+from dcap.scene.readers.mesh.raw import RawMesh
+from dcap.scene.srgb import linear_from_srgb, sampled, srgb_from_linear
+from dcap.scene.types.paint import Paint
 
 EDGE_FRACTION = 0.01
 """Target edge of faces whose texture varies, as a share of the mesh's largest extent [-]."""
@@ -29,10 +30,6 @@ VISIBLE_STEP = 40.0
 
 MAX_ROUNDS = 8
 """Each round halves edges; 2^8 covers an edge as long as the mesh [-]."""
-
-
-LINEAR = linear_from_srgb(np.arange(256)).astype(np.float32)
-"""Linear light of each sRGB byte."""
 
 
 @dataclass
@@ -83,19 +80,6 @@ def _welded(raw: RawMesh, paint: Paint) -> TexturedSurface:
     )
 
 
-def _sample(image: NDArray[np.uint8], uv: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Bilinear samples of a repeating image in linear light, shape (..., 3)."""
-    height, width = image.shape[:2]
-    x = (uv[..., 0] % 1.0) * width - 0.5
-    y = ((1.0 - uv[..., 1]) % 1.0) * height - 0.5
-    x0, y0 = np.floor(x).astype(np.int64), np.floor(y).astype(np.int64)
-    fx, fy = (x - x0)[..., None], (y - y0)[..., None]
-    rows, columns = (y0 % height, (y0 + 1) % height), (x0 % width, (x0 + 1) % width)
-    top = LINEAR[image[rows[0], columns[0]]] * (1 - fx) + LINEAR[image[rows[0], columns[1]]] * fx
-    low = LINEAR[image[rows[1], columns[0]]] * (1 - fx) + LINEAR[image[rows[1], columns[1]]] * fx
-    return np.asarray(top * (1 - fy) + low * fy, dtype=np.float64)
-
-
 def _colors_at(
     surface: TexturedSurface, images: tuple[NDArray[np.uint8], ...], weights: NDArray[np.float64]
 ) -> NDArray[np.float64]:
@@ -104,7 +88,7 @@ def _colors_at(
     uv = np.einsum("kc,mci->mki", weights, surface.corner_uv)
     for slot, image in enumerate(images):
         chosen = np.flatnonzero(surface.texture == slot)
-        colors[chosen] *= _sample(image, uv[chosen])
+        colors[chosen] *= sampled(image, uv[chosen])
     return colors
 
 

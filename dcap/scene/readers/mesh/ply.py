@@ -18,7 +18,8 @@ from dcap.scene.readers.mesh.ply_table import (
     scalar,
 )
 from dcap.scene.readers.mesh.polygons import triangulate
-from dcap.scene.readers.mesh.raw import Paint, RawMesh, check_face_count, check_vertex_count
+from dcap.scene.readers.mesh.raw import RawMesh, check_face_count, check_vertex_count
+from dcap.scene.types.paint import Paint
 
 INDEX_NAMES = ("vertex_indices", "vertex_index")
 

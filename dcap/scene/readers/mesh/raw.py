@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dcap.scene.errors import FormatError, InputError
+from dcap.scene.types.paint import Paint
 
 MAX_FACES = 4_000_000
 """Faces that a file may hold [-]. Reading and cleaning take 0.5 KB for a plain face and 1.6 KB for a textured one at
@@ -19,20 +20,6 @@ many."""
 
 MAX_CORNERS = 3 * MAX_FACES
 """Vertices, or values of one accessor, that a file may hold [-]: no face shares a corner with another."""
-
-
-@dataclass(frozen=True, eq=False, slots=True)
-class Paint:
-    """Colours that belong to faces and textures rather than to vertices."""
-
-    face_color: NDArray[np.uint8]
-    """Material colour (sRGB) that multiplies the texture, shape (m, 3)."""
-    face_texture: NDArray[np.int32]
-    """Index into `textures`, -1 for none, shape (m,)."""
-    corner_uv: NDArray[np.float64]
-    """Texture coordinates, origin at the lower left, shape (m, 3, 2)."""
-    textures: tuple[NDArray[np.uint8], ...]
-    """sRGB images, first row on top, each (h, w, 3)."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)

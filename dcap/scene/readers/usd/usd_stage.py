@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from dcap.scene.errors import FormatError, InputError
 from dcap.scene.readers.mesh.polygons import triangulate
 from dcap.scene.readers.mesh.raw import check_face_count, check_vertex_count
-from dcap.scene.readers.mesh.srgb import srgb_from_linear
+from dcap.scene.srgb import srgb_from_linear
 
 Stage = Any
 Prim = Any

@@ -1,0 +1,146 @@
+"""Meshes with textures as rays meet them.
+
+In: a mesh whose faces are, or are parts of, the faces of a textured surface. Out: its paint, corner by corner, and
+colours where rays meet it. A texture seen from afar is read from a smaller copy of it whose pixels are as large as the
+picture's [W83].
+
+[W83] Williams: Pyramidal parametrics. Computer Graphics (SIGGRAPH) 17(3), 1983.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+import open3d
+from numpy.typing import NDArray
+
+from dcap.geometry.raycast import tensor
+from dcap.scene.srgb import LINEAR, sampled, srgb_from_linear
+from dcap.scene.types.mesh import Mesh
+from dcap.scene.types.paint import CornerPaint, PaintedMesh, SourceSurface
+
+Array = NDArray[np.float32]
+
+OUTSIDE = 0.05
+"""Corners may lie this far outside of the face that they belong to, in its barycentric coordinates [-]."""
+NEAR = 1e-4
+"""Distance of a face's middle from the textured surface it belongs to, over the surface's extent [-]."""
+SMALLEST = 4
+"""Smaller copies end at this side [pixel]."""
+
+
+def painted(mesh: Mesh, source: SourceSurface | None) -> PaintedMesh:
+    """A mesh made of faces of a surface, or parts of them, with the surface's textures."""
+    if source is None or not source.textured:
+        return PaintedMesh(mesh)
+    return PaintedMesh(mesh, paint_from(source, mesh, nearest_faces(source.mesh, mesh)))
+
+
+def nearest_faces(surface: Mesh, mesh: Mesh) -> NDArray[np.int64]:
+    """The face of a surface nearest to the middle of each face of a mesh, -1 where none is close, shape (m,)."""
+    shift = surface.bounds.mean(axis=0)
+    scene = open3d.t.geometry.RaycastingScene()
+    scene.add_triangles(tensor(surface.vertices - shift, np.float32), tensor(surface.faces, np.uint32))
+    middle = mesh.triangles.mean(axis=1)
+    found = scene.compute_closest_points(tensor(middle - shift, np.float32))
+    away = np.linalg.norm(found["points"].numpy() + shift - middle, axis=1)
+    close = away <= NEAR * float(np.ptp(surface.bounds, axis=0).max())
+    return np.where(close, found["primitive_ids"].numpy().astype(np.int64), -1)
+
+
+def paint_from(source: SourceSurface, mesh: Mesh, owner: NDArray[np.int64]) -> CornerPaint:
+    """Paint of a mesh whose faces lie in the faces `owner` (m,) of a textured surface; -1: in none."""
+    face = np.maximum(owner, 0)
+    weights = barycentric(mesh.triangles, source.mesh.triangles[face])
+    inside = np.isfinite(weights).all(axis=(1, 2)) & (weights > -OUTSIDE).all(axis=(1, 2)) & (owner >= 0)
+    weights = np.where(inside[:, None, None], weights, 0.0)
+    uv = np.einsum("mck,mki->mci", weights, source.paint.corner_uv[face])
+    tint = np.einsum("mck,mki->mci", weights, tints(source)[face])
+    texture = np.where(inside, source.paint.face_texture[face], -1).astype(np.int32)
+    return CornerPaint(texture, uv.astype(np.float32), tint.astype(np.float32), source.paint.textures)
+
+
+def own_paint(source: SourceSurface) -> CornerPaint:
+    """Paint of a textured surface's own faces."""
+    paint = source.paint
+    return CornerPaint(paint.face_texture, paint.corner_uv.astype(np.float32), tints(source), paint.textures)
+
+
+def tints(source: SourceSurface) -> Array:
+    """Linear vertex colour times material colour at each corner, shape (m, 3, 3)."""
+    return np.asarray(LINEAR[source.paint.face_color][:, None, :] * LINEAR[source.mesh.colors][source.mesh.faces])
+
+
+def barycentric(points: NDArray[np.float64], triangle: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Barycentric coordinates of points (m, c, 3) in the planes of triangles (m, 3, 3), shape (m, c, 3); not finite
+    where a triangle has no area."""
+    a, b, c = triangle.transpose(1, 0, 2)
+    one, two, away = b - a, c - a, points - a[:, None]
+    oo, ot, tt = (np.einsum("mi,mi->m", u, v) for u, v in ((one, one), (one, two), (two, two)))
+    ao, at = (np.einsum("mci,mi->mc", away, u) for u in (one, two))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        share = 1.0 / (oo * tt - ot * ot)[:, None]
+        v = (tt[:, None] * ao - ot[:, None] * at) * share
+        w = (oo[:, None] * at - ot[:, None] * ao) * share
+        return np.stack([1.0 - v - w, v, w], axis=2)
+
+
+class PaintedScene:
+    """The textures of joined meshes."""
+
+    def __init__(self, meshes: Sequence[PaintedMesh], focal: float) -> None:
+        """Prepare the textures for a camera with a focal length of `focal` [pixel]."""
+        counts = [len(one.mesh.faces) for one in meshes]
+        self.texture = np.full(sum(counts), -1, dtype=np.int32)
+        self.uv = np.zeros((sum(counts), 3, 2), dtype=np.float32)
+        self.tint = np.zeros((sum(counts), 3, 3), dtype=np.float32)
+        self.levels: list[list[NDArray[np.uint8]]] = []
+        density = np.zeros(sum(counts), dtype=np.float32)
+        start = 0
+        for one, count in zip(meshes, counts, strict=True):
+            mine = slice(start, start + count)
+            start += count
+            if one.paint is None:
+                continue
+            known = one.paint.texture >= 0
+            self.texture[mine] = np.where(known, one.paint.texture + len(self.levels), -1)
+            self.uv[mine], self.tint[mine] = one.paint.corner_uv, one.paint.corner_tint
+            density[mine] = pixels_per_metre(one.mesh, one.paint)
+            self.levels += [smaller_copies(image) for image in one.paint.textures]
+        self.density = density / np.float32(focal)
+
+    def paint(self, face: NDArray[np.int64], weights: Array, distance: Array, color: Array) -> None:
+        """Overwrite linear colours (3, n) where rays met textured faces (n,) at weights (3, n) and distances (n,)."""
+        slot = self.texture[face]
+        for texture in np.unique(slot[slot >= 0]):
+            mine = np.flatnonzero(slot == texture)
+            own = face[mine]
+            weight = weights[:, mine].T[:, :, None]
+            uv, tint = (weight * self.uv[own]).sum(axis=1), (weight * self.tint[own]).sum(axis=1)
+            levels = self.levels[texture]
+            footprint = np.maximum(self.density[own] * distance[mine], 1e-9)
+            level = np.clip(np.rint(np.log2(footprint)), 0, len(levels) - 1).astype(np.int64)
+            found = np.empty((len(mine), 3), dtype=np.float32)
+            for each in np.unique(level):
+                here = level == each
+                found[here] = sampled(levels[each], uv[here])
+            color[:, mine] = (found * tint).T
+
+
+def pixels_per_metre(mesh: Mesh, paint: CornerPaint) -> Array:
+    """Pixels of its texture along a metre of each face, shape (m,)."""
+    size = np.array([image.shape[1::-1] for image in paint.textures] + [(1, 1)], dtype=np.float64)
+    corner = paint.corner_uv * size[paint.texture][:, None]
+    one, two = corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]
+    pixels = 0.5 * np.abs(one[:, 0] * two[:, 1] - one[:, 1] * two[:, 0])
+    return np.sqrt(pixels / np.maximum(mesh.face_areas, 1e-18)).astype(np.float32)
+
+
+def smaller_copies(image: NDArray[np.uint8]) -> list[NDArray[np.uint8]]:
+    """An image and its copies of half, a quarter ... of its size, each pixel the mean of four in linear light."""
+    levels = [image]
+    while min(levels[-1].shape[:2]) >= 2 * SMALLEST:
+        before = levels[-1]
+        height, width = before.shape[0] // 2, before.shape[1] // 2
+        four = LINEAR[before[: 2 * height, : 2 * width]].reshape(height, 2, width, 2, 3)
+        levels.append(srgb_from_linear(four.mean(axis=(1, 3)).astype(np.float64)))
+    return levels

@@ -1,0 +1,30 @@
+"""How pictures are taken."""
+
+from pydantic import BaseModel, NonNegativeFloat, PositiveFloat, PositiveInt
+
+
+class RenderConfig(BaseModel, frozen=True, extra="forbid"):
+    """How the pictures are taken."""
+
+    size: PositiveInt = 1024
+    """Side of each picture [pixels]."""
+    fov_deg: PositiveFloat = 55.0
+    """Field of view [degrees]."""
+    distance_factor: PositiveFloat = 1.5
+    """Camera distance over the diagonal of the base part's box [-]."""
+    nearest: PositiveFloat = 2.2
+    """Smallest camera distance over the object's diagonal [-]."""
+    farthest: PositiveFloat = 14.0
+    """Largest camera distance over the object's diagonal [-]: beyond it the object is too small to judge."""
+    closeup_factor: PositiveFloat = 1.35
+    """Camera distance of the close-up over the object's diagonal [-]."""
+    elevations_deg: tuple[float, ...] = (27.0, 14.0, 45.0)
+    """Heights of the camera over the horizon that are tried [degrees], the preferred one first."""
+    azimuths_deg: tuple[float, ...] = (20.0, -20.0, 45.0, -45.0, 70.0, -70.0, 100.0, -100.0, 180.0)
+    """Directions off the base's front that are tried [degrees]."""
+    samples: PositiveInt = 2
+    """Rays across a pixel at edges."""
+    least_visible: NonNegativeFloat = 0.02
+    """Share of the object's pixels below which it is buried [-]."""
+    canonical_size: PositiveInt = 192
+    """Side of the views by which visibility and recognisability are measured [pixels]."""

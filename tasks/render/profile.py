@@ -1,0 +1,70 @@
+"""A cut through the contact: the support as it was and as it is, and what lies in it.
+
+In: scene before and after, the object at rest, a point and a direction. Out: a drawing of the vertical plane there.
+"""
+
+import numpy as np
+import trimesh
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.collections import LineCollection
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from dcap.scene.types.mesh import Mesh
+from tasks.render.drawing import drawing
+
+Array = NDArray[np.float64]
+
+REACH = 0.8
+"""Half of the width of the cut over the object's diagonal [-]."""
+WIDTH, HEIGHT, DPI = 1024, 640, 100
+BEFORE, AFTER, THING = "#8a8a8a", "#1f77b4", "#e6550d"
+
+
+def profile_picture(before: Mesh, after: Mesh, thing: Mesh, middle: Array, along: Array) -> NDArray[np.uint8]:
+    """The cut as a picture (h, w, 3).
+
+    Args:
+        before: the scene undeformed.
+        after: the scene at rest.
+        thing: the object at rest.
+        middle: a point of the plane, of the contact [m], shape (3,).
+        along: direction of the plane's horizontal axis, shape (3,).
+    """
+    level = np.array([along[0], along[1], 0.0])
+    level /= np.linalg.norm(level)
+    normal = np.array([-level[1], level[0], 0.0])
+    reach = REACH * float(np.linalg.norm(np.ptp(thing.vertices, axis=0)))
+    figure = Figure(figsize=(WIDTH / DPI, HEIGHT / DPI), dpi=DPI, facecolor="white")
+    canvas = FigureCanvasAgg(figure)
+    axes = figure.add_axes((0.09, 0.11, 0.88, 0.78))
+    for mesh, color, style, width, name in (
+        (after, AFTER, "-", 2.2, "support at rest"),
+        (before, BEFORE, (0, (5, 3)), 1.4, "support before"),
+        (thing, THING, "-", 2.2, "object"),
+    ):
+        lines = 1e3 * section(mesh, middle, level, normal, reach)
+        axes.add_collection(LineCollection(list(lines), colors=color, linestyles=style, linewidths=width, label=name))
+    axes.set_xlim(-1e3 * reach, 1e3 * reach)
+    half = 1e3 * reach * (0.78 * HEIGHT) / (0.88 * WIDTH)
+    axes.set_ylim(-0.6 * half, 1.4 * half)
+    axes.set_aspect("equal")
+    axes.set_xlabel("along the cut [mm]")
+    axes.set_ylabel("height over the contact's middle [mm]")
+    axes.grid(color="#e5e5e5", linewidth=0.8)
+    axes.set_axisbelow(True)
+    figure.legend(loc="upper center", ncols=3, frameon=False)
+    return drawing(canvas)
+
+
+def section(mesh: Mesh, middle: Array, level: Array, normal: Array, reach: float) -> Array:
+    """Where a vertical plane cuts a mesh near a point: lines (k, 2, 2), along the plane and upwards from there [m]."""
+    corner = mesh.triangles
+    low, high = middle - 2.0 * reach, middle + 2.0 * reach
+    near = np.flatnonzero(((corner.max(axis=1) >= low) & (corner.min(axis=1) <= high)).all(axis=1))
+    if not len(near):
+        return np.zeros((0, 2, 2))
+    part = trimesh.Trimesh(mesh.vertices, mesh.faces[near], process=False)
+    found = trimesh.intersections.mesh_plane(part, normal, middle)  # type: ignore[no-untyped-call]
+    lines = np.asarray(found).reshape(-1, 2, 3) - middle
+    return np.stack([lines @ level, lines[..., 2]], axis=2)
