@@ -24,8 +24,6 @@ OUTSIDE = 0.05
 """Corners may lie this far outside of the face that they belong to, in its barycentric coordinates [-]."""
 NEAR = 1e-4
 """Distance of a face's middle from the textured surface it belongs to, over the surface's extent [-]."""
-SMALLEST = 4
-"""Smaller copies end at this side [pixel]."""
 
 
 def painted(mesh: Mesh, source: SourceSurface | None) -> PaintedMesh:
@@ -138,7 +136,7 @@ def pixels_per_metre(mesh: Mesh, paint: CornerPaint) -> Array:
 def smaller_copies(image: NDArray[np.uint8]) -> list[NDArray[np.uint8]]:
     """An image and its copies of half, a quarter ... of its size, each pixel the mean of four in linear light."""
     levels = [image]
-    while min(levels[-1].shape[:2]) >= 2 * SMALLEST:
+    while min(levels[-1].shape[:2]) >= 2:
         before = levels[-1]
         height, width = before.shape[0] // 2, before.shape[1] // 2
         four = LINEAR[before[: 2 * height, : 2 * width]].reshape(height, 2, width, 2, 3)

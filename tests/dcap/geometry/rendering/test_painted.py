@@ -1,0 +1,111 @@
+"""Textures where rays meet them: the right texel, on cut and moved faces too, smooth from afar."""
+
+import numpy as np
+import pytest
+from textured import QUARTERS, plate, quarters
+
+from dcap.geometry.camera import Camera, looking_at
+from dcap.geometry.rendering.painted import (
+    barycentric,
+    nearest_faces,
+    own_paint,
+    paint_from,
+    painted,
+    smaller_copies,
+)
+from dcap.geometry.rendering.picture import picture
+from dcap.geometry.solid.repair import subdivide_near
+from dcap.scene.srgb import linear_from_srgb
+from dcap.scene.types.mesh import Mesh
+from dcap.scene.types.paint import PaintedMesh, SourceSurface
+
+EVERYWHERE = np.array([[-9.0] * 3, [9.0] * 3])
+
+
+def from_above(size: int = 80, height: float = 4.0) -> Camera:
+    return looking_at(np.array([0.0, 0.0, height]), np.zeros(3), size, size, fov_deg=40.0, up=(0.0, 1.0, 0.0))
+
+
+def hue(color: np.ndarray) -> int:
+    """Which of the four colours a shaded one is most like."""
+    known = np.array(QUARTERS) / np.linalg.norm(QUARTERS, axis=1, keepdims=True)
+    return int(np.argmax(known @ (color / np.linalg.norm(color))))
+
+
+def at(rgb: np.ndarray, camera: Camera, x: float, y: float) -> np.ndarray:
+    column, row, _ = camera.project(np.array([[x, y, 0.0]]))[0]
+    return rgb[int(row), int(column)].astype(float)
+
+
+def test_each_quarter_of_a_plate_has_its_colour():
+    surface, camera = plate(), from_above()
+    rgb = picture([PaintedMesh(surface.mesh, own_paint(surface))], camera).rgb
+    for number, (x, y) in enumerate([(-0.5, -0.5), (0.5, -0.5), (-0.5, 0.5), (0.5, 0.5)]):
+        assert hue(at(rgb, camera, x, y)) == number
+
+
+def test_a_texture_repeats():
+    surface, camera = plate(repeat=2.0), from_above()
+    rgb = picture([PaintedMesh(surface.mesh, own_paint(surface))], camera).rgb
+    assert hue(at(rgb, camera, -0.75, -0.75)) == hue(at(rgb, camera, 0.25, 0.25)) == 0
+    assert hue(at(rgb, camera, 0.75, 0.75)) == hue(at(rgb, camera, -0.25, -0.25)) == 3
+
+
+def test_a_mesh_cut_from_the_surface_has_its_texture_coordinates():
+    surface = plate()
+    fine = subdivide_near(surface.mesh, EVERYWHERE, 0.11)
+    assert len(fine.faces) > 100
+    paint = painted(fine, surface).paint
+    assert paint is not None
+    assert (paint.texture == 0).all()
+    expected = fine.vertices[fine.faces][..., :2] / 2 + 0.5
+    assert np.abs(paint.corner_uv - expected).max() < 1e-6
+
+
+def test_what_does_not_lie_on_the_surface_keeps_its_own_colours():
+    surface = plate()
+    above = Mesh.of(surface.mesh.vertices + np.array([0.0, 0.0, 0.3]), surface.mesh.faces, (1, 2, 3))
+    assert (nearest_faces(surface.mesh, above) == -1).all()
+    paint = painted(above, surface).paint
+    assert paint is not None
+    assert (paint.texture == -1).all()
+    larger = Mesh.of(surface.mesh.vertices * 1.5, surface.mesh.faces)  # its corners lie beside the faces they belong to
+    assert (paint_from(surface, larger, np.array([0, 1])).texture == -1).all()
+
+
+def test_an_untextured_source_paints_nothing():
+    mesh = plate().mesh
+    assert painted(mesh, SourceSurface.untextured()).paint is None
+    assert painted(mesh, None).paint is None
+
+
+def test_barycentric_coordinates_give_the_points_back():
+    rng = np.random.default_rng(1)
+    triangle = rng.normal(size=(20, 3, 3))
+    weights = rng.dirichlet((1, 1, 1), (20, 4))
+    points = np.einsum("mck,mki->mci", weights, triangle)
+    assert barycentric(points, triangle) == pytest.approx(weights, abs=1e-9)
+    flat = np.zeros((1, 3, 3))
+    assert not np.isfinite(barycentric(flat, flat)).any()
+
+
+def test_smaller_copies_keep_the_mean_light():
+    copies = smaller_copies(quarters())
+    assert [one.shape[0] for one in copies] == [64, 32, 16, 8, 4, 2, 1]
+    means = [linear_from_srgb(one).mean(axis=(0, 1)) for one in copies]
+    assert np.abs(np.array(means) - means[0]).max() < 4e-3  # half a level of eight bits
+
+
+def test_a_fine_pattern_from_afar_is_its_mean_and_does_not_flicker():
+    """Ten thousand squares in eighty pixels: all of one even grey, as far as the light is even."""
+    surface = plate(repeat=100.0)
+    rgb = picture([PaintedMesh(surface.mesh, own_paint(surface))], from_above(), shadows=False).rgb
+    inner = rgb[25:55, 25:55].reshape(-1, 3).astype(float)
+    assert inner.std(axis=0).max() < 4.0
+
+
+def test_tints_multiply_the_texture():
+    surface = plate()
+    half = Mesh(surface.mesh.vertices, surface.mesh.faces, np.full((4, 3), 188, np.uint8))  # half of the light
+    tint = own_paint(SourceSurface(half, surface.paint)).corner_tint
+    assert tint == pytest.approx(0.503, abs=2e-3)

@@ -1,0 +1,146 @@
+"""The rest state with the faces, texture coordinates and textures of the sources; and its contact patches."""
+
+import json
+import struct
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import trimesh
+from dented_bed import DEPTH, RADIUS, TOP, anchor, ball, scene_of, settled
+from textured import plate, quarters
+
+from dcap.geometry.rendering.painted import own_paint
+from dcap.scene.readers.source import read_surface
+from dcap.scene.types.mesh import Mesh
+from dcap.scene.types.paint import Paint, SourceSurface
+from dcap.scene.writers.glb import Node, glb_bytes, labelled_nodes
+from solver.certificate import ContactRow
+from tasks.render.contact_surfaces import contact_nodes
+from tasks.render.source_surfaces import object_at_rest, scene_at_rest
+
+
+def textured_scene() -> SourceSurface:
+    """The scene's own faces, every one with the whole texture."""
+    mesh = scene_of().mesh
+    uv = np.tile(np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0]]), (len(mesh.faces), 1, 1))
+    paint = Paint(np.full((len(mesh.faces), 3), 255, np.uint8), np.zeros(len(mesh.faces), np.int32), uv, (quarters(),))
+    return SourceSurface(Mesh.of(mesh.vertices, mesh.faces, (255, 255, 255)), paint)
+
+
+def textured_ball() -> SourceSurface:
+    """The ball with a texture that runs along x and y."""
+    mesh = ball().mesh
+    uv = mesh.vertices[mesh.faces][..., :2] / (2 * RADIUS) + 0.5
+    count = len(mesh.faces)
+    paint = Paint(np.full((count, 3), 255, np.uint8), np.zeros(count, np.int32), uv, (quarters(),))
+    return SourceSurface(Mesh.of(mesh.vertices, mesh.faces, (255, 255, 255)), paint)
+
+
+def test_the_object_keeps_faces_and_coordinates_and_is_where_it_rests():
+    source = textured_ball()
+    found = object_at_rest(ball(), source, anchor(), settled().bodies[0])
+    assert found.paint is not None
+    assert np.array_equal(found.mesh.faces, source.mesh.faces)
+    assert found.paint.corner_uv == pytest.approx(source.paint.corner_uv, abs=1e-6)
+    assert found.mesh.vertices == pytest.approx(settled().bodies[0].surface.vertices, abs=1e-9)
+
+
+def test_a_dented_support_is_cut_only_where_it_bends_and_keeps_its_coordinates():
+    source = textured_scene()
+    around, look = scene_at_rest(scene_of(), source, settled(), "bed")
+    assert look.paint is not None
+    assert (look.paint.texture == 0).all()
+    counts = np.bincount(around.origin, minlength=len(source.mesh.faces))
+    top = (source.mesh.face_normals[:, 2] > 0) & (source.mesh.triangles[:, :, 2].min(axis=1) > TOP - 1e-6)
+    top &= source.mesh.triangles[:, :, 2].max(axis=1) < TOP + 1e-6
+    assert (counts[top] > 100).all()
+    assert counts[12:].max() == 1  # floor and walls are as they were
+    inner = np.linalg.norm(around.scene.mesh.vertices[:, :2], axis=1) < 0.01
+    assert around.scene.mesh.vertices[inner & (around.shift[:, 2] < 0), 2].min() == pytest.approx(TOP - DEPTH, abs=1e-3)
+    # the same place of the texture at the same place of the undeformed surface
+    face = np.flatnonzero(top)[0]
+    mine = np.flatnonzero(around.origin == face)
+    corner = around.start.triangles[mine]
+    triangle, uv = source.mesh.triangles[face], source.paint.corner_uv[face]
+    map_to_uv = np.linalg.lstsq(np.column_stack([triangle[:, :2], np.ones(3)]), uv, rcond=None)[0]
+    expected = np.concatenate([corner[..., :2], np.ones((*corner.shape[:2], 1))], axis=2) @ map_to_uv
+    assert np.abs(expected - look.paint.corner_uv[mine]).max() < 1e-5
+
+
+def test_without_textures_the_scene_is_the_segmented_mesh():
+    around, look = scene_at_rest(scene_of(), SourceSurface.untextured(), None, "")
+    assert look.paint is None
+    assert around.scene is not None
+    assert np.array_equal(look.mesh.vertices, scene_of().mesh.vertices)
+
+
+def test_a_written_file_has_the_textures_and_is_read_back(tmp_path):
+    """trimesh and our own reader find the same faces, coordinates and picture."""
+    source = textured_ball()
+    thing = object_at_rest(ball(), source, anchor(), settled().bodies[0])
+    normals = np.asarray(trimesh.Trimesh(thing.mesh.vertices, thing.mesh.faces).face_normals, dtype=np.float32)
+    corner_normals = np.repeat(normals[:, None], 3, axis=1)
+    path = tmp_path / "object.glb"
+    path.write_bytes(glb_bytes([Node("object", thing.mesh, paint=thing.paint, normals=corner_normals)]))
+    again = read_surface(path, np.eye(4))
+    assert again.textured
+    assert np.array_equal(again.paint.textures[0], quarters())
+    assert len(again.mesh.faces) == len(source.mesh.faces)
+    corners = lambda surface: np.concatenate(  # noqa: E731
+        [surface.mesh.triangles.reshape(-1, 3), surface.paint.corner_uv.reshape(-1, 2)], axis=1
+    )
+    y_up = thing.mesh.vertices[:, [0, 2, 1]] * [1, 1, -1]
+    mine = corners(SourceSurface(Mesh.of(y_up, source.mesh.faces), source.paint))
+    order = lambda rows: rows[np.lexsort(np.round(rows, 4).T)]  # noqa: E731
+    assert order(corners(again)) == pytest.approx(order(mine), abs=2e-4)
+    loaded = trimesh.load(path)
+    geometry = next(iter(loaded.geometry.values()))  # type: ignore[attr-defined]
+    assert len(geometry.faces) == len(source.mesh.faces)
+    assert np.asarray(geometry.visual.material.baseColorTexture).shape == (64, 64, 3)
+
+
+def test_equal_surfaces_give_equal_bytes_and_a_texture_is_written_once():
+    around, look = scene_at_rest(scene_of(), textured_scene(), settled(), "bed")
+    data = glb_bytes(labelled_nodes(around.scene, look.paint))
+    assert data == glb_bytes(labelled_nodes(around.scene, look.paint))
+    document = document_of(data)
+    assert len(document["images"]) == len(document["materials"]) == 1
+    assert [node["name"] for node in document["nodes"] if "children" in node] == [
+        one.id for one in scene_of().instances
+    ]
+
+
+def test_many_tints_become_vertex_colours():
+    source = plate()
+    mesh = Mesh(
+        source.mesh.vertices, source.mesh.faces, np.array([[255, 0, 0], [0, 255, 0], [0, 0, 255], [9, 9, 9]], np.uint8)
+    )
+    found = own_paint(SourceSurface(mesh, source.paint))
+    document = document_of(glb_bytes([Node("plate", mesh, paint=found)]))
+    assert "COLOR_0" in document["meshes"][0]["primitives"][0]["attributes"]
+    assert document["materials"][0]["pbrMetallicRoughness"]["baseColorFactor"] == [1.0, 1.0, 1.0, 1.0]
+
+
+def document_of(data):
+    length = struct.unpack("<I", data[12:16])[0]
+    return json.loads(data[20 : 20 + length])
+
+
+def test_contact_patches_carry_their_loads():
+    """The ball's patch is a cap of the sphere: its area by the contact's radius."""
+    row = ContactRow(a="object", b="bed", area_m2=0.01, normal_force_n=9.81, tangential_force_n=0.0,
+                     max_penetration_m=0.0, max_gap_m=0.0, points=10)  # fmt: skip
+    (root,) = contact_nodes(replace(settled(), contacts=(row,)))
+    (patch,) = root.children
+    assert patch.name == "object on bed"
+    assert patch.extras["mean_pressure_pa"] == pytest.approx(981.0)
+    assert patch.mesh is not None
+    contact = settled().contact_points
+    depth = contact[:, 2].max() - contact[:, 2].min()
+    assert patch.mesh.face_areas.sum() == pytest.approx(2 * np.pi * RADIUS * depth, rel=0.35)  # a patch of 15 mm points
+
+
+def test_nothing_touches_nothing():
+    (root,) = contact_nodes(replace(settled(), contact_points=np.zeros((0, 3))))
+    assert root.children == ()
