@@ -138,6 +138,8 @@ class PlaceOptions(DropOptions, frozen=True, extra="forbid"):
     """Where the sentence may mean another thing as well: ask which, or take the best and say so."""
     maps: bool = False
     """Write conditioning maps, too."""
+    animate: bool = False
+    """Write a film of the drop, too."""
 
 
 class DropKeywords(TypedDict, total=False):
@@ -175,6 +177,7 @@ class PlaceKeywords(DropKeywords, total=False):
     paper_limits: bool
     ambiguous: AmbiguousName
     maps: bool
+    animate: bool
 
 
 Options = TypeVar("Options", bound=DropOptions)

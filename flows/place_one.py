@@ -10,6 +10,7 @@ from dcap.language.model.ledger import in_words, spending_of
 from dcap.scene.json_tree import JsonObject
 from dcap.scene.store.artifacts import Store
 from flows.configure import configured
+from flows.film_output import FILM, write_film
 from flows.language_options import LanguageOptions, language_options
 from flows.map_output import FOLDER, clear_maps, write_maps_of
 from flows.one_sample import sample_of, show
@@ -62,9 +63,12 @@ def write_results(
     """All files of a placement, those that were asked for included; returns placement.json."""
     tree = write_placement(finished, out)
     write_asked(out, finished.sample, config, asking)
-    if options.maps and tree["verdict"] == AT_REST:
-        values = load_values(finished, Store.default())
-        write_maps_of(FinishedPlacement(out, finished, values, config), out / FOLDER)
-    else:  # those of an earlier result in the same folder
-        clear_maps(out / FOLDER)
+    clear_maps(out / FOLDER)  # of an earlier result in the same folder
+    (out / FILM).unlink(missing_ok=True)
+    if tree["verdict"] == AT_REST and (options.maps or options.animate):
+        found = FinishedPlacement(out, finished, load_values(finished, Store.default()), config)
+        if options.maps:
+            write_maps_of(found, out / FOLDER)
+        if options.animate:
+            write_film(found, out)
     return tree

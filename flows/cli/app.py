@@ -136,6 +136,7 @@ def place(
     maps: Annotated[
         bool, typer.Option("--maps", help="Write conditioning maps, too: depth, normals, masks ...")
     ] = False,
+    animate: Annotated[bool, typer.Option("--animate", help="Write a film of the drop, too: drop.mp4.")] = False,
     as_json: Json = False,
 ) -> int:
     """Place one object in one scene."""

@@ -28,6 +28,8 @@ Mask = NDArray[np.bool_]
 
 SHALLOWEST = 2e-4
 """A dent less deep than this is not coloured [m]."""
+FADING = 0.2
+"""Share of the deepest dent below which the colours fade out: the wide, shallow rim hides nothing [-]."""
 COLORS = "viridis_r"
 PATCH, OUTLINE = np.array([255.0, 122.0, 26.0]), np.array([30.0, 30.0, 30.0])
 """Colours of the contact patch and of the outline of the object above it."""
@@ -62,7 +64,7 @@ def contact_picture(
     if deepest > SHALLOWEST:
         map_of = matplotlib.colormaps[COLORS]
         color = 255.0 * np.asarray(map_of(np.clip(depth / deepest, 0.0, 1.0)))[..., :3]
-        share = np.clip(depth / SHALLOWEST - 1.0, 0.0, 1.0)[..., None] * DENT_SHARE
+        share = np.clip(depth / (FADING * deepest), 0.0, 1.0)[..., None] * DENT_SHARE
         light = rgb.mean(axis=2, keepdims=True) / 160.0  # the relief stays readable under the colours
         rgb += share * (np.clip(color * light, 0.0, 255.0) - rgb)
     surface = exposure.surface

@@ -25,7 +25,7 @@ from tasks.render.config import RenderConfig
 from tasks.render.contact_picture import contact_picture
 from tasks.render.profile import profile_picture
 from tasks.render.settled_meshes import painted_item, painted_scene, settled_scene, shown, shown_faces, structure_faces
-from tasks.render.views import ChosenView, best_view, contact_middle, front, view_distance, visible_fraction
+from tasks.render.views import best_view, contact_middle, front, view_distance, visible_fraction
 from tasks.runner.stage import stage
 
 
@@ -56,7 +56,7 @@ def render(
             HiddenObject(visible_fraction=fraction, camera_position=view.camera.position),
         )
     clean = photograph(shown(scene, before, view.camera), view.camera, config)
-    near = nearby(things, thing.mesh, view, config)
+    near = nearby(things, thing.mesh, view.camera, config)
     behind = shown(around.scene, after, near)
     closeup = photograph([*behind, thing], near, config, low_light=True)
     untouched = photograph(shown(scene, before, near), near, config, low_light=True)
@@ -84,11 +84,11 @@ def photograph(meshes: list[PaintedMesh], camera: Camera, config: RenderConfig, 
     return picture(meshes, camera, samples=config.samples, low_light=low_light)
 
 
-def nearby(things: Raycaster, thing: Mesh, view: ChosenView, config: RenderConfig) -> Camera:
+def nearby(things: Raycaster, thing: Mesh, first: Camera, config: RenderConfig) -> Camera:
     """The camera of the close-up: on the side of the first one, its contact a little below the middle."""
     size = np.ptp(thing.vertices, axis=0)
-    target = view.camera.target + np.array([0.0, 0.0, 0.22 * size[2]])
-    way = view.camera.position - view.camera.target
+    target = first.target + np.array([0.0, 0.0, 0.22 * size[2]])
+    way = first.position - first.target
     flat = np.array([way[0], way[1], 0.0])
     flat /= np.linalg.norm(flat)
     distance = config.closeup_factor * float(np.linalg.norm(size))

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.particles import ColumnLayer
@@ -81,16 +82,6 @@ class PlacementChecks:
     """Every pose and facing that was asked, in the words of the request."""
 
 
-def surface_at(settled: "Settled", body: int, frame: int) -> NDArray[np.float64]:
-    """Surface points of a body at a frame [m], shape (n, 3)."""
-    assert settled.frames is not None
-    one, path = settled.bodies[body], settled.frames.bodies[body]
-    start = one.surface.vertices - one.displacement
-    points = np.asarray(start @ path.rotation[frame].T + path.translation[frame])
-    points[path.moved] += path.offset[frame]
-    return points
-
-
 @dataclass(frozen=True, eq=False, slots=True)
 class Settled:
     """The result of the drop."""
@@ -127,3 +118,24 @@ class LastState:
     simulated_s: float
     warnings: tuple[str, ...]
     checks: PlacementChecks
+
+
+def surface_at(settled: Settled, body: int, frame: int) -> NDArray[np.float64]:
+    """Surface points of a body at a frame [m], shape (n, 3)."""
+    assert settled.frames is not None
+    one, path = settled.bodies[body], settled.frames.bodies[body]
+    start = one.surface.vertices - one.displacement
+    points = np.asarray(start @ path.rotation[frame].T + path.translation[frame])
+    points[path.moved] += path.offset[frame]
+    return points
+
+
+def body_at(settled: Settled, body: int, frame: int) -> SettledBody:
+    """A body as it was at a frame."""
+    assert settled.frames is not None
+    one, path = settled.bodies[body], settled.frames.bodies[body]
+    points = surface_at(settled, body, frame)
+    turn = Rotation.from_matrix(path.rotation[frame]).as_quat(canonical=True, scalar_first=True)
+    moved = points - (one.surface.vertices - one.displacement)
+    surface = Mesh(points, one.surface.faces, one.surface.colors)
+    return SettledBody(one.name, surface, path.translation[frame], np.asarray(turn), moved)
