@@ -39,7 +39,8 @@ def place(scene: AnyPath, object: AnyPath, prompt: str, **options: Unpack[PlaceK
     `replay`, `max_cost` [USD]; `ambiguous`: ask (an error that lists what may be meant) or best. The physics:
     `solver`, `resolution` [m], `threads`, `arch`, `seed`, `stability`, `load_aware`, `paper_limits`. Each is
     explained by `dcap place --help`. `out` is the folder of the results; `maps` adds
-    conditioning maps to it, `animate` a film of the drop.
+    conditioning maps to it, `animate` a film of the drop,
+    `surface="iso"` the surfaces around the material points.
 
     Raises InputError for input or options that cannot be used, LanguageError for a prompt that was not understood, and
     other kinds of DcapError.

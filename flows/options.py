@@ -19,6 +19,7 @@ LARGEST_RESOLUTION_M = 1.0
 SolverName = Literal["tl", "mls"]
 ArchName = Literal["auto", "cpu", "cuda"]
 AmbiguousName = Literal["ask", "best"]
+SurfaceName = Literal["embedded", "iso"]
 UpName = Literal["auto", "y", "z", "-y", "-z"]
 UnitName = Literal["auto", "m", "cm", "mm", "in"]  # the keys of METRES: a Literal cannot be computed
 UPS: tuple[str, ...] = get_args(UpName)
@@ -140,6 +141,8 @@ class PlaceOptions(DropOptions, frozen=True, extra="forbid"):
     """Write conditioning maps, too."""
     animate: bool = False
     """Write a film of the drop, too."""
+    surface: Annotated[SurfaceName, one_of(SurfaceName)] = "embedded"
+    """iso: write the surfaces around the material points, too."""
 
 
 class DropKeywords(TypedDict, total=False):
@@ -178,6 +181,7 @@ class PlaceKeywords(DropKeywords, total=False):
     ambiguous: AmbiguousName
     maps: bool
     animate: bool
+    surface: SurfaceName
 
 
 Options = TypeVar("Options", bound=DropOptions)

@@ -9,6 +9,8 @@ from pathlib import Path
 from typing import TypeVar
 
 import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from dcap.geometry.rendering.normals import ShadingNormals
@@ -32,13 +34,17 @@ from flows.placement_json import AT_REST, Values, placement_json
 from flows.placement_schema import placement_schema
 from flows.sample_run import FinishedSample
 from tasks.render.contact_surfaces import contact_nodes
+from tasks.render.particle_table import distances, iso_surface, particle_columns, soft_bodies
 from tasks.render.settled_meshes import settled_item
 from tasks.render.source_surfaces import object_at_rest, scene_at_rest
 
 SCHEMA = "placement.schema.json"
 """The JSON Schema of placement.json, beside it."""
+PARTICLES, ISO = "particles.parquet", "iso.glb"
 PICTURES = ("clean", "asked", "settled", "closeup", "before_after", "contact", "profile", "candidates", "hole")
-OWNED = frozenset({"object.ply", "object.glb", "contacts.glb", "scene.glb", *(f"{name}.png" for name in PICTURES)})
+OWNED = frozenset(
+    {"object.ply", "object.glb", "contacts.glb", "scene.glb", PARTICLES, *(f"{name}.png" for name in PICTURES)}
+)
 
 Kind = TypeVar("Kind")
 
@@ -118,9 +124,25 @@ def write_geometry(values: Values, folder: Path) -> dict[str, str]:
         nodes.append(node)
         (folder / "object.glb").write_bytes(glb_bytes([node]))
         (folder / "contacts.glb").write_bytes(glb_bytes(contact_nodes(settled)))
-        files = {"object": "object.ply", "object_glb": "object.glb", "contacts": "contacts.glb"} | files
+        if soft_bodies(settled) and values.particles:
+            columns = particle_columns(settled, values.particles)
+            pq.write_table(pa.table({name: pa.array(column) for name, column in columns.items()}), folder / PARTICLES)
+            files["particles"] = PARTICLES
+        files |= {"object": "object.ply", "object_glb": "object.glb", "contacts": "contacts.glb"}
     (folder / "scene.glb").write_bytes(glb_bytes(nodes))
     return files
+
+
+def iso_glb(settled: Settled) -> bytes:
+    """The surfaces around the material points of the soft bodies at rest, with their distances to them."""
+    nodes = []
+    for number, one in soft_bodies(settled):
+        surface = iso_surface(one)
+        node = Node(
+            settled.bodies[number].name, surface, normals=corner_normals(surface), extras=distances(surface, one)
+        )
+        nodes.append(node)
+    return glb_bytes([Node("material", children=tuple(nodes))])
 
 
 def scene_nodes(scene: Segmentation, look: PaintedMesh) -> list[Node]:

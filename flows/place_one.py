@@ -15,7 +15,7 @@ from flows.language_options import LanguageOptions, language_options
 from flows.map_output import FOLDER, clear_maps, write_maps_of
 from flows.one_sample import sample_of, show
 from flows.options import PlaceOptions
-from flows.output import load_values, write_placement
+from flows.output import ISO, iso_glb, load_values, write_placement
 from flows.place import PlaceConfig
 from flows.placement_json import AT_REST
 from flows.run_files import FinishedPlacement, write_asked
@@ -65,10 +65,13 @@ def write_results(
     write_asked(out, finished.sample, config, asking)
     clear_maps(out / FOLDER)  # of an earlier result in the same folder
     (out / FILM).unlink(missing_ok=True)
-    if tree["verdict"] == AT_REST and (options.maps or options.animate):
+    (out / ISO).unlink(missing_ok=True)
+    if tree["verdict"] == AT_REST and (options.maps or options.animate or options.surface == "iso"):
         found = FinishedPlacement(out, finished, load_values(finished, Store.default()), config)
         if options.maps:
             write_maps_of(found, out / FOLDER)
+        if options.surface == "iso" and found.values.settled:
+            (out / ISO).write_bytes(iso_glb(found.values.settled))
         if options.animate:
             write_film(found, out)
     return tree

@@ -22,6 +22,7 @@ from dcap.scene.types.segmentation import Segmentation
 from dcap.scene.types.settled import LastState, PlacementChecks, Settled, SettledBody
 from flows.sample_run import FinishedSample
 from solver.certificate import Certificate, Verdict
+from tasks.render.particle_table import settled_materials
 
 AT_REST = "at_rest"
 SCHEMA_VERSION = 1
@@ -93,6 +94,7 @@ def placement_json(finished: FinishedSample, values: Values, artifacts: Mapping[
         "contacts": contacts_of(values),
         "materials": [material_row(row) for row in values.materials.rows] if values.materials else [],
         "geometry": [geometry_row(one) for one in values.particles.geometry] if values.particles else [],
+        "soft_bodies": [object_to_json(row) for row in settled_materials(settled)] if settled else [],
         "certificate": certificate_of(values),
         "visible_fraction": values.renders.visible_fraction if values.renders else None,
         "visibility": visibility_of(values.renders.visibility) if values.renders else None,

@@ -16,7 +16,7 @@ from pydantic import GetCoreSchemaHandler, TypeAdapter, ValidationError
 from pydantic_core import CoreSchema, core_schema
 
 from dcap.scene.errors import InputError
-from dcap.scene.types.settled import PlacementChecks
+from dcap.scene.types.settled import PlacementChecks, SettledMaterial
 from solver.certificate import Certificate, ContactRow
 
 Value = TypeVar("Value")
@@ -191,6 +191,8 @@ class Placement:
     contacts: tuple[ContactRow, ...]
     materials: tuple[MaterialRow, ...]
     geometry: tuple[GeometryRow, ...]
+    soft_bodies: tuple[SettledMaterial, ...]
+    """What became of the soft bodies; empty without a rest state."""
     certificate: Certificate | None
     """Of the drop; None where a stage before it found no way, and after unstable_step."""
     checks: PlacementChecks | None
@@ -223,7 +225,8 @@ class Placement:
             "checks": found.get("placement"),
             "evidence": {key: value for key, value in found.items() if key not in {*of_the_drop, "placement"}},
         }
-        values = {"schema": 0, **tree, **told, "artifacts": files, "folder": place, "tree": dict(tree)}
+        since = {"schema": 0, "soft_bodies": (), "visibility": None}  # of files from before there were these keys
+        values = {**since, **tree, **told, "artifacts": files, "folder": place, "tree": dict(tree)}
         placement: Placement = built(cls, values, place / "placement.json")
         return placement
 

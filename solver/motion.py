@@ -1,4 +1,4 @@
-"""Frames of a motion, as values."""
+"""Frames of a motion and the state of material, as values."""
 
 from dataclasses import dataclass
 
@@ -28,3 +28,19 @@ class DropFrames:
     """[s], shape (f,)."""
     bodies: tuple[BodyPath, ...]
     """In the order of the model."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class MaterialState:
+    """The material of a soft body at the end, at its material points."""
+
+    start: NDArray[np.float64]
+    """Positions in the start pose [m], shape (p, 3)."""
+    displacement: NDArray[np.float64]
+    """[m], shape (p, 3)."""
+    volume: NDArray[np.float64]
+    """Volume that each stands for in the start pose [m^3], shape (p,)."""
+    volume_ratio: NDArray[np.float64]
+    """Volume at the end over that at the start [-], shape (p,)."""
+    stress: NDArray[np.float64]
+    """Cauchy stress xx, yy, zz, yz, xz, xy [Pa], shape (p, 6); of a loaded body what came on top of its own weight."""

@@ -1,5 +1,6 @@
 """What a drop hands back, whichever method computed it."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -8,7 +9,7 @@ from numpy.typing import NDArray
 from solver.certificate import Certificate, ContactRow, History, KickCheck, NotDone, SignalRows, Verdict
 from solver.config import SolverConfig
 from solver.model.bodies import Model
-from solver.motion import DropFrames
+from solver.motion import DropFrames, MaterialState
 from solver.rest import RestMonitor, history_of
 
 
@@ -60,6 +61,8 @@ class SettledModel:
     history: History
     frames: DropFrames
     """How it came to this."""
+    material: Mapping[str, MaterialState]
+    """Of the soft bodies; empty where the method does not say."""
     steps: int
     simulated_seconds: float
     particles: int
@@ -95,6 +98,7 @@ def build_result(
         certificate=certificate,
         history=history_of(monitor.signals),
         frames=frames,
+        material={},
         steps=len(monitor.signals),
         simulated_seconds=final.seconds,
         particles=final.particles,

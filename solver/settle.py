@@ -22,6 +22,7 @@ from solver.result import FinalState, RestBody, SettledModel, beside, build_resu
 from solver.runtime import start
 from solver.tl.accuracy import depth_error
 from solver.tl.disturbance import kick
+from solver.tl.material import material_states
 from solver.tl.measure import contact_table, friction_margin, rolling_table
 from solver.tl.simulation import Simulation, StepControl
 from solver.tl.stability import grade
@@ -203,7 +204,9 @@ class ImplicitDrop(Simulation):
             bonds=bond_table(self.model, self.query.bonds, end.state) or None,
             stability=stability,
         )
-        return replace(result, certificate=certificate, warnings=(*result.warnings, *unlocated(contacts)))
+        material = {self.model.bodies[i].name: one for i, one in material_states(self.soft, end.state).items()}
+        told = (*result.warnings, *unlocated(contacts))
+        return replace(result, certificate=certificate, warnings=told, material=material)
 
     def _depth_error(self, end: Approach) -> float | None:
         """The certificate's estimate, None where nothing soft carries anything at rest."""

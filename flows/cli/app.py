@@ -137,6 +137,9 @@ def place(
         bool, typer.Option("--maps", help="Write conditioning maps, too: depth, normals, masks ...")
     ] = False,
     animate: Annotated[bool, typer.Option("--animate", help="Write a film of the drop, too: drop.mp4.")] = False,
+    surface: Annotated[
+        str, typer.Option(help="embedded (default) or iso: the surfaces around the material points, too: iso.glb.")
+    ] = "embedded",
     as_json: Json = False,
 ) -> int:
     """Place one object in one scene."""

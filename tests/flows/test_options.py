@@ -24,7 +24,7 @@ OTHER: dict[str, Any] = {
     "load_aware": True, "language": "anthropic", "model": "m", "record": "r", "replay": "p", "max_cost": 1.5,
     "label": "sofa", "up": "y", "unit": "cm", "object_label": "mug", "object_up": "-z", "object_unit": "in",
     "mass": 2.5, "seed": 7, "paper_limits": True, "height_of": "table=0.75", "labels": "labels.json", "at": "1,2.5,-3",
-    "support": "0,0,0,1,1,1", "ambiguous": "best", "maps": True, "animate": True,
+    "support": "0,0,0,1,1,1", "ambiguous": "best", "maps": True, "animate": True, "surface": "iso",
 }  # fmt: skip
 """A value of every option that is not its default."""
 ASKED = {"language", "model", "record", "replay", "max_cost"}
@@ -54,7 +54,7 @@ def test_every_option_reaches_the_stages() -> None:
     plain = PlaceOptions()
     assert set(OTHER) == set(PlaceOptions.model_fields)
     before = decided(plain)
-    for name in set(OTHER) - ASKED - {"out", "maps", "animate"}:  # where and what is written
+    for name in set(OTHER) - ASKED - {"out", "maps", "animate", "surface"}:  # where and what is written
         assert decided(checked(PlaceOptions, {name: OTHER[name]})) != before, name
 
 

@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from dcap.scene.types.settled import LastState, PlacementChecks
+from dcap.scene.types.mesh import Mesh
+from dcap.scene.types.settled import LastState, PlacementChecks, Settled, SettledBody
 from solver.certificate import (
     BodyStability,
     Certificate,
@@ -17,8 +18,9 @@ from solver.certificate import (
     RollingRow,
     SignalRows,
     StabilityGrade,
+    Verdict,
 )
-from solver.motion import BodyPath, DropFrames
+from solver.motion import BodyPath, DropFrames, MaterialState
 
 ROW = CertificateRow.at_most(1e-5, 1e-3)
 KICK = KickCheck(
@@ -70,7 +72,22 @@ def history(steps: int) -> History:
 
 
 PATH = BodyPath(np.stack([np.eye(3)] * 2), np.zeros((2, 3)), np.array([4], np.int32), np.ones((2, 1, 3), np.float32))
+STRESSED = MaterialState(np.zeros((2, 3)), np.ones((2, 3)), np.ones(2), np.ones(2), np.zeros((2, 6)))
 FRAMES = DropFrames(np.array([0.0, 0.1]), (PATH,))
 LAST = LastState(
     explicit_certificate(), (CONTACT,), np.zeros(3), np.array([1.0, 0, 0, 0]), 12, 0.5, ("still moving",), CHECKS
 )  # fmt: skip
+
+
+def motion_records() -> tuple[object, ...]:
+    """One of each type that tells how a drop went."""
+    return *FRAMES.bodies, FRAMES, STRESSED
+
+
+def settled_record(mesh: Mesh) -> Settled:
+    """A rest state of one body with this surface of 60 vertices, with all that may be known of it."""
+    body = SettledBody("object", mesh, np.zeros(3), np.array([1.0, 0, 0, 0]), np.zeros((60, 3)))
+    return Settled(
+        Verdict.AT_REST, (body,), (CONTACT,), np.zeros((0, 3)), implicit_certificate(), history(200), 200, 1.5, (),
+        CHECKS, FRAMES, (STRESSED,),
+    )  # fmt: skip

@@ -75,7 +75,7 @@ from solver.certificate import (
     SignalRows,
     StabilityGrade,
 )
-from solver.motion import BodyPath, DropFrames
+from solver.motion import BodyPath, DropFrames, MaterialState
 
 VALUE_FILE = "value.json"
 INLINE_ITEMS = 48
@@ -91,7 +91,7 @@ KINDS: dict[str, type] = {
         CertificateRow, ColumnLayer, ContactFriction, ContactRow, DistanceGrid, DropFrames, FileScale, GivenLabels,
         GivenPart, GivenPlace, GivenThing, HiddenObject, History, InertialProperties, Infeasible, Instance, Intent,
         InTheWay, KickCheck, KickRow, KnownHeight, LabelBox, LastState, LayerConstants, LayeredPoints, Lean,
-        LeanCheck, Material, MaterialPoints, Mesh, NoRoom, NotDone, NotInScene, ObjectHole, OpenObject,
+        LeanCheck, Material, MaterialPoints, MaterialState, Mesh, NoRoom, NotDone, NotInScene, ObjectHole, OpenObject,
         OrientationRequest, OrientedBox, Overview, Paint, Part, Particles, PartMaterial, PartMaterials,
         PlacementChecks, Pointed, PoseCheck, PushBounds, PushRow, RegionConstraint, RegionRequest, Renders,
         RepairReport, RigidSimulationBody, RollingRow, Room, Rotation, Sample, Scan, Segmentation, Settled,

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.particles import ColumnLayer
 from solver.certificate import Certificate, CertificateRow, ContactRow, History, Verdict
-from solver.motion import DropFrames
+from solver.motion import DropFrames, MaterialState
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -102,6 +102,8 @@ class Settled:
     """None before the rest state is compared with what was asked."""
     frames: DropFrames | None = None
     """How the bodies came there, in their order; None where nobody kept it."""
+    material: tuple[MaterialState | None, ...] = ()
+    """Of each body, None of rigid ones; empty where the method does not say."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -118,6 +120,25 @@ class LastState:
     simulated_s: float
     warnings: tuple[str, ...]
     checks: PlacementChecks
+
+
+@dataclass(frozen=True, slots=True)
+class SettledMaterial:
+    """What became of one soft body."""
+
+    body: str
+    points: int
+    """Material points."""
+    volume_before_m3: float
+    """Of the material before the drop."""
+    volume_m3: float
+    """At rest."""
+    largest_displacement_m: float
+    largest_stress_pa: float
+    """Von Mises stress."""
+    surface_to_points_mean_m: float
+    """Distance of the settled surface's vertices from the nearest material point."""
+    surface_to_points_max_m: float
 
 
 def surface_at(settled: Settled, body: int, frame: int) -> NDArray[np.float64]:

@@ -1,0 +1,57 @@
+"""Displacement and stress of the material at a state, point by point.
+
+Cauchy stress sigma = P F^T / J with P of the fixed-corotated energy [S12]:
+
+    sigma = 2 mu / J (F - R) F^T + lambda (J - 1) I
+
+What layers add is taken linearly, in the frame that the material has turned to: R (C_added : (S - I)) R^T / J.
+
+[S12] Stomakhin, Howes, Schroeder, Teran: Energetically consistent invertible elasticity. SCA 2012.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solver.model.layers import stiffness
+from solver.model.soft import SoftSystem, shape_values
+from solver.model.state import State
+from solver.motion import MaterialState
+from solver.tl.accuracy import strains
+
+Array = NDArray[np.float64]
+
+VOIGT = ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))
+"""Components of a symmetric tensor in their order."""
+
+
+def material_states(soft: SoftSystem, state: State) -> dict[int, MaterialState]:
+    """Every soft body's material by the body's index in the model; fictitious particles are left out."""
+    if not len(soft.volume):
+        return {}
+    F, R, J = strains(soft, state)
+    sigma = cauchy_stress(soft, F, R, J)
+    nodes = np.repeat(soft.cell_node, np.diff(soft.cell_start), axis=0)
+    weights = shape_values(soft.local)
+    start = np.einsum("pk,pki->pi", weights, soft.rest[nodes])
+    moved = np.einsum("pk,pki->pi", weights, (state.x - soft.rest)[nodes])
+    found = {}
+    for body in soft.bodies:
+        mine = np.arange(len(soft.volume))[body.particles]
+        mine = mine[soft.real[mine]]
+        found[body.index] = MaterialState(start[mine], moved[mine], soft.volume[mine], J[mine], sigma[mine])
+    return found
+
+
+def cauchy_stress(soft: SoftSystem, F: Array, R: Array, J: Array) -> Array:
+    """Stress of every particle at deformations F with rotations R (p, 3, 3) and volume ratios J (p,) [Pa], (p, 6)."""
+    whole = 2.0 * (soft.mu / J)[:, None, None] * np.einsum("pij,pkj->pik", F - R, F)
+    whole += (soft.lam * (J - 1.0))[:, None, None] * np.eye(3)
+    own = np.flatnonzero(soft.added.any(axis=1))
+    if len(own):
+        none = np.zeros(len(own))
+        tensor = stiffness(none, none, soft.added[own], soft.frame[own].reshape(-1, 3, 3))
+        stretch = np.einsum("pji,pjk->pik", R[own], F[own])
+        strain = 0.5 * (stretch + stretch.transpose(0, 2, 1)) - np.eye(3)
+        local = np.einsum("pijkl,pkl->pij", tensor, strain, optimize=True)
+        whole[own] += np.einsum("pij,pjk,plk->pil", R[own], local, R[own], optimize=True) / J[own, None, None]
+    return np.stack([whole[:, i, j] for i, j in VOIGT], axis=1)
