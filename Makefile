@@ -13,7 +13,7 @@ FAST := not slow and not sweep and not third_party and not gpu
 REST := (slow or third_party or gpu) and not sweep
 
 .DEFAULT_GOAL := help
-.PHONY: setup test rest sweep check benchmark demo ui perf perf-peers clean help lock system-libraries
+.PHONY: setup node-tools test rest sweep check benchmark demo ui perf perf-peers clean help lock system-libraries
 
 help: ## this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "make %-18s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -36,10 +36,14 @@ $(READY): requirements.lock pyproject.toml
 system-libraries: ## install the few system libraries that Open3D loads, or print the command
 	@.ci/system-libraries
 
+node-tools: ## install Khronos' glTF validator into build/node, for the tests marked `node`
+	npm install --silent --no-audit --no-fund --prefix build/node gltf-validator@2.0.0-dev.3.10
+
 test: $(READY) ## all tests
 	$(BIN)/pytest $(PARALLEL)
 
 rest: $(READY) ## the tests that `make check` leaves out, slow or on third-party data
+	@if command -v npm >/dev/null; then $(MAKE) --no-print-directory node-tools || echo "no npm registry: tests marked node are skipped"; fi
 	$(BIN)/pytest $(PARALLEL) -m "$(REST)"
 
 sweep: $(READY) ## the long physics tests: whole ranges of mass, stiffness and resolution; hours
