@@ -14,7 +14,13 @@ from dcap.language.model.ledger import in_words
 from dcap.scene.json_tree import JsonObject
 
 TEMPLATES = Path(__file__).parent / "templates"
-PICTURES = (("clean", "before"), ("asked", "as asked"), ("settled", "after"), ("closeup", "contact"))
+PICTURES = (
+    ("clean", "before"),
+    ("asked", "as asked"),
+    ("settled", "after"),
+    ("closeup", "from nearby"),
+    ("contact", "contact"),
+)
 
 
 @dataclass(frozen=True, slots=True)

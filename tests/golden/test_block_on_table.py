@@ -17,7 +17,7 @@ from flows.place import STAGES
 TOP_M = 0.75
 SIDE_M = 0.06
 PROMPT = "put the toy block at the centre of the table"
-PICTURES = {"clean.png", "settled.png", "closeup.png"}
+PICTURES = {"clean.png", "settled.png", "closeup.png", "before_after.png", "contact.png", "profile.png"}
 
 
 @pytest.fixture(scope="module")
@@ -70,7 +70,10 @@ def test_a_block_rests_on_the_table(files: Path, capsys: pytest.CaptureFixture[s
     assert {path.name for path in out.iterdir()} == PICTURES | {
         "placement.json",
         "placement.schema.json",
+        "sample.json",
         "object.ply",
+        "object.glb",
+        "contacts.glb",
         "scene.glb",
     }
     np.testing.assert_allclose(mesh_from_ply((out / "object.ply").read_bytes()).bounds, tree["object_aabb"], atol=1e-9)
