@@ -34,15 +34,38 @@ def painted(mesh: Mesh, source: SourceSurface | None) -> PaintedMesh:
 
 
 def nearest_faces(surface: Mesh, mesh: Mesh) -> NDArray[np.int64]:
-    """The face of a surface nearest to the middle of each face of a mesh, -1 where none is close, shape (m,)."""
+    """The face of a surface nearest to the middle of each face of a mesh, -1 where none is close, shape (m,).
+
+    Where faces coincide, as where one thing stands on another, that of the same direction is taken.
+    """
+    middle, found = mesh.triangles.mean(axis=1), np.full(len(mesh.faces), -1)
+    mine, theirs = sides(mesh), sides(surface)
+    for side in np.unique(mine):
+        asked, known = np.flatnonzero(mine == side), np.flatnonzero(theirs == side)
+        if len(known):
+            found[asked] = nearest(surface, known, middle[asked])
+    lost = np.flatnonzero(found < 0)
+    if len(lost):
+        found[lost] = nearest(surface, np.arange(len(surface.faces)), middle[lost])
+    return found
+
+
+def sides(mesh: Mesh) -> NDArray[np.int64]:
+    """Which of the six axes each face's normal is nearest to, shape (m,)."""
+    normal = mesh.face_normals
+    axis = np.abs(normal).argmax(axis=1)
+    return np.asarray(2 * axis + (normal[np.arange(len(normal)), axis] < 0.0))
+
+
+def nearest(surface: Mesh, faces: NDArray[np.int64], points: NDArray[np.float64]) -> NDArray[np.int64]:
+    """The one of some faces of a surface that is nearest to each point (n, 3), -1 where none is close, shape (n,)."""
     shift = surface.bounds.mean(axis=0)
     scene = open3d.t.geometry.RaycastingScene()
-    scene.add_triangles(tensor(surface.vertices - shift, np.float32), tensor(surface.faces, np.uint32))
-    middle = mesh.triangles.mean(axis=1)
-    found = scene.compute_closest_points(tensor(middle - shift, np.float32))
-    away = np.linalg.norm(found["points"].numpy() + shift - middle, axis=1)
+    scene.add_triangles(tensor(surface.vertices - shift, np.float32), tensor(surface.faces[faces], np.uint32))
+    found = scene.compute_closest_points(tensor(points - shift, np.float32))
+    away = np.linalg.norm(found["points"].numpy() + shift - points, axis=1)
     close = away <= NEAR * float(np.ptp(surface.bounds, axis=0).max())
-    return np.where(close, found["primitive_ids"].numpy().astype(np.int64), -1)
+    return np.where(close, faces[found["primitive_ids"].numpy().astype(np.int64)], -1)
 
 
 def paint_from(source: SourceSurface, mesh: Mesh, owner: NDArray[np.int64]) -> CornerPaint:

@@ -73,6 +73,16 @@ def test_what_does_not_lie_on_the_surface_keeps_its_own_colours():
     assert (paint_from(surface, larger, np.array([0, 1])).texture == -1).all()
 
 
+def test_faces_that_coincide_are_told_apart_by_their_direction():
+    """One thing on another: the top of the lower and the bottom of the upper share a plane."""
+    lower = plate()
+    turned = Mesh(lower.mesh.vertices, lower.mesh.faces[:, ::-1].copy(), lower.mesh.colors)
+    both = Mesh.concatenate([turned, lower.mesh])
+    assert nearest_faces(both, lower.mesh).tolist() == [2, 3]
+    assert nearest_faces(both, turned).tolist() == [0, 1]
+    assert nearest_faces(turned, lower.mesh).tolist() == [0, 1]  # better the other side than none
+
+
 def test_an_untextured_source_paints_nothing():
     mesh = plate().mesh
     assert painted(mesh, SourceSurface.untextured()).paint is None
