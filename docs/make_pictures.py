@@ -137,7 +137,7 @@ def softness() -> Rgb:
         for meshes in (shown(values.scene, camera), [*shown(after, camera), thing], shown(after, camera))
     ]
     words = ("before", f"after: {MASS:.0f} kg", "the dent, without the ball")
-    return beside([captioned(one, word) for one, word in zip(pictures, words, strict=True)])
+    return beside([captioned(one, word, 28) for one, word in zip(pictures, words, strict=True)])
 
 
 def before_after() -> Rgb:
@@ -363,10 +363,10 @@ def small(rgb: Rgb, width: int) -> Rgb:
     )
 
 
-def captioned(rgb: Rgb, words: str) -> Rgb:
+def captioned(rgb: Rgb, words: str, height: int = 18) -> Rgb:
     """A picture with a word in its corner."""
     image = Image.fromarray(rgb)
-    font = ImageFont.load_default(size=18)
+    font = ImageFont.load_default(size=height)
     ImageDraw.Draw(image).text((10, 8), words, "white", font, stroke_width=2, stroke_fill=(40, 40, 40))
     return np.asarray(image)
 
