@@ -68,11 +68,12 @@ perf: $(READY) ## measure the parts that take the time
 perf-peers: $(READY) ## the reference drops beside Genesis, Newton and MuJoCo, if installed (docs/peers.md); half an hour or more
 	$(BIN)/python -m perf.peers $(if $(PEERS_PYTHON),--python "$(PEERS_PYTHON)")
 
+# The theme prints an advertisement for its successor at every build otherwise.
 docs: $(READY) ## build the documentation site into build/site; a broken link fails
-	$(BIN)/mkdocs build
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build
 
 docs-serve: $(READY) ## serve it on http://127.0.0.1:8000, built again at each change
-	$(BIN)/mkdocs serve --dev-addr 127.0.0.1:8000
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs serve --dev-addr 127.0.0.1:8000
 
 docs-pictures: $(READY) ## make the pictures of the documentation again, from placements in an embedded room; minutes
 	$(BIN)/python docs/make_pictures.py
