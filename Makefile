@@ -13,7 +13,7 @@ FAST := not slow and not sweep and not third_party and not gpu
 REST := (slow or third_party or gpu) and not sweep
 
 .DEFAULT_GOAL := help
-.PHONY: setup node-tools test rest sweep check benchmark demo ui perf perf-peers clean help lock system-libraries
+.PHONY: setup node-tools test rest sweep check benchmark demo ui perf perf-peers docs docs-serve docs-pictures clean help lock system-libraries
 
 help: ## this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "make %-18s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -71,6 +71,16 @@ perf: $(READY) ## measure the parts that take the time
 
 perf-peers: $(READY) ## the reference drops beside Genesis, Newton and MuJoCo, if installed (docs/peers.md); half an hour or more
 	$(BIN)/python -m perf.peers $(if $(PEERS_PYTHON),--python "$(PEERS_PYTHON)")
+
+# The theme prints an advertisement for its successor at every build otherwise.
+docs: $(READY) ## build the documentation site into build/site; a broken link fails
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build
+
+docs-serve: $(READY) ## serve it on http://127.0.0.1:8000, built again at each change
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs serve --dev-addr 127.0.0.1:8000
+
+docs-pictures: $(READY) ## make the pictures of the documentation again, from placements in an embedded room; minutes
+	$(BIN)/python docs/make_pictures.py
 
 clean: ## remove what can be computed again and Prefect's history; the results of runs stay
 	rm -rf "$(DATA)/cache" build dist .mypy_cache .ruff_cache .pytest_cache .import_linter_cache .hypothesis *.egg-info

@@ -45,3 +45,11 @@ def test_the_changelog_has_the_version_of_the_package() -> None:
     headings = re.findall(r"^## \[(.+?)\]", (ROOT / "CHANGELOG.md").read_text(), re.MULTILINE)
     assert headings[:2] == ["Unreleased", version[1]]
     assert f"\nversion: {version[1]}\n" in (ROOT / "CITATION.cff").read_text()
+
+
+def test_sources_of_the_physics_are_cited_and_listed() -> None:
+    """Each [X00] in docs/physics.md is in its list of sources, and each of these is cited."""
+    text, _, sources = (ROOT / "docs" / "physics.md").read_text().partition("## Sources")
+    cited = set(re.findall(r"\[(d?[A-Z]{1,2}\d\d)[\],]", text))
+    assert cited == set(re.findall(r"^- \[(\w+)\] \S", sources, re.MULTILINE))
+    assert len(cited) > 10

@@ -74,6 +74,6 @@ def drop_pictures(
     moving = MovingScene(scene, settled, anchor.base_id)
     look, thing = painted(moving.start, surfaces[0]), painted(item.mesh, surfaces[1])
     for frame in chosen_frames(settled):
-        around = shown(moving.around.scene, look.moved(moving.at(int(frame))), camera)
+        around = shown(moving.around.scene, camera, look.moved(moving.at(int(frame))))
         own = settled_mesh(item.mesh, anchor, body_at(settled, 0, int(frame)))
         yield photograph([*around, PaintedMesh(own, thing.paint)], camera, config, low_light=True).rgb

@@ -62,7 +62,7 @@ class SettledView:
 
 def placed(
     scene: Segmentation, item: Segmentation, anchor: Anchor, materials: PartMaterials | None, settled: Settled,
-    scene_surface: SourceSurface, object_surface: SourceSurface,
+    scene_surface: SourceSurface | None = None, object_surface: SourceSurface | None = None,
 ) -> SettledView:  # fmt: skip
     """The placement as it settled."""
     thing = painted_item(item, anchor, settled.bodies[0], object_surface)

@@ -83,20 +83,20 @@ def structure_faces(scene: Segmentation) -> NDArray[np.bool_]:
     return np.asarray(flag[scene.face_instance])
 
 
-def painted_item(item: Segmentation, anchor: Anchor, body: SettledBody, surface: SourceSurface) -> PaintedMesh:
+def painted_item(item: Segmentation, anchor: Anchor, body: SettledBody, surface: SourceSurface | None) -> PaintedMesh:
     """The object at rest in its own textures."""
     return painted(item.mesh, surface).moved(settled_item(item, anchor, body))
 
 
-def painted_scene(around: SettledScene, surface: SourceSurface) -> PaintedMesh:
+def painted_scene(around: SettledScene, surface: SourceSurface | None) -> PaintedMesh:
     """The scene at rest in its own textures."""
     return painted(around.start, surface).moved(around.scene.mesh)
 
 
-def shown(scene: Segmentation, look: PaintedMesh, camera: Camera) -> list[PaintedMesh]:
-    """The scene as the camera may see it, with the looks of its mesh: without what is cut away, on a studio floor if it
-    has none."""
-    meshes = [look.submesh(shown_faces(scene, camera))]
+def shown(scene: Segmentation, camera: Camera, look: PaintedMesh | None = None) -> list[PaintedMesh]:
+    """The scene as the camera may see it, with the look of its mesh if it has textures: without what is cut away, on a
+    studio floor if it has none."""
+    meshes = [(look or PaintedMesh(scene.mesh)).submesh(shown_faces(scene, camera))]
     if not any(one.structure for one in scene.instances):
         meshes.append(PaintedMesh(studio_floor(scene.mesh)))
     return [one for one in meshes if len(one.mesh.faces)]

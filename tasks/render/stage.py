@@ -46,7 +46,7 @@ def render(
     target, toward = contact_middle(settled, anchor), front(scene, anchor)
     distance = view_distance(scene, anchor, thing.mesh, config)
     view = best_view(things, thing.mesh, target, distance, toward, config)
-    meshes = shown(around.scene, after, view.camera)
+    meshes = shown(around.scene, view.camera, after)
     rest = photograph([*meshes, thing], view.camera, config)
     fraction = visible_fraction(rest.mesh_index == len(meshes), thing.mesh, view.camera)
     if fraction < config.least_visible:
@@ -55,11 +55,11 @@ def render(
             f"only {fraction:.1%} of the object is visible (RenderConfig.least_visible {config.least_visible})",
             HiddenObject(visible_fraction=fraction, camera_position=view.camera.position),
         )
-    clean = photograph(shown(scene, before, view.camera), view.camera, config)
+    clean = photograph(shown(scene, view.camera, before), view.camera, config)
     near = nearby(things, thing.mesh, view.camera, config)
-    behind = shown(around.scene, after, near)
+    behind = shown(around.scene, near, after)
     closeup = photograph([*behind, thing], near, config, low_light=True)
-    untouched = photograph(shown(scene, before, near), near, config, low_light=True)
+    untouched = photograph(shown(scene, near, before), near, config, low_light=True)
     shift = around.shift[np.unique(around.scene.mesh.faces[shown_faces(around.scene, near)])]
     labels = {one.id: one.label for one in scene.instances}
     contact = contact_picture(

@@ -17,7 +17,7 @@ from dcap.geometry.rendering.map_files import write_maps
 from dcap.geometry.rendering.picture import picture
 from dcap.scene.errors import InputError
 from dcap.scene.types.maps import HIDDEN_CONTACT, SEEN_CONTACT, ConditioningMaps
-from dcap.scene.types.paint import PaintedMesh, SourceSurface
+from dcap.scene.types.paint import PaintedMesh
 from tasks.render.config import RenderConfig
 from tasks.render.maps import SettledView, conditioning_maps, placed
 from tasks.render.source_surfaces import untouched
@@ -26,7 +26,6 @@ CENTER = np.array([0.0, 0.0, TOP - DEPTH + RADIUS])
 """Of the ball at rest [m]."""
 HIGHER = np.array([0.0, 0.0, 0.2])
 CONFIG = RenderConfig(size=240)
-PLAIN = SourceSurface.untextured()
 
 
 def camera(position: tuple[float, float, float] = (0.3, -1.2, 1.1), size: int = 240) -> Camera:
@@ -35,7 +34,7 @@ def camera(position: tuple[float, float, float] = (0.3, -1.2, 1.1), size: int = 
 
 @cache
 def what() -> SettledView:
-    return placed(scene_of(), ball(), anchor(), None, settled(), PLAIN, PLAIN)
+    return placed(scene_of(), ball(), anchor(), None, settled())
 
 
 @cache
@@ -112,7 +111,7 @@ def test_what_hides_the_object_is_in_the_matte():
     board = box_mesh((-0.3, -0.6, TOP), (0.3, -0.58, TOP + 0.06))
     level = camera((0.0, -1.6, CENTER[2]))
     hidden = conditioning_maps(
-        placed(scene_of(board=board), ball(), anchor(), None, settled(), PLAIN, PLAIN), level, CONFIG, cutaway=False
+        placed(scene_of(board=board), ball(), anchor(), None, settled()), level, CONFIG, cutaway=False
     )
     free = conditioning_maps(what(), level, CONFIG, cutaway=False)
     whole = free.object_mask.astype(int) + free.hidden_mask

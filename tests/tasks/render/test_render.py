@@ -11,7 +11,7 @@ from dented_bed import DEPTH, RADIUS, TOP, anchor, ball, box_mesh, scene_of, set
 from dcap.geometry.camera import looking_at
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.outcome import HiddenObject, Infeasible, Reason
-from dcap.scene.types.paint import PaintedMesh, SourceSurface
+from dcap.scene.types.paint import SourceSurface
 from dcap.scene.types.renders import Renders
 from dcap.scene.types.segmentation import Segmentation, SegmentedObject, SegmentedScene
 from dcap.scene.types.settled import SettledBody
@@ -64,7 +64,7 @@ def test_the_wall_in_front_is_cut_and_the_rest_is_shown() -> None:
     assert taken().visible_fraction == 1.0
     scene = scene_of()
     camera = looking_at(taken().camera_position, taken().camera_target, 160, 160)
-    left = Mesh.concatenate([one.mesh for one in shown(scene, PaintedMesh(scene.mesh), camera)])
+    left = Mesh.concatenate([one.mesh for one in shown(scene, camera)])
     assert (left.vertices[:, 1] > 1.19).any()
     in_front = (left.triangles[:, :, 1] < -1.69).all(axis=1)
     assert np.abs(left.face_normals[in_front, 1]).max(initial=0.0) == 0.0  # only the wall's narrow ends are left
