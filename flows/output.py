@@ -26,12 +26,13 @@ from dcap.scene.writers.glb import Node, glb_bytes, labelled_nodes
 from flows.placement_json import AT_REST, Values, placement_json
 from flows.placement_schema import placement_schema
 from flows.sample_run import FinishedSample
+from flows.scene_splats import SETTLED_SPLATS, splat_artifact
 from tasks.render.settled_meshes import settled_item, settled_scene
 
 SCHEMA = "placement.schema.json"
 """The JSON Schema of placement.json, beside it."""
 PICTURES = ("clean", "asked", "settled", "closeup", "candidates", "hole")
-OWNED = frozenset({"object.ply", "scene.glb", *(f"{name}.png" for name in PICTURES)})
+OWNED = frozenset({"object.ply", "scene.glb", SETTLED_SPLATS, *(f"{name}.png" for name in PICTURES)})
 
 Kind = TypeVar("Kind")
 
@@ -74,6 +75,7 @@ def write_placement(finished: FinishedSample, out: Path) -> JsonObject:
     with tempfile.TemporaryDirectory(dir=out, prefix=".writing-") as draft_name:
         draft = Path(draft_name)
         artifacts = write_geometry(values, draft) | copy_pictures(finished, store, draft)
+        artifacts |= splat_artifact(finished, values, draft)
         tree = placement_json(finished, values, artifacts)
         (draft / SCHEMA).write_bytes(readable_json(placement_schema()))
         os.replace(draft / SCHEMA, out / SCHEMA)

@@ -1,0 +1,184 @@
+"""Gaussians that move with a deforming surface: centres by its displacement, shapes and colours by its gradient.
+
+In: Gaussians in any frame and unit, and how a surface in the world moved. Out: those that move, in the same frame; the
+others keep every bit. With F the deformation gradient at a centre, a covariance becomes F S F^T and
+harmonics turn by the rotation R of F = R U.
+
+On the surface the displacement is that of its nearest point. Below, it fades as in an elastic half-space whose surface
+is displaced over a disc of radius L: on the axis a harmonic field has the share 1 - d / sqrt(d^2 + L^2) at depth d
+(Poisson's integral). L is the radius of the disc that has the area of what moved by more than half of the most, and no
+less than twice the most: nearer layers are pressed together by at most a half and never pass one another. Above, all
+that lies within CLOSE follows whole, for scans have Gaussians off the surface that they show; farther ones less, and
+none from FAR on, which is air.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import open3d
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from dcap.geometry.deform import NEGLIGIBLE, edge_lengths
+from dcap.geometry.raycast import tensor
+from dcap.scene.types.gaussians import F32, Gaussians, joined_splats, turned_harmonics
+from dcap.scene.types.mesh import Mesh
+
+Array = NDArray[np.float64]
+
+CLOSE, FAR = 0.02, 0.04
+"""Gaussians this near above the surface [m] follow it whole; farther ones less, then not at all."""
+HIDDEN = 1e-4
+"""Where the displacement below the surface is less than this, nobody looks [m]."""
+MOST_STRETCH = 4.0
+"""A Gaussian grows or shrinks at most by this factor along any axis [-]: gradients across a fold are none."""
+LEAST_STRAIN = 1e-4
+"""A gradient nearer to a pure translation changes no Gaussian visibly [-]."""
+STEP = 0.25
+"""The gradient is a mean over a Gaussian's own width, but no more than this share of L [-]."""
+CHUNK = 100_000
+"""Gaussians that are looked at together [-]."""
+CHANGED = 10_000
+"""Gaussians that are turned together [-]."""
+
+
+class SurfaceMotion:
+    """The displacement that a moved surface gives to what is on and in it."""
+
+    def __init__(self, start: Mesh, shift: Array, movable: NDArray[np.bool_]) -> None:
+        """A mesh before, the displacement of its vertices [m] (n, 3), and which of its faces (m,) may carry along: what
+        is nearest to another one stays."""
+        moved = np.linalg.norm(shift, axis=1)[start.faces].max(axis=1)
+        self.moves = bool((moved[movable] > NEGLIGIBLE).any())
+        if not self.moves:
+            return
+        self._movable = movable
+        near = start.submesh(np.flatnonzero(movable & (moved > NEGLIGIBLE)))
+        self._shift, self._start = shift, start
+        self._origin = near.bounds.mean(axis=0)
+        self._whole = self._scene(start.faces)
+        self._own_faces = start.faces[movable]
+        self._own = self._scene(self._own_faces)
+        area, most = start.face_areas, float(moved[movable].max())
+        wide = float(np.sqrt(area[movable & (moved > 0.5 * most)].sum() / np.pi))
+        self.length = max(wide, 2.0 * most)
+        """L, over which the displacement fades below the surface [m]."""
+        self.edge = float(np.median(edge_lengths(near)))
+        """Of the faces that move, the usual longest edge [m]."""
+        reach = max(FAR, self.length * np.sqrt(0.5 * most / HIDDEN))
+        self._box = near.bounds + np.array([[-reach], [reach]])
+
+    def _scene(self, faces: NDArray[np.integer]) -> open3d.t.geometry.RaycastingScene:
+        scene = open3d.t.geometry.RaycastingScene()
+        # single precision counts from the dent, not from the corner of the room
+        scene.add_triangles(tensor(self._start.vertices - self._origin, np.float32), tensor(faces, np.uint32))
+        return scene
+
+    def reached(self, points: Array) -> NDArray[np.int64]:
+        """Numbers of the points (n, 3) that are near enough, and nearest to what may carry them."""
+        near = np.flatnonzero(((points >= self._box[0]) & (points <= self._box[1])).all(axis=1))
+        if not len(near):
+            return near
+        found = self._whole.compute_closest_points(tensor(points[near] - self._origin, np.float32))
+        return near[self._movable[found["primitive_ids"].numpy()]]
+
+    def at(self, points: Array) -> Array:
+        """Displacement [m] at points (n, 3), of the same shape."""
+        found = self._own.compute_closest_points(tensor(points - self._origin, np.float32))
+        corner = self._own_faces[found["primitive_ids"].numpy()]
+        u, v = found["primitive_uvs"].numpy().astype(np.float64).T
+        on_surface = np.einsum("nk,nki->ni", np.stack([1.0 - u - v, u, v], axis=1), self._shift[corner])
+        away = points - self._origin - found["points"].numpy()
+        distance = np.linalg.norm(away, axis=1)
+        below = np.einsum("ni,ni->n", away, found["primitive_normals"].numpy().astype(np.float64)) < 0.0
+        within = 1.0 - distance / np.hypot(distance, self.length)
+        above = np.clip(1.0 - (distance - CLOSE) / (FAR - CLOSE), 0.0, 1.0)
+        return np.asarray(np.where(below, within, above)[:, None] * on_surface)
+
+    def gradient(self, points: Array, step: Array) -> Array:
+        """F = I + du/dx at points (n, 3), by central differences over steps (n,) [m], shape (n, 3, 3)."""
+        out = np.tile(np.eye(3), (len(points), 1, 1))
+        for axis in range(3):
+            away = step[:, None] * np.eye(3)[axis]
+            out[:, :, axis] += (self.at(points + away) - self.at(points - away)) / (2.0 * step[:, None])
+        return out
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class CarriedSplats:
+    """The Gaussians that a moved surface carried along."""
+
+    index: NDArray[np.int64]
+    """Their numbers among the given ones, increasing, shape (k,)."""
+    splats: Gaussians
+    """As they are now, in the given frame and unit, k of them."""
+
+    def into(self, part: Gaussians, first: int) -> Gaussians:
+        """The given Gaussians from number `first` on, with those that were carried as they are now."""
+        low, high = np.searchsorted(self.index, [first, first + len(part)])
+        if low == high:
+            return part
+        at, here = self.index[low:high] - first, self.splats.subset(np.arange(low, high))
+
+        def patched(before: F32, after: F32) -> F32:
+            out = before.copy()
+            out[at] = after
+            return out
+
+        return replace(
+            part, position=patched(part.position, here.position), log_scale=patched(part.log_scale, here.log_scale),
+            rotation=patched(part.rotation, here.rotation), rest=patched(part.rest, here.rest),
+        )  # fmt: skip
+
+
+def carried(splats: Gaussians, world_from_file: Array, motion: SurfaceMotion) -> CarriedSplats:
+    """Gaussians of a file, whose frame and unit a similarity (4, 4) maps to the world, as the surface carries them."""
+    linear, origin = world_from_file[:3, :3], world_from_file[:3, 3]
+    unit = float(np.cbrt(np.linalg.det(linear)))
+    back = np.linalg.inv(linear)
+    indices, parts = [np.zeros(0, dtype=np.int64)], [splats.subset(np.zeros(0, dtype=np.int64))]
+    for first in range(0, len(splats) if motion.moves else 0, CHUNK):
+        place = splats.position[first : first + CHUNK] @ linear.T + origin
+        near = motion.reached(place)
+        for some in np.split(near, range(CHANGED, len(near), CHANGED)):
+            index = first + some
+            width = unit * np.exp(splats.log_scale[index].astype(np.float64)).max(axis=1, initial=0.0)
+            step = np.clip(width, motion.edge, max(motion.edge, STEP * motion.length))
+            shift, gradient = motion.at(place[some]), motion.gradient(place[some], step)
+            strain = np.abs(gradient - np.eye(3)).max(axis=(1, 2), initial=0.0)
+            changes = (np.linalg.norm(shift, axis=1) > NEGLIGIBLE) | (strain > LEAST_STRAIN)
+            indices.append(index[changes])
+            here = splats.subset(index[changes])
+            parts.append(strained(here, back @ gradient[changes] @ linear, shift[changes] @ back.T))
+    return CarriedSplats(np.concatenate(indices), joined_splats(parts))
+
+
+def strained(splats: Gaussians, gradient: Array, shift: Array) -> Gaussians:
+    """Each Gaussian moved by its displacement (n, 3) and deformed by its gradient F (n, 3, 3), all in its own frame.
+
+    With the axes A and deviations s of a Gaussian, F A diag(s) = U diag(s') V^T has the covariance U diag(s'^2) U^T:
+    the new axes and deviations, without squaring what is thin. They keep the order of the given ones.
+    """
+    left, stretch, right = np.linalg.svd(gradient)
+    stretch = np.clip(stretch, 1.0 / MOST_STRETCH, MOST_STRETCH)
+    mirrored = np.linalg.det(left @ right) < 0.0
+    left[mirrored, :, 2] *= -1.0
+    turn = left @ right
+    bounded = (left * stretch[:, None, :]) @ right
+    deviation = np.exp(splats.log_scale.astype(np.float64))
+    own = Rotation.from_quat(splats.rotation, scalar_first=True).as_matrix() if len(splats) else np.zeros((0, 3, 3))
+    axes, size, _ = np.linalg.svd(bounded @ own * deviation[:, None, :])
+    place = np.argsort(np.argsort(-deviation, axis=1, kind="stable"), axis=1)
+    axes = np.take_along_axis(axes, place[:, None, :], axis=2)
+    size = np.take_along_axis(size, place, axis=1)
+    axes[np.linalg.det(axes) < 0.0, :, 0] *= -1.0
+    quaternion = (
+        Rotation.from_matrix(axes).as_quat(canonical=True, scalar_first=True) if len(splats) else np.zeros((0, 4))
+    )
+    return replace(
+        splats,
+        position=(splats.position + shift).astype(np.float32),
+        log_scale=np.log(size).astype(np.float32),
+        rotation=quaternion.astype(np.float32),
+        rest=turned_harmonics(splats.rest, turn, splats.degree),
+    )
