@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from dcap.geometry.distance import MeshDistance
 from dcap.geometry.raycast import Raycaster
-from dcap.geometry.splatting.carried import FAR, CarriedSplats, SurfaceMotion, carried
+from dcap.geometry.splatting.carried import FAR, CarriedSplats, SurfaceMotion, carried, in_world
 from dcap.geometry.splatting.object_discs import FaceColors, disc_spacing, discs_on
 from dcap.scene.errors import InputError
 from dcap.scene.types.anchor import Anchor
@@ -48,24 +48,26 @@ class SettledSplats:
     """The object's."""
 
     def __len__(self) -> int:
-        return len(self.given) - int(self.floating.sum()) + len(self.item)
+        return len(self.given) - int(self.floating.sum()) + len(self.carried.more) + len(self.item)
 
     def parts(self, at_once: int = AT_ONCE) -> Iterator[Gaussians]:
-        """The scene's Gaussians in their order, piece by piece, then the object's."""
+        """The scene's Gaussians in their order, then further pieces of those that were split, then the object's."""
         for first in range(0, len(self.given), at_once):
             index = np.arange(first, min(first + at_once, len(self.given)))
             part = self.carried.into(self.given.subset(index), first)
             yield part.subset(~self.floating[index])
+        yield self.carried.more
         yield self.item
 
     @property
     def comments(self) -> tuple[str, ...]:
         """What the file says of itself."""
-        kept, moved = len(self) - len(self.item), int((~self.floating[self.carried.index]).sum())
+        dropped, moved = int(self.floating.sum()), int((~self.floating[self.carried.index]).sum())
         return (
             "frame and unit of the scene file",
-            f"{kept} Gaussians of the scene in its order, {moved} of them moved; {len(self.given) - kept} dropped",
-            f"{len(self.item)} Gaussians of the object follow them",
+            f"{len(self.given) - dropped} Gaussians of the scene in its order; {moved} moved, {dropped} dropped",
+            f"{len(self.carried.more)} further pieces of those that were split to follow the dent",
+            f"{len(self.item)} Gaussians of the object",
         )
 
 
@@ -124,8 +126,3 @@ def floating_in(splats: Gaussians, world_from_file: Array, thing: Mesh, surface:
             away = on_surface.distance_to(place[near]) > FAR + size
             out[first + near[away]] = inside(place[near[away]]) < -size[away]
     return out
-
-
-def in_world(position: NDArray[np.floating], world_from_file: Array) -> Array:
-    """Points of the file (n, 3) in the world [m]."""
-    return np.asarray(position @ world_from_file[:3, :3].T + world_from_file[:3, 3])

@@ -2,7 +2,7 @@
 
 In: Gaussians in any frame and unit, and how a surface in the world moved. Out: those that move, in the same frame; the
 others keep every bit. With F the deformation gradient at a centre, a covariance becomes F S F^T and
-harmonics turn by the rotation R of F = R U.
+harmonics turn by the rotation R of F = R U. A disc stays flat, so one that is large for the dent is split first.
 
 On the surface the displacement is that of its nearest point. Below, it fades as in an elastic half-space whose surface
 is displaced over a disc of radius L: on the axis a harmonic field has the share 1 - d / sqrt(d^2 + L^2) at depth d
@@ -12,7 +12,7 @@ that lies within CLOSE follows whole, for scans have Gaussians off the surface t
 none from FAR on, which is air.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 import open3d
@@ -21,6 +21,7 @@ from scipy.spatial.transform import Rotation
 
 from dcap.geometry.deform import NEGLIGIBLE, edge_lengths
 from dcap.geometry.raycast import tensor
+from dcap.geometry.splatting.split import OVERLAP, REACH, STEPS, split
 from dcap.scene.types.gaussians import F32, Gaussians, joined_splats, turned_harmonics
 from dcap.scene.types.mesh import Mesh
 
@@ -34,6 +35,10 @@ MOST_STRETCH = 4.0
 """A Gaussian grows or shrinks at most by this factor along any axis [-]: gradients across a fold are none."""
 LEAST_STRAIN = 1e-4
 """A gradient nearer to a pure translation changes no Gaussian visibly [-]."""
+TOLERANCE = 5e-4
+"""How far a Gaussian may bend away from what it lies on, two deviations from its middle [m]; else it is split."""
+LEAST_SPLIT = 0.05
+"""Opacity from which a Gaussian is split [-]: pieces of haze would be too faint to be drawn."""
 STEP = 0.25
 """The gradient is a mean over a Gaussian's own width, but no more than this share of L [-]."""
 CHUNK = 100_000
@@ -95,6 +100,19 @@ class SurfaceMotion:
         above = np.clip(1.0 - (distance - CLOSE) / (FAR - CLOSE), 0.0, 1.0)
         return np.asarray(np.where(below, within, above)[:, None] * on_surface)
 
+    def bend(self, points: Array, across: Array) -> Array:
+        """How far a tangent at points (n, 3) misses the displacement [m] over the ways (n, k, 3), each along itself and
+        in between, shape (n, k)."""
+        middle, out = self.at(points), np.zeros(across.shape[:2])
+        first, second = across[:, 0], across[:, 1]
+        ways = ((first, (0,)), (second, (1,)), (first + second, (0, 1)), (first - second, (0, 1)))
+        for way, axes in ways:
+            for share in (0.5, 1.0, 1.5, 2.0):
+                away = share * way
+                off = 0.5 * (self.at(points + away) + self.at(points - away)) - middle
+                out[:, axes] = np.maximum(out[:, axes], np.linalg.norm(off, axis=1)[:, None])
+        return out
+
     def gradient(self, points: Array, step: Array) -> Array:
         """F = I + du/dx at points (n, 3), by central differences over steps (n,) [m], shape (n, 3, 3)."""
         out = np.tile(np.eye(3), (len(points), 1, 1))
@@ -112,45 +130,83 @@ class CarriedSplats:
     """Their numbers among the given ones, increasing, shape (k,)."""
     splats: Gaussians
     """As they are now, in the given frame and unit, k of them."""
+    more: Gaussians
+    """Further pieces of those that had to be split, in the same frame."""
 
     def into(self, part: Gaussians, first: int) -> Gaussians:
         """The given Gaussians from number `first` on, with those that were carried as they are now."""
         low, high = np.searchsorted(self.index, [first, first + len(part)])
         if low == high:
             return part
-        at, here = self.index[low:high] - first, self.splats.subset(np.arange(low, high))
+        at = np.zeros(len(part), dtype=bool)
+        at[self.index[low:high] - first] = True
+        return replaced(part, at, self.splats.subset(np.arange(low, high)))
 
-        def patched(before: F32, after: F32) -> F32:
-            out = before.copy()
-            out[at] = after
-            return out
 
-        return replace(
-            part, position=patched(part.position, here.position), log_scale=patched(part.log_scale, here.log_scale),
-            rotation=patched(part.rotation, here.rotation), rest=patched(part.rest, here.rest),
-        )  # fmt: skip
+def replaced(splats: Gaussians, at: NDArray[np.bool_], others: Gaussians) -> Gaussians:
+    """Gaussians (n,) with others (k,) in the places of k of them."""
+
+    def patched(name: str) -> F32:
+        out: F32 = getattr(splats, name).copy()
+        out[at] = getattr(others, name)
+        return out
+
+    return Gaussians(*(patched(one.name) for one in fields(Gaussians)))
 
 
 def carried(splats: Gaussians, world_from_file: Array, motion: SurfaceMotion) -> CarriedSplats:
     """Gaussians of a file, whose frame and unit a similarity (4, 4) maps to the world, as the surface carries them."""
-    linear, origin = world_from_file[:3, :3], world_from_file[:3, 3]
-    unit = float(np.cbrt(np.linalg.det(linear)))
-    back = np.linalg.inv(linear)
-    indices, parts = [np.zeros(0, dtype=np.int64)], [splats.subset(np.zeros(0, dtype=np.int64))]
+    none = splats.subset(np.zeros(0, dtype=np.int64))
+    indices, parts, more = [np.zeros(0, dtype=np.int64)], [none], [none]
     for first in range(0, len(splats) if motion.moves else 0, CHUNK):
-        place = splats.position[first : first + CHUNK] @ linear.T + origin
-        near = motion.reached(place)
-        for some in np.split(near, range(CHANGED, len(near), CHANGED)):
-            index = first + some
-            width = unit * np.exp(splats.log_scale[index].astype(np.float64)).max(axis=1, initial=0.0)
-            step = np.clip(width, motion.edge, max(motion.edge, STEP * motion.length))
-            shift, gradient = motion.at(place[some]), motion.gradient(place[some], step)
-            strain = np.abs(gradient - np.eye(3)).max(axis=(1, 2), initial=0.0)
-            changes = (np.linalg.norm(shift, axis=1) > NEGLIGIBLE) | (strain > LEAST_STRAIN)
-            indices.append(index[changes])
-            here = splats.subset(index[changes])
-            parts.append(strained(here, back @ gradient[changes] @ linear, shift[changes] @ back.T))
-    return CarriedSplats(np.concatenate(indices), joined_splats(parts))
+        near = first + motion.reached(in_world(splats.position[first : first + CHUNK], world_from_file))
+        for index in np.array_split(near, len(near) // CHANGED + 1):
+            here = splats.subset(index)
+            steps = steps_of(here, world_from_file, motion)
+            bent = steps[:, 0] > 0
+            whole, changed = bodily(here, world_from_file, motion)
+            found = split(here.subset(bent), steps[bent])
+            fine, _ = bodily(found.splats, world_from_file, motion)
+            whole = replaced(whole, bent, fine.subset(found.middle))
+            indices.append(index[changed | bent])
+            parts.append(whole.subset(changed | bent))
+            more.append(fine.subset(~found.middle))
+    return CarriedSplats(np.concatenate(indices), joined_splats(parts), joined_splats(more))
+
+
+def steps_of(splats: Gaussians, world_from_file: Array, motion: SurfaceMotion) -> NDArray[np.int64]:
+    """Steps of the grid on which each Gaussian must be split along its larger two axes, 0 where it may stay whole, shape
+    (n, 2): a piece bends by no more than TOLERANCE, and none is finer than the faces that it follows."""
+    wide = np.argsort(-splats.log_scale, axis=1, kind="stable")[:, :2]
+    rows = np.arange(len(splats))[:, None]
+    scale = splats.scale[rows, wide].astype(np.float64)
+    own = np.swapaxes(splats.axes, 1, 2)[rows, wide] * scale[:, :, None] @ world_from_file[:3, :3].T
+    bend = motion.bend(in_world(splats.position, world_from_file), own)
+    # a bend grows with the square of the width
+    share = np.sqrt(TOLERANCE / np.maximum(bend, TOLERANCE))
+    share = np.maximum(share, 0.5 * motion.edge / np.maximum(np.linalg.norm(own, axis=2), 1e-12))
+    asked = OVERLAP * REACH / np.minimum(share, 1.0)
+    steps = np.array(STEPS)[np.minimum(np.searchsorted(STEPS, asked), len(STEPS) - 1)]
+    needed = (share < 1.0).any(axis=1) & (splats.opacity > LEAST_SPLIT)
+    return np.where(needed[:, None], steps, 0)
+
+
+def bodily(splats: Gaussians, world_from_file: Array, motion: SurfaceMotion) -> tuple[Gaussians, NDArray[np.bool_]]:
+    """Each Gaussian moved and deformed as a whole, and whether that changes it at all, shape (n,)."""
+    linear = world_from_file[:3, :3]
+    back, unit = np.linalg.inv(linear), float(np.cbrt(np.linalg.det(linear)))
+    place = in_world(splats.position, world_from_file)
+    width = unit * np.exp(splats.log_scale.astype(np.float64)).max(axis=1, initial=0.0)
+    step = np.clip(width, motion.edge, max(motion.edge, STEP * motion.length))
+    shift, gradient = motion.at(place), motion.gradient(place, step)
+    strain = np.abs(gradient - np.eye(3)).max(axis=(1, 2), initial=0.0)
+    changes = (np.linalg.norm(shift, axis=1) > NEGLIGIBLE) | (strain > LEAST_STRAIN)
+    return strained(splats, back @ gradient @ linear, shift @ back.T), changes
+
+
+def in_world(position: NDArray[np.floating], world_from_file: Array) -> Array:
+    """Points of a file (n, 3) in the world [m]."""
+    return np.asarray(position @ world_from_file[:3, :3].T + world_from_file[:3, 3])
 
 
 def strained(splats: Gaussians, gradient: Array, shift: Array) -> Gaussians:
