@@ -175,8 +175,10 @@ def carried(splats: Gaussians, world_from_file: Array, motion: SurfaceMotion) ->
 
 
 def steps_of(splats: Gaussians, world_from_file: Array, motion: SurfaceMotion) -> NDArray[np.int64]:
-    """Steps of the grid on which each Gaussian must be split along its larger two axes, 0 where it may stay whole, shape
-    (n, 2): a piece bends by no more than TOLERANCE, and none is finer than the faces that it follows."""
+    """Steps of the grid that splits each Gaussian along its larger two axes, shape (n, 2); 0: it may stay whole.
+
+    A piece bends by no more than TOLERANCE, and none is finer than the faces that it follows.
+    """
     wide = np.argsort(-splats.log_scale, axis=1, kind="stable")[:, :2]
     rows = np.arange(len(splats))[:, None]
     scale = splats.scale[rows, wide].astype(np.float64)
