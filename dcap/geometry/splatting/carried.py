@@ -39,6 +39,8 @@ TOLERANCE = 5e-4
 """How far a Gaussian may bend away from what it lies on, two deviations from its middle [m]; else it is split."""
 LEAST_SPLIT = 0.05
 """Opacity from which a Gaussian is split [-]: pieces of haze would be too faint to be drawn."""
+MOST_PIECES, COARSER = 1_000_000, 1.2
+"""Pieces of all Gaussians together [-], and how much wider they get until there are no more."""
 STEP = 0.25
 """The gradient is a mean over a Gaussian's own width, but no more than this share of L [-]."""
 CHUNK = 100_000
@@ -157,40 +159,55 @@ def replaced(splats: Gaussians, at: NDArray[np.bool_], others: Gaussians) -> Gau
 def carried(splats: Gaussians, world_from_file: Array, motion: SurfaceMotion) -> CarriedSplats:
     """Gaussians of a file, whose frame and unit a similarity (4, 4) maps to the world, as the surface carries them."""
     none = splats.subset(np.zeros(0, dtype=np.int64))
+    if not motion.moves:
+        return CarriedSplats(np.zeros(0, dtype=np.int64), none, none)
+    near = [first + motion.reached(in_world(splats.position[first : first + CHUNK], world_from_file))
+            for first in range(0, len(splats), CHUNK)]  # fmt: skip
+    groups = [some for one in near for some in np.array_split(one, len(one) // CHANGED + 1)]
+    steps = steps_within(np.concatenate([share_of(splats.subset(some), world_from_file, motion) for some in groups]))
     indices, parts, more = [np.zeros(0, dtype=np.int64)], [none], [none]
-    for first in range(0, len(splats) if motion.moves else 0, CHUNK):
-        near = first + motion.reached(in_world(splats.position[first : first + CHUNK], world_from_file))
-        for index in np.array_split(near, len(near) // CHANGED + 1):
-            here = splats.subset(index)
-            steps = steps_of(here, world_from_file, motion)
-            bent = steps[:, 0] > 0
-            whole, changed = bodily(here, world_from_file, motion)
-            found = split(here.subset(bent), steps[bent])
-            fine, _ = bodily(found.splats, world_from_file, motion)
-            whole = replaced(whole, bent, fine.subset(found.middle))
-            indices.append(index[changed | bent])
-            parts.append(whole.subset(changed | bent))
-            more.append(fine.subset(~found.middle))
+    for index, asked in zip(groups, np.split(steps, np.cumsum([len(some) for some in groups])[:-1]), strict=True):
+        here, bent = splats.subset(index), asked[:, 0] > 0
+        whole, changed = bodily(here, world_from_file, motion)
+        found = split(here.subset(bent), asked[bent])
+        fine = [bodily(found.splats.subset(some), world_from_file, motion)[0] for some in at_a_time(len(found.owner))]
+        fine_splats = joined_splats([none, *fine])
+        indices.append(index[changed | bent])
+        parts.append(replaced(whole, bent, fine_splats.subset(found.middle)).subset(changed | bent))
+        more.append(fine_splats.subset(~found.middle))
     return CarriedSplats(np.concatenate(indices), joined_splats(parts), joined_splats(more))
 
 
-def steps_of(splats: Gaussians, world_from_file: Array, motion: SurfaceMotion) -> NDArray[np.int64]:
-    """Steps of the grid that splits each Gaussian along its larger two axes, shape (n, 2); 0: it may stay whole.
+def at_a_time(count: int) -> list[NDArray[np.int64]]:
+    """Numbers up to `count` in groups of CHANGED: gradients and harmonics take much memory."""
+    return np.array_split(np.arange(count), count // CHANGED + 1)
 
-    A piece bends by no more than TOLERANCE, and none is finer than the faces that it follows.
+
+def share_of(splats: Gaussians, world_from_file: Array, motion: SurfaceMotion) -> Array:
+    """How narrow each Gaussian must be along its larger two axes over its width, to bend by TOLERANCE, shape (n, 2).
+
+    1: it may stay as it is. No piece need be finer than the faces that it follows.
     """
     wide = np.argsort(-splats.log_scale, axis=1, kind="stable")[:, :2]
     rows = np.arange(len(splats))[:, None]
     scale = splats.scale[rows, wide].astype(np.float64)
     own = np.swapaxes(splats.axes, 1, 2)[rows, wide] * scale[:, :, None] @ world_from_file[:3, :3].T
     bend = motion.bend(in_world(splats.position, world_from_file), own)
-    # a bend grows with the square of the width
-    share = np.sqrt(TOLERANCE / np.maximum(bend, TOLERANCE))
+    share = np.sqrt(TOLERANCE / np.maximum(bend, TOLERANCE))  # a bend grows with the square of the width
     share = np.maximum(share, 0.5 * motion.edge / np.maximum(np.linalg.norm(own, axis=2), 1e-12))
-    asked = OVERLAP * REACH / np.minimum(share, 1.0)
-    steps = np.array(STEPS)[np.minimum(np.searchsorted(STEPS, asked), len(STEPS) - 1)]
-    needed = (share < 1.0).any(axis=1) & (splats.opacity > LEAST_SPLIT)
-    return np.where(needed[:, None], steps, 0)
+    share[splats.opacity < LEAST_SPLIT] = 1.0
+    return np.asarray(np.minimum(share, 1.0))
+
+
+def steps_within(share: Array) -> NDArray[np.int64]:
+    """Steps of the grids that split Gaussians so much (n, 2), 0 for those that stay whole; coarser ones where there
+    would be more than MOST_PIECES."""
+    while True:
+        steps = np.array(STEPS)[np.minimum(np.searchsorted(STEPS, OVERLAP * REACH / share), len(STEPS) - 1)]
+        steps[share.min(axis=1) == 1.0] = 0
+        if (2 * steps + 1).prod(axis=1).sum() - len(steps) <= MOST_PIECES or (share == 1.0).all():
+            return steps
+        share = np.minimum(COARSER * share, 1.0)
 
 
 def bodily(splats: Gaussians, world_from_file: Array, motion: SurfaceMotion) -> tuple[Gaussians, NDArray[np.bool_]]:

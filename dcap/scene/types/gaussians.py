@@ -151,7 +151,8 @@ def turned_harmonics(rest: F32, turn: NDArray[np.float64], degree: int) -> F32:
     random = np.random.default_rng(0).standard_normal((SAMPLED, 3))
     directions = random / np.linalg.norm(random, axis=1, keepdims=True)
     after = harmonics(directions, degree)
-    before = harmonics((directions @ turn).reshape(-1, 3), degree).reshape(*turn.shape[:-2], SAMPLED, -1)
+    turned = (directions @ turn).reshape(-1, 3)
+    before = harmonics(turned, degree).reshape(*turn.shape[:-2], SAMPLED, after.shape[1])
     out = np.empty_like(rest)
     first = 0
     for band in range(1, degree + 1):
