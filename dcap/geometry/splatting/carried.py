@@ -192,7 +192,11 @@ def share_of(splats: Gaussians, world_from_file: Array, motion: SurfaceMotion) -
     rows = np.arange(len(splats))[:, None]
     scale = splats.scale[rows, wide].astype(np.float64)
     own = np.swapaxes(splats.axes, 1, 2)[rows, wide] * scale[:, :, None] @ world_from_file[:3, :3].T
-    bend = motion.bend(in_world(splats.position, world_from_file), own)
+    place = in_world(splats.position, world_from_file)
+    ends = [place, *(place + sign * REACH * own[:, axis] for axis in range(2) for sign in (-1, 1))]
+    some = np.max([np.linalg.norm(motion.at(end), axis=1) for end in ends], axis=0) > TOLERANCE
+    bend = np.zeros((len(splats), 2))
+    bend[some] = motion.bend(place[some], own[some])
     share = np.sqrt(TOLERANCE / np.maximum(bend, TOLERANCE))  # a bend grows with the square of the width
     share = np.maximum(share, 0.5 * motion.edge / np.maximum(np.linalg.norm(own, axis=2), 1e-12))
     share[splats.opacity < LEAST_SPLIT] = 1.0
