@@ -33,6 +33,7 @@ from dcap.scene.writers.glb import Node, glb_bytes, labelled_nodes
 from flows.placement_json import AT_REST, Values, placement_json
 from flows.placement_schema import placement_schema
 from flows.sample_run import FinishedSample
+from flows.scene_splats import SETTLED_SPLATS, splat_artifact
 from tasks.render.contact_surfaces import contact_nodes
 from tasks.render.particle_table import distances, iso_surface, particle_columns, soft_bodies
 from tasks.render.settled_meshes import settled_item
@@ -42,9 +43,8 @@ SCHEMA = "placement.schema.json"
 """The JSON Schema of placement.json, beside it."""
 PARTICLES, ISO = "particles.parquet", "iso.glb"
 PICTURES = ("clean", "asked", "settled", "closeup", "before_after", "contact", "profile", "candidates", "hole")
-OWNED = frozenset(
-    {"object.ply", "object.glb", "contacts.glb", "scene.glb", PARTICLES, *(f"{name}.png" for name in PICTURES)}
-)
+GEOMETRY = ("object.ply", "object.glb", "contacts.glb", "scene.glb", PARTICLES, SETTLED_SPLATS)
+OWNED = frozenset({*GEOMETRY, *(f"{name}.png" for name in PICTURES)})
 
 Kind = TypeVar("Kind")
 
@@ -89,6 +89,7 @@ def write_placement(finished: FinishedSample, out: Path) -> JsonObject:
     with tempfile.TemporaryDirectory(dir=out, prefix=".writing-") as draft_name:
         draft = Path(draft_name)
         artifacts = write_geometry(values, draft) | copy_pictures(finished, store, draft)
+        artifacts |= splat_artifact(finished, values, draft)
         tree = placement_json(finished, values, artifacts)
         (draft / SCHEMA).write_bytes(readable_json(placement_schema()))
         os.replace(draft / SCHEMA, out / SCHEMA)

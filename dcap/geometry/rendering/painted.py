@@ -165,3 +165,19 @@ def smaller_copies(image: NDArray[np.uint8]) -> list[NDArray[np.uint8]]:
         four = LINEAR[before[: 2 * height, : 2 * width]].reshape(height, 2, width, 2, 3)
         levels.append(srgb_from_linear(four.mean(axis=(1, 3)).astype(np.float64)))
     return levels
+
+
+def surface_colors(thing: PaintedMesh, face: NDArray[np.int64], weights: NDArray[np.floating]) -> NDArray[np.float64]:
+    """sRGB 0..1 at places of a mesh given by faces (n,) and the weights of their corners (n, 3), shape (n, 3)."""
+    mesh, paint = thing.mesh, thing.paint
+    color = np.einsum("nk,nkc->nc", weights, mesh.colors[mesh.faces[face]] / 255.0)
+    if paint is None:
+        return np.asarray(color)
+    for slot, image in enumerate(paint.textures):
+        mine = np.flatnonzero(paint.texture[face] == slot)
+        own, weight = face[mine], weights[mine][:, :, None]
+        light = sampled(image, (weight * paint.corner_uv[own]).sum(axis=1)) * (weight * paint.corner_tint[own]).sum(
+            axis=1
+        )
+        color[mine] = srgb_from_linear(light) / 255.0
+    return np.asarray(color)

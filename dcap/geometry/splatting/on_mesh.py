@@ -36,7 +36,7 @@ def splats_on_mesh(mesh: Mesh, spacing: float, seed: int, scatter: float = 0.0) 
     if not 0 < count <= MOST:
         raise GeometryError(f"a spacing of {spacing} m makes {count} splats, expected 1 to {MOST}")
     random = np.random.default_rng(seed)
-    face, weight = _even_points(areas, count, random)
+    face, weight = even_points(areas, count, random)
     corners = mesh.corners(face)
     colors = mesh.colors[mesh.faces[face]].astype(np.float64)
     size = np.log(spacing * OVERLAP) + JITTER * random.standard_normal((count, 3))
@@ -48,14 +48,14 @@ def splats_on_mesh(mesh: Mesh, spacing: float, seed: int, scatter: float = 0.0) 
     return Gaussians(
         (np.einsum("nk,nki->ni", weight, corners) + off * normal).astype(np.float32),
         size.astype(np.float32),
-        _quaternions_along(normal, spin).astype(np.float32),
+        quaternions_along(normal, spin).astype(np.float32),
         np.full(count, np.log(OPACITY / (1.0 - OPACITY)), dtype=np.float32),
         ((color - 0.5) / DC).astype(np.float32),
         np.zeros((count, 3, 0), dtype=np.float32),
     )
 
 
-def _even_points(areas: Array, count: int, random: np.random.Generator) -> tuple[NDArray[np.int64], Array]:
+def even_points(areas: Array, count: int, random: np.random.Generator) -> tuple[NDArray[np.int64], Array]:
     """Faces (n,) and barycentric weights (n, 3): one point in each of `count` equal shares of the area, in order of the
     faces, so that no face has more than one too many."""
     ends = np.cumsum(areas)
@@ -67,7 +67,7 @@ def _even_points(areas: Array, count: int, random: np.random.Generator) -> tuple
     return face, np.stack([1.0 - root, root * (1.0 - v), root * v], axis=1)
 
 
-def _quaternions_along(normals: Array, spin: Array) -> Array:
+def quaternions_along(normals: Array, spin: Array) -> Array:
     """(w, x, y, z) that turn e_z to each unit normal n (n, 3), after a turn by `spin` [rad] about e_z."""
     n = normals
     # the shortest turn from e_z to n is about e_z x n = (-ny, nx, 0); opposite normals turn about e_x

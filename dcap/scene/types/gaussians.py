@@ -7,7 +7,8 @@ properties give what they stand for.
 Graph. 42(4), 2023.
 """
 
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
 from typing import Self
 
 import numpy as np
@@ -24,6 +25,9 @@ DC = 0.28209479177387814
 
 COEFFICIENTS = {0: 0, 1: 3, 2: 8, 3: 15}
 """Harmonics above the constant one, per colour channel, by degree."""
+
+SAMPLED = 32
+"""Directions in which harmonics are evaluated to turn them; the largest band has 7 unknowns [-]."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -102,8 +106,14 @@ class Gaussians:
             position=(self.position @ linear.T + shift).astype(np.float32),
             log_scale=(self.log_scale + np.log(factor)).astype(np.float32),
             rotation=(Rotation.from_matrix(turn) * own).as_quat(scalar_first=True).astype(np.float32),
-            rest=_turned_harmonics(self.rest, turn, self.degree),
+            rest=turned_harmonics(self.rest, turn, self.degree),
         )
+
+
+def joined_splats(parts: Sequence[Gaussians]) -> Gaussians:
+    """All Gaussians of parts with the same degree, one part after the other."""
+    names = [one.name for one in fields(Gaussians)]
+    return Gaussians(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
 
 
 def harmonics(directions: NDArray[np.float64], degree: int) -> NDArray[np.float64]:
@@ -130,22 +140,24 @@ def harmonics(directions: NDArray[np.float64], degree: int) -> NDArray[np.float6
     return np.stack(columns[: COEFFICIENTS[degree]], axis=1)
 
 
-def _turned_harmonics(rest: F32, turn: NDArray[np.float64], degree: int) -> F32:
-    """Coefficients (n, 3, k) of the same colours seen from turned directions.
+def turned_harmonics(rest: F32, turn: NDArray[np.float64], degree: int) -> F32:
+    """Coefficients (n, 3, k) of the same colours seen from turned directions, by one turn (3, 3) or one each (n, 3, 3).
 
-    A turned function has harmonics of the same degree only; its coefficients follow from its values at more directions
-    than there are unknowns.
+    A turned function has harmonics of the same degree only; its coefficients follow by least squares from its values in
+    more directions than there are unknowns. That is exact to rounding, and needs no recursion for each degree.
     """
     if degree == 0:
         return rest
-    random = np.random.default_rng(0).standard_normal((64, 3))
+    random = np.random.default_rng(0).standard_normal((SAMPLED, 3))
     directions = random / np.linalg.norm(random, axis=1, keepdims=True)
-    before, after = harmonics(directions @ turn, degree), harmonics(directions, degree)
+    after = harmonics(directions, degree)
+    turned = (directions @ turn).reshape(-1, 3)
+    before = harmonics(turned, degree).reshape(*turn.shape[:-2], SAMPLED, after.shape[1])
     out = np.empty_like(rest)
     first = 0
     for band in range(1, degree + 1):
         at = slice(first, first + 2 * band + 1)
         first = at.stop
-        map_ = np.linalg.lstsq(after[:, at], before[:, at], rcond=None)[0]
-        out[:, :, at] = rest[:, :, at] @ map_.T
+        map_ = np.linalg.pinv(after[:, at]) @ before[..., at]
+        out[:, :, at] = rest[:, :, at] @ np.swapaxes(map_, -1, -2)
     return out

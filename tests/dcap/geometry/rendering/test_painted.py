@@ -12,6 +12,7 @@ from dcap.geometry.rendering.painted import (
     paint_from,
     painted,
     smaller_copies,
+    surface_colors,
 )
 from dcap.geometry.rendering.picture import picture
 from dcap.geometry.solid.repair import subdivide_near
@@ -112,6 +113,16 @@ def test_a_fine_pattern_from_afar_is_its_mean_and_does_not_flicker():
     rgb = picture([PaintedMesh(surface.mesh, own_paint(surface))], from_above(), shadows=False).rgb
     inner = rgb[25:55, 25:55].reshape(-1, 3).astype(float)
     assert inner.std(axis=0).max() < 4.0
+
+
+def test_colours_at_places_of_a_surface():
+    surface = plate()
+    thing = PaintedMesh(surface.mesh, own_paint(surface))
+    place = np.array([[-0.5, -0.6, 0.0], [0.6, -0.5, 0.0], [-0.6, 0.5, 0.0], [0.5, 0.6, 0.0]])
+    face = np.array([0, 0, 1, 1])
+    weights = barycentric(place[:, None], surface.mesh.triangles[face])[:, 0]
+    assert surface_colors(thing, face, weights) == pytest.approx(np.array(QUARTERS) / 255.0, abs=1e-9)
+    assert surface_colors(PaintedMesh(surface.mesh), face, weights) == pytest.approx(1.0)  # white vertices
 
 
 def test_tints_multiply_the_texture():

@@ -1,0 +1,263 @@
+"""Gaussians that move with a deforming surface: centres by its displacement, shapes and colours by its gradient.
+
+In: Gaussians in any frame and unit, and how a surface in the world moved. Out: those that move, in the same frame; the
+others keep every bit. With F the deformation gradient at a centre, a covariance becomes F S F^T and
+harmonics turn by the rotation R of F = R U. A disc stays flat, so one that is large for the dent is split first.
+
+On the surface the displacement is that of its nearest point. Below, it fades as in an elastic half-space whose surface
+is displaced over a disc of radius L: on the axis a harmonic field has the share 1 - d / sqrt(d^2 + L^2) at depth d
+(Poisson's integral). L is the radius of the disc that has the area of what moved by more than half of the most, and no
+less than twice the most: nearer layers are pressed together by at most a half and never pass one another. Above, all
+that lies within CLOSE follows whole, for scans have Gaussians off the surface that they show; farther ones less, and
+none from FAR on, which is air.
+"""
+
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+import open3d
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from dcap.geometry.deform import NEGLIGIBLE, edge_lengths
+from dcap.geometry.raycast import tensor
+from dcap.geometry.splatting.split import OVERLAP, REACH, STEPS, split
+from dcap.scene.types.gaussians import F32, Gaussians, joined_splats, turned_harmonics
+from dcap.scene.types.mesh import Mesh
+
+Array = NDArray[np.float64]
+
+CLOSE, FAR = 0.02, 0.04
+"""Gaussians this near above the surface [m] follow it whole; farther ones less, then not at all."""
+HIDDEN = 1e-4
+"""Where the displacement below the surface is less than this, nobody looks [m]."""
+MOST_STRETCH = 4.0
+"""A Gaussian grows or shrinks at most by this factor along any axis [-]: gradients across a fold are none."""
+LEAST_STRAIN = 1e-4
+"""A gradient nearer to a pure translation changes no Gaussian visibly [-]."""
+TOLERANCE = 5e-4
+"""How far a Gaussian may bend away from what it lies on, two deviations from its middle [m]; else it is split."""
+LEAST_SPLIT = 0.05
+"""Opacity from which a Gaussian is split [-]: pieces of haze would be too faint to be drawn."""
+MOST_PIECES, COARSER = 1_000_000, 1.2
+"""Pieces of all Gaussians together [-], and how much wider they get until there are no more."""
+STEP = 0.25
+"""The gradient is a mean over a Gaussian's own width, but no more than this share of L [-]."""
+CHUNK = 100_000
+"""Gaussians that are looked at together [-]."""
+CHANGED = 10_000
+"""Gaussians that are turned together [-]."""
+
+
+class SurfaceMotion:
+    """The displacement that a moved surface gives to what is on and in it."""
+
+    def __init__(self, start: Mesh, shift: Array, movable: NDArray[np.bool_]) -> None:
+        """A mesh before, the displacement of its vertices [m] (n, 3), and which of its faces (m,) may carry along: what
+        is nearest to another one stays."""
+        moved = np.linalg.norm(shift, axis=1)[start.faces].max(axis=1)
+        self.moves = bool((moved[movable] > NEGLIGIBLE).any())
+        if not self.moves:
+            return
+        self._movable = movable
+        near = start.submesh(np.flatnonzero(movable & (moved > NEGLIGIBLE)))
+        self._shift, self._start = shift, start
+        self._origin = near.bounds.mean(axis=0)
+        self._whole = self._scene(start.faces)
+        self._own_faces = start.faces[movable]
+        self._own = self._scene(self._own_faces)
+        area, most = start.face_areas, float(moved[movable].max())
+        wide = float(np.sqrt(area[movable & (moved > 0.5 * most)].sum() / np.pi))
+        self.length = max(wide, 2.0 * most)
+        """L, over which the displacement fades below the surface [m]."""
+        self.edge = float(np.median(edge_lengths(near)))
+        """Of the faces that move, the usual longest edge [m]."""
+        reach = max(FAR, self.length * np.sqrt(0.5 * most / HIDDEN))
+        self._box = near.bounds + np.array([[-reach], [reach]])
+
+    def _scene(self, faces: NDArray[np.integer]) -> open3d.t.geometry.RaycastingScene:
+        scene = open3d.t.geometry.RaycastingScene()
+        # single precision counts from the dent, not from the corner of the room
+        scene.add_triangles(tensor(self._start.vertices - self._origin, np.float32), tensor(faces, np.uint32))
+        return scene
+
+    def reached(self, points: Array) -> NDArray[np.int64]:
+        """Numbers of the points (n, 3) that are near enough, and nearest to what may carry them."""
+        near = np.flatnonzero(((points >= self._box[0]) & (points <= self._box[1])).all(axis=1))
+        if not len(near):
+            return near
+        found = self._whole.compute_closest_points(tensor(points[near] - self._origin, np.float32))
+        return near[self._movable[found["primitive_ids"].numpy()]]
+
+    def at(self, points: Array) -> Array:
+        """Displacement [m] at points (n, 3), of the same shape."""
+        found = self._own.compute_closest_points(tensor(points - self._origin, np.float32))
+        corner = self._own_faces[found["primitive_ids"].numpy()]
+        u, v = found["primitive_uvs"].numpy().astype(np.float64).T
+        on_surface = np.einsum("nk,nki->ni", np.stack([1.0 - u - v, u, v], axis=1), self._shift[corner])
+        away = points - self._origin - found["points"].numpy()
+        distance = np.linalg.norm(away, axis=1)
+        below = np.einsum("ni,ni->n", away, found["primitive_normals"].numpy().astype(np.float64)) < 0.0
+        within = 1.0 - distance / np.hypot(distance, self.length)
+        above = np.clip(1.0 - (distance - CLOSE) / (FAR - CLOSE), 0.0, 1.0)
+        return np.asarray(np.where(below, within, above)[:, None] * on_surface)
+
+    def bend(self, points: Array, across: Array) -> Array:
+        """How far a tangent at points (n, 3) misses the displacement [m] over the ways (n, k, 3), each along itself and
+        in between, shape (n, k)."""
+        middle, out = self.at(points), np.zeros(across.shape[:2])
+        first, second = across[:, 0], across[:, 1]
+        ways = ((first, (0,)), (second, (1,)), (first + second, (0, 1)), (first - second, (0, 1)))
+        for way, axes in ways:
+            for share in (0.5, 1.0, 1.5, 2.0):
+                away = share * way
+                off = 0.5 * (self.at(points + away) + self.at(points - away)) - middle
+                out[:, axes] = np.maximum(out[:, axes], np.linalg.norm(off, axis=1)[:, None])
+        return out
+
+    def gradient(self, points: Array, step: Array) -> Array:
+        """F = I + du/dx at points (n, 3), by central differences over steps (n,) [m], shape (n, 3, 3)."""
+        out = np.tile(np.eye(3), (len(points), 1, 1))
+        for axis in range(3):
+            away = step[:, None] * np.eye(3)[axis]
+            out[:, :, axis] += (self.at(points + away) - self.at(points - away)) / (2.0 * step[:, None])
+        return out
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class CarriedSplats:
+    """The Gaussians that a moved surface carried along."""
+
+    index: NDArray[np.int64]
+    """Their numbers among the given ones, increasing, shape (k,)."""
+    splats: Gaussians
+    """As they are now, in the given frame and unit, k of them."""
+    more: Gaussians
+    """Further pieces of those that had to be split, in the same frame."""
+
+    def into(self, part: Gaussians, first: int) -> Gaussians:
+        """The given Gaussians from number `first` on, with those that were carried as they are now."""
+        low, high = np.searchsorted(self.index, [first, first + len(part)])
+        if low == high:
+            return part
+        at = np.zeros(len(part), dtype=bool)
+        at[self.index[low:high] - first] = True
+        return replaced(part, at, self.splats.subset(np.arange(low, high)))
+
+
+def replaced(splats: Gaussians, at: NDArray[np.bool_], others: Gaussians) -> Gaussians:
+    """Gaussians (n,) with others (k,) in the places of k of them."""
+
+    def patched(name: str) -> F32:
+        out: F32 = getattr(splats, name).copy()
+        out[at] = getattr(others, name)
+        return out
+
+    return Gaussians(*(patched(one.name) for one in fields(Gaussians)))
+
+
+def carried(splats: Gaussians, world_from_file: Array, motion: SurfaceMotion) -> CarriedSplats:
+    """Gaussians of a file, whose frame and unit a similarity (4, 4) maps to the world, as the surface carries them."""
+    none = splats.subset(np.zeros(0, dtype=np.int64))
+    if not motion.moves:
+        return CarriedSplats(np.zeros(0, dtype=np.int64), none, none)
+    near = [first + motion.reached(in_world(splats.position[first : first + CHUNK], world_from_file))
+            for first in range(0, len(splats), CHUNK)]  # fmt: skip
+    groups = [some for one in near for some in np.array_split(one, len(one) // CHANGED + 1)]
+    steps = steps_within(np.concatenate([share_of(splats.subset(some), world_from_file, motion) for some in groups]))
+    indices, parts, more = [np.zeros(0, dtype=np.int64)], [none], [none]
+    for index, asked in zip(groups, np.split(steps, np.cumsum([len(some) for some in groups])[:-1]), strict=True):
+        here, bent = splats.subset(index), asked[:, 0] > 0
+        whole, changed = bodily(here, world_from_file, motion)
+        found = split(here.subset(bent), asked[bent])
+        fine = [bodily(found.splats.subset(some), world_from_file, motion)[0] for some in at_a_time(len(found.owner))]
+        fine_splats = joined_splats([none, *fine])
+        indices.append(index[changed | bent])
+        parts.append(replaced(whole, bent, fine_splats.subset(found.middle)).subset(changed | bent))
+        more.append(fine_splats.subset(~found.middle))
+    return CarriedSplats(np.concatenate(indices), joined_splats(parts), joined_splats(more))
+
+
+def at_a_time(count: int) -> list[NDArray[np.int64]]:
+    """Numbers up to `count` in groups of CHANGED: gradients and harmonics take much memory."""
+    return np.array_split(np.arange(count), count // CHANGED + 1)
+
+
+def share_of(splats: Gaussians, world_from_file: Array, motion: SurfaceMotion) -> Array:
+    """How narrow each Gaussian must be along its larger two axes over its width, to bend by TOLERANCE, shape (n, 2).
+
+    1: it may stay as it is. No piece need be finer than the faces that it follows.
+    """
+    wide = np.argsort(-splats.log_scale, axis=1, kind="stable")[:, :2]
+    rows = np.arange(len(splats))[:, None]
+    scale = splats.scale[rows, wide].astype(np.float64)
+    own = np.swapaxes(splats.axes, 1, 2)[rows, wide] * scale[:, :, None] @ world_from_file[:3, :3].T
+    place = in_world(splats.position, world_from_file)
+    ends = [place, *(place + sign * REACH * own[:, axis] for axis in range(2) for sign in (-1, 1))]
+    some = np.max([np.linalg.norm(motion.at(end), axis=1) for end in ends], axis=0) > TOLERANCE
+    bend = np.zeros((len(splats), 2))
+    bend[some] = motion.bend(place[some], own[some])
+    share = np.sqrt(TOLERANCE / np.maximum(bend, TOLERANCE))  # a bend grows with the square of the width
+    share = np.maximum(share, 0.5 * motion.edge / np.maximum(np.linalg.norm(own, axis=2), 1e-12))
+    share[splats.opacity < LEAST_SPLIT] = 1.0
+    return np.asarray(np.minimum(share, 1.0))
+
+
+def steps_within(share: Array) -> NDArray[np.int64]:
+    """Steps of the grids that split Gaussians so much (n, 2), 0 for those that stay whole; coarser ones where there
+    would be more than MOST_PIECES."""
+    while True:
+        steps = np.array(STEPS)[np.minimum(np.searchsorted(STEPS, OVERLAP * REACH / share), len(STEPS) - 1)]
+        steps[share.min(axis=1) == 1.0] = 0
+        if (2 * steps + 1).prod(axis=1).sum() - len(steps) <= MOST_PIECES or (share == 1.0).all():
+            return steps
+        share = np.minimum(COARSER * share, 1.0)
+
+
+def bodily(splats: Gaussians, world_from_file: Array, motion: SurfaceMotion) -> tuple[Gaussians, NDArray[np.bool_]]:
+    """Each Gaussian moved and deformed as a whole, and whether that changes it at all, shape (n,)."""
+    linear = world_from_file[:3, :3]
+    back, unit = np.linalg.inv(linear), float(np.cbrt(np.linalg.det(linear)))
+    place = in_world(splats.position, world_from_file)
+    width = unit * np.exp(splats.log_scale.astype(np.float64)).max(axis=1, initial=0.0)
+    step = np.clip(width, motion.edge, max(motion.edge, STEP * motion.length))
+    shift, gradient = motion.at(place), motion.gradient(place, step)
+    strain = np.abs(gradient - np.eye(3)).max(axis=(1, 2), initial=0.0)
+    changes = (np.linalg.norm(shift, axis=1) > NEGLIGIBLE) | (strain > LEAST_STRAIN)
+    return strained(splats, back @ gradient @ linear, shift @ back.T), changes
+
+
+def in_world(position: NDArray[np.floating], world_from_file: Array) -> Array:
+    """Points of a file (n, 3) in the world [m]."""
+    return np.asarray(position @ world_from_file[:3, :3].T + world_from_file[:3, 3])
+
+
+def strained(splats: Gaussians, gradient: Array, shift: Array) -> Gaussians:
+    """Each Gaussian moved by its displacement (n, 3) and deformed by its gradient F (n, 3, 3), all in its own frame.
+
+    With the axes A and deviations s of a Gaussian, F A diag(s) = U diag(s') V^T has the covariance U diag(s'^2) U^T:
+    the new axes and deviations, without squaring what is thin. They keep the order of the given ones.
+    """
+    left, stretch, right = np.linalg.svd(gradient)
+    stretch = np.clip(stretch, 1.0 / MOST_STRETCH, MOST_STRETCH)
+    mirrored = np.linalg.det(left @ right) < 0.0
+    left[mirrored, :, 2] *= -1.0
+    turn = left @ right
+    bounded = (left * stretch[:, None, :]) @ right
+    deviation = np.exp(splats.log_scale.astype(np.float64))
+    own = Rotation.from_quat(splats.rotation, scalar_first=True).as_matrix() if len(splats) else np.zeros((0, 3, 3))
+    axes, size, _ = np.linalg.svd(bounded @ own * deviation[:, None, :])
+    place = np.argsort(np.argsort(-deviation, axis=1, kind="stable"), axis=1)
+    axes = np.take_along_axis(axes, place[:, None, :], axis=2)
+    size = np.take_along_axis(size, place, axis=1)
+    axes[np.linalg.det(axes) < 0.0, :, 0] *= -1.0
+    quaternion = (
+        Rotation.from_matrix(axes).as_quat(canonical=True, scalar_first=True) if len(splats) else np.zeros((0, 4))
+    )
+    return replace(
+        splats,
+        position=(splats.position + shift).astype(np.float32),
+        log_scale=np.log(size).astype(np.float32),
+        rotation=quaternion.astype(np.float32),
+        rest=turned_harmonics(splats.rest, turn, splats.degree),
+    )

@@ -1,0 +1,63 @@
+"""The Gaussians of a scene that was given as such, with the placement in them: scene_settled.ply.
+
+In: a finished sample and what its stages returned. Out: one file of plain 3DGS, in the scene file's own frame and unit,
+so that it takes the place of the file that was given.
+"""
+
+import logging
+from functools import partial
+from pathlib import Path
+
+from dcap.geometry.rendering.painted import painted, surface_colors
+from dcap.scene.errors import DcapError, InputError
+from dcap.scene.readers.scenes.sugar import find_splats
+from dcap.scene.readers.splats.formats import is_splats, read_gaussians
+from dcap.scene.store.artifacts import Source, Store
+from dcap.scene.writers.gaussians import write_splat_parts
+from flows.placement_json import Values
+from flows.sample_run import FinishedSample
+from tasks.render.settled_splats import settled_splats
+
+LOG = logging.getLogger(__name__)
+
+SETTLED_SPLATS = "scene_settled.ply"
+DEGREE = 3
+"""Harmonics of the file: what 3DGS and SuGaR read; those of lower degree are padded with zeros."""
+
+
+def splats_of(given: str) -> Path | None:
+    """The file of Gaussians of a scene that was given, None where it has none. InputError where there are several."""
+    path = Path(given)
+    return find_splats(path) if path.is_dir() else path if is_splats(path) else None
+
+
+def splat_artifact(finished: FinishedSample, values: Values, folder: Path) -> dict[str, str]:
+    """The file, where the scene has Gaussians and something rests in it; what keeps it from being made is told only."""
+    try:
+        if values.settled is None or splats_of(finished.sample.scene) is None:
+            return {}
+        write_scene_splats(finished, values, folder / SETTLED_SPLATS)
+    except DcapError as error:  # the placement is sound without it
+        LOG.warning("no %s: %s", SETTLED_SPLATS, error)
+        (folder / SETTLED_SPLATS).unlink(missing_ok=True)
+        return {}
+    return {"splats": SETTLED_SPLATS}
+
+
+def write_scene_splats(finished: FinishedSample, values: Values, path: Path) -> None:
+    """Write the file. InputError where the scene has no Gaussians, or the placement no rest state."""
+    sample = finished.sample
+    scan, scene, item, anchor, settled = values.scan, values.scene, values.item, values.anchor, values.settled
+    if splats_of(sample.scene) is None:
+        raise InputError(f"{sample.scene}: no Gaussian splats; --format splats takes a placement in a scene of splats")
+    if scan is None or scene is None or item is None or anchor is None or settled is None:
+        reason = values.infeasible.reason.value if values.infeasible else "nothing settled"
+        raise InputError(f"{sample.id} has no settled splats: {reason}")
+    store = Store.default()
+    source = store.load(store.add_source(sample.scene))  # as it was placed into, whatever lies there by now
+    assert isinstance(source, Source)
+    kept = splats_of(str(source.path))
+    assert kept is not None
+    colors = partial(surface_colors, painted(item.mesh, values.object_surface))
+    made = settled_splats(read_gaussians(kept), scan.world_from_file, scene, item, anchor, settled, colors=colors)
+    write_splat_parts(path, made.parts(), len(made), DEGREE, made.comments)
