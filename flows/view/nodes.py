@@ -20,8 +20,8 @@ from flows.view.surface import glb_of
 GHOST_OPACITY, GLASS_OPACITY = 0.25, 0.35
 """Of the object before the drop, and at rest where one wants to see through it [-]."""
 ANCHOR_COLOR, NORMAL_COLOR, RAY_COLOR, CONTACT_COLOR = (230, 30, 120), (40, 90, 220), (240, 140, 20), (255, 90, 20)
-AMBIENT, ENVIRONMENT = 0.55, 0.55
-"""Strength of the even light and of the surroundings' [-]."""
+ENVIRONMENT = 0.35
+"""Strength of the surroundings' light [-]; viser's own light from above comes on top."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -158,7 +158,6 @@ def light(scene: viser.SceneApi) -> None:
     """Even light from everywhere and shadows from above: a scan has its own shadows in its colours."""
     scene.set_up_direction("+z")
     scene.configure_environment_map("studio", environment_intensity=ENVIRONMENT)
-    scene.add_light_ambient("/light", intensity=AMBIENT)
 
 
 def stand(server: viser.ViserServer, view: StartView) -> None:

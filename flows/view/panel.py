@@ -121,21 +121,21 @@ class PlacementPanel:
         if view.notes:
             gui.add_html(texts.page(texts.bullets(view.notes, "")))
         if nodes.thing is not None:
-            self.box("object", [nodes.thing], on=True)
+            shown_box(gui, "object", [nodes.thing], on=True)
             self._switch("see through the object", nodes.show_glass)
         if nodes.ghost is not None:
-            self.box("pose before the drop", [nodes.ghost], on=False)
+            shown_box(gui, "pose before the drop", [nodes.ghost], on=False)
         if nodes.contact is not None:
-            self.box("contact patch", [nodes.contact], on=True)
+            shown_box(gui, "contact patch", [nodes.contact], on=True)
         if nodes.anchor is not None:
-            self.box("anchor and normal", [nodes.anchor], on=False)
+            shown_box(gui, "anchor and normal", [nodes.anchor], on=False)
         if nodes.ray is not None:
-            self.box("vertical ray", [nodes.ray], on=False)
+            shown_box(gui, "vertical ray", [nodes.ray], on=False)
         if view.base is not None:
             self._add_heat(gui)
         if nodes.clouds:
             self._add_clouds(gui)
-        add_room(self, gui, nodes.pieces)
+        add_room(gui, nodes.pieces)
         back = gui.add_button("Back to the start view")
         back.on_click(lambda _: stand(self._server, view.view))
 
@@ -165,19 +165,6 @@ class PlacementPanel:
         box = self._server.gui.add_checkbox(label, initial_value=False, order=order)
         box.on_update(lambda _: show(bool(box.value)))
 
-    def box(self, label: str, nodes: Iterable[viser.SceneNodeHandle], *, on: bool) -> viser.GuiCheckboxHandle:
-        """A box that shows and hides nodes."""
-        shown = list(nodes)
-        box = self._server.gui.add_checkbox(label, initial_value=on)
-
-        def show(_: object = None) -> None:
-            for one in shown:
-                one.visible = bool(box.value)
-
-        box.on_update(show)
-        show()
-        return box
-
 
 def moment(view: PlacementView, frame: int, last: int) -> str:
     """Which moment a frame is, in words."""
@@ -189,14 +176,30 @@ def moment(view: PlacementView, frame: int, last: int) -> str:
     return f"{told}{', ' + where if where else ''}{kept}"
 
 
-def add_room(panel: PlacementPanel, gui: viser.GuiApi, pieces: list[PieceNode]) -> None:
+def shown_box(
+    gui: viser.GuiApi, label: str, nodes: Iterable[viser.SceneNodeHandle], *, on: bool
+) -> viser.GuiCheckboxHandle:
+    """A box that shows and hides nodes."""
+    shown = list(nodes)
+    box = gui.add_checkbox(label, initial_value=on)
+
+    def show(_: object = None) -> None:
+        for one in shown:
+            one.visible = bool(box.value)
+
+    box.on_update(show)
+    show()
+    return box
+
+
+def add_room(gui: viser.GuiApi, pieces: list[PieceNode]) -> None:
     """Boxes of walls and of things; a thing of several parts has one for each part."""
     walls = [one.node for one in pieces if one.piece.structure and not one.piece.ceiling]
     ceilings = [one.node for one in pieces if one.piece.ceiling]
     if ceilings:
-        panel.box("ceiling", ceilings, on=True)
+        shown_box(gui, "ceiling", ceilings, on=True)
     if walls:
-        panel.box("walls and floor", walls, on=True)
+        shown_box(gui, "walls and floor", walls, on=True)
     things: dict[str, list[PieceNode]] = defaultdict(list)
     names = {one.piece.instance for one in pieces if not one.piece.structure}
     for one in pieces:
@@ -210,11 +213,11 @@ def add_room(panel: PlacementPanel, gui: viser.GuiApi, pieces: list[PieceNode]) 
         for name in sorted(things):
             several = things[name]
             if len(several) == 1 or len(names) > MOST_BOXES:
-                panel.box(name, [one.node for one in several], on=True)
+                shown_box(gui, name, [one.node for one in several], on=True)
                 continue
             with gui.add_folder(name, expand_by_default=False):
                 for one in several:
-                    panel.box(one.piece.part or "rest", [one.node], on=True)
+                    shown_box(gui, one.piece.part or "rest", [one.node], on=True)
 
 
 def add_signals(gui: viser.GuiApi, signals: SignalSeries) -> None:

@@ -29,10 +29,15 @@ def open_server(port: int) -> LocalViewer:
     """A server on `port`, or on the next free one; what viser prints is dropped."""
     rich.reconfigure(stderr=True, quiet=True)  # viser prints to standard output, which is the URL's
     server = LocalViewer(host=HOST, port=free_port_from(port), label="dcap", verbose=False)
-    server.gui.configure_theme(control_width="large", show_logo=False, show_share_button=False, dark_mode=False)
+    arrange(server)
+    return server
+
+
+def arrange(server: viser.ViserServer) -> None:
+    """The panel at the right side of the page."""
+    server.gui.configure_theme(control_width="large", show_logo=False, show_share_button=False)
     server.gui.main_panel.dock_right()
     server.gui.main_panel.set_width(PANEL_WIDTH)
-    return server
 
 
 def free_port_from(port: int) -> int:

@@ -19,7 +19,7 @@ from PIL import Image
 from websockets.sync.client import connect
 from websockets.sync.connection import Connection
 
-START_SECONDS = 60.0
+START_SECONDS = 120.0
 LARGEST = 64 * 1024 * 1024
 OPTIONS = (
     "--headless", "--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader",
