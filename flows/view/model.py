@@ -36,6 +36,8 @@ MOST_POINTS = 60_000
 UNASSIGNED = "unassigned"
 HOVER = 5e-4
 """Contact points are drawn this far above their place, so that the surface does not hide them [m]."""
+CLOSEUP, CLOSEUP_LIFT = 1.6, 0.35
+"""Distance of the close-up over the object's diagonal, and its height over its distance along the floor [-]."""
 UP = np.array([0.0, 0.0, 1.0])
 
 
@@ -107,6 +109,8 @@ class PlacementView:
 
     pieces: tuple[RoomPiece, ...]
     view: StartView
+    closeup: StartView | None
+    """Near the contact, from the same side; None where there is no object."""
     thing: MovingObject | None
     """None where no stage got as far as a pose."""
     base: MovingBase | None
@@ -150,6 +154,7 @@ def placement_view(values: Values, config: PlaceConfig) -> PlacementView:
     return PlacementView(
         pieces=tuple(room_pieces(few, ~moving, view.target)),
         view=view,
+        closeup=closeup(view, thing, anchor) if thing and anchor else None,
         thing=thing,
         base=base,
         base_id=anchor.base_id if anchor else "",
@@ -169,8 +174,8 @@ def scene_view(scene: Segmentation, config: PlaceConfig) -> PlacementView:
     camera = camera_for(scene, None, None, config.overview)
     view = StartView(camera.position, camera.target, config.overview.fov_deg)
     return PlacementView(
-        tuple(room_pieces(few, np.ones(len(few.mesh.faces), dtype=bool), middle_of(scene))), view, None, None, "", 1.0,
-        np.zeros(1), True, None, None, (), notes,
+        tuple(room_pieces(few, np.ones(len(few.mesh.faces), dtype=bool), middle_of(scene))), view, None, None, None,
+        "", 1.0, np.zeros(1), True, None, None, (), notes,
     )  # fmt: skip
 
 
@@ -237,6 +242,16 @@ def start_view(values: Values, config: PlaceConfig) -> StartView:
     assert values.scene is not None
     camera = camera_for(values.scene, values.intent, values.anchor, config.overview)
     return StartView(camera.position, camera.target, config.overview.fov_deg)
+
+
+def closeup(view: StartView, thing: MovingObject, anchor: Anchor) -> StartView:
+    """Near the anchor, from the side of the pictures' camera but lower, so that a dent shows."""
+    way = view.position - anchor.surface_point
+    way = way / np.linalg.norm(way[:2]) if np.linalg.norm(way[:2]) > 0.0 else np.array([0.0, -1.0, 0.0])
+    way[2] = CLOSEUP_LIFT
+    diagonal = float(np.linalg.norm(np.ptp(thing.start.vertices, axis=0)))
+    position = anchor.surface_point + CLOSEUP * diagonal * way / float(np.linalg.norm(way))
+    return StartView(position, anchor.surface_point, view.fov_deg)
 
 
 def middle_of(scene: Segmentation) -> Array:

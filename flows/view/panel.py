@@ -41,13 +41,14 @@ class PlacementPanel:
         self._closed = threading.Event()
         self._playing = threading.Event()
         gui = server.gui
-        self.facts = gui.add_html(texts.page(texts.facts(text.tree)))
+        self.verdict = gui.add_html(texts.page(texts.verdict(text.tree)))
         self._add_slider(gui)
         tabs = gui.add_tab_group()
         with tabs.add_tab("Show"):
             self._add_toggles(gui)
         with tabs.add_tab("Certificate"):
             gui.add_html(texts.page(texts.certificate(text.tree["certificate"])))
+            gui.add_html(texts.page("<h4>placement</h4>", texts.facts(text.tree)))
             gui.add_html(texts.page("<h4>contacts</h4>", texts.contacts(text.tree["contacts"])))
             gui.add_html(texts.page("<h4>warnings</h4>", texts.warnings(text.tree)))
         if text.signals is not None:
@@ -88,11 +89,11 @@ class PlacementPanel:
                 self._pause()
                 return
             if int(self.slider.value) >= last:
-                self._set_frame(0)
+                self.go_to(0)
             self.play.label = "Pause"
             self._playing.set()
 
-    def _set_frame(self, frame: int) -> None:
+    def go_to(self, frame: int) -> None:
         """Move the slider, and with it what is shown."""
         self.slider.value = frame  # type: ignore[misc]  # viser's setter stands apart from its property
 
@@ -105,7 +106,7 @@ class PlacementPanel:
         """Go on frame by frame while it plays, until the panel is closed."""
         while self._playing.wait() and not self._closed.is_set():
             frame = int(self.slider.value) + 1
-            self._set_frame(min(frame, len(self._view.time) - 1))
+            self.go_to(min(frame, len(self._view.time) - 1))
             if frame >= len(self._view.time) - 1:
                 self._pause()
             self._closed.wait(FRAME_SECONDS)
@@ -136,8 +137,10 @@ class PlacementPanel:
         if nodes.clouds:
             self._add_clouds(gui)
         add_room(gui, nodes.pieces)
-        back = gui.add_button("Back to the start view")
-        back.on_click(lambda _: stand(self._server, view.view))
+        gui.add_button("Start view").on_click(lambda _: stand(self._server, view.view))
+        if view.closeup is not None:
+            near = view.closeup
+            gui.add_button("Close-up of the contact").on_click(lambda _: stand(self._server, near))
 
     def _add_heat(self, gui: viser.GuiApi) -> None:
         """The heat map with its colour bar."""

@@ -44,9 +44,9 @@ class PickPanel:
         if view.notes:
             gui.add_html(texts.page(texts.bullets(view.notes, "")))
         add_room(gui, self.pieces)
-        gui.add_button("Back to the start view").on_click(lambda _: stand(server, view.view))
+        gui.add_button("Start view").on_click(lambda _: stand(server, view.view))
         stand(server, view.view)
-        self.button.on_click(lambda _: self._pressed())
+        self.button.on_click(lambda _: self.press())
         self._listener = server.scene.on_click()(self._clicked)
 
     def close(self) -> None:
@@ -79,7 +79,7 @@ class PickPanel:
         """A click into the scene."""
         self.point_at(event.ray_origin, event.ray_direction)
 
-    def _pressed(self) -> None:
+    def press(self) -> None:
         """The button: nothing else is placed until this is done."""
         if self.picked is None or self._place is None or self.button.disabled:
             return

@@ -24,7 +24,8 @@ ALIKE = 32
 MOST_ROUNDS = 20
 """Rounds in which cells grow until few enough faces are left [-]."""
 GROWTH = 1.25
-ROUGHNESS = 0.9
+ROUGHNESS, ALBEDO = 1.0, 0.7
+"""Of all surfaces; the viewer's own light from above would bleach colours that are taken as they are [-]."""
 FLOAT, SHORT, INDEX, VERTICES, INDICES = 5126, 5123, 5125, 34962, 34963
 """glTF's numbers of component types and of buffer targets."""
 
@@ -191,7 +192,7 @@ def glb_of(surface: DrawnSurface, *, opacity: float = 1.0, both_sides: bool = Tr
     accessors[2] |= {"normalized": True}
     material = {
         "pbrMetallicRoughness": {
-            "baseColorFactor": [1.0, 1.0, 1.0, opacity], "metallicFactor": 0.0, "roughnessFactor": ROUGHNESS,
+            "baseColorFactor": [ALBEDO, ALBEDO, ALBEDO, opacity], "metallicFactor": 0.0, "roughnessFactor": ROUGHNESS,
         },
         "doubleSided": both_sides,
     } | ({"alphaMode": "BLEND"} if opacity < 1.0 else {})  # fmt: skip

@@ -55,23 +55,27 @@ def number(value: JsonValue) -> str:
     return f"{value:.3g}" if isinstance(value, (int, float)) and not isinstance(value, bool) else escape(str(value))
 
 
-def facts(tree: Mapping[str, JsonValue]) -> str:
-    """Verdict, sentence and what was made of it."""
+def verdict(tree: Mapping[str, JsonValue]) -> str:
+    """How it ended, why, and what was asked."""
     rest = tree["verdict"] == AT_REST
     said = "at rest" if rest else f"infeasible: {escape(str(tree['reason']))}"
-    base = tree["base"]
-    rows = [("prompt", escape(str(tree["prompt"])))]
+    message = f"<p>{escape(str(tree['message']))}</p>" if tree["message"] else ""
+    return f'<b class="verdict {"yes" if rest else "no"}">{said}</b><p>{escape(str(tree["prompt"]))}</p>{message}'
+
+
+def facts(tree: Mapping[str, JsonValue]) -> str:
+    """What was made of the sentence."""
+    rows, base = [], tree["base"]
     if isinstance(base, Mapping):
         rows.append(("on", f"{escape(str(base['label']))} ({escape(str(base['id']))})"))
     for key, unit in (("part", ""), ("region", ""), ("region_missed", ""), ("scale", ""), ("mass", " kg")):
-        if tree[key] is not None:
-            value = tree[key]
+        value = tree[key]
+        if value is not None:
             shown = ("yes" if value else "no") if isinstance(value, bool) else number(value)
             rows.append((key.replace("_", " "), shown + unit))
     if tree["visible_fraction"] is not None:
         rows.append(("visible share", number(tree["visible_fraction"])))
-    message = f"<p>{escape(str(tree['message']))}</p>" if tree["message"] else ""
-    return f'<b class="verdict {"yes" if rest else "no"}">{said}</b>{message}{table(("", ""), rows)}'
+    return table(("", ""), rows) if rows else ""
 
 
 def certificate_rows(tree: JsonValue, group: str = "") -> Iterator[tuple[str, str, Mapping[str, JsonValue]]]:
