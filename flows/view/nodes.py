@@ -36,7 +36,7 @@ class PlacementNodes:
     """The nodes of a placement; `show_frame` moves what moves."""
 
     def __init__(self, server: viser.ViserServer, view: PlacementView, frame: int | None = None) -> None:
-        self._server, self._scene, self._view = server, server.scene, view
+        self._server, self._scene, self.view = server, server.scene, view
         self._lock = threading.Lock()
         self.frame = len(view.time) - 1 if frame is None else frame
         light(self._scene)
@@ -52,7 +52,7 @@ class PlacementNodes:
     def show_frame(self, frame: int) -> None:
         """Put the object and the dent where they are at a frame."""
         with self._lock, self._server.atomic():
-            before, self.frame = self.frame, int(np.clip(frame, 0, len(self._view.time) - 1))
+            before, self.frame = self.frame, int(np.clip(frame, 0, len(self.view.time) - 1))
             if before == self.frame:
                 return
             for row in [*self._dents.values(), self._shapes]:
@@ -63,21 +63,21 @@ class PlacementNodes:
 
     def show_heat(self, on: bool) -> None:
         """Colour the base by how far it gives."""
-        base = self._view.base
+        base = self.view.base
         if base is None:
             return
         with self._lock:
             for one in self.pieces:
-                if one.piece.instance == self._view.base_id:
+                if one.piece.instance == self.view.base_id:
                     one.node.glb_data = glb_of(still(one.piece.surface) if on else one.piece.surface)
-            for frame in range(len(self._view.time)):
-                colors = heat_colors(base.at(frame)[1], self._view.span) if on else None
+            for frame in range(len(self.view.time)):
+                colors = heat_colors(base.at(frame)[1], self.view.span) if on else None
                 for piece, row in self._dents.items():
                     row[frame].glb_data = glb_of(base.surface(frame, piece, colors))
 
     def show_glass(self, on: bool) -> None:
         """Make the object transparent, so that the contact patch is seen."""
-        thing = self._view.thing
+        thing = self.view.thing
         if thing is None:
             return
         with self._lock:
@@ -86,18 +86,18 @@ class PlacementNodes:
 
     def _pose_thing(self) -> None:
         """Put the object's node where the object is."""
-        if self._view.thing is not None and self.thing is not None:
-            pose = self._view.thing.pose(self.frame)
+        if self.view.thing is not None and self.thing is not None:
+            pose = self.view.thing.pose(self.frame)
             self.thing.wxyz = Turn.from_matrix(pose[:3, :3]).as_quat(scalar_first=True)
             self.thing.position = pose[:3, 3]
 
     def _thing_nodes(self) -> tuple[viser.FrameHandle | None, list[viser.GlbHandle]]:
         """The object, and its shape at every frame or the only one."""
-        thing = self._view.thing
+        thing = self.view.thing
         if thing is None:
             return None, []
         node = self._scene.add_frame("/object", show_axes=False)
-        count = len(self._view.time) if thing.deforms else 1
+        count = len(self.view.time) if thing.deforms else 1
         return node, [
             self._scene.add_glb(
                 f"/object/{frame}", glb_of(thing.surface(frame)), visible=count == 1 or frame == self.frame
@@ -107,28 +107,28 @@ class PlacementNodes:
 
     def _dent_nodes(self) -> dict[int, list[viser.GlbHandle]]:
         """For each part of the base that moves its moving faces at every frame."""
-        base = self._view.base
+        base = self.view.base
         rows: dict[int, list[viser.GlbHandle]] = {}
         for piece in base.pieces if base else ():
             assert base is not None
-            name = next((one.part for one in self._view.pieces
-                         if one.instance == self._view.base_id and one.number == piece), "")  # fmt: skip
-            place = f"{piece_path(self._view.base_id, name, piece)}/dent"
+            name = next((one.part for one in self.view.pieces
+                         if one.instance == self.view.base_id and one.number == piece), "")  # fmt: skip
+            place = f"{piece_path(self.view.base_id, name, piece)}/dent"
             rows[piece] = [
                 self._scene.add_glb(f"{place}/{frame}", glb_of(base.surface(frame, piece)), visible=frame == self.frame)
-                for frame in range(len(self._view.time))
+                for frame in range(len(self.view.time))
             ]
         return rows
 
     def _ghost_node(self) -> viser.GlbHandle | None:
-        thing = self._view.thing
+        thing = self.view.thing
         if thing is None:
             return None
         data = glb_of(thing.surface(0), opacity=GHOST_OPACITY)
         return self._scene.add_glb("/pre_drop", data, cast_shadow=False, receive_shadow=False, visible=False)
 
     def _contact_node(self) -> viser.PointCloudHandle | None:
-        contact = self._view.contact
+        contact = self.view.contact
         if contact is None:
             return None
         return self._scene.add_point_cloud(
@@ -138,7 +138,7 @@ class PlacementNodes:
 
     def _anchor_nodes(self) -> tuple[viser.FrameHandle | None, viser.LineSegmentsHandle | None]:
         """The point with its normal, and the vertical ray."""
-        mark = self._view.anchor
+        mark = self.view.anchor
         if mark is None:
             return None, None
         node = self._scene.add_frame("/anchor", show_axes=False)

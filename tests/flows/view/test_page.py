@@ -8,40 +8,16 @@ import numpy as np
 import pytest
 import viser
 from dented_bed import RADIUS, TOP, anchor, scene_of, settled
-from placed_ball import FRAMES, values
+from placed_ball import FRAMES, shown, values
 
 from dcap.scene.errors import InputError
-from dcap.scene.types.rotation import Rotation
 from flows.place import PlaceConfig
-from flows.placement_json import certificate_of
 from flows.view import serving
 from flows.view.model import middle_of, placement_view, scene_view
-from flows.view.nodes import PlacementNodes, stand
-from flows.view.panel import PanelText, PlacementPanel, moment
+from flows.view.nodes import stand
+from flows.view.panel import moment
 from flows.view.pick_panel import PickPanel
 from flows.view.picking import PickedPoint, SurfacePicker
-from flows.view.signals import signal_series
-
-TREE = {
-    "verdict": "at_rest", "reason": None, "message": None, "prompt": "put <it> there",
-    "base": {"id": "bed", "label": "bed"},
-    "part": "body", "region": "center", "region_missed": False, "scale": 1.0, "mass": 0.3, "visible_fraction": 1.0,
-    "contacts": [], "materials": [], "warnings": ["a & b"],
-}  # fmt: skip
-
-
-def shown(server: viser.ViserServer) -> tuple[PlacementNodes, PlacementPanel]:
-    """The ball on the bed."""
-    view = placement_view(values(), PlaceConfig())
-    certificate = certificate_of(values())
-    pictures = tuple(np.full((8, 8, 3), 40 * one, dtype=np.uint8) for one in range(3))
-    rotation = Rotation(np.eye(3), pictures, "ball", "as read", "a ball has no up")
-    rest = values().settled
-    assert rest is not None
-    signals = signal_series(rest, certificate)
-    nodes = PlacementNodes(server, view)
-    text = PanelText({**TREE, "certificate": certificate}, rotation, signals)
-    return nodes, PlacementPanel(server, nodes, view, text)
 
 
 def test_the_slider_moves_the_object_and_the_dent(server: viser.ViserServer) -> None:
