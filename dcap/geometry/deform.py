@@ -80,13 +80,19 @@ class DisplacementField:
 
     def at(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """Displacement [m] at points (n, 3), of the same shape."""
+        corner, weight, fade = self.carriers(points)
+        return np.asarray(fade[:, None] * np.einsum("nk,nki->ni", weight, self._displacement[corner]))
+
+    def carriers(
+        self, points: NDArray[np.float64]
+    ) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]:
+        """What points (n, 3) follow: three surface points each (n, 3), their weights (n, 3), and the fading (n,)."""
         found = self._scene.compute_closest_points(tensor(points - self._shift, np.float32))
-        corner = self._faces[found["primitive_ids"].numpy().astype(np.int64)]
+        corner = self._faces[found["primitive_ids"].numpy().astype(np.int64)].astype(np.int64)
         u, v = found["primitive_uvs"].numpy().astype(np.float64).T
         weight = np.stack([1.0 - u - v, u, v], axis=1)
         distance = np.linalg.norm(found["points"].numpy() + self._shift - points, axis=1)
-        fade = np.clip(1.0 - (distance - self._close) / (FAR - CLOSE), 0.0, 1.0)
-        return np.asarray(fade[:, None] * np.einsum("nk,nki->ni", weight, self._displacement[corner]))
+        return corner, weight, np.asarray(np.clip(1.0 - (distance - self._close) / (FAR - CLOSE), 0.0, 1.0))
 
     def bends(self, a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.bool_]:
         """Whether the displacement half way between points (n, 3) is visibly not the mean of theirs, shape (n,)."""

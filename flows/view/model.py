@@ -1,0 +1,315 @@
+"""What the viewer shows of a placement, as plain arrays: nothing here knows of a browser.
+
+In: the values that the stages returned. Out: `PlacementView`. A placement without a rest state has what is known of
+it: the room, the pose before the drop, and the pose in which the drop ended.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation as Turn
+
+from dcap.geometry.raycast import Raycaster
+from dcap.scene.types.anchor import Anchor
+from dcap.scene.types.mesh import Mesh
+from dcap.scene.types.outcome import Infeasible
+from dcap.scene.types.particles import SoftSimulationBody
+from dcap.scene.types.segmentation import Segmentation
+from dcap.scene.types.settled import LastState, Settled
+from flows.place import PlaceConfig
+from flows.placement_json import Values
+from flows.view.heat import DISTINCT, LEVEL, span_of
+from flows.view.motion import DropMotion, MovingBase, MovingObject, frames_for, moving_base, moving_object
+from flows.view.surface import DrawnSurface, drawn, smooth, thinned, towards, vertex_normals
+from tasks.overview import camera_for
+
+Array = NDArray[np.float64]
+
+MOST_FACES = 600_000
+"""Faces of a scene that are drawn; of one with more, vertices are drawn together [-]."""
+MOST_MOVING = 2_500_000
+"""Faces of what moves, over all frames: the page gets all of them at once, so that it plays without a gap [-]."""
+MOST_POINTS = 60_000
+"""Material points of a body that are drawn [-]."""
+UNASSIGNED = "unassigned"
+HOVER = 5e-4
+"""Contact points are drawn this far above their place, so that the surface does not hide them [m]."""
+CLOSEUP, CLOSEUP_LIFT = 1.6, 0.35
+"""Distance of the close-up over the object's diagonal, and its height over its distance along the floor [-]."""
+UP = np.array([0.0, 0.0, 1.0])
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class StartView:
+    """Where the camera stands at first."""
+
+    position: Array
+    target: Array
+    fov_deg: float
+    """Across the height of the page [degrees]."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class RoomPiece:
+    """One part of one thing of the room."""
+
+    instance: str
+    label: str
+    part: str
+    structure: bool
+    """A wall, ceiling or floor: drawn from its inner side alone."""
+    ceiling: bool
+    surface: DrawnSurface
+    number: int
+    """Index of the part in its instance, -1 where the faces belong to none."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class MaterialCloud:
+    """Material points of one body that are of one material."""
+
+    body: str
+    material: str
+    points: NDArray[np.float32]
+    """Before the drop [m], shape (n, 3)."""
+    color: tuple[int, int, int]
+    size: float
+    """[m]."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class ContactDots:
+    """The contact patch."""
+
+    points: NDArray[np.float32]
+    """[m], shape (k, 3)."""
+    size: float
+    """[m]."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class AnchorMark:
+    """Where the object was to go."""
+
+    point: Array
+    """x_s on the surface [m], shape (3,)."""
+    normal: Array
+    """Of the surface there, outward, unit, shape (3,)."""
+    above: Array
+    """Where the vertical ray starts: at the middle of the object before the drop [m], shape (3,)."""
+    reach: float
+    """Length of what is drawn of the normal [m]."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class PlacementView:
+    """Everything that is drawn."""
+
+    pieces: tuple[RoomPiece, ...]
+    view: StartView
+    closeup: StartView | None
+    """Near the contact, from the same side; None where there is no object."""
+    thing: MovingObject | None
+    """None where no stage got as far as a pose."""
+    base: MovingBase | None
+    """None where nothing dents."""
+    base_id: str
+    span: float
+    """Largest displacement of the dent at rest [m]."""
+    time: Array
+    """Of the frames [s], shape (f,)."""
+    whole: bool
+    """Whether frames between the start and the end were kept."""
+    contact: ContactDots | None
+    anchor: AnchorMark | None
+    clouds: tuple[MaterialCloud, ...]
+    notes: tuple[str, ...]
+    """What is shown otherwise than it is, one sentence each."""
+
+
+def placement_view(values: Values, config: PlaceConfig) -> PlacementView:
+    """What is shown of a placement, feasible or not."""
+    scene, item, anchor, settled = values.scene, values.item, values.anchor, values.settled
+    assert scene is not None
+    assert item is not None
+    motion = DropMotion.of(settled) if settled is not None and anchor is not None else None
+    few, notes = within_budget(scene, anchor, settled)
+    base, moving = None, np.zeros(len(few.mesh.faces), dtype=bool)
+    thing: MovingObject | None = None
+    if motion is not None and anchor is not None:
+        few, base, moving = moving_base(few, anchor.base_id, motion)
+        thing = moving_object(item, anchor, motion)
+        fewer = motion.fewer(frames_for(base, thing, MOST_MOVING))
+        if len(fewer.kept) < len(motion.kept):
+            notes += (f"{len(fewer.kept)} of the {len(motion.kept)} frames of the drop are shown",)
+            motion, base = fewer, replace(base, motion=fewer) if base else None
+            thing = moving_object(item, anchor, fewer)
+    elif anchor is not None:
+        thing = unsettled_object(item, anchor, values.infeasible)
+    view = start_view(values, config)
+    time = motion.time if motion else np.arange(len(thing.poses) if thing else 1, dtype=float)
+    height = base.at(len(time) - 1)[1] if base else np.zeros(0)
+    return PlacementView(
+        pieces=tuple(room_pieces(few, ~moving, view.target)),
+        view=view,
+        closeup=closeup(view, thing, anchor) if thing and anchor else None,
+        thing=thing,
+        base=base,
+        base_id=anchor.base_id if anchor else "",
+        span=span_of(height),
+        time=time,
+        whole=motion.whole if motion else True,
+        contact=contact_dots(settled.contact_points) if settled else None,
+        anchor=anchor_mark(scene, item, anchor) if anchor else None,
+        clouds=tuple(material_clouds(values)),
+        notes=notes,
+    )
+
+
+def scene_view(scene: Segmentation, config: PlaceConfig) -> PlacementView:
+    """What is shown of a scene in which nothing is placed yet."""
+    few, notes = within_budget(scene, None, None)
+    camera = camera_for(scene, None, None, config.overview)
+    view = StartView(camera.position, camera.target, config.overview.fov_deg)
+    return PlacementView(
+        tuple(room_pieces(few, np.ones(len(few.mesh.faces), dtype=bool), middle_of(scene))), view, None, None, None,
+        "", 1.0, np.zeros(1), True, None, None, (), notes,
+    )  # fmt: skip
+
+
+def within_budget(
+    scene: Segmentation, anchor: Anchor | None, settled: Settled | None
+) -> tuple[Segmentation, tuple[str, ...]]:
+    """The scene with no more faces than can be drawn, all of them near the contact; and what was done."""
+    count = len(scene.mesh.faces)
+    if count <= MOST_FACES:
+        return scene, ()
+    kept = np.zeros(count, dtype=bool)
+    if anchor is not None and settled is not None:
+        low, high = settled.bodies[0].surface.bounds
+        margin = high - low
+        corner = scene.mesh.triangles
+        kept = ((corner.max(axis=1) >= low - margin) & (corner.min(axis=1) <= high + margin)).all(axis=1)
+        kept &= scene.face_instance == scene.index_of(anchor.base_id)
+    mesh, origin = thinned(scene.mesh, kept, MOST_FACES)
+    few = replace(scene, mesh=mesh, face_instance=scene.face_instance[origin], face_part=scene.face_part[origin])
+    return few, (f"the scene has {count:,} faces; {len(origin):,} are shown, the result was made with all",)
+
+
+def room_pieces(scene: Segmentation, drawn_faces: NDArray[np.bool_], inside: Array) -> Iterator[RoomPiece]:
+    """The parts of all things; structures are wound so that they are seen from a point inside [m] alone."""
+    shell = towards(scene.mesh, inside)
+    structure = np.array([one.structure for one in scene.instances] + [False])[scene.face_instance]
+    faces = np.where(structure[:, None], shell.faces, scene.mesh.faces)
+    mesh = smooth(Mesh(scene.mesh.vertices, faces, scene.mesh.colors))
+    normals = vertex_normals(mesh.mesh)
+    for index, one in enumerate([*scene.instances, None]):
+        mine = drawn_faces & (scene.face_instance == (index if one else -1))
+        for number in range(-1, len(one.parts) if one else 0):
+            chosen = np.flatnonzero(mine & (scene.face_part == number) if one else mine)
+            if not len(chosen):
+                continue
+            yield RoomPiece(
+                instance=one.id if one else UNASSIGNED,
+                label=one.label if one else "",
+                part=one.parts[number].name if one and number >= 0 else "",
+                structure=bool(one and one.structure),
+                ceiling=bool(one and one.structure and one.label == "ceiling"),
+                surface=drawn(mesh, chosen, normals),
+                number=number,
+            )
+
+
+def unsettled_object(item: Segmentation, anchor: Anchor, why: Infeasible | None) -> MovingObject:
+    """The object where it was let go, and where the drop ended if there was one."""
+    start, poses = item.mesh.transformed(anchor.world_from_object), [np.eye(4)]
+    last = why.evidence if why else None
+    if isinstance(last, LastState):
+        end = np.eye(4)
+        end[:3, :3] = Turn.from_quat(last.quaternion, scalar_first=True).as_matrix()
+        end[:3, 3] = last.position
+        poses.append(end)
+    return MovingObject(start, smooth(start), np.stack(poses))
+
+
+def start_view(values: Values, config: PlaceConfig) -> StartView:
+    """The camera of the pictures."""
+    renders = values.renders
+    if renders is not None:
+        return StartView(renders.camera_position, renders.camera_target, config.render.fov_deg)
+    assert values.scene is not None
+    camera = camera_for(values.scene, values.intent, values.anchor, config.overview)
+    return StartView(camera.position, camera.target, config.overview.fov_deg)
+
+
+def closeup(view: StartView, thing: MovingObject, anchor: Anchor) -> StartView:
+    """Near the anchor, from the side of the pictures' camera but lower, so that a dent shows."""
+    way = view.position - anchor.surface_point
+    way = way / np.linalg.norm(way[:2]) if np.linalg.norm(way[:2]) > 0.0 else np.array([0.0, -1.0, 0.0])
+    way[2] = CLOSEUP_LIFT
+    diagonal = float(np.linalg.norm(np.ptp(thing.start.vertices, axis=0)))
+    position = anchor.surface_point + CLOSEUP * diagonal * way / float(np.linalg.norm(way))
+    return StartView(position, anchor.surface_point, view.fov_deg)
+
+
+def middle_of(scene: Segmentation) -> Array:
+    """The middle of a scene's box [m], shape (3,)."""
+    return np.asarray(scene.mesh.bounds.mean(axis=0))
+
+
+def contact_dots(points: Array) -> ContactDots | None:
+    """The contact patch as dots that nearly touch."""
+    if not len(points):
+        return None
+    extent = float(np.linalg.norm(np.ptp(points, axis=0)))
+    size = extent / max(np.sqrt(len(points)), 1.0) if len(points) > 1 else 0.0
+    return ContactDots((points + HOVER * UP).astype(np.float32), float(np.clip(0.5 * size, 1e-3, 0.02)))
+
+
+def anchor_mark(scene: Segmentation, item: Segmentation, anchor: Anchor) -> AnchorMark:
+    """The anchor with the normal of the surface under it, and the way down to it."""
+    low, high = item.mesh.transformed(anchor.world_from_object).bounds
+    above = anchor.surface_point.copy()
+    above[2] = max(0.5 * (low + high)[2], above[2])
+    mine = scene.mesh.submesh(np.flatnonzero(scene.face_instance == scene.index_of(anchor.base_id)))
+    hit = Raycaster(mine).cast(anchor.surface_point[None] + 1e-3 * UP, -UP[None])
+    normal = hit.normal[0] if hit.face[0] >= 0 else UP
+    reach = float(np.clip(0.5 * np.linalg.norm(high - low), 0.05, 0.4))
+    return AnchorMark(anchor.surface_point, normal if normal[2] >= 0.0 else -normal, above, reach)
+
+
+def material_clouds(values: Values) -> Iterator[MaterialCloud]:
+    """Material points of the soft bodies before the drop, told apart by what they are made of."""
+    if values.particles is None:
+        return
+    names: dict[str, int] = {}
+    for body in values.particles.bodies:
+        if not isinstance(body, SoftSimulationBody):
+            continue
+        points = body.points
+        step = max(1, -(-len(points.position) // MOST_POINTS))
+        stiffness, volume = points.youngs_modulus[::step], points.volume[::step]
+        for one in np.unique(stiffness):
+            mine = stiffness == one
+            name = material_name(values, body.instance, float(one))
+            number = names.setdefault(name, len(names))
+            yield MaterialCloud(
+                body.name, name, points.position[::step][mine].astype(np.float32), DISTINCT[number % len(DISTINCT)],
+                float(np.cbrt(step * np.median(volume[mine]))) * 0.5,
+            )  # fmt: skip
+
+
+def material_name(values: Values, instance: str, stiffness: float) -> str:
+    """The material of an instance that has this Young's modulus [Pa], or the modulus where several or none do."""
+    rows = values.materials.rows if values.materials else ()
+    found = {
+        row.material.id for row in rows if row.body == instance and np.isclose(row.material.youngs_modulus, stiffness)
+    }
+    return found.pop() if len(found) == 1 else f"E = {stiffness:.3g} Pa"
+
+
+def still(surface: DrawnSurface) -> DrawnSurface:
+    """A surface in the colour of what has not moved: the ground of a heat map."""
+    return replace(surface, colors=np.broadcast_to(np.array(LEVEL, dtype=np.uint8), surface.colors.shape))

@@ -1,0 +1,201 @@
+"""Draws a placement in a viser scene: one node per part of the room, the object, the dent, and what is marked.
+
+Nodes: `/room/ID/PART`, below it `dent/FRAME` where it moves; `/object/FRAME`, `/pre_drop`; `/contact`, `/anchor/...`,
+`/ray`, `/particles/...`. The page gets the shapes of all frames at once and shows one of them: a shape that is sent
+anew is missing until the page has read it.
+"""
+
+import threading
+from dataclasses import dataclass
+
+import numpy as np
+import viser
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation as Turn
+
+from flows.view.heat import heat_colors
+from flows.view.model import MaterialCloud, PlacementView, RoomPiece, StartView, still
+from flows.view.surface import glb_of
+
+GHOST_OPACITY, GLASS_OPACITY = 0.25, 0.35
+"""Of the object before the drop, and at rest where one wants to see through it [-]."""
+ANCHOR_COLOR, NORMAL_COLOR, RAY_COLOR, CONTACT_COLOR = (230, 30, 120), (40, 90, 220), (240, 140, 20), (255, 90, 20)
+ENVIRONMENT = 0.35
+"""Strength of the surroundings' light [-]; viser's own light from above comes on top."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class PieceNode:
+    """A part of the room in the scene."""
+
+    piece: RoomPiece
+    node: viser.GlbHandle
+
+
+class PlacementNodes:
+    """The nodes of a placement; `show_frame` moves what moves."""
+
+    def __init__(self, server: viser.ViserServer, view: PlacementView, frame: int | None = None) -> None:
+        self._server, self._scene, self.view = server, server.scene, view
+        self._lock = threading.Lock()
+        self.frame = len(view.time) - 1 if frame is None else frame
+        light(self._scene)
+        self.pieces = [add_piece(self._scene, one) for one in view.pieces]
+        self.thing, self._shapes = self._thing_nodes()
+        self._dents = self._dent_nodes()
+        self.ghost = self._ghost_node()
+        self.contact = self._contact_node()
+        self.anchor, self.ray = self._anchor_nodes()
+        self.clouds = [add_cloud(self._scene, number, one) for number, one in enumerate(view.clouds)]
+        self._pose_thing()
+
+    def show_frame(self, frame: int) -> None:
+        """Put the object and the dent where they are at a frame."""
+        with self._lock, self._server.atomic():
+            before, self.frame = self.frame, int(np.clip(frame, 0, len(self.view.time) - 1))
+            if before == self.frame:
+                return
+            for row in [*self._dents.values(), self._shapes]:
+                if len(row) > 1:
+                    row[self.frame].visible = True
+                    row[before].visible = False
+            self._pose_thing()
+
+    def show_heat(self, on: bool) -> None:
+        """Colour the base by how far it gives."""
+        base = self.view.base
+        if base is None:
+            return
+        with self._lock:
+            for one in self.pieces:
+                if one.piece.instance == self.view.base_id:
+                    one.node.glb_data = glb_of(still(one.piece.surface) if on else one.piece.surface)
+            for frame in range(len(self.view.time)):
+                colors = heat_colors(base.at(frame)[1], self.view.span) if on else None
+                for piece, row in self._dents.items():
+                    row[frame].glb_data = glb_of(base.surface(frame, piece, colors))
+
+    def show_glass(self, on: bool) -> None:
+        """Make the object transparent, so that the contact patch is seen."""
+        thing = self.view.thing
+        if thing is None:
+            return
+        with self._lock:
+            for frame, node in enumerate(self._shapes):
+                node.glb_data = glb_of(thing.surface(frame), opacity=GLASS_OPACITY if on else 1.0)
+
+    def _pose_thing(self) -> None:
+        """Put the object's node where the object is."""
+        if self.view.thing is not None and self.thing is not None:
+            pose = self.view.thing.pose(self.frame)
+            self.thing.wxyz = Turn.from_matrix(pose[:3, :3]).as_quat(scalar_first=True)
+            self.thing.position = pose[:3, 3]
+
+    def _thing_nodes(self) -> tuple[viser.FrameHandle | None, list[viser.GlbHandle]]:
+        """The object, and its shape at every frame or the only one."""
+        thing = self.view.thing
+        if thing is None:
+            return None, []
+        node = self._scene.add_frame("/object", show_axes=False)
+        count = len(self.view.time) if thing.deforms else 1
+        return node, [
+            self._scene.add_glb(
+                f"/object/{frame}", glb_of(thing.surface(frame)), visible=count == 1 or frame == self.frame
+            )
+            for frame in range(count)
+        ]
+
+    def _dent_nodes(self) -> dict[int, list[viser.GlbHandle]]:
+        """For each part of the base that moves its moving faces at every frame."""
+        base = self.view.base
+        rows: dict[int, list[viser.GlbHandle]] = {}
+        for piece in base.pieces if base else ():
+            assert base is not None
+            name = next((one.part for one in self.view.pieces
+                         if one.instance == self.view.base_id and one.number == piece), "")  # fmt: skip
+            place = f"{piece_path(self.view.base_id, name, piece)}/dent"
+            rows[piece] = [
+                self._scene.add_glb(f"{place}/{frame}", glb_of(base.surface(frame, piece)), visible=frame == self.frame)
+                for frame in range(len(self.view.time))
+            ]
+        return rows
+
+    def _ghost_node(self) -> viser.GlbHandle | None:
+        thing = self.view.thing
+        if thing is None:
+            return None
+        data = glb_of(thing.surface(0), opacity=GHOST_OPACITY)
+        return self._scene.add_glb("/pre_drop", data, cast_shadow=False, receive_shadow=False, visible=False)
+
+    def _contact_node(self) -> viser.PointCloudHandle | None:
+        contact = self.view.contact
+        if contact is None:
+            return None
+        return self._scene.add_point_cloud(
+            "/contact", contact.points, CONTACT_COLOR, point_size=contact.size, point_shape="circle",
+            precision="float32", point_shading="flat",
+        )  # fmt: skip
+
+    def _anchor_nodes(self) -> tuple[viser.FrameHandle | None, viser.LineSegmentsHandle | None]:
+        """The point with its normal, and the vertical ray."""
+        mark = self.view.anchor
+        if mark is None:
+            return None, None
+        node = self._scene.add_frame("/anchor", show_axes=False)
+        self._scene.add_icosphere("/anchor/point", 0.04 * mark.reach, color=ANCHOR_COLOR, position=mark.point)
+        tip = mark.point + mark.reach * mark.normal
+        self._scene.add_arrows(
+            "/anchor/normal", np.stack([mark.point, tip])[None].astype(np.float32), NORMAL_COLOR,
+            shaft_radius=0.015 * mark.reach, head_radius=0.04 * mark.reach, head_length=0.12 * mark.reach,
+        )  # fmt: skip
+        ray = self._scene.add_line_segments(
+            "/ray", np.stack([mark.above, mark.point])[None].astype(np.float32), RAY_COLOR, thickness=3.0
+        )
+        return node, ray
+
+
+def light(scene: viser.SceneApi) -> None:
+    """Even light from everywhere and shadows from above: a scan has its own shadows in its colours."""
+    scene.set_up_direction("+z")
+    scene.configure_environment_map("studio", environment_intensity=ENVIRONMENT)
+
+
+def stand(server: viser.ViserServer, view: StartView) -> None:
+    """Where the camera of a new page stands, and those of the pages that are open."""
+    up, fov = (0.0, 0.0, 1.0), float(np.radians(view.fov_deg))
+    first = server.initial_camera
+    first.up, first.fov, first.position, first.look_at = up, fov, view.position, view.target
+    for client in server.get_clients().values():
+        with client.atomic():
+            one = client.camera
+            one.up_direction, one.fov, one.position, one.look_at = up, fov, view.position, view.target
+
+
+def piece_path(instance: str, part: str, number: int) -> str:
+    """Name of the node of a part."""
+    name = f"{part}_{number}" if part else "rest"
+    return f"/room/{plain(instance)}/{plain(name)}"
+
+
+def plain(name: str) -> str:
+    """A name without what separates nodes."""
+    return name.replace("/", "_") or "_"
+
+
+def add_piece(scene: viser.SceneApi, piece: RoomPiece) -> PieceNode:
+    """A part of the room; a structure is drawn from inside alone and throws no shadow into the room."""
+    node = scene.add_glb(
+        piece_path(piece.instance, piece.part, piece.number),
+        glb_of(piece.surface, both_sides=not piece.structure),
+        cast_shadow=not piece.structure,
+    )
+    return PieceNode(piece, node)
+
+
+def add_cloud(scene: viser.SceneApi, number: int, cloud: MaterialCloud) -> viser.PointCloudHandle:
+    """Material points; hidden at first."""
+    points: NDArray[np.float32] = cloud.points
+    return scene.add_point_cloud(
+        f"/particles/{plain(cloud.body)}/{number}_{plain(cloud.material)}", points, cloud.color,
+        point_size=cloud.size, point_shape="circle", precision="float32", visible=False,
+    )  # fmt: skip

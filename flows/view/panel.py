@@ -1,0 +1,254 @@
+"""The panel beside the scene: the slider over the drop, what is shown, and what the result says of itself."""
+
+import threading
+from collections import defaultdict
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import viser
+from viser import uplot
+
+from dcap.scene.json_tree import JsonValue
+from dcap.scene.types.rotation import Rotation
+from flows.view import texts
+from flows.view.model import PlacementView
+from flows.view.nodes import PieceNode, PlacementNodes, stand
+from flows.view.signals import CEILING, SignalSeries
+
+FRAME_SECONDS = 0.06
+"""Between two frames while it plays [s]: frames are a share of motion apart, not of time."""
+MOST_BOXES = 60
+"""Things that get a box of their own; of more, those of one label share one [-]."""
+STROKES = ("#1c7ed6", "#e8590c", "#2f9e44", "#9c36b5", "#c2255c")
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class PanelText:
+    """What the panel says."""
+
+    tree: Mapping[str, JsonValue]
+    """The content of placement.json."""
+    rotation: Rotation | None
+    signals: SignalSeries | None
+
+
+class PlacementPanel:
+    """The widgets of one placement; `close` ends what plays."""
+
+    def __init__(self, server: viser.ViserServer, nodes: PlacementNodes, view: PlacementView, text: PanelText) -> None:
+        self._server, self._nodes, self._view = server, nodes, view
+        self._closed = threading.Event()
+        self._playing = threading.Event()
+        gui = server.gui
+        self.verdict = gui.add_html(texts.page(texts.verdict(text.tree)))
+        self._add_slider(gui)
+        tabs = gui.add_tab_group()
+        with tabs.add_tab("Show"):
+            self._add_toggles(gui)
+        with tabs.add_tab("Certificate"):
+            gui.add_html(texts.page(texts.certificate(text.tree["certificate"])))
+            gui.add_html(texts.page("<h4>placement</h4>", texts.facts(text.tree)))
+            gui.add_html(texts.page("<h4>contacts</h4>", texts.contacts(text.tree["contacts"])))
+            gui.add_html(texts.page("<h4>warnings</h4>", texts.warnings(text.tree)))
+        if text.signals is not None:
+            with tabs.add_tab("Signals"):
+                add_signals(gui, text.signals)
+        if text.rotation is not None:
+            with tabs.add_tab("Rotation"):
+                add_rotation(gui, text.rotation)
+        with tabs.add_tab("Materials"):
+            gui.add_html(texts.page(texts.materials(text.tree["materials"])))
+        self._player = threading.Thread(target=self._play, name="view-play", daemon=True)
+        self._player.start()
+
+    def close(self) -> None:
+        """End what plays; the widgets go with their server."""
+        self._closed.set()
+        self._playing.set()
+        self._player.join()
+
+    def _add_slider(self, gui: viser.GuiApi) -> None:
+        """The slider over the frames, where there is more than one."""
+        last = len(self._view.time) - 1
+        self.slider = gui.add_slider(
+            "frame", min=0, max=max(last, 1), step=1, initial_value=self._nodes.frame, visible=last > 0
+        )
+        self.play = gui.add_button("Play", visible=last > 1)
+        self.time = gui.add_html("", visible=last > 0)
+        self._say_time()
+
+        @self.slider.on_update
+        def _(_: object) -> None:
+            self._nodes.show_frame(int(self.slider.value))
+            self._say_time()
+
+        @self.play.on_click
+        def _(_: object) -> None:
+            if self._playing.is_set():
+                self._pause()
+                return
+            if int(self.slider.value) >= last:
+                self.go_to(0)
+            self.play.label = "Pause"
+            self._playing.set()
+
+    def go_to(self, frame: int) -> None:
+        """Move the slider, and with it what is shown."""
+        self.slider.value = frame  # type: ignore[misc]  # viser's setter stands apart from its property
+
+    def _pause(self) -> None:
+        """Stop where it is."""
+        self._playing.clear()
+        self.play.label = "Play"
+
+    def _play(self) -> None:
+        """Go on frame by frame while it plays, until the panel is closed."""
+        while self._playing.wait() and not self._closed.is_set():
+            frame = int(self.slider.value) + 1
+            self.go_to(min(frame, len(self._view.time) - 1))
+            if frame >= len(self._view.time) - 1:
+                self._pause()
+            self._closed.wait(FRAME_SECONDS)
+
+    def _say_time(self) -> None:
+        """Which moment is shown."""
+        frame, last = self._nodes.frame, len(self._view.time) - 1
+        self.time.content = texts.page(moment(self._view, frame, last))
+
+    def _add_toggles(self, gui: viser.GuiApi) -> None:
+        """What is shown and what is not."""
+        nodes, view = self._nodes, self._view
+        if view.notes:
+            gui.add_html(texts.page(texts.bullets(view.notes, "")))
+        if nodes.thing is not None:
+            shown_box(gui, "object", [nodes.thing], on=True)
+            self._switch("see through the object", nodes.show_glass)
+        if nodes.ghost is not None:
+            shown_box(gui, "pose before the drop", [nodes.ghost], on=False)
+        if nodes.contact is not None:
+            shown_box(gui, "contact patch", [nodes.contact], on=True)
+        if nodes.anchor is not None:
+            shown_box(gui, "anchor and normal", [nodes.anchor], on=False)
+        if nodes.ray is not None:
+            shown_box(gui, "vertical ray", [nodes.ray], on=False)
+        if view.base is not None:
+            self._add_heat(gui)
+        if nodes.clouds:
+            self._add_clouds(gui)
+        add_room(gui, nodes.pieces)
+        gui.add_button("Start view").on_click(lambda _: stand(self._server, view.view))
+        if view.closeup is not None:
+            near = view.closeup
+            gui.add_button("Close-up of the contact").on_click(lambda _: stand(self._server, near))
+
+    def _add_heat(self, gui: viser.GuiApi) -> None:
+        """The heat map with its colour bar."""
+        legend = gui.add_html(texts.heat_legend(self._view.span), visible=False)
+
+        def show(on: bool) -> None:
+            legend.visible = on
+            self._nodes.show_heat(on)
+
+        self._switch("dent as a heat map", show, order=legend.order - 0.5)
+
+    def _add_clouds(self, gui: viser.GuiApi) -> None:
+        """The material points with their colours."""
+        legend = gui.add_html(texts.cloud_legend(self._view.clouds), visible=False)
+
+        def show(on: bool) -> None:
+            legend.visible = on
+            for one in self._nodes.clouds:
+                one.visible = on
+
+        self._switch("material points", show, order=legend.order - 0.5)
+
+    def _switch(self, label: str, show: Callable[[bool], None], order: float | None = None) -> None:
+        """A box that is off at first."""
+        box = self._server.gui.add_checkbox(label, initial_value=False, order=order)
+        box.on_update(lambda _: show(bool(box.value)))
+
+
+def moment(view: PlacementView, frame: int, last: int) -> str:
+    """Which moment a frame is, in words."""
+    if view.thing is not None and view.thing.motion is None and view.base is None and len(view.time) == 2:
+        return "before the drop" if frame == 0 else "where the drop ended"
+    where = "before the drop" if frame == 0 else "at the end" if frame == last else ""
+    told = f"{view.time[frame]:.3f} s of {view.time[last]:.3f} s"
+    kept = "" if view.whole else "; frames in between were not kept"
+    return f"{told}{', ' + where if where else ''}{kept}"
+
+
+def shown_box(
+    gui: viser.GuiApi, label: str, nodes: Iterable[viser.SceneNodeHandle], *, on: bool
+) -> viser.GuiCheckboxHandle:
+    """A box that shows and hides nodes."""
+    shown = list(nodes)
+    box = gui.add_checkbox(label, initial_value=on)
+
+    def show(_: object = None) -> None:
+        for one in shown:
+            one.visible = bool(box.value)
+
+    box.on_update(show)
+    show()
+    return box
+
+
+def add_room(gui: viser.GuiApi, pieces: list[PieceNode]) -> None:
+    """Boxes of walls and of things; a thing of several parts has one for each part."""
+    walls = [one.node for one in pieces if one.piece.structure and not one.piece.ceiling]
+    ceilings = [one.node for one in pieces if one.piece.ceiling]
+    if ceilings:
+        shown_box(gui, "ceiling", ceilings, on=True)
+    if walls:
+        shown_box(gui, "walls and floor", walls, on=True)
+    things: dict[str, list[PieceNode]] = defaultdict(list)
+    names = {one.piece.instance for one in pieces if not one.piece.structure}
+    for one in pieces:
+        if not one.piece.structure:
+            label = one.piece.label or one.piece.instance
+            key = f"{label} ({one.piece.instance})" if len(names) <= MOST_BOXES and one.piece.label else label
+            things[key].append(one)
+    if not things:
+        return
+    with gui.add_folder("Things", expand_by_default=False):
+        for name in sorted(things):
+            several = things[name]
+            if len(several) == 1 or len(names) > MOST_BOXES:
+                shown_box(gui, name, [one.node for one in several], on=True)
+                continue
+            with gui.add_folder(name, expand_by_default=False):
+                for one in several:
+                    shown_box(gui, one.piece.part or "rest", [one.node], on=True)
+
+
+def add_signals(gui: viser.GuiApi, signals: SignalSeries) -> None:
+    """The signals over their thresholds, on a logarithmic axis."""
+    one = np.ones_like(signals.time)
+    gui.add_html(texts.page("Each signal over its threshold: at rest where all are below 1 for a while."))
+    lines = [
+        uplot.Series(label=name.replace("_", " "), stroke=STROKES[number % len(STROKES)], width=1.5)
+        for number, name in enumerate(signals.share)
+    ]
+    top = float(np.clip(max(values.max() for values in signals.share.values()), 10.0, CEILING))
+    low = float(min(0.1, *(values.min() for values in signals.share.values())))
+    limit = uplot.Series(label="threshold", stroke="#868e96", width=1, dash=(6, 4))
+    gui.add_uplot(
+        (signals.time, *signals.share.values(), one),
+        (uplot.Series(label="time [s]"), *lines, limit),
+        scales={"x": uplot.Scale(time=False), "y": uplot.Scale(distr=3, log=10, min=low, max=top, auto=False)},
+        axes=(uplot.Axis(label="time [s]"), uplot.Axis(label="over its threshold", size=70)),
+        legend=uplot.Legend(show=True),
+        aspect=1.1,
+    )  # fmt: skip
+    rows = [(name.replace("_", " "), texts.number(limit), texts.UNITS.get(name, ""))
+            for name, limit in signals.threshold.items()]  # fmt: skip
+    gui.add_html(texts.page(texts.table(("signal", "threshold", ""), rows, (1,))))
+
+
+def add_rotation(gui: viser.GuiApi, rotation: Rotation) -> None:
+    """The three pictures and the choice."""
+    gui.add_html(texts.page(texts.rotation_words(rotation)))
+    for axis, picture in zip("xyz", rotation.pictures, strict=False):
+        gui.add_image(picture, label=f"half a turn about {axis}")

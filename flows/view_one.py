@@ -1,0 +1,203 @@
+"""The 3D viewer of one placement, or of a scene in which something is yet to be placed.
+
+The page is served by threads of viser's; what takes long (a placement that the page asks for) runs in the main thread,
+where an interruption ends it with all that it started.
+"""
+
+import queue
+import sys
+import traceback
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from html import escape
+from pathlib import Path
+
+import viser
+
+from dcap.scene.errors import DcapError, InputError
+from dcap.scene.settings import runs_root
+from dcap.scene.store.artifacts import Store
+from dcap.scene.types.rotation import Rotation
+from dcap.scene.types.scan import Scan
+from dcap.scene.types.segmentation import Segmentation
+from flows.configure import configured
+from flows.label_one import found_scene
+from flows.language_options import language_options
+from flows.one_sample import sample_of
+from flows.options import PlaceOptions, check_out
+from flows.output import load
+from flows.place import PlaceConfig
+from flows.place_one import place_files
+from flows.placement_json import certificate_of, placement_json
+from flows.run_files import PLACEMENT, RUN, FinishedPlacement, finished_placement
+from flows.view.model import middle_of, placement_view, scene_view
+from flows.view.nodes import PlacementNodes, stand
+from flows.view.panel import PanelText, PlacementPanel
+from flows.view.pick_panel import PickPanel
+from flows.view.picking import PickedPoint, SurfacePicker
+from flows.view.serving import arrange, open_browser, open_server, url_of
+from flows.view.signals import signal_series
+
+
+def silent(url: str, note: str) -> None:
+    """Say nothing."""
+
+
+@dataclass(frozen=True, slots=True)
+class ViewPage:
+    """How the page is served."""
+
+    port: int = 8080
+    browse: bool = True
+    """Whether a browser is opened."""
+    say: Callable[[str, str], None] = silent
+    """Told the page's address once it is there, and what a person should know of it or nothing."""
+
+
+@dataclass(frozen=True, slots=True)
+class ScenePrompt:
+    """A scene, and what is to be placed in it."""
+
+    scene: str
+    object: str
+    """Path of a mesh; empty: points are shown, nothing is placed."""
+    prompt: str
+    options: PlaceOptions
+
+
+@contextmanager
+def served(page: ViewPage) -> Iterator[viser.ViserServer]:
+    """A server as long as the block runs."""
+    server = open_server(page.port)
+    try:
+        yield server
+    finally:
+        server.stop()
+
+
+def view_sample(run: str, sample: str | None, frame: int | None, page: ViewPage) -> None:
+    """Show a sample of a run, or the placement in a folder, until interrupted."""
+    found = finished_placement(run, sample)
+    if found.values.scene is None or found.values.item is None:
+        raise InputError(f"{found.finished.sample.id} has no scene to be shown")
+    with served(page) as server:
+        panel = show_placement(server, found, frame)
+        try:
+            announce(server, page)
+            work_off(queue.SimpleQueue())
+        finally:
+            panel.close()
+
+
+def show_placement(server: viser.ViserServer, found: FinishedPlacement, frame: int | None = None) -> PlacementPanel:
+    """Put a placement into the scene and the panel; InputError where it has no such frame."""
+    values, config = found.values, found.config
+    view = placement_view(values, config)
+    if frame is not None and not 0 <= frame < len(view.time):
+        raise InputError(f"--frame {frame}: it has frames 0 to {len(view.time) - 1}")
+    tree = placement_json(found.finished, values, {})
+    rotation = load(Store.default(), found.finished.placement.rotation, Rotation)
+    signals = signal_series(values.settled, certificate_of(values)) if values.settled else None
+    with server.atomic():
+        nodes = PlacementNodes(server, view, frame)
+        stand(server, view.view)
+        return PlacementPanel(server, nodes, view, PanelText(tree, rotation, signals))
+
+
+class ScenePage:
+    """A page that shows a scene until something is placed in it, then the result, then the scene again."""
+
+    def __init__(self, server: viser.ViserServer, asked: ScenePrompt, scan: Scan, scene: Segmentation) -> None:
+        self._server, self._asked, self._scan, self._scene = server, asked, scan, scene
+        self.jobs: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
+        """What the main thread is to do."""
+        self._view = scene_view(scene, PlaceConfig())
+        self.panel: PickPanel | PlacementPanel = self._pick_panel()
+
+    def close(self) -> None:
+        """End what plays or listens."""
+        self.panel.close()
+
+    def place(self, picked: PickedPoint) -> None:
+        """Place the object there and show the result; what goes wrong is said in the panel."""
+        panel, asked = self.panel, self._asked
+        assert isinstance(panel, PickPanel)
+        out = asked.options.out or runs_root() / "view"
+        options = asked.options.model_copy(update={"at": ",".join(str(one) for one in picked.at)})
+        try:
+            place_files(asked.scene, asked.object, asked.prompt, options, out, quiet=False)
+            found = finished_placement(str(out), None)
+        except DcapError as error:
+            panel.say(str(error), wrong=True)
+            return
+        except Exception as error:  # the border to the page: said in short there, in full in the terminal
+            traceback.print_exc(file=sys.stderr)
+            panel.say(f"{type(error).__name__}: {error}", wrong=True)
+            return
+        self._cleared()
+        self.panel = show_placement(self._server, found)
+        again = self._server.gui.add_button("Place it elsewhere")
+        again.on_click(lambda _: self.jobs.put(self._again))
+
+    def _again(self) -> None:
+        """Show the scene again."""
+        self._cleared()
+        self.panel = self._pick_panel()
+
+    def _cleared(self) -> None:
+        """Take everything away."""
+        self.panel.close()
+        self._server.scene.reset()
+        self._server.gui.reset()
+        arrange(self._server)
+
+    def _pick_panel(self) -> PickPanel:
+        """The scene with nothing placed in it."""
+        picker = SurfacePicker(self._scene, self._scan.world_from_file, middle_of(self._scene))
+        rows = [f"<b>{escape(Path(self._asked.scene).name)}</b>"]
+        if self._asked.object:
+            rows.append(f"{escape(Path(self._asked.object).name)}: {escape(self._asked.prompt)}")
+        place = (lambda point: self.jobs.put(lambda: self.place(point))) if self._asked.object else None
+        with self._server.atomic():
+            return PickPanel(self._server, self._view, picker, "<br>".join(rows), place)
+
+
+def view_scene(asked: ScenePrompt, page: ViewPage) -> None:
+    """Show a scene without a placement until interrupted."""
+    if asked.options.out:
+        check_out(asked.options.out)
+    asking = language_options(asked.options)
+    sample = sample_of(asked.scene, asked.object or "things", asked.prompt, asked.options)
+    config = configured(asked.options, language=asking.config())
+    refs = found_scene(replace(sample, place=None), config, asking.session(runs_root() / "view"), quiet=False)
+    scan, scene = Store.default().load(refs.scan), Store.default().load(refs.scene)
+    assert isinstance(scan, Scan)
+    assert isinstance(scene, Segmentation)
+    with served(page) as server:
+        shown = ScenePage(server, asked, scan, scene)
+        try:
+            announce(server, page)
+            work_off(shown.jobs)
+        finally:
+            shown.close()
+
+
+def is_placement(run: str) -> bool:
+    """Whether a name is that of a run or of a placement's folder."""
+    folders = (Path(run), runs_root() / run)
+    return any((folder / name).is_file() for folder in folders for name in (RUN, PLACEMENT))
+
+
+def announce(server: viser.ViserServer, page: ViewPage) -> None:
+    """Say where the page is, and open it."""
+    taken = server.get_port() != page.port
+    page.say(url_of(server), f"port {page.port} is taken, {server.get_port()} is used" if taken else "")
+    if page.browse:
+        open_browser(url_of(server))
+
+
+def work_off(jobs: "queue.SimpleQueue[Callable[[], None]]") -> None:
+    """Do what the page asks for, until interrupted."""
+    while True:
+        jobs.get()()
