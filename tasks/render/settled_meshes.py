@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation as Turn
 
 from dcap.geometry.camera import Camera
-from dcap.geometry.deform import displaced, following
+from dcap.geometry.deform import displaced, following, with_own_vertices
 from dcap.geometry.rendering.cutaway import cut_faces
 from dcap.scene.types.anchor import Anchor
 from dcap.scene.types.mesh import Mesh
@@ -27,13 +27,10 @@ STUDIO_COLOR = (214, 212, 209)
 
 def settled_item(item: Segmentation, anchor: Anchor, body: SettledBody) -> Mesh:
     """The object at rest: its own mesh, moved as a whole or following the deformed surface."""
-    turn = Turn.from_quat(body.quaternion, scalar_first=True).as_matrix()
-    start = body.surface.vertices - body.displacement
-    moved = start @ turn.T + body.position
-    if np.abs(moved - body.surface.vertices).max() > RIGID_TOLERANCE:
+    if not is_rigid(body):
         return following(item.mesh.transformed(anchor.world_from_object), body.surface, body.displacement)
     world_from_start = np.eye(4)
-    world_from_start[:3, :3], world_from_start[:3, 3] = turn, body.position
+    world_from_start[:3, :3], world_from_start[:3, 3] = turn_of(body), body.position
     return item.mesh.transformed(world_from_start @ anchor.world_from_object)
 
 
@@ -42,24 +39,66 @@ class SettledScene:
     """The scene at rest."""
 
     scene: Segmentation
-    """With the dents that the drop left in the base."""
+    """With the dents that the drop left in the base, and with things moved that were placed before."""
     shift: Array
     """How far each vertex has moved [m], shape (n, 3)."""
 
 
 def settled_scene(scene: Segmentation, settled: Settled, base_id: str) -> SettledScene:
-    """The scene with the dents that the drop left in the base."""
-    base = scene.index_of(base_id)
+    """The scene with the dents that the drop left in the base and in what carries that, and with the things that were
+    placed before where they came to rest."""
+    after, shift = scene, np.zeros_like(scene.mesh.vertices)
+    placed = {one.id: one.placed for one in scene.instances}
     for body in settled.bodies[1:]:
-        if body.name == base_id:
-            mine = scene.face_instance == base
-            found = displaced(scene.mesh, mine, body.surface, body.displacement)
-            origin = found.origin
-            after = replace(
-                scene, mesh=found.mesh, face_instance=scene.face_instance[origin], face_part=scene.face_part[origin]
-            )
-            return SettledScene(after, found.shift)
-    return SettledScene(scene, np.zeros_like(scene.mesh.vertices))
+        moved = np.abs(body.displacement).max(initial=0.0) > 0.0
+        if body.name in placed and (moved or body.name == base_id):
+            move = with_thing_moved if placed[body.name] else with_dent
+            after, shift = move(after, shift, body)
+    return SettledScene(after, shift)
+
+
+def with_dent(scene: Segmentation, shift: Array, body: SettledBody) -> tuple[Segmentation, Array]:
+    """The scene with the dent in one instance, and how far each vertex has moved [m], shape (n, 3)."""
+    mine = scene.face_instance == scene.index_of(body.name)
+    found = displaced(scene.mesh, mine, body.surface, body.displacement)
+    origin = found.origin
+    after = replace(
+        scene, mesh=found.mesh, face_instance=scene.face_instance[origin], face_part=scene.face_part[origin]
+    )
+    before = np.zeros_like(found.shift)
+    before[: len(shift)] = shift  # new vertices come last, and lie on the dented instance alone
+    return after, before + found.shift
+
+
+def with_thing_moved(scene: Segmentation, shift: Array, body: SettledBody) -> tuple[Segmentation, Array]:
+    """The scene with a thing that was placed before at its new place, and how far each vertex has moved."""
+    mine = scene.face_instance == scene.index_of(body.name)
+    mesh = with_own_vertices(scene.mesh, mine)
+    more = np.zeros((len(mesh.vertices), 3))
+    more[: len(shift)] = shift
+    used = np.unique(mesh.faces[mine])
+    turn, world_from_start = turn_of(body), np.eye(4)
+    world_from_start[:3, :3], world_from_start[:3, 3] = turn, body.position
+    whole = Mesh(mesh.vertices[used], np.searchsorted(used, mesh.faces[mine]).astype(np.int32), mesh.colors[used])
+    moved = whole.transformed(world_from_start) if is_rigid(body) else following(
+        whole, body.surface, body.displacement
+    )  # fmt: skip
+    vertices = mesh.vertices.copy()
+    more[used] += moved.vertices - vertices[used]
+    vertices[used] = moved.vertices
+    return replace(scene, mesh=replace(mesh, vertices=vertices)), more
+
+
+def turn_of(body: SettledBody) -> Array:
+    """World-from-start rotation, shape (3, 3)."""
+    return np.asarray(Turn.from_quat(body.quaternion, scalar_first=True).as_matrix())
+
+
+def is_rigid(body: SettledBody) -> bool:
+    """Whether its surface did not deform."""
+    start = body.surface.vertices - body.displacement
+    moved = start @ turn_of(body).T + body.position
+    return bool(np.abs(moved - body.surface.vertices).max() <= RIGID_TOLERANCE)
 
 
 def structure_faces(scene: Segmentation) -> NDArray[np.bool_]:

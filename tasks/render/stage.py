@@ -69,9 +69,14 @@ class ChosenView:
 
 
 def render(
-    scene: SegmentedScene, item: SegmentedObject, anchor: Anchor, settled: Settled, config: RenderConfig
+    scene: SegmentedScene,
+    item: SegmentedObject,
+    anchor: Anchor,
+    settled: Settled,
+    config: RenderConfig,
+    before: SegmentedScene | None = None,
 ) -> Renders | Infeasible:
-    """Take the three pictures."""
+    """Take the three pictures; `before` is the scene that was given, where the drop started from another state."""
     thing = settled_item(item, anchor, settled.bodies[0])
     after = settled_scene(scene, settled, anchor.base_id).scene
     solid = ~structure_faces(after)
@@ -87,7 +92,7 @@ def render(
             f"only {fraction:.1%} of the object is visible (RenderConfig.least_visible {config.least_visible})",
             HiddenObject(visible_fraction=fraction, camera_position=view.camera.position),
         )
-    clean = photograph(shown(scene, view.camera), view.camera, config)
+    clean = photograph(shown(before or scene, view.camera), view.camera, config)
     near = closeup(after, things, thing, settled, view, config)
     return Renders(clean.rgb, rest.rgb, near, fraction, view.camera.position, target)
 
