@@ -41,7 +41,7 @@ class SettledScene:
     scene: Segmentation
     """With the dents that the drop left in the base, and with things moved that were placed before."""
     shift: Array
-    """How far each vertex has moved [m], shape (n, 3)."""
+    """How far each vertex has moved from where it would be unloaded [m], shape (n, 3)."""
 
 
 def settled_scene(scene: Segmentation, settled: Settled, base_id: str) -> SettledScene:
@@ -71,7 +71,7 @@ def with_dent(scene: Segmentation, shift: Array, body: SettledBody) -> tuple[Seg
 
 
 def with_thing_moved(scene: Segmentation, shift: Array, body: SettledBody) -> tuple[Segmentation, Array]:
-    """The scene with a thing that was placed before at its new place, and how far each vertex has moved."""
+    """The scene with a thing that was placed before at its new place; what moved as a whole is not dented."""
     mine = scene.face_instance == scene.index_of(body.name)
     mesh = with_own_vertices(scene.mesh, mine)
     more = np.zeros((len(mesh.vertices), 3))
@@ -80,11 +80,10 @@ def with_thing_moved(scene: Segmentation, shift: Array, body: SettledBody) -> tu
     turn, world_from_start = turn_of(body), np.eye(4)
     world_from_start[:3, :3], world_from_start[:3, 3] = turn, body.position
     whole = Mesh(mesh.vertices[used], np.searchsorted(used, mesh.faces[mine]).astype(np.int32), mesh.colors[used])
-    moved = whole.transformed(world_from_start) if is_rigid(body) else following(
-        whole, body.surface, body.displacement
-    )  # fmt: skip
+    as_a_whole = whole.transformed(world_from_start)
+    moved = as_a_whole if is_rigid(body) else following(whole, body.surface, body.displacement)
     vertices = mesh.vertices.copy()
-    more[used] += moved.vertices - vertices[used]
+    more[used] = moved.vertices - as_a_whole.vertices
     vertices[used] = moved.vertices
     return replace(scene, mesh=replace(mesh, vertices=vertices)), more
 
