@@ -74,7 +74,7 @@ def test_a_ball_a_book_beside_it_and_a_cup_on_the_book(data: Path) -> None:
     for name in ("placed_1", "placed_2"):
         moved = np.subtract(after[name]["box"]["center"], before[name]["box"]["center"])
         assert np.abs(moved).max() < 2e-3, (name, moved)
-    nodes = set(trimesh.load(data / "three" / "scene.glb").graph.nodes)
+    nodes = set(trimesh.load_scene(data / "three" / "scene.glb").graph.nodes)
     assert {"placed_1", "placed_2", "object", bed} <= nodes
 
 
