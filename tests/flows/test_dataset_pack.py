@@ -12,9 +12,10 @@ import pytest
 from dcap.scene.errors import InputError
 from dcap.scene.types.sample import Sample
 from flows.cli.app import main
-from flows.dataset_pack import EMBEDDED, OWN, UNKNOWN, pack_run
+from flows.dataset_pack import OWN, UNKNOWN, pack_run
 from flows.language_options import LanguageOptions
 from flows.place import PlaceConfig
+from flows.samples import EMBEDDED
 
 
 def run_of(folder: Path, dataset: Path, samples: dict[str, str]) -> Path:
@@ -59,7 +60,7 @@ def run(tmp_path: Path) -> Path:
 
 
 def test_what_is_packed(run: Path, tmp_path: Path) -> None:
-    """Results with their files and hashes; what a person laid there, links, paths and failures stay out and are told."""
+    """Results with their files and hashes; what a person laid there, links, paths and failures stay out."""
     pack = pack_run(str(run), tmp_path / "out")
     manifest = json.loads((tmp_path / "out" / "manifest.json").read_text())
     assert manifest == pack.manifest
