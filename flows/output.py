@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from dcap.geometry.rendering.normals import ShadingNormals
 from dcap.scene.json_tree import JsonObject, JsonValue
+from dcap.scene.readers.scenes.placed_scene import DEFORMED, FACTS
 from dcap.scene.store.artifacts import Store
 from dcap.scene.store.ply import mesh_to_ply
 from dcap.scene.store.ref import Ref
@@ -30,6 +31,7 @@ from dcap.scene.types.scan import Scan
 from dcap.scene.types.segmentation import Segmentation
 from dcap.scene.types.settled import Settled
 from dcap.scene.writers.glb import Node, glb_bytes, labelled_nodes
+from flows.next_scene import next_scene_files
 from flows.placement_json import AT_REST, Values, placement_json
 from flows.placement_schema import placement_schema
 from flows.sample_run import FinishedSample
@@ -90,13 +92,17 @@ def write_placement(finished: FinishedSample, out: Path) -> JsonObject:
         draft = Path(draft_name)
         artifacts = write_geometry(values, draft) | copy_pictures(finished, store, draft)
         artifacts |= splat_artifact(finished, values, draft)
+        beside = next_scene_files(values, finished.sample.prompt)
+        for name, data in beside.items():
+            (draft / name).write_bytes(data)
         tree = placement_json(finished, values, artifacts)
         (draft / SCHEMA).write_bytes(readable_json(placement_schema()))
         os.replace(draft / SCHEMA, out / SCHEMA)
         (out / "placement.json").unlink(missing_ok=True)
-        for name in OWNED.difference(artifacts.values()):  # of an earlier result in the same folder
+        old = {FACTS, *OWNED, *(path.name for path in out.glob(DEFORMED))}
+        for name in old.difference(artifacts.values()):  # of an earlier result in the same folder
             (out / name).unlink(missing_ok=True)
-        for name in artifacts.values():
+        for name in (*artifacts.values(), *beside):
             os.replace(draft / name, out / name)
         (draft / "placement.json").write_bytes(readable_json(tree))
         os.replace(draft / "placement.json", out / "placement.json")

@@ -1,11 +1,13 @@
 """One placement, from files and a sentence to pictures of the object at rest: the table of contents of DCAP."""
 
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import TypeVar
 
 from pydantic import BaseModel
 
 from dcap.scene.readers.frame.frame import ANY
+from dcap.scene.readers.scenes.placed_scene import is_placed_scene
 from dcap.scene.store.artifacts import Source, Store
 from dcap.scene.store.ref import Ref
 from dcap.scene.types.anchor import Anchor
@@ -24,10 +26,11 @@ from dcap.scene.types.settled import Settled
 from flows.given import LabelRefs, given_labels
 from tasks.anchor.stage import AnchorConfig, anchor_task
 from tasks.drop.stage import DropConfig, drop_task, unforeseen
+from tasks.freed.stage import freed_anchor_task, freed_scene_task, freed_task
 from tasks.intent.stage import IntentConfig, intent_task
 from tasks.materials.stage import MaterialsConfig, materials_task
 from tasks.mesh.stage import MeshConfig, mesh_object_task, mesh_scene_task
-from tasks.mesh.surfaces import surface_object_task, surface_scene_task
+from tasks.mesh.surfaces import surface_object_task, surface_scene_task, surface_start_task
 from tasks.overview import OverviewConfig, overview_task
 from tasks.particles.config import ParticlesConfig
 from tasks.particles.stage import particles_task
@@ -87,6 +90,7 @@ class PlacementRefs:
     scene_surface: Ref[SourceSurface]
     object_surface: Ref[SourceSurface]
     scene: Ref[SegmentedScene]
+    """As the drop began: without the dents of what was placed before and takes part again."""
     item: Ref[SegmentedObject]
     intent: Ref[Intent]
     rotation: Ref[Rotation]
@@ -137,33 +141,43 @@ def place(sample: Sample, config: PlaceConfig) -> PlacementRefs:
     intent = intent_task(scene, item, sample.prompt, sample.mass, config=config.intent, pointed=pointed)
     rotation = rotation_task(scene, item, intent, sample.prompt, config=config.rotation)
     anchor = anchor_task(scene, item, intent, rotation, sample.prompt, config=config.anchor)
-    materials = materials_task(scene, item, intent, anchor, sample.prompt, config=config.materials)
-    particles = particles_task(scene, item, intent, anchor, materials, config=config.particles)
+    given, freed = scene, None
+    if is_placed_scene(Path(sample.scene)):  # things that were placed before take part, lifted out of their dents
+        freed = freed_task(scene_scan, scene, item, anchor)
+        scene, anchor = freed_scene_task(freed), freed_anchor_task(freed)
+    materials = materials_task(scene, item, intent, anchor, sample.prompt, config=config.materials, freed=freed)
+    particles = particles_task(scene, item, intent, anchor, materials, config=config.particles, freed=freed)
     settled = drop_task(particles, anchor, intent, sample.seed, config=config.drop)
     cells = config.particles
     if broke(settled):
         cells = coarsened(cells)
-        larger = particles_task(scene, item, intent, anchor, materials, config=cells)
+        larger = particles_task(scene, item, intent, anchor, materials, config=cells, freed=freed)
         again = drop_task(larger, anchor, intent, sample.seed, config=config.drop)
         if not again.infeasible:
             particles, settled = larger, again
     if ended_elsewhere(settled):
-        finer = particles_task(scene, item, intent, anchor, materials, config=cells, rest=settled)
+        finer = particles_task(scene, item, intent, anchor, materials, config=cells, rest=settled, freed=freed)
         again = drop_task(finer, anchor, intent, sample.seed, config=config.drop)
         if not again.infeasible:
             particles, settled = finer, again
-    renders = render_task(scene, item, anchor, settled, scene_surface, object_surface, config=config.render)
+    start, before, before_surface = scene_surface, None, None
+    if freed is not None:
+        start, before, before_surface = surface_start_task(scene_surface, given, scene), given, scene_surface
+    renders = render_task(
+        scene, item, anchor, settled, start, object_surface, config=config.render, before=before,
+        before_surface=before_surface,
+    )  # fmt: skip
     overview = None
     if renders.infeasible:
         filled = not particles.infeasible
-        overview = overview_task(scene, item, found(intent), found(anchor), config=config.overview, filled=filled)
+        overview = overview_task(given, item, found(intent), found(anchor), config=config.overview, filled=filled)
 
     return PlacementRefs(
         scene_scan=scene_scan,
         object_scan=object_scan,
-        scene_surface=scene_surface,
+        scene_surface=scene_surface if settled.infeasible else start,
         object_surface=object_surface,
-        scene=scene,
+        scene=given if settled.infeasible else scene,
         item=item,
         intent=intent,
         rotation=rotation,

@@ -7,6 +7,7 @@ from pathlib import Path
 from rich.console import Console
 
 from dcap.language.model.ledger import in_words, spending_of
+from dcap.scene.errors import InputError
 from dcap.scene.json_tree import JsonObject
 from dcap.scene.store.artifacts import Store
 from flows.configure import configured
@@ -31,6 +32,7 @@ def place_files(scene: str, thing: str, prompt: str, options: PlaceOptions, out:
 
     Stage lines go to standard error unless `quiet`.
     """
+    refuse_own_scene(scene, out)
     sample = sample_of(scene, thing, prompt, options)
     asking = language_options(options)
     config = configured(options, language=asking.config(), arch=chosen_arch(options.arch))
@@ -55,6 +57,12 @@ def place_files(scene: str, thing: str, prompt: str, options: PlaceOptions, out:
         console.print(in_words(spending_of(Path(session.ledger))))
     finished = FinishedSample(sample, placement, tuple(recorder.records))
     return write_results(finished, out, config, asking, options)
+
+
+def refuse_own_scene(scene: str, out: Path) -> None:
+    """Refuse to write over the scene that is read: what was asked of the result could not be looked up again."""
+    if Path(scene).is_dir() and Path(scene).resolve() == out.resolve():
+        raise InputError(f"--out {out}: the scene itself; give another folder for the next placement")
 
 
 def write_results(

@@ -1,7 +1,8 @@
 """Reads a dataset: a YAML list of samples, each with the names or paths of a scene and an object and a prompt.
 
 Keys of a sample: `id`, `room` (or `scene`), `object`, `prompt`, and optionally `seed`, `mass`, `label`, `up`, `unit`,
-`object_label`, `object_up`, `object_unit`, `labels`, `at`, `support`, `height_of`. A name is looked up beside the file
+`object_label`, `object_up`, `object_unit`, `labels`, `at`, `support`, `height_of`, `licence` (of its scene and object,
+for `dataset pack`). A name is looked up beside the file
 and in the data folder, each time there and then in `rooms/` or `objects/`.
 """
 
@@ -34,7 +35,7 @@ TRUTH = "truth.yaml"
 """Intended outcomes of a dataset's samples, beside it; read after a run, never by a stage."""
 REQUIRED = ("id", "object", "prompt")
 OPTIONAL = ("room", "scene", "seed", "mass", "label", "up", "unit", "object_label", "object_up", "object_unit",
-            "labels", "at", "support", "height_of")  # fmt: skip
+            "labels", "at", "support", "height_of", "licence")  # fmt: skip
 HEAVIEST = 1e12
 """A mass that no object has [kg]."""
 MOST_KEYS = 10_000
@@ -73,6 +74,13 @@ def check_ids(samples: list[tuple[int, Sample]], report: Report) -> None:
         seen.setdefault(name, one)
 
 
+def licences_in(path: Path) -> dict[str, str]:
+    """What the samples of a dataset file say of the licence of their scene and object, by id; '' where they do not."""
+    tree = load_yaml(path)
+    rows = [row for row in tree if isinstance(row, Mapping)] if isinstance(tree, list) else []
+    return {str(row.get("id", "")): str(row.get("licence", "")) for row in rows}
+
+
 class BoundedMerges(SafeConstructor):
     """Refuses mappings that grow without end by merging (`<<`) each other."""
 
@@ -104,6 +112,8 @@ def sample_of(row: object, index: int, folder: Path, report: Report) -> Sample |
         return None
     read = SampleReader(row, index, report)
     read.check_keys()
+    if "licence" in row:
+        read.text("licence")
     room = "room" if "room" in row else "scene"
     sample = Sample(
         id=read.text("id"),

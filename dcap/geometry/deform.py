@@ -62,6 +62,22 @@ def following(mesh: Mesh, surface: Mesh, displacement: NDArray[np.float64]) -> M
     return Mesh(moved, mesh.faces, mesh.colors)
 
 
+def with_own_vertices(mesh: Mesh, some: NDArray[np.bool_]) -> Mesh:
+    """The same faces, of which some (m,) share no vertex with the others: they can move by themselves."""
+    theirs = np.zeros(len(mesh.vertices), dtype=bool)
+    theirs[mesh.faces[~some]] = True
+    shared = np.unique(mesh.faces[some][theirs[mesh.faces[some]]])
+    if not len(shared):
+        return mesh
+    number = np.arange(len(mesh.vertices), dtype=np.int32)
+    number[shared] = len(mesh.vertices) + np.arange(len(shared), dtype=np.int32)
+    faces = np.where(some[:, None], number[mesh.faces], mesh.faces)
+    return Mesh(
+        np.concatenate([mesh.vertices, mesh.vertices[shared]]), faces,
+        np.concatenate([mesh.colors, mesh.colors[shared]]),
+    )  # fmt: skip
+
+
 def edge_lengths(mesh: Mesh) -> NDArray[np.float64]:
     """Longest edge of each face [m], shape (m,)."""
     corner = mesh.triangles

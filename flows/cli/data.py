@@ -1,6 +1,7 @@
-"""The commands about data: `dcap dataset make|label|check|prepare-sugar` and `dcap cache ls|verify`."""
+"""The commands about data: `dcap dataset make|label|check|pack|prepare-sugar` and `dcap cache ls|verify`."""
 
 import json
+import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -119,6 +120,28 @@ def dataset_check(
     if plot is not None:
         write_plot(report, plot)
     return 2 if report.failed else 0
+
+
+@dataset_app.command("pack")
+def dataset_pack(
+    run: Annotated[str, typer.Argument(help="Name or folder of a run, or 'last'; or a folder that `place` wrote.")],
+    out: Annotated[
+        Path | None, typer.Option(metavar="FILE.tar.gz|FOLDER", help="Default: dataset.tar.gz in the run's folder.")
+    ] = None,
+    as_json: Json = False,
+) -> int:
+    """Bundle a run for others: settled meshes, maps, prompts, placements, a manifest and what is known of licences."""
+    from flows.dataset_pack import MANIFEST, README, pack_run
+
+    pack = pack_run(run, out)
+    for warning in pack.warnings:
+        print(f"dcap: {warning}", file=sys.stderr)
+    counts = pack.manifest["counts"]
+    assert isinstance(counts, dict)
+    told = ", ".join(f"{number} {name.replace('_', ' ')}" for name, number in counts.items())
+    where = f"{told}\n{pack.path} ({MANIFEST}, {README})"
+    print(json.dumps(pack.manifest, indent=2, ensure_ascii=False) if as_json else where)
+    return 0
 
 
 @cache_app.command("ls")

@@ -5,6 +5,7 @@ within reach (those only as obstacles). Rows are picked, never mixed. The densit
 mass prior where its particles are filled; the reason says so.
 """
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -17,6 +18,7 @@ from dcap.language.protocol.questions import MATERIALS
 from dcap.language.protocol.replies import MaterialChoice
 from dcap.language.protocol.requests import MaterialQuestion, MaterialsRequest
 from dcap.scene.types.anchor import Anchor
+from dcap.scene.types.earlier import FreedThings
 from dcap.scene.types.intent import Intent
 from dcap.scene.types.materials import BodyModel, Material, PartMaterial, PartMaterials
 from dcap.scene.types.outcome import Infeasible
@@ -54,15 +56,22 @@ def materials(
     prompt: str,
     config: MaterialsConfig,
     client: Client,
+    freed: FreedThings | None = None,
 ) -> PartMaterials | Infeasible:
-    """Ask once for all parts."""
+    """Ask once for all parts, but for those that an earlier placement has asked about (`freed`)."""
     library = load_materials()
-    questions = [*object_questions(item, intent), *base_and_neighbours(scene, item, anchor, config)]
+    known = {(row.body, row.part_index): row for row in freed.materials} if freed is not None else {}
+    taking_part = () if freed is None else (freed.ground, *(one.id for one in freed.things))
+    around = base_and_neighbours(scene, item, anchor, config, taking_part)
+    before = [known[one.body, one.part.index] for one in around if (one.body, one.part.index) in known]
+    asked = [one for one in around if (one.body, one.part.index) not in known]
+    questions = [*object_questions(item, intent), *asked]
     rows_alone = tuple(replace(row, source="") for row in library.values())  # where they come from helps nobody choose
     request = MaterialsRequest(prompt, tuple(questions), rows_alone, anchor.base_id)
     reply = client.ask(MATERIALS, request)
     given = {(choice.body, choice.part_index): choice for choice in reply.choices}
     rows = [part_material(q, given[q.body, q.part.index], library, intent, config) for q in questions]
+    rows += before
     notes: tuple[str, ...] = (LIMITED,) if config.paper_limits else ()
     if config.load_aware:
         rows, stiff = stiffened(rows, scene, item, intent, anchor, config.invisible)
@@ -79,16 +88,16 @@ def object_questions(item: Segmentation, intent: Intent) -> list[MaterialQuestio
 
 
 def base_and_neighbours(
-    scene: Segmentation, item: Segmentation, anchor: Anchor, config: MaterialsConfig
+    scene: Segmentation, item: Segmentation, anchor: Anchor, config: MaterialsConfig, taking_part: Sequence[str] = ()
 ) -> list[MaterialQuestion]:
-    """Parts of the base, then of what is within reach of the object's start."""
+    """Parts of the base, then of what is within reach of the object's start or takes part for another reason."""
     start = item.mesh.transformed(anchor.world_from_object).bounds
     near = [i for i in scene.instances if i.id == anchor.base_id]
     for instance in scene.instances:
         corners = instance.box.corners
         apart = np.maximum(corners.min(axis=0) - start[1], start[0] - corners.max(axis=0))
         within = float(np.linalg.norm(np.maximum(apart, 0.0))) <= config.neighbour_distance
-        if within and instance.id != anchor.base_id:
+        if (within or instance.id in taking_part) and instance.id != anchor.base_id:
             near.append(instance)
     sums = sums_of(scene)
     return [

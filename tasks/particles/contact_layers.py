@@ -8,7 +8,7 @@ from dcap.scene.types.materials import BodyModel, PartMaterial
 from dcap.scene.types.particles import ColumnLayer
 from tasks.bodies.footprint import Footprint, joined
 from tasks.bodies.layered_patch import Layer
-from tasks.particles.drop_setup import OBJECT, DropSetup
+from tasks.particles.drop_setup import DropSetup
 from tasks.particles.layers import COLUMN_STEPS, column_of
 from tasks.particles.object_parts import part_at
 
@@ -20,14 +20,16 @@ RIGID: Layer = (np.inf, 0.0)
 
 def footprint_on(setup: DropSetup, base: list[Layer]) -> Footprint:
     """The object's predicted contact with layers of the base, from the top down."""
-    weight, stacks = setup.intent.mass * GRAVITY, (object_layers(setup), [*base, RIGID])
+    weight, stacks = (setup.intent.mass + setup.borne) * GRAVITY, (object_layers(setup), [*base, RIGID])
     foot = setup.descent.footprint(weight, stacks)
+    for other in setup.beside:
+        foot = joined(foot, footprint_on(other, base))
     return foot if setup.returned is None else joined(foot, setup.returned.footprint(weight, stacks))
 
 
 def object_layers(setup: DropSetup) -> list[Layer]:
     """The parts of the object straight above the contact, up to its top."""
-    rows = setup.materials.of_parts(OBJECT, len(setup.item.instances[0].parts))
+    rows = setup.materials.of_parts(setup.body, len(setup.item.instances[0].parts))
     part_of_face = np.clip(setup.item.face_part, 0, None)
     used = np.unique(part_of_face).tolist()
     lying, first = setup.descent.lying, setup.descent.first

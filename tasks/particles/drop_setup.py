@@ -58,6 +58,16 @@ class DropSetup:
     """The object over what lies beneath it."""
     returned: Descent | None
     """The same where it came to rest in an earlier drop that had not foreseen it there."""
+    body: str = OBJECT
+    """The body that `item` is simulated as, to which its materials belong."""
+    free: frozenset[str] = frozenset()
+    """Instances that take part as free bodies: they are no obstacles."""
+    beside: "tuple[DropSetup, ...]" = ()
+    """Of further things that lie on the base: their contact counts too, where its cells are chosen."""
+    borne: float = 0.0
+    """What lies on the object [kg]."""
+    reach: Array | None = None
+    """Where any of several free bodies may touch anything [m], shape (2, 3); None: where the object may."""
     torn: bool = False
     """Whether the scan of the base has a hole under the object, which `scene` has closed."""
     notes: list[str] = field(default_factory=list)
@@ -71,6 +81,8 @@ class DropSetup:
     @property
     def contact_region(self) -> Array:
         """Where the object may touch anything [m], shape (2, 3): the crop, cut in height to the object's own way."""
+        if self.reach is not None:
+            return self.reach.copy()
         top, lowest = float(self.mesh.bounds[1, 2]), float(self.mesh.bounds[0, 2])
         box = self.crop.copy()
         box[:, 2] = lowest - self.descent.gap - REACH_BELOW, top + REACH_ABOVE
@@ -143,7 +155,9 @@ def drop_setup(
     below = float(anchor.surface_point[2])
     descent = Descent.of(mesh, beneath, below, tilts=anchor.lean is None)
     returned = None if rest is None else Descent.of(at_rest(mesh, rest, beneath), beneath, below, tilts=False)
-    setup = DropSetup(scene, item, intent, anchor, materials, config, mesh, base_index, crop, descent, returned, torn)
+    setup = DropSetup(
+        scene, item, intent, anchor, materials, config, mesh, base_index, crop, descent, returned, torn=torn
+    )
     setup.notes += [*materials.notes, *(f"{anchor.base_id}: {note}" for note in found)]
     setup.notes.append(f"{anchor.base_id} is cut {margin:.2f} m around the object and clamped at the cut")
     return setup

@@ -53,10 +53,10 @@ def object_body(setup: DropSetup, shape: ObjectShape, foot: Footprint, base_cell
     """The thing to place, whose `shape` the set-up has, with points of contact for its predicted contact and for cells
     of `base_cell` [m] in the base; None where that is rigid."""
     instance = setup.item.instances[0]
-    rows = setup.materials.of_parts(OBJECT, len(instance.parts))
+    rows = setup.materials.of_parts(setup.body, len(instance.parts))
     part_of_face = np.clip(setup.item.face_part, 0, None)
     used = sorted(set(part_of_face.tolist()))
-    setup.note_geometry(OBJECT, [instance.parts[p].name for p in used], shape.report)
+    setup.note_geometry(setup.body, [instance.parts[p].name for p in used], shape.report)
     size = float(np.linalg.norm(np.ptp(setup.mesh.vertices, axis=0)))
     edge = foot.small_side / POINTS_ACROSS if base_cell is None else base_cell
     spacing = min(edge / SAMPLES_PER_CELL, size / SAMPLES)
@@ -68,7 +68,7 @@ def object_body(setup: DropSetup, shape: ObjectShape, foot: Footprint, base_cell
     inertial = rigid_inertial(setup, rows, part_of_face, grid)
     surface = rigid_object_surface(simplified_item(setup), foot, edge, setup.config.object_faces)
     body = RigidSimulationBody(
-        name=OBJECT, instance=OBJECT, fixed=False, distance=grid, inertial=inertial, surface=surface,
+        name=setup.body, instance=setup.body, fixed=False, distance=grid, inertial=inertial, surface=surface,
         friction=touching.material.friction,
         face_friction=friction_of_surface(rows, surface, setup.mesh, part_of_face),
     )  # fmt: skip
@@ -80,7 +80,7 @@ def simplified_item(setup: DropSetup) -> Mesh:
     mesh = simplified(setup.mesh, setup.config.contact_vertices)
     if mesh is not setup.mesh:
         setup.notes.append(
-            f"object: contact surface simplified from {len(setup.mesh.vertices)} to {len(mesh.vertices)} vertices"
+            f"{setup.body}: contact surface simplified from {len(setup.mesh.vertices)} to {len(mesh.vertices)} vertices"
         )
     return mesh
 
@@ -120,9 +120,10 @@ def object_mass(setup: DropSetup, natural: float) -> float:
     ratio = natural / intent.mass
     if not (intent.hollow or intent.mass_given) and 1.0 / trust <= ratio <= trust:
         return natural
-    setup.notes.append(
-        f"object: density scaled by {1.0 / ratio:.3g} so that it weighs {intent.mass:.3g} kg, not {natural:.3g} kg"
-    )
+    if setup.body == OBJECT:  # what was placed before has the mass that it had
+        setup.notes.append(
+            f"object: density scaled by {1.0 / ratio:.3g} so that it weighs {intent.mass:.3g} kg, not {natural:.3g} kg"
+        )
     return intent.mass
 
 
@@ -140,13 +141,14 @@ def soft_object(
     points = material_points(
         cells.planes, inside,
         lambda x: constants_of_parts(rows, part_at(setup.mesh, part_of_face, x), lambda: layer_normals(grid, x)),
-        if_empty=f"object: it encloses no volume at {1e3 * grid.spacing:.2g} mm: it is a sheet; give it a thickness",
+        if_empty=f"{setup.body}: it encloses no volume at {1e3 * grid.spacing:.2g} mm: it is a sheet; give it a "
+        "thickness",
     )  # fmt: skip
     points = with_mass(points, object_mass(setup, inertial_of_material(points).mass))
-    setup.note_stiffness(OBJECT, rows)
+    setup.note_stiffness(setup.body, rows)
     surface = soft_object_surface(simplified_item(setup), setup.mesh.bounds, cells.size, setup.config.object_faces)
     body = SoftSimulationBody(
-        name=OBJECT, instance=OBJECT, fixed=False, distance=grid, friction=touching.friction, surface=surface,
+        name=setup.body, instance=setup.body, fixed=False, distance=grid, friction=touching.friction, surface=surface,
         face_friction=friction_of_surface(rows, surface, setup.mesh, part_of_face),
         inertial=inertial_of_material(points),
         points=points,
@@ -163,8 +165,8 @@ def object_cells(setup: DropSetup, foot: Footprint, grid: DistanceGrid, inside: 
     through = float(min(thin[a] / np.diff(cells.planes[a])[0] for a in range(3)))
     if through < config.least_cells_through:
         setup.notes.append(
-            f"object: only {through:.1f} cells through thin parts; {cells.count} cells of {1e3 * cells.size:.2g} mm "
-            f"meet the budget of {config.object_cells} (ParticlesConfig.object_cells)"
+            f"{setup.body}: only {through:.1f} cells through thin parts; {cells.count} cells of "
+            f"{1e3 * cells.size:.2g} mm meet the budget of {config.object_cells} (ParticlesConfig.object_cells)"
         )
     return cells
 
@@ -184,12 +186,12 @@ def core_nodes(
         if spread == 3:
             mask[core] = True
             setup.notes.append(
-                f"object: {names} is a rigid core of {len(core)} nodes in a soft body; in cells shared with "
+                f"{setup.body}: {names} is a rigid core of {len(core)} nodes in a soft body; in cells shared with "
                 f"the rest it is {RIGID_CONTRAST:g} times as stiff as the softest part"
             )
         else:
             setup.notes.append(
-                f"object: {names} is smaller than a cell and only stiffens it, to {RIGID_CONTRAST:g} times the softest "
-                "part"
+                f"{setup.body}: {names} is smaller than a cell and only stiffens it, to {RIGID_CONTRAST:g} times the "
+                "softest part"
             )
     return mask.reshape([len(p) for p in planes])

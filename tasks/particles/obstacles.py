@@ -43,7 +43,7 @@ def neighbours(setup: DropSetup, foot: Footprint) -> list[RigidSimulationBody]:
     bodies = []
     held = setup.anchor.lean.on if setup.anchor.lean is not None else ""
     for index, instance in enumerate(setup.scene.instances):
-        if index == setup.base_index or (instance.structure and instance.id != held):
+        if index == setup.base_index or instance.id in setup.free or (instance.structure and instance.id != held):
             continue
         faces = setup.faces_near_crop(index, 0.0)
         faces = faces[setup.in_contact_region(setup.scene.mesh.corners(faces))]

@@ -11,18 +11,21 @@ from numpy.typing import NDArray
 from dcap.geometry.distance import sampler
 from dcap.scene.errors import GeometryError
 from dcap.scene.types.anchor import Anchor
+from dcap.scene.types.earlier import FreedThings
 from dcap.scene.types.intent import Intent
 from dcap.scene.types.materials import PartMaterials
 from dcap.scene.types.outcome import Infeasible
 from dcap.scene.types.particles import Particles, SimulationBody, SoftSimulationBody
 from dcap.scene.types.segmentation import SegmentedObject, SegmentedScene
 from dcap.scene.types.settled import Settled
+from tasks.bodies.footprint import Footprint
 from tasks.bodies.object_shape import OpenShape, object_shape, refused
 from tasks.particles.base_bodies import BaseBodies, base_bodies
 from tasks.particles.config import ParticlesConfig
 from tasks.particles.drop_setup import DropSetup, drop_setup
 from tasks.particles.object_body import object_body
 from tasks.particles.obstacles import neighbours
+from tasks.particles.several import free_things, ground_setup, own_footprint, thing_bodies
 from tasks.runner.stage import stage
 
 
@@ -34,8 +37,10 @@ def particles(
     materials: PartMaterials,
     config: ParticlesConfig,
     rest: Settled | None = None,
+    freed: FreedThings | None = None,
 ) -> Particles | Infeasible:
-    """Build every body of the drop; with the end of an earlier drop cells are fine there too."""
+    """Build every body of the drop; with the end of an earlier drop cells are fine there too, and `freed` things are
+    free bodies like the object."""
     shape = object_shape(item, intent, anchor)
     if isinstance(shape, OpenShape):
         return refused(shape, intent.object_name)
@@ -47,9 +52,23 @@ def particles(
         setup.notes.append(
             "dropped again from its start: it had come to rest where contact was not foreseen; cells are fine there too"
         )
-    base = base_bodies(setup)
-    placed = object_body(setup, shape, base.footprint, base.cell or None)
-    bodies: list[SimulationBody] = [placed.body, *base.bodies, *neighbours(setup, base.footprint)]
+    if freed is not None and freed.notes:
+        setup.notes += freed.notes
+    if freed is None or not freed.things:
+        base = base_bodies(setup)
+        placed = object_body(setup, shape, base.footprint, base.cell or None)
+        bodies: list[SimulationBody] = [placed.body, *base.bodies, *neighbours(setup, base.footprint)]
+        seen = foreseen_on(base, base.footprint)
+    else:
+        things = free_things(scene, intent, anchor, materials, config, freed)
+        if isinstance(things, Infeasible):
+            return things
+        ground = ground_setup(setup, things, freed)
+        base = base_bodies(ground)
+        foot, direct = own_footprint(setup, base, things, ground), anchor.base_id == freed.ground
+        placed = object_body(setup, shape, foot, base.cell or None if direct else None)
+        bodies = [placed.body, *base.bodies, *thing_bodies(ground, things, base), *neighbours(ground, base.footprint)]
+        seen = foreseen_on(base, foot) if direct else None
     note_overlaps(setup, bodies)
     total = sum(len(b.points.volume) for b in bodies if isinstance(b, SoftSimulationBody))
     if total > config.particle_limit:
@@ -59,14 +78,13 @@ def particles(
         )
     return Particles(
         tuple(bodies), (), base.cell or placed.cell, tuple(setup.notes), tuple(setup.geometry),
-        base.column, foreseen_on(base),
+        base.column, seen,
     )  # fmt: skip
 
 
-def foreseen_on(base: BaseBodies) -> NDArray[np.float64] | None:
+def foreseen_on(base: BaseBodies, foot: Footprint) -> NDArray[np.float64] | None:
     """Where the object was foreseen on a soft base, boxes in plan (k, 2, 2) [m]: its patches, and where it may touch as
     it levels out, that is, has neither rolled nor slid away."""
-    foot = base.footprint
     if base.soft is None or not foot.contacts:
         return None
     return np.concatenate([*(one.boxes for one in foot.contacts), foot.on_base[1:, :, :2]])

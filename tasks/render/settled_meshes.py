@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation as Turn
 
 from dcap.geometry.camera import Camera
-from dcap.geometry.deform import displaced, following
+from dcap.geometry.deform import displaced, following, with_own_vertices
 from dcap.geometry.rendering.cutaway import cut_faces
 from dcap.geometry.rendering.painted import painted
 from dcap.scene.types.anchor import Anchor
@@ -34,14 +34,17 @@ def settled_item(item: Segmentation, anchor: Anchor, body: SettledBody) -> Mesh:
 
 def settled_mesh(own: Mesh, anchor: Anchor, body: SettledBody) -> Mesh:
     """A mesh of the object, in the object's own frame, as it is at rest."""
-    turn = Turn.from_quat(body.quaternion, scalar_first=True).as_matrix()
-    start = body.surface.vertices - body.displacement
-    moved = start @ turn.T + body.position
-    if np.abs(moved - body.surface.vertices).max() > RIGID_TOLERANCE:
-        return following(own.transformed(anchor.world_from_object), body.surface, body.displacement)
-    world_from_start = np.eye(4)
-    world_from_start[:3, :3], world_from_start[:3, 3] = turn, body.position
-    return own.transformed(world_from_start @ anchor.world_from_object)
+    return at_rest(own.transformed(anchor.world_from_object), body)
+
+
+def at_rest(whole: Mesh, body: SettledBody) -> Mesh:
+    """A mesh that is where a body was at the start, as the body is at rest: moved as a whole, or following its
+    surface."""
+    return (
+        whole.transformed(world_from_start(body))
+        if is_rigid(body)
+        else following(whole, body.surface, body.displacement)
+    )
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -49,32 +52,77 @@ class SettledScene:
     """The scene at rest."""
 
     scene: Segmentation
-    """With the dents that the drop left in the base."""
+    """With the dents that the drop left in the base, and with things moved that were placed before."""
     shift: Array
-    """How far each vertex has moved [m], shape (n, 3)."""
+    """How far each vertex has moved from where it would be unloaded [m], shape (n, 3)."""
+    start: Mesh
+    """The same faces where the drop began."""
     origin: NDArray[np.int64]
     """The face of the scene as segmented that each face came from, shape (m,)."""
 
-    @property
-    def start(self) -> Mesh:
-        """The same faces undeformed."""
-        mesh = self.scene.mesh
-        return Mesh(mesh.vertices - self.shift, mesh.faces, mesh.colors)
-
 
 def settled_scene(scene: Segmentation, settled: Settled, base_id: str) -> SettledScene:
-    """The scene with the dents that the drop left in the base."""
-    base = scene.index_of(base_id)
+    """The scene with the dents that the drop left in the base and in what carries that, and with the things that were
+    placed before where they came to rest."""
+    mesh = scene.mesh
+    after = SettledScene(scene, np.zeros_like(mesh.vertices), mesh, np.arange(len(mesh.faces)))
+    placed = {one.id: one.placed for one in scene.instances}
     for body in settled.bodies[1:]:
-        if body.name == base_id:
-            mine = scene.face_instance == base
-            found = displaced(scene.mesh, mine, body.surface, body.displacement)
-            origin = found.origin
-            after = replace(
-                scene, mesh=found.mesh, face_instance=scene.face_instance[origin], face_part=scene.face_part[origin]
-            )
-            return SettledScene(after, found.shift, origin)
-    return SettledScene(scene, np.zeros_like(scene.mesh.vertices), np.arange(len(scene.mesh.faces)))
+        moved = np.abs(body.displacement).max(initial=0.0) > 0.0
+        if body.name in placed and (moved or body.name == base_id):
+            after = with_thing_moved(after, body) if placed[body.name] else with_dent(after, body)
+    return after
+
+
+def with_dent(around: SettledScene, body: SettledBody) -> SettledScene:
+    """The scene with the dent in one instance."""
+    scene = around.scene
+    mine = scene.face_instance == scene.index_of(body.name)
+    found = displaced(scene.mesh, mine, body.surface, body.displacement)
+    more = len(found.shift) - len(around.shift)  # new vertices come last, and lie on the dented instance alone
+    shift = found.shift + np.concatenate([around.shift, np.zeros((more, 3))])
+    undented = found.mesh.vertices - found.shift
+    undented[: len(around.shift)] = around.start.vertices
+    origin = found.origin
+    after = replace(
+        scene, mesh=found.mesh, face_instance=scene.face_instance[origin], face_part=scene.face_part[origin]
+    )
+    return SettledScene(after, shift, replace(found.mesh, vertices=undented), around.origin[origin])
+
+
+def with_thing_moved(around: SettledScene, body: SettledBody) -> SettledScene:
+    """The scene with a thing that was placed before at its new place; what moved as a whole is not dented."""
+    scene = around.scene
+    mine = scene.face_instance == scene.index_of(body.name)
+    mesh, start = with_own_vertices(scene.mesh, mine), with_own_vertices(around.start, mine)
+    shift = np.zeros((len(mesh.vertices), 3))
+    shift[: len(around.shift)] = around.shift
+    used = np.unique(mesh.faces[mine])
+    whole = Mesh(mesh.vertices[used], np.searchsorted(used, mesh.faces[mine]).astype(np.int32), mesh.colors[used])
+    moved = at_rest(whole, body)
+    vertices = mesh.vertices.copy()
+    shift[used] = moved.vertices - whole.transformed(world_from_start(body)).vertices
+    vertices[used] = moved.vertices
+    return SettledScene(replace(scene, mesh=replace(mesh, vertices=vertices)), shift, start, around.origin)
+
+
+def world_from_start(body: SettledBody) -> Array:
+    """Where its start pose went, as a whole, shape (4, 4)."""
+    pose = np.eye(4)
+    pose[:3, :3], pose[:3, 3] = turn_of(body), body.position
+    return pose
+
+
+def turn_of(body: SettledBody) -> Array:
+    """World-from-start rotation, shape (3, 3)."""
+    return np.asarray(Turn.from_quat(body.quaternion, scalar_first=True).as_matrix())
+
+
+def is_rigid(body: SettledBody) -> bool:
+    """Whether its surface did not deform."""
+    start = body.surface.vertices - body.displacement
+    moved = start @ turn_of(body).T + body.position
+    return bool(np.abs(moved - body.surface.vertices).max() <= RIGID_TOLERANCE)
 
 
 def structure_faces(scene: Segmentation) -> NDArray[np.bool_]:

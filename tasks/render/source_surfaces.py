@@ -35,7 +35,7 @@ def scene_at_rest(
 
 def untouched(scene: Segmentation) -> SettledScene:
     """A scene in which nothing has moved."""
-    return SettledScene(scene, np.zeros_like(scene.mesh.vertices), np.arange(len(scene.mesh.faces)))
+    return SettledScene(scene, np.zeros_like(scene.mesh.vertices), scene.mesh, np.arange(len(scene.mesh.faces)))
 
 
 def of_source(scene: Segmentation, surface: SourceSurface) -> Segmentation:

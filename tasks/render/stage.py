@@ -37,11 +37,15 @@ def render(
     scene_surface: SourceSurface,
     object_surface: SourceSurface,
     config: RenderConfig,
+    before: SegmentedScene | None = None,
+    before_surface: SourceSurface | None = None,
 ) -> Renders | Infeasible:
-    """Take the pictures."""
+    """Take the pictures; `before` is the scene that was given, with its textures, where the drop started from another
+    state."""
     thing = painted_item(item, anchor, settled.bodies[0], object_surface)
     around = settled_scene(scene, settled, anchor.base_id)
-    before, after = painted(scene.mesh, scene_surface), painted_scene(around, scene_surface)
+    first, after = before or scene, painted_scene(around, scene_surface)
+    untouched = painted(first.mesh, before_surface or scene_surface)
     things = Raycaster(around.scene.mesh.submesh(np.flatnonzero(~structure_faces(around.scene))))
     target, toward = contact_middle(settled, anchor), front(scene, anchor)
     distance = view_distance(scene, anchor, thing.mesh, config)
@@ -55,11 +59,11 @@ def render(
             f"only {fraction:.1%} of the object is visible (RenderConfig.least_visible {config.least_visible})",
             HiddenObject(visible_fraction=fraction, camera_position=view.camera.position),
         )
-    clean = photograph(shown(scene, view.camera, before), view.camera, config)
+    clean = photograph(shown(first, view.camera, untouched), view.camera, config)
     near = nearby(things, thing.mesh, view.camera, config)
     behind = shown(around.scene, near, after)
     closeup = photograph([*behind, thing], near, config, low_light=True)
-    untouched = photograph(shown(scene, near, before), near, config, low_light=True)
+    empty = photograph(shown(first, near, untouched), near, config, low_light=True)
     shift = around.shift[np.unique(around.scene.mesh.faces[shown_faces(around.scene, near)])]
     labels = {one.id: one.label for one in scene.instances}
     contact = contact_picture(
@@ -72,9 +76,9 @@ def render(
         visible_fraction=fraction,
         camera_position=view.camera.position,
         camera_target=target,
-        before_after=beside(untouched.rgb, closeup.rgb),
+        before_after=beside(empty.rgb, closeup.rgb),
         contact=contact,
-        profile=profile_picture(scene.mesh, around.scene.mesh, thing.mesh, target, near.world_from_camera[:, 0]),
+        profile=profile_picture(first.mesh, around.scene.mesh, thing.mesh, target, near.world_from_camera[:, 0]),
         visibility=canonical_views(around.scene.mesh, thing.mesh, target, toward, config),
     )
 

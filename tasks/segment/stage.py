@@ -2,7 +2,7 @@
 
 A scene is divided by its annotated boxes or nodes, else by node names or one label; what is left of a room is divided
 by shape, and a client says what each thing is. Every instance is then divided into parts that cover it without overlap;
-rules propose their names, and a client may choose others.
+rules propose their names, and a client may choose others. A scene that a placement wrote says all that itself.
 """
 
 from dataclasses import replace
@@ -20,11 +20,13 @@ from dcap.geometry.segmentation.parts.front import facing_away_from_wall
 from dcap.geometry.segmentation.parts.rules import find_parts, make_instance, node_words, object_node_words
 from dcap.language.connect import Client
 from dcap.language.protocol.client import LanguageConfig
+from dcap.scene.errors import InputError
 from dcap.scene.types.given_labels import GivenLabels
 from dcap.scene.types.scan import Scan
 from dcap.scene.types.segmentation import Instance, Segmentation, SegmentedObject, SegmentedScene
 from tasks.runner.stage import stage
 from tasks.segment.given_things import GivenGroups, given_groups
+from tasks.segment.known_scene import known_scene
 from tasks.segment.part_names import with_part_names
 from tasks.segment.room_labels import labelled_room
 
@@ -41,6 +43,10 @@ def segment(
     scan: Scan, config: SegmentConfig, client: Client, labels: GivenLabels | None = None
 ) -> SegmentedScene:  # fmt: skip
     """Divide a scene into instances and parts; `labels` say what is where instead of the source."""
+    if scan.earlier is not None:
+        if labels is not None:
+            raise InputError(f"--labels {labels.source}: the scene was written by a placement, with its names; omit it")
+        return SegmentedScene(known_scene(scan, scan.earlier))
     table = FaceTable.of(scan.mesh)
     given = None if labels is None else _given(scan, table, labels, client)
     if given is not None:

@@ -1,8 +1,10 @@
 """Values to store about what was asked of an object and why it was refused."""
 
 import numpy as np
+from dented_bed import anchor, scene_of
 from numpy.typing import NDArray
 
+from dcap.scene.types.earlier import Deformation, EarlierPlacements, FreedThings, PlacedThing
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.outcome import ObjectHole, OpenObject
 from dcap.scene.types.paint import Paint, SourceSurface
@@ -28,3 +30,11 @@ def painted_records(picture: NDArray[np.uint8]) -> tuple[object, ...]:
     renders = Renders(picture, picture, picture, 0.75, np.zeros(3), np.ones(3), picture, picture, picture, seen)
     triangle = Mesh.of(np.eye(3), [[0, 1, 2]])
     return paint, SourceSurface(triangle, paint), SourceSurface.untextured(), seen, renders
+
+
+def earlier_records() -> tuple[object, ...]:
+    """What a scene tells of placements before."""
+    thing = PlacedThing("placed_1", 0.4, ("bed",), "put the ball on the bed")
+    dent = Deformation("bed", ("placed_1",), Mesh.of(np.eye(3), [[0, 1, 2]]), np.full((3, 3), -0.01))
+    known = EarlierPlacements(scene_of().instances, (), (thing,), (("placed_1", "bed"),), (dent,))
+    return thing, dent, known, FreedThings(scene_of(), anchor(), (thing,), "bed", (), ("in reach",))

@@ -17,6 +17,16 @@ from dcap.scene.readers.mesh.ply import read_ply
 from dcap.scene.readers.mesh.raw import RawMesh
 from dcap.scene.readers.mesh.stl import read_stl
 from dcap.scene.readers.scenes.interiorgs import is_interiorgs, read_labels, read_structure
+from dcap.scene.readers.scenes.placed_scene import (
+    OBJECT_MESH,
+    SCENE,
+    is_placed_scene,
+    named_nodes,
+    parts_of_last,
+    placed_scene_files,
+    read_earlier,
+    read_facts,
+)
 from dcap.scene.readers.scenes.scannet import is_scannet, majority, read_scannet
 from dcap.scene.readers.scenes.sugar import check_suffix, describe, find_mesh
 from dcap.scene.readers.splats.formats import is_splats, read_gaussians
@@ -28,6 +38,7 @@ from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.paint import SourceSurface
 from dcap.scene.types.sample import SourceOptions
 from dcap.scene.types.scan import LabelBox, Room, Scan
+from dcap.scene.types.segmentation import part_nodes
 
 READERS = {
     ".glb": read_gltf, ".gltf": read_gltf, ".obj": read_obj, ".ply": read_ply, ".stl": read_stl,
@@ -108,6 +119,8 @@ def _read_folder(
     *,
     ask_scale: bool,
 ) -> Scan:
+    if is_placed_scene(folder):
+        return _read_placed(folder, options, role, labels)
     if is_scannet(folder) and not is_interiorgs(folder):
         if labels is not None:
             raise InputError(
@@ -154,6 +167,47 @@ def _read_scannet(folder: Path, options: SourceOptions, role: Role) -> Scan:
     return _scan(
         raw, replace(frame, world_from_file=frame.world_from_file @ file_from_scanned), label=options.label, mesh=None
     )
+
+
+def _read_placed(folder: Path, options: SourceOptions, role: Role, labels: VertexLabels | None) -> Scan:
+    """The scene of a folder that a placement wrote: in its world frame, with its own names."""
+    if role is not Role.SCENE:
+        raise InputError(f"{folder}: the folder of a placement is a scene; give the mesh of an object")
+    placed_scene_files(folder)  # refuses a folder that lacks one
+    given = [
+        name for name, value in (("up", options.up), ("unit", options.unit), ("label", options.label))
+        if value not in ("auto", "", STATED.get(name))
+    ]  # fmt: skip
+    if given or labels is not None:
+        name = option_name(role, given[0]) if given else f"--labels {labels.source if labels else ''}"
+        raise InputError(f"{name}: {folder} was written by a placement, in metres, z up and with its names; omit it")
+    path = folder / SCENE
+    facts = read_facts(folder)
+    earlier = read_earlier(folder, facts)
+    raw, _ = read_file(path)
+    names = named_nodes(path, facts, raw.node_names, raw.node_labels)
+    frame = find_frame(raw, SourceOptions(up="y", unit="m"), role)
+    scan = _scan(raw, replace(frame, unit_source="format"), label="", mesh=None)
+    known = [node for one in facts.instances for node in part_nodes(one.id, [part.name for part in one.parts])]
+    nodes = {name: number for number, name in enumerate(dict.fromkeys([*known, *filter(None, names)]))}
+    face_node = np.array([*(nodes.get(name, -1) for name in names), -1], dtype=np.int32)[scan.face_node]
+    last = next((one for one in facts.instances if one.id == facts.object), None)
+    if last is not None:
+        mine = np.flatnonzero(face_node == nodes[last.id])
+        if not (folder / OBJECT_MESH).is_file():
+            raise InputError(f"{folder}: {OBJECT_MESH} is missing, the object as it came to rest; place again into it")
+        given_mesh = read_ply(folder / OBJECT_MESH)
+        part = parts_of_last(
+            folder / SCENE, last, Mesh.of(given_mesh.vertices, given_mesh.faces),
+            scan.mesh.corners(mine).mean(axis=1),
+        )  # fmt: skip
+        face_node[mine] = np.array(
+            [nodes[name] for name in part_nodes(last.id, [one.name for one in last.parts])], dtype=np.int32
+        )[part]
+    return replace(
+        scan, face_node=face_node, node_names=tuple(nodes), node_labels=(), world_from_file=np.eye(4), up="z",
+        earlier=earlier,
+    )  # fmt: skip
 
 
 def check_options(folder: Path, options: SourceOptions, role: Role) -> None:

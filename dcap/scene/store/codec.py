@@ -24,6 +24,7 @@ from dcap.scene.errors import StoreError
 from dcap.scene.store.ply import mesh_from_ply, mesh_to_ply
 from dcap.scene.types.anchor import Anchor, Lean
 from dcap.scene.types.box import OrientedBox
+from dcap.scene.types.earlier import Deformation, EarlierPlacements, FreedThings, PlacedThing
 from dcap.scene.types.file_scale import FileScale
 from dcap.scene.types.given_labels import GivenLabels, GivenPart, GivenThing, VertexLabels
 from dcap.scene.types.intent import Intent, OrientationRequest, RegionConstraint, RegionRequest, SupportCandidate
@@ -88,15 +89,15 @@ KINDS: dict[str, type] = {
     one.__name__: one
     for one in (
         Anchor, AskedPose, BackgroundGrid, BesideThePart, BodyGeometry, BodyPath, BodyStability, BondRow, Certificate,
-        CertificateRow, ColumnLayer, ContactFriction, ContactRow, DistanceGrid, DropFrames, FileScale, GivenLabels,
-        GivenPart, GivenPlace, GivenThing, HiddenObject, History, InertialProperties, Infeasible, Instance, Intent,
-        InTheWay, KickCheck, KickRow, KnownHeight, LabelBox, LastState, LayerConstants, LayeredPoints, Lean,
-        LeanCheck, Material, MaterialPoints, MaterialState, Mesh, NoRoom, NotDone, NotInScene, ObjectHole, OpenObject,
-        OrientationRequest, OrientedBox, Overview, Paint, Part, Particles, PartMaterial, PartMaterials,
-        PlacementChecks, Pointed, PoseCheck, PushBounds, PushRow, RegionConstraint, RegionRequest, Renders,
-        RepairReport, RigidSimulationBody, RollingRow, Room, Rotation, Sample, Scan, Segmentation, Settled,
-        SettledBody, SignalRows, SoftSimulationBody, SourceOptions, SourceSurface, StabilityGrade, SupportCandidate,
-        VertexLabels, Visibility,
+        CertificateRow, ColumnLayer, ContactFriction, ContactRow, Deformation, DistanceGrid, DropFrames,
+        EarlierPlacements, FileScale, FreedThings, GivenLabels, GivenPart, GivenPlace, GivenThing, HiddenObject,
+        History, InertialProperties, Infeasible, Instance, Intent, InTheWay, KickCheck, KickRow, KnownHeight,
+        LabelBox, LastState, LayerConstants, LayeredPoints, Lean, LeanCheck, Material, MaterialPoints, MaterialState,
+        Mesh, NoRoom, NotDone, NotInScene, ObjectHole, OpenObject, OrientationRequest, OrientedBox, Overview, Paint,
+        Part, Particles, PartMaterial, PartMaterials, PlacedThing, PlacementChecks, Pointed, PoseCheck, PushBounds,
+        PushRow, RegionConstraint, RegionRequest, Renders, RepairReport, RigidSimulationBody, RollingRow, Room,
+        Rotation, Sample, Scan, Segmentation, Settled, SettledBody, SignalRows, SoftSimulationBody, SourceOptions,
+        SourceSurface, StabilityGrade, SupportCandidate, VertexLabels, Visibility,
     )
 }  # fmt: skip
 """Every type that may be stored, by the name that `value.json` gives it: files outlive moves between modules."""

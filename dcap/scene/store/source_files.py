@@ -1,8 +1,9 @@
 """Which files make up a foreign scene or mesh: the file itself and what it names.
 
-A folder gives all its files, one of ScanNet those that are read (its recordings take gigabytes); an OBJ brings its MTL
-files and their textures, a glTF its buffers and pictures. Only what lies in the file's own folder counts, and ground
-truth never does. Absurd inputs are refused before anything is read.
+A folder gives all its files, one of ScanNet those that are read (its recordings take gigabytes), one that a placement
+wrote those that make up its scene; an OBJ brings its MTL files and their textures, a glTF its buffers and pictures.
+Only what lies in the file's own folder counts, and ground truth never does. Absurd inputs are refused before anything
+is read.
 """
 
 import os
@@ -12,6 +13,7 @@ from pathlib import Path
 from dcap.scene.errors import InputError
 from dcap.scene.readers.companions import companions
 from dcap.scene.readers.scenes.interiorgs import is_interiorgs
+from dcap.scene.readers.scenes.placed_scene import is_placed_scene, placed_scene_files
 from dcap.scene.readers.scenes.scannet import scannet_files
 from dcap.scene.readers.scenes.sugar import MESH_SUFFIXES, check_suffix, is_generic
 from dcap.scene.readers.splats.sog import META
@@ -28,6 +30,8 @@ def source_files(path: Path) -> tuple[str, dict[str, Path]]:
     """Name of the main file (`.` for a folder) and all files by their name relative to the main file's folder."""
     if not path.exists():
         raise InputError(f"{path}: no such file or folder")
+    if is_placed_scene(path):  # its pictures and timings are no part of the scene
+        return ".", checked(path, ((file.name, file) for file in placed_scene_files(path)))
     if path.is_dir():
         scannet = None if is_interiorgs(path) else scannet_files(path)
         files = folder_files(path) if scannet is None else ((file.name, file) for file in scannet.present)
@@ -46,7 +50,7 @@ def telling_folder(path: Path, files: Iterable[str]) -> str:
     `files` are the names that `source_files` gave. A scene with annotations is not named at all.
     """
     folder = Path(os.path.abspath(path if path.is_dir() else path.parent))
-    if path.is_dir() and (is_interiorgs(path) or scannet_files(path) is not None):
+    if is_placed_scene(path) or (path.is_dir() and (is_interiorgs(path) or scannet_files(path) is not None)):
         return ""
     top = (Path(name) for name in files if "/" not in name)
     meshes = (one for one in top if one.suffix.lower() in MESH_SUFFIXES or one.name == META)

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from dcap.scene.errors import GeometryError
 from dcap.scene.types.arrays import check_array, check_index
 from dcap.scene.types.box import OrientedBox
+from dcap.scene.types.earlier import EarlierPlacements
 from dcap.scene.types.mesh import Mesh
 
 
@@ -59,6 +60,8 @@ class Scan:
     node_labels: tuple[str | None, ...] = ()
     """What the source annotates each node's instance as: `chair`; '' for nothing, None where it does not say. Such a
     node is called `instance id` or `instance id/part`. Empty: the names are all there is."""
+    earlier: EarlierPlacements | None = None
+    """What is known of a scene in which things were placed before; its nodes are the instances. None: nothing was."""
 
     def __post_init__(self) -> None:
         check_index("face_node", self.face_node, length=len(self.mesh.faces), count=len(self.node_names))

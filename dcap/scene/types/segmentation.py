@@ -1,5 +1,6 @@
 """Which face belongs to which instance and part."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import NewType
 
@@ -42,10 +43,22 @@ class Instance:
     """0..1, how sure the label is: 1 where the source names the thing, less where it was guessed from its shape."""
     guesses: tuple[tuple[str, float], ...] = ()
     """What it may be and how probable that is, the likeliest first; empty where the source names it."""
+    placed: bool = False
+    """True for what an earlier placement has put there: it may move again."""
 
     def __post_init__(self) -> None:
         if self.front is not None:
             check_array(f"front of {self.id}", self.front, 3)
+
+
+def part_nodes(instance_id: str, parts: Sequence[str]) -> list[str]:
+    """Names of the nodes of an instance's parts, `id/part`: one that repeats is counted, as in scene.glb."""
+    used: dict[str, int] = {}
+    nodes = []
+    for name in parts:
+        used[name] = used.get(name, 0) + 1
+        nodes.append(f"{instance_id}/{name}" if used[name] == 1 else f"{instance_id}/{name}.{used[name]}")
+    return nodes
 
 
 @dataclass(frozen=True, eq=False, slots=True)

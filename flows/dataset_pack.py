@@ -1,0 +1,308 @@
+"""A run as a dataset for others: settled meshes, maps, prompts and placements, with a manifest and a datasheet.
+
+In: a run, or the folder of one placement. Out: a folder or a .tar.gz whose bytes depend on the packed files alone:
+names are sorted, times, owners and modes fixed. It is made beside its place and moved there, so it appears whole or not
+at all. Nothing of this machine is in it: sources have their names, not their paths.
+"""
+
+import gzip
+import json
+import os
+import shutil
+import tarfile
+import tempfile
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from dcap.scene.errors import InputError
+from dcap.scene.json_tree import JsonObject, JsonValue
+from dcap.scene.settings import version
+from dcap.scene.store.artifacts import digest_of_file
+from dcap.scene.types.sample import Sample
+from flows.output import PICTURES, SCHEMA, readable_json
+from flows.pack_readme import readme
+from flows.placement_json import AT_REST
+from flows.run_files import PLACEMENT, RUN, Asked, asked_of, asked_of_run, find_run
+from flows.samples import EMBEDDED, SPLAT_ROOMS, licences_in
+
+FORMAT, VERSION = "dcap dataset", 1
+"""What a manifest says that it is of."""
+MANIFEST, README, DEFAULT = "manifest.json", "README.md", "dataset.tar.gz"
+ARCHIVES = (".tar.gz", ".tgz")
+RESULT = "placement.json"
+PACKED = (
+    RESULT, "object.ply", "object.glb", "scene.glb", "scene.json", "scene_settled.ply", "deformed_*.ply", "maps/**/*",
+    *(f"{name}.png" for name in PICTURES),
+)  # fmt: skip
+"""What of a placement's folder is packed, as patterns."""
+OWN = "Apache-2.0 (made by dcap from its own recipes)"
+"""Licence of the embedded rooms and objects."""
+UNKNOWN = "unknown"
+MODE = 0o644
+
+
+@dataclass(frozen=True, slots=True)
+class LeftOut:
+    """A sample that is not packed."""
+
+    id: str
+    why: str
+
+
+@dataclass(frozen=True, slots=True)
+class Pack:
+    """What was written."""
+
+    path: Path
+    manifest: JsonObject
+    warnings: tuple[str, ...]
+    """What whoever gives it to others should see to."""
+
+
+def pack_run(run: str, out: Path | None) -> Pack:
+    """Pack a run; InputError where nothing of it can be packed."""
+    asked = asked_for(run)
+    target = out or asked.folder / DEFAULT
+    refuse_place(target)
+    found, left = packable(asked)
+    if not found:
+        why = "; ".join(f"{one.id}: {one.why}" for one in left[:3]) or "it has no samples"
+        raise InputError(f"{asked.folder}: there is nothing to pack: {why}")
+    known = licences_of(asked)
+    target.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(dir=target.parent, prefix=".packing-") as name:
+        draft = Path(name) / stem_of(target)
+        draft.mkdir()
+        manifest = write_draft(draft, asked, found, left, known)
+        if is_archive(target):
+            archived(draft, Path(name) / "archive")
+            os.replace(Path(name) / "archive", target)
+        else:
+            moved_in(draft, target, Path(name) / "old")
+    return Pack(target, manifest, warnings_of(known, found, left))
+
+
+def asked_for(run: str) -> Asked:
+    """What was asked of a run, or of one placement."""
+    folder = Path(run)
+    if (folder / PLACEMENT).is_file() and not (folder / RUN).is_file():
+        return asked_of(run, None)[0]
+    return asked_of_run(find_run(run))
+
+
+def refuse_place(target: Path) -> None:
+    """Refuse to write where other things are, before anything is copied."""
+    if is_archive(target):
+        if target.is_dir():
+            raise InputError(f"--out {target}: a folder; give a file name, or a folder without {ARCHIVES[0]}")
+    elif target.suffix in (".zip", ".tar", ".gz", ".bz2", ".xz", ".7z"):
+        raise InputError(
+            f"--out {target}: {target.suffix} is not written; give a folder or a name that ends in .tar.gz"
+        )
+    elif target.is_file():
+        raise InputError(f"--out {target}: a file; give a folder or a name that ends in .tar.gz")
+    elif target.is_dir() and any(target.iterdir()) and not is_pack(target):
+        raise InputError(f"--out {target}: the folder holds other things; give an empty or a new one")
+
+
+def is_archive(path: Path) -> bool:
+    """Whether an archive is asked for, by its name."""
+    return path.name.endswith(ARCHIVES)
+
+
+def is_pack(folder: Path) -> bool:
+    """Whether a folder is an earlier pack."""
+    try:
+        tree = json.loads((folder / MANIFEST).read_text())
+    except (OSError, ValueError):
+        return False
+    return isinstance(tree, dict) and tree.get("format") == FORMAT
+
+
+def stem_of(target: Path) -> str:
+    """The name of the folder inside an archive."""
+    name = target.name
+    for suffix in ARCHIVES:
+        name = name.removesuffix(suffix)
+    return name or "dataset"
+
+
+# what is packed -------------------------------------------------------------------------------------------------------
+
+
+def packable(asked: Asked) -> tuple[list[Sample], list[LeftOut]]:
+    """The samples that have a result, and those that have none, by id."""
+    found, left = [], []
+    for name in sorted(asked.samples):
+        folder = asked.folder_of(name)
+        failure = folder / "error.txt"
+        if failure.is_file():
+            left.append(LeftOut(name, f"failed: {without_paths(first_line(failure), asked.samples[name])}"))
+        elif result_of(folder) is None:
+            left.append(LeftOut(name, f"no readable {RESULT}"))
+        else:
+            found.append(asked.samples[name])
+    return found, left
+
+
+def first_line(path: Path) -> str:
+    """The first line of a text."""
+    return next(iter(path.read_text(errors="replace").splitlines()), "")
+
+
+def without_paths(message: str, sample: Sample) -> str:
+    """A message with the names of the sample's files instead of their paths."""
+    for path in (sample.scene, sample.object, sample.labels):
+        message = message.replace(path, Path(path).name) if path else message
+    return message
+
+
+def result_of(folder: Path) -> Mapping[str, JsonValue] | None:
+    """placement.json of a folder; None where there is none that can be read."""
+    try:
+        tree = json.loads((folder / RESULT).read_text())
+    except (OSError, ValueError):
+        return None
+    return tree if isinstance(tree, dict) and "verdict" in tree else None
+
+
+def files_in(folder: Path) -> list[str]:
+    """Names of the files of a placement that are packed, sorted; links are not followed."""
+    found = {path for pattern in PACKED for path in folder.glob(pattern) if path.is_file() and not path.is_symlink()}
+    return sorted(path.relative_to(folder).as_posix() for path in found)
+
+
+def licences_of(asked: Asked) -> dict[str, str]:
+    """The licence of each sample's scene and object as far as it is known, by id."""
+    try:
+        given = json.loads((asked.folder / RUN).read_text()).get("dataset", "")
+    except (OSError, ValueError):
+        given = ""
+    dataset = Path(str(given))
+    if given and dataset in (EMBEDDED.resolve(), SPLAT_ROOMS.resolve()):
+        return dict.fromkeys(asked.samples, OWN)
+    told = licences_in(dataset) if given and dataset.is_file() else {}
+    return {name: told.get(name, "").strip() or UNKNOWN for name in asked.samples}
+
+
+def warnings_of(known: Mapping[str, str], found: Sequence[Sample], left: Sequence[LeftOut]) -> tuple[str, ...]:
+    """What to see to before giving the pack to others."""
+    unknown = [one.id for one in found if known[one.id] == UNKNOWN]
+    told = []
+    if unknown:
+        more = f" and {len(unknown) - 3} more" if len(unknown) > 3 else ""
+        told.append(
+            f"the licence of the sources of {', '.join(unknown[:3])}{more} is unknown; find out before you pass it on, "
+            "and say it as `licence` of the sample in the dataset's file"
+        )
+    return (*told, *(f"left out: {one.id}: {one.why}" for one in left))
+
+
+# writing --------------------------------------------------------------------------------------------------------------
+
+
+def write_draft(
+    draft: Path, asked: Asked, found: Sequence[Sample], left: Sequence[LeftOut], known: Mapping[str, str]
+) -> JsonObject:
+    """All files of the pack; returns its manifest."""
+    rows: list[JsonValue] = []
+    for sample in found:
+        source = asked.folder_of(sample.id)
+        own = Path("placements") / source.name if not asked.one else Path("placements") / "placement"
+        names = files_in(source)
+        for name in names:
+            (draft / own / name).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(source / name, draft / own / name)
+        rows.append(sample_row(sample, own, draft / own, names, known[sample.id]))
+    schema = next(
+        (asked.folder_of(one.id) / SCHEMA for one in found if (asked.folder_of(one.id) / SCHEMA).is_file()), None
+    )
+    if schema is not None:
+        shutil.copyfile(schema, draft / SCHEMA)
+    prompts = [{"id": one.id, "prompt": one.prompt} for one in found]
+    (draft / "prompts.jsonl").write_bytes(b"".join(json_line(one) for one in prompts))
+    verdicts = [str(row["verdict"]) for row in rows if isinstance(row, Mapping)]
+    manifest: JsonObject = {
+        "format": FORMAT,
+        "version": VERSION,
+        "dcap": version(),
+        "name": stem_of(draft),
+        "counts": {
+            "samples": len(found),
+            "at_rest": verdicts.count(AT_REST),
+            "infeasible": len(verdicts) - verdicts.count(AT_REST),
+            "left_out": len(left),
+        },
+        "licences": licence_counts(known[one.id] for one in found),
+        "samples": rows,
+        "left_out": [{"id": one.id, "why": one.why} for one in left],
+    }
+    (draft / README).write_text(readme(manifest))
+    manifest["files"] = [
+        {"path": name, "bytes": (draft / name).stat().st_size, "sha256": digest_of_file(draft / name)}
+        for name in names_below(draft)
+    ]
+    (draft / MANIFEST).write_bytes(readable_json(manifest))
+    return manifest
+
+
+def json_line(value: object) -> bytes:
+    """A line of JSON."""
+    return (json.dumps(value, ensure_ascii=False) + "\n").encode()
+
+
+def sample_row(sample: Sample, own: Path, folder: Path, names: Sequence[str], licence: str) -> JsonObject:
+    """What the manifest says of a sample."""
+    tree = result_of(folder) or {}
+    return {
+        "id": sample.id,
+        "prompt": sample.prompt,
+        "scene": Path(sample.scene).name,
+        "object": Path(sample.object).name,
+        "licence": licence,
+        "verdict": tree.get("verdict"),
+        "reason": tree.get("reason"),
+        "base": tree.get("base"),
+        "mass": tree.get("mass"),
+        "placement_schema": tree.get("schema"),
+        "folder": own.as_posix(),
+        "maps": any(name.startswith("maps/") for name in names),
+    }
+
+
+def licence_counts(licences: Iterable[str]) -> JsonObject:
+    """How many samples each licence covers, by name."""
+    found: dict[str, int] = {}
+    for one in licences:
+        found[one] = found.get(one, 0) + 1
+    return {name: found[name] for name in sorted(found)}
+
+
+def names_below(folder: Path) -> list[str]:
+    """All files below a folder, sorted by name."""
+    return sorted(path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file())
+
+
+def archived(folder: Path, target: Path) -> None:
+    """Write a .tar.gz of a folder; same files, same bytes."""
+    with (
+        target.open("wb") as raw,
+        gzip.GzipFile(filename="", mode="wb", fileobj=raw, mtime=0) as packed,
+        tarfile.open(fileobj=packed, mode="w", format=tarfile.PAX_FORMAT) as tar,
+    ):
+        for name in names_below(folder):
+            entry = tarfile.TarInfo(f"{folder.name}/{name}")
+            entry.size, entry.mode = (folder / name).stat().st_size, MODE
+            with (folder / name).open("rb") as file:
+                tar.addfile(entry, file)
+
+
+def moved_in(draft: Path, target: Path, old: Path) -> None:
+    """Put a folder in its place; an earlier pack there goes."""
+    for path in draft.rglob("*"):
+        path.chmod(0o755 if path.is_dir() else MODE)
+    draft.chmod(0o755)
+    if target.exists():
+        os.rename(target, old)
+    os.rename(draft, target)
