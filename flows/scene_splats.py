@@ -16,7 +16,7 @@ from dcap.scene.store.artifacts import Source, Store
 from dcap.scene.writers.gaussians import write_splat_parts
 from flows.placement_json import Values
 from flows.sample_run import FinishedSample
-from tasks.render.settled_splats import settled_splats
+from tasks.render.settled_splats import SettledSplats, settled_splats
 
 LOG = logging.getLogger(__name__)
 
@@ -36,16 +36,16 @@ def splat_artifact(finished: FinishedSample, values: Values, folder: Path) -> di
     try:
         if values.settled is None or splats_of(finished.sample.scene) is None:
             return {}
-        write_scene_splats(finished, values, folder / SETTLED_SPLATS)
+        made = settled_scene_splats(finished, values)
     except DcapError as error:  # the placement is sound without it
         LOG.warning("no %s: %s", SETTLED_SPLATS, error)
-        (folder / SETTLED_SPLATS).unlink(missing_ok=True)
         return {}
+    write_made(made, folder)
     return {"splats": SETTLED_SPLATS}
 
 
-def write_scene_splats(finished: FinishedSample, values: Values, path: Path) -> None:
-    """Write the file. InputError where the scene has no Gaussians, or the placement no rest state."""
+def settled_scene_splats(finished: FinishedSample, values: Values) -> SettledSplats:
+    """What the file shall hold. InputError where the scene has no Gaussians, or the placement no rest state."""
     sample = finished.sample
     scan, scene, item, anchor, settled = values.scan, values.scene, values.item, values.anchor, values.settled
     if splats_of(sample.scene) is None:
@@ -59,5 +59,9 @@ def write_scene_splats(finished: FinishedSample, values: Values, path: Path) -> 
     kept = splats_of(str(source.path))
     assert kept is not None
     colors = partial(surface_colors, painted(item.mesh, values.object_surface))
-    made = settled_splats(read_gaussians(kept), scan.world_from_file, scene, item, anchor, settled, colors=colors)
-    write_splat_parts(path, made.parts(), len(made), DEGREE, made.comments)
+    return settled_splats(read_gaussians(kept), scan.world_from_file, scene, item, anchor, settled, colors=colors)
+
+
+def write_made(made: SettledSplats, folder: Path) -> None:
+    """Write the file into a folder."""
+    write_splat_parts(folder / SETTLED_SPLATS, made.parts(), len(made), DEGREE, made.comments)
