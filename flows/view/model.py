@@ -34,7 +34,7 @@ MOST_MOVING = 2_500_000
 MOST_POINTS = 60_000
 """Material points of a body that are drawn [-]."""
 UNASSIGNED = "unassigned"
-HOVER = 5e-4
+HOVER = 1.5e-3
 """Contact points are drawn this far above their place, so that the surface does not hide them [m]."""
 CLOSEUP, CLOSEUP_LIFT = 1.6, 0.35
 """Distance of the close-up over the object's diagonal, and its height over its distance along the floor [-]."""
