@@ -34,10 +34,14 @@ MOST_MOVING = 2_500_000
 MOST_POINTS = 60_000
 """Material points of a body that are drawn [-]."""
 UNASSIGNED = "unassigned"
-HOVER = 5e-4
+HOVER = 1.5e-3
 """Contact points are drawn this far above their place, so that the surface does not hide them [m]."""
+OFF_WALL, OFF_FLOOR = 0.3, 0.5
+"""How far from a wall and a floor what is looked at counts as inside the room [m]."""
 CLOSEUP, CLOSEUP_LIFT = 1.6, 0.35
 """Distance of the close-up over the object's diagonal, and its height over its distance along the floor [-]."""
+LEAST_DOT, LARGEST_DOT = 1e-3, 8e-3
+"""Size of the dot of a contact point [m]: a few points far apart stay points."""
 UP = np.array([0.0, 0.0, 1.0])
 
 
@@ -152,7 +156,7 @@ def placement_view(values: Values, config: PlaceConfig) -> PlacementView:
     time = motion.time if motion else np.arange(len(thing.poses) if thing else 1, dtype=float)
     height = base.at(len(time) - 1)[1] if base else np.zeros(0)
     return PlacementView(
-        pieces=tuple(room_pieces(few, ~moving, view.target)),
+        pieces=tuple(room_pieces(few, ~moving, inside_near(scene, view.target))),
         view=view,
         closeup=closeup(view, thing, anchor) if thing and anchor else None,
         thing=thing,
@@ -259,13 +263,24 @@ def middle_of(scene: Segmentation) -> Array:
     return np.asarray(scene.mesh.bounds.mean(axis=0))
 
 
+def inside_near(scene: Segmentation, target: Array) -> Array:
+    """A point inside the room near a target, which may lie on the floor or at a wall [m], shape (3,)."""
+    low, high = scene.mesh.bounds
+    way = 0.5 * (low + high) - target
+    flat = float(np.linalg.norm(way[:2]))
+    inside = target.copy()
+    inside[:2] += way[:2] * min(1.0, OFF_WALL / flat if flat > 0.0 else 0.0)
+    inside[2] += min(OFF_FLOOR, 0.5 * max(float(high[2] - target[2]), 0.0))
+    return inside
+
+
 def contact_dots(points: Array) -> ContactDots | None:
     """The contact patch as dots that nearly touch."""
     if not len(points):
         return None
     extent = float(np.linalg.norm(np.ptp(points, axis=0)))
-    size = extent / max(np.sqrt(len(points)), 1.0) if len(points) > 1 else 0.0
-    return ContactDots((points + HOVER * UP).astype(np.float32), float(np.clip(0.5 * size, 1e-3, 0.02)))
+    size = np.clip(0.5 * extent / np.sqrt(len(points)), LEAST_DOT, max(LEAST_DOT, min(LARGEST_DOT, 0.04 * extent)))
+    return ContactDots((points + HOVER * UP).astype(np.float32), float(size))
 
 
 def anchor_mark(scene: Segmentation, item: Segmentation, anchor: Anchor) -> AnchorMark:

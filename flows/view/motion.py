@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation as Turn
 
+from dcap.geometry.boundary import welded
 from dcap.geometry.deform import FAR, NEGLIGIBLE, DisplacementField, edge_lengths, refined, touching
 from dcap.scene.types.anchor import Anchor
 from dcap.scene.types.mesh import Mesh
@@ -39,6 +40,10 @@ class FollowingPoints:
         """What points (n, 3) with these indices follow in a field."""
         corner, weight, fade = field.carriers(points[index])
         return cls(index, corner, fade[:, None] * weight)
+
+    def only(self, some: NDArray[np.bool_]) -> "FollowingPoints":
+        """Those of the points that are chosen (k,)."""
+        return FollowingPoints(self.index[some], self.corner[some], self.weight[some])
 
     def shift(self, displacement: Array, count: int) -> Array:
         """How far all `count` points are moved by a displacement of the surface [m], shape (count, 3)."""
@@ -233,12 +238,16 @@ def moving_base(
     moving = mine & far[fine.faces].any(axis=1)
     if not moving.any():
         return scene, None, still
+    place_of = welded(fine.vertices)
+    shared = np.zeros(len(fine.vertices), dtype=bool)
+    shared[place_of[fine.faces[~moving]]] = True  # with faces that stay: a vertex that moved would open a gap
+    points = points.only(~shared[place_of[points.index]])
     around = np.flatnonzero(touching(fine, moving) & mine)
     used, inverse = np.unique(fine.faces[around], return_inverse=True)
     place = np.full(len(fine.vertices), -1, dtype=np.int64)
     place[used] = np.arange(len(used))
-    own = place[points.index] >= 0
-    few = FollowingPoints(place[points.index[own]], points.corner[own], points.weight[own])
+    few = points.only(place[points.index] >= 0)
+    few = replace(few, index=place[few.index])
     patch = Mesh(fine.vertices[used], inverse.reshape(-1, 3).astype(np.int32), fine.colors[used])
     last = few.shift(motion.displacement(body, len(motion.kept) - 1), len(used))
     shape = smooth(replace(patch, vertices=patch.vertices + last))

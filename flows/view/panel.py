@@ -238,7 +238,7 @@ def add_signals(gui: viser.GuiApi, signals: SignalSeries) -> None:
         (signals.time, *signals.share.values(), one),
         (uplot.Series(label="time [s]"), *lines, limit),
         scales={"x": uplot.Scale(time=False), "y": uplot.Scale(distr=3, log=10, min=low, max=top, auto=False)},
-        axes=(uplot.Axis(label="time [s]"), uplot.Axis(label="over its threshold", size=70)),
+        axes=(uplot.Axis(label="time [s]"), uplot.Axis(label="over its threshold", size=70, ticks={"show": False})),
         legend=uplot.Legend(show=True),
         aspect=1.1,
     )  # fmt: skip

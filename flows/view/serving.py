@@ -1,5 +1,6 @@
 """The server of the viewer: on this machine alone, on the first free port from the one that was asked."""
 
+import logging
 import os
 import socket
 import sys
@@ -28,6 +29,7 @@ class LocalViewer(viser.ViserServer):
 def open_server(port: int) -> LocalViewer:
     """A server on `port`, or on the next free one; what viser prints is dropped."""
     rich.reconfigure(stderr=True, quiet=True)  # viser prints to standard output, which is the URL's
+    logging.getLogger("websockets").setLevel(logging.CRITICAL)  # browsers open connections that they never use
     server = LocalViewer(host=HOST, port=free_port_from(port), label="dcap", verbose=False)
     arrange(server)
     return server

@@ -11,7 +11,7 @@ from dcap.scene.types.settled import Settled
 
 Array = NDArray[np.float64]
 
-FLOOR, CEILING = 1e-6, 1e9
+FLOOR, CEILING = 1e-3, 1e9
 """What is drawn of a signal over its threshold [-]: a logarithm has no zero."""
 NAMES = ("linear_speed", "angular_speed", "particle_speed", "force_residual", "torque_residual")
 

@@ -16,7 +16,7 @@ from dcap.scene.types.segmentation import Segmentation
 from flows.place import PlaceConfig
 from flows.view import model
 from flows.view.heat import DEEP, LEVEL, heat_colors
-from flows.view.model import placement_view, scene_view
+from flows.view.model import inside_near, placement_view, room_pieces, scene_view
 
 MILLIMETRE = 1e-3
 """The dent is a fan of chords 15 mm long in a sphere of 100 mm: off by up to 0.3 mm, and normals turn along them."""
@@ -128,6 +128,20 @@ def test_walls_are_seen_from_inside_alone() -> None:
             corner = one.surface.vertices[one.surface.faces].astype(float)
             normal = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
             assert (np.einsum("ij,ij->i", normal, target - corner.mean(axis=1)) >= -1e-6).all()
+
+
+def test_a_floor_is_whole_under_what_lies_on_it() -> None:
+    """All level faces of the floor look up, where the contact is on the floor and at the wall, too."""
+    target = np.array([2.999, 0.0, 0.0])
+    pieces = list(
+        room_pieces(scene_of(), np.ones(len(scene_of().mesh.faces), dtype=bool), inside_near(scene_of(), target))
+    )
+    floor = next(one.surface for one in pieces if one.instance == "floor")
+    corner = floor.vertices[floor.faces].astype(float)
+    normal = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
+    level = np.abs(normal[:, 2]) > 0.0
+    assert (normal[level, 2] > 0.0).all()
+    assert inside_near(scene_of(), target)[0] < 2.8
 
 
 def test_the_anchor_has_the_normal_of_the_surface_and_a_ray_down_to_it() -> None:
