@@ -40,7 +40,7 @@ def place(scene: AnyPath, object: AnyPath, prompt: str, **options: Unpack[PlaceK
     `solver`, `resolution` [m], `threads`, `arch`, `seed`, `stability`, `load_aware`, `paper_limits`. Each is
     explained by `dcap place --help`. `out` is the folder of the results; `maps` adds
     conditioning maps to it, `animate` a film of the drop,
-    `surface="iso"` the surfaces around the material points.
+    `surface` "iso" the surfaces around the material points.
 
     Raises InputError for input or options that cannot be used, LanguageError for a prompt that was not understood, and
     other kinds of DcapError.

@@ -15,6 +15,8 @@ from tasks.runner.context import Event, StageEvent
 
 ONE, TWO, THREE = (Sample(name, "room", "ball", "put it") for name in ("one", "two", "three"))
 ALL = len(STAGE_NAMES)
+INTENT = STAGE_NAMES.index("rotation")
+"""Stages up to intent."""
 
 
 def shown(display: Display) -> str:
@@ -45,22 +47,22 @@ def test_every_sample_moves_the_bar_once() -> None:
 
 def test_an_infeasible_sample_has_the_stages_it_got_to() -> None:
     """A sample that ends in an overview counts its own stages, not those of a feasible one."""
-    plan = Plan(ONE, STAGE_NAMES[:5], "overview", "new")
-    assert (plan.later, plan.stage_count) == ((), 6)
+    plan = Plan(ONE, STAGE_NAMES[:INTENT], "overview", "new")
+    assert (plan.later, plan.stage_count) == ((), INTENT + 1)
     display = Display([ONE])
-    display.planned(Plan(ONE, STAGE_NAMES[:2], "segment", "new"))
-    for stage in (*STAGE_NAMES[:5], "overview"):
+    display.planned(Plan(ONE, STAGE_NAMES[: STAGE_NAMES.index("segment")], "segment", "new"))
+    for stage in (*STAGE_NAMES[:INTENT], "overview"):
         display.listener(ONE)(StageEvent(stage, Event.FINISHED))
-    assert f"6 of {ALL} stages" in shown(display)
+    assert f"{INTENT + 1} of {ALL} stages" in shown(display)
     display.finished(ONE)
-    assert "6 of 6 stages" in shown(display)
+    assert f"{INTENT + 1} of {INTENT + 1} stages" in shown(display)
 
 
 def test_a_plan_counts_the_stages_of_each_sample(capsys: pytest.CaptureFixture[str]) -> None:
-    """Of an infeasible sample that lacks its overview five of six stages are there."""
-    print_plan([Plan(ONE, STAGE_NAMES[:5], "overview", "new"), Plan(TWO, STAGE_NAMES[:5], "rotation", "new")])
-    assert "5 of 6" in (said := capsys.readouterr().err)
-    assert f"5 of {ALL}" in said
+    """Of an infeasible sample that lacks its overview all but one stage are there."""
+    print_plan([Plan(ONE, STAGE_NAMES[:INTENT], "overview", "new"), Plan(TWO, STAGE_NAMES[:INTENT], "rotation", "new")])
+    assert f"{INTENT} of {INTENT + 1}" in (said := capsys.readouterr().err)
+    assert f"{INTENT} of {ALL}" in said
 
 
 def test_ids_are_shown_as_they_are(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
