@@ -1,0 +1,1 @@
+"""Sim-ready copies of a settled scene."""
