@@ -1,4 +1,4 @@
-"""Writes one sample of a run for a simulator or a splat viewer: a table of formats, and a folder that is written whole or not at all.
+"""Writes one sample of a run for a simulator or a splat viewer: a table of formats, and a folder written whole or not.
 
 In: a finished placement. Out: its folder, with the files of the format and `export.json`, which lists them: what an
 earlier export left there is replaced, anything else in the folder stays.

@@ -9,7 +9,8 @@ from functools import cache
 from typing import Any
 
 from dcap.scene.json_tree import JsonObject, object_to_json
-from flows.placement_json import SCHEMA_VERSION
+from dcap.scene.types.outcome import Reason
+from flows.placement_json import AT_REST, SCHEMA_VERSION
 from flows.results import Placement, adapter
 
 OWN = ("checks", "evidence", "folder", "tree")
@@ -21,6 +22,9 @@ def placement_schema() -> JsonObject:
     """The schema."""
     found = adapter(Placement).json_schema()
     keys = {name: value for name, value in found["properties"].items() if name not in OWN}
+    keys["verdict"] = {"enum": [AT_REST, "infeasible"]}
+    keys["reason"] = {"enum": [None, *(one.value for one in Reason)]}
+    keys["visible_fraction"] = {"anyOf": [{"type": "number", "minimum": 0, "maximum": 1}, {"type": "null"}]}
     keys["schema"] = {"const": SCHEMA_VERSION, "description": "Version of this schema."}
     keys["certificate"] = {
         "description": "Of a drop: its signals and what was asked (placement, column); else what a stage found.",

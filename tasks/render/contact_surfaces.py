@@ -19,6 +19,8 @@ from tasks.render.patch import patch_radius
 Array = NDArray[np.float64]
 
 COLOR = (255, 122, 26)
+SAME = 1e-6
+"""A contact point this near to a corner of the surface is that corner [m]."""
 
 
 def contact_nodes(settled: Settled) -> list[Node]:
@@ -40,14 +42,21 @@ def contact_nodes(settled: Settled) -> list[Node]:
 
 
 def patch_of(surface: Mesh, points: Array) -> Mesh:
-    """The part of a surface that lies at contact points (k, 3)."""
-    radius = patch_radius(points)
-    box = np.stack([points.min(axis=0) - radius, points.max(axis=0) + radius])
-    fine = subdivide_near(surface, box, 2.0 * radius)
-    middle = fine.triangles.mean(axis=1)
-    close = np.flatnonzero(cKDTree(points).query(middle, distance_upper_bound=radius, workers=-1)[0] <= radius)
-    patch = fine.submesh(close)
-    return Mesh.of(patch.vertices, patch.faces, COLOR)
+    """The part of a surface that lies at contact points (k, 3): faces of which every corner is one, and what of the
+    others is near a point."""
+    tree, radius = cKDTree(points), patch_radius(points)
+    carried = tree.query(surface.vertices, distance_upper_bound=SAME)[0] <= SAME
+    whole = carried[surface.faces].all(axis=1)
+    rest = surface.submesh(np.flatnonzero(~whole))
+    patch = [surface.submesh(np.flatnonzero(whole))]
+    if len(rest.faces):
+        box = np.stack([points.min(axis=0) - radius, points.max(axis=0) + radius])
+        fine = subdivide_near(rest, box, 2.0 * radius)
+        middle = fine.triangles.mean(axis=1)
+        close = tree.query(middle, distance_upper_bound=radius, workers=-1)[0] <= radius
+        patch.append(fine.submesh(np.flatnonzero(close)))
+    joined = Mesh.concatenate(patch)
+    return Mesh.of(joined.vertices, joined.faces, COLOR)
 
 
 def loads(row: ContactRow) -> dict[str, object]:
