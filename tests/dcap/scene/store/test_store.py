@@ -13,6 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from PIL import Image
+from placed_examples import chained
 from rest_records import (
     CHECKS,
     CONTACT,
@@ -34,7 +35,6 @@ from dcap.scene.store.codec import KINDS, decode, encode
 from dcap.scene.store.ref import Ref
 from dcap.scene.types.anchor import Anchor, Lean
 from dcap.scene.types.box import OrientedBox
-from dcap.scene.types.earlier import Deformation, EarlierPlacements, FreedThings, PlacedThing
 from dcap.scene.types.file_scale import FileScale
 from dcap.scene.types.given_labels import CornerFrame, GivenLabels, GivenPart, GivenThing, VertexLabels
 from dcap.scene.types.intent import Intent, OrientationRequest, RegionConstraint, RegionRequest, SupportCandidate
@@ -71,9 +71,6 @@ def a_mesh(count: int = 60) -> Mesh:
     return Mesh.of(
         RNG.normal(size=(count, 3)), RNG.integers(0, count, (count, 3)), RNG.integers(0, 256, (count, 3), np.uint8)
     )
-
-
-A_HEAP = a_mesh()
 
 
 def a_box() -> OrientedBox:
@@ -128,16 +125,9 @@ A_THING = GivenThing(
     "3", "sofa", 0.5, np.array([[0, 4], [6, 7]]), np.zeros((8, 3)), (GivenPart("seat", np.array([[0, 4]])),)
 )  # fmt: skip
 ANCHOR = Anchor("3", "mattress", 0, "center", np.zeros(2), np.zeros(3), np.eye(4), 0.01, np.zeros((4, 2)), "asked")
-MADE_OF = PartMaterial("3", "mattress", 0, MATERIAL, BodyModel.MPM, "a mattress")
-PLACED = PlacedThing("placed_1", 0.3, ("3",), "put the ball on the bed")
-DEFORMATION = Deformation("3", ("placed_1",), A_HEAP, RNG.normal(size=(60, 3)))
-SEGMENTATION = Segmentation(A_HEAP, (INSTANCE,), np.zeros(60, np.int32), np.zeros(60, np.int32))
 VALUES = [
     ANCHOR,
-    PLACED,
-    DEFORMATION,
-    EarlierPlacements((INSTANCE,), (MADE_OF,), (PLACED,), (("3", "placed_1"),), (DEFORMATION,)),
-    FreedThings(SEGMENTATION, ANCHOR, (PLACED,), "3", (MADE_OF,), ("it is free",)),
+    *chained(INSTANCE, ANCHOR, MATERIAL, a_mesh()),
     DistanceGrid(np.zeros(3), 0.01, RNG.normal(size=(4, 4, 4)).astype(np.float32)),
     FileScale(0.0254, "by a table"),
     GivenLabels("labels.json", (A_THING,), CornerFrame.Y_UP, complete=False, mesh="0123", notes=("one",)),
