@@ -124,9 +124,8 @@ BODIES = (a_body(rigid=True), a_body(rigid=False))
 A_THING = GivenThing(
     "3", "sofa", 0.5, np.array([[0, 4], [6, 7]]), np.zeros((8, 3)), (GivenPart("seat", np.array([[0, 4]])),)
 )  # fmt: skip
-ANCHOR = Anchor("3", "mattress", 0, "center", np.zeros(2), np.zeros(3), np.eye(4), 0.01, np.zeros((4, 2)), "asked")
 VALUES = [
-    ANCHOR,
+    ANCHOR := Anchor("3", "top", 0, "center", np.zeros(2), np.zeros(3), np.eye(4), 0.01, np.zeros((4, 2)), "asked"),
     *chained(INSTANCE, ANCHOR, MATERIAL, a_mesh()),
     DistanceGrid(np.zeros(3), 0.01, RNG.normal(size=(4, 4, 4)).astype(np.float32)),
     FileScale(0.0254, "by a table"),
@@ -144,10 +143,7 @@ VALUES = [
         RegionRequest("", ("left", "front"), (), "left front", "", (LIMIT,)), ("gently",), (), (SUPPORT,),
     ),
     LabelBox("3", "bed", a_box()),
-    *(LEAN, LEANING),
-    LIMIT,
-    SUPPORT,
-    LAYERS,
+    *(LEAN, LEANING, LIMIT, SUPPORT, LAYERS),
     LAYERED,
     MATERIAL,
     a_mesh(),
