@@ -74,7 +74,7 @@ def drop(particles: Particles, anchor: Anchor, intent: Intent, seed: int, config
     if not moving and (toppled := toppling(settled, intent)) is not None:
         return toppled  # also where it went on to leave the simulated region: falling over came first
     if settled.verdict is not Verdict.AT_REST:
-        return Infeasible(Reason(settled.verdict), _story(settled), last_state(settled))
+        return Infeasible(Reason(settled.verdict), _story(settled, particles), last_state(settled))
     return judge(settled, anchor)
 
 
@@ -217,6 +217,14 @@ def turn_of(quaternion_wxyz: Array) -> float:
     return float(2.0 * np.arctan2(abs(z), abs(w)))
 
 
+def left_by(settled: Settled, particles: Particles) -> str:
+    """Which free body touches nothing any more: the object, or else a thing that was placed before."""
+    touching = {name for row in settled.contacts for name in (row.a, row.b)}
+    loose = [body.name for body in particles.bodies if not body.fixed and body.name not in touching]
+    own = particles.bodies[0].name
+    return "the object" if own in loose or not loose else f"{' and '.join(loose)}, placed before,"
+
+
 def last_state(settled: Settled) -> LastState:
     """What an infeasible outcome keeps of the last state."""
     own = settled.bodies[0]
@@ -232,10 +240,10 @@ def last_state(settled: Settled) -> LastState:
     )
 
 
-def _story(settled: Settled) -> str:
+def _story(settled: Settled, particles: Particles) -> str:
     """One sentence about a drop that did not come to rest."""
     if settled.verdict is Verdict.LEFT_TARGET:
-        return f"the object left its support after {settled.simulated_seconds:.2f} s"
+        return f"{left_by(settled, particles)} left its support after {settled.simulated_seconds:.2f} s"
     rows = settled.certificate.signals.exceeded.items()
     why = ", ".join(f"{name} {row.value:.2g} > {row.threshold:.2g}" for name, row in rows) or "the kick moved it"
     return f"no equilibrium after {settled.steps} steps ({settled.simulated_seconds:.2f} s): {why}"

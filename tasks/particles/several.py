@@ -98,6 +98,8 @@ def ground_setup(own: DropSetup, things: list[FreeThing], freed: FreedThings) ->
             root = by_id[root].carrier
         lead = replace(by_id[root].setup, borne=by_id[root].setup.borne + own.intent.mass)
         beside = [one for one in on_it if one.body != root]
+        own.notes[:] = [one for one in own.notes if not one.startswith(f"{own.anchor.base_id} is cut ")]
+        own.notes.append(f"{freed.ground} is cut around what takes part and clamped at the cut")
     setups = [own, *(one.setup for one in things)]
     crop, reach = setups[0].crop, setups[0].contact_region
     for one in setups[1:]:

@@ -13,6 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from PIL import Image
+from placed_examples import chained
 from rest_records import (
     CHECKS,
     CONTACT,
@@ -124,7 +125,8 @@ A_THING = GivenThing(
     "3", "sofa", 0.5, np.array([[0, 4], [6, 7]]), np.zeros((8, 3)), (GivenPart("seat", np.array([[0, 4]])),)
 )  # fmt: skip
 VALUES = [
-    Anchor("3", "mattress", 0, "center", np.zeros(2), np.zeros(3), np.eye(4), 0.01, np.zeros((4, 2)), "asked"),
+    ANCHOR := Anchor("3", "top", 0, "center", np.zeros(2), np.zeros(3), np.eye(4), 0.01, np.zeros((4, 2)), "asked"),
+    *chained(INSTANCE, ANCHOR, MATERIAL, a_mesh()),
     DistanceGrid(np.zeros(3), 0.01, RNG.normal(size=(4, 4, 4)).astype(np.float32)),
     FileScale(0.0254, "by a table"),
     GivenLabels("labels.json", (A_THING,), CornerFrame.Y_UP, complete=False, mesh="0123", notes=("one",)),
@@ -141,10 +143,7 @@ VALUES = [
         RegionRequest("", ("left", "front"), (), "left front", "", (LIMIT,)), ("gently",), (), (SUPPORT,),
     ),
     LabelBox("3", "bed", a_box()),
-    *(LEAN, LEANING),
-    LIMIT,
-    SUPPORT,
-    LAYERS,
+    *(LEAN, LEANING, LIMIT, SUPPORT, LAYERS),
     LAYERED,
     MATERIAL,
     a_mesh(),
