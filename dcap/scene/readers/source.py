@@ -91,16 +91,19 @@ def read_scan(
 
 def read_surface(path: Path, world_from_file: NDArray[np.float64]) -> SourceSurface:
     """The textured surface of a file or folder that `read_scan` has read; `world_from_file` as it found (4, 4)."""
+    placed = path.is_dir() and is_placed_scene(path)
     if path.is_dir():
         if is_scannet(path) and not is_interiorgs(path):
             return SourceSurface.untextured()
-        path, _ = find_mesh(path)
+        path = path / SCENE if placed else find_mesh(path)[0]
     if path.suffix.lower() not in TEXTURED or is_splats(path):
         return SourceSurface.untextured()
     with readable(path):
         raw = READERS[path.suffix.lower()](path).without_loose_vertices()
     if raw.paint is None or not raw.paint.textures:
         return SourceSurface.untextured()
+    if placed:  # the folder is in the world frame, its file as glTF wants it
+        world_from_file = find_frame(raw, SourceOptions(up="y", unit="m"), Role.SCENE).world_from_file
     colors = np.full(raw.vertices.shape, 255, dtype=np.uint8) if raw.colors is None else raw.colors
     mesh = Mesh(np.ascontiguousarray(raw.vertices), raw.faces.astype(np.int32), colors)
     paint = replace(raw.paint, corner_uv=np.nan_to_num(raw.paint.corner_uv, posinf=0.0, neginf=0.0))
