@@ -1,7 +1,7 @@
 """Contact patches as surfaces with their loads, one for each pair that touches.
 
-In: the settled state. Out: nodes of a file: the faces of the object's surface where it is carried, cut fine enough to
-follow the patch, with the area, force and mean pressure that the drop found.
+In: the settled state. Out: nodes of a file: of the object's surface, cut finely there, what is nearest to the contact
+points and makes up the area that the drop found, with that area, force and mean pressure.
 """
 
 import numpy as np
@@ -19,6 +19,8 @@ from tasks.render.patch import patch_radius
 Array = NDArray[np.float64]
 
 COLOR = (255, 122, 26)
+REACH = 4.0
+"""How far from a contact point its patch may reach, over the radius of the disc that it stands for [-]."""
 SAME = 1e-6
 """A contact point this near to a corner of the surface is that corner [m]."""
 
@@ -29,34 +31,39 @@ def contact_nodes(settled: Settled) -> list[Node]:
     rows = [row for row in settled.contacts if own.name in (row.a, row.b)]
     if not len(points) or not rows:
         return [Node("contacts")]
-    patch = patch_of(own.surface, points)
+    surface, away = near_points(own.surface, points)
     others = [row.b if row.a == own.name else row.a for row in rows]
     known = {body.name: body.surface for body in settled.bodies}
-    away = np.stack([Raycaster(known[name]).distance_to(patch.triangles.mean(axis=1)) for name in others])
-    nearest = away.argmin(axis=0)
+    middle = surface.triangles.mean(axis=1)
+    nearest = np.stack([Raycaster(known[name]).distance_to(middle) for name in others]).argmin(axis=0)
     children = []
     for number, (row, other) in enumerate(zip(rows, others, strict=True)):
-        mine = patch.submesh(np.flatnonzero(nearest == number))
-        children.append(Node(f"{own.name} on {other}", mine, label=f"contact with {other}", extras=loads(row)))
+        faces = patch_faces(surface, np.where(nearest == number, away, np.inf), row.area_m2)
+        patch = surface.submesh(faces)
+        colored = Mesh.of(patch.vertices, patch.faces, COLOR)
+        children.append(Node(f"{own.name} on {other}", colored, label=f"contact with {other}", extras=loads(row)))
     return [Node("contacts", children=tuple(children))]
 
 
-def patch_of(surface: Mesh, points: Array) -> Mesh:
-    """The part of a surface that lies at contact points (k, 3): faces of which every corner is one, and what of the
-    others is near a point."""
+def near_points(surface: Mesh, points: Array) -> tuple[Mesh, Array]:
+    """A surface cut finely near contact points (k, 3), and how far each of its faces is from one [m], shape (m,): none
+    where every corner is one."""
     tree, radius = cKDTree(points), patch_radius(points)
-    carried = tree.query(surface.vertices, distance_upper_bound=SAME)[0] <= SAME
-    whole = carried[surface.faces].all(axis=1)
-    rest = surface.submesh(np.flatnonzero(~whole))
-    patch = [surface.submesh(np.flatnonzero(whole))]
-    if len(rest.faces):
-        box = np.stack([points.min(axis=0) - radius, points.max(axis=0) + radius])
-        fine = subdivide_near(rest, box, 2.0 * radius)
-        middle = fine.triangles.mean(axis=1)
-        close = tree.query(middle, distance_upper_bound=radius, workers=-1)[0] <= radius
-        patch.append(fine.submesh(np.flatnonzero(close)))
-    joined = Mesh.concatenate(patch)
-    return Mesh.of(joined.vertices, joined.faces, COLOR)
+    box = np.stack([points.min(axis=0) - REACH * radius, points.max(axis=0) + REACH * radius])
+    carried = (tree.query(surface.vertices, distance_upper_bound=SAME)[0] <= SAME)[surface.faces].all(axis=1)
+    whole, rest = surface.submesh(np.flatnonzero(carried)), surface.submesh(np.flatnonzero(~carried))
+    fine = subdivide_near(rest, box, radius) if len(rest.faces) else rest
+    away = tree.query(fine.triangles.mean(axis=1), distance_upper_bound=REACH * radius, workers=-1)[0]
+    return Mesh.concatenate([whole, fine]), np.concatenate([np.zeros(len(whole.faces)), away])
+
+
+def patch_faces(surface: Mesh, away: Array, area: float) -> NDArray[np.int64]:
+    """The faces nearest to contact points, away (m,) [m] (inf: too far), that make up the area that the drop found
+    [m^2]; at least one."""
+    order = np.argsort(away, kind="stable")
+    order = order[np.isfinite(away[order])]
+    total = np.cumsum(surface.face_areas[order])
+    return np.sort(order[: int(np.searchsorted(total, area)) + 1])
 
 
 def loads(row: ContactRow) -> dict[str, object]:

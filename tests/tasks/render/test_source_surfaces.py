@@ -128,17 +128,19 @@ def document_of(data):
 
 
 def test_contact_patches_carry_their_loads():
-    """The ball's patch is a cap of the sphere: its area by the contact's radius."""
-    row = ContactRow(a="object", b="bed", area_m2=0.01, normal_force_n=9.81, tangential_force_n=0.0,
+    """The ball's patch is a cap of the sphere, of the area that was found, around its lowest point."""
+    area = 2.0 * np.pi * RADIUS * 0.027
+    row = ContactRow(a="object", b="bed", area_m2=area, normal_force_n=9.81, tangential_force_n=0.0,
                      max_penetration_m=0.0, max_gap_m=0.0, points=10)  # fmt: skip
     (root,) = contact_nodes(replace(settled(), contacts=(row,)))
     (patch,) = root.children
     assert patch.name == "object on bed"
-    assert patch.extras["mean_pressure_pa"] == pytest.approx(981.0)
+    assert patch.extras["mean_pressure_pa"] == pytest.approx(9.81 / area)
     assert patch.mesh is not None
-    contact = settled().contact_points
-    depth = contact[:, 2].max() - contact[:, 2].min()
-    assert patch.mesh.face_areas.sum() == pytest.approx(2 * np.pi * RADIUS * depth, rel=0.35)  # a patch of 15 mm points
+    assert patch.mesh.face_areas.sum() == pytest.approx(area, rel=0.02)
+    low = settled().bodies[0].surface.bounds[0, 2]
+    # a cap of area 2 pi R h is h high; its faces are a few millimetres large
+    assert patch.mesh.vertices[:, 2].max() - low == pytest.approx(0.027, abs=6e-3)
 
 
 def test_nothing_touches_nothing():
