@@ -139,8 +139,8 @@ def test_contact_patches_carry_their_loads():
     assert patch.mesh is not None
     assert patch.mesh.face_areas.sum() == pytest.approx(area, rel=0.02)
     low = settled().bodies[0].surface.bounds[0, 2]
-    # a cap of area 2 pi R h is h high; its faces are a few millimetres large
-    assert patch.mesh.vertices[:, 2].max() - low == pytest.approx(0.027, abs=6e-3)
+    # a cap of area 2 pi R h is h high; the points that it follows are 15 mm apart
+    assert patch.mesh.vertices[:, 2].max() - low == pytest.approx(0.027, abs=1e-2)
 
 
 def test_nothing_touches_nothing():
