@@ -29,9 +29,9 @@ ROOM = 0.01
 """What was not simulated stays this far from the object's own box [m]: it may be in the drop's way, but was not."""
 REACH = 0.5
 """What is nearer to the object than this [m] is decomposed."""
-COARSE, COARSE_BUDGETS, COARSE_DEPTH = 0.01, (100, 300, 1000), 0.05
+COARSE, COARSE_BUDGETS, COARSE_DEPTH = 0.01, (1000, 300, 100), 0.05
 """Walls and floors: tolerance [m], faces of each, depth of their prisms [m]."""
-SHELL, SHELL_BUDGETS = 0.005, (250, 500, 1000)
+SHELL, SHELL_BUDGETS = 0.005, (1000, 500, 250)
 """Of open surfaces in reach, most of them scanned: the same."""
 UNASSIGNED = "unassigned"
 

@@ -27,8 +27,8 @@ LEAST_DISTANCE = 1e-6  # of a point from its neighbours in such weights [m]
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Pose:
-    """A rigid motion, world from body."""
+class BodyFrame:
+    """The frame of a body in the world."""
 
     rotation: Array
     """Shape (3, 3)."""
@@ -73,14 +73,16 @@ def free_body(
     )  # fmt: skip
 
 
-def settled_pose(anchor: Anchor, body: SettledBody) -> Pose:
+def settled_pose(anchor: Anchor, body: SettledBody) -> BodyFrame:
     """That of the object's own origin and axes, as placement.json has it: without the scale."""
     turn = Rotation.from_quat(body.quaternion, scalar_first=True).as_matrix()
     linear = anchor.world_from_object[:3, :3]
-    return Pose(turn @ linear / np.cbrt(np.linalg.det(linear)), turn @ anchor.world_from_object[:3, 3] + body.position)
+    return BodyFrame(
+        turn @ linear / np.cbrt(np.linalg.det(linear)), turn @ anchor.world_from_object[:3, 3] + body.position
+    )
 
 
-def settled_inertial(body: SettledBody, start: SimulationBody, pose: Pose) -> InertialProperties:
+def settled_inertial(body: SettledBody, start: SimulationBody, pose: BodyFrame) -> InertialProperties:
     """Mass, centre of mass and inertia at rest, in the body's frame.
 
     Of a soft body those of its material points, each moved as the surface around it: their displacements beyond the

@@ -83,7 +83,7 @@ def halved(piece: Mesh, surface: Mesh, edges: NDArray[np.int64], normal: Array, 
     crossing = within(a + share * (b - a))
     points = np.concatenate([piece.vertices, within(surface.vertices)])
     side = points @ normal - offset
-    hulls = [convex_hull(np.concatenate([points[mine], crossing])) for mine in (side < 0.0, side > 0.0)]
+    hulls = [convex_hull(np.concatenate([points[mine], crossing])) for mine in (side <= 0.0, side >= 0.0)]
     return [one for one in hulls if one is not None]
 
 

@@ -16,7 +16,7 @@ from dcap.scene.types.mesh import Mesh
 
 Array = NDArray[np.float64]
 
-MOST_VERTICES = 1000  # of a surface that is decomposed: a mug takes seconds, a million faces would take many minutes
+MOST_VERTICES = 500  # of a surface that is decomposed: that takes seconds, a million faces would take many minutes
 CONCAVITY = 0.05  # of a piece at most [-], the library's own measure and its default
 MOST_PIECES = 48  # of one surface
 NEARLY_CONVEX = 0.01  # share of its hull that a surface may leave open and still be one piece [-]
