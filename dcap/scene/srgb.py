@@ -21,14 +21,34 @@ LINEAR = linear_from_srgb(np.arange(256)).astype(np.float32)
 """Linear light of each sRGB byte."""
 
 
-def sampled(image: NDArray[np.uint8], uv: NDArray[np.floating]) -> NDArray[np.float64]:
-    """Bilinear samples of a repeating image in linear light at texture coordinates (..., 2), shape (..., 3)."""
+Wrap = tuple[str, str]
+"""How an image goes on along u and v beyond 0..1: REPEAT, MIRROR or CLAMP."""
+REPEAT, MIRROR, CLAMP = "repeat", "mirror", "clamp"
+REPEATING: Wrap = (REPEAT, REPEAT)
+
+
+def sampled(image: NDArray[np.uint8], uv: NDArray[np.floating], wrap: Wrap = REPEATING) -> NDArray[np.float64]:
+    """Bilinear samples of an image in linear light at texture coordinates (..., 2), shape (..., 3)."""
     height, width = image.shape[:2]
-    x = (uv[..., 0] % 1.0) * width - 0.5
-    y = ((1.0 - uv[..., 1]) % 1.0) * height - 0.5
-    x0, y0 = np.floor(x).astype(np.int64), np.floor(y).astype(np.int64)
-    fx, fy = (x - x0)[..., None], (y - y0)[..., None]
-    rows, columns = (y0 % height, (y0 + 1) % height), (x0 % width, (x0 + 1) % width)
-    top = LINEAR[image[rows[0], columns[0]]] * (1 - fx) + LINEAR[image[rows[0], columns[1]]] * fx
-    low = LINEAR[image[rows[1], columns[0]]] * (1 - fx) + LINEAR[image[rows[1], columns[1]]] * fx
-    return np.asarray(top * (1 - fy) + low * fy, dtype=np.float64)
+    left, right, fx = texels(uv[..., 0], width, wrap[0])
+    low, high, fy = texels(1.0 - uv[..., 1], height, wrap[1])
+    top = LINEAR[image[low, left]] * (1 - fx) + LINEAR[image[low, right]] * fx
+    bottom = LINEAR[image[high, left]] * (1 - fx) + LINEAR[image[high, right]] * fx
+    return np.asarray(top * (1 - fy) + bottom * fy, dtype=np.float64)
+
+
+def texels(
+    place: NDArray[np.floating], count: int, wrap: str
+) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
+    """The two pixels on either side of a coordinate, and the share of the second, shape (..., 1)."""
+    inside = place % 1.0
+    if wrap == MIRROR:
+        inside = 1.0 - np.abs(1.0 - place % 2.0)
+    elif wrap == CLAMP:
+        inside = np.clip(place, 0.0, 1.0)
+    x = inside * count - 0.5
+    first = np.floor(x).astype(np.int64)
+    share = (x - first)[..., None]
+    if wrap == REPEAT:
+        return first % count, (first + 1) % count, share
+    return np.clip(first, 0, count - 1), np.clip(first + 1, 0, count - 1), share

@@ -18,7 +18,7 @@ from dcap.scene.types.paint import PaintedMesh, SourceSurface
 from dcap.scene.types.segmentation import Segmentation
 from dcap.scene.types.settled import Settled, body_at
 from tasks.render.config import RenderConfig
-from tasks.render.settled_meshes import SettledScene, settled_mesh, settled_scene, shown
+from tasks.render.settled_meshes import SettledScene, at_rest, settled_mesh, settled_scene, shown
 from tasks.render.stage import photograph
 
 Array = NDArray[np.float64]
@@ -28,29 +28,43 @@ MOST_PICTURES = 60
 
 
 class MovingScene:
-    """The scene with the dents of any frame."""
+    """The scene at any frame: dents, and things that were placed before and move."""
 
     def __init__(self, scene: Segmentation, settled: Settled, base_id: str) -> None:
         self.around: SettledScene = settled_scene(scene, settled, base_id)
         self.settled = settled
         self.start = self.around.start
-        self.body = next((i for i, one in enumerate(settled.bodies) if i and one.name == base_id), None)
-        self.near = np.zeros(0, dtype=np.int64)
-        if self.body is not None and self.around.shift.any():
-            moved = self.start.vertices[np.abs(self.around.shift).max(axis=1) > 0.0]
-            low, high = moved.min(axis=0) - FAR, moved.max(axis=0) + FAR
-            mine = np.unique(self.start.faces[self.around.scene.face_instance == scene.index_of(base_id)])
-            inside = ((self.start.vertices[mine] >= low) & (self.start.vertices[mine] <= high)).all(axis=1)
-            self.near = mine[inside]
+        placed = {one.id: one.placed for one in scene.instances}
+        self.moving = [
+            (number, placed[body.name], self._vertices(body.name, whole=placed[body.name]))
+            for number, body in enumerate(settled.bodies)
+            if number and body.name in placed and np.abs(body.displacement).max(initial=0.0) > 0.0
+        ]
+        """Number of each body that moves, whether it does as a thing of its own, and the vertices that follow it."""
+
+    def _vertices(self, name: str, *, whole: bool) -> NDArray[np.int64]:
+        """Vertices of a thing, or of a support only those around its dent."""
+        mine = np.unique(self.start.faces[self.around.scene.face_instance == self.around.scene.index_of(name)])
+        if whole:
+            return np.asarray(mine)
+        dented = mine[np.abs(self.around.shift[mine]).max(axis=1) > 0.0]
+        if not len(dented):
+            return np.asarray(dented)
+        points, moved = self.start.vertices[mine], self.start.vertices[dented]
+        low, high = moved.min(axis=0) - FAR, moved.max(axis=0) + FAR
+        return np.asarray(mine[((points >= low) & (points <= high)).all(axis=1)])
 
     def at(self, frame: int) -> Mesh:
         """The scene's mesh at a frame."""
-        if self.body is None or not len(self.near):
-            return self.start
-        body = body_at(self.settled, self.body, frame)
-        surface = Mesh(body.surface.vertices - body.displacement, body.surface.faces, body.surface.colors)
         vertices = self.start.vertices.copy()
-        vertices[self.near] += DisplacementField(surface, body.displacement).at(vertices[self.near])
+        for number, whole, mine in self.moving:
+            body = body_at(self.settled, number, frame)
+            if whole:
+                thing = Mesh.of(vertices[mine], np.zeros((0, 3)))
+                vertices[mine] = at_rest(thing, body).vertices
+            elif len(mine):
+                surface = Mesh(body.surface.vertices - body.displacement, body.surface.faces, body.surface.colors)
+                vertices[mine] += DisplacementField(surface, body.displacement).at(vertices[mine])
         return Mesh(vertices, self.start.faces, self.start.colors)
 
 

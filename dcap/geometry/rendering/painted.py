@@ -14,7 +14,7 @@ import open3d
 from numpy.typing import NDArray
 
 from dcap.geometry.raycast import tensor
-from dcap.scene.srgb import LINEAR, sampled, srgb_from_linear
+from dcap.scene.srgb import LINEAR, Wrap, sampled, srgb_from_linear
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.paint import CornerPaint, PaintedMesh, SourceSurface
 
@@ -77,13 +77,17 @@ def paint_from(source: SourceSurface, mesh: Mesh, owner: NDArray[np.int64]) -> C
     uv = np.einsum("mck,mki->mci", weights, source.paint.corner_uv[face])
     tint = np.einsum("mck,mki->mci", weights, tints(source)[face])
     texture = np.where(inside, source.paint.face_texture[face], -1).astype(np.int32)
-    return CornerPaint(texture, uv.astype(np.float32), tint.astype(np.float32), source.paint.textures)
+    return CornerPaint(
+        texture, uv.astype(np.float32), tint.astype(np.float32), source.paint.textures, source.paint.wraps
+    )
 
 
 def own_paint(source: SourceSurface) -> CornerPaint:
     """Paint of a textured surface's own faces."""
     paint = source.paint
-    return CornerPaint(paint.face_texture, paint.corner_uv.astype(np.float32), tints(source), paint.textures)
+    return CornerPaint(
+        paint.face_texture, paint.corner_uv.astype(np.float32), tints(source), paint.textures, paint.wraps
+    )
 
 
 def tints(source: SourceSurface) -> Array:
@@ -115,6 +119,7 @@ class PaintedScene:
         self.uv = np.zeros((sum(counts), 3, 2), dtype=np.float32)
         self.tint = np.zeros((sum(counts), 3, 3), dtype=np.float32)
         self.levels: list[list[NDArray[np.uint8]]] = []
+        self.wraps: list[Wrap] = []
         density = np.zeros(sum(counts), dtype=np.float32)
         start = 0
         for one, count in zip(meshes, counts, strict=True):
@@ -127,6 +132,7 @@ class PaintedScene:
             self.uv[mine], self.tint[mine] = one.paint.corner_uv, one.paint.corner_tint
             density[mine] = pixels_per_metre(one.mesh, one.paint)
             self.levels += [smaller_copies(image) for image in one.paint.textures]
+            self.wraps += [one.paint.wrap(slot) for slot in range(len(one.paint.textures))]
         self.density = density / np.float32(focal)
 
     def paint(self, face: NDArray[np.int64], weights: Array, distance: Array, color: Array) -> None:
@@ -143,7 +149,7 @@ class PaintedScene:
             found = np.empty((len(mine), 3), dtype=np.float32)
             for each in np.unique(level):
                 here = level == each
-                found[here] = sampled(levels[each], uv[here])
+                found[here] = sampled(levels[each], uv[here], self.wraps[texture])
             color[:, mine] = (found * tint).T
 
 
@@ -176,8 +182,7 @@ def surface_colors(thing: PaintedMesh, face: NDArray[np.int64], weights: NDArray
     for slot, image in enumerate(paint.textures):
         mine = np.flatnonzero(paint.texture[face] == slot)
         own, weight = face[mine], weights[mine][:, :, None]
-        light = sampled(image, (weight * paint.corner_uv[own]).sum(axis=1)) * (weight * paint.corner_tint[own]).sum(
-            axis=1
-        )
+        light = sampled(image, (weight * paint.corner_uv[own]).sum(axis=1), paint.wrap(slot))
+        light *= (weight * paint.corner_tint[own]).sum(axis=1)
         color[mine] = srgb_from_linear(light) / 255.0
     return np.asarray(color)

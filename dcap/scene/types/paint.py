@@ -6,6 +6,8 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
+from dcap.scene.errors import GeometryError
+from dcap.scene.srgb import REPEATING, Wrap
 from dcap.scene.types.arrays import check_array, check_index
 from dcap.scene.types.mesh import Mesh
 
@@ -22,12 +24,16 @@ class Paint:
     """Texture coordinates, origin at the lower left, shape (m, 3, 2)."""
     textures: tuple[NDArray[np.uint8], ...]
     """sRGB images, first row on top, each (h, w, 3)."""
+    wraps: tuple[Wrap, ...] = ()
+    """How each texture goes on beyond its image along u and v; empty: all repeat."""
 
     def __post_init__(self) -> None:
         count = len(self.face_color)
         check_array("face_color", self.face_color, count, 3)
         check_array("corner_uv", self.corner_uv, count, 3, 2)
         check_index("face_texture", self.face_texture, length=count, count=len(self.textures))
+        if len(self.wraps) not in (0, len(self.textures)):
+            raise GeometryError(f"wraps has {len(self.wraps)} entries, expected {len(self.textures)}")
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -62,10 +68,18 @@ class CornerPaint:
     """Linear colour that multiplies the texture, 0..1, shape (m, 3, 3)."""
     textures: tuple[NDArray[np.uint8], ...]
     """sRGB images, first row on top, each (h, w, 3)."""
+    wraps: tuple[Wrap, ...] = ()
+    """As in `Paint`."""
+
+    def wrap(self, texture: int) -> Wrap:
+        """How a texture goes on beyond its image."""
+        return self.wraps[texture] if self.wraps else REPEATING
 
     def of(self, faces: NDArray[np.integer]) -> Self:
         """That of some faces."""
-        return type(self)(self.texture[faces], self.corner_uv[faces], self.corner_tint[faces], self.textures)
+        return type(self)(
+            self.texture[faces], self.corner_uv[faces], self.corner_tint[faces], self.textures, self.wraps
+        )
 
 
 @dataclass(frozen=True, eq=False, slots=True)

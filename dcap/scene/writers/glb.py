@@ -11,13 +11,14 @@ import json
 import struct
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from hashlib import sha256
 
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
 from dcap.scene.readers.gltf.document import BINARY_CHUNK, JSON_CHUNK
-from dcap.scene.srgb import srgb_from_linear
+from dcap.scene.srgb import CLAMP, MIRROR, REPEAT, Wrap, srgb_from_linear
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.paint import CornerPaint
 from dcap.scene.types.segmentation import Segmentation
@@ -31,8 +32,9 @@ FLOAT, BYTE, INDEX = 5126, 5121, 5125
 VERTICES, INDICES = 34962, 34963
 """Targets of buffer views."""
 
-SAMPLER = {"magFilter": 9729, "minFilter": 9987, "wrapS": 10497, "wrapT": 10497}
-"""Linear, with smaller copies, repeating."""
+SAMPLER = {"magFilter": 9729, "minFilter": 9987}
+"""Linear, with smaller copies."""
+WRAPS = {REPEAT: 10497, MIRROR: 33648, CLAMP: 33071}
 Shade = NDArray[np.float32]
 """A linear colour 0..1, shape (3,)."""
 MOST_TINTS = 32
@@ -112,10 +114,12 @@ class _Writer:
     binary: bytearray = field(default_factory=bytearray)
     images: list[dict[str, object]] = field(default_factory=list)
     materials: list[dict[str, object]] = field(default_factory=list)
-    texture_of: dict[int, int] = field(default_factory=dict)
-    """Index of a texture by the identity of its image."""
+    textures: list[dict[str, int]] = field(default_factory=list)
+    samplers: list[Wrap] = field(default_factory=list)
+    image_of: dict[bytes, int] = field(default_factory=dict)
+    """Index of an image by what it shows."""
     material_of: dict[tuple[int, bytes], int] = field(default_factory=dict)
-    """Index of a material by the identity of its image and its colour."""
+    """Index of a material by its texture and its colour."""
 
     def add(self, node: Node) -> int:
         """Append a node and those below it; returns its index."""
@@ -196,7 +200,9 @@ class _Writer:
         if node.normals is not None:
             columns["NORMAL"] = in_gltf(node.normals[faces])
         tint = srgb_from_linear(node.paint.corner_tint[faces].reshape(-1, 3).astype(np.float64)) if tinted else None
-        return self._primitive(columns, tint, self._material(node.paint.textures[texture], shade))
+        return self._primitive(
+            columns, tint, self._material(node.paint.textures[texture], node.paint.wrap(texture), shade)
+        )
 
     def _primitive(
         self, columns: dict[str, NDArray[np.float32]], colors: NDArray[np.uint8] | None, material: int | None = None
@@ -224,13 +230,14 @@ class _Writer:
         }
         return entry if material is None else entry | {"material": material}
 
-    def _material(self, image: NDArray[np.uint8], shade: Shade) -> int:
+    def _material(self, image: NDArray[np.uint8], wrap: Wrap, shade: Shade) -> int:
         """Index of the material of a texture and a linear colour that multiplies it."""
-        key = (id(image), shade.tobytes())
+        texture = self._texture(image, wrap)
+        key = (texture, shade.tobytes())
         if key not in self.material_of:
             self.material_of[key] = len(self.materials)
             look = {
-                "baseColorTexture": {"index": self._texture(image)},
+                "baseColorTexture": {"index": texture},
                 "baseColorFactor": [*(float(one) for one in shade), 1.0],
                 "metallicFactor": 0.0,
                 "roughnessFactor": 0.9,
@@ -238,17 +245,23 @@ class _Writer:
             self.materials.append({"pbrMetallicRoughness": look, "doubleSided": True})
         return self.material_of[key]
 
-    def _texture(self, image: NDArray[np.uint8]) -> int:
-        """Index of the texture of an image, which is written once."""
-        if id(image) not in self.texture_of:
+    def _texture(self, image: NDArray[np.uint8], wrap: Wrap) -> int:
+        """Index of the texture of an image; equal images are written once."""
+        content = sha256(image.tobytes()).digest() + repr(image.shape).encode()
+        if content not in self.image_of:
             file = io.BytesIO()
             Image.fromarray(image).save(file, "PNG", compress_level=6)
             data = file.getvalue()
             self.views.append({"buffer": 0, "byteOffset": len(self.binary), "byteLength": len(data)})
             self.binary += data + bytes(-len(data) % 4)
             self.images.append({"bufferView": len(self.views) - 1, "mimeType": "image/png"})
-            self.texture_of[id(image)] = len(self.images) - 1
-        return self.texture_of[id(image)]
+            self.image_of[content] = len(self.images) - 1
+        if wrap not in self.samplers:
+            self.samplers.append(wrap)
+        entry = {"source": self.image_of[content], "sampler": self.samplers.index(wrap)}
+        if entry not in self.textures:
+            self.textures.append(entry)
+        return self.textures.index(entry)
 
     def _accessor(self, data: bytes, target: int, component: int, kind: str, count: int, **more: object) -> int:
         view: dict[str, object] = {
@@ -273,13 +286,9 @@ class _Writer:
         if not self.meshes:  # lists must not be empty
             document = {key: document[key] for key in ("asset", "scene", "scenes", "nodes")}
         if self.materials:
-            textures = [{"source": source, "sampler": 0} for source in range(len(self.images))]
-            document |= {
-                "materials": self.materials,
-                "textures": textures,
-                "images": self.images,
-                "samplers": [SAMPLER],
-            }
+            samplers = [SAMPLER | {"wrapS": WRAPS[u], "wrapT": WRAPS[v]} for u, v in self.samplers]
+            looks = {"materials": self.materials, "textures": self.textures, "images": self.images}
+            document |= looks | {"samplers": samplers}
         text = json.dumps(document, separators=(",", ":"), ensure_ascii=False).encode()
         text += b" " * (-len(text) % 4)
         chunks = struct.pack("<II", len(text), JSON_CHUNK) + text

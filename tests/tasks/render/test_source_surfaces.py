@@ -100,6 +100,22 @@ def test_a_written_file_has_the_textures_and_is_read_back(tmp_path):
     assert np.asarray(geometry.visual.material.baseColorTexture).shape == (64, 64, 3)
 
 
+@pytest.mark.parametrize("wrap", [("repeat", "mirror"), ("clamp", "repeat")])
+def test_how_a_texture_goes_on_is_kept(tmp_path, wrap):
+    """Two nodes with the same picture and another mode: one image, two textures; read back as written."""
+    one = plate()
+    other = SourceSurface(one.mesh, replace(one.paint, wraps=(wrap,)))
+    path = tmp_path / "plates.glb"
+    nodes = [Node(name, each.mesh, paint=own_paint(each)) for name, each in (("one", one), ("other", other))]
+    data = glb_bytes(nodes)
+    path.write_bytes(data)
+    document = document_of(data)
+    assert (len(document["images"]), len(document["textures"]), len(document["samplers"])) == (1, 2, 2)
+    again = read_surface(path, np.eye(4)).paint
+    assert again.wraps == (("repeat", "repeat"), wrap)
+    assert [len(np.flatnonzero(again.face_texture == slot)) for slot in (0, 1)] == [2, 2]
+
+
 def test_equal_surfaces_give_equal_bytes_and_a_texture_is_written_once():
     around, look = scene_at_rest(scene_of(), textured_scene(), settled(), "bed")
     data = glb_bytes(labelled_nodes(around.scene, look.paint))

@@ -20,7 +20,7 @@ from dcap.scene.readers.files.references import absence, beside
 from dcap.scene.readers.gltf.accessor import INCONSISTENT, Accessors
 from dcap.scene.readers.gltf.document import Entry, Json, binary_chunk, entries, read_document, require
 from dcap.scene.readers.mesh.raw import RawMesh, check_face_count, check_vertex_count
-from dcap.scene.srgb import srgb_from_linear
+from dcap.scene.srgb import CLAMP, MIRROR, REPEAT, Wrap, srgb_from_linear
 from dcap.scene.types.paint import Paint
 
 COMPRESSED = {
@@ -38,6 +38,9 @@ UNDERSTOOD = {
     "KHR_materials_anisotropy", "KHR_xmp_json_ld",
 }  # fmt: skip
 """Required extensions that do not change shape, or that we read."""
+
+WRAPS = {10497: REPEAT, 33648: MIRROR, 33071: CLAMP}
+"""Modes of a sampler."""
 
 DEEPEST_NODE = 256
 """Levels of the node tree: far above any scene that people make, far below Python's limit of recursion."""
@@ -118,7 +121,8 @@ class _GltfBuilder:
         self.labels: list[str | None] = []
         self.taken: dict[tuple[str, ...], int] = {}
         self.textures: list[NDArray[np.uint8]] = []
-        self.texture_slot: dict[int, int] = {}
+        self.wraps: list[Wrap] = []
+        self.texture_slot: dict[tuple[int, Wrap], int] = {}
         self.vertices: list[NDArray[np.float64]] = []
         self.colors: list[NDArray[np.uint8] | None] = []
         self.faces: list[NDArray[np.int64]] = []
@@ -155,6 +159,7 @@ class _GltfBuilder:
             np.concatenate(self.face_texture),
             np.concatenate(self.corner_uv),
             tuple(self.textures),
+            tuple(self.wraps),
         )
 
     def _roots(self) -> list[int]:
@@ -274,11 +279,21 @@ class _GltfBuilder:
         source = entry.get("extensions", {}).get("EXT_texture_webp", {}).get("source", entry.get("source"))
         if source is None:
             return -1
-        if int(source) not in self.texture_slot:
-            image = self._image(int(source))
-            self.texture_slot[int(source)] = -1 if image is None else len(self.textures)
+        key = int(source), self._wrap(entry)
+        if key not in self.texture_slot:
+            known = [slot for (image, _), slot in self.texture_slot.items() if image == int(source)]
+            image = (self.textures[known[0]] if known[0] >= 0 else None) if known else self._image(int(source))
+            self.texture_slot[key] = -1 if image is None else len(self.textures)
             self.textures += [] if image is None else [image]
-        return self.texture_slot[int(source)]
+            self.wraps += [] if image is None else [key[1]]
+        return self.texture_slot[key]
+
+    def _wrap(self, texture: Entry) -> Wrap:
+        """How a texture goes on beyond its image, along u and v; it repeats where nothing is said."""
+        samplers = entries(self.path, self.document, "samplers")
+        sampler = samplers[int(texture["sampler"])] if "sampler" in texture else {}
+        along_u, along_v = (WRAPS.get(sampler.get(name, 10497), REPEAT) for name in ("wrapS", "wrapT"))
+        return along_u, along_v
 
     def _image(self, index: int) -> NDArray[np.uint8] | None:
         entry = entries(self.path, self.document, "images")[index]

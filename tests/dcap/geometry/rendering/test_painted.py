@@ -16,7 +16,7 @@ from dcap.geometry.rendering.painted import (
 )
 from dcap.geometry.rendering.picture import picture
 from dcap.geometry.solid.repair import subdivide_near
-from dcap.scene.srgb import linear_from_srgb
+from dcap.scene.srgb import linear_from_srgb, sampled
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.paint import PaintedMesh, SourceSurface
 
@@ -50,6 +50,17 @@ def test_a_texture_repeats():
     rgb = picture([PaintedMesh(surface.mesh, own_paint(surface))], camera).rgb
     assert hue(at(rgb, camera, -0.75, -0.75)) == hue(at(rgb, camera, 0.25, 0.25)) == 0
     assert hue(at(rgb, camera, 0.75, 0.75)) == hue(at(rgb, camera, -0.25, -0.25)) == 3
+
+
+@pytest.mark.parametrize(("wrap", "expected"), [("repeat", 0), ("mirror", 1), ("clamp", 1)])
+def test_beyond_its_image_a_texture_repeats_is_mirrored_or_ends(wrap, expected):
+    """A quarter of an image to the right of it: the left quarter again, the right one turned round, or its rim."""
+    image = quarters()
+    found = sampled(image, np.array([[1.25, 0.25]]), (wrap, "repeat"))
+    assert found[0] == pytest.approx(linear_from_srgb(np.array(QUARTERS[expected])), abs=1e-6)
+    upward = sampled(image, np.array([[0.25, -0.25]]), ("repeat", wrap))
+    below = {"repeat": 2, "mirror": 0, "clamp": 0}[wrap]
+    assert upward[0] == pytest.approx(linear_from_srgb(np.array(QUARTERS[below])), abs=1e-6)
 
 
 def test_a_mesh_cut_from_the_surface_has_its_texture_coordinates():
