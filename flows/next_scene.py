@@ -33,7 +33,8 @@ def next_scene_files(values: Values, prompt: str) -> dict[str, bytes]:
     """scene.json and what belongs to it, by name."""
     if values.scene is None:
         return {}
-    if not (values.settled and values.anchor and values.item and values.settled.bodies):
+    known = values.settled and values.anchor and values.particles and values.materials
+    if not (known and values.item and values.settled and values.settled.bodies):
         return placed_scene_files_of(unchanged(values), None, None)
     earlier, last = with_object(values, prompt)
     return placed_scene_files_of(earlier, last, np.clip(values.item.face_part, 0, None))

@@ -163,10 +163,8 @@ def place(sample: Sample, config: PlaceConfig) -> PlacementRefs:
     start, before, before_surface = scene_surface, None, None
     if freed is not None:
         start, before, before_surface = surface_start_task(scene_surface, given, scene), given, scene_surface
-    renders = render_task(
-        scene, item, anchor, settled, start, object_surface, config=config.render, before=before,
-        before_surface=before_surface,
-    )  # fmt: skip
+    renders = render_task(scene, item, anchor, settled, start, object_surface, config=config.render,
+                          before=before, before_surface=before_surface)  # fmt: skip
     overview = None
     if renders.infeasible:
         filled = not particles.infeasible

@@ -181,12 +181,13 @@ def test_a_benchmark_from_cold_to_warm(
     with pytest.raises(jsonschema.ValidationError, match="verdict"):
         jsonschema.validate({**placement, "verdict": 3}, schema)
     assert {path.name for path in (run / "samples" / "good").iterdir()} == {
-        "placement.json", "placement.schema.json", "object.ply", "object.glb", "contacts.glb", "scene.glb", "clean.png",
+        "placement.json", "placement.schema.json", "object.ply", "object.glb", "contacts.glb", "scene.glb",
+        "scene.json", "clean.png",
         "settled.png", "closeup.png", "before_after.png", "contact.png", "profile.png",
     }  # fmt: skip
 
     assert {path.name for path in (run / "samples" / "none").iterdir()} == {
-        "placement.json", "placement.schema.json", "scene.glb", "clean.png", "candidates.png",
+        "placement.json", "placement.schema.json", "scene.glb", "scene.json", "clean.png", "candidates.png",
     }  # fmt: skip
 
     def refuse() -> None:

@@ -26,11 +26,11 @@ MISTAKES = {
     "text_for_a_reference": ("rotation_task(scene, item, intent", 'rotation_task(scene, item, "intent"'),
     "earlier_result": ("render_task(scene, item, anchor, settled", "render_task(scene, item, anchor, particles"),
     "config_of_another": ("object_surface, config=config.render", "settled, config=config.drop"),
-    "unknown_setting": ("materials, config=config.particles)", "materials, settings=config.particles)"),
+    "unknown_setting": ("materials, config=config.particles, freed", "materials, settings=config.particles, freed"),
     "object_for_scene": ("render_task(scene, item", "render_task(item, scene"),
     "second_drop": ("drop_task(finer, anchor", "drop_task(settled, anchor"),
     "drop_on_larger_cells": ("drop_task(larger, anchor", "drop_task(settled, anchor"),
-    "no_rest": ("rest=settled)", "rest=particles)"),
+    "no_rest": ("rest=settled, freed", "rest=particles, freed"),
     "wrong_field": ("        intent=intent,\n", "        intent=anchor,\n"),
 }
 """Names and edits of mistakes that a person could make in the flow."""
