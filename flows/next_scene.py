@@ -18,7 +18,7 @@ from dcap.scene.types.rectangle import min_area_box
 from dcap.scene.types.segmentation import Instance, Part, Segmentation
 from dcap.scene.types.settled import Settled
 from dcap.scene.writers.placed_scene import placed_scene_files_of
-from flows.placement_json import Values, world_from_start
+from flows.placement_json import Values
 from tasks.render.settled_meshes import SettledScene, settled_item, settled_scene
 
 Array = NDArray[np.float64]
@@ -63,7 +63,7 @@ def with_object(values: Values, prompt: str) -> tuple[EarlierPlacements, str]:
     name_of = {body.name: body.instance for body in particles.bodies} | {OBJECT_NODE: last}
     free = [name_of[body.name] for body in particles.bodies if not body.fixed]
     after = settled_scene(scene, settled, anchor.base_id)
-    start = item.mesh.transformed(world_from_start(settled.bodies[0]) @ anchor.world_from_object)
+    start = item.mesh.transformed(settled.bodies[0].world_from_start @ anchor.world_from_object)
     rest = settled_item(item, anchor, settled.bodies[0])
     forces = bearing(settled, name_of)
     pairs = tuple(pair for pair in forces if {*pair} & set(free))
@@ -142,7 +142,7 @@ def placed_instance(last: str, values: Values, rest: Mesh) -> Instance:
     assert settled is not None
     assert intent is not None
     own = item.instances[0]
-    pose = world_from_start(settled.bodies[0]) @ anchor.world_from_object
+    pose = settled.bodies[0].world_from_start @ anchor.world_from_object
     number = np.clip(item.face_part, 0, None)
     parts = tuple(
         Part(part.name, box_around(rest.submesh(np.flatnonzero(number == index))), part.confidence)
@@ -164,7 +164,7 @@ def at_new_place(one: Instance, scene: Segmentation, settled: Settled) -> Instan
     body = next((body for body in settled.bodies if body.name == one.id), None)
     front = one.front
     if front is not None and body is not None:
-        front = turned(front, world_from_start(body)[:3, :3])
+        front = turned(front, body.world_from_start[:3, :3])
     return replace(one, box=box_around(scene.mesh.submesh(np.flatnonzero(mine))), parts=parts, front=front)
 
 
@@ -189,7 +189,7 @@ def dents(start: Segmentation, rest: SettledScene, settled: Settled, free: list[
     for index, one in enumerate(after.instances):
         mine = np.flatnonzero(after.face_instance == index)
         if one.id in free:
-            unloaded = start.instance_mesh(index).transformed(world_from_start(bodies[one.id]))
+            unloaded = start.instance_mesh(index).transformed(bodies[one.id].world_from_start)
             found += sagged(one.id, unloaded, after.mesh.submesh(mine))
             continue
         moved = (np.linalg.norm(rest.shift, axis=1) > MOVED)[after.mesh.faces[mine]].any(axis=1)

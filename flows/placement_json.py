@@ -89,7 +89,7 @@ def placement_json(finished: FinishedSample, values: Values, artifacts: Mapping[
         "world_from_file": values.scan.world_from_file if values.scan else None,
         "object_from_file": values.object_scan.world_from_file if values.object_scan else None,
         "pre_drop": pose_of(anchor.world_from_object) if anchor else None,
-        "pose": pose_of(world_from_start(body) @ anchor.world_from_object) if anchor and body else None,
+        "pose": pose_of(body.world_from_start @ anchor.world_from_object) if anchor and body else None,
         "object_aabb": body.surface.bounds if body else None,
         "contacts": contacts_of(values),
         "materials": [material_row(row) for row in values.materials.rows] if values.materials else [],
@@ -241,14 +241,6 @@ def geometry_row(one: BodyGeometry) -> JsonObject:
 def object_body(settled: Settled | None) -> SettledBody | None:
     """The placed object among the settled bodies."""
     return next((one for one in settled.bodies if one.name == "object"), None) if settled else None
-
-
-def world_from_start(body: SettledBody) -> NDArray[np.float64]:
-    """Rigid map from the start of the drop to rest, shape (4, 4)."""
-    matrix = np.eye(4)
-    matrix[:3, :3] = Turn.from_quat(body.quaternion, scalar_first=True).as_matrix()
-    matrix[:3, 3] = body.position
-    return matrix
 
 
 def pose_of(world_from_object: NDArray[np.float64]) -> JsonObject:

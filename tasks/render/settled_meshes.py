@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation as Turn
 
 from dcap.geometry.camera import Camera
 from dcap.geometry.deform import displaced, following, with_own_vertices
@@ -41,7 +40,7 @@ def at_rest(whole: Mesh, body: SettledBody) -> Mesh:
     """A mesh that is where a body was at the start, as the body is at rest: moved as a whole, or following its
     surface."""
     return (
-        whole.transformed(world_from_start(body))
+        whole.transformed(body.world_from_start)
         if is_rigid(body)
         else following(whole, body.surface, body.displacement)
     )
@@ -101,27 +100,16 @@ def with_thing_moved(around: SettledScene, body: SettledBody) -> SettledScene:
     whole = Mesh(mesh.vertices[used], np.searchsorted(used, mesh.faces[mine]).astype(np.int32), mesh.colors[used])
     moved = at_rest(whole, body)
     vertices = mesh.vertices.copy()
-    shift[used] = moved.vertices - whole.transformed(world_from_start(body)).vertices
+    shift[used] = moved.vertices - whole.transformed(body.world_from_start).vertices
     vertices[used] = moved.vertices
     return SettledScene(replace(scene, mesh=replace(mesh, vertices=vertices)), shift, start, around.origin)
-
-
-def world_from_start(body: SettledBody) -> Array:
-    """Where its start pose went, as a whole, shape (4, 4)."""
-    pose = np.eye(4)
-    pose[:3, :3], pose[:3, 3] = turn_of(body), body.position
-    return pose
-
-
-def turn_of(body: SettledBody) -> Array:
-    """World-from-start rotation, shape (3, 3)."""
-    return np.asarray(Turn.from_quat(body.quaternion, scalar_first=True).as_matrix())
 
 
 def is_rigid(body: SettledBody) -> bool:
     """Whether its surface did not deform."""
     start = body.surface.vertices - body.displacement
-    moved = start @ turn_of(body).T + body.position
+    pose = body.world_from_start
+    moved = start @ pose[:3, :3].T + pose[:3, 3]
     return bool(np.abs(moved - body.surface.vertices).max() <= RIGID_TOLERANCE)
 
 

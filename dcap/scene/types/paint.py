@@ -35,6 +35,10 @@ class Paint:
         if len(self.wraps) not in (0, len(self.textures)):
             raise GeometryError(f"wraps has {len(self.wraps)} entries, expected {len(self.textures)}")
 
+    def wrap(self, texture: int) -> Wrap:
+        """How a texture goes on beyond its image."""
+        return self.wraps[texture] if self.wraps else REPEATING
+
 
 @dataclass(frozen=True, eq=False, slots=True)
 class SourceSurface:

@@ -26,6 +26,14 @@ class SettledBody:
     displacement: NDArray[np.float64]
     """Surface displacement from the start [m], shape (n, 3)."""
 
+    @property
+    def world_from_start(self) -> NDArray[np.float64]:
+        """Where its start pose went, as a whole, shape (4, 4)."""
+        pose = np.eye(4)
+        pose[:3, :3] = Rotation.from_quat(self.quaternion, scalar_first=True).as_matrix()
+        pose[:3, 3] = self.position
+        return pose
+
 
 @dataclass(frozen=True, slots=True)
 class LeanCheck:

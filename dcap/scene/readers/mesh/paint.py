@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dcap.scene.readers.mesh.raw import RawMesh
-from dcap.scene.srgb import REPEATING, Wrap, linear_from_srgb, sampled, srgb_from_linear
+from dcap.scene.srgb import linear_from_srgb, sampled, srgb_from_linear
 from dcap.scene.types.paint import Paint
 
 EDGE_FRACTION = 0.01
@@ -30,17 +30,6 @@ VISIBLE_STEP = 40.0
 
 MAX_ROUNDS = 8
 """Each round halves edges; 2^8 covers an edge as long as the mesh [-]."""
-
-
-class Images:
-    """The textures of a paint."""
-
-    def __init__(self, paint: Paint) -> None:
-        self.textures, self.wraps = paint.textures, paint.wraps
-
-    def wrap(self, slot: int) -> Wrap:
-        """How a texture goes on beyond its image."""
-        return self.wraps[slot] if self.wraps else REPEATING
 
 
 @dataclass
@@ -73,7 +62,7 @@ def bake(raw: RawMesh) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[
         colors = np.full(raw.vertices.shape, 200, dtype=np.uint8) if raw.colors is None else raw.colors
         return raw.vertices, raw.faces, colors, raw.face_node
     surface = _welded(raw, raw.paint)
-    images = Images(raw.paint)
+    images = raw.paint
     surface = _refined(surface, images)
     corner_colors = srgb_from_linear(_corner_colors(surface, images)).astype(np.float64)
     vertices, faces, shades = _split_at_borders(surface, corner_colors)
@@ -91,7 +80,7 @@ def _welded(raw: RawMesh, paint: Paint) -> TexturedSurface:
     )
 
 
-def _colors_at(surface: TexturedSurface, images: Images, weights: NDArray[np.float64]) -> NDArray[np.float64]:
+def _colors_at(surface: TexturedSurface, images: Paint, weights: NDArray[np.float64]) -> NDArray[np.float64]:
     """Linear colours at the barycentric positions `weights` (k, 3) of every face, shape (m, k, 3)."""
     colors: NDArray[np.float64] = np.einsum("kc,mci->mki", weights, surface.corner_tint)
     uv = np.einsum("kc,mci->mki", weights, surface.corner_uv)
@@ -101,14 +90,14 @@ def _colors_at(surface: TexturedSurface, images: Images, weights: NDArray[np.flo
     return colors
 
 
-def _corner_colors(surface: TexturedSurface, images: Images) -> NDArray[np.float64]:
+def _corner_colors(surface: TexturedSurface, images: Paint) -> NDArray[np.float64]:
     """Linear colour at each corner: the mean of four samples inside the face, so that no other patch bleeds in."""
     near = np.array([[0.9, 0.05, 0.05], [0.7, 0.15, 0.15], [0.75, 0.2, 0.05], [0.75, 0.05, 0.2]])
     corners = [_colors_at(surface, images, near[:, np.roll([0, 1, 2], turn)]).mean(axis=1) for turn in range(3)]
     return np.stack(corners, axis=1)
 
 
-def _varies(surface: TexturedSurface, images: Images) -> NDArray[np.bool_]:
+def _varies(surface: TexturedSurface, images: Paint) -> NDArray[np.bool_]:
     """Faces whose texture departs visibly from the interpolation of their corners, shape (m,)."""
     steps = 7
     grid = (
@@ -121,7 +110,7 @@ def _varies(surface: TexturedSurface, images: Images) -> NDArray[np.bool_]:
     return np.asarray(np.sqrt(((seen - expected) ** 2).mean(axis=(1, 2))) > VISIBLE_VARIATION)
 
 
-def _refined(surface: TexturedSurface, images: Images) -> TexturedSurface:
+def _refined(surface: TexturedSurface, images: Paint) -> TexturedSurface:
     """Cut faces until the texture survives or the edge or face limit is reached."""
     extent = float(np.ptp(surface.points, axis=0).max())
     target = EDGE_FRACTION * extent
