@@ -292,6 +292,7 @@ def signals_stage() -> Rgb:
     """Speeds and residuals of the drop, and what rest asks for."""
     settled = heavy().settled
     assert settled
+    assert settled.certificate
     told, rows = settled.history, settled.certificate.signals
     figure, (left, right) = plt.subplots(1, 2, figsize=(9.2, 3.2), dpi=110)
     left.semilogy(told.time, told.linear_speed, label="ball")

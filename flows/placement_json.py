@@ -154,6 +154,8 @@ def contacts_of(values: Values) -> list[JsonValue]:
 def certificate_of(values: Values) -> JsonObject | None:
     """The drop's certificate, with the object's pose where the drop is infeasible; or what another stage found."""
     if values.settled is not None:
+        if values.settled.certificate is None:
+            return None
         return certificate_with(values.settled.certificate, values.settled.checks)
     if values.infeasible is None:
         return None

@@ -29,6 +29,7 @@ from dcap.scene.types.file_scale import FileScale
 from dcap.scene.types.given_labels import GivenLabels, GivenPart, GivenThing, VertexLabels
 from dcap.scene.types.intent import Intent, OrientationRequest, RegionConstraint, RegionRequest, SupportCandidate
 from dcap.scene.types.materials import ContactFriction, LayerConstants, Material, PartMaterial, PartMaterials
+from dcap.scene.types.measures import Drift, Indentation, Measures
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.outcome import (
     BesideThePart,
@@ -89,11 +90,11 @@ KINDS: dict[str, type] = {
     one.__name__: one
     for one in (
         Anchor, AskedPose, BackgroundGrid, BesideThePart, BodyGeometry, BodyPath, BodyStability, BondRow, Certificate,
-        CertificateRow, ColumnLayer, ContactFriction, ContactRow, Deformation, DistanceGrid, DropFrames,
+        CertificateRow, ColumnLayer, ContactFriction, ContactRow, Deformation, DistanceGrid, Drift, DropFrames,
         EarlierPlacements, FileScale, FreedThings, GivenLabels, GivenPart, GivenPlace, GivenThing, HiddenObject,
-        History, InertialProperties, Infeasible, Instance, Intent, InTheWay, KickCheck, KickRow, KnownHeight,
+        History, Indentation, InertialProperties, Infeasible, Instance, Intent, InTheWay, KickCheck, KickRow, KnownHeight,
         LabelBox, LastState, LayerConstants, LayeredPoints, Lean, LeanCheck, Material, MaterialPoints, MaterialState,
-        Mesh, NoRoom, NotDone, NotInScene, ObjectHole, OpenObject, OrientationRequest, OrientedBox, Overview, Paint,
+        Measures, Mesh, NoRoom, NotDone, NotInScene, ObjectHole, OpenObject, OrientationRequest, OrientedBox, Overview, Paint,
         Part, Particles, PartMaterial, PartMaterials, PlacedThing, PlacementChecks, Pointed, PoseCheck, PushBounds,
         PushRow, RegionConstraint, RegionRequest, Renders, RepairReport, RigidSimulationBody, RollingRow, Room,
         Rotation, Sample, Scan, Segmentation, Settled, SettledBody, SignalRows, SoftSimulationBody, SourceOptions,
