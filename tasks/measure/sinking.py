@@ -45,7 +45,7 @@ def indentation(
     index = scene.index_of(anchor.base_id)
     rows = materials.of_parts(anchor.base_id, len(scene.instances[index].parts))
     layers = layers_of(particles.column, rows)
-    softest = max((compliance_of(row) for row in materials.of_parts("object", len(item.instances[0].parts))))
+    softest = max(compliance_of(row) for row in materials.of_parts("object", len(item.instances[0].parts)))
     if not layers:
         return Indentation(reason="the support is rigid")
     if softest > STIFF * max(compliance for _, compliance in layers):

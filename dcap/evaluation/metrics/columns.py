@@ -62,4 +62,6 @@ def columns(thing: Mesh, scene: Mesh) -> Columns:
     hits = beneath.cast(start, np.tile(DOWN, (len(plan), 1)))
     met = np.isfinite(hits.distance)
     top = np.where(met, start[:, 2] - np.where(met, hits.distance, 0.0), -np.inf)
-    return Columns(plan, under, top, np.where(met, hits.face, -1).astype(np.int64), start[0, 2] if len(start) else high[2])
+    return Columns(
+        plan, under, top, np.where(met, hits.face, -1).astype(np.int64), start[0, 2] if len(start) else high[2]
+    )

@@ -28,7 +28,7 @@ class Measures:
     contact_area_m2: float
     """Of the object's surface within a millimetre of the scene."""
     com_margin_m: float
-    """How far inside the contact's convex hull the centre of mass is in plan, negative outside; -inf without contact."""
+    """How far inside the contact's convex hull the centre of mass is in plan, negative outside; -inf untouched."""
 
     def __post_init__(self) -> None:
         check_array("middle", self.middle, 3)

@@ -1,0 +1,58 @@
+"""The methods that a benchmark compares: names as people type them, as tables show them, and samples of each."""
+
+from dataclasses import replace
+
+from dcap.scene.errors import InputError
+from dcap.scene.spelling import did_you_mean
+from dcap.scene.types.sample import Sample
+
+DCAP = "dcap"
+BASELINES = {"fireplace": "FirePlace*", "layoutgpt": "LayoutGPT", "holodeck": "Holodeck"}
+"""Methods of others, as we rebuilt them; they propose a pose and simulate nothing."""
+ABLATIONS = {
+    "rigid_drop": "DCAP, everything rigid",
+    "no_drop": "DCAP, pose before the drop",
+    "no_size_prior": "DCAP, size as in the file",
+    "no_rotation": "DCAP, pose as in the file",
+    "no_subpart": "DCAP, middle of the support",
+    "face_up": "DCAP, level patches only",
+    "views_12": "DCAP, twelve pictures",
+    "blended_materials": "DCAP, blended materials",
+    "uniform_fill": "DCAP, uniform cells",
+    "paper": "DCAP, as in the paper (MLS-MPM)",
+}
+"""DCAP without one of its ideas each."""
+METHODS = {DCAP: "DCAP", **BASELINES, **ABLATIONS}
+ALL = (DCAP, *BASELINES, "rigid_drop")
+"""What `--methods all` stands for."""
+OFFLINE = " (offline rules)"
+"""After the name of a baseline that no model answered for."""
+
+
+def methods_of(text: str) -> tuple[str, ...]:
+    """Methods of a comma-separated list, in the order of METHODS; InputError for a name that is none."""
+    asked = {one.strip() for one in text.split(",") if one.strip()}
+    for name in sorted(asked - {"all"}):
+        if name not in METHODS:
+            raise InputError(f"--methods: {name!r} is not a method{did_you_mean(name, METHODS)}; there are "
+                             f"{', '.join(METHODS)} and all")  # fmt: skip
+    if not asked:
+        raise InputError(f"--methods is empty; there are {', '.join(METHODS)} and all")
+    asked |= set(ALL) if "all" in asked else set()
+    return tuple(name for name in METHODS if name in asked)
+
+
+def shown_name(method: str, *, offline: bool) -> str:
+    """A method's name in tables."""
+    return METHODS[method] + (OFFLINE if offline and method in BASELINES else "")
+
+
+def by_method(sample: Sample, method: str) -> Sample:
+    """The sample as another method places it; its id is `METHOD/ID` then."""
+    return sample if method == DCAP else replace(sample, id=f"{method}/{sample.id}", method=method)
+
+
+def split_id(sample_id: str) -> tuple[str, str]:
+    """Method and the sample's own id."""
+    method, slash, name = sample_id.partition("/")
+    return (method, name) if slash and method in METHODS else (DCAP, sample_id)
