@@ -10,7 +10,7 @@ from pathlib import Path
 from urllib.parse import unquote
 
 from dcap.scene.errors import FormatError
-from dcap.scene.readers.files.references import beside, library_names, material_lines, texture_beside
+from dcap.scene.readers.files.references import MTL_TEXTURES, beside, library_names, material_lines, texture_beside
 from dcap.scene.readers.gltf.document import read_document, uris
 from dcap.scene.readers.splats.sog import is_sog_meta, picture_names
 
@@ -33,7 +33,7 @@ def _of_obj(path: Path, data: mmap) -> Iterator[str]:
             continue
         yield library
         if (path.parent / library).stat().st_size <= LARGEST_TEXT:
-            textures = (rest for _, key, rest in material_lines(path.parent / library) if key == "map_Kd")
+            textures = (rest for _, key, rest in material_lines(path.parent / library) if key in MTL_TEXTURES)
             yield from (one for text in textures if (one := texture_beside(path.parent, library, text)))
 
 
