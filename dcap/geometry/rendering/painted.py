@@ -15,6 +15,7 @@ import open3d
 from numpy.typing import NDArray
 
 from dcap.geometry.raycast import tensor
+from dcap.geometry.rendering.see_through import cut_out
 from dcap.scene.srgb import LINEAR, Wrap, sampled, srgb_from_linear
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.paint import CornerPaint, PaintedMesh, SourceSurface
@@ -79,7 +80,10 @@ def paint_from(source: SourceSurface, mesh: Mesh, owner: NDArray[np.int64]) -> C
     values: tuple[NDArray[np.floating], ...] = (source.paint.corner_uv, own.corner_tint, *source.paint.more_uv)
     uv, tint, *more = (np.einsum("mck,mki->mci", weights, rows[face]).astype(np.float32) for rows in values)
     texture, material = (np.where(inside, rows[face], np.int32(-1)) for rows in (own.texture, own.material))
-    return replace(own, texture=texture, corner_uv=uv, corner_tint=tint, material=material, more_uv=tuple(more))
+    return replace(
+        own, texture=texture, corner_uv=uv, corner_tint=tint, material=material, more_uv=tuple(more),
+        cut_out=inside & own.cut_out[face],
+    )  # fmt: skip
 
 
 def own_paint(source: SourceSurface) -> CornerPaint:
@@ -88,7 +92,7 @@ def own_paint(source: SourceSurface) -> CornerPaint:
     more = tuple(uv.astype(np.float32) for uv in paint.more_uv)
     return CornerPaint(
         paint.face_texture, paint.corner_uv.astype(np.float32), tints(source), paint.textures, paint.wraps,
-        paint.material_index, paint.materials, more,
+        paint.material_index, paint.materials, more, cut_out(source),
     )  # fmt: skip
 
 

@@ -108,6 +108,8 @@ class CornerPaint:
     materials: tuple[SurfaceMaterial, ...]
     more_uv: tuple[NDArray[np.float32], ...]
     """As in `Paint`."""
+    cut_out: NDArray[np.bool_]
+    """Faces that rays pass where their texture is clear, shape (m,)."""
 
     def wrap(self, texture: int) -> Wrap:
         """How a texture goes on beyond its image."""
@@ -122,6 +124,7 @@ class CornerPaint:
             corner_tint=self.corner_tint[faces],
             material=self.material[faces],
             more_uv=tuple(uv[faces] for uv in self.more_uv),
+            cut_out=self.cut_out[faces],
         )
 
 
