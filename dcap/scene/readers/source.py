@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -46,8 +47,11 @@ READERS = {
 }  # fmt: skip
 """Reader by file suffix."""
 
-PAINTED = {".glb": read_gltf, ".gltf": read_gltf, ".obj": read_obj}
-"""Reader of files that may have textures and materials."""
+PAINTED: dict[str, Callable[[Path], RawMesh]] = {
+    ".glb": partial(read_gltf, all_maps=True), ".gltf": partial(read_gltf, all_maps=True),
+    ".obj": partial(read_obj, all_maps=True), **dict.fromkeys(USD_SUFFIXES, read_usd),
+}  # fmt: skip
+"""Reader of files that may have textures and materials, with all that they say."""
 
 BROKEN = (ArithmeticError, AttributeError, LookupError, RecursionError, StopIteration, TypeError, ValueError)
 """What decoding can raise on bytes that break their format where no check of the reader names the place."""
@@ -102,7 +106,7 @@ def read_surface(path: Path, world_from_file: NDArray[np.float64]) -> SourceSurf
     if path.suffix.lower() not in PAINTED or is_splats(path):
         return SourceSurface.untextured()
     with readable(path):
-        raw = PAINTED[path.suffix.lower()](path, all_maps=True).without_loose_vertices()
+        raw = PAINTED[path.suffix.lower()](path).without_loose_vertices()
     if raw.paint is None or not raw.paint.says_more:
         return SourceSurface.untextured()
     if placed:  # the folder is in the world frame, its file as glTF wants it
