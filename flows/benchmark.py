@@ -8,7 +8,7 @@ after the last sample has finished, and only for the report.
 import json
 import os
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor, as_completed
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import asdict, dataclass, replace
@@ -19,7 +19,8 @@ from threading import Semaphore
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from dcap.evaluation.outcome_table import ExpectedOutcome, SampleOutcome, read_truth, row_of
+from dcap.evaluation.methods import DCAP, METHODS, by_method, split_id
+from dcap.evaluation.outcome_table import ExpectedOutcome, SampleOutcome, read_truth
 from dcap.evaluation.report import write_report
 from dcap.evaluation.run_folder import sample_folder
 from dcap.evaluation.run_summary import RunSummary, summary_of
@@ -33,6 +34,7 @@ from dcap.scene.settings import data_root, runs_root
 from dcap.scene.types.sample import Sample
 from flows.display import Display, print_plan, print_table
 from flows.language_options import LEDGER, LanguageOptions
+from flows.measures_file import write_measures
 from flows.output import readable_json, write_placement
 from flows.place import PlaceConfig
 from flows.run_files import RUN, asked_of_run, find_run, located, sample_from_json
@@ -47,6 +49,7 @@ from flows.sample_run import (
     try_sample,
 )
 from flows.samples import EMBEDDED, SPLAT_ROOMS, TRUTH, load_samples, load_yaml
+from flows.scoring import scored_row
 from flows.server import prefect_server
 from tasks.mesh.stage import mesh_object_task, mesh_scene_task
 from tasks.runner.context import RunContext
@@ -99,10 +102,13 @@ def run_benchmark(
     limit: int | None = None,
     workers: int = 2,
     only_failed: bool = False,
+    methods: Sequence[str] = (DCAP,),
 ) -> Run:
-    """Place the samples of a dataset and write the run's folder."""
+    """Place the samples of a dataset by each method and write the run's folder."""
     begin = time.monotonic()
+    config = config.model_copy(update={"measured": True})
     path, samples = dataset_samples(dataset, limit)
+    samples = [by_method(sample, method) for sample in samples for method in methods]
     if only_failed:
         samples = failed_before(samples)
     language = language or LanguageOptions()
@@ -110,13 +116,24 @@ def run_benchmark(
     with Display(samples) as display:
         plans = plan_all(samples, config, display)
         results = run_all(plans, config, folder, language.session(folder), workers, display)
-    rows = tuple(
-        row_of(sample, tree, error, truth)
-        for (sample, (tree, error)), truth in zip(results.items(), truths_of(path, list(results)), strict=True)
-    )
+    rows = scored_rows(folder, results, truths_of(path, list(results)))
     run = finish(folder, rows, time.monotonic() - begin)
     print_table(rows, run.summary, folder)
     return run
+
+
+def scored_rows(
+    folder: Path,
+    results: Mapping[Sample, tuple[JsonObject | None, str]],
+    truths: Sequence[ExpectedOutcome | None],
+) -> tuple[SampleOutcome, ...]:
+    """A row for each sample and method, method by method."""
+    rows = [
+        scored_row(sample, tree, error, truth, sample_folder(folder, sample.id))
+        for (sample, (tree, error)), truth in zip(results.items(), truths, strict=True)
+    ]
+    order = list(METHODS)
+    return tuple(sorted(rows, key=lambda row: order.index(row.method)))
 
 
 def dataset_samples(dataset: Path | None, limit: int | None) -> tuple[Path, list[Sample]]:
@@ -211,7 +228,9 @@ def keep(folder: Path, finished: FinishedSample) -> JsonObject:
     """Write a sample's results into the run."""
     out = sample_folder(folder, finished.sample.id)
     (out / "error.txt").unlink(missing_ok=True)
-    return write_placement(finished, out)
+    tree = write_placement(finished, out)
+    write_measures(finished, out)
+    return tree
 
 
 def write_failure(folder: Path, failed: FailedSample) -> None:
@@ -235,6 +254,7 @@ def new_run_folder(dataset: Path, samples: Sequence[Sample], config: PlaceConfig
         "started": datetime.now(UTC).isoformat(timespec="seconds"),
         "config": config.model_dump(mode="json"),
         "language": asdict(language.located()),
+        "methods": list(dict.fromkeys(sample.method for sample in samples)),
         "samples": [asdict(located(sample)) for sample in samples],
     }
     (folder / RUN).write_bytes(readable_json(asked))
@@ -258,13 +278,16 @@ def truths_of(dataset: Path, samples: Sequence[Sample]) -> list[ExpectedOutcome 
     """Intended outcomes beside the dataset, None where there are none."""
     path = dataset.parent / TRUTH
     known = read_truth(load_yaml(path), str(path)) if path.is_file() else {}
-    return [known.get(sample.id) for sample in samples]
+    return [known.get(split_id(sample.id)[1]) for sample in samples]
 
 
-def plan_benchmark(dataset: Path | None, config: PlaceConfig, *, limit: int | None = None) -> list[PlanRow]:
+def plan_benchmark(
+    dataset: Path | None, config: PlaceConfig, *, limit: int | None = None, methods: Sequence[str] = (DCAP,)
+) -> list[PlanRow]:
     """Print what would run and why."""
     _, samples = dataset_samples(dataset, limit)
-    plans = [plan_sample(sample, config) for sample in samples]
+    config = config.model_copy(update={"measured": True})
+    plans = [plan_sample(by_method(sample, method), config) for sample in samples for method in methods]
     print_plan(plans)
     return [plan_row(plan) for plan in plans]
 
@@ -313,10 +336,8 @@ def rewrite_report(run: str) -> Path:
     folder = find_run(run)
     asked = json.loads((folder / RUN).read_text())
     samples = [sample_from_json(one) for one in asked["samples"]]
-    rows = [
-        row_of(sample, *read_result(sample_folder(folder, sample.id)), truth)
-        for sample, truth in zip(samples, truths_of(Path(asked["dataset"]), samples), strict=True)
-    ]
+    results = {sample: read_result(sample_folder(folder, sample.id)) for sample in samples}
+    rows = scored_rows(folder, results, truths_of(Path(asked["dataset"]), samples))
     before = json.loads((folder / "summary.json").read_text()) if (folder / "summary.json").is_file() else {}
     finish(folder, rows, float(before.get("wall_s", 0.0)))
     return folder / "report.html"

@@ -136,6 +136,8 @@ def verdict_of(values: Values) -> tuple[str, str | None]:
     assert values.settled is not None
     if values.settled.verdict is Verdict.AT_REST:
         return AT_REST, None
+    if values.settled.verdict is Verdict.AS_POSED:
+        return AS_POSED, None
     return "infeasible", values.settled.verdict.value
 
 

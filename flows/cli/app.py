@@ -43,6 +43,9 @@ app.command()(export)
 
 Workers = Annotated[int, typer.Option(min=1, max=64, help="Samples to place in parallel.")]
 Dataset = Annotated[Path | None, typer.Option(help="YAML list of samples; default: the embedded rooms.")]
+Methods = Annotated[
+    str, typer.Option(help="Comma-separated: dcap, fireplace, layoutgpt, holodeck, ablations by name, or all.")
+]
 Limit = Annotated[int | None, typer.Option(min=1, help="Only the first N samples.")]
 Language = Annotated[
     str, typer.Option(help="Who reads the sentence: offline (default), anthropic or replay.", show_default=False)
@@ -192,7 +195,7 @@ def drop(
 @app.command()
 def benchmark(
     dataset: Dataset = None,
-    methods: Annotated[str, typer.Option(help="Comma-separated methods; there is one so far: dcap.")] = "dcap",
+    methods: Methods = "dcap",
     limit: Limit = None,
     workers: Workers = 2,
     only_failed: Annotated[
@@ -210,10 +213,8 @@ def benchmark(
     ambiguous: Ambiguous = "best",
     as_json: Json = False,
 ) -> int:
-    """Place every sample of a dataset and report."""
-    for method in methods.split(","):
-        choice("--methods", method.strip(), ("dcap",))
-
+    """Place every sample of a dataset by each method and report."""
+    from dcap.evaluation.methods import methods_of
     from dcap.scene.json_tree import object_to_json
     from flows.benchmark import run_benchmark
     from flows.configure import configured
@@ -224,7 +225,10 @@ def benchmark(
     asking = LanguageOptions(language, model, record, replay, max_cost, batch)
     chosen = checked(PlaceOptions, {"threads": threads, "paper_limits": paper_limits, "ambiguous": ambiguous})
     config = configured(chosen, language=asking.config())
-    run = run_benchmark(dataset, config, asking, limit=limit, workers=workers, only_failed=only_failed)
+    chosen_methods = methods_of(methods)
+    run = run_benchmark(
+        dataset, config, asking, limit=limit, workers=workers, only_failed=only_failed, methods=chosen_methods
+    )
     if as_json:
         print(json.dumps(object_to_json(run.summary), indent=2, ensure_ascii=False))
     return SOME_FAILED if run.failed else 0
@@ -233,6 +237,7 @@ def benchmark(
 @app.command()
 def plan(
     dataset: Dataset = None,
+    methods: Methods = "dcap",
     limit: Limit = None,
     language: Language = "",
     model: Model = "",
@@ -243,6 +248,7 @@ def plan(
     as_json: Json = False,
 ) -> int:
     """Show what a benchmark would run and why, without running anything."""
+    from dcap.evaluation.methods import methods_of
     from dcap.scene.json_tree import to_json
     from flows.benchmark import plan_benchmark
     from flows.configure import configured
@@ -251,7 +257,7 @@ def plan(
     asking = LanguageOptions(language, model, record, replay)
     chosen = checked(PlaceOptions, {"paper_limits": paper_limits, "ambiguous": ambiguous})
     config = configured(chosen, language=asking.config(plan=True))
-    rows = plan_benchmark(dataset, config, limit=limit)
+    rows = plan_benchmark(dataset, config, limit=limit, methods=methods_of(methods))
     if as_json:
         print(json.dumps(to_json(rows), indent=2, ensure_ascii=False))
     return 0
