@@ -159,7 +159,7 @@ def test_intervals_of_differences_cover_the_truth():
         found = paired_difference(ours, theirs, resamples=1000)
         held += found.interval.low <= 1.0 <= found.interval.high
         rejected += paired_difference(ours, 10 - random.gamma(2, 0.5, n), resamples=1000).p < 0.05
-    # three times sqrt(0.95 * 0.05 / 500) = 2.9 %; the normal quantile of a plug-in deviation covers 0.6 % less at n = 80
+    # three times sqrt(0.95 * 0.05 / 500) = 2.9 %; a normal quantile of a plug-in deviation covers 0.6 % less at n = 80
     assert held / repetitions == pytest.approx(0.95, abs=0.029 + 0.006)
     assert rejected / repetitions == pytest.approx(0.05, abs=0.029 + 0.006)
 
