@@ -45,7 +45,8 @@ Workers = Annotated[int, typer.Option(min=1, max=64, help="Samples to place in p
 Dataset = Annotated[Path | None, typer.Option(help="YAML list of samples; default: the embedded rooms.")]
 Limit = Annotated[int | None, typer.Option(min=1, help="Only the first N samples.")]
 Language = Annotated[
-    str, typer.Option(help="Who reads the sentence: offline (default), anthropic or replay.", show_default=False)
+    str,
+    typer.Option(help="Who reads the sentence: offline (default), anthropic, openai or replay.", show_default=False),
 ]
 Model = Annotated[str, typer.Option(help="Model to ask; default: " + DEFAULT_MODEL + ".", show_default=False)]
 Record = Annotated[

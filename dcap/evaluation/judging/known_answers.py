@@ -216,7 +216,7 @@ class BallOnBed:
 
 def raised(point: Array, height: float) -> Array:
     """A point so much higher [m], shape (3,)."""
-    return point + np.array([0.0, 0.0, height])
+    return np.asarray(point + np.array([0.0, 0.0, height]))
 
 
 def skirt(away: Array) -> Array:
