@@ -1,6 +1,7 @@
 """The metric rubric: monotone in every metric, and as its anchors say."""
 
 import math
+import re
 from itertools import pairwise
 
 import pytest
@@ -21,6 +22,7 @@ from dcap.evaluation.judging.rubric import (
 )
 from dcap.evaluation.statistics.comparisons import JudgedAxis
 from dcap.scene.errors import InputError
+from dcap.scene.settings import PROJECT_ROOT
 
 PLACE, PHYSICS = JudgedAxis.RIGHT_PLACE, JudgedAxis.PHYSICS_NATURALNESS
 BY_NAME = {name: scale for scales in SCALES.values() for name, scale in scales.items()}
@@ -116,3 +118,19 @@ def test_a_metric_that_is_not_named_is_refused():
     """A misspelt name does not pass for a null."""
     with pytest.raises(InputError, match="'gap_m' is not given"):
         rubric_scores({name: value for name, value in GOOD.items() if name != "gap_m"})
+
+
+@pytest.mark.parametrize(("heading", "axis"), [("Right Place", PLACE), ("Physics and Naturalness", PHYSICS)])
+def test_the_anchors_are_those_of_the_documents(heading: str, axis: JudgedAxis):
+    """docs/metrics.md has each metric of the axis with its anchors, and no other."""
+    text = (
+        (PROJECT_ROOT / "docs" / "metrics.md").read_text().partition(f"### {heading} by metrics\n")[2].split("\n#")[0]
+    )
+    rows = dict(re.findall(r"^\| `(\w+)` \| ([^|]+) \|", text, re.MULTILINE))
+    assert rows == {name: in_words(scale) for name, scale in SCALES[axis].items()}
+
+
+def in_words(scale: MetricScale | TruthScale) -> str:
+    if isinstance(scale, TruthScale):
+        return f"no {scale.missed:g}"
+    return ", ".join(f"{value:g} {score:g}" for value, score in scale.anchors)
