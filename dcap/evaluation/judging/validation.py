@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from dcap.evaluation.judging.judge import pair_request
 from dcap.evaluation.judging.known_answers import KnownAnswer
 from dcap.evaluation.judging.questions import JUDGE_PAIR
-from dcap.evaluation.statistics.bootstrap import Interval
+from dcap.evaluation.statistics.bootstrap import ConfidenceInterval
 from dcap.evaluation.statistics.comparisons import Comparison
 from dcap.evaluation.statistics.sides import SideReport, side_report
 from dcap.evaluation.statistics.win_rates import wilson_interval
@@ -26,7 +26,7 @@ class JudgeAccuracy:
     right: int
     asked: int
     """Two for each pair: either one on the left."""
-    interval: Interval
+    interval: ConfidenceInterval
     """95 % of the accuracy [Wilson]."""
     by_flaw: dict[str, tuple[int, int]]
     """Right and asked, by what is wrong with the worse placement."""

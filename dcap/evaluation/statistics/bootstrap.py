@@ -26,7 +26,7 @@ CHUNK = 2_000_000
 
 
 @dataclass(frozen=True, slots=True)
-class Interval:
+class ConfidenceInterval:
     """A confidence interval."""
 
     low: float
@@ -44,7 +44,7 @@ class PairedDifference:
 
     difference: float
     """Of the means, or of what was made of them."""
-    interval: Interval
+    interval: ConfidenceInterval
     p: float
     """Two-sided."""
     samples: int
@@ -70,10 +70,10 @@ def resampled_means(values: NDArray[np.float64], resamples: int = RESAMPLES, see
     return np.concatenate([weights @ values for weights in draws(len(values), resamples, seed)]) / len(values)
 
 
-def interval_of(resampled: NDArray[np.float64], level: float = LEVEL) -> Interval:
+def interval_of(resampled: NDArray[np.float64], level: float = LEVEL) -> ConfidenceInterval:
     """Percentile interval of a statistic over resamples, shape (b,)."""
     low, high = np.quantile(resampled, [0.5 * (1.0 - level), 0.5 * (1.0 + level)])
-    return Interval(float(low), float(high))
+    return ConfidenceInterval(float(low), float(high))
 
 
 def two_sided_p(resampled: NDArray[np.float64]) -> float:
@@ -82,8 +82,8 @@ def two_sided_p(resampled: NDArray[np.float64]) -> float:
     return min(1.0, 2.0 * (min(below, above) + 1) / (len(resampled) + 1))
 
 
-def mean_interval(values: NDArray[np.float64], resamples: int = RESAMPLES, seed: int = SEED) -> Interval:
-    """Interval of the mean of values, shape (n,); missing ones (nan) are left out."""
+def mean_interval(values: NDArray[np.float64], resamples: int = RESAMPLES, seed: int = SEED) -> ConfidenceInterval:
+    """ConfidenceInterval of the mean of values, shape (n,); missing ones (nan) are left out."""
     known = values[~np.isnan(values)]
     return interval_of(resampled_means(known[:, None], resamples, seed)[:, 0])
 

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from dcap.evaluation.statistics.bootstrap import RESAMPLES, SEED, Interval, draws, interval_of, two_sided_p
+from dcap.evaluation.statistics.bootstrap import RESAMPLES, SEED, ConfidenceInterval, draws, interval_of, two_sided_p
 from dcap.evaluation.statistics.comparisons import PairCounts
 from dcap.evaluation.statistics.pairwise_fit import StrengthFit, fit_strengths
 from dcap.scene.errors import InputError
@@ -36,7 +36,7 @@ class MethodRating:
     method: str
     rating: float
     """[Elo points]."""
-    interval: Interval
+    interval: ConfidenceInterval
     """95 %, cluster bootstrap over samples."""
     standard_error: float | None
     """From the Hessian [Elo points]; None for Elo, whose ties count twice, and where the ridge decided."""

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from dcap.evaluation.statistics.bootstrap import (
     RESAMPLES,
     SEED,
-    Interval,
+    ConfidenceInterval,
     PairedDifference,
     mean_interval,
     paired_difference,
@@ -32,7 +32,7 @@ class ScoreSummary:
     mean: float
     spread: float
     """Sample standard deviation over the samples; 0 for one."""
-    interval: Interval
+    interval: ConfidenceInterval
     """95 % of the mean, bootstrap over samples."""
     samples: int
     missing: int

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 from scipy.stats import binomtest
 
-from dcap.evaluation.statistics.bootstrap import LEVEL, Interval
+from dcap.evaluation.statistics.bootstrap import LEVEL, ConfidenceInterval
 from dcap.evaluation.statistics.comparisons import Comparison, Winner
 
 
@@ -23,7 +23,7 @@ class SideReport:
     """How often the left one was preferred."""
     p: float | None
     """Two-sided exact binomial test of "left and right are preferred alike"; None if all are ties."""
-    interval: Interval | None
+    interval: ConfidenceInterval | None
     """95 % of the share of the left side among decided comparisons, exact [C34]."""
     both_orders: int
     """Pairs that were judged with either method on the left."""
@@ -55,7 +55,7 @@ def side_report(comparisons: Iterable[Comparison]) -> SideReport:
         ties,
         left,
         float(test.pvalue) if test else None,
-        Interval(float(exact.low), float(exact.high)) if exact else None,
+        ConfidenceInterval(float(exact.low), float(exact.high)) if exact else None,
         asked,
         agreed,
     )

@@ -17,7 +17,7 @@ from dcap.evaluation.statistics.bootstrap import (
     LEVEL,
     RESAMPLES,
     SEED,
-    Interval,
+    ConfidenceInterval,
     PairedDifference,
     draws,
     interval_of,
@@ -35,9 +35,9 @@ class WinRate:
     method: str
     rate: float
     """0..1, ties count half."""
-    interval: Interval
+    interval: ConfidenceInterval
     """95 %, cluster bootstrap over samples."""
-    wilson: Interval
+    wilson: ConfidenceInterval
     """95 %, every comparison an independent trial."""
     comparisons: int
 
@@ -97,9 +97,9 @@ def resampled_rates(
     return np.concatenate(found)
 
 
-def wilson_interval(wins: float, trials: float, level: float = LEVEL) -> Interval:
+def wilson_interval(wins: float, trials: float, level: float = LEVEL) -> ConfidenceInterval:
     """Score interval of a share: the rates p for which |wins/n - p| <= z sqrt(p (1 - p) / n) [W27]."""
     z2 = float(norm.ppf(0.5 * (1.0 + level))) ** 2
     center = (wins + 0.5 * z2) / (trials + z2)
     half = np.sqrt(z2 * (wins * (trials - wins) / trials + 0.25 * z2)) / (trials + z2)
-    return Interval(float(max(0.0, center - half)), float(min(1.0, center + half)))
+    return ConfidenceInterval(float(max(0.0, center - half)), float(min(1.0, center + half)))

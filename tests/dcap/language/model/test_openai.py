@@ -9,8 +9,11 @@ from pathlib import Path
 import pytest
 from fake_api import KEY, fails, offline_model, reason_of, says
 from fake_openai import FakeOpenAi
+from judged import REPLY, SCORES, three_methods
 from questions_at_hand import AT_HAND, rotation_request
 
+from dcap.evaluation.judging.judge import pair_request, score_request
+from dcap.evaluation.judging.questions import JUDGE_PAIR, JUDGE_SCORE
 from dcap.language.connect import connect
 from dcap.language.model.ledger import ReplyLine, read_lines
 from dcap.language.model.openai_api import as_message, endpoint
@@ -58,6 +61,16 @@ def test_the_intent_too(server: FakeOpenAi, ask):
     assert connect(config(), Session()).ask(INTENT, asked) == OfflineClient().ask(INTENT, asked)
     assert server.raw[0]["model"] == NAME
     assert server.headers[0]["authorization"] == f"Bearer {KEY}"
+
+
+@HERE
+def test_a_judge_is_asked_like_everybody_else(server: FakeOpenAi):
+    """Scores and comparisons come back through forms that strict mode takes."""
+    server.answers = [says(REPLY), says(SCORES)]
+    client, (one, other) = connect(config(), Session()), three_methods(1)[:2]
+    assert client.ask(JUDGE_PAIR, pair_request(one, other)).overall == "left"
+    assert client.ask(JUDGE_SCORE, score_request(one)).physics_naturalness == 6.5
+    assert server.raw[0]["response_format"]["json_schema"]["name"] == "judge_pair"
 
 
 @HERE
