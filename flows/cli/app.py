@@ -48,7 +48,8 @@ Methods = Annotated[
 ]
 Limit = Annotated[int | None, typer.Option(min=1, help="Only the first N samples.")]
 Language = Annotated[
-    str, typer.Option(help="Who reads the sentence: offline (default), anthropic or replay.", show_default=False)
+    str,
+    typer.Option(help="Who reads the sentence: offline (default), anthropic, openai or replay.", show_default=False),
 ]
 Model = Annotated[str, typer.Option(help="Model to ask; default: " + DEFAULT_MODEL + ".", show_default=False)]
 Record = Annotated[

@@ -67,7 +67,7 @@ def dataset_label(
     context: typer.Context,
     scene: Annotated[str, typer.Argument(help="Folder (InteriorGS, ScanNet, SuGaR), mesh or Gaussian splats.")],
     out: Annotated[Path | None, typer.Option(help="Folder for the results; default: data/runs/labels/NAME.")] = None,
-    language: Annotated[str, typer.Option(help="Who names things: offline, anthropic or replay.")] = "",
+    language: Annotated[str, typer.Option(help="Who names things: offline, anthropic, openai or replay.")] = "",
     model: Annotated[str, typer.Option(help="Model to ask.")] = "",
     record: Annotated[str, typer.Option(metavar="DIR", help="Keep a copy of each reply in this folder.")] = "",
     replay: Annotated[str, typer.Option(metavar="DIR", help="Answer from replies recorded in this folder.")] = "",

@@ -54,7 +54,7 @@ class OfflineClient:
 
     def ask(self, question: Question[RequestT, ReplyT], request: RequestT) -> ReplyT:
         """The answer to one question."""
-        answer: Callable[[RequestT], ReplyT] = ANSWERS[question.name]
+        answer: Callable[[RequestT], ReplyT] = question.stand_in or ANSWERS[question.name]
         reply = answer(request)
         question.check(reply, request)
         return reply

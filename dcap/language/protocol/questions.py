@@ -42,6 +42,10 @@ class Question(Generic[RequestT, ReplyT]):
     """Raises ValueError, with a sentence that a model can be shown, if the reply chooses what is not listed."""
     shared: tuple[str, ...] = ()
     """Fields of the request that many questions of a run have in common: sent first, so that they can be cached."""
+    unseen: tuple[str, ...] = ()
+    """Fields of the request that no model is shown: what only the stand-in answers from."""
+    stand_in: Callable[[RequestT], ReplyT] | None = None
+    """Who answers offline, where that is not the reader of sentences."""
 
     def parsed(self, answer: object, request: RequestT) -> ReplyT:
         """An answer as a reply that fits the request; ValueError otherwise."""
