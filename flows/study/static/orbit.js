@@ -4,7 +4,7 @@
   const stages = [...document.querySelectorAll("[data-model]")];
   const switches = [...document.querySelectorAll("[data-three]")];
   const comparing = document.querySelector("main").dataset.page === "comparison";
-  const look = { azimuth: 0.6, elevation: 0.45, distance: 2.6, set: false };
+  const look = { azimuth: 0.6, elevation: 0.45, distance: 2.4, set: false };
   const viewers = [];
   let library = null;
 
@@ -42,10 +42,14 @@
       this.scene = new THREE.Scene();
       this.scene.background = new THREE.Color(0xeef1f4);
       this.camera = new THREE.PerspectiveCamera(40, 1, 0.01, 100);
-      this.light = new THREE.DirectionalLight(0xffffff, 0.55);
-      this.scene.add(new THREE.HemisphereLight(0xffffff, 0xb9b4ac, 0.62), this.light, this.light.target);
+      this.light = new THREE.DirectionalLight(0xffffff, 0.5);
+      this.light.castShadow = true;
+      this.light.shadow.mapSize.set(2048, 2048);
+      this.scene.add(new THREE.HemisphereLight(0xffffff, 0xa8a298, 0.6), this.light, this.light.target);
       this.renderer = new THREE.WebGLRenderer({ antialias: true, preserveDrawingBuffer: true });
       this.renderer.setPixelRatio(Math.min(2, window.devicePixelRatio));
+      this.renderer.shadowMap.enabled = true;
+      this.renderer.shadowMap.type = THREE.PCFSoftShadowMap;
       stage.append(this.renderer.domElement);
       this.middle = new THREE.Vector3();
       this.size = 1;
@@ -61,9 +65,25 @@
       takeDirection(thing && thing.userData.toward);
       const things = new Set();
       (thing || model).traverse(node => things.add(node));
-      model.traverse(node => { if (node.isMesh) node.material = plainMaterial(node.material, things.has(node)); });
+      model.traverse(node => {
+        if (!node.isMesh) return;
+        if (!node.geometry.attributes.normal) node.geometry.computeVertexNormals();
+        node.material = plainMaterial(node.material, things.has(node));
+        node.castShadow = node.receiveShadow = true;
+      });
       this.scene.add(model);
+      this.lightFromAbove();
       this.ready = true;
+    }
+
+    // The shadow tells whether the object touches what is below it.
+    lightFromAbove() {
+      const { size, light, middle } = this, reach = 2.5 * size;
+      light.position.copy(middle).add(new THREE.Vector3(0.25 * size, 1.5 * size, 0.2 * size));
+      light.target.position.copy(middle);
+      Object.assign(light.shadow.camera, { left: -reach, right: reach, top: reach, bottom: -reach, near: 0.01 * size, far: 8 * size });
+      light.shadow.camera.updateProjectionMatrix();
+      light.shadow.normalBias = 0.004 * size;
     }
 
     draw() {
@@ -74,14 +94,22 @@
       const away = look.distance * this.size, flat = Math.cos(look.elevation) * away;
       this.camera.near = away / 100;
       this.camera.far = away * 20 + 20;
-      this.camera.position.set(flat * Math.sin(look.azimuth), Math.sin(look.elevation) * away, flat * Math.cos(look.azimuth)).add(this.middle);
-      this.camera.lookAt(this.middle);
+      const middle = this.shared || this.middle;
+      this.camera.position.set(flat * Math.sin(look.azimuth), Math.sin(look.elevation) * away, flat * Math.cos(look.azimuth)).add(middle);
+      this.camera.lookAt(middle);
       this.camera.updateProjectionMatrix();
-      this.light.position.copy(this.camera.position).add(new THREE.Vector3(0, away, 0));
-      this.light.target.position.copy(this.middle);
       this.renderer.render(this.scene, this.camera);
       this.stage.dataset.state = "drawn";
     }
+  }
+
+  // Objects that are near one another are looked at from the very same place: how high each lies can be compared.
+  function shareMiddle() {
+    if (viewers.length < 2) return;
+    const [one, two] = viewers;
+    if (one.middle.distanceTo(two.middle) > Math.max(one.size, two.size)) return;
+    one.shared = two.shared = one.middle.clone().add(two.middle).multiplyScalar(0.5);
+    one.size = two.size = Math.max(one.size, two.size);
   }
 
   function drawAll() {
@@ -139,6 +167,7 @@
       const viewer = new Viewer(stage);
       viewer.show(file.scene);
       viewers.push(viewer);
+      shareMiddle();
       turn(stage);
       say(stage, "");
       drawAll();
