@@ -1,4 +1,4 @@
-"""Requests with a large body are refused before they are read."""
+"""Requests with a large body are refused before anything is done with them."""
 
 from collections.abc import MutableMapping
 from typing import Any
@@ -8,14 +8,12 @@ from starlette.types import ASGIApp, Receive, Scope, Send
 
 MOST_BYTES = 4096
 """Of a body: an answer has about 150."""
-
-
-class BodyTooLargeError(Exception):
-    """More came than was announced or than is taken."""
+REQUEST = "http.request"
 
 
 class BodyLimit:
-    """Answers 413 where a body is larger than MOST_BYTES, whatever its header says."""
+    """Takes in a request's body and passes it on, or answers 413 where it is larger than MOST_BYTES, whatever its
+    header says."""
 
     def __init__(self, app: ASGIApp) -> None:
         self._app = app
@@ -26,25 +24,23 @@ class BodyLimit:
             await self._app(scope, receive, send)
             return
         told = dict(scope["headers"]).get(b"content-length", b"0")
-        if not told.isdigit() or int(told) > MOST_BYTES:
-            await refusal(scope, receive, send)
+        body = await body_of(receive) if told.isdigit() and int(told) <= MOST_BYTES else None
+        if body is None:
+            await PlainTextResponse(f"more than {MOST_BYTES} bytes", status_code=413)(scope, receive, send)
             return
-        taken = 0
+        waiting: list[MutableMapping[str, Any]] = [{"type": REQUEST, "body": body, "more_body": False}]
 
-        async def counted() -> MutableMapping[str, Any]:
-            nonlocal taken
-            message = await receive()
-            taken += len(message.get("body", b""))
-            if taken > MOST_BYTES:
-                raise BodyTooLargeError
-            return message
+        async def again() -> MutableMapping[str, Any]:
+            return waiting.pop() if waiting else await receive()
 
-        try:
-            await self._app(scope, counted, send)
-        except BodyTooLargeError:
-            await refusal(scope, receive, send)
+        await self._app(scope, again, send)
 
 
-async def refusal(scope: Scope, receive: Receive, send: Send) -> None:
-    """413 in words."""
-    await PlainTextResponse(f"more than {MOST_BYTES} bytes", status_code=413)(scope, receive, send)
+async def body_of(receive: Receive) -> bytes | None:
+    """The body of a request; None where it is too large."""
+    body, more = b"", True
+    while more and len(body) <= MOST_BYTES:
+        message = await receive()
+        body += message.get("body", b"")
+        more = message["type"] == REQUEST and message.get("more_body", False)
+    return body if len(body) <= MOST_BYTES else None

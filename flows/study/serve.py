@@ -62,7 +62,6 @@ def serve_study(
         with VoteJournal(folder) as journal:
             design = known or new_design(found, folder, options, say)
             design = design.with_raters(options.raters or 1)
-            check_shown(found, design)
             write_design(folder, design)
             tokens = tokens_for(folder, list(design.raters))
             session = StudySession(found, folder, design, tokens, journal)
@@ -98,6 +97,7 @@ def check_kept(run: StudyRun, known: StudyDesign | None, options: StudyOptions) 
         raise InputError(
             f"--seed {options.seed}: the study in {kept} has seed {known.seed}; leave it out or move {kept}"
         )
+    check_shown(run, known)
     total = known.per_pair * len(known.pairs)
     if options.pairs is not None and per_pair(known.pairs, options.pairs) != known.per_pair:
         raise InputError(f"--pairs {options.pairs}: the study in {kept} has {total}; leave it out or move {kept}")
