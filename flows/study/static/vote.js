@@ -20,6 +20,7 @@
   large.querySelector("img").addEventListener("click", () => large.close());
 
   if (page.dataset.page === "introduction") {
+    page.dataset.ready = "yes";
     document.addEventListener("keydown", event => {
       if (event.key === "Enter" && !large.open && !event.target.closest("button, a")) document.getElementById("continue").click();
     });
@@ -111,7 +112,7 @@
     action();
   });
 
-  form.reset();
-  focusQuestion(0);
+  focusQuestion(Math.max(0, unanswered())); // something may be chosen before this script has come
   refresh();
+  page.dataset.ready = "yes";
 })();
