@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from dcap.evaluation.study.placed_surface import PlacedSurface, read_placed_surface
+from dcap.evaluation.study.placed_surface import PlacedSurface, camera_toward, read_placed_surface
 from dcap.evaluation.study.placements import StudyRun
 from dcap.scene.errors import DcapError
 
@@ -23,8 +23,8 @@ LIFT, LEAST_LIFT = 0.7, 0.12
 """How high the copy floats: over its height [-], and at least [m]."""
 WIDTH = 720
 """Of a picture [pixel]."""
-ASIDE_DEG = 70.0
-"""Between the two views [degrees]."""
+ASIDE_DEG = (0.0, 70.0, -70.0)
+"""Directions of the views, from the one that shows most of the object [degrees]."""
 AT_REST = "at_rest"
 
 
@@ -37,7 +37,9 @@ def make_checks(run: StudyRun, folder: Path, seed: int, say: Callable[[str], Non
         path = run.shown[method, sample].scene_model
         try:
             if path is not None:
-                write_check(read_placed_surface(path), folder / ATTENTION / f"{len(found) + 1:02d}")
+                pictures = run.shown[method, sample].pictures
+                out = folder / ATTENTION / f"{len(found) + 1:02d}"
+                write_check(read_placed_surface(path), out, like_picture(pictures[0]), len(pictures))
                 found.append((method, sample))
         except DcapError as error:
             say(f"no attention check of {method} {sample}: {error}")
@@ -54,15 +56,23 @@ def candidates(run: StudyRun, seed: int) -> list[tuple[str, str]]:
     return [first[sample] for sample in order]
 
 
-def write_check(surface: PlacedSurface, folder: Path) -> None:
-    """Pictures and models of a placement and of its floating copy."""
+def like_picture(path: Path) -> tuple[int, int]:
+    """Rows and columns of a check's pictures: as high for their width as the run's own, so that a check looks like any
+    other comparison."""
+    with Image.open(path) as picture:
+        return max(1, round(WIDTH * picture.height / picture.width)), WIDTH
+
+
+def write_check(surface: PlacedSurface, folder: Path, shape: tuple[int, int], views: int) -> None:
+    """Pictures of so many rows and columns, from at most so many sides, and models of a placement and its floating
+    copy."""
     near = surface.around_thing()
     low, high = near.thing_bounds
     rise = max(LIFT * float(high[2] - low[2]), LEAST_LIFT)
     toward = near.best_direction()
     middle = (low + high) / 2 + np.array([0.0, 0.0, rise / 2])
     size = float(np.linalg.norm(high - low + np.array([0.0, 0.0, rise])))
-    cameras = [near.view(turned(toward, angle), middle, size, WIDTH) for angle in (0.0, ASIDE_DEG)]
+    cameras = [camera_toward(middle, turned(toward, angle), size, shape) for angle in ASIDE_DEG[:views]]
     for name, one in ((SETTLED, near), (LIFTED, near.lifted(rise))):
         (folder / name).mkdir(parents=True, exist_ok=True)
         for number, camera in enumerate(cameras, 1):

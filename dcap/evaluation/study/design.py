@@ -16,7 +16,7 @@ from dcap.evaluation.study.placements import StudyRun
 from dcap.scene.errors import InputError
 
 PER_RATER = 40
-"""Comparisons that a rater gets unless another number is asked for [-]: about half an hour."""
+"""Comparisons that a rater gets unless another number is asked for [-]."""
 BETWEEN_CHECKS = 10
 """Comparisons for each attention check [-]."""
 

@@ -101,13 +101,17 @@ class PlacedSurface:
             shares.append(1.0 - caster.occluded(start, unit, length).mean())
         return np.asarray(directions()[int(np.argmax(shares))])
 
-    def view(self, direction: NDArray[np.float64], target: NDArray[np.float64], size: float, width: int) -> Camera:
-        """A camera from a direction (3,) that shows a ball of diameter `size` [m] around a point (3,)."""
-        return looking_at(target + BACK * size * direction, target, width, 3 * width // 4)
-
     def picture(self, camera: Camera) -> NDArray[np.uint8]:
         """What a camera sees, sRGB, shape (h, w, 3)."""
         return picture([PaintedMesh(self.mesh, self.paint)], camera).rgb
+
+
+def camera_toward(
+    target: NDArray[np.float64], direction: NDArray[np.float64], size: float, shape: tuple[int, int]
+) -> Camera:
+    """A camera from a direction (3,) that shows a ball of diameter `size` [m] around a point (3,); `shape` is rows and
+    columns."""
+    return looking_at(target + BACK * size * direction, target, shape[1], shape[0])
 
 
 def directions() -> NDArray[np.float64]:

@@ -42,10 +42,10 @@
       this.scene = new THREE.Scene();
       this.scene.background = new THREE.Color(0xeef1f4);
       this.camera = new THREE.PerspectiveCamera(40, 1, 0.01, 100);
-      this.light = new THREE.DirectionalLight(0xffffff, 0.5);
+      this.light = new THREE.DirectionalLight(0xffffff, 0.42);
       this.light.castShadow = true;
       this.light.shadow.mapSize.set(2048, 2048);
-      this.scene.add(new THREE.HemisphereLight(0xffffff, 0xa8a298, 0.6), this.light, this.light.target);
+      this.scene.add(new THREE.HemisphereLight(0xffffff, 0xa8a298, 0.55), this.light, this.light.target);
       this.renderer = new THREE.WebGLRenderer({ antialias: true, preserveDrawingBuffer: true });
       this.renderer.setPixelRatio(Math.min(2, window.devicePixelRatio));
       this.renderer.shadowMap.enabled = true;

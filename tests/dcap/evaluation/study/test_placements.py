@@ -9,8 +9,17 @@ import pytest
 from many_methods_run import HEIGHTS, RADIUS, SAMPLES, TOP, many_methods_run, method_folder, scene_glb
 from PIL import Image
 
-from dcap.evaluation.study import attention
-from dcap.evaluation.study.attention import LEAST_LIFT, LIFTED, MODEL, SETTLED, candidates, write_check
+from dcap.evaluation.study.attention import (
+    LEAST_LIFT,
+    LIFT,
+    LIFTED,
+    MODEL,
+    SETTLED,
+    WIDTH,
+    candidates,
+    like_picture,
+    write_check,
+)
 from dcap.evaluation.study.design import method_pairs
 from dcap.evaluation.study.placed_surface import read_placed_surface
 from dcap.evaluation.study.placements import read_study_run
@@ -106,19 +115,26 @@ def test_a_scene_without_the_object_is_refused(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_a_check_differs_in_the_height_alone(run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_check_differs_in_the_height_alone(run: Path, tmp_path: Path) -> None:
     """The copy floats; pictures differ around the ball and agree elsewhere, models agree but for the ball."""
-    monkeypatch.setattr(attention, "WIDTH", 96)
-    write_check(read_placed_surface(method_folder(run, "dcap", "bed-1") / "scene.glb"), tmp_path)
-    settled, lifted = (read_placed_surface(tmp_path / name / MODEL) for name in (SETTLED, LIFTED))
+    surface = read_placed_surface(method_folder(run, "dcap", "bed-1") / "scene.glb")
+    folder = tmp_path / "check"
+    write_check(surface, folder, (72, 96), 2)
+    assert len(list(folder.rglob("*.png"))) == 4
+    settled, lifted = (read_placed_surface(folder / name / MODEL) for name in (SETTLED, LIFTED))
     rise = lifted.thing_bounds[0] - settled.thing_bounds[0]
-    assert rise == pytest.approx([0.0, 0.0, max(LEAST_LIFT, attention.LIFT * 2 * RADIUS)], abs=1e-5)
+    assert rise == pytest.approx([0.0, 0.0, max(LEAST_LIFT, LIFT * 2 * RADIUS)], abs=1e-5)
     still = settled.mesh.vertices[np.unique(settled.mesh.faces[~settled.is_thing])]
     assert np.array_equal(still, lifted.mesh.vertices[np.unique(lifted.mesh.faces[~lifted.is_thing])])
     for number in (1, 2):
-        one, two = (np.asarray(Image.open(tmp_path / name / f"{number}.png"), int) for name in (SETTLED, LIFTED))
+        one, two = (np.asarray(Image.open(folder / name / f"{number}.png"), int) for name in (SETTLED, LIFTED))
         change = np.abs(one - two).max(axis=2) > 20
         assert 0.02 < change.mean() < 0.5
+
+
+def test_pictures_of_a_check_have_the_shape_of_the_others(run: Path) -> None:
+    """Of 320 by 240 pixels: three quarters as high as wide."""
+    assert like_picture(method_folder(run, "dcap", "bed-1") / "views" / "front.png") == (3 * WIDTH // 4, WIDTH)
 
 
 def test_checks_are_made_of_placements_at_rest(run: Path) -> None:
