@@ -1,4 +1,4 @@
-"""The command line: `dcap place|benchmark|plan|rerun|drop|report|maps|view|export|dataset|cache|ui`.
+"""The command line: `dcap place|benchmark|plan|rerun|drop|report|maps|view|export|study|dataset|cache|ui`.
 
 Results go to standard output, everything else to standard error. Exit codes: 0 at rest or done, 2 bad input, 3
 understood but infeasible, 4 some samples of a benchmark failed. An error that a user can mend is one line.
@@ -21,6 +21,7 @@ from flows.cli.checks import Json, choice, given
 from flows.cli.data import cache_app, dataset_app
 from flows.cli.export_command import export
 from flows.cli.maps_command import maps
+from flows.cli.study_command import study_app
 from flows.cli.view_command import view
 from flows.options import DropOptions, PlaceOptions, check_case, check_out, check_prompt, checked
 
@@ -37,6 +38,7 @@ app = typer.Typer(
 )
 app.add_typer(dataset_app, name="dataset")
 app.add_typer(cache_app, name="cache")
+app.add_typer(study_app, name="study")
 app.command()(maps)
 app.command()(view)
 app.command()(export)
