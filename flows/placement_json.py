@@ -24,7 +24,7 @@ from flows.sample_run import FinishedSample
 from solver.certificate import Certificate, Verdict
 from tasks.render.particle_table import settled_materials
 
-AT_REST = "at_rest"
+AT_REST, AS_POSED = "at_rest", "as_posed"
 SCHEMA_VERSION = 1
 """Of the keys of placement.json: keys are only added within a version."""
 

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from dcap.evaluation.judging.rubric import SCALES, rubric_scores
 from dcap.evaluation.metrics.right_place import place_measures
 from dcap.evaluation.outcome_table import AS_POSED, AT_REST, ExpectedOutcome, SampleOutcome, row_of
 from dcap.geometry.placement.named_regions import BESIDE, regions
@@ -22,6 +23,8 @@ from dcap.scene.types.segmentation import Segmentation
 from flows.measures_file import read_measures
 from tasks.requests.surroundings import part_frame
 
+RUBRIC = "metric rubric"
+"""The judge that needs no pictures."""
 REFERENCED = frozenset(BESIDE)
 """Region words that mean a place beside something: the truth does not say beside what."""
 
@@ -40,8 +43,10 @@ def scored_row(
     margin = number(measures.get("com_margin_m"))
     row = replace(
         row,
-        **{name: number(measures.get(name))
-           for name in ("penetration_m", "penetration_given_m", "gap_m", "contact_area_m2")},
+        penetration_m=number(measures.get("penetration_m")),
+        penetration_given_m=number(measures.get("penetration_given_m")),
+        gap_m=number(measures.get("gap_m")),
+        contact_area_m2=number(measures.get("contact_area_m2")),
         com_margin_m=margin,
         com_supported=margin is not None and margin >= 0.0,
         indentation_m=found,
@@ -49,9 +54,9 @@ def scored_row(
         force_residual=number(drift.get("force_residual")),
         drift_m=number(drift.get("distance_m")),
         drift_s=number(drift.get("seconds")),
-    )  # fmt: skip
+    )
     if truth is None or not truth.feasible:
-        return row
+        return with_scores(row)
     pose = tree["pose"]
     assert isinstance(pose, Mapping)
     support = tuple(str(measures.get(name) or "") for name in ("support_id", "support_label", "support_part"))
@@ -59,13 +64,21 @@ def scored_row(
         (support[0], support[1], support[2]), np.asarray(measures["middle"], dtype=float),
         np.asarray(pose["quaternion"], dtype=float), truth, meant_regions(kept.get("scene"), truth, tree),
     )  # fmt: skip
-    return replace(
+    row = replace(
         row,
         support_hit=place.support_hit,
         part_hit=place.part_hit,
         region_distance_m=place.region_distance_m,
         orientation_error_deg=place.orientation_error_deg,
     )
+    return with_scores(row)
+
+
+def with_scores(row: SampleOutcome) -> SampleOutcome:
+    """With the two scores of the metric rubric."""
+    metrics = {name: getattr(row, name) for axis in SCALES.values() for name in axis}
+    place, physics = rubric_scores(metrics)
+    return replace(row, right_place=place, physics_naturalness=physics, judge=RUBRIC)
 
 
 def number(value: object) -> float | None:
@@ -83,7 +96,9 @@ def meant_regions(
     known = loaded_scene(str(scene["kind"]), str(scene["sha256"]))
     if known is None:
         return ()
-    bases = [one for one in known.instances if one.id == truth.base_id or (not truth.base_id and one.label == truth.base)]
+    bases = [
+        one for one in known.instances if one.id == truth.base_id or (not truth.base_id and one.label == truth.base)
+    ]
     box = np.asarray(tree["object_aabb"], dtype=float)
     reach = np.full(2, 0.5 * float(np.ptp(box[:, :2], axis=0).max()))
     found = []

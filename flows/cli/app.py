@@ -17,7 +17,7 @@ import typer
 from dcap.language.protocol.client import DEFAULT_MODEL
 from dcap.scene.errors import DcapError
 from dcap.scene.settings import runs_root, version
-from flows.cli.checks import Json, choice, given
+from flows.cli.checks import Json, given
 from flows.cli.data import cache_app, dataset_app
 from flows.cli.export_command import export
 from flows.cli.maps_command import maps

@@ -112,8 +112,8 @@ KINDS: dict[str, type] = {
         VertexLabels, Visibility,
     )
 }  # fmt: skip
-"""Every type that may be stored, by the name that `value.json` gives it: files outlive moves between modules; a line for each
-initial."""
+"""Every type that may be stored, by the name that `value.json` gives it: files outlive moves between modules; a line
+for each initial."""
 
 type_hints: dict[type, dict[str, object]] = {}
 
