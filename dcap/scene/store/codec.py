@@ -26,6 +26,7 @@ from dcap.scene.types.anchor import Anchor, Lean
 from dcap.scene.types.box import OrientedBox
 from dcap.scene.types.earlier import Deformation, EarlierPlacements, FreedThings, PlacedThing
 from dcap.scene.types.file_scale import FileScale
+from dcap.scene.types.floor_plan import FloorPlan, FloorPlans, PlanBox
 from dcap.scene.types.given_labels import GivenLabels, GivenPart, GivenThing, VertexLabels
 from dcap.scene.types.intent import Intent, OrientationRequest, RegionConstraint, RegionRequest, SupportCandidate
 from dcap.scene.types.materials import ContactFriction, LayerConstants, Material, PartMaterial, PartMaterials
@@ -90,14 +91,14 @@ KINDS: dict[str, type] = {
     for one in (
         Anchor, AskedPose, BackgroundGrid, BesideThePart, BodyGeometry, BodyPath, BodyStability, BondRow, Certificate,
         CertificateRow, ColumnLayer, ContactFriction, ContactRow, Deformation, DistanceGrid, DropFrames,
-        EarlierPlacements, FileScale, FreedThings, GivenLabels, GivenPart, GivenPlace, GivenThing, HiddenObject,
-        History, InertialProperties, Infeasible, Instance, Intent, InTheWay, KickCheck, KickRow, KnownHeight,
-        LabelBox, LastState, LayerConstants, LayeredPoints, Lean, LeanCheck, Material, MaterialPoints, MaterialState,
-        Mesh, NoRoom, NotDone, NotInScene, ObjectHole, OpenObject, OrientationRequest, OrientedBox, Overview, Paint,
-        Part, Particles, PartMaterial, PartMaterials, PlacedThing, PlacementChecks, Pointed, PoseCheck, PushBounds,
-        PushRow, RegionConstraint, RegionRequest, Renders, RepairReport, RigidSimulationBody, RollingRow, Room,
-        Rotation, Sample, Scan, Segmentation, Settled, SettledBody, SignalRows, SoftSimulationBody, SourceOptions,
-        SourceSurface, StabilityGrade, SupportCandidate, VertexLabels, Visibility,
+        EarlierPlacements, FileScale, FloorPlan, FloorPlans, FreedThings, GivenLabels, GivenPart, GivenPlace,
+        GivenThing, HiddenObject, History, InertialProperties, Infeasible, Instance, Intent, InTheWay, KickCheck,
+        KickRow, KnownHeight, LabelBox, LastState, LayerConstants, LayeredPoints, Lean, LeanCheck, Material,
+        MaterialPoints, MaterialState, Mesh, NoRoom, NotDone, NotInScene, ObjectHole, OpenObject, OrientationRequest,
+        OrientedBox, Overview, Paint, Part, Particles, PartMaterial, PartMaterials, PlacedThing, PlacementChecks,
+        PlanBox, Pointed, PoseCheck, PushBounds, PushRow, RegionConstraint, RegionRequest, Renders, RepairReport,
+        RigidSimulationBody, RollingRow, Room, Rotation, Sample, Scan, Segmentation, Settled, SettledBody, SignalRows,
+        SoftSimulationBody, SourceOptions, SourceSurface, StabilityGrade, SupportCandidate, VertexLabels, Visibility,
     )
 }  # fmt: skip
 """Every type that may be stored, by the name that `value.json` gives it: files outlive moves between modules."""
