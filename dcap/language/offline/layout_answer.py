@@ -10,7 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from dcap.language.offline.layout_spots import free_spot, limited, wanted_spot
+from dcap.language.offline.layout_spots import free_spot, limited, overlap, wanted_spot
 from dcap.language.offline.lexicon import inside_parts, lineage
 from dcap.language.offline.part_choice import chosen_part, moved_into_which, one_of_a_whole, thing_id
 from dcap.language.offline.plan_rectangles import PlanRectangle, rectangle_of, rectangles, referred, shell_rectangle
@@ -24,6 +24,10 @@ TOUCHES = 0.02
 """What rises less above the support is not in the way [m]."""
 WIDE = 1.2
 """Things longer than this are faced at their nearest point, smaller ones at their middle [m]."""
+COVER, WELL_COVERED = 0.1, 0.25
+"""What rises less above the support [m] and covers more of it [-] is a cover, on which things stand too."""
+RIM = "rim"
+"""The part that is a ring."""
 VESSEL = 0.15
 """How thick the bottom of a vessel is guessed to be, over its height [-]: a box does not show it."""
 
@@ -37,9 +41,13 @@ def layout_answer(request: LayoutRequest, meant: IntentReply) -> LayoutReply:
     whole = rectangle_of(request, base.id)
     part, regions = part_and_regions(base, whole, meant, size)
     support = rectangle_of(request, base.id, part.index)
-    spot, yaw = spot_and_yaw(request, base, support, meant, regions, size)
+    spot, yaw = spot_and_yaw(request, base, support, meant, regions, size, on_rim=part.name == RIM)
     left, top = (spot - np.array(request.origin)[:2]) * request.pixels_per_metre
-    depth = (level_of(base, part) + 0.5 * size[2] - request.origin[2]) * request.pixels_per_metre
+    level = level_of(base, part)
+    for cover in covers_of(request, support):
+        around = extents(0.5 * size[:2], yaw, support)
+        level = max(level, cover.top) if overlap(support, spot, around, [cover]) > 0.0 else level
+    depth = (level + 0.5 * size[2] - request.origin[2]) * request.pixels_per_metre
     length, width, height = request.asset
     angle = round(float(np.degrees(yaw)) + meant.turn_deg) % 360
     box = CssBox(request.category, length, width, height, round(left), round(top), round(depth), angle)
@@ -61,7 +69,7 @@ def part_and_regions(
         regions = tuple(one for one in regions if one not in ("left", "right", "middle", "center"))
     if one_of_a_whole(request, part):
         regions = (meant.which, *regions)
-    if part.name == "rim" and not regions and not meant.references:  # a ring: there is nothing at its middle
+    if part.name == RIM and not regions and not meant.references:  # a ring: there is nothing at its middle
         regions = ("edge",)
     return part, regions
 
@@ -79,6 +87,8 @@ def spot_and_yaw(
     meant: IntentReply,
     regions: Sequence[str],
     size: Array,
+    *,
+    on_rim: bool,
 ) -> tuple[Array, float]:
     """Where the middle goes, shape (2,), and how the box is turned [rad]."""
     references = [one for name in meant.references for one in referred(request, meant, name)]
@@ -91,6 +101,8 @@ def spot_and_yaw(
     spot, yaw = support.center, facing_yaw(request, base, support, support.center, meant)
     for _ in range(2):  # what is faced depends on the place, and the room it takes on how it is turned
         around = extents(half, yaw, support)
+        if on_rim:  # it is narrow: the middle of the box goes over it, not its side
+            around, taken = np.zeros(2), []
         spot = wanted_spot(support, regions, references, around, view, taken)
         spot = limited(support, spot, around, limits)
         spot = free_spot(support, spot, around, taken)
@@ -127,11 +139,24 @@ def in_the_way(
     lines = rectangles(request)
     owners = {one.thing for one in lines if one.part >= 0}
     solid = [one for one in lines if one.part >= 0 or one.thing not in owners]
-    others = [one for one in solid if (one.thing, one.part) != (support.thing, support.part)]
+    own = {(one.thing, one.part) for one in (support, *covers_of(request, support))}
+    others = [one for one in solid if (one.thing, one.part) not in own]
     low, high = support.top, support.top + height
     found = [one for one in others if one.top > low + TOUCHES and one.bottom < high]
     excluded: list[Constraint] = [one for one in meant.constraints if one.kind == "not_on"]
     return found + [one for limit in excluded for one in referred(request, meant, limit.reference)]
+
+
+def covers_of(request: LayoutRequest, support: PlanRectangle) -> list[PlanRectangle]:
+    """Other parts of the base that lie on the support like a blanket: low, and over a good part of it."""
+    area = 4.0 * float(np.prod(support.half))
+    return [
+        one
+        for one in rectangles(request)
+        if one.thing == support.thing and one.part not in (-1, support.part)
+        and one.bottom < support.top + TOUCHES and 0.0 < one.top - support.top < COVER
+        and overlap(support, support.center, support.half, [one]) > WELL_COVERED * area
+    ]  # fmt: skip
 
 
 def facing_yaw(
