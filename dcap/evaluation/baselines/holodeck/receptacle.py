@@ -2,14 +2,14 @@
 
 As in the source (`small_objects.py`): only what is smaller than 90 % of the receptacle in length and width is placed;
 what is at most 25 cm in every direction and 625 cm2 seen from above gets a random turn of whole degrees; what is at
-most 3 cm thick along a horizontal axis is laid flat; ten attempts are made; the box ends 1 mm above the surface; of what
-is neither small nor thin, and so would not be left to physics, what meets the box of something else there is dropped.
-Ours is what its simulator AI2-THOR does behind its action
-`InitialRandomSpawn`, by rays: a point is drawn from the receptacle's faces that look up (unit normal's vertical part
-above 0.9) with room for the object above them; the corners and middles of its footprint must be over the receptacle
-(no deeper than `SAG` below the highest), and nothing may be in the box above the surface. The turn is drawn before,
-not after, so that what is checked is what is returned; what is not small is tried at quarter turns. The source lets
-AI2-THOR's physics settle small things afterwards; here the place is taken as it is.
+most 3 cm thick along a horizontal axis is laid flat; ten attempts are made; the box ends 1 mm above the surface; of
+what is neither small nor thin, and so would not be left to physics, what meets the box of something else there is
+dropped. Ours is what its simulator AI2-THOR does behind its action `InitialRandomSpawn`, by rays: a point is drawn
+from the receptacle's faces that look up (unit normal's vertical part above 0.9) with room for the object above them;
+the corners and middles of its footprint must be over the receptacle (no deeper than `SAG` below the highest), and
+nothing may be in the box above the surface. The turn is drawn before, not after, so that what is checked is what is
+returned; what is not small is tried at quarter turns. The source lets AI2-THOR's physics settle small things
+afterwards; here the place is taken as it is.
 """
 
 from dataclasses import dataclass
@@ -161,7 +161,9 @@ def collides(plan: FloorPlan, receptacle: str, low: Array, high: Array) -> str:
     """Label of a thing on the receptacle whose axis-aligned box meets the one from `low` to `high` [m]; empty if there
     is none. What is larger than the receptacle, or not over it, does not stand on it."""
     base = next((box for box in plan.things if box.thing == receptacle), None)
-    for box in plan.things if base is not None else ():
+    if base is None:
+        return ""
+    for box in plan.things:
         if box is base or np.prod(box.size[:2]) > np.prod(base.size[:2]) or box.bottom <= base.bottom + ABOVE:
             continue
         own_low, own_high = np.array([*box.ring.min(axis=0), box.bottom]), np.array([*box.ring.max(axis=0), box.top])

@@ -73,13 +73,14 @@ def beside(name: str, target: GridPlace, place: GridPlace, grid: float) -> bool:
     forward = (place.center[0] - middle[0]) * way[0] + (place.center[1] - middle[1]) * way[1]
     rightward = (place.center[0] - middle[0]) * way[1] - (place.center[1] - middle[1]) * way[0]
     length, width = (half[1], half[0]) if target.turn in (0, 180) else (half[0], half[1])
-    return {
+    holds: dict[str, bool] = {
         "left of": rightward < -width and abs(forward) <= length,
         "right of": rightward > width and abs(forward) <= length,
         "side of": abs(forward) <= length,
         "in front of": forward > length and abs(rightward) < grid,
         "behind": forward < -length and abs(rightward) <= width,
-    }[name]
+    }
+    return holds[name]
 
 
 def aligned(target: GridPlace, place: GridPlace) -> bool:
