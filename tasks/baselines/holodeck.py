@@ -10,7 +10,7 @@ from pydantic import BaseModel, NonNegativeInt, PositiveInt
 
 from dcap.evaluation.baselines.asset import CanonicalAsset, canonical_asset
 from dcap.evaluation.baselines.floor_plan import floor_plan_of
-from dcap.evaluation.baselines.holodeck.constraints import Relation, parsed_relations
+from dcap.evaluation.baselines.holodeck.constraints import parsed_relations
 from dcap.evaluation.baselines.holodeck.floor_placement import CENTIMETRES, floor_place, floor_pose
 from dcap.evaluation.baselines.holodeck.receptacle import collides, fits_on, is_small, receptacle_place
 from dcap.evaluation.baselines.proposal import proposed_anchor
@@ -67,9 +67,7 @@ def holodeck(
     if reply.on_top_of:
         receptacle = next(one.id for one in things if one.name == reply.on_top_of)
         return on_receptacle(scene, item, receptacle, plan, asset, rng, config.attempts)
-    names = {one.id: one.name for one in things}
-    relations = parsed_relations(reply.constraints, object_name, [names[box.thing] for box in plan.things])
-    return on_floor(scene, item, plan, names, asset, object_name, relations, rng, config)
+    return on_floor(scene, item, plan, asset, request, reply.constraints, rng, config)
 
 
 holodeck_task = stage(holodeck)
@@ -118,15 +116,16 @@ def on_floor(
     scene: SegmentedScene,
     item: SegmentedObject,
     plan: FloorPlan,
-    names: dict[str, str],
     asset: CanonicalAsset,
-    object_name: str,
-    relations: list[Relation],
+    request: RelationsRequest,
+    constraints: str,
     rng: np.random.Generator,
     config: HolodeckConfig,
 ) -> Anchor | Infeasible:
     """The floor's place of the best score."""
-    place = floor_place(plan, names, asset, object_name, relations, rng, roots=config.roots, steps=config.steps)
+    names, name = {one.id: one.name for one in request.things}, request.object_name
+    relations = parsed_relations(constraints, name, [names[box.thing] for box in plan.things])
+    place = floor_place(plan, names, asset, name, relations, rng, roots=config.roots, steps=config.steps)
     said = " | ".join(", ".join(filter(None, (one.name, one.target))) for one in relations) or "edge by default"
     if place is None:
         return Infeasible(Reason.NO_SUPPORT_HIT, f"the floor has no place for the object ({said})", None)

@@ -14,12 +14,13 @@ from dcap.evaluation.baselines.proposal import proposed_anchor
 from dcap.language.connect import Client
 from dcap.language.protocol.client import LanguageConfig
 from dcap.language.protocol.questions import LAYOUTGPT
+from dcap.language.protocol.requests import IntentRequest
 from dcap.scene.types.anchor import Anchor
 from dcap.scene.types.floor_plan import FloorPlans
 from dcap.scene.types.intent import Intent
 from dcap.scene.types.outcome import Infeasible
 from dcap.scene.types.segmentation import SegmentedObject, SegmentedScene
-from tasks.requests.views import instance_views, object_view
+from tasks.requests.views import instance_views, object_view, room_center, vector
 from tasks.runner.stage import stage
 
 
@@ -45,10 +46,10 @@ def layoutgpt(
     """Ask for one line and take it as it is."""
     plan = floor_plan_of(scene)
     asset = canonical_asset(item.mesh, intent.scale, intent.object_name)
+    asked = IntentRequest(prompt, object_view(item), instance_views(scene), vector(room_center(scene)))
     request = layout_request(
-        prompt, object_view(item), instance_views(scene), plan, exemplars, asset, intent.object_name,
-        most=config.exemplars, limit=config.token_limit,
-    )  # fmt: skip
+        asked, plan, exemplars, asset, intent.object_name, most=config.exemplars, limit=config.token_limit
+    )
     box = new_line(client.ask(LAYOUTGPT, request).layout, request.lines)
     if isinstance(box, Infeasible):
         return box

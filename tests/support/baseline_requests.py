@@ -6,6 +6,7 @@ from dcap.evaluation.baselines.asset import canonical_asset
 from dcap.evaluation.baselines.floor_plan import floor_plan_of
 from dcap.evaluation.baselines.layoutgpt.placement import layout_request
 from dcap.language.protocol.baseline_questions import LayoutRequest, RelationsRequest, names_of
+from dcap.language.protocol.requests import IntentRequest
 from tasks.requests.views import instance_views, object_view, room_center, vector
 
 PROMPT = "put the mug at the center of the bed"
@@ -14,8 +15,8 @@ PROMPT = "put the mug at the center of the bed"
 def asked_layout(prompt: str = PROMPT) -> LayoutRequest:
     """LayoutGPT's question without examples."""
     asset = canonical_asset(mug(), 1.0, "mug")
-    item, views, plan = object_view(thing("mug", mug())), instance_views(ROOM), floor_plan_of(ROOM)
-    return layout_request(prompt, item, views, plan, None, asset, "mug", most=8, limit=7000)
+    asked = IntentRequest(prompt, object_view(thing("mug", mug())), instance_views(ROOM), vector(room_center(ROOM)))
+    return layout_request(asked, floor_plan_of(ROOM), None, asset, "mug", most=8, limit=7000)
 
 
 def asked_relations(prompt: str = PROMPT) -> RelationsRequest:

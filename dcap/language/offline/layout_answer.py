@@ -43,10 +43,7 @@ def layout_answer(request: LayoutRequest, meant: IntentReply) -> LayoutReply:
     support = rectangle_of(request, base.id, part.index)
     spot, yaw = spot_and_yaw(request, base, support, meant, regions, size, on_rim=part.name == RIM)
     left, top = (spot - np.array(request.origin)[:2]) * request.pixels_per_metre
-    level = level_of(base, part)
-    for cover in covers_of(request, support):
-        around = extents(0.5 * size[:2], yaw, support)
-        level = max(level, cover.top) if overlap(support, spot, around, [cover]) > 0.0 else level
+    level = level_of(request, base, part, support, spot, extents(0.5 * size[:2], yaw, support))
     depth = (level + 0.5 * size[2] - request.origin[2]) * request.pixels_per_metre
     length, width, height = request.asset
     angle = round(float(np.degrees(yaw)) + meant.turn_deg) % 360
@@ -74,10 +71,16 @@ def part_and_regions(
     return part, regions
 
 
-def level_of(base: InstanceView, part: PartView) -> float:
-    """Height on which things stand: the top of the part's box; in a vessel, above its thickness [m]."""
+def level_of(
+    request: LayoutRequest, base: InstanceView, part: PartView, support: PlanRectangle, spot: Array, half: Array
+) -> float:
+    """Height on which the box stands: the top of the part's box, or of a cover's under it; in a vessel, above its
+    thickness [m]."""
     inside = {inside_parts().get(one, "") for one in lineage(thing_id(base.label))}
-    return part.center[2] + part.size[2] * (VESSEL - 0.5 if part.name in inside else 0.5)
+    if part.name in inside:
+        return part.center[2] + (VESSEL - 0.5) * part.size[2]
+    covers = [one.top for one in covers_of(request, support) if overlap(support, spot, half, [one]) > 0.0]
+    return max([part.center[2] + 0.5 * part.size[2], *covers])
 
 
 def spot_and_yaw(

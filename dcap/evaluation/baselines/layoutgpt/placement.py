@@ -21,7 +21,7 @@ from dcap.evaluation.baselines.layoutgpt.exemplars import (
 from dcap.evaluation.baselines.layoutgpt.pixels import category_of, grid_of
 from dcap.language.protocol.baseline_questions import LayoutLine, LayoutRequest
 from dcap.language.protocol.layout_text import CssBox, parsed_layout
-from dcap.language.protocol.requests import InstanceView, ObjectView, Vector
+from dcap.language.protocol.requests import IntentRequest, Vector
 from dcap.scene.types.floor_plan import FloorPlan, FloorPlans
 from dcap.scene.types.outcome import Infeasible, Reason
 
@@ -31,9 +31,7 @@ SHOWN = 120
 
 
 def layout_request(
-    prompt: str,
-    item: ObjectView,
-    instances: tuple[InstanceView, ...],
+    asked: IntentRequest,
     plan: FloorPlan,
     exemplars: FloorPlans | None,
     asset: CanonicalAsset,
@@ -42,19 +40,19 @@ def layout_request(
     most: int,
     limit: int,
 ) -> LayoutRequest:
-    """The question with as many of the `most` similar rooms as `limit` tokens allow."""
+    """The question with as many of the `most` similar rooms as `limit` tokens allow; `asked` is what our own method's
+    intent is asked."""
     grid, others = grid_of(plan), others_of(plan, exemplars)
     lines = tuple(LayoutLine(box.thing, box.part, grid.box(box).text) for box in plan.boxes)
     categories, condition = frequencies([plan, *others]), condition_of(plan)
-    used = token_count("\n".join([prompt, categories, condition, *(line.text for line in lines)]))
+    used = token_count("\n".join([asked.prompt, categories, condition, *(line.text for line in lines)]))
     shown = within_limit([exemplar_of(one) for one in most_similar(plan, others, most)], used, limit)
     length, width, height = (grid.pixels(float(value)) for value in asset.size)
-    middle = plan.low[:2] + 0.5 * plan.extents
     return LayoutRequest(
-        prompt=prompt,
-        item=item,
-        instances=instances,
-        room_center=(float(middle[0]), float(middle[1]), plan.floor),
+        prompt=asked.prompt,
+        item=asked.item,
+        instances=asked.instances,
+        room_center=asked.room_center,
         categories=categories,
         exemplars=tuple(shown),
         condition=condition,
