@@ -8,21 +8,26 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from dcap.language.offline.given_base import given_target
+from dcap.language.offline.layout_answer import layout_answer
 from dcap.language.offline.lexicon import thing_of
 from dcap.language.offline.made_of import material_words_about
 from dcap.language.offline.material_choice import chosen_materials
 from dcap.language.offline.part_choice import chosen_part, moved_into_which, one_of_a_whole
 from dcap.language.offline.pose_choice import chosen_pose
 from dcap.language.offline.priors import prior_of
+from dcap.language.offline.relations_answer import relations_answer
 from dcap.language.offline.sentence import read
 from dcap.language.offline.shapes import label_of
 from dcap.language.offline.target import target_of
 from dcap.language.offline.where import facing_of
 from dcap.language.offline.words import SceneWords
+from dcap.language.protocol.baseline_questions import LayoutReply, LayoutRequest, RelationsReply, RelationsRequest
 from dcap.language.protocol.questions import (
     ANCHOR,
+    HOLODECK,
     INTENT,
     LABEL,
+    LAYOUTGPT,
     MATERIALS,
     PARTS,
     ROTATION,
@@ -145,6 +150,21 @@ def parts(request: PartsRequest) -> PartsReply:
     return PartsReply(names=tuple(names), reason="as geometry proposes")
 
 
+def layoutgpt(request: LayoutRequest) -> LayoutReply:
+    """A line that puts a box where the sentence wants it, as the intent's reader understands it."""
+    return layout_answer(request, understood(request))
+
+
+def holodeck(request: RelationsRequest) -> RelationsReply:
+    """The receptacle and the relations that the sentence names, as the intent's reader understands it."""
+    return relations_answer(request, understood(request))
+
+
+def understood(request: LayoutRequest | RelationsRequest) -> IntentReply:
+    """What our own method's intent would be."""
+    return intent(IntentRequest(request.prompt, request.item, request.instances, request.room_center))
+
+
 ANSWERS: Mapping[str, Callable[[Any], Any]] = {
     INTENT.name: intent,
     ROTATION.name: rotation,
@@ -152,5 +172,7 @@ ANSWERS: Mapping[str, Callable[[Any], Any]] = {
     MATERIALS.name: materials,
     LABEL.name: label,
     PARTS.name: parts,
+    LAYOUTGPT.name: layoutgpt,
+    HOLODECK.name: holodeck,
 }
 """Who answers which question."""

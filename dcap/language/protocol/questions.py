@@ -1,6 +1,7 @@
-"""The six questions that stages ask: which request, which reply, and how one is checked against the other.
+"""The questions that stages ask, six of our own method and those of the baselines.
 
-A stage says `client.ask(INTENT, request)` and gets an `IntentReply`; it never learns who answered.
+Each says which request and which reply it takes, and how one is checked against the other. A stage says
+`client.ask(INTENT, request)` and gets an `IntentReply`; it never learns who answered.
 """
 
 from collections.abc import Callable
@@ -9,6 +10,7 @@ from typing import Generic, TypeVar
 
 from pydantic import BaseModel
 
+from dcap.language.protocol.baseline_questions import LayoutReply, LayoutRequest, RelationsReply, RelationsRequest
 from dcap.language.protocol.replies import (
     AnchorReply,
     IntentReply,
@@ -60,3 +62,5 @@ ANCHOR = Question("anchor", AnchorRequest, AnchorReply, AnchorReply.check)
 MATERIALS = Question("materials", MaterialsRequest, MaterialsReply, MaterialsReply.check, ("library",))
 LABEL = Question("label", LabelRequest, LabelReply, LabelReply.check, ("labels",))
 PARTS = Question("parts", PartsRequest, PartsReply, PartsReply.check, ("names",))
+LAYOUTGPT = Question("layoutgpt", LayoutRequest, LayoutReply, LayoutReply.check, ("instances", "room_center"))
+HOLODECK = Question("holodeck", RelationsRequest, RelationsReply, RelationsReply.check, ("instances", "room_center"))

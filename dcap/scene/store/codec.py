@@ -26,6 +26,7 @@ from dcap.scene.types.anchor import Anchor, Lean
 from dcap.scene.types.box import OrientedBox
 from dcap.scene.types.earlier import Deformation, EarlierPlacements, FreedThings, PlacedThing
 from dcap.scene.types.file_scale import FileScale
+from dcap.scene.types.floor_plan import FloorPlan, FloorPlans, PlanBox
 from dcap.scene.types.given_labels import GivenLabels, GivenPart, GivenThing, VertexLabels
 from dcap.scene.types.intent import Intent, OrientationRequest, RegionConstraint, RegionRequest, SupportCandidate
 from dcap.scene.types.materials import ContactFriction, LayerConstants, Material, PartMaterial, PartMaterials
@@ -95,7 +96,7 @@ KINDS: dict[str, type] = {
         Certificate, CertificateRow, ColumnLayer, ContactFriction, ContactRow,
         Deformation, DistanceGrid, Drift, DropFrames,
         EarlierPlacements,
-        FileScale, FreedThings,
+        FileScale, FloorPlan, FloorPlans, FreedThings,
         GivenLabels, GivenPart, GivenPlace, GivenThing,
         HiddenObject, History,
         Indentation, InertialProperties, Infeasible, Instance, Intent, InTheWay,
@@ -104,8 +105,8 @@ KINDS: dict[str, type] = {
         Material, MaterialMap, MaterialPoints, MaterialState, Measures, Mesh,
         NoRoom, NotDone, NotInScene,
         ObjectHole, OpenObject, OrientationRequest, OrientedBox, Overview,
-        Paint, Part, Particles, PartMaterial, PartMaterials, PlacedThing, PlacementChecks, Pointed, PoseCheck,
-        PushBounds, PushRow,
+        Paint, Part, Particles, PartMaterial, PartMaterials, PlacedThing, PlacementChecks, PlanBox, Pointed,
+        PoseCheck, PushBounds, PushRow,
         RegionConstraint, RegionRequest, Renders, RepairReport, RigidSimulationBody, RollingRow, Room, Rotation,
         Sample, Scan, Segmentation, Settled, SettledBody, SignalRows, SoftSimulationBody, SourceOptions,
         SourceSurface, StabilityGrade, SupportCandidate, SurfaceMaterial,
