@@ -15,12 +15,13 @@ from typing import Any
 from pydantic import TypeAdapter
 
 from dcap.language.offline.client import OfflineClient
+from dcap.language.protocol.fireplace import CHOICE, OUTLINES, PRUNING
 from dcap.language.protocol.questions import ANCHOR, INTENT, LABEL, MATERIALS, PARTS, ROTATION, Question
 
 KEY = "sk-never-to-be-shown"
 Body = dict[str, Any]
 Answer = tuple[int, Body]
-QUESTIONS = {one.name: one for one in (INTENT, ROTATION, ANCHOR, MATERIALS, LABEL, PARTS)}
+QUESTIONS = {one.name: one for one in (INTENT, ROTATION, ANCHOR, MATERIALS, LABEL, PARTS, OUTLINES, CHOICE, PRUNING)}
 UNKNOWN_KEYWORDS = (
     "prefixItems", "minimum", "maximum", "exclusiveMinimum", "exclusiveMaximum", "minLength", "maxLength", "maxItems",
     "pattern", "default",

@@ -7,6 +7,7 @@ understand.
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
+from dcap.language.offline.fireplace import FIREPLACE_ANSWERS
 from dcap.language.offline.given_base import given_target
 from dcap.language.offline.lexicon import thing_of
 from dcap.language.offline.made_of import material_words_about
@@ -152,5 +153,6 @@ ANSWERS: Mapping[str, Callable[[Any], Any]] = {
     MATERIALS.name: materials,
     LABEL.name: label,
     PARTS.name: parts,
+    **FIREPLACE_ANSWERS,
 }
 """Who answers which question."""
