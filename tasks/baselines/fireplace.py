@@ -11,7 +11,6 @@ from dataclasses import replace
 from functools import partial
 
 import numpy as np
-import shapely
 from numpy.typing import NDArray
 from pydantic import BaseModel, NonNegativeInt, PositiveInt
 
@@ -23,10 +22,12 @@ from dcap.evaluation.baselines.fireplace.placement import (
     SurfaceFrame,
     placements,
     resting,
-    room_outline,
+    room_plan,
 )
+from dcap.evaluation.baselines.fireplace.problem import SupportArea
 from dcap.evaluation.baselines.fireplace.selection import BATCH, batches
 from dcap.evaluation.baselines.fireplace.solve import MOST_OVERHANG
+from dcap.geometry.raycast import Raycaster
 from dcap.language.connect import Client
 from dcap.language.protocol.client import LanguageConfig
 from dcap.language.protocol.fireplace import (
@@ -54,6 +55,8 @@ from tasks.runner.stage import stage
 Array = NDArray[np.float64]
 UNSURE = 0.9
 """A scene with labels below this is shown as well as told [-]."""
+LOOKED_UNDER = 0.02
+"""How far under and over its contact surface what carries the object is looked for [m]."""
 LETTERS = "ABCDEFGHIJKLMNOPQRSTUVWXYZ"
 
 
@@ -98,7 +101,7 @@ def fireplace(
     if not found.placements:
         return no_placement(carrier, rested, found, scene)
     best, about = chosen_placement(scene, item.mesh, intent, carrier, found, chooser, config)
-    return anchored(scene, carrier, best, reply, about)
+    return anchored(scene, carrier, part_below(scene, carrier, rested, best), best, reply, about)
 
 
 fireplace_task = stage(fireplace)
@@ -192,10 +195,24 @@ def resting_item(
     return items[chooser.choose("object_surface", carrying.words or "the surface on which it rests", options)]
 
 
-def room_of(scene: Segmentation) -> shapely.Geometry | None:
-    """The outline of the floor; None where none is named."""
+def room_of(scene: Segmentation) -> SupportArea | None:
+    """The plan of the room; None where no floor is named."""
     floors = [k for k, one in enumerate(scene.instances) if one.structure and "floor" in one.label]
-    return room_outline(Mesh.concatenate([scene.instance_mesh(k) for k in floors])) if floors else None
+    if not floors:
+        return None
+    things = [one.box for one in scene.instances if not one.structure]
+    return room_plan(Mesh.concatenate([scene.instance_mesh(k) for k in floors]), things)
+
+
+def part_below(scene: Segmentation, carrier: Carrier, item: RestingItem, best: SolvedPlacement) -> int:
+    """The part of the base that the object touches or lies over: of the anchor's surface, if none is near."""
+    resting_to_world = best.world_from_object @ np.linalg.inv(item.matrix)
+    points = item.contact.points @ resting_to_world[:3, :3].T + resting_to_world[:3, 3]
+    normal = carrier.anchor.surface.normal
+    hits = Raycaster(scene.mesh).cast(points + LOOKED_UNDER * normal, np.tile(-normal, (len(points), 1)))
+    face = hits.face[(hits.face >= 0) & (hits.distance < 2.0 * LOOKED_UNDER)]
+    own = scene.face_part[face[scene.face_instance[face] == scene.index_of(carrier.base.id)]]
+    return int(np.bincount(own[own >= 0]).argmax()) if (own >= 0).any() else carrier.anchor.part
 
 
 def no_placement(carrier: Carrier, item: RestingItem, found: SolveOutcome, scene: Segmentation) -> Infeasible:
@@ -282,12 +299,11 @@ def plausible(options: Sequence[Described], object_name: str, chooser: Chooser) 
 
 
 def anchored(
-    scene: Segmentation, carrier: Carrier, best: SolvedPlacement, reply: OutlinesReply, about: str
+    scene: Segmentation, carrier: Carrier, index: int, best: SolvedPlacement, reply: OutlinesReply, about: str
 ) -> Anchor:  # fmt: skip
     """The result as every method gives it."""
-    base, index = carrier.base, carrier.anchor.part
+    base, surface = carrier.base, carrier.anchor.surface
     part = base.parts[index]
-    surface = carrier.anchor.surface
     own = [one for one in reply.constraints if one.anchor_side in ("left", "right", "front", "back")
            and one.function == "close_to" and base.id in one.anchors]  # fmt: skip
     spot = best.world_from_object[:3, 3]

@@ -163,15 +163,11 @@ class AnchorResolver:
                 self.scene.mesh, self.faces_of(index, part), part, way, outline.anchor_side, self.caster
             )
         ]
-        if not found:  # all of it is covered: what lies on it is seen there, and carries
-            over = covering_parts(self.scene, index, parts, self.caster)
-            found = [
-                one
-                for part in over
-                for one in surfaces_of_part(
-                    self.scene.mesh, self.faces_of(index, part), part, way, outline.anchor_side, self.caster
-                )
-            ]
+        if outline.anchor_side == "top" and (over := covering_parts(self.scene, index, parts, self.caster)):
+            # a blanket on its mattress: what is seen of both may be one surface
+            seen = np.concatenate([self.faces_of(index, part) for part in dict.fromkeys((*parts, *over))])
+            together = surfaces_of_part(self.scene.mesh, seen, -1, way, outline.anchor_side, self.caster)
+            found += [replace(one, part=self.main_part(one)) for one in together]
         if not found:  # nothing planar looks there: the side of the box stands in
             found = [self.box_surface(base, index, part, outline) for part in parts]
         options = [self.described_surface(base, index, one, frame) for one in found]
@@ -182,6 +178,11 @@ class AnchorResolver:
         """The parts that an outline means; all where it names none, or names those of another candidate."""
         meant = base.id == outline.anchors[0] and outline.anchor_parts
         return outline.anchor_parts if meant else range(len(base.parts))
+
+    def main_part(self, one: AnchorSurface) -> int:
+        """The part that has most of a surface."""
+        faces = one.surface.faces
+        return int(np.bincount(self.scene.face_part[faces], self.scene.mesh.face_areas[faces]).argmax())
 
     def faces_of(self, index: int, part: int) -> NDArray[np.int64]:
         """Faces of one part."""

@@ -44,15 +44,16 @@ from dcap.language.protocol.requests import (
     Vector,
 )
 
-NEAR, NEXT_TO, TOUCHING, OFF = 0.3, 0.15, 0.02, 0.02
+NEAR, NEXT_TO, TOUCHING, OFF = 0.2, 0.1, 0.02, 0.02
 """What near, next to, against and not on mean [m]."""
 AT_EDGE = 0.05
 """What is at an edge is this near to it [m]."""
 AWAY, FARTHEST = 0.5, 3.0
 """What away from and as far as possible from mean [m]."""
-HALF, END, MIDDLE = 0.5, 0.65, 0.325
-"""How far from the opposite side what is in a half or at an end is, and from all sides what is in the middle, as
-shares of the extent [-]: the areas that the placement by drop means by the same words."""
+HALF, END, MIDDLE = 0.5, 0.65, 0.45
+"""How far from the opposite side what is in a half or at an end is, as shares of the extent [-]: the areas that the
+placement by drop means by the same words. And from all sides what is in the middle: farther than it can be, so that it
+is as near to the middle as it can be."""
 SIDE_OF = {"left": "left", "right": "right", "front": "front", "back": "back", "head": "back", "foot": "front"}
 OPPOSITE = {"left": "right", "right": "left", "front": "back", "back": "front"}
 BESIDE = {"near": NEAR, "next_to": NEXT_TO}

@@ -17,14 +17,21 @@ from dcap.evaluation.baselines.fireplace.anchors import AnchorSurface
 from dcap.evaluation.baselines.fireplace.constraints import COLLISION
 from dcap.evaluation.baselines.fireplace.item_surfaces import surface_towards
 from dcap.evaluation.baselines.fireplace.planar import InteractionSurface
-from dcap.evaluation.baselines.fireplace.problem import PlacementProblem, ResolvedConstraint, SupportArea
+from dcap.evaluation.baselines.fireplace.problem import (
+    FINEST,
+    RASTER,
+    PlacementProblem,
+    ResolvedConstraint,
+    SupportArea,
+)
 from dcap.evaluation.baselines.fireplace.solve import SolvedPoses, solved
-from dcap.geometry.placement.clearance import Clearance
+from dcap.geometry.placement.clearance import Clearance, edges_of
 from dcap.geometry.placement.polygons import convex_hull
 from dcap.geometry.placement.poses import about_z, turn_between
 from dcap.geometry.placement.search import PlacementSearch
 from dcap.geometry.raycast import Raycaster
 from dcap.geometry.segmentation.faces import surface_points
+from dcap.scene.types.box import OrientedBox
 from dcap.scene.types.mesh import Mesh
 
 Array = NDArray[np.float64]
@@ -35,12 +42,17 @@ FLOOR_LIKE = 0.5
 """Surfaces whose normals rise less hold things to a wall: then the object is kept upright [-]."""
 RAISED = 0.02
 """Gaps are measured from so high above the proposed pose [m]."""
+MISSED, MISSED_SHARE = 0.01, 0.05
+"""So much, in metres and in the object's heights, may the measured height exceed the one that the samples found [m, -]:
+more is something thin in the way."""
 OUTLINE_POINTS = 24
 """Points along the object's outline [-]."""
 SPACING = 0.5
 """Of the points that fill a surface, in its cells [-]."""
 MOST_CHECKED = 3
 """So many times the wanted number of poses are measured at most [-]."""
+FLOOR_GAP = 0.2
+"""Gaps in a floor that are bridged [m]: between things and under a skirting board."""
 BESIDE_FLOOR = 0.02
 """How far over the floor's outline an object may reach [m]: walls overlap the floor of many files."""
 
@@ -142,10 +154,11 @@ def problem_of(
     carries = np.zeros(len(scene.faces), dtype=bool)
     carries[surface.faces] = True
     ring = convex_hull(frame.points(surface.outline)[:, :2])
+    cell = max(float(np.ptp(ring, axis=0).max()) / RASTER, FINEST)
     search = PlacementSearch(local, Raycaster(local), carries, item.mesh)
     tilted = surface.normal[2] < FLOOR_LIKE
     return PlacementProblem(
-        area=SupportArea.of(filled(local, anchor, ring), ring),
+        area=SupportArea.of(filled(local, anchor, ring, cell), cell),
         search=search,
         flatness=anchor.flatness,
         item_height=search.height,
@@ -157,18 +170,23 @@ def problem_of(
     ), frame
 
 
-def filled(local: Mesh, anchor: AnchorSurface, ring: Array) -> Array:
-    """Points (k, 2) dense enough to fill every cell of the surface, whose hull is `ring` [m]."""
+def filled(local: Mesh, anchor: AnchorSurface, ring: Array, cell: float) -> Array:
+    """Points (k, 2) dense enough to fill every cell [m] of the surface, whose hull is `ring`."""
     if anchor.kind == "box":
-        low, high = ring.min(axis=0), ring.max(axis=0)
-        x, y = np.meshgrid(*(np.linspace(a, b, 320) for a, b in zip(low, high, strict=True)))
-        points = np.c_[x.ravel(), y.ravel()]
-        return np.asarray(points[shapely.contains_xy(shapely.Polygon(ring).buffer(1e-6), points)])
-    cell = float(np.ptp(ring, axis=0).max()) / 160
+        return filled_polygon(ring, cell)
     corners = local.corners(anchor.surface.faces)
     area = 0.5 * np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
-    points, _ = surface_points(corners, area, SPACING * max(cell, 0.004))
+    points, _ = surface_points(corners, area, SPACING * cell)
     return np.asarray(np.concatenate([points, corners.reshape(-1, 3)])[:, :2])
+
+
+def filled_polygon(ring: Array, cell: float) -> Array:
+    """Points (k, 2) that fill a convex polygon, less than a cell [m] apart, its corners among them."""
+    low, high = ring.min(axis=0), ring.max(axis=0)
+    x, y = np.meshgrid(*(np.arange(a, b, SPACING * cell) for a, b in zip(low, high, strict=True)))
+    points = np.c_[x.ravel(), y.ravel()]
+    inner = shapely.contains_xy(shapely.Polygon(ring), points)
+    return np.concatenate([ring, points[inner]])
 
 
 def along_ring(ring: Array, count: int) -> Array:
@@ -188,22 +206,30 @@ def placements(
     anchor: AnchorSurface,
     item: RestingItem,
     constraints: Sequence[ResolvedConstraint],
-    room: shapely.Geometry | None,
+    room: SupportArea | None,
     *,
     seed: int,
     most: int,
 ) -> SolveOutcome:  # fmt: skip
-    """Solve, then measure: up to `most` placements, the best first. `room`: the floor's outline; None: not known."""
+    """Solve, then measure: up to `most` placements, the best first. `room`: its plan; None: not known."""
     problem, frame = problem_of(scene, anchor, item, constraints)
     poses = solved(problem, seed, MOST_CHECKED * most)
+    edges = edges_of(item.mesh)
     near = nearby(scene.transformed(frame.from_world), poses, item)
     caster = Raycaster(near)
     found: list[SolvedPlacement] = []
     for k in range(len(poses.poses)):
         if len(found) == most:
             break
-        one = measured_placement(k, problem, poses, frame, item, near, caster)
-        if one is not None and inside_room(item, one.world_from_object, room):
+        start = posed(poses.poses[k], float(poses.height[k]))
+        if not inside_room(item, np.linalg.inv(frame.from_world) @ start, room):
+            continue
+        turn = start[:3, :3]
+        clearance = Clearance(
+            turned(item.mesh, turn), near, caster, (edges[0] @ turn.T, edges[1] @ turn.T)
+        )  # fmt: skip
+        one = measured_placement(k, problem, poses, frame, item, clearance)
+        if one is not None:
             found.append(one)
     found.sort(key=lambda one: one.loss)
     return SolveOutcome(tuple(found), poses.least_overhang, len(poses.poses))
@@ -227,27 +253,21 @@ def measured_placement(
     poses: SolvedPoses,
     frame: SurfaceFrame,
     item: RestingItem,
-    near: Mesh,
-    caster: Raycaster,
+    exact: Clearance,
 ) -> SolvedPlacement | None:
     """The k-th pose, set so that it touches; None where it cuts through the scene."""
-    turn = np.eye(4)
-    turn[:3, :3] = about_z(poses.poses[k, 2])
-    exact = Clearance(item.mesh.transformed(turn), near, caster)
     xy, proposed = poses.poses[k, :2], float(poses.height[k])
     touching = proposed + RAISED - exact.gap(np.array([*xy, proposed + RAISED]))
     if not np.isfinite(touching):
         return None
     height = float(problem.resting_height(np.array([touching]))[0])
-    lifted = problem.beyond_flat(np.array([height])) - problem.beyond_flat(poses.height[k : k + 1])
-    if lifted[0] > COLLISION and lifted[0] > 0.05 * problem.item_height:
+    if height - proposed > max(MISSED, MISSED_SHARE * problem.item_height):
         return None  # something thin that the samples missed is in the way
     if len(exact.cuts(np.array([*xy, height + COLLISION]))[0]):
         return None
     value = problem.evaluate(poses.poses[k : k + 1])
-    turn[:3, 3] = (*xy, height)
     return SolvedPlacement(
-        world_from_object=np.linalg.inv(frame.from_world) @ turn @ item.matrix,
+        world_from_object=np.linalg.inv(frame.from_world) @ posed(poses.poses[k], height) @ item.matrix,
         loss=float(value.loss[0]),
         overhang=float(value.overhang[0]),
         margin=float(problem.area.depth_at(xy[None])[0]),
@@ -256,20 +276,32 @@ def measured_placement(
     )
 
 
-def inside_room(item: RestingItem, world_from_object: Array, room: shapely.Geometry | None) -> bool:
-    """Whether the object's outline, seen from above, lies inside the floor's."""
+def posed(pose: Array, height: float) -> Array:
+    """The object's pose in the surface's frame, shape (4, 4): x, y [m], yaw [rad]; height over the plane [m]."""
+    matrix = np.eye(4)
+    matrix[:3, :3], matrix[:3, 3] = about_z(pose[2]), (pose[0], pose[1], height)
+    return matrix
+
+
+def turned(mesh: Mesh, rotation: Array) -> Mesh:
+    """A mesh under a rotation (3, 3)."""
+    matrix = np.eye(4)
+    matrix[:3, :3] = rotation
+    return mesh.transformed(matrix)
+
+
+def inside_room(item: RestingItem, world_from_resting: Array, room: SupportArea | None) -> bool:
+    """Whether the object's outline, seen from above, lies inside the room's."""
     if room is None:
         return True
-    resting_points = (item.mesh.vertices - item.matrix[:3, 3]) @ np.linalg.inv(item.matrix[:3, :3]).T
-    ring = convex_hull((resting_points @ world_from_object[:3, :3].T + world_from_object[:3, 3])[:, :2])
-    return bool(room.covers(shapely.Polygon(ring)))
+    points = item.mesh.vertices @ world_from_resting[:3, :3].T + world_from_resting[:3, 3]
+    return bool(room.depth_at(points[:, :2]).min() > -(BESIDE_FLOOR + 0.5 * room.cell))
 
 
-def room_outline(floor: Mesh) -> shapely.Geometry | None:
-    """The outline of a floor from above, a little wider; None where it has no area."""
-    corners = floor.triangles[:, :, :2]
-    area = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    flat = corners[np.abs(area) > 1e-9]
-    if len(flat) == 0:
-        return None
-    return shapely.buffer(shapely.union_all(shapely.buffer(shapely.polygons(flat), 1e-4)), BESIDE_FLOOR)
+def room_plan(floor: Mesh, things: Sequence[OrientedBox]) -> SupportArea:
+    """The plan of a room: its floor, and what the things in it cover of it, as a scan has no floor under them."""
+    corners = floor.triangles
+    cell = max(float(np.ptp(floor.bounds[:, :2], axis=0).max()) / RASTER, FINEST)
+    points, _ = surface_points(corners, floor.face_areas, SPACING * cell)
+    covered = [filled_polygon(one.corners[:4, :2], cell) for one in things if one.half_extents[:2].min() > 0.0]
+    return SupportArea.of(np.concatenate([points[:, :2], *covered]), cell, round(FLOOR_GAP / cell))

@@ -40,15 +40,14 @@ class SupportArea:
     """Distance from the rim, negative outside [m], shape (columns, rows)."""
 
     @classmethod
-    def of(cls, points: Array, ring: Array) -> "SupportArea":
-        """The surface of points (k, 2) densely spread over it, with its hull (n, 2)."""
-        low, high = ring.min(axis=0), ring.max(axis=0)
-        cell = max(float((high - low).max()) / RASTER, FINEST)
-        origin = low - (CLOSED + 2) * cell
-        count = np.ceil((high + (CLOSED + 2) * cell - origin) / cell).astype(int) + 1
+    def of(cls, points: Array, cell: float, closed: int = CLOSED) -> "SupportArea":
+        """The surface of points (k, 2) that lie less than a cell [m] apart; gaps of `closed` cells are bridged."""
+        low, high = points.min(axis=0), points.max(axis=0)
+        origin = low - (closed + 2) * cell
+        count = np.ceil((high + (closed + 2) * cell - origin) / cell).astype(int) + 1
         full = np.zeros(count, dtype=bool)
         full[tuple(np.rint((points - origin) / cell).astype(int).T)] = True
-        full = binary_fill_holes(binary_closing(full, iterations=CLOSED))
+        full = binary_fill_holes(binary_closing(full, iterations=closed))
         # cells are squares: the rim runs half a cell outside of the outermost middles
         depth = np.where(full, distance_transform_edt(full) - 0.5, 0.5 - distance_transform_edt(~full))
         return cls(origin, cell, cell * depth)
@@ -131,10 +130,10 @@ class PlacementProblem:
     def evaluate(self, poses: Array) -> Evaluation:
         """Loss of poses (n, 3): x, y [m], yaw [rad]."""
         xy, turn = poses[:, :2], rotations(poses[:, 2])
-        height = self.heights(xy, turn)
+        touching = self.touching_heights(xy, turn)
         overhang = formulas.no_overhang(self.area.share_inside(xy[:, None] + self.contact_points @ turn))
         terms = [
-            ("contact", formulas.contact(np.full(len(poses), -1.0), self.beyond_flat(height), self.item_height)),
+            ("contact", formulas.contact(np.full(len(poses), -1.0), self.beyond_flat(touching), self.item_height)),
             ("no_overhang", overhang),
         ]
         ring = xy[:, None] + self.footprint @ turn
@@ -143,25 +142,25 @@ class PlacementProblem:
             own, up = self.upright
             terms.append(("parallel", 1.0 - spun(own, turn) @ up))
         loss = sum(formulas.WEIGHTS.get(name, 1.0) * value**2 for name, value in terms)
-        return Evaluation(np.asarray(loss), height, overhang, tuple(terms))
+        return Evaluation(np.asarray(loss), self.resting_height(touching), overhang, tuple(terms))
 
-    def heights(self, xy: Array, turn: Array) -> Array:
-        """Height at which the object touches or lies in the plane [m], shape (n,)."""
+    def touching_heights(self, xy: Array, turn: Array) -> Array:
+        """Height over the plane at which the object touches something [m], shape (n,)."""
         step = max(1, len(self.search.offset) // self.columns)
         offset = self.search.cell * self.search.offset[::step]
         points = xy[:, None] + offset @ turn
         index = np.rint((points - self.search.origin) / self.search.cell).astype(int)
         index = np.clip(index, 0, self.search.count - 1)
         surface = np.clip(self.search.surface.height[index[..., 0], index[..., 1]], -BLOCKED, BLOCKED)
-        return self.resting_height((surface - self.search.under[::step]).max(axis=1))
+        return np.asarray((surface - self.search.under[::step]).max(axis=1))
 
     def resting_height(self, touching: Array) -> Array:
-        """The height for one at which something is touched: not below the plane by more than the surface is uneven."""
+        """The height for one at which something is touched: where that is far below the plane, in the plane."""
         return np.where(touching > -self.flatness, touching, 0.0)
 
-    def beyond_flat(self, height: Array) -> Array:
-        """How much of a height over the plane is not the surface's own unevenness [m], shape (n,)."""
-        return np.maximum(np.abs(height) - self.flatness, 0.0)
+    def beyond_flat(self, touching: Array) -> Array:
+        """How far what is touched lies over or under the plane, less the surface's own unevenness [m], shape (n,)."""
+        return np.maximum(np.abs(touching) - self.flatness, 0.0)
 
     def value(self, one: ResolvedConstraint, xy: Array, turn: Array, ring: Array) -> Array:
         """A constraint's value at poses, shape (n,)."""

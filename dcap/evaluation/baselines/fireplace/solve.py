@@ -11,7 +11,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from dcap.evaluation.baselines.fireplace.constraints import LEAST_HEIGHT
 from dcap.evaluation.baselines.fireplace.problem import PlacementProblem
 from dcap.evaluation.baselines.fireplace.selection import farthest_points
 
@@ -34,6 +33,8 @@ SAME_LOSS = 1e-4
 """Losses that differ by less are equal [-]."""
 SLACK = 1.2
 """Where not all can be met: losses up to so many times the least are as good [-]."""
+MOST_LIFTED = 0.25
+"""What is lifted off its surface by more, over its own height, lies on something else [-]."""
 MOST_OVERHANG = 0.5
 """With more than half of its contact surface beyond the rim a thing falls [-]."""
 WAYS = np.concatenate([np.eye(3), -np.eye(3)])
@@ -63,7 +64,7 @@ def solved(problem: PlacementProblem, seed: int, most: int) -> SolvedPoses:
     order = np.argsort(first.loss, kind="stable")[:MOVED]
     poses = compass_search(problem, start[order], first.loss[order])
     found = problem.evaluate(poses)
-    free = problem.beyond_flat(found.height) < max(problem.item_height, LEAST_HEIGHT) / 4.0
+    free = dict(found.terms)["contact"] < MOST_LIFTED**2
     good = np.flatnonzero(free & (found.overhang < MOST_OVERHANG))
     least = float(found.overhang[free].min(initial=1.0))
     if len(good) == 0:
