@@ -7,6 +7,7 @@ understand.
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
+from dcap.language.offline.fireplace import FIREPLACE_ANSWERS
 from dcap.language.offline.given_base import given_target
 from dcap.language.offline.layout_answer import layout_answer
 from dcap.language.offline.lexicon import thing_of
@@ -174,5 +175,6 @@ ANSWERS: Mapping[str, Callable[[Any], Any]] = {
     PARTS.name: parts,
     LAYOUTGPT.name: layoutgpt,
     HOLODECK.name: holodeck,
+    **FIREPLACE_ANSWERS,
 }
 """Who answers which question."""
