@@ -19,7 +19,7 @@ from threading import Semaphore
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from dcap.evaluation.methods import DCAP, METHODS, by_method, split_id
+from dcap.evaluation.methods import DCAP, METHODS, by_method, split_id, with_examples
 from dcap.evaluation.outcome_table import ExpectedOutcome, SampleOutcome, read_truth
 from dcap.evaluation.report import write_report
 from dcap.evaluation.run_folder import sample_folder
@@ -108,7 +108,7 @@ def run_benchmark(
     begin = time.monotonic()
     config = config.model_copy(update={"measured": True})
     path, samples = dataset_samples(dataset, limit)
-    samples = [by_method(sample, method) for sample in samples for method in methods]
+    samples = with_examples([by_method(sample, method) for sample in samples for method in methods])
     if only_failed:
         samples = failed_before(samples)
     language = language or LanguageOptions()
@@ -287,7 +287,8 @@ def plan_benchmark(
     """Print what would run and why."""
     _, samples = dataset_samples(dataset, limit)
     config = config.model_copy(update={"measured": True})
-    plans = [plan_sample(by_method(sample, method), config) for sample in samples for method in methods]
+    asked = with_examples([by_method(sample, method) for sample in samples for method in methods])
+    plans = [plan_sample(sample, config) for sample in asked]
     print_plan(plans)
     return [plan_row(plan) for plan in plans]
 

@@ -11,10 +11,17 @@ from dcap.evaluation.methods import BASELINES
 from dcap.scene.store.artifacts import Store
 from dcap.scene.store.ref import Ref
 from dcap.scene.types.anchor import Anchor
+from dcap.scene.types.floor_plan import FloorPlans
+from dcap.scene.types.intent import Intent
 from dcap.scene.types.sample import Sample
+from dcap.scene.types.segmentation import SegmentedObject, SegmentedScene
 from flows.given import given_labels
 from flows.place import PlaceConfig, PlacementRefs, place, scale_of
 from tasks.anchor.stage import anchor_task
+from tasks.baselines.fireplace import FirePlaceConfig, fireplace_task
+from tasks.baselines.floor_plan import floor_plan_task, gathered_task
+from tasks.baselines.holodeck import HolodeckConfig, holodeck_task
+from tasks.baselines.layoutgpt import LayoutGptConfig, layoutgpt_task
 from tasks.intent.stage import intent_task
 from tasks.materials.stage import materials_task
 from tasks.measure.drift import drift_task
@@ -113,6 +120,25 @@ def proposed(sample: Sample, config: PlaceConfig) -> PlacementRefs:
         scene=scene, item=item, intent=intent, rotation=rotation, anchor=anchor, materials=materials,
         particles=particles, settled=settled, renders=renders, overview=overview,
     )  # fmt: skip
+
+
+def proposal(
+    sample: Sample, scene: Ref[SegmentedScene], item: Ref[SegmentedObject], intent: Ref[Intent], config: PlaceConfig
+) -> Ref[Anchor]:
+    """What a baseline makes of it; who is asked is who is asked of the place by ours."""
+    language = {"language": config.anchor.language}
+    if sample.method == "fireplace":
+        return fireplace_task(scene, item, intent, sample.prompt, config=FirePlaceConfig.model_validate(language))
+    if sample.method == "holodeck":
+        return holodeck_task(scene, item, intent, sample.prompt, config=HolodeckConfig.model_validate(language))
+    plans: Ref[FloorPlans] | None = None
+    for other in sample.examples:
+        source = Store.default().add_source(other)
+        scan = mesh_scene_task(source, sample.scene_options, config=config.scene_mesh, labels=None, scale=None)
+        plan = floor_plan_task(segment_task(scan, config=config.segment, labels=None))
+        plans = gathered_task(plan, plans)
+    asked = LayoutGptConfig.model_validate(language)
+    return layoutgpt_task(scene, item, intent, sample.prompt, config=asked, exemplars=plans)
 
 
 def measured(found: PlacementRefs, config: PlaceConfig) -> PlacementRefs:

@@ -125,7 +125,10 @@ def located(sample: Sample) -> Sample:
     def whole(path: str) -> str:
         return str(Path(path).resolve()) if path and Path(path).exists() else path
 
-    return replace(sample, scene=whole(sample.scene), object=whole(sample.object), labels=whole(sample.labels))
+    return replace(
+        sample, scene=whole(sample.scene), object=whole(sample.object), labels=whole(sample.labels),
+        examples=tuple(whole(one) for one in sample.examples),
+    )  # fmt: skip
 
 
 def sample_from_json(tree: Mapping[str, object]) -> Sample:
@@ -140,4 +143,5 @@ def sample_from_json(tree: Mapping[str, object]) -> Sample:
         if isinstance(given, dict):
             told = {key: tuple(one) if isinstance(one, list) else one for key, one in given.items()}
             values[name] = kind(**told)  # type: ignore[arg-type]
+    values["examples"] = tuple(values.get("examples", ()))  # type: ignore[arg-type]
     return Sample(**values)  # type: ignore[arg-type]

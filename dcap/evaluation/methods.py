@@ -1,12 +1,13 @@
 """The methods that a benchmark compares: names as people type them, as tables show them, and samples of each."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 from dcap.scene.errors import InputError
 from dcap.scene.spelling import did_you_mean
 from dcap.scene.types.sample import Sample
 
-DCAP = "dcap"
+DCAP, LAYOUTGPT = "dcap", "layoutgpt"
 BASELINES = {"fireplace": "FirePlace*", "layoutgpt": "LayoutGPT", "holodeck": "Holodeck"}
 """Methods of others, as we rebuilt them; they propose a pose and simulate nothing."""
 ABLATIONS = {
@@ -50,6 +51,18 @@ def shown_name(method: str, *, offline: bool) -> str:
 def by_method(sample: Sample, method: str) -> Sample:
     """The sample as another method places it; its id is `METHOD/ID` then."""
     return sample if method == DCAP else replace(sample, id=f"{method}/{sample.id}", method=method)
+
+
+def with_examples(samples: Sequence[Sample]) -> list[Sample]:
+    """The samples, those of LayoutGPT with the other scenes that samples read as theirs are placed in."""
+    found = []
+    for sample in samples:
+        others = dict.fromkeys(
+            one.scene for one in samples
+            if one.scene != sample.scene and one.scene_options == sample.scene_options and not one.labels
+        )  # fmt: skip
+        found.append(replace(sample, examples=tuple(others)) if sample.method == LAYOUTGPT else sample)
+    return found
 
 
 def split_id(sample_id: str) -> tuple[str, str]:

@@ -1,2 +1,1 @@
-"""Stages of the baselines: other methods with the inputs and outputs of ours."""
 """Stages of other methods of placement: a scene, an object and what all methods share in, a final pose out."""

@@ -15,6 +15,7 @@ from typing import Any
 from pydantic import TypeAdapter
 
 from dcap.language.offline.client import OfflineClient
+from dcap.language.protocol.fireplace import CHOICE, OUTLINES, PRUNING
 from dcap.language.protocol.questions import (
     ANCHOR,
     HOLODECK,
@@ -26,14 +27,14 @@ from dcap.language.protocol.questions import (
     ROTATION,
     Question,
 )
-from dcap.language.protocol.fireplace import CHOICE, OUTLINES, PRUNING
-from dcap.language.protocol.questions import ANCHOR, INTENT, LABEL, MATERIALS, PARTS, ROTATION, Question
 
 KEY = "sk-never-to-be-shown"
 Body = dict[str, Any]
 Answer = tuple[int, Body]
-QUESTIONS = {one.name: one for one in (INTENT, ROTATION, ANCHOR, MATERIALS, LABEL, PARTS, LAYOUTGPT, HOLODECK)}
-QUESTIONS = {one.name: one for one in (INTENT, ROTATION, ANCHOR, MATERIALS, LABEL, PARTS, OUTLINES, CHOICE, PRUNING)}
+ASKED: tuple[Question[Any, Any], ...] = (
+    INTENT, ROTATION, ANCHOR, MATERIALS, LABEL, PARTS, LAYOUTGPT, HOLODECK, OUTLINES, CHOICE, PRUNING,
+)  # fmt: skip
+QUESTIONS = {one.name: one for one in ASKED}
 UNKNOWN_KEYWORDS = (
     "prefixItems", "minimum", "maximum", "exclusiveMinimum", "exclusiveMaximum", "minLength", "maxLength", "maxItems",
     "pattern", "default",

@@ -60,3 +60,5 @@ class Sample:
     """What the scene's scale is found by."""
     method: str = "dcap"
     """Who places it (dcap/evaluation/methods.py)."""
+    examples: tuple[str, ...] = ()
+    """Paths of other scenes that a method may learn from, read as this one is; those that need none have none."""
