@@ -27,6 +27,7 @@ from tasks.materials.stage import materials_task
 from tasks.measure.drift import drift_task
 from tasks.measure.sinking import indentation_task
 from tasks.measure.touch import measure_task
+from tasks.measure.views import judged_views_task
 from tasks.mesh.stage import mesh_object_task, mesh_scene_task
 from tasks.mesh.surfaces import surface_object_task, surface_scene_task
 from tasks.overview import overview_task
@@ -147,8 +148,12 @@ def measured(found: PlacementRefs, config: PlaceConfig) -> PlacementRefs:
         return found
     scene, item, anchor, settled = found.scene, found.item, found.anchor, found.settled
     measures = measure_task(scene, item, anchor, settled)
+    views = judged_views_task(
+        scene, item, anchor, settled, found.scene_surface, found.object_surface, config=config.views
+    )
+    found = replace(found, measures=measures, views=views)
     if found.particles.infeasible:
-        return replace(found, measures=measures)
+        return found
     sinking = indentation_task(scene, item, found.intent, anchor, found.materials, found.particles, settled)
     drift = drift_task(found.particles, settled, config=config.drift)
-    return replace(found, measures=measures, indentation=sinking, drift=drift)
+    return replace(found, indentation=sinking, drift=drift)

@@ -13,6 +13,7 @@ from dcap.scene.store.ref import Ref
 from dcap.scene.types.anchor import Anchor
 from dcap.scene.types.file_scale import FileScale
 from dcap.scene.types.intent import Intent
+from dcap.scene.types.judged_views import JudgedViews
 from dcap.scene.types.materials import PartMaterials
 from dcap.scene.types.measures import Drift, Indentation, Measures
 from dcap.scene.types.outcome import Infeasible, Reason
@@ -31,6 +32,7 @@ from tasks.freed.stage import freed_anchor_task, freed_scene_task, freed_task
 from tasks.intent.stage import IntentConfig, intent_task
 from tasks.materials.stage import MaterialsConfig, materials_task
 from tasks.measure.drift import DriftConfig
+from tasks.measure.views import ViewsConfig
 from tasks.mesh.stage import MeshConfig, mesh_object_task, mesh_scene_task
 from tasks.mesh.surfaces import surface_object_task, surface_scene_task, surface_start_task
 from tasks.overview import OverviewConfig, overview_task
@@ -64,6 +66,7 @@ class PlaceConfig(BaseModel, frozen=True, extra="forbid"):
     render: RenderConfig = RenderConfig()
     overview: OverviewConfig = OverviewConfig()
     drift: DriftConfig = DriftConfig()
+    views: ViewsConfig = ViewsConfig()
     measured: bool = False
     """Whether the final state is measured as those of other methods are."""
 
@@ -108,9 +111,10 @@ class PlacementRefs:
     overview: Ref[Overview] | None = None
     """Pictures of an infeasible placement, from what its stages found; None if it is feasible."""
     measures: Ref[Measures] | None = None
-    """This and the next two: None where nobody asked, or there is no final state."""
+    """This and the next three: None where nobody asked, or there is no final state."""
     indentation: Ref[Indentation] | None = None
     drift: Ref[Drift] | None = None
+    views: Ref[JudgedViews] | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

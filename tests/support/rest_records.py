@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from dcap.scene.types.judged_views import JudgedViews
 from dcap.scene.types.measures import Drift, Indentation, Measures
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.settled import LastState, PlacementChecks, Settled, SettledBody
@@ -90,6 +91,7 @@ def measured_records() -> tuple[object, ...]:
     return (
         Measures("3", "bed", "mattress", np.zeros(3), 0.0, 0.01, float("inf"), 0.0, float("-inf")),
         Indentation(0.012, 0.0123),
+        JudgedViews(*[np.zeros((2, 2, 3), np.uint8)] * 9),
         Drift(0.0, 0, float("inf"), float("inf"), float("inf"), "it starts 2 mm inside"),
     )
 

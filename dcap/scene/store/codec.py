@@ -29,6 +29,7 @@ from dcap.scene.types.file_scale import FileScale
 from dcap.scene.types.floor_plan import FloorPlan, FloorPlans, PlanBox
 from dcap.scene.types.given_labels import GivenLabels, GivenPart, GivenThing, VertexLabels
 from dcap.scene.types.intent import Intent, OrientationRequest, RegionConstraint, RegionRequest, SupportCandidate
+from dcap.scene.types.judged_views import JudgedViews
 from dcap.scene.types.materials import ContactFriction, LayerConstants, Material, PartMaterial, PartMaterials
 from dcap.scene.types.measures import Drift, Indentation, Measures
 from dcap.scene.types.mesh import Mesh
@@ -100,6 +101,7 @@ KINDS: dict[str, type] = {
         GivenLabels, GivenPart, GivenPlace, GivenThing,
         HiddenObject, History,
         Indentation, InertialProperties, Infeasible, Instance, Intent, InTheWay,
+        JudgedViews,
         KickCheck, KickRow, KnownHeight,
         LabelBox, LastState, LayerConstants, LayeredPoints, Lean, LeanCheck,
         Material, MaterialMap, MaterialPoints, MaterialState, Measures, Mesh,
