@@ -104,6 +104,8 @@ def overall_elo(
 ) -> tuple[dict[str, MethodRating], dict[str, str]]:
     """Elo over the overall comparisons, and whose rating is significantly above the best baseline's: the test is that
     of Bradley-Terry ratings, in which a tie is not counted twice."""
+    """Elo over the overall comparisons, and whose rating is significantly above the best baseline's: by the test of
+    Bradley-Terry ratings, in which a tie is not counted twice."""
     overall = on_axis(comparisons, JudgedAxis.OVERALL)
     if not overall:
         return {}, {}
