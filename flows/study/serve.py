@@ -12,7 +12,7 @@ from pathlib import Path
 
 import uvicorn
 
-from dcap.evaluation.study.attention import make_checks
+from dcap.evaluation.study.attention import LIFTED, MODEL, SETTLED, check_folder, make_checks
 from dcap.evaluation.study.design import method_pairs, per_pair
 from dcap.evaluation.study.journal import VoteJournal
 from dcap.evaluation.study.placements import StudyRun, read_study_run
@@ -105,13 +105,16 @@ def check_kept(run: StudyRun, known: StudyDesign | None, options: StudyOptions) 
 
 def check_shown(run: StudyRun, design: StudyDesign) -> None:
     """InputError where the run no longer has what its study shows."""
-    for items in design.raters.values():
-        for item in items:
-            gone = [m for m in (item.left, item.right) if (m, item.sample) not in run.shown]
-            if gone:
-                raise InputError(
-                    f"{run.folder.name}: its study shows {gone[0]} {item.sample}, which the run no longer has"
-                )
+    for item in {one for items in design.raters.values() for one in items}:
+        gone = [m for m in (item.left, item.right) if (m, item.sample) not in run.shown]
+        if gone or not run.pair(item.left, item.right, item.sample)[0]:
+            which = " and ".join(gone or (item.left, item.right))
+            raise InputError(f"{run.folder.name}: its study shows {which} {item.sample}, which the run no longer has")
+    for number in range(1, len(design.checks) + 1):
+        for name in (SETTLED, LIFTED):
+            folder = check_folder(run.folder / STUDY_FOLDER, number, name)
+            if not (folder / MODEL).is_file():
+                raise InputError(f"{folder}: an attention check of the study is gone; bring it back or move its study")
 
 
 def listening(host: str, port: int) -> socket.socket:

@@ -8,7 +8,7 @@ from pathlib import Path
 from fastapi.testclient import TestClient
 from many_methods_run import many_methods_run
 
-from dcap.evaluation.study.attention import ATTENTION, LIFTED, MODEL, SETTLED
+from dcap.evaluation.study.attention import LIFTED, MODEL, SETTLED, check_folder
 from dcap.evaluation.study.design import method_pairs, per_pair
 from dcap.evaluation.study.journal import VoteJournal
 from dcap.evaluation.study.placements import read_study_run
@@ -44,10 +44,10 @@ def served_study(folder: Path) -> Iterator[ServedStudy]:
     run = many_methods_run(folder / "run")
     found, kept = read_study_run(run), run / STUDY_FOLDER
     for name in (SETTLED, LIFTED):
-        (kept / ATTENTION / "01" / name).mkdir(parents=True)
+        check_folder(kept, 1, name).mkdir(parents=True)
         for number in (1, 2):
-            (kept / ATTENTION / "01" / name / f"{number}.png").write_bytes(CHECK + name.encode())
-        (kept / ATTENTION / "01" / name / MODEL).write_bytes(b"glTF " + name.encode())
+            (check_folder(kept, 1, name) / f"{number}.png").write_bytes(CHECK + name.encode())
+        (check_folder(kept, 1, name) / MODEL).write_bytes(b"glTF " + name.encode())
     pairs = method_pairs(found)
     design = StudyDesign(0, per_pair(pairs, None), pairs, (("dcap", "bed-1"),), {}, {}).with_raters(2)
     write_design(kept, design)

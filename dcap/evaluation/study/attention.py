@@ -38,7 +38,7 @@ def make_checks(run: StudyRun, folder: Path, seed: int, say: Callable[[str], Non
         try:
             if path is not None:
                 pictures = run.shown[method, sample].pictures
-                out = folder / ATTENTION / f"{len(found) + 1:02d}"
+                out = check_folder(folder, len(found) + 1)
                 write_check(read_placed_surface(path), out, like_picture(pictures[0]), len(pictures))
                 found.append((method, sample))
         except DcapError as error:
@@ -54,6 +54,11 @@ def candidates(run: StudyRun, seed: int) -> list[tuple[str, str]]:
     order = sorted(first)
     Random(f"{seed} attention").shuffle(order)
     return [first[sample] for sample in order]
+
+
+def check_folder(study: Path, number: int, name: str = "") -> Path:
+    """Folder of a check, from 1, or of one side of it."""
+    return study / ATTENTION / f"{number:02d}" / name
 
 
 def like_picture(path: Path) -> tuple[int, int]:

@@ -9,7 +9,7 @@ from pathlib import Path
 from threading import Lock
 
 from dcap.evaluation.run_folder import folder_name
-from dcap.evaluation.study.attention import ATTENTION, LIFTED, MODEL, SETTLED
+from dcap.evaluation.study.attention import LIFTED, MODEL, SETTLED, check_folder
 from dcap.evaluation.study.design import Side, StudyAxis, StudyItem
 from dcap.evaluation.study.journal import StudyVote, VoteJournal
 from dcap.evaluation.study.placed_surface import read_placed_surface
@@ -101,4 +101,4 @@ class StudySession:
         if item.lifted is None:
             return None
         number = self.design.checks.index((item.left, item.sample)) + 1
-        return self._folder / ATTENTION / f"{number:02d}" / (LIFTED if side is item.lifted else SETTLED)
+        return check_folder(self._folder, number, LIFTED if side is item.lifted else SETTLED)

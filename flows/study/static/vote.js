@@ -19,6 +19,14 @@
   document.querySelectorAll("[data-enlarge]").forEach(button => button.addEventListener("click", () => enlarge(button)));
   large.querySelector("img").addEventListener("click", () => large.close());
 
+  // A button that was clicked with the mouse does not keep the keys: Enter goes on, and presses no button again.
+  let byMouse = false;
+  document.addEventListener("click", event => {
+    byMouse = event.detail > 0;
+    if (byMouse) event.target.closest("button")?.blur();
+  });
+  large.addEventListener("close", () => { if (byMouse) document.activeElement?.blur(); });
+
   if (page.dataset.page === "introduction") {
     page.dataset.ready = "yes";
     document.addEventListener("keydown", event => {

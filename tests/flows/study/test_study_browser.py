@@ -241,6 +241,9 @@ def test_pictures_enlarge_and_models_turn(run: Path, tmp_path: Path, size: tuple
             after = [page.locator(f"[data-side={side}] canvas").screenshot() for side in ("left", "right")]
             assert all(one != two for one, two in zip(before, after, strict=True))
             assert page.evaluate("document.documentElement.scrollWidth") <= size[0]
+            for key in ("1", "2", "1", "Enter"):  # buttons that were clicked do not keep the keys
+                page.keyboard.press(key)
+            expect(page.locator("progress")).to_have_attribute("value", "1")
     finally:
         served.kill()
     assert troubles == []

@@ -96,6 +96,11 @@ def test_a_study_of_which_a_placement_is_gone(study: ServedStudy, capsys: pytest
     assert "its study shows layoutgpt" in complaint(capsys, "serve", study.run, "--port", free_port())
 
 
+def test_a_study_of_which_a_check_is_gone(study: ServedStudy, capsys: pytest.CaptureFixture[str]) -> None:
+    shutil.rmtree(study.folder / "attention" / "01" / "lifted")
+    assert "attention/01/lifted: an attention check of the study is gone" in complaint(capsys, "serve", study.run)
+
+
 def test_a_broken_design_is_named(study: ServedStudy, capsys: pytest.CaptureFixture[str]) -> None:
     (study.folder / "study.json").write_text('{"version": 1}')
     assert "study.json: not a study's design" in complaint(capsys, "serve", study.run)
