@@ -21,9 +21,10 @@ from dcap.scene.types.settled import LastState, Settled
 from flows.place import PlaceConfig
 from flows.placement_json import Values
 from flows.view.heat import DISTINCT, LEVEL, span_of
-from flows.view.motion import DropMotion, MovingBase, MovingObject, frames_for, moving_base, moving_object
+from flows.view.motion import MovingObject, MovingSurfaces, most_frames, moving_object
 from flows.view.surface import DrawnSurface, drawn, smooth, thinned, towards, vertex_normals
 from tasks.overview import camera_for
+from tasks.render.motion import DropMotion, MovingScene
 
 Array = NDArray[np.float64]
 
@@ -66,8 +67,13 @@ class RoomPiece:
     """A wall, ceiling or floor: drawn from its inner side alone."""
     ceiling: bool
     surface: DrawnSurface
+    """Its faces that keep their shape, none where all bend."""
     number: int
     """Index of the part in its instance, -1 where the faces belong to none."""
+    poses: Array | None = None
+    """World-from-start map at each frame of a thing that moves as a whole, shape (f, 4, 4); None: it stays."""
+    bends: tuple[int, int] | None = None
+    """Instance and part of its faces that bend, if there are any."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -117,13 +123,17 @@ class PlacementView:
     """Near the contact, from the same side; None where there is no object."""
     thing: MovingObject | None
     """None where no stage got as far as a pose."""
-    base: MovingBase | None
+    bending: MovingSurfaces | None
     """None where nothing dents."""
     base_id: str
     span: float
-    """Largest displacement of the dent at rest [m]."""
+    """Largest displacement of the base's dent at rest [m]."""
+    frames: NDArray[np.int64]
+    """Which of the drop's are shown, shape (f,)."""
     time: Array
-    """Of the frames [s], shape (f,)."""
+    """Of these [s], shape (f,)."""
+    settled: bool
+    """Whether the drop came to rest."""
     whole: bool
     """Whether frames between the start and the end were kept."""
     contact: ContactDots | None
@@ -138,32 +148,35 @@ def placement_view(values: Values, config: PlaceConfig) -> PlacementView:
     scene, item, anchor, settled = values.scene, values.item, values.anchor, values.settled
     assert scene is not None
     assert item is not None
-    motion = DropMotion.of(settled) if settled is not None and anchor is not None else None
     few, notes = within_budget(scene, anchor, settled)
-    base, moving = None, np.zeros(len(few.mesh.faces), dtype=bool)
+    motion = DropMotion(settled) if settled is not None and anchor is not None else None
+    moving = MovingScene(few, motion, anchor.base_id) if motion and anchor else None
+    bends = moving.bending() if moving else np.zeros(0, dtype=bool)
+    last = len(motion.time) - 1 if motion else 0
+    bending = MovingSurfaces(moving, bends, last) if moving and bends.any() else None
     thing: MovingObject | None = None
+    frames = np.arange(last + 1)
     if motion is not None and anchor is not None:
-        few, base, moving = moving_base(few, anchor.base_id, motion)
         thing = moving_object(item, anchor, motion)
-        fewer = motion.fewer(frames_for(base, thing, MOST_MOVING))
-        if len(fewer.kept) < len(motion.kept):
-            notes += (f"{len(fewer.kept)} of the {len(motion.kept)} frames of the drop are shown",)
-            motion, base = fewer, replace(base, motion=fewer) if base else None
-            thing = moving_object(item, anchor, fewer)
+        frames = motion.chosen(most_frames(bending, thing, MOST_MOVING))
+        if len(frames) <= last:
+            notes += (f"{len(frames)} of the {last + 1} frames of the drop are shown",)
     elif anchor is not None:
         thing = unsettled_object(item, anchor, values.infeasible)
+        frames = np.arange(len(thing.poses))
     view = start_view(values, config)
-    time = motion.time if motion else np.arange(len(thing.poses) if thing else 1, dtype=float)
-    height = base.at(len(time) - 1)[1] if base else np.zeros(0)
+    base_id = anchor.base_id if anchor else ""
     return PlacementView(
-        pieces=tuple(room_pieces(few, ~moving, inside_near(scene, view.target))),
+        pieces=tuple(room_pieces(moving or few, bends, inside_near(scene, view.target))),
         view=view,
         closeup=closeup(view, thing, anchor) if thing and anchor else None,
         thing=thing,
-        base=base,
-        base_id=anchor.base_id if anchor else "",
-        span=span_of(height),
-        time=time,
+        bending=bending,
+        base_id=base_id,
+        span=span_of(bending.heights(last, base_id) if bending else np.zeros(0)),
+        frames=frames,
+        time=motion.time[frames] if motion else frames.astype(float),
+        settled=motion is not None,
         whole=motion.whole if motion else True,
         contact=contact_dots(settled.contact_points) if settled else None,
         anchor=anchor_mark(scene, item, anchor) if anchor else None,
@@ -177,9 +190,10 @@ def scene_view(scene: Segmentation, config: PlaceConfig) -> PlacementView:
     few, notes = within_budget(scene, None, None)
     camera = camera_for(scene, None, None, config.overview)
     view = StartView(camera.position, camera.target, config.overview.fov_deg)
+    pieces = room_pieces(few, np.zeros(0, dtype=bool), middle_of(scene))
     return PlacementView(
-        tuple(room_pieces(few, np.ones(len(few.mesh.faces), dtype=bool), middle_of(scene))), view, None, None, None,
-        "", 1.0, np.zeros(1), True, None, None, (), notes,
+        tuple(pieces), view, None, None, None, "", 1.0, np.zeros(1, dtype=np.int64), np.zeros(1), False, True, None,
+        None, (), notes,
     )  # fmt: skip
 
 
@@ -202,19 +216,25 @@ def within_budget(
     return few, (f"the scene has {count:,} faces; {len(origin):,} are shown, the result was made with all",)
 
 
-def room_pieces(scene: Segmentation, drawn_faces: NDArray[np.bool_], inside: Array) -> Iterator[RoomPiece]:
-    """The parts of all things; structures are wound so that they are seen from a point inside [m] alone."""
+def room_pieces(around: Segmentation | MovingScene, bends: NDArray[np.bool_], inside: Array) -> Iterator[RoomPiece]:
+    """The parts of all things without the faces that bend (m,) if any do; structures are wound so that they are seen
+    from a point inside [m] alone."""
+    scene, moving = (around, None) if isinstance(around, Segmentation) else (around.scene, around)
+    bends = bends if len(bends) else np.zeros(len(scene.mesh.faces), dtype=bool)
     shell = towards(scene.mesh, inside)
     structure = np.array([one.structure for one in scene.instances] + [False])[scene.face_instance]
     faces = np.where(structure[:, None], shell.faces, scene.mesh.faces)
     mesh = smooth(Mesh(scene.mesh.vertices, faces, scene.mesh.colors))
     normals = vertex_normals(mesh.mesh)
+    poses = {one.instance: one.points.poses() for one in moving.things if not one.points.bends} if moving else {}
     for index, one in enumerate([*scene.instances, None]):
-        mine = drawn_faces & (scene.face_instance == (index if one else -1))
+        owner = index if one else -1
         for number in range(-1, len(one.parts) if one else 0):
-            chosen = np.flatnonzero(mine & (scene.face_part == number) if one else mine)
-            if not len(chosen):
+            mine = scene.face_instance == owner
+            mine &= (scene.face_part == number) | (one is None)
+            if not mine.any():
                 continue
+            chosen = np.flatnonzero(mine & ~bends)
             yield RoomPiece(
                 instance=one.id if one else UNASSIGNED,
                 label=one.label if one else "",
@@ -223,6 +243,8 @@ def room_pieces(scene: Segmentation, drawn_faces: NDArray[np.bool_], inside: Arr
                 ceiling=bool(one and one.structure and one.label == "ceiling"),
                 surface=drawn(mesh, chosen, normals),
                 number=number,
+                poses=poses.get(owner),
+                bends=(owner, number) if (mine & bends).any() else None,
             )
 
 
@@ -235,7 +257,7 @@ def unsettled_object(item: Segmentation, anchor: Anchor, why: Infeasible | None)
         end[:3, :3] = Turn.from_quat(last.quaternion, scalar_first=True).as_matrix()
         end[:3, 3] = last.position
         poses.append(end)
-    return MovingObject(start, smooth(start), np.stack(poses))
+    return MovingObject(smooth(start), np.stack(poses))
 
 
 def start_view(values: Values, config: PlaceConfig) -> StartView:
@@ -253,7 +275,7 @@ def closeup(view: StartView, thing: MovingObject, anchor: Anchor) -> StartView:
     way = view.position - anchor.surface_point
     way = way / np.linalg.norm(way[:2]) if np.linalg.norm(way[:2]) > 0.0 else np.array([0.0, -1.0, 0.0])
     way[2] = CLOSEUP_LIFT
-    diagonal = float(np.linalg.norm(np.ptp(thing.start.vertices, axis=0)))
+    diagonal = float(np.linalg.norm(np.ptp(thing.shape.mesh.vertices, axis=0)))
     position = anchor.surface_point + CLOSEUP * diagonal * way / float(np.linalg.norm(way))
     return StartView(position, anchor.surface_point, view.fov_deg)
 

@@ -1,6 +1,6 @@
 """Draws a placement in a viser scene: one node per part of the room, the object, the dent, and what is marked.
 
-Nodes: `/room/ID/PART`, below it `dent/FRAME` where it moves; `/object/FRAME`, `/pre_drop`; `/contact`, `/anchor/...`,
+Nodes: `/room/ID/PART`, below it `dent/FRAME` where it bends; `/object/FRAME`, `/pre_drop`; `/contact`, `/anchor/...`,
 `/ray`, `/particles/...`. The page gets the shapes of all frames at once and shows one of them: a shape that is sent
 anew is missing until the page has read it.
 """
@@ -29,7 +29,9 @@ class PieceNode:
     """A part of the room in the scene."""
 
     piece: RoomPiece
-    node: viser.GlbHandle
+    node: viser.SceneNodeHandle
+    dents: list[viser.GlbHandle]
+    """Its bending faces at each frame that is shown; empty: nothing of it bends."""
 
 
 class PlacementNodes:
@@ -40,40 +42,42 @@ class PlacementNodes:
         self._lock = threading.Lock()
         self.frame = len(view.time) - 1 if frame is None else frame
         light(self._scene)
-        self.pieces = [add_piece(self._scene, one) for one in view.pieces]
+        self.pieces = [add_piece(self._scene, one, view, self.frame) for one in view.pieces]
         self.thing, self._shapes = self._thing_nodes()
-        self._dents = self._dent_nodes()
         self.ghost = self._ghost_node()
         self.contact = self._contact_node()
         self.anchor, self.ray = self._anchor_nodes()
         self.clouds = [add_cloud(self._scene, number, one) for number, one in enumerate(view.clouds)]
-        self._pose_thing()
+        self._move()
 
     def show_frame(self, frame: int) -> None:
-        """Put the object and the dent where they are at a frame."""
+        """Put what moves where it is at a frame."""
         with self._lock, self._server.atomic():
             before, self.frame = self.frame, int(np.clip(frame, 0, len(self.view.time) - 1))
             if before == self.frame:
                 return
-            for row in [*self._dents.values(), self._shapes]:
+            for row in [*(one.dents for one in self.pieces), self._shapes]:
                 if len(row) > 1:
                     row[self.frame].visible = True
                     row[before].visible = False
-            self._pose_thing()
+            self._move()
 
     def show_heat(self, on: bool) -> None:
         """Colour the base by how far it gives."""
-        base = self.view.base
-        if base is None:
+        view, colors = self.view, None
+        if view.bending is None:
             return
         with self._lock:
-            for one in self.pieces:
-                if one.piece.instance == self.view.base_id:
+            mine = [one for one in self.pieces if one.piece.instance == view.base_id]
+            for one in mine:
+                if isinstance(one.node, viser.GlbHandle):
                     one.node.glb_data = glb_of(still(one.piece.surface) if on else one.piece.surface)
-            for frame in range(len(self.view.time)):
-                colors = heat_colors(base.at(frame)[1], self.view.span) if on else None
-                for piece, row in self._dents.items():
-                    row[frame].glb_data = glb_of(base.surface(frame, piece, colors))
+            for shown, frame in enumerate(view.frames.tolist()):
+                if on:
+                    colors = heat_colors(view.bending.heights(frame, view.base_id), view.span)
+                for one in mine:
+                    if one.piece.bends is not None:
+                        one.dents[shown].glb_data = glb_of(view.bending.surface(frame, one.piece.bends, colors))
 
     def show_glass(self, on: bool) -> None:
         """Make the object transparent, so that the contact patch is seen."""
@@ -81,15 +85,17 @@ class PlacementNodes:
         if thing is None:
             return
         with self._lock:
-            for frame, node in enumerate(self._shapes):
+            for node, frame in zip(self._shapes, self.view.frames.tolist(), strict=False):
                 node.glb_data = glb_of(thing.surface(frame), opacity=GLASS_OPACITY if on else 1.0)
 
-    def _pose_thing(self) -> None:
-        """Put the object's node where the object is."""
+    def _move(self) -> None:
+        """Put what moves as a whole where it is."""
+        frame = int(self.view.frames[self.frame])
         if self.view.thing is not None and self.thing is not None:
-            pose = self.view.thing.pose(self.frame)
-            self.thing.wxyz = Turn.from_matrix(pose[:3, :3]).as_quat(scalar_first=True)
-            self.thing.position = pose[:3, 3]
+            put(self.thing, self.view.thing.poses[frame])
+        for one in self.pieces:
+            if one.piece.poses is not None:
+                put(one.node, one.piece.poses[frame])
 
     def _thing_nodes(self) -> tuple[viser.FrameHandle | None, list[viser.GlbHandle]]:
         """The object, and its shape at every frame or the only one."""
@@ -97,28 +103,13 @@ class PlacementNodes:
         if thing is None:
             return None, []
         node = self._scene.add_frame("/object", show_axes=False)
-        count = len(self.view.time) if thing.deforms else 1
+        frames = self.view.frames.tolist() if thing.deforms else [0]
         return node, [
             self._scene.add_glb(
-                f"/object/{frame}", glb_of(thing.surface(frame)), visible=count == 1 or frame == self.frame
+                f"/object/{number}", glb_of(thing.surface(frame)), visible=len(frames) == 1 or number == self.frame
             )
-            for frame in range(count)
+            for number, frame in enumerate(frames)
         ]
-
-    def _dent_nodes(self) -> dict[int, list[viser.GlbHandle]]:
-        """For each part of the base that moves its moving faces at every frame."""
-        base = self.view.base
-        rows: dict[int, list[viser.GlbHandle]] = {}
-        for piece in base.pieces if base else ():
-            assert base is not None
-            name = next((one.part for one in self.view.pieces
-                         if one.instance == self.view.base_id and one.number == piece), "")  # fmt: skip
-            place = f"{piece_path(self.view.base_id, name, piece)}/dent"
-            rows[piece] = [
-                self._scene.add_glb(f"{place}/{frame}", glb_of(base.surface(frame, piece)), visible=frame == self.frame)
-                for frame in range(len(self.view.time))
-            ]
-        return rows
 
     def _ghost_node(self) -> viser.GlbHandle | None:
         thing = self.view.thing
@@ -182,14 +173,29 @@ def plain(name: str) -> str:
     return name.replace("/", "_") or "_"
 
 
-def add_piece(scene: viser.SceneApi, piece: RoomPiece) -> PieceNode:
-    """A part of the room; a structure is drawn from inside alone and throws no shadow into the room."""
-    node = scene.add_glb(
-        piece_path(piece.instance, piece.part, piece.number),
-        glb_of(piece.surface, both_sides=not piece.structure),
-        cast_shadow=not piece.structure,
-    )
-    return PieceNode(piece, node)
+def add_piece(scene: viser.SceneApi, piece: RoomPiece, view: PlacementView, shown: int = 0) -> PieceNode:
+    """A part of the room with its bending faces at every frame, of which one is shown; a structure is drawn from inside
+    alone and throws no shadow into the room."""
+    path, look = piece_path(piece.instance, piece.part, piece.number), {"both_sides": not piece.structure}
+    node: viser.SceneNodeHandle
+    if len(piece.surface.faces):
+        node = scene.add_glb(path, glb_of(piece.surface, **look), cast_shadow=not piece.structure)
+    else:
+        node = scene.add_frame(path, show_axes=False)
+    dents = []
+    if piece.bends is not None and view.bending is not None:
+        dents = [
+            scene.add_glb(f"{path}/dent/{number}", glb_of(view.bending.surface(frame, piece.bends), **look),
+                          cast_shadow=not piece.structure, visible=number == shown)
+            for number, frame in enumerate(view.frames.tolist())
+        ]  # fmt: skip
+    return PieceNode(piece, node, dents)
+
+
+def put(node: viser.SceneNodeHandle, pose: NDArray[np.float64]) -> None:
+    """Give a node a pose (4, 4)."""
+    node.wxyz = Turn.from_matrix(pose[:3, :3]).as_quat(scalar_first=True)
+    node.position = pose[:3, 3]
 
 
 def add_cloud(scene: viser.SceneApi, number: int, cloud: MaterialCloud) -> viser.PointCloudHandle:
