@@ -3,34 +3,33 @@
 In: the moving scene and the object as segmented. Out: surfaces frame by frame, and poses of what keeps its shape.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dcap.geometry.deform import touching
-from dcap.scene.types.anchor import Anchor
 from dcap.scene.types.mesh import Mesh
-from dcap.scene.types.segmentation import Segmentation
-from flows.view.surface import DrawnSurface, SmoothMesh, drawn, smooth, thinned, vertex_normals
+from dcap.scene.types.paint import PaintedMesh
+from flows.view.surface import DrawnSurface, drawn, thinned, vertex_normals, whole
 from tasks.render.motion import DropMotion, MovingPoints, MovingScene
 
 Array = NDArray[np.float64]
 
 MOVING_FACES = 40_000
-"""Most faces of a soft object that are drawn: every frame has its own [-]."""
+"""Most faces of a soft object without textures that are drawn: every frame has its own [-]."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class MovingObject:
     """The object over the frames."""
 
-    shape: SmoothMesh
-    """Before the drop, as it is drawn."""
+    start: PaintedMesh
+    """Before the drop."""
     poses: Array
     """World-from-start map at each frame, shape (f, 4, 4); of an object that deforms the identity."""
     points: MovingPoints | None = None
-    """What the vertices of its mesh follow; None: it is rigid."""
+    """What its vertices follow; None: it is rigid."""
 
     @property
     def deforms(self) -> bool:
@@ -39,27 +38,37 @@ class MovingObject:
 
     def surface(self, frame: int) -> DrawnSurface:
         """Its shape at a frame."""
-        return drawn(self.shape if self.points is None else self.shape.moved(self.points.at(frame)))
+        if self.points is None:
+            return whole(self.start)
+        return whole(self.start.moved(replace(self.start.mesh, vertices=self.points.at(frame))))
 
 
 class MovingSurfaces:
     """Faces of the scene that change their shape, with the still ones around them."""
 
-    def __init__(self, scene: MovingScene, bending: NDArray[np.bool_], last: int) -> None:
-        """Of the faces that bend (m,), drawn with the edges that they have at the frame `last`."""
+    def __init__(self, scene: MovingScene, look: PaintedMesh, bending: NDArray[np.bool_]) -> None:
+        """Of the faces that bend (m,); `look` is the scene before the drop."""
         around = np.flatnonzero(touching(scene.scene.mesh, bending))
         used, inverse = np.unique(scene.scene.mesh.faces[around], return_inverse=True)
         self._scene, self._used = scene, used
         self._faces = inverse.reshape(-1, 3).astype(np.int32)
-        self._shape = smooth(self._mesh(last))
         self._moving = bending[around]
         instance, part = scene.scene.face_instance[around], scene.scene.face_part[around]
         self._owner = np.stack([instance, np.where(instance < 0, -1, part)], axis=1)
+        self.paints = {
+            one: None if look.paint is None else look.paint.of(around[self._of(one)])
+            for one in map(tuple, np.unique(self._owner[self._moving], axis=0).tolist())
+        }
+        """Of the bending faces of each instance's part; -1 for none."""
 
     @property
     def faces(self) -> int:
         """How many change their shape."""
         return int(self._moving.sum())
+
+    def _of(self, piece: tuple[int, int]) -> NDArray[np.int64]:
+        """The bending faces of an instance's part among these."""
+        return np.flatnonzero(self._moving & (self._owner == piece).all(axis=1))
 
     def _mesh(self, frame: int) -> Mesh:
         """These faces at a frame."""
@@ -74,23 +83,25 @@ class MovingSurfaces:
         return np.where(mine, np.einsum("ij,ij->i", shift, vertex_normals(now)), 0.0)
 
     def surface(self, frame: int, piece: tuple[int, int], colors: NDArray[np.uint8] | None = None) -> DrawnSurface:
-        """The bending faces of an instance's part at a frame, perhaps with other colours of the vertices (n, 3)."""
-        now = self._shape.moved(self._mesh(frame).vertices, colors)
-        return drawn(now, np.flatnonzero(self._moving & (self._owner == piece).all(axis=1)))
+        """The bending faces of an instance's part at a frame, perhaps in colours of the vertices (n, 3) instead."""
+        now = self._mesh(frame)
+        found = drawn(PaintedMesh(now if colors is None else replace(now, colors=colors)), self._of(piece))
+        return found if colors is not None else replace(found, paint=self.paints[piece])
 
 
-def moving_object(item: Segmentation, anchor: Anchor, motion: DropMotion) -> MovingObject:
-    """The object over the frames: moved as a whole, or following its simulated surface."""
-    start = item.mesh.transformed(anchor.world_from_object)
-    if not motion.deforms(0):
-        return MovingObject(smooth(start), MovingPoints(motion, 0, start.vertices).poses())
-    few = thinned(start, np.zeros(len(start.faces), dtype=bool), MOVING_FACES)[0]
-    still = np.tile(np.eye(4), (len(motion.time), 1, 1))
-    return MovingObject(smooth(few), still, MovingPoints.of_body(motion, 0, few.vertices))
+def moving_object(look: PaintedMesh, motion: DropMotion) -> MovingObject:
+    """The object from where it is before the drop: moved as a whole, or following its simulated surface."""
+    points = MovingPoints.of_body(motion, 0, look.mesh.vertices)
+    if not points.bends:
+        return MovingObject(look, points.poses())
+    if look.paint is None:
+        look = PaintedMesh(thinned(look.mesh, np.zeros(len(look.mesh.faces), dtype=bool), MOVING_FACES)[0])
+        points = MovingPoints.of_body(motion, 0, look.mesh.vertices)
+    return MovingObject(look, np.tile(np.eye(4), (len(motion.time), 1, 1)), points)
 
 
 def most_frames(surfaces: MovingSurfaces | None, thing: MovingObject, most: int) -> int:
     """How many frames can be shown with at most so many faces in all of them together [-]."""
     faces = surfaces.faces if surfaces else 0
-    faces += len(thing.shape.mesh.faces) if thing.deforms else 0
+    faces += len(thing.start.mesh.faces) if thing.deforms else 0
     return max(2, most // faces) if faces else most

@@ -6,6 +6,7 @@ anew is missing until the page has read it.
 """
 
 import threading
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,7 +16,8 @@ from scipy.spatial.transform import Rotation as Turn
 
 from flows.view.heat import heat_colors
 from flows.view.model import MaterialCloud, PlacementView, RoomPiece, StartView, still
-from flows.view.surface import glb_of
+from flows.view.page_glb import PageSurface, glb_of
+from flows.view.surface import DrawnSurface
 
 GHOST_OPACITY, GLASS_OPACITY = 0.25, 0.35
 """Of the object before the drop, and at rest where one wants to see through it [-]."""
@@ -64,7 +66,7 @@ class PlacementNodes:
 
     def show_heat(self, on: bool) -> None:
         """Colour the base by how far it gives."""
-        view, colors = self.view, None
+        view = self.view
         if view.bending is None:
             return
         with self._lock:
@@ -72,12 +74,18 @@ class PlacementNodes:
             for one in mine:
                 if isinstance(one.node, viser.GlbHandle):
                     one.node.glb_data = glb_of(still(one.piece.surface) if on else one.piece.surface)
-            for shown, frame in enumerate(view.frames.tolist()):
-                if on:
-                    colors = heat_colors(view.bending.heights(frame, view.base_id), view.span)
-                for one in mine:
-                    if one.piece.bends is not None:
-                        one.dents[shown].glb_data = glb_of(view.bending.surface(frame, one.piece.bends, colors))
+            for one in mine:
+                for dent, data in zip(one.dents, glbs_of(self._bent(one.piece, heat=on)), strict=True):
+                    dent.glb_data = data
+
+    def _bent(self, piece: RoomPiece, *, heat: bool) -> Iterator[DrawnSurface]:
+        """The bending faces of a part at each frame."""
+        view = self.view
+        assert view.bending is not None
+        for frame in view.frames.tolist() if piece.bends is not None else ():
+            assert piece.bends is not None
+            colors = heat_colors(view.bending.heights(frame, view.base_id), view.span) if heat else None
+            yield view.bending.surface(frame, piece.bends, colors)
 
     def show_glass(self, on: bool) -> None:
         """Make the object transparent, so that the contact patch is seen."""
@@ -85,8 +93,10 @@ class PlacementNodes:
         if thing is None:
             return
         with self._lock:
-            for node, frame in zip(self._shapes, self.view.frames.tolist(), strict=False):
-                node.glb_data = glb_of(thing.surface(frame), opacity=GLASS_OPACITY if on else 1.0)
+            opacity = GLASS_OPACITY if on else 1.0
+            surfaces = (thing.surface(frame) for frame in self.view.frames.tolist()[: len(self._shapes)])
+            for node, data in zip(self._shapes, glbs_of(surfaces, opacity=opacity), strict=True):
+                node.glb_data = data
 
     def _move(self) -> None:
         """Put what moves as a whole where it is."""
@@ -104,11 +114,10 @@ class PlacementNodes:
             return None, []
         node = self._scene.add_frame("/object", show_axes=False)
         frames = self.view.frames.tolist() if thing.deforms else [0]
+        files = glbs_of(thing.surface(frame) for frame in frames)
         return node, [
-            self._scene.add_glb(
-                f"/object/{number}", glb_of(thing.surface(frame)), visible=len(frames) == 1 or number == self.frame
-            )
-            for number, frame in enumerate(frames)
+            self._scene.add_glb(f"/object/{number}", data, visible=len(frames) == 1 or number == self.frame)
+            for number, data in enumerate(files)
         ]
 
     def _ghost_node(self) -> viser.GlbHandle | None:
@@ -176,20 +185,27 @@ def plain(name: str) -> str:
 def add_piece(scene: viser.SceneApi, piece: RoomPiece, view: PlacementView, shown: int = 0) -> PieceNode:
     """A part of the room with its bending faces at every frame, of which one is shown; a structure is drawn from inside
     alone and throws no shadow into the room."""
-    path, look = piece_path(piece.instance, piece.part, piece.number), {"both_sides": not piece.structure}
-    node: viser.SceneNodeHandle
-    if len(piece.surface.faces):
-        node = scene.add_glb(path, glb_of(piece.surface, **look), cast_shadow=not piece.structure)
-    else:
-        node = scene.add_frame(path, show_axes=False)
-    dents = []
+    path, node = piece_path(piece.instance, piece.part, piece.number), None
+    if len(piece.surface.mesh.faces):
+        data = glb_of(piece.surface, both_sides=not piece.structure)
+        node = scene.add_glb(path, data, cast_shadow=not piece.structure)
+    bent: Iterable[DrawnSurface] = ()
     if piece.bends is not None and view.bending is not None:
-        dents = [
-            scene.add_glb(f"{path}/dent/{number}", glb_of(view.bending.surface(frame, piece.bends), **look),
-                          cast_shadow=not piece.structure, visible=number == shown)
-            for number, frame in enumerate(view.frames.tolist())
-        ]  # fmt: skip
-    return PieceNode(piece, node, dents)
+        bent = (view.bending.surface(frame, piece.bends) for frame in view.frames.tolist())
+    parent = node or scene.add_frame(path, show_axes=False)
+    dents = [
+        scene.add_glb(f"{path}/dent/{number}", data, cast_shadow=not piece.structure, visible=number == shown)
+        for number, data in enumerate(glbs_of(bent))
+    ]
+    return PieceNode(piece, parent, dents)
+
+
+def glbs_of(surfaces: Iterable[DrawnSurface], *, opacity: float = 1.0) -> Iterator[bytes]:
+    """Files of the same faces at several frames."""
+    page: PageSurface | None = None
+    for one in surfaces:
+        page = page or PageSurface(one)
+        yield page.glb(one, opacity=opacity)
 
 
 def put(node: viser.SceneNodeHandle, pose: NDArray[np.float64]) -> None:

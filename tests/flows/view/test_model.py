@@ -12,9 +12,10 @@ from scipy.spatial.transform import Rotation as Turn
 
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.outcome import Infeasible, Reason
+from dcap.scene.types.paint import PaintedMesh
 from dcap.scene.types.segmentation import Segmentation
 from flows.place import PlaceConfig
-from flows.view import model
+from flows.view import looks, model
 from flows.view.heat import DEEP, LEVEL, heat_colors
 from flows.view.model import inside_near, placement_view, room_pieces, scene_view
 
@@ -29,7 +30,7 @@ def test_the_dent_is_as_deep_as_the_drop_made_it() -> None:
     view = placement_view(values(), PlaceConfig())
     assert view.bending is not None
     assert len(view.time) == FRAMES
-    depth = [TOP - view.bending.surface(frame, BED).vertices[:, 2].min() for frame in range(FRAMES)]
+    depth = [TOP - view.bending.surface(frame, BED).mesh.vertices[:, 2].min() for frame in range(FRAMES)]
     shares = [(frame / (FRAMES - 1)) ** 2 for frame in range(FRAMES)]
     assert depth == pytest.approx([share * DEPTH for share in shares], abs=MILLIMETRE)
 
@@ -48,9 +49,9 @@ def test_every_face_of_the_scene_is_drawn_once() -> None:
     """Still pieces and the moving faces have together the area that the scene has, at the start."""
     view = placement_view(values(), PlaceConfig())
     assert view.bending is not None
-    still = sum(area(one.surface.vertices, one.surface.faces) for one in view.pieces)
+    still = sum(area(one.surface.mesh.vertices, one.surface.mesh.faces) for one in view.pieces)
     bending = [view.bending.surface(0, one.bends) for one in view.pieces if one.bends is not None]
-    moving = sum(area(surface.vertices, surface.faces) for surface in bending)
+    moving = sum(area(surface.mesh.vertices, surface.mesh.faces) for surface in bending)
     assert moving > 0.0
     assert still + moving == pytest.approx(scene_of().mesh.face_areas.sum(), rel=1e-5)  # drawn in single precision
 
@@ -99,10 +100,10 @@ def test_a_large_scene_is_thinned_and_says_so(monkeypatch: pytest.MonkeyPatch) -
     fine = scene_of()
     for _ in range(4):
         fine = halved(fine)
-    monkeypatch.setattr(model, "MOST_FACES", 3000)
+    monkeypatch.setattr(looks, "MOST_FACES", 3000)
     assert len(fine.mesh.faces) > 3000
     view = placement_view(replace(values(), scene=fine), PlaceConfig())
-    assert sum(len(one.surface.faces) for one in view.pieces) < len(fine.mesh.faces)
+    assert sum(len(one.surface.mesh.faces) for one in view.pieces) < len(fine.mesh.faces)
     assert {one.instance for one in view.pieces} == {one.instance for one in before.pieces}
     assert "are shown" in view.notes[0]
     assert view.span == pytest.approx(DEPTH, abs=MILLIMETRE)
@@ -133,7 +134,7 @@ def test_walls_are_seen_from_inside_alone() -> None:
     target = np.array([0.0, 0.0, TOP])
     for one in view.pieces:
         if one.structure:
-            corner = one.surface.vertices[one.surface.faces].astype(float)
+            corner = one.surface.mesh.vertices[one.surface.mesh.faces].astype(float)
             normal = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
             assert (np.einsum("ij,ij->i", normal, target - corner.mean(axis=1)) >= -1e-6).all()
 
@@ -141,10 +142,9 @@ def test_walls_are_seen_from_inside_alone() -> None:
 def test_a_floor_is_whole_under_what_lies_on_it() -> None:
     """All level faces of the floor look up, where the contact is on the floor and at the wall, too."""
     target = np.array([2.999, 0.0, 0.0])
-    pieces = list(
-        room_pieces(scene_of(), np.ones(len(scene_of().mesh.faces), dtype=bool), inside_near(scene_of(), target))
-    )
-    floor = next(one.surface for one in pieces if one.instance == "floor")
+    scene, none = scene_of(), np.zeros(len(scene_of().mesh.faces), dtype=bool)
+    pieces = list(room_pieces(scene, PaintedMesh(scene.mesh), none, inside_near(scene, target), {}))
+    floor = next(one.surface.mesh for one in pieces if one.instance == "floor")
     corner = floor.vertices[floor.faces].astype(float)
     normal = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
     level = np.abs(normal[:, 2]) > 0.0
