@@ -24,6 +24,8 @@ ROUGHNESS, ALBEDO = 1.0, 0.7
 """Of all surfaces; the page's own light from above would bleach colours that are taken as they are [-]."""
 SHORT = 5123
 """glTF's number of a component type: colours with more steps than bytes have."""
+LEAST_TURN = 2e-3
+"""Difference of a unit normal that nobody sees [-]."""
 AT_ORIGIN = {"min": [0.0] * 3, "max": [0.0] * 3}
 """Bounds of a target that moves nothing: the page takes no normals without positions."""
 ODD = np.array([0x9E3779B97F4A7C15 >> (3 * one) | 1 for one in range(16)], dtype=np.uint64)
@@ -40,7 +42,6 @@ class PageSurface:
     def __init__(self, surface: DrawnSurface) -> None:
         mesh, corners = surface.mesh, 3 * len(surface.mesh.faces)
         self._vertex = mesh.faces.reshape(-1)
-        self._textured = surface.paint is not None
         apart = Mesh(
             np.column_stack([alike(surface), np.zeros((corners, 2))]),
             np.arange(corners, dtype=np.int32).reshape(-1, 3),
@@ -67,18 +68,15 @@ class PageSurface:
             entry.update(more)
             return accessor
 
+        turns = []
         for one in self._primitives(document):
             used = one["attributes"]
             corner = self._values(used["POSITION"], "<f4", 3)[:, 0].astype(np.int64)
             points = surface.mesh.vertices[self._vertex[corner]].astype("<f4")
             put(used["POSITION"], points, min=points.min(axis=0).tolist(), max=points.max(axis=0).tolist())
-            faces = self._values(one["indices"], "<u4", 3).astype(np.int64)
-            found = page_normals(points, faces)
+            found = page_normals(points, self._values(one["indices"], "<u4", 3).astype(np.int64))
             put(used["NORMAL"], found)
-            wanted = surface.normals.reshape(-1, 3)[corner]
-            target = {"POSITION": put(None, np.zeros_like(points), componentType=FLOAT, type="VEC3", **AT_ORIGIN)}
-            target["NORMAL"] = put(None, (wanted - found).astype("<f4"), componentType=FLOAT, type="VEC3")
-            one["targets"] = [target]
+            turns.append((surface.normals.reshape(-1, 3)[corner] - found).astype("<f4"))
             if "COLOR_0" in used:
                 color = self._values(used["COLOR_0"], "u1", 4)[:, :3]
                 if "TEXCOORD_0" not in used:
@@ -86,16 +84,12 @@ class PageSurface:
                 light = np.full((len(corner), 4), 65535, dtype="<u2")
                 light[:, :3] = np.round(65535.0 * LINEAR[color])
                 put(used["COLOR_0"], light, componentType=SHORT)
-        for mesh in document["meshes"]:
-            mesh["weights"] = [1.0]
-        for material in document["materials"]:
-            look = material["pbrMetallicRoughness"]
-            *tint, alpha = look.get("baseColorFactor", [1.0] * 4)
-            look |= {"baseColorFactor": [*(ALBEDO * one for one in tint), opacity * alpha]}
-            look |= {"metallicFactor": 0.0, "roughnessFactor": ROUGHNESS}
-            material["doubleSided"] = both_sides
-            if opacity < 1.0:
-                material["alphaMode"] = "BLEND"
+        if any(np.abs(one).max() > LEAST_TURN for one in turns):
+            document["meshes"][0]["weights"] = [1.0]
+            for one, turn in zip(self._primitives(document), turns, strict=True):
+                still = put(None, np.zeros_like(turn), componentType=FLOAT, type="VEC3", **AT_ORIGIN)
+                one["targets"] = [{"POSITION": still, "NORMAL": put(None, turn, componentType=FLOAT, type="VEC3")}]
+        restyle(document["materials"], opacity, both_sides=both_sides)
         return packed(document, blocks)
 
     def _values(self, accessor: int, kind: str, width: int) -> NDArray[np.generic]:
@@ -106,6 +100,18 @@ class PageSurface:
     @staticmethod
     def _primitives(document: Document) -> list[Document]:
         return [one for mesh in document["meshes"] for one in mesh["primitives"]]
+
+
+def restyle(materials: list[Document], opacity: float, *, both_sides: bool) -> None:
+    """Give all materials of a document the look that the page's light asks for."""
+    for one in materials:
+        look = one["pbrMetallicRoughness"]
+        *tint, alpha = look.get("baseColorFactor", [1.0] * 4)
+        look |= {"baseColorFactor": [*(ALBEDO * light for light in tint), opacity * alpha]}
+        look |= {"metallicFactor": 0.0, "roughnessFactor": ROUGHNESS}
+        one["doubleSided"] = both_sides
+        if opacity < 1.0:
+            one["alphaMode"] = "BLEND"
 
 
 def glb_of(surface: DrawnSurface, *, opacity: float = 1.0, both_sides: bool = True) -> bytes:
