@@ -11,6 +11,7 @@ from dcap.scene.errors import InputError
 from dcap.scene.json_tree import JsonObject
 from dcap.scene.store.artifacts import Store
 from flows.configure import configured
+from flows.export_files import clear_exports
 from flows.film_output import FILM, write_film
 from flows.language_options import LanguageOptions, language_options
 from flows.map_output import FOLDER, clear_maps, write_maps_of
@@ -72,6 +73,7 @@ def write_results(
     tree = write_placement(finished, out)
     write_asked(out, finished.sample, config, asking)
     clear_maps(out / FOLDER)  # of an earlier result in the same folder
+    clear_exports(out)
     (out / FILM).unlink(missing_ok=True)
     (out / ISO).unlink(missing_ok=True)
     if tree["verdict"] == AT_REST and (options.maps or options.animate or options.surface == "iso"):

@@ -20,7 +20,7 @@ from dcap.geometry.solid.support import support_solid
 from dcap.scene.settings import PROJECT_ROOT
 from dcap.scene.store.artifacts import Store
 from dcap.scene.types.mesh import Mesh
-from perf import aims, repair, segments, splats, starts
+from perf import aims, pictures, repair, segments, splats, starts
 from perf.drops import drop_rows, mls_speed
 from tasks.runner.digests import libraries, parsed, source_digests
 
@@ -139,6 +139,7 @@ def main() -> None:
     console = Console(highlight=False, width=120)
     console.print(table)
     console.print(starts.table())
+    console.print(pictures.table())
     titles = ["drop", "particles", "steps", "Newton", "linear", "wall", "per particle and step", "memory", "depth"]
     drops = Table(*titles, "ratio", box=None)
     rows, memory = drop_rows()

@@ -28,8 +28,10 @@ REPEATING: Wrap = (REPEAT, REPEAT)
 
 
 def sampled(image: NDArray[np.uint8], uv: NDArray[np.floating], wrap: Wrap = REPEATING) -> NDArray[np.float64]:
-    """Bilinear samples of an image in linear light at texture coordinates (..., 2), shape (..., 3)."""
+    """Bilinear samples of an image in linear light at texture coordinates (..., 2), shape (..., 3); its alpha does not
+    count."""
     height, width = image.shape[:2]
+    image = image[..., :3]
     left, right, fx = texels(uv[..., 0], width, wrap[0])
     low, high, fy = texels(1.0 - uv[..., 1], height, wrap[1])
     top = LINEAR[image[low, left]] * (1 - fx) + LINEAR[image[low, right]] * fx

@@ -32,19 +32,19 @@ class ShownScene:
 
     scene: Segmentation
     surface: SourceSurface
-    """Its faces are those of the scene where it has textures; they are not drawn where it has none."""
+    """Its faces are those of the scene where its file says more than vertex colours; else they are not drawn."""
     notes: tuple[str, ...]
 
     def look(self, mesh: Mesh, origin: NDArray[np.int64]) -> PaintedMesh:
         """Of a mesh whose faces lie in those of the scene, `origin` (m,)."""
-        return PaintedMesh(mesh, paint_from(self.surface, mesh, origin) if self.surface.textured else None)
+        return PaintedMesh(mesh, paint_from(self.surface, mesh, origin) if self.surface.kept else None)
 
 
 def shown_scene(
     scene: Segmentation, surface: SourceSurface, anchor: Anchor | None, settled: Settled | None
 ) -> ShownScene:
     """The scene with its textures, or with no more faces than can be drawn, all of them near the contact."""
-    if surface.textured and len(surface.mesh.faces) <= MOST_FACES:
+    if surface.kept and len(surface.mesh.faces) <= MOST_FACES:
         return ShownScene(of_source(scene, surface), surface, ())
     count, notes = len(scene.mesh.faces), too_many("scene", surface)
     plain = SourceSurface.untextured()
@@ -65,14 +65,14 @@ def shown_scene(
 
 def shown_object(item: Segmentation, surface: SourceSurface, anchor: Anchor) -> tuple[PaintedMesh, tuple[str, ...]]:
     """The object where it is before the drop, and what is to be said of its look."""
-    if surface.textured and len(surface.mesh.faces) <= MOST_TEXTURED:
+    if surface.kept and len(surface.mesh.faces) <= MOST_TEXTURED:
         return PaintedMesh(surface.mesh.transformed(anchor.world_from_object), own_paint(surface)), ()
     return PaintedMesh(item.mesh.transformed(anchor.world_from_object)), too_many("object", surface)
 
 
 def too_many(what: str, surface: SourceSurface) -> tuple[str, ...]:
     """What is said where a surface with textures is shown without them."""
-    if not surface.textured:
+    if not surface.kept:
         return ()
     count = len(surface.mesh.faces)
     return (f"the {what} has {count:,} textured faces: it is shown without textures, in the colours of its vertices",)

@@ -79,7 +79,7 @@ class PageSurface:
             turns.append((surface.normals.reshape(-1, 3)[corner] - found).astype("<f4"))
             if "COLOR_0" in used:
                 color = self._values(used["COLOR_0"], "u1", 4)[:, :3]
-                if "TEXCOORD_0" not in used:
+                if surface.paint is None:
                     color = surface.mesh.colors[self._vertex[corner]]
                 light = np.full((len(corner), 4), 65535, dtype="<u2")
                 light[:, :3] = np.round(65535.0 * LINEAR[color])

@@ -13,6 +13,7 @@ from PIL import Image
 
 from dcap.scene.srgb import CLAMP, MIRROR, REPEAT
 from dcap.scene.types.paint import CornerPaint
+from dcap.scene.types.surface_material import SurfaceMaterial
 
 LARGEST_SIDE = 2048
 """Of an image [pixel]."""
@@ -79,7 +80,8 @@ def smaller(image: NDArray[np.uint8], most: float) -> NDArray[np.uint8]:
 
 
 def trimmed(paint: CornerPaint) -> CornerPaint:
-    """A paint whose textures are cut to what its faces show of them."""
+    """A paint whose textures are cut to what its faces show of them; further maps are left out."""
+    paint = replace(paint, materials=tuple(map(plain_light, paint.materials)), more_uv=())
     images, wraps, uv = list(paint.textures), [paint.wrap(one) for one in range(len(paint.textures))], paint.corner_uv
     uv = uv.copy()
     for slot in slots(paint):
@@ -98,6 +100,14 @@ def trimmed(paint: CornerPaint) -> CornerPaint:
         wraps[slot] = (wraps[slot][0] if columns is None else CLAMP, wraps[slot][1] if rows is None else CLAMP)
         uv[mine] = np.stack([u, v], axis=2)
     return replace(paint, textures=tuple(images), wraps=tuple(wraps), corner_uv=uv)
+
+
+def plain_light(said: SurfaceMaterial) -> SurfaceMaterial:
+    """A material without further maps: what the page shows is the base colour, and what shines evenly."""
+    emission = said.emission if said.emissive_map is None else (0.0, 0.0, 0.0)
+    return replace(
+        said, emission=emission, metallic_roughness_map=None, normal_map=None, occlusion_map=None, emissive_map=None
+    )
 
 
 def span(places: NDArray[np.float64], count: int, wrap: str) -> tuple[int, int] | None:

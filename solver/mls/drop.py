@@ -26,6 +26,7 @@ from solver.kernels import mls_transfers as transfers
 from solver.kernels.mls_moments import ENERGY, INVERSIONS, SQUARED_SPEED, STRAYS
 from solver.mls.bodies import SoftBodies
 from solver.mls.coupling import Coupling
+from solver.mls.material import material_states
 from solver.mls.outcome import IntervalImpulses, IntervalReport, measure_interval
 from solver.mls.particles import PER_AXIS
 from solver.mls.plates import THIN, Plates, thin_bodies
@@ -286,7 +287,7 @@ class ExplicitDrop:
             substeps=self.steps,
             interval_s=self.config.mls_interval_seconds,
         )
-        return replace(result, certificate=certificate)
+        return replace(result, certificate=certificate, material=material_states(self.soft))
 
     def _final(self, last: IntervalReport) -> FinalState:
         """What the result says of the last state."""

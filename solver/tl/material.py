@@ -1,12 +1,7 @@
 """Displacement and stress of the material at a state, point by point.
 
-Cauchy stress sigma = P F^T / J with P of the fixed-corotated energy [S12]:
-
-    sigma = 2 mu / J (F - R) F^T + lambda (J - 1) I
-
-What layers add is taken linearly, in the frame that the material has turned to: R (C_added : (S - I)) R^T / J.
-
-[S12] Stomakhin, Howes, Schroeder, Teran: Energetically consistent invertible elasticity. SCA 2012.
+What layers add to the isotropic stress is taken linearly, in the frame that the material has turned to:
+R (C_added : (S - I)) R^T / J.
 """
 
 import numpy as np
@@ -15,13 +10,11 @@ from numpy.typing import NDArray
 from solver.model.layers import stiffness
 from solver.model.soft import SoftSystem, shape_values
 from solver.model.state import State
+from solver.model.stress import corotated_stress, voigt
 from solver.motion import MaterialState
 from solver.tl.accuracy import strains
 
 Array = NDArray[np.float64]
-
-VOIGT = ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))
-"""Components of a symmetric tensor in their order."""
 
 
 def material_states(soft: SoftSystem, state: State) -> dict[int, MaterialState]:
@@ -44,8 +37,7 @@ def material_states(soft: SoftSystem, state: State) -> dict[int, MaterialState]:
 
 def cauchy_stress(soft: SoftSystem, F: Array, R: Array, J: Array) -> Array:
     """Stress of every particle at deformations F with rotations R (p, 3, 3) and volume ratios J (p,) [Pa], (p, 6)."""
-    whole = 2.0 * (soft.mu / J)[:, None, None] * np.einsum("pij,pkj->pik", F - R, F)
-    whole += (soft.lam * (J - 1.0))[:, None, None] * np.eye(3)
+    whole = corotated_stress(F, R, J, soft.mu, soft.lam)
     own = np.flatnonzero(soft.added.any(axis=1))
     if len(own):
         none = np.zeros(len(own))
@@ -54,4 +46,4 @@ def cauchy_stress(soft: SoftSystem, F: Array, R: Array, J: Array) -> Array:
         strain = 0.5 * (stretch + stretch.transpose(0, 2, 1)) - np.eye(3)
         local = np.einsum("pijkl,pkl->pij", tensor, strain, optimize=True)
         whole[own] += np.einsum("pij,pjk,plk->pil", R[own], local, R[own], optimize=True) / J[own, None, None]
-    return np.stack([whole[:, i, j] for i, j in VOIGT], axis=1)
+    return voigt(whole)

@@ -36,7 +36,7 @@ def surface_start(surface: SourceSurface, given: SegmentedScene, start: Segmente
     """
     corners, moved = given.mesh.triangles, start.mesh.triangles - given.mesh.triangles
     changed = np.unique(given.face_instance[np.abs(moved).max(axis=(1, 2)) > 0.0])
-    if not surface.textured or not len(changed):
+    if not surface.kept or not len(changed):
         return surface
     owner = nearest_faces(given.mesh, surface.mesh)
     instance = np.where(owner >= 0, given.face_instance[owner], -1)

@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from scipy.ndimage import binary_closing, binary_erosion
 
 from dcap.geometry.camera import Camera
-from dcap.geometry.raycast import Raycaster
 from dcap.geometry.rendering.coverage import silhouette
 from dcap.geometry.rendering.picture import Exposure, exposed
+from dcap.geometry.rendering.see_through import caster_of
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.paint import PaintedMesh
 from solver.certificate import ContactRow
@@ -41,7 +41,7 @@ DPI = 100
 
 
 def contact_picture(
-    meshes: Sequence[Mesh | PaintedMesh], shift: Array, thing: Mesh, contact: Array, rows: Sequence[ContactRow],
+    meshes: Sequence[Mesh | PaintedMesh], shift: Array, thing: PaintedMesh, contact: Array, rows: Sequence[ContactRow],
     own: str, labels: Mapping[str, str], camera: Camera,
 ) -> Bytes:  # fmt: skip
     """The scene without the object, coloured by the depth of its dent, with the patch on it and a legend.
@@ -73,7 +73,7 @@ def contact_picture(
     touching[seen] = near_patch(surface.position[:, seen].T.astype(np.float64), contact, camera)
     width = max(1, round(camera.width / 400))
     drawn(rgb, joined(touching.reshape(exposure.shape), width), width)
-    rim = silhouette(Raycaster(thing), camera, 1) > 0.5
+    rim = silhouette(caster_of([thing]), camera, 1) > 0.5
     rgb[rim & ~binary_erosion(rim, iterations=width)] = OUTLINE
     picture = np.asarray(np.round(np.clip(rgb, 0.0, 255.0)), dtype=np.uint8)
     return np.concatenate([picture, legend(rows, own, labels, deepest, camera.width)])

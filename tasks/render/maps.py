@@ -15,6 +15,7 @@ from dcap.geometry.camera import Camera
 from dcap.geometry.raycast import Raycaster, packed_rays
 from dcap.geometry.rendering.coverage import coverage, share_bytes, silhouette
 from dcap.geometry.rendering.picture import Exposure, exposed, in_bytes
+from dcap.geometry.rendering.see_through import caster_of
 from dcap.geometry.rendering.shading import shade
 from dcap.geometry.rendering.visibility import gathered_light
 from dcap.scene.errors import InputError
@@ -90,10 +91,10 @@ def conditioning_maps(what: SettledView, camera: Camera, config: RenderConfig, *
     exposure = exposed([*meshes, what.thing], camera)
     number = len(meshes)
     share, color = coverage(exposure, number, config.samples)
-    alone = silhouette(Raycaster(what.thing.mesh), camera, config.samples)
+    alone = silhouette(caster_of([what.thing]), camera, config.samples)
     surface, shape = exposure.surface, exposure.shape
     seen = surface.mesh_index >= 0
-    bare = Raycaster(Mesh.concatenate([one.mesh for one in meshes]))
+    bare = caster_of(meshes)
     normal = np.where(seen, surface.smooth, 0.0).T
     ids, names = identities(what, exposure, faces, number)
     return ConditioningMaps(

@@ -18,7 +18,7 @@ from tasks.render.settled_meshes import SettledScene, settled_item, settled_mesh
 
 def object_at_rest(item: Segmentation, surface: SourceSurface, anchor: Anchor, body: SettledBody) -> PaintedMesh:
     """The object at rest."""
-    if not surface.textured:
+    if not surface.kept:
         return PaintedMesh(settled_item(item, anchor, body))
     return PaintedMesh(settled_mesh(surface.mesh, anchor, body), own_paint(surface))
 
@@ -29,7 +29,7 @@ def scene_at_rest(
     """The scene with its dents, and its look; as it was where nothing has settled in it."""
     own = of_source(scene, surface)
     around = untouched(own) if settled is None else settled_scene(own, settled, base_id)
-    paint = paint_from(surface, around.start, around.origin) if surface.textured else None
+    paint = paint_from(surface, around.start, around.origin) if surface.kept else None
     return around, PaintedMesh(around.scene.mesh, paint)
 
 
@@ -40,7 +40,7 @@ def untouched(scene: Segmentation) -> SettledScene:
 
 def of_source(scene: Segmentation, surface: SourceSurface) -> Segmentation:
     """The scene's things and parts on the faces of its textured source."""
-    if not surface.textured:
+    if not surface.kept:
         return scene
     owner = nearest_faces(scene.mesh, surface.mesh)
     known = owner >= 0

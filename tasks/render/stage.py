@@ -52,7 +52,7 @@ def render(
     view = best_view(things, thing.mesh, target, distance, toward, config)
     meshes = shown(around.scene, view.camera, after)
     rest = photograph([*meshes, thing], view.camera, config)
-    fraction = visible_fraction(rest.mesh_index == len(meshes), thing.mesh, view.camera)
+    fraction = visible_fraction(rest.mesh_index == len(meshes), thing, view.camera)
     if fraction < config.least_visible:
         return Infeasible(
             Reason.BURIED,
@@ -67,7 +67,7 @@ def render(
     shift = around.shift[np.unique(around.scene.mesh.faces[shown_faces(around.scene, near)])]
     labels = {one.id: one.label for one in scene.instances}
     contact = contact_picture(
-        behind, shift, thing.mesh, settled.contact_points, settled.contacts, settled.bodies[0].name, labels, near
+        behind, shift, thing, settled.contact_points, settled.contacts, settled.bodies[0].name, labels, near
     )
     return Renders(
         clean=clean.rgb,

@@ -7,8 +7,10 @@ from numpy.typing import NDArray
 
 from dcap.geometry.camera import Camera, looking_at
 from dcap.geometry.raycast import Raycaster, packed_rays
+from dcap.geometry.rendering.see_through import caster_of
 from dcap.scene.types.anchor import Anchor
 from dcap.scene.types.mesh import Mesh
+from dcap.scene.types.paint import PaintedMesh
 from dcap.scene.types.segmentation import Segmentation
 from dcap.scene.types.settled import Settled
 from tasks.render.config import RenderConfig
@@ -96,11 +98,11 @@ def visible_share(caster: Raycaster, points: Array, normals: Array, camera: Arra
     return float(1.0 - blocked.mean()) if len(blocked) else 0.0
 
 
-def visible_fraction(seen: NDArray[np.bool_], thing: Mesh, camera: Camera) -> float:
+def visible_fraction(seen: NDArray[np.bool_], thing: PaintedMesh, camera: Camera) -> float:
     """Pixels of the object that are seen in the scene, a mask, over its pixels alone."""
-    around = camera.project(thing.vertices)[:, :2]
+    around = camera.project(thing.mesh.vertices)[:, :2]
     rays = rays_between(camera, around.min(axis=0) - 1.0, around.max(axis=0) + 1.0)[1]
-    alone = int((Raycaster(thing).first_hits(rays).face >= 0).sum())
+    alone = int((caster_of([thing]).first_hits(rays).face >= 0).sum())
     return int(seen.sum()) / alone if alone else 0.0
 
 

@@ -6,7 +6,8 @@ import pytest
 
 from dcap.scene.errors import InputError
 from flows.cli.app import main
-from flows.export_one import FORMATS, LIST, write_files
+from flows.export_files import LIST, clear_exports, write_files
+from flows.export_one import FORMATS
 
 FILES = {"scene.xml": b"<mujoco/>", "meshes/ball.obj": b"v 0 0 0\n"}
 
@@ -25,6 +26,20 @@ def test_an_earlier_export_is_replaced_and_the_rest_stays(tmp_path: Path) -> Non
     write_files(tmp_path, {"scene.usda": b""}, "usd")
     assert names(tmp_path) == {"scene.usda", LIST}
     assert not (tmp_path / "meshes").exists()
+
+
+def test_exports_of_an_earlier_placement_are_cleared(tmp_path: Path) -> None:
+    write_files(tmp_path / "export" / "mjcf", FILES, "mjcf")
+    (tmp_path / "export" / "splats").mkdir()
+    (tmp_path / "export" / "splats" / "scene_settled.ply").write_bytes(b"ply")
+    (tmp_path / "export" / "mjcf" / "mine.txt").write_text("mine")
+    clear_exports(tmp_path)
+    assert names(tmp_path) == {"export/mjcf/mine.txt"}
+    assert not (tmp_path / "export" / "splats").exists()
+    (tmp_path / "export" / "mjcf" / "mine.txt").unlink()
+    clear_exports(tmp_path)
+    assert not (tmp_path / "export").exists()
+    clear_exports(tmp_path)  # nothing there
 
 
 def test_a_list_that_leads_elsewhere_removes_nothing_there(tmp_path: Path) -> None:

@@ -8,8 +8,9 @@ from solver.model import soft as soft_system
 from solver.model.bodies import Model
 from solver.model.soft import lame
 from solver.model.state import start_state
+from solver.model.stress import VOIGT, corotated_stress, rotations
 from solver.runtime import start
-from solver.tl.material import VOIGT, material_states
+from solver.tl.material import material_states
 
 E, NU = 2e4, 0.3
 
@@ -79,3 +80,33 @@ def test_rigid_bodies_have_no_material(lab):
     soft = soft_system.build(model)
     assert material_states(soft, start_state(model, soft, None)) == {}
     assert SolverConfig().method == "tl"
+
+
+def test_rotations_are_those_of_the_polar_decomposition():
+    """F = R S with S symmetric and positive, also where F mirrors: there det R stays 1."""
+    noise = np.random.default_rng(0).normal(size=(50, 3, 3))
+    F = np.eye(3) + 0.2 * noise
+    R = rotations(F)
+    stretch = np.einsum("pji,pjk->pik", R, F)
+    assert np.linalg.det(R) == pytest.approx(1.0)
+    assert stretch == pytest.approx(stretch.transpose(0, 2, 1), abs=1e-12)
+    assert np.linalg.det(rotations(np.diag([1.0, 1.0, -0.5])[None])) == pytest.approx(1.0)
+
+
+def test_stress_is_the_slope_of_the_energy():
+    """P = d psi / d F of psi = mu |F - R|^2 + lambda / 2 (J - 1)^2, by central differences; sigma = P F^T / J."""
+    F = np.eye(3) + 0.1 * np.random.default_rng(1).normal(size=(3, 3))
+    mu, lam = 3e3, 5e3
+
+    def energy(one):
+        R = rotations(one[None])[0]
+        return mu * np.sum((one - R) ** 2) + 0.5 * lam * (np.linalg.det(one) - 1.0) ** 2
+
+    slope = np.zeros((3, 3))
+    for i, j in np.ndindex(3, 3):
+        step = np.zeros((3, 3))
+        step[i, j] = 1e-5
+        slope[i, j] = (energy(F + step) - energy(F - step)) / 2e-5
+    J = np.linalg.det(F)
+    found = corotated_stress(F[None], rotations(F[None]), np.array([J]), np.array([mu]), np.array([lam]))[0]
+    assert found == pytest.approx(slope @ F.T / J, rel=1e-6, abs=1e-3)

@@ -343,3 +343,18 @@ def test_bodies_that_start_inside_each_other_are_refused(lab):
     """No rest state can be reached honestly from there."""
     with pytest.raises(ModelError, match="inside each other"):
         drop(lab, blob(lab, 0.03), lab.floor())
+
+
+@pytest.mark.slow
+def test_the_stress_of_a_block_carries_its_weight(lab):
+    """A block on a clamp that sags under itself: the virial of its stress, the integral of sigma_zz over its volume, is
+    minus the moment of its weight about the clamp (the balance of momentum times z, integrated by parts)."""
+    block = lab.soft("block", lab.Box(np.array([0.1, 0.1, 0.1])), [0, 0, 0.05], E=2e4, cell=0.0125,
+                     held=np.s_[:, :, 0], fixed=True, loaded=False)  # fmt: skip
+    result = drop(lab, block)
+    material = result.material["block"]
+    place = material.start + material.displacement
+    weight = 9.81 * block.interior.density[0] * material.volume
+    expected = -(weight * place[:, 2]).sum()
+    assert (material.stress[:, 2] * material.volume * material.volume_ratio).sum() == pytest.approx(expected, rel=0.05)
+    assert material.volume.sum() == pytest.approx(1e-3, rel=1e-3)

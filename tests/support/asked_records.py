@@ -1,5 +1,7 @@
 """Values to store about what was asked of an object and why it was refused."""
 
+from dataclasses import replace
+
 import numpy as np
 from dented_bed import anchor, scene_of
 from numpy.typing import NDArray
@@ -11,6 +13,7 @@ from dcap.scene.types.paint import Paint, SourceSurface
 from dcap.scene.types.renders import Renders, Visibility
 from dcap.scene.types.rotation import AskedPose
 from dcap.scene.types.settled import PoseCheck
+from dcap.scene.types.surface_material import AlphaMode, MaterialMap, SurfaceMaterial
 
 
 def asked_and_refused() -> tuple[object, ...]:
@@ -29,7 +32,12 @@ def painted_records(picture: NDArray[np.uint8]) -> tuple[object, ...]:
     seen = Visibility(np.ones((3, 4)), 0.25)
     renders = Renders(picture, picture, picture, 0.75, np.zeros(3), np.ones(3), picture, picture, picture, seen)
     triangle = Mesh.of(np.eye(3), [[0, 1, 2]])
-    return paint, SourceSurface(triangle, paint), SourceSurface.untextured(), seen, renders
+    part = MaterialMap(1, 1, 0.5)
+    said = SurfaceMaterial("glass", AlphaMode.MASK, 0.25, 0.5, 0.0, None, (0.1, 0.2, 0.3), False, normal_map=part)
+    clear = np.dstack([picture, picture[..., 0]])
+    full = replace(paint, textures=(clear, picture), face_material=np.zeros(1, np.int32), materials=(said,),
+                   more_uv=(uv,))  # fmt: skip
+    return paint, full, part, said, SourceSurface(triangle, full), SourceSurface.untextured(), seen, renders
 
 
 def earlier_records() -> tuple[object, ...]:

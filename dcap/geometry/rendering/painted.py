@@ -8,12 +8,14 @@ picture's [W83].
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import open3d
 from numpy.typing import NDArray
 
 from dcap.geometry.raycast import tensor
+from dcap.geometry.rendering.see_through import cut_out
 from dcap.scene.srgb import LINEAR, Wrap, sampled, srgb_from_linear
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.paint import CornerPaint, PaintedMesh, SourceSurface
@@ -69,25 +71,29 @@ def nearest(surface: Mesh, faces: NDArray[np.int64], points: NDArray[np.float64]
 
 
 def paint_from(source: SourceSurface, mesh: Mesh, owner: NDArray[np.int64]) -> CornerPaint:
-    """Paint of a mesh whose faces lie in the faces `owner` (m,) of a textured surface; -1: in none."""
+    """Paint of a mesh whose faces lie in the faces `owner` (m,) of a surface; -1: in none."""
     face = np.maximum(owner, 0)
     weights = barycentric(mesh.triangles, source.mesh.triangles[face])
     inside = np.isfinite(weights).all(axis=(1, 2)) & (weights > -OUTSIDE).all(axis=(1, 2)) & (owner >= 0)
     weights = np.where(inside[:, None, None], weights, 0.0)
-    uv = np.einsum("mck,mki->mci", weights, source.paint.corner_uv[face])
-    tint = np.einsum("mck,mki->mci", weights, tints(source)[face])
-    texture = np.where(inside, source.paint.face_texture[face], -1).astype(np.int32)
-    return CornerPaint(
-        texture, uv.astype(np.float32), tint.astype(np.float32), source.paint.textures, source.paint.wraps
-    )
+    own = own_paint(source)
+    values: tuple[NDArray[np.floating], ...] = (source.paint.corner_uv, own.corner_tint, *source.paint.more_uv)
+    uv, tint, *more = (np.einsum("mck,mki->mci", weights, rows[face]).astype(np.float32) for rows in values)
+    texture, material = (np.where(inside, rows[face], np.int32(-1)) for rows in (own.texture, own.material))
+    return replace(
+        own, texture=texture, corner_uv=uv, corner_tint=tint, material=material, more_uv=tuple(more),
+        cut_out=inside & own.cut_out[face],
+    )  # fmt: skip
 
 
 def own_paint(source: SourceSurface) -> CornerPaint:
-    """Paint of a textured surface's own faces."""
+    """Paint of a surface's own faces."""
     paint = source.paint
+    more = tuple(uv.astype(np.float32) for uv in paint.more_uv)
     return CornerPaint(
-        paint.face_texture, paint.corner_uv.astype(np.float32), tints(source), paint.textures, paint.wraps
-    )
+        paint.face_texture, paint.corner_uv.astype(np.float32), tints(source), paint.textures, paint.wraps,
+        paint.material_index, paint.materials, more, cut_out(source),
+    )  # fmt: skip
 
 
 def tints(source: SourceSurface) -> Array:
@@ -131,7 +137,10 @@ class PaintedScene:
             self.texture[mine] = np.where(known, one.paint.texture + len(self.levels), -1)
             self.uv[mine], self.tint[mine] = one.paint.corner_uv, one.paint.corner_tint
             density[mine] = pixels_per_metre(one.mesh, one.paint)
-            self.levels += [smaller_copies(image) for image in one.paint.textures]
+            shown = set(one.paint.texture.tolist())
+            self.levels += [
+                smaller_copies(image) if slot in shown else [] for slot, image in enumerate(one.paint.textures)
+            ]
             self.wraps += [one.paint.wrap(slot) for slot in range(len(one.paint.textures))]
         self.density = density / np.float32(focal)
 
@@ -163,8 +172,11 @@ def pixels_per_metre(mesh: Mesh, paint: CornerPaint) -> Array:
 
 
 def smaller_copies(image: NDArray[np.uint8]) -> list[NDArray[np.uint8]]:
-    """An image and its copies of half, a quarter ... of its size, each pixel the mean of four in linear light."""
-    levels = [image]
+    """An image and its copies of half, a quarter ... of its size, each pixel the mean of four in linear light.
+
+    Alpha does not count.
+    """
+    levels = [image[..., :3]]
     while min(levels[-1].shape[:2]) >= 2:
         before = levels[-1]
         height, width = before.shape[0] // 2, before.shape[1] // 2
@@ -179,8 +191,8 @@ def surface_colors(thing: PaintedMesh, face: NDArray[np.int64], weights: NDArray
     color = np.einsum("nk,nkc->nc", weights, mesh.colors[mesh.faces[face]] / 255.0)
     if paint is None:
         return np.asarray(color)
-    for slot, image in enumerate(paint.textures):
-        mine = np.flatnonzero(paint.texture[face] == slot)
+    for slot in np.unique(paint.texture[paint.texture >= 0]).tolist():
+        image, mine = paint.textures[slot], np.flatnonzero(paint.texture[face] == slot)
         own, weight = face[mine], weights[mine][:, :, None]
         light = sampled(image, (weight * paint.corner_uv[own]).sum(axis=1), paint.wrap(slot))
         light *= (weight * paint.corner_tint[own]).sum(axis=1)

@@ -7,10 +7,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dcap.geometry.camera import Camera
-from dcap.geometry.raycast import PackedHits, Raycaster
+from dcap.geometry.raycast import PackedHits
 from dcap.geometry.rendering.bands import in_bands
 from dcap.geometry.rendering.normals import ShadingNormals
 from dcap.geometry.rendering.painted import PaintedScene
+from dcap.geometry.rendering.see_through import caster_of
 from dcap.scene.srgb import LINEAR
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.paint import PaintedMesh
@@ -74,7 +75,7 @@ class RenderScene:
         self.mesh = Mesh.concatenate(meshes)
         self.textures = PaintedScene(known, camera.focal) if any(one.paint for one in known) else None
         self.mesh_of_face = np.repeat(np.arange(len(meshes)), [len(m.faces) for m in meshes]).astype(np.int32)
-        self.caster = Raycaster(self.mesh)
+        self.caster = caster_of(known)
         self.colors = LINEAR[self.mesh.colors]
         self.light = key_direction(camera, LOW if low_light else HIGH)
         self.reach = float(np.linalg.norm(np.asarray(camera.target) - camera.position))

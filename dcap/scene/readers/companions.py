@@ -4,23 +4,34 @@ The store copies what `companions` finds, and the readers find it again with the
 so both always agree.
 """
 
+import re
 from collections.abc import Iterator
 from mmap import ACCESS_READ, mmap
 from pathlib import Path
 from urllib.parse import unquote
 
 from dcap.scene.errors import FormatError
-from dcap.scene.readers.files.references import beside, library_names, material_lines, texture_beside
+from dcap.scene.readers.files.references import MTL_TEXTURES, beside, library_names, material_lines, texture_beside
 from dcap.scene.readers.gltf.document import read_document, uris
 from dcap.scene.readers.splats.sog import is_sog_meta, picture_names
 
+USD_ASSET = re.compile(rb"@([^@\r\n]+)@")
+"""A name of another file in a USD text."""
+
 LARGEST_TEXT = 64 << 20
-"""Largest glTF or MTL text that is searched for names [bytes]."""
+"""Largest glTF, MTL or USD text that is searched for names [bytes]."""
 
 
 def companions(path: Path) -> Iterator[str]:
     """The files that a mesh file names and that exist, by their name relative to its folder."""
-    search = {".obj": _of_obj, ".gltf": _of_gltf, ".glb": _of_gltf, ".json": _of_sog}.get(path.suffix.lower())
+    search = {
+        ".obj": _of_obj,
+        ".gltf": _of_gltf,
+        ".glb": _of_gltf,
+        ".json": _of_sog,
+        ".usd": _of_usda,
+        ".usda": _of_usda,
+    }.get(path.suffix.lower())
     if search is not None:
         with path.open("rb") as file, mmap(file.fileno(), 0, access=ACCESS_READ) as data:
             yield from search(path, data)
@@ -33,7 +44,7 @@ def _of_obj(path: Path, data: mmap) -> Iterator[str]:
             continue
         yield library
         if (path.parent / library).stat().st_size <= LARGEST_TEXT:
-            textures = (rest for _, key, rest in material_lines(path.parent / library) if key == "map_Kd")
+            textures = (rest for _, key, rest in material_lines(path.parent / library) if key in MTL_TEXTURES)
             yield from (one for text in textures if (one := texture_beside(path.parent, library, text)))
 
 
@@ -45,6 +56,15 @@ def _of_gltf(path: Path, data: mmap) -> Iterator[str]:
         found = beside(path.parent, unquote(uri))
         if found is not None:
             yield found
+
+
+def _of_usda(path: Path, data: mmap) -> Iterator[str]:
+    """Names between @ in the text form; the binary one hides its names, and a package holds what it needs."""
+    if data[:5] == b"#usda":
+        for name in dict.fromkeys(USD_ASSET.findall(data[:LARGEST_TEXT])):
+            found = beside(path.parent, name.decode("utf-8", "replace"))
+            if found is not None:
+                yield found
 
 
 def _of_sog(path: Path, data: mmap) -> Iterator[str]:

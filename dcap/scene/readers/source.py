@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -46,8 +47,11 @@ READERS = {
 }  # fmt: skip
 """Reader by file suffix."""
 
-TEXTURED = {".glb", ".gltf", ".obj"}
-"""Files that may have textures."""
+PAINTED: dict[str, Callable[[Path], RawMesh]] = {
+    ".glb": partial(read_gltf, all_maps=True), ".gltf": partial(read_gltf, all_maps=True),
+    ".obj": partial(read_obj, all_maps=True), **dict.fromkeys(USD_SUFFIXES, read_usd),
+}  # fmt: skip
+"""Reader of files that may have textures and materials, with all that they say."""
 
 BROKEN = (ArithmeticError, AttributeError, LookupError, RecursionError, StopIteration, TypeError, ValueError)
 """What decoding can raise on bytes that break their format where no check of the reader names the place."""
@@ -90,25 +94,30 @@ def read_scan(
 
 
 def read_surface(path: Path, world_from_file: NDArray[np.float64]) -> SourceSurface:
-    """The textured surface of a file or folder that `read_scan` has read; `world_from_file` as it found (4, 4)."""
+    """The textures and materials of a file or folder that `read_scan` has read, on its faces.
+
+    `world_from_file` (4, 4) is what it found; what says nothing beyond vertex colours gives no faces.
+    """
     placed = path.is_dir() and is_placed_scene(path)
     if path.is_dir():
         if is_scannet(path) and not is_interiorgs(path):
             return SourceSurface.untextured()
         path = path / SCENE if placed else find_mesh(path)[0]
-    if path.suffix.lower() not in TEXTURED or is_splats(path):
+    if path.suffix.lower() not in PAINTED or is_splats(path):
         return SourceSurface.untextured()
     with readable(path):
-        raw = READERS[path.suffix.lower()](path).without_loose_vertices()
-    if raw.paint is None or not raw.paint.textures:
+        raw = PAINTED[path.suffix.lower()](path).without_loose_vertices()
+    if raw.paint is None or not raw.paint.says_more:
         return SourceSurface.untextured()
     if placed:  # the folder is in the world frame, its file as glTF wants it
         world_from_file = find_frame(raw, SourceOptions(up="y", unit="m"), Role.SCENE).world_from_file
     colors = np.full(raw.vertices.shape, 255, dtype=np.uint8) if raw.colors is None else raw.colors
     mesh = Mesh(np.ascontiguousarray(raw.vertices), raw.faces.astype(np.int32), colors)
-    paint = replace(raw.paint, corner_uv=np.nan_to_num(raw.paint.corner_uv, posinf=0.0, neginf=0.0))
-    if np.linalg.det(world_from_file[:3, :3]) < 0:  # faces are turned around with their corners
-        paint = replace(paint, corner_uv=paint.corner_uv[:, ::-1])
+    turn = -1 if np.linalg.det(world_from_file[:3, :3]) < 0 else 1  # faces are turned around with their corners
+    uv, *more = (
+        np.nan_to_num(one, posinf=0.0, neginf=0.0)[:, ::turn] for one in (raw.paint.corner_uv, *raw.paint.more_uv)
+    )
+    paint = replace(raw.paint, corner_uv=uv, more_uv=tuple(more))
     return SourceSurface(mesh.transformed(world_from_file), paint)
 
 

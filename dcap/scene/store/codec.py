@@ -60,6 +60,7 @@ from dcap.scene.types.sample import GivenPlace, KnownHeight, Sample, SourceOptio
 from dcap.scene.types.scan import LabelBox, Room, Scan
 from dcap.scene.types.segmentation import Instance, Part, Segmentation
 from dcap.scene.types.settled import LastState, LeanCheck, PlacementChecks, PoseCheck, Settled, SettledBody
+from dcap.scene.types.surface_material import MaterialMap, SurfaceMaterial
 from solver.certificate import (
     BodyStability,
     BondRow,
@@ -91,13 +92,13 @@ KINDS: dict[str, type] = {
         Anchor, AskedPose, BackgroundGrid, BesideThePart, BodyGeometry, BodyPath, BodyStability, BondRow, Certificate,
         CertificateRow, ColumnLayer, ContactFriction, ContactRow, Deformation, DistanceGrid, DropFrames,
         EarlierPlacements, FileScale, FreedThings, GivenLabels, GivenPart, GivenPlace, GivenThing, HiddenObject,
-        History, InertialProperties, Infeasible, Instance, Intent, InTheWay, KickCheck, KickRow, KnownHeight,
-        LabelBox, LastState, LayerConstants, LayeredPoints, Lean, LeanCheck, Material, MaterialPoints, MaterialState,
-        Mesh, NoRoom, NotDone, NotInScene, ObjectHole, OpenObject, OrientationRequest, OrientedBox, Overview, Paint,
-        Part, Particles, PartMaterial, PartMaterials, PlacedThing, PlacementChecks, Pointed, PoseCheck, PushBounds,
-        PushRow, RegionConstraint, RegionRequest, Renders, RepairReport, RigidSimulationBody, RollingRow, Room,
-        Rotation, Sample, Scan, Segmentation, Settled, SettledBody, SignalRows, SoftSimulationBody, SourceOptions,
-        SourceSurface, StabilityGrade, SupportCandidate, VertexLabels, Visibility,
+        History, InertialProperties, Infeasible, Instance, Intent, InTheWay, KickCheck, KickRow, KnownHeight, LabelBox,
+        LastState, LayerConstants, LayeredPoints, Lean, LeanCheck, Material, MaterialMap, MaterialPoints,
+        MaterialState, Mesh, NoRoom, NotDone, NotInScene, ObjectHole, OpenObject, OrientationRequest, OrientedBox,
+        Overview, Paint, Part, Particles, PartMaterial, PartMaterials, PlacedThing, PlacementChecks, Pointed,
+        PoseCheck, PushBounds, PushRow, RegionConstraint, RegionRequest, Renders, RepairReport, RigidSimulationBody,
+        RollingRow, Room, Rotation, Sample, Scan, Segmentation, Settled, SettledBody, SignalRows, SoftSimulationBody,
+        SourceOptions, SourceSurface, StabilityGrade, SupportCandidate, SurfaceMaterial, VertexLabels, Visibility,
     )
 }  # fmt: skip
 """Every type that may be stored, by the name that `value.json` gives it: files outlive moves between modules."""

@@ -1,6 +1,6 @@
 """Colours that belong to faces and textures rather than to vertices, and the surface of a file that has them."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
@@ -10,6 +10,7 @@ from dcap.scene.errors import GeometryError
 from dcap.scene.srgb import REPEATING, Wrap
 from dcap.scene.types.arrays import check_array, check_index
 from dcap.scene.types.mesh import Mesh
+from dcap.scene.types.surface_material import PLAIN, SurfaceMaterial
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -23,15 +24,28 @@ class Paint:
     corner_uv: NDArray[np.float64]
     """Texture coordinates, origin at the lower left, shape (m, 3, 2)."""
     textures: tuple[NDArray[np.uint8], ...]
-    """sRGB images, first row on top, each (h, w, 3)."""
+    """Images of base colours and further maps, first row on top, each (h, w, 3), or (h, w, 4) where its alpha counts;
+    base colours and light are sRGB."""
     wraps: tuple[Wrap, ...] = ()
     """How each texture goes on beyond its image along u and v; empty: all repeat."""
+    face_material: NDArray[np.int32] | None = None
+    """Index into `materials`, shape (m,); None: no material says more than its colour."""
+    materials: tuple[SurfaceMaterial, ...] = (PLAIN,)
+    more_uv: tuple[NDArray[np.float64], ...] = ()
+    """Texture coordinates of maps that do not use `corner_uv`, each (m, 3, 2)."""
 
     def __post_init__(self) -> None:
         count = len(self.face_color)
         check_array("face_color", self.face_color, count, 3)
         check_array("corner_uv", self.corner_uv, count, 3, 2)
         check_index("face_texture", self.face_texture, length=count, count=len(self.textures))
+        if self.face_material is not None:
+            check_index("face_material", self.face_material, length=count, count=len(self.materials))
+        for number, uv in enumerate(self.more_uv):
+            check_array(f"more_uv {number}", uv, count, 3, 2)
+        for one in (used for material in self.materials for used in material.maps):
+            if not (0 <= one.texture < len(self.textures) and 0 <= one.uv_set <= len(self.more_uv)):
+                raise GeometryError(f"a map uses texture {one.texture} with coordinates {one.uv_set}: there are none")
         if len(self.wraps) not in (0, len(self.textures)):
             raise GeometryError(f"wraps has {len(self.wraps)} entries, expected {len(self.textures)}")
 
@@ -39,41 +53,63 @@ class Paint:
         """How a texture goes on beyond its image."""
         return self.wraps[texture] if self.wraps else REPEATING
 
+    @property
+    def material_index(self) -> NDArray[np.int32]:
+        """Index into `materials` of each face, shape (m,)."""
+        return np.zeros(len(self.face_texture), np.int32) if self.face_material is None else self.face_material
+
+    @property
+    def says_more(self) -> bool:
+        """Whether it says anything that vertex colours cannot."""
+        return len(self.textures) > 0 or any(one != PLAIN for one in self.materials)
+
 
 @dataclass(frozen=True, eq=False, slots=True)
 class SourceSurface:
-    """A textured surface as its file has it: faces, corners and textures, in the world frame."""
+    """A surface as its file has it: faces, corners, textures and materials, in the world frame."""
 
     mesh: Mesh
-    """Vertex colours multiply what the paint says; white where the file has none. No faces: nothing is textured."""
+    """Vertex colours multiply what the paint says; white where the file has none. No faces: its paint says nothing."""
     paint: Paint
 
     @classmethod
     def untextured(cls) -> Self:
-        """Of a file without textures: its mesh says all."""
+        """Of a file without textures and materials: its mesh says all."""
         nothing = Paint(np.zeros((0, 3), np.uint8), np.zeros(0, np.int32), np.zeros((0, 3, 2)), ())
         return cls(Mesh.of(np.zeros((0, 3)), np.zeros((0, 3))), nothing)
 
     @property
+    def kept(self) -> bool:
+        """Whether it says more than a mesh with vertex colours."""
+        return self.paint.says_more
+
+    @property
     def textured(self) -> bool:
-        """Whether it has textures."""
-        return len(self.paint.textures) > 0
+        """Whether base colours have textures."""
+        return bool((self.paint.face_texture >= 0).any())
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class CornerPaint:
-    """Textures of a mesh, corner by corner."""
+    """Textures and materials of a mesh, corner by corner."""
 
     texture: NDArray[np.int32]
-    """Index into `textures`; -1: the vertex colours say all, shape (m,)."""
+    """Index into `textures`, -1 for none, shape (m,)."""
     corner_uv: NDArray[np.float32]
     """Texture coordinates, origin at the lower left, shape (m, 3, 2)."""
     corner_tint: NDArray[np.float32]
     """Linear colour that multiplies the texture, 0..1, shape (m, 3, 3)."""
     textures: tuple[NDArray[np.uint8], ...]
-    """sRGB images, first row on top, each (h, w, 3)."""
-    wraps: tuple[Wrap, ...] = ()
     """As in `Paint`."""
+    wraps: tuple[Wrap, ...]
+    """As in `Paint`."""
+    material: NDArray[np.int32]
+    """Index into `materials`; -1: the vertex colours say all, shape (m,)."""
+    materials: tuple[SurfaceMaterial, ...]
+    more_uv: tuple[NDArray[np.float32], ...]
+    """As in `Paint`."""
+    cut_out: NDArray[np.bool_]
+    """Faces that rays pass where their texture is clear, shape (m,)."""
 
     def wrap(self, texture: int) -> Wrap:
         """How a texture goes on beyond its image."""
@@ -81,8 +117,14 @@ class CornerPaint:
 
     def of(self, faces: NDArray[np.integer]) -> Self:
         """That of some faces."""
-        return type(self)(
-            self.texture[faces], self.corner_uv[faces], self.corner_tint[faces], self.textures, self.wraps
+        return replace(
+            self,
+            texture=self.texture[faces],
+            corner_uv=self.corner_uv[faces],
+            corner_tint=self.corner_tint[faces],
+            material=self.material[faces],
+            more_uv=tuple(uv[faces] for uv in self.more_uv),
+            cut_out=self.cut_out[faces],
         )
 
 

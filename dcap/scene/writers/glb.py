@@ -6,22 +6,21 @@ part; `dcap.scene.readers.gltf.gltf` gives the same instances and parts back.
 Source: Khronos, "glTF 2.0 Specification", sections 3.5 to 3.7 and 4.4.
 """
 
-import io
 import json
 import struct
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from hashlib import sha256
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image
 
 from dcap.scene.readers.gltf.document import BINARY_CHUNK, JSON_CHUNK
-from dcap.scene.srgb import CLAMP, MIRROR, REPEAT, Wrap, srgb_from_linear
+from dcap.scene.srgb import srgb_from_linear
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.paint import CornerPaint
 from dcap.scene.types.segmentation import Segmentation
+from dcap.scene.types.surface_material import PLAIN
+from dcap.scene.writers.glb_materials import MaterialWriter, Shade
 
 GLTF_FROM_WORLD = np.array([[1.0, 0, 0, 0], [0, 0, 1.0, 0], [0, -1.0, 0, 0], [0, 0, 0, 1.0]])
 """(x, y, z) with z up to (x, z, -y) with y up."""
@@ -32,11 +31,6 @@ FLOAT, BYTE, INDEX = 5126, 5121, 5125
 VERTICES, INDICES = 34962, 34963
 """Targets of buffer views."""
 
-SAMPLER = {"magFilter": 9729, "minFilter": 9987}
-"""Linear, with smaller copies."""
-WRAPS = {REPEAT: 10497, MIRROR: 33648, CLAMP: 33071}
-Shade = NDArray[np.float32]
-"""A linear colour 0..1, shape (3,)."""
 MOST_TINTS = 32
 """Colours that multiply one texture and get a material each; where there are more they are vertex colours."""
 
@@ -112,14 +106,10 @@ class _Writer:
     accessors: list[dict[str, object]] = field(default_factory=list)
     views: list[dict[str, object]] = field(default_factory=list)
     binary: bytearray = field(default_factory=bytearray)
-    images: list[dict[str, object]] = field(default_factory=list)
-    materials: list[dict[str, object]] = field(default_factory=list)
-    textures: list[dict[str, int]] = field(default_factory=list)
-    samplers: list[Wrap] = field(default_factory=list)
-    image_of: dict[bytes, int] = field(default_factory=dict)
-    """Index of an image by what it shows."""
-    material_of: dict[tuple[int, bytes], int] = field(default_factory=dict)
-    """Index of a material by its texture and its colour."""
+    looks: MaterialWriter = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.looks = MaterialWriter(self._add_image)
 
     def add(self, node: Node) -> int:
         """Append a node and those below it; returns its index."""
@@ -153,56 +143,59 @@ class _Writer:
         return len(self.meshes) - 1
 
     def _surface(self, name: str, node: Node) -> int:
-        """A mesh with corner normals, one primitive for each texture and tint."""
+        """A mesh with corner normals, one primitive for each texture, material and tint."""
         assert node.mesh is not None
         turned = node.mesh.transformed(GLTF_FROM_WORLD)
-        slot = np.full(len(turned.faces), -1) if node.paint is None else node.paint.texture
-        primitives = [self._plain(turned, np.flatnonzero(slot < 0), node.normals)] if (slot < 0).any() else []
-        for texture in np.unique(slot[slot >= 0]):
-            assert node.paint is not None
-            mine = np.flatnonzero(slot == texture)
-            tint = node.paint.corner_tint[mine]
+        paint = node.paint
+        if paint is None:
+            colors = turned.colors[turned.faces].reshape(-1, 3)
+            primitives = [self._plain(turned, np.arange(len(turned.faces)), node.normals, colors)]
+            self.meshes.append({"name": name, "primitives": primitives})
+            return len(self.meshes) - 1
+        primitives = []
+        for texture, material in np.unique(np.stack([paint.texture, paint.material], axis=1), axis=0).tolist():
+            mine = np.flatnonzero((paint.texture == texture) & (paint.material == material))
+            tint = paint.corner_tint[mine]
+            if texture < 0 and (material < 0 or paint.materials[material] == PLAIN):
+                known = (
+                    srgb_from_linear(tint.astype(np.float64)) if material >= 0 else turned.colors[turned.faces[mine]]
+                )
+                primitives.append(self._plain(turned, mine, node.normals, known.reshape(-1, 3)))
+                continue
             shades, of_face = np.unique(tint[:, 0], axis=0, return_inverse=True)
             even = len(shades) <= MOST_TINTS and bool((tint == tint[:, :1]).all())
             groups = range(len(shades)) if even else [0]
             for group in groups:
                 faces = mine[of_face.reshape(-1) == group] if even else mine
                 shade = shades[group] if even else np.ones(3, dtype=np.float32)
-                primitives.append(self._textured(turned, faces, node, int(texture), shade, tinted=not even))
+                primitives.append(self._painted(turned, faces, node, paint, shade, tinted=not even))
         self.meshes.append({"name": name, "primitives": primitives})
         return len(self.meshes) - 1
 
-    def _plain(self, mesh: Mesh, faces: NDArray[np.int64], normals: NDArray[np.float32] | None) -> dict[str, object]:
-        """Faces with vertex colours."""
-        corner = mesh.faces[faces].reshape(-1)
-        columns = {"POSITION": mesh.vertices[corner].astype("<f4")}
+    def _plain(
+        self, mesh: Mesh, faces: NDArray[np.int64], normals: NDArray[np.float32] | None, colors: NDArray[np.uint8]
+    ) -> dict[str, object]:
+        """Faces with the colours of their corners, (3 m, 3), and no material."""
+        columns = {"POSITION": mesh.vertices[mesh.faces[faces].reshape(-1)].astype("<f4")}
         if normals is not None:
             columns["NORMAL"] = in_gltf(normals[faces])
-        return self._primitive(columns, mesh.colors[corner])
+        return self._primitive(columns, colors)
 
-    def _textured(
-        self,
-        mesh: Mesh,
-        faces: NDArray[np.int64],
-        node: Node,
-        texture: int,
-        shade: Shade,
-        *,
-        tinted: bool,
+    def _painted(
+        self, mesh: Mesh, faces: NDArray[np.int64], node: Node, paint: CornerPaint, shade: Shade, *, tinted: bool
     ) -> dict[str, object]:
-        """Faces with one texture and material."""
-        assert node.paint is not None
-        uv = node.paint.corner_uv[faces].reshape(-1, 2)
-        columns = {
-            "POSITION": mesh.vertices[mesh.faces[faces].reshape(-1)].astype("<f4"),
-            "TEXCOORD_0": np.stack([uv[:, 0], np.float32(1.0) - uv[:, 1]], axis=1).astype("<f4"),
-        }
+        """Faces with one texture, or none, and one material."""
+        texture, material = int(paint.texture[faces[0]]), paint.materials[max(int(paint.material[faces[0]]), 0)]
+        columns = {"POSITION": mesh.vertices[mesh.faces[faces].reshape(-1)].astype("<f4")}
+        sets = sorted({one.uv_set for one in material.maps} | ({0} if texture >= 0 else set()))
+        for number, one in enumerate(sets):
+            uv = (paint.corner_uv, *paint.more_uv)[one][faces].reshape(-1, 2)
+            columns[f"TEXCOORD_{number}"] = np.stack([uv[:, 0], np.float32(1.0) - uv[:, 1]], axis=1).astype("<f4")
         if node.normals is not None:
             columns["NORMAL"] = in_gltf(node.normals[faces])
-        tint = srgb_from_linear(node.paint.corner_tint[faces].reshape(-1, 3).astype(np.float64)) if tinted else None
-        return self._primitive(
-            columns, tint, self._material(node.paint.textures[texture], node.paint.wrap(texture), shade)
-        )
+        tint = srgb_from_linear(paint.corner_tint[faces].reshape(-1, 3).astype(np.float64)) if tinted else None
+        slot = None if texture < 0 else self.looks.texture(paint.textures[texture], paint.wrap(texture))
+        return self._primitive(columns, tint, self.looks.material(paint, material, slot, shade, sets))
 
     def _primitive(
         self, columns: dict[str, NDArray[np.float32]], colors: NDArray[np.uint8] | None, material: int | None = None
@@ -230,38 +223,11 @@ class _Writer:
         }
         return entry if material is None else entry | {"material": material}
 
-    def _material(self, image: NDArray[np.uint8], wrap: Wrap, shade: Shade) -> int:
-        """Index of the material of a texture and a linear colour that multiplies it."""
-        texture = self._texture(image, wrap)
-        key = (texture, shade.tobytes())
-        if key not in self.material_of:
-            self.material_of[key] = len(self.materials)
-            look = {
-                "baseColorTexture": {"index": texture},
-                "baseColorFactor": [*(float(one) for one in shade), 1.0],
-                "metallicFactor": 0.0,
-                "roughnessFactor": 0.9,
-            }
-            self.materials.append({"pbrMetallicRoughness": look, "doubleSided": True})
-        return self.material_of[key]
-
-    def _texture(self, image: NDArray[np.uint8], wrap: Wrap) -> int:
-        """Index of the texture of an image; equal images are written once."""
-        content = sha256(image.tobytes()).digest() + repr(image.shape).encode()
-        if content not in self.image_of:
-            file = io.BytesIO()
-            Image.fromarray(image).save(file, "PNG", compress_level=6)
-            data = file.getvalue()
-            self.views.append({"buffer": 0, "byteOffset": len(self.binary), "byteLength": len(data)})
-            self.binary += data + bytes(-len(data) % 4)
-            self.images.append({"bufferView": len(self.views) - 1, "mimeType": "image/png"})
-            self.image_of[content] = len(self.images) - 1
-        if wrap not in self.samplers:
-            self.samplers.append(wrap)
-        entry = {"source": self.image_of[content], "sampler": self.samplers.index(wrap)}
-        if entry not in self.textures:
-            self.textures.append(entry)
-        return self.textures.index(entry)
+    def _add_image(self, data: bytes) -> int:
+        """Index of the view of an encoded image."""
+        self.views.append({"buffer": 0, "byteOffset": len(self.binary), "byteLength": len(data)})
+        self.binary += data + bytes(-len(data) % 4)
+        return len(self.views) - 1
 
     def _accessor(self, data: bytes, target: int, component: int, kind: str, count: int, **more: object) -> int:
         view: dict[str, object] = {
@@ -285,10 +251,7 @@ class _Writer:
         }  # fmt: skip
         if not self.meshes:  # lists must not be empty
             document = {key: document[key] for key in ("asset", "scene", "scenes", "nodes")}
-        if self.materials:
-            samplers = [SAMPLER | {"wrapS": WRAPS[u], "wrapT": WRAPS[v]} for u, v in self.samplers]
-            looks = {"materials": self.materials, "textures": self.textures, "images": self.images}
-            document |= looks | {"samplers": samplers}
+        document |= self.looks.entries()
         text = json.dumps(document, separators=(",", ":"), ensure_ascii=False).encode()
         text += b" " * (-len(text) % 4)
         chunks = struct.pack("<II", len(text), JSON_CHUNK) + text

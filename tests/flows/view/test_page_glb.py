@@ -10,7 +10,8 @@ from textured import plate, quarters
 
 from dcap.geometry.rendering.painted import own_paint
 from dcap.scene.types.mesh import Mesh
-from dcap.scene.types.paint import PaintedMesh
+from dcap.scene.types.paint import Paint, PaintedMesh, SourceSurface
+from dcap.scene.types.surface_material import AlphaMode, SurfaceMaterial
 from flows.view.page_glb import ALBEDO, Document, PageSurface, glb_of, page_normals, parsed
 from flows.view.surface import whole
 
@@ -90,3 +91,21 @@ def test_a_surface_is_moved_without_being_written_anew() -> None:
     assert np.linalg.norm(one["points"] - [0, 0, 5], axis=1) == pytest.approx(RADIUS, abs=1e-6)
     assert document["materials"][-1]["alphaMode"] == "BLEND"
     assert document["materials"][-1]["pbrMetallicRoughness"]["baseColorFactor"][3] == 0.5
+
+
+def test_colours_of_materials_and_their_transparency_are_kept() -> None:
+    """A plate without a texture whose material is a half clear red, on a mesh of white vertices."""
+    surface = plate()
+    said = (SurfaceMaterial(alpha_mode=AlphaMode.BLEND, alpha=0.5), SurfaceMaterial())
+    for number, factor in ((0, [ALBEDO, 0.0, 0.0, 0.5]), (1, [ALBEDO, ALBEDO, ALBEDO, 1.0])):
+        paint = Paint(
+            np.tile(np.array([255, 0, 0], dtype=np.uint8), (2, 1)), np.full(2, -1, np.int32), np.zeros((2, 3, 2)), (),
+            face_material=np.full(2, number, np.int32), materials=said,
+        )  # fmt: skip
+        thing = PaintedMesh(surface.mesh, own_paint(SourceSurface(surface.mesh, paint)))
+        document, (one,) = read(glb_of(whole(thing)))
+        material = document["materials"][document["meshes"][0]["primitives"][0]["material"]]
+        assert material["pbrMetallicRoughness"]["baseColorFactor"] == pytest.approx(factor)
+        assert (material.get("alphaMode") == "BLEND") == (number == 0)
+        if number == 1:  # a plain material's colour is its vertices'
+            assert one["colors"][0].tolist() == [65535, 0, 0, 65535]

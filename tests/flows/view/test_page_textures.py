@@ -9,6 +9,7 @@ from textured import plate, quarters
 from dcap.geometry.rendering.painted import own_paint, surface_colors
 from dcap.scene.srgb import CLAMP, MIRROR, REPEAT
 from dcap.scene.types.paint import CornerPaint, PaintedMesh
+from dcap.scene.types.surface_material import MaterialMap, SurfaceMaterial
 from flows.view import page_textures
 from flows.view.page_textures import fitted, largest_share, trimmed
 
@@ -72,3 +73,11 @@ def test_no_side_is_longer_than_the_page_takes(monkeypatch: pytest.MonkeyPatch) 
     found = fitted([paint], 1, 10**6).paints[0]
     assert isinstance(found, CornerPaint)
     assert found.textures[0].shape == (32, 8, 3)
+
+
+def test_further_maps_are_left_out() -> None:
+    """A map is in the coordinates of the whole texture, of which the page has a part."""
+    used = MaterialMap(0)
+    said = SurfaceMaterial(normal_map=used, emissive_map=used, emission=(1.0, 1.0, 1.0), roughness=0.3)
+    paint = replace(own_paint(plate()), materials=(said,))
+    assert trimmed(paint).materials == (SurfaceMaterial(roughness=0.3),)

@@ -25,6 +25,12 @@ def read_image(data: bytes, where: str) -> NDArray[np.uint8]:
     return _decoded(data, where, "RGB", MAX_PIXELS)
 
 
+def read_transparent(data: bytes, where: str) -> NDArray[np.uint8]:
+    """An encoded image with its transparency, (h, w, 4), and as RGB bytes, (h, w, 3), where every pixel is opaque."""
+    image = _decoded(data, where, "RGBA", MAX_PIXELS)
+    return image if (image[..., 3] < 255).any() else np.ascontiguousarray(image[..., :3])
+
+
 def read_gray(data: bytes, where: str, most: int) -> NDArray[np.uint8]:
     """An encoded image of at most `most` pixels as grey bytes, first row on top, shape (h, w)."""
     return _decoded(data, where, "L", most)

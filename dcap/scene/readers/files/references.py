@@ -10,6 +10,9 @@ from pathlib import Path
 LIBRARY = re.compile(rb"(?:^|[\r\n])[ \t]*mtllib[ \t]+([^\r\n]+)")
 """A line of an OBJ that names an MTL file."""
 
+MTL_TEXTURES = ("map_Kd", "map_d", "map_Ke", "norm")
+"""Keywords of an MTL file whose images are read."""
+
 
 def beside(folder: Path, name: str, base: str = "") -> str | None:
     """The file in `folder` that `name` means, relative to it; None if there is none.
@@ -53,7 +56,8 @@ def material_lines(path: Path) -> Iterator[tuple[int, str, str]]:
 
 
 def texture_beside(folder: Path, library: str, text: str) -> str | None:
-    """The image that `map_Kd TEXT` of an MTL file means: the whole text, or its last word where options precede it."""
+    """The image that `map_Kd TEXT`, or another keyword with an image, means in an MTL file: the whole text, or its last
+    word where options precede it."""
     base = posixpath.dirname(library)
     names = (text, text.split()[-1]) if text else ()
     return next((found for name in names if (found := beside(folder, name, base))), None)

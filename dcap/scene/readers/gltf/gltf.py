@@ -1,12 +1,11 @@
-"""glTF 2.0 meshes (.glb, .gltf): the node tree, triangles, base colours and textures.
+"""glTF 2.0 meshes (.glb, .gltf): the node tree, triangles and what they look like.
 
 Guaranteed: compressed files are refused by name, and every accessor is checked against its buffer, before any of it is
 decoded. Source: Khronos, "glTF 2.0 Specification", sections 3.5 (nodes), 3.6 (accessors), 3.7 (geometry), 4 (GLB).
 """
 
-import base64
+from itertools import zip_longest
 from pathlib import Path
-from urllib.parse import unquote
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,12 +14,11 @@ from scipy.spatial.transform import Rotation
 from dcap.scene.errors import FormatError, InputError
 from dcap.scene.problems import Report, error, refusing
 from dcap.scene.readers.files.content import read_bytes
-from dcap.scene.readers.files.image import read_image
-from dcap.scene.readers.files.references import absence, beside
 from dcap.scene.readers.gltf.accessor import INCONSISTENT, Accessors
 from dcap.scene.readers.gltf.document import Entry, Json, binary_chunk, entries, read_document, require
+from dcap.scene.readers.gltf.materials import GltfMaterials
+from dcap.scene.readers.gltf.uri import uri_bytes
 from dcap.scene.readers.mesh.raw import RawMesh, check_face_count, check_vertex_count
-from dcap.scene.srgb import CLAMP, MIRROR, REPEAT, Wrap, srgb_from_linear
 from dcap.scene.types.paint import Paint
 
 COMPRESSED = {
@@ -39,9 +37,6 @@ UNDERSTOOD = {
 }  # fmt: skip
 """Required extensions that do not change shape, or that we read."""
 
-WRAPS = {10497: REPEAT, 33648: MIRROR, 33071: CLAMP}
-"""Modes of a sampler."""
-
 DEEPEST_NODE = 256
 """Levels of the node tree: far above any scene that people make, far below Python's limit of recursion."""
 
@@ -49,14 +44,17 @@ LONGEST_NAME = 200
 """Letters of a name that are kept: trails join up to `DEEPEST_NODE` of them."""
 
 
-def read_gltf(path: Path, report: Report | None = None) -> RawMesh:
-    """Read the default scene of a glTF file; with a `report`, accessors and faces that are broken are told."""
+def read_gltf(path: Path, report: Report | None = None, *, all_maps: bool = False) -> RawMesh:
+    """Read the default scene of a glTF file; with a `report`, accessors and faces that are broken are told.
+
+    `all_maps`: transparency, factors, further maps and names of materials are read too, beside their base colours.
+    """
     report = report or refusing(path)
     data = read_bytes(path)
     document, end = read_document(path, data)
     _refuse_extensions(path, document)
     accessors = Accessors(path, document, _buffers(path, document, binary_chunk(path, data, end)), report)
-    return _GltfBuilder(path, document, accessors, report).build()
+    return _GltfBuilder(path, document, accessors, report, all_maps=all_maps).build()
 
 
 def _refuse_extensions(path: Path, document: Json) -> None:
@@ -83,7 +81,7 @@ def _buffers(path: Path, document: Json, binary: bytes | None) -> list[bytes]:
     buffers = []
     for index, entry in enumerate(entries(path, document, "buffers")):
         uri = require(path, entry, "uri", str, "")
-        data = _uri_bytes(path, uri) if uri else binary
+        data = uri_bytes(path, uri) if uri else binary
         length = require(path, entry, "byteLength", int, 0)
         if data is None or len(data) < length:
             found = 0 if data is None else len(data)
@@ -94,42 +92,26 @@ def _buffers(path: Path, document: Json, binary: bytes | None) -> list[bytes]:
     return buffers
 
 
-def _uri_bytes(path: Path, uri: str) -> bytes:
-    """Bytes of a data URI, or of a file beside the document."""
-    if uri.startswith("data:"):
-        try:
-            return base64.b64decode(uri.partition(",")[2], validate=True)
-        except ValueError as error:
-            raise FormatError(f"{path}: a data URI is broken: {error}") from None
-    found = beside(path.parent, unquote(uri))
-    if found is None:
-        raise FormatError(f"{path}: the file {unquote(uri)!r} that it names {absence(unquote(uri))}")
-    return read_bytes(path.parent / found)
-
-
 class _GltfBuilder:
     """Collects the primitives of the node tree into one mesh."""
 
-    def __init__(self, path: Path, document: Json, accessors: Accessors, report: Report) -> None:
+    def __init__(self, path: Path, document: Json, accessors: Accessors, report: Report, *, all_maps: bool) -> None:
         self.path, self.document, self.accessors, self.report = path, document, accessors, report
-        self.nodes, self.meshes, self.materials = (
-            entries(path, document, key) for key in ("nodes", "meshes", "materials")
-        )
+        self.nodes, self.meshes = (entries(path, document, key) for key in ("nodes", "meshes"))
         self.visited: set[int] = set()
         self.notes: list[str] = []
         self.names: list[str] = []
         self.labels: list[str | None] = []
         self.taken: dict[tuple[str, ...], int] = {}
-        self.textures: list[NDArray[np.uint8]] = []
-        self.wraps: list[Wrap] = []
-        self.texture_slot: dict[tuple[int, Wrap], int] = {}
+        self.looks = GltfMaterials(path, document, accessors, self.notes, all_maps=all_maps)
         self.vertices: list[NDArray[np.float64]] = []
         self.colors: list[NDArray[np.uint8] | None] = []
         self.faces: list[NDArray[np.int64]] = []
         self.face_node: list[NDArray[np.int32]] = []
         self.face_color: list[NDArray[np.uint8]] = []
         self.face_texture: list[NDArray[np.int32]] = []
-        self.corner_uv: list[NDArray[np.float64]] = []
+        self.face_material: list[NDArray[np.int32]] = []
+        self.uv_sets: list[list[NDArray[np.float64]]] = []
         self.vertex_count = 0
         self.face_count = 0
 
@@ -139,7 +121,8 @@ class _GltfBuilder:
             self._visit(root, np.eye(4), (), None, 0)
         if not self.faces:
             raise InputError(f"{self.path}: no triangles in its scene: nothing to place on or to place")
-        painted = any((c != 200).any() for c in self.face_color) or self.textures
+        painted = bool(self.looks.textures) or len(self.looks.materials) > 1
+        painted = painted or any((c != 200).any() for c in self.face_color)
         colored = any(c is not None for c in self.colors)
         white = [
             np.full((len(v), 3), 255, np.uint8) if c is None else c
@@ -154,13 +137,17 @@ class _GltfBuilder:
         )  # fmt: skip
 
     def _paint(self) -> Paint:
+        uv, *more = (
+            np.concatenate([
+                np.zeros((len(faces), 3, 2)) if own is None else own
+                for own, faces in zip(sets, self.faces, strict=True)
+            ])
+            for sets in zip_longest(*self.uv_sets)
+        )  # fmt: skip
         return Paint(
-            np.concatenate(self.face_color),
-            np.concatenate(self.face_texture),
-            np.concatenate(self.corner_uv),
-            tuple(self.textures),
-            tuple(self.wraps),
-        )
+            np.concatenate(self.face_color), np.concatenate(self.face_texture), uv, tuple(self.looks.textures),
+            tuple(self.looks.wraps), np.concatenate(self.face_material), tuple(self.looks.materials), tuple(more),
+        )  # fmt: skip
 
     def _roots(self) -> list[int]:
         """Root nodes of the default scene; without scenes, all nodes that are nobody's child."""
@@ -257,54 +244,13 @@ class _GltfBuilder:
         return np.clip(np.rint(levels), 0, 255).astype(np.uint8) if levels.shape == (count, 3) else None
 
     def _add_paint(self, primitive: Entry, attributes: dict[str, int], faces: NDArray[np.int64]) -> None:
-        """Base colour and texture of one primitive."""
-        color, slot, uv = (200, 200, 200), -1, np.zeros((len(faces), 3, 2))
-        if "material" in primitive:
-            material = self.materials[int(primitive["material"])]
-            color, texture = _base_color(material)
-            coordinates = attributes.get(f"TEXCOORD_{int(texture.get('texCoord', 0))}") if texture else None
-            if texture and coordinates is not None:
-                slot = self._texture(int(texture["index"]))
-                flat = _transformed_uv(self.accessors.read(coordinates).astype(np.float64), texture)
-                uv = np.stack([flat[:, 0], 1.0 - flat[:, 1]], axis=1)[faces]
-        elif "COLOR_0" in attributes:
-            color = (255, 255, 255)
-        self.face_color.append(np.tile(np.array(color, dtype=np.uint8), (len(faces), 1)))
-        self.face_texture.append(np.full(len(faces), slot, dtype=np.int32))
-        self.corner_uv.append(uv)
-
-    def _texture(self, index: int) -> int:
-        """Slot of a texture's decoded image; -1 where its image is missing."""
-        entry = entries(self.path, self.document, "textures")[index]
-        source = entry.get("extensions", {}).get("EXT_texture_webp", {}).get("source", entry.get("source"))
-        if source is None:
-            return -1
-        key = int(source), self._wrap(entry)
-        if key not in self.texture_slot:
-            known = [slot for (image, _), slot in self.texture_slot.items() if image == int(source)]
-            image = (self.textures[known[0]] if known[0] >= 0 else None) if known else self._image(int(source))
-            self.texture_slot[key] = -1 if image is None else len(self.textures)
-            self.textures += [] if image is None else [image]
-            self.wraps += [] if image is None else [key[1]]
-        return self.texture_slot[key]
-
-    def _wrap(self, texture: Entry) -> Wrap:
-        """How a texture goes on beyond its image, along u and v; it repeats where nothing is said."""
-        samplers = entries(self.path, self.document, "samplers")
-        sampler = samplers[int(texture["sampler"])] if "sampler" in texture else {}
-        along_u, along_v = (WRAPS.get(sampler.get(name, 10497), REPEAT) for name in ("wrapS", "wrapT"))
-        return along_u, along_v
-
-    def _image(self, index: int) -> NDArray[np.uint8] | None:
-        entry = entries(self.path, self.document, "images")[index]
-        where = f"{self.path}: image {index}"
-        if "bufferView" in entry:
-            return read_image(self.accessors.view(int(entry["bufferView"])), where)
-        uri = require(self.path, entry, "uri", str, "")
-        if not uri.startswith("data:") and beside(self.path.parent, unquote(uri)) is None:
-            self.notes.append(f"texture {uri!r} {absence(unquote(uri))}: the material's colour is used")
-            return None
-        return read_image(_uri_bytes(self.path, uri), where)
+        """Base colour, texture and material of one primitive."""
+        look = self.looks.look(primitive, attributes)
+        self.face_color.append(np.tile(np.array(look.color, dtype=np.uint8), (len(faces), 1)))
+        self.face_texture.append(np.full(len(faces), look.slot, dtype=np.int32))
+        self.face_material.append(np.full(len(faces), look.material, dtype=np.int32))
+        uv_sets = [uv[faces] for uv in look.uv_sets.values()]
+        self.uv_sets.append(uv_sets or [np.zeros((len(faces), 3, 2))])
 
 
 def _name(node: Entry, mesh: Entry | None, index: int) -> str:
@@ -341,24 +287,3 @@ def _triangles(index: NDArray[np.int64], mode: int) -> NDArray[np.int64]:
     strip = np.stack([index[:-2], index[1:-1], index[2:]], axis=1)
     strip[1::2] = strip[1::2, [1, 0, 2]]
     return strip
-
-
-def _base_color(material: Entry) -> tuple[tuple[int, int, int], Entry]:
-    """Base colour (sRGB) and texture reference of a material, also in its older specular-glossiness form."""
-    older: Entry = material.get("extensions", {}).get("KHR_materials_pbrSpecularGlossiness", {})
-    modern: Entry = material.get("pbrMetallicRoughness", {})
-    factor = modern.get("baseColorFactor", older.get("diffuseFactor", [1, 1, 1, 1]))
-    texture = modern.get("baseColorTexture") or older.get("diffuseTexture") or {}
-    red, green, blue = srgb_from_linear(np.array(factor, dtype=np.float64)[:3]).tolist()
-    return (red, green, blue), texture
-
-
-def _transformed_uv(uv: NDArray[np.float64], texture: Entry) -> NDArray[np.float64]:
-    """Texture coordinates after KHR_texture_transform."""
-    transform: Entry = texture.get("extensions", {}).get("KHR_texture_transform", {})
-    if not transform:
-        return uv
-    angle = float(transform.get("rotation", 0.0))
-    turn = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
-    scaled = uv * np.array(transform.get("scale", [1.0, 1.0]), dtype=np.float64)
-    return np.asarray(scaled @ turn.T) + np.array(transform.get("offset", [0.0, 0.0]), dtype=np.float64)

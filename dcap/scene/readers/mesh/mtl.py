@@ -1,20 +1,30 @@
-"""MTL material libraries: diffuse colour and diffuse texture of each material.
+"""MTL material libraries: diffuse colour and texture of each material, and where all is asked for, what else it says.
 
-What is missing or cannot be used is a note, not an error: the shape is still there.
+What is missing or cannot be used is a note, not an error: the shape is still there. A diffuse texture's own alpha does
+not count, as the format has `map_d` for that. Of the keywords for physically based rendering `Pm`, `Pr`, `Ke`, `map_Ke`
+and `norm` are read.
 """
 
 import posixpath
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from PIL import Image
 
-from dcap.scene.readers.files.image import read_image
-from dcap.scene.readers.files.references import absence, beside, material_lines, texture_beside
+from dcap.scene.errors import FormatError
+from dcap.scene.readers.files.image import read_image, read_transparent
+from dcap.scene.readers.files.references import MTL_TEXTURES, absence, beside, material_lines, texture_beside
+from dcap.scene.srgb import linear_from_srgb
+from dcap.scene.types.surface_material import AlphaMode
 
 GREY = (200, 200, 200)
 """Colour of a surface that names none (sRGB)."""
+
+DIFFUSE, CUTOUT, LIGHT, NORMAL = MTL_TEXTURES
+
+Rgb = NDArray[np.uint8]
 
 
 @dataclass
@@ -22,24 +32,63 @@ class MtlMaterial:
     """One material."""
 
     color: tuple[int, int, int] = GREY
-    texture: NDArray[np.uint8] | None = None
+    texture: Rgb | None = None
+    """Diffuse image, with alpha where `map_d` gives it one."""
+    opacity: float = 1.0
+    """Share of light that it holds back, 0..1 [-]."""
+    metallic: float | None = None
+    roughness: float | None = None
+    emission: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """Linear, 0..1."""
+    images: dict[str, Rgb] = field(default_factory=dict)
+    """Its further images by keyword."""
+
+    @property
+    def alpha_mode(self) -> AlphaMode:
+        """Opaque, cut out (an image of nothing but 0 and 255), or as transparent as it says."""
+        alpha = None if self.texture is None or self.texture.shape[2] == 3 else self.texture[..., 3]
+        if self.opacity < 1.0 or (alpha is not None and not ((alpha == 0) | (alpha == 255)).all()):
+            return AlphaMode.BLEND
+        return AlphaMode.OPAQUE if alpha is None else AlphaMode.MASK
 
 
-def read_mtl(folder: Path, name: str, notes: list[str]) -> dict[str, MtlMaterial]:
-    """Materials by name of the library that an OBJ in `folder` names."""
+def read_mtl(folder: Path, name: str, notes: list[str], *, all_maps: bool = False) -> dict[str, MtlMaterial]:
+    """Materials by name of the library that an OBJ in `folder` names; `all_maps`: what is more than colour too."""
     library = beside(folder, name)
     if library is None:
         notes.append(f"{name} {absence(name)}: materials are ignored")
         return {}
     materials: dict[str, MtlMaterial] = {}
     current = MtlMaterial()
+    stated: set[int] = set()
     for number, key, rest in material_lines(folder / library):
+        where = f"{library}: line {number}"
         if key == "newmtl":
             current = materials.setdefault(rest, MtlMaterial())
         elif key == "Kd":
-            current.color = _color(f"{library}: line {number}", rest, notes)
-        elif key == "map_Kd":
+            current.color = _color(where, rest, notes)
+        elif key == DIFFUSE:
             _attach_texture(folder, library, rest, current, notes)
+        elif not all_maps:
+            continue
+        elif key == "d":  # counts over Tr, which some programs write as if it meant the same
+            current.opacity = _share(where, key, rest, notes, 1.0)
+            stated.add(id(current))
+        elif key == "Tr" and id(current) not in stated:
+            current.opacity = 1.0 - _share(where, key, rest, notes, 0.0)
+        elif key == "Pm":
+            current.metallic = _share(where, key, rest, notes, 0.0)
+        elif key == "Pr":
+            current.roughness = _share(where, key, rest, notes, 1.0)
+        elif key == "Ke":
+            current.emission = _light(rest)
+        elif key in MTL_TEXTURES:
+            _attach_map(folder, library, key, rest, current, notes)
+    for one in materials.values():
+        if CUTOUT in one.images:
+            _cut_out(one, one.images.pop(CUTOUT))
+        if LIGHT in one.images and not any(one.emission):
+            one.emission = (1.0, 1.0, 1.0)
     return materials
 
 
@@ -53,6 +102,28 @@ def _color(where: str, text: str, notes: list[str]) -> tuple[int, int, int]:
     return red, green, blue
 
 
+def _light(text: str) -> tuple[float, float, float]:
+    """Linear light of three shares, which are taken as sRGB as `Kd` is; none of anything else."""
+    try:
+        shares = np.clip([float(word) for word in text.split()[:3]], 0.0, 1.0)
+        red, green, blue = linear_from_srgb(shares * 255.0).tolist()
+    except ValueError:
+        return 0.0, 0.0, 0.0
+    return (red, green, blue) if np.isfinite(shares).all() else (0.0, 0.0, 0.0)
+
+
+def _share(where: str, key: str, text: str, notes: list[str], otherwise: float) -> float:
+    """The number at the end of a line (options stand before it), within 0..1."""
+    try:
+        found = float(text.split()[-1])
+    except (ValueError, IndexError):
+        found = float("nan")
+    if found != found:
+        notes.append(f"{where}: {key} {text!r} is not a number: {otherwise:g} is used")
+        return otherwise
+    return min(1.0, max(0.0, found))
+
+
 def _attach_texture(folder: Path, library: str, text: str, material: MtlMaterial, notes: list[str]) -> None:
     """Read the image that `map_Kd` names."""
     image = texture_beside(folder, library, text)
@@ -62,3 +133,32 @@ def _attach_texture(folder: Path, library: str, text: str, material: MtlMaterial
         return
     material.texture = read_image((folder / image).read_bytes(), str(folder / image))
     material.color = (255, 255, 255)
+
+
+def _attach_map(folder: Path, library: str, key: str, text: str, material: MtlMaterial, notes: list[str]) -> None:
+    """Read a further image; one that is missing or broken is left out."""
+    image = texture_beside(folder, library, text)
+    try:
+        if image is None:
+            raise FormatError(absence(text, posixpath.dirname(library)))
+        read = read_transparent if key == CUTOUT else read_image
+        material.images[key] = read((folder / image).read_bytes(), str(folder / image))
+    except FormatError as broken:
+        notes.append(f"{key} {text!r} of {library} is left out: {broken}")
+
+
+def _cut_out(material: MtlMaterial, image: Rgb) -> None:
+    """Give the diffuse texture the alpha that `map_d` says: the image's own where it has one, else its brightness.
+
+    An image of another size is brought to that of the texture.
+    """
+    alpha = image[..., 3] if image.shape[2] == 4 else np.asarray(Image.fromarray(image).convert("L"))
+    if (alpha == 255).all():
+        return
+    own = material.texture
+    if own is None:
+        own = np.full((*alpha.shape, 3), 255, dtype=np.uint8)
+    elif own.shape[:2] != alpha.shape:
+        size = own.shape[1], own.shape[0]
+        alpha = np.asarray(Image.fromarray(np.ascontiguousarray(alpha)).resize(size, Image.Resampling.BILINEAR))
+    material.texture = np.dstack([own, alpha])

@@ -16,6 +16,7 @@ from dcap.scene.problems import Report, error, refusing
 from dcap.scene.readers.files.content import read_bytes
 from dcap.scene.readers.files.references import library_names
 from dcap.scene.readers.mesh.mtl import MtlMaterial, read_mtl
+from dcap.scene.readers.mesh.obj_materials import with_materials
 from dcap.scene.readers.mesh.polygons import triangulate
 from dcap.scene.readers.mesh.raw import RawMesh, check_face_count, check_vertex_count
 from dcap.scene.types.paint import Paint
@@ -43,8 +44,11 @@ class Lines:
     """(first face, name) of every object, group and material."""
 
 
-def read_obj(path: Path, report: Report | None = None) -> RawMesh:
-    """Read an OBJ file and the MTL and images beside it; with a `report`, broken lines are told and left out."""
+def read_obj(path: Path, report: Report | None = None, *, all_maps: bool = False) -> RawMesh:
+    """Read an OBJ file and the MTL and images beside it; with a `report`, broken lines are told and left out.
+
+    `all_maps`: transparency, factors, further maps and names of materials are read too, beside their colours.
+    """
     report = report or refusing(path)
     data = read_bytes(path)
     lines = _sort_lines(data)
@@ -61,8 +65,11 @@ def read_obj(path: Path, report: Report | None = None) -> RawMesh:
     notes: list[str] = []
     library: dict[str, MtlMaterial] = {}
     for name in library_names(data):
-        library |= read_mtl(path.parent, name, notes)
+        library |= read_mtl(path.parent, name, notes, all_maps=all_maps)
     paint = _paint(lines, library, uv, face_uv, owner)
+    if all_maps and paint is not None:
+        has_uv = (face_uv >= 0).all(axis=1) & (uv.shape[1] >= 2)
+        paint = with_materials(paint, library, *_spread(lines.switches["usemtl"], len(lines.face)), owner, has_uv)
     return RawMesh(
         path=path, vertices=vertices, faces=faces, colors=_vertex_colors(numbers), paint=paint,
         face_node=face_node[owner], node_names=names, up="", unit_metres=0.0, notes=tuple(notes),

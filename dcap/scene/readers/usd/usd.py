@@ -9,16 +9,20 @@ import importlib.util
 import io
 import json
 import subprocess
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dcap.packages import module_command
 from dcap.scene.errors import FormatError, InputError
 from dcap.scene.problems import Report, error
 from dcap.scene.readers.files.content import read_bytes
+from dcap.scene.readers.files.image import read_image
 from dcap.scene.readers.mesh.raw import RawMesh
 from dcap.scene.readers.usd import usd_stage
+from dcap.scene.types.paint import Paint
 
 USD_SUFFIXES = (".usd", ".usda", ".usdc", ".usdz")
 
@@ -62,9 +66,28 @@ def read_usd(path: Path, report: Report | None = None) -> RawMesh:
             f"{limits[1]} bytes)"
         )
     arrays = np.load(io.BytesIO(done.stdout), allow_pickle=False)
+    notes: list[str] = []
     return RawMesh(
         path=path, vertices=arrays["vertices"], faces=arrays["faces"],
-        colors=arrays.get("colors"), paint=None, face_node=arrays["face_node"],
+        colors=arrays.get("colors"), paint=_paint(path, arrays, notes), face_node=arrays["face_node"],
         node_names=tuple(arrays["names"].tolist()), up=str(arrays["up"]), unit_metres=float(arrays["unit_metres"]),
-        notes=(),
+        notes=tuple(notes),
     )  # fmt: skip
+
+
+def _paint(path: Path, arrays: Mapping[str, NDArray[np.generic]], notes: list[str]) -> Paint | None:
+    """Base-colour textures; None where there are none. An image that cannot be decoded is left out."""
+    if "face_texture" not in arrays:
+        return None
+    textures, wraps, slot = [], [], []
+    for number, (along_u, along_v) in enumerate(arrays["wraps"].tolist()):
+        try:
+            textures.append(read_image(arrays[f"image_{number}"].tobytes(), f"{path}: image {number}"))
+            wraps.append((along_u, along_v))
+            slot.append(len(textures) - 1)
+        except FormatError as broken:
+            notes.append(f"a texture is left out: {broken}")
+            slot.append(-1)
+    texture = np.array([*slot, -1], dtype=np.int32)[arrays["face_texture"].astype(np.int64)]
+    color = np.full((len(texture), 3), 255, dtype=np.uint8)
+    return Paint(color, texture, np.nan_to_num(arrays["corner_uv"].astype(np.float64)), tuple(textures), tuple(wraps))

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from dcap.scene.errors import FormatError, InputError
 from dcap.scene.readers.mesh.polygons import triangulate
 from dcap.scene.readers.mesh.raw import check_face_count, check_vertex_count
+from dcap.scene.readers.usd.usd_textures import StageTextures
 from dcap.scene.srgb import srgb_from_linear
 
 Stage = Any
@@ -118,6 +119,9 @@ class _UsdBuilder:
         self.colors: list[NDArray[np.uint8] | None] = []
         self.faces: list[NDArray[np.int64]] = []
         self.face_node: list[NDArray[np.int32]] = []
+        self.textures = StageTextures(path, self.time)
+        self.face_texture: list[NDArray[np.int32]] = []
+        self.corner_uv: list[NDArray[np.float64]] = []
         self.vertex_count = self.face_count = 0
 
     def add(self, prim: Prim) -> None:
@@ -137,14 +141,20 @@ class _UsdBuilder:
         check_face_count(self.path, self.face_count)
         check_vertex_count(self.path, self.vertex_count + len(points))
         stage_from_mesh = np.array(self.frames.GetLocalToWorldTransform(prim)).T  # theirs act on rows
-        faces = _triangles(points, corners, index)
+        corner, polygon = _triangles(points, corners, index)
         mirrored = np.linalg.det(stage_from_mesh[:3, :3]) < 0
         if mirrored != (mesh.GetOrientationAttr().Get() == UsdGeom.Tokens.leftHanded):
-            faces = faces[:, ::-1]
+            corner = corner[:, ::-1]
+        faces = index[corner]
         self.faces.append(faces + self.vertex_count)
         self.face_node.append(np.full(len(faces), len(self.names), dtype=np.int32))
         self.names.append(str(prim.GetPath()).lstrip("/"))
-        self.colors.append(self._colors(prim, corners, index, len(points)))
+        texture, uv = self.textures.of(prim, polygon, corner, index, len(points))
+        self.face_texture.append(texture)
+        self.corner_uv.append(uv)
+        textured = bool((texture >= 0).any())  # the material's colour counts, not displayColor
+        white = np.full((len(points), 3), 255, np.uint8)
+        self.colors.append(white if textured else self._colors(prim, corners, index, len(points)))
         self.vertices.append(points @ stage_from_mesh[:3, :3].T + stage_from_mesh[:3, 3])
         self.vertex_count += len(points)
 
@@ -180,21 +190,33 @@ class _UsdBuilder:
                 np.full((len(v), 3), GREY, np.uint8) if c is None else c
                 for v, c in zip(self.vertices, self.colors, strict=True)
             ])  # fmt: skip
+        if self.textures.images:
+            arrays["face_texture"], arrays["corner_uv"] = (
+                np.concatenate(self.face_texture),
+                np.concatenate(self.corner_uv),
+            )
+            arrays["wraps"] = np.array(self.textures.wraps)
+            for number, image in enumerate(self.textures.images):
+                arrays[f"image_{number}"] = np.frombuffer(image, dtype=np.uint8)
         return arrays
 
 
-def _triangles(points: NDArray[np.float64], corners: NDArray[np.int64], index: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Vertex triples of polygons of any size, in their order, shape (t, 3)."""
+def _triangles(
+    points: NDArray[np.float64], corners: NDArray[np.int64], index: NDArray[np.int64]
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Triangles of polygons of any size, in their order: which corners of all polygons they have (t, 3), and which
+    polygon they are of (t,)."""
     start = np.cumsum(corners) - corners
     faces, owners = [np.zeros((0, 3), dtype=np.int64)], [np.zeros(0, dtype=np.int64)]
     for count in np.unique(corners[corners > 2]).tolist():
         mine = np.flatnonzero(corners == count)
-        polygons = index[start[mine][:, None] + np.arange(count)]
-        triples, owner = triangulate(points, polygons)
+        polygons = start[mine][:, None] + np.arange(count)
+        triples, owner = triangulate(points, index[polygons])
         faces.append(np.take_along_axis(polygons[owner], triples, axis=1))
         owners.append(mine[owner])
-    order = np.argsort(np.concatenate(owners), kind="stable")
-    return np.concatenate(faces)[order]
+    owner = np.concatenate(owners)
+    order = np.argsort(owner, kind="stable")
+    return np.concatenate(faces)[order], owner[order]
 
 
 if __name__ == "__main__":

@@ -5,12 +5,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
+from textured import quarters
 
 from dcap.language.offline.client import OfflineClient
 from dcap.scene.errors import InputError
+from dcap.scene.readers.companions import companions
 from dcap.scene.readers.frame.frame import Role
 from dcap.scene.readers.scenes.sugar import find_mesh
-from dcap.scene.readers.source import read_scan
+from dcap.scene.readers.source import read_scan, read_surface
 from dcap.scene.types.gaussians import Gaussians
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.sample import SourceOptions
@@ -182,3 +185,72 @@ def test_what_is_broken_is_one_line(tmp_path: Path, old: str, new: str, words: s
     assert words in str(caught.value)
     assert str(tmp_path / "room.usda") in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+QUAD = """#usda 1.0
+(
+    upAxis = "Z"
+    metersPerUnit = 1
+)
+def Mesh "Board" ( prepend apiSchemas = ["MaterialBindingAPI"] ) {
+    color3f[] primvars:displayColor = [(1, 0, 0)]
+    point3f[] points = [(0,0,0), (1,0,0), (1,1,0), (0,1,0), (0,0,1), (1,0,1), (1,1,1), (0,1,1)]
+    int[] faceVertexCounts = [4, 4, 4, 4, 4, 4]
+    int[] faceVertexIndices = [0,3,2,1, 4,5,6,7, 0,1,5,4, 1,2,6,5, 2,3,7,6, 3,0,4,7]
+    texCoord2f[] primvars:map = [(0,0), (1,0), (1,1), (0,1), (0,0), (1,0), (1,1), (0,1)] ( interpolation = "vertex" )
+    rel material:binding = </Look>
+}
+def Material "Look" {
+    token outputs:surface.connect = </Look/Surface.outputs:surface>
+    def Shader "Surface" {
+        uniform token info:id = "UsdPreviewSurface"
+        color3f inputs:diffuseColor.connect = </Look/Picture.outputs:rgb>
+        token outputs:surface
+    }
+    def Shader "Picture" {
+        uniform token info:id = "UsdUVTexture"
+        asset inputs:file = @IMAGE@
+        token inputs:wrapS = "mirror"
+        float2 inputs:st.connect = </Look/Reader.outputs:result>
+        float3 outputs:rgb
+    }
+    def Shader "Reader" {
+        uniform token info:id = "UsdPrimvarReader_float2"
+        string inputs:varname = "map"
+        float2 outputs:result
+    }
+}
+"""
+
+
+@pytest.mark.parametrize("packed", [False, True])
+def test_the_texture_of_a_stage_is_read(tmp_path: Path, packed: bool) -> None:
+    """Beside its text or within its package: pixels, coordinates by the primvar that is named, and how it goes on."""
+    pytest.importorskip("pxr")
+    from pxr import UsdUtils
+
+    Image.fromarray(quarters()).save(tmp_path / "board.png")
+    path = tmp_path / "board.usda"
+    path.write_text(QUAD.replace("IMAGE", "board.png"))
+    assert list(companions(path)) == ["board.png"]
+    if packed:
+        path = tmp_path / "board.usdz"
+        UsdUtils.CreateNewUsdzPackage(str(tmp_path / "board.usda"), str(path))
+    surface = read_surface(path, np.eye(4))
+    assert np.array_equal(surface.paint.textures[0], quarters())
+    assert surface.paint.wraps == (("mirror", "repeat"),)
+    assert (surface.paint.face_texture == 0).all()
+    assert surface.paint.corner_uv == pytest.approx(surface.mesh.triangles[..., :2])
+    colors = read_scan(path, SourceOptions(), Role.OBJECT).mesh.colors  # the picture's, not displayColor
+    assert len(np.unique(colors, axis=0)) >= 4
+
+
+def test_a_texture_that_is_missing_or_lies_elsewhere_is_left_out(tmp_path: Path) -> None:
+    pytest.importorskip("pxr")
+    (folder := tmp_path / "own").mkdir()
+    Image.fromarray(quarters()).save(tmp_path / "board.png")
+    for name in ("gone.png", "../board.png"):
+        (folder / "board.usda").write_text(QUAD.replace("IMAGE", name))
+        assert not read_surface(folder / "board.usda", np.eye(4)).kept
+        mesh = read_scan(folder / "board.usda", SourceOptions(), Role.OBJECT).mesh
+        assert (mesh.colors == [255, 0, 0]).all()

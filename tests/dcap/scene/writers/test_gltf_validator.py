@@ -7,10 +7,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from all_maps import FACTORS, write_quad
 from dented_bed import anchor, ball, scene_of, settled
 from textured import plate, quarters
 
 from dcap.geometry.rendering.painted import own_paint
+from dcap.scene.readers.source import read_surface
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.paint import Paint, SourceSurface
 from dcap.scene.writers.glb import Node, glb_bytes, labelled_nodes
@@ -77,6 +79,21 @@ def test_faces_without_area_and_many_tints(tmp_path: Path) -> None:
                 np.vstack([colors, colors[:1]]))  # fmt: skip
     paint = own_paint(SourceSurface(mesh, source.paint))
     assert issues(glb_bytes([Node("plate", mesh, paint=paint, normals=corner_normals(mesh))]), tmp_path) == []
+
+
+def test_materials_with_all_maps(tmp_path: Path) -> None:
+    """Five maps with two sets of coordinates, cut out; the same without a base colour's texture, and blended.
+
+    Tangents are left to who reads the file, as the standard allows with normals and coordinates; that is warned of.
+    """
+    tangents = ["MESH_PRIMITIVE_GENERATED_TANGENT_SPACE /meshes/0/primitives/0/material"]
+    (given := tmp_path / "given").mkdir()
+    plain = {"pbrMetallicRoughness": FACTORS, "alphaMode": "BLEND", "alphaCutoff": None}
+    for number, changes in enumerate(({}, plain)):
+        surface = read_surface(write_quad(given / f"{number}.glb", **changes), np.eye(4))
+        assert issues((given / f"{number}.glb").read_bytes(), tmp_path) == tangents
+        node = Node("leaf", surface.mesh, paint=own_paint(surface), normals=corner_normals(surface.mesh))
+        assert issues(glb_bytes([node]), tmp_path) == tangents
 
 
 def test_the_validator_finds_what_is_wrong(tmp_path: Path) -> None:
