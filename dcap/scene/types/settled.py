@@ -157,14 +157,3 @@ def surface_at(settled: Settled, body: int, frame: int) -> NDArray[np.float64]:
     points = np.asarray(start @ path.rotation[frame].T + path.translation[frame])
     points[path.moved] += path.offset[frame]
     return points
-
-
-def body_at(settled: Settled, body: int, frame: int) -> SettledBody:
-    """A body as it was at a frame."""
-    assert settled.frames is not None
-    one, path = settled.bodies[body], settled.frames.bodies[body]
-    points = surface_at(settled, body, frame)
-    turn = Rotation.from_matrix(path.rotation[frame]).as_quat(canonical=True, scalar_first=True)
-    moved = points - (one.surface.vertices - one.displacement)
-    surface = Mesh(points, one.surface.faces, one.surface.colors)
-    return SettledBody(one.name, surface, path.translation[frame], np.asarray(turn), moved)
