@@ -88,6 +88,8 @@ class PlacementChecks:
     what presses on the object is soft, and where it leans."""
     poses: tuple[PoseCheck, ...] = ()
     """Every pose and facing that was asked, in the words of the request."""
+    indentation_m: float = 0.0
+    """Largest way down of the base's surface since the drop began [m]: how deep the dent is; 0 on a rigid base."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
