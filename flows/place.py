@@ -123,6 +123,7 @@ class SceneRefs:
 
     scan: Ref[Scan]
     scene: Ref[SegmentedScene]
+    surface: Ref[SourceSurface]
 
 
 def scene_of(sample: Sample, config: PlaceConfig) -> SceneRefs:
@@ -131,7 +132,8 @@ def scene_of(sample: Sample, config: PlaceConfig) -> SceneRefs:
     source, options = Store.default().add_source(sample.scene), sample.scene_options
     scale = scale_of(sample, source, labels, config)
     scan = mesh_scene_task(source, options, config=config.scene_mesh, labels=labels.vertices, scale=scale)
-    return SceneRefs(scan=scan, scene=segment_task(scan, config=config.segment, labels=labels.things))
+    scene = segment_task(scan, config=config.segment, labels=labels.things)
+    return SceneRefs(scan=scan, scene=scene, surface=surface_scene_task(source, scan))
 
 
 def place(sample: Sample, config: PlaceConfig) -> PlacementRefs:

@@ -18,6 +18,7 @@ import viser
 from dcap.scene.errors import DcapError, InputError
 from dcap.scene.settings import runs_root
 from dcap.scene.store.artifacts import Store
+from dcap.scene.types.paint import SourceSurface
 from dcap.scene.types.rotation import Rotation
 from dcap.scene.types.scan import Scan
 from dcap.scene.types.segmentation import Segmentation
@@ -109,11 +110,13 @@ def show_placement(server: viser.ViserServer, found: FinishedPlacement, frame: i
 class ScenePage:
     """A page that shows a scene until something is placed in it, then the result, then the scene again."""
 
-    def __init__(self, server: viser.ViserServer, asked: ScenePrompt, scan: Scan, scene: Segmentation) -> None:
+    def __init__(
+        self, server: viser.ViserServer, asked: ScenePrompt, scan: Scan, scene: Segmentation, surface: SourceSurface
+    ) -> None:
         self._server, self._asked, self._scan, self._scene = server, asked, scan, scene
         self.jobs: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
         """What the main thread is to do."""
-        self._view = scene_view(scene, PlaceConfig())
+        self._view = scene_view(scene, PlaceConfig(), surface)
         self.panel: PickPanel | PlacementPanel = self._pick_panel()
 
     def close(self) -> None:
@@ -172,11 +175,13 @@ def view_scene(asked: ScenePrompt, page: ViewPage) -> None:
     sample = sample_of(asked.scene, asked.object or "things", asked.prompt, asked.options)
     config = configured(asked.options, language=asking.config())
     refs = found_scene(replace(sample, place=None), config, asking.session(runs_root() / "view"), quiet=False)
-    scan, scene = Store.default().load(refs.scan), Store.default().load(refs.scene)
+    store = Store.default()
+    scan, scene, surface = store.load(refs.scan), store.load(refs.scene), store.load(refs.surface)
     assert isinstance(scan, Scan)
     assert isinstance(scene, Segmentation)
+    assert isinstance(surface, SourceSurface)
     with served(page) as server:
-        shown = ScenePage(server, asked, scan, scene)
+        shown = ScenePage(server, asked, scan, scene, surface)
         try:
             announce(server, page)
             work_off(shown.jobs)

@@ -4,7 +4,7 @@ In: the values that the stages returned. Out: `PlacementView`. A placement witho
 it: the room, the pose before the drop, and the pose in which the drop ended.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -12,23 +12,24 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation as Turn
 
 from dcap.geometry.raycast import Raycaster
+from dcap.geometry.rendering.normals import ShadingNormals
 from dcap.scene.types.anchor import Anchor
-from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.outcome import Infeasible
+from dcap.scene.types.paint import CornerPaint, PaintedMesh, SourceSurface
 from dcap.scene.types.particles import SoftSimulationBody
 from dcap.scene.types.segmentation import Segmentation
-from dcap.scene.types.settled import LastState, Settled
+from dcap.scene.types.settled import LastState
 from flows.place import PlaceConfig
 from flows.placement_json import Values
 from flows.view.heat import DISTINCT, LEVEL, span_of
-from flows.view.motion import DropMotion, MovingBase, MovingObject, frames_for, moving_base, moving_object
-from flows.view.surface import DrawnSurface, drawn, smooth, thinned, towards, vertex_normals
+from flows.view.looks import ShownScene, fitted_textures, shown_object, shown_scene
+from flows.view.motion import MovingObject, MovingSurfaces, most_frames, moving_object
+from flows.view.surface import DrawnSurface, drawn, seen_from
 from tasks.overview import camera_for
+from tasks.render.motion import DropMotion, MovingScene
 
 Array = NDArray[np.float64]
 
-MOST_FACES = 600_000
-"""Faces of a scene that are drawn; of one with more, vertices are drawn together [-]."""
 MOST_MOVING = 2_500_000
 """Faces of what moves, over all frames: the page gets all of them at once, so that it plays without a gap [-]."""
 MOST_POINTS = 60_000
@@ -66,8 +67,13 @@ class RoomPiece:
     """A wall, ceiling or floor: drawn from its inner side alone."""
     ceiling: bool
     surface: DrawnSurface
+    """Its faces that keep their shape, none where all bend."""
     number: int
     """Index of the part in its instance, -1 where the faces belong to none."""
+    poses: Array | None = None
+    """World-from-start map at each frame of a thing that moves as a whole, shape (f, 4, 4); None: it stays."""
+    bends: tuple[int, int] | None = None
+    """Instance and part of its faces that bend, if there are any."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -117,13 +123,17 @@ class PlacementView:
     """Near the contact, from the same side; None where there is no object."""
     thing: MovingObject | None
     """None where no stage got as far as a pose."""
-    base: MovingBase | None
+    bending: MovingSurfaces | None
     """None where nothing dents."""
     base_id: str
     span: float
-    """Largest displacement of the dent at rest [m]."""
+    """Largest displacement of the base's dent at rest [m]."""
+    frames: NDArray[np.int64]
+    """Which of the drop's are shown, shape (f,)."""
     time: Array
-    """Of the frames [s], shape (f,)."""
+    """Of these [s], shape (f,)."""
+    settled: bool
+    """Whether the drop came to rest."""
     whole: bool
     """Whether frames between the start and the end were kept."""
     contact: ContactDots | None
@@ -138,82 +148,91 @@ def placement_view(values: Values, config: PlaceConfig) -> PlacementView:
     scene, item, anchor, settled = values.scene, values.item, values.anchor, values.settled
     assert scene is not None
     assert item is not None
-    motion = DropMotion.of(settled) if settled is not None and anchor is not None else None
-    few, notes = within_budget(scene, anchor, settled)
-    base, moving = None, np.zeros(len(few.mesh.faces), dtype=bool)
+    shown = shown_scene(scene, values.scene_surface, anchor, settled)
+    motion = DropMotion(settled) if settled is not None and anchor is not None else None
+    moving = MovingScene(shown.scene, motion, anchor.base_id) if motion and anchor else None
+    look = shown.look(moving.scene.mesh, moving.origin) if moving else whole_look(shown)
+    bends = moving.bending() if moving else np.zeros(len(look.mesh.faces), dtype=bool)
+    last = len(motion.time) - 1 if motion else 0
+    bending = MovingSurfaces(moving, look, bends) if moving and bends.any() else None
+    notes, frames = shown.notes, np.arange(last + 1)
     thing: MovingObject | None = None
-    if motion is not None and anchor is not None:
-        few, base, moving = moving_base(few, anchor.base_id, motion)
-        thing = moving_object(item, anchor, motion)
-        fewer = motion.fewer(frames_for(base, thing, MOST_MOVING))
-        if len(fewer.kept) < len(motion.kept):
-            notes += (f"{len(fewer.kept)} of the {len(motion.kept)} frames of the drop are shown",)
-            motion, base = fewer, replace(base, motion=fewer) if base else None
-            thing = moving_object(item, anchor, fewer)
-    elif anchor is not None:
-        thing = unsettled_object(item, anchor, values.infeasible)
+    if anchor is not None:
+        start, more = shown_object(item, values.object_surface, anchor)
+        notes += more
+        thing = moving_object(start, motion) if motion else unsettled_object(start, values.infeasible)
+        frames = motion.chosen(most_frames(bending, thing, MOST_MOVING)) if motion else np.arange(len(thing.poses))
+        if len(frames) <= last:
+            notes += (f"{len(frames)} of the {last + 1} frames of the drop are shown",)
     view = start_view(values, config)
-    time = motion.time if motion else np.arange(len(thing.poses) if thing else 1, dtype=float)
-    height = base.at(len(time) - 1)[1] if base else np.zeros(0)
+    base_id = anchor.base_id if anchor else ""
+    around = moving.scene if moving else shown.scene
+    poses = {one.instance: one.points.poses() for one in moving.things if not one.points.bends} if moving else {}
+    pieces = list(room_pieces(around, look, bends, inside_near(scene, view.target), poses))
+    textures = fitted_textures([one.surface.paint for one in pieces], thing, bending, len(frames))
+    if thing is not None:
+        thing = replace(thing, start=replace(thing.start, paint=textures.thing))
+    if bending is not None:
+        bending.paints = textures.bending
     return PlacementView(
-        pieces=tuple(room_pieces(few, ~moving, inside_near(scene, view.target))),
+        pieces=repainted(pieces, textures.pieces),
         view=view,
         closeup=closeup(view, thing, anchor) if thing and anchor else None,
         thing=thing,
-        base=base,
-        base_id=anchor.base_id if anchor else "",
-        span=span_of(height),
-        time=time,
+        bending=bending,
+        base_id=base_id,
+        span=span_of(bending.heights(last, base_id) if bending else np.zeros(0)),
+        frames=frames,
+        time=motion.time[frames] if motion else frames.astype(float),
+        settled=motion is not None,
         whole=motion.whole if motion else True,
         contact=contact_dots(settled.contact_points) if settled else None,
         anchor=anchor_mark(scene, item, anchor) if anchor else None,
         clouds=tuple(material_clouds(values)),
-        notes=notes,
+        notes=notes + textures.notes,
     )
 
 
-def scene_view(scene: Segmentation, config: PlaceConfig) -> PlacementView:
+def scene_view(scene: Segmentation, config: PlaceConfig, surface: SourceSurface | None = None) -> PlacementView:
     """What is shown of a scene in which nothing is placed yet."""
-    few, notes = within_budget(scene, None, None)
+    shown = shown_scene(scene, surface or SourceSurface.untextured(), None, None)
     camera = camera_for(scene, None, None, config.overview)
     view = StartView(camera.position, camera.target, config.overview.fov_deg)
+    look = whole_look(shown)
+    pieces = list(room_pieces(shown.scene, look, np.zeros(len(look.mesh.faces), dtype=bool), middle_of(scene), {}))
+    textures = fitted_textures([one.surface.paint for one in pieces], None, None, 1)
     return PlacementView(
-        tuple(room_pieces(few, np.ones(len(few.mesh.faces), dtype=bool), middle_of(scene))), view, None, None, None,
-        "", 1.0, np.zeros(1), True, None, None, (), notes,
+        repainted(pieces, textures.pieces), view, None, None, None, "", 1.0, np.zeros(1, dtype=np.int64), np.zeros(1),
+        False, True, None, None, (), shown.notes + textures.notes,
     )  # fmt: skip
 
 
-def within_budget(
-    scene: Segmentation, anchor: Anchor | None, settled: Settled | None
-) -> tuple[Segmentation, tuple[str, ...]]:
-    """The scene with no more faces than can be drawn, all of them near the contact; and what was done."""
-    count = len(scene.mesh.faces)
-    if count <= MOST_FACES:
-        return scene, ()
-    kept = np.zeros(count, dtype=bool)
-    if anchor is not None and settled is not None:
-        low, high = settled.bodies[0].surface.bounds
-        margin = high - low
-        corner = scene.mesh.triangles
-        kept = ((corner.max(axis=1) >= low - margin) & (corner.min(axis=1) <= high + margin)).all(axis=1)
-        kept &= scene.face_instance == scene.index_of(anchor.base_id)
-    mesh, origin = thinned(scene.mesh, kept, MOST_FACES)
-    few = replace(scene, mesh=mesh, face_instance=scene.face_instance[origin], face_part=scene.face_part[origin])
-    return few, (f"the scene has {count:,} faces; {len(origin):,} are shown, the result was made with all",)
+def whole_look(shown: ShownScene) -> PaintedMesh:
+    """A scene in which nothing moves."""
+    return shown.look(shown.scene.mesh, np.arange(len(shown.scene.mesh.faces)))
 
 
-def room_pieces(scene: Segmentation, drawn_faces: NDArray[np.bool_], inside: Array) -> Iterator[RoomPiece]:
-    """The parts of all things; structures are wound so that they are seen from a point inside [m] alone."""
-    shell = towards(scene.mesh, inside)
+def repainted(pieces: Sequence[RoomPiece], paints: Sequence[CornerPaint | None]) -> tuple[RoomPiece, ...]:
+    """The pieces in other paints."""
+    return tuple(
+        replace(one, surface=replace(one.surface, paint=paint)) for one, paint in zip(pieces, paints, strict=True)
+    )
+
+
+def room_pieces(
+    scene: Segmentation, look: PaintedMesh, bends: NDArray[np.bool_], inside: Array, poses: Mapping[int, Array]
+) -> Iterator[RoomPiece]:
+    """The parts of all things without the faces that bend (m,), and the poses of instances that move as a whole;
+    structures are wound so that they are seen from a point inside [m] alone."""
     structure = np.array([one.structure for one in scene.instances] + [False])[scene.face_instance]
-    faces = np.where(structure[:, None], shell.faces, scene.mesh.faces)
-    mesh = smooth(Mesh(scene.mesh.vertices, faces, scene.mesh.colors))
-    normals = vertex_normals(mesh.mesh)
+    look = seen_from(look, structure, inside)
+    normals = ShadingNormals(look.mesh).of_corners(np.arange(len(look.mesh.faces)))
     for index, one in enumerate([*scene.instances, None]):
-        mine = drawn_faces & (scene.face_instance == (index if one else -1))
+        owner = index if one else -1
         for number in range(-1, len(one.parts) if one else 0):
-            chosen = np.flatnonzero(mine & (scene.face_part == number) if one else mine)
-            if not len(chosen):
+            mine = scene.face_instance == owner
+            mine &= (scene.face_part == number) | (one is None)
+            if not mine.any():
                 continue
             yield RoomPiece(
                 instance=one.id if one else UNASSIGNED,
@@ -221,21 +240,23 @@ def room_pieces(scene: Segmentation, drawn_faces: NDArray[np.bool_], inside: Arr
                 part=one.parts[number].name if one and number >= 0 else "",
                 structure=bool(one and one.structure),
                 ceiling=bool(one and one.structure and one.label == "ceiling"),
-                surface=drawn(mesh, chosen, normals),
+                surface=drawn(look, np.flatnonzero(mine & ~bends), normals),
                 number=number,
+                poses=poses.get(owner),
+                bends=(owner, number) if (mine & bends).any() else None,
             )
 
 
-def unsettled_object(item: Segmentation, anchor: Anchor, why: Infeasible | None) -> MovingObject:
+def unsettled_object(start: PaintedMesh, why: Infeasible | None) -> MovingObject:
     """The object where it was let go, and where the drop ended if there was one."""
-    start, poses = item.mesh.transformed(anchor.world_from_object), [np.eye(4)]
+    poses = [np.eye(4)]
     last = why.evidence if why else None
     if isinstance(last, LastState):
         end = np.eye(4)
         end[:3, :3] = Turn.from_quat(last.quaternion, scalar_first=True).as_matrix()
         end[:3, 3] = last.position
         poses.append(end)
-    return MovingObject(start, smooth(start), np.stack(poses))
+    return MovingObject(start, np.stack(poses))
 
 
 def start_view(values: Values, config: PlaceConfig) -> StartView:
@@ -253,7 +274,7 @@ def closeup(view: StartView, thing: MovingObject, anchor: Anchor) -> StartView:
     way = view.position - anchor.surface_point
     way = way / np.linalg.norm(way[:2]) if np.linalg.norm(way[:2]) > 0.0 else np.array([0.0, -1.0, 0.0])
     way[2] = CLOSEUP_LIFT
-    diagonal = float(np.linalg.norm(np.ptp(thing.start.vertices, axis=0)))
+    diagonal = float(np.linalg.norm(np.ptp(thing.start.mesh.vertices, axis=0)))
     position = anchor.surface_point + CLOSEUP * diagonal * way / float(np.linalg.norm(way))
     return StartView(position, anchor.surface_point, view.fov_deg)
 
@@ -327,4 +348,4 @@ def material_name(values: Values, instance: str, stiffness: float) -> str:
 
 def still(surface: DrawnSurface) -> DrawnSurface:
     """A surface in the colour of what has not moved: the ground of a heat map."""
-    return replace(surface, colors=np.broadcast_to(np.array(LEVEL, dtype=np.uint8), surface.colors.shape))
+    return surface.colored(np.broadcast_to(np.array(LEVEL, dtype=np.uint8), surface.mesh.colors.shape))

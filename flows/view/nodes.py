@@ -1,11 +1,12 @@
 """Draws a placement in a viser scene: one node per part of the room, the object, the dent, and what is marked.
 
-Nodes: `/room/ID/PART`, below it `dent/FRAME` where it moves; `/object/FRAME`, `/pre_drop`; `/contact`, `/anchor/...`,
+Nodes: `/room/ID/PART`, below it `dent/FRAME` where it bends; `/object/FRAME`, `/pre_drop`; `/contact`, `/anchor/...`,
 `/ray`, `/particles/...`. The page gets the shapes of all frames at once and shows one of them: a shape that is sent
 anew is missing until the page has read it.
 """
 
 import threading
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,7 +16,8 @@ from scipy.spatial.transform import Rotation as Turn
 
 from flows.view.heat import heat_colors
 from flows.view.model import MaterialCloud, PlacementView, RoomPiece, StartView, still
-from flows.view.surface import glb_of
+from flows.view.page_glb import PageSurface, glb_of
+from flows.view.surface import DrawnSurface
 
 GHOST_OPACITY, GLASS_OPACITY = 0.25, 0.35
 """Of the object before the drop, and at rest where one wants to see through it [-]."""
@@ -29,7 +31,9 @@ class PieceNode:
     """A part of the room in the scene."""
 
     piece: RoomPiece
-    node: viser.GlbHandle
+    node: viser.SceneNodeHandle
+    dents: list[viser.GlbHandle]
+    """Its bending faces at each frame that is shown; empty: nothing of it bends."""
 
 
 class PlacementNodes:
@@ -40,40 +44,48 @@ class PlacementNodes:
         self._lock = threading.Lock()
         self.frame = len(view.time) - 1 if frame is None else frame
         light(self._scene)
-        self.pieces = [add_piece(self._scene, one) for one in view.pieces]
+        self.pieces = [add_piece(self._scene, one, view, self.frame) for one in view.pieces]
         self.thing, self._shapes = self._thing_nodes()
-        self._dents = self._dent_nodes()
         self.ghost = self._ghost_node()
         self.contact = self._contact_node()
         self.anchor, self.ray = self._anchor_nodes()
         self.clouds = [add_cloud(self._scene, number, one) for number, one in enumerate(view.clouds)]
-        self._pose_thing()
+        self._move()
 
     def show_frame(self, frame: int) -> None:
-        """Put the object and the dent where they are at a frame."""
+        """Put what moves where it is at a frame."""
         with self._lock, self._server.atomic():
             before, self.frame = self.frame, int(np.clip(frame, 0, len(self.view.time) - 1))
             if before == self.frame:
                 return
-            for row in [*self._dents.values(), self._shapes]:
+            for row in [*(one.dents for one in self.pieces), self._shapes]:
                 if len(row) > 1:
                     row[self.frame].visible = True
                     row[before].visible = False
-            self._pose_thing()
+            self._move()
 
     def show_heat(self, on: bool) -> None:
         """Colour the base by how far it gives."""
-        base = self.view.base
-        if base is None:
+        view = self.view
+        if view.bending is None:
             return
         with self._lock:
-            for one in self.pieces:
-                if one.piece.instance == self.view.base_id:
+            mine = [one for one in self.pieces if one.piece.instance == view.base_id]
+            for one in mine:
+                if isinstance(one.node, viser.GlbHandle):
                     one.node.glb_data = glb_of(still(one.piece.surface) if on else one.piece.surface)
-            for frame in range(len(self.view.time)):
-                colors = heat_colors(base.at(frame)[1], self.view.span) if on else None
-                for piece, row in self._dents.items():
-                    row[frame].glb_data = glb_of(base.surface(frame, piece, colors))
+            for one in mine:
+                for dent, data in zip(one.dents, glbs_of(self._bent(one.piece, heat=on)), strict=True):
+                    dent.glb_data = data
+
+    def _bent(self, piece: RoomPiece, *, heat: bool) -> Iterator[DrawnSurface]:
+        """The bending faces of a part at each frame."""
+        view = self.view
+        assert view.bending is not None
+        for frame in view.frames.tolist() if piece.bends is not None else ():
+            assert piece.bends is not None
+            colors = heat_colors(view.bending.heights(frame, view.base_id), view.span) if heat else None
+            yield view.bending.surface(frame, piece.bends, colors)
 
     def show_glass(self, on: bool) -> None:
         """Make the object transparent, so that the contact patch is seen."""
@@ -81,15 +93,19 @@ class PlacementNodes:
         if thing is None:
             return
         with self._lock:
-            for frame, node in enumerate(self._shapes):
-                node.glb_data = glb_of(thing.surface(frame), opacity=GLASS_OPACITY if on else 1.0)
+            opacity = GLASS_OPACITY if on else 1.0
+            surfaces = (thing.surface(frame) for frame in self.view.frames.tolist()[: len(self._shapes)])
+            for node, data in zip(self._shapes, glbs_of(surfaces, opacity=opacity), strict=True):
+                node.glb_data = data
 
-    def _pose_thing(self) -> None:
-        """Put the object's node where the object is."""
+    def _move(self) -> None:
+        """Put what moves as a whole where it is."""
+        frame = int(self.view.frames[self.frame])
         if self.view.thing is not None and self.thing is not None:
-            pose = self.view.thing.pose(self.frame)
-            self.thing.wxyz = Turn.from_matrix(pose[:3, :3]).as_quat(scalar_first=True)
-            self.thing.position = pose[:3, 3]
+            put(self.thing, self.view.thing.poses[frame])
+        for one in self.pieces:
+            if one.piece.poses is not None:
+                put(one.node, one.piece.poses[frame])
 
     def _thing_nodes(self) -> tuple[viser.FrameHandle | None, list[viser.GlbHandle]]:
         """The object, and its shape at every frame or the only one."""
@@ -97,28 +113,12 @@ class PlacementNodes:
         if thing is None:
             return None, []
         node = self._scene.add_frame("/object", show_axes=False)
-        count = len(self.view.time) if thing.deforms else 1
+        frames = self.view.frames.tolist() if thing.deforms else [0]
+        files = glbs_of(thing.surface(frame) for frame in frames)
         return node, [
-            self._scene.add_glb(
-                f"/object/{frame}", glb_of(thing.surface(frame)), visible=count == 1 or frame == self.frame
-            )
-            for frame in range(count)
+            self._scene.add_glb(f"/object/{number}", data, visible=len(frames) == 1 or number == self.frame)
+            for number, data in enumerate(files)
         ]
-
-    def _dent_nodes(self) -> dict[int, list[viser.GlbHandle]]:
-        """For each part of the base that moves its moving faces at every frame."""
-        base = self.view.base
-        rows: dict[int, list[viser.GlbHandle]] = {}
-        for piece in base.pieces if base else ():
-            assert base is not None
-            name = next((one.part for one in self.view.pieces
-                         if one.instance == self.view.base_id and one.number == piece), "")  # fmt: skip
-            place = f"{piece_path(self.view.base_id, name, piece)}/dent"
-            rows[piece] = [
-                self._scene.add_glb(f"{place}/{frame}", glb_of(base.surface(frame, piece)), visible=frame == self.frame)
-                for frame in range(len(self.view.time))
-            ]
-        return rows
 
     def _ghost_node(self) -> viser.GlbHandle | None:
         thing = self.view.thing
@@ -182,14 +182,36 @@ def plain(name: str) -> str:
     return name.replace("/", "_") or "_"
 
 
-def add_piece(scene: viser.SceneApi, piece: RoomPiece) -> PieceNode:
-    """A part of the room; a structure is drawn from inside alone and throws no shadow into the room."""
-    node = scene.add_glb(
-        piece_path(piece.instance, piece.part, piece.number),
-        glb_of(piece.surface, both_sides=not piece.structure),
-        cast_shadow=not piece.structure,
-    )
-    return PieceNode(piece, node)
+def add_piece(scene: viser.SceneApi, piece: RoomPiece, view: PlacementView, shown: int = 0) -> PieceNode:
+    """A part of the room with its bending faces at every frame, of which one is shown; a structure is drawn from inside
+    alone and throws no shadow into the room."""
+    path, node = piece_path(piece.instance, piece.part, piece.number), None
+    if len(piece.surface.mesh.faces):
+        data = glb_of(piece.surface, both_sides=not piece.structure)
+        node = scene.add_glb(path, data, cast_shadow=not piece.structure)
+    bent: Iterable[DrawnSurface] = ()
+    if piece.bends is not None and view.bending is not None:
+        bent = (view.bending.surface(frame, piece.bends) for frame in view.frames.tolist())
+    parent = node or scene.add_frame(path, show_axes=False)
+    dents = [
+        scene.add_glb(f"{path}/dent/{number}", data, cast_shadow=not piece.structure, visible=number == shown)
+        for number, data in enumerate(glbs_of(bent))
+    ]
+    return PieceNode(piece, parent, dents)
+
+
+def glbs_of(surfaces: Iterable[DrawnSurface], *, opacity: float = 1.0) -> Iterator[bytes]:
+    """Files of the same faces at several frames."""
+    page: PageSurface | None = None
+    for one in surfaces:
+        page = page or PageSurface(one)
+        yield page.glb(one, opacity=opacity)
+
+
+def put(node: viser.SceneNodeHandle, pose: NDArray[np.float64]) -> None:
+    """Give a node a pose (4, 4)."""
+    node.wxyz = Turn.from_matrix(pose[:3, :3]).as_quat(scalar_first=True)
+    node.position = pose[:3, 3]
 
 
 def add_cloud(scene: viser.SceneApi, number: int, cloud: MaterialCloud) -> viser.PointCloudHandle:

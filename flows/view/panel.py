@@ -132,7 +132,7 @@ class PlacementPanel:
             shown_box(gui, "anchor and normal", [nodes.anchor], on=False)
         if nodes.ray is not None:
             shown_box(gui, "vertical ray", [nodes.ray], on=False)
-        if view.base is not None:
+        if view.bending is not None:
             self._add_heat(gui)
         if nodes.clouds:
             self._add_clouds(gui)
@@ -171,7 +171,7 @@ class PlacementPanel:
 
 def moment(view: PlacementView, frame: int, last: int) -> str:
     """Which moment a frame is, in words."""
-    if view.thing is not None and view.thing.motion is None and view.base is None and len(view.time) == 2:
+    if not view.settled and len(view.time) == 2:
         return "before the drop" if frame == 0 else "where the drop ended"
     where = "before the drop" if frame == 0 else "at the end" if frame == last else ""
     told = f"{view.time[frame]:.3f} s of {view.time[last]:.3f} s"

@@ -32,8 +32,8 @@ class PickPanel:
         self._server, self._picker, self._place = server, picker, place
         self.picked: PickedPoint | None = None
         light(server.scene)
-        self.pieces = [add_piece(server.scene, one) for one in view.pieces]
-        corners = np.concatenate([one.surface.vertices for one in view.pieces])
+        self.pieces = [add_piece(server.scene, one, view) for one in view.pieces]
+        corners = np.concatenate([one.surface.mesh.vertices for one in view.pieces])
         self._radius = min(MARKER_LARGEST, MARKER * float(np.linalg.norm(np.ptp(corners, axis=0))))
         self._marker: viser.IcosphereHandle | None = None
         gui = server.gui

@@ -99,7 +99,16 @@ def with_checks(settled: Settled, particles: Particles, anchor: Anchor, intent: 
         foreseen = CertificateRow.at_least(within, config.foreseen_share)
     bounds = config.topple_angle, config.turn_angle
     poses = pose_checks(anchor.pose, orientation, anchor.world_from_object, turned, turn_of(turned), bounds)
-    checks = PlacementChecks(share, tilt, turn, lean, particles.column or None, foreseen, poses)
+    checks = PlacementChecks(
+        share,
+        tilt,
+        turn,
+        lean,
+        particles.column or None,
+        foreseen,
+        poses,
+        indentation(settled, particles, anchor.base_id),
+    )
     told = [] if lean is None or lean.held_share.holds else [f"it rests without leaning on {lean.on}"]
     if foreseen is not None and not foreseen.holds:
         told.append(
@@ -107,6 +116,12 @@ def with_checks(settled: Settled, particles: Particles, anchor: Anchor, intent: 
             "is coarser elsewhere"
         )
     return replace(settled, checks=checks, warnings=(*settled.warnings, *told, *pose_warnings(poses)))
+
+
+def indentation(settled: Settled, particles: Particles, base_id: str) -> float:
+    """Largest way down of the surfaces of the base's bodies [m]."""
+    mine = (end for end, start in zip(settled.bodies, particles.bodies, strict=True) if start.instance == base_id)
+    return max((float(-end.displacement[:, 2].min(initial=0.0)) for end in mine), default=0.0)
 
 
 def lies_on(settled: Settled, soft: str) -> bool:

@@ -4,11 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import viser
-from dented_bed import anchor, ball, scene_of, settled
+from dented_bed import anchor, ball, box_mesh, scene_of, settled
 from rest_records import history
 
+from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.rotation import Rotation
-from dcap.scene.types.settled import Settled
+from dcap.scene.types.segmentation import Segmentation
+from dcap.scene.types.settled import Settled, SettledBody
 from flows.place import PlaceConfig
 from flows.placement_json import Values, certificate_of
 from flows.view.model import placement_view
@@ -48,6 +50,26 @@ def moving() -> Settled:
     )
 
 
+SLIDE = np.array([0.04, 0.0, 0.0])
+"""How far the crate is pushed [m]."""
+
+
+def pushed() -> tuple[Segmentation, Settled]:
+    """A crate beside the ball that was placed before and slides evenly while the ball falls."""
+    crate = box_mesh((0.3, -0.1, 0.5), (0.5, 0.1, 0.7))
+    scene = scene_of(crate=crate)
+    end = Mesh(crate.vertices + SLIDE, crate.faces, crate.colors)
+    body = SettledBody("crate", end, SLIDE, np.array([1.0, 0, 0, 0]), np.tile(SLIDE, (len(crate.vertices), 1)))
+    share = np.linspace(0.0, 1.0, FRAMES)[:, None]
+    none = np.zeros((FRAMES, 0, 3), dtype=np.float32)
+    path = BodyPath(np.stack([np.eye(3)] * FRAMES), share * SLIDE, np.zeros(0, dtype=np.int32), none)
+    told = moving()
+    assert told.frames is not None
+    frames = replace(told.frames, bodies=(*told.frames.bodies, path))
+    things = tuple(replace(one, placed=one.id == "crate") for one in scene.instances)
+    return replace(scene, instances=things), replace(told, bodies=(*told.bodies, body), frames=frames)
+
+
 def values(rest: Settled | None = None) -> Values:
     """What the stages would have returned."""
     return Values(
@@ -56,9 +78,9 @@ def values(rest: Settled | None = None) -> Values:
     )  # fmt: skip
 
 
-def shown(server: viser.ViserServer) -> tuple[PlacementNodes, PlacementPanel]:
-    """The ball on the bed."""
-    view = placement_view(values(), PlaceConfig())
+def shown(server: viser.ViserServer, found: Values | None = None) -> tuple[PlacementNodes, PlacementPanel]:
+    """The ball on the bed, perhaps in another scene."""
+    view = placement_view(found or values(), PlaceConfig())
     certificate = certificate_of(values())
     pictures = tuple(np.full((8, 8, 3), 40 * one, dtype=np.uint8) for one in range(3))
     rotation = Rotation(np.eye(3), pictures, "ball", "as read", "a ball has no up")

@@ -88,6 +88,8 @@ class PlacementChecks:
     what presses on the object is soft, and where it leans."""
     poses: tuple[PoseCheck, ...] = ()
     """Every pose and facing that was asked, in the words of the request."""
+    indentation_m: float = 0.0
+    """Largest way down of the base's surface since the drop began [m]: how deep the dent is; 0 on a rigid base."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -160,14 +162,3 @@ def surface_at(settled: Settled, body: int, frame: int) -> NDArray[np.float64]:
     points = np.asarray(start @ path.rotation[frame].T + path.translation[frame])
     points[path.moved] += path.offset[frame]
     return points
-
-
-def body_at(settled: Settled, body: int, frame: int) -> SettledBody:
-    """A body as it was at a frame."""
-    assert settled.frames is not None
-    one, path = settled.bodies[body], settled.frames.bodies[body]
-    points = surface_at(settled, body, frame)
-    turn = Rotation.from_matrix(path.rotation[frame]).as_quat(canonical=True, scalar_first=True)
-    moved = points - (one.surface.vertices - one.displacement)
-    surface = Mesh(points, one.surface.faces, one.surface.colors)
-    return SettledBody(one.name, surface, path.translation[frame], np.asarray(turn), moved)

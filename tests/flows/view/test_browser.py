@@ -8,9 +8,15 @@ import viser
 from headless_page import HeadlessPage, chromium, headless_page
 from numpy.typing import NDArray
 from placed_ball import shown
+from textured import plate
 
-from flows.view.nodes import stand
+from dcap.geometry.rendering.painted import own_paint
+from dcap.scene.types.paint import PaintedMesh
+from flows.view.model import StartView
+from flows.view.nodes import light, stand
+from flows.view.page_glb import glb_of
 from flows.view.serving import url_of
+from flows.view.surface import whole
 
 pytestmark = [
     pytest.mark.slow,
@@ -22,6 +28,8 @@ LEAST_COLORS = 500
 """Colours of a lit scene: an empty canvas has one, a page of text a few dozen shades of grey [-]."""
 RED = 60
 """By how much the ball's red is above its green [0..255]."""
+HUES = (([0], [1, 2]), ([1], [0, 2]), ([2], [0, 1]), ([0, 1], [2, 2]))
+"""Channels that are above others in the plate's quarters: red, green, blue, yellow."""
 
 
 def canvas(page: HeadlessPage) -> NDArray[np.uint8]:
@@ -49,6 +57,22 @@ def settled_canvas(page: HeadlessPage) -> NDArray[np.uint8]:
             return now
         before = now
     raise AssertionError(f"the picture does not settle: {colors(before)} colours")
+
+
+def test_the_page_shows_textures(server: viser.ViserServer, tmp_path: Path) -> None:
+    """Every quarter of a plate is seen in its own hue."""
+    surface = plate()
+    server.scene.add_glb("/plate", glb_of(whole(PaintedMesh(surface.mesh, own_paint(surface)))))
+    light(server.scene)
+    stand(server, StartView(np.array([0.0, -0.1, 4.0]), np.zeros(3), 45.0))
+    with headless_page(url_of(server), tmp_path, (WIDTH, HEIGHT)) as page:
+        page.wait_for("document.querySelector('canvas') !== null")
+        for _ in range(40):
+            seen = page.picture()[:, : WIDTH - PANEL].reshape(-1, 3).astype(int)
+            hues = [((seen[:, up].min(axis=1) - seen[:, down].max(axis=1)) > RED).any() for up, down in HUES]
+            if all(hues):
+                break
+        assert hues == [True] * 4
 
 
 def test_the_page_shows_the_scene_and_the_result(server: viser.ViserServer, tmp_path: Path) -> None:

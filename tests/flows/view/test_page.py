@@ -3,12 +3,13 @@
 import json
 import socket
 import struct
+from dataclasses import replace
 
 import numpy as np
 import pytest
 import viser
 from dented_bed import RADIUS, TOP, anchor, scene_of, settled
-from placed_ball import FRAMES, shown, values
+from placed_ball import FRAMES, SLIDE, pushed, shown, values
 
 from dcap.scene.errors import InputError
 from flows.place import PlaceConfig
@@ -30,6 +31,18 @@ def test_the_slider_moves_the_object_and_the_dent(server: viser.ViserServer) -> 
         panel.go_to(frame)
         assert nodes.thing.position == pytest.approx(frame / (FRAMES - 1) * fall)
         assert [one.visible for one in rows if one is not None] == [one == frame for one in range(FRAMES)]
+    panel.close()
+
+
+def test_the_slider_moves_what_was_placed_before(server: viser.ViserServer) -> None:
+    """The crate's node goes as far as it was pushed."""
+    scene, rest = pushed()
+    _, panel = shown(server, replace(values(rest), scene=scene))
+    crate = server.scene.get_handle_by_name("/room/crate/body_0")
+    assert crate is not None
+    for frame in (0, 1, FRAMES - 1):
+        panel.go_to(frame)
+        assert crate.position == pytest.approx(frame / (FRAMES - 1) * SLIDE)
     panel.close()
 
 

@@ -141,6 +141,22 @@ def test_turning_away_counts_only_where_a_facing_was_asked(facing: str, reason: 
         assert "turned away: 60 degrees" in outcome.message
 
 
+def test_the_indentation_is_the_largest_way_down_of_the_base() -> None:
+    """A base whose surface went down by up to 12 mm and up by 30 mm elsewhere; what the object did does not count."""
+    item = body("object", Box(np.array([0.1, 0.1, 0.05])), [0, 0, 0.026], fixed=False)
+    found = run(item, table(), asked())
+    assert isinstance(found, Settled)
+    assert found.checks is not None
+    assert found.checks.indentation_m == 0.0
+    moved = np.zeros_like(found.bodies[1].displacement)
+    moved[:3, 2] = (-0.004, -0.012, 0.03)
+    dented = replace(found, bodies=(found.bodies[0], replace(found.bodies[1], displacement=moved)))
+    particles = Particles((item, table()), (), 0.01, ())
+    checks = with_checks(dented, particles, anchor(), asked(), DropConfig()).checks
+    assert checks is not None
+    assert checks.indentation_m == pytest.approx(0.012)
+
+
 def about_z(degrees: float) -> np.ndarray:
     """(w, x, y, z) of a turn about the vertical."""
     return np.asarray(Rotation.from_euler("z", degrees, degrees=True).as_quat(scalar_first=True))

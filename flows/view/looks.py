@@ -1,0 +1,105 @@
+"""How scene and object look on the page: with the faces and textures of their files, as far as it can take them.
+
+In: what the stages returned. Out: meshes with paint, and sentences on what is shown otherwise than it is.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dcap.geometry.rendering.painted import own_paint, paint_from
+from dcap.scene.types.anchor import Anchor
+from dcap.scene.types.mesh import Mesh
+from dcap.scene.types.paint import CornerPaint, PaintedMesh, SourceSurface
+from dcap.scene.types.segmentation import Segmentation
+from dcap.scene.types.settled import Settled
+from flows.view.motion import MovingObject, MovingSurfaces
+from flows.view.page_textures import MOST_MOVING_PIXELS, MOST_STILL_PIXELS, fitted
+from flows.view.surface import thinned
+from tasks.render.source_surfaces import of_source
+
+MOST_FACES = 600_000
+"""Faces of a scene that are drawn; of one with more, vertices are drawn together [-]."""
+MOST_TEXTURED = 100_000
+"""Faces of an object that is drawn with its textures [-]."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class ShownScene:
+    """A scene as it is drawn."""
+
+    scene: Segmentation
+    surface: SourceSurface
+    """Its faces are those of the scene where its file says more than vertex colours; else they are not drawn."""
+    notes: tuple[str, ...]
+
+    def look(self, mesh: Mesh, origin: NDArray[np.int64]) -> PaintedMesh:
+        """Of a mesh whose faces lie in those of the scene, `origin` (m,)."""
+        return PaintedMesh(mesh, paint_from(self.surface, mesh, origin) if self.surface.kept else None)
+
+
+def shown_scene(
+    scene: Segmentation, surface: SourceSurface, anchor: Anchor | None, settled: Settled | None
+) -> ShownScene:
+    """The scene with its textures, or with no more faces than can be drawn, all of them near the contact."""
+    if surface.kept and len(surface.mesh.faces) <= MOST_FACES:
+        return ShownScene(of_source(scene, surface), surface, ())
+    count, notes = len(scene.mesh.faces), too_many("scene", surface)
+    plain = SourceSurface.untextured()
+    if count <= MOST_FACES:
+        return ShownScene(scene, plain, notes)
+    kept = np.zeros(count, dtype=bool)
+    if anchor is not None and settled is not None:
+        low, high = settled.bodies[0].surface.bounds
+        margin = high - low
+        corner = scene.mesh.triangles
+        kept = ((corner.max(axis=1) >= low - margin) & (corner.min(axis=1) <= high + margin)).all(axis=1)
+        kept &= scene.face_instance == scene.index_of(anchor.base_id)
+    mesh, origin = thinned(scene.mesh, kept, MOST_FACES)
+    few = replace(scene, mesh=mesh, face_instance=scene.face_instance[origin], face_part=scene.face_part[origin])
+    notes += (f"the scene has {count:,} faces; {len(origin):,} are shown, the result was made with all",)
+    return ShownScene(few, plain, notes)
+
+
+def shown_object(item: Segmentation, surface: SourceSurface, anchor: Anchor) -> tuple[PaintedMesh, tuple[str, ...]]:
+    """The object where it is before the drop, and what is to be said of its look."""
+    if surface.kept and len(surface.mesh.faces) <= MOST_TEXTURED:
+        return PaintedMesh(surface.mesh.transformed(anchor.world_from_object), own_paint(surface)), ()
+    return PaintedMesh(item.mesh.transformed(anchor.world_from_object)), too_many("object", surface)
+
+
+def too_many(what: str, surface: SourceSurface) -> tuple[str, ...]:
+    """What is said where a surface with textures is shown without them."""
+    if not surface.kept:
+        return ()
+    count = len(surface.mesh.faces)
+    return (f"the {what} has {count:,} textured faces: it is shown without textures, in the colours of its vertices",)
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class FittedTextures:
+    """Paints of everything that is drawn, with as many pixels as the page takes."""
+
+    pieces: tuple[CornerPaint | None, ...]
+    thing: CornerPaint | None
+    bending: dict[tuple[int, int], CornerPaint | None]
+    notes: tuple[str, ...]
+
+
+def fitted_textures(
+    pieces: Sequence[CornerPaint | None], thing: MovingObject | None, bending: MovingSurfaces | None, frames: int
+) -> FittedTextures:
+    """Textures of the still parts of the room, of the object, and of what bends, which has an image for every frame."""
+    own, dents = thing.start.paint if thing else None, bending.paints if bending else {}
+    deforms = thing is not None and thing.deforms
+    twice = [] if deforms else [own, own]  # and as it is before the drop
+    still = fitted([*pieces, *twice], 1, MOST_STILL_PIXELS)
+    moving = fitted([*dents.values(), *([own] if deforms else [])], frames, MOST_MOVING_PIXELS)
+    reduced = still.reduced + moving.reduced
+    side = max(still.largest, moving.largest)
+    note = f"{reduced} textures are shown with fewer pixels than they have, at most {side} a side"
+    last = (moving if deforms else still).paints[-1] if thing else None
+    bent = dict(zip(dents, moving.paints, strict=False))
+    return FittedTextures(still.paints[: len(pieces)], last, bent, (note,) if reduced else ())
