@@ -63,6 +63,11 @@ class SupportArea:
         """Share of points (n, k, 2) inside, smooth over the width of a cell, shape (n,)."""
         return np.asarray(np.clip(0.5 + self.depth_at(points) / self.cell, 0.0, 1.0).mean(axis=-1))
 
+    @property
+    def middle(self) -> Array:
+        """Middle of the area [m], shape (2,)."""
+        return np.asarray(self.middles().mean(axis=0))
+
     def middles(self) -> Array:
         """Middles of the cells inside [m], shape (k, 2)."""
         return np.asarray(self.origin + self.cell * np.argwhere(self.depth > 0.0))
