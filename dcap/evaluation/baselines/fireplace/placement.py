@@ -307,4 +307,4 @@ def room_plan(floor: Mesh, things: Sequence[OrientedBox]) -> SupportArea:
     cell = max(float(np.ptp(floor.bounds[:, :2], axis=0).max()) / RASTER, FINEST)
     points, _ = surface_points(corners, floor.face_areas, SPACING * cell)
     covered = [filled_polygon(one.corners[:4, :2], cell) for one in things if one.half_extents[:2].min() > 0.0]
-    return SupportArea.of(np.concatenate([points[:, :2], *covered]), cell, round(FLOOR_GAP / cell))
+    return SupportArea.of(np.concatenate([points[:, :2], *covered]), cell, round(FLOOR_GAP / cell), np.inf)

@@ -74,6 +74,16 @@ def test_sides_are_those_of_who_looks_at_the_front() -> None:
         assert (found.center - box.center) @ np.array(way) == pytest.approx(1.0 if way[0] else 2.0)
 
 
+def test_a_rim_has_a_hole_and_a_scan_has_none() -> None:
+    """A ring of 0.1 m about 0.8 x 0.8 m is open inside; a gap of 5 x 5 cm in a surface is filled."""
+    x, y = (grid.ravel() for grid in np.meshgrid(np.linspace(0, 1, 401), np.linspace(0, 1, 401)))
+    middle = np.maximum(np.abs(x - 0.5), np.abs(y - 0.5))
+    ring, torn = (SupportArea.of(np.c_[x, y][middle > half], 0.00625) for half in (0.4, 0.025))
+    at = np.array([[0.5, 0.5]])
+    assert ring.depth_at(at)[0] == pytest.approx(-0.4, abs=2 * 0.00625)
+    assert torn.depth_at(at)[0] == pytest.approx(0.5, abs=2 * 0.00625)
+
+
 def test_depth_is_the_distance_from_the_rim() -> None:
     """Inside positive, outside negative, to a cell."""
     x, y = np.meshgrid(np.linspace(0, 2, 401), np.linspace(0, 1, 201))
