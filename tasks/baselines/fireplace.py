@@ -45,7 +45,7 @@ from dcap.scene.types.intent import Intent
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.outcome import Infeasible, NoRoom, NotInScene, Reason
 from dcap.scene.types.segmentation import Segmentation, SegmentedObject, SegmentedScene
-from tasks.baselines.fireplace_anchors import AnchorResolver, Carrier, Chooser, Described
+from tasks.baselines.fireplace_anchors import AnchorResolver, Carrier, Chooser, Described, Facts
 from tasks.baselines.fireplace_pictures import placement_picture, resting_picture
 from tasks.requests.marks import marked, numbers_of, plan_picture, room_pictures
 from tasks.requests.surroundings import part_frame
@@ -260,7 +260,7 @@ def chosen_placement(
     options = [
         Described(
             f"placement {k}",
-            (("loss", one.loss), ("overhang", one.overhang), ("margin_m", one.margin), ("gap_m", one.gap)),
+            placement_facts(one),
             partial(
                 placement_picture, scene, mesh.transformed(one.world_from_object), carrier.frame, config.picture_size
             ),
@@ -272,6 +272,12 @@ def chosen_placement(
     number = left[chooser.choose("placement", sought, [options[k] for k in left])]
     about = f"{found.proposed} feasible poses, {len(options)} measured as free, {len(left)} plausible"
     return found.placements[number], about
+
+
+def placement_facts(one: SolvedPlacement) -> Facts:
+    """The measures of a placement that are shown."""
+    where = (("margin_m", one.margin), ("from_middle_m", one.from_middle), ("gap_m", one.gap))
+    return (("loss", one.loss), ("overhang", one.overhang), *where)
 
 
 def plausible(options: Sequence[Described], object_name: str, chooser: Chooser) -> list[int]:

@@ -22,6 +22,12 @@ CLOSEST = 0.6
 """The camera does not come nearer [m]."""
 DISTANCE = 1.35
 """Distance of the camera over the diagonal of what it looks at [-]."""
+NEARER = 1.1
+"""The same of a thing alone [-]."""
+LARGE = 4.0
+"""Things longer than this are not shown as a whole [m]."""
+STEEP = 1.3
+"""How much higher one looks down on a surface that looks up: into a tub [-]."""
 AROUND = 2.2
 """The same of a placement over the object's diagonal: what is around it belongs to the picture [-]."""
 WAY = (0.85, 0.4, 0.65)
@@ -40,16 +46,20 @@ def thing_picture(scene: Segmentation, index: int, frame: ViewerFrame, size: int
 def surface_picture(
     scene: Segmentation, index: int, surface: InteractionSurface, frame: ViewerFrame, size: int
 ) -> NDArray[np.uint8]:  # fmt: skip
-    """One surface of an instance, its outline painted over it."""
-    box = scene.instances[index].box
+    """One surface of an instance: its own faces painted, a side of a box as a sheet before it."""
     whole = scene.instance_mesh(index)
-    low, high = (
-        np.maximum(whole.bounds[0], box.corners.min(axis=0)),
-        np.minimum(whole.bounds[1], box.corners.max(axis=0)),
-    )
-    reach = float(np.clip(np.linalg.norm(high - low), 2.0 * np.sqrt(surface.area), 5.0))
-    camera = view(surface.center, max(CLOSEST, DISTANCE * reach), frame, size, surface.normal)
-    return picture([whole, outline_mesh(surface)], camera, samples=1, shadows=False).rgb
+    low, high = whole.bounds
+    middle, reach = 0.5 * (low + high), float(np.linalg.norm(high - low))
+    # a floor is looked at near the surface, a thing as a whole
+    target = surface.center if reach > LARGE else 0.5 * (middle + surface.center)
+    camera = view(target, max(CLOSEST, NEARER * min(reach, LARGE)), frame, size, surface.normal)
+    painted = outline_mesh(surface)
+    if len(surface.faces):
+        painted = loud(scene.mesh.submesh(surface.faces))
+        rest = scene.face_instance == index
+        rest[surface.faces] = False
+        whole = scene.mesh.submesh(np.flatnonzero(rest))
+    return picture([whole, painted], camera, samples=1, shadows=False).rgb
 
 
 def placement_picture(
@@ -72,7 +82,9 @@ def resting_picture(item: Mesh, size: int) -> NDArray[np.uint8]:
 def view(target: Array, distance: float, frame: ViewerFrame, size: int, normal: Array | None = None) -> Camera:
     """From the viewer's side and above, or from the side to which a surface looks."""
     way = WAY[0] * np.append(frame.front, 0.0) + WAY[1] * np.append(frame.right, 0.0) + (0.0, 0.0, WAY[2])
-    if normal is not None and float(way @ normal) < 0.3:
+    if normal is not None and normal[2] > 0.5:
+        way += np.array([0.0, 0.0, STEEP])
+    elif normal is not None and float(way @ normal) < 0.3:
         way = 0.8 * normal + 0.2 * way + (0.0, 0.0, 0.3 if normal[2] > -0.5 else 0.0)
     return looking_at(target + distance * way / np.linalg.norm(way), target, size, size)
 

@@ -50,7 +50,7 @@ AT_EDGE = 0.05
 """What is at an edge is this near to it [m]."""
 AWAY, FARTHEST = 0.5, 3.0
 """What away from and as far as possible from mean [m]."""
-HALF, END, MIDDLE = 0.5, 0.65, 0.45
+HALF, END, MIDDLE = 0.5, 0.75, 0.45
 """How far from the opposite side what is in a half or at an end is, as shares of the extent [-]: the areas that the
 placement by drop means by the same words. And from all sides what is in the middle: farther than it can be, so that it
 is as near to the middle as it can be."""
@@ -61,6 +61,8 @@ LIES = 0.7
 """A front that points this much up or down belongs to what lies [-]."""
 LOSS_STEP = 1e-3
 """Losses that differ by less are equal [-]."""
+MARGIN_STEP = 0.02
+"""Distances from the rim that differ by less are equal [m]."""
 WORSE, MUCH_WORSE = 2.0, 0.05
 """Placements with more than so many times the least loss, and so much beyond it, are pruned [-]."""
 MOST_OVERHANG = 0.3
@@ -343,14 +345,17 @@ def whole(support: Support, reference: str) -> Fields:
 
 
 def choice(request: ChoiceRequest) -> ChoiceReply:
-    """Of placements the one nearest to the constraints, of those the farthest from the rim; of others the largest."""
-    best = max(request.options, key=placement_rank if request.kind == "placement" else size_rank)
+    """Of placements the nearest to the constraints, then the farthest from the rim and the nearest to the middle; of
+    others the likeliest, then the largest."""
+    options = request.options
+    best = max(options, key=placement_rank) if request.kind == "placement" else max(options, key=size_rank)
     return ChoiceReply(chosen=best.id, reason="by its measures")
 
 
-def placement_rank(option: ChoiceOption) -> tuple[float, float, str]:
+def placement_rank(option: ChoiceOption) -> tuple[float, float, float, str]:
     """Which placement is better, whatever its letter."""
-    return -round(option.fact("loss") / LOSS_STEP), round(option.fact("margin_m"), 3), option.label
+    margin = round(option.fact("margin_m") / MARGIN_STEP)
+    return -round(option.fact("loss") / LOSS_STEP), margin, -round(option.fact("from_middle_m"), 3), option.label
 
 
 def size_rank(option: ChoiceOption) -> tuple[float, float, str]:

@@ -29,12 +29,14 @@ Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 LOOKS = 0.7
 """A surface looks to a side if its normal is so near to it, as a cosine [-]."""
-SLOPED = 0.5
+SLOPED = 0.4
 """The same for tops: pillows and shades slope [-]."""
 OPEN = 0.03
 """Free way over a point of a surface on which something can stand [m]."""
 ABOVE = 0.001
 """Rays begin so far over a surface [m]: a blanket may lie as close to its mattress."""
+THICK = 0.25
+"""What lies on a surface, its own lower side missing or in the surface, is no thicker [m]."""
 LEAST_OPEN = 0.1
 """Share of a surface that must be free [-]."""
 ENOUGH = 0.5
@@ -98,8 +100,10 @@ def measured(
 def open_share(surface: InteractionSurface, caster: Raycaster) -> float:
     """Share of a surface over which nothing lies or stands [-]."""
     start = surface.points + ABOVE * surface.normal
-    blocked = caster.occluded(start, np.tile(surface.normal, (len(start), 1)), OPEN)
-    return float(1.0 - blocked.mean())
+    hits = caster.cast(start, np.tile(surface.normal, (len(start), 1)))
+    # what is left through a face that looks the same way was around the start: a mattress on its frame
+    within = (hits.normal @ surface.normal > 0.1) & (hits.distance < THICK)
+    return float(1.0 - ((hits.distance < OPEN) | within).mean())
 
 
 def box_side(box: OrientedBox, frame: ViewerFrame, side: str) -> InteractionSurface:

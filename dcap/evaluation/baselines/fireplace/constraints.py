@@ -5,7 +5,7 @@ surface that carries. Out: shape (n,), not negative. All formulas are ours; c is
 P its outline seen along the contact's normal:
 
     parallel     1 - |n_a . n_b|
-    contact      (1 + n_a . n_b) + (((c_a - c_b) . n_b) / h)^2
+    contact      (1 + n_a . n_b) + |(c_a - c_b) . n_b| / h
     no_overhang  1 - area(P_a and P_b) / area(P_a)
     close_to     max(dist(P_a, P_b) - d, 0) / d
     far_from     max(d - dist(P_a, P_b), 0) / d
@@ -39,7 +39,7 @@ def parallel(a_normal: Array, b_normal: Array) -> Array:
 
 def contact(facing_cosine: Array, distance: Array, height: float) -> Array:
     """Surfaces look at each other and touch: n_a . n_b (n,), distance along n_b (n,) [m], the object's height [m]."""
-    return (1.0 + facing_cosine) + (distance / max(height, LEAST_HEIGHT)) ** 2
+    return np.asarray((1.0 + facing_cosine) + np.abs(distance) / max(height, LEAST_HEIGHT))
 
 
 def no_overhang(inside_share: Array) -> Array:

@@ -45,7 +45,7 @@ RAISED = 0.02
 MISSED, MISSED_SHARE = 0.01, 0.05
 """So much, in metres and in the object's heights, may the measured height exceed the one that the samples found [m, -]:
 more is something thin in the way."""
-OUTLINE_POINTS = 24
+OUTLINE_POINTS = 16
 """Points along the object's outline [-]."""
 SPACING = 0.5
 """Of the points that fill a surface, in its cells [-]."""
@@ -112,6 +112,8 @@ class SolvedPlacement:
     """Share of the contact surface beyond the rim [-]."""
     margin: float
     """How far its middle is inside the surface's rim [m]."""
+    from_middle: float
+    """How far its middle is from that of the surface [m]."""
     gap: float
     """Smallest distance along the normal between the object and what is under it, negative where it cuts in [m]."""
     terms: tuple[tuple[str, float], ...]
@@ -271,6 +273,7 @@ def measured_placement(
         loss=float(value.loss[0]),
         overhang=float(value.overhang[0]),
         margin=float(problem.area.depth_at(xy[None])[0]),
+        from_middle=float(np.linalg.norm(xy - problem.area.middle)),
         gap=height - touching,
         terms=tuple((name, float(one[0])) for name, one in value.terms),
     )
@@ -304,4 +307,4 @@ def room_plan(floor: Mesh, things: Sequence[OrientedBox]) -> SupportArea:
     cell = max(float(np.ptp(floor.bounds[:, :2], axis=0).max()) / RASTER, FINEST)
     points, _ = surface_points(corners, floor.face_areas, SPACING * cell)
     covered = [filled_polygon(one.corners[:4, :2], cell) for one in things if one.half_extents[:2].min() > 0.0]
-    return SupportArea.of(np.concatenate([points[:, :2], *covered]), cell, round(FLOOR_GAP / cell))
+    return SupportArea.of(np.concatenate([points[:, :2], *covered]), cell, round(FLOOR_GAP / cell), np.inf)

@@ -41,7 +41,7 @@ COPLANAR_ANGLE = float(np.radians(5.0))
 """Pieces whose normals differ by less may be one surface [rad]..."""
 MOST_SURFACES = 12
 """Surfaces of one thing at most, the largest ones [-]."""
-MOST_SEEDS = 400
+MOST_SEEDS = 200
 """Regions that are begun on one mesh at most; on a rough scan most faces would begin one of their own [-]."""
 SAMPLES = 240
 """Points that stand for a surface's area [-]."""
@@ -106,11 +106,9 @@ def planar_surfaces(mesh: Mesh, flatness: Flatness = FINE, least_area: float | N
     least = LEAST_SHARE * float(weight.sum()) if least_area is None else least_area
     regions = grown_regions(graph, unit, middle, weight, flatness)
     pieces = merged_coplanar(regions, unit, middle, weight, flatness)
-    found = [
-        surface_of(mesh, solid[piece], f"planar {k}") for k, piece in enumerate(pieces) if weight[piece].sum() >= least
-    ]
-    found.sort(key=lambda one: (-round(one.area, 9), one.name))
-    return found[:MOST_SURFACES]
+    large = [piece for piece in pieces if weight[piece].sum() >= least]
+    large.sort(key=lambda piece: (-round(float(weight[piece].sum()), 9), int(piece[0])))
+    return [surface_of(mesh, solid[piece], f"planar {k}") for k, piece in enumerate(large[:MOST_SURFACES])]
 
 
 def adjacency(mesh: Mesh, faces: Index) -> csr_matrix:
@@ -191,7 +189,8 @@ def merged_coplanar(
 
 def surface_of(mesh: Mesh, faces: Index, name: str) -> InteractionSurface:
     """The surface that some faces (k,) of a mesh make."""
-    corners, weighted = mesh.corners(faces), mesh.face_normals[faces]
+    corners = mesh.corners(faces)
+    weighted = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     area = 0.5 * np.linalg.norm(weighted, axis=1)
     direction = weighted.sum(axis=0)
     direction /= max(float(np.linalg.norm(direction)), 1e-30)

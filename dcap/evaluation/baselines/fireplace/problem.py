@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import binary_closing, binary_fill_holes, distance_transform_edt
+from scipy.ndimage import binary_closing, binary_fill_holes, distance_transform_edt, label
 
 from dcap.evaluation.baselines.fireplace import constraints as formulas
 from dcap.geometry.placement.search import PlacementSearch
@@ -24,6 +24,8 @@ FINEST = 0.004
 """Smallest cell of a surface [m]."""
 CLOSED = 2
 """Gaps of so many cells in a surface are bridged [-]."""
+HOLE = 0.01
+"""Holes in a surface up to this are what growth left out, larger ones are holes: a tub within its rim [m^2]."""
 BLOCKED = 10.0
 """Height of what is in the way all the way up [m]."""
 
@@ -40,14 +42,17 @@ class SupportArea:
     """Distance from the rim, negative outside [m], shape (columns, rows)."""
 
     @classmethod
-    def of(cls, points: Array, cell: float, closed: int = CLOSED) -> "SupportArea":
-        """The surface of points (k, 2) that lie less than a cell [m] apart; gaps of `closed` cells are bridged."""
+    def of(cls, points: Array, cell: float, closed: int = CLOSED, hole: float = HOLE) -> "SupportArea":
+        """The surface of points (k, 2) that lie less than a cell [m] apart; gaps of `closed` cells are bridged, holes
+        up to `hole` [m^2] filled."""
         low, high = points.min(axis=0), points.max(axis=0)
         origin = low - (closed + 2) * cell
         count = np.ceil((high + (closed + 2) * cell - origin) / cell).astype(int) + 1
         full = np.zeros(count, dtype=bool)
         full[tuple(np.rint((points - origin) / cell).astype(int).T)] = True
-        full = binary_fill_holes(binary_closing(full, iterations=closed))
+        full = binary_closing(full, iterations=closed)
+        holes, _ = label(binary_fill_holes(full) & ~full)
+        full |= (holes > 0) & (np.bincount(holes.ravel())[holes] * cell**2 <= hole)
         # cells are squares: the rim runs half a cell outside of the outermost middles
         depth = np.where(full, distance_transform_edt(full) - 0.5, 0.5 - distance_transform_edt(~full))
         return cls(origin, cell, cell * depth)
@@ -62,6 +67,11 @@ class SupportArea:
     def share_inside(self, points: Array) -> Array:
         """Share of points (n, k, 2) inside, smooth over the width of a cell, shape (n,)."""
         return np.asarray(np.clip(0.5 + self.depth_at(points) / self.cell, 0.0, 1.0).mean(axis=-1))
+
+    @property
+    def middle(self) -> Array:
+        """Middle of the area [m], shape (2,)."""
+        return np.asarray(self.middles().mean(axis=0))
 
     def middles(self) -> Array:
         """Middles of the cells inside [m], shape (k, 2)."""

@@ -31,6 +31,8 @@ SATISFIED = 1e-3
 """A loss below which all constraints count as met [-]."""
 SAME_LOSS = 1e-4
 """Losses that differ by less are equal [-]."""
+SAME_DEPTH = 0.02
+"""Distances from the rim that differ by less are equal [m]."""
 SLACK = 1.2
 """Where not all can be met: losses up to so many times the least are as good [-]."""
 MOST_LIFTED = 0.25
@@ -64,7 +66,7 @@ def solved(problem: PlacementProblem, seed: int, most: int) -> SolvedPoses:
     order = np.argsort(first.loss, kind="stable")[:MOVED]
     poses = compass_search(problem, start[order], first.loss[order])
     found = problem.evaluate(poses)
-    free = dict(found.terms)["contact"] < MOST_LIFTED**2
+    free = dict(found.terms)["contact"] < MOST_LIFTED
     good = np.flatnonzero(free & (found.overhang < MOST_OVERHANG))
     least = float(found.overhang[free].min(initial=1.0))
     if len(good) == 0:
@@ -72,9 +74,10 @@ def solved(problem: PlacementProblem, seed: int, most: int) -> SolvedPoses:
         return SolvedPoses(np.zeros((0, 3)), none, none, none, least)
     limit = max(SATISFIED, SLACK * float(found.loss[good].min()) + SATISFIED)
     good = good[found.loss[good] <= limit]
-    # of equally good ones the one farthest from the rim comes first
-    depth = problem.area.depth_at(poses[good, :2])
-    good = good[np.lexsort((-depth, np.round(found.loss[good] / SAME_LOSS)))]
+    # of equally good ones the one farthest from the rim comes first, then the one nearest to the middle
+    depth = np.round(problem.area.depth_at(poses[good, :2]) / SAME_DEPTH)
+    off = np.linalg.norm(poses[good, :2] - problem.area.middle, axis=1)
+    good = good[np.lexsort((off, -depth, np.round(found.loss[good] / SAME_LOSS)))]
     reach = 0.5 * float(np.linalg.norm(problem.footprint, axis=1).max())
     yaw = poses[good, 2]
     spread = np.c_[poses[good, :2], reach * np.cos(yaw), reach * np.sin(yaw)]
@@ -83,13 +86,14 @@ def solved(problem: PlacementProblem, seed: int, most: int) -> SolvedPoses:
 
 
 def samples(problem: PlacementProblem, rng: np.random.Generator) -> Array:
-    """Points of the surface with yaws, the middle of the surface with every yaw first, shape (n, 3)."""
+    """Points of the surface with yaws, of its middle and its deepest point with every yaw first, shape (n, 3)."""
     yaw = 2.0 * np.pi / YAWS * np.arange(YAWS)
     inside = problem.area.middles()
     deepest = inside[int(np.argmax(problem.area.depth_at(inside)))]
     points = inside[rng.integers(len(inside), size=SAMPLES)]
     points = points + problem.area.cell * rng.uniform(-0.5, 0.5, size=points.shape)
-    return np.concatenate([np.c_[np.tile(deepest, (YAWS, 1)), yaw], np.c_[points, rng.choice(yaw, SAMPLES)]])
+    fixed = [np.c_[np.tile(one, (YAWS, 1)), yaw] for one in (problem.area.middle, deepest)]
+    return np.concatenate([*fixed, np.c_[points, rng.choice(yaw, SAMPLES)]])
 
 
 def compass_search(problem: PlacementProblem, poses: Array, loss: Array) -> Array:
