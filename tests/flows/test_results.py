@@ -51,7 +51,7 @@ def test_the_last_state_of_a_drop_is_evidence(tmp_path: Path) -> None:
     assert placement.evidence.position == (1.0, 2.0, 3.0)
     assert set(placement.evidence) == {"position", "quaternion", "simulated_s", "steps"}
     assert "bonds" not in tree["certificate"]
-    assert list(tree["certificate"]["placement"]) == ["carried_share", "tilt_rad"]
+    assert list(tree["certificate"]["placement"]) == ["carried_share", "indentation_m", "tilt_rad"]
 
 
 def test_a_file_with_other_keys_is_refused_in_one_line(tmp_path: Path) -> None:
