@@ -37,6 +37,8 @@ DENT_SHARE, PATCH_SHARE, LINE_SHARE = 0.7, 0.45, 0.9
 """Opacities [-]."""
 GREYED = 0.6
 """How far the scene's own colours are drawn to grey, so that the map's stand out [-]."""
+LEAST_GREY = 120.0
+"""The scene's middle grey is at least so light [0..255]."""
 DPI = 100
 
 
@@ -59,6 +61,7 @@ def contact_picture(
     exposure = exposed(meshes, camera, low_light=True)
     rgb = exposure.picture().rgb.astype(np.float64)
     rgb += GREYED * (rgb.mean(axis=2, keepdims=True) - rgb)
+    rgb = lightened(rgb, (exposure.surface.mesh_index == 0).reshape(exposure.shape))
     depth = -dents(shift, exposure)
     deepest = float(depth.max(initial=0.0))
     if deepest > SHALLOWEST:
@@ -77,6 +80,16 @@ def contact_picture(
     rgb[rim & ~binary_erosion(rim, iterations=width)] = OUTLINE
     picture = np.asarray(np.round(np.clip(rgb, 0.0, 255.0)), dtype=np.uint8)
     return np.concatenate([picture, legend(rows, own, labels, deepest, camera.width)])
+
+
+def lightened(rgb: Array, scene: Mask) -> Array:
+    """A picture (h, w, 3) whose middle grey over the scene's pixels (h, w) is LEAST_GREY or lighter: on a black sofa
+    neither the map's colours nor the outline would be seen."""
+    level = float(np.median(rgb[scene].mean(axis=1))) if scene.any() else 255.0
+    if level >= LEAST_GREY:
+        return rgb
+    gamma = np.log(LEAST_GREY / 255.0) / np.log(max(level, 1.0) / 255.0)
+    return np.asarray(255.0 * (rgb / 255.0) ** gamma)
 
 
 def dents(shift: Array, exposure: Exposure) -> NDArray[np.float32]:

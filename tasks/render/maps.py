@@ -2,7 +2,8 @@
 
 In: the scene and the object as they settled, with their parts and materials, and a camera. Out: `ConditioningMaps`.
 Every pass is made from the same rays, so that pixels agree; masks and the object's own colours are smoothed over
-pixels at its rim, numbers and ids are those of the pixel's middle.
+pixels at its rim, numbers and ids are those of the pixel's middle. What is not in the scene is in no pass: a scene
+without a floor gets none, unlike in pictures for people.
 """
 
 from dataclasses import dataclass
@@ -35,7 +36,6 @@ from tasks.render.settled_meshes import (
     painted_scene,
     settled_scene,
     shown_faces,
-    studio_floor,
 )
 
 Array = NDArray[np.float64]
@@ -86,8 +86,6 @@ def conditioning_maps(what: SettledView, camera: Camera, config: RenderConfig, *
     scene = what.around.scene
     faces = shown_faces(scene, camera) if cutaway else np.arange(len(scene.mesh.faces))
     meshes = [what.look.submesh(faces)]
-    if not any(one.structure for one in scene.instances):
-        meshes.append(PaintedMesh(studio_floor(scene.mesh)))
     exposure = exposed([*meshes, what.thing], camera)
     number = len(meshes)
     share, color = coverage(exposure, number, config.samples)

@@ -1,6 +1,7 @@
 """Conditioning maps: passes that agree pixel by pixel, masks with closed forms, a composite that is the picture."""
 
 import json
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -17,6 +18,7 @@ from dcap.geometry.rendering.map_files import write_maps
 from dcap.geometry.rendering.picture import picture
 from dcap.scene.errors import InputError
 from dcap.scene.types.maps import HIDDEN_CONTACT, SEEN_CONTACT, ConditioningMaps
+from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.paint import PaintedMesh
 from tasks.render.config import RenderConfig
 from tasks.render.maps import SettledView, conditioning_maps, placed
@@ -64,6 +66,23 @@ def test_passes_agree_by_reprojection():
     assert (first == second.part[y, x])[same_depth].mean() > 0.98
     turn = np.einsum("ni,ni->n", taken().normal_world.reshape(-1, 3)[inside], second.normal_world[y, x])
     assert np.median(turn[same_depth]) > 0.999
+
+
+def test_nothing_is_made_up_where_the_scene_ends():
+    """Around a bed without a room there is nothing: no depth, no id, no normal, as far as a ray meets no face."""
+    around = replace(what().around.scene, instances=tuple(
+        replace(one, structure=False) for one in what().around.scene.instances
+    ))  # fmt: skip
+    bare = replace(what(), around=replace(what().around, scene=around))
+    view = camera((0.0, -20.0, 8.0))
+    maps = conditioning_maps(bare, view, CONFIG, cutaway=False)
+    ways = view.directions(view.pixel_centers)
+    scene = Raycaster(Mesh.concatenate([around.mesh, what().thing.mesh]))
+    met = np.isfinite(scene.cast(np.broadcast_to(view.position, ways.shape), ways).distance).reshape(maps.depth.shape)
+    assert 0.02 < met.mean() < 0.9
+    assert (np.isfinite(maps.depth) == met).mean() > 0.999
+    assert (maps.instance[~np.isfinite(maps.depth)] == 0).all()
+    assert (maps.normal_world[~np.isfinite(maps.depth)] == 0.0).all()
 
 
 def test_depth_and_normals_are_those_of_the_ball():
