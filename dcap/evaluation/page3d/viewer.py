@@ -10,6 +10,7 @@ import gzip
 import hashlib
 import json
 from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -25,6 +26,8 @@ LEVEL = 6
 """Of compression."""
 FORMAT = 1
 """Raised where the same scene.glb gives another script."""
+AT_A_TIME = 2
+"""Placements that are read at once: each takes the memory of its whole scene."""
 HERE = Path(__file__).parent
 
 
@@ -55,9 +58,12 @@ def write_view3d(run: Path, samples: Mapping[str, tuple[str, Sequence[ShownModel
     if not library:
         return {}
     folder = run / FOLDER
+    every = [one for _, models in samples.values() for one in models]
+    with ThreadPoolExecutor(AT_A_TIME) as pool:
+        there = dict(zip(every, pool.map(lambda one: write_model(folder, one), every), strict=True))
     found, rows = {}, {}
     for sample, (prompt, models) in samples.items():
-        shown = [one for one in models if write_model(folder, one)]
+        shown = [one for one in models if there[one]]
         if shown:
             found[sample] = tuple(one.method for one in shown)
             rows[sample] = {"prompt": prompt, "models": [[one.method, one.name, one.link] for one in shown]}

@@ -14,9 +14,6 @@ from dcap.scene.json_tree import JsonObject
 from dcap.scene.store.codec import canonical_json
 
 RUN, HASHES = "run.json", "artifacts.sha256"
-HASHED = (".json", ".glb", ".ply", ".png", ".parquet", ".txt")
-SHOWN_DIGITS = 16
-"""Of a digest in a line; the whole ones are in the file."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,7 +37,7 @@ def provenance_of(run: Path, folders: Sequence[Path]) -> Provenance:
         f"{digest_of(path)}  {path.relative_to(run).as_posix()}\n"
         for folder in folders
         for path in sorted(folder.rglob("*"))
-        if path.is_file() and path.suffix in HASHED and not path.name.startswith(".")
+        if path.is_file() and not path.name.startswith(".")
     ]
     text = "".join(lines).encode()
     write_if_other(run / HASHES, text)

@@ -10,17 +10,15 @@ from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
 
-import pyarrow.parquet as pq
 import pytest
 from many_methods_run import METHODS, SAMPLES, many_methods_run, method_folder
+from run_rows import outcomes, written
 
 from dcap.evaluation.outcome_table import AS_POSED, SampleOutcome, row_of
 from dcap.evaluation.page3d.three import three_script
-from dcap.evaluation.report import write_report
 from dcap.evaluation.run_page.failures import baselines_ahead, failures_of
 from dcap.evaluation.run_page.placement_files import MOST_NOTES, certificate_text, notes_of
 from dcap.evaluation.run_page.tables import SHOWN_METRICS, metrics_table, table_from_csv, tex_escaped
-from dcap.evaluation.run_summary import summary_of
 from dcap.scene.readers.gltf.gltf import read_gltf
 from dcap.scene.types.sample import Sample
 
@@ -49,24 +47,6 @@ class WholePage(HTMLParser):
     def all(self, tag: str) -> list[dict[str, str | None]]:
         """Attributes of the elements of a kind."""
         return [attributes for name, attributes in self.elements if name == tag]
-
-
-def outcomes(run: Path) -> list[SampleOutcome]:
-    """The rows of the small run, with metrics that are told apart."""
-    rows = []
-    for one in pq.read_table(run / "results.parquet").to_pylist():
-        given = Sample(str(one["sample"]), str(one["scene"]), str(one["object"]), str(one["prompt"]))
-        row = row_of(given, {"verdict": one["verdict"], "base": {"id": "1", "label": "bed"}}, "", None)
-        number = METHODS.index(one["method"])
-        rows.append(replace(row, method=one["method"], right_place=9.0, judge="metric rubric", support_hit=number < 2,
-                            physics_naturalness=one["physics_naturalness"], penetration_m=0.001 * number,
-                            gap_m=0.002, drift_m=None if number else 1e-4))  # fmt: skip
-    return rows
-
-
-def written(run: Path, rows: list[SampleOutcome]) -> str:
-    """The page of these rows."""
-    return write_report(run, rows, summary_of(rows, run="run", wall_s=1.0)).read_text(encoding="utf-8")
 
 
 @pytest.fixture(scope="module")
@@ -163,9 +143,8 @@ def test_every_shown_metric_is_a_column() -> None:
 def test_failures_tell_why() -> None:
     """An error, a refusal that nobody intended, another outcome than intended, a low score with its worst metric."""
     good = row_of(Sample("a", "s", "o", "p"), {"verdict": "at_rest", "base": {"id": "1", "label": "bed"}}, "", None)
-    none = dict.fromkeys(("right_place", "physics_naturalness"), 8.0)
     rows = [
-        replace(good, sample="good", **none),
+        replace(good, sample="good", right_place=8.0, physics_naturalness=8.0),
         replace(good, sample="low", right_place=9.0, physics_naturalness=2.0, penetration_m=0.05, visible_fraction=1.0),
         replace(good, sample="elsewhere", as_expected=False, expected="at rest on sofa"),
         replace(good, sample="refused", verdict="infeasible", reason="toppled", message="it fell"),
