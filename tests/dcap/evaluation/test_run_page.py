@@ -4,6 +4,7 @@ import base64
 import csv
 import gzip
 import hashlib
+import json
 import re
 import shutil
 from dataclasses import replace
@@ -18,6 +19,8 @@ from dcap.evaluation.outcome_table import AS_POSED, SampleOutcome, row_of
 from dcap.evaluation.page3d.three import three_script
 from dcap.evaluation.run_page.failures import baselines_ahead, failures_of
 from dcap.evaluation.run_page.placement_files import MOST_NOTES, certificate_text, notes_of
+from dcap.evaluation.run_page.provenance import provenance_of
+from dcap.evaluation.run_page.supports import supports_figure
 from dcap.evaluation.run_page.tables import SHOWN_METRICS, metrics_table, table_from_csv, tex_escaped
 from dcap.scene.readers.gltf.gltf import read_gltf
 from dcap.scene.types.sample import Sample
@@ -209,6 +212,43 @@ def test_digests_can_be_checked(run: Path) -> None:
     assert "methods/layoutgpt/samples/bed-1/placement.json" in found
     for path, digest in found.items():
         assert hashlib.sha256((run / path).read_bytes()).hexdigest() == digest
+
+
+def test_provenance_is_that_of_run_json(tmp_path: Path) -> None:
+    """Versions, seeds with their places, and a digest of the configuration whatever the order of its keys."""
+    config = {"drop": {"solver": {"seed": 7, "method": "tl"}}, "measured": True}
+    asked = {"versions": {"dcap": "1.2", "numpy": "<2>"}, "config": config, "started": "2026-01-02T03:04:05+00:00",
+             "samples": [{"id": str(n), "seed": n} for n in range(5)],
+             "language": {"model": "", "max_cost": None}}  # fmt: skip
+    found = []
+    for text in (json.dumps(asked), json.dumps(asked | {"config": dict(reversed(config.items()))})):
+        (tmp_path / "run.json").write_text(text)
+        found.append(provenance_of(tmp_path, []))
+    facts = dict(found[0].facts)
+    assert facts["seeds of the configuration"] == "drop.solver.seed 7"
+    assert (facts["seeds of samples"], facts["language"]) == ("0 to 4", "offline")
+    assert facts["digest of the configuration"] == dict(found[1].facts)["digest of the configuration"]
+    assert found[0].versions == (("dcap", "1.2"), ("numpy", "<2>"))
+    assert "numpy</dt><dd>&lt;2&gt;" in written(tmp_path, [])
+    assert found[0].files == 0
+
+
+def test_figure_3_counts_scenes_once(tmp_path: Path) -> None:
+    """What was placed is not part of the scene, two samples of a scene count once, and unknown scenes are told."""
+    things = [{"id": str(n), "label": label} for n, label in enumerate(("bed", "desk", "cushion"))]
+    rows = []
+    for sample, scene in (("a", "room"), ("b", "room"), ("c", "other")):
+        rows.append(row_of(Sample(sample, scene, "o", "p"), {"verdict": "at_rest"}, "", None))
+        folder = tmp_path / "samples" / sample
+        folder.mkdir(parents=True)
+        if scene == "room":
+            (folder / "scene.json").write_text(json.dumps({"object": "2", "instances": things}))
+    figure = supports_figure(tmp_path, rows)
+    assert figure is not None
+    assert (figure.scenes, figure.known) == (2, 1)
+    assert figure.words.endswith("1 in all")
+    assert "1 of 2 scenes of this run are not counted" in written(tmp_path, rows)
+    assert supports_figure(tmp_path, rows[2:]) is None
 
 
 def test_a_certificate_is_lines_and_notes_are_bounded() -> None:
