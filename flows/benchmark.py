@@ -7,6 +7,7 @@ after the last sample has finished, and only for the report.
 
 import json
 import os
+import platform
 import time
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor, as_completed
@@ -30,7 +31,7 @@ from dcap.language.protocol.client import ClientName
 from dcap.language.protocol.session import Session
 from dcap.scene.errors import InputError
 from dcap.scene.json_tree import JsonObject, object_to_json
-from dcap.scene.settings import data_root, runs_root
+from dcap.scene.settings import data_root, runs_root, version
 from dcap.scene.types.sample import Sample
 from flows.display import Display, print_plan, print_table
 from flows.language_options import LEDGER, LanguageOptions
@@ -53,6 +54,7 @@ from flows.scoring import scored_row
 from flows.server import prefect_server
 from tasks.mesh.stage import mesh_object_task, mesh_scene_task
 from tasks.runner.context import RunContext
+from tasks.runner.digests import installed_version
 from tasks.runner.process import kill_all
 from tasks.runner.process_server import process_server
 
@@ -63,6 +65,12 @@ IN_A_BATCH = 32
 """Samples whose questions gather for one batch; each waits in a thread and a flow run of its own."""
 SPLATS = 500_000
 """Gaussians per room of the embedded dataset of splats; a scene of InteriorGS has as many."""
+
+LIBRARIES = (
+    "numpy", "scipy", "taichi", "open3d", "libigl", "manifold3d", "shapely", "trimesh", "scikit-image", "pyarrow",
+    "prefect", "anthropic", "openai",
+)  # fmt: skip
+"""Whose versions run.json tells."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -251,6 +259,7 @@ def new_run_folder(dataset: Path, samples: Sequence[Sample], config: PlaceConfig
     folder.mkdir(parents=True)
     asked = {
         "dataset": str(dataset.resolve()),
+        "versions": versions(),
         "started": datetime.now(UTC).isoformat(timespec="seconds"),
         "config": config.model_dump(mode="json"),
         "language": asdict(language.located()),
@@ -262,6 +271,13 @@ def new_run_folder(dataset: Path, samples: Sequence[Sample], config: PlaceConfig
     draft.symlink_to(folder.name)
     os.replace(draft, runs_root() / "last")
     return folder
+
+
+def versions() -> dict[str, str]:
+    """What the run is computed with; a library that is not installed is left out."""
+    found = {name: installed_version(name) for name in LIBRARIES}
+    told = {name: one for name, one in found.items() if one}
+    return {"dcap": version(), "python": platform.python_version(), "machine": platform.machine(), **told}
 
 
 def finish(folder: Path, rows: Sequence[SampleOutcome], seconds: float) -> Run:

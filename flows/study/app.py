@@ -14,12 +14,12 @@ from fastapi.responses import FileResponse, HTMLResponse, JSONResponse, PlainTex
 from pydantic import BaseModel, Field
 from starlette.exceptions import HTTPException as WebError
 
+from dcap.evaluation.page3d.three import ORBIT, three_script
 from dcap.evaluation.study.design import Side, StudyAxis, StudyItem
 from dcap.evaluation.study.session import StudySession
 from dcap.scene.errors import DcapError
 from flows.study.body_limit import BodyLimit
 from flows.study.pages import STATIC, StudyPages
-from flows.study.three import three_script
 
 HEADERS = {
     "Content-Security-Policy": "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob: data:; "
@@ -136,7 +136,7 @@ def study_app(session: StudySession) -> FastAPI:
             return Response(three_script(), media_type="text/javascript", headers=PRIVATE)
         if name not in ("vote", "orbit"):
             raise HTTPException(404, "There is no such page.")
-        return FileResponse(STATIC / f"{name}.js", media_type="text/javascript")
+        return FileResponse(ORBIT if name == "orbit" else STATIC / f"{name}.js", media_type="text/javascript")
 
     return app
 

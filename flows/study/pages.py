@@ -4,9 +4,9 @@ from pathlib import Path
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
+from dcap.evaluation.page3d.three import three_script
 from dcap.evaluation.study.design import Side, StudyAxis
 from dcap.evaluation.study.session import StudySession
-from flows.study.three import three_script
 
 HERE = Path(__file__).parent
 STATIC, TEMPLATES = HERE / "static", HERE / "templates"

@@ -9,12 +9,12 @@ import pytest
 from many_methods_run import COLORS, METHODS, SAMPLES, method_folder
 from study_server import CHECK, ServedStudy
 
+from dcap.evaluation.page3d.three import three_script
 from dcap.evaluation.study.design import Side, StudyAxis, StudyItem
 from dcap.evaluation.study.journal import read_votes
 from dcap.evaluation.study.study_folder import TOKENS, read_design
 from dcap.scene.readers.gltf.gltf import read_gltf
 from flows.study.body_limit import MOST_BYTES
-from flows.study.three import three_script
 
 
 def answer(item: StudyItem, side: Side = Side.LEFT) -> dict[str, object]:

@@ -1,14 +1,17 @@
-"""three.js for the study's pages, from the installed trimesh: nothing is downloaded, and no copy of it is ours.
+"""three.js for pages of ours, from the installed trimesh: nothing is downloaded, and no copy of it is ours.
 
 trimesh carries a page with all of three.js and the reader of GLB in it, for notebooks; its last statement starts that
 page's own viewer. Without that statement it is a library. three.js is under the MIT licence.
 """
 
 from functools import cache
+from pathlib import Path
 
 from trimesh import resources, util
 
 PAGE, ARCHIVE, START = "viewer.html.template", "templates/viewer.zip", "init();"
+ORBIT = Path(__file__).with_name("orbit.js")
+"""Our script that shows models with it."""
 NEEDED = ("THREE.GLTFLoader=", "WebGLRenderer")
 
 

@@ -1,4 +1,5 @@
 // Placements in three dimensions: drag to turn, scroll to come nearer; all models of a page are seen from the same side.
+// A page that is opened from disk may not fetch: it loads three.js itself and gives the bytes by `window.modelBytes`.
 "use strict";
 (() => {
   const stages = [...document.querySelectorAll("[data-model]")];
@@ -9,6 +10,7 @@
   let library = null;
 
   function loadLibrary() {
+    if (window.THREE) return Promise.resolve();
     library ??= new Promise((resolve, reject) => {
       const script = document.createElement("script");
       script.src = "/three.js";
@@ -17,6 +19,13 @@
       document.head.append(script);
     });
     return library;
+  }
+
+  async function loadModel(name) {
+    const loader = new THREE.GLTFLoader();
+    if (!window.modelBytes) return new Promise((resolve, reject) => loader.load(name, resolve, undefined, reject));
+    const bytes = await window.modelBytes(name);
+    return new Promise((resolve, reject) => loader.parse(bytes, "", resolve, reject));
   }
 
   // The files' colours are shown as they are stored, as in the pictures.
@@ -105,11 +114,13 @@
 
   // Objects that are near one another are looked at from the very same place: how high each lies can be compared.
   function shareMiddle() {
-    if (viewers.length < 2) return;
-    const [one, two] = viewers;
-    if (one.middle.distanceTo(two.middle) > Math.max(one.size, two.size)) return;
-    one.shared = two.shared = one.middle.clone().add(two.middle).multiplyScalar(0.5);
-    one.size = two.size = Math.max(one.size, two.size);
+    const [first] = viewers;
+    const reach = stages.length > 2 ? 0.4 : 1; // of an object's size: of many, none should be at the edge of its picture
+    const near = viewers.filter(one => one.middle.distanceTo(first.middle) <= reach * Math.max(one.size, first.size));
+    if (near.length < 2) return;
+    const size = Math.max(...near.map(one => one.size));
+    const shared = near.reduce((sum, one) => sum.add(one.middle), new THREE.Vector3()).divideScalar(near.length);
+    for (const one of near) Object.assign(one, { shared, size });
   }
 
   function drawAll() {
@@ -163,7 +174,7 @@
     say(stage, "loading the model …");
     try {
       await loadLibrary();
-      const file = await new Promise((resolve, reject) => new THREE.GLTFLoader().load(stage.dataset.model, resolve, undefined, reject));
+      const file = await loadModel(stage.dataset.model);
       const viewer = new Viewer(stage);
       viewer.show(file.scene);
       viewers.push(viewer);
