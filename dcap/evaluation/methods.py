@@ -44,8 +44,13 @@ def methods_of(text: str) -> tuple[str, ...]:
 
 
 def shown_name(method: str, *, offline: bool) -> str:
-    """A method's name in tables."""
-    return METHODS[method] + (OFFLINE if offline and method in BASELINES else "")
+    """A method's name in tables; one that is not known as it is."""
+    return METHODS.get(method, method) + (OFFLINE if offline and method in BASELINES else "")
+
+
+def baselines_among(methods: Sequence[str]) -> tuple[str, ...]:
+    """What tables test against: those of the methods that are others'; every one where only variants of ours are."""
+    return tuple(name for name in methods if name in BASELINES) or tuple(methods)
 
 
 def by_method(sample: Sample, method: str) -> Sample:
