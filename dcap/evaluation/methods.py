@@ -55,7 +55,7 @@ def baselines_among(methods: Sequence[str]) -> tuple[str, ...]:
 
 def by_method(sample: Sample, method: str) -> Sample:
     """The sample as another method places it; its id is `METHOD/ID` then."""
-    return sample if method == DCAP else replace(sample, id=f"{method}/{sample.id}", method=method)
+    return sample if method == DCAP else replace(sample, id=joined_id(method, sample.id), method=method)
 
 
 def with_examples(samples: Sequence[Sample]) -> list[Sample]:
@@ -68,6 +68,11 @@ def with_examples(samples: Sequence[Sample]) -> list[Sample]:
         )  # fmt: skip
         found.append(replace(sample, examples=tuple(others)) if sample.method == LAYOUTGPT else sample)
     return found
+
+
+def joined_id(method: str, name: str) -> str:
+    """The id of a sample as a method places it."""
+    return name if method == DCAP else f"{method}/{name}"
 
 
 def split_id(sample_id: str) -> tuple[str, str]:

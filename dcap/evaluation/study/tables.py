@@ -5,13 +5,9 @@ back is laid out as the table. Attention checks are no comparisons of methods an
 one are told and stay in.
 """
 
-import csv
-import io
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-
-import numpy as np
 
 from dcap.evaluation.methods import DCAP, baselines_among, shown_name
 from dcap.evaluation.statistics.agreement import krippendorff_alpha, ratings_of
@@ -20,6 +16,7 @@ from dcap.evaluation.statistics.method_tables import PreferenceRow, preference_r
 from dcap.evaluation.study.journal import StudyVote
 from dcap.evaluation.study.raters import RaterRow
 from dcap.evaluation.study.study_folder import write_whole
+from dcap.evaluation.table_text import csv_of, number, tex_escaped
 
 TABLE = "table2"
 HEADINGS = {
@@ -91,12 +88,7 @@ def csv_text(table: StudyTable, raters: Sequence[RaterRow]) -> str:
     study |= {"attention_checks": sum(one.checks for one in raters)}
     study |= {"attention_failures": sum(one.checks_failed for one in raters)}
     study |= {"raters_flagged": sum(one.flagged for one in raters)}
-    rows = [row_cells(row, table.name(row)) | study for row in table.rows]
-    text = io.StringIO()
-    out = csv.DictWriter(text, list(rows[0]), lineterminator="\n")
-    out.writeheader()
-    out.writerows(rows)
-    return text.getvalue()
+    return csv_of([row_cells(row, table.name(row)) | study for row in table.rows])
 
 
 def row_cells(row: PreferenceRow, name: str) -> dict[str, object]:
@@ -113,11 +105,6 @@ def row_cells(row: PreferenceRow, name: str) -> dict[str, object]:
     cells |= {"bradley_terry_separable": bool(rated and rated.separable)}
     overall = row.rates.get(JudgedAxis.OVERALL)
     return cells | {"comparisons": overall.comparisons if overall else 0}
-
-
-def number(value: float | None) -> str:
-    """Four digits; empty where there is none."""
-    return "" if value is None or not np.isfinite(value) else f"{value:.4f}"
 
 
 def tex_text(table: StudyTable, raters: Sequence[RaterRow]) -> str:
@@ -158,8 +145,3 @@ def tex_rating(row: PreferenceRow) -> str:
     if rated is None:
         return "--"
     return f"${rated.rating:.0f}$ {{\\small $[{rated.interval.low:.0f}, {rated.interval.high:.0f}]$}}"
-
-
-def tex_escaped(text: str) -> str:
-    """Text without what TeX takes for commands."""
-    return "".join(f"\\{sign}" if sign in "_&%#$" else sign for sign in text)
