@@ -17,9 +17,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from threading import Semaphore
 
-import pyarrow as pa
-import pyarrow.parquet as pq
-
+from dcap.evaluation.method_report import MethodTable, shown_lines
 from dcap.evaluation.methods import DCAP, METHODS, by_method, split_id, with_examples
 from dcap.evaluation.outcome_table import ExpectedOutcome, SampleOutcome, read_truth
 from dcap.evaluation.report import write_report
@@ -33,7 +31,8 @@ from dcap.scene.errors import InputError
 from dcap.scene.json_tree import JsonObject, object_to_json
 from dcap.scene.settings import data_root, runs_root, version
 from dcap.scene.types.sample import Sample
-from flows.display import Display, print_plan, print_table
+from flows.display import Display, print_lines, print_plan, print_table
+from flows.judge_run import judged_rows, write_rows
 from flows.language_options import LEDGER, LanguageOptions
 from flows.measures_file import write_measures
 from flows.output import readable_json, write_placement
@@ -80,6 +79,8 @@ class Run:
     folder: Path
     rows: tuple[SampleOutcome, ...]
     summary: RunSummary
+    table: MethodTable | None = None
+    """Table 1; None where methods cannot be compared."""
 
     @property
     def failed(self) -> int:
@@ -126,7 +127,9 @@ def run_benchmark(
         results = run_all(plans, config, folder, language.session(folder), workers, display)
     rows = scored_rows(folder, results, truths_of(path, list(results)))
     run = finish(folder, rows, time.monotonic() - begin)
-    print_table(rows, run.summary, folder)
+    print_table(run.rows, run.summary, folder)
+    if run.table:
+        print_lines(shown_lines(run.table))
     return run
 
 
@@ -281,13 +284,14 @@ def versions() -> dict[str, str]:
 
 
 def finish(folder: Path, rows: Sequence[SampleOutcome], seconds: float) -> Run:
-    """Write table, summary and report."""
-    pq.write_table(pa.Table.from_pylist([asdict(row) for row in rows]), folder / "results.parquet")
+    """Write tables, summary and report; a run of several methods has its judge's scores then."""
+    write_rows(folder, rows)
+    rows, table = judged_rows(folder, rows)
     language = spending_of(folder / LEDGER) if (folder / LEDGER).is_file() else None
     summary = summary_of(rows, run=str(folder), wall_s=seconds, language=language)
     (folder / "summary.json").write_bytes(readable_json(object_to_json(summary)))
     write_report(folder, rows, summary)
-    return Run(folder, tuple(rows), summary)
+    return Run(folder, rows, summary, table)
 
 
 def truths_of(dataset: Path, samples: Sequence[Sample]) -> list[ExpectedOutcome | None]:

@@ -44,13 +44,18 @@ def methods_of(text: str) -> tuple[str, ...]:
 
 
 def shown_name(method: str, *, offline: bool) -> str:
-    """A method's name in tables."""
-    return METHODS[method] + (OFFLINE if offline and method in BASELINES else "")
+    """A method's name in tables; one that is not known as it is."""
+    return METHODS.get(method, method) + (OFFLINE if offline and method in BASELINES else "")
+
+
+def baselines_among(methods: Sequence[str]) -> tuple[str, ...]:
+    """What tables test against: those of the methods that are others'; every one where only variants of ours are."""
+    return tuple(name for name in methods if name in BASELINES) or tuple(methods)
 
 
 def by_method(sample: Sample, method: str) -> Sample:
     """The sample as another method places it; its id is `METHOD/ID` then."""
-    return sample if method == DCAP else replace(sample, id=f"{method}/{sample.id}", method=method)
+    return sample if method == DCAP else replace(sample, id=joined_id(method, sample.id), method=method)
 
 
 def with_examples(samples: Sequence[Sample]) -> list[Sample]:
@@ -63,6 +68,11 @@ def with_examples(samples: Sequence[Sample]) -> list[Sample]:
         )  # fmt: skip
         found.append(replace(sample, examples=tuple(others)) if sample.method == LAYOUTGPT else sample)
     return found
+
+
+def joined_id(method: str, name: str) -> str:
+    """The id of a sample as a method places it."""
+    return name if method == DCAP else f"{method}/{name}"
 
 
 def split_id(sample_id: str) -> tuple[str, str]:

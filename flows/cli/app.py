@@ -1,4 +1,4 @@
-"""The command line: `dcap place|benchmark|plan|rerun|drop|report|maps|view|export|study|dataset|cache|ui`.
+"""The command line: `dcap place|benchmark|plan|rerun|drop|report|judge|maps|view|export|study|dataset|cache|ui`.
 
 Results go to standard output, everything else to standard error. Exit codes: 0 at rest or done, 2 bad input, 3
 understood but infeasible, 4 some samples of a benchmark failed. An error that a user can mend is one line.
@@ -20,6 +20,7 @@ from dcap.scene.settings import runs_root, version
 from flows.cli.checks import Json, given
 from flows.cli.data import cache_app, dataset_app
 from flows.cli.export_command import export
+from flows.cli.judge_command import judge
 from flows.cli.maps_command import maps
 from flows.cli.study_command import study_app
 from flows.cli.view_command import view
@@ -40,6 +41,7 @@ app.add_typer(dataset_app, name="dataset")
 app.add_typer(cache_app, name="cache")
 app.add_typer(study_app, name="study")
 app.command()(maps)
+app.command()(judge)
 app.command()(view)
 app.command()(export)
 

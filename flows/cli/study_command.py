@@ -49,16 +49,16 @@ def announce(links: Mapping[str, str]) -> None:
 @study_app.command("report")
 def study_report(run: Run) -> int:
     """Write Table 2 of the votes so far, the raters, and the votes as a table."""
-    from dcap.evaluation.study.design import StudyAxis
-    from dcap.evaluation.study.tables import shown_name
+    from dcap.evaluation.statistics.comparisons import JudgedAxis
     from flows.study.report import report_study
 
     found = report_study(run)
     for row in found.table.rows:
-        wins = row.wins[StudyAxis.OVERALL]
-        mark = " †" if row.marked(StudyAxis.OVERALL) else ""
-        share = f"{100 * wins.value:5.1f} % [{100 * wins.low:.1f}, {100 * wins.high:.1f}]{mark}"
-        print(f"{shown_name(row.method):24s} {share}  {row.rating.value:.0f}  {row.comparisons} comparisons")
+        won, mark = row.rates.get(JudgedAxis.OVERALL), row.marks.get(JudgedAxis.OVERALL, "")
+        if won is None or row.rating is None:
+            continue
+        share = f"{100 * won.rate:5.1f} % [{100 * won.interval.low:.1f}, {100 * won.interval.high:.1f}] {mark}".rstrip()
+        print(f"{found.table.name(row):32s} {share}  {row.rating.rating:.0f}  {won.comparisons} comparisons")
     for one in found.raters:
         if one.flagged:
             note(f"{one.rater} failed {one.checks_failed} of {one.checks} attention checks; the votes are included")

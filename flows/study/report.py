@@ -7,8 +7,9 @@ from dcap.evaluation.study.journal import StudyVote, read_votes
 from dcap.evaluation.study.raters import RaterRow, rater_rows, write_raters
 from dcap.evaluation.study.study_folder import STUDY_FOLDER, StudyDesign, export_votes, read_design
 from dcap.evaluation.study.tables import StudyTable, study_table, write_study_table
+from dcap.language.protocol.client import ClientName
 from dcap.scene.errors import InputError
-from flows.run_files import find_run
+from flows.run_files import chooser_of, find_run
 
 TABLES = "tables"
 
@@ -35,7 +36,7 @@ def report_study(run: str) -> StudyReport:
     export_votes(folder, votes)
     rows = rater_rows(design, votes)
     write_raters(folder, rows)
-    table = study_table(votes, design.seed)
+    table = study_table(votes, design.seed, offline=chooser_of(found).client is ClientName.OFFLINE)
     csv, tex = write_study_table(found / TABLES, table, rows)
     return StudyReport(table, rows, csv, tex)
 

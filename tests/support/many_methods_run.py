@@ -5,6 +5,8 @@ the bed; their pictures differ in colour, so that a test sees which is which.
 """
 
 import json
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from functools import cache
 from pathlib import Path
 
@@ -14,6 +16,7 @@ import pyarrow.parquet as pq
 import trimesh
 from PIL import Image, ImageDraw
 
+from dcap.evaluation.outcome_table import SampleOutcome
 from dcap.evaluation.run_folder import sample_folder
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.writers.glb import Node, glb_bytes
@@ -30,6 +33,8 @@ HEIGHTS = {"dcap": -0.02, "fireplace": 0.05, "layoutgpt": -0.09}
 COLORS = {"dcap": (40, 130, 70), "fireplace": (60, 90, 190), "layoutgpt": (190, 90, 40)}
 RADIUS, TOP = 0.1, 0.5
 VIEWS = ("front", "side", "top")
+JUDGED = ("room", "front", "right", "back", "left", "top", "low")
+"""The fixed pictures that a model judges by."""
 SIZE = (320, 240)
 
 
@@ -73,19 +78,25 @@ def draw(path: Path, words: str, color: tuple[int, int, int]) -> None:
     image.save(path)
 
 
-def many_methods_run(folder: Path, methods: tuple[str, ...] = METHODS) -> Path:
-    """Write the run; returns its folder."""
+def many_methods_run(
+    folder: Path,
+    methods: tuple[str, ...] = METHODS,
+    views: tuple[str, ...] = VIEWS,
+    chooser: str = "",
+    prompts: Mapping[str, str] = SAMPLES,
+) -> Path:
+    """Write the run; returns its folder. `chooser` is the model that answered for its placements, empty for none."""
     rows = []
     for method in methods:
-        for number, (sample, prompt) in enumerate(SAMPLES.items()):
+        for number, (sample, prompt) in enumerate(prompts.items()):
             out = method_folder(folder, method, sample)
             out.mkdir(parents=True)
             height = HEIGHTS[method]
-            tree = {"method": method, "verdict": "at_rest" if method == "dcap" else "proposed", "reason": None}
+            tree = {"method": method, "verdict": "at_rest" if method == "dcap" else "as_posed", "reason": None}
             (out / "placement.json").write_text(json.dumps(tree))
             (out / "scene.glb").write_bytes(scene_glb(height, 0.1 * number))
             (out / "object.glb").write_bytes(glb_bytes([Node("object", ball_at(0.0, height))]))
-            for name in VIEWS:
+            for name in views:
                 draw(out / "views" / f"{name}.png", f"{number + 1} {name}", COLORS[method])
             for name in ("settled", "closeup"):
                 draw(out / f"{name}.png", name, COLORS[method])
@@ -93,16 +104,29 @@ def many_methods_run(folder: Path, methods: tuple[str, ...] = METHODS) -> Path:
                 draw(out / "views" / "clean.png", f"room {number + 1}", (232, 232, 228))
                 draw(out / "views" / "asset.png", f"asset {number + 1}", (200, 60, 40))
             rows.append(row(method, sample, prompt))
-    pq.write_table(pa.Table.from_pylist(rows), folder / "results.parquet")
-    samples = [{"id": sample, "prompt": prompt} for sample, prompt in SAMPLES.items()]
-    (folder / "run.json").write_text(json.dumps({"methods": list(methods), "samples": samples}))
+    write_rows(folder, rows)
+    samples = [{"id": sample, "prompt": prompt} for sample, prompt in prompts.items()]
+    asked: dict[str, object] = {"methods": list(methods), "samples": samples}
+    if chooser:
+        asked["config"] = {"intent": {"language": {"client": "anthropic", "model": chooser}}}
+    (folder / "run.json").write_text(json.dumps(asked))
     return folder
 
 
-def row(method: str, sample: str, prompt: str) -> dict[str, object]:
-    """A row of results.parquet; better, the less the ball floats or is inside."""
-    score = float(np.round(10.0 - 90.0 * abs(HEIGHTS[method] + 0.02), 3))
-    return {
-        "method": method, "sample": sample, "scene": "bedroom", "object": "ball.glb", "prompt": prompt,
-        "verdict": "at_rest", "right_place": 9.0, "physics_naturalness": max(1.0, score), "judge": "rubric",
-    }  # fmt: skip
+def write_rows(folder: Path, rows: Sequence[SampleOutcome]) -> None:
+    """Write results.parquet."""
+    pq.write_table(pa.Table.from_pylist([asdict(one) for one in rows]), folder / "results.parquet")
+
+
+def row(method: str, sample: str, prompt: str) -> SampleOutcome:
+    """A row of results.parquet with what a stage would have measured; better, the less the ball floats or is inside."""
+    height, settled = HEIGHTS[method], method == "dcap"
+    return SampleOutcome(
+        sample=sample, scene="bedroom", object="ball.glb", prompt=prompt, verdict="at_rest" if settled else "as_posed",
+        reason="", message="", base="bed", base_id="1", part="", region="", region_missed=False, mass=1.0, scale=1.0,
+        visible_fraction=0.8, seconds=1.0, error="", expected="at rest on bed", feasible_intended=True,
+        as_expected=True, method=method, support_hit=True, region_distance_m=0.01 if settled else 0.1,
+        penetration_m=0.0 if settled else max(0.0, -height), gap_m=max(0.0, height), contact_area_m2=0.01,
+        com_margin_m=0.1, com_supported=True, indentation_m=max(0.0, -height), indentation_error_m=abs(height + 0.02),
+        force_residual=0.001, drift_m=0.0 if settled else 0.02, drift_s=1.0,
+    )  # fmt: skip

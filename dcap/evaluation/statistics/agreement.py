@@ -19,17 +19,22 @@ from dcap.scene.errors import InputError
 
 Ratings = Sequence[Mapping[str, str]]
 """One mapping per item: rater to category."""
+FIRST, SECOND, TIE = "first", "second", "tie"
+"""Categories of comparisons."""
 
 
 def ratings_of(comparisons: Iterable[Comparison]) -> list[Mapping[str, str]]:
-    """Items are pairs of methods on a sample and axis, whichever side they were on; categories are the winner or a tie.
+    """Items are pairs of methods on a sample and axis, whichever side they were on; categories are FIRST and SECOND of
+    the pair in alphabetical order, and TIE. Names of methods would be no categories: each item allows two of them only,
+    and raters who toss coins would seem to agree more than by chance.
 
     What one judge said of the same pair more than once counts where it always said the same, else as a tie."""
     said: dict[tuple[str, str, tuple[str, str]], dict[str, set[str]]] = defaultdict(lambda: defaultdict(set))
     for one in comparisons:
-        said[one.sample, one.axis, one.pair][one.judge].add(one.winning_method)
+        place = {"": TIE, one.pair[0]: FIRST, one.pair[1]: SECOND}[one.winning_method]
+        said[one.sample, one.axis, one.pair][one.judge].add(place)
     return [
-        {judge: next(iter(winners)) if len(winners) == 1 else "" for judge, winners in sorted(by_judge.items())}
+        {judge: next(iter(winners)) if len(winners) == 1 else TIE for judge, winners in sorted(by_judge.items())}
         for _, by_judge in sorted(said.items())
     ]
 

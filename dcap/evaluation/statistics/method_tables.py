@@ -2,7 +2,7 @@
 
 In: scores by method (rows in the same order of samples) and comparisons. Out: one row per method in the order given;
 formatting is the report's. A mark is a dagger where a method is better than the best baseline *of that column* with
-p < 0.01; a baseline is every other method that is named as one.
+p < 0.01; a baseline is every other method that is named as one. Where `ours` is named, a baseline must beat that, too.
 """
 
 from collections.abc import Mapping, Sequence
@@ -39,6 +39,8 @@ class ScoreRow:
     """None where there are no comparisons of it."""
     marks: Mapping[str, str]
     """Dagger or empty for `right_place`, `physics_naturalness`, `composite` and `elo`."""
+    p: Mapping[str, float]
+    """Two-sided, of the same tests; none where there is nothing to test against."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,6 +54,8 @@ class PreferenceRow:
     """Bradley-Terry over the overall comparisons; None without any."""
     marks: Mapping[JudgedAxis, str]
     """Dagger or empty."""
+    p: Mapping[JudgedAxis, float]
+    """Two-sided, of the same tests; none where there is nothing to test against."""
 
 
 def score_rows(
@@ -59,6 +63,7 @@ def score_rows(
     comparisons: Sequence[Comparison],
     baselines: Sequence[str],
     anchor: str = "",
+    ours: str = "",
     resamples: int = RESAMPLES,
     seed: int = SEED,
 ) -> list[ScoreRow]:
@@ -70,12 +75,13 @@ def score_rows(
         baselines: which methods count as such.
         anchor: method with the fixed Elo rating; by default the last of those that were compared, in the order of
             `scores`.
+        ours: what a baseline must beat, too, for a mark.
         resamples: of every bootstrap.
         seed: of every bootstrap.
     """
     if len({value.shape for value in scores.values()}) != 1 or any(v.shape[1:] != (2,) for v in scores.values()):
         raise InputError("scores of all methods must have one shape (samples, 2), in the same order of samples")
-    elo, elo_marks = overall_elo(list(scores), comparisons, baselines, anchor, resamples, seed)
+    elo, elo_p = overall_elo(list(scores), comparisons, baselines, anchor, ours, resamples, seed)
     columns = {
         JudgedAxis.RIGHT_PLACE.value: {name: value[:, 0] for name, value in scores.items()},
         JudgedAxis.PHYSICS_NATURALNESS.value: {name: value[:, 1] for name, value in scores.items()},
@@ -84,14 +90,23 @@ def score_rows(
     rows = []
     for method in scores:
         place, physics = (summary_of(scores[method][:, k], resamples, seed) for k in (0, 1))
-        marks = {}
+        marks: dict[str, str] = {"elo": ""}
+        p: dict[str, float] = {}
         for name, column in columns.items():
-            test = against_best_baseline(column, method, baselines, resamples, seed)
+            test = against_best_baseline(column, method, rivals(method, baselines, ours), resamples, seed)
             marks[name] = test.mark if test else ""
-        marks["elo"] = elo_marks.get(method, "")
+            p |= {name: test.test.p} if test else {}
+        if method in elo_p:
+            p["elo"], above = elo_p[method]
+            marks["elo"] = DAGGER if above and p["elo"] < SIGNIFICANT else ""
         both = composite([place.mean, physics.mean])
-        rows.append(ScoreRow(method, place, physics, both, elo.get(method), marks))
+        rows.append(ScoreRow(method, place, physics, both, elo.get(method), marks, p))
     return rows
+
+
+def rivals(method: str, baselines: Sequence[str], ours: str) -> Sequence[str]:
+    """What a method must beat for a mark: the baselines, and a baseline `ours`, too."""
+    return [*baselines, ours] if method in baselines and ours not in ("", *baselines) else baselines
 
 
 def overall_elo(
@@ -99,13 +114,12 @@ def overall_elo(
     comparisons: Sequence[Comparison],
     baselines: Sequence[str],
     anchor: str,
+    ours: str,
     resamples: int,
     seed: int,
-) -> tuple[dict[str, MethodRating], dict[str, str]]:
-    """Elo over the overall comparisons, and whose rating is significantly above the best baseline's: the test is that
-    of Bradley-Terry ratings, in which a tie is not counted twice."""
-    """Elo over the overall comparisons, and whose rating is significantly above the best baseline's: by the test of
-    Bradley-Terry ratings, in which a tie is not counted twice."""
+) -> tuple[dict[str, MethodRating], dict[str, tuple[float, bool]]]:
+    """Elo over the overall comparisons; and p of the test of each against its best rival, and whether it is above it:
+    the test is that of Bradley-Terry ratings, in which a tie is not counted twice."""
     overall = on_axis(comparisons, JudgedAxis.OVERALL)
     if not overall:
         return {}, {}
@@ -113,23 +127,26 @@ def overall_elo(
     there = [name for name in methods if name in counts.methods]
     ratings = {one.method: one for one in elo_ratings(counts, anchor or (there or counts.methods)[-1],
                                                       resamples=resamples, seed=seed)}  # fmt: skip
-    marks = {}
+    tests = {}
     for name in there:
-        others = [one for one in baselines if one in ratings and one != name]
-        best = max(others, key=lambda one: ratings[one].rating, default="")
-        above = bool(best) and ratings[name].rating > ratings[best].rating
-        marks[name] = DAGGER if above and rating_difference_p(counts, name, best, resamples, seed) < SIGNIFICANT else ""
-    return ratings, marks
+        others = [one for one in rivals(name, baselines, ours) if one in ratings and one != name]
+        if others:
+            best = max(others, key=lambda one: ratings[one].rating)
+            above = ratings[name].rating > ratings[best].rating
+            tests[name] = rating_difference_p(counts, name, best, resamples, seed), above
+    return ratings, tests
 
 
 def preference_rows(
     methods: Sequence[str],
     comparisons: Sequence[Comparison],
     baselines: Sequence[str],
+    ours: str = "",
     resamples: int = RESAMPLES,
     seed: int = SEED,
 ) -> list[PreferenceRow]:
     """Rows of table 2, for the methods that were compared on some axis."""
+    p: dict[str, dict[JudgedAxis, float]] = {name: {} for name in methods}
     rates: dict[str, dict[JudgedAxis, WinRate]] = {name: {} for name in methods}
     marks: dict[str, dict[JudgedAxis, str]] = {name: {} for name in methods}
     ratings: dict[str, MethodRating] = {}
@@ -140,8 +157,12 @@ def preference_rows(
         counts = pair_counts(there)
         for one in win_rates(counts, resamples, seed):
             if one.method in rates:
-                test = win_rate_significance(counts, one.method, baselines, resamples, seed)
+                against = rivals(one.method, baselines, ours)
+                test = win_rate_significance(counts, one.method, against, resamples, seed)
                 rates[one.method][axis], marks[one.method][axis] = one, test.mark if test else ""
+                p[one.method] |= {axis: test.test.p} if test else {}
         if axis is JudgedAxis.OVERALL:
             ratings = {one.method: one for one in bradley_terry(counts, resamples=resamples, seed=seed)}
-    return [PreferenceRow(name, rates[name], ratings.get(name), marks[name]) for name in methods if rates[name]]
+    return [
+        PreferenceRow(name, rates[name], ratings.get(name), marks[name], p[name]) for name in methods if rates[name]
+    ]

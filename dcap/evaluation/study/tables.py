@@ -1,123 +1,75 @@
 """Table 2: what people preferred, from their votes.
 
-The adapter between the study and the statistics: votes go in as counts of wins per scene-prompt pair, and what comes
+The adapter between the study and the statistics: votes go in as comparisons, whose judge is the rater, and what comes
 back is laid out as the table. Attention checks are no comparisons of methods and count nowhere here. Raters who failed
 one are told and stay in.
 """
 
-import csv
-import io
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-
-from dcap.evaluation.study.design import StudyAxis
+from dcap.evaluation.methods import DCAP, baselines_among, shown_name
+from dcap.evaluation.statistics.agreement import krippendorff_alpha, ratings_of
+from dcap.evaluation.statistics.comparisons import Comparison, JudgedAxis, Winner, methods_of, on_axis
+from dcap.evaluation.statistics.method_tables import PreferenceRow, preference_rows
 from dcap.evaluation.study.journal import StudyVote
-from dcap.evaluation.study.preferences import (
-    Interval,
-    PreferenceCounts,
-    bradley_terry_ratings,
-    krippendorff_alpha,
-    p_against_best,
-    win_rates,
-)
 from dcap.evaluation.study.raters import RaterRow
 from dcap.evaluation.study.study_folder import write_whole
+from dcap.evaluation.table_text import csv_of, number, tex_escaped
 
 TABLE = "table2"
-SIGNIFICANT = 0.01
-"""Below this p the best method is marked, as in the paper [-]."""
 HEADINGS = {
-    StudyAxis.OVERALL: "Overall (\\%)", StudyAxis.RIGHT_PLACE: "Right Place (\\%)",
-    StudyAxis.PHYSICS: "Phys. \\& Nat. (\\%)",
+    JudgedAxis.OVERALL: "Overall (\\%)", JudgedAxis.RIGHT_PLACE: "Right Place (\\%)",
+    JudgedAxis.PHYSICS_NATURALNESS: "Phys. \\& Nat. (\\%)",
 }  # fmt: skip
-SHOWN = {"dcap": "DCAP", "fireplace": "FirePlace*", "layoutgpt": "LayoutGPT", "holodeck": "Holodeck"}
-
-
-@dataclass(frozen=True, slots=True)
-class StudyRow:
-    """One method of Table 2."""
-
-    method: str
-    wins: Mapping[StudyAxis, Interval]
-    """Share of its comparisons that it won, by axis, with 95 % intervals over scene-prompt pairs [-]."""
-    p: Mapping[StudyAxis, float]
-    """That it is no better than the best of the others (paired bootstrap) [-]."""
-    rating: Interval
-    """Bradley-Terry, of the overall votes, on Elo's scale, mean 1500 [-]."""
-    comparisons: int
-    """That it was part of [-]."""
-
-    def marked(self, axis: StudyAxis) -> bool:
-        """Whether it is significantly better than every other method."""
-        return self.p[axis] < SIGNIFICANT
+"""Columns in the order of the paper's table."""
 
 
 @dataclass(frozen=True, slots=True)
 class StudyTable:
     """Table 2 and what belongs to it."""
 
-    rows: tuple[StudyRow, ...]
+    rows: tuple[PreferenceRow, ...]
     """The best overall first."""
-    agreement: Mapping[StudyAxis, float | None]
+    agreement: Mapping[JudgedAxis, float | None]
     """Krippendorff's alpha between raters [-]; None where no two raters answered the same comparison."""
     comparisons: int
     raters: int
+    offline: bool
+    """Whether no model answered for the baselines: their names say so."""
+
+    def name(self, row: PreferenceRow) -> str:
+        """A row's method as the table shows it."""
+        return shown_name(row.method, offline=self.offline)
 
 
-def study_table(votes: Sequence[StudyVote], seed: int) -> StudyTable:
+def study_table(votes: Sequence[StudyVote], seed: int, *, offline: bool = False) -> StudyTable:
     """Table 2 of the votes on true comparisons."""
-    true = [vote for vote in votes if vote.lifted is None]
-    methods = sorted({name for vote in true for name in (vote.left, vote.right)})
-    counts = {axis: counts_of([v for v in true if v.axis is axis], methods) for axis in StudyAxis}
-    rates = {axis: win_rates(one, seed) for axis, one in counts.items()}
-    best = {axis: p_against_best(one, seed) for axis, one in counts.items()}
-    ratings = bradley_terry_ratings(counts[StudyAxis.OVERALL], seed)
-    overall = counts[StudyAxis.OVERALL].totals
-    rows = [
-        StudyRow(
-            name,
-            {axis: rates[axis][i] for axis in StudyAxis},
-            {axis: best[axis][i] for axis in StudyAxis},
-            ratings[i],
-            int((overall + overall.T)[i].sum()),
-        )
-        for i, name in enumerate(methods)
-    ]
-    rows.sort(key=lambda row: (-row.wins[StudyAxis.OVERALL].value, row.method))
+    rows = [comparison_of(vote) for vote in votes if vote.lifted is None]
+    methods = methods_of(rows)
+    table = preference_rows(methods, rows, baselines_among(methods), ours=DCAP, seed=seed)
+    table.sort(key=lambda row: (-overall_rate(row), row.method))
     return StudyTable(
-        rows=tuple(rows),
-        agreement={axis: krippendorff_alpha(ballots(true, axis)) for axis in StudyAxis},
-        comparisons=sum(vote.axis is StudyAxis.OVERALL for vote in true),
-        raters=len({vote.rater for vote in true}),
+        rows=tuple(table),
+        agreement={axis: krippendorff_alpha(ratings_of(on_axis(rows, axis))) for axis in JudgedAxis},
+        comparisons=len(on_axis(rows, JudgedAxis.OVERALL)),
+        raters=len({row.judge for row in rows}),
+        offline=offline,
     )
 
 
-def counts_of(votes: Sequence[StudyVote], methods: Sequence[str]) -> PreferenceCounts:
-    """How often each method beat each other one, by scene-prompt pair."""
-    samples = sorted({vote.sample for vote in votes})
-    wins = np.zeros((len(samples), len(methods), len(methods)))
-    for vote in votes:
-        loser = vote.right if vote.winning_method == vote.left else vote.left
-        wins[samples.index(vote.sample), methods.index(vote.winning_method), methods.index(loser)] += 1
-    return PreferenceCounts(wins)
+def comparison_of(vote: StudyVote) -> Comparison:
+    """A vote as a comparison; who judges is the rater."""
+    return Comparison(
+        vote.sample, JudgedAxis(vote.axis.value), vote.left, vote.right, Winner(vote.winner.value), vote.rater
+    )
 
 
-def ballots(votes: Sequence[StudyVote], axis: StudyAxis) -> list[list[bool]]:
-    """Of each comparison (sample and two methods) whether each rater preferred the method whose name comes first."""
-    found: dict[tuple[str, str, str], list[bool]] = {}
-    for vote in votes:
-        if vote.axis is axis:
-            first, second = sorted((vote.left, vote.right))
-            found.setdefault((vote.sample, first, second), []).append(vote.winning_method == first)
-    return list(found.values())
-
-
-def shown_name(method: str) -> str:
-    """A method's name as tables print it."""
-    return SHOWN.get(method) or f"DCAP ({method.replace('_', ' ')})"
+def overall_rate(row: PreferenceRow) -> float:
+    """Share of the overall comparisons that a method won, 0 without any."""
+    won = row.rates.get(JudgedAxis.OVERALL)
+    return won.rate if won else 0.0
 
 
 def write_study_table(folder: Path, table: StudyTable, raters: Sequence[RaterRow]) -> tuple[Path, Path]:
@@ -136,43 +88,35 @@ def csv_text(table: StudyTable, raters: Sequence[RaterRow]) -> str:
     study |= {"attention_checks": sum(one.checks for one in raters)}
     study |= {"attention_failures": sum(one.checks_failed for one in raters)}
     study |= {"raters_flagged": sum(one.flagged for one in raters)}
-    rows: list[dict[str, object]] = []
-    for row in table.rows:
-        cells: dict[str, object] = {"method": row.method, "name": shown_name(row.method)}
-        for axis in reversed(StudyAxis):
-            wins = row.wins[axis]
-            cells |= {f"{axis}_wins": number(wins.value), f"{axis}_low": number(wins.low)}
-            cells |= {f"{axis}_high": number(wins.high), f"{axis}_p": number(row.p[axis])}
-            cells |= {f"{axis}_significant": row.marked(axis)}
-        cells |= {
-            f"bradley_terry{end}": f"{value:.1f}"
-            for end, value in zip(("", "_low", "_high"), row.rating.all, strict=True)
-        }
-        rows.append(cells | {"comparisons": row.comparisons} | study)
-    text = io.StringIO()
-    out = csv.DictWriter(text, list(rows[0]), lineterminator="\n")
-    out.writeheader()
-    out.writerows(rows)
-    return text.getvalue()
+    return csv_of([row_cells(row, table.name(row)) | study for row in table.rows])
 
 
-def number(value: float | None) -> str:
-    """Four digits; empty where there is none."""
-    return "" if value is None or not np.isfinite(value) else f"{value:.4f}"
+def row_cells(row: PreferenceRow, name: str) -> dict[str, object]:
+    """What stands in a method's row of the CSV; empty where it was not compared."""
+    cells: dict[str, object] = {"method": row.method, "name": name}
+    for axis in HEADINGS:
+        won = row.rates.get(axis)
+        rates = (won.rate, won.interval.low, won.interval.high) if won else (None, None, None)
+        cells |= {f"{axis}_{name}": number(one) for name, one in zip(("wins", "low", "high"), rates, strict=True)}
+        cells |= {f"{axis}_p": number(row.p.get(axis)), f"{axis}_significant": bool(row.marks.get(axis))}
+    rated, ends = row.rating, ("", "_low", "_high")
+    ratings = (f"{one:.1f}" for one in (rated.rating, rated.interval.low, rated.interval.high)) if rated else [""] * 3
+    cells |= {f"bradley_terry{end}": one for end, one in zip(ends, ratings, strict=True)}
+    cells |= {"bradley_terry_separable": bool(rated and rated.separable)}
+    overall = row.rates.get(JudgedAxis.OVERALL)
+    return cells | {"comparisons": overall.comparisons if overall else 0}
 
 
 def tex_text(table: StudyTable, raters: Sequence[RaterRow]) -> str:
     """The table as the paper lays it out."""
-    order = (StudyAxis.OVERALL, StudyAxis.RIGHT_PLACE, StudyAxis.PHYSICS)
-    head = " & ".join(["Method", *(HEADINGS[axis] for axis in order), "Bradley--Terry"])
+    head = " & ".join(["Method", *HEADINGS.values(), "Bradley--Terry"])
     lines = [
         "% Human forced choice, side by side. Win rates with 95 % intervals of a bootstrap over scene-prompt pairs."
     ]
     lines += ["\\begin{tabular}{lcccc}", "\\hline", f"{head} \\\\", "\\hline"]
     for row in table.rows:
-        cells = [tex_rate(row, axis) for axis in order]
-        rating = f"${row.rating.value:.0f}$ {{\\small $[{row.rating.low:.0f}, {row.rating.high:.0f}]$}}"
-        lines.append(f"{tex_escaped(shown_name(row.method))} & {' & '.join(cells)} & {rating} \\\\")
+        cells = [tex_rate(row, axis) for axis in HEADINGS]
+        lines.append(f"{tex_escaped(table.name(row))} & {' & '.join(cells)} & {tex_rating(row)} \\\\")
     lines += ["\\hline", "\\end{tabular}"]
     agreed = ", ".join(f"{axis.replace('_', ' ')} {number(value) or 'n/a'}" for axis, value in table.agreement.items())
     checks, failed = sum(one.checks for one in raters), sum(one.checks_failed for one in raters)
@@ -180,18 +124,24 @@ def tex_text(table: StudyTable, raters: Sequence[RaterRow]) -> str:
     lines += [
         f"% {table.raters} raters, {table.comparisons} comparisons. Krippendorff's alpha: {agreed}.",
         f"% Attention checks failed: {failed} of {checks}, by {flagged} raters, whose votes are included.",
-        "% $\\dagger$: better than every other method (paired bootstrap, p < 0.01).",
+        "% $\\dagger$: better than the best baseline, a baseline also than DCAP (paired bootstrap, p < 0.01).",
     ]
     return "\n".join(lines) + "\n"
 
 
-def tex_rate(row: StudyRow, axis: StudyAxis) -> str:
-    """A win rate in percent with its interval."""
-    wins, mark = row.wins[axis], "^{\\dagger}" if row.marked(axis) else ""
-    value, low, high = (f"{100 * one:.1f}" for one in wins.all)
+def tex_rate(row: PreferenceRow, axis: JudgedAxis) -> str:
+    """A win rate in percent with its interval; a dash where there is none."""
+    won = row.rates.get(axis)
+    if won is None:
+        return "--"
+    mark = "^{\\dagger}" if row.marks.get(axis) else ""
+    value, low, high = (f"{100 * one:.1f}" for one in (won.rate, won.interval.low, won.interval.high))
     return f"${value}{mark}$ {{\\small $[{low}, {high}]$}}"
 
 
-def tex_escaped(text: str) -> str:
-    """Text without what TeX takes for commands."""
-    return "".join(f"\\{sign}" if sign in "_&%#$" else sign for sign in text)
+def tex_rating(row: PreferenceRow) -> str:
+    """A rating with its interval; a dash where there is none."""
+    rated = row.rating
+    if rated is None:
+        return "--"
+    return f"${rated.rating:.0f}$ {{\\small $[{rated.interval.low:.0f}, {rated.interval.high:.0f}]$}}"

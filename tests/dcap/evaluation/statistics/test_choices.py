@@ -155,7 +155,7 @@ def test_raters_agree_on_methods_not_on_sides():
         row("t", "a", "b", Winner.LEFT, "r1"),
         row("t", "b", "a", Winner.LEFT, "r1"),
     ]
-    assert ratings_of(rows) == [{"r1": "a", "r2": "a"}, {"r1": ""}]
+    assert ratings_of(rows) == [{"r1": "first", "r2": "first"}, {"r1": "tie"}]
 
 
 def test_a_preference_for_a_side_is_found():
