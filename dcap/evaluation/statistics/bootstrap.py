@@ -3,7 +3,7 @@
 A resample draws as many samples as there are, with replacement; a statistic sees it as a weight for each sample (how
 often it was drawn), so that all columns and all methods of a resample share the same draw: that is what "paired" means
 [E93, chapters 13 and 16]. Percentile intervals; two-sided p by inverting them: twice the smaller share of resamples
-on one side of zero, both counts plus one, so that p is never 0.
+on one side of zero, both counts plus one, so that p is never 0; and never less than so few samples can show.
 
 Sources: [E93] Efron and Tibshirani, An Introduction to the Bootstrap, 1993; [D97] Davison and Hinkley, Bootstrap
 Methods and their Application, 1997, section 4.2 (the plus one).
@@ -76,10 +76,15 @@ def interval_of(resampled: NDArray[np.float64], level: float = LEVEL) -> Confide
     return ConfidenceInterval(float(low), float(high))
 
 
-def two_sided_p(resampled: NDArray[np.float64]) -> float:
-    """p of "the difference is 0" from its values over resamples, shape (b,): at least 2 / (b + 1), at most 1."""
+def two_sided_p(resampled: NDArray[np.float64], samples: int) -> float:
+    """p of "the difference is 0" from its values over resamples of so many samples, shape (b,): at most 1, at least
+    2 / (b + 1) and 2^(1 - samples).
+
+    The latter is that of the exact test by flipping signs where all samples agree: however often two samples are drawn
+    again, they are two. So p < 0.01 takes eight samples.
+    """
     below, above = int((resampled <= 0.0).sum()), int((resampled >= 0.0).sum())
-    return min(1.0, 2.0 * (min(below, above) + 1) / (len(resampled) + 1))
+    return min(1.0, max(2.0 * (min(below, above) + 1) / (len(resampled) + 1), 2.0 ** (1 - samples)))
 
 
 def mean_interval(values: NDArray[np.float64], resamples: int = RESAMPLES, seed: int = SEED) -> ConfidenceInterval:
@@ -107,7 +112,7 @@ def paired_difference(
     return PairedDifference(
         difference=float(gap_of(known.mean(axis=0)[None])[0]),
         interval=interval_of(resampled),
-        p=two_sided_p(resampled),
+        p=two_sided_p(resampled, len(known)),
         samples=len(known),
         left_out=len(both) - len(known),
     )

@@ -75,7 +75,7 @@ def rating_difference_p(
     """Two-sided p that two methods have the same Bradley-Terry rating, by bootstrap over samples."""
     _, resampled = fits(counts.shared_wins, resamples, seed)
     first, second = counts.methods.index(ours), counts.methods.index(theirs)
-    return two_sided_p(resampled[:, first] - resampled[:, second])
+    return two_sided_p(resampled[:, first] - resampled[:, second], len(counts.samples))
 
 
 def fits(wins: NDArray[np.float64], resamples: int, seed: int) -> tuple[StrengthFit, NDArray[np.float64]]:

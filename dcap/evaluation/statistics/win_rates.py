@@ -75,7 +75,7 @@ def win_rate_significance(
     gaps = gaps[~np.isnan(gaps)]
     both = int(((met[:, ours] > 0) & (met[:, theirs] > 0)).sum())
     test = PairedDifference(
-        rates[method] - rates[best], interval_of(gaps), two_sided_p(gaps), both, len(counts.samples) - both
+        rates[method] - rates[best], interval_of(gaps), two_sided_p(gaps, both), both, len(counts.samples) - both
     )
     return Significance(best, test)
 

@@ -76,9 +76,10 @@ def test_the_p_value_is_that_of_a_t_test_where_that_holds():
 
 def test_p_values_have_their_bounds():
     """Equal scores: 1. Always better: 2 / (B + 1), never 0."""
-    assert two_sided_p(np.zeros(999)) == 1.0
-    assert two_sided_p(np.ones(999)) == pytest.approx(2 / 1000)
-    assert two_sided_p(-np.ones(999)) == pytest.approx(2 / 1000)
+    assert two_sided_p(np.zeros(999), 20) == 1.0
+    assert two_sided_p(np.ones(999), 20) == pytest.approx(2 / 1000)
+    assert two_sided_p(-np.ones(999), 20) == pytest.approx(2 / 1000)
+    assert [two_sided_p(np.ones(999), few) for few in (1, 2, 8)] == [1.0, 0.5, 2 / 256]  # all signs of n coins alike
 
 
 def test_the_same_scores_give_the_same_numbers():

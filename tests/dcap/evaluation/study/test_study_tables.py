@@ -96,21 +96,23 @@ def rate_and_ends(row: PreferenceRow) -> tuple[float, float, float]:
 
 def test_p_counts_the_draws_that_say_otherwise() -> None:
     """Of two samples for the first and one for the second, of 27 draws 7 (no more than one of the first) do not favour
-    it: p is twice 7/27. Where every draw says the same, p is 2 / 10,001, and only the better one is marked."""
+    it: p is twice 7/27. Where every draw says the same, it is 2^(1 - n) of n samples, and the better one is marked
+    where these are eight."""
     three = given(("s", "dcap", "fireplace", 9), ("t", "dcap", "fireplace", 9), ("u", "fireplace", "dcap", 9))
     p = study_table(three, 0).rows[0].p[JudgedAxis.OVERALL]
     assert p == pytest.approx(14 / 27, abs=0.03)  # 10,000 draws: sigma 2 * 0.0044
-    sure = study_table(given(*((name, "dcap", "fireplace", 9) for name in "stu")), 0)
-    assert [row.p[JudgedAxis.OVERALL] for row in sure.rows] == pytest.approx([2 / 10_001] * 2)
-    assert [row.marks[JudgedAxis.OVERALL] for row in sure.rows] == [DAGGER, ""]
+    for names, marks in (("stuvwxyz", [DAGGER, ""]), ("stu", ["", ""])):
+        sure = study_table(given(*((name, "dcap", "fireplace", 9) for name in names)), 0)
+        assert [row.p[JudgedAxis.OVERALL] for row in sure.rows] == pytest.approx([2 ** (1 - len(names))] * 2)
+        assert [row.marks[JudgedAxis.OVERALL] for row in sure.rows] == marks
 
 
 def test_a_baseline_is_marked_only_where_it_beats_ours() -> None:
     """One that beats another baseline, and loses to ours, is not; nor is ours where it beats its own variant alone."""
-    rows = [(name, *pair, 9) for name in "stu" for pair in (("dcap", "fireplace"), ("fireplace", "layoutgpt"))]
+    rows = [(name, *pair, 9) for name in "stuvwxyz" for pair in (("dcap", "fireplace"), ("fireplace", "layoutgpt"))]
     marks = {row.method: row.marks[JudgedAxis.OVERALL] for row in study_table(given(*rows), 0).rows}
     assert marks == {"dcap": DAGGER, "fireplace": "", "layoutgpt": ""}
-    rows = [(name, *pair, 9) for name in "stu" for pair in (("dcap", "no_drop"), ("holodeck", "dcap"))]
+    rows = [(name, *pair, 9) for name in "stuvwxyz" for pair in (("dcap", "no_drop"), ("holodeck", "dcap"))]
     marks = {row.method: row.marks[JudgedAxis.OVERALL] for row in study_table(given(*rows), 0).rows}
     assert marks == {"dcap": "", "no_drop": "", "holodeck": DAGGER}
 
