@@ -5,7 +5,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from dcap.evaluation.judging.judge import judge_name
-from dcap.evaluation.judging.judging_folder import JUDGING
+from dcap.evaluation.judging.judging_folder import JUDGING, side_tree
 from dcap.evaluation.judging.known_answers import known_answers
 from dcap.evaluation.judging.validation import JudgeAccuracy, judge_accuracy
 from dcap.language.connect import connect
@@ -47,7 +47,8 @@ def validate_judge(
     with asking(session, say):
         found = judge_accuracy(connect(config, session), answers, judge_name(config))
     folder.mkdir(parents=True, exist_ok=True)
-    tree = {**asdict(found), "accuracy": found.accuracy, "rooms": list(rooms), "client": config.client.value}
+    tree = {**asdict(found), "sides": side_tree(found.sides), "accuracy": found.accuracy}
+    tree |= {"rooms": list(rooms), "client": config.client.value}
     draft = folder / f".{VALIDATION}"
     draft.write_bytes(readable_json(tree))
     draft.replace(folder / VALIDATION)

@@ -9,13 +9,14 @@ from pathlib import Path
 import pyarrow.parquet as pq
 import pytest
 from fake_api import FakeApi, data_of, message, question_of, says
-from judged import REPLY, SCORES
+from judged import REPLY, SCORES, placement
 from many_methods_run import JUDGED, METHODS, SAMPLES, many_methods_run, method_folder, row, write_rows
 
 from dcap.evaluation.judging.judge import RUBRIC
+from dcap.evaluation.judging.known_answers import KnownAnswer
 from dcap.evaluation.method_report import method_table
 from dcap.evaluation.outcome_table import SampleOutcome
-from dcap.evaluation.statistics.comparisons import read_comparisons
+from dcap.evaluation.statistics.comparisons import JudgedAxis, read_comparisons
 from flows.benchmark import finish
 from flows.cli.app import main
 from flows.judge_run import read_rows
@@ -258,3 +259,25 @@ def test_rows_survive_their_file(run: Path) -> None:
     """Every column is read as it was written."""
     assert read_rows(run)[0] == row("dcap", "bed-1", SAMPLES["bed-1"])
     assert isinstance(read_rows(run)[0], SampleOutcome)
+
+
+def test_a_judge_is_validated(
+    run: Path, api: FakeApi, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Printed and written, for a run or without one: the rubric is right twice, who says left once."""
+    pair = KnownAnswer(
+        placement("s", "settled", 1), placement("s", "floating", 2, gap_m=0.05), JudgedAxis.PHYSICS_NATURALNESS
+    )
+    monkeypatch.setattr("flows.judge_known.known_answers", lambda name: [pair])
+    assert main(["judge", str(run), "--validate"]) == 0
+    assert f"{RUBRIC}: 10 of 10 known answers right (100%" in capsys.readouterr().out
+    tree = json.loads((run / "judging" / "validation.json").read_text())
+    assert (tree["accuracy"], tree["by_flaw"], tree["client"]) == (1.0, {"floating": [10, 10]}, "offline")
+    assert not (run / "tables").exists()
+    api.answers = [says(REPLY)]
+    assert main(["judge", "--validate", "--language", "anthropic"]) == 0
+    said = capsys.readouterr().out.splitlines()
+    assert "5 of 10 known answers right (50%" in said[0]
+    tree = json.loads(Path(said[1]).read_text())
+    assert (tree["accuracy"], tree["sides"]["left_share"], tree["sides"]["consistent"]) == (0.5, 1.0, 0)
+    assert "'nowhere' is not a run" in complaint(capsys, "nowhere", "--validate")
