@@ -1,4 +1,4 @@
-"""The commands about data: `dcap dataset make|label|check|pack|prepare-sugar` and `dcap cache ls|verify`."""
+"""The commands about data: `dcap dataset make|label|check|sample|pack|prepare-sugar` and `dcap cache ls|verify`."""
 
 import json
 import sys
@@ -9,10 +9,12 @@ import typer
 
 from dcap.scene.types.sample import SourceOptions
 from flows.cli.checks import Json, choice, given
+from flows.cli.sample_command import dataset_sample
 from flows.options import UNITS, UPS, PlaceOptions, check_out, checked
 
 dataset_app = typer.Typer(help="Make the embedded dataset, or check any.", no_args_is_help=True, rich_markup_mode=None)
 cache_app = typer.Typer(help="What has been computed.", no_args_is_help=True, rich_markup_mode=None)
+dataset_app.command("sample")(dataset_sample)
 
 
 @dataset_app.command("make")
