@@ -84,7 +84,7 @@ class SamplesReply(BaseModel, frozen=True, extra="forbid"):
             raise ValueError(f"{refused} samples ought to be refused, expected {request.infeasible}")
         seen: set[tuple[str, str]] = set()
         for one in self.samples:
-            same = one.object, " ".join(split_words(one.prompt))
+            same = one.object, " ".join(word for word in split_words(one.prompt) if word != ",")
             if same in seen:
                 raise ValueError(f"two samples ask for {one.object!r} with {one.prompt!r}")
             seen.add(same)
@@ -168,7 +168,7 @@ def draft_of(one: TemplateSample) -> SampleDraft:
             "object": ask.asset.name,
             "prompt": one.prompt,
             "base_id": surface.base.id if surface is not None else "",
-            "any_such": surface is not None and surface.several,
+            "any_such": surface is not None and surface.several and not ask.landmark,  # a landmark says which
             "part": surface.part if surface is not None else "",
             "regions": ask.regions,
             "top": tops.get(ask.pose, ""),

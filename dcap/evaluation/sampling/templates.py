@@ -15,6 +15,9 @@ from dcap.evaluation.sampling.wording import sentence
 from dcap.language.protocol.requests import InstanceView
 from dcap.scene.errors import InputError
 
+TOO_LARGE_SHARE = 0.5
+"""Of what ought to be refused, those that have no room; the others ask for what is not there [-]."""
+
 
 @dataclass(frozen=True, slots=True)
 class TemplateSample:
@@ -30,7 +33,13 @@ def template_samples(
     """So many samples of a scene, of which at most so many ought to be refused; InputError where it has too few."""
     surfaces = carrying_surfaces(instances)
     draw = AskDraw(scene, seed)
-    draw.take(refused_asks(surfaces, assets, instances), min(infeasible, count))
+    refused = list(refused_asks(surfaces, assets, instances))
+    kinds = [[ask for ask in refused if (ask.surface is None) == absent] for absent in (True, False)]
+    for number in range(min(infeasible, count)):  # half of each, and of what there is where the other is not
+        first = int(chance(seed, scene, number, "kind") < TOO_LARGE_SHARE)
+        before = len(draw.made)
+        draw.take(kinds[first], 1)
+        draw.take(kinds[1 - first], before + 1 - len(draw.made))
     draw.take(feasible_asks(surfaces, assets), count - len(draw.made))
     if len(draw.made) < count:
         what = "nothing that can be named carries anything" if not surfaces else f"has {len(draw.made)} samples"
@@ -48,10 +57,11 @@ class AskDraw:
         self.made: list[TemplateSample] = []
         self.used: Counter[tuple[str, str]] = Counter()
         self.said: set[tuple[str, str]] = set()
+        self.keys: set[str] = set()
 
     def take(self, asks: Iterable[PlacementAsk], count: int) -> None:
         """Draw so many, or as many as there are."""
-        left = {ask.key: ask for ask in asks}
+        left = {ask.key: ask for ask in asks if ask.key not in self.keys}
         order = sorted(left, key=lambda key: chance(self.seed, self.scene, key))
         for _ in range(count):
             while order:
@@ -70,6 +80,7 @@ class AskDraw:
         if (ask.asset.name, prompt) in self.said:
             return False
         self.said.add((ask.asset.name, prompt))
+        self.keys.add(ask.key)
         self.used.update(spoken_of(ask))
         self.made.append(TemplateSample(ask, prompt))
         return True
