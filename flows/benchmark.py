@@ -49,6 +49,7 @@ from flows.sample_run import (
     try_sample,
 )
 from flows.samples import EMBEDDED, SPLAT_ROOMS, TRUTH, load_samples, load_yaml
+from flows.scene_lists import of_scenes
 from flows.scoring import scored_row
 from flows.server import prefect_server
 from tasks.mesh.stage import mesh_object_task, mesh_scene_task
@@ -112,11 +113,12 @@ def run_benchmark(
     workers: int = 2,
     only_failed: bool = False,
     methods: Sequence[str] = (DCAP,),
+    scenes: str = "",
 ) -> Run:
     """Place the samples of a dataset by each method and write the run's folder."""
     begin = time.monotonic()
     config = config.model_copy(update={"measured": True})
-    path, samples = dataset_samples(dataset, limit)
+    path, samples = dataset_samples(dataset, limit, scenes)
     samples = with_examples([by_method(sample, method) for sample in samples for method in methods])
     if only_failed:
         samples = failed_before(samples)
@@ -147,15 +149,16 @@ def scored_rows(
     return tuple(sorted(rows, key=lambda row: order.index(row.method)))
 
 
-def dataset_samples(dataset: Path | None, limit: int | None) -> tuple[Path, list[Sample]]:
-    """The dataset's file and its samples; the embedded rooms are generated if they are missing."""
+def dataset_samples(dataset: Path | None, limit: int | None, scenes: str = "") -> tuple[Path, list[Sample]]:
+    """The dataset's file and its samples, of all scenes or of those that a list names; the embedded rooms are generated
+    if they are missing."""
     path = dataset or EMBEDDED
     if path.resolve() == EMBEDDED:
         ensure_dataset(data_root(), DATASET_SEED)
     elif path.resolve() == SPLAT_ROOMS:
         rooms = [Path(sample.scene).name for sample in load_samples(path)]
         ensure_dataset(data_root(), DATASET_SEED, rooms=list(dict.fromkeys(rooms)), splats=SPLATS)
-    return path, load_samples(path)[:limit]
+    return path, of_scenes(load_samples(path), scenes, path.parent)[:limit]
 
 
 def ensure_dataset(folder: Path, seed: int, *, rooms: Sequence[str] = (), splats: int = 0) -> Path:
@@ -302,10 +305,15 @@ def truths_of(dataset: Path, samples: Sequence[Sample]) -> list[ExpectedOutcome 
 
 
 def plan_benchmark(
-    dataset: Path | None, config: PlaceConfig, *, limit: int | None = None, methods: Sequence[str] = (DCAP,)
+    dataset: Path | None,
+    config: PlaceConfig,
+    *,
+    limit: int | None = None,
+    methods: Sequence[str] = (DCAP,),
+    scenes: str = "",
 ) -> list[PlanRow]:
     """Print what would run and why."""
-    _, samples = dataset_samples(dataset, limit)
+    _, samples = dataset_samples(dataset, limit, scenes)
     config = config.model_copy(update={"measured": True})
     asked = with_examples([by_method(sample, method) for sample in samples for method in methods])
     plans = [plan_sample(sample, config) for sample in asked]

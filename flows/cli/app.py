@@ -50,6 +50,10 @@ Dataset = Annotated[Path | None, typer.Option(help="YAML list of samples; defaul
 Methods = Annotated[
     str, typer.Option(help="Comma-separated: dcap, fireplace, layoutgpt, holodeck, ablations by name, or all.")
 ]
+Scenes = Annotated[
+    str,
+    typer.Option(metavar="LIST", help="Only these scenes: names between commas, a .txt file of names, or a split."),
+]
 Limit = Annotated[int | None, typer.Option(min=1, help="Only the first N samples.")]
 Language = Annotated[
     str,
@@ -201,6 +205,7 @@ def drop(
 def benchmark(
     dataset: Dataset = None,
     methods: Methods = "dcap",
+    scenes: Scenes = "",
     limit: Limit = None,
     workers: Workers = 2,
     only_failed: Annotated[
@@ -232,7 +237,14 @@ def benchmark(
     config = configured(chosen, language=asking.config())
     chosen_methods = methods_of(methods)
     run = run_benchmark(
-        dataset, config, asking, limit=limit, workers=workers, only_failed=only_failed, methods=chosen_methods
+        dataset,
+        config,
+        asking,
+        limit=limit,
+        workers=workers,
+        only_failed=only_failed,
+        methods=chosen_methods,
+        scenes=scenes,
     )
     if as_json:
         print(json.dumps(object_to_json(run.summary), indent=2, ensure_ascii=False))
@@ -243,6 +255,7 @@ def benchmark(
 def plan(
     dataset: Dataset = None,
     methods: Methods = "dcap",
+    scenes: Scenes = "",
     limit: Limit = None,
     language: Language = "",
     model: Model = "",
@@ -262,7 +275,7 @@ def plan(
     asking = LanguageOptions(language, model, record, replay)
     chosen = checked(PlaceOptions, {"paper_limits": paper_limits, "ambiguous": ambiguous})
     config = configured(chosen, language=asking.config(plan=True))
-    rows = plan_benchmark(dataset, config, limit=limit, methods=methods_of(methods))
+    rows = plan_benchmark(dataset, config, limit=limit, methods=methods_of(methods), scenes=scenes)
     if as_json:
         print(json.dumps(to_json(rows), indent=2, ensure_ascii=False))
     return 0
