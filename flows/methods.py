@@ -37,7 +37,9 @@ from tasks.render.stage import render_task
 from tasks.rotation.stage import rotation_task
 from tasks.segment.stage import segment_object_task, segment_task
 
-NO_DROP = "no_drop"
+NO_DROP, RIGID_DROP = "no_drop", "rigid_drop"
+OTHER_MATERIALS = frozenset({RIGID_DROP, "blended_materials", "paper"})
+"""Ablations whose drop has other materials, or none that gives way."""
 
 
 def place_by(sample: Sample, config: PlaceConfig) -> PlacementRefs:
@@ -45,7 +47,7 @@ def place_by(sample: Sample, config: PlaceConfig) -> PlacementRefs:
     own = config_of(sample.method, config)
     proposes = sample.method in BASELINES or sample.method == NO_DROP
     found = proposed(sample, own) if proposes else place(sample, own)
-    return measured(found, own) if config.measured else found
+    return measured(sample, found, config) if config.measured else found
 
 
 def changed(**stages: Mapping[str, object]) -> Callable[[PlaceConfig], PlaceConfig]:
@@ -67,7 +69,7 @@ def as_in_the_paper(config: PlaceConfig) -> PlaceConfig:
 
 
 CHANGES: Mapping[str, Callable[[PlaceConfig], PlaceConfig]] = {
-    "rigid_drop": changed(materials={"rigid_above": 1e-3}),
+    RIGID_DROP: changed(materials={"rigid_above": 1e-3}),
     "no_size_prior": changed(intent={"smallest_scale": 1.0, "largest_scale": 1.0}),
     "no_rotation": changed(rotation={"chosen": False}),
     "no_subpart": changed(anchor={"subparts": False}),
@@ -142,8 +144,12 @@ def proposal(
     return layoutgpt_task(scene, item, intent, sample.prompt, config=asked, exemplars=plans)
 
 
-def measured(found: PlacementRefs, config: PlaceConfig) -> PlacementRefs:
-    """With what is measured of the final state, as far as there is one."""
+def measured(sample: Sample, found: PlacementRefs, config: PlaceConfig) -> PlacementRefs:
+    """With what is measured of the final state, as far as there is one.
+
+    An ablation that takes other materials is measured with the true ones: what is rigid in its drop has to sink in, too.
+    Simulated on is what it simulated, on its own cells, but where it had no soft material at all.
+    """
     if found.settled.infeasible:
         return found
     scene, item, anchor, settled = found.scene, found.item, found.anchor, found.settled
@@ -152,8 +158,13 @@ def measured(found: PlacementRefs, config: PlaceConfig) -> PlacementRefs:
         scene, item, anchor, settled, found.scene_surface, found.object_surface, config=config.views
     )
     found = replace(found, measures=measures, views=views)
-    if found.particles.infeasible:
+    materials, particles = found.materials, found.particles
+    if sample.method in OTHER_MATERIALS:
+        materials = materials_task(scene, item, found.intent, anchor, sample.prompt, config=config.materials)
+        particles = particles_task(scene, item, found.intent, anchor, materials, config=config.particles)
+    if particles.infeasible:
         return found
-    sinking = indentation_task(scene, item, found.intent, anchor, found.materials, found.particles, settled)
-    drift = drift_task(found.particles, settled, config=config.drift)
+    sinking = indentation_task(scene, item, found.intent, anchor, materials, particles, settled)
+    simulated = particles if sample.method == RIGID_DROP else found.particles
+    drift = drift_task(simulated, settled, config=config.drift)
     return replace(found, indentation=sinking, drift=drift)

@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 
 from dcap.evaluation.judging.rubric import SCALES, rubric_scores
 from dcap.evaluation.metrics.right_place import place_measures
-from dcap.evaluation.outcome_table import AS_POSED, AT_REST, ExpectedOutcome, SampleOutcome, row_of
+from dcap.evaluation.outcome_table import AS_POSED, AT_REST, QUADRANT_DEG, ExpectedOutcome, SampleOutcome, row_of
+from dcap.evaluation.region import TOLERANCE_M
 from dcap.geometry.placement.named_regions import BESIDE, regions
 from dcap.scene.json_tree import JsonObject, JsonValue
 from dcap.scene.store.artifacts import Store
@@ -71,7 +72,16 @@ def scored_row(
         region_distance_m=place.region_distance_m,
         orientation_error_deg=place.orientation_error_deg,
     )
+    if row.verdict == AS_POSED:  # its words for regions are its own: what counts is where the object is
+        row = replace(row, as_expected=there(row))
     return with_scores(row)
+
+
+def there(row: SampleOutcome) -> bool:
+    """Whether everything that was stated of a place and measured is met."""
+    near = row.region_distance_m is None or row.region_distance_m <= TOLERANCE_M
+    turned = row.orientation_error_deg is None or row.orientation_error_deg <= QUADRANT_DEG
+    return row.support_hit is not False and row.part_hit is not False and near and turned
 
 
 def with_scores(row: SampleOutcome) -> SampleOutcome:

@@ -24,7 +24,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Placed:
+class PlacedBodies:
     """Where bodies are at the beginning, by name; what is not named is in its start pose."""
 
     rotation: Mapping[str, Array] = field(default_factory=dict)
@@ -50,7 +50,7 @@ class Onward:
     """Unbalanced force in the last step on the worst free body over its weight [-]: 1 in free fall."""
 
 
-def onward(model: Model, config: SolverConfig, placed: Placed, seconds: float, most_steps: int) -> Onward:
+def onward(model: Model, config: SolverConfig, placed: PlacedBodies, seconds: float, most_steps: int) -> Onward:
     """Simulate a state on.
 
     Raises ModelError where it begins with bodies inside each other by more than `config.start_overlap`, and
@@ -72,7 +72,7 @@ def onward(model: Model, config: SolverConfig, placed: Placed, seconds: float, m
         return Onward(float(state.time), steps, distance, angle, residual)
 
 
-def begun(simulation: Simulation, placed: Placed) -> State:
+def begun(simulation: Simulation, placed: PlacedBodies) -> State:
     """The state with everything where it was placed, at rest."""
     state, soft = simulation.start_state(), simulation.soft
     state.stop()

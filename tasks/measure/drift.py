@@ -12,7 +12,7 @@ from dcap.scene.types.particles import Particles
 from dcap.scene.types.settled import Settled
 from solver.config import SolverConfig
 from solver.errors import ModelError, UnstableStep
-from solver.onward import Placed, onward
+from solver.onward import PlacedBodies, onward
 from tasks.bodies.solver_model import solver_model
 from tasks.runner.stage import stage
 
@@ -35,7 +35,7 @@ def drift(particles: Particles, settled: Settled, config: DriftConfig) -> Drift:
     solver = config.solver.model_copy(update={"threads": config.threads})
     rest = {one.name: one.world_from_start for one in settled.bodies}
     grids = zip(settled.bodies, settled.nodes, strict=True) if settled.nodes else ()
-    placed = Placed(
+    placed = PlacedBodies(
         {name: pose[:3, :3] for name, pose in rest.items()},
         {name: pose[:3, 3] for name, pose in rest.items()},
         {body.name: moved for body, moved in grids if moved is not None},

@@ -6,7 +6,7 @@ import pytest
 from solver.config import SolverConfig
 from solver.errors import ModelError
 from solver.model.bodies import Model
-from solver.onward import Placed, onward
+from solver.onward import PlacedBodies, onward
 from solver.settle import settle
 
 G = 9.81
@@ -23,7 +23,7 @@ def bodies(lab, height=0.005):
 def placed(result):
     """Where everything ended."""
     rest = {one.name: one for one in result.bodies}
-    return Placed(
+    return PlacedBodies(
         {name: one.rotation for name, one in rest.items()},
         {name: one.translation for name, one in rest.items()},
         result.nodes,
@@ -47,18 +47,18 @@ def test_the_same_pose_over_a_slab_without_its_dent_is_refused(lab):
     model = bodies(lab)
     rest = placed(settle(model, CONFIG))
     with pytest.raises(ModelError, match="inside each other"):
-        onward(model, CONFIG, Placed(rest.rotation, rest.translation), 1.0, 400)
+        onward(model, CONFIG, PlacedBodies(rest.rotation, rest.translation), 1.0, 400)
 
 
 def test_what_floats_falls(lab):
     """g t^2 / 2 while it meets nothing; all of its weight is unbalanced."""
-    found = onward(bodies(lab, height=0.6), CONFIG, Placed(), 0.3, 400)
+    found = onward(bodies(lab, height=0.6), CONFIG, PlacedBodies(), 0.3, 400)
     assert found.seconds == pytest.approx(0.3)
     assert found.distance == pytest.approx(0.5 * G * 0.3**2, rel=0.05)
     assert found.force_residual == pytest.approx(1.0, rel=1e-3)
 
 
 def test_the_steps_are_bounded(lab):
-    found = onward(bodies(lab, height=0.6), CONFIG, Placed(), 1.0, 3)
+    found = onward(bodies(lab, height=0.6), CONFIG, PlacedBodies(), 1.0, 3)
     assert found.steps == 3
     assert found.seconds < 1.0
