@@ -147,7 +147,7 @@ def proposal(
 def measured(sample: Sample, found: PlacementRefs, config: PlaceConfig) -> PlacementRefs:
     """With what is measured of the final state, as far as there is one.
 
-    An ablation that takes other materials is measured with the true ones: what is rigid in its drop has to sink in, too.
+    An ablation that takes other materials is measured with the true ones: what is rigid in its drop has to sink in.
     Simulated on is what it simulated, on its own cells, but where it had no soft material at all.
     """
     if found.settled.infeasible:
