@@ -27,7 +27,7 @@ from dcap.language.offline.priors import prior_of
 from dcap.language.protocol.requests import IntentRequest, ObjectView
 from dcap.scene.checks.findings import Findings
 from dcap.scene.checks.layout import layout_of
-from dcap.scene.errors import DcapError, InputError
+from dcap.scene.errors import BudgetError, InputError, LanguageError
 from dcap.scene.readers.scenes.sugar import MESH_SUFFIXES
 from dcap.scene.settings import runs_root
 from dcap.scene.store.artifacts import Store
@@ -135,8 +135,10 @@ def sample_dataset(
         assert isinstance(contents, Segmentation)
         try:
             drafts = drafts_for(name, contents, assets, sampling, client)
-        except InputError as poor:
-            short[name] = str(poor)
+        except BudgetError:
+            raise
+        except (InputError, LanguageError) as poor:
+            short[name] = " ".join(str(poor).split())
             continue
         made.append(SampledScene(name, found[name], contents, drafts))
     told_or_refused(short, sampling.skip, len(found))
@@ -249,8 +251,6 @@ def drafts_for(
         return client.ask(SAMPLES, request).samples
     except ValueError as error:
         raise InputError(f"{name}: {error}") from error
-    except DcapError as error:
-        raise InputError(str(error)) from error
 
 
 def write_dataset(

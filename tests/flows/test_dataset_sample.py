@@ -2,8 +2,10 @@
 
 import json
 from pathlib import Path
+from typing import Any
 
 import pytest
+from fake_api import FakeApi, offline_model, question_of, reason_of, says
 from tiny_rooms import write_tiny_objects, write_tiny_rooms
 
 from dcap.evaluation.outcome_table import read_truth
@@ -73,6 +75,34 @@ def test_a_data_set_of_a_folder(tmp_path: Path, capsys: pytest.CaptureFixture[st
     assert sampled(tmp_path, "bad", "--skip") == 0
     assert "left out: room_009" in capsys.readouterr().err
     assert (tmp_path / "bad" / "samples.yaml").read_bytes() == first["samples.yaml"]
+
+
+@pytest.mark.slow
+def test_a_model_writes_the_sentences(tmp_path: Path, capsys: pytest.CaptureFixture[str], api: FakeApi) -> None:
+    """A reply that does not hold of the scene goes back with the reason; a recording gives the same data set."""
+    write_tiny_rooms(tmp_path / "rooms", 1)
+    write_tiny_objects(tmp_path / "objects")
+    wrong = {
+        "samples": [{"object": "mug", "prompt": f"Put {n} mugs on the moon.", "base_id": "moon"} for n in range(4)]
+    }
+    refusals: list[bool] = []
+
+    def model(body: dict[str, Any]) -> tuple[int, dict[str, Any]]:
+        if question_of(body) == "samples" and not refusals:
+            refusals.append(True)
+            return says(wrong)(body)
+        return offline_model(body)
+
+    api.answers = [model]
+    assert sampled(tmp_path, "asked", "--language", "anthropic", "--record", str(tmp_path / "replies")) == 0
+    assert "base_id 'moon' is not listed" in reason_of(api.asked[-1])
+    count = len(api.asked)
+    assert sampled(tmp_path, "replayed", "--replay", str(tmp_path / "replies")) == 0
+    assert len(api.asked) == count
+    first, again = (files(tmp_path / name) for name in ("asked", "replayed"))
+    assert {name: first[name] for name in again if name.endswith("yaml")} == {
+        name: again[name] for name in again if name.endswith("yaml")
+    }
 
 
 def test_bad_inputs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

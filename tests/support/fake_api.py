@@ -14,6 +14,7 @@ from typing import Any
 
 from pydantic import TypeAdapter
 
+from dcap.evaluation.sampling.questions import SAMPLES
 from dcap.language.offline.client import OfflineClient
 from dcap.language.protocol.fireplace import CHOICE, OUTLINES, PRUNING
 from dcap.language.protocol.questions import (
@@ -33,6 +34,7 @@ Body = dict[str, Any]
 Answer = tuple[int, Body]
 ASKED: tuple[Question[Any, Any], ...] = (
     INTENT, ROTATION, ANCHOR, MATERIALS, LABEL, PARTS, LAYOUTGPT, HOLODECK, OUTLINES, CHOICE, PRUNING,
+    SAMPLES,
 )  # fmt: skip
 QUESTIONS = {one.name: one for one in ASKED}
 UNKNOWN_KEYWORDS = (

@@ -43,9 +43,7 @@ def template_samples(
     draw.take(feasible_asks(surfaces, assets), count - len(draw.made))
     if len(draw.made) < count:
         what = "nothing that can be named carries anything" if not surfaces else f"has {len(draw.made)} samples"
-        raise InputError(
-            f"{scene}: {what}, fewer than {count}; lower --per-scene, add objects, or leave it out by --skip"
-        )
+        raise InputError(f"{scene}: {what}, fewer than {count}; lower --per-scene or add objects")
     return sorted(draw.made, key=lambda one: chance(seed, scene, one.ask.key, "order"))
 
 
