@@ -35,8 +35,8 @@ def methods_of(text: str) -> tuple[str, ...]:
     asked = {one.strip() for one in text.split(",") if one.strip()}
     for name in sorted(asked - {"all"}):
         if name not in METHODS:
-            raise InputError(f"--methods: {name!r} is not a method{did_you_mean(name, METHODS)}; there are "
-                             f"{', '.join(METHODS)} and all")  # fmt: skip
+            known = ", ".join((*METHODS, "all"))
+            raise InputError(f"--methods {name!r} is not one of {known}{did_you_mean(name, METHODS)}")
     if not asked:
         raise InputError(f"--methods is empty; there are {', '.join(METHODS)} and all")
     asked |= set(ALL) if "all" in asked else set()
