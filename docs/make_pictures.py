@@ -189,7 +189,8 @@ def rotation_stage() -> Rgb:
     prompt = "set the laptop on the desk with its screen facing the chair"
     out = runs_root() / "docs" / "laptop"
     dcap.place(data_root() / "rooms" / "bedroom_02", laptop, prompt, out=out)
-    found = Store.default().load(finished_placement(str(out), None).finished.placement.rotation)
+    chosen = finished_placement(str(out), None).finished.placement.rotation
+    found = Store.default().load(chosen) if chosen else None
     assert isinstance(found, Rotation)
     return beside([small(one, 360) for one in found.pictures])
 
@@ -292,6 +293,7 @@ def signals_stage() -> Rgb:
     """Speeds and residuals of the drop, and what rest asks for."""
     settled = heavy().settled
     assert settled
+    assert settled.certificate
     told, rows = settled.history, settled.certificate.signals
     figure, (left, right) = plt.subplots(1, 2, figsize=(9.2, 3.2), dpi=110)
     left.semilogy(told.time, told.linear_speed, label="ball")

@@ -7,8 +7,9 @@ after the last sample has finished, and only for the report.
 
 import json
 import os
+import platform
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor, as_completed
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import asdict, dataclass, replace
@@ -16,10 +17,9 @@ from datetime import UTC, datetime
 from pathlib import Path
 from threading import Semaphore
 
-import pyarrow as pa
-import pyarrow.parquet as pq
-
-from dcap.evaluation.outcome_table import ExpectedOutcome, SampleOutcome, read_truth, row_of
+from dcap.evaluation.method_report import MethodTable, shown_lines
+from dcap.evaluation.methods import DCAP, METHODS, by_method, split_id, with_examples
+from dcap.evaluation.outcome_table import ExpectedOutcome, SampleOutcome, read_truth
 from dcap.evaluation.report import write_report
 from dcap.evaluation.run_folder import sample_folder
 from dcap.evaluation.run_summary import RunSummary, summary_of
@@ -29,10 +29,12 @@ from dcap.language.protocol.client import ClientName
 from dcap.language.protocol.session import Session
 from dcap.scene.errors import InputError
 from dcap.scene.json_tree import JsonObject, object_to_json
-from dcap.scene.settings import data_root, runs_root
+from dcap.scene.settings import data_root, runs_root, version
 from dcap.scene.types.sample import Sample
-from flows.display import Display, print_plan, print_table
+from flows.display import Display, print_lines, print_plan, print_table
+from flows.judge_run import judged_rows, write_rows
 from flows.language_options import LEDGER, LanguageOptions
+from flows.measures_file import write_measures
 from flows.output import readable_json, write_placement
 from flows.place import PlaceConfig
 from flows.run_files import RUN, asked_of_run, find_run, located, sample_from_json
@@ -47,9 +49,12 @@ from flows.sample_run import (
     try_sample,
 )
 from flows.samples import EMBEDDED, SPLAT_ROOMS, TRUTH, load_samples, load_yaml
+from flows.scene_lists import of_scenes
+from flows.scoring import scored_row
 from flows.server import prefect_server
 from tasks.mesh.stage import mesh_object_task, mesh_scene_task
 from tasks.runner.context import RunContext
+from tasks.runner.digests import installed_version
 from tasks.runner.process import kill_all
 from tasks.runner.process_server import process_server
 
@@ -61,6 +66,12 @@ IN_A_BATCH = 32
 SPLATS = 500_000
 """Gaussians per room of the embedded dataset of splats; a scene of InteriorGS has as many."""
 
+LIBRARIES = (
+    "numpy", "scipy", "taichi", "open3d", "libigl", "manifold3d", "shapely", "trimesh", "scikit-image", "pyarrow",
+    "prefect", "anthropic", "openai",
+)  # fmt: skip
+"""Whose versions run.json tells."""
+
 
 @dataclass(frozen=True, slots=True)
 class Run:
@@ -69,6 +80,8 @@ class Run:
     folder: Path
     rows: tuple[SampleOutcome, ...]
     summary: RunSummary
+    table: MethodTable | None = None
+    """Table 1; None where methods cannot be compared."""
 
     @property
     def failed(self) -> int:
@@ -99,10 +112,14 @@ def run_benchmark(
     limit: int | None = None,
     workers: int = 2,
     only_failed: bool = False,
+    methods: Sequence[str] = (DCAP,),
+    scenes: str = "",
 ) -> Run:
-    """Place the samples of a dataset and write the run's folder."""
+    """Place the samples of a dataset by each method and write the run's folder."""
     begin = time.monotonic()
-    path, samples = dataset_samples(dataset, limit)
+    config = config.model_copy(update={"measured": True})
+    path, samples = dataset_samples(dataset, limit, scenes)
+    samples = with_examples([by_method(sample, method) for sample in samples for method in methods])
     if only_failed:
         samples = failed_before(samples)
     language = language or LanguageOptions()
@@ -110,24 +127,38 @@ def run_benchmark(
     with Display(samples) as display:
         plans = plan_all(samples, config, display)
         results = run_all(plans, config, folder, language.session(folder), workers, display)
-    rows = tuple(
-        row_of(sample, tree, error, truth)
-        for (sample, (tree, error)), truth in zip(results.items(), truths_of(path, list(results)), strict=True)
-    )
+    rows = scored_rows(folder, results, truths_of(path, list(results)))
     run = finish(folder, rows, time.monotonic() - begin)
-    print_table(rows, run.summary, folder)
+    print_table(run.rows, run.summary, folder)
+    if run.table:
+        print_lines(shown_lines(run.table))
     return run
 
 
-def dataset_samples(dataset: Path | None, limit: int | None) -> tuple[Path, list[Sample]]:
-    """The dataset's file and its samples; the embedded rooms are generated if they are missing."""
+def scored_rows(
+    folder: Path,
+    results: Mapping[Sample, tuple[JsonObject | None, str]],
+    truths: Sequence[ExpectedOutcome | None],
+) -> tuple[SampleOutcome, ...]:
+    """A row for each sample and method, method by method."""
+    rows = [
+        scored_row(sample, tree, error, truth, sample_folder(folder, sample.id))
+        for (sample, (tree, error)), truth in zip(results.items(), truths, strict=True)
+    ]
+    order = list(METHODS)
+    return tuple(sorted(rows, key=lambda row: order.index(row.method)))
+
+
+def dataset_samples(dataset: Path | None, limit: int | None, scenes: str = "") -> tuple[Path, list[Sample]]:
+    """The dataset's file and its samples, of all scenes or of those that a list names; the embedded rooms are generated
+    if they are missing."""
     path = dataset or EMBEDDED
     if path.resolve() == EMBEDDED:
         ensure_dataset(data_root(), DATASET_SEED)
     elif path.resolve() == SPLAT_ROOMS:
         rooms = [Path(sample.scene).name for sample in load_samples(path)]
         ensure_dataset(data_root(), DATASET_SEED, rooms=list(dict.fromkeys(rooms)), splats=SPLATS)
-    return path, load_samples(path)[:limit]
+    return path, of_scenes(load_samples(path), scenes, path.parent)[:limit]
 
 
 def ensure_dataset(folder: Path, seed: int, *, rooms: Sequence[str] = (), splats: int = 0) -> Path:
@@ -211,7 +242,9 @@ def keep(folder: Path, finished: FinishedSample) -> JsonObject:
     """Write a sample's results into the run."""
     out = sample_folder(folder, finished.sample.id)
     (out / "error.txt").unlink(missing_ok=True)
-    return write_placement(finished, out)
+    tree = write_placement(finished, out)
+    write_measures(finished, out)
+    return tree
 
 
 def write_failure(folder: Path, failed: FailedSample) -> None:
@@ -232,9 +265,11 @@ def new_run_folder(dataset: Path, samples: Sequence[Sample], config: PlaceConfig
     folder.mkdir(parents=True)
     asked = {
         "dataset": str(dataset.resolve()),
+        "versions": versions(),
         "started": datetime.now(UTC).isoformat(timespec="seconds"),
         "config": config.model_dump(mode="json"),
         "language": asdict(language.located()),
+        "methods": list(dict.fromkeys(sample.method for sample in samples)),
         "samples": [asdict(located(sample)) for sample in samples],
     }
     (folder / RUN).write_bytes(readable_json(asked))
@@ -244,27 +279,44 @@ def new_run_folder(dataset: Path, samples: Sequence[Sample], config: PlaceConfig
     return folder
 
 
+def versions() -> dict[str, str]:
+    """What the run is computed with; a library that is not installed is left out."""
+    found = {name: installed_version(name) for name in LIBRARIES}
+    told = {name: one for name, one in found.items() if one}
+    return {"dcap": version(), "python": platform.python_version(), "machine": platform.machine(), **told}
+
+
 def finish(folder: Path, rows: Sequence[SampleOutcome], seconds: float) -> Run:
-    """Write table, summary and report."""
-    pq.write_table(pa.Table.from_pylist([asdict(row) for row in rows]), folder / "results.parquet")
+    """Write tables, summary and report; a run of several methods has its judge's scores then."""
+    write_rows(folder, rows)
+    rows, table = judged_rows(folder, rows)
     language = spending_of(folder / LEDGER) if (folder / LEDGER).is_file() else None
     summary = summary_of(rows, run=str(folder), wall_s=seconds, language=language)
     (folder / "summary.json").write_bytes(readable_json(object_to_json(summary)))
     write_report(folder, rows, summary)
-    return Run(folder, tuple(rows), summary)
+    return Run(folder, rows, summary, table)
 
 
 def truths_of(dataset: Path, samples: Sequence[Sample]) -> list[ExpectedOutcome | None]:
     """Intended outcomes beside the dataset, None where there are none."""
     path = dataset.parent / TRUTH
     known = read_truth(load_yaml(path), str(path)) if path.is_file() else {}
-    return [known.get(sample.id) for sample in samples]
+    return [known.get(split_id(sample.id)[1]) for sample in samples]
 
 
-def plan_benchmark(dataset: Path | None, config: PlaceConfig, *, limit: int | None = None) -> list[PlanRow]:
+def plan_benchmark(
+    dataset: Path | None,
+    config: PlaceConfig,
+    *,
+    limit: int | None = None,
+    methods: Sequence[str] = (DCAP,),
+    scenes: str = "",
+) -> list[PlanRow]:
     """Print what would run and why."""
-    _, samples = dataset_samples(dataset, limit)
-    plans = [plan_sample(sample, config) for sample in samples]
+    _, samples = dataset_samples(dataset, limit, scenes)
+    config = config.model_copy(update={"measured": True})
+    asked = with_examples([by_method(sample, method) for sample in samples for method in methods])
+    plans = [plan_sample(sample, config) for sample in asked]
     print_plan(plans)
     return [plan_row(plan) for plan in plans]
 
@@ -313,10 +365,8 @@ def rewrite_report(run: str) -> Path:
     folder = find_run(run)
     asked = json.loads((folder / RUN).read_text())
     samples = [sample_from_json(one) for one in asked["samples"]]
-    rows = [
-        row_of(sample, *read_result(sample_folder(folder, sample.id)), truth)
-        for sample, truth in zip(samples, truths_of(Path(asked["dataset"]), samples), strict=True)
-    ]
+    results = {sample: read_result(sample_folder(folder, sample.id)) for sample in samples}
+    rows = scored_rows(folder, results, truths_of(Path(asked["dataset"]), samples))
     before = json.loads((folder / "summary.json").read_text()) if (folder / "summary.json").is_file() else {}
     finish(folder, rows, float(before.get("wall_s", 0.0)))
     return folder / "report.html"

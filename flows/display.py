@@ -160,6 +160,13 @@ def print_table(rows: Sequence[SampleOutcome], summary: RunSummary, folder: Path
     console.print(f"report: {folder / 'report.html'}")
 
 
+def print_lines(lines: Sequence[str]) -> None:
+    """Lines as they are."""
+    console = console_on_stderr()
+    for line in lines:
+        console.print(line)
+
+
 def summary_line(summary: RunSummary) -> str:
     """The counts in a sentence."""
     line = (

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from urllib.parse import unquote
 
-from dcap.language.model.anthropic_api import endpoint
+from dcap.language.model.apis import APIS
 from dcap.language.model.ledger import check_budget
 from dcap.language.model.reply_folder import MARK, ReplyFolder
 from dcap.language.protocol.client import DEFAULT_MODEL, ClientName, LanguageConfig
@@ -26,7 +26,7 @@ class LanguageOptions:
     """The options as they were given."""
 
     language: str = ""
-    """offline, anthropic or replay; empty: replay where a recording is named, else offline."""
+    """offline, anthropic, openai or replay; empty: replay where a recording is named, else offline."""
     model: str = ""
     record: str = ""
     replay: str = ""
@@ -48,13 +48,21 @@ class LanguageOptions:
             raise InputError("--language replay needs --replay DIR, a folder that --record DIR has written")
         if client is not ClientName.REPLAY and self.replay:
             raise InputError(f"--replay {self.replay} is for --language replay, not {client}")
-        if client is not ClientName.ANTHROPIC:
-            given = {"--record": self.record, "--max-cost": self.max_cost, "--batch": self.batch}
+        if client is not ClientName.ANTHROPIC and self.batch:
+            raise InputError(f"--batch is for --language anthropic, not {client}")
+        if client not in APIS:
+            given = {"--record": self.record, "--max-cost": self.max_cost}
             asks = next((option for option, value in given.items() if value), None)
             if asks:
-                raise InputError(f"{asks} is for --language anthropic: {client} asks no model")
+                raise InputError(f"{asks} is for --language {' or '.join(APIS)}: {client} asks no model")
         if client is ClientName.OFFLINE and self.model:
-            raise InputError(f"--model {self.model} is for --language anthropic or replay: offline asks no model")
+            raise InputError(
+                f"--model {self.model} is for --language {', '.join(APIS)} or replay: offline asks no model"
+            )
+        if client is ClientName.OPENAI and not self.model:
+            raise InputError(
+                "--language openai needs --model NAME: a server of your own knows its models by its own names"
+            )
         return client
 
     def config(self, *, plan: bool = False) -> LanguageConfig:
@@ -66,12 +74,13 @@ class LanguageOptions:
             folder = ReplyFolder(Path(self.replay))
             model, _, host = recorded_model(folder, self.model).partition("@")
             return LanguageConfig(client=client, model=unquote(model), endpoint=host, recording=folder.content())
-        model = self.model or DEFAULT_MODEL
+        model, api = self.model or DEFAULT_MODEL, APIS[client]
+        api.check()
         if model.startswith("."):  # it names a folder
             raise InputError(f"--model {model!r} is not the name of a model")
         check_budget(model, self.max_cost)
         return LanguageConfig(
-            client=client, model=model, endpoint=endpoint(), recording=recording_of(self.record, plan=plan)
+            client=client, model=model, endpoint=api.endpoint(), recording=recording_of(self.record, plan=plan)
         )
 
     def session(self, folder: Path) -> Session:

@@ -100,7 +100,7 @@ class PlaceOptions(DropOptions, frozen=True, extra="forbid"):
     Python."""
 
     language: str = ""
-    """Who reads the sentence: offline (default), anthropic or replay."""
+    """Who reads the sentence: offline (default), anthropic, openai or replay."""
     model: str = ""
     """Model to ask."""
     record: Words = ""

@@ -13,7 +13,9 @@ from dcap.scene.store.ref import Ref
 from dcap.scene.types.anchor import Anchor
 from dcap.scene.types.file_scale import FileScale
 from dcap.scene.types.intent import Intent
+from dcap.scene.types.judged_views import JudgedViews
 from dcap.scene.types.materials import PartMaterials
+from dcap.scene.types.measures import Drift, Indentation, Measures
 from dcap.scene.types.outcome import Infeasible, Reason
 from dcap.scene.types.paint import SourceSurface
 from dcap.scene.types.particles import Particles
@@ -29,6 +31,8 @@ from tasks.drop.stage import DropConfig, drop_task, unforeseen
 from tasks.freed.stage import freed_anchor_task, freed_scene_task, freed_task
 from tasks.intent.stage import IntentConfig, intent_task
 from tasks.materials.stage import MaterialsConfig, materials_task
+from tasks.measure.drift import DriftConfig
+from tasks.measure.views import ViewsConfig
 from tasks.mesh.stage import MeshConfig, mesh_object_task, mesh_scene_task
 from tasks.mesh.surfaces import surface_object_task, surface_scene_task, surface_start_task
 from tasks.overview import OverviewConfig, overview_task
@@ -61,6 +65,10 @@ class PlaceConfig(BaseModel, frozen=True, extra="forbid"):
     drop: DropConfig = DropConfig()
     render: RenderConfig = RenderConfig()
     overview: OverviewConfig = OverviewConfig()
+    drift: DriftConfig = DriftConfig()
+    views: ViewsConfig = ViewsConfig()
+    measured: bool = False
+    """Whether the final state is measured as those of other methods are."""
 
 
 STAGES: tuple[Stage[..., object], ...] = (
@@ -93,7 +101,8 @@ class PlacementRefs:
     """As the drop began: without the dents of what was placed before and takes part again."""
     item: Ref[SegmentedObject]
     intent: Ref[Intent]
-    rotation: Ref[Rotation]
+    rotation: Ref[Rotation] | None = None
+    """None where a method chooses it with the place."""
     anchor: Ref[Anchor]
     materials: Ref[PartMaterials]
     particles: Ref[Particles]
@@ -101,6 +110,11 @@ class PlacementRefs:
     renders: Ref[Renders]
     overview: Ref[Overview] | None = None
     """Pictures of an infeasible placement, from what its stages found; None if it is feasible."""
+    measures: Ref[Measures] | None = None
+    """This and the next three: None where nobody asked, or there is no final state."""
+    indentation: Ref[Indentation] | None = None
+    drift: Ref[Drift] | None = None
+    views: Ref[JudgedViews] | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

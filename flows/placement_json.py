@@ -24,7 +24,7 @@ from flows.sample_run import FinishedSample
 from solver.certificate import Certificate, Verdict
 from tasks.render.particle_table import settled_materials
 
-AT_REST = "at_rest"
+AT_REST, AS_POSED = "at_rest", "as_posed"
 SCHEMA_VERSION = 1
 """Of the keys of placement.json: keys are only added within a version."""
 
@@ -136,6 +136,8 @@ def verdict_of(values: Values) -> tuple[str, str | None]:
     assert values.settled is not None
     if values.settled.verdict is Verdict.AT_REST:
         return AT_REST, None
+    if values.settled.verdict is Verdict.AS_POSED:
+        return AS_POSED, None
     return "infeasible", values.settled.verdict.value
 
 
@@ -154,6 +156,8 @@ def contacts_of(values: Values) -> list[JsonValue]:
 def certificate_of(values: Values) -> JsonObject | None:
     """The drop's certificate, with the object's pose where the drop is infeasible; or what another stage found."""
     if values.settled is not None:
+        if values.settled.certificate is None:
+            return None
         return certificate_with(values.settled.certificate, values.settled.checks)
     if values.infeasible is None:
         return None

@@ -8,7 +8,9 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
+from dcap.evaluation.methods import DCAP
 from dcap.evaluation.run_folder import sample_folder
+from dcap.language.protocol.client import LanguageConfig
 from dcap.scene.errors import InputError
 from dcap.scene.settings import runs_root
 from dcap.scene.store.artifacts import Store
@@ -76,6 +78,18 @@ def asked_of_run(folder: Path) -> Asked:
     return Asked(folder, samples, config, LanguageOptions(**tree["language"]))
 
 
+def methods_of_run(folder: Path) -> tuple[str, ...]:
+    """The methods of the run in a folder, in their order."""
+    return tuple(json.loads((folder / RUN).read_text()).get("methods", [DCAP]))
+
+
+def chooser_of(folder: Path) -> LanguageConfig:
+    """Who answered the questions of the placements of the run in a folder."""
+    tree = json.loads((folder / RUN).read_text())
+    known = tree.get("config", {}).get("intent", {}).get("language", {})
+    return LanguageConfig.model_validate(known)
+
+
 def asked_of(run: str, sample: str | None) -> tuple[Asked, str]:
     """What was asked, and the sample's id, of a sample of a run; or of the folder of a placement, without a sample."""
     for folder in (Path(run), runs_root() / run):
@@ -125,7 +139,10 @@ def located(sample: Sample) -> Sample:
     def whole(path: str) -> str:
         return str(Path(path).resolve()) if path and Path(path).exists() else path
 
-    return replace(sample, scene=whole(sample.scene), object=whole(sample.object), labels=whole(sample.labels))
+    return replace(
+        sample, scene=whole(sample.scene), object=whole(sample.object), labels=whole(sample.labels),
+        examples=tuple(whole(one) for one in sample.examples),
+    )  # fmt: skip
 
 
 def sample_from_json(tree: Mapping[str, object]) -> Sample:
@@ -140,4 +157,5 @@ def sample_from_json(tree: Mapping[str, object]) -> Sample:
         if isinstance(given, dict):
             told = {key: tuple(one) if isinstance(one, list) else one for key, one in given.items()}
             values[name] = kind(**told)  # type: ignore[arg-type]
+    values["examples"] = tuple(values.get("examples", ()))  # type: ignore[arg-type]
     return Sample(**values)  # type: ignore[arg-type]

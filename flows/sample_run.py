@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 from dcap.scene.errors import DcapError
 from dcap.scene.store.artifacts import Store
 from dcap.scene.types.sample import Sample
-from flows.place import STAGES, PlaceConfig, PlacementRefs, place
+from flows.methods import place_by
+from flows.place import STAGES, PlaceConfig, PlacementRefs
 from tasks.overview import overview_task
 from tasks.runner.context import Event, NotCachedError, OnEvent, RunContext, StageEvent, use_context
 from tasks.runner.records import Record, why_not_cached
@@ -106,7 +107,7 @@ def plan_sample(sample: Sample, config: PlaceConfig) -> Plan:
     recorder = EventRecorder()
     try:
         with use_context(RunContext(lookup_only=True, on_event=recorder)):
-            placement = place(sample, config)
+            placement = place_by(sample, config)
     except NotCachedError as missing:
         why = why_not_cached(missing.deciders, Store.default())
         return Plan(sample, stages_of(recorder), missing.deciders.stage, why)
@@ -137,7 +138,7 @@ def place_flow(sample: Sample) -> "Flow[[Sample, PlaceConfig], PlacementRefs]":
     from prefect import Flow
 
     name = sample.id.replace("{", "(").replace("}", ")")
-    return Flow(place, name="place", flow_run_name=name, validate_parameters=False, persist_result=False)
+    return Flow(place_by, name="place", flow_run_name=name, validate_parameters=False, persist_result=False)
 
 
 @contextmanager

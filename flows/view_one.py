@@ -98,7 +98,8 @@ def show_placement(server: viser.ViserServer, found: FinishedPlacement, frame: i
     if frame is not None and not 0 <= frame < len(view.time):
         raise InputError(f"--frame {frame}: it has frames 0 to {len(view.time) - 1}")
     tree = placement_json(found.finished, values, {})
-    rotation = load(Store.default(), found.finished.placement.rotation, Rotation)
+    chosen = found.finished.placement.rotation
+    rotation = load(Store.default(), chosen, Rotation) if chosen else None
     signals = signal_series(values.settled, certificate_of(values)) if values.settled else None
     with server.atomic():
         nodes = PlacementNodes(server, view, frame)

@@ -21,6 +21,8 @@ class Verdict(StrEnum):
     """A free body has left everything that could carry it."""
     NO_EQUILIBRIUM = "no_equilibrium"
     """Something still moved when the steps were used up, or the kick moved it."""
+    AS_POSED = "as_posed"
+    """Nothing was dropped: the pose is what a method proposed."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -63,6 +63,8 @@ class SettledModel:
     """How it came to this."""
     material: Mapping[str, MaterialState]
     """Of the soft bodies; empty where the method does not say."""
+    nodes: Mapping[str, NDArray[np.float32]]
+    """Displacement of the grid nodes of the soft bodies [m], shape (n, 3) each; tl only."""
     steps: int
     simulated_seconds: float
     particles: int
@@ -99,6 +101,7 @@ def build_result(
         history=history_of(monitor.signals),
         frames=frames,
         material={},
+        nodes={},
         steps=len(monitor.signals),
         simulated_seconds=final.seconds,
         particles=final.particles,

@@ -17,7 +17,8 @@ from solver.frames import FrameRecorder
 from solver.mls import drop as mls
 from solver.model.bodies import Model
 from solver.model.state import State
-from solver.rest import Progress, Signals
+from solver.onward import refuse_overlap
+from solver.rest import Progress
 from solver.result import FinalState, RestBody, SettledModel, beside, build_result, carried
 from solver.runtime import start
 from solver.tl.accuracy import depth_error
@@ -74,7 +75,7 @@ class ImplicitDrop(Simulation):
     def checked_start(self) -> State:
         """The start state; ModelError where bodies begin inside each other."""
         state = self.start_state()
-        self._refuse_overlap(state)
+        refuse_overlap(self, state)
         return state
 
     def approach(
@@ -91,7 +92,7 @@ class ImplicitDrop(Simulation):
                 control = replace(control, tolerance_factor=CREEPING_TOLERANCE)
             if verdict := self._verdict(state, step.report.contacts):
                 return Approach(verdict, state, step.report, control)
-            self._adapt(state, step.report.contacts, step.signals)
+            self.stiffen(state, step.report.contacts, step.signals)
 
     def judged(self, end: Approach, progress: Progress | None) -> SettledModel:
         """The result of an approach; a rest state is kicked first, and pushed where that was asked for."""
@@ -114,17 +115,6 @@ class ImplicitDrop(Simulation):
         self.warnings += warnings
         return graded
 
-    def _refuse_overlap(self, state: State) -> None:
-        for t in self.query.find(state, self.query.begin(state, self.config.step_seconds)).active:
-            depth = float(-t.gap.min())
-            if depth > self.config.start_overlap:
-                a, b = self.model.bodies[t.pair.a].name, self.model.bodies[t.pair.b].name
-                raise ModelError(
-                    f"bodies {a!r} and {b!r} start {1e3 * depth:.1f} mm inside each other near "
-                    f"{np.round(t.position[int(np.argmin(t.gap))], 3).tolist()} (bound start_overlap = "
-                    f"{1e3 * self.config.start_overlap:.1f} mm); move one of them"
-                )
-
     def _verdict(self, state: State, contacts: Contacts) -> Verdict | None:
         """What ends an approach, None where it goes on."""
         if self._left(state, contacts):
@@ -138,32 +128,6 @@ class ImplicitDrop(Simulation):
         pairs = set(zip(contacts.a.tolist(), contacts.b.tolist(), strict=True))
         loose = set(self.free) - carried(self.model, pairs)
         return any(beside(self.model, self.query.surface(state, i), self.center(state, i)) for i in loose)
-
-    def _adapt(self, state: State, contacts: Contacts, signals: Signals) -> None:
-        """Stiffen pairs that penetrate more than asked for near rest, where the load is the weight, and before that
-        those that penetrate more than is safe; with inertia not before, as nothing may add energy to an impact.
-
-        Springs that are suddenly stiffer would throw a body up, so the next step only corrects positions.
-        """
-        moving = signals.speed > self.config.moving_speed * np.sqrt(self.gravity * self.length)
-        if moving and self.config.inertia:
-            return
-        stiffened: list[tuple[int, NDArray[np.float64]]] = []
-        for t in contacts.active:
-            load = t.normal_force
-            if load.sum() <= 0.0:
-                continue
-            depth = float(-(t.gap * load).sum() / load.sum())
-            target = (
-                max(t.pair.safe_depth, self.config.penetration_target) if moving else self.config.penetration_target
-            )
-            if depth > 1.25 * target:
-                if not self.config.inertia:
-                    normal = load @ t.normal
-                    stiffened += [(i, normal / np.linalg.norm(normal)) for i in t.pair.key]
-                factor = min(4.0, depth / target)
-                state.memory = state.memory.stiffen(t.pair.key, factor)
-        state.memory = replace(state.memory, stiffened=tuple(stiffened))
 
     def _after_failed_kick(
         self, state: State, control: StepControl, first: KickCheck, progress: Progress | None
@@ -206,7 +170,11 @@ class ImplicitDrop(Simulation):
         )
         material = {self.model.bodies[i].name: one for i, one in material_states(self.soft, end.state).items()}
         told = (*result.warnings, *unlocated(contacts))
-        return replace(result, certificate=certificate, warnings=told, material=material)
+        nodes = {
+            self.model.bodies[one.index].name: (end.state.x - self.soft.rest)[one.nodes].astype(np.float32)
+            for one in self.soft.bodies
+        }
+        return replace(result, certificate=certificate, warnings=told, material=material, nodes=nodes)
 
     def _depth_error(self, end: Approach) -> float | None:
         """The certificate's estimate, None where nothing soft carries anything at rest."""

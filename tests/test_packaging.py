@@ -39,7 +39,7 @@ print(json.dumps({
 """
 
 
-DATA_FILES = {".csv", ".j2", ".yaml", ".typed"}
+DATA_FILES = {".css", ".csv", ".j2", ".js", ".yaml", ".typed"}
 """Suffixes of what lies beside the modules and is no module."""
 TYPED = """
 import dcap

@@ -6,12 +6,13 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 from scipy.spatial.transform import Rotation as Turn
 
+from dcap.evaluation.methods import DCAP, split_id
 from dcap.scene.errors import InputError
 from dcap.scene.problems import short
 from dcap.scene.spelling import did_you_mean
 from dcap.scene.types.sample import Sample
 
-AT_REST = "at_rest"
+AT_REST, AS_POSED = "at_rest", "as_posed"
 SAME_REGION = {"middle": "center"}
 """Region words that mean the same place."""
 TOPS = ("up", "down", "sideways")
@@ -70,6 +71,29 @@ class SampleOutcome:
     """Whether it ought to come to rest; None if nobody said."""
     as_expected: bool | None
     """Whether verdict, reason, support, part, region and orientation are the intended ones."""
+    method: str = DCAP
+    support_hit: bool | None = None
+    """This and the others below: None where nobody measured, or nothing was stated (docs/metrics.md)."""
+    part_hit: bool | None = None
+    region_distance_m: float | None = None
+    orientation_error_deg: float | None = None
+    penetration_m: float | None = None
+    penetration_given_m: float | None = None
+    gap_m: float | None = None
+    contact_area_m2: float | None = None
+    com_margin_m: float | None = None
+    com_supported: bool | None = None
+    indentation_m: float | None = None
+    indentation_error_m: float | None = None
+    force_residual: float | None = None
+    drift_m: float | None = None
+    drift_s: float | None = None
+    right_place: float | None = None
+    """1 to 10."""
+    physics_naturalness: float | None = None
+    """1 to 10."""
+    judge: str = ""
+    """Who made the last two."""
 
 
 def read_truth(tree: object, where: str) -> dict[str, ExpectedOutcome]:
@@ -137,8 +161,10 @@ def row_of(
     found: Mapping[str, object] = tree or {}
     base = found.get("base")
     timings = found.get("timings")
+    method, name = split_id(sample.id)
     row = SampleOutcome(
-        sample=sample.id,
+        sample=name,
+        method=method,
         scene=sample.scene,
         object=sample.object,
         prompt=sample.prompt,
@@ -174,7 +200,7 @@ def agrees(row: SampleOutcome, pose: object, truth: ExpectedOutcome) -> bool:
     if not truth.feasible:
         return row.verdict == "infeasible" and row.reason == truth.reason
     there = truth.part in ("", row.part) and same_region(row.region, truth.region) and not row.region_missed
-    return row.verdict == AT_REST and there and oriented(pose, truth)
+    return row.verdict in (AT_REST, AS_POSED) and there and oriented(pose, truth)
 
 
 def same_region(found: str, intended: str) -> bool:

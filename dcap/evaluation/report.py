@@ -1,17 +1,44 @@
-"""The static page of a benchmark run: one card per sample, counts on top, nothing loaded from elsewhere."""
+"""The static page of a run: what came of each sample, method beside method, and how the run was made.
 
-import json
+In: the rows of a run and the files in its folder. Out: `report.html`, which needs nothing but that folder, with what it
+shows beside it: `tables/metrics.csv|tex`, `figures/supports.svg`, `artifacts.sha256`, and `view3d.html` with `view3d/`.
+The same files give the same page. A run of one method has a card for each sample; of several, a strip.
+"""
+
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
-from dcap.evaluation.outcome_table import AT_REST, SampleOutcome
-from dcap.evaluation.run_folder import sample_folder
+from dcap.evaluation.methods import DCAP, METHODS, shown_name
+from dcap.evaluation.outcome_table import AS_POSED, SampleOutcome
+from dcap.evaluation.page3d.viewer import PAGE, ShownModel, write_view3d
+from dcap.evaluation.run_page.costs import Timings, costs_table, timings_of
+from dcap.evaluation.run_page.failures import (
+    KINDS,
+    baselines_ahead,
+    failure_of,
+    failures_of,
+    score_cells,
+)
+from dcap.evaluation.run_page.placement_files import (
+    BEFORE,
+    certificate_text,
+    facts_of,
+    kind_of,
+    materials_of,
+    notes_of,
+    placement_folder,
+    read_placement,
+    stage_bars,
+    views_of,
+)
+from dcap.evaluation.run_page.provenance import HASHES, provenance_of, read_run
+from dcap.evaluation.run_page.supports import supports_figure
+from dcap.evaluation.run_page.tables import metrics_table, table_from_csv
 from dcap.evaluation.run_summary import RunSummary
 from dcap.language.model.ledger import in_words
-from dcap.scene.json_tree import JsonObject
 
 TEMPLATES = Path(__file__).parent / "templates"
 PICTURES = (
@@ -21,29 +48,87 @@ PICTURES = (
     ("closeup", "from nearby"),
     ("contact", "contact"),
 )
+MOST_TILES = 120
+"""Failures in the gallery [-]; the filter finds all of them."""
+MOST_AHEAD = 200
+"""Rows of the table of samples on which a baseline is ahead [-]."""
 
 
 @dataclass(frozen=True, slots=True)
 class Card:
-    """What the page shows of one sample."""
+    """What the page shows of one placement."""
 
     row: SampleOutcome
+    name: str
+    """The method's shown name."""
     kind: str
-    """rest, infeasible or failed: chooses the colour."""
+    """rest, posed, infeasible or failed: chooses the colour."""
     pictures: tuple[tuple[str, str], ...]
     """(path relative to the page, caption)."""
+    views: tuple[str, ...]
+    """Pictures that all methods have, relative to `folder`."""
+    before: tuple[tuple[str, str], ...]
+    """Pictures of scene and asset alone: (path, caption)."""
     stages: tuple[tuple[str, float, float], ...]
     """(name, seconds, share of the longest stage of this sample in percent)."""
     facts: tuple[tuple[str, str], ...]
     materials: tuple[tuple[str, str, str], ...]
     """(part, material, reason)."""
     warnings: tuple[str, ...]
+    certificate: str
+    scores: Mapping[str, str]
+    """Scores, and what decides them; empty if nothing was measured."""
+    marks: tuple[str, ...]
+    """What the filter knows it by, beside method, verdict and support: kinds of failure."""
     folder: str
+    timings: Timings
+
+
+@dataclass(frozen=True, slots=True)
+class Strip:
+    """A sample by all methods."""
+
+    sample: str
+    prompt: str
+    scene: str
+    object: str
+    expected: str
+    before: tuple[tuple[str, str], ...]
+    cards: tuple[Card, ...]
+    views: tuple[str, ...]
+    """Names of the views that some method has."""
+    models: bool
+    """Whether it can be seen in 3D."""
 
 
 def write_report(folder: Path, rows: Sequence[SampleOutcome], summary: RunSummary) -> Path:
     """Write report.html into a run's folder from the files of its samples."""
-    cards = [card_of(folder, row) for row in rows]
+    names = names_of(folder, rows)
+    cards = [card_of(folder, row, names[row.method]) for row in rows]
+    models = models_of(folder, cards)
+    strips = strips_of(cards, models)
+    by_method = {name: [card for card in cards if card.row.method == name] for name in names}
+    failures, ahead = failures_of(rows), baselines_ahead(rows)
+    several = len(names) > 1
+    tables = [
+        table_from_csv(folder, "table1", "Table 1: scores") if several else None,
+        table_from_csv(folder, "table2", "Table 2: human study"),
+        metrics_table(folder, {name: [card.row for card in own] for name, own in by_method.items()}, names),
+    ]
+    values = {
+        "title": folder.name, "summary": summary, "tiles": tiles_of(summary, rows), "asked": asked_of(summary),
+        "names": names, "cards": cards, "strips": strips, "several": several,
+        "supports": sorted({row.base for row in rows if row.base}), "kinds": KINDS,
+        "verdicts": sorted({kind_of(row) for row in rows}), "views": ordered(strips),
+        "tables": [one for one in tables if one], "figure": supports_figure(folder, rows),
+        "failures": failures[:MOST_TILES], "all_failures": len(failures),
+        "card_of": {(one.row.sample, one.row.method): one for one in cards},
+        "is_ahead": {(one.row.sample, one.row.method) for one in ahead},
+        "ahead": ahead[:MOST_AHEAD], "all_ahead": len(ahead), "samples_ahead": len({one.row.sample for one in ahead}),
+        "score_cells": score_cells, "page3d": PAGE, "models": models, "hashes": HASHES,
+        "costs": costs_table({name: [one.timings for one in own] for name, own in by_method.items()}, names),
+        "provenance": provenance_of(folder, [placement_folder(folder, row) for row in rows]),
+    }  # fmt: skip
     environment = Environment(
         loader=FileSystemLoader(TEMPLATES),
         autoescape=True,
@@ -51,9 +136,7 @@ def write_report(folder: Path, rows: Sequence[SampleOutcome], summary: RunSummar
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    page = environment.get_template("report.html.j2").render(
-        title=folder.name, cards=cards, summary=summary, tiles=tiles_of(summary), asked=asked_of(summary)
-    )
+    page = environment.get_template("report.html.j2").render(values)
     path = folder / "report.html"
     draft = folder / ".report.html"
     draft.write_text(page, encoding="utf-8")
@@ -61,73 +144,77 @@ def write_report(folder: Path, rows: Sequence[SampleOutcome], summary: RunSummar
     return path
 
 
-def card_of(folder: Path, row: SampleOutcome) -> Card:
-    """The card of one sample."""
-    kept = sample_folder(folder, row.sample)
+def names_of(folder: Path, rows: Sequence[SampleOutcome]) -> dict[str, str]:
+    """Shown names of the methods of a run, in the order of tables."""
+    config = read_run(folder).get("config")
+    intent = config.get("intent") if isinstance(config, Mapping) else None
+    language = intent.get("language") if isinstance(intent, Mapping) else None
+    offline = isinstance(language, Mapping) and language.get("client") == "offline"
+    there = {row.method for row in rows}
+    return {name: shown_name(name, offline=offline) for name in METHODS if name in there}
+
+
+def card_of(folder: Path, row: SampleOutcome, name: str) -> Card:
+    """The card of one placement."""
+    kept = placement_folder(folder, row)
     link = kept.relative_to(folder).as_posix()
     tree = read_placement(kept) if not row.error else {}
-    pictures = tuple(
-        (f"{link}/{name}.png", caption)
-        for name, caption in PICTURES
-        if not row.error and (kept / f"{name}.png").is_file()
-    )
-    warnings = tree.get("warnings")
+    failure = failure_of(row)
+    measured = any(one is not None for one in (row.right_place, row.physics_naturalness, row.penetration_m))
     return Card(
         row=row,
-        kind="failed" if row.error else ("rest" if row.verdict == AT_REST else "infeasible"),
-        pictures=pictures,
+        name=name,
+        kind=kind_of(row),
+        pictures=tuple(
+            (f"{link}/{picture}.png", caption)
+            for picture, caption in PICTURES
+            if not row.error and (kept / f"{picture}.png").is_file()
+        ),
+        views=() if row.error else views_of(kept),
+        before=tuple((f"{link}/views/{one}.png", one) for one in BEFORE if (kept / "views" / f"{one}.png").is_file()),
         stages=stage_bars(tree.get("timings")),
         facts=facts_of(row, tree),
         materials=materials_of(tree),
-        warnings=tuple(str(one) for one in warnings) if isinstance(warnings, list) else (),
+        warnings=notes_of(tree),
+        certificate=certificate_text(tree),
+        scores=score_cells(row) if measured else {},
+        marks=failure.kinds if failure else (),
         folder=link,
+        timings=timings_of(tree),
     )
 
 
-def read_placement(folder: Path) -> JsonObject:
-    """placement.json of a sample, empty if there is none."""
-    path = folder / "placement.json"
-    tree = json.loads(path.read_text()) if path.is_file() else {}
-    return tree if isinstance(tree, dict) else {}
+def models_of(folder: Path, cards: Sequence[Card]) -> dict[str, tuple[str, ...]]:
+    """Write the page in 3D; methods that it shows, by sample."""
+    samples: dict[str, tuple[str, list[ShownModel]]] = {}
+    for card in cards:
+        _, models = samples.setdefault(card.row.sample, (card.row.prompt, []))
+        if not card.row.error:
+            models.append(ShownModel(card.row.method, card.name, folder / card.folder, card.folder))
+    return write_view3d(folder, samples)
 
 
-def stage_bars(timings: object) -> tuple[tuple[str, float, float], ...]:
-    """Stage times with the length of their bars."""
-    if not isinstance(timings, Mapping) or not timings:
-        return ()
-    longest = max(*timings.values(), 1e-3)
-    return tuple((str(name), float(value), 100.0 * float(value) / longest) for name, value in timings.items())
+def strips_of(cards: Sequence[Card], models: Mapping[str, tuple[str, ...]]) -> list[Strip]:
+    """The placements sample by sample."""
+    found: dict[str, list[Card]] = {}
+    for card in cards:
+        found.setdefault(card.row.sample, []).append(card)
+    strips = []
+    for sample, own in found.items():
+        row = own[0].row
+        views = tuple(dict.fromkeys(view for card in own for view in card.views))
+        expected = next((card.row.expected for card in own if card.row.expected), "")
+        before = next((card.before for card in own if card.before), ())
+        before = before or next((card.pictures[:1] for card in own if card.pictures), ())
+        strips.append(
+            Strip(sample, row.prompt, row.scene, row.object, expected, before, tuple(own), views, sample in models)
+        )
+    return strips
 
 
-def facts_of(row: SampleOutcome, tree: Mapping[str, object]) -> tuple[tuple[str, str], ...]:
-    """Name and value of what is worth a glance."""
-    facts = [("support", " · ".join(word for word in (row.base, row.part) if word)), ("region", row.region)]
-    if row.region_missed:
-        facts.append(("region", "missed"))
-    if row.mass:
-        facts.append(("mass", f"{row.mass:.3g} kg"))
-    if row.scale:
-        facts.append(("scale", f"{row.scale:.3g}"))
-    if row.visible_fraction:
-        facts.append(("visible", f"{100 * row.visible_fraction:.0f} %"))
-    contacts = tree.get("contacts")
-    if isinstance(contacts, list) and contacts:
-        forces = [float(one.get("normal_force_n", 0.0)) for one in contacts if isinstance(one, Mapping)]
-        areas = [float(one.get("area_m2", 0.0)) for one in contacts if isinstance(one, Mapping)]
-        facts.append(("contact", f"{1e4 * sum(areas):.1f} cm², {sum(forces):.2f} N"))
-    materials = tree.get("materials")
-    if isinstance(materials, list):
-        names = [f"{one['part']}: {one['material']}" for one in materials if isinstance(one, Mapping)]
-        facts.append(("materials", ", ".join(dict.fromkeys(names))))
-    return tuple((name, value) for name, value in facts if value)
-
-
-def materials_of(tree: Mapping[str, object]) -> tuple[tuple[str, str, str], ...]:
-    """What each part of object, base and neighbours is taken to be made of, and why; what is alike once."""
-    rows = tree.get("materials")
-    found = [one for one in rows if isinstance(one, Mapping)] if isinstance(rows, list) else []
-    named = ((f"{one['body']}, {one['part']}", str(one["material"]), str(one.get("reason", ""))) for one in found)
-    return tuple(dict.fromkeys(named))
+def ordered(strips: Sequence[Strip]) -> tuple[str, ...]:
+    """All views of a run."""
+    return tuple(dict.fromkeys(view for strip in strips for view in strip.views))
 
 
 def asked_of(summary: RunSummary) -> str:
@@ -136,18 +223,22 @@ def asked_of(summary: RunSummary) -> str:
     return f"{', '.join(spent.models)}: {in_words(spent)}" if spent else ""
 
 
-def tiles_of(summary: RunSummary) -> list[tuple[str, str, str]]:
+def tiles_of(summary: RunSummary, rows: Sequence[SampleOutcome]) -> list[tuple[str, str, str]]:
     """(number, words, kind) of the tiles on top."""
+    posed = sum(row.verdict == AS_POSED for row in rows)
+    methods = len({row.method for row in rows})
+    counted = [(str(len({row.sample for row in rows})), "samples", "plain"), (str(methods), "methods", "plain")]
     tiles = [
-        (str(summary.samples), "samples", "plain"),
+        *(counted if methods > 1 else [(str(summary.samples), "samples", "plain")]),
         (str(summary.at_rest), "at rest", "rest"),
+        *([(str(posed), "as posed", "posed")] if posed else []),
         (str(summary.infeasible), "infeasible", "infeasible"),
         (str(summary.failed), "failed", "failed" if summary.failed else "plain"),
     ]
-    if summary.feasible_intended:
-        found = f"{summary.feasible_as_intended}/{summary.feasible_intended}"
-        tiles.append((found, "feasible: at rest as intended", "plain"))
-    if summary.infeasible_intended:
-        found = f"{summary.infeasible_with_right_reason}/{summary.infeasible_intended}"
-        tiles.append((found, "infeasible: right reason", "plain"))
+    ours = [row for row in rows if row.method == DCAP] if methods > 1 else rows
+    whose = "DCAP: " if methods > 1 else ""
+    for feasible, words in ((True, "feasible: at rest as intended"), (False, "infeasible: right reason")):
+        meant = [row for row in ours if row.feasible_intended is feasible]
+        if meant:
+            tiles.append((f"{sum(bool(row.as_expected) for row in meant)}/{len(meant)}", f"{whose}{words}", "plain"))
     return tiles

@@ -2,7 +2,9 @@
 
 from pathlib import Path
 
-SAMPLES_FOLDER = "samples"
+from dcap.evaluation.methods import DCAP, split_id
+
+SAMPLES_FOLDER, METHODS_FOLDER = "samples", "methods"
 
 
 def folder_name(sample_id: str) -> str:
@@ -11,5 +13,7 @@ def folder_name(sample_id: str) -> str:
 
 
 def sample_folder(run: Path, sample_id: str) -> Path:
-    """Folder of one sample in a run."""
-    return run / SAMPLES_FOLDER / folder_name(sample_id)
+    """Folder of one sample in a run; of `METHOD/ID` that of another method than DCAP."""
+    method, name = split_id(sample_id)
+    own = run if method == DCAP else run / METHODS_FOLDER / method
+    return own / SAMPLES_FOLDER / folder_name(name)

@@ -63,7 +63,7 @@ def supports_plot(scenes: Sequence[Counter[str]]) -> Figure:
         figure = Figure(SIZE, layout="constrained")
         figure.suptitle("Deformable supports per scene", x=0.02, ha="left", fontsize=15)
         counts_axes, kinds_axes = figure.subplots(1, 2, width_ratios=(3, 2))
-        counts_axes.set_title(summary(scenes), loc="left", color=GREY, fontsize=9)
+        counts_axes.set_title(summary(scenes).replace("; ", "\n"), loc="left", color=GREY, fontsize=9)
         _histogram(counts_axes, [one.total() for one in scenes])
         _kinds(kinds_axes, scenes)
     return figure

@@ -1,4 +1,4 @@
-"""The command line: `dcap place|benchmark|plan|rerun|drop|report|maps|view|export|dataset|cache|ui`.
+"""The command line: `dcap place|benchmark|plan|rerun|drop|report|judge|maps|view|export|study|dataset|cache|ui`.
 
 Results go to standard output, everything else to standard error. Exit codes: 0 at rest or done, 2 bad input, 3
 understood but infeasible, 4 some samples of a benchmark failed. An error that a user can mend is one line.
@@ -17,10 +17,12 @@ import typer
 from dcap.language.protocol.client import DEFAULT_MODEL
 from dcap.scene.errors import DcapError
 from dcap.scene.settings import runs_root, version
-from flows.cli.checks import Json, choice, given
+from flows.cli.checks import Json, given
 from flows.cli.data import cache_app, dataset_app
 from flows.cli.export_command import export
+from flows.cli.judge_command import judge
 from flows.cli.maps_command import maps
+from flows.cli.study_command import study_app
 from flows.cli.view_command import view
 from flows.options import DropOptions, PlaceOptions, check_case, check_out, check_prompt, checked
 
@@ -37,15 +39,25 @@ app = typer.Typer(
 )
 app.add_typer(dataset_app, name="dataset")
 app.add_typer(cache_app, name="cache")
+app.add_typer(study_app, name="study")
 app.command()(maps)
+app.command()(judge)
 app.command()(view)
 app.command()(export)
 
 Workers = Annotated[int, typer.Option(min=1, max=64, help="Samples to place in parallel.")]
 Dataset = Annotated[Path | None, typer.Option(help="YAML list of samples; default: the embedded rooms.")]
+Methods = Annotated[
+    str, typer.Option(help="Comma-separated: dcap, fireplace, layoutgpt, holodeck, ablations by name, or all.")
+]
+Scenes = Annotated[
+    str,
+    typer.Option(metavar="LIST", help="Only these scenes: names between commas, a .txt file of names, or a split."),
+]
 Limit = Annotated[int | None, typer.Option(min=1, help="Only the first N samples.")]
 Language = Annotated[
-    str, typer.Option(help="Who reads the sentence: offline (default), anthropic or replay.", show_default=False)
+    str,
+    typer.Option(help="Who reads the sentence: offline (default), anthropic, openai or replay.", show_default=False),
 ]
 Model = Annotated[str, typer.Option(help="Model to ask; default: " + DEFAULT_MODEL + ".", show_default=False)]
 Record = Annotated[
@@ -192,7 +204,8 @@ def drop(
 @app.command()
 def benchmark(
     dataset: Dataset = None,
-    methods: Annotated[str, typer.Option(help="Comma-separated methods; there is one so far: dcap.")] = "dcap",
+    methods: Methods = "dcap",
+    scenes: Scenes = "",
     limit: Limit = None,
     workers: Workers = 2,
     only_failed: Annotated[
@@ -210,10 +223,8 @@ def benchmark(
     ambiguous: Ambiguous = "best",
     as_json: Json = False,
 ) -> int:
-    """Place every sample of a dataset and report."""
-    for method in methods.split(","):
-        choice("--methods", method.strip(), ("dcap",))
-
+    """Place every sample of a dataset by each method and report."""
+    from dcap.evaluation.methods import methods_of
     from dcap.scene.json_tree import object_to_json
     from flows.benchmark import run_benchmark
     from flows.configure import configured
@@ -224,7 +235,17 @@ def benchmark(
     asking = LanguageOptions(language, model, record, replay, max_cost, batch)
     chosen = checked(PlaceOptions, {"threads": threads, "paper_limits": paper_limits, "ambiguous": ambiguous})
     config = configured(chosen, language=asking.config())
-    run = run_benchmark(dataset, config, asking, limit=limit, workers=workers, only_failed=only_failed)
+    chosen_methods = methods_of(methods)
+    run = run_benchmark(
+        dataset,
+        config,
+        asking,
+        limit=limit,
+        workers=workers,
+        only_failed=only_failed,
+        methods=chosen_methods,
+        scenes=scenes,
+    )
     if as_json:
         print(json.dumps(object_to_json(run.summary), indent=2, ensure_ascii=False))
     return SOME_FAILED if run.failed else 0
@@ -233,6 +254,8 @@ def benchmark(
 @app.command()
 def plan(
     dataset: Dataset = None,
+    methods: Methods = "dcap",
+    scenes: Scenes = "",
     limit: Limit = None,
     language: Language = "",
     model: Model = "",
@@ -243,6 +266,7 @@ def plan(
     as_json: Json = False,
 ) -> int:
     """Show what a benchmark would run and why, without running anything."""
+    from dcap.evaluation.methods import methods_of
     from dcap.scene.json_tree import to_json
     from flows.benchmark import plan_benchmark
     from flows.configure import configured
@@ -251,7 +275,7 @@ def plan(
     asking = LanguageOptions(language, model, record, replay)
     chosen = checked(PlaceOptions, {"paper_limits": paper_limits, "ambiguous": ambiguous})
     config = configured(chosen, language=asking.config(plan=True))
-    rows = plan_benchmark(dataset, config, limit=limit)
+    rows = plan_benchmark(dataset, config, limit=limit, methods=methods_of(methods), scenes=scenes)
     if as_json:
         print(json.dumps(to_json(rows), indent=2, ensure_ascii=False))
     return 0

@@ -7,13 +7,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from dcap.evaluation.supports_plot import save_supports_plot, summary
-from dcap.language.offline.deformable import KINDS, OTHER
+from dcap.evaluation.supports_table import SHOWN, supports_table
+from dcap.scene.errors import InputError
 from dcap.scene.json_tree import JsonObject, object_to_json
 from dcap.scene.problems import Severity
 from flows.dataset_check import DatasetReport, SceneRow
 
 COLUMNS = ("scene", "instances", "objects", "deformable", "faces", "splats", "problems", "")
-SHOWN = (*KINDS, OTHER)
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,6 +41,17 @@ class DatasetTotals:
 def write_plot(report: DatasetReport, path: Path) -> None:
     """The distribution of deformable supports as PNG or SVG."""
     save_supports_plot(_counted(report), path)
+
+
+def write_table(report: DatasetReport, path: Path) -> None:
+    """The same as a table, one row a scene; InputError where nothing can be written."""
+    names = _short_names([row.facts.path for row in report.scenes]) if report.scenes else {}
+    text = supports_table({names[row.facts.path]: row.facts.labels for row in report.scenes if row.counted})
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise InputError(f"{path}: cannot be written: {error.strerror}") from None
 
 
 def _counted(report: DatasetReport) -> list[Counter[str]]:

@@ -1,4 +1,4 @@
-"""The commands about data: `dcap dataset make|label|check|pack|prepare-sugar` and `dcap cache ls|verify`."""
+"""The commands about data: `dcap dataset make|label|check|sample|pack|prepare-sugar` and `dcap cache ls|verify`."""
 
 import json
 import sys
@@ -9,10 +9,12 @@ import typer
 
 from dcap.scene.types.sample import SourceOptions
 from flows.cli.checks import Json, choice, given
+from flows.cli.sample_command import dataset_sample
 from flows.options import UNITS, UPS, PlaceOptions, check_out, checked
 
 dataset_app = typer.Typer(help="Make the embedded dataset, or check any.", no_args_is_help=True, rich_markup_mode=None)
 cache_app = typer.Typer(help="What has been computed.", no_args_is_help=True, rich_markup_mode=None)
+dataset_app.command("sample")(dataset_sample)
 
 
 @dataset_app.command("make")
@@ -67,7 +69,7 @@ def dataset_label(
     context: typer.Context,
     scene: Annotated[str, typer.Argument(help="Folder (InteriorGS, ScanNet, SuGaR), mesh or Gaussian splats.")],
     out: Annotated[Path | None, typer.Option(help="Folder for the results; default: data/runs/labels/NAME.")] = None,
-    language: Annotated[str, typer.Option(help="Who names things: offline, anthropic or replay.")] = "",
+    language: Annotated[str, typer.Option(help="Who names things: offline, anthropic, openai or replay.")] = "",
     model: Annotated[str, typer.Option(help="Model to ask.")] = "",
     record: Annotated[str, typer.Option(metavar="DIR", help="Keep a copy of each reply in this folder.")] = "",
     replay: Annotated[str, typer.Option(metavar="DIR", help="Answer from replies recorded in this folder.")] = "",
@@ -106,11 +108,14 @@ def dataset_check(
     plot: Annotated[
         Path | None, typer.Option(help="Plot the deformable supports per scene to this file, .png or .svg.")
     ] = None,
+    table: Annotated[
+        Path | None, typer.Option(metavar="FILE.csv", help="Write the same numbers, one row a scene, to this file.")
+    ] = None,
     as_json: Json = False,
 ) -> int:
     """List every problem of a dataset, and what its scenes hold; exit code 2 if there are errors."""
     from dcap.evaluation.supports_plot import plot_suffix
-    from flows.cli.check_report import as_tree, in_words, write_plot
+    from flows.cli.check_report import as_tree, in_words, write_plot, write_table
     from flows.dataset_check import check_dataset
 
     if plot is not None:
@@ -119,6 +124,8 @@ def dataset_check(
     print(json.dumps(as_tree(report), indent=2, ensure_ascii=False) if as_json else in_words(report))
     if plot is not None:
         write_plot(report, plot)
+    if table is not None:
+        write_table(report, table)
     return 2 if report.failed else 0
 
 

@@ -4,13 +4,13 @@ A step depends on its arguments alone: what it takes over from those before it i
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from solver.config import SolverConfig
-from solver.contact.active import Pair, vertex_areas
+from solver.contact.active import Contacts, Pair, vertex_areas
 from solver.contact.bonds import build_bonds
 from solver.contact.flatness import flat_regions
 from solver.contact.pair_friction import PairFriction
@@ -132,6 +132,32 @@ class Simulation:
         signals = measure(self.model, self.soft, self.query, self.watched, self.mass, weights, after, report)
         longer = dt * (STEP_GROWTH if easy else 1.0)
         return AcceptedStep(after, report, signals, StepControl(longer, signals.speed, control.tolerance_factor))
+
+    def stiffen(self, state: State, contacts: Contacts, signals: Signals) -> None:
+        """Stiffen pairs that penetrate more than asked for near rest, where the load is the weight, and before that
+        those that penetrate more than is safe; with inertia not before, as nothing may add energy to an impact.
+
+        Springs that are suddenly stiffer would throw a body up, so the next step only corrects positions.
+        """
+        moving = signals.speed > self.config.moving_speed * np.sqrt(self.gravity * self.length)
+        if moving and self.config.inertia:
+            return
+        stiffened: list[tuple[int, NDArray[np.float64]]] = []
+        for t in contacts.active:
+            load = t.normal_force
+            if load.sum() <= 0.0:
+                continue
+            depth = float(-(t.gap * load).sum() / load.sum())
+            target = (
+                max(t.pair.safe_depth, self.config.penetration_target) if moving else self.config.penetration_target
+            )
+            if depth > 1.25 * target:
+                if not self.config.inertia:
+                    normal = load @ t.normal
+                    stiffened += [(i, normal / np.linalg.norm(normal)) for i in t.pair.key]
+                factor = min(4.0, depth / target)
+                state.memory = state.memory.stiffen(t.pair.key, factor)
+        state.memory = replace(state.memory, stiffened=tuple(stiffened))
 
     def _end_approach(self, state: State, index: int, normal: NDArray[np.float64]) -> None:
         """Take the motion along a unit normal out of a body; what is clamped is stopped."""

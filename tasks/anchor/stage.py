@@ -45,12 +45,20 @@ from tasks.runner.stage import stage
 Array = NDArray[np.float64]
 
 
+LEVEL_COS = 0.9
+"""Cosine of the largest slope of a level face."""
+
+
 class AnchorConfig(BaseModel, frozen=True, extra="forbid"):
     """Who is asked, and where the drop starts."""
 
     language: LanguageConfig = LanguageConfig()
     clearance: PositiveFloat = 0.01
     """Smallest vertical gap at the start [m]; the paper's 1 cm."""
+    subparts: bool = True
+    """Whether part and region are chosen; else the middle of the support is aimed at: an ablation."""
+    face_up: bool = False
+    """Whether only level faces may carry, as methods with planar supports have it: an ablation."""
 
 
 def anchor(
@@ -64,6 +72,8 @@ def anchor(
 ) -> Anchor | Infeasible:
     """Choose part and region, find a free spot, set the object over it."""
     base = instance_of(scene, intent.base_id)
+    if not config.subparts:
+        intent = aimed_at_middle(intent, base, Raycaster(scene.mesh))
     pose = np.eye(4)
     pose[:3, :3] = intent.scale * rotation.matrix
     mesh = item.mesh.transformed(pose)
@@ -95,7 +105,7 @@ def anchor(
     search = None
     for areas, note in choice.tries():
         for mask in masks if areas else ():
-            search = PlacementSearch(scene.mesh, caster, mask, mesh)
+            search = PlacementSearch(scene.mesh, caster, level_alone(scene, mask) if config.face_up else mask, mesh)
             aims = at_own_middles(scene.mesh, mask, areas) if anywhere else areas
             start = set_down(search, exact, aims, config.clearance, anywhere=anywhere)
             if start is not None:
@@ -107,6 +117,21 @@ def anchor(
 
 
 anchor_task = stage(anchor)
+
+
+def aimed_at_middle(intent: Intent, base: Instance, caster: Raycaster) -> Intent:
+    """The intent with the middle of the support's box, on what lies highest there, as if the point had been given."""
+    top = base.box.corners[:, 2].max()
+    over = np.array([*base.box.center[:2], top + 0.05])
+    way = float(caster.cast(over[None], np.array([[0.0, 0.0, -1.0]])).distance[0])
+    return replace(intent, at=over - np.array([0.0, 0.0, way if np.isfinite(way) else 0.05]))
+
+
+def level_alone(scene: Segmentation, mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Those faces of a mask (m,) that look up."""
+    normal = scene.mesh.face_normals
+    upward = normal[:, 2] > LEVEL_COS * np.maximum(np.linalg.norm(normal, axis=1), 1e-300)
+    return np.asarray(mask & upward)
 
 
 # setting ------------------------------------------------------------------------------------------------------------

@@ -24,6 +24,7 @@ def settled_of(particles: Particles, result: SettledModel) -> Settled:
         history=result.history,
         frames=result.frames,
         material=tuple(result.material.get(body.name) for body in particles.bodies) if result.material else (),
+        nodes=tuple(result.nodes.get(body.name) for body in particles.bodies) if result.nodes else (),
         steps=result.steps,
         simulated_seconds=result.simulated_seconds,
         warnings=result.warnings + particles.notes,

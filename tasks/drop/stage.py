@@ -243,6 +243,7 @@ def left_by(settled: Settled, particles: Particles) -> str:
 def last_state(settled: Settled) -> LastState:
     """What an infeasible outcome keeps of the last state."""
     own = settled.bodies[0]
+    assert settled.certificate is not None  # it was dropped
     return LastState(
         certificate=settled.certificate,
         contacts=settled.contacts,
@@ -259,6 +260,7 @@ def _story(settled: Settled, particles: Particles) -> str:
     """One sentence about a drop that did not come to rest."""
     if settled.verdict is Verdict.LEFT_TARGET:
         return f"{left_by(settled, particles)} left its support after {settled.simulated_seconds:.2f} s"
+    assert settled.certificate is not None  # it was dropped
     rows = settled.certificate.signals.exceeded.items()
     why = ", ".join(f"{name} {row.value:.2g} > {row.threshold:.2g}" for name, row in rows) or "the kick moved it"
     return f"no equilibrium after {settled.steps} steps ({settled.simulated_seconds:.2f} s): {why}"

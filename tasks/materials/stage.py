@@ -5,7 +5,7 @@ within reach (those only as obstacles). Rows are picked, never mixed. The densit
 mass prior where its particles are filled; the reason says so.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -39,6 +39,9 @@ class MaterialsConfig(BaseModel, frozen=True, extra="forbid"):
     """Young's modulus above which a part is rigid [Pa]; the paper's 1 GPa."""
     paper_limits: bool = False
     """Clamp the rows as the paper's section 4.3 does (`--paper-limits`); makes every foam alike."""
+    blended: bool = False
+    """Whether constants are blended with the mean of all rows of the same kind instead of taken from one row: an
+    ablation."""
     load_aware: bool = False
     """Parts of object and base that nobody would see give under the object's weight are rigid too."""
     invisible: PositiveFloat = 5e-5
@@ -117,6 +120,9 @@ def part_material(
     """The row as it is simulated, and why."""
     material = library[choice.material]
     reason = choice.reason
+    if config.blended:
+        material = blended(material, [row for row in library.values() if row.kind == material.kind])
+        reason += f"; blended with the other {material.kind} rows"
     if config.paper_limits:
         material, change = limited(material)
         reason += change
@@ -126,6 +132,24 @@ def part_material(
     side = "above" if model is BodyModel.RIGID else "not above"
     reason += f"; E {material.youngs_modulus:.3g} Pa is {side} {config.rigid_above:.3g} Pa"
     return PartMaterial(question.body, question.part.name, question.part.index, material, model, reason)
+
+
+def blended(material: Material, rows: Sequence[Material]) -> Material:
+    """Half of the chosen row and half of the mean over rows, of moduli on a logarithmic scale; no layers."""
+
+    def mixed(own: float, others: Iterable[float]) -> float:
+        return 0.5 * own + 0.5 * float(np.mean(list(others)))
+
+    modulus = float(np.exp(np.mean(np.log([row.youngs_modulus for row in rows]))))
+    return replace(
+        material,
+        youngs_modulus=float(np.sqrt(material.youngs_modulus * modulus)),
+        layers=None,
+        density=mixed(material.density, (row.density for row in rows)),
+        poisson_ratio=mixed(material.poisson_ratio, (row.poisson_ratio for row in rows)),
+        static_friction=mixed(material.static_friction, (row.static_friction for row in rows)),
+        dynamic_friction=mixed(material.dynamic_friction, (row.dynamic_friction for row in rows)),
+    )
 
 
 def limited(material: Material) -> tuple[Material, str]:

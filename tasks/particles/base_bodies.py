@@ -251,6 +251,8 @@ def soft_box(setup: DropSetup, solid: MeshDistance) -> tuple[Array, NDArray[np.b
 def base_cells(setup: DropSetup, foot: Footprint, distance: Distance, box: Array) -> Cells:
     """A graded grid over the soft box, fine under the predicted contact."""
     config = setup.config
+    if config.uniform:
+        return even_cells(config, distance, box)
 
     asked = [wanted_along(foot, axis, config) for axis in range(3)]
     through = [WantedCells(box[:1, a], box[1:, a], np.ptp(box[:, a], keepdims=True) / CELLS_THROUGH) for a in range(3)]
@@ -268,6 +270,16 @@ def base_cells(setup: DropSetup, foot: Footprint, distance: Distance, box: Array
             f"{'' if config.coarser == 1.0 else ', coarser'})"
         )
     return cells
+
+
+def even_cells(config: ParticlesConfig, distance: Distance, box: Array) -> Cells:
+    """A grid of one cell size over the soft box, as fine as the budget allows."""
+    size = float(np.cbrt(np.prod(np.ptp(box, axis=0)) / config.base_cells))
+
+    def wanted(scale: float) -> list[WantedCells]:
+        return [WantedCells(box[:1, a], box[1:, a], np.array([scale * size])) for a in range(3)]
+
+    return cells_within(box, wanted, lambda planes: occupied(planes, distance), config.base_cells)[0]
 
 
 def wanted_along(foot: Footprint, axis: int, config: ParticlesConfig) -> WantedCells:

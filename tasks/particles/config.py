@@ -18,6 +18,9 @@ class ParticlesConfig(BaseModel, frozen=True, extra="forbid"):
     """Cells in half the width of the predicted contact."""
     coarser: PositiveFloat = 1.0
     """Cells are so many times larger than that: where a drop broke down on the smaller ones [-]."""
+    uniform: bool = False
+    """Cells of one size in the whole base, as many as its budget allows, and a soft object filled without looking for
+    its thin parts: an ablation."""
     least_cells_across: PositiveFloat = 4.0
     """Cells are never coarser than this many in half that width without a note."""
     coarsest_cell: PositiveFloat = 0.025

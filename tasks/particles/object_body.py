@@ -161,6 +161,8 @@ def object_cells(setup: DropSetup, foot: Footprint, grid: DistanceGrid, inside: 
     """A uniform grid around a soft object; fewer cells through thin parts than bending needs are noted."""
     config, thin = setup.config, thickness(grid)
     contact = config.coarser * (config.cell or max(foot.half_width / config.least_cells_across, config.finest_cell))
+    if config.uniform:
+        thin = np.ptp(setup.mesh.bounds, axis=0)
     cells = uniform_cells(inside, setup.mesh.bounds, thin, contact, config.cells_through, config.object_cells)
     through = float(min(thin[a] / np.diff(cells.planes[a])[0] for a in range(3)))
     if through < config.least_cells_through:

@@ -9,6 +9,7 @@ its lower half reaches out, else -y.
 """
 
 from functools import partial
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -58,6 +59,10 @@ class RotationConfig(BaseModel, frozen=True, extra="forbid"):
     language: LanguageConfig = LanguageConfig()
     picture_size: PositiveInt = 512
     """Width and height [pixels]."""
+    chosen: bool = True
+    """Whether a rotation is chosen at all; else the pose of the file is kept: an ablation."""
+    views: Literal[3, 12] = 3
+    """Pictures that are shown: the three flips, or each of them from four sides: an ablation."""
 
 
 def rotation(
@@ -72,6 +77,12 @@ def rotation(
     believed = own if trusted else np.eye(3)
     place = wished_place(scene, base, intent, 0.5 * float(np.ptp(mesh.bounds[:, :2], axis=0).max()))
     pictures = three_flips(scene, base, mesh, place, config.picture_size)
+    if not config.chosen:
+        return Rotation(np.eye(3), pictures, prompt, "upright", "the pose of the file is kept", None)
+    shown = pictures
+    if config.views > len(FLIPS):
+        sides = (three_flips(scene, base, mesh, place, config.picture_size, np.pi / 2 * k) for k in (1, 2, 3))
+        shown = (*pictures, *(one for side in sides for one in side))
     has_front = front_of(turned(mesh, believed), side)[1]
     facing = wished_facing(intent, has_front=has_front)
     request = RotationRequest(
@@ -87,7 +98,7 @@ def rotation(
         righting=righting,
         turn_deg=intent.orientation.turn_deg,
         on_legs=on_legs(mesh, believed[2]),
-        pictures=tuple(partial(np.copy, one) for one in pictures),
+        pictures=tuple(partial(np.copy, one) for one in shown),
     )
     reply = client.ask(ROTATION, request)
     matrix = matrix_of(reply, request, scene, base, mesh)
@@ -259,14 +270,14 @@ def smallest_turn(own: Array, wanted: Array, *, quarter: bool) -> float:
 
 
 def three_flips(
-    scene: Segmentation, base: Instance, mesh: Mesh, place: Array, size: int
+    scene: Segmentation, base: Instance, mesh: Mesh, place: Array, size: int, around: float = 0.0
 ) -> tuple[NDArray[np.uint8], ...]:
-    """The object over the base, flipped about x, y and z; same camera."""
+    """The object over the base, flipped about x, y and z; same camera, which stands `around` [rad] from the front."""
     support = scene.instance_mesh(scene.index_of(base.id))
     middle = mesh.bounds.mean(axis=0)
     extent = float(np.linalg.norm(np.ptp(mesh.bounds, axis=0)))
     hover = place + np.array([0.0, 0.0, 0.65 * extent])
-    camera = camera_for(scene, base, hover, extent, size)
+    camera = camera_for(scene, base, hover, extent, size, around)
     pictures = []
     for axis, diagonal in FLIPS.items():
         pose = np.eye(4)
@@ -277,11 +288,14 @@ def three_flips(
     return tuple(pictures)
 
 
-def camera_for(scene: Segmentation, base: Instance, hover: Array, extent: float, size: int) -> Camera:
-    """From the viewer's side, a little from above and from the right; object and support in the picture."""
+def camera_for(
+    scene: Segmentation, base: Instance, hover: Array, extent: float, size: int, around: float = 0.0
+) -> Camera:
+    """From the viewer's side turned by an angle [rad], a little from above and from the right; object and support in
+    the picture."""
     frame = part_frame(scene, base, base.box)
     reach = max(1.8 * extent, min(0.6 * base.box.diagonal, 2.6 * extent))
-    direction = np.array([*(0.9 * frame.front + 0.35 * frame.right), 0.5])
+    direction = about_z(around) @ np.array([*(0.9 * frame.front + 0.35 * frame.right), 0.5])
     direction /= np.linalg.norm(direction)
     target = hover - (0.0, 0.0, 0.25 * extent)
     return looking_at(target + reach * direction, target, size, size)

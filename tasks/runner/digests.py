@@ -19,8 +19,10 @@ PACKAGES = frozenset({"dcap", "flows", "solver", "tasks"})
 MACHINERY = frozenset(
     {
         "dcap.language.model.anthropic_api",
+        "dcap.language.model.apis",
         "dcap.language.model.batch",
         "dcap.language.model.ledger",
+        "dcap.language.model.openai_api",
         "dcap.language.model.reply_folder",
         "dcap.language.protocol.session",
         "dcap.packages",

@@ -119,7 +119,7 @@ def dataset(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
         patch.setenv("DCAP_DATA", str(folder / "data"))
         patch.delenv("PREFECT_API_URL", raising=False)
         patch.syspath_prepend(str(folder))
-        patch.setattr("flows.sample_run.place", importlib.import_module("fake_pipeline").place)
+        patch.setattr("flows.sample_run.place_by", importlib.import_module("fake_pipeline").place)
         yield folder / "set.yaml"
 
 
@@ -247,7 +247,7 @@ def test_a_plan_survives_what_nobody_expected(
     def broken(sample: Sample, config: PlaceConfig) -> None:
         raise ZeroDivisionError("on purpose")
 
-    monkeypatch.setattr("flows.sample_run.place", broken)
+    monkeypatch.setattr("flows.sample_run.place_by", broken)
     assert main(["plan", "--dataset", str(tmp_path / "set.yaml"), "--json"]) == 0
     assert json.loads(capsys.readouterr().out)[0]["why"] == "ZeroDivisionError: on purpose"
     assert main(["benchmark", "--dataset", str(tmp_path / "set.yaml"), "--json"]) == 4

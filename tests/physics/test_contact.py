@@ -176,7 +176,7 @@ def test_springs_that_become_stiffer_throw_nothing_up(lab):
             state, control = step.state, step.control
             if stiffened:
                 fastest = max(fastest, state.velocity[0, 2])
-            one._adapt(state, step.report.contacts, step.signals)
+            one.stiffen(state, step.report.contacts, step.signals)
             stiffened += bool(state.memory.stiffened)
     assert stiffened >= 2
     # what the tolerance of a thousandth of the weight leaves pushes for three of the longest steps
@@ -199,7 +199,7 @@ def test_what_presses_hard_stays_on_its_side(lab):
         for _ in range(60):
             step = one.step(state, control)
             state, control = step.state, step.control
-            one._adapt(state, step.report.contacts, step.signals)
+            one.stiffen(state, step.report.contacts, step.signals)
             for t in step.report.contacts.active:
                 deepest = max(deepest, -float(t.gap @ t.normal_force / t.normal_force.sum()))
     assert step.report.inverted == 0

@@ -149,7 +149,7 @@ def test_with_inertia_a_thin_plate_rebounds_no_faster_than_it_came(lab):
         while len(speeds) < 400 and (len(speeds) < 5 or speeds[-1] >= speeds[-2] or speeds[-1] < 0.0):
             step = one.step(state, control)
             state, control = step.state, step.control
-            one._adapt(state, step.report.contacts, step.signals)
+            one.stiffen(state, step.report.contacts, step.signals)
             speeds.append(float(state.velocity[0, 2]))
     assert 0.0 < max(speeds) < -min(speeds)
 

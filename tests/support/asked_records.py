@@ -7,6 +7,7 @@ from dented_bed import anchor, scene_of
 from numpy.typing import NDArray
 
 from dcap.scene.types.earlier import Deformation, EarlierPlacements, FreedThings, PlacedThing
+from dcap.scene.types.floor_plan import FloorPlan, FloorPlans, PlanBox
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.outcome import ObjectHole, OpenObject
 from dcap.scene.types.paint import Paint, SourceSurface
@@ -46,3 +47,10 @@ def earlier_records() -> tuple[object, ...]:
     dent = Deformation("bed", ("placed_1",), Mesh.of(np.eye(3), [[0, 1, 2]]), np.full((3, 3), -0.01))
     known = EarlierPlacements(scene_of().instances, (), (thing,), (("placed_1", "bed"),), (dent,))
     return thing, dent, known, FreedThings(scene_of(), anchor(), (thing,), "bed", (), ("in reach",))
+
+
+def planned_records() -> tuple[object, ...]:
+    """A floor plan with a bed, and several plans."""
+    bed = PlanBox("3", -1, "bed", np.array([1.0, 1.0, 0.25]), np.array([1.6, 2.0, 0.5]), 0.3)
+    plan = FloorPlan("bedroom", np.array([[0.0, 0.0], [4.0, 0.0], [4.0, 3.0], [0.0, 3.0]]), 0.0, (bed,))
+    return bed, plan, FloorPlans((plan, plan))

@@ -14,13 +14,29 @@ from typing import Any
 
 from pydantic import TypeAdapter
 
+from dcap.evaluation.sampling.questions import SAMPLES
 from dcap.language.offline.client import OfflineClient
-from dcap.language.protocol.questions import ANCHOR, INTENT, LABEL, MATERIALS, PARTS, ROTATION, Question
+from dcap.language.protocol.fireplace import CHOICE, OUTLINES, PRUNING
+from dcap.language.protocol.questions import (
+    ANCHOR,
+    HOLODECK,
+    INTENT,
+    LABEL,
+    LAYOUTGPT,
+    MATERIALS,
+    PARTS,
+    ROTATION,
+    Question,
+)
 
 KEY = "sk-never-to-be-shown"
 Body = dict[str, Any]
 Answer = tuple[int, Body]
-QUESTIONS = {one.name: one for one in (INTENT, ROTATION, ANCHOR, MATERIALS, LABEL, PARTS)}
+ASKED: tuple[Question[Any, Any], ...] = (
+    INTENT, ROTATION, ANCHOR, MATERIALS, LABEL, PARTS, LAYOUTGPT, HOLODECK, OUTLINES, CHOICE, PRUNING,
+    SAMPLES,
+)  # fmt: skip
+QUESTIONS = {one.name: one for one in ASKED}
 UNKNOWN_KEYWORDS = (
     "prefixItems", "minimum", "maximum", "exclusiveMinimum", "exclusiveMaximum", "minLength", "maxLength", "maxItems",
     "pattern", "default",

@@ -1,9 +1,10 @@
 """One request of each kind, with what any client needs to answer it."""
 
 import numpy as np
+from baseline_requests import asked_layout, asked_relations
 
 from dcap.language.material_table import load_materials
-from dcap.language.protocol.questions import ANCHOR, LABEL, MATERIALS, PARTS, ROTATION
+from dcap.language.protocol.questions import ANCHOR, HOLODECK, LABEL, LAYOUTGPT, MATERIALS, PARTS, ROTATION
 from dcap.language.protocol.requests import (
     AnchorRequest,
     BoxView,
@@ -70,5 +71,7 @@ AT_HAND = (
     (MATERIALS, materials_request),
     (LABEL, label_request),
     (PARTS, parts_request),
+    (LAYOUTGPT, asked_layout),
+    (HOLODECK, asked_relations),
 )
-"""Questions that need no scene, with their requests."""
+"""Questions that need no scene of the test's own, with their requests."""

@@ -2,6 +2,8 @@
 
 import numpy as np
 
+from dcap.scene.types.judged_views import JudgedViews
+from dcap.scene.types.measures import Drift, Indentation, Measures
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.settled import LastState, PlacementChecks, Settled, SettledBody
 from solver.certificate import (
@@ -84,10 +86,20 @@ def motion_records() -> tuple[object, ...]:
     return *FRAMES.bodies, FRAMES, STRESSED
 
 
+def measured_records() -> tuple[object, ...]:
+    """One of each type that says what was measured of a final state."""
+    return (
+        Measures("3", "bed", "mattress", np.zeros(3), 0.0, 0.01, float("inf"), 0.0, float("-inf")),
+        Indentation(0.012, 0.0123),
+        JudgedViews(*[np.zeros((2, 2, 3), np.uint8)] * 9),
+        Drift(0.0, 0, float("inf"), float("inf"), float("inf"), "it starts 2 mm inside"),
+    )
+
+
 def settled_record(mesh: Mesh) -> Settled:
     """A rest state of one body with this surface of 60 vertices, with all that may be known of it."""
     body = SettledBody("object", mesh, np.zeros(3), np.array([1.0, 0, 0, 0]), np.zeros((60, 3)))
     return Settled(
         Verdict.AT_REST, (body,), (CONTACT,), np.zeros((0, 3)), implicit_certificate(), history(200), 200, 1.5, (),
-        CHECKS, FRAMES, (STRESSED,),
+        CHECKS, FRAMES, (STRESSED,), (np.zeros((3, 3), np.float32),),
     )  # fmt: skip

@@ -26,12 +26,14 @@ DOWN, UP = (0.0, 0.0, -1.0), (0.0, 0.0, 1.0)
 class Clearance:
     """One object over one scene: both prepared once, then asked for places of the object's origin."""
 
-    def __init__(self, item: Mesh, scene: Mesh, caster: Raycaster) -> None:
-        """`caster`: of the scene."""
+    def __init__(
+        self, item: Mesh, scene: Mesh, caster: Raycaster, edges: tuple[Array, Array] | None = None
+    ) -> None:  # fmt: skip
+        """`caster`: of the scene. `edges`: those of the item, where they are known already (see `edges_of`)."""
         self.item_caster, self.caster = Raycaster(item), caster
         self.bounds = item.bounds
         self.vertices = item.vertices[np.unique(item.faces)]
-        self.start, self.edge = edges_of(item)
+        self.start, self.edge = edges_of(item) if edges is None else edges
         self.scene = scene
         self.corner = scene.triangles
         self.low, self.high = self.corner.min(axis=1), self.corner.max(axis=1)

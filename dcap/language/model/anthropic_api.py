@@ -60,9 +60,15 @@ def size_of(payload: Payload) -> int:
 
 def endpoint() -> str:
     """Address that is asked where it is not the usual one, fit for a file name; empty for the usual one."""
-    url = urlsplit(os.environ.get("ANTHROPIC_BASE_URL", ""))
-    address = url.netloc.rpartition("@")[2] + url.path.rstrip("/")
-    return "" if address == USUAL else address.replace(":", "-").replace("/", "-")
+    name = address_name(os.environ.get("ANTHROPIC_BASE_URL", ""))
+    return "" if name == USUAL.replace(":", "-") else name
+
+
+def address_name(url: str) -> str:
+    """Host, port and path of an address, without a password, fit for a file name."""
+    parts = urlsplit(url)
+    address = parts.netloc.rpartition("@")[2] + parts.path.rstrip("/")
+    return address.replace(":", "-").replace("/", "-")
 
 
 def connection() -> anthropic.Anthropic:

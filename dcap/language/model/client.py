@@ -127,25 +127,25 @@ def replayed(name: str, session: Session) -> Send:
 
 def kept_or_asked(config: LanguageConfig, session: Session, kept: ReplyFolder) -> Send:
     """Answers from what is kept, else from the API; every reply that is used goes into the recording."""
-    from dcap.language.model.anthropic_api import ask_at_once, endpoint
+    from dcap.language.model.apis import APIS
     from dcap.language.model.batch import ask_in_batch
 
-    name, model = config.source, config.model
+    name, model, api = config.source, config.model, APIS[config.client]
     recording = ReplyFolder(Path(session.record)) if session.record else None
 
     def send(payload: Payload, idle: Idle) -> Message:
         message = None if session.fresh else kept.read(name, payload.digest)
         if message is not None:
             note_kept(model, payload, message, session)
-        elif endpoint() != config.endpoint:
+        elif api.endpoint() != config.endpoint:
             raise InputError(
-                f"the run asks {config.endpoint or 'the usual address'}, but $ANTHROPIC_BASE_URL now names "
-                f"{endpoint() or 'none'}; set it back, or start a new run"
+                f"the run asks {config.endpoint or 'the usual address'}, but ${api.address_variable} now names "
+                f"{api.endpoint() or 'none'}; set it back, or start a new run"
             )
         elif session.batch:
             message = ask_in_batch(name, model, payload, session, kept, idle)
         else:
-            message = ask_at_once(model, payload, session)
+            message = api.ask_at_once(model, payload, session)
             kept.keep(name, payload, message)
         if recording is not None:
             recording.keep(name, payload, message)

@@ -77,7 +77,7 @@ def payload_of(question: Question[RequestT, ReplyT], request: RequestT) -> Paylo
     own: dict[str, object] = {}
     shared: dict[str, object] = {}
     for name in field_names(request):
-        if name != PICTURES:
+        if name not in (PICTURES, *question.unseen):
             (shared if name in question.shared else own)[name] = plain(getattr(request, name))
     content: list[Block] = []
     if shared:

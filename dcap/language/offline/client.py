@@ -7,22 +7,28 @@ understand.
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
+from dcap.language.offline.fireplace import FIREPLACE_ANSWERS
 from dcap.language.offline.given_base import given_target
+from dcap.language.offline.layout_answer import layout_answer
 from dcap.language.offline.lexicon import thing_of
 from dcap.language.offline.made_of import material_words_about
 from dcap.language.offline.material_choice import chosen_materials
 from dcap.language.offline.part_choice import chosen_part, moved_into_which, one_of_a_whole
 from dcap.language.offline.pose_choice import chosen_pose
 from dcap.language.offline.priors import prior_of
+from dcap.language.offline.relations_answer import relations_answer
 from dcap.language.offline.sentence import read
 from dcap.language.offline.shapes import label_of
 from dcap.language.offline.target import target_of
 from dcap.language.offline.where import facing_of
 from dcap.language.offline.words import SceneWords
+from dcap.language.protocol.baseline_questions import LayoutReply, LayoutRequest, RelationsReply, RelationsRequest
 from dcap.language.protocol.questions import (
     ANCHOR,
+    HOLODECK,
     INTENT,
     LABEL,
+    LAYOUTGPT,
     MATERIALS,
     PARTS,
     ROTATION,
@@ -54,7 +60,7 @@ class OfflineClient:
 
     def ask(self, question: Question[RequestT, ReplyT], request: RequestT) -> ReplyT:
         """The answer to one question."""
-        answer: Callable[[RequestT], ReplyT] = ANSWERS[question.name]
+        answer: Callable[[RequestT], ReplyT] = question.stand_in or ANSWERS[question.name]
         reply = answer(request)
         question.check(reply, request)
         return reply
@@ -145,6 +151,21 @@ def parts(request: PartsRequest) -> PartsReply:
     return PartsReply(names=tuple(names), reason="as geometry proposes")
 
 
+def layoutgpt(request: LayoutRequest) -> LayoutReply:
+    """A line that puts a box where the sentence wants it, as the intent's reader understands it."""
+    return layout_answer(request, understood(request))
+
+
+def holodeck(request: RelationsRequest) -> RelationsReply:
+    """The receptacle and the relations that the sentence names, as the intent's reader understands it."""
+    return relations_answer(request, understood(request))
+
+
+def understood(request: LayoutRequest | RelationsRequest) -> IntentReply:
+    """What our own method's intent would be."""
+    return intent(IntentRequest(request.prompt, request.item, request.instances, request.room_center))
+
+
 ANSWERS: Mapping[str, Callable[[Any], Any]] = {
     INTENT.name: intent,
     ROTATION.name: rotation,
@@ -152,5 +173,8 @@ ANSWERS: Mapping[str, Callable[[Any], Any]] = {
     MATERIALS.name: materials,
     LABEL.name: label,
     PARTS.name: parts,
+    LAYOUTGPT.name: layoutgpt,
+    HOLODECK.name: holodeck,
+    **FIREPLACE_ANSWERS,
 }
 """Who answers which question."""

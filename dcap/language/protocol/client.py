@@ -1,7 +1,7 @@
 """Who answers a stage's questions, as its configuration says.
 
-`offline` needs nothing, `anthropic` asks a model, `replay` gives recorded answers again. What does not decide a result
-(where replies are kept, what may be spent) is no part of a stage's configuration: see
+`offline` needs nothing, `anthropic` and `openai` ask a model, `replay` gives recorded answers again. What does not
+decide a result (where replies are kept, what may be spent) is no part of a stage's configuration: see
 dcap/language/protocol/session.py.
 """
 
@@ -21,11 +21,12 @@ class ClientName(StrEnum):
 
     OFFLINE = "offline"
     ANTHROPIC = "anthropic"
+    OPENAI = "openai"
     REPLAY = "replay"
 
 
 DEFAULT_MODEL = "claude-sonnet-5-5"
-"""Model that is asked unless told otherwise."""
+"""Model that is asked unless told otherwise; of `openai` none is usual."""
 
 
 class LanguageConfig(BaseModel, frozen=True, extra="forbid"):

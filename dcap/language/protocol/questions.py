@@ -1,6 +1,7 @@
-"""The six questions that stages ask: which request, which reply, and how one is checked against the other.
+"""The questions that stages ask, six of our own method and those of the baselines.
 
-A stage says `client.ask(INTENT, request)` and gets an `IntentReply`; it never learns who answered.
+Each says which request and which reply it takes, and how one is checked against the other. A stage says
+`client.ask(INTENT, request)` and gets an `IntentReply`; it never learns who answered.
 """
 
 from collections.abc import Callable
@@ -9,6 +10,7 @@ from typing import Generic, TypeVar
 
 from pydantic import BaseModel
 
+from dcap.language.protocol.baseline_questions import LayoutReply, LayoutRequest, RelationsReply, RelationsRequest
 from dcap.language.protocol.replies import (
     AnchorReply,
     IntentReply,
@@ -42,6 +44,10 @@ class Question(Generic[RequestT, ReplyT]):
     """Raises ValueError, with a sentence that a model can be shown, if the reply chooses what is not listed."""
     shared: tuple[str, ...] = ()
     """Fields of the request that many questions of a run have in common: sent first, so that they can be cached."""
+    unseen: tuple[str, ...] = ()
+    """Fields of the request that no model is shown: what only the stand-in answers from."""
+    stand_in: Callable[[RequestT], ReplyT] | None = None
+    """Who answers offline, where that is not the reader of sentences."""
 
     def parsed(self, answer: object, request: RequestT) -> ReplyT:
         """An answer as a reply that fits the request; ValueError otherwise."""
@@ -56,3 +62,5 @@ ANCHOR = Question("anchor", AnchorRequest, AnchorReply, AnchorReply.check)
 MATERIALS = Question("materials", MaterialsRequest, MaterialsReply, MaterialsReply.check, ("library",))
 LABEL = Question("label", LabelRequest, LabelReply, LabelReply.check, ("labels",))
 PARTS = Question("parts", PartsRequest, PartsReply, PartsReply.check, ("names",))
+LAYOUTGPT = Question("layoutgpt", LayoutRequest, LayoutReply, LayoutReply.check, ("instances", "room_center"))
+HOLODECK = Question("holodeck", RelationsRequest, RelationsReply, RelationsReply.check, ("instances", "room_center"))

@@ -135,7 +135,7 @@ class RotationRequest:
     has_front: bool
     """Whether shape or category tell front from back."""
     pictures: tuple[PictureMaker, ...] = field(default=(), compare=False)
-    """Exactly three: the flips about x, y, z."""
+    """The flips about x, y, z; of an ablation each of them from four sides."""
     stands: bool = True
     """Whether it would stand on a plane as it is in its file."""
     righting: float = 0.0

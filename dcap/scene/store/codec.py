@@ -26,9 +26,12 @@ from dcap.scene.types.anchor import Anchor, Lean
 from dcap.scene.types.box import OrientedBox
 from dcap.scene.types.earlier import Deformation, EarlierPlacements, FreedThings, PlacedThing
 from dcap.scene.types.file_scale import FileScale
+from dcap.scene.types.floor_plan import FloorPlan, FloorPlans, PlanBox
 from dcap.scene.types.given_labels import GivenLabels, GivenPart, GivenThing, VertexLabels
 from dcap.scene.types.intent import Intent, OrientationRequest, RegionConstraint, RegionRequest, SupportCandidate
+from dcap.scene.types.judged_views import JudgedViews
 from dcap.scene.types.materials import ContactFriction, LayerConstants, Material, PartMaterial, PartMaterials
+from dcap.scene.types.measures import Drift, Indentation, Measures
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.outcome import (
     BesideThePart,
@@ -89,19 +92,31 @@ MOST_COLUMNS = 16
 KINDS: dict[str, type] = {
     one.__name__: one
     for one in (
-        Anchor, AskedPose, BackgroundGrid, BesideThePart, BodyGeometry, BodyPath, BodyStability, BondRow, Certificate,
-        CertificateRow, ColumnLayer, ContactFriction, ContactRow, Deformation, DistanceGrid, DropFrames,
-        EarlierPlacements, FileScale, FreedThings, GivenLabels, GivenPart, GivenPlace, GivenThing, HiddenObject,
-        History, InertialProperties, Infeasible, Instance, Intent, InTheWay, KickCheck, KickRow, KnownHeight, LabelBox,
-        LastState, LayerConstants, LayeredPoints, Lean, LeanCheck, Material, MaterialMap, MaterialPoints,
-        MaterialState, Mesh, NoRoom, NotDone, NotInScene, ObjectHole, OpenObject, OrientationRequest, OrientedBox,
-        Overview, Paint, Part, Particles, PartMaterial, PartMaterials, PlacedThing, PlacementChecks, Pointed,
-        PoseCheck, PushBounds, PushRow, RegionConstraint, RegionRequest, Renders, RepairReport, RigidSimulationBody,
-        RollingRow, Room, Rotation, Sample, Scan, Segmentation, Settled, SettledBody, SignalRows, SoftSimulationBody,
-        SourceOptions, SourceSurface, StabilityGrade, SupportCandidate, SurfaceMaterial, VertexLabels, Visibility,
+        Anchor, AskedPose,
+        BackgroundGrid, BesideThePart, BodyGeometry, BodyPath, BodyStability, BondRow,
+        Certificate, CertificateRow, ColumnLayer, ContactFriction, ContactRow,
+        Deformation, DistanceGrid, Drift, DropFrames,
+        EarlierPlacements,
+        FileScale, FloorPlan, FloorPlans, FreedThings,
+        GivenLabels, GivenPart, GivenPlace, GivenThing,
+        HiddenObject, History,
+        Indentation, InertialProperties, Infeasible, Instance, Intent, InTheWay,
+        JudgedViews,
+        KickCheck, KickRow, KnownHeight,
+        LabelBox, LastState, LayerConstants, LayeredPoints, Lean, LeanCheck,
+        Material, MaterialMap, MaterialPoints, MaterialState, Measures, Mesh,
+        NoRoom, NotDone, NotInScene,
+        ObjectHole, OpenObject, OrientationRequest, OrientedBox, Overview,
+        Paint, Part, Particles, PartMaterial, PartMaterials, PlacedThing, PlacementChecks, PlanBox, Pointed,
+        PoseCheck, PushBounds, PushRow,
+        RegionConstraint, RegionRequest, Renders, RepairReport, RigidSimulationBody, RollingRow, Room, Rotation,
+        Sample, Scan, Segmentation, Settled, SettledBody, SignalRows, SoftSimulationBody, SourceOptions,
+        SourceSurface, StabilityGrade, SupportCandidate, SurfaceMaterial,
+        VertexLabels, Visibility,
     )
 }  # fmt: skip
-"""Every type that may be stored, by the name that `value.json` gives it: files outlive moves between modules."""
+"""Every type that may be stored, by the name that `value.json` gives it: files outlive moves between modules; a line
+for each initial."""
 
 type_hints: dict[type, dict[str, object]] = {}
 

@@ -58,3 +58,7 @@ class Sample:
     """A point or a box of the scene that decides where the object goes."""
     known_height: KnownHeight | None = None
     """What the scene's scale is found by."""
+    method: str = "dcap"
+    """Who places it (dcap/evaluation/methods.py)."""
+    examples: tuple[str, ...] = ()
+    """Paths of other scenes that a method may learn from, read as this one is; those that need none have none."""

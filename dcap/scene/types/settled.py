@@ -103,7 +103,8 @@ class Settled:
     """One per touching pair."""
     contact_points: NDArray[np.float64]
     """Points of the object's contact patch [m], shape (k, 3)."""
-    certificate: Certificate
+    certificate: Certificate | None
+    """None where nothing was simulated: the pose is a claim."""
     history: History
     steps: int
     simulated_seconds: float
@@ -114,6 +115,8 @@ class Settled:
     """How the bodies came there, in their order; None where nobody kept it."""
     material: tuple[MaterialState | None, ...] = ()
     """Of each body, None of rigid ones; empty where the method does not say."""
+    nodes: tuple[NDArray[np.float32] | None, ...] = ()
+    """Displacement of the nodes of each body's grid [m], shape (n, 3), None of rigid ones; empty as `material`."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)

@@ -18,6 +18,7 @@ from dcap.scene.json_tree import object_to_json
 from dcap.scene.types.sample import Sample
 
 PROMPTS = ("put the ball at the centre of the bed", "balance the ball on the <lampshade> & stay", "put it on the piano")
+LINK = re.compile(r'(?:src|href)="([^"]+)"')
 
 
 def placement(verdict: str, reason: str | None) -> dict[str, object]:
@@ -113,8 +114,9 @@ def test_the_page_shows_every_sample(run: tuple[Path, list[SampleOutcome]]) -> N
                   "some-model: 5 replies asked for, 1 kept from before; 1034 tokens in (4 from the cache), 200 out",
                   "object, body: <b>rubber</b> (usual for a &lt;ball&gt;)"):  # fmt: skip
         assert words in page
-    links = re.findall(r'(?:src|href)="([^"]+)"', page)
-    assert sum(link.endswith(".png") for link in links) == 2 * 2 * 3
+    links = LINK.findall(page)
+    shown = [link for card in re.findall(r"<article.*?</article>", page, re.DOTALL) for link in LINK.findall(card)]
+    assert sum(link.endswith(".png") for link in shown) == 2 * 2 * 3
     for link in links:
         assert not re.match(r"(https?:)?//", link)
         if link.endswith(".png"):

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
-from asked_records import asked_and_refused, earlier_records, painted_records
+from asked_records import asked_and_refused, earlier_records, painted_records, planned_records
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
@@ -24,6 +24,7 @@ from rest_records import (
     STABILITY,
     explicit_certificate,
     history,
+    measured_records,
     motion_records,
     settled_record,
     signals,
@@ -161,7 +162,7 @@ VALUES = [
     REPORT,
     RegionRequest("seat", (), ("part:pillow",), ""),
     *painted_records(a_picture()),
-    *earlier_records(),
+    *(*earlier_records(), *planned_records()),
     Room("bedroom", np.zeros((5, 2))),
     Rotation(np.eye(3), (a_picture(), a_picture(), a_picture()), "a ball", "pose 1", "most stable"),
     Sample("a", "scene", "object", "put", mass=None),
@@ -173,6 +174,7 @@ VALUES = [
     settled_record(a_mesh()),
     explicit_certificate(),
     *motion_records(),
+    *measured_records(),
     LAST,
     CONTACT,
     KICK,

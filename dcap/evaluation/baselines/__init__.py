@@ -1,0 +1,1 @@
+"""Other methods of placing an object, built from what their authors published: same inputs and outputs as ours."""

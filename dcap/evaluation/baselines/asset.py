@@ -1,0 +1,71 @@
+"""The asset as the baselines take it: at the common scale, upright, its front along -y, its box about the origin.
+
+Their sources place assets of libraries in which every one stands upright and looks the same way. A file may lie or look
+elsewhere, so it is brought into that pose by the rules with which our own method reads a shape; nothing of what the
+sentence says about orientation is used.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dcap.geometry.placement.poses import about_z, front_of
+from dcap.geometry.placement.upright import stands_as_read, upright_pose
+from dcap.language.offline.fronts import front_side
+from dcap.language.offline.lexicon import thing_of
+from dcap.language.offline.pose_choice import to_right
+from dcap.scene.types.mesh import Mesh
+
+Array = NDArray[np.float64]
+SAME_POSE = np.radians(12.0)
+"""A righted pose nearer to the file's is the file's [rad]."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class CanonicalAsset:
+    """A mesh in its canonical pose."""
+
+    mesh: Mesh
+    """At its scale, the middle of its box at the origin."""
+    canonical_from_object: Array
+    """Maps the object's own mesh to it, scale included, shape (4, 4)."""
+    has_front: bool
+    """Whether shape or category tell front from back."""
+
+    @property
+    def size(self) -> Array:
+        """Extents along x, y and z [m], shape (3,)."""
+        return np.asarray(np.ptp(self.mesh.bounds, axis=0))
+
+    def pose(self, center: Array, yaw: float, tilt: Array | None = None) -> Array:
+        """World from object, shape (4, 4): the box's middle at `center` [m], turned by `yaw` [rad] after `tilt`, shape
+        (3, 3)."""
+        world = np.eye(4)
+        world[:3, :3] = about_z(yaw) @ (np.eye(3) if tilt is None else tilt)
+        world[:3, 3] = center
+        return np.asarray(world @ self.canonical_from_object)
+
+
+def canonical_asset(mesh: Mesh, scale: float, name: str) -> CanonicalAsset:
+    """The asset of that name at an isotropic scale."""
+    pose = np.diag([scale] * 3 + [1.0])
+    scaled = mesh.transformed(pose)
+    own, gain, _ = upright_pose(scaled)
+    clear = gain > 0.0 and own[2, 2] <= np.cos(SAME_POSE)
+    stands = stands_as_read(scaled)
+    if clear and to_right(thing_of(name), righting=gain, stands=stands, file_up=float(own[2, 2])):
+        pose = with_rotation(own) @ pose
+    front, told = front_of(mesh.transformed(pose), front_side(name))
+    # the angle from the front to -y
+    pose = with_rotation(about_z(float(-np.arctan2(front[0], -front[1])))) @ pose
+    low, high = mesh.transformed(pose).bounds
+    pose[:3, 3] -= 0.5 * (low + high)
+    return CanonicalAsset(mesh.transformed(pose), pose, told)
+
+
+def with_rotation(matrix: Array) -> Array:
+    """A rotation, shape (3, 3), as a homogeneous matrix, shape (4, 4)."""
+    pose = np.eye(4)
+    pose[:3, :3] = matrix
+    return pose

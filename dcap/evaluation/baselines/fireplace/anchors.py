@@ -1,0 +1,140 @@
+"""The anchors' surfaces: what of a thing an outline's words can mean, as a short list to choose from.
+
+In: the scene, a thing, its parts and the side that is asked, as its viewer sees it. Out: surfaces with the part each
+belongs to. Planar surfaces are grown on the mesh; sides and wholes of things are also given by their boxes, and a top
+that is mostly uneven by a coarser growth or, last, by the top of the box. What is covered (a mattress under its
+blanket) is left out.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dcap.evaluation.baselines.fireplace.planar import (
+    COARSE,
+    FINE,
+    Flatness,
+    InteractionSurface,
+    planar_surfaces,
+    rectangle_surface,
+)
+from dcap.geometry.placement.named_regions import ViewerFrame
+from dcap.geometry.raycast import Raycaster
+from dcap.scene.types.box import OrientedBox
+from dcap.scene.types.mesh import Mesh
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+LOOKS = 0.7
+"""A surface looks to a side if its normal is so near to it, as a cosine [-]."""
+SLOPED = 0.4
+"""The same for tops: pillows and shades slope [-]."""
+OPEN = 0.03
+"""Free way over a point of a surface on which something can stand [m]."""
+ABOVE = 0.001
+"""Rays begin so far over a surface [m]: a blanket may lie as close to its mattress."""
+THICK = 0.25
+"""What lies on a surface, its own lower side missing or in the surface, is no thicker [m]."""
+LEAST_OPEN = 0.1
+"""Share of a surface that must be free [-]."""
+ENOUGH = 0.5
+"""Share of a top's open area that its planar surface must have; below it a coarser one is offered too [-]."""
+SMALLEST = 4e-4
+"""[m^2]."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class AnchorSurface:
+    """A surface of a thing or of one of its parts."""
+
+    surface: InteractionSurface
+    part: int
+    """Index of the part."""
+    flatness: float
+    """How uneven it may be [m]."""
+    open_area: float
+    """What of it is not covered [m^2]."""
+    kind: str
+    """planar, coarse or box."""
+
+
+def side_ways(frame: ViewerFrame) -> dict[str, Array]:
+    """Unit vectors out of the sides, as the viewer of a frame sees them, shape (3,) each."""
+    right, front = np.append(frame.right, 0.0), np.append(frame.front, 0.0)
+    up = np.array([0.0, 0.0, 1.0])
+    return {"left": -right, "right": right, "front": front, "back": -front, "top": up, "bottom": -up}
+
+
+def surfaces_of_part(
+    mesh: Mesh, faces: Index, part: int, way: Array, side: str, caster: Raycaster
+) -> list[AnchorSurface]:
+    """Planar surfaces of a part, given by its faces (k,), that look a way, and a coarse one where they are few."""
+    own = mesh.submesh(faces), faces
+    limit = SLOPED if side in ("top", "bottom") else LOOKS
+    found = measured(own, FINE, "planar", way, limit, part, caster)
+    if side == "top":
+        normal, area = own[0].face_normals, own[0].face_areas
+        upward = float(area[normal[:, 2] > SLOPED * 2.0 * area].sum())
+        if max((one.open_area for one in found), default=0.0) < ENOUGH * upward:
+            found += measured(own, COARSE, "coarse", way, limit, part, caster)
+    return found
+
+
+def measured(
+    own: tuple[Mesh, Index], flatness: Flatness, kind: str, way: Array, limit: float, part: int, caster: Raycaster
+) -> list[AnchorSurface]:
+    """Planar surfaces that look a way and are open; `own` is a part alone and which faces of the scene it has."""
+    found = []
+    for one in planar_surfaces(own[0], flatness, SMALLEST):
+        if one.normal @ way < limit:
+            continue
+        share = open_share(one, caster)
+        if share > LEAST_OPEN:
+            one = replace(one, faces=own[1][one.faces])
+            found.append(AnchorSurface(one, part, flatness.offset, share * one.area, kind))
+    return found
+
+
+def open_share(surface: InteractionSurface, caster: Raycaster) -> float:
+    """Share of a surface over which nothing lies or stands [-]."""
+    start = surface.points + ABOVE * surface.normal
+    hits = caster.cast(start, np.tile(surface.normal, (len(start), 1)))
+    # what is left through a face that looks the same way was around the start: a mattress on its frame
+    within = (hits.normal @ surface.normal > 0.1) & (hits.distance < THICK)
+    return float(1.0 - ((hits.distance < OPEN) | within).mean())
+
+
+def box_side(box: OrientedBox, frame: ViewerFrame, side: str) -> InteractionSurface:
+    """A side of a thing's box as its viewer sees it; `whole` is its outline from above, at its middle."""
+    right, front = np.append(frame.right, 0.0), np.append(frame.front, 0.0)
+    up, center = np.array([0.0, 0.0, 1.0]), np.array([*frame.center, box.center[2]])
+    half = {"right": float(frame.half[0]), "front": float(frame.half[1]), "up": float(box.half_extents[2])}
+    if side in ("top", "bottom", "whole"):
+        normal = -up if side == "bottom" else up
+        shift = {"top": half["up"], "bottom": -half["up"], "whole": 0.0}[side]
+        size = np.array([half["right"], half["front"]])
+        return rectangle_surface(side, center + shift * up, normal, right, size)
+    normal, first, reach, width = {
+        "left": (-right, front, half["right"], half["front"]),
+        "right": (right, front, half["right"], half["front"]),
+        "front": (front, right, half["front"], half["right"]),
+        "back": (-front, right, half["front"], half["right"]),
+    }[side]
+    return rectangle_surface(f"{side} side", center + reach * normal, normal, first, np.array([width, half["up"]]))
+
+
+def extent_across(frame: ViewerFrame, side: str) -> float:
+    """How far a thing reaches across one of its sides [m]."""
+    return 2.0 * float(frame.half[0] if side in ("left", "right") else frame.half[1])
+
+
+def joined_box(boxes: Sequence[OrientedBox]) -> OrientedBox:
+    """The box about several, turned like the first."""
+    if len(boxes) == 1:
+        return boxes[0]
+    first = boxes[0]
+    local = first.to_local(np.concatenate([one.corners for one in boxes]))
+    low, high = local.min(axis=0), local.max(axis=0)
+    return OrientedBox(first.to_world(0.5 * (low + high)[None])[0], first.axes, 0.5 * (high - low))

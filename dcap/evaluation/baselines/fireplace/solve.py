@@ -1,0 +1,115 @@
+"""The continuous solve: from many samples down to few diverse poses that satisfy the constraints.
+
+In: a `PlacementProblem` and a seed. Out: poses with their losses, the best first. Samples are points of the surface
+with yaws in steps of 15 degrees; the best of them move by compass search (Kolda, Lewis, Torczon 2003: probe along each
+axis, take what is better, else halve the step), which needs no derivatives, as the constraints have kinks. From the
+source: that feasible placements are found by solving all constraints together. Ours: sampling, search and limits.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dcap.evaluation.baselines.fireplace.problem import PlacementProblem
+from dcap.evaluation.baselines.fireplace.selection import farthest_points
+
+Array = NDArray[np.float64]
+SAMPLES = 1024
+"""Poses to begin with [-]."""
+YAWS = 24
+"""Yaws in steps of 15 degrees [-]."""
+MOVED = 160
+"""The best of the samples, which are moved [-]."""
+STEPS = np.array([0.06, 0.06, np.radians(10.0)])
+"""First steps of the search [m, m, rad]."""
+HALVINGS = 7
+"""Steps are halved so often: to half a millimetre and a twelfth of a degree [-]."""
+MOST_ROUNDS = 60
+"""[-]."""
+SATISFIED = 1e-3
+"""A loss below which all constraints count as met [-]."""
+SAME_LOSS = 1e-4
+"""Losses that differ by less are equal [-]."""
+SAME_DEPTH = 0.02
+"""Distances from the rim that differ by less are equal [m]."""
+SLACK = 1.2
+"""Where not all can be met: losses up to so many times the least are as good [-]."""
+MOST_LIFTED = 0.25
+"""What is lifted off its surface by more, over its own height, lies on something else [-]."""
+MOST_OVERHANG = 0.5
+"""With more than half of its contact surface beyond the rim a thing falls [-]."""
+WAYS = np.concatenate([np.eye(3), -np.eye(3)])
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class SolvedPoses:
+    """Poses that satisfy the constraints as well as any, in the frame of the surface."""
+
+    poses: Array
+    """x, y [m], yaw [rad], the best first, then each the farthest from those before it, shape (n, 3)."""
+    loss: Array
+    """[-], shape (n,)."""
+    height: Array
+    """[m], shape (n,)."""
+    overhang: Array
+    """[-], shape (n,)."""
+    least_overhang: float
+    """Of all poses that were looked at without anything in the way [-]."""
+
+
+def solved(problem: PlacementProblem, seed: int, most: int) -> SolvedPoses:
+    """Up to `most` poses; none where each is in the way of something or would fall."""
+    rng = np.random.default_rng(seed)
+    start = samples(problem, rng)
+    first = problem.evaluate(start)
+    order = np.argsort(first.loss, kind="stable")[:MOVED]
+    poses = compass_search(problem, start[order], first.loss[order])
+    found = problem.evaluate(poses)
+    free = dict(found.terms)["contact"] < MOST_LIFTED
+    good = np.flatnonzero(free & (found.overhang < MOST_OVERHANG))
+    least = float(found.overhang[free].min(initial=1.0))
+    if len(good) == 0:
+        none = np.zeros(0)
+        return SolvedPoses(np.zeros((0, 3)), none, none, none, least)
+    limit = max(SATISFIED, SLACK * float(found.loss[good].min()) + SATISFIED)
+    good = good[found.loss[good] <= limit]
+    # of equally good ones the one farthest from the rim comes first, then the one nearest to the middle
+    depth = np.round(problem.area.depth_at(poses[good, :2]) / SAME_DEPTH)
+    off = np.linalg.norm(poses[good, :2] - problem.area.middle, axis=1)
+    good = good[np.lexsort((off, -depth, np.round(found.loss[good] / SAME_LOSS)))]
+    reach = 0.5 * float(np.linalg.norm(problem.footprint, axis=1).max())
+    yaw = poses[good, 2]
+    spread = np.c_[poses[good, :2], reach * np.cos(yaw), reach * np.sin(yaw)]
+    chosen = good[farthest_points(spread, most)]
+    return SolvedPoses(poses[chosen], found.loss[chosen], found.height[chosen], found.overhang[chosen], least)
+
+
+def samples(problem: PlacementProblem, rng: np.random.Generator) -> Array:
+    """Points of the surface with yaws, of its middle and its deepest point with every yaw first, shape (n, 3)."""
+    yaw = 2.0 * np.pi / YAWS * np.arange(YAWS)
+    inside = problem.area.middles()
+    deepest = inside[int(np.argmax(problem.area.depth_at(inside)))]
+    points = inside[rng.integers(len(inside), size=SAMPLES)]
+    points = points + problem.area.cell * rng.uniform(-0.5, 0.5, size=points.shape)
+    fixed = [np.c_[np.tile(one, (YAWS, 1)), yaw] for one in (problem.area.middle, deepest)]
+    return np.concatenate([*fixed, np.c_[points, rng.choice(yaw, SAMPLES)]])
+
+
+def compass_search(problem: PlacementProblem, poses: Array, loss: Array) -> Array:
+    """Poses (n, 3) with losses (n,), each moved to where no step along an axis makes it better."""
+    poses, loss = poses.copy(), loss.copy()
+    scale = np.ones(len(poses))
+    for _ in range(MOST_ROUNDS):
+        active = np.flatnonzero(scale > 0.5 ** (HALVINGS + 0.5))
+        if len(active) == 0:
+            break
+        probes = poses[active, None] + scale[active, None, None] * (WAYS * STEPS)
+        value = problem.evaluate(probes.reshape(-1, 3)).loss.reshape(len(active), len(WAYS))
+        best = np.argmin(value, axis=1)
+        lower = value[np.arange(len(active)), best] < loss[active] - 1e-9
+        moved = active[lower]
+        poses[moved] = probes[lower, best[lower]]
+        loss[moved] = value[lower, best[lower]]
+        scale[active[~lower]] *= 0.5
+    return poses

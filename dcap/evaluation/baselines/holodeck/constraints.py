@@ -1,0 +1,108 @@
+"""Holodeck's line of relations, read as its program reads it.
+
+As in the source (`parse_constraints`): lines hold `|`, their letters are made small, a leading number or dash and a
+last full stop are dropped; what is before the first `|` is the object; each further piece is a relation and perhaps a
+target behind a comma. A relation that is not known is taken for the one with the least edit distance. A target must be
+placed before; a piece without one is dropped. `around` means near and facing, `in front of` also aligned.
+"""
+
+import re
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
+from enum import StrEnum
+
+LEADING = re.compile(r"^(\d+[.)]\s*|- )")
+
+
+class RelationKind(StrEnum):
+    """What a relation speaks of."""
+
+    GLOBAL = "global"
+    RELATIVE = "relative"
+    DIRECTION = "direction"
+    ALIGNMENT = "alignment"
+    DISTANCE = "distance"
+
+
+KINDS: Mapping[str, RelationKind] = {
+    "edge": RelationKind.GLOBAL,
+    "middle": RelationKind.GLOBAL,
+    "in front of": RelationKind.RELATIVE,
+    "behind": RelationKind.RELATIVE,
+    "left of": RelationKind.RELATIVE,
+    "right of": RelationKind.RELATIVE,
+    "side of": RelationKind.RELATIVE,
+    "around": RelationKind.RELATIVE,
+    "face to": RelationKind.DIRECTION,
+    "face same as": RelationKind.DIRECTION,
+    "aligned": RelationKind.ALIGNMENT,
+    "center alignment": RelationKind.ALIGNMENT,
+    "center aligned": RelationKind.ALIGNMENT,
+    "aligned center": RelationKind.ALIGNMENT,
+    "edge alignment": RelationKind.ALIGNMENT,
+    "near": RelationKind.DISTANCE,
+    "far": RelationKind.DISTANCE,
+}
+"""The vocabulary, aliases included."""
+
+
+@dataclass(frozen=True, slots=True)
+class Relation:
+    """One relation of the object."""
+
+    kind: RelationKind
+    name: str
+    target: str = ""
+    """Empty: it has none."""
+
+
+def parsed_relations(text: str, object_name: str, placed: Collection[str]) -> list[Relation]:
+    """The relations of one object; nothing of lines that speak of others.
+
+    Args:
+        text: the answer, any number of lines.
+        object_name: who they are about; names are compared in small letters.
+        placed: what may be a target.
+    """
+    found: list[Relation] = []
+    for line in (line.lower() for line in text.splitlines() if "|" in line):
+        plain = LEADING.sub("", line.strip()).removesuffix(".")
+        about, *pieces = plain.split("|")
+        if about.replace("*", "").strip() != object_name.lower():
+            continue
+        found = [one for piece in pieces for one in relations_of(piece.strip(), {name.lower() for name in placed})]
+    return found
+
+
+def relations_of(piece: str, placed: Collection[str]) -> list[Relation]:
+    """What one piece between bars says."""
+    said, comma, behind = piece.partition(",")
+    if not said.strip() or said.strip() == "n/a":
+        return []
+    name = nearest_name(said.strip())
+    kind = KINDS[name]
+    if kind is RelationKind.GLOBAL:
+        return [Relation(kind, name)]
+    target = behind.split(",")[0].strip()
+    if not comma or target not in placed:
+        return []
+    if name == "around":
+        return [Relation(RelationKind.DISTANCE, "near", target), Relation(RelationKind.DIRECTION, "face to", target)]
+    if name == "in front of":
+        return [Relation(kind, name, target), Relation(RelationKind.ALIGNMENT, "center aligned", target)]
+    return [Relation(kind, name, target)]
+
+
+def nearest_name(said: str) -> str:
+    """A word of the vocabulary: itself, or the one with the least edit distance, of several the first by letters."""
+    return said if said in KINDS else min(KINDS, key=lambda name: (edit_distance(name, said), name))
+
+
+def edit_distance(a: str, b: str) -> int:
+    """How many letters must be inserted, deleted or replaced (Levenshtein, 1966)."""
+    row = list(range(len(b) + 1))
+    for i, letter in enumerate(a, 1):
+        above, row[0] = row[0], i
+        for j, other in enumerate(b, 1):
+            above, row[j] = row[j], min(row[j] + 1, row[j - 1] + 1, above + (letter != other))
+    return row[-1]

@@ -1,0 +1,70 @@
+"""A thing that stands on the floor: the room's things as placed ones, a search, the pose of what it found."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from dcap.evaluation.baselines.asset import CanonicalAsset
+from dcap.evaluation.baselines.holodeck.constraints import Relation
+from dcap.evaluation.baselines.holodeck.floor_search import BUFFER, FloorObject, FloorRoom, search
+from dcap.evaluation.baselines.holodeck.scores import WAYS, GridPlace
+from dcap.scene.types.floor_plan import FloorPlan, PlanBox
+
+Array = NDArray[np.float64]
+CENTIMETRES = 100.0
+WALKED_ON = 0.05
+"""What is no higher is no obstacle [m]: rugs."""
+
+
+def floor_place(
+    plan: FloorPlan,
+    names: dict[str, str],
+    asset: CanonicalAsset,
+    object_name: str,
+    relations: Sequence[Relation],
+    rng: np.random.Generator,
+    *,
+    roots: int,
+    steps: int,
+) -> GridPlace | None:
+    """The best place, None where there is none.
+
+    Args:
+        plan: the room.
+        names: names of its things by instance id.
+        asset: what is placed.
+        object_name: its name.
+        relations: what its place shall meet.
+        rng: decides between equals.
+        roots, steps: see `search`.
+    """
+    room = FloorRoom.of(shapely.Polygon(CENTIMETRES * plan.outline))
+    high = plan.floor + float(asset.size[2])
+    placed = {
+        names[box.thing].lower(): as_place(box, solid=stands_in(box, plan.floor, high))
+        for box in plan.things
+        if box.thing in names
+    }
+    length, width = (CENTIMETRES * float(asset.size[axis]) + BUFFER for axis in (0, 1))
+    thing = FloorObject(object_name, length, width, tuple(relations))
+    return search(room, [thing], placed, rng, roots=roots, steps=steps).get(object_name)
+
+
+def stands_in(box: PlanBox, floor: float, high: float) -> bool:
+    """Whether a thing takes room between the floor and a height [m]."""
+    return box.bottom < high and box.top > floor + WALKED_ON
+
+
+def as_place(box: PlanBox, *, solid: bool) -> GridPlace:
+    """A thing of the room as the search knows it: its rectangle, and the quarter turn nearest to its front."""
+    turn = max(WAYS, key=lambda one: float(box.front @ WAYS[one]))
+    x, y = (float(value) for value in CENTIMETRES * box.center[:2])
+    return GridPlace((x, y), turn, shapely.Polygon(CENTIMETRES * box.ring), solid=solid)
+
+
+def floor_pose(place: GridPlace, plan: FloorPlan, asset: CanonicalAsset) -> Array:
+    """World from object of a place: on the floor, its front where the place looks, shape (4, 4)."""
+    center = np.array([*(np.array(place.center) / CENTIMETRES), plan.floor + 0.5 * float(asset.size[2])])
+    return asset.pose(center, float(np.radians(180 - place.turn)))

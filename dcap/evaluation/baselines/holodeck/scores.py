@@ -1,0 +1,117 @@
+"""How well a place on the floor meets relations: Holodeck's tests and curves, in centimetres.
+
+As in the source (`DFS_Solver_Floor`): a place is a middle, one of four turns and a rectangle. Turn 0 looks along +y, 90
+along +x, 180 along -y, 270 along -x. A satisfied relation counts its weight; distances count 1.8 times the height of a
+curve: near falls from 1 at the least distance of all candidates to 0 at 80 cm, far rises from 0 at the least to 1 at
+the greatest.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+
+from dcap.evaluation.baselines.holodeck.constraints import Relation, RelationKind
+
+BONUS = 1.0
+"""A satisfied relation [-]."""
+WEIGHTS: Mapping[RelationKind, float] = {
+    RelationKind.GLOBAL: 1.0,
+    RelationKind.RELATIVE: 0.5,
+    RelationKind.DIRECTION: 0.5,
+    RelationKind.ALIGNMENT: 0.5,
+    RelationKind.DISTANCE: 1.8,
+}
+NEAR = 80.0
+"""From here on nothing is near [cm]."""
+ALIGNED = 5.0
+"""Middles this near in one coordinate are aligned [cm]."""
+FAR_POINT = 1e6
+"""Length of the line along which something looks [cm]."""
+TURNS = (0, 90, 180, 270)
+WAYS: Mapping[int, tuple[float, float]] = {0: (0.0, 1.0), 90: (1.0, 0.0), 180: (0.0, -1.0), 270: (-1.0, 0.0)}
+"""Where something of that turn looks."""
+
+
+@dataclass(frozen=True, slots=True)
+class GridPlace:
+    """A candidate, or a thing that is placed."""
+
+    center: tuple[float, float]
+    """[cm]."""
+    turn: int
+    """Degrees, clockwise from +y seen from above."""
+    rectangle: shapely.Polygon
+    """[cm]."""
+    score: float = 1.0
+    solid: bool = True
+    """Whether nothing else may be there; things that hang or lie on others are targets only."""
+
+
+def satisfying(relation: Relation, target: GridPlace, places: Sequence[GridPlace], grid: float) -> list[bool]:
+    """Which places satisfy a relation that is no distance; `grid` is the spacing of the candidates [cm]."""
+    if relation.kind is RelationKind.RELATIVE:
+        return [beside(relation.name, target, place, grid) for place in places]
+    if relation.kind is RelationKind.ALIGNMENT:
+        return [aligned(target, place) for place in places]
+    if relation.name == "face same as":
+        return [place.turn == target.turn for place in places]
+    return [faces(target, place) for place in places]
+
+
+def beside(name: str, target: GridPlace, place: GridPlace, grid: float) -> bool:
+    """Left of, right of, in front of, behind, or at the side of what the target's bounds are.
+
+    Seen from the target: beyond its bounds on that side, and level with them; in front also less than a grid step from
+    its middle line. The side of it is any place that is level with it.
+    """
+    low_x, low_y, high_x, high_y = target.rectangle.bounds
+    middle = (0.5 * (low_x + high_x), 0.5 * (low_y + high_y))
+    half = (0.5 * (high_x - low_x), 0.5 * (high_y - low_y))
+    way = WAYS[target.turn]
+    forward = (place.center[0] - middle[0]) * way[0] + (place.center[1] - middle[1]) * way[1]
+    rightward = (place.center[0] - middle[0]) * way[1] - (place.center[1] - middle[1]) * way[0]
+    length, width = (half[1], half[0]) if target.turn in (0, 180) else (half[0], half[1])
+    holds: dict[str, bool] = {
+        "left of": rightward < -width and abs(forward) <= length,
+        "right of": rightward > width and abs(forward) <= length,
+        "side of": abs(forward) <= length,
+        "in front of": forward > length and abs(rightward) < grid,
+        "behind": forward < -length and abs(rightward) <= width,
+    }
+    return holds[name]
+
+
+def aligned(target: GridPlace, place: GridPlace) -> bool:
+    """Whether the middles are level in x or in y."""
+    return any(abs(a - b) < ALIGNED for a, b in zip(place.center, target.center, strict=True))
+
+
+def faces(target: GridPlace, place: GridPlace) -> bool:
+    """Whether the line ahead of the place meets the target."""
+    x, y = place.center
+    way = WAYS[place.turn]
+    line = shapely.LineString([(x, y), (x + FAR_POINT * way[0], y + FAR_POINT * way[1])])
+    return bool(line.intersects(target.rectangle))
+
+
+def distance_scores(name: str, target: GridPlace, places: Sequence[GridPlace]) -> list[float]:
+    """Near or far of each place, by its distance from the target among those of all places."""
+    away = [float(target.rectangle.distance(place.rectangle)) for place in places]
+    curve = near_curve(min(away), max(away)) if name == "near" else far_curve(min(away), max(away))
+    return [curve(one) for one in away]
+
+
+def near_curve(least: float, most: float) -> Callable[[float], float]:
+    """1 at the least distance, 0 from 80 cm on; nothing is near where the least is as far."""
+    if least >= NEAR:
+        return lambda away: 0.0
+    return lambda away: float(np.clip((NEAR - away) / (NEAR - least), 0.0, 1.0))
+
+
+def far_curve(least: float, most: float) -> Callable[[float], float]:
+    """0 at the least distance, 1 at the greatest; 0 where they are the same."""
+    if most <= least:
+        return lambda away: 0.0
+    return lambda away: (away - least) / (most - least)

@@ -1,0 +1,105 @@
+"""From a floor plan to the question, and from the answer to the pose it proposes.
+
+Exactly one line that the layout did not have makes a placement. Its size is overwritten by the asset's; its middle is
+the middle of the asset's box; its orientation turns the asset about the vertical. Nothing else is done to it.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dcap.evaluation.baselines.asset import CanonicalAsset
+from dcap.evaluation.baselines.layoutgpt.exemplars import (
+    condition_of,
+    exemplar_of,
+    frequencies,
+    most_similar,
+    token_count,
+    within_limit,
+)
+from dcap.evaluation.baselines.layoutgpt.pixels import category_of, grid_of
+from dcap.language.protocol.baseline_questions import LayoutLine, LayoutRequest
+from dcap.language.protocol.layout_text import CssBox, parsed_layout
+from dcap.language.protocol.requests import IntentRequest, Vector
+from dcap.scene.types.floor_plan import FloorPlan, FloorPlans
+from dcap.scene.types.outcome import Infeasible, Reason
+
+Array = NDArray[np.float64]
+SHOWN = 120
+"""Characters of a bad answer that a message quotes."""
+
+
+def layout_request(
+    asked: IntentRequest,
+    plan: FloorPlan,
+    exemplars: FloorPlans | None,
+    asset: CanonicalAsset,
+    name: str,
+    *,
+    most: int,
+    limit: int,
+) -> LayoutRequest:
+    """The question with as many of the `most` similar rooms as `limit` tokens allow; `asked` is what our own method's
+    intent is asked."""
+    grid, others = grid_of(plan), others_of(plan, exemplars)
+    lines = tuple(LayoutLine(box.thing, box.part, grid.box(box).text) for box in plan.boxes)
+    categories, condition = frequencies([plan, *others]), condition_of(plan)
+    used = token_count("\n".join([asked.prompt, categories, condition, *(line.text for line in lines)]))
+    shown = within_limit([exemplar_of(one) for one in most_similar(plan, others, most)], used, limit)
+    length, width, height = (grid.pixels(float(value)) for value in asset.size)
+    return LayoutRequest(
+        prompt=asked.prompt,
+        item=asked.item,
+        instances=asked.instances,
+        room_center=asked.room_center,
+        categories=categories,
+        exemplars=tuple(shown),
+        condition=condition,
+        lines=lines,
+        category=category_of(name),
+        asset=(length, width, height),
+        asset_size=triple(asset.size),
+        has_front=asset.has_front,
+        origin=triple(grid.origin),
+        pixels_per_metre=grid.per_metre,
+    )
+
+
+def triple(values: Array) -> Vector:
+    """Three floats."""
+    x, y, z = (float(value) for value in values)
+    return x, y, z
+
+
+def others_of(plan: FloorPlan, exemplars: FloorPlans | None) -> list[FloorPlan]:
+    """The rooms that may be shown: all but this one."""
+    found = [] if exemplars is None else exemplars.plans
+    return [one for one in found if not same_room(one, plan)]
+
+
+def same_room(a: FloorPlan, b: FloorPlan) -> bool:
+    """Whether two plans are of one room: outline and things are the same."""
+    if not np.array_equal(a.outline, b.outline) or len(a.boxes) != len(b.boxes):
+        return False
+    pairs = zip(a.boxes, b.boxes, strict=True)
+    return all(p.thing == q.thing and np.array_equal(p.center, q.center) for p, q in pairs)
+
+
+def new_line(answer: str, lines: Sequence[LayoutLine]) -> CssBox | Infeasible:
+    """The one new line of an answer; lines that the layout had are no new ones, what is no line is dropped."""
+    had = {box for line in lines for box in parsed_layout(line.text)}
+    new = [box for box in parsed_layout(answer) if box not in had]
+    if len(new) == 1:
+        return new[0]
+    said = " ".join(answer.split())[:SHOWN]
+    return Infeasible(
+        Reason.NO_SUPPORT_HIT,
+        f"the layout gained {len(new)} valid lines, expected exactly one: {said!r}",
+        None,
+    )
+
+
+def proposed_pose(box: CssBox, plan: FloorPlan, asset: CanonicalAsset) -> Array:
+    """World from object as the line says, shape (4, 4)."""
+    return asset.pose(grid_of(plan).center(box), float(np.radians(box.orientation)))

@@ -1,0 +1,150 @@
+"""Placements before a judge: scores of each, and comparisons of all pairs with either on the left.
+
+In: placements with their pictures and metrics, and a client. Out: rows of scores and comparisons, in an order that
+depends on the placements alone, so that recorded replies give the same tables to the last byte. Pairs are formed
+within a sample only; every question stands for itself, and a batch may hold them all.
+"""
+
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from itertools import combinations, pairwise
+
+from dcap.evaluation.judging.judged_pictures import BEFORE, NamedPicture, side_by_side
+from dcap.evaluation.judging.questions import JUDGE_PAIR, JUDGE_SCORE, PairRequest, ScoreRequest
+from dcap.evaluation.judging.rubric import Metrics
+from dcap.evaluation.statistics.comparisons import Comparison, JudgedAxis
+from dcap.language.connect import Client
+from dcap.language.protocol.client import ClientName, LanguageConfig
+from dcap.scene.errors import InputError
+
+RUBRIC = "metric rubric"
+"""Name of the judge where no model is asked."""
+FAMILIES = {
+    "claude": "anthropic", "gpt": "openai", "chatgpt": "openai", "o1": "openai", "o3": "openai", "o4": "openai",
+    "gemini": "google", "gemma": "google", "paligemma": "google", "llama": "meta", "qwen": "alibaba", "qwq": "alibaba",
+    "qvq": "alibaba", "mistral": "mistral", "mixtral": "mistral", "pixtral": "mistral", "ministral": "mistral",
+}  # fmt: skip
+"""Makers by a word of a model's name; a name without any is its own family."""
+
+
+@dataclass(frozen=True, slots=True)
+class JudgedPlacement:
+    """What one method made of a sample, as a judge gets it."""
+
+    sample: str
+    method: str
+    prompt: str
+    object_name: str
+    metrics: Metrics
+    before: tuple[NamedPicture, ...]
+    """The clean scene and the asset alone: the same for all methods of a sample."""
+    views: tuple[NamedPicture, ...]
+    """The canonical views, the same cameras for all methods of a sample."""
+
+
+@dataclass(frozen=True, slots=True)
+class JudgedScore:
+    """A row of scores."""
+
+    sample: str
+    method: str
+    right_place: float
+    """1..10."""
+    physics_naturalness: float
+    """1..10."""
+    judge: str
+    analysis: str
+
+
+def judge_name(config: LanguageConfig) -> str:
+    """How tables call who judged: a replayed model as when it was asked."""
+    if config.client is ClientName.OFFLINE:
+        return RUBRIC
+    return f"{config.model}@{config.endpoint}" if config.endpoint else config.model
+
+
+def model_family(model: str) -> str:
+    """Who made a model: by the first word of its name that is known, whatever gateway stands before it."""
+    words = re.findall(r"[a-z]+\d?", model.lower())
+    for word in words:
+        if family := FAMILIES.get(word) or FAMILIES.get(word.rstrip("0123456789")):
+            return family
+    return words[0] if words else model
+
+
+def same_family(judge: LanguageConfig, chooser: LanguageConfig) -> bool:
+    """Whether a model judges what a model of the same maker has chosen: it may favour its own."""
+    if ClientName.OFFLINE in (judge.client, chooser.client):
+        return False
+    return model_family(judge.model) == model_family(chooser.model)
+
+
+def scores(client: Client, placements: Sequence[JudgedPlacement], judge: str) -> list[JudgedScore]:
+    """Both scores of every placement, sorted by sample and method."""
+    rows = in_order(placements)
+    replies = client.ask_all(JUDGE_SCORE, [score_request(one) for one in rows])
+    return [
+        JudgedScore(one.sample, one.method, reply.right_place, reply.physics_naturalness, judge, reply.analysis)
+        for one, reply in zip(rows, replies, strict=True)
+    ]
+
+
+def comparisons(client: Client, placements: Sequence[JudgedPlacement], judge: str) -> list[Comparison]:
+    """All pairs of methods of each sample, once with either on the left, each on all axes."""
+    asked = [pair for one in pairs(placements) for pair in (one, one[::-1])]
+    replies = client.ask_all(JUDGE_PAIR, [pair_request(left, right) for left, right in asked])
+    return [
+        Comparison(left.sample, axis, left.method, right.method, reply.winner(axis), judge)
+        for (left, right), reply in zip(asked, replies, strict=True)
+        for axis in JudgedAxis
+    ]
+
+
+def pairs(placements: Iterable[JudgedPlacement]) -> list[tuple[JudgedPlacement, JudgedPlacement]]:
+    """All pairs of methods within a sample."""
+    return [(a, b) for a, b in combinations(in_order(placements), 2) if a.sample == b.sample]
+
+
+def in_order(placements: Iterable[JudgedPlacement]) -> list[JudgedPlacement]:
+    """By sample and method; InputError if one comes twice."""
+    rows = sorted(placements, key=lambda one: (one.sample, one.method))
+    for one, after in pairwise(rows):
+        if (one.sample, one.method) == (after.sample, after.method):
+            raise InputError(f"sample {one.sample!r} of {one.method} is to be judged twice")
+    return rows
+
+
+def score_request(one: JudgedPlacement) -> ScoreRequest:
+    """The question for two scores."""
+    shown = (*titled(one.before), *(NamedPicture(f"the object placed, view {v.name}", v.make) for v in one.views))
+    return ScoreRequest(
+        one.prompt, one.object_name, tuple(p.name for p in shown), one.metrics, tuple(p.make for p in shown)
+    )
+
+
+def pair_request(left: JudgedPlacement, right: JudgedPlacement) -> PairRequest:
+    """The question which is better; InputError if their views are not the same."""
+    if [v.name for v in left.views] != [v.name for v in right.views] or left.prompt != right.prompt:
+        raise InputError(
+            f"sample {left.sample!r}: {left.method} and {right.method} have other views or prompts; "
+            "a pair needs the same of both"
+        )
+    both = [side_by_side(a, b) for a, b in zip(left.views, right.views, strict=True)]
+    shown = (
+        *titled(left.before),
+        *(NamedPicture(f"left and right placement side by side, view {v.name}", v.make) for v in both),
+    )
+    return PairRequest(
+        left.prompt,
+        left.object_name,
+        tuple(p.name for p in shown),
+        left.metrics,
+        right.metrics,
+        tuple(p.make for p in shown),
+    )
+
+
+def titled(before: tuple[NamedPicture, ...]) -> tuple[NamedPicture, ...]:
+    """The clean scene and the asset, by what they are."""
+    return tuple(NamedPicture(name, one.make) for name, one in zip(BEFORE, before, strict=False))

@@ -1,0 +1,97 @@
+"""The folder `judging/` of a run: scores, comparisons, and who made them.
+
+`scores.parquet` has a row for each score, `comparisons.parquet` one for each axis of each comparison, `judge.json` who
+judged and how much that can be trusted. The same judgement is the same bytes, but for what it cost.
+"""
+
+import json
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, fields
+from pathlib import Path
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from dcap.evaluation.judging.judge import JudgedScore
+from dcap.evaluation.statistics.comparisons import Comparison, JudgedAxis, on_axis, write_comparisons
+from dcap.evaluation.statistics.sides import SideReport, side_report
+from dcap.language.model.ledger import Spending
+from dcap.scene.errors import FormatError
+from dcap.scene.json_tree import object_to_json
+
+JUDGING, SCORES, COMPARISONS, JUDGE = "judging", "scores.parquet", "comparisons.parquet", "judge.json"
+SCORE_COLUMNS = pa.schema([
+    ("sample", pa.string()), ("method", pa.string()), ("right_place", pa.float64()),
+    ("physics_naturalness", pa.float64()), ("judge", pa.string()), ("analysis", pa.string()),
+])  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class JudgeRecord:
+    """Who judged a run: the first keys of judge.json."""
+
+    judge: str
+    """As tables call it."""
+    client: str
+    """offline, anthropic, openai or replay."""
+    same_family: bool
+    """Whether judge and the chooser of the placements are models of one maker: it may favour its own."""
+    chooser: str
+    """Model that answered the questions of the placements; `offline rules` where none did."""
+    questions: int
+    """That were asked: one for each scored placement, two for each pair."""
+    judged: int
+    """Placements with a final state."""
+    lowest: int
+    """Scores of 1 for samples without a placement although one was intended."""
+    left_out: int
+    """Rows of the run that are neither."""
+
+
+def write_judging(
+    run: Path,
+    record: JudgeRecord,
+    scores: Sequence[JudgedScore],
+    comparisons: Sequence[Comparison],
+    spending: Spending | None,
+) -> Path:
+    """Write a judgement into a run; returns its folder."""
+    folder = run / JUDGING
+    folder.mkdir(exist_ok=True)
+    draft = folder / f".{SCORES}"
+    pq.write_table(pa.Table.from_pylist([asdict(one) for one in scores], schema=SCORE_COLUMNS), draft)
+    draft.replace(folder / SCORES)
+    write_comparisons(folder / COMPARISONS, comparisons)
+    sides = {axis.value: side_tree(side_report(on_axis(comparisons, axis))) for axis in JudgedAxis}
+    tree = {**asdict(record), "sides": sides, "language": object_to_json(spending) if spending else None}
+    draft = folder / f".{JUDGE}"
+    draft.write_text(json.dumps(tree, indent=2, allow_nan=False, ensure_ascii=False) + "\n", encoding="utf-8")
+    draft.replace(folder / JUDGE)
+    return folder
+
+
+def side_tree(report: SideReport) -> dict[str, object]:
+    """A judge's habits with their shares."""
+    return {**asdict(report), "tie_rate": report.tie_rate, "left_share": report.left_share}
+
+
+def read_record(run: Path) -> JudgeRecord | None:
+    """Who judged a run; None if nobody has; FormatError if judge.json is none."""
+    path = run / JUDGING / JUDGE
+    if not path.is_file():
+        return None
+    try:
+        tree = json.loads(path.read_text(encoding="utf-8"))
+        return JudgeRecord(**{one.name: tree[one.name] for one in fields(JudgeRecord)})
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise FormatError(f"{path}: not a judge's record ({type(error).__name__}: {error}); judge again") from None
+
+
+def read_scores(run: Path) -> list[JudgedScore]:
+    """The scores of a run; FormatError if they are none."""
+    path = run / JUDGING / SCORES
+    try:
+        rows = pq.read_table(path, columns=SCORE_COLUMNS.names).to_pylist()
+        return [JudgedScore(**row) for row in rows]
+    except (OSError, pa.ArrowInvalid, TypeError) as error:
+        raise FormatError(f"{path}: no table of scores ({type(error).__name__}); judge again") from None

@@ -1,0 +1,81 @@
+"""The methods that a benchmark compares: names as people type them, as tables show them, and samples of each."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from dcap.scene.errors import InputError
+from dcap.scene.spelling import did_you_mean
+from dcap.scene.types.sample import Sample
+
+DCAP, LAYOUTGPT = "dcap", "layoutgpt"
+BASELINES = {"fireplace": "FirePlace*", "layoutgpt": "LayoutGPT", "holodeck": "Holodeck"}
+"""Methods of others, as we rebuilt them; they propose a pose and simulate nothing."""
+ABLATIONS = {
+    "rigid_drop": "DCAP, everything rigid",
+    "no_drop": "DCAP, pose before the drop",
+    "no_size_prior": "DCAP, size as in the file",
+    "no_rotation": "DCAP, pose as in the file",
+    "no_subpart": "DCAP, middle of the support",
+    "face_up": "DCAP, level patches only",
+    "views_12": "DCAP, twelve pictures",
+    "blended_materials": "DCAP, blended materials",
+    "uniform_fill": "DCAP, uniform cells",
+    "paper": "DCAP, as in the paper (MLS-MPM)",
+}
+"""DCAP without one of its ideas each."""
+METHODS = {DCAP: "DCAP", **BASELINES, **ABLATIONS}
+ALL = (DCAP, *BASELINES, "rigid_drop")
+"""What `--methods all` stands for."""
+OFFLINE = " (offline rules)"
+"""After the name of a baseline that no model answered for."""
+
+
+def methods_of(text: str) -> tuple[str, ...]:
+    """Methods of a comma-separated list, in the order of METHODS; InputError for a name that is none."""
+    asked = {one.strip() for one in text.split(",") if one.strip()}
+    for name in sorted(asked - {"all"}):
+        if name not in METHODS:
+            known = ", ".join((*METHODS, "all"))
+            raise InputError(f"--methods {name!r} is not one of {known}{did_you_mean(name, METHODS)}")
+    if not asked:
+        raise InputError(f"--methods is empty; there are {', '.join(METHODS)} and all")
+    asked |= set(ALL) if "all" in asked else set()
+    return tuple(name for name in METHODS if name in asked)
+
+
+def shown_name(method: str, *, offline: bool) -> str:
+    """A method's name in tables; one that is not known as it is."""
+    return METHODS.get(method, method) + (OFFLINE if offline and method in BASELINES else "")
+
+
+def baselines_among(methods: Sequence[str]) -> tuple[str, ...]:
+    """What tables test against: those of the methods that are others'; every one where only variants of ours are."""
+    return tuple(name for name in methods if name in BASELINES) or tuple(methods)
+
+
+def by_method(sample: Sample, method: str) -> Sample:
+    """The sample as another method places it; its id is `METHOD/ID` then."""
+    return sample if method == DCAP else replace(sample, id=joined_id(method, sample.id), method=method)
+
+
+def with_examples(samples: Sequence[Sample]) -> list[Sample]:
+    """The samples, those of LayoutGPT with the other scenes that samples read as theirs are placed in."""
+    found = []
+    for sample in samples:
+        others = dict.fromkeys(
+            one.scene for one in samples
+            if one.scene != sample.scene and one.scene_options == sample.scene_options and not one.labels
+        )  # fmt: skip
+        found.append(replace(sample, examples=tuple(others)) if sample.method == LAYOUTGPT else sample)
+    return found
+
+
+def joined_id(method: str, name: str) -> str:
+    """The id of a sample as a method places it."""
+    return name if method == DCAP else f"{method}/{name}"
+
+
+def split_id(sample_id: str) -> tuple[str, str]:
+    """Method and the sample's own id."""
+    method, slash, name = sample_id.partition("/")
+    return (method, name) if slash and method in METHODS else (DCAP, sample_id)

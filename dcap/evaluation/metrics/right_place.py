@@ -1,0 +1,77 @@
+"""Right place: what was measured of a final state against what was meant, in raw units.
+
+Only what somebody stated counts: where the truth says nothing of a part, a region or a direction, the measure is None.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation as Turn
+
+from dcap.evaluation.outcome_table import ExpectedOutcome
+from dcap.evaluation.region import distance_to_edges, inside
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class PlaceMeasures:
+    """None: nothing was stated."""
+
+    support_hit: bool | None = None
+    """Whether the object is over the intended support."""
+    part_hit: bool | None = None
+    """Whether it is over the intended part of it."""
+    region_distance_m: float | None = None
+    """From the middle of the contact to the asked region in plan; 0 inside."""
+    orientation_error_deg: float | None = None
+    """Angle between where top and front point and where they should; the larger one of what is stated."""
+
+
+def place_measures(
+    support: tuple[str, str, str],
+    middle: Array,
+    quaternion: Array,
+    truth: ExpectedOutcome,
+    regions: tuple[Array, ...] = (),
+) -> PlaceMeasures:
+    """Compare a final state with what was meant.
+
+    Args:
+        support: id, label and part of what the object is over; empty where nothing is.
+        middle: of the contact [m], shape (3,).
+        quaternion: (w, x, y, z) of the object's own frame as read, shape (4,).
+        truth: what was meant.
+        regions: areas that are meant, world xy [m], (k, 2) each; the nearest counts; none: nothing is said of them.
+    """
+    owner, label, part = support
+    hit = None
+    if truth.base or truth.base_id:
+        hit = truth.base_id in ("", owner) and truth.base in ("", label)
+    return PlaceMeasures(
+        support_hit=hit,
+        part_hit=None if not truth.part else bool(hit is not False and part == truth.part),
+        region_distance_m=min((distance_to(middle[:2], one) for one in regions), default=None),
+        orientation_error_deg=orientation_error(quaternion, truth),
+    )
+
+
+def distance_to(point: Array, polygon: Array) -> float:
+    """Distance of a point (2,) from an area with this outline (k, 2) [m]; 0 inside."""
+    return 0.0 if inside(point, polygon) else distance_to_edges(point, polygon)
+
+
+def orientation_error(quaternion: Array, truth: ExpectedOutcome) -> float | None:
+    """How far top and front are off [degrees], None where neither is stated."""
+    axes = Turn.from_quat(quaternion, scalar_first=True).as_matrix()
+    found = []
+    height = float(np.degrees(np.arcsin(np.clip(axes[2, 2], -1.0, 1.0))))
+    if truth.top:
+        found.append(abs(height - {"up": 90.0, "down": -90.0, "sideways": 0.0}[truth.top]))
+    if truth.front is not None:
+        ahead = np.array([*truth.front, 0.0]) / np.linalg.norm(truth.front)
+        flat = np.array([*axes[:2, 1], 0.0])
+        length = float(np.linalg.norm(flat))
+        found.append(float(np.degrees(np.arccos(np.clip(flat @ ahead / length, -1.0, 1.0)))) if length > 1e-6 else 90.0)
+    return max(found, default=None)

@@ -1,0 +1,126 @@
+"""How an object and a scene touch: penetration, gap, contact area, and whether the contact carries the centre of mass.
+
+Units are SI, the frame is the world's (z up). The scene's surfaces may be open, as scans are: only the object has to
+have an inside.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from dcap.evaluation.metrics.columns import DOWN, UP, Columns, columns
+from dcap.geometry.distance import MeshDistance
+from dcap.geometry.placement.poses import center_of_mass
+from dcap.geometry.raycast import Raycaster
+from dcap.geometry.solid.repair import subdivide_near
+from dcap.scene.types.mesh import Mesh
+
+Array = NDArray[np.float64]
+
+TOUCHING = 1e-3
+"""Surfaces closer than this touch [m]: what one sees of a gap in a picture of a room, and ten times what the solver
+leaves."""
+FINE = 1.0 / 64.0
+"""Largest edge of the faces that are sampled, over the object's size [-]."""
+LEAST_EDGE = 1e-3
+"""And at least this [m]."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Touching:
+    """An object against a scene."""
+
+    penetration: float
+    """Largest depth of a point of the scene inside the object, or of the whole object below a surface [m]."""
+    gap: float
+    """How far the object could come down before it touches; 0 where it touches [m]; inf over nothing."""
+    contact_area: float
+    """Area of the object's surface within TOUCHING of the scene, or inside it [m^2]."""
+    margin: float
+    """Distance of the centre of mass, seen in plan, to the rim of the convex hull of the contact: positive inside [m];
+    -inf where nothing touches."""
+    columns: Columns
+    patch: Array
+    """Middles of the touching pieces of the object's surface [m], shape (k, 3)."""
+
+
+def touching(thing: Mesh, scene: Mesh) -> Touching:
+    """Measure an object at its final pose against the scene without it, as it was left or as it was given."""
+    size = float(np.ptp(thing.vertices, axis=0).max())
+    edge = max(FINE * size, LEAST_EDGE)
+    lines, near = columns(thing, scene), around(thing, scene, TOUCHING + edge)
+    enclosed = enclosed_depth(thing, scene)
+    depth = max(inside_depth(thing, near, edge), enclosed)
+    gap = float(max(lines.gap.min(), 0.0)) if lines.nearest >= 0 and not enclosed else 0.0 if enclosed else np.inf
+    fine = subdivide_near(thing, thing.bounds, edge)
+    middle = fine.triangles.mean(axis=1)
+    away = Raycaster(near).distance_to(middle) if len(near.faces) else np.full(len(middle), np.inf)
+    deep = below_surface(middle, scene, lines) if depth > TOUCHING else np.zeros(len(middle), dtype=bool)
+    mine = (away <= TOUCHING) | deep | (enclosed > 0.0)
+    patch = middle[mine]
+    margin = support_margin(patch, center_of_mass(thing))
+    return Touching(depth, gap, float(fine.face_areas[mine].sum()), margin, lines, patch)
+
+
+def around(thing: Mesh, scene: Mesh, reach: float) -> Mesh:
+    """Faces of the scene whose box comes within a reach [m] of the object's box."""
+    low, high = thing.bounds[0] - reach, thing.bounds[1] + reach
+    corner = scene.triangles
+    near = ((corner.max(axis=1) >= low) & (corner.min(axis=1) <= high)).all(axis=1)
+    return scene.submesh(np.flatnonzero(near))
+
+
+def inside_depth(thing: Mesh, near: Mesh, edge: float) -> float:
+    """Largest distance from the object's surface of a point of the scene inside the object [m]."""
+    if not len(near.faces):
+        return 0.0
+    points = surface_points(near, thing.bounds, edge)
+    points = points[((points > thing.bounds[0]) & (points < thing.bounds[1])).all(axis=1)]
+    if not len(points):
+        return 0.0
+    return float(max(-MeshDistance(thing)(points).min(), 0.0))
+
+
+def surface_points(mesh: Mesh, box: Array, edge: float) -> Array:
+    """Corners and middles of a surface whose faces in a box (2, 3) are cut to edges of at most `edge` [m], (n, 3)."""
+    fine = subdivide_near(mesh, box, edge)
+    return np.concatenate([fine.vertices, fine.triangles.mean(axis=1)])
+
+
+def enclosed_depth(thing: Mesh, scene: Mesh) -> float:
+    """How far the object's lowest point is below the surface over it where it is inside a solid as a whole [m], else 0:
+    none of the surface is inside the object then. Inside: along most vertical lines both the next face above and the
+    next one below are met from behind."""
+    caster, (low, high) = Raycaster(scene), thing.bounds
+    inner = np.linspace(0.2, 0.8, 5)
+    plan = np.stack(np.meshgrid(*(low[a] + inner * (high - low)[a] for a in range(2))), axis=-1).reshape(-1, 2)
+    above = caster.cast(np.column_stack([plan, np.full(len(plan), high[2])]), np.tile(UP, (len(plan), 1)))
+    below = caster.cast(np.column_stack([plan, np.full(len(plan), low[2])]), np.tile(DOWN, (len(plan), 1)))
+    behind = np.isfinite(above.distance) & np.isfinite(below.distance)
+    behind &= (above.normal[:, 2] > 0.0) & (below.normal[:, 2] < 0.0)
+    if behind.sum() <= 0.5 * len(plan):
+        return 0.0
+    return float(high[2] - low[2] + above.distance[behind].min())
+
+
+def below_surface(points: Array, scene: Mesh, lines: Columns) -> NDArray[np.bool_]:
+    """Which points (n, 3) of the object lie below the surface that its lines meet, shape (n,)."""
+    met = np.isfinite(lines.top)
+    if not met.any():
+        return np.zeros(len(points), dtype=bool)
+    start = np.column_stack([points[:, :2], np.full(len(points), lines.start)])
+    hits = Raycaster(scene).cast(start, np.tile(DOWN, (len(points), 1)))
+    return np.asarray(lines.start - hits.distance > points[:, 2])
+
+
+def support_margin(patch: Array, center: Array) -> float:
+    """How far inside the convex hull of a contact (k, 3) a centre of mass (3,) is in plan [m], negative outside."""
+    if not len(patch):
+        return -np.inf
+    hull = shapely.MultiPoint(patch[:, :2]).convex_hull
+    point = shapely.Point(center[:2])
+    rim = hull if hull.geom_type != "Polygon" else hull.exterior
+    distance = float(point.distance(rim))
+    return distance if hull.geom_type == "Polygon" and hull.contains(point) else -distance

@@ -1,0 +1,106 @@
+"""`view3d.html` of a run: the placements of a sample by all methods, turned together, from disk and without a server.
+
+In: scene.glb of each placement. Out: the page, three.js once, and for each placement a script with its surface. A page
+that is opened from disk may load scripts but not fetch files, so each surface is a script that hands over bytes: the
+cut-out around the object as GLB, compressed, in base 64. A script is loaded when its sample is looked at.
+"""
+
+import base64
+import gzip
+import hashlib
+import json
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+
+from dcap.evaluation.page3d.three import ORBIT, three_script
+from dcap.evaluation.study.placed_surface import read_placed_surface
+from dcap.scene.errors import DcapError
+
+PAGE, FOLDER = "view3d.html", "view3d"
+SCENE = "scene.glb"
+MOST_FACES = 40_000
+"""Of a cut-out [-]: a browser draws all methods side by side, and a run has a file for each placement."""
+LEVEL = 6
+"""Of compression."""
+FORMAT = 1
+"""Raised where the same scene.glb gives another script."""
+AT_A_TIME = 2
+"""Placements that are read at once: each takes the memory of its whole scene."""
+HERE = Path(__file__).parent
+
+
+@dataclass(frozen=True, slots=True)
+class ShownModel:
+    """A placement on the page."""
+
+    method: str
+    name: str
+    """The method's shown name."""
+    folder: Path
+    """Of the placement, with its scene.glb."""
+    link: str
+    """The same relative to the run."""
+
+
+def write_view3d(run: Path, samples: Mapping[str, tuple[str, Sequence[ShownModel]]]) -> dict[str, tuple[str, ...]]:
+    """Write the page and its scripts into a run's folder.
+
+    Args:
+        run: its folder.
+        samples: prompt and placements by the id of a sample, in the order of the page.
+
+    Returns:
+        Methods that can be seen, by sample; nothing where the installed trimesh has no three.js.
+    """
+    library = three_script()
+    if not library:
+        return {}
+    folder = run / FOLDER
+    every = [one for _, models in samples.values() for one in models]
+    with ThreadPoolExecutor(AT_A_TIME) as pool:
+        there = dict(zip(every, pool.map(lambda one: write_model(folder, one), every), strict=True))
+    found, rows = {}, {}
+    for sample, (prompt, models) in samples.items():
+        shown = [one for one in models if there[one]]
+        if shown:
+            found[sample] = tuple(one.method for one in shown)
+            rows[sample] = {"prompt": prompt, "models": [[one.method, one.name, one.link] for one in shown]}
+    if found:
+        write_if_other(folder / "three.js", library.encode())
+        write_if_other(folder / "orbit.js", ORBIT.read_bytes())
+        write_if_other(folder / "samples.js", f"window.dcapSamples = {json.dumps(rows)};\n".encode())
+        write_if_other(run / PAGE, (HERE / PAGE).read_bytes())
+    return found
+
+
+def write_model(folder: Path, model: ShownModel) -> bool:
+    """Write the script of a placement unless it is there for this very scene.glb; False where it has none to show."""
+    source, path = model.folder / SCENE, folder / f"{model.link}.js"
+    if not source.is_file():
+        return False
+    with source.open("rb") as file:
+        mark = f"// {FORMAT} {hashlib.file_digest(file, 'sha256').hexdigest()}\n"
+    if path.is_file():
+        with path.open(encoding="utf-8") as file:
+            if file.readline() == mark:
+                return True
+    try:
+        surface = read_placed_surface(source).around_thing(MOST_FACES)
+        data = gzip.compress(surface.glb(surface.best_direction()), LEVEL, mtime=0)
+    except DcapError:
+        return False
+    path.parent.mkdir(parents=True, exist_ok=True)
+    text = base64.b64encode(data).decode()
+    write_if_other(path, f'{mark}window.dcapModel({json.dumps(model.link)}, "{text}");\n'.encode())
+    return True
+
+
+def write_if_other(path: Path, data: bytes) -> None:
+    """Write a file whole, unless it is there with these bytes."""
+    if path.is_file() and path.read_bytes() == data:
+        return
+    draft = path.with_name(f".{path.name}")
+    draft.write_bytes(data)
+    draft.replace(path)

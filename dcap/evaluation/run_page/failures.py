@@ -1,0 +1,131 @@
+"""What went wrong in a run and why, and where another method than DCAP did better.
+
+In: rows. Out: failures with their causes, worst kind first; per axis the samples on which a baseline is ahead.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from math import sqrt
+
+from dcap.evaluation.judging.rubric import SCALES, worst_metric
+from dcap.evaluation.methods import BASELINES, DCAP
+from dcap.evaluation.outcome_table import SampleOutcome
+from dcap.evaluation.run_page.placement_files import shortened
+from dcap.evaluation.run_page.tables import NOTHING, RESTING
+from dcap.evaluation.statistics.comparisons import JudgedAxis
+
+LOW_SCORE = 5.0
+"""Below this a score is low: the middle of the scale, where a metric is between seen and clearly wrong [-]."""
+SURE = 1e-9
+"""Scores that differ by less are equal."""
+AXES = {JudgedAxis.RIGHT_PLACE: "Right Place", JudgedAxis.PHYSICS_NATURALNESS: "P&N"}
+FAILED, INFEASIBLE, UNEXPECTED, LOW = "failed", "infeasible", "not as intended", "low score"
+KINDS = (FAILED, INFEASIBLE, UNEXPECTED, LOW)
+
+
+@dataclass(frozen=True, slots=True)
+class ShownFailure:
+    """A placement that is not as it should be."""
+
+    row: SampleOutcome
+    kinds: tuple[str, ...]
+    """Of KINDS."""
+    causes: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class BaselineAhead:
+    """A sample that a baseline does better on an axis."""
+
+    row: SampleOutcome
+    """The baseline's."""
+    ours: SampleOutcome
+    axes: tuple[str, ...]
+    margin: float
+    """By how much its composite is higher; a placement counts as 0 where it has none [-]."""
+
+
+def failures_of(rows: Sequence[SampleOutcome]) -> list[ShownFailure]:
+    """All failures: errors first, then what was refused, then what is elsewhere or otherwise, then low scores."""
+    found = [one for one in map(failure_of, rows) if one is not None]
+    return sorted(found, key=lambda one: (KINDS.index(one.kinds[0]), lowest(one.row)))
+
+
+def failure_of(row: SampleOutcome) -> ShownFailure | None:
+    """Why a placement is a failure; None if it is none."""
+    if row.error:
+        return ShownFailure(row, (FAILED,), (shortened(row.error),))
+    found: list[tuple[str, str]] = []
+    if row.verdict not in RESTING and row.feasible_intended is not False:
+        found.append((INFEASIBLE, shortened(": ".join(word for word in (row.reason, row.message) if word))))
+    if row.as_expected is False:
+        found.append((UNEXPECTED, f"intended: {row.expected}; came out: {came_out(row)}"))
+    for axis, words in AXES.items():
+        score = getattr(row, axis.value)
+        if score is not None and score < LOW_SCORE:
+            found.append((LOW, f"{words} {score:.1f}{because(row, axis)}"))
+    kinds = tuple(dict.fromkeys(kind for kind, _ in found))
+    return ShownFailure(row, kinds, tuple(words for _, words in found)) if found else None
+
+
+def came_out(row: SampleOutcome) -> str:
+    """An outcome in the words that intended ones are told in."""
+    if row.verdict not in RESTING:
+        return f"infeasible: {row.reason}"
+    where = " ".join(word for word in (row.base, row.part, row.region) if word)
+    missed = ", region missed" if row.region_missed else ""
+    turned = "" if row.orientation_error_deg is None else f", turned by {row.orientation_error_deg:.0f}°"
+    return f"{row.verdict.replace('_', ' ')} on {where}{missed}{turned}"
+
+
+def because(row: SampleOutcome, axis: JudgedAxis) -> str:
+    """The metric that is worst on an axis, where one is known."""
+    worst = worst_metric({name: getattr(row, name) for name in SCALES[axis]}, axis)
+    return f", worst metric {worst}" if worst else ""
+
+
+def lowest(row: SampleOutcome) -> float:
+    """The lower of the two scores."""
+    return min((one for one in (row.right_place, row.physics_naturalness) if one is not None), default=0.0)
+
+
+def composite(row: SampleOutcome) -> float:
+    """Geometric mean of the two scores; 0 where one is missing."""
+    if row.right_place is None or row.physics_naturalness is None:
+        return 0.0
+    return sqrt(row.right_place * row.physics_naturalness)
+
+
+def baselines_ahead(rows: Sequence[SampleOutcome]) -> list[BaselineAhead]:
+    """Samples on which a baseline has a higher score than DCAP on some axis, the clearest first."""
+    ours = {row.sample: row for row in rows if row.method == DCAP}
+    found = []
+    for row in rows:
+        if row.method not in BASELINES or row.sample not in ours:
+            continue
+        own = ours[row.sample]
+        axes = tuple(words for axis, words in AXES.items() if ahead(row, own, axis))
+        if axes:
+            found.append(BaselineAhead(row, own, axes, composite(row) - composite(own)))
+    return sorted(found, key=lambda one: -one.margin)
+
+
+def ahead(row: SampleOutcome, other: SampleOutcome, axis: JudgedAxis) -> bool:
+    """Whether a score is higher than another one, or the only one."""
+    mine, theirs = getattr(row, axis.value), getattr(other, axis.value)
+    return mine is not None and (theirs is None or mine > theirs + SURE)
+
+
+def score_cells(row: SampleOutcome) -> Mapping[str, str]:
+    """Scores, and in raw units what decides them, as text."""
+    numbers: dict[str, tuple[float | None, str]] = {
+        "RP": (row.right_place, "{:.1f}"), "P&N": (row.physics_naturalness, "{:.1f}"),
+        "penetration": (scaled(row.penetration_m), "{:.2g} mm"), "gap": (scaled(row.gap_m), "{:.2g} mm"),
+        "drift": (scaled(row.drift_m), "{:.2g} mm"),
+    }  # fmt: skip
+    return {name: NOTHING if value is None else form.format(value) for name, (value, form) in numbers.items()}
+
+
+def scaled(metres: float | None) -> float | None:
+    """Millimetres."""
+    return None if metres is None else 1e3 * metres

@@ -1,0 +1,204 @@
+"""Tables of the page: those that lie in the run as CSV, and metrics by method, which are also written as CSV and LaTeX.
+
+In: rows of a run, `tables/*.csv`. Out: headings and cells as text; `tables/metrics.csv`, `tables/metrics.tex` (SI in
+the CSV, units that suit the eye elsewhere).
+"""
+
+import csv
+import io
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from statistics import mean, median
+
+from dcap.evaluation.outcome_table import AS_POSED, AT_REST, SampleOutcome
+from dcap.evaluation.page3d.viewer import write_if_other
+
+TABLES, METRICS = "tables", "metrics"
+DAGGER, SIGNIFICANT, LOW, HIGH, WINS = "†", "_significant", "_low", "_high", "_wins"
+MOST_ROWS, MOST_COLUMNS = 60, 24
+"""Of a table from a file that is shown [-]; the whole is in the file."""
+NOTHING = "–"
+RESTING = (AT_REST, AS_POSED)
+"""Verdicts of placements of which something can be measured."""
+
+
+@dataclass(frozen=True, slots=True)
+class ShownTable:
+    """A table of the page."""
+
+    title: str
+    head: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+    files: tuple[str, ...]
+    """Where the same is as CSV and LaTeX, relative to the run."""
+    note: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class ShownMetric:
+    """A column of results.parquet as people read it."""
+
+    column: str
+    words: str
+    unit: str
+    factor: float
+    """From SI to `unit`."""
+    share: bool = False
+    """Whether it is yes or no: its mean is a share, and a median says nothing."""
+
+
+SHOWN_METRICS = (
+    ShownMetric("support_hit", "support hit", "%", 100.0, share=True),
+    ShownMetric("part_hit", "part hit", "%", 100.0, share=True),
+    ShownMetric("region_distance_m", "off the region", "cm", 100.0),
+    ShownMetric("orientation_error_deg", "orientation error", "°", 1.0),
+    ShownMetric("penetration_m", "penetration", "mm", 1e3),
+    ShownMetric("penetration_given_m", "penetration, support as given", "mm", 1e3),
+    ShownMetric("gap_m", "gap", "mm", 1e3),
+    ShownMetric("contact_area_m2", "contact area", "cm²", 1e4),
+    ShownMetric("com_supported", "centre of mass supported", "%", 100.0, share=True),
+    ShownMetric("indentation_m", "indentation", "mm", 1e3),
+    ShownMetric("indentation_error_m", "indentation error", "mm", 1e3),
+    ShownMetric("force_residual", "force residual", "", 1.0),
+    ShownMetric("drift_m", "drift", "mm", 1e3),
+    ShownMetric("visible_fraction", "visible", "%", 100.0),
+    ShownMetric("right_place", "Right Place", "1–10", 1.0),
+    ShownMetric("physics_naturalness", "P&N", "1–10", 1.0),
+)
+
+
+def values_of(rows: Sequence[SampleOutcome], metric: ShownMetric) -> list[float]:
+    """What is known of a metric [SI]."""
+    found = [getattr(row, metric.column) for row in resting(rows)]
+    return [float(one) for one in found if one is not None]
+
+
+def metrics_table(
+    run: Path, rows: Mapping[str, Sequence[SampleOutcome]], names: Mapping[str, str]
+) -> ShownTable | None:
+    """Write the metrics of each method into the run and return them as a table; None where nothing was measured.
+
+    Args:
+        run: its folder.
+        rows: of each method.
+        names: shown names of the methods.
+    """
+    found = {method: {one.column: values_of(own, one) for one in SHOWN_METRICS} for method, own in rows.items()}
+    there = [one for one in SHOWN_METRICS if any(values[one.column] for values in found.values())]
+    if all(one.column == "visible_fraction" for one in there):
+        return None
+    folder = run / TABLES
+    folder.mkdir(exist_ok=True)
+    write_if_other(folder / f"{METRICS}.csv", metrics_csv(there, found, names).encode())
+    write_if_other(folder / f"{METRICS}.tex", metrics_tex(there, found, names).encode())
+    placed_rows = ("placed", *(placed(own) for own in rows.values()))
+    cells = [
+        (f"{one.words} [{one.unit}]" if one.unit else one.words,
+         *(cell(one, found[method][one.column], len(resting(rows[method]))) for method in rows))
+        for one in there
+    ]  # fmt: skip
+    return ShownTable(
+        "Metrics by method", ("", *(names[method] for method in rows)), (placed_rows, *cells),
+        tuple(f"{TABLES}/{METRICS}.{end}" for end in ("csv", "tex")),
+        "Median (mean) over the placements; for yes or no the share of yes; n where a metric is known of fewer. "
+        "Definitions: docs/metrics.md.",
+    )  # fmt: skip
+
+
+def resting(rows: Sequence[SampleOutcome]) -> list[SampleOutcome]:
+    """The rows that are placements."""
+    return [row for row in rows if row.verdict in RESTING and not row.error]
+
+
+def placed(rows: Sequence[SampleOutcome]) -> str:
+    """How many of a method's samples have a placement."""
+    return f"{len(resting(rows))} of {len(rows)}"
+
+
+def cell(metric: ShownMetric, values: Sequence[float], of: int) -> str:
+    """Median and mean, or a share; with the count where it is less than `of`."""
+    if not values:
+        return NOTHING
+    middle = mean(values) if metric.share else median(values)
+    rest = "" if metric.share else f" ({metric.factor * mean(values):.3g})"
+    return f"{metric.factor * middle:.3g}{rest}" + (f", n {len(values)}" if len(values) < of else "")
+
+
+def metrics_csv(
+    metrics: Sequence[ShownMetric], found: Mapping[str, Mapping[str, list[float]]], names: Mapping[str, str]
+) -> str:
+    """A row per method and metric, in SI."""
+    text = io.StringIO()
+    out = csv.writer(text, lineterminator="\n")
+    out.writerow(["method", "name", "metric", "n", "median", "mean", "least", "largest"])
+    for method, own in found.items():
+        for one in metrics:
+            values = own[one.column]
+            numbers = [median(values), mean(values), min(values), max(values)] if values else []
+            out.writerow([method, names[method], one.column, len(values), *(f"{x:.6g}" for x in numbers)]
+                         + [""] * (4 - len(numbers)))  # fmt: skip
+    return text.getvalue()
+
+
+def metrics_tex(
+    metrics: Sequence[ShownMetric], found: Mapping[str, Mapping[str, list[float]]], names: Mapping[str, str]
+) -> str:
+    """A row per metric, a column per method: median (mean), or a share."""
+    lines = ["% Median (mean) over placements; of yes and no the share of yes.",
+             f"\\begin{{tabular}}{{l{'c' * len(found)}}}", "\\hline",
+             f"{' & '.join(['Metric', *(tex_escaped(names[one]) for one in found)])} \\\\", "\\hline"]  # fmt: skip
+    for one in metrics:
+        cells = [tex_escaped(cell(one, own[one.column], 0)) for own in found.values()]
+        label = tex_escaped(f"{one.words} [{one.unit}]" if one.unit else one.words)
+        lines.append(f"{' & '.join([label, *cells])} \\\\")
+    return "\n".join([*lines, "\\hline", "\\end{tabular}"]) + "\n"
+
+
+def tex_escaped(text: str) -> str:
+    """Text without what TeX takes for commands."""
+    signs = {"°": "$^\\circ$", "²": "$^2$", "–": "--", **{sign: f"\\{sign}" for sign in "_&%#${}"},
+             "\\": "\\textbackslash{}", "~": "\\textasciitilde{}", "^": "\\textasciicircum{}"}  # fmt: skip
+    return "".join(signs.get(sign, sign) for sign in text)
+
+
+def table_from_csv(run: Path, name: str, title: str) -> ShownTable | None:
+    """A table that lies in the run; None where it does not, or is not one."""
+    path = run / TABLES / f"{name}.csv"
+    try:
+        rows = list(csv.reader(path.read_text(encoding="utf-8").splitlines()))
+    except (OSError, ValueError, csv.Error):
+        return None
+    if len(rows) < 2 or any(len(row) != len(rows[0]) for row in rows):
+        return None
+    head, shown = with_intervals(rows[0], rows[1:])
+    note = f"{len(shown)} rows, the first {MOST_ROWS} shown" if len(shown) > MOST_ROWS else ""
+    files = tuple(f"{TABLES}/{name}.{end}" for end in ("csv", "tex") if (run / TABLES / f"{name}.{end}").is_file())
+    return ShownTable(title, tuple(head[:MOST_COLUMNS]), tuple(tuple(row[:MOST_COLUMNS]) for row in shown[:MOST_ROWS]),
+                      files, note)  # fmt: skip
+
+
+def with_intervals(head: Sequence[str], rows: Sequence[Sequence[str]]) -> tuple[list[str], list[list[str]]]:
+    """Headings and cells where X, X_low and X_high are one column, and a mark stands for X_significant.
+
+    p-values stay in the file; of `method` and `name` the latter is shown.
+    """
+    known = set(head)
+    inner = {f"{one.removesuffix(WINS)}{end}" for one in head for end in (LOW, HIGH)} & known
+    marks = {one: one.removesuffix(SIGNIFICANT) for one in head if one.endswith(SIGNIFICANT)}
+    hidden = inner | set(marks) | {one for one in head if one.endswith("_p") or one == "p"}
+    hidden |= {"method"} if {"method", "name"} <= known else set()
+    shown = [one for one in head if one not in hidden]
+    cells = []
+    for row in rows:
+        own = dict(zip(head, row, strict=True))
+        cells.append([interval_cell(own, one, marks) for one in shown])
+    return [one.replace("_", " ").strip() for one in shown], cells
+
+
+def interval_cell(row: Mapping[str, str], column: str, marks: Mapping[str, str]) -> str:
+    """A cell with its interval and mark."""
+    about = column.removesuffix(WINS)
+    low, high = row.get(f"{about}{LOW}", ""), row.get(f"{about}{HIGH}", "")
+    starred = any(row[mark].lower() in ("true", "1") for mark, of in marks.items() if of == about)
+    return f"{row[column] or NOTHING}{DAGGER if starred else ''}{f' [{low}, {high}]' if low and high else ''}"

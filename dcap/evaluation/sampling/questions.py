@@ -1,0 +1,180 @@
+"""What is asked to make samples of a scene: so many sentences with their truths, checked against what the scene holds.
+
+Offline the templates answer. A model sees instances and objects with their sizes and writes freely; what it says must
+hold of the scene as far as labels, parts and sizes tell, or it is asked again with the reason.
+"""
+
+from dataclasses import dataclass
+from typing import Literal
+
+from pydantic import BaseModel, Field
+
+from dcap.evaluation.outcome_table import ExpectedOutcome
+from dcap.evaluation.sampling.requests import PlacedAsset
+from dcap.evaluation.sampling.supports import thing_name
+from dcap.evaluation.sampling.templates import TemplateSample, template_samples
+from dcap.language.offline.lexicon import in_line, label_words, longest_phrase, split_words, vocabulary
+from dcap.language.protocol.questions import Question
+from dcap.language.protocol.replies import Region
+from dcap.language.protocol.requests import InstanceView, Vector
+
+LONGEST_SENTENCE = 300
+"""Characters [-]."""
+MOST_SAMPLES = 200
+"""Of one scene [-]."""
+Top = Literal["", "up", "down", "sideways"]
+RefusalReason = Literal["", "target_not_found", "too_large_for_target"]
+
+
+@dataclass(frozen=True, slots=True)
+class SamplesRequest:
+    """So many placements for a scene."""
+
+    scene: str
+    """Its name."""
+    instances: tuple[InstanceView, ...]
+    room_center: Vector
+    """Middle of the scene [m]."""
+    assets: tuple[PlacedAsset, ...]
+    """What can be placed."""
+    count: int
+    infeasible: int
+    """How many of them ought to be refused."""
+    seed: int
+
+
+class SampleDraft(BaseModel, frozen=True, extra="forbid"):
+    """A sentence and what should come of it."""
+
+    object: str = Field(description="name of a listed asset")
+    prompt: str = Field(min_length=1, max_length=LONGEST_SENTENCE, description="one English sentence in one line")
+    base_id: str = Field(
+        default="", description="id of the listed instance that shall carry the object; empty if absent"
+    )
+    any_such: bool = Field(default=False, description="the sentence means any of several instances of that label")
+    part: str = Field(default="", description="name of the listed part of the base, only if no other will do")
+    regions: tuple[Region, ...] = Field(default=(), description="only what the sentence says of the place on the base")
+    top: Top = Field(default="", description="where the object's own top points, only if the sentence says so")
+    reason: RefusalReason = Field(default="", description="why it ought to be refused; empty if it ought to rest there")
+
+    def truth(self, labels: dict[str, str]) -> ExpectedOutcome:
+        """The intended outcome; `labels` by instance id."""
+        return ExpectedOutcome(
+            base=labels.get(self.base_id, ""),
+            base_id="" if self.any_such else self.base_id,
+            part=self.part,
+            region=" ".join(self.regions),
+            top=self.top,
+            feasible=not self.reason,
+            reason=self.reason,
+        )
+
+
+class SamplesReply(BaseModel, frozen=True, extra="forbid"):
+    """The samples of a scene."""
+
+    samples: tuple[SampleDraft, ...] = Field(max_length=MOST_SAMPLES)
+
+    def check(self, request: SamplesRequest) -> None:
+        """ValueError for what does not hold of the scene, says nothing new, or is not as many as asked for."""
+        if len(self.samples) != request.count:
+            raise ValueError(f"{len(self.samples)} samples, expected {request.count}")
+        refused = sum(one.reason != "" for one in self.samples)
+        if refused > request.infeasible:
+            raise ValueError(f"{refused} samples ought to be refused, expected {request.infeasible}")
+        seen: set[tuple[str, str]] = set()
+        for one in self.samples:
+            same = one.object, " ".join(word for word in split_words(one.prompt) if word != ",")
+            if same in seen:
+                raise ValueError(f"two samples ask for {one.object!r} with {one.prompt!r}")
+            seen.add(same)
+            check_sample(one, request)
+
+
+def check_sample(one: SampleDraft, request: SamplesRequest) -> None:
+    """ValueError for a sample that does not hold of the scene."""
+    asset = next((asset for asset in request.assets if asset.name == one.object), None)
+    base = next((i for i in request.instances if i.id == one.base_id), None)
+    said = f"sample {one.prompt!r}"
+    if asset is None:
+        raise ValueError(f"{said}: object {one.object!r} is not listed")
+    if one.prompt != " ".join(one.prompt.split()):
+        raise ValueError(f"{said} is not one line of words with single spaces")
+    if one.reason == "target_not_found":
+        others = [i for i in request.instances if not i.structure and not is_such(asset, i)]
+        there = [i.label for i in others if speaks_of_label(one.prompt, i)]
+        if base is not None or one.part or there:
+            raise ValueError(
+                f"{said}: what is not found has no base, but the scene has {', '.join(there) or one.base_id}"
+            )
+        return
+    if base is None:
+        raise ValueError(f"{said}: base_id {one.base_id!r} is not listed")
+    if not speaks_of(one.prompt, base):
+        raise ValueError(f"{said} does not name its base, the {base.label}")
+    if one.part and one.part not in [part.name for part in base.parts]:
+        raise ValueError(f"{said}: the {base.label} {base.id} has no part {one.part!r}")
+    several = sum(label_words(i.label) == label_words(base.label) for i in request.instances) > 1
+    if one.any_such and not several:
+        raise ValueError(f"{said}: any_such, but {base.id} is the only {base.label}")
+    large = min(asset.size) > max(base.size[:2])
+    if one.reason != "too_large_for_target" and large:
+        raise ValueError(f"{said}: the {asset.noun} of {max(asset.size):.2f} m does not fit on the {base.label}")
+    if one.reason == "too_large_for_target" and not large:
+        raise ValueError(f"{said}: the {asset.noun} of {min(asset.size):.2f} m may well fit on the {base.label}")
+
+
+def speaks_of(prompt: str, base: InstanceView) -> bool:
+    """Whether a sentence has a noun for an instance: its label's words, or a word for such a thing or a part of it."""
+    words, thing = split_words(prompt), thing_name(base)
+    parts = {part.name for part in base.parts}
+    for begin in range(len(words)):
+        for end in range(begin + 1, min(len(words), begin + longest_phrase()) + 1):
+            for meaning in vocabulary().get(tuple(words[begin:end]), ()):
+                if meaning.kind == "thing" and thing and in_line(meaning.value, thing):
+                    return True
+                if meaning.kind == "part" and meaning.value in parts:
+                    return True
+    return speaks_of_label(prompt, base)
+
+
+def is_such(asset: PlacedAsset, instance: InstanceView) -> bool:
+    """Whether an instance goes by the object's own name: a sentence that speaks of it means the object."""
+    thing = thing_name(instance)
+    return (thing != "" and in_line(thing, asset.thing)) or set(label_words(instance.label)) <= set(asset.noun.split())
+
+
+def speaks_of_label(prompt: str, base: InstanceView) -> bool:
+    """Whether a sentence has all words of an instance's label."""
+    own = set(label_words(base.label))
+    return bool(own) and own <= set(split_words(prompt))
+
+
+def by_templates(request: SamplesRequest) -> SamplesReply:
+    """The embedded answer."""
+    made = template_samples(
+        request.scene, request.instances, request.assets, request.count, request.infeasible, request.seed
+    )
+    return SamplesReply(samples=tuple(draft_of(one) for one in made))
+
+
+def draft_of(one: TemplateSample) -> SampleDraft:
+    """A sample of the templates as a reply has it."""
+    ask, surface = one.ask, one.ask.surface
+    tops = {"upright": "up", "upside_down": "down", "on_side": "sideways"}
+    reasons = {"absent": "target_not_found", "too large": "too_large_for_target"}
+    return SampleDraft.model_validate(
+        {
+            "object": ask.asset.name,
+            "prompt": one.prompt,
+            "base_id": surface.base.id if surface is not None else "",
+            "any_such": surface is not None and surface.several and not ask.landmark,  # a landmark says which
+            "part": surface.part if surface is not None else "",
+            "regions": ask.regions,
+            "top": tops.get(ask.pose, ""),
+            "reason": reasons.get(ask.place, ""),
+        }
+    )
+
+
+SAMPLES = Question("samples", SamplesRequest, SamplesReply, SamplesReply.check, stand_in=by_templates)

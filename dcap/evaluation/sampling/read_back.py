@@ -1,0 +1,40 @@
+"""What the embedded reader makes of sentences whose truth is known: support, part, region and pose.
+
+A measure of both. Nothing is left out because the reader misses it: a benchmark that is cut to its reader flatters it.
+"""
+
+from dcap.evaluation.outcome_table import ExpectedOutcome, same_region
+from dcap.language.offline.client import OfflineClient
+from dcap.language.protocol.questions import INTENT
+from dcap.language.protocol.requests import IntentRequest
+from dcap.scene.errors import LanguageError
+
+POSES_OF_TOP = {
+    "up": ("upright", "seated", "standing"),
+    "down": ("upside_down",),
+    "sideways": ("on_side", "on_left_side", "on_right_side", "lying"),
+}
+
+
+def misread(request: IntentRequest, truth: ExpectedOutcome) -> str:
+    """What the reader understands otherwise, in words; empty where it agrees."""
+    try:
+        reply = OfflineClient().ask(INTENT, request)
+    except LanguageError as refused:
+        return f"refused: {' '.join(str(refused).split())}"
+    if truth.reason == "target_not_found":
+        return f"found {reply.base_id}" if reply.base_id else ""
+    base = next((one for one in request.instances if one.id == reply.base_id), None)
+    if base is None:
+        return f"not found: {reply.missing}"
+    if base.label != truth.base or truth.base_id not in ("", base.id):
+        return f"base {base.label} {base.id}"
+    if reply.part and truth.part and reply.part != truth.part:
+        return f"part {reply.part}"
+    if truth.region and not same_region(" ".join(reply.regions), truth.region):
+        return f"region {' '.join(reply.regions) or 'none'}"
+    if not truth.region and (reply.regions or reply.constraints):
+        return f"region {' '.join(reply.regions)} where none is asked for"
+    if truth.top and reply.pose not in POSES_OF_TOP[truth.top]:
+        return f"pose {reply.pose}"
+    return f"not understood: {', '.join(reply.not_understood)}" if reply.not_understood else ""

@@ -1,0 +1,227 @@
+"""What may be asked of a scene: an object, a surface, a place on it and a pose, each with its truth.
+
+In: carrying surfaces and objects. Out: every `PlacementAsk` that is plausible, and those that ought to be refused. An
+object plausibly fits where its footprint leaves room; whether it comes to rest is for a solver to say.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+from dcap.evaluation.sampling.supports import FLAT_TOPS, WALKED_ON, CarryingSurface, is_sure, thing_name
+from dcap.language.offline.lexicon import in_line, is_a, label_words, lineage, things
+from dcap.language.offline.likelihood import NO_KIND, coarse
+from dcap.language.offline.vessels import faced_by_opening
+from dcap.language.protocol.requests import InstanceView, Vector
+
+FITS, FITS_PART = 0.8, 0.45
+"""Largest share of a surface's side that an object may take on the whole of it, and on a half or at an edge [-]."""
+FILLS = 0.5
+"""Largest share of the free area that it may take [-]."""
+TALL = 1.3
+"""Height over width from which a standing thing has a side to be laid on [-]."""
+SLENDER, SLENDER_SOFT = 8.0, 3.0
+"""Height over width from which it would topple on a rigid surface, and on a soft one [-]."""
+ROUND = 1.15
+"""A thing that is less longer than thick has neither a top nor a side [-]."""
+TOO_LARGE = 1.5
+"""An object whose shorter side exceeds the longer one of a surface by this factor does not fit [-]."""
+ON_THE_FLOOR = ("furniture", "ball", "toy", "shoe", "bag", "basket", "box", "dumbbell", "cushion", "bucket", "plant")
+"""Kinds of things that one puts on the floor."""
+ABSENT = ("bed", "sofa", "armchair", "bench", "stool", "desk", "dining table", "coffee table", "nightstand", "shelf",
+          "bathtub", "piano", "dresser", "washing machine", "rug", "treadmill")  # fmt: skip
+"""What is asked for where it is not there."""
+
+
+@dataclass(frozen=True, slots=True)
+class PlacedAsset:
+    """An object as it would be placed."""
+
+    name: str
+    """By which the data set calls its file."""
+    noun: str
+    """What a sentence calls it."""
+    thing: str
+    """What it is, a thing of the lexicon."""
+    size: Vector
+    """Extents along x, y, z as it stands in its file, in its placed size [m]."""
+
+    def is_kind(self, *kinds: str) -> bool:
+        """Whether it is one of some kinds."""
+        return any(is_a(self.thing, kind) for kind in kinds)
+
+    @property
+    def rolls(self) -> bool:
+        """Whether it is about as thick as long."""
+        return max(self.size) < ROUND * min(self.size)
+
+    @property
+    def stands(self) -> bool:
+        """Whether it has a foot and is taller than wide."""
+        return things()[self.thing].rest == "upright" and self.size[2] > TALL * max(self.size[:2])
+
+
+@dataclass(frozen=True, slots=True)
+class PlacementAsk:
+    """A placement that may be asked for."""
+
+    asset: PlacedAsset
+    surface: CarryingSurface | None
+    """None: what is asked for is not there."""
+    place: str
+    """whole, center, left, ..., absent or too large: which sentences fit."""
+    regions: tuple[str, ...] = ()
+    landmark: str = ""
+    """What it is to be next to."""
+    absent: str = ""
+    """What is not there."""
+    pose: str = ""
+    """upright, upside_down, on_side, or empty."""
+
+    @property
+    def base(self) -> str:
+        """Label of what carries, empty where that is not there."""
+        return self.surface.base.label if self.surface is not None else ""
+
+    @property
+    def key(self) -> str:
+        """What tells it from every other."""
+        base = self.surface.base.id if self.surface is not None else self.absent
+        return " ".join((self.asset.name, base, self.place, *self.regions, self.landmark, self.pose))
+
+
+def feasible_asks(surfaces: Sequence[CarryingSurface], assets: Sequence[PlacedAsset]) -> Iterator[PlacementAsk]:
+    """Everything that ought to come to rest."""
+    for surface in surfaces:
+        for asset in assets:
+            if not goes_with(asset, surface):
+                continue
+            for ask in places_on(surface, asset):
+                yield ask
+                if ask.place in ("whole", "center") and not ask.landmark:
+                    for pose in poses_of(asset, surface):
+                        yield PlacementAsk(asset, surface, ask.place, ask.regions, pose=pose)
+
+
+def goes_with(asset: PlacedAsset, surface: CarryingSurface) -> bool:
+    """Whether one would put such a thing there, and it has room."""
+    if in_line(asset.thing, surface.thing) or any(is_a(thing_name(one), asset.thing) for one in surface.landmarks):
+        return False
+    if surface.is_kind(*WALKED_ON) and not asset.is_kind(*ON_THE_FLOOR):
+        return False
+    if asset.is_kind("furniture") and not surface.is_kind("floor"):
+        return False
+    slender = asset.size[2] / min(asset.size[:2])
+    if things()[asset.thing].rest == "upright" and slender > (SLENDER_SOFT if surface.soft else SLENDER):
+        return False
+    return fits(asset, surface, FITS) and footprint(asset)[0] * footprint(asset)[1] <= FILLS * surface.free * area(
+        surface
+    )
+
+
+def area(surface: CarryingSurface) -> float:
+    """[m^2]."""
+    return surface.sides[0] * surface.sides[1]
+
+
+def footprint(asset: PlacedAsset) -> tuple[float, float]:
+    """Longer and shorter side of what it covers in any pose that it may be placed in [m]."""
+    x, y, z = asset.size
+    upright = things()[asset.thing].rest == "upright"
+    sides = (x, y) if upright else tuple(sorted((x, y, z))[1:])
+    return max(sides), min(sides)
+
+
+def height(asset: PlacedAsset) -> float:
+    """The most that it rises above a surface [m]."""
+    return asset.size[2] if things()[asset.thing].rest != "any" else max(asset.size)
+
+
+def fits(asset: PlacedAsset, surface: CarryingSurface, share: float) -> bool:
+    """Whether it takes no more than a share of each side, and is lower than what is above."""
+    long, short = footprint(asset)
+    return long <= share * surface.sides[0] and short <= share * surface.sides[1] and height(asset) < surface.headroom
+
+
+def places_on(surface: CarryingSurface, asset: PlacedAsset) -> Iterator[PlacementAsk]:
+    """The whole surface, its middle, halves, edges, corners and what is next to something on it."""
+    if not surface.is_kind("floor") or not surface.landmarks:
+        yield PlacementAsk(asset, surface, "whole")
+    small = 2 * footprint(asset)[0] <= 2 * FITS_PART * surface.sides[1]
+    if surface.center_free and not surface.is_kind("floor", "shelf"):
+        yield PlacementAsk(asset, surface, "center", ("center",))
+    crowded = surface.free < 0.7
+    if small and not crowded and surface.base.front is not None and surface.is_kind("bed", "sofa", "bench", *FLAT_TOPS):
+        for side in ("left", "right"):
+            yield PlacementAsk(asset, surface, "half", (side,))
+    if small and not crowded and surface.is_kind("bed") and surface.base.front is not None:
+        yield PlacementAsk(asset, surface, "foot", ("foot",))
+    if small and not crowded and surface.is_kind(*FLAT_TOPS) and not asset.rolls:
+        yield PlacementAsk(asset, surface, "edge", ("edge",))
+        yield PlacementAsk(asset, surface, "corner", ("corner",))
+        if surface.base.front is not None:
+            for side in ("left", "right", "front"):
+                yield PlacementAsk(asset, surface, "side edge", (side, "edge"))
+    if small and not surface.is_kind("shelf", "rug"):
+        for one in surface.landmarks:
+            name = " ".join(label_words(one.label))
+            yield PlacementAsk(asset, surface, "near", ("near",), landmark=name)
+            yield PlacementAsk(asset, surface, "beside", ("next_to",), landmark=name)
+
+
+def poses_of(asset: PlacedAsset, surface: CarryingSurface) -> Iterator[str]:
+    """Poses that a sentence may ask for and that hold."""
+    if asset.rolls and not asset.is_kind(*faced_by_opening()):
+        return
+    if asset.stands and not surface.soft:
+        yield "upright"
+    if asset.stands and fits_lying(asset, surface):
+        yield "on_side"
+    low = asset.size[2] < TALL * max(asset.size[:2])
+    if low and faced_by_opening() & set(lineage(asset.thing)) and not surface.soft:
+        yield "upside_down"
+
+
+def fits_lying(asset: PlacedAsset, surface: CarryingSurface) -> bool:
+    """Whether a standing thing has room where it lies."""
+    return max(asset.size) <= FITS * surface.sides[1]
+
+
+# what ought to be refused ------------------------------------------------------------------------------------------
+
+
+def refused_asks(
+    surfaces: Sequence[CarryingSurface], assets: Sequence[PlacedAsset], instances: Sequence[InstanceView]
+) -> Iterator[PlacementAsk]:
+    """What is not there, and what has no room."""
+    missing = absent_things(instances)
+    for asset in assets:
+        for name in missing:
+            if not in_line(asset.thing, name) and not asset.is_kind("furniture"):
+                yield PlacementAsk(asset, None, "absent", absent=name)
+        for surface in surfaces:
+            if is_too_large(asset, surface) and not in_line(asset.thing, surface.thing):
+                yield PlacementAsk(asset, surface, "too large")
+
+
+def is_too_large(asset: PlacedAsset, surface: CarryingSurface) -> bool:
+    """Whether it clearly has no room, however it is turned about the vertical."""
+    return min(asset.size) >= TOO_LARGE * surface.sides[0]
+
+
+def absent_things(instances: Sequence[InstanceView]) -> list[str]:
+    """Things of ABSENT that nothing in the scene could be called; none where some of it is not known for sure."""
+    if not all(is_sure(one) for one in instances if not one.structure):
+        return []
+    return [name for name in ABSENT if not any(may_be_called(one, name) for one in instances)]
+
+
+def may_be_called(instance: InstanceView, name: str) -> bool:
+    """Whether someone might call an instance by a name: it is of that kind, of a kindred one, or shares a word."""
+    thing, words = thing_name(instance), label_words(instance.label)
+    kinds = (thing, *coarse().get(tuple(words), ()))
+    if any(kind and in_line(kind, name) for kind in kinds) or set(words) & set(name.split()):
+        return True
+    if any(part.name == name for part in instance.parts):
+        return True
+    parents = [things()[kind].parent for kind in kinds if kind in things()]
+    return any(parent == things()[name].parent and parent not in NO_KIND for parent in parents)

@@ -1,0 +1,51 @@
+"""Splits of a data set by scene: shares such as train=0.8,val=0.1,test=0.1, drawn by a seed.
+
+No scene is in two splits. The draw depends on the names of the scenes and the seed, not on their order.
+"""
+
+import re
+from collections.abc import Mapping, Sequence
+from math import isfinite
+
+from dcap.evaluation.sampling.chance import chance
+from dcap.scene.errors import InputError
+
+NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]*")
+ROUNDING = 1e-6
+"""By which a sum of shares may miss 1 [-]."""
+
+
+def shares_of(text: str) -> dict[str, float]:
+    """Shares by name, of `train=0.8,val=0.1,test=0.1`; InputError for what is none, or does not add up to 1."""
+    shares: dict[str, float] = {}
+    for word in text.split(","):
+        name, _, value = (part.strip() for part in word.partition("="))
+        try:
+            share = float(value)
+        except ValueError:
+            share = -1.0
+        if not NAME.fullmatch(name) or name in shares or not isfinite(share) or not 0.0 < share <= 1.0:
+            raise InputError(
+                f"--splits {text!r}: {word.strip()!r} is no share of its own; train=0.8,val=0.1,test=0.1 is one"
+            )
+        shares[name] = share
+    if abs(sum(shares.values()) - 1.0) > ROUNDING:
+        raise InputError(f"--splits {text!r}: the shares add up to {sum(shares.values()):g}, expected 1")
+    return shares
+
+
+def split_scenes(scenes: Sequence[str], shares: Mapping[str, float], seed: int) -> dict[str, tuple[str, ...]]:
+    """The scenes of each split, sorted; sizes by largest remainders. InputError where one would have none."""
+    order = sorted(scenes, key=lambda one: (chance(seed, "split", one), one))
+    exact = {name: share * len(order) for name, share in shares.items()}
+    sizes = {name: int(size + ROUNDING) for name, size in exact.items()}
+    for name in sorted(exact, key=lambda one: sizes[one] - exact[one])[: len(order) - sum(sizes.values())]:
+        sizes[name] += 1
+    empty = next((name for name, size in sizes.items() if size == 0), "")
+    if empty:
+        raise InputError(f"--splits: {empty} would have none of {len(order)} scenes; give it a larger share")
+    found, begin = {}, 0
+    for name, size in sizes.items():
+        found[name] = tuple(sorted(order[begin : begin + size]))
+        begin += size
+    return found

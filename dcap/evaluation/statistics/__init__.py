@@ -1,0 +1,1 @@
+"""What follows from scores and comparisons: means, ratings, win rates, agreement, and how sure each number is."""

@@ -1,0 +1,105 @@
+"""Win rates of methods over all their comparisons, with intervals, and whether one is significantly higher.
+
+A tie counts half. The main interval resamples whole samples (cluster bootstrap); Wilson's score interval [W27], beside,
+takes each comparison as an independent trial, and stays sensible at 0 and 1 where a bootstrap has no width.
+
+Source: [W27] Wilson, Journal of the American Statistical Association 22, 1927, 209-212.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import norm
+
+from dcap.evaluation.statistics.bootstrap import (
+    LEVEL,
+    RESAMPLES,
+    SEED,
+    ConfidenceInterval,
+    PairedDifference,
+    draws,
+    interval_of,
+    two_sided_p,
+)
+from dcap.evaluation.statistics.comparisons import PairCounts
+from dcap.evaluation.statistics.score_summary import Significance
+from dcap.scene.errors import InputError
+
+
+@dataclass(frozen=True, slots=True)
+class WinRate:
+    """One method's share of wins."""
+
+    method: str
+    rate: float
+    """0..1, ties count half."""
+    interval: ConfidenceInterval
+    """95 %, cluster bootstrap over samples."""
+    wilson: ConfidenceInterval
+    """95 %, every comparison an independent trial."""
+    comparisons: int
+
+
+def win_rates(counts: PairCounts, resamples: int = RESAMPLES, seed: int = SEED) -> list[WinRate]:
+    """Win rates of all methods that were compared, in the order of `counts`."""
+    won, met = won_and_met(counts)
+    resampled = resampled_rates(won, met, resamples, seed)
+    found = []
+    for k, method in enumerate(counts.methods):
+        trials = float(met[:, k].sum())
+        if trials == 0:
+            continue
+        wins = float(won[:, k].sum())
+        spread = interval_of(resampled[:, k][~np.isnan(resampled[:, k])])
+        found.append(WinRate(method, wins / trials, spread, wilson_interval(wins, trials), round(trials)))
+    return found
+
+
+def win_rate_significance(
+    counts: PairCounts, method: str, baselines: Sequence[str], resamples: int = RESAMPLES, seed: int = SEED
+) -> Significance | None:
+    """The test of a method's win rate against the highest of a baseline, by resampling samples; None without one."""
+    rates = {one.method: one.rate for one in win_rates(counts, resamples=1, seed=seed)}
+    there = [name for name in baselines if name in rates and name != method]
+    if not there:
+        return None
+    if method not in rates:
+        raise InputError(f"{method} has no comparison: its win rate is unknown")
+    best = max(there, key=lambda name: rates[name])
+    won, met = won_and_met(counts)
+    ours, theirs = counts.methods.index(method), counts.methods.index(best)
+    resampled = resampled_rates(won, met, resamples, seed)
+    gaps = resampled[:, ours] - resampled[:, theirs]
+    gaps = gaps[~np.isnan(gaps)]
+    both = int(((met[:, ours] > 0) & (met[:, theirs] > 0)).sum())
+    test = PairedDifference(
+        rates[method] - rates[best], interval_of(gaps), two_sided_p(gaps, both), both, len(counts.samples) - both
+    )
+    return Significance(best, test)
+
+
+def won_and_met(counts: PairCounts) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Wins (with half of the ties) and comparisons by sample and method, shapes (k, m)."""
+    won = counts.shared_wins.sum(axis=2)
+    return won, won + counts.shared_wins.sum(axis=1)
+
+
+def resampled_rates(
+    won: NDArray[np.float64], met: NDArray[np.float64], resamples: int, seed: int
+) -> NDArray[np.float64]:
+    """Win rates over each resample, shape (resamples, m); nan where a method was not drawn at all."""
+    found = []
+    for weights in draws(len(won), resamples, seed):
+        trials = weights @ met
+        found.append(np.divide(weights @ won, trials, out=np.full_like(trials, np.nan), where=trials > 0))
+    return np.concatenate(found)
+
+
+def wilson_interval(wins: float, trials: float, level: float = LEVEL) -> ConfidenceInterval:
+    """Score interval of a share: the rates p for which |wins/n - p| <= z sqrt(p (1 - p) / n) [W27]."""
+    z2 = float(norm.ppf(0.5 * (1.0 + level))) ** 2
+    center = (wins + 0.5 * z2) / (trials + z2)
+    half = np.sqrt(z2 * (wins * (trials - wins) / trials + 0.25 * z2)) / (trials + z2)
+    return ConfidenceInterval(float(max(0.0, center - half)), float(min(1.0, center + half)))

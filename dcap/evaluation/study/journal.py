@@ -1,0 +1,160 @@
+"""The votes of a study: a file to which one JSON line is added per vote, and which a killed server leaves whole.
+
+A vote counts once it is on the disk (`fsync`), before its rater is told. What follows the last end of line was never
+acknowledged, and is cut off when the journal is opened again. Votes are known by (rater, item, axis): of repeated lines
+the last one counts, so no vote counts twice. A journal is open in one process at a time.
+"""
+
+import fcntl
+import json
+import os
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from threading import Lock
+from typing import Self
+
+from dcap.evaluation.study.design import Side, StudyAxis
+from dcap.scene.errors import InputError
+
+JOURNAL = "votes.jsonl"
+
+
+@dataclass(frozen=True, slots=True)
+class StudyVote:
+    """What one rater answered to one question of one comparison."""
+
+    rater: str
+    item: str
+    sample: str
+    axis: StudyAxis
+    left: str
+    """Method of the placement on the left."""
+    right: str
+    winner: Side
+    lifted: Side | None
+    """The side with the floating copy of an attention check; None: a true comparison."""
+    seconds: float
+    """From when the two placements were shown to the answer of the whole page [s]."""
+
+    @property
+    def key(self) -> tuple[str, str, StudyAxis]:
+        """What no two votes that count have in common."""
+        return self.rater, self.item, self.axis
+
+    @property
+    def winning_method(self) -> str:
+        """The method that was preferred."""
+        return self.left if self.winner is Side.LEFT else self.right
+
+    def line(self) -> bytes:
+        """The vote as a line of the journal."""
+        tree = {name: getattr(self, name) for name in self.__slots__}
+        return (json.dumps(tree, ensure_ascii=False) + "\n").encode()
+
+
+def vote_of_line(line: bytes, where: str) -> StudyVote:
+    """The vote that a line holds; InputError where it holds none."""
+    try:
+        tree = json.loads(line)
+        lifted = tree["lifted"]
+        return StudyVote(
+            rater=str(tree["rater"]), item=str(tree["item"]), sample=str(tree["sample"]), axis=StudyAxis(tree["axis"]),
+            left=str(tree["left"]), right=str(tree["right"]), winner=Side(tree["winner"]),
+            lifted=None if lifted is None else Side(lifted), seconds=float(tree["seconds"]),
+        )  # fmt: skip
+    except (ValueError, KeyError, TypeError) as error:
+        raise InputError(f"{where} is no vote ({type(error).__name__}: {error}); mend or remove that line") from None
+
+
+def whole_lines(data: bytes) -> bytes:
+    """What precedes the last end of line, and it."""
+    return data[: data.rfind(b"\n") + 1]
+
+
+def counted(votes: Iterable[StudyVote]) -> tuple[StudyVote, ...]:
+    """Of votes on the same question by the same rater the last one, in the order in which they were first given."""
+    last = {vote.key: vote for vote in votes}
+    return tuple(last.values())
+
+
+def parsed(data: bytes, path: Path) -> tuple[StudyVote, ...]:
+    """The votes that count of a journal's bytes; a torn last line is left out."""
+    rows = whole_lines(data).splitlines()
+    return counted(vote_of_line(row, f"{path}: line {number}") for number, row in enumerate(rows, 1))
+
+
+def read_votes(folder: Path) -> tuple[StudyVote, ...]:
+    """The votes of a study so far, also while it is served; none if nobody has voted yet."""
+    path = folder / JOURNAL
+    return parsed(path.read_bytes(), path) if path.is_file() else ()
+
+
+class VoteJournal:
+    """The open journal of a study; votes may be added from several threads."""
+
+    def __init__(self, folder: Path) -> None:
+        self._path, self._lock = folder / JOURNAL, Lock()
+        self._file = os.open(self._path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
+        try:
+            fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            data = self._path.read_bytes()
+            self._votes = {vote.key: vote for vote in parsed(data, self._path)}
+            self._size = len(whole_lines(data))
+            os.ftruncate(self._file, self._size)
+            os.fsync(self._file)
+            sync_folder(folder)
+        except BlockingIOError:
+            os.close(self._file)
+            raise InputError(f"{folder.parent}: its study is served already; stop that server first") from None
+        except BaseException:
+            os.close(self._file)
+            raise
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        os.close(self._file)
+
+    @property
+    def votes(self) -> tuple[StudyVote, ...]:
+        """The votes that count, in the order in which they were given."""
+        with self._lock:
+            return tuple(self._votes.values())
+
+    def answered(self, rater: str) -> frozenset[str]:
+        """The items of which a rater has answered every question."""
+        with self._lock:
+            mine = [item for one, item, _ in self._votes if one == rater]
+        return frozenset(item for item in mine if mine.count(item) == len(StudyAxis))
+
+    def add(self, votes: Sequence[StudyVote]) -> bool:
+        """Keep the votes of one comparison on the disk; False if that rater has answered it before.
+
+        OSError where they cannot be kept; none of them counts then.
+        """
+        with self._lock:
+            if all(vote.key in self._votes for vote in votes):
+                return False
+            data = b"".join(vote.line() for vote in votes)
+            try:
+                written = os.pwrite(self._file, data, self._size)
+                if written < len(data):
+                    raise OSError(f"only {written} of {len(data)} bytes could be written to {self._path}")
+                os.fsync(self._file)
+            except OSError:
+                os.ftruncate(self._file, self._size)
+                raise
+            self._size += len(data)
+            self._votes.update({vote.key: vote for vote in votes})
+            return True
+
+
+def sync_folder(folder: Path) -> None:
+    """See to it that a new file's name is on the disk, too."""
+    opened = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(opened)
+    finally:
+        os.close(opened)

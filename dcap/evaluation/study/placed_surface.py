@@ -1,0 +1,136 @@
+"""The surface of a placement as its scene.glb has it: cut out around the object, with the object lifted, seen.
+
+In: scene.glb. Out: smaller GLB files for a page, and pictures. World frame: metres, z up.
+"""
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dcap.geometry.camera import Camera, looking_at
+from dcap.geometry.raycast import Raycaster
+from dcap.geometry.rendering.normals import ShadingNormals
+from dcap.geometry.rendering.painted import own_paint
+from dcap.geometry.rendering.picture import picture
+from dcap.scene.errors import FormatError
+from dcap.scene.readers.gltf.gltf import read_gltf
+from dcap.scene.types.mesh import Mesh
+from dcap.scene.types.paint import CornerPaint, PaintedMesh, SourceSurface
+from dcap.scene.writers.glb import GLTF_FROM_WORLD, Node, glb_bytes
+
+THING = "object"
+"""The node of the object at rest."""
+AROUND, LEAST_AROUND = 2.0, 0.9
+"""How far around the object its surroundings are kept: so many times its size, and at least so many metres."""
+MOST_FACES = 300_000
+"""Of a cut-out [-]: a browser draws two of them side by side, and both files are sent at once."""
+SHRINK = 0.8
+"""By how much a cut-out of more faces is made smaller at a time [-]."""
+AZIMUTHS, ELEVATION_DEG = 12, 28.0
+"""Directions that are tried for a view: around the object, at one height [degrees]."""
+RAYS = 300
+"""To points of the object from each of them [-]."""
+BACK = 2.6
+"""Distance of a view over the diagonal of what it shows [-]."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class PlacedSurface:
+    """Scene and object as they were left, with their textures."""
+
+    mesh: Mesh
+    paint: CornerPaint | None
+    is_thing: NDArray[np.bool_]
+    """Which faces are the object's, shape (m,)."""
+
+    @property
+    def thing_bounds(self) -> NDArray[np.float64]:
+        """Of the object [m], shape (2, 3)."""
+        return self.mesh.submesh(np.flatnonzero(self.is_thing)).bounds
+
+    def of(self, faces: NDArray[np.integer]) -> Self:
+        """That of some faces."""
+        paint = None if self.paint is None else self.paint.of(faces)
+        return replace(self, mesh=self.mesh.submesh(faces), paint=paint, is_thing=self.is_thing[faces])
+
+    def around_thing(self, most_faces: int = MOST_FACES) -> Self:
+        """The object and what is near it; the nearer, the more faces there are."""
+        low, high = self.thing_bounds
+        reach = max(AROUND * float(np.linalg.norm(high - low)), LEAST_AROUND)
+        triangles = self.mesh.triangles
+        least, most = triangles.min(axis=1), triangles.max(axis=1)
+        while True:
+            near = ((most >= low - reach) & (least <= high + reach)).all(axis=1) | self.is_thing
+            if np.count_nonzero(near) <= most_faces or reach < 0.05:
+                return self.of(np.flatnonzero(near))
+            reach *= SHRINK
+
+    def lifted(self, height: float) -> Self:
+        """The object so much higher [m], and nothing else moved."""
+        shift = np.zeros_like(self.mesh.vertices)
+        shift[np.unique(self.mesh.faces[self.is_thing])] = (0.0, 0.0, height)
+        return replace(self, mesh=replace(self.mesh, vertices=self.mesh.vertices + shift))
+
+    def glb(self, toward: NDArray[np.float64]) -> bytes:
+        """As a file for the page; `toward` (3,) is the direction to look from, kept in the object's extras."""
+        normals = ShadingNormals(self.mesh).of_corners(np.arange(len(self.mesh.faces)))
+        nodes = []
+        for name, own in (("scene", ~self.is_thing), (THING, self.is_thing)):
+            faces = np.flatnonzero(own)
+            paint = None if self.paint is None else self.paint.of(faces)
+            extras = {"toward": [round(float(x), 6) for x in toward]} if name == THING else {}
+            nodes.append(Node(name, self.mesh.submesh(faces), paint=paint, normals=normals[faces], extras=extras))
+        return glb_bytes(nodes)
+
+    def best_direction(self) -> NDArray[np.float64]:
+        """The unit direction from the object to where most of it is seen from, shape (3,)."""
+        low, high = self.thing_bounds
+        size, middle = float(np.linalg.norm(high - low)), (low + high) / 2
+        thing = np.flatnonzero(self.is_thing)
+        points = self.mesh.corners(thing[np.linspace(0, len(thing) - 1, RAYS).astype(int)]).mean(axis=1)
+        caster = Raycaster(self.mesh)
+        shares = []
+        for direction in directions():
+            way = middle + BACK * size * direction - points
+            length = np.linalg.norm(way, axis=1)
+            unit = way / length[:, None]
+            start = points + 1e-3 * size * unit
+            shares.append(1.0 - caster.occluded(start, unit, length).mean())
+        return np.asarray(directions()[int(np.argmax(shares))])
+
+    def picture(self, camera: Camera) -> NDArray[np.uint8]:
+        """What a camera sees, sRGB, shape (h, w, 3)."""
+        return picture([PaintedMesh(self.mesh, self.paint)], camera).rgb
+
+
+def camera_toward(
+    target: NDArray[np.float64], direction: NDArray[np.float64], size: float, shape: tuple[int, int]
+) -> Camera:
+    """A camera from a direction (3,) that shows a ball of diameter `size` [m] around a point (3,); `shape` is rows and
+    columns."""
+    return looking_at(target + BACK * size * direction, target, shape[1], shape[0])
+
+
+def directions() -> NDArray[np.float64]:
+    """Unit directions around the vertical axis, from a little above, shape (n, 3)."""
+    azimuth = 2 * np.pi * np.arange(AZIMUTHS) / AZIMUTHS
+    flat, height = np.cos(np.radians(ELEVATION_DEG)), np.sin(np.radians(ELEVATION_DEG))
+    return np.stack([flat * np.sin(azimuth), -flat * np.cos(azimuth), np.full(AZIMUTHS, height)], axis=1)
+
+
+def read_placed_surface(path: Path) -> PlacedSurface:
+    """The surface in scene.glb; FormatError where it has no node `object`."""
+    raw = read_gltf(path)
+    own = np.array([name == THING or name.startswith(f"{THING}/") for name in raw.node_names] + [False])
+    is_thing = own[raw.face_node]
+    if not is_thing.any():
+        raise FormatError(f"{path}: no node {THING!r} with faces")
+    colors = np.full(raw.vertices.shape, 255, np.uint8) if raw.colors is None else raw.colors
+    mesh = Mesh(np.ascontiguousarray(raw.vertices), raw.faces.astype(np.int32), colors)
+    world = mesh.transformed(np.linalg.inv(GLTF_FROM_WORLD))
+    textured = raw.paint is not None and len(raw.paint.textures) > 0
+    paint = own_paint(SourceSurface(mesh, raw.paint)) if textured and raw.paint is not None else None
+    return PlacedSurface(world, paint, is_thing)

@@ -1,0 +1,136 @@
+"""What of a run people can compare: its methods, its samples, and the pictures of each placement.
+
+In: the folder of a run. Out: for each (method, sample) the folder of the placement and its pictures, or why there are
+none. Nothing outside of the run's folder is ever named.
+"""
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from dcap.evaluation.run_folder import sample_folder
+from dcap.scene.errors import InputError
+
+OURS = "dcap"
+METHODS_FOLDER, VIEWS = "methods", "views"
+CLEAN, ASSET = "clean", "asset"
+"""Pictures of the scene before and of the asset alone: of the first method's folder."""
+FALLBACK = ("settled", "closeup")
+"""Pictures of a placement that has no canonical views."""
+INFEASIBLE = "infeasible"
+SCENE_GLB, OBJECT_GLB = "scene.glb", "object.glb"
+
+
+@dataclass(frozen=True, slots=True)
+class ShownPlacement:
+    """A placement that can be shown to people."""
+
+    method: str
+    sample: str
+    folder: Path
+    pictures: tuple[Path, ...]
+    """The canonical views in the order of their names."""
+    verdict: str
+
+    @property
+    def scene_model(self) -> Path | None:
+        """The scene with the object in it; None if it was not written."""
+        path = self.folder / SCENE_GLB
+        return path if path.is_file() else None
+
+
+@dataclass(frozen=True, slots=True)
+class StudyRun:
+    """A run as a study sees it."""
+
+    folder: Path
+    methods: tuple[str, ...]
+    prompts: Mapping[str, str]
+    """The sentence of each sample, by its id, in the run's order."""
+    shown: Mapping[tuple[str, str], ShownPlacement]
+    """By (method, sample)."""
+    left_out: Mapping[tuple[str, str], str]
+    """Why a placement cannot be shown, by (method, sample)."""
+
+    def pair(self, left: str, right: str, sample: str) -> tuple[tuple[Path, ...], tuple[Path, ...]]:
+        """Pictures of two methods of one sample: the views that both have, in one order."""
+        one, two = self.shown[left, sample].pictures, self.shown[right, sample].pictures
+        common = {path.name for path in one} & {path.name for path in two}
+        return tuple(p for p in one if p.name in common), tuple(p for p in two if p.name in common)
+
+    def clean_picture(self, sample: str) -> Path | None:
+        """The scene before anything was placed."""
+        return self._beside(sample, f"{VIEWS}/{CLEAN}.png", f"{CLEAN}.png")
+
+    def asset_picture(self, sample: str) -> Path | None:
+        """The asset alone."""
+        return self._beside(sample, f"{VIEWS}/{ASSET}.png", f"{ASSET}.png")
+
+    def asset_model(self, sample: str) -> Path | None:
+        """The asset alone, in three dimensions."""
+        return self._beside(sample, OBJECT_GLB)
+
+    def _beside(self, sample: str, *names: str) -> Path | None:
+        """The first of some files that the first method which has one wrote for a sample."""
+        folders = [placement_folder(self.folder, method, sample) for method in self.methods]
+        found = (folder / name for folder in folders for name in names if (folder / name).is_file())
+        return next(found, None)
+
+
+def placement_folder(run: Path, method: str, sample: str) -> Path:
+    """Where a method's files of a sample lie."""
+    return sample_folder(run if method == OURS else run / METHODS_FOLDER / method, sample)
+
+
+def read_study_run(folder: Path) -> StudyRun:
+    """What of a run can be compared; InputError for fewer than two methods, or where nothing was rendered."""
+    methods, prompts = asked_of_folder(folder)
+    if len(methods) < 2:
+        named = f"only {methods[0]}" if methods else "none"
+        raise InputError(f"{folder.name}: a study compares methods, and the run has {named}; benchmark --methods all")
+    shown: dict[tuple[str, str], ShownPlacement] = {}
+    left_out: dict[tuple[str, str], str] = {}
+    for method in methods:
+        for sample in prompts:
+            found = show(folder, method, sample)
+            if isinstance(found, str):
+                left_out[method, sample] = found
+            else:
+                shown[method, sample] = found
+    if not shown:
+        where = placement_folder(folder, methods[0], next(iter(prompts), "SAMPLE")) / VIEWS
+        raise InputError(
+            f"{folder.name}: the run has no renders of placements ({where}/*.png); run the benchmark again"
+        )
+    return StudyRun(folder, methods, prompts, shown, left_out)
+
+
+def asked_of_folder(folder: Path) -> tuple[tuple[str, ...], dict[str, str]]:
+    """Methods and prompts by sample of a run, from its run.json."""
+    path = folder / "run.json"
+    try:
+        tree = json.loads(path.read_text(encoding="utf-8"))
+        samples = {str(one["id"]): str(one["prompt"]) for one in tree["samples"]}
+        methods = tuple(dict.fromkeys(str(one) for one in tree.get("methods", [OURS])))
+    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+        raise InputError(f"{path}: not what a benchmark writes ({type(error).__name__}: {error})") from None
+    for method in methods:
+        if not method.replace("_", "").isalnum():
+            raise InputError(f"{path}: {method!r} is not the name of a method")
+    return methods, samples
+
+
+def show(run: Path, method: str, sample: str) -> ShownPlacement | str:
+    """A placement with its pictures; or why it cannot be shown."""
+    folder = placement_folder(run, method, sample)
+    try:
+        tree = json.loads((folder / "placement.json").read_text(encoding="utf-8"))
+        verdict = str(tree["verdict"])
+    except (OSError, ValueError, KeyError, TypeError):
+        return "no placement.json"
+    if verdict == INFEASIBLE:
+        return "infeasible by the method itself"
+    views = sorted(p for p in (folder / VIEWS).glob("*.png") if p.stem not in (CLEAN, ASSET))
+    pictures = views or [folder / f"{name}.png" for name in FALLBACK if (folder / f"{name}.png").is_file()]
+    return ShownPlacement(method, sample, folder, tuple(pictures), verdict) if pictures else "not rendered"

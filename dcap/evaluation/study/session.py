@@ -1,0 +1,104 @@
+"""A study while it is served: who is asked what next, which files belong to it, and what is answered.
+
+No web in here. Raters are known by the secret word of their link; what they see never names a method.
+"""
+
+import hmac
+from collections.abc import Mapping
+from pathlib import Path
+from threading import Lock
+
+from dcap.evaluation.run_folder import folder_name
+from dcap.evaluation.study.attention import LIFTED, MODEL, SETTLED, check_folder
+from dcap.evaluation.study.design import Side, StudyAxis, StudyItem
+from dcap.evaluation.study.journal import StudyVote, VoteJournal
+from dcap.evaluation.study.placed_surface import read_placed_surface
+from dcap.evaluation.study.placements import StudyRun
+from dcap.evaluation.study.study_folder import StudyDesign, write_whole
+
+MODELS = "models"
+"""Folder of the scenes cut out for the page, made when they are first asked for."""
+
+
+class StudySession:
+    """What the pages of a study show and take."""
+
+    def __init__(
+        self, run: StudyRun, folder: Path, design: StudyDesign, tokens: Mapping[str, str], journal: VoteJournal
+    ) -> None:
+        self.run, self.design, self._folder, self._journal = run, design, folder, journal
+        self._tokens, self._making = dict(tokens), Lock()
+
+    def rater_of(self, token: str) -> str | None:
+        """Whose link it is; None if nobody's. Takes as long for a wrong word as for a right one."""
+        found = None
+        for rater, known in self._tokens.items():
+            if hmac.compare_digest(known.encode(), token.encode()) and rater in self.design.raters:
+                found = rater
+        return found
+
+    def progress(self, rater: str) -> tuple[int, int]:
+        """How many comparisons are answered, and of how many."""
+        items = self.design.raters[rater]
+        done = self._journal.answered(rater)
+        return sum(one.item in done for one in items), len(items)
+
+    def current(self, rater: str) -> StudyItem | None:
+        """The first comparison that the rater has not answered; None if all are."""
+        done = self._journal.answered(rater)
+        return next((one for one in self.design.raters[rater] if one.item not in done), None)
+
+    def item(self, rater: str, name: str) -> StudyItem | None:
+        """A comparison of the rater's by its name."""
+        return next((one for one in self.design.raters[rater] if one.item == name), None)
+
+    def pictures(self, item: StudyItem, side: Side) -> tuple[Path, ...]:
+        """The views of the placement on a side, both sides in one order."""
+        check = self._check_folder(item, side)
+        if check is not None:
+            return tuple(sorted(check.glob("*.png")))
+        left, right = self.run.pair(item.left, item.right, item.sample)
+        return left if side is Side.LEFT else right
+
+    def model(self, item: StudyItem, side: Side) -> Path | None:
+        """The scene around the object on a side as GLB; None if the run has none. Made where it is not there yet.
+
+        Raises a DcapError where the run's own file cannot be read.
+        """
+        check = self._check_folder(item, side)
+        if check is not None:
+            return check / MODEL
+        method = item.left if side is Side.LEFT else item.right
+        source = self.run.shown[method, item.sample].scene_model
+        if source is None:
+            return None
+        path = self._folder / MODELS / method / f"{folder_name(item.sample)}.glb"
+        with self._making:  # one after the other: a large scene takes memory
+            if not path.is_file() or path.stat().st_mtime_ns < source.stat().st_mtime_ns:
+                near = read_placed_surface(source).around_thing()
+                path.parent.mkdir(parents=True, exist_ok=True)
+                write_whole(path, near.glb(near.best_direction()))
+        return path
+
+    def has_models(self, item: StudyItem) -> bool:
+        """Whether both sides can be turned around."""
+        methods = (item.left, item.right)
+        return item.lifted is not None or all(self.run.shown[m, item.sample].scene_model for m in methods)
+
+    def answer(self, rater: str, item: StudyItem, answers: Mapping[StudyAxis, Side], seconds: float) -> bool:
+        """Keep a rater's answers to all questions of a comparison; False if they were given before. OSError where they
+        cannot be kept."""
+        return self._journal.add([
+            StudyVote(
+                rater, item.item, item.sample, axis, item.left, item.right, answers[axis], item.lifted,
+                round(seconds, 1),
+            )
+            for axis in StudyAxis
+        ])  # fmt: skip
+
+    def _check_folder(self, item: StudyItem, side: Side) -> Path | None:
+        """Files of one side of an attention check; None for a true comparison."""
+        if item.lifted is None:
+            return None
+        number = self.design.checks.index((item.left, item.sample)) + 1
+        return check_folder(self._folder, number, LIFTED if side is item.lifted else SETTLED)

@@ -1,0 +1,143 @@
+"""The folder `study/` of a run: what was designed, who may vote, and the export of the votes.
+
+`study.json` says what each rater is asked; `tokens.json` (readable by its owner alone) which secret link is whose.
+Both are written once and only ever extended: who joins later changes nothing for those who were there.
+"""
+
+import json
+import os
+import secrets
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from dcap.evaluation.study.design import MethodPairs, Side, StudyItem, rater_items
+from dcap.evaluation.study.journal import StudyVote, sync_folder
+from dcap.scene.errors import InputError
+
+STUDY_FOLDER, DESIGN, TOKENS, VOTES = "study", "study.json", "tokens.json", "votes.parquet"
+VERSION = 1
+TOKEN_BYTES = 24
+"""Of chance in a rater's link: nobody guesses 192 bits."""
+VOTE_COLUMNS = pa.schema([
+    ("rater", pa.string()), ("item", pa.string()), ("sample", pa.string()), ("axis", pa.string()),
+    ("left_method", pa.string()), ("right_method", pa.string()), ("winner", pa.string()), ("judge", pa.string()),
+    ("attention_check", pa.bool_()), ("expected", pa.string()), ("seconds", pa.float64()),
+])  # fmt: skip
+JUDGE = "human"
+
+
+@dataclass(frozen=True, slots=True)
+class StudyDesign:
+    """What was designed once for all raters, and what each of them is asked."""
+
+    seed: int
+    per_pair: int
+    """How often a rater compares each pair of methods [-]."""
+    pairs: MethodPairs
+    checks: tuple[tuple[str, str], ...]
+    """(method, sample) of the placements of which a floating copy was made, in the order of its folders."""
+    left_out: Mapping[str, str]
+    """Placements that are not shown, METHOD/SAMPLE, and why."""
+    raters: Mapping[str, tuple[StudyItem, ...]]
+
+    def with_raters(self, count: int) -> "StudyDesign":
+        """The same with at least so many raters."""
+        items = {
+            rater_name(n): rater_items(self.pairs, self.checks, self.per_pair, n, self.seed)
+            for n in range(len(self.raters), count)
+        }
+        return replace(self, raters={**self.raters, **items})
+
+
+def rater_name(number: int) -> str:
+    """What the votes of a rater are kept under: nothing that tells who it is."""
+    return f"r{number + 1:02d}"
+
+
+def read_design(folder: Path) -> StudyDesign | None:
+    """The design in the folder of a study; None if there is none yet."""
+    path = folder / DESIGN
+    if not path.is_file():
+        return None
+    try:
+        tree = json.loads(path.read_text(encoding="utf-8"))
+        if tree["version"] != VERSION:
+            raise InputError(f"{path}: version {tree['version']} of a study, this dcap reads {VERSION}")
+        return StudyDesign(
+            seed=int(tree["seed"]),
+            per_pair=int(tree["per_pair"]),
+            pairs={(one["methods"][0], one["methods"][1]): tuple(one["samples"]) for one in tree["pairs"]},
+            checks=tuple((str(method), str(sample)) for method, sample in tree["checks"]),
+            left_out=dict(tree["left_out"]),
+            raters={str(name): tuple(map(item_of_tree, items)) for name, items in tree["raters"].items()},
+        )
+    except (OSError, ValueError, KeyError, TypeError, IndexError) as error:
+        raise InputError(f"{path}: not a study's design ({type(error).__name__}: {error})") from None
+
+
+def item_of_tree(tree: Mapping[str, str | None]) -> StudyItem:
+    """A comparison that `asdict` wrote."""
+    lifted = tree["lifted"]
+    item, sample, left, right = (str(tree[name]) for name in ("item", "sample", "left", "right"))
+    return StudyItem(item, sample, left, right, None if lifted is None else Side(lifted))
+
+
+def write_design(folder: Path, design: StudyDesign) -> None:
+    """Keep the design."""
+    tree = {
+        "version": VERSION,
+        "seed": design.seed,
+        "per_pair": design.per_pair,
+        "pairs": [{"methods": list(pair), "samples": list(samples)} for pair, samples in design.pairs.items()],
+        "checks": [list(one) for one in design.checks],
+        "left_out": dict(design.left_out),
+        "raters": {name: [asdict(item) for item in items] for name, items in design.raters.items()},
+    }
+    write_whole(folder / DESIGN, json.dumps(tree, indent=1, ensure_ascii=False).encode() + b"\n")
+
+
+def tokens_for(folder: Path, raters: Sequence[str]) -> dict[str, str]:
+    """The secret word of each rater's link, by rater; made and kept for those who have none."""
+    path = folder / TOKENS
+    try:
+        known = json.loads(path.read_text()) if path.is_file() else {}
+        tokens = {str(rater): str(token) for rater, token in known.items()}
+    except (OSError, ValueError, AttributeError) as error:
+        raise InputError(f"{path}: not the links of a study ({error})") from None
+    tokens.update({rater: secrets.token_urlsafe(TOKEN_BYTES) for rater in raters if rater not in tokens})
+    write_whole(path, json.dumps(tokens, indent=1).encode() + b"\n", mode=0o600)
+    return tokens
+
+
+def write_whole(path: Path, data: bytes, mode: int = 0o644) -> None:
+    """Write a file that is there whole or not at all, on the disk when this returns."""
+    draft = path.with_name(f".{path.name}")
+    draft.unlink(missing_ok=True)
+    opened = os.open(draft, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, mode)
+    with os.fdopen(opened, "wb") as file:
+        file.write(data)
+        file.flush()
+        os.fsync(file.fileno())
+    draft.replace(path)
+    sync_folder(path.parent)
+
+
+def export_votes(folder: Path, votes: Sequence[StudyVote]) -> Path:
+    """Write votes.parquet: a row for each vote that counts, attention checks marked."""
+    rows = [
+        {
+            "rater": vote.rater, "item": vote.item, "sample": vote.sample, "axis": vote.axis.value,
+            "left_method": vote.left, "right_method": vote.right, "winner": vote.winner.value, "judge": JUDGE,
+            "attention_check": vote.lifted is not None,
+            "expected": vote.lifted.other.value if vote.lifted else None, "seconds": vote.seconds,
+        }
+        for vote in votes
+    ]  # fmt: skip
+    draft = folder / f".{VOTES}"
+    pq.write_table(pa.Table.from_pylist(rows, schema=VOTE_COLUMNS), draft)
+    draft.replace(folder / VOTES)
+    return folder / VOTES

@@ -1,0 +1,200 @@
+"""The line that a layout gains, written by rules: what LayoutGPT's model would write, from the same reader of
+sentences.
+
+The support, its part, the regions and what shall be faced are those that the reader finds for our own method; the box
+stands on the part's box, at the asked place or the free one nearest to it.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dcap.language.offline.layout_spots import free_spot, limited, overlap, wanted_spot
+from dcap.language.offline.lexicon import inside_parts, lineage
+from dcap.language.offline.part_choice import chosen_part, moved_into_which, one_of_a_whole, thing_id
+from dcap.language.offline.plan_rectangles import PlanRectangle, rectangle_of, rectangles, referred, shell_rectangle
+from dcap.language.protocol.baseline_questions import LayoutReply, LayoutRequest
+from dcap.language.protocol.layout_text import CssBox
+from dcap.language.protocol.replies import Constraint, IntentReply
+from dcap.language.protocol.requests import AnchorRequest, InstanceView, PartView
+
+Array = NDArray[np.float64]
+TOUCHES = 0.02
+"""What rises less above the support is not in the way [m]."""
+WIDE = 1.2
+"""Things longer than this are faced at their nearest point, smaller ones at their middle [m]."""
+COVER, WELL_COVERED = 0.1, 0.25
+"""What rises less above the support [m] and covers more of it [-] is a cover, on which things stand too."""
+RIM = "rim"
+"""The part that is a ring."""
+VESSEL = 0.15
+"""How thick the bottom of a vessel is guessed to be, over its height [-]: a box does not show it."""
+
+
+def layout_answer(request: LayoutRequest, meant: IntentReply) -> LayoutReply:
+    """The new line for what was understood; none where the scene has no such support."""
+    if not meant.base_id:
+        return LayoutReply(layout="")
+    base = next(one for one in request.instances if one.id == meant.base_id)
+    size = np.array(request.asset_size)
+    whole = rectangle_of(request, base.id)
+    part, regions = part_and_regions(base, whole, meant, size)
+    support = rectangle_of(request, base.id, part.index)
+    spot, yaw = spot_and_yaw(request, base, support, meant, regions, size, on_rim=part.name == RIM)
+    left, top = (spot - np.array(request.origin)[:2]) * request.pixels_per_metre
+    level = level_of(request, base, part, support, spot, extents(0.5 * size[:2], yaw, support))
+    depth = (level + 0.5 * size[2] - request.origin[2]) * request.pixels_per_metre
+    length, width, height = request.asset
+    angle = round(float(np.degrees(yaw)) + meant.turn_deg) % 360
+    box = CssBox(request.category, length, width, height, round(left), round(top), round(depth), angle)
+    return LayoutReply(layout=box.text)
+
+
+def part_and_regions(
+    base: InstanceView, whole: PlanRectangle, meant: IntentReply, size: Array
+) -> tuple[PartView, tuple[str, ...]]:
+    """The part of the base as our own method's offline reader chooses it, and the regions that are left."""
+    request = AnchorRequest(
+        "", meant.region_words, meant.object_name, (float(size[0]), float(size[1])), base.label, base.parts,
+        meant.part, meant.which, meant.regions, meant.references,
+        (float(whole.right[0]), float(whole.right[1]), 0.0), (float(whole.front[0]), float(whole.front[1]), 0.0),
+    )  # fmt: skip
+    part, _ = chosen_part(request)
+    regions: tuple[str, ...] = meant.regions
+    if moved_into_which(request, part):
+        regions = tuple(one for one in regions if one not in ("left", "right", "middle", "center"))
+    if one_of_a_whole(request, part):
+        regions = (meant.which, *regions)
+    if part.name == RIM and not regions and not meant.references:  # a ring: there is nothing at its middle
+        regions = ("edge",)
+    return part, regions
+
+
+def level_of(
+    request: LayoutRequest, base: InstanceView, part: PartView, support: PlanRectangle, spot: Array, half: Array
+) -> float:
+    """Height on which the box stands: the top of the part's box, or of a cover's under it; in a vessel, above its
+    thickness [m]."""
+    inside = {inside_parts().get(one, "") for one in lineage(thing_id(base.label))}
+    if part.name in inside:
+        return part.center[2] + (VESSEL - 0.5) * part.size[2]
+    covers = [one.top for one in covers_of(request, support) if overlap(support, spot, half, [one]) > 0.0]
+    return max([part.center[2] + 0.5 * part.size[2], *covers])
+
+
+def spot_and_yaw(
+    request: LayoutRequest,
+    base: InstanceView,
+    support: PlanRectangle,
+    meant: IntentReply,
+    regions: Sequence[str],
+    size: Array,
+    *,
+    on_rim: bool,
+) -> tuple[Array, float]:
+    """Where the middle goes, shape (2,), and how the box is turned [rad]."""
+    references = [one for name in meant.references for one in referred(request, meant, name)]
+    view = reference_view(request, base, meant.references)
+    half = 0.5 * size[:2]
+    limits = [(one, middle_of(request, meant, one.reference)) for one in meant.constraints]
+    taken = in_the_way(request, meant, support, float(size[2]))
+    if "under" in regions:
+        taken = [one for one in taken if one.thing not in meant.references]
+    spot, yaw = support.center, facing_yaw(request, base, support, support.center, meant)
+    for _ in range(2):  # what is faced depends on the place, and the room it takes on how it is turned
+        around = extents(half, yaw, support)
+        if on_rim:  # it is narrow: the middle of the box goes over it, not its side
+            around, taken = np.zeros(2), []
+        spot = wanted_spot(support, regions, references, around, view, taken)
+        spot = limited(support, spot, around, limits)
+        spot = free_spot(support, spot, around, taken)
+        yaw = facing_yaw(request, base, support, spot, meant)
+    return spot, yaw
+
+
+def extents(half: Array, yaw: float, frame: PlanRectangle) -> Array:
+    """Half extents along a rectangle's right and front of a box that is turned by `yaw` [rad], shape (2,)."""
+    own = np.array([[np.cos(yaw), np.sin(yaw)], [np.sin(yaw), -np.cos(yaw)]])
+    axes = np.stack([frame.right, frame.front])
+    return np.asarray(np.abs(axes @ own.T) @ half)
+
+
+def reference_view(request: LayoutRequest, base: InstanceView, names: Sequence[str]) -> PlanRectangle | None:
+    """Whose left and front are meant: on the floor those of a single thing that has a line."""
+    on_floor = base.structure or base.size[2] < 0.05
+    if not on_floor or len(names) != 1:
+        return None
+    return next((one for one in rectangles(request) if one.thing == names[0] and one.part < 0), None)
+
+
+def middle_of(request: LayoutRequest, meant: IntentReply, reference: str) -> Array | None:
+    """The middle of what a constraint refers to, shape (2,); None where it is the base."""
+    found = referred(request, meant, reference) if reference else []
+    return np.mean([one.center for one in found], axis=0) if found else None
+
+
+def in_the_way(
+    request: LayoutRequest, meant: IntentReply, support: PlanRectangle, height: float
+) -> list[PlanRectangle]:
+    """What stands where a box of that height on the support would be: other things, the base's other parts, and what
+    the sentence excludes."""
+    lines = rectangles(request)
+    owners = {one.thing for one in lines if one.part >= 0}
+    solid = [one for one in lines if one.part >= 0 or one.thing not in owners]
+    own = {(one.thing, one.part) for one in (support, *covers_of(request, support))}
+    others = [one for one in solid if (one.thing, one.part) not in own]
+    low, high = support.top, support.top + height
+    found = [one for one in others if one.top > low + TOUCHES and one.bottom < high]
+    excluded: list[Constraint] = [one for one in meant.constraints if one.kind == "not_on"]
+    return found + [one for limit in excluded for one in referred(request, meant, limit.reference)]
+
+
+def covers_of(request: LayoutRequest, support: PlanRectangle) -> list[PlanRectangle]:
+    """Other parts of the base that lie on the support like a blanket: low, and over a good part of it."""
+    area = 4.0 * float(np.prod(support.half))
+    return [
+        one
+        for one in rectangles(request)
+        if one.thing == support.thing and one.part not in (-1, support.part)
+        and one.bottom < support.top + TOUCHES and 0.0 < one.top - support.top < COVER
+        and overlap(support, support.center, support.half, [one]) > WELL_COVERED * area
+    ]  # fmt: skip
+
+
+def facing_yaw(
+    request: LayoutRequest, base: InstanceView, support: PlanRectangle, spot: Array, meant: IntentReply
+) -> float:
+    """The turn with which the front looks where it shall, else as the support does [rad]."""
+    way = faced(request, support, spot, meant, meant.facing.removeprefix("away:"))
+    if way is None or np.linalg.norm(way) < 1e-6:
+        way = support.front
+    elif meant.facing.startswith("away:"):
+        way = -way
+    return float(np.arctan2(way[0], -way[1]))
+
+
+def faced(request: LayoutRequest, support: PlanRectangle, spot: Array, meant: IntentReply, facing: str) -> Array | None:
+    """From the spot to what shall be faced, shape (2,); None where nothing is said or it is not there."""
+    ways = {"viewer": support.front, "front": support.front, "back": -support.front}
+    ways |= {"left": -support.right, "right": support.right, "room": np.array(request.room_center[:2]) - spot}
+    if facing in ways:
+        return ways[facing]
+    ids = {one.id for one in request.instances}
+    if facing in ("wall", "door", "window"):
+        found = [shell_rectangle(one) for one in request.instances if facing in one.label]
+    elif facing in ids or facing.startswith("part:"):
+        found = referred(request, meant, facing)
+    else:
+        found = []
+    points = [faced_point(one, spot) for one in found]
+    if facing.startswith("part:") and points:
+        return np.asarray(np.mean(points, axis=0) - spot)
+    return min((point - spot for point in points), key=lambda way: float(np.linalg.norm(way)), default=None)
+
+
+def faced_point(one: PlanRectangle, spot: Array) -> Array:
+    """The middle of a small thing, the nearest point of a long one, shape (2,)."""
+    if 2.0 * one.half.max() < WIDE:
+        return one.center
+    return one.world(np.clip(one.local(spot), -one.half, one.half))

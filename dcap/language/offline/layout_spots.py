@@ -1,0 +1,158 @@
+"""Where on a rectangle a sentence wants a box: the middle, a side, an edge, beside another thing; then the nearest free
+spot.
+
+In: what was read of the sentence and the rectangles of a layout. Out: the middle of the box, seen from above. Sides are
+those of who looks at the front.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dcap.language.offline.plan_rectangles import PlanRectangle
+from dcap.language.protocol.replies import Constraint
+
+Array = NDArray[np.float64]
+SIDES = {"left": (-1, 0), "right": (1, 0), "front": (0, 1), "back": (0, -1), "head": (0, -1), "foot": (0, 1)}
+"""Directions (right, front)."""
+QUARTER, THIRD = 0.5, 0.65
+"""How far from the middle a half, and head or foot, are aimed at, over the half extent [-]."""
+BRINK = 0.02
+"""Rim left free at an edge [m]."""
+BESIDE = 0.05
+"""Gap left to what a thing is put beside [m]."""
+RINGS, TURNS = 12, 16
+"""Spots tried around the wanted one: so many distances, and directions at each."""
+AS_FREE = 1e-4
+"""Overlaps that differ by less are equal [m^2]."""
+
+
+def wanted_spot(
+    base: PlanRectangle,
+    names: Sequence[str],
+    references: Sequence[PlanRectangle],
+    half: Array,
+    view: PlanRectangle | None = None,
+    taken: Sequence[PlanRectangle] = (),
+) -> Array:
+    """Where the words aim [m], shape (2,).
+
+    Args:
+        base: what carries.
+        names: region names.
+        references: what "near", "between" ... refer to.
+        half: half extents of the box along the base's right and front [m], shape (2,).
+        view: whose left and front are meant beside a reference; the base's unless given.
+        taken: what is in the way there.
+    """
+    sides = [SIDES[name] for name in names if name in SIDES]
+    room = np.maximum(base.half - half - BRINK, 0.0)
+    if references and "between" in names:
+        return np.asarray(np.mean([one.center for one in references], axis=0))
+    if references and "under" in names:
+        return references[0].center
+    if references and not {"corner", "edge", "end"} & set(names):
+        return beside(base, references, sides, half, view or base, taken)
+    if references and not sides:  # the edge or corner that looks at them
+        toward = base.local(np.mean([one.center for one in references], axis=0)) / np.maximum(base.half, 1e-9)
+        if "corner" in names:
+            sides = [(int(np.sign(toward[0])) or 1, 0), (0, int(np.sign(toward[1])) or 1)]
+        else:
+            axis = int(np.argmax(np.abs(toward)))
+            sides = [SIDES["right" if toward[0] > 0 else "left"], SIDES["front" if toward[1] > 0 else "back"]][axis:][
+                :1
+            ]
+    way = np.clip(np.sum(sides, axis=0), -1, 1).astype(float) if sides else np.zeros(2)
+    if "corner" in names:
+        way = np.where(way == 0.0, (1.0, 1.0), way)
+        return base.world(way * room)
+    if {"edge", "end"} & set(names):
+        if not sides:
+            way = np.array([0.0, 1.0]) if ("edge" in names) == (base.half[0] >= base.half[1]) else np.array([1.0, 0.0])
+        return base.world(way * room)
+    share = np.array([THIRD if {"head", "foot"} & set(names) else QUARTER] * 2)
+    return base.world(np.clip(way * share * base.half, -room, room))
+
+
+def beside(
+    base: PlanRectangle,
+    references: Sequence[PlanRectangle],
+    sides: Sequence[tuple[int, int]],
+    half: Array,
+    view: PlanRectangle,
+    taken: Sequence[PlanRectangle],
+) -> Array:
+    """The side of a reference on which the box is over the base and in nothing's way, the nearest of several."""
+    ways = [np.clip(np.sum(sides, axis=0), -1, 1)] if sides else [(0, 1), (1, 0), (-1, 0), (0, -1)]
+    found: list[tuple[float, float, int, Array]] = []
+    for one in references:
+        for right, front in ways:
+            way = right * view.right + front * view.front
+            length = float(np.linalg.norm(way))
+            if length == 0.0:  # left and right at once
+                continue
+            way = way / length
+            away = one.reach(way) + float(half @ np.abs([way @ base.right, way @ base.front])) + BESIDE
+            spot = kept_on(base, one.center + away * way, half)
+            cost = round(overlap(base, spot, half, [*taken, one]), 3)
+            far = round(float(np.linalg.norm(spot - one.center - away * way)), 3)
+            found.append((cost + far, float(np.linalg.norm(spot - base.center)), len(found), spot))
+    return min(found)[3] if found else references[0].center
+
+
+def kept_on(base: PlanRectangle, point: Array, half: Array) -> Array:
+    """The point moved so that the box is over the base, shape (2,)."""
+    room = np.maximum(base.half - half, 0.0)
+    return base.world(np.clip(base.local(point), -room, room))
+
+
+def limited(base: PlanRectangle, spot: Array, half: Array, limits: Sequence[tuple[Constraint, Array | None]]) -> Array:
+    """The spot moved as distances ask: each constraint with the middle of what it refers to, None for the base."""
+    room = np.maximum(base.half - half - BRINK, 0.0)
+    for limit, point in limits:
+        sides = [np.array(SIDES[name], dtype=float) for name in limit.regions if name in SIDES]
+        if limit.kind in ("exactly", "at_least", "at_most") and point is None and sides and limit.metres:
+            local = base.local(spot)
+            for side in sides:
+                axis = int(np.argmax(np.abs(side)))
+                local[axis] = side[axis] * max(base.half[axis] - half[axis] - limit.metres, 0.0)
+            spot = base.world(local)
+        elif limit.kind == "nearest" and point is not None:
+            spot = base.world(np.clip(base.local(point), -room, room))
+        elif limit.kind == "nearest" and sides:
+            spot = base.world(np.sum(sides, axis=0) * room)
+        elif limit.kind in ("farthest", "away") and point is not None:
+            spot = base.world(-np.sign(base.local(point)) * room)
+        elif limit.metres and point is not None:
+            way = base.center - point if np.linalg.norm(base.center - point) > 1e-6 else base.front
+            away = limit.metres + float(np.linalg.norm(half))
+            spot = kept_on(base, point + away * way / np.linalg.norm(way), half)
+    return spot
+
+
+def free_spot(base: PlanRectangle, spot: Array, half: Array, taken: Sequence[PlanRectangle]) -> Array:
+    """The nearest spot where the box is in nothing's way, or in the least, shape (2,)."""
+    best, least = spot, overlap(base, spot, half, taken)
+    reach = float(np.linalg.norm(base.half))
+    for ring in range(1, RINGS + 1):
+        if least < AS_FREE:
+            return best
+        for turn in range(TURNS):
+            angle = 2.0 * np.pi * turn / TURNS
+            offset = reach * ring / RINGS * np.array([np.sin(angle), np.cos(angle)])
+            tried = kept_on(base, base.world(base.local(spot) + offset), half)
+            if (cost := overlap(base, tried, half, taken)) < least - AS_FREE:
+                best, least = tried, cost
+    return best
+
+
+def overlap(base: PlanRectangle, spot: Array, half: Array, taken: Sequence[PlanRectangle]) -> float:
+    """Area of the box that others cover, seen from above [m^2]; of turned ones their bounds in the base's frame."""
+    local, area = base.local(spot), 0.0
+    for one in taken:
+        reach = np.array([one.reach(base.right), one.reach(base.front)])
+        common = np.minimum(local + half, base.local(one.center) + reach)
+        common -= np.maximum(local - half, base.local(one.center) - reach)
+        area += float(np.prod(np.maximum(common, 0.0)))
+    return area

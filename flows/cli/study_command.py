@@ -1,0 +1,66 @@
+"""`dcap study serve|report`."""
+
+import sys
+from collections.abc import Mapping
+from typing import Annotated
+
+import typer
+
+from dcap.scene.errors import InputError
+
+study_app = typer.Typer(no_args_is_help=True, help="A study in which people compare the methods of a run.")
+Run = Annotated[str, typer.Argument(help="Name or folder of a run, or 'last'.")]
+
+
+@study_app.command("serve")
+def study_serve(
+    run: Run,
+    port: Annotated[int, typer.Option(min=1, max=65535, help="Port to listen on.")] = 8090,
+    host: Annotated[str, typer.Option(help="Address to listen on; default: this machine alone.")] = "127.0.0.1",
+    raters: Annotated[int | None, typer.Option(min=1, max=999, help="At least so many raters; default: 1.")] = None,
+    pairs: Annotated[
+        int | None, typer.Option(min=1, max=10_000, help="Comparisons per rater; default: 40, if there are so many.")
+    ] = None,
+    seed: Annotated[
+        int | None, typer.Option(min=0, help="Seed of pairs, sides and order; default: 0.", show_default=False)
+    ] = None,
+) -> int:
+    """Serve the comparisons of a run's methods to raters until interrupted; prints a secret link for each."""
+    from flows.study.serve import StudyOptions, serve_study
+
+    if not host.strip():
+        raise InputError("--host: name an address to listen on, such as 127.0.0.1")
+    serve_study(run, StudyOptions(host, port, raters, pairs, seed), note, announce)
+    return 0
+
+
+def note(text: str) -> None:
+    """What a person should know, on standard error."""
+    print(f"dcap: {text}", file=sys.stderr)
+
+
+def announce(links: Mapping[str, str]) -> None:
+    """The raters' links on standard output."""
+    for rater, link in links.items():
+        print(f"{rater}  {link}")
+    print("(stop with Ctrl-C; the same command goes on later)", flush=True)
+
+
+@study_app.command("report")
+def study_report(run: Run) -> int:
+    """Write Table 2 of the votes so far, the raters, and the votes as a table."""
+    from dcap.evaluation.statistics.comparisons import JudgedAxis
+    from flows.study.report import report_study
+
+    found = report_study(run)
+    for row in found.table.rows:
+        won, mark = row.rates.get(JudgedAxis.OVERALL), row.marks.get(JudgedAxis.OVERALL, "")
+        if won is None or row.rating is None:
+            continue
+        share = f"{100 * won.rate:5.1f} % [{100 * won.interval.low:.1f}, {100 * won.interval.high:.1f}] {mark}".rstrip()
+        print(f"{found.table.name(row):32s} {share}  {row.rating.rating:.0f}  {won.comparisons} comparisons")
+    for one in found.raters:
+        if one.flagged:
+            note(f"{one.rater} failed {one.checks_failed} of {one.checks} attention checks; the votes are included")
+    print(f"{found.csv}\n{found.tex}")
+    return 0

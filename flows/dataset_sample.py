@@ -1,0 +1,311 @@
+"""`dcap dataset sample`: makes a data set of placements for a folder of scenes and a folder of objects.
+
+In: the folders, how many per scene, a seed. Out: a dataset file with its truth beside it, lists of the splits, and the
+deformable supports of the scenes as a table and a plot. What is written appears whole or not at all.
+"""
+
+import os
+import tempfile
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from dcap.evaluation.outcome_table import ExpectedOutcome
+from dcap.evaluation.sampling.chance import chance
+from dcap.evaluation.sampling.questions import MOST_SAMPLES, SAMPLES, SampleDraft, SamplesRequest
+from dcap.evaluation.sampling.read_back import misread
+from dcap.evaluation.sampling.requests import PlacedAsset
+from dcap.evaluation.sampling.splits import shares_of, split_scenes
+from dcap.evaluation.supports_plot import save_supports_plot
+from dcap.evaluation.supports_table import supports_table
+from dcap.language.connect import Client, connect
+from dcap.language.offline.deformable import deformable_supports
+from dcap.language.offline.lexicon import label_words, thing_of
+from dcap.language.offline.priors import prior_of
+from dcap.language.protocol.requests import IntentRequest, ObjectView
+from dcap.scene.checks.findings import Findings
+from dcap.scene.checks.layout import layout_of
+from dcap.scene.errors import BudgetError, InputError, LanguageError
+from dcap.scene.readers.scenes.sugar import MESH_SUFFIXES
+from dcap.scene.settings import runs_root
+from dcap.scene.store.artifacts import Store
+from dcap.scene.types.sample import Sample, SourceOptions
+from dcap.scene.types.segmentation import Segmentation
+from flows.configure import configured
+from flows.language_options import language_options
+from flows.options import PlaceOptions
+from flows.sample_files import TRUTH_FILE, SampledRow, check_free, dataset_text, lists_of, slug, truth_text
+from flows.scene_contents import read_all
+from flows.scene_lists import check_named, is_named, named_scenes
+from tasks.intent.rescale import rescale
+from tasks.requests.views import instance_views, object_view, room_center, vector
+
+SAMPLES_FILE = "samples.yaml"
+SUPPORTS_TABLE, SUPPORTS_PLOT = "supports.csv", "supports.png"
+LARGEST_SEED = 1_000_000
+"""Seeds of samples are below [-]."""
+LONGEST_NOUN = 3
+"""Words of a file's name that are said as they are [-]."""
+TOLD = 3
+"""So many of what is left out are named in a line [-]."""
+
+
+@dataclass(frozen=True, slots=True)
+class SamplingOptions:
+    """How a data set is made."""
+
+    per_scene: int
+    seed: int = 0
+    infeasible: float = 0.1
+    """Share of samples that ought to be refused [-]."""
+    splits: str = ""
+    scenes: str = ""
+    skip: bool = False
+    """Leave out what cannot be used."""
+
+
+@dataclass(frozen=True, slots=True)
+class SampledDataset:
+    """What was made."""
+
+    path: str
+    scenes: int
+    samples: int
+    infeasible: int
+    """Samples that ought to be refused."""
+    read_back: int
+    """Sentences that the embedded reader understands as they were meant."""
+    splits: Mapping[str, int]
+    """Number of scenes by split."""
+    left_out: Mapping[str, str] = field(default_factory=dict)
+    """Scenes and objects that were not used, and why."""
+    misses: Mapping[str, str] = field(default_factory=dict)
+    """What the embedded reader makes of the other sentences, by sample."""
+
+
+@dataclass(frozen=True, slots=True)
+class SampledScene:
+    """A scene and what was made of it."""
+
+    name: str
+    path: Path
+    contents: Segmentation
+    drafts: tuple[SampleDraft, ...]
+
+
+def sample_dataset(
+    scenes: Path, objects: Path, out: Path | None, sampling: SamplingOptions, options: PlaceOptions, *, quiet: bool
+) -> SampledDataset:
+    """Make a data set; InputError for what cannot be used, unless it is to be left out."""
+    check_sampling(sampling)
+    shares = shares_of(sampling.splits) if sampling.splits else {}
+    found, items = chosen_scenes(scenes, sampling.scenes), found_objects(objects)
+    path = out or runs_root() / "samples" / slug(scenes.resolve().name) / SAMPLES_FILE
+    check_free(path)
+    asking = language_options(options)
+    config, session = configured(options, language=asking.config()), asking.session(path.parent)
+    read = read_all(
+        {name: sample_for(name, one, "", options) for name, one in found.items()},
+        {name: sample_for(name, "", one, options) for name, one in items.items()},
+        config, session, quiet=quiet,
+    )  # fmt: skip
+    left_out = dict(read.failed)
+    told_or_refused(left_out, sampling.skip, len(found) + len(items))
+    store = Store.default()
+    views, assets = {}, []
+    for name, ref in read.objects.items():
+        item = store.load(ref)
+        assert isinstance(item, Segmentation)
+        asset = asset_of(name, item)
+        if asset is None:
+            left_out[name] = f"the lexicon does not know what {item.instances[0].label!r} is; rename the file"
+            continue
+        views[name] = object_view(item)
+        assets.append(asset)
+    if not assets:
+        raise InputError(
+            f"{objects}: no object of which the lexicon knows what it is; name the files: mug.glb, red_ball.obj"
+        )
+    client = connect(config.intent.language, session)
+    made, short = [], {}
+    for name, scene_ref in read.scenes.items():
+        contents = store.load(scene_ref)
+        assert isinstance(contents, Segmentation)
+        try:
+            drafts = drafts_for(name, contents, assets, sampling, client)
+        except BudgetError:
+            raise
+        except (InputError, LanguageError) as poor:
+            short[name] = " ".join(str(poor).split())
+            continue
+        made.append(SampledScene(name, found[name], contents, drafts))
+    told_or_refused(short, sampling.skip, len(found))
+    left_out.update(short)
+    if not made:
+        raise InputError(f"{scenes}: no scene is left; the first: {next(iter(left_out.values()), 'none')}")
+    return write_dataset(path, made, items, views, sampling, shares, options, left_out)
+
+
+def check_sampling(sampling: SamplingOptions) -> None:
+    """InputError for numbers that cannot be."""
+    if not 1 <= sampling.per_scene <= MOST_SAMPLES:
+        raise InputError(f"--per-scene {sampling.per_scene} is not between 1 and {MOST_SAMPLES}")
+    if not 0.0 <= sampling.infeasible < 1.0:
+        raise InputError(f"--infeasible {sampling.infeasible:g} is not a share, from 0 to below 1")
+
+
+def told_or_refused(bad: Mapping[str, str], skip: bool, count: int) -> None:
+    """InputError where something cannot be used and shall not be left out."""
+    if not bad or skip:
+        return
+    first = next(iter(bad.values()))
+    if len(bad) == 1 and count == 1:
+        raise InputError(first)
+    others = list(bad)[1 : 1 + TOLD]
+    also = f" (also {', '.join(others)}{' ...' if len(bad) > 1 + TOLD else ''})" if others else ""
+    raise InputError(f"{len(bad)} of {count} cannot be used: {first}{also}; --skip leaves such out")
+
+
+def chosen_scenes(folder: Path, listed: str) -> dict[str, Path]:
+    """The scenes below a folder that a list names, by name; InputError where there are none."""
+    if not folder.exists():
+        raise InputError(f"{folder}: no such file or folder")
+    findings = Findings()
+    layout = layout_of(folder, findings)
+    paths = sorted([*layout.scenes, *layout.meshes])
+    if not paths:
+        raise InputError(f"{folder}: no scene in this folder: neither labels.json nor {', '.join(MESH_SUFFIXES)}")
+    names = {scene_name(one, folder, paths): one for one in paths}
+    wanted = named_scenes(listed, folder)
+    check_named([str(one) for one in paths], wanted)
+    return {name: one for name, one in names.items() if not wanted or any(is_named(str(one), w) for w in wanted)}
+
+
+def scene_name(path: Path, folder: Path, paths: Sequence[Path]) -> str:
+    """Its path in the folder, without a suffix where no other scene has that name."""
+    own = path.relative_to(folder) if path != folder else Path(path.resolve().name)
+    bare = own if path.is_dir() else own.with_suffix("")
+    alike = sum(path.is_file() and one.is_file() and one.with_suffix("") == path.with_suffix("") for one in paths)
+    return (own if alike > 1 else bare).as_posix()
+
+
+def found_objects(folder: Path) -> dict[str, Path]:
+    """The meshes of a folder, or the one mesh that it is, by file name without suffix."""
+    if not folder.exists():
+        raise InputError(f"--objects {folder}: no such file or folder")
+    files = [folder] if folder.is_file() else sorted(one for one in folder.rglob("*") if one.is_file())
+    meshes = [one for one in files if one.suffix.lower() in MESH_SUFFIXES]
+    if not meshes:
+        raise InputError(f"--objects {folder}: no mesh there: {', '.join(MESH_SUFFIXES)}")
+    found: dict[str, Path] = {}
+    for one in meshes:
+        if one.stem in found:
+            raise InputError(f"--objects {folder}: {found[one.stem].name} and {one.name} have one name; rename one")
+        found[one.stem] = one
+    return found
+
+
+def sample_for(name: str, scene: Path | str, thing: Path | str, options: PlaceOptions) -> Sample:
+    """A scene or an object as the stages take it."""
+    return Sample(
+        id=name,
+        scene=str(scene),
+        object=str(thing),
+        prompt="",
+        scene_options=SourceOptions(options.up, options.unit),
+        object_options=SourceOptions(options.object_up, options.object_unit),
+    )
+
+
+def asset_of(name: str, item: Segmentation) -> PlacedAsset | None:
+    """An object in the size in which it would be placed; None if the lexicon does not know what it is."""
+    label, extents = item.instances[0].label, np.ptp(item.mesh.bounds, axis=0)
+    thing = thing_of(label)
+    if thing is None:
+        return None
+    view = object_view(item)
+    prior = prior_of(None, label, view.size)
+    fit = rescale(np.array(prior.sizes), extents, prior.spread, (1e-3, 1e3), item.unit_source)
+    words = label_words(label)
+    noun = " ".join(words) if len(words) <= LONGEST_NOUN else thing.id
+    return PlacedAsset(name, noun, thing.id, vector(extents * fit.scale))
+
+
+def drafts_for(
+    name: str, contents: Segmentation, assets: Sequence[PlacedAsset], sampling: SamplingOptions, client: Client
+) -> tuple[SampleDraft, ...]:
+    """The samples of one scene; the share of those to be refused holds on average, each scene rounds by chance."""
+    refused = int(sampling.per_scene * sampling.infeasible + chance(sampling.seed, name, "infeasible"))
+    request = SamplesRequest(
+        scene=name,
+        instances=instance_views(contents),
+        room_center=vector(room_center(contents)),
+        assets=tuple(assets),
+        count=sampling.per_scene,
+        infeasible=min(refused, sampling.per_scene),
+        seed=sampling.seed,
+    )
+    try:
+        return client.ask(SAMPLES, request).samples
+    except ValueError as error:
+        raise InputError(f"{name}: {error}") from error
+
+
+def write_dataset(
+    path: Path,
+    made: Sequence[SampledScene],
+    items: Mapping[str, Path],
+    views: Mapping[str, ObjectView],
+    sampling: SamplingOptions,
+    shares: Mapping[str, float],
+    options: PlaceOptions,
+    left_out: Mapping[str, str],
+) -> SampledDataset:
+    """Write all files beside each other, and what they hold."""
+    splits = split_scenes([one.name for one in made], shares, sampling.seed) if shares else {}
+    rows: list[SampledRow] = []
+    misses: dict[str, str] = {}
+    for scene in made:
+        labels = {one.id: one.label for one in scene.contents.instances}
+        instances, center = instance_views(scene.contents), vector(room_center(scene.contents))
+        for draft in scene.drafts:
+            truth = draft.truth(labels)
+            name = id_of(scene.name, draft, truth, {row.id for row in rows})
+            seed = int(chance(sampling.seed, name, "seed") * LARGEST_SEED)
+            rows.append(SampledRow(name, scene.path, items[draft.object], draft.prompt, seed, truth, options))
+            missed = misread(IntentRequest(draft.prompt, views[draft.object], instances, center), truth)
+            if missed:
+                misses[name] = f"{draft.prompt} {missed}"
+    contents = {one.name: [instance.label for instance in one.contents.instances] for one in made}
+    texts = {path.name: dataset_text(rows, path.parent), TRUTH_FILE: truth_text(rows)}
+    texts[SUPPORTS_TABLE] = supports_table(contents)
+    texts.update(lists_of(splits))
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(dir=path.parent, prefix=".writing-") as folder:
+        for file, text in texts.items():
+            (Path(folder) / file).write_text(text, encoding="utf-8")
+        save_supports_plot([deformable_supports(labels) for labels in contents.values()], Path(folder) / SUPPORTS_PLOT)
+        for file in (*texts, SUPPORTS_PLOT):
+            os.replace(Path(folder) / file, path.parent / file)
+    return SampledDataset(
+        path=str(path),
+        scenes=len(made),
+        samples=len(rows),
+        infeasible=sum(not row.truth.feasible for row in rows),
+        read_back=len(rows) - len(misses),
+        splits={name: len(one) for name, one in splits.items()},
+        left_out=left_out,
+        misses=misses,
+    )
+
+
+def id_of(scene: str, draft: SampleDraft, truth: ExpectedOutcome, taken: set[str]) -> str:
+    """A readable id that no other sample has."""
+    words = [scene, draft.object, truth.base or "absent", *draft.regions, truth.top]
+    name = slug("-".join(word for word in words if word))
+    number = 2
+    while (one := name if number == 2 and name not in taken else f"{name}-{number}") in taken:
+        number += 1
+    return one

@@ -1,0 +1,240 @@
+"""Judge a run: scores of its placements, comparisons of its methods, and Table 1.
+
+In: a run of several methods with its rows, and who judges. Out: `judging/` (scores, comparisons, judge.json), the three
+columns of results.parquet that a judge makes, and `tables/table1.csv|tex`. Which samples are judged, and what the
+others get, stands in dcap/evaluation/judging/standing.py. Nothing is written before every question is answered.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import asdict, dataclass, fields
+from pathlib import Path
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from dcap.evaluation.judging.judge import (
+    RUBRIC,
+    JudgedPlacement,
+    JudgedScore,
+    comparisons,
+    judge_name,
+    pairs,
+    same_family,
+    scores,
+)
+from dcap.evaluation.judging.judged_pictures import NamedPicture, pictures_in
+from dcap.evaluation.judging.judging_folder import (
+    COMPARISONS,
+    JUDGING,
+    JudgeRecord,
+    read_record,
+    read_scores,
+    write_judging,
+)
+from dcap.evaluation.judging.rubric import SCALES, Metrics, rubric_scores
+from dcap.evaluation.judging.standing import Standing, lowest_scores, standing_of, with_scores
+from dcap.evaluation.method_report import MethodTable, method_table, write_method_table
+from dcap.evaluation.methods import OFFLINE, joined_id
+from dcap.evaluation.outcome_table import SampleOutcome
+from dcap.evaluation.run_folder import sample_folder
+from dcap.evaluation.statistics.comparisons import Comparison, read_comparisons
+from dcap.language.connect import connect
+from dcap.language.model.batch import batch_queue
+from dcap.language.model.ledger import Spending, spending_of
+from dcap.language.protocol.client import ClientName, LanguageConfig
+from dcap.language.protocol.session import Session
+from dcap.scene.errors import FormatError, InputError
+from dcap.scene.types.judged_views import JudgedViews
+from flows.language_options import LanguageOptions
+from flows.measures_file import VIEWS
+from flows.run_files import chooser_of, find_run
+
+RESULTS = "results.parquet"
+BEFORE = ("clean", "asset")
+"""Pictures of the scene before and of the object alone."""
+PLACED = tuple(one.name for one in fields(JudgedViews) if one.name not in BEFORE)
+"""Pictures of a placement, in their order."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Judgement:
+    """What a judge made of a run."""
+
+    record: JudgeRecord
+    scores: tuple[JudgedScore, ...]
+    """By sample and method."""
+    comparisons: tuple[Comparison, ...]
+    spending: Spending | None
+    """What the questions of all judges of the run took; None if no model was asked."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class JudgedRun:
+    """A run that was judged."""
+
+    folder: Path
+    table: MethodTable
+    csv: Path
+
+
+def judge_run(run: str, options: LanguageOptions, say: Callable[[str], None] = lambda text: None) -> JudgedRun:
+    """Judge a run and write scores, comparisons and Table 1; InputError where it cannot be judged."""
+    folder, config = find_run(run), options.config()
+    rows = read_rows(folder)
+    judged = judgement_of(folder, rows, config, options, say)
+    write_judging(folder, judged.record, judged.scores, judged.comparisons, judged.spending)
+    rows = with_scores(rows, judged.scores)
+    write_rows(folder, rows)
+    table, csv = write_tables(folder, rows, judged.comparisons, judged.record)
+    return JudgedRun(folder, table, csv)
+
+
+def judged_rows(folder: Path, rows: Sequence[SampleOutcome]) -> tuple[tuple[SampleOutcome, ...], MethodTable | None]:
+    """Rows of a run with the scores of the judge that it has, by default the metric rubric, and Table 1, both written.
+
+    A run of one method stays as it is, and so does one that the rubric cannot judge: nothing is compared there.
+    """
+    record = read_record(folder)
+    if record is None or record.judge == RUBRIC:
+        if not pairs(with_metrics(rows)):
+            return tuple(rows), None
+        judged = judgement_of(folder, rows, LanguageConfig(), LanguageOptions())
+        write_judging(folder, judged.record, judged.scores, judged.comparisons, judged.spending)
+        found, compared, record = list(judged.scores), list(judged.comparisons), judged.record
+    else:
+        found, compared = read_scores(folder), read_comparisons(folder / JUDGING / COMPARISONS)
+    scored = with_scores(rows, found)
+    write_rows(folder, scored)
+    return scored, write_tables(folder, scored, compared, record)[0]
+
+
+def judgement_of(
+    folder: Path,
+    rows: Sequence[SampleOutcome],
+    config: LanguageConfig,
+    options: LanguageOptions,
+    say: Callable[[str], None] = lambda text: None,
+) -> Judgement:
+    """Ask a judge about the rows of a run; InputError where nothing can be compared."""
+    methods = tuple(dict.fromkeys(row.method for row in rows))
+    if len(methods) < 2:
+        raise InputError(
+            f"{folder.name}: the run has only {' '.join(methods) or 'no method'}, and a judge compares methods; "
+            "dcap benchmark --methods all"
+        )
+    rubric = config.client is ClientName.OFFLINE
+    placements = with_metrics(rows) if rubric else with_pictures(folder, rows, methods)
+    if not pairs(placements):
+        raise InputError(
+            f"{folder.name}: no sample has a final state of two methods that "
+            + (f"the {RUBRIC} can score (without truth.yaml it knows no right place); " if rubric else "can be shown; ")
+            + "see the verdicts in results.parquet"
+        )
+    name = judge_name(config)
+    session = options.session(folder / JUDGING) if not rubric else Session()
+    with asking(session, say):
+        client = connect(config, session)
+        found = scores(client, placements, name)
+        compared = comparisons(client, placements, name)
+    lowest = lowest_scores(rows, name)
+    record = record_of(config, chooser_of(folder), rows, placements, len(lowest))
+    ordered = sorted([*found, *lowest], key=lambda one: (one.sample, one.method))
+    ledger = Path(session.ledger) if session.ledger else None
+    asked = config.client not in (ClientName.OFFLINE, ClientName.REPLAY)
+    spending = spending_of(ledger) if asked and ledger and ledger.is_file() else None
+    return Judgement(record, tuple(ordered), tuple(compared), spending)
+
+
+def record_of(
+    config: LanguageConfig,
+    chooser: LanguageConfig,
+    rows: Sequence[SampleOutcome],
+    placements: Sequence[JudgedPlacement],
+    lowest: int,
+) -> JudgeRecord:
+    """Who judged, and how many."""
+    return JudgeRecord(
+        judge=judge_name(config),
+        client=config.client.value,
+        same_family=same_family(config, chooser),
+        chooser=OFFLINE.strip(" ()") if chooser.client is ClientName.OFFLINE else judge_name(chooser),
+        questions=len(placements) + 2 * len(pairs(placements)),
+        judged=len(placements),
+        lowest=lowest,
+        left_out=len(rows) - len(placements) - lowest,
+    )
+
+
+def asking(session: Session, say: Callable[[str], None]) -> AbstractContextManager[None]:
+    """A queue for the questions where they go in batches."""
+    return batch_queue(Path(session.batch), session, say) if session.batch else nullcontext()
+
+
+def with_metrics(rows: Sequence[SampleOutcome]) -> list[JudgedPlacement]:
+    """What the metric rubric judges: final states of which metrics of both axes are known."""
+    found = []
+    for row in rows:
+        metrics = metrics_of(row)
+        if standing_of(row) is Standing.JUDGED and None not in rubric_scores(metrics):
+            found.append(judged_placement(row, metrics, (), ()))
+    return found
+
+
+def with_pictures(folder: Path, rows: Sequence[SampleOutcome], methods: Sequence[str]) -> list[JudgedPlacement]:
+    """What a model judges: final states with their pictures; InputError for one that is not there."""
+    judged = [row for row in rows if standing_of(row) is Standing.JUDGED]
+    first: dict[str, tuple[NamedPicture, ...]] = {}
+    for row in sorted(judged, key=lambda one: methods.index(one.method)):
+        if row.sample not in first:
+            first[row.sample] = pictures_in(views_of(folder, row), BEFORE)
+    return [
+        judged_placement(row, metrics_of(row), first[row.sample], pictures_in(views_of(folder, row), PLACED))
+        for row in judged
+    ]
+
+
+def views_of(folder: Path, row: SampleOutcome) -> Path:
+    """Where the fixed pictures of a row lie."""
+    return sample_folder(folder, joined_id(row.method, row.sample)) / VIEWS
+
+
+def metrics_of(row: SampleOutcome) -> Metrics:
+    """The metrics of a row by the rubric's names."""
+    return {name: getattr(row, name) for axis in SCALES.values() for name in axis}
+
+
+def judged_placement(
+    row: SampleOutcome, metrics: Metrics, before: tuple[NamedPicture, ...], views: tuple[NamedPicture, ...]
+) -> JudgedPlacement:
+    """A row as a judge gets it."""
+    thing = Path(row.object).stem.replace("_", " ")
+    return JudgedPlacement(row.sample, row.method, row.prompt, thing, metrics, before, views)
+
+
+def write_tables(
+    folder: Path, rows: Sequence[SampleOutcome], compared: Sequence[Comparison], record: JudgeRecord
+) -> tuple[MethodTable, Path]:
+    """Table 1, written."""
+    offline = chooser_of(folder).client is ClientName.OFFLINE
+    table = method_table(rows, compared, record, offline=offline)
+    return table, write_method_table(folder, table)[0]
+
+
+def write_rows(folder: Path, rows: Sequence[SampleOutcome]) -> None:
+    """Write results.parquet."""
+    draft = folder / f".{RESULTS}"
+    pq.write_table(pa.Table.from_pylist([asdict(row) for row in rows]), draft)
+    draft.replace(folder / RESULTS)
+
+
+def read_rows(folder: Path) -> tuple[SampleOutcome, ...]:
+    """The rows of results.parquet; FormatError where it is none of this version."""
+    path = folder / RESULTS
+    try:
+        rows: list[Mapping[str, object]] = pq.read_table(path).to_pylist()
+        return tuple(SampleOutcome(**{one.name: row[one.name] for one in fields(SampleOutcome)}) for row in rows)  # type: ignore[arg-type]
+    except (OSError, pa.ArrowInvalid, KeyError) as error:
+        raise FormatError(
+            f"{path}: no results that can be judged ({type(error).__name__}: {error}); run the benchmark again"
+        ) from None

@@ -1,0 +1,41 @@
+"""`measures.json` of a sample: what was measured of its final state, whoever made it."""
+
+import json
+import shutil
+from collections.abc import Mapping
+from dataclasses import fields
+from pathlib import Path
+
+from dcap.scene.json_tree import JsonObject, JsonValue, object_to_json
+from dcap.scene.store.artifacts import Store
+from dcap.scene.types.judged_views import JudgedViews
+from dcap.scene.types.measures import Drift, Indentation, Measures
+from flows.output import load, readable_json
+from flows.sample_run import FinishedSample
+
+MEASURES, VIEWS = "measures.json", "views"
+
+
+def write_measures(finished: FinishedSample, out: Path) -> JsonObject | None:
+    """Write what was measured beside placement.json; None where nothing was, and an earlier file is removed."""
+    refs, store = finished.placement, Store.default()
+    path = out / MEASURES
+    if refs.measures is None:
+        path.unlink(missing_ok=True)
+        return None
+    kinds = (("measures", refs.measures, Measures), ("indentation", refs.indentation, Indentation),
+             ("drift", refs.drift, Drift))  # fmt: skip
+    found = {name: load(store, ref, kind) if ref else None for name, ref, kind in kinds}
+    tree = object_to_json({"scene": refs.scene.to_json(), **found})
+    path.write_bytes(readable_json(tree))
+    if refs.views is not None:
+        (out / VIEWS).mkdir(exist_ok=True)
+        for one in fields(JudgedViews):
+            shutil.copyfile(store.folder(refs.views) / f"{one.name}.png", out / VIEWS / f"{one.name}.png")
+    return tree
+
+
+def read_measures(out: Path) -> Mapping[str, JsonValue]:
+    """What `write_measures` wrote; empty where there is nothing."""
+    path = out / MEASURES
+    return json.loads(path.read_text()) if path.is_file() else {}

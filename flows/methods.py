@@ -1,0 +1,170 @@
+"""How each method places a sample: DCAP's stages, DCAP's stages with one idea left out, or a baseline's proposal.
+
+Every method gets the same scene, object, scale and mass, and what it made is measured by the same stages on its final
+meshes. The final pose of a baseline is taken as it stands.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+
+from dcap.evaluation.methods import BASELINES
+from dcap.scene.store.artifacts import Store
+from dcap.scene.store.ref import Ref
+from dcap.scene.types.anchor import Anchor
+from dcap.scene.types.floor_plan import FloorPlans
+from dcap.scene.types.intent import Intent
+from dcap.scene.types.sample import Sample
+from dcap.scene.types.segmentation import SegmentedObject, SegmentedScene
+from flows.given import given_labels
+from flows.place import PlaceConfig, PlacementRefs, place, scale_of
+from tasks.anchor.stage import anchor_task
+from tasks.baselines.fireplace import FirePlaceConfig, fireplace_task
+from tasks.baselines.floor_plan import floor_plan_task, gathered_task
+from tasks.baselines.holodeck import HolodeckConfig, holodeck_task
+from tasks.baselines.layoutgpt import LayoutGptConfig, layoutgpt_task
+from tasks.intent.stage import intent_task
+from tasks.materials.stage import materials_task
+from tasks.measure.drift import drift_task
+from tasks.measure.sinking import indentation_task
+from tasks.measure.touch import measure_task
+from tasks.measure.views import judged_views_task
+from tasks.mesh.stage import mesh_object_task, mesh_scene_task
+from tasks.mesh.surfaces import surface_object_task, surface_scene_task
+from tasks.overview import overview_task
+from tasks.particles.stage import particles_task
+from tasks.posed.stage import posed_task
+from tasks.render.stage import render_task
+from tasks.rotation.stage import rotation_task
+from tasks.segment.stage import segment_object_task, segment_task
+
+NO_DROP, RIGID_DROP = "no_drop", "rigid_drop"
+OTHER_MATERIALS = frozenset({RIGID_DROP, "blended_materials", "paper"})
+"""Ablations whose drop has other materials, or none that gives way."""
+
+
+def place_by(sample: Sample, config: PlaceConfig) -> PlacementRefs:
+    """Place the sample as its method does, and measure what came of it if the configuration says so."""
+    own = config_of(sample.method, config)
+    proposes = sample.method in BASELINES or sample.method == NO_DROP
+    found = proposed(sample, own) if proposes else place(sample, own)
+    return measured(sample, found, config) if config.measured else found
+
+
+def changed(**stages: Mapping[str, object]) -> Callable[[PlaceConfig], PlaceConfig]:
+    """A change of some stages' settings."""
+
+    def change(config: PlaceConfig) -> PlaceConfig:
+        new = {name: type(getattr(config, name)).model_validate(dict(getattr(config, name)) | dict(settings))
+               for name, settings in stages.items()}  # fmt: skip
+        return config.model_copy(update=new)
+
+    return change
+
+
+def as_in_the_paper(config: PlaceConfig) -> PlaceConfig:
+    """Explicit MLS-MPM, the paper's clamps, and its signals of rest alone."""
+    solver = config.drop.solver.model_copy(update={"method": "mls"})
+    drop = config.drop.model_copy(update={"solver": solver})
+    return changed(materials={"paper_limits": True})(config).model_copy(update={"drop": drop})
+
+
+CHANGES: Mapping[str, Callable[[PlaceConfig], PlaceConfig]] = {
+    RIGID_DROP: changed(materials={"rigid_above": 1e-3}),
+    "no_size_prior": changed(intent={"smallest_scale": 1.0, "largest_scale": 1.0}),
+    "no_rotation": changed(rotation={"chosen": False}),
+    "no_subpart": changed(anchor={"subparts": False}),
+    "face_up": changed(anchor={"face_up": True}),
+    "views_12": changed(rotation={"views": 12}),
+    "blended_materials": changed(materials={"blended": True}),
+    "uniform_fill": changed(particles={"uniform": True}),
+    "paper": as_in_the_paper,
+}
+"""What each ablation changes."""
+
+
+def config_of(method: str, config: PlaceConfig) -> PlaceConfig:
+    """The configuration as a method has it."""
+    change = CHANGES.get(method)
+    return config if change is None else change(config)
+
+
+def proposed(sample: Sample, config: PlaceConfig) -> PlacementRefs:
+    """What a method proposes, as it stands: nothing is simulated."""
+    labels, store = given_labels(sample.labels), Store.default()
+    scene_source, object_source = store.add_source(sample.scene), store.add_source(sample.object)
+    scale = scale_of(sample, scene_source, labels, config)
+    scene_scan = mesh_scene_task(
+        scene_source, sample.scene_options, config=config.scene_mesh, labels=labels.vertices, scale=scale
+    )
+    object_scan = mesh_object_task(object_source, sample.object_options, config=config.object_mesh)
+    scene_surface = surface_scene_task(scene_source, scene_scan)
+    object_surface = surface_object_task(object_source, object_scan)
+    scene = segment_task(scene_scan, config=config.segment, labels=labels.things)
+    item = segment_object_task(object_scan, config=config.segment)
+    intent = intent_task(scene, item, sample.prompt, sample.mass, config=config.intent)
+    anchor: Ref[Anchor]
+    rotation = None
+    if sample.method == NO_DROP:
+        rotation = rotation_task(scene, item, intent, sample.prompt, config=config.rotation)
+        anchor = anchor_task(scene, item, intent, rotation, sample.prompt, config=config.anchor)
+    else:
+        anchor = proposal(sample, scene, item, intent, config)
+    materials = materials_task(scene, item, intent, anchor, sample.prompt, config=config.materials)
+    particles = particles_task(scene, item, intent, anchor, materials, config=config.particles)
+    settled = posed_task(item, anchor)
+    renders = render_task(scene, item, anchor, settled, scene_surface, object_surface, config=config.render)
+    overview = None
+    if renders.infeasible:
+        said = None if intent.infeasible else intent
+        put = None if anchor.infeasible else anchor
+        overview = overview_task(scene, item, said, put, config=config.overview, filled=False)
+    return PlacementRefs(
+        scene_scan=scene_scan, object_scan=object_scan, scene_surface=scene_surface, object_surface=object_surface,
+        scene=scene, item=item, intent=intent, rotation=rotation, anchor=anchor, materials=materials,
+        particles=particles, settled=settled, renders=renders, overview=overview,
+    )  # fmt: skip
+
+
+def proposal(
+    sample: Sample, scene: Ref[SegmentedScene], item: Ref[SegmentedObject], intent: Ref[Intent], config: PlaceConfig
+) -> Ref[Anchor]:
+    """What a baseline makes of it; who is asked is who is asked of the place by ours."""
+    language = {"language": config.anchor.language}
+    if sample.method == "fireplace":
+        return fireplace_task(scene, item, intent, sample.prompt, config=FirePlaceConfig.model_validate(language))
+    if sample.method == "holodeck":
+        return holodeck_task(scene, item, intent, sample.prompt, config=HolodeckConfig.model_validate(language))
+    plans: Ref[FloorPlans] | None = None
+    for other in sample.examples:
+        source = Store.default().add_source(other)
+        scan = mesh_scene_task(source, sample.scene_options, config=config.scene_mesh, labels=None, scale=None)
+        plan = floor_plan_task(segment_task(scan, config=config.segment, labels=None))
+        plans = gathered_task(plan, plans)
+    asked = LayoutGptConfig.model_validate(language)
+    return layoutgpt_task(scene, item, intent, sample.prompt, config=asked, exemplars=plans)
+
+
+def measured(sample: Sample, found: PlacementRefs, config: PlaceConfig) -> PlacementRefs:
+    """With what is measured of the final state, as far as there is one.
+
+    An ablation that takes other materials is measured with the true ones: what is rigid in its drop has to sink in.
+    Simulated on is what it simulated, on its own cells, but where it had no soft material at all.
+    """
+    if found.settled.infeasible:
+        return found
+    scene, item, anchor, settled = found.scene, found.item, found.anchor, found.settled
+    measures = measure_task(scene, item, anchor, settled)
+    views = judged_views_task(
+        scene, item, anchor, settled, found.scene_surface, found.object_surface, config=config.views
+    )
+    found = replace(found, measures=measures, views=views)
+    materials, particles = found.materials, found.particles
+    if sample.method in OTHER_MATERIALS:
+        materials = materials_task(scene, item, found.intent, anchor, sample.prompt, config=config.materials)
+        particles = particles_task(scene, item, found.intent, anchor, materials, config=config.particles)
+    if particles.infeasible:
+        return found
+    sinking = indentation_task(scene, item, found.intent, anchor, materials, particles, settled)
+    simulated = particles if sample.method == RIGID_DROP else found.particles
+    drift = drift_task(simulated, settled, config=config.drift)
+    return replace(found, indentation=sinking, drift=drift)

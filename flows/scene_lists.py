@@ -1,0 +1,60 @@
+"""Which scenes of a data set: names between commas, a file of names, or a split beside the data set.
+
+A scene is named by the end of its path, with or without its suffix: `bedroom_01`, `house_2/kitchen`. In a file each
+name has a line; what follows a `#` is a remark. `val` means `val.txt` beside the data set, if there is one.
+"""
+
+from collections.abc import Sequence
+from pathlib import Path, PurePosixPath
+
+from dcap.scene.errors import InputError
+from dcap.scene.spelling import did_you_mean
+from dcap.scene.types.sample import Sample
+
+SPLIT_SUFFIX = ".txt"
+
+
+def named_scenes(text: str, folder: Path) -> tuple[str, ...]:
+    """The names that a list says, looked up as a split in `folder`, then as a file; none for an empty text."""
+    words = [word.strip() for word in text.split(",") if word.strip()]
+    if text and not words:
+        raise InputError(f"--scenes {text!r} names no scene")
+    names: list[str] = []
+    for word in words:
+        split, file = folder / f"{word}{SPLIT_SUFFIX}", Path(word)
+        listed = split if split.is_file() else file if file.suffix == SPLIT_SUFFIX else None
+        names += [word] if listed is None else names_in(listed)
+    return tuple(dict.fromkeys(names))
+
+
+def names_in(file: Path) -> list[str]:
+    """The names in a file; InputError if there are none."""
+    try:
+        lines = [line.partition("#")[0].strip() for line in file.read_text(encoding="utf-8").splitlines()]
+    except (OSError, UnicodeDecodeError) as broken:
+        raise InputError(f"--scenes {file}: cannot be read: {getattr(broken, 'strerror', '') or broken}") from None
+    names = [line for line in lines if line]
+    if not names:
+        raise InputError(f"--scenes {file}: names no scene")
+    return names
+
+
+def is_named(path: str, name: str) -> bool:
+    """Whether a name is the end of a scene's path, with or without its suffix."""
+    whole, wanted = PurePosixPath(Path(path).as_posix()), PurePosixPath(name).parts
+    return any(one.parts[-len(wanted) :] == wanted for one in (whole, whole.with_suffix("")) if wanted)
+
+
+def check_named(paths: Sequence[str], names: Sequence[str]) -> None:
+    """InputError for a name that no scene has."""
+    for name in names:
+        if not any(is_named(path, name) for path in paths):
+            known = sorted({Path(path).stem for path in paths})
+            raise InputError(f"--scenes: no scene is named {name!r}{did_you_mean(name, known)}")
+
+
+def of_scenes(samples: Sequence[Sample], text: str, folder: Path) -> list[Sample]:
+    """The samples in the named scenes, in their order; all where none is named."""
+    names = named_scenes(text, folder)
+    check_named([sample.scene for sample in samples], names)
+    return [one for one in samples if not names or any(is_named(one.scene, name) for name in names)]

@@ -1,0 +1,128 @@
+"""Rows of a run with what was measured and how it is scored: raw units first, then the rubric's two scores.
+
+What was meant (the truth) comes in here, after every stage has ended.
+"""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dcap.evaluation.judging.rubric import SCALES, rubric_scores
+from dcap.evaluation.metrics.right_place import place_measures
+from dcap.evaluation.outcome_table import AS_POSED, AT_REST, QUADRANT_DEG, ExpectedOutcome, SampleOutcome, row_of
+from dcap.evaluation.region import TOLERANCE_M
+from dcap.geometry.placement.named_regions import BESIDE, regions
+from dcap.scene.json_tree import JsonObject, JsonValue
+from dcap.scene.store.artifacts import Store
+from dcap.scene.store.ref import Ref
+from dcap.scene.types.sample import Sample
+from dcap.scene.types.segmentation import Segmentation
+from flows.measures_file import read_measures
+from tasks.requests.surroundings import part_frame
+
+RUBRIC = "metric rubric"
+"""The judge that needs no pictures."""
+REFERENCED = frozenset(BESIDE)
+"""Region words that mean a place beside something: the truth does not say beside what."""
+
+
+def scored_row(
+    sample: Sample, tree: JsonObject | None, error: str, truth: ExpectedOutcome | None, folder: Path
+) -> SampleOutcome:
+    """The row of a sample whose files lie in a folder."""
+    row = row_of(sample, tree, error, truth)
+    kept = read_measures(folder)
+    measures = kept.get("measures")
+    if tree is None or not isinstance(measures, Mapping) or row.verdict not in (AT_REST, AS_POSED):
+        return row
+    sinking, drift = (one if isinstance(one, Mapping) else {} for one in (kept.get("indentation"), kept.get("drift")))
+    found, reference = number(sinking.get("found_m")), number(sinking.get("reference_m"))
+    margin = number(measures.get("com_margin_m"))
+    row = replace(
+        row,
+        penetration_m=number(measures.get("penetration_m")),
+        penetration_given_m=number(measures.get("penetration_given_m")),
+        gap_m=number(measures.get("gap_m")),
+        contact_area_m2=number(measures.get("contact_area_m2")),
+        com_margin_m=margin,
+        com_supported=margin is not None and margin >= 0.0,
+        indentation_m=found,
+        indentation_error_m=None if found is None or reference is None else abs(found - reference),
+        force_residual=number(drift.get("force_residual")),
+        drift_m=number(drift.get("distance_m")),
+        drift_s=number(drift.get("seconds")),
+    )
+    if truth is None or not truth.feasible:
+        return with_scores(row)
+    pose = tree["pose"]
+    assert isinstance(pose, Mapping)
+    support = tuple(str(measures.get(name) or "") for name in ("support_id", "support_label", "support_part"))
+    place = place_measures(
+        (support[0], support[1], support[2]), np.asarray(measures["middle"], dtype=float),
+        np.asarray(pose["quaternion"], dtype=float), truth, meant_regions(kept.get("scene"), truth, tree),
+    )  # fmt: skip
+    row = replace(
+        row,
+        support_hit=place.support_hit,
+        part_hit=place.part_hit,
+        region_distance_m=place.region_distance_m,
+        orientation_error_deg=place.orientation_error_deg,
+    )
+    if row.verdict == AS_POSED:  # its words for regions are its own: what counts is where the object is
+        row = replace(row, as_expected=there(row))
+    return with_scores(row)
+
+
+def there(row: SampleOutcome) -> bool:
+    """Whether everything that was stated of a place and measured is met."""
+    near = row.region_distance_m is None or row.region_distance_m <= TOLERANCE_M
+    turned = row.orientation_error_deg is None or row.orientation_error_deg <= QUADRANT_DEG
+    return row.support_hit is not False and row.part_hit is not False and near and turned
+
+
+def with_scores(row: SampleOutcome) -> SampleOutcome:
+    """With the two scores of the metric rubric."""
+    metrics = {name: getattr(row, name) for axis in SCALES.values() for name in axis}
+    place, physics = rubric_scores(metrics)
+    return replace(row, right_place=place, physics_naturalness=physics, judge=RUBRIC)
+
+
+def number(value: object) -> float | None:
+    """A number, None where there is none."""
+    return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else None
+
+
+def meant_regions(
+    scene: JsonValue, truth: ExpectedOutcome, tree: Mapping[str, JsonValue]
+) -> tuple[NDArray[np.float64], ...]:
+    """Outlines in plan of the region that was meant, on the part that was meant; empty where it is not known."""
+    words = truth.region.split()
+    if not words or REFERENCED & set(words) or not isinstance(scene, Mapping):
+        return ()
+    known = loaded_scene(str(scene["kind"]), str(scene["sha256"]))
+    if known is None:
+        return ()
+    bases = [
+        one for one in known.instances if one.id == truth.base_id or (not truth.base_id and one.label == truth.base)
+    ]
+    box = np.asarray(tree["object_aabb"], dtype=float)
+    reach = np.full(2, 0.5 * float(np.ptp(box[:, :2], axis=0).max()))
+    found = []
+    for base in bases:
+        parts = [one.box for one in base.parts if one.name == truth.part] or [base.box]
+        for one in parts:
+            found += [area.polygon for area in regions(part_frame(known, base, one), words, [], reach)]
+    return tuple(found)
+
+
+@lru_cache(maxsize=4)
+def loaded_scene(kind: str, sha256: str) -> Segmentation | None:
+    """A segmented scene from the store; None where it is no longer there."""
+    ref: Ref[Segmentation] = Ref(kind, sha256)
+    store = Store.default()
+    value = store.load(ref) if store.has(ref) else None
+    return value if isinstance(value, Segmentation) else None

@@ -1,0 +1,148 @@
+"""The web application of a study: pages, pictures and models by a rater's link, and the votes.
+
+Everything but the style, the scripts and the refusals lies below `/s/TOKEN/`. A file is named by a comparison, a side
+and a number, never by a path, so that nothing outside of the study is reached and no address tells a method.
+"""
+
+from collections.abc import Awaitable, Callable
+from pathlib import Path
+from typing import Annotated
+
+from fastapi import Depends, FastAPI, HTTPException, Request
+from fastapi.exceptions import RequestValidationError
+from fastapi.responses import FileResponse, HTMLResponse, JSONResponse, PlainTextResponse, Response
+from pydantic import BaseModel, Field
+from starlette.exceptions import HTTPException as WebError
+
+from dcap.evaluation.page3d.three import ORBIT, three_script
+from dcap.evaluation.study.design import Side, StudyAxis, StudyItem
+from dcap.evaluation.study.session import StudySession
+from dcap.scene.errors import DcapError
+from flows.study.body_limit import BodyLimit
+from flows.study.pages import STATIC, StudyPages
+
+HEADERS = {
+    "Content-Security-Policy": "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob: data:; "
+    "connect-src 'self' blob: data:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'",
+    "Referrer-Policy": "no-referrer",  # the link is the secret
+    "X-Content-Type-Options": "nosniff",
+    "X-Robots-Tag": "noindex, nofollow",
+    "Cross-Origin-Resource-Policy": "same-origin",
+}
+NEVER, PRIVATE = {"Cache-Control": "no-store"}, {"Cache-Control": "private, max-age=3600"}
+DAY_SECONDS = 86_400.0
+
+
+class StudyAnswer(BaseModel, extra="forbid"):
+    """What a rater sends for one comparison."""
+
+    item: str = Field(max_length=16)
+    right_place: Side
+    physics_naturalness: Side
+    overall: Side
+    seconds: float = Field(ge=0.0, allow_inf_nan=False)
+    """Since the placements were shown; kept as a day at most."""
+
+    @property
+    def by_axis(self) -> dict[StudyAxis, Side]:
+        """The answers by question."""
+        return {axis: Side(getattr(self, axis.value)) for axis in StudyAxis}
+
+
+def study_app(session: StudySession) -> FastAPI:
+    """The application of one study."""
+    app = FastAPI(docs_url=None, redoc_url=None, openapi_url=None)
+    pages = StudyPages(session)
+    app.add_middleware(BodyLimit)
+
+    def rater_of(token: str) -> str:
+        rater = session.rater_of(token)
+        if rater is None:
+            raise HTTPException(404, "This link belongs to no study here.")
+        return rater
+
+    def item_of(rater: Annotated[str, Depends(rater_of)], item: str) -> StudyItem:
+        found = session.item(rater, item)
+        if found is None:
+            raise HTTPException(404, "There is no such comparison.")
+        return found
+
+    @app.middleware("http")
+    async def guard(request: Request, proceed: Callable[[Request], Awaitable[Response]]) -> Response:
+        answer = await proceed(request)
+        answer.headers.update(HEADERS)
+        if "cache-control" not in answer.headers:
+            answer.headers.update(NEVER)
+        return answer
+
+    @app.exception_handler(WebError)
+    def explain(_: Request, error: WebError) -> Response:
+        return HTMLResponse(pages.refusal(str(error.detail)), error.status_code)
+
+    @app.exception_handler(RequestValidationError)
+    def wrong(_: Request, error: RequestValidationError) -> Response:
+        places = sorted({".".join(str(part) for part in one["loc"][1:]) or "body" for one in error.errors()})
+        return PlainTextResponse(f"not an answer: {', '.join(places)}", 422)
+
+    @app.get("/s/{token}")
+    def introduce(token: str, rater: Annotated[str, Depends(rater_of)]) -> HTMLResponse:
+        return HTMLResponse(pages.introduction(token, rater))
+
+    @app.get("/s/{token}/compare")
+    def compare(token: str, rater: Annotated[str, Depends(rater_of)]) -> HTMLResponse:
+        return HTMLResponse(pages.comparison(token, rater))
+
+    @app.post("/s/{token}/votes")
+    def vote(token: str, rater: Annotated[str, Depends(rater_of)], answer: StudyAnswer) -> JSONResponse:
+        asked, current = session.item(rater, answer.item), session.current(rater)
+        if asked is None:
+            raise HTTPException(404, "There is no such comparison.")
+        if current is not None and asked.item > current.item:
+            raise HTTPException(409, "Another comparison comes first.")
+        try:
+            fresh = session.answer(rater, asked, answer.by_axis, min(answer.seconds, DAY_SECONDS))
+        except OSError as error:
+            raise HTTPException(507, f"The answer could not be saved ({error.strerror or error}).") from None
+        return JSONResponse({"saved": fresh, "next": f"/s/{token}"})
+
+    @app.get("/s/{token}/pictures/{item}/{side}/{number}")
+    def picture(item: Annotated[StudyItem, Depends(item_of)], side: Side, number: int) -> FileResponse:
+        views = session.pictures(item, side)
+        return sent(views[number] if 0 <= number < len(views) else None, "image/png")
+
+    @app.get("/s/{token}/before/{item}/{what}")
+    def before(item: Annotated[StudyItem, Depends(item_of)], what: str) -> FileResponse:
+        find = {"scene": session.run.clean_picture, "asset": session.run.asset_picture}.get(what)
+        return sent(find(item.sample) if find else None, "image/png")
+
+    @app.get("/s/{token}/models/{item}/asset")
+    def asset(item: Annotated[StudyItem, Depends(item_of)]) -> FileResponse:
+        return sent(session.run.asset_model(item.sample), "model/gltf-binary")
+
+    @app.get("/s/{token}/models/{item}/{side}")
+    def model(item: Annotated[StudyItem, Depends(item_of)], side: Side) -> FileResponse:
+        try:
+            return sent(session.model(item, side), "model/gltf-binary")
+        except (DcapError, OSError):
+            raise HTTPException(404, "This placement cannot be shown in 3D.") from None
+
+    @app.get("/study.css")
+    def style() -> FileResponse:
+        return FileResponse(STATIC / "study.css", media_type="text/css")
+
+    @app.get("/{name}.js")
+    def script(name: str) -> Response:
+        if name == "three" and three_script():
+            return Response(three_script(), media_type="text/javascript", headers=PRIVATE)
+        if name not in ("vote", "orbit"):
+            raise HTTPException(404, "There is no such page.")
+        return FileResponse(ORBIT if name == "orbit" else STATIC / f"{name}.js", media_type="text/javascript")
+
+    return app
+
+
+def sent(path: Path | None, kind: str) -> FileResponse:
+    """A file of the study; 404 where there is none."""
+    if path is None or not path.is_file():
+        raise HTTPException(404, "There is no such file.")
+    return FileResponse(path, media_type=kind, headers=PRIVATE)

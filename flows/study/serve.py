@@ -1,0 +1,157 @@
+"""Serves the study of a run until interrupted.
+
+The design is made at the first start and kept; a later start goes on with it, and may add raters. No log of requests is
+kept, and nothing of a rater but the answers.
+"""
+
+import logging
+import socket
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import uvicorn
+
+from dcap.evaluation.study.attention import LIFTED, MODEL, SETTLED, check_folder, make_checks
+from dcap.evaluation.study.design import method_pairs, per_pair
+from dcap.evaluation.study.journal import VoteJournal
+from dcap.evaluation.study.placements import StudyRun, read_study_run
+from dcap.evaluation.study.session import StudySession
+from dcap.evaluation.study.study_folder import (
+    STUDY_FOLDER,
+    StudyDesign,
+    export_votes,
+    read_design,
+    tokens_for,
+    write_design,
+)
+from dcap.scene.errors import InputError
+from flows.run_files import find_run
+from flows.study.app import study_app
+
+STOP_SECONDS = 3
+"""That answers under way have when the server is stopped [s]."""
+WAITING = 128
+"""Connections that may wait to be taken [-]."""
+
+
+@dataclass(frozen=True, slots=True)
+class StudyOptions:
+    """How a study is served."""
+
+    host: str = "127.0.0.1"
+    port: int = 8090
+    raters: int | None = None
+    """At least so many links; None: as many as there are, or one."""
+    pairs: int | None = None
+    """Comparisons per rater; None: `design.PER_RATER`, or what the study has."""
+    seed: int | None = None
+    """Of pairs, sides and order; None: 0, or what the study has."""
+
+
+def serve_study(
+    run: str, options: StudyOptions, say: Callable[[str], None], announce: Callable[[Mapping[str, str]], None]
+) -> None:
+    """Serve the study of a run; `say` is told what a person should know, `announce` the link of each rater."""
+    found = read_study_run(find_run(run))
+    folder = found.folder / STUDY_FOLDER
+    known = read_design(folder)
+    check_kept(found, known, options)
+    with listening(options.host, options.port) as ear:
+        folder.mkdir(exist_ok=True)
+        with VoteJournal(folder) as journal:
+            design = known or new_design(found, folder, options, say)
+            design = design.with_raters(options.raters or 1)
+            write_design(folder, design)
+            tokens = tokens_for(folder, list(design.raters))
+            session = StudySession(found, folder, design, tokens, journal)
+            base = f"http://{shown_host(options.host)}:{ear.getsockname()[1]}"
+            announce({rater: f"{base}/s/{tokens[rater]}" for rater in design.raters})
+            try:
+                server_of(session).run(sockets=[ear])
+            finally:
+                export_votes(folder, journal.votes)
+
+
+def new_design(run: StudyRun, folder: Path, options: StudyOptions, say: Callable[[str], None]) -> StudyDesign:
+    """Design the study of a run, without raters; makes its attention checks."""
+    pairs = method_pairs(run)
+    count = per_pair(pairs, options.pairs)
+    seed = options.seed or 0
+    for (method, sample), why in run.left_out.items():
+        say(f"{method} {sample} is left out: {why}")
+    say("making attention checks")
+    checks = make_checks(run, folder, seed, say)
+    if not checks:
+        say(f"no attention checks: no placement of {run.folder.name} has a scene.glb that one can be made of")
+    left_out = {f"{method}/{sample}": why for (method, sample), why in run.left_out.items()}
+    return StudyDesign(seed, count, pairs, checks, left_out, {})
+
+
+def check_kept(run: StudyRun, known: StudyDesign | None, options: StudyOptions) -> None:
+    """InputError where an option is against the study that there is."""
+    if known is None:
+        return
+    kept = run.folder / STUDY_FOLDER
+    if options.seed is not None and options.seed != known.seed:
+        raise InputError(
+            f"--seed {options.seed}: the study in {kept} has seed {known.seed}; leave it out or move {kept}"
+        )
+    check_shown(run, known)
+    total = known.per_pair * len(known.pairs)
+    if options.pairs is not None and per_pair(known.pairs, options.pairs) != known.per_pair:
+        raise InputError(f"--pairs {options.pairs}: the study in {kept} has {total}; leave it out or move {kept}")
+
+
+def check_shown(run: StudyRun, design: StudyDesign) -> None:
+    """InputError where the run no longer has what its study shows."""
+    for item in {one for items in design.raters.values() for one in items}:
+        gone = [m for m in (item.left, item.right) if (m, item.sample) not in run.shown]
+        if gone or not run.pair(item.left, item.right, item.sample)[0]:
+            which = " and ".join(gone or (item.left, item.right))
+            raise InputError(f"{run.folder.name}: its study shows {which} {item.sample}, which the run no longer has")
+    for number in range(1, len(design.checks) + 1):
+        for name in (SETTLED, LIFTED):
+            folder = check_folder(run.folder / STUDY_FOLDER, number, name)
+            if not (folder / MODEL).is_file():
+                raise InputError(f"{folder}: an attention check of the study is gone; bring it back or move its study")
+
+
+def listening(host: str, port: int) -> socket.socket:
+    """A socket that listens there; InputError where none can be had."""
+    try:
+        family, kind, _, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
+    except OSError as error:
+        raise InputError(f"--host {host}: no address of this machine ({error})") from None
+    ear = socket.socket(family, kind)
+    try:
+        ear.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        ear.bind(address)
+        ear.listen(WAITING)
+    except OSError as error:
+        ear.close()
+        raise InputError(f"--port {port}: {host} cannot listen there ({error.strerror}); give another") from None
+    return ear
+
+
+def shown_host(host: str) -> str:
+    """How a host stands in a link: this machine's name where it listens everywhere."""
+    if host in ("0.0.0.0", "::", ""):
+        return socket.gethostname()
+    return f"[{host}]" if ":" in host else host
+
+
+def server_of(session: StudySession) -> uvicorn.Server:
+    """The server, which logs no requests."""
+    logging.getLogger("uvicorn.error").setLevel(logging.ERROR)
+    return uvicorn.Server(
+        uvicorn.Config(
+            study_app(session),
+            access_log=False,
+            log_level="error",
+            server_header=False,
+            proxy_headers=False,
+            lifespan="off",
+            timeout_graceful_shutdown=STOP_SECONDS,
+        )
+    )

@@ -1,0 +1,263 @@
+"""Which thing and which of its surfaces a constraint outline means: options, and the client's choice among them.
+
+In: the scene, the outlines and a client. Out: the surface that carries, and the other constraints with both sides
+known. Several things, and several surfaces of one, are chosen from in batches (`selection.py`).
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dcap.evaluation.baselines.fireplace.anchors import (
+    ABOVE,
+    AnchorSurface,
+    box_side,
+    extent_across,
+    joined_box,
+    side_ways,
+    surfaces_of_part,
+)
+from dcap.evaluation.baselines.fireplace.placement import SurfaceFrame
+from dcap.evaluation.baselines.fireplace.planar import COARSE, InteractionSurface
+from dcap.evaluation.baselines.fireplace.problem import ResolvedConstraint
+from dcap.evaluation.baselines.fireplace.selection import batched_selection
+from dcap.geometry.placement.named_regions import ViewerFrame, viewer_frame
+from dcap.geometry.raycast import Raycaster
+from dcap.geometry.segmentation.faces import surface_points
+from dcap.language.connect import Client
+from dcap.language.protocol.fireplace import (
+    CHOICE,
+    ChoiceKind,
+    ChoiceOption,
+    ChoiceRequest,
+    ConstraintOutline,
+)
+from dcap.language.protocol.requests import PictureMaker
+from dcap.scene.types.box import OrientedBox
+from dcap.scene.types.segmentation import Instance, Segmentation
+from tasks.baselines.fireplace_pictures import surface_picture, thing_picture
+from tasks.requests.surroundings import WIDE, is_floor, part_frame
+from tasks.requests.views import room_center
+
+Array = NDArray[np.float64]
+Facts = tuple[tuple[str, float], ...]
+LEVEL = 0.5
+"""Faces whose normals rise so much look up [-]."""
+COVER, COVER_SPACING = 0.2, 0.04
+"""What lies on a part is no thicker, and is looked for at points so far apart [m]."""
+MUCH = 0.2
+"""Share of those points [-]."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Described:
+    """An option: what it is called, its measures and its picture."""
+
+    label: str
+    facts: Facts
+    picture: PictureMaker
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Chooser:
+    """Asks a client to choose among options, in batches."""
+
+    client: Client
+    prompt: str
+    rng: np.random.Generator
+    batch: int
+    asked: list[str] = field(default_factory=list)
+    """What kinds were asked, in order."""
+
+    def choose(self, kind: ChoiceKind, sought: str, options: Sequence[Described]) -> int:
+        """The number of the chosen option."""
+
+        def decide(batch: Sequence[tuple[str, int]]) -> int:
+            shown = tuple(ChoiceOption(name, options[k].label, options[k].facts) for name, k in batch)
+            pictures = tuple(options[k].picture for _, k in batch)
+            self.asked.append(kind)
+            reply = self.client.ask(CHOICE, ChoiceRequest(self.prompt, kind, sought, shown, pictures))
+            return dict(batch)[reply.chosen]
+
+        return batched_selection(len(options), decide, self.rng, batch=self.batch)
+
+
+def covering_parts(scene: Segmentation, index: int, parts: Sequence[int], caster: Raycaster) -> list[int]:
+    """Other parts of an instance that lie over much of the given ones' upward faces."""
+    own = (scene.face_instance == index) & np.isin(scene.face_part, np.array(parts))
+    upward = scene.mesh.face_normals[:, 2] > LEVEL * 2.0 * scene.mesh.face_areas
+    faces = np.flatnonzero(own & upward)
+    points, _ = surface_points(scene.mesh.corners(faces), scene.mesh.face_areas[faces], COVER_SPACING)
+    up = np.tile((0.0, 0.0, 1.0), (len(points), 1))
+    hits = caster.cast(points + ABOVE * up, up)
+    over = hits.face[(hits.face >= 0) & (hits.distance < COVER)]
+    over = over[(scene.face_instance[over] == index) & ~np.isin(scene.face_part[over], np.array(parts))]
+    number, count = np.unique(scene.face_part[over], return_counts=True)
+    return [int(part) for part, hit in zip(number, count, strict=True) if hit > MUCH * len(points)]
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Carrier:
+    """The surface that carries the object."""
+
+    base: Instance
+    anchor: AnchorSurface
+    frame: ViewerFrame
+    """Of the whole thing, as its viewer sees it."""
+
+    @property
+    def rim(self) -> ViewerFrame:
+        """The rectangle about the surface, as that viewer sees it."""
+        points = self.anchor.surface.outline[:, :2]
+        middle = self.frame.center
+        local = np.c_[(points - middle) @ self.frame.right, (points - middle) @ self.frame.front]
+        low, high = local.min(axis=0), local.max(axis=0)
+        at = 0.5 * (low + high)
+        center = middle + at[0] * self.frame.right + at[1] * self.frame.front
+        return replace(self.frame, center=center, half=np.maximum(0.5 * (high - low), 1e-6))
+
+
+class AnchorResolver:
+    """Resolves outlines in one scene; each thing is asked for once."""
+
+    def __init__(self, scene: Segmentation, chooser: Chooser, picture_size: int) -> None:
+        self.scene, self.chooser, self.size = scene, chooser, picture_size
+        self.caster = Raycaster(scene.mesh)
+        self.known: dict[tuple[str, ...], str] = {}
+
+    def thing(self, outline: ConstraintOutline) -> Instance:
+        """The instance that an outline means."""
+        ids = outline.anchors
+        if ids not in self.known:
+            options = [self.described_thing(name, rank) for rank, name in enumerate(ids)]
+            sought = outline.words or f"anchor of {outline.function}"
+            self.known[ids] = ids[self.chooser.choose("thing", sought, options)]
+        return self.scene.instances[self.scene.index_of(self.known[ids])]
+
+    def described_thing(self, name: str, rank: int) -> Described:
+        """One instance as an option; the outline lists the likeliest first."""
+        index = self.scene.index_of(name)
+        one = self.scene.instances[index]
+        frame = part_frame(self.scene, one, one.box)
+        return Described(
+            f"{one.label} {name}", (("likelihood", 1.0 / (1.0 + rank)),),
+            partial(thing_picture, self.scene, index, frame, self.size),
+        )  # fmt: skip
+
+    # the surface that carries ---------------------------------------------------------------------------------------
+
+    def carrier(self, outline: ConstraintOutline) -> Carrier:
+        """The surface of the contact."""
+        base = self.thing(outline)
+        index = self.scene.index_of(base.id)
+        frame = part_frame(self.scene, base, base.box)
+        parts = self.parts_of(outline, base)
+        way = side_ways(frame)[outline.anchor_side]
+        found = [
+            one
+            for part in parts
+            for one in surfaces_of_part(
+                self.scene.mesh, self.faces_of(index, part), part, way, outline.anchor_side, self.caster
+            )
+        ]
+        if outline.anchor_side == "top" and (over := covering_parts(self.scene, index, parts, self.caster)):
+            # a blanket on its mattress: what is seen of both may be one surface
+            seen = np.concatenate([self.faces_of(index, part) for part in dict.fromkeys((*parts, *over))])
+            together = surfaces_of_part(self.scene.mesh, seen, -1, way, outline.anchor_side, self.caster)
+            found += [replace(one, part=self.main_part(one)) for one in together]
+        if not found:  # nothing planar looks there: the side of the box stands in
+            found = [self.box_surface(base, index, part, outline) for part in parts]
+        options = [self.described_surface(base, index, one, frame) for one in found]
+        sought = outline.words or f"{outline.anchor_side} of the {base.label} that carries the object"
+        return Carrier(base, found[self.chooser.choose("anchor_surface", sought, options)], frame)
+
+    def parts_of(self, outline: ConstraintOutline, base: Instance) -> Sequence[int]:
+        """The parts that an outline means; all where it names none, or names those of another candidate."""
+        meant = base.id == outline.anchors[0] and outline.anchor_parts
+        return outline.anchor_parts if meant else range(len(base.parts))
+
+    def main_part(self, one: AnchorSurface) -> int:
+        """The part that has most of a surface."""
+        faces = one.surface.faces
+        return int(np.bincount(self.scene.face_part[faces], self.scene.mesh.face_areas[faces]).argmax())
+
+    def faces_of(self, index: int, part: int) -> NDArray[np.int64]:
+        """Faces of one part."""
+        return np.flatnonzero((self.scene.face_instance == index) & (self.scene.face_part == part))
+
+    def box_surface(self, base: Instance, index: int, part: int, outline: ConstraintOutline) -> AnchorSurface:
+        """A side of a part's box as a surface that carries."""
+        box = base.parts[part].box
+        side = box_side(box, part_frame(self.scene, base, box), outline.anchor_side)
+        return AnchorSurface(replace(side, faces=self.faces_of(index, part)), part, COARSE.offset, side.area, "box")
+
+    def described_surface(self, base: Instance, index: int, one: AnchorSurface, frame: ViewerFrame) -> Described:
+        """One surface as an option."""
+        surface = one.surface
+        label = f"{one.kind} surface of the {base.parts[one.part].name}, {surface.name}"
+        facts = (
+            ("area_m2", one.open_area),
+            ("height_m", float(surface.center[2])),
+            ("slope_deg", float(np.degrees(np.arccos(np.clip(surface.normal[2], -1.0, 1.0))))),
+        )
+        return Described(label, facts, partial(surface_picture, self.scene, index, surface, frame, self.size))
+
+    # other constraints ----------------------------------------------------------------------------------------------
+
+    def constraint(self, outline: ConstraintOutline, carrier: Carrier, plane: SurfaceFrame) -> ResolvedConstraint:
+        """A constraint beside the contact, in the frame of the surface that carries."""
+        thing = self.thing(outline)
+        box, frame = self.extent(outline, thing, carrier)
+        side = outline.anchor_side
+        surface = self.surface_of_side(outline, thing, box, frame)
+        metres = outline.metres if outline.share is None else outline.share * extent_across(frame, side)
+        turned = surface.transformed(plane.rotation, -plane.rotation @ plane.origin)
+        half = frame.half[1] if side in ("left", "right") else frame.half[0]
+        return ResolvedConstraint(
+            function=outline.function,
+            side=outline.object_surfaces[0],
+            ring=turned.outline[:, :2],
+            center=turned.center,
+            normal=turned.normal,
+            width=2.0 * float(half),
+            metres=metres or 0.0,
+            nearest=side != "whole" or 2.0 * float(box.half_extents[:2].max()) > WIDE,
+            words=f"{outline.function} {thing.label} {side}",
+        )
+
+    def extent(
+        self, outline: ConstraintOutline, thing: Instance, carrier: Carrier
+    ) -> tuple[OrientedBox, ViewerFrame]:  # fmt: skip
+        """The box that is meant, and its rectangle as the viewer sees it: of what stands on a thing, that thing's."""
+        parts = self.parts_of(outline, thing)
+        box = thing.box if len(parts) == len(thing.parts) else joined_box([thing.parts[k].box for k in parts])
+        if thing.id == carrier.base.id:
+            if outline.anchor_side in ("left", "right", "front", "back") and carrier.anchor.part in parts:
+                return box, carrier.rim
+            return box, part_frame(self.scene, thing, box)
+        if is_floor(carrier.base):
+            return box, part_frame(self.scene, thing, box)
+        return box, viewer_frame(box, np.append(carrier.frame.front, 0.0), room_center(self.scene))
+
+    def surface_of_side(
+        self, outline: ConstraintOutline, thing: Instance, box: OrientedBox, frame: ViewerFrame
+    ) -> InteractionSurface:  # fmt: skip
+        """The side itself: that of the box, or a planar surface of the mesh that looks there."""
+        side = outline.anchor_side
+        stood_in = box_side(box, frame, side)
+        if side in ("whole", "top", "bottom") or outline.function in ("close_to", "far_from", "in_front_of"):
+            return stood_in
+        index = self.scene.index_of(thing.id)
+        way = side_ways(frame)[side]
+        found: list[AnchorSurface] = []
+        for part in self.parts_of(outline, thing):
+            faces = self.faces_of(index, part)
+            found += surfaces_of_part(self.scene.mesh, faces, part, way, side, self.caster)
+        found = [one for one in found if one.open_area > 0.25 * stood_in.area]
+        found.append(AnchorSurface(stood_in, 0, 0.0, stood_in.area, "box"))
+        options = [self.described_surface(thing, index, one, frame) for one in found]
+        sought = outline.words or f"{side} of the {thing.label}"
+        return found[self.chooser.choose("anchor_surface", sought, options)].surface

@@ -1,0 +1,50 @@
+"""How far the object goes when the final state is simulated on.
+
+In: the bodies of the simulation and the final state. Out: `Drift`.
+"""
+
+import numpy as np
+from pydantic import BaseModel, NonNegativeInt, PositiveFloat, PositiveInt
+
+from dcap.scene.types.gravity import GRAVITY
+from dcap.scene.types.measures import Drift
+from dcap.scene.types.particles import Particles
+from dcap.scene.types.settled import Settled
+from solver.config import SolverConfig
+from solver.errors import ModelError, UnstableStep
+from solver.onward import PlacedBodies, onward
+from tasks.bodies.solver_model import solver_model
+from tasks.runner.stage import stage
+
+
+class DriftConfig(BaseModel, frozen=True, extra="forbid"):
+    """How long is looked."""
+
+    solver: SolverConfig = SolverConfig()
+    seconds: PositiveFloat = 1.0
+    """True time that is simulated [s]."""
+    most_steps: PositiveInt = 60
+    """Steps at most: a rest state takes about forty for a second, what falls more; about five seconds of computing."""
+    threads: NonNegativeInt = 0
+    """Worker threads, 0: all cores; never changes a result."""
+
+
+def drift(particles: Particles, settled: Settled, config: DriftConfig) -> Drift:
+    """Simulate a final state on, with the material, friction and neighbours of the drop."""
+    model = solver_model(particles, (0.0, 0.0, -GRAVITY))
+    solver = config.solver.model_copy(update={"threads": config.threads})
+    rest = {one.name: one.world_from_start for one in settled.bodies}
+    grids = zip(settled.bodies, settled.nodes, strict=True) if settled.nodes else ()
+    placed = PlacedBodies(
+        {name: pose[:3, :3] for name, pose in rest.items()},
+        {name: pose[:3, 3] for name, pose in rest.items()},
+        {body.name: moved for body, moved in grids if moved is not None},
+    )
+    try:
+        found = onward(model, solver, placed, config.seconds, config.most_steps)
+    except (ModelError, UnstableStep) as error:
+        return Drift(0.0, 0, np.inf, np.inf, np.inf, " ".join(str(error).split()))
+    return Drift(found.seconds, found.steps, found.distance, found.angle, found.force_residual)
+
+
+drift_task = stage(drift, process=True)

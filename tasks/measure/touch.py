@@ -1,0 +1,66 @@
+"""How the object touches what it is on, as it was left and as it was given.
+
+In: scene and object as segmented, the pose before any drop and the final state. Out: `Measures`.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dcap.evaluation.metrics.touching import Touching, touching
+from dcap.scene.types.anchor import Anchor
+from dcap.scene.types.measures import Measures
+from dcap.scene.types.mesh import Mesh
+from dcap.scene.types.segmentation import Segmentation, SegmentedObject, SegmentedScene
+from dcap.scene.types.settled import Settled
+from tasks.render.settled_meshes import settled_item, settled_scene
+from tasks.runner.stage import stage
+
+NEAR = 2e-3
+"""Lines this much farther from the support than the nearest one still tell which part carries [m]."""
+
+
+def measure(scene: SegmentedScene, item: SegmentedObject, anchor: Anchor, settled: Settled) -> Measures:
+    """Measure a final state."""
+    thing = settled_item(item, anchor, settled.bodies[0])
+    after = settled_scene(scene, settled, anchor.base_id).scene
+    found = touching(thing, after.mesh)
+    given = found if after.mesh is scene.mesh else touching(thing, scene.mesh)
+    support, label, part = carrier(after, found)
+    return Measures(
+        support_id=support,
+        support_label=label,
+        support_part=part,
+        middle=found.patch.mean(axis=0) if len(found.patch) else lowest(thing),
+        penetration_m=found.penetration,
+        penetration_given_m=given.penetration,
+        gap_m=found.gap,
+        contact_area_m2=found.contact_area,
+        com_margin_m=found.margin,
+    )
+
+
+def carrier(scene: Segmentation, found: Touching) -> tuple[str, str, str]:
+    """Id and label of the instance that is nearest beneath, and the part of it that most near lines meet."""
+    lines = found.columns
+    if lines.nearest < 0:
+        return "", "", ""
+    near = np.flatnonzero((lines.gap <= lines.gap.min() + NEAR) & (lines.face >= 0))
+    owner = scene.face_instance[lines.face[near]]
+    counts = np.bincount(owner[owner >= 0], minlength=len(scene.instances))
+    if not counts.sum():
+        return "", "", ""
+    index = int(counts.argmax())
+    instance = scene.instances[index]
+    parts = scene.face_part[lines.face[near[owner == index]]]
+    parts = parts[parts >= 0]
+    part = instance.parts[int(np.bincount(parts).argmax())].name if len(parts) else ""
+    return instance.id, instance.label, part
+
+
+def lowest(thing: Mesh) -> NDArray[np.float64]:
+    """Below the object's middle at its lowest height [m], shape (3,)."""
+    low, high = thing.bounds
+    return np.array([0.5 * (low[0] + high[0]), 0.5 * (low[1] + high[1]), low[2]])
+
+
+measure_task = stage(measure)

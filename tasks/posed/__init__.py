@@ -1,0 +1,1 @@
+"""The pose of a method that proposes one and simulates nothing."""

@@ -1,0 +1,215 @@
+"""Judges: what they see, what they must not see, how strictly their answers are read, and that recordings replay."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from fake_api import FakeApi, data_of, message, question_of, reason_of, says
+from judged import REPLY, SCORES, flat, placement, three_methods
+from PIL import Image
+
+from dcap.evaluation.judging.judge import (
+    RUBRIC,
+    comparisons,
+    judge_name,
+    model_family,
+    pair_request,
+    same_family,
+    score_request,
+    scores,
+)
+from dcap.evaluation.judging.judged_pictures import GAP, pictures_in, side_by_side
+from dcap.evaluation.judging.questions import JUDGE_PAIR, JUDGE_SCORE
+from dcap.evaluation.statistics.comparisons import JudgedAxis, Winner, pair_counts, write_comparisons
+from dcap.evaluation.statistics.sides import side_report
+from dcap.evaluation.statistics.win_rates import win_rates
+from dcap.language.connect import connect
+from dcap.language.model import batch
+from dcap.language.model.batch import batch_queue
+from dcap.language.model.payload import payload_of
+from dcap.language.offline.client import OfflineClient
+from dcap.language.protocol.client import ClientName, LanguageConfig
+from dcap.language.protocol.session import Session
+from dcap.scene.errors import InputError, LanguageError
+
+NAME = "claude-sonnet-5-5"
+MODEL = LanguageConfig(client=ClientName.ANTHROPIC, model=NAME)
+REPLAY = LanguageConfig(client=ClientName.REPLAY, model=NAME)
+
+
+def pictures_of(body) -> int:
+    return sum(block["type"] == "image" for block in body["messages"][0]["content"])
+
+
+def judging(body):
+    """A model that prefers the left one on each axis but the right place, and scores by the prompt's last digit."""
+    if question_of(body) == "judge_pair":
+        return message(json.dumps(REPLY | {"right_place": "tie"}))
+    return message(json.dumps(SCORES | {"right_place": 5 + int(data_of(body)["prompt"][-1])}))
+
+
+def test_the_rubric_judges_without_a_model():
+    """Offline, each pair is compared twice, without a preference for a side; the settled one wins physics."""
+    rows = comparisons(OfflineClient(), three_methods(), RUBRIC)
+    assert len(rows) == 2 * 3 * 2 * 3  # samples, pairs, orders, axes
+    report = side_report(rows)
+    assert report.consistent == report.both_orders == 18
+    assert report.left_share == 0.5
+    physics = pair_counts([row for row in rows if row.axis is JudgedAxis.PHYSICS_NATURALNESS])
+    assert {one.method: one.rate for one in win_rates(physics, resamples=10)}["dcap"] == 1.0
+    place = {row.pair: row.winner for row in rows if row.axis is JudgedAxis.RIGHT_PLACE}
+    assert place["dcap", "holodeck"] is Winner.TIE
+    found = {(one.sample, one.method): one for one in scores(OfflineClient(), three_methods(), RUBRIC)}
+    assert found["s0", "dcap"].physics_naturalness == 10.0
+    assert "gap_m 0.01" in found["s0", "holodeck"].analysis
+    assert found["s1", "layoutgpt"].judge == RUBRIC
+
+
+def test_the_rubric_says_what_it_cannot_judge():
+    """One line where an axis has no metric."""
+    unknown = placement("s", "a", 1, support_hit=None, part_hit=None, region_distance_m=None)
+    with pytest.raises(LanguageError, match="cannot judge right_place: none of its metrics is known"):
+        scores(OfflineClient(), [unknown], RUBRIC)
+
+
+def test_a_model_sees_neither_methods_nor_metrics():
+    """What is sent has the sentence, the pictures and what they show; methods and metrics are not in it."""
+    one, other = three_methods(1)[:2]
+    for payload, pictures in (
+        (payload_of(JUDGE_SCORE, score_request(one)), 4),
+        (payload_of(JUDGE_PAIR, pair_request(one, other)), 4),
+    ):
+        text = json.dumps(payload.readable())
+        assert payload.pictures == pictures
+        assert "put it on s0" in text
+        assert "view above" in text
+        assert not any(word in text for word in ("dcap", "holodeck", "metrics", "penetration_m", "0.01"))
+
+
+def test_pairs_are_shown_side_by_side_and_in_both_orders(api: FakeApi):
+    """Left half left, right half right, a strip between; the second question has them exchanged."""
+    api.answers = [judging]
+    rows = comparisons(connect(MODEL, Session()), three_methods(1)[:2], NAME)
+    assert [(row.left_method, row.right_method) for row in rows[::3]] == [("dcap", "holodeck"), ("holodeck", "dcap")]
+    assert [pictures_of(body) for body in api.asked] == [4, 4]
+    both = side_by_side(flat("front", 10), flat("front", 20)).make()
+    assert both.shape == (8, 20 + GAP, 3)
+    assert (both[:, :10] == 10).all()
+    assert (both[:, 10 + GAP :] == 20).all()
+    # always the left one: never the same method in both orders, and a side is preferred
+    decided = [row for row in rows if row.axis is JudgedAxis.OVERALL]
+    assert side_report(decided).consistent == 0
+    assert side_report(rows).tie_rate == pytest.approx(1 / 3)
+
+
+@pytest.mark.parametrize(
+    ("answer", "said"),
+    [
+        (SCORES | {"right_place": 11}, "right_place: Input should be less than or equal to 10"),
+        (SCORES | {"physics_naturalness": 0.5}, "physics_naturalness: Input should be greater than or equal to 1"),
+        (SCORES | {"right_place": "8"}, "right_place: Input should be a valid number"),
+        ({"analysis": "", "right_place": 8}, "physics_naturalness: Field required"),
+        (SCORES | {"beauty": 3}, "beauty: Extra inputs are not permitted"),
+        ("8 and 9", "not one JSON object"),
+    ],
+)
+def test_a_wrong_score_is_asked_again_and_then_refused(api: FakeApi, answer, said: str):
+    """The model is told what is wrong, twice; then it is one line with the answer."""
+    api.answers = [says(answer)]
+    with pytest.raises(LanguageError, match=f"gave 3 invalid answers to 'judge_score', last: .*{said}") as error:
+        scores(connect(MODEL, Session()), three_methods(1)[:1], NAME)
+    assert "\n" not in str(error.value)
+    assert len(api.asked) == 3
+    assert said in reason_of(api.asked[-1])
+
+
+@pytest.mark.parametrize(
+    ("answer", "said"),
+    [
+        (REPLY | {"overall": "both"}, "overall: Input should be 'left', 'right' or 'tie'"),
+        ({name: value for name, value in REPLY.items() if name != "right_place"}, "right_place: Field required"),
+    ],
+)
+def test_a_wrong_comparison_is_refused(api: FakeApi, answer, said: str):
+    """A missing axis or an option that is none."""
+    api.answers = [says(answer)]
+    with pytest.raises(LanguageError, match=said):
+        comparisons(connect(MODEL, Session()), three_methods(1)[:2], NAME)
+
+
+def test_a_mended_answer_counts(api: FakeApi):
+    """A score of 11 is asked again with the reason; the second answer is taken."""
+    api.answers = [says(SCORES | {"right_place": 11}), says(SCORES)]
+    (found,) = scores(connect(MODEL, Session()), three_methods(1)[:1], NAME)
+    assert (found.right_place, found.physics_naturalness) == (8.0, 6.5)
+
+
+def test_recorded_replies_give_the_same_tables_to_the_last_byte(api: FakeApi, tmp_path: Path):
+    """Scores and comparisons from a recording are those of the model, with nobody to ask."""
+    api.answers = [judging]
+    client = connect(MODEL, Session(record=str(tmp_path / "r")))
+    first = scores(client, three_methods(), judge_name(MODEL))
+    write_comparisons(tmp_path / "a.parquet", comparisons(client, three_methods(), judge_name(MODEL)))
+    asked = len(api.asked)
+    assert asked == 6 + 12
+    client = connect(REPLAY, Session(replay=str(tmp_path / "r"), kept=str(tmp_path / "none")))
+    again = three_methods()[::-1]  # in whatever order placements come
+    assert scores(client, again, judge_name(REPLAY)) == first
+    write_comparisons(tmp_path / "b.parquet", comparisons(client, again, judge_name(REPLAY)))
+    assert (tmp_path / "a.parquet").read_bytes() == (tmp_path / "b.parquet").read_bytes()
+    assert len(api.asked) == asked
+
+
+def test_a_batch_holds_all_pairs(api: FakeApi, monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
+    """All questions of a run wait together and go as one batch."""
+    for name, seconds in (("QUIET_S", 0.3), ("POLL_S", 0.02), ("ASK_AGAIN_S", 0.1)):
+        monkeypatch.setattr(batch, name, seconds)
+    api.answers = [judging]
+    session = Session(batch=str(tmp_path / "queue"))
+    with batch_queue(tmp_path / "queue", session):
+        rows = comparisons(connect(MODEL, session), three_methods(), NAME)
+    assert len(rows) == 36
+    assert [len(questions) for questions in api.batches.values()] == [12]
+
+
+def test_judges_of_the_chooser_s_family_are_told():
+    """The same maker, whatever version or gateway; a rubric is no model."""
+    names = {
+        "claude-opus-5-5": "anthropic", "maker/claude-sonnet-5-5": "anthropic", "us.maker.claude-3": "anthropic",
+        "gpt-4o": "openai", "o3-mini": "openai", "qwen2.5-vl:7b": "alibaba", "Llama3.2-vision": "meta",
+        "gemini-2.0-flash": "google", "unheard-1": "unheard",
+    }  # fmt: skip
+    assert {name: model_family(name) for name in names} == names
+    other = LanguageConfig(client=ClientName.ANTHROPIC, model="gpt-4o")
+    assert same_family(MODEL, REPLAY)
+    assert not same_family(other, MODEL)
+    assert not same_family(LanguageConfig(), MODEL)
+    assert (judge_name(LanguageConfig()), judge_name(REPLAY)) == (RUBRIC, NAME)
+    assert judge_name(MODEL.model_copy(update={"endpoint": "gate"})) == f"{NAME}@gate"
+
+
+def test_views_are_read_when_somebody_looks(tmp_path: Path):
+    """Named files, in their order; one that is missing, or no view at all, is said before anything is asked."""
+    for shade, name in enumerate(("front", "above")):
+        Image.fromarray(np.full((4, 4, 3), 9 + shade, dtype=np.uint8)).save(tmp_path / f"{name}.png")
+    found = pictures_in(tmp_path, ["above", "front"])
+    assert [one.make()[0, 0, 0] for one in found] == [10, 9]
+    with pytest.raises(InputError, match=r"left\.png: no such picture; a judge needs the run's views"):
+        pictures_in(tmp_path, ["front", "left"])
+    with pytest.raises(InputError, match="no view is named"):
+        pictures_in(tmp_path, [])
+
+
+def test_pairs_that_do_not_fit_are_refused():
+    """Other views, other sizes, the same placement twice."""
+    one, other = three_methods(1)[:2]
+    with pytest.raises(InputError, match="dcap and other have other views or prompts"):
+        pair_request(one, placement("s1", "other", 3))
+    with pytest.raises(InputError, match="is to be judged twice"):
+        comparisons(OfflineClient(), [one, other, one], RUBRIC)
+    with pytest.raises(InputError, match="'front' beside 'above'"):
+        side_by_side(*one.views)
+    narrow = flat("front", 1)
+    with pytest.raises(InputError, match=r"shapes \(8, 10, 3\) and \(8, 32, 3\)"):
+        side_by_side(narrow, side_by_side(narrow, narrow)).make()

@@ -1,0 +1,182 @@
+"""Tables of comparisons, win rates, agreement between raters, and preferences for a side."""
+
+from pathlib import Path
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy import stats
+from simulated_judge import row, table
+
+from dcap.evaluation.statistics.agreement import (
+    cohens_kappa,
+    fleiss_kappa,
+    krippendorff_alpha,
+    percent_agreement,
+    ratings_of,
+)
+from dcap.evaluation.statistics.comparisons import (
+    Comparison,
+    JudgedAxis,
+    Winner,
+    on_axis,
+    pair_counts,
+    read_comparisons,
+    write_comparisons,
+)
+from dcap.evaluation.statistics.score_summary import DAGGER
+from dcap.evaluation.statistics.sides import side_report
+from dcap.evaluation.statistics.win_rates import wilson_interval, win_rate_significance, win_rates
+from dcap.scene.errors import FormatError, InputError
+
+FLEISS = [[0, 0, 0, 0, 14], [0, 2, 6, 4, 2], [0, 0, 3, 5, 6], [0, 3, 9, 2, 0], [2, 2, 8, 1, 1], [7, 7, 0, 0, 0],
+          [3, 2, 6, 3, 0], [2, 5, 3, 2, 2], [6, 5, 2, 1, 0], [0, 2, 2, 3, 7]]  # fmt: skip
+"""A textbook's example: ten subjects, 14 raters, five categories; kappa is 0.210."""
+OBSERVERS = ("123321412...", "1233224125.3", ".3332342251.", "12332441251.")
+"""Four observers, twelve units, missing values, of Krippendorff 2011, section C; alpha is 0.743."""
+
+
+def test_a_table_survives_its_file(tmp_path: Path):
+    """What is written is read again, in its order."""
+    rows = [
+        Comparison("s/1", JudgedAxis.RIGHT_PLACE, "dcap", "holodeck", Winner.TIE, "m"),
+        Comparison("s/1", JudgedAxis.OVERALL, "holodeck", "dcap", Winner.RIGHT, "m"),
+    ]
+    write_comparisons(tmp_path / "c.parquet", rows)
+    assert read_comparisons(tmp_path / "c.parquet") == rows
+    first = (tmp_path / "c.parquet").read_bytes()
+    write_comparisons(tmp_path / "c.parquet", rows)
+    assert (tmp_path / "c.parquet").read_bytes() == first
+    assert [path.name for path in tmp_path.iterdir()] == ["c.parquet"]
+    assert on_axis(rows, JudgedAxis.OVERALL) == rows[1:]
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"winner": "middle"}, "row 0: winner 'middle' is not one of left, right, tie"),
+        ({"axis": "beauty"}, "row 0: axis 'beauty' is not one of right_place"),
+        ({"right_method": "a"}, "row 0: comparison of s: a is compared with itself"),
+        ({"judge": None}, "no column 'judge'"),
+    ],
+)
+def test_a_wrong_table_is_named(tmp_path: Path, change: dict[str, str | None], said: str):
+    """File, row and value in one line."""
+    values = {"sample": "s", "axis": "overall", "left_method": "a", "right_method": "b", "winner": "left", "judge": "j"}
+    kept = {name: value for name, value in (values | change).items() if value is not None}
+    pq.write_table(pa.Table.from_pylist([kept]), tmp_path / "c.parquet")
+    with pytest.raises(FormatError, match=said):
+        read_comparisons(tmp_path / "c.parquet")
+    (tmp_path / "d.parquet").write_text("no")
+    with pytest.raises(FormatError, match=r"d\.parquet: no table"):
+        read_comparisons(tmp_path / "d.parquet")
+
+
+def test_what_cannot_be_counted_is_refused():
+    """Nothing, several axes, or a method that is not listed."""
+    with pytest.raises(InputError, match="no comparisons"):
+        pair_counts([])
+    with pytest.raises(InputError, match="several axes"):
+        pair_counts(
+            [row("s", "a", "b", Winner.TIE), Comparison("s", JudgedAxis.RIGHT_PLACE, "a", "b", Winner.TIE, "j")]
+        )
+    with pytest.raises(InputError, match="method 'b', which is not one of a, c"):
+        pair_counts([row("s", "a", "b", Winner.TIE)], ["a", "c"])
+
+
+def test_win_rates_are_shares_with_half_ties():
+    """Six wins, two ties, two losses: 70 %. The two rates add up to one."""
+    rows = table([[0, 6], [2, 0]], "ab") + [row(f"t{k}", "a", "b", Winner.TIE) for k in range(2)]
+    first, second = win_rates(pair_counts(rows), resamples=200)
+    assert (first.rate, second.rate, first.comparisons) == (pytest.approx(0.7), pytest.approx(0.3), 10)
+    assert first.interval.low < 0.7 < first.interval.high
+
+
+@given(st.integers(1, 400), st.data())
+def test_wilsons_interval_is_scipys(trials: int, data: st.DataObject):
+    """The same score interval as scipy's, for all shares."""
+    wins = data.draw(st.integers(0, trials))
+    found, other = wilson_interval(wins, trials), stats.binomtest(wins, trials).proportion_ci(method="wilson")
+    assert (found.low, found.high) == pytest.approx((other.low, other.high), abs=1e-12)
+
+
+def test_a_win_rate_is_marked_where_it_is_significantly_higher():
+    """40 to 10 against the best baseline over 50 samples is, 26 to 24 is not."""
+    clear = win_rate_significance(pair_counts(table([[0, 40], [10, 0]], ["dcap", "holodeck"])), "dcap", ["holodeck"])
+    close = win_rate_significance(pair_counts(table([[0, 26], [24, 0]], ["dcap", "holodeck"])), "dcap", ["holodeck"])
+    assert clear is not None
+    assert close is not None
+    assert (clear.mark, close.mark) == (DAGGER, "")
+    assert close.test.difference == pytest.approx(0.04)
+    assert win_rate_significance(pair_counts(table([[0, 4], [1, 0]], "ab")), "a", []) is None
+
+
+def test_agreement_of_textbook_examples():
+    """Cohen 0.4, Fleiss 0.210, Krippendorff 0.743."""
+    first = ["yes"] * 25 + ["no"] * 25
+    second = ["yes"] * 20 + ["no"] * 5 + ["yes"] * 10 + ["no"] * 15
+    assert cohens_kappa(first, second) == pytest.approx(0.4)
+    subjects = [
+        {f"r{k}": word for k, word in enumerate(c for c, n in zip("abcde", line, strict=True) for _ in range(n))}
+        for line in FLEISS
+    ]
+    assert fleiss_kappa(subjects) == pytest.approx(0.210, abs=5e-4)
+    units = [{f"o{k}": seen[u] for k, seen in enumerate(OBSERVERS) if seen[u] != "."} for u in range(12)]
+    assert krippendorff_alpha(units) == pytest.approx(0.743, abs=5e-4)
+
+
+def test_agreement_has_its_bounds():
+    """All alike: 1. By chance: 0 for Cohen. One category only, or one rater only: not defined."""
+    alike = [{"a": "x", "b": "x"}, {"a": "y", "b": "y"}]
+    assert (percent_agreement(alike), fleiss_kappa(alike), krippendorff_alpha(alike)) == (1.0, 1.0, 1.0)
+    assert cohens_kappa(["x", "x", "y", "y"], ["x", "y", "x", "y"]) == pytest.approx(0.0)
+    one = [{"a": "x", "b": "x"}]
+    assert (fleiss_kappa(one), krippendorff_alpha(one), cohens_kappa(["x"], ["x"])) == (None, None, None)
+    alone = [{"a": "x"}, {"a": "y"}]
+    assert (percent_agreement(alone), fleiss_kappa(alone), krippendorff_alpha(alone)) == (None, None, None)
+    with pytest.raises(InputError, match="the same number"):
+        fleiss_kappa([{"a": "x", "b": "x"}, {"a": "x"}])
+    with pytest.raises(InputError, match="not the same items"):
+        cohens_kappa(["x"], [])
+
+
+def test_percent_agreement_counts_pairs_of_raters():
+    """Two of three agree: one pair of three."""
+    assert percent_agreement([{"a": "x", "b": "x", "c": "y"}, {"a": "x"}]) == pytest.approx(1 / 3)
+
+
+def test_raters_agree_on_methods_not_on_sides():
+    """Two raters who saw the sides exchanged agree if they prefer the same method; one who contradicts himself ties."""
+    rows = [
+        row("s", "a", "b", Winner.LEFT, "r1"),
+        row("s", "b", "a", Winner.RIGHT, "r2"),
+        row("t", "a", "b", Winner.LEFT, "r1"),
+        row("t", "b", "a", Winner.LEFT, "r1"),
+    ]
+    assert ratings_of(rows) == [{"r1": "first", "r2": "first"}, {"r1": "tie"}]
+
+
+def test_a_preference_for_a_side_is_found():
+    """20 of 24 decided for the left: p is the exact binomial's; ties count in the tie rate only."""
+    rows = [row(f"s{k}", "a", "b", Winner.LEFT if k < 20 else Winner.RIGHT) for k in range(24)]
+    rows += [row(f"t{k}", "a", "b", Winner.TIE) for k in range(6)]
+    found = side_report(rows)
+    assert (found.tie_rate, found.left_share) == (pytest.approx(0.2), pytest.approx(20 / 24))
+    assert found.p == pytest.approx(2 * stats.binom.sf(19, 24, 0.5))
+    assert found.interval is not None
+    assert 0.5 < found.interval.low < 20 / 24 < found.interval.high
+
+
+def test_contradictions_between_orders_are_counted():
+    """The same method preferred from both sides is consistent; always the left side is not."""
+    rows = [
+        row("s", "a", "b", Winner.LEFT), row("s", "b", "a", Winner.RIGHT),
+        row("t", "a", "b", Winner.LEFT), row("t", "b", "a", Winner.LEFT),
+        row("u", "a", "b", Winner.LEFT),
+    ]  # fmt: skip
+    found = side_report(rows)
+    assert (found.both_orders, found.consistent) == (2, 1)
+    nothing = side_report([])
+    assert (nothing.tie_rate, nothing.left_share, nothing.p, nothing.interval) == (0.0, None, None, None)

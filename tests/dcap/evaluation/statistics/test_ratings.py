@@ -1,0 +1,167 @@
+"""Ratings against closed forms, scipy's minimiser, and judges whose strengths are known."""
+
+import numpy as np
+import pytest
+from scipy.optimize import minimize
+from simulated_judge import row, simulated, table
+
+from dcap.evaluation.statistics.comparisons import PairCounts, Winner, pair_counts
+from dcap.evaluation.statistics.pairwise_fit import RIDGE, fit_strengths
+from dcap.evaluation.statistics.ratings import POINTS, bradley_terry, elo_ratings, rating_difference_p
+from dcap.evaluation.statistics.win_rates import win_rates
+from dcap.scene.errors import InputError
+
+FEW = 50
+"""Resamples where no interval is looked at."""
+
+
+def bt_of(counts: PairCounts) -> dict[str, float]:
+    return {one.method: one.rating for one in bradley_terry(counts, resamples=FEW)}
+
+
+def test_two_methods_have_the_odds_of_their_wins():
+    """Two methods: the difference is 400 log10(wins / losses), its standard error 400 / ln 10 sqrt(1/w + 1/l)."""
+    first, second = bradley_terry(pair_counts(table([[0, 30], [10, 0]], "ab")), resamples=FEW)
+    assert first.rating - second.rating == pytest.approx(400 * np.log10(3), abs=1e-6)
+    assert first.rating + second.rating == pytest.approx(3000)
+    # with mean 0 each rating is half of the difference, and so is its error
+    assert first.standard_error == pytest.approx(0.5 * POINTS * np.sqrt(1 / 30 + 1 / 10))
+    assert not first.separable
+
+
+def test_elo_counts_a_tie_for_both_and_holds_the_anchor():
+    """20 wins, 5 losses, 10 ties: Elo's odds are 30 to 15, Bradley-Terry's 25 to 10."""
+    rows = table([[0, 20], [5, 0]], "ab") + [row(f"t{k}", "b", "a", Winner.TIE) for k in range(10)]
+    counts = pair_counts(rows)
+    elo = {one.method: one for one in elo_ratings(counts, "b", resamples=FEW)}
+    assert elo["b"].rating == 1000.0
+    assert (elo["b"].interval.low, elo["b"].interval.high) == (1000.0, 1000.0)
+    assert elo["a"].rating == pytest.approx(1000 + 400 * np.log10(30 / 15), abs=1e-6)
+    assert elo["a"].standard_error is None
+    assert bt_of(counts)["a"] - bt_of(counts)["b"] == pytest.approx(400 * np.log10(25 / 10), abs=1e-6)
+
+
+def test_cyclic_wins_give_equal_ratings():
+    """a beats b beats c beats a, equally often: nobody is stronger."""
+    found = bt_of(pair_counts(table([[0, 7, 0], [0, 0, 7], [7, 0, 0]], "abc")))
+    assert found == pytest.approx(dict.fromkeys("abc", 1500.0))
+
+
+def test_the_gradient_of_the_fit_vanishes():
+    """At the maximum expected wins equal won ones: sum_j n_ij p_ij = W_i."""
+    wins = np.random.default_rng(3).integers(1, 40, (20, 6, 6)).astype(float) * (1 - np.eye(6))
+    theta = fit_strengths(wins).theta
+    chance = 1 / (1 + np.exp(theta[:, None, :] - theta[:, :, None]))
+    expected = ((wins + wins.transpose(0, 2, 1)) * chance * (1 - np.eye(6))).sum(axis=2)
+    np.testing.assert_allclose(expected, wins.sum(axis=2), atol=1e-8 * wins.sum(axis=(1, 2)).max())
+
+
+@pytest.mark.parametrize("separable", [False, True])
+def test_the_fit_is_scipys(separable: bool):
+    """scipy's L-BFGS finds the same minimum of the same cost, with the ridge where somebody won everything."""
+    wins = np.random.default_rng(5).integers(1, 30, (5, 5)).astype(float) * (1 - np.eye(5))
+    if separable:
+        wins[:, 0] = 0.0
+
+    def cost(theta):
+        penalty = 0.5 * RIDGE * (theta**2).sum() if separable else 0.5e-9 * theta.sum() ** 2
+        return (wins * np.logaddexp(0, theta[None, :] - theta[:, None])).sum() + penalty
+
+    found = minimize(cost, np.zeros(5), method="L-BFGS-B", options={"ftol": 1e-15, "gtol": 1e-9, "maxiter": 10_000}).x
+    fit = fit_strengths(wins[None])
+    assert bool(fit.separable[0]) is separable
+    # numerical derivatives of L-BFGS: about the root of the machine's precision times the cost
+    np.testing.assert_allclose(fit.theta[0], found - found.mean(), atol=2e-4)
+    assert cost(fit.theta[0]) <= cost(found) + 1e-9
+
+
+def test_who_wins_everything_is_rated_finitely_and_marked():
+    """Ten wins of ten: the ridge's own equation -10 / (1 + exp(d)) + RIDGE d / 2 = 0 holds, and no error is stated."""
+    first, second = bradley_terry(pair_counts(table([[0, 10], [0, 0]], "ab")), resamples=FEW)
+    gap = (first.rating - second.rating) / POINTS
+    assert 10 / (1 + np.exp(gap)) == pytest.approx(RIDGE * gap / 2, rel=1e-6)
+    assert (first.separable, first.standard_error) == (True, None)
+
+
+def test_methods_that_never_met_are_marked():
+    """Two groups without a comparison between them: the ridge alone puts them side by side."""
+    wins = [[0, 3, 0, 0], [3, 0, 0, 0], [0, 0, 0, 2], [0, 0, 2, 0]]
+    found = bradley_terry(pair_counts(table(wins, "abcd")), resamples=FEW)
+    assert all(one.separable for one in found)
+    assert {one.method: one.rating for one in found} == pytest.approx(dict.fromkeys("abcd", 1500.0))
+
+
+def test_sides_do_not_matter_to_a_rating():
+    """Comparisons with their sides exchanged give the same ratings to the last bit."""
+    rows = simulated({"a": 0.8, "b": 0.0, "c": -0.5}, 20, 2, np.random.default_rng(1))
+    flipped = [row(one.sample, one.right_method, one.left_method, one.winner.flipped) for one in rows]
+    assert elo_ratings(pair_counts(rows), "a", resamples=FEW) == elo_ratings(pair_counts(flipped), "a", resamples=FEW)
+
+
+def test_the_order_of_comparisons_does_not_matter():
+    """The same table in another order gives the same numbers, intervals included."""
+    rows = simulated({"a": 0.8, "b": 0.0, "c": -0.5}, 20, 2, np.random.default_rng(1))
+    assert bradley_terry(pair_counts(rows), resamples=200) == bradley_terry(pair_counts(rows[::-1]), resamples=200)
+
+
+def test_strong_differences_are_significant_and_absent_ones_are_not():
+    """Odds of 4 to 1 over 80 samples have p at its least; equal strengths do not fall below 1 %."""
+    rows = simulated({"a": np.log(4), "b": 0.0, "c": 0.0}, 80, 2, np.random.default_rng(2))
+    counts = pair_counts(rows)
+    assert rating_difference_p(counts, "a", "b", resamples=1000) == pytest.approx(2 / 1001)
+    assert rating_difference_p(counts, "b", "c", resamples=1000) > 0.01
+
+
+def test_an_unknown_anchor_is_named():
+    """One line with what there is."""
+    with pytest.raises(InputError, match="anchor 'x' is not one of a, b"):
+        elo_ratings(pair_counts(table([[0, 1], [1, 0]], "ab")), "x")
+
+
+@pytest.mark.slow
+def test_intervals_cover_known_strengths():
+    """Of 95 % intervals about 95 % hold the truth, for ratings and win rates, and the Hessian's errors do where
+    comparisons are independent.
+
+    With k samples a percentile interval lacks about 1/k of its length, so a little less than 95 % is expected: 60
+    samples lose about half a percent. 500 judges with three free numbers each; the numbers of one judge are dependent,
+    so the Monte-Carlo error is taken for 500 trials: three times sqrt(0.95 * 0.05 / 500) = 2.9 %.
+    """
+    strengths, judges, samples = {"a": 1.0, "b": 0.3, "c": -0.3, "d": -1.0}, 500, 60
+    random = np.random.default_rng(11)
+    truth = np.array(list(strengths.values()))
+    chance = 1 / (1 + np.exp(truth[None, :] - truth[:, None]))
+    true_rate = (chance.sum(axis=1) - 0.5) / 3
+    held = {"rating": 0, "hessian": 0, "win rate": 0}
+    for _ in range(judges):
+        counts = pair_counts(simulated(strengths, samples, 1, random))
+        for one, theta, rate, won in zip(
+            bradley_terry(counts, 0.0, resamples=400), truth, true_rate, win_rates(counts, resamples=400), strict=True
+        ):
+            assert one.standard_error is not None
+            held["rating"] += one.interval.low <= POINTS * theta <= one.interval.high
+            held["hessian"] += abs(one.rating - POINTS * theta) <= 1.96 * one.standard_error
+            held["win rate"] += won.interval.low <= rate <= won.interval.high
+    covered = {name: count / (judges * len(truth)) for name, count in held.items()}
+    assert all(0.95 - 0.029 - 0.005 <= share <= 0.95 + 0.029 for share in covered.values()), covered
+
+
+@pytest.mark.slow
+def test_only_resampled_samples_cover_where_samples_differ():
+    """Where strengths differ from sample to sample (deviation 1.5) and each is asked six times, the cluster bootstrap
+    still covers the mean win rate; Wilson's interval, which takes comparisons as independent, does not."""
+    strengths, judges = {"a": 0.7, "b": 0.0, "c": -0.7}, 300
+    random = np.random.default_rng(12)
+    gap = np.array(list(strengths.values()))[:, None] - np.array(list(strengths.values()))[None, :]
+    noise = np.random.default_rng(0).normal(0, 1.5 * np.sqrt(2), 400_000)
+    chance = np.array([[(1 / (1 + np.exp(-(one + noise)))).mean() for one in line] for line in gap])
+    true_rate = (chance.sum(axis=1) - 0.5) / 2
+    bootstrap = wilson = 0
+    for _ in range(judges):
+        counts = pair_counts(simulated(strengths, 60, 6, random, sample_spread=1.5))
+        for one, rate in zip(win_rates(counts, resamples=400), true_rate, strict=True):
+            bootstrap += one.interval.low <= rate <= one.interval.high
+            wilson += one.wilson.low <= rate <= one.wilson.high
+    # three times sqrt(0.95 * 0.05 / 300) = 3.8 %, and half a percent for 60 samples
+    assert 0.95 - 0.038 - 0.005 <= bootstrap / (judges * 3) <= 0.95 + 0.038
+    assert wilson / (judges * 3) < 0.85

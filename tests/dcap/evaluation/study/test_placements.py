@@ -1,0 +1,144 @@
+"""What of a run can be shown, and what is cut out of it for a page."""
+
+import json
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+from many_methods_run import HEIGHTS, RADIUS, SAMPLES, TOP, many_methods_run, method_folder, scene_glb
+from PIL import Image
+
+from dcap.evaluation.study.attention import (
+    LEAST_LIFT,
+    LIFT,
+    LIFTED,
+    MODEL,
+    SETTLED,
+    WIDTH,
+    candidates,
+    like_picture,
+    write_check,
+)
+from dcap.evaluation.study.design import method_pairs
+from dcap.evaluation.study.placed_surface import read_placed_surface
+from dcap.evaluation.study.placements import read_study_run
+from dcap.scene.errors import FormatError, InputError
+
+
+@pytest.fixture
+def run(tmp_path: Path) -> Path:
+    """A run of three methods."""
+    return many_methods_run(tmp_path / "run")
+
+
+def test_every_placement_is_found_with_its_views(run: Path) -> None:
+    found = read_study_run(run)
+    assert len(found.shown) == 12
+    left, right = found.pair("dcap", "layoutgpt", "sofa/3")
+    assert [path.name for path in left] == [path.name for path in right] == ["front.png", "side.png", "top.png"]
+    assert found.clean_picture("bed-1") == run / "samples" / "bed-1" / "views" / "clean.png"
+    assert found.asset_picture("bed-1") == run / "samples" / "bed-1" / "views" / "asset.png"
+    assert set(method_pairs(found)) == {("dcap", "fireplace"), ("dcap", "layoutgpt"), ("fireplace", "layoutgpt")}
+
+
+def test_what_cannot_be_shown_is_left_out_and_told(run: Path) -> None:
+    """An infeasible placement, one that was not rendered, one that is not there."""
+    infeasible = method_folder(run, "fireplace", "bed-1")
+    (infeasible / "placement.json").write_text(json.dumps({"verdict": "infeasible"}))
+    bare = method_folder(run, "layoutgpt", "bed-2")
+    shutil.rmtree(bare / "views")
+    for name in ("settled", "closeup"):
+        (bare / f"{name}.png").unlink()
+    shutil.rmtree(method_folder(run, "dcap", "desk-4"))
+    found = read_study_run(run)
+    assert set(found.left_out) == {("fireplace", "bed-1"), ("layoutgpt", "bed-2"), ("dcap", "desk-4")}
+    pairs = method_pairs(found)
+    assert pairs["dcap", "fireplace"] == ("bed-2", "sofa/3")
+    assert pairs["fireplace", "layoutgpt"] == ("sofa/3", "desk-4")
+
+
+def test_only_views_that_both_have_are_compared(run: Path) -> None:
+    (method_folder(run, "dcap", "bed-1") / "views" / "side.png").unlink()
+    left, right = read_study_run(run).pair("dcap", "fireplace", "bed-1")
+    assert [path.name for path in left] == [path.name for path in right] == ["front.png", "top.png"]
+
+
+def test_a_run_without_canonical_views_shows_its_own_pictures(run: Path) -> None:
+    for folder in run.rglob("views"):
+        shutil.rmtree(folder)
+    left, _ = read_study_run(run).pair("dcap", "fireplace", "bed-1")
+    assert [path.name for path in left] == ["settled.png", "closeup.png"]
+
+
+def test_one_method_is_no_study(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="a study compares methods, and the run has only dcap"):
+        read_study_run(many_methods_run(tmp_path / "run", ("dcap",)))
+
+
+def test_a_run_without_renders_is_refused(run: Path) -> None:
+    for picture in run.rglob("*.png"):
+        picture.unlink()
+    with pytest.raises(InputError, match=r"no renders of placements \(.*samples/bed-1/views/\*\.png\)"):
+        read_study_run(run)
+
+
+@pytest.mark.parametrize("text", ["", "[]", "{}", '{"samples": [{"id": "a"}]}', '{"methods": ["../x"], "samples": []}'])
+def test_a_broken_run_json_is_named(run: Path, text: str) -> None:
+    (run / "run.json").write_text(text)
+    with pytest.raises(InputError, match=r"run\.json: ") as error:
+        read_study_run(run)
+    assert "\n" not in str(error.value)
+
+
+def test_the_surface_is_that_of_the_file(run: Path) -> None:
+    """In metres, z up: the ball's lowest point is where its method left it."""
+    surface = read_placed_surface(method_folder(run, "fireplace", "bed-1") / "scene.glb")
+    low, high = surface.thing_bounds
+    assert low[2] == pytest.approx(TOP + HEIGHTS["fireplace"], abs=1e-6)
+    assert high[2] - low[2] == pytest.approx(2 * RADIUS, abs=1e-6)
+
+
+def test_a_cut_out_keeps_the_object_and_what_is_near(run: Path) -> None:
+    """Fewer faces than asked for where possible, all of the object's always."""
+    surface = read_placed_surface(method_folder(run, "dcap", "bed-1") / "scene.glb")
+    small = surface.around_thing(most_faces=int(surface.is_thing.sum()) + 40)
+    assert small.is_thing.sum() == surface.is_thing.sum()
+    assert surface.is_thing.sum() < len(small.mesh.faces) <= surface.is_thing.sum() + 40
+    assert len(small.mesh.faces) < len(surface.around_thing().mesh.faces) <= len(surface.mesh.faces)
+
+
+def test_a_scene_without_the_object_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "scene.glb").write_bytes(scene_glb(0.0).replace(b'"name":"object"', b'"name":"thingy"'))
+    with pytest.raises(FormatError, match="no node 'object'"):
+        read_placed_surface(tmp_path / "scene.glb")
+
+
+@pytest.mark.slow
+def test_a_check_differs_in_the_height_alone(run: Path, tmp_path: Path) -> None:
+    """The copy floats; pictures differ around the ball and agree elsewhere, models agree but for the ball."""
+    surface = read_placed_surface(method_folder(run, "dcap", "bed-1") / "scene.glb")
+    folder = tmp_path / "check"
+    write_check(surface, folder, (72, 96), 2)
+    assert len(list(folder.rglob("*.png"))) == 4
+    settled, lifted = (read_placed_surface(folder / name / MODEL) for name in (SETTLED, LIFTED))
+    rise = lifted.thing_bounds[0] - settled.thing_bounds[0]
+    assert rise == pytest.approx([0.0, 0.0, max(LEAST_LIFT, LIFT * 2 * RADIUS)], abs=1e-5)
+    still = settled.mesh.vertices[np.unique(settled.mesh.faces[~settled.is_thing])]
+    assert np.array_equal(still, lifted.mesh.vertices[np.unique(lifted.mesh.faces[~lifted.is_thing])])
+    for number in (1, 2):
+        one, two = (np.asarray(Image.open(folder / name / f"{number}.png"), int) for name in (SETTLED, LIFTED))
+        change = np.abs(one - two).max(axis=2) > 20
+        assert 0.02 < change.mean() < 0.5
+
+
+def test_pictures_of_a_check_have_the_shape_of_the_others(run: Path) -> None:
+    """Of 320 by 240 pixels: three quarters as high as wide."""
+    assert like_picture(method_folder(run, "dcap", "bed-1") / "views" / "front.png") == (3 * WIDTH // 4, WIDTH)
+
+
+def test_checks_are_made_of_placements_at_rest(run: Path) -> None:
+    """One per sample, of the method that settles; the order follows from the seed."""
+    found = candidates(read_study_run(run), 3)
+    assert sorted(found) == sorted(("dcap", sample) for sample in SAMPLES)
+    assert found == candidates(read_study_run(run), 3)

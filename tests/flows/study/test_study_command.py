@@ -1,0 +1,181 @@
+"""`dcap study serve|report` as a person types it: what is refused, and what a report writes."""
+
+import csv
+import json
+import shutil
+import socket
+from pathlib import Path
+
+import pyarrow.parquet as pq
+import pytest
+from many_methods_run import many_methods_run
+from study_server import ServedStudy
+
+from dcap.evaluation.study.design import StudyAxis
+from dcap.evaluation.study.placements import read_study_run
+from dcap.evaluation.study.study_folder import STUDY_FOLDER, read_design, tokens_for, write_design
+from flows.cli.app import main
+from flows.study import serve
+from flows.study.serve import StudyOptions, shown_host
+
+
+def complaint(capsys: pytest.CaptureFixture[str], *arguments: object) -> str:
+    """The line that a refused command says."""
+    assert main(["study", *map(str, arguments)]) == 2
+    said = capsys.readouterr().err.strip()
+    assert len(said.splitlines()) == 1
+    return said
+
+
+@pytest.fixture
+def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A run of three methods in a data folder of its own."""
+    monkeypatch.setenv("DCAP_DATA", str(tmp_path / "data"))
+    return many_methods_run(tmp_path / "data" / "runs" / "compared")
+
+
+@pytest.mark.parametrize("command", ["serve", "report"])
+def test_a_run_that_is_not_there(run: Path, command: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert "'nothing' is not a run; there are compared" in complaint(capsys, command, "nothing")
+
+
+def test_one_method_is_no_study(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    one = many_methods_run(tmp_path / "one", ("dcap",))
+    assert "one: a study compares methods, and the run has only dcap" in complaint(capsys, "serve", one)
+    assert not (one / STUDY_FOLDER).exists()
+
+
+def test_a_run_without_renders(run: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for picture in run.rglob("*.png"):
+        picture.unlink()
+    assert "compared: the run has no renders" in complaint(capsys, "serve", "compared")
+    assert not (run / STUDY_FOLDER).exists()
+
+
+def test_a_port_that_is_taken(run: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    with socket.socket() as other:
+        other.bind(("127.0.0.1", 0))
+        other.listen()
+        port = other.getsockname()[1]
+        said = complaint(capsys, "serve", run, "--port", port)
+    assert f"--port {port}: 127.0.0.1 cannot listen there (Address already in use); give another" in said
+    assert not (run / STUDY_FOLDER).exists()
+
+
+def test_a_host_that_is_not_ours(run: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert "--host no.such.host.invalid" in complaint(capsys, "serve", run, "--host", "no.such.host.invalid")
+
+
+def test_too_few_comparisons(run: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert "--pairs 2: there are 3 pairs of methods" in complaint(capsys, "serve", run, "--port", 1024, "--pairs", 2)
+
+
+def test_a_study_is_served_by_one(study: ServedStudy, capsys: pytest.CaptureFixture[str]) -> None:
+    assert "its study is served already" in complaint(capsys, "serve", study.run, "--port", free_port())
+
+
+def free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+@pytest.mark.parametrize(("option", "value", "words"), [
+    ("--seed", 5, "--seed 5: the study in"), ("--pairs", 3, "--pairs 3: the study in"),
+])  # fmt: skip
+def test_what_was_designed_stays(
+    study: ServedStudy, capsys: pytest.CaptureFixture[str], option: str, value: int, words: str
+) -> None:
+    before = (study.folder / "study.json").read_bytes()
+    assert words in complaint(capsys, "serve", study.run, option, value)
+    assert (study.folder / "study.json").read_bytes() == before
+
+
+def test_a_study_of_which_a_placement_is_gone(study: ServedStudy, capsys: pytest.CaptureFixture[str]) -> None:
+    shutil.rmtree(study.run / "methods" / "layoutgpt")
+    assert "its study shows layoutgpt" in complaint(capsys, "serve", study.run, "--port", free_port())
+
+
+def test_a_study_of_which_a_check_is_gone(study: ServedStudy, capsys: pytest.CaptureFixture[str]) -> None:
+    shutil.rmtree(study.folder / "attention" / "01" / "lifted")
+    assert "attention/01/lifted: an attention check of the study is gone" in complaint(capsys, "serve", study.run)
+
+
+def test_a_broken_design_is_named(study: ServedStudy, capsys: pytest.CaptureFixture[str]) -> None:
+    (study.folder / "study.json").write_text('{"version": 1}')
+    assert "study.json: not a study's design" in complaint(capsys, "serve", study.run)
+
+
+def test_a_report_without_votes(study: ServedStudy, capsys: pytest.CaptureFixture[str]) -> None:
+    assert "its study has no votes yet; dcap study serve" in complaint(capsys, "report", study.run)
+    assert not (study.run / "tables").exists()
+
+
+def test_a_report_holds_the_votes(study: ServedStudy, capsys: pytest.CaptureFixture[str]) -> None:
+    """r01 prefers dcap, then fireplace, and takes no floating copy; r02 presses left every time and is flagged.
+
+    Each method is in 8 of a rater's 12 comparisons. Of r01's dcap wins 8, fireplace 4; which of r02's each wins
+    follows from the sides, and the share is of both.
+    """
+    order = ["dcap", "fireplace", "layoutgpt"]
+    left_of = dict.fromkeys(order, 0)
+    for rater in ("r01", "r02"):
+        while (item := study.session.current(rater)) is not None:
+            better = "left" if order.index(item.left) < order.index(item.right) else "right"
+            side = item.expected or better if rater == "r01" else "left"
+            if rater == "r02" and item.lifted is None:
+                left_of[item.left] += 1
+            sent = {"item": item.item, "seconds": 1, **{axis.value: side for axis in StudyAxis}}
+            assert study.browser.post(f"{study.page(rater)}/votes", json=sent).status_code == 200
+    assert main(["study", "report", str(study.run)]) == 0
+    said = capsys.readouterr()
+    floating_left = sum(one.lifted == "left" for one in study.session.design.raters["r02"])
+    assert floating_left > 0
+    assert said.err == f"dcap: r02 failed {floating_left} of 2 attention checks; the votes are included\n"
+    rows = {row["method"]: row for row in csv.DictReader((study.run / "tables" / "table2.csv").open())}
+    for number, method in enumerate(order):
+        share = (8 - 4 * number + left_of[method]) / 16
+        assert float(rows[method]["overall_wins"]) == pytest.approx(share, abs=1e-4)
+        assert rows[method]["comparisons"] == "16"
+    assert rows["dcap"]["raters_flagged"] == "1"
+    assert "DCAP & " in (study.run / "tables" / "table2.tex").read_text()
+    raters = list(csv.DictReader((study.folder / "raters.csv").open()))
+    assert [row["flagged"] for row in raters] == ["False", "True"]
+    assert raters[1]["left_share"] == "1.0"
+    votes = pq.read_table(study.folder / "votes.parquet").to_pylist()
+    assert len(votes) == 2 * 14 * 3
+    assert sum(vote["attention_check"] for vote in votes) == 2 * 2 * 3
+    first = (study.run / "tables" / "table2.csv").read_bytes()
+    assert main(["study", "report", str(study.run)]) == 0
+    assert (study.run / "tables" / "table2.csv").read_bytes() == first
+
+
+def test_a_study_grows_by_raters(study: ServedStudy) -> None:
+    """More links later: those who were there keep theirs, and what they are asked."""
+    design = read_design(study.folder)
+    assert design is not None
+    more = design.with_raters(5)
+    write_design(study.folder, more)
+    tokens = tokens_for(study.folder, list(more.raters))
+    assert {name: tokens[name] for name in study.tokens} == study.tokens
+    assert len(set(tokens.values())) == 5
+    assert min(len(token) for token in tokens.values()) >= 32
+
+
+def test_the_design_says_what_is_left_out(run: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A person is told before anybody votes."""
+    folder = run / "methods" / "fireplace" / "samples" / "bed-1"
+    (folder / "placement.json").write_text(json.dumps({"verdict": "infeasible"}))
+    monkeypatch.setattr(serve, "make_checks", lambda *_: ())
+    said: list[str] = []
+    design = serve.new_design(read_study_run(run), run / STUDY_FOLDER, StudyOptions(), said.append)
+    assert said[0] == "fireplace bed-1 is left out: infeasible by the method itself"
+    assert said[-1].startswith("no attention checks")
+    assert design.left_out == {"fireplace/bed-1": "infeasible by the method itself"}
+    assert design.per_pair == 3
+
+
+def test_links_name_a_host_that_others_reach() -> None:
+    assert shown_host("127.0.0.1") == "127.0.0.1"
+    assert shown_host("::1") == "[::1]"
+    assert shown_host("0.0.0.0") == socket.gethostname()

@@ -1,0 +1,283 @@
+"""`dcap judge` on a small run: what is asked, what is written, what counts, and what is refused in one line."""
+
+import csv
+import json
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+
+import pyarrow.parquet as pq
+import pytest
+from fake_api import FakeApi, data_of, message, question_of, says
+from judged import REPLY, SCORES, placement
+from many_methods_run import JUDGED, METHODS, SAMPLES, many_methods_run, method_folder, row, write_rows
+
+from dcap.evaluation.judging.judge import RUBRIC
+from dcap.evaluation.judging.known_answers import KnownAnswer
+from dcap.evaluation.method_report import method_table
+from dcap.evaluation.outcome_table import SampleOutcome
+from dcap.evaluation.statistics.comparisons import JudgedAxis, read_comparisons
+from flows.benchmark import finish
+from flows.cli.app import main
+from flows.judge_run import read_rows
+
+MODEL = "claude-sonnet-5-5"
+TABLES = ("tables/table1.csv", "tables/table1.tex", "judging/scores.parquet", "judging/comparisons.parquet")
+EXACT = (*TABLES, "results.parquet")
+
+
+@pytest.fixture(autouse=True)
+def few_resamples(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Intervals are not what is tested here."""
+    monkeypatch.setattr("flows.judge_run.method_table", partial(method_table, resamples=50))
+
+
+@pytest.fixture
+def small(tmp_path: Path) -> Path:
+    """Two methods on one sample: four questions."""
+    prompts = {"bed-1": SAMPLES["bed-1"]}
+    return many_methods_run(tmp_path / "small", METHODS[:2], JUDGED, MODEL, prompts)
+
+
+@pytest.fixture
+def run(tmp_path: Path) -> Path:
+    """Three methods on four samples, with the pictures that a judge wants."""
+    return many_methods_run(tmp_path / "run", views=JUDGED, chooser=MODEL)
+
+
+def rows_of(run: Path) -> dict[str, dict[str, str]]:
+    """Table 1 by method."""
+    return {one["method"]: one for one in csv.DictReader((run / "tables" / "table1.csv").open())}
+
+
+def record_of(run: Path) -> dict[str, object]:
+    """judge.json."""
+    return json.loads((run / "judging" / "judge.json").read_text())
+
+
+def contents(run: Path, names: tuple[str, ...] = EXACT) -> dict[str, bytes]:
+    """Files of a run."""
+    return {name: (run / name).read_bytes() for name in names}
+
+
+def complaint(capsys: pytest.CaptureFixture[str], *words: object) -> str:
+    """What a command says where it ends with exit code 2, in one line."""
+    assert main(["judge", *map(str, words)]) == 2
+    said = capsys.readouterr().err
+    assert said.count("\n") == 1
+    return said
+
+
+def judging(body):
+    """A model that scores by the prompt's length and takes the left one, but ties on the place."""
+    if question_of(body) == "judge_pair":
+        return message(json.dumps(REPLY | {"right_place": "tie"}))
+    return message(json.dumps(SCORES | {"right_place": 5 + len(data_of(body)["prompt"]) % 5}))
+
+
+def changed(run: Path, method: str, sample: str, **values: object) -> None:
+    """Change a row of results.parquet."""
+    rows = [
+        replace(one, **values) if (one.method, one.sample) == (method, sample) else one  # type: ignore[arg-type]
+        for one in read_rows(run)
+    ]
+    write_rows(run, rows)
+
+
+def test_the_rubric_judges_a_run(run: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Offline, without pictures: scores, comparisons of all pairs in both orders, the columns, and the table."""
+    for path in run.rglob("views/*.png"):
+        path.unlink()
+    assert main(["judge", str(run)]) == 0
+    said = capsys.readouterr().out
+    assert f"Judged by: {RUBRIC}; {12 + 4 * 3 * 2} questions." in said
+    rows = rows_of(run)
+    assert list(rows) == list(METHODS)
+    assert {one["judge"] for one in rows.values()} == {RUBRIC}
+    physics = [float(rows[name]["physics_naturalness"]) for name in METHODS]
+    assert physics == sorted(physics, reverse=True)
+    assert float(rows["layoutgpt"]["elo"]) == 1000.0
+    assert rows["dcap"]["samples"] == "4"
+    place = float(rows["dcap"]["right_place"])
+    assert float(rows["dcap"]["composite"]) == pytest.approx((place * physics[0]) ** 0.5, abs=1e-3)
+    assert len(read_comparisons(run / "judging" / "comparisons.parquet")) == 4 * 3 * 2 * 3
+    found = read_rows(run)
+    assert {one.judge for one in found} == {RUBRIC}
+    assert {one.physics_naturalness for one in found if one.method == "dcap"} == {physics[0]}
+    assert record_of(run)["same_family"] is False
+
+
+def test_names_say_who_answered_for_baselines(tmp_path: Path, run: Path) -> None:
+    """Offline rules stand in for a model only where no model was asked."""
+    assert main(["judge", str(run)]) == 0
+    assert rows_of(run)["fireplace"]["name"] == "FirePlace*"
+    offline = many_methods_run(tmp_path / "offline")
+    assert main(["judge", str(offline)]) == 0
+    assert rows_of(offline)["fireplace"]["name"] == "FirePlace* (offline rules)"
+    assert "FirePlace* (offline rules) & $" in (offline / "tables" / "table1.tex").read_text()
+    assert rows_of(offline)["dcap"]["name"] == "DCAP"
+
+
+def test_a_model_judges_by_pictures(small: Path, api: FakeApi) -> None:
+    """Seven views and two of before; no method is named; habits and cost are kept; the maker is told."""
+    api.answers = [judging]
+    assert main(["judge", str(small), "--language", "anthropic", "--model", MODEL]) == 0
+    assert len(api.asked) == 2 + 2
+    pictures = {sum(block["type"] == "image" for block in one["messages"][0]["content"]) for one in api.asked}
+    assert pictures == {2 + len(JUDGED)}
+    words = json.dumps([data_of(one) for one in api.asked])
+    assert not any(name in words for name in (*METHODS, "penetration", "gap_m"))
+    record = record_of(small)
+    assert (record["judge"], record["chooser"], record["same_family"]) == (MODEL, MODEL, True)
+    assert (record["questions"], record["judged"], record["lowest"], record["left_out"]) == (4, 2, 0, 0)
+    sides = record["sides"]
+    assert sides["right_place"]["tie_rate"] == 1.0  # type: ignore[index]
+    assert (sides["overall"]["left_share"], sides["overall"]["consistent"]) == (1.0, 0)  # type: ignore[index]
+    assert record["language"]["asked"] == 4  # type: ignore[index]
+    assert rows_of(small)["dcap"]["same_family"] == "True"
+    assert f"same maker as {MODEL}" in (small / "tables" / "table1.tex").read_text()
+    assert {one.judge for one in read_rows(small)} == {MODEL}
+
+
+def test_recorded_replies_give_the_same_tables(small: Path, api: FakeApi, tmp_path: Path) -> None:
+    """Byte for byte, with nobody to ask; and a report that is written again keeps the model's scores."""
+    api.answers = [judging]
+    recording = ["--record", str(tmp_path / "recorded")]
+    assert main(["judge", str(small), "--language", "anthropic", *recording]) == 0
+    first, asked = contents(small), len(api.asked)
+    assert main(["judge", str(small)]) == 0
+    assert contents(small)["tables/table1.csv"] != first["tables/table1.csv"]
+    assert main(["judge", str(small), "--replay", str(tmp_path / "recorded")]) == 0
+    assert contents(small) == first
+    assert len(api.asked) == asked
+    fresh = [row(method, "bed-1", SAMPLES["bed-1"]) for method in METHODS[:2]]
+    for path in TABLES[:2]:
+        (small / path).unlink()
+    kept = finish(small, fresh, 1.0)
+    assert contents(small) == first
+    assert {one.judge for one in kept.rows} == {MODEL}
+
+
+def test_a_benchmark_of_several_methods_ends_with_the_rubric(run: Path) -> None:
+    """Its rows have scores, and the run has its table, the same as `dcap judge` makes."""
+    rows = read_rows(run)
+    ended = finish(run, rows, 1.0)
+    assert ended.table is not None
+    first = contents(run)
+    assert main(["judge", str(run)]) == 0
+    assert contents(run) == first
+
+
+def test_a_benchmark_of_one_method_compares_nothing(tmp_path: Path) -> None:
+    """Its rows stay as they are."""
+    run = many_methods_run(tmp_path / "one", ("dcap",))
+    rows = read_rows(run)
+    ended = finish(run, rows, 1.0)
+    assert (ended.rows, ended.table) == (rows, None)
+    assert not (run / "judging").exists()
+    assert not (run / "tables" / "table1.csv").exists()
+
+
+def test_refusing_costs_and_is_not_compared(run: Path) -> None:
+    """No placement where one was intended is 1 on both axes, for a failure too; what ought to be impossible, or of
+    which nobody said, is left out."""
+    changed(run, "fireplace", "bed-1", verdict="infeasible", reason="no_room")
+    changed(run, "layoutgpt", "bed-2", verdict="failed", error="it broke")
+    changed(run, "fireplace", "sofa/3", verdict="infeasible", reason="no_room", feasible_intended=None)
+    for method in METHODS:
+        changed(run, method, "desk-4", feasible_intended=False)
+    assert main(["judge", str(run)]) == 0
+    found = {(one.method, one.sample): one for one in read_rows(run)}
+    for key in (("fireplace", "bed-1"), ("layoutgpt", "bed-2")):
+        assert (found[key].right_place, found[key].physics_naturalness) == (1.0, 1.0)
+    for key in (("fireplace", "sofa/3"), ("dcap", "desk-4")):
+        assert (found[key].right_place, found[key].judge) == (None, "")
+    assert sorted({(one.sample, *one.pair) for one in read_comparisons(run / "judging" / "comparisons.parquet")}) == [
+        ("bed-1", "dcap", "layoutgpt"), ("bed-2", "dcap", "fireplace"), ("sofa/3", "dcap", "layoutgpt"),
+    ]  # fmt: skip
+    rows = rows_of(run)
+    assert [rows[name]["samples"] for name in METHODS] == ["3", "2", "3"]
+    assert [rows[name]["without_placement"] for name in METHODS] == ["0", "1", "1"]
+    assert [rows[name]["left_out"] for name in METHODS] == ["1", "2", "1"]
+    scores = pq.read_table(run / "judging" / "scores.parquet").to_pylist()
+    assert [one["analysis"] for one in scores if one["right_place"] == 1.0] == [
+        "no placement: no_room", "no placement: it broke",
+    ]  # fmt: skip
+
+
+def test_a_method_without_any_score_has_dashes(run: Path) -> None:
+    """It stays in the table."""
+    for sample in SAMPLES:
+        changed(run, "fireplace", sample, verdict="infeasible", feasible_intended=None)
+    assert main(["judge", str(run)]) == 0
+    assert (rows_of(run)["fireplace"]["composite"], rows_of(run)["fireplace"]["samples"]) == ("", "0")
+    assert "FirePlace* & -- & -- & -- & -- & 0" in (run / "tables" / "table1.tex").read_text()
+
+
+def test_what_cannot_be_judged_is_one_line(
+    run: Path, tmp_path: Path, api: FakeApi, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """An unknown run, none, one method, no views, no truth for the rubric, old results; and nothing is written."""
+    assert "'nowhere' is not a run" in complaint(capsys, "nowhere")
+    assert "name the run to judge" in complaint(capsys)
+    one = many_methods_run(tmp_path / "one", ("dcap",))
+    assert "the run has only dcap, and a judge compares methods" in complaint(capsys, one)
+    bare = many_methods_run(tmp_path / "bare")
+    said = complaint(capsys, bare, "--language", "anthropic")
+    assert "room.png: no such picture; a judge needs the run's views" in said
+    unknown = [replace(row, support_hit=None, region_distance_m=None) for row in read_rows(run)]
+    write_rows(bare, unknown)
+    assert "without truth.yaml it knows no right place" in complaint(capsys, bare)
+    assert "--batch is for --language anthropic, not offline" in complaint(capsys, run, "--batch")
+    (bare / "results.parquet").write_bytes(b"none")
+    assert "results.parquet: no results that can be judged" in complaint(capsys, bare)
+    assert not api.asked
+    assert not any((folder / "judging").exists() for folder in (one, bare))
+
+
+def test_a_score_of_eleven_is_refused(small: Path, api: FakeApi, capsys: pytest.CaptureFixture[str]) -> None:
+    """In one line, after it was asked again; the run stays as it was."""
+    api.answers = [says(SCORES | {"right_place": 11})]
+    before = (small / "results.parquet").read_bytes()
+    said = complaint(capsys, small, "--language", "anthropic")
+    assert "invalid answers to 'judge_score', last: right_place: Input should be less than or equal to 10" in said
+    assert (small / "results.parquet").read_bytes() == before
+    assert not (small / "tables").exists()
+    assert not (small / "judging" / "judge.json").exists()
+
+
+def test_a_sample_of_which_pictures_are_gone_is_named(
+    run: Path, api: FakeApi, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The file that is missing."""
+    (method_folder(run, "layoutgpt", "bed-2") / "views" / "low.png").unlink()
+    said = complaint(capsys, run, "--language", "anthropic")
+    assert "methods/layoutgpt/samples/bed-2/views/low.png" in said
+
+
+def test_rows_survive_their_file(run: Path) -> None:
+    """Every column is read as it was written."""
+    assert read_rows(run)[0] == row("dcap", "bed-1", SAMPLES["bed-1"])
+    assert isinstance(read_rows(run)[0], SampleOutcome)
+
+
+def test_a_judge_is_validated(
+    run: Path, api: FakeApi, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Printed and written, for a run or without one: the rubric is right twice, who says left once."""
+    pair = KnownAnswer(
+        placement("s", "settled", 1), placement("s", "floating", 2, gap_m=0.05), JudgedAxis.PHYSICS_NATURALNESS
+    )
+    monkeypatch.setattr("flows.judge_known.known_answers", lambda name: [pair])
+    assert main(["judge", str(run), "--validate"]) == 0
+    assert f"{RUBRIC}: 10 of 10 known answers right (100%" in capsys.readouterr().out
+    tree = json.loads((run / "judging" / "validation.json").read_text())
+    assert (tree["accuracy"], tree["by_flaw"], tree["client"]) == (1.0, {"floating": [10, 10]}, "offline")
+    assert not (run / "tables").exists()
+    api.answers = [says(REPLY)]
+    assert main(["judge", "--validate", "--language", "anthropic"]) == 0
+    said = capsys.readouterr().out.splitlines()
+    assert "5 of 10 known answers right (50%" in said[0]
+    tree = json.loads(Path(said[1]).read_text())
+    assert (tree["accuracy"], tree["sides"]["left_share"], tree["sides"]["consistent"]) == (0.5, 1.0, 0)
+    assert "'nowhere' is not a run" in complaint(capsys, "nowhere", "--validate")

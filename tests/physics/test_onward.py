@@ -1,0 +1,64 @@
+"""A final state simulated on: rest stays, what floats falls, what is inside something is refused."""
+
+import numpy as np
+import pytest
+
+from solver.config import SolverConfig
+from solver.errors import ModelError
+from solver.model.bodies import Model
+from solver.onward import PlacedBodies, onward
+from solver.settle import settle
+
+G = 9.81
+CONFIG = SolverConfig(threads=2)
+
+
+def bodies(lab, height=0.005):
+    slab = lab.soft("slab", lab.Box(np.array([0.3, 0.3, 0.1])), [0, 0, 0.05], E=2e4, nu=0.3, cell=0.0125,
+                    held=np.s_[:, :, 0], fixed=True, loaded=True)  # fmt: skip
+    ball = lab.rigid("ball", lab.Capsule(0.05, 0.0), [0, 0, 0.15 + height], mass=0.8)
+    return Model((ball, slab), np.array([0.0, 0.0, -G]))
+
+
+def placed(result):
+    """Where everything ended."""
+    rest = {one.name: one for one in result.bodies}
+    return PlacedBodies(
+        {name: one.rotation for name, one in rest.items()},
+        {name: one.translation for name, one in rest.items()},
+        result.nodes,
+    )
+
+
+@pytest.mark.slow
+def test_a_rest_state_stays(lab):
+    """A ball in its dent moves by micrometres in a second, and nothing is unbalanced."""
+    model = bodies(lab)
+    result = settle(model, CONFIG)
+    found = onward(model, CONFIG, placed(result), 1.0, 400)
+    assert found.seconds == pytest.approx(1.0)
+    assert found.distance < 2e-5
+    assert found.force_residual < 0.02
+
+
+@pytest.mark.slow
+def test_the_same_pose_over_a_slab_without_its_dent_is_refused(lab):
+    """The dent is 1 cm: without it the ball is that deep inside."""
+    model = bodies(lab)
+    rest = placed(settle(model, CONFIG))
+    with pytest.raises(ModelError, match="inside each other"):
+        onward(model, CONFIG, PlacedBodies(rest.rotation, rest.translation), 1.0, 400)
+
+
+def test_what_floats_falls(lab):
+    """g t^2 / 2 while it meets nothing; all of its weight is unbalanced."""
+    found = onward(bodies(lab, height=0.6), CONFIG, PlacedBodies(), 0.3, 400)
+    assert found.seconds == pytest.approx(0.3)
+    assert found.distance == pytest.approx(0.5 * G * 0.3**2, rel=0.05)
+    assert found.force_residual == pytest.approx(1.0, rel=1e-3)
+
+
+def test_the_steps_are_bounded(lab):
+    found = onward(bodies(lab, height=0.6), CONFIG, PlacedBodies(), 1.0, 3)
+    assert found.steps == 3
+    assert found.seconds < 1.0
