@@ -6,12 +6,13 @@ ACM Transactions on Graphics 41(4), 2022.
 """
 
 import numpy as np
+import open3d
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 
 from dcap.geometry.boundary import is_closed
 from dcap.geometry.distance import signed_volume
-from dcap.geometry.solid.repair import simplified
+from dcap.geometry.solid.repair import simplified, subdivide_near
 from dcap.scene.types.mesh import Mesh
 
 Array = NDArray[np.float64]
@@ -22,7 +23,7 @@ MOST_PIECES = 48  # of one surface
 NEARLY_CONVEX = 0.01  # share of its hull that a surface may leave open and still be one piece [-]
 FLAT = 1e-5  # a solid thinner than this [m] is a sheet, and is given this thickness
 OUTSIDE = 1e-5  # a vertex this far out of its piece [m] was lost as the surface was simplified
-VOXELS = 30  # along the longest side of an open surface, which is made a solid for the decomposition
+VOXELS = 30  # along the longest side of a surface that is made a solid for the decomposition
 SEED = 0
 AT_A_TIME = 20000  # points compared with all planes of a piece: a bounded table
 
@@ -61,7 +62,7 @@ def convex_pieces(mesh: Mesh, *, concavity: float = CONCAVITY, most: int = MOST_
     """Convex pieces that cover a surface, hull of all if that is nearly it; empty where it has no extent.
 
     Args:
-        mesh: triangles, closed or not. A closed one is decomposed as it is, an open one as the solid around it.
+        mesh: triangles. One that bounds a solid is decomposed as it is, any other as the solid around it.
         concavity: how much of a hollow a piece may fill [-].
         most: pieces.
 
@@ -76,6 +77,18 @@ def convex_pieces(mesh: Mesh, *, concavity: float = CONCAVITY, most: int = MOST_
     return decomposed(simplified(mesh, MOST_VERTICES), concavity, most) or [hull]
 
 
+def bounds_a_solid(mesh: Mesh) -> bool:
+    """Whether a surface is closed, every edge of two faces, and none goes through another: on surfaces that do, the
+    library's cuts multiply until no memory is left."""
+    if not is_closed(mesh):
+        return False
+    surface = open3d.geometry.TriangleMesh(
+        open3d.utility.Vector3dVector(mesh.vertices), open3d.utility.Vector3iVector(mesh.faces)
+    )
+    surface.merge_close_vertices(1e-9)
+    return bool(surface.is_edge_manifold(allow_boundary_edges=False) and not surface.is_self_intersecting())
+
+
 def decomposed(mesh: Mesh, concavity: float, most: int) -> list[Mesh]:
     """Hulls of the pieces into which the library cuts a surface; empty where it finds none."""
     import coacd  # slow to load, and only after Open3D, which this module's imports have loaded by now
@@ -86,7 +99,7 @@ def decomposed(mesh: Mesh, concavity: float, most: int) -> list[Mesh]:
         coacd.Mesh(mesh.vertices - shift, mesh.faces),
         threshold=concavity,
         max_convex_hull=most,
-        preprocess_mode="off" if is_closed(mesh) else "on",
+        preprocess_mode="off" if bounds_a_solid(mesh) else "on",
         preprocess_resolution=VOXELS,
         resolution=1000,
         mcts_nodes=10,
@@ -100,15 +113,18 @@ def decomposed(mesh: Mesh, concavity: float, most: int) -> list[Mesh]:
 
 def around_vertices(pieces: list[Mesh], mesh: Mesh) -> list[Mesh]:
     """The pieces fitted to the vertices of the surface: each is the hull of those in it and of those that are nearest
-    to it and were left outside. Of an open surface nothing else is kept: its solid was wider."""
+    to it and were left outside. Of a surface that bounds no solid nothing else is kept: that around it was wider."""
     if not pieces:
         return []
-    away = np.stack([outside(one, mesh.vertices) for one in pieces])
-    owner, least, closed = away.argmin(axis=0), away.min(axis=0), is_closed(mesh)
+    solid = bounds_a_solid(simplified(mesh, MOST_VERTICES))
+    fine = mesh if solid else subdivide_near(mesh, mesh.bounds, float(np.ptp(mesh.vertices, axis=0).max()) / VOXELS)
+    points = fine.vertices
+    away = np.stack([outside(one, points) for one in pieces])
+    owner, least = away.argmin(axis=0), away.min(axis=0)
     fitted = []
     for index, one in enumerate(pieces):
         mine = (away[index] <= OUTSIDE) | (owner == index) & (least > OUTSIDE)
-        hull = convex_hull(np.concatenate([mesh.vertices[mine], one.vertices if closed else one.vertices[:0]]))
+        hull = convex_hull(np.concatenate([points[mine], one.vertices if solid else one.vertices[:0]]))
         fitted += [hull] if hull is not None else []
     return fitted
 

@@ -9,6 +9,7 @@ from dcap.geometry.solid.contact_pieces import TOLERANCE, overlap, with_room
 from dcap.geometry.solid.convex_pieces import (
     OUTSIDE,
     around_vertices,
+    bounds_a_solid,
     convex_hull,
     convex_pieces,
     outside,
@@ -92,6 +93,37 @@ def test_a_slot_stays_open() -> None:
     assert sum(map(volume_of, pieces)) < solid + 0.1 * 0.1 * 0.1 * 0.05  # a tenth of the slot, concavity being 0.05
     again = around_vertices(convex_pieces(mesh), mesh)
     assert all((a.vertices == b.vertices).all() for a, b in zip(pieces, again, strict=True))
+
+
+def crossed() -> Mesh:
+    """Two long blocks through each other: every edge has two faces, but faces cross."""
+    return Mesh.concatenate([box((-0.5, -0.05, 0.0), (0.5, 0.05, 0.1)), box((-0.05, -0.5, 0.02), (0.05, 0.5, 0.12))])
+
+
+@pytest.mark.parametrize(
+    ("mesh", "solid"),
+    [
+        (box((0, 0, 0), (1, 1, 1)), True),
+        (Mesh.concatenate([box((0, 0, 0), (1, 1, 1)), box((2, 0, 0), (3, 1, 1))]), True),
+        (Mesh.concatenate([box((0, 0, 0), (1, 1, 1)), box((1, 1, 0), (2, 2, 1))]), False),  # one edge of four faces
+        (crossed(), False),
+        (box((0, 0, 0), (1, 1, 1)).submesh(np.arange(10)), False),
+    ],
+    ids=["box", "two apart", "two at an edge", "crossed", "open"],
+)
+def test_what_bounds_a_solid(mesh: Mesh, solid: bool) -> None:
+    assert bounds_a_solid(mesh) is solid
+
+
+def test_blocks_through_each_other_are_cut_as_the_solid_around_them() -> None:
+    """The corner between the arms stays open, and fitted pieces reach no farther than the blocks."""
+    pieces = around_vertices(convex_pieces(crossed()), crossed())
+    assert len(pieces) > 1
+    corner = np.array([[0.3, 0.3, 0.05]])
+    assert min(float(outside(one, corner)[0]) for one in pieces) > 0.05
+    low, high = np.min([one.bounds[0] for one in pieces], axis=0), np.max([one.bounds[1] for one in pieces], axis=0)
+    assert low == pytest.approx([-0.5, -0.5, 0.0], abs=1e-6)
+    assert high == pytest.approx([0.5, 0.5, 0.12], abs=1e-6)
 
 
 def test_pieces_make_room_for_what_bulges_into_them() -> None:
