@@ -174,7 +174,8 @@ def copy_pictures(finished: FinishedSample, store: Store, folder: Path) -> dict[
 def result_line(tree: Mapping[str, JsonValue]) -> str:
     """One line for a person."""
     base = tree["base"]
-    where = f" on {base['label']} ({tree['part']})" if isinstance(base, Mapping) else ""
+    part = f" ({tree['part']})" if tree["part"] else ""
+    where = f" on {base['label']}{part}" if isinstance(base, Mapping) else ""
     if tree["verdict"] == AT_REST:
         return f"at rest{where}"
     return f"infeasible: {tree['reason']}{where}; {tree['message'] or ''}".rstrip("; ")

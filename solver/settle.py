@@ -188,7 +188,7 @@ class ImplicitDrop(Simulation):
         return FinalState(
             seconds=state.time,
             bodies=self._bodies(state),
-            contacts=contact_table(self.model, contacts),
+            contacts=contact_table(self.model, contacts, lambda index: self.query.surface(state, index)),
             contact_points={self.model.bodies[i].name: points_of(contacts, i) for i in self.free},
             friction_margin=friction_margin(contacts),
             free_weight=self.weight,

@@ -1,5 +1,6 @@
 """`dcap maps`."""
 
+import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -18,7 +19,10 @@ def maps(
     out: Annotated[Path | None, typer.Option(help="Folder; default: maps in the sample's own.")] = None,
 ) -> int:
     """Write depth, normals, masks, contact, shadow and ids of a placement, pixel by pixel of one view."""
-    from flows.maps_one import maps_of_sample
+    from flows.maps_one import maps_of_sample, note_of
 
-    print(maps_of_sample(run, sample, camera, over, out))
+    folder = maps_of_sample(run, sample, camera, over, out)
+    if note := note_of(folder):
+        print(f"note: {note}", file=sys.stderr)
+    print(folder)
     return 0

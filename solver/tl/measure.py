@@ -1,5 +1,7 @@
 """What is measured after every implicit step, and the tables of contacts at the end."""
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -8,7 +10,7 @@ from solver.certificate import ContactRow, RollingRow
 from solver.contact.active import ActiveContacts, Contacts
 from solver.contact.query import ContactQuery
 from solver.kernels.query import largest_particle_speed
-from solver.model.bodies import Model, free_motions
+from solver.model.bodies import Body, Model, free_motions
 from solver.model.soft import SoftSystem
 from solver.model.state import State
 from solver.rest import Signals
@@ -89,8 +91,11 @@ def total_wrench(
     return force, torque
 
 
-def contact_table(model: Model, contacts: Contacts) -> tuple[ContactRow, ...]:
-    """One row per touching pair of bodies, both point sets together; forces on the first named body."""
+def contact_table(
+    model: Model, contacts: Contacts, surface: Callable[[int], NDArray[np.float64]]
+) -> tuple[ContactRow, ...]:
+    """One row per touching pair of bodies, both point sets together; forces on the first named body. `surface` gives
+    the deformed surface points of a body [m], shape (n, 3)."""
     rows = []
     keys = sorted({(min(t.pair.a, t.pair.b), max(t.pair.a, t.pair.b)) for t in contacts.active})
     for a, b in keys:
@@ -102,7 +107,7 @@ def contact_table(model: Model, contacts: Contacts) -> tuple[ContactRow, ...]:
             ContactRow(
                 a=model.bodies[a].name,
                 b=model.bodies[b].name,
-                area_m2=float(max(s.pair.area[s.point].sum() for s in sides)),
+                area_m2=max(facing_area(model.bodies[s.pair.a], surface(s.pair.a), s) for s in sides),
                 normal_force_n=float(np.linalg.norm(normal)),
                 tangential_force_n=float(np.linalg.norm(total - normal)),
                 max_penetration_m=float(max(-s.gap[m].min() for s, m in zip(sides, loaded, strict=True))),
@@ -112,6 +117,18 @@ def contact_table(model: Model, contacts: Contacts) -> tuple[ContactRow, ...]:
             )
         )
     return tuple(rows)
+
+
+def facing_area(body: Body, points: NDArray[np.float64], side: ActiveContacts) -> float:
+    """Area of a surface that its contact points stand for, seen along their normals [m^2]: a third of the adjacent
+    faces' area vectors each. Points at an edge stand for the faces that look at the other body, not for those beside
+    them."""
+    corner = points[body.faces]
+    vector = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]) / 6.0
+    total = np.stack(
+        [np.bincount(body.faces.ravel(), np.repeat(one, 3), minlength=len(points)) for one in vector.T], axis=1
+    )
+    return float(np.abs(np.einsum("ki,ki->k", total[side.point], side.normal)).sum())
 
 
 def _normal_sum(side: ActiveContacts) -> NDArray[np.float64]:

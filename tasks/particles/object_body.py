@@ -37,6 +37,7 @@ SAMPLES = 220.0  # of the distance along the object's diagonal, if ParticlesConf
 SAMPLES_PER_CELL = 3.0  # of the distance in a cell under the contact, at least
 MARGIN = 0.01  # the distance reaches this far beyond the object [m]
 FILL_CELLS = 36  # cells along each side that fill a rigid object of several materials, for its mass
+TOLD = 0.05  # a mass farther from the usual one than this share of it is told [-]
 POINTS_ACROSS = 10.0  # edges across the footprint of a rigid object on a rigid base
 
 
@@ -119,6 +120,11 @@ def object_mass(setup: DropSetup, natural: float) -> float:
     intent, trust = setup.intent, setup.config.mass_trust
     ratio = natural / intent.mass
     if not (intent.hollow or intent.mass_given) and 1.0 / trust <= ratio <= trust:
+        if setup.body == OBJECT and abs(ratio - 1.0) > TOLD:
+            setup.notes.append(
+                f"object: weighs {natural:.3g} kg, its density times its volume, instead of {intent.mass:.3g} kg, "
+                f"which is usual for its size; within a factor of {trust:g} the material counts (--mass overrides both)"
+            )
         return natural
     if setup.body == OBJECT:  # what was placed before has the mass that it had
         setup.notes.append(

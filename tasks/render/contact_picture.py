@@ -33,7 +33,7 @@ FADING = 0.2
 COLORS = "viridis_r"
 PATCH, OUTLINE = np.array([255.0, 122.0, 26.0]), np.array([30.0, 30.0, 30.0])
 """Colours of the contact patch and of the outline of the object above it."""
-DENT_SHARE, PATCH_SHARE, LINE_SHARE = 0.7, 0.45, 0.9
+DENT_SHARE, PATCH_SHARE, LINE_SHARE = 0.7, 0.15, 0.9
 """Opacities [-]."""
 GREYED = 0.6
 """How far the scene's own colours are drawn to grey, so that the map's stand out [-]."""

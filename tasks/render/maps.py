@@ -42,6 +42,8 @@ Array = NDArray[np.float64]
 F32 = NDArray[np.float32]
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722], dtype=np.float32)
 """Of linear sRGB [Rec. ITU-R BT.709]."""
+DARK = 1e-3
+"""Light of a place that is dark without the object, too [-]: in a seam nothing is left to be shadowed."""
 AXES = np.concatenate([np.eye(3), -np.eye(3)])
 OBJECT = "object"
 
@@ -127,8 +129,8 @@ def shadow_of(exposure: Exposure, bare: Raycaster, thing: int) -> F32:
     surface, scene = exposure.surface, exposure.scene
     before = gathered_light(bare, surface, scene.light, scene.reach, exposure.shape)
     lit, unlit = (LUMINANCE @ shade(surface, light, scene.light) for light in (exposure.light, before))
-    on_scene = (surface.mesh_index >= 0) & (surface.mesh_index != thing)
-    ratio = np.where(on_scene, lit / np.maximum(unlit, 1e-6), 1.0).reshape(exposure.shape)
+    on_scene = (surface.mesh_index >= 0) & (surface.mesh_index != thing) & (unlit > DARK)
+    ratio = np.where(on_scene, lit / np.maximum(unlit, DARK), 1.0).reshape(exposure.shape)
     mine = (surface.mesh_index == thing).reshape(exposure.shape)
     if mine.any() and not mine.all():
         row, column = distance_transform_edt(mine, return_distances=False, return_indices=True)
