@@ -13,6 +13,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
+from dcap.geometry.distance import sampler
 from dcap.geometry.rendering.normals import ShadingNormals
 from dcap.scene.json_tree import JsonObject, JsonValue
 from dcap.scene.readers.scenes.placed_scene import DEFORMED, FACTS
@@ -140,11 +141,11 @@ def write_geometry(values: Values, folder: Path) -> dict[str, str]:
     return files
 
 
-def iso_glb(settled: Settled) -> bytes:
+def iso_glb(settled: Settled, particles: Particles) -> bytes:
     """The surfaces around the material points of the soft bodies at rest, with their distances to them."""
     nodes = []
     for number, one in soft_bodies(settled):
-        surface = iso_surface(one)
+        surface = iso_surface(one, sampler(particles.bodies[number].distance))
         node = Node(
             settled.bodies[number].name, surface, normals=corner_normals(surface), extras=distances(surface, one)
         )

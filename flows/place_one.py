@@ -80,8 +80,9 @@ def write_results(
         found = FinishedPlacement(out, finished, load_values(finished, Store.default()), config)
         if options.maps:
             write_maps_of(found, out / FOLDER)
-        if options.surface == "iso" and found.values.settled:
-            (out / ISO).write_bytes(iso_glb(found.values.settled))
+        settled, particles = found.values.settled, found.values.particles
+        if options.surface == "iso" and settled and particles:
+            (out / ISO).write_bytes(iso_glb(settled, particles))
         if options.animate:
             write_film(found, out)
     return tree

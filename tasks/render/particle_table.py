@@ -7,10 +7,10 @@ from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import gaussian_filter
 from scipy.spatial import cKDTree
 from skimage.measure import marching_cubes
 
+from dcap.geometry.distance import Distance
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.particles import Particles, SoftSimulationBody
 from dcap.scene.types.settled import Settled, SettledMaterial
@@ -18,12 +18,10 @@ from solver.motion import MaterialState
 
 Array = NDArray[np.float64]
 
-MOST_CELLS = 8_000_000
-"""Cells of the grid of an iso-surface [-]: 64 MB."""
-SMOOTHING = 0.8
-"""Standard deviation by which the material is smeared before its surface is taken [cells]."""
-HALF = 0.5
-"""A place is inside where at least this share of it is material [-]."""
+MOST_CELLS = 1_500_000
+"""Cells of the grid of an iso-surface [-]."""
+NEIGHBOURS = 4
+"""Material points by which a place is followed back [-]."""
 COMPONENTS = ("xx", "yy", "zz", "yz", "xz", "xy")
 
 
@@ -81,29 +79,30 @@ def particle_columns(settled: Settled, particles: Particles) -> Mapping[str, NDA
     return {name: np.concatenate(parts) for name, parts in columns.items()}
 
 
-def iso_surface(one: MaterialState) -> Mesh:
-    """The surface around the material points of a body at rest: where half of the space is material.
+def iso_surface(one: MaterialState, start: Distance) -> Mesh:
+    """The surface around the material of a body at rest: where its distance from the material's surface is nought.
 
-    A point's volume is spread over a grid whose cells are as large as the volume of the middle one, or larger where
-    that takes more than MOST_CELLS.
+    A place at rest is followed back to where the material around it began, by the displacements of the nearest material
+    points, and `start` is asked there: the signed distance of the body's surface before the drop. So the surface does
+    not depend on how far apart the points are. Where a body was cut off, it ends with its points.
     """
-    place, volume = one.start + one.displacement, one.volume * one.volume_ratio
-    cell = float(np.cbrt(np.median(volume)))
-    low, high = place.min(axis=0), place.max(axis=0)
-    rim = 4.0
-    while np.prod(np.ceil((high - low) / cell) + 2.0 * rim) > MOST_CELLS:
-        cell *= 1.1
-    shape = (np.ceil((high - low) / cell) + 2.0 * rim).astype(int)
-    local = (place - low) / cell + rim - 0.5
-    first = np.floor(local).astype(int)
-    part = local - first
-    share = np.zeros(shape)
-    for corner in np.ndindex(2, 2, 2):
-        weight = np.prod(np.where(corner, part, 1.0 - part), axis=1)
-        np.add.at(share, tuple((first + corner).T), weight * volume / cell**3)
-    smooth = gaussian_filter(np.minimum(share, 1.0), SMOOTHING)
-    vertices, faces, _, _ = marching_cubes(smooth, HALF)  # type: ignore[no-untyped-call]
-    return Mesh.of((vertices - rim + 0.5) * cell + low, faces[:, ::-1], (150, 170, 200))
+    place = one.start + one.displacement
+    size = np.cbrt(one.volume)
+    rim = float(np.quantile(size, 0.9))
+    low, high = place.min(axis=0) - 2.0 * rim, place.max(axis=0) + 2.0 * rim
+    cell = max(float(np.quantile(size, 0.1)), float(np.cbrt(np.prod(high - low) / MOST_CELLS)))
+    axes = [np.arange(low[a], high[a] + cell, cell) for a in range(3)]
+    points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+    away, near = cKDTree(place).query(points, k=min(NEIGHBOURS, len(place)), workers=-1)
+    away, near = away.reshape(len(points), -1), near.reshape(len(points), -1)
+    weight = 1.0 / (away**2 + (1e-3 * cell) ** 2)
+    moved = np.einsum("nk,nki->ni", weight, one.displacement[near]) / weight.sum(axis=1, keepdims=True)
+    began = points - moved
+    kept_low, kept_high = one.start.min(axis=0), one.start.max(axis=0)
+    beyond = np.maximum(kept_low - began, began - kept_high).max(axis=1) - 0.5 * rim
+    values = np.maximum(start(began), beyond).reshape([len(one) for one in axes])
+    vertices, faces, _, _ = marching_cubes(values, 0.0, spacing=(cell,) * 3)  # type: ignore[no-untyped-call]
+    return Mesh.of(vertices + low, faces, (150, 170, 200))
 
 
 def distances(surface: Mesh, one: MaterialState) -> dict[str, float]:

@@ -31,14 +31,36 @@ def test_von_mises_of_known_states():
 
 def test_an_iso_surface_has_the_volume_and_place_of_its_material():
     one = ball_of_points()
-    surface = iso_surface(one)
+    surface = iso_surface(one, lambda points: np.linalg.norm(points, axis=1) - RADIUS)
     solid = trimesh.Trimesh(surface.vertices, surface.faces)
     assert solid.is_watertight
-    assert solid.volume == pytest.approx(4.0 / 3.0 * np.pi * RADIUS**3, rel=0.03)  # positive: faces look outward
+    assert solid.volume == pytest.approx(4.0 / 3.0 * np.pi * RADIUS**3, rel=0.01)  # positive: faces look outward
     away = np.linalg.norm(surface.vertices - [0.0, 0.0, 0.3], axis=1)
-    assert np.abs(away - RADIUS).max() < 1.5 * STEP
+    assert np.abs(away - RADIUS).max() < 0.1 * STEP
     found = distances(surface, one)
     assert 0.0 < found["to_points_mean_m"] < found["to_points_max_m"] < 2.0 * STEP
+
+
+def test_an_iso_surface_is_whole_where_points_are_far_apart():
+    """A block whose points are 4 mm apart in one corner and up to 5 cm elsewhere, sheared: one closed piece of the
+    same volume."""
+    edges = [np.concatenate([np.arange(0.0, 0.04, 0.004), np.linspace(0.04, 0.5, 11)]) for _ in range(2)]
+    edges.append(np.linspace(0.0, 0.2, 9))
+    middle = [0.5 * (one[1:] + one[:-1]) for one in edges]
+    start = np.stack(np.meshgrid(*middle, indexing="ij"), axis=-1).reshape(-1, 3)
+    volume = np.prod(np.stack(np.meshgrid(*(np.diff(one) for one in edges), indexing="ij"), axis=-1), axis=-1).ravel()
+    shear = np.column_stack([0.2 * start[:, 2], np.zeros((len(start), 2))])
+    state = MaterialState(start, shear, volume, np.ones(len(start)), np.zeros((len(start), 6)))
+    size = np.array([0.5, 0.5, 0.2])
+
+    def block(points):
+        return np.maximum(-points, points - size).max(axis=1)
+
+    surface = iso_surface(state, block)
+    solid = trimesh.Trimesh(surface.vertices, surface.faces)
+    assert solid.is_watertight
+    assert solid.body_count == 1
+    assert solid.volume == pytest.approx(np.prod(size), rel=0.03)
 
 
 def test_figures_of_a_settled_body():

@@ -15,6 +15,7 @@ from dcap.geometry.rendering.painted import own_paint
 from dcap.scene.readers.source import read_surface
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.paint import Paint, SourceSurface
+from dcap.scene.types.particles import Particles
 from dcap.scene.writers.glb import Node, glb_bytes, labelled_nodes
 from flows.output import corner_normals, iso_glb, scene_nodes
 from tasks.render.contact_surfaces import contact_nodes
@@ -68,7 +69,7 @@ def test_scene_and_object_at_rest(tmp_path: Path, with_textures: bool) -> None:
 def test_other_files(tmp_path: Path) -> None:
     assert issues(glb_bytes(contact_nodes(settled())), tmp_path) == []
     assert issues(glb_bytes(labelled_nodes(scene_of())), tmp_path) == []
-    assert issues(iso_glb(settled()), tmp_path) == []
+    assert issues(iso_glb(settled(), Particles((), (), 0.01, ())), tmp_path) == []
 
 
 def test_faces_without_area_and_many_tints(tmp_path: Path) -> None:
