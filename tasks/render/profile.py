@@ -17,6 +17,8 @@ Array = NDArray[np.float64]
 
 REACH = 0.8
 """Half of the width of the cut over the object's diagonal [-]."""
+OVER = 1.08
+"""Height of the picture over that of the object's top [-]."""
 WIDTH, HEIGHT, DPI = 1024, 640, 100
 BEFORE, AFTER, THING = "#8a8a8a", "#1f77b4", "#e6550d"
 
@@ -34,7 +36,9 @@ def profile_picture(before: Mesh, after: Mesh, thing: Mesh, middle: Array, along
     level = np.array([along[0], along[1], 0.0])
     level /= np.linalg.norm(level)
     normal = np.array([-level[1], level[0], 0.0])
-    reach = REACH * float(np.linalg.norm(np.ptp(thing.vertices, axis=0)))
+    shape = (0.78 * HEIGHT) / (0.88 * WIDTH)
+    top = float(thing.bounds[1, 2] - middle[2])
+    reach = max(REACH * float(np.linalg.norm(np.ptp(thing.vertices, axis=0))), OVER * top / (1.4 * shape))
     figure = Figure(figsize=(WIDTH / DPI, HEIGHT / DPI), dpi=DPI, facecolor="white")
     canvas = FigureCanvasAgg(figure)
     axes = figure.add_axes((0.09, 0.11, 0.88, 0.78))
@@ -46,7 +50,7 @@ def profile_picture(before: Mesh, after: Mesh, thing: Mesh, middle: Array, along
         lines = 1e3 * section(mesh, middle, level, normal, reach)
         axes.add_collection(LineCollection(list(lines), colors=color, linestyles=style, linewidths=width, label=name))
     axes.set_xlim(-1e3 * reach, 1e3 * reach)
-    half = 1e3 * reach * (0.78 * HEIGHT) / (0.88 * WIDTH)
+    half = 1e3 * reach * shape
     axes.set_ylim(-0.6 * half, 1.4 * half)
     axes.set_aspect("equal")
     axes.set_xlabel("along the cut [mm]")

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from dcap.geometry.camera import Camera
 from dcap.geometry.deform import displaced, following, with_own_vertices
+from dcap.geometry.raycast import Raycaster
 from dcap.geometry.rendering.cutaway import cut_faces
 from dcap.geometry.rendering.painted import painted
 from dcap.scene.types.anchor import Anchor
@@ -22,6 +23,8 @@ Array = NDArray[np.float64]
 
 RIGID_TOLERANCE = 1e-6
 """A surface that is this close to a turned and moved copy of its start did not deform [m]."""
+HANGING = 0.15
+"""A thing is flat, and hangs on a wall, if it is no thicker, and no point of it farther away from the wall [m]."""
 STUDIO_COLOR = (214, 212, 209)
 """A floor for scenes that have none; close to the backdrop."""
 
@@ -140,7 +143,29 @@ def shown(scene: Segmentation, camera: Camera, look: PaintedMesh | None = None) 
 
 def shown_faces(scene: Segmentation, camera: Camera) -> NDArray[np.int64]:
     """Faces that are not cut away before the camera, shape (k,)."""
-    return np.flatnonzero(~cut_faces(scene.mesh, structure_faces(scene), camera.position, camera.target))
+    cut = cut_faces(scene.mesh, structure_faces(scene), camera.position, camera.target)
+    return np.flatnonzero(~(cut | hanging_faces(scene, cut, camera.target)))
+
+
+def hanging_faces(scene: Segmentation, cut: NDArray[np.bool_], target: Array) -> NDArray[np.bool_]:
+    """Faces of things that hang on walls that are cut away, (m,): flat ones all of which is near such a wall, unless
+    the camera looks at them. They would float before the room, seen from behind."""
+    result = np.zeros(len(cut), dtype=bool)
+    if not cut.any():
+        return result
+    wall: Raycaster | None = None
+    for index, one in enumerate(scene.instances):
+        flat = 2.0 * float(one.box.half_extents.min()) <= HANGING
+        corners = one.box.corners
+        looked_at = ((corners.min(axis=0) - HANGING <= target) & (target <= corners.max(axis=0) + HANGING)).all()
+        if one.structure or one.placed or not flat or looked_at:
+            continue
+        mine = scene.face_instance == index
+        wall = wall or Raycaster(scene.mesh.submesh(np.flatnonzero(cut)))
+        points = scene.mesh.vertices[np.unique(scene.mesh.faces[mine])]
+        if len(points) and float(wall.distance_to(points).max()) <= HANGING:
+            result |= mine
+    return result
 
 
 def studio_floor(mesh: Mesh) -> Mesh:

@@ -78,9 +78,17 @@ def render(
         camera_target=target,
         before_after=beside(empty.rgb, closeup.rgb),
         contact=contact,
-        profile=profile_picture(first.mesh, around.scene.mesh, thing.mesh, target, near.world_from_camera[:, 0]),
+        profile=profile_picture(
+            first.mesh, around.scene.mesh, thing.mesh, touched(settled, target), near.world_from_camera[:, 0]
+        ),
         visibility=canonical_views(around.scene.mesh, thing.mesh, target, toward, config),
     )
+
+
+def touched(settled: Settled, middle: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The contact point nearest to a contact's middle [m], shape (3,): a cut between legs would show nothing of it."""
+    points = settled.contact_points
+    return points[int(np.argmin(np.linalg.norm(points - middle, axis=1)))] if len(points) else middle
 
 
 def photograph(meshes: list[PaintedMesh], camera: Camera, config: RenderConfig, *, low_light: bool = False) -> Picture:

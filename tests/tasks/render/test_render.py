@@ -16,7 +16,8 @@ from dcap.scene.types.renders import Renders
 from dcap.scene.types.segmentation import Segmentation, SegmentedObject, SegmentedScene
 from dcap.scene.types.settled import SettledBody
 from tasks.render.config import RenderConfig
-from tasks.render.settled_meshes import settled_item, settled_scene, shown, structure_faces
+from tasks.render.profile import profile_picture
+from tasks.render.settled_meshes import settled_item, settled_scene, shown, shown_faces, structure_faces
 from tasks.render.stage import render
 from tasks.render.views import rays_between
 
@@ -69,6 +70,31 @@ def test_the_wall_in_front_is_cut_and_the_rest_is_shown() -> None:
     in_front = (left.triangles[:, :, 1] < -1.69).all(axis=1)
     assert np.abs(left.face_normals[in_front, 1]).max(initial=0.0) == 0.0  # only the wall's narrow ends are left
     assert structure_faces(scene).sum() == 36
+
+
+def test_what_hangs_on_a_wall_that_is_cut_goes_with_it() -> None:
+    """A picture on the inside of the wall before the camera is not left floating; one on the wall behind stays, and so
+    does a cupboard before the cut wall, and what the camera looks at."""
+    picture_front = box_mesh((-0.4, -1.695, 1.0), (0.4, -1.665, 1.6))
+    picture_back = box_mesh((-0.4, 1.165, 1.0), (0.4, 1.195, 1.6))
+    cupboard = box_mesh((1.5, -1.695, 0.0), (2.5, -1.2, 1.5))
+    scene = scene_of(picture=picture_front, painting=picture_back, cupboard=cupboard)
+    camera = looking_at(np.array([0.0, -4.0, 2.0]), np.array([0.0, 0.0, TOP]), 64, 64)
+    left = set(np.unique(scene.face_instance[shown_faces(scene, camera)]).tolist())
+    assert {scene.index_of(name) for name in ("painting", "cupboard", "bed", "wall_back")} <= left
+    assert scene.index_of("picture") not in left
+    at_it = looking_at(np.array([0.0, -4.0, 2.0]), np.array([0.0, -1.65, 1.3]), 64, 64)
+    assert scene.index_of("picture") in scene.face_instance[shown_faces(scene, at_it)]
+
+
+def test_the_profile_shows_all_of_a_tall_object() -> None:
+    """The axis reaches above a pole's top: its line ends inside of the picture."""
+    pole = box_mesh((-0.02, -0.02, TOP), (0.02, 0.02, TOP + 0.9))
+    found = profile_picture(scene_of().mesh, scene_of().mesh, pole, np.array([0.0, 0.0, TOP]), np.array([1.0, 0, 0]))
+    orange = np.abs(found.astype(int) - (230, 85, 13)).max(axis=2) < 30
+    orange[: int(0.1 * len(found))] = False  # the legend
+    rows = np.flatnonzero(orange.max(axis=1))
+    assert rows.min() > 0.115 * len(found)
 
 
 def test_a_ball_in_a_box_is_buried() -> None:
