@@ -7,7 +7,7 @@ meshes. The final pose of a baseline is taken as it stands.
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 
-from dcap.evaluation.methods import BASELINES
+from dcap.evaluation.methods import BASELINES, DCAP
 from dcap.scene.store.artifacts import Store
 from dcap.scene.store.ref import Ref
 from dcap.scene.types.anchor import Anchor
@@ -48,6 +48,11 @@ def place_by(sample: Sample, config: PlaceConfig) -> PlacementRefs:
     proposes = sample.method in BASELINES or sample.method == NO_DROP
     found = proposed(sample, own) if proposes else place(sample, own)
     return measured(sample, found, config) if config.measured else found
+
+
+def plain(sample: Sample, config: PlaceConfig) -> bool:
+    """Whether it is DCAP alone, and nothing is measured: then `place` says all."""
+    return sample.method == DCAP and not config.measured
 
 
 def changed(**stages: Mapping[str, object]) -> Callable[[PlaceConfig], PlaceConfig]:

@@ -53,7 +53,7 @@ def place_files(scene: str, thing: str, prompt: str, options: PlaceOptions, out:
         process_server(heavy_modules(plan.coming)) as server,
         recorded(sample, RunContext(session=session, server=server), partial(show, console, status)) as recorder,
     ):
-        placement = place_flow(sample)(sample, config)
+        placement = place_flow(sample, config)(sample, config)
     if session.ledger and Path(session.ledger).is_file():
         console.print(in_words(spending_of(Path(session.ledger))))
     finished = FinishedSample(sample, placement, tuple(recorder.records))

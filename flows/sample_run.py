@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 from dcap.scene.errors import DcapError
 from dcap.scene.store.artifacts import Store
 from dcap.scene.types.sample import Sample
-from flows.methods import place_by
-from flows.place import STAGES, PlaceConfig, PlacementRefs
+from flows.methods import place_by, plain
+from flows.place import STAGES, PlaceConfig, PlacementRefs, place
 from tasks.overview import overview_task
 from tasks.runner.context import Event, NotCachedError, OnEvent, RunContext, StageEvent, use_context
 from tasks.runner.records import Record, why_not_cached
@@ -130,7 +130,7 @@ def stages_of(recorder: EventRecorder) -> tuple[str, ...]:
     return tuple(stage for stage, _, _ in recorder.records)
 
 
-def place_flow(sample: Sample) -> "Flow[[Sample, PlaceConfig], PlacementRefs]":
+def place_flow(sample: Sample, config: PlaceConfig) -> "Flow[[Sample, PlaceConfig], PlacementRefs]":
     """The stages of a sample as one Prefect flow; needs a server.
 
     Prefect is imported here, after the server's address is known.
@@ -138,7 +138,8 @@ def place_flow(sample: Sample) -> "Flow[[Sample, PlaceConfig], PlacementRefs]":
     from prefect import Flow
 
     name = sample.id.replace("{", "(").replace("}", ")")
-    return Flow(place_by, name="place", flow_run_name=name, validate_parameters=False, persist_result=False)
+    stages = place if plain(sample, config) else place_by
+    return Flow(stages, name="place", flow_run_name=name, validate_parameters=False, persist_result=False)
 
 
 @contextmanager
@@ -160,7 +161,7 @@ def try_sample(
     """Run the stages of a sample; a failure is a value: the others go on."""
     try:
         with recorded(sample, context, listener) as recorder:
-            placement = place_flow(sample)(sample, config)
+            placement = place_flow(sample, config)(sample, config)
     except Exception as error:  # the border between samples: reported in full, never hidden
         return FailedSample(sample, error)
     return FinishedSample(sample, placement, tuple(recorder.records))

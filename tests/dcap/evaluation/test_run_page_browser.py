@@ -2,6 +2,7 @@
 
 import io
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +22,8 @@ pytestmark = [
 ]
 OPTIONS = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
 WAIT_MS = 60_000
+SCORES = {"dcap": 9.0}
+"""Physics and naturalness by method; low of all others."""
 LOCAL = ("file:", "blob:", "data:")
 
 
@@ -28,7 +31,8 @@ LOCAL = ("file:", "blob:", "data:")
 def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A run of three methods with its page."""
     folder = many_methods_run(tmp_path_factory.mktemp("runs") / "run")
-    written(folder, outcomes(folder))
+    rows = [replace(row, physics_naturalness=SCORES.get(row.method, 4.0), right_place=8.0) for row in outcomes(folder)]
+    written(folder, rows)
     return folder
 
 
