@@ -42,6 +42,7 @@ def configured(options: PlaceOptions, *, language: LanguageConfig | None = None,
         ),
         particles=changed(default.particles, {"cell": options.resolution}),
         drop=changed(default.drop, {"solver": physics, **threads}),
+        drift=changed(default.drift, threads),
     )
 
 

@@ -112,9 +112,10 @@ def asked_of(run: str, sample: str | None) -> tuple[Asked, str]:
 
 
 def finished_placement(run: str, sample: str | None) -> FinishedPlacement:
-    """The values of a sample's stages from the store; InputError where one is no longer there."""
+    """The values of a sample's stages from the store; InputError where one is no longer there. What was measured
+    afterwards is no part of it."""
     asked, name = asked_of(run, sample)
-    plan = plan_sample(asked.samples[name], asked.config)
+    plan = plan_sample(asked.samples[name], asked.config.model_copy(update={"measured": False}))
     if plan.finished is None:
         why = plan.failed.message if plan.failed else f"stage {plan.missing} is not cached ({plan.why})"
         again = "place it again" if asked.one else "run the benchmark again"
