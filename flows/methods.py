@@ -40,6 +40,9 @@ from tasks.segment.stage import segment_object_task, segment_task
 NO_DROP, RIGID_DROP = "no_drop", "rigid_drop"
 OTHER_MATERIALS = frozenset({RIGID_DROP, "blended_materials", "paper"})
 """Ablations whose drop has other materials, or none that gives way."""
+PICTURE = 512
+"""Side of the pictures of a proposal [pixels]: it has no dent to look at closely, and what judges compare are the views,
+which are alike for all."""
 
 
 def place_by(sample: Sample, config: PlaceConfig) -> PlacementRefs:
@@ -117,7 +120,8 @@ def proposed(sample: Sample, config: PlaceConfig) -> PlacementRefs:
     materials = materials_task(scene, item, intent, anchor, sample.prompt, config=config.materials)
     particles = particles_task(scene, item, intent, anchor, materials, config=config.particles)
     settled = posed_task(item, anchor)
-    renders = render_task(scene, item, anchor, settled, scene_surface, object_surface, config=config.render)
+    small = config.render.model_copy(update={"size": min(config.render.size, PICTURE)})
+    renders = render_task(scene, item, anchor, settled, scene_surface, object_surface, config=small)
     overview = None
     if renders.infeasible:
         said = None if intent.infeasible else intent

@@ -50,8 +50,11 @@ class Onward:
     """Unbalanced force in the last step on the worst free body over its weight [-]: 1 in free fall."""
 
 
-def onward(model: Model, config: SolverConfig, placed: PlacedBodies, seconds: float, most_steps: int) -> Onward:
-    """Simulate a state on.
+def onward(
+    model: Model, config: SolverConfig, placed: PlacedBodies, seconds: float, most_steps: int, most_work: float = np.inf
+) -> Onward:
+    """Simulate a state on until `seconds` are over, or `most_steps`, or `most_work`: of that a step takes once the
+    material points, and once more for each of its Newton iterations.
 
     Raises ModelError where it begins with bodies inside each other by more than `config.start_overlap`, and
     UnstableStep where a step breaks.
@@ -61,12 +64,13 @@ def onward(model: Model, config: SolverConfig, placed: PlacedBodies, seconds: fl
         simulation = Simulation(model, config)
         first = begun(simulation, placed)
         refuse_overlap(simulation, first)
-        state, control, residual, steps = first, StepControl(config.step_seconds), 0.0, 0
-        while state.time < seconds - 1e-9 and steps < most_steps:
+        state, control, residual, steps, work = first, StepControl(config.step_seconds), 0.0, 0, 0
+        while state.time < seconds - 1e-9 and steps < most_steps and work < most_work:
             control = replace(control, dt=min(control.dt, seconds - state.time))
             step = simulation.step(state, control)
             residual = float(step.signals.force_residual)
             state, control, steps = step.state, step.control, steps + 1
+            work += (1 + step.report.newton) * len(simulation.soft.real)
             simulation.stiffen(state, step.report.contacts, step.signals)
         distance, angle = simulation.distance(first, state)
         return Onward(float(state.time), steps, distance, angle, residual)

@@ -14,10 +14,11 @@ from dcap.geometry.rendering.painted import painted
 from dcap.geometry.rendering.picture import picture
 from dcap.scene.types.anchor import Anchor
 from dcap.scene.types.judged_views import JudgedViews
-from dcap.scene.types.paint import PaintedMesh, SourceSurface
+from dcap.scene.types.paint import SourceSurface
 from dcap.scene.types.segmentation import SegmentedObject, SegmentedScene
 from dcap.scene.types.settled import Settled
-from tasks.render.settled_meshes import painted_item, painted_scene, settled_scene, shown
+from tasks.render.scene_views import SceneViews
+from tasks.render.settled_meshes import painted_item, painted_scene, settled_scene
 from tasks.runner.stage import stage
 
 Array = NDArray[np.float64]
@@ -31,7 +32,7 @@ NEARBY, ABOVE, LEVEL, CORNER = 25.0, 70.0, 6.0, 30.0
 class ViewsConfig(BaseModel, frozen=True, extra="forbid"):
     """How large the pictures are and what they cover."""
 
-    size: PositiveInt = 512
+    size: PositiveInt = 384
     """Width and height [pixel]."""
     fov_deg: PositiveFloat = 40.0
     """Field of view [degrees]."""
@@ -58,9 +59,11 @@ def judged_views(
     low, high = thing.mesh.bounds
     middle, size = 0.5 * (low + high), float(np.linalg.norm(high - low))
     away = config.near * size
+    after = SceneViews(around.scene, look, [thing])
+    before = SceneViews(scene, painted(scene.mesh, scene_surface))
 
     def taken(camera: Camera) -> NDArray[np.uint8]:
-        return picture([*shown(around.scene, camera, look), thing], camera, samples=config.samples).rgb
+        return picture(after.seen_by(camera), camera, samples=config.samples).rgb
 
     sides = {name: taken(seen_from(middle, azimuth, NEARBY, away, config)) for name, azimuth in SIDES.items()}
     inwards = scene.mesh.bounds.mean(axis=0) - middle
@@ -68,10 +71,9 @@ def judged_views(
     corner = float(np.degrees(np.arctan2(inwards[1], inwards[0]))) if off_middle else SIDES["front"]
     whole = seen_from(middle, corner, CORNER, max(config.far, 6.0 * size), config)
     alone = seen_from(middle, SIDES["front"] + 30.0, NEARBY, 0.8 * away, config)
-    untouched = painted(scene.mesh, scene_surface)
     return JudgedViews(
-        clean=picture(shown(scene, whole, untouched), whole, samples=config.samples).rgb,
-        asset=picture([PaintedMesh(thing.mesh, thing.paint)], alone, samples=config.samples).rgb,
+        clean=picture(before.seen_by(whole), whole, samples=config.samples).rgb,
+        asset=picture([thing], alone, samples=config.samples).rgb,
         room=taken(whole),
         top=taken(seen_from(middle, SIDES["front"], ABOVE, away, config)),
         low=taken(seen_from(middle, SIDES["front"], LEVEL, away, config)),

@@ -53,10 +53,9 @@ def touching(thing: Mesh, scene: Mesh) -> Touching:
     lines, near = columns(thing, scene), around(thing, scene, TOUCHING + edge)
     enclosed = enclosed_depth(thing, scene)
     depth = max(inside_depth(thing, near, edge), enclosed)
-    if enclosed:
-        gap = 0.0
-    else:
-        gap = max(float(lines.gap[lines.nearest]), 0.0) if lines.nearest >= 0 else np.inf
+    gap = np.inf
+    if enclosed or lines.nearest >= 0:
+        gap = 0.0 if enclosed else max(float(lines.gap[lines.nearest]), 0.0)
     fine = subdivide_near(thing, thing.bounds, edge)
     middle = fine.triangles.mean(axis=1)
     away = Raycaster(near).distance_to(middle) if len(near.faces) else np.full(len(middle), np.inf)
