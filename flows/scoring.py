@@ -10,8 +10,18 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation as Turn
 
 from dcap.evaluation.judging.rubric import SCALES, rubric_scores
+from dcap.evaluation.metrics.placeit3d import (
+    ConstraintKind,
+    FinalBox,
+    asked_constraints,
+    met,
+    physical,
+    room_size,
+    upright_box,
+)
 from dcap.evaluation.metrics.right_place import place_measures
 from dcap.evaluation.outcome_table import AS_POSED, AT_REST, QUADRANT_DEG, ExpectedOutcome, SampleOutcome, row_of
 from dcap.evaluation.region import TOLERANCE_M
@@ -19,6 +29,7 @@ from dcap.geometry.placement.named_regions import BESIDE, regions
 from dcap.scene.json_tree import JsonObject, JsonValue
 from dcap.scene.store.artifacts import Store
 from dcap.scene.store.ref import Ref
+from dcap.scene.types.intent import Intent
 from dcap.scene.types.sample import Sample
 from dcap.scene.types.segmentation import Segmentation
 from flows.measures_file import read_measures
@@ -56,6 +67,7 @@ def scored_row(
         drift_m=number(drift.get("distance_m")),
         drift_s=number(drift.get("seconds")),
     )
+    row = with_rules(row, kept, tree, truth)
     if truth is None or not truth.feasible:
         return with_scores(row)
     pose = tree["pose"]
@@ -75,6 +87,45 @@ def scored_row(
     if row.verdict == AS_POSED:  # its words for regions are its own: what counts is where the object is
         row = replace(row, as_expected=there(row))
     return with_scores(row)
+
+
+def with_rules(
+    row: SampleOutcome, kept: Mapping[str, JsonValue], tree: Mapping[str, JsonValue], truth: ExpectedOutcome | None
+) -> SampleOutcome:
+    """With what PlaceIt3D's rules say of a measured row; what was asked is None where scene or intent are gone.
+
+    The gap of the scene as left stands in both physical columns: before a dent the surface was no lower.
+    """
+    row = replace(
+        row,
+        placeit3d_physical=physical(row.penetration_m, row.gap_m),
+        placeit3d_physical_given=physical(row.penetration_given_m, row.gap_m),
+    )
+    scene, intent = kept.get("scene"), kept.get("intent")
+    if not isinstance(scene, Mapping) or not isinstance(intent, Mapping):
+        return row
+    known = loaded_scene(str(scene["kind"]), str(scene["sha256"]))
+    said = loaded_intent(str(intent["kind"]), str(intent["sha256"]))
+    pose, measures = tree["pose"], kept["measures"]
+    if known is None or said is None:
+        return row
+    assert isinstance(pose, Mapping)
+    assert isinstance(measures, Mapping)
+    final = FinalBox(
+        box=upright_box(np.asarray(tree["object_aabb"], dtype=float)),
+        front=Turn.from_quat(np.asarray(pose["quaternion"], dtype=float), scalar_first=True).as_matrix()[:2, 1],
+        support_id=str(measures.get("support_id") or ""),
+        dz=np.inf if row.gap_m is None else max(row.gap_m, row.penetration_m or 0.0),
+    )
+    boxes, room = {one.id: one.box for one in known.instances}, room_size(known.mesh.bounds)
+    held = [(one.kind, met(one, final, boxes, room)) for one in asked_constraints(known.instances, said, truth)]
+    spatial = [yes for kind, yes in held if kind is not ConstraintKind.FACING]
+    return replace(
+        row,
+        placeit3d_spatial_asked=len(spatial),
+        placeit3d_spatial_met=sum(spatial),
+        placeit3d_rotational_met=next((yes for kind, yes in held if kind is ConstraintKind.FACING), None),
+    )
 
 
 def there(row: SampleOutcome) -> bool:
@@ -126,3 +177,12 @@ def loaded_scene(kind: str, sha256: str) -> Segmentation | None:
     store = Store.default()
     value = store.load(ref) if store.has(ref) else None
     return value if isinstance(value, Segmentation) else None
+
+
+@lru_cache(maxsize=64)
+def loaded_intent(kind: str, sha256: str) -> Intent | None:
+    """What a sentence was read as, from the store; None where it is no longer there."""
+    ref: Ref[Intent] = Ref(kind, sha256)
+    store = Store.default()
+    value = store.load(ref) if store.has(ref) else None
+    return value if isinstance(value, Intent) else None
