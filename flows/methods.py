@@ -41,8 +41,7 @@ NO_DROP, RIGID_DROP = "no_drop", "rigid_drop"
 OTHER_MATERIALS = frozenset({RIGID_DROP, "blended_materials", "paper"})
 """Ablations whose drop has other materials, or none that gives way."""
 PICTURE = 512
-"""Side of the pictures of a proposal [pixels]: it has no dent to look at closely, and what judges compare are the views,
-which are alike for all."""
+"""Side of the pictures of a proposal [pixels]: it has no dent to look at closely, and judges compare the views."""
 
 
 def place_by(sample: Sample, config: PlaceConfig) -> PlacementRefs:
