@@ -163,7 +163,7 @@ def measured(sample: Sample, found: PlacementRefs, config: PlaceConfig) -> Place
     scene, item, anchor, settled = found.scene, found.item, found.anchor, found.settled
     measures = measure_task(scene, item, anchor, settled)
     views = judged_views_task(
-        scene, item, anchor, settled, found.scene_surface, found.object_surface, config=config.views
+        scene, item, found.intent, anchor, settled, found.scene_surface, found.object_surface, config=config.views
     )
     found = replace(found, measures=measures, views=views)
     materials, particles = found.materials, found.particles

@@ -53,18 +53,20 @@ def scored_row(
     sinking, drift = (one if isinstance(one, Mapping) else {} for one in (kept.get("indentation"), kept.get("drift")))
     found, reference = number(sinking.get("found_m")), number(sinking.get("reference_m"))
     margin = number(measures.get("com_margin_m"))
+    broken = np.inf if drift.get("broken") else None
     row = replace(
         row,
         penetration_m=number(measures.get("penetration_m")),
         penetration_given_m=number(measures.get("penetration_given_m")),
-        gap_m=number(measures.get("gap_m")),
+        gap_m=known_or(np.inf, measures.get("gap_m")),
         contact_area_m2=number(measures.get("contact_area_m2")),
         com_margin_m=margin,
         com_supported=margin is not None and margin >= 0.0,
         indentation_m=found,
         indentation_error_m=None if found is None or reference is None else abs(found - reference),
-        force_residual=number(drift.get("force_residual")),
-        drift_m=number(drift.get("distance_m")),
+        force_residual=known_or(broken, drift.get("force_residual")),
+        drift_m=known_or(broken, drift.get("distance_m")),
+        drift_deg=known_or(broken, drift.get("angle_rad"), 180.0 / np.pi),
         drift_s=number(drift.get("seconds")),
     )
     row = with_rules(row, kept, tree, truth)
@@ -145,6 +147,12 @@ def with_scores(row: SampleOutcome) -> SampleOutcome:
 def number(value: object) -> float | None:
     """A number, None where there is none."""
     return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else None
+
+
+def known_or(unknown: float | None, value: object, factor: float = 1.0) -> float | None:
+    """A number of a JSON file, which has none that are not finite: what stands for those instead."""
+    found = number(value)
+    return unknown if found is None else factor * found
 
 
 def meant_regions(

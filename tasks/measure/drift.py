@@ -47,7 +47,8 @@ def drift(particles: Particles, settled: Settled, config: DriftConfig) -> Drift:
     try:
         found = onward(model, solver, placed, config.seconds, config.most_steps, config.most_work)
     except (ModelError, UnstableStep) as error:
-        return Drift(0.0, 0, np.inf, np.inf, np.inf, " ".join(str(error).split()))
+        why = " ".join(str(error).split())
+        return Drift(0.0, 0, np.inf, np.inf, np.inf, why, broken=isinstance(error, UnstableStep))
     return Drift(found.seconds, found.steps, found.distance, found.angle, found.force_residual)
 
 
