@@ -41,7 +41,7 @@ NO_DROP, RIGID_DROP = "no_drop", "rigid_drop"
 OTHER_MATERIALS = frozenset({RIGID_DROP, "blended_materials", "paper"})
 """Ablations whose drop has other materials, or none that gives way."""
 PICTURE = 512
-"""Side of the pictures of a proposal [pixels]: it has no dent to look at closely, and judges compare the views."""
+"""Side of the pictures of other methods than DCAP [pixels]; judges compare the views, which are alike for all."""
 
 
 def place_by(sample: Sample, config: PlaceConfig) -> PlacementRefs:
@@ -92,7 +92,8 @@ CHANGES: Mapping[str, Callable[[PlaceConfig], PlaceConfig]] = {
 def config_of(method: str, config: PlaceConfig) -> PlaceConfig:
     """The configuration as a method has it."""
     change = CHANGES.get(method)
-    return config if change is None else change(config)
+    own = config if change is None else change(config)
+    return own if method == DCAP else changed(render={"size": min(config.render.size, PICTURE)})(own)
 
 
 def proposed(sample: Sample, config: PlaceConfig) -> PlacementRefs:
@@ -119,8 +120,7 @@ def proposed(sample: Sample, config: PlaceConfig) -> PlacementRefs:
     materials = materials_task(scene, item, intent, anchor, sample.prompt, config=config.materials)
     particles = particles_task(scene, item, intent, anchor, materials, config=config.particles)
     settled = posed_task(item, anchor)
-    small = config.render.model_copy(update={"size": min(config.render.size, PICTURE)})
-    renders = render_task(scene, item, anchor, settled, scene_surface, object_surface, config=small)
+    renders = render_task(scene, item, anchor, settled, scene_surface, object_surface, config=config.render)
     overview = None
     if renders.infeasible:
         said = None if intent.infeasible else intent

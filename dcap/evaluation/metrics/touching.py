@@ -53,7 +53,8 @@ def touching(thing: Mesh, scene: Mesh) -> Touching:
     """Measure an object at its final pose against the scene without it, as it was left or as it was given."""
     size = float(np.ptp(thing.vertices, axis=0).max())
     edge = max(FINE * size, LEAST_EDGE)
-    lines, enclosed = columns(thing, scene), enclosed_depth(thing, scene)
+    whole = Raycaster(scene)
+    lines, enclosed = columns(thing, whole), enclosed_depth(thing, whole)
     gap = np.inf
     if enclosed or lines.nearest >= 0:
         gap = 0.0 if enclosed else max(float(lines.gap[lines.nearest]), 0.0)
@@ -65,7 +66,7 @@ def touching(thing: Mesh, scene: Mesh) -> Touching:
     caster = Raycaster(near)
 
     def touches(points: Array) -> NDArray[np.bool_]:
-        deep = below_surface(points, scene, lines) if depth > TOUCHING else np.zeros(len(points), dtype=bool)
+        deep = below_surface(points, whole, lines) if depth > TOUCHING else np.zeros(len(points), dtype=bool)
         return np.asarray((caster.distance_to(points) <= TOUCHING) | deep | (enclosed > 0.0))
 
     mine = touches(middle)
@@ -100,15 +101,15 @@ def surface_points(mesh: Mesh, box: Array, edge: float) -> Array:
     return np.concatenate([fine.vertices, fine.triangles.mean(axis=1)])
 
 
-def enclosed_depth(thing: Mesh, scene: Mesh) -> float:
+def enclosed_depth(thing: Mesh, scene: Raycaster) -> float:
     """How far the object's lowest point is below the surface over it where it is inside a solid as a whole [m], else 0:
     none of the surface is inside the object then. Inside: along most vertical lines both the next face above and the
     next one below are met from behind."""
-    caster, (low, high) = Raycaster(scene), thing.bounds
+    low, high = thing.bounds
     inner = np.linspace(0.2, 0.8, 5)
     plan = np.stack(np.meshgrid(*(low[a] + inner * (high - low)[a] for a in range(2))), axis=-1).reshape(-1, 2)
-    above = caster.cast(np.column_stack([plan, np.full(len(plan), high[2])]), np.tile(UP, (len(plan), 1)))
-    below = caster.cast(np.column_stack([plan, np.full(len(plan), low[2])]), np.tile(DOWN, (len(plan), 1)))
+    above = scene.cast(np.column_stack([plan, np.full(len(plan), high[2])]), np.tile(UP, (len(plan), 1)))
+    below = scene.cast(np.column_stack([plan, np.full(len(plan), low[2])]), np.tile(DOWN, (len(plan), 1)))
     behind = np.isfinite(above.distance) & np.isfinite(below.distance)
     behind &= (above.normal[:, 2] > 0.0) & (below.normal[:, 2] < 0.0)
     if behind.sum() <= 0.5 * len(plan):
@@ -116,13 +117,13 @@ def enclosed_depth(thing: Mesh, scene: Mesh) -> float:
     return float(high[2] - low[2] + above.distance[behind].min())
 
 
-def below_surface(points: Array, scene: Mesh, lines: Columns) -> NDArray[np.bool_]:
+def below_surface(points: Array, scene: Raycaster, lines: Columns) -> NDArray[np.bool_]:
     """Which points (n, 3) of the object lie below the surface that its lines meet, shape (n,)."""
     met = np.isfinite(lines.top)
     if not met.any():
         return np.zeros(len(points), dtype=bool)
     start = np.column_stack([points[:, :2], np.full(len(points), lines.start)])
-    hits = Raycaster(scene).cast(start, np.tile(DOWN, (len(points), 1)))
+    hits = scene.cast(start, np.tile(DOWN, (len(points), 1)))
     return np.asarray(lines.start - hits.distance > points[:, 2])
 
 
