@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from dcap.evaluation.judging.rubric import SCALES, rubric_scores
+from dcap.evaluation.judging.rubric import RUBRIC, SCALES, rubric_scores
 from dcap.evaluation.metrics.right_place import place_measures
 from dcap.evaluation.outcome_table import AS_POSED, AT_REST, QUADRANT_DEG, ExpectedOutcome, SampleOutcome, row_of
 from dcap.evaluation.region import TOLERANCE_M
@@ -24,8 +24,6 @@ from dcap.scene.types.segmentation import Segmentation
 from flows.measures_file import read_measures
 from tasks.requests.surroundings import part_frame
 
-RUBRIC = "metric rubric"
-"""The judge that needs no pictures."""
 REFERENCED = frozenset(BESIDE)
 """Region words that mean a place beside something: the truth does not say beside what."""
 
