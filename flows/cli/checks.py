@@ -14,6 +14,11 @@ def given(context: typer.Context, *besides: str) -> dict[str, object]:
     return {name: value for name, value in context.params.items() if name not in besides}
 
 
+def note(text: str) -> None:
+    """What a person should know, on standard error."""
+    typer.echo(f"dcap: {text}", err=True)
+
+
 def choice(option: str, value: str, allowed: tuple[str, ...]) -> str:
     """A value from a closed list."""
     if value not in allowed:

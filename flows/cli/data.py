@@ -1,14 +1,13 @@
 """The commands about data: `dcap dataset make|label|check|sample|pack|prepare-sugar` and `dcap cache ls|verify`."""
 
 import json
-import sys
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from dcap.scene.types.sample import SourceOptions
-from flows.cli.checks import Json, choice, given
+from flows.cli.checks import Json, choice, given, note
 from flows.cli.sample_command import dataset_sample
 from flows.options import UNITS, UPS, PlaceOptions, check_out, checked
 
@@ -142,7 +141,7 @@ def dataset_pack(
 
     pack = pack_run(run, out)
     for warning in pack.warnings:
-        print(f"dcap: {warning}", file=sys.stderr)
+        note(warning)
     counts = pack.manifest["counts"]
     assert isinstance(counts, dict)
     told = ", ".join(f"{number} {name.replace('_', ' ')}" for name, number in counts.items())

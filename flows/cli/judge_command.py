@@ -1,11 +1,11 @@
 """`dcap judge`."""
 
-import sys
 from typing import Annotated
 
 import typer
 
 from dcap.scene.errors import InputError
+from flows.cli.checks import note
 
 
 def judge(
@@ -49,8 +49,3 @@ def judge(
     print("\n".join(shown_lines(judged.table)))
     print(judged.csv)
     return 0
-
-
-def note(text: str) -> None:
-    """What a person should know, on standard error."""
-    print(f"dcap: {text}", file=sys.stderr)
