@@ -7,6 +7,10 @@ import typer
 from dcap.scene.errors import InputError
 
 Json = Annotated[bool, typer.Option("--json", help="Print the result as JSON on standard output.")]
+Model = Annotated[str, typer.Option(help="Model to ask.")]
+Record = Annotated[str, typer.Option(metavar="DIR", help="Keep a copy of each reply in this folder.")]
+Replay = Annotated[str, typer.Option(metavar="DIR", help="Answer from replies recorded in this folder.")]
+MaxCost = Annotated[float | None, typer.Option(help="Spend at most this on a model [USD].")]
 
 
 def given(context: typer.Context, *besides: str) -> dict[str, object]:
