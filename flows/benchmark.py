@@ -366,7 +366,11 @@ def rewrite_report(run: str) -> Path:
     asked = json.loads((folder / RUN).read_text())
     samples = [sample_from_json(one) for one in asked["samples"]]
     results = {sample: read_result(sample_folder(folder, sample.id)) for sample in samples}
-    rows = scored_rows(folder, results, truths_of(Path(asked["dataset"]), samples))
+    return rewrite_page(folder, scored_rows(folder, results, truths_of(Path(asked["dataset"]), samples)))
+
+
+def rewrite_page(folder: Path, rows: Sequence[SampleOutcome]) -> Path:
+    """Write tables, summary and report of known rows again."""
     before = json.loads((folder / "summary.json").read_text()) if (folder / "summary.json").is_file() else {}
     finish(folder, rows, float(before.get("wall_s", 0.0)))
     return folder / "report.html"

@@ -5,6 +5,7 @@ columns of results.parquet that a judge makes, and `tables/table1.csv|tex`. Whic
 others get, stands in dcap/evaluation/judging/standing.py. Nothing is written before every question is answered.
 """
 
+import hashlib
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import asdict, dataclass, fields
@@ -46,7 +47,7 @@ from dcap.language.protocol.session import Session
 from dcap.scene.errors import FormatError, InputError
 from dcap.scene.types.judged_views import JudgedViews
 from flows.language_options import LanguageOptions
-from flows.measures_file import VIEWS
+from flows.measures_file import MEASURES, VIEWS
 from flows.run_files import chooser_of, find_run
 
 RESULTS = "results.parquet"
@@ -73,6 +74,8 @@ class JudgedRun:
     """A run that was judged."""
 
     folder: Path
+    rows: tuple[SampleOutcome, ...]
+    """With the judge's scores."""
     table: MethodTable
     csv: Path
 
@@ -86,7 +89,7 @@ def judge_run(run: str, options: LanguageOptions, say: Callable[[str], None] = l
     rows = with_scores(rows, judged.scores)
     write_rows(folder, rows)
     table, csv = write_tables(folder, rows, judged.comparisons, judged.record)
-    return JudgedRun(folder, table, csv)
+    return JudgedRun(folder, rows, table, csv)
 
 
 def judged_rows(folder: Path, rows: Sequence[SampleOutcome]) -> tuple[tuple[SampleOutcome, ...], MethodTable | None]:
@@ -105,7 +108,8 @@ def judged_rows(folder: Path, rows: Sequence[SampleOutcome]) -> tuple[tuple[Samp
         found, compared = read_scores(folder), read_comparisons(folder / JUDGING / COMPARISONS)
     scored = with_scores(rows, found)
     write_rows(folder, scored)
-    return scored, write_tables(folder, scored, compared, record)[0]
+    changed = tuple(name for name, state in record.states.items() if fingerprint(sample_folder(folder, name)) != state)
+    return scored, write_tables(folder, scored, compared, record, changed)[0]
 
 
 def judgement_of(
@@ -137,7 +141,7 @@ def judgement_of(
         found = scores(client, placements, name)
         compared = comparisons(client, placements, name)
     lowest = lowest_scores(rows, name)
-    record = record_of(config, chooser_of(folder), rows, placements, len(lowest))
+    record = record_of(folder, config, rows, placements, len(lowest))
     ordered = sorted([*found, *lowest], key=lambda one: (one.sample, one.method))
     ledger = Path(session.ledger) if session.ledger else None
     asked = config.client not in (ClientName.OFFLINE, ClientName.REPLAY)
@@ -146,13 +150,15 @@ def judgement_of(
 
 
 def record_of(
+    folder: Path,
     config: LanguageConfig,
-    chooser: LanguageConfig,
     rows: Sequence[SampleOutcome],
     placements: Sequence[JudgedPlacement],
     lowest: int,
 ) -> JudgeRecord:
-    """Who judged, and how many."""
+    """Who judged, and what."""
+    chooser = chooser_of(folder)
+    judged = sorted(joined_id(one.method, one.sample) for one in placements)
     return JudgeRecord(
         judge=judge_name(config),
         client=config.client.value,
@@ -162,7 +168,14 @@ def record_of(
         judged=len(placements),
         lowest=lowest,
         left_out=len(rows) - len(placements) - lowest,
+        states={name: fingerprint(sample_folder(folder, name)) for name in judged},
     )
+
+
+def fingerprint(folder: Path) -> str:
+    """What tells two final states of a sample apart: a digest of what was measured of it; empty where nothing was."""
+    path = folder / MEASURES
+    return hashlib.sha256(path.read_bytes()).hexdigest() if path.is_file() else ""
 
 
 def asking(session: Session, say: Callable[[str], None]) -> AbstractContextManager[None]:
@@ -212,11 +225,12 @@ def judged_placement(
 
 
 def write_tables(
-    folder: Path, rows: Sequence[SampleOutcome], compared: Sequence[Comparison], record: JudgeRecord
-) -> tuple[MethodTable, Path]:
+    folder: Path, rows: Sequence[SampleOutcome], compared: Sequence[Comparison], record: JudgeRecord,
+    changed: tuple[str, ...] = (),
+) -> tuple[MethodTable, Path]:  # fmt: skip
     """Table 1, written."""
     offline = chooser_of(folder).client is ClientName.OFFLINE
-    table = method_table(rows, compared, record, offline=offline)
+    table = method_table(rows, compared, record, offline=offline, changed=changed)
     return table, write_method_table(folder, table)[0]
 
 

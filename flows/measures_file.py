@@ -26,7 +26,7 @@ def write_measures(finished: FinishedSample, out: Path) -> JsonObject | None:
     kinds = (("measures", refs.measures, Measures), ("indentation", refs.indentation, Indentation),
              ("drift", refs.drift, Drift))  # fmt: skip
     found = {name: load(store, ref, kind) if ref else None for name, ref, kind in kinds}
-    tree = object_to_json({"scene": refs.scene.to_json(), **found})
+    tree = object_to_json({"scene": refs.scene.to_json(), "intent": refs.intent.to_json(), **found})
     path.write_bytes(readable_json(tree))
     if refs.views is not None:
         (out / VIEWS).mkdir(exist_ok=True)

@@ -38,6 +38,8 @@ from tasks.segment.stage import segment_task
 NO_DROP, RIGID_DROP = "no_drop", "rigid_drop"
 OTHER_MATERIALS = frozenset({RIGID_DROP, "blended_materials", "paper"})
 """Ablations whose drop has other materials, or none that gives way."""
+PICTURE = 512
+"""Side of the pictures of a proposal [pixels]: it has no dent to look at closely, and judges compare the views."""
 
 
 def place_by(sample: Sample, config: PlaceConfig) -> PlacementRefs:
@@ -105,7 +107,8 @@ def proposed(sample: Sample, config: PlaceConfig, read: FileRefs) -> PlacementRe
     materials = materials_task(scene, item, intent, anchor, sample.prompt, config=config.materials)
     particles = particles_task(scene, item, intent, anchor, materials, config=config.particles)
     settled = posed_task(item, anchor)
-    renders = render_task(scene, item, anchor, settled, read.scene_surface, read.object_surface, config=config.render)
+    small = config.render.model_copy(update={"size": min(config.render.size, PICTURE)})
+    renders = render_task(scene, item, anchor, settled, read.scene_surface, read.object_surface, config=small)
     overview = None
     if renders.infeasible:
         overview = overview_task(scene, item, feasible(intent), feasible(anchor), config=config.overview, filled=False)
@@ -146,7 +149,7 @@ def measured(sample: Sample, found: PlacementRefs, config: PlaceConfig) -> Place
     scene, item, anchor, settled = found.scene, found.item, found.anchor, found.settled
     measures = measure_task(scene, item, anchor, settled)
     views = judged_views_task(
-        scene, item, anchor, settled, found.scene_surface, found.object_surface, config=config.views
+        scene, item, found.intent, anchor, settled, found.scene_surface, found.object_surface, config=config.views
     )
     found = replace(found, measures=measures, views=views)
     materials, particles = found.materials, found.particles

@@ -10,8 +10,18 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation as Turn
 
 from dcap.evaluation.judging.rubric import RUBRIC, SCALES, rubric_scores
+from dcap.evaluation.metrics.placeit3d import (
+    ConstraintKind,
+    FinalBox,
+    asked_constraints,
+    met,
+    physical,
+    room_size,
+    upright_box,
+)
 from dcap.evaluation.metrics.right_place import place_measures
 from dcap.evaluation.outcome_table import AS_POSED, AT_REST, QUADRANT_DEG, ExpectedOutcome, SampleOutcome, row_of
 from dcap.evaluation.region import TOLERANCE_M
@@ -19,6 +29,7 @@ from dcap.geometry.placement.named_regions import BESIDE, regions
 from dcap.scene.json_tree import JsonObject, JsonValue
 from dcap.scene.store.artifacts import Store
 from dcap.scene.store.ref import Ref
+from dcap.scene.types.intent import Intent
 from dcap.scene.types.sample import Sample
 from dcap.scene.types.segmentation import Segmentation
 from flows.measures_file import read_measures
@@ -40,20 +51,23 @@ def scored_row(
     sinking, drift = (one if isinstance(one, Mapping) else {} for one in (kept.get("indentation"), kept.get("drift")))
     found, reference = number(sinking.get("found_m")), number(sinking.get("reference_m"))
     margin = number(measures.get("com_margin_m"))
+    broken = np.inf if drift.get("broken") else None
     row = replace(
         row,
         penetration_m=number(measures.get("penetration_m")),
         penetration_given_m=number(measures.get("penetration_given_m")),
-        gap_m=number(measures.get("gap_m")),
+        gap_m=known_or(np.inf, measures.get("gap_m")),
         contact_area_m2=number(measures.get("contact_area_m2")),
         com_margin_m=margin,
         com_supported=margin is not None and margin >= 0.0,
         indentation_m=found,
         indentation_error_m=None if found is None or reference is None else abs(found - reference),
-        force_residual=number(drift.get("force_residual")),
-        drift_m=number(drift.get("distance_m")),
+        force_residual=known_or(broken, drift.get("force_residual")),
+        drift_m=known_or(broken, drift.get("distance_m")),
+        drift_deg=known_or(broken, drift.get("angle_rad"), 180.0 / np.pi),
         drift_s=number(drift.get("seconds")),
     )
+    row = with_rules(row, kept, tree, truth)
     if truth is None or not truth.feasible:
         return with_scores(row)
     pose = tree["pose"]
@@ -75,6 +89,45 @@ def scored_row(
     return with_scores(row)
 
 
+def with_rules(
+    row: SampleOutcome, kept: Mapping[str, JsonValue], tree: Mapping[str, JsonValue], truth: ExpectedOutcome | None
+) -> SampleOutcome:
+    """With what PlaceIt3D's rules say of a measured row; what was asked is None where scene or intent are gone.
+
+    The gap of the scene as left stands in both physical columns: before a dent the surface was no lower.
+    """
+    row = replace(
+        row,
+        placeit3d_physical=physical(row.penetration_m, row.gap_m),
+        placeit3d_physical_given=physical(row.penetration_given_m, row.gap_m),
+    )
+    scene, intent = kept.get("scene"), kept.get("intent")
+    if not isinstance(scene, Mapping) or not isinstance(intent, Mapping):
+        return row
+    known = loaded_scene(str(scene["kind"]), str(scene["sha256"]))
+    said = loaded_intent(str(intent["kind"]), str(intent["sha256"]))
+    pose, measures = tree["pose"], kept["measures"]
+    if known is None or said is None:
+        return row
+    assert isinstance(pose, Mapping)
+    assert isinstance(measures, Mapping)
+    final = FinalBox(
+        box=upright_box(np.asarray(tree["object_aabb"], dtype=float)),
+        front=Turn.from_quat(np.asarray(pose["quaternion"], dtype=float), scalar_first=True).as_matrix()[:2, 1],
+        support_id=str(measures.get("support_id") or ""),
+        dz=np.inf if row.gap_m is None else max(row.gap_m, row.penetration_m or 0.0),
+    )
+    boxes, room = {one.id: one.box for one in known.instances}, room_size(known.mesh.bounds)
+    held = [(one.kind, met(one, final, boxes, room)) for one in asked_constraints(known.instances, said, truth)]
+    spatial = [yes for kind, yes in held if kind is not ConstraintKind.FACING]
+    return replace(
+        row,
+        placeit3d_spatial_asked=len(spatial),
+        placeit3d_spatial_met=sum(spatial),
+        placeit3d_rotational_met=next((yes for kind, yes in held if kind is ConstraintKind.FACING), None),
+    )
+
+
 def there(row: SampleOutcome) -> bool:
     """Whether everything that was stated of a place and measured is met."""
     near = row.region_distance_m is None or row.region_distance_m <= TOLERANCE_M
@@ -92,6 +145,12 @@ def with_scores(row: SampleOutcome) -> SampleOutcome:
 def number(value: object) -> float | None:
     """A number, None where there is none."""
     return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else None
+
+
+def known_or(unknown: float | None, value: object, factor: float = 1.0) -> float | None:
+    """A number of a JSON file, which has none that are not finite: what stands for those instead."""
+    found = number(value)
+    return unknown if found is None else factor * found
 
 
 def meant_regions(
@@ -124,3 +183,12 @@ def loaded_scene(kind: str, sha256: str) -> Segmentation | None:
     store = Store.default()
     value = store.load(ref) if store.has(ref) else None
     return value if isinstance(value, Segmentation) else None
+
+
+@lru_cache(maxsize=64)
+def loaded_intent(kind: str, sha256: str) -> Intent | None:
+    """What a sentence was read as, from the store; None where it is no longer there."""
+    ref: Ref[Intent] = Ref(kind, sha256)
+    store = Store.default()
+    value = store.load(ref) if store.has(ref) else None
+    return value if isinstance(value, Intent) else None

@@ -10,6 +10,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
+from dcap.geometry.rendering.surface import PreparedMeshes
 from dcap.scene.settings import data_root
 from dcap.scene.types.anchor import Anchor
 from dcap.scene.types.segmentation import Segmentation, SegmentedObject, SegmentedScene
@@ -54,7 +55,7 @@ def one_picture(found: FinishedPlacement) -> Callable[[], object]:
     around = settled_scene(scene, settled, anchor.base_id)
     thing = painted_item(item, anchor, settled.bodies[0], values.object_surface)
     meshes = [*shown(around.scene, camera, painted_scene(around, values.scene_surface)), thing]
-    return lambda: photograph(meshes, camera, config)
+    return lambda: photograph(PreparedMeshes(meshes), camera, config)
 
 
 def all_pictures(found: FinishedPlacement) -> Callable[[], object]:

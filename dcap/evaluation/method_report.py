@@ -58,6 +58,8 @@ class MethodTable:
     """Share of the left side among the decided ones [-]; None without any."""
     offline: bool
     """Whether no model answered for the baselines: their names say so."""
+    changed: tuple[str, ...] = ()
+    """Placements that are others than those that were judged, by method and sample."""
 
     def name(self, method: str) -> str:
         """A method as the table shows it."""
@@ -70,6 +72,7 @@ def method_table(
     record: JudgeRecord,
     *,
     offline: bool,
+    changed: tuple[str, ...] = (),
     resamples: int = RESAMPLES,
 ) -> MethodTable:
     """Table 1 of rows with scores."""
@@ -93,6 +96,7 @@ def method_table(
         tie_rate=habits.tie_rate,
         left_share=habits.left_share,
         offline=offline,
+        changed=changed,
     )
 
 
@@ -186,6 +190,9 @@ def notes(table: MethodTable) -> list[str]:
     said = [f"Judged by: {record.judge}; {record.questions} questions."]
     if record.same_family:
         said.append(f"The judge is of the same maker as {record.chooser}, which chose: it may favour its own.")
+    if table.changed:
+        shown = ", ".join(table.changed[:3]) + (" ..." if len(table.changed) > 3 else "")
+        said.append(f"{len(table.changed)} placements have changed since they were judged ({shown}): judge again.")
     left = "" if table.left_share is None else f", {100 * table.left_share:.0f} % of the others for the left side"
     said.append(f"Comparisons in both orders: {100 * table.tie_rate:.0f} % ties{left}.")
     said.append("Mean and standard deviation over samples; composite: geometric mean of the two means.")

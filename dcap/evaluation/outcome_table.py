@@ -87,7 +87,14 @@ class SampleOutcome:
     indentation_error_m: float | None = None
     force_residual: float | None = None
     drift_m: float | None = None
+    drift_deg: float | None = None
     drift_s: float | None = None
+    placeit3d_spatial_asked: int | None = None
+    """Constraints counted by PlaceIt3D's rules, here and below (`metrics/placeit3d.py`)."""
+    placeit3d_spatial_met: int | None = None
+    placeit3d_rotational_met: bool | None = None
+    placeit3d_physical: bool | None = None
+    placeit3d_physical_given: bool | None = None
     right_place: float | None = None
     """1 to 10."""
     physics_naturalness: float | None = None

@@ -1,7 +1,8 @@
 """The static page of a run: what came of each sample, method beside method, and how the run was made.
 
 In: the rows of a run and the files in its folder. Out: `report.html`, which needs nothing but that folder, with what it
-shows beside it: `tables/metrics.csv|tex`, `figures/supports.svg`, `artifacts.sha256`, and `view3d.html` with `view3d/`.
+shows beside it: `metrics.csv|tex` and `placeit3d.csv|tex` in `tables/`, `figures/supports.svg`, `artifacts.sha256`, and
+`view3d.html` with `view3d/`.
 The same files give the same page. A run of one method has a card for each sample; of several, a strip.
 """
 
@@ -23,6 +24,7 @@ from dcap.evaluation.run_page.failures import (
     failures_of,
     score_cells,
 )
+from dcap.evaluation.run_page.placeit3d_table import placeit3d_table
 from dcap.evaluation.run_page.placement_files import (
     BEFORE,
     certificate_text,
@@ -110,10 +112,12 @@ def write_report(folder: Path, rows: Sequence[SampleOutcome], summary: RunSummar
     by_method = {name: [card for card in cards if card.row.method == name] for name in names}
     failures, ahead = failures_of(rows), baselines_ahead(rows)
     several = len(names) > 1
+    rows_by_method = {name: [card.row for card in own] for name, own in by_method.items()}
     tables = [
         table_from_csv(folder, "table1", "Table 1: scores") if several else None,
         table_from_csv(folder, "table2", "Table 2: human study"),
-        metrics_table(folder, {name: [card.row for card in own] for name, own in by_method.items()}, names),
+        metrics_table(folder, rows_by_method, names),
+        placeit3d_table(folder, rows_by_method, names),
     ]
     values = {
         "title": folder.name, "summary": summary, "tiles": tiles_of(summary, rows), "asked": asked_of(summary),

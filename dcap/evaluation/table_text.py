@@ -22,5 +22,7 @@ def number(value: float | None, digits: int = 4) -> str:
 
 
 def tex_escaped(text: str) -> str:
-    """Text without what TeX takes for commands."""
-    return "".join(f"\\{sign}" if sign in "_&%#$" else sign for sign in text)
+    """Text without what TeX takes for commands, and with signs that it has names for."""
+    signs = {"°": "$^\\circ$", "²": "$^2$", "–": "--", **{sign: f"\\{sign}" for sign in "_&%#${}"},
+             "\\": "\\textbackslash{}", "~": "\\textasciitilde{}", "^": "\\textasciicircum{}"}  # fmt: skip
+    return "".join(signs.get(sign, sign) for sign in text)

@@ -34,6 +34,7 @@ def judge(
 ) -> int:
     """Score and compare the methods of a run, and write Table 1; or tell how good a judge is."""
     from dcap.evaluation.method_report import shown_lines
+    from flows.benchmark import rewrite_page
     from flows.judge_known import validate_judge
     from flows.judge_run import judge_run
     from flows.language_options import LanguageOptions
@@ -47,5 +48,5 @@ def judge(
         raise InputError("name the run to judge, or 'last'; without one there is --validate")
     judged = judge_run(run, asking, note)
     print("\n".join(shown_lines(judged.table)))
-    print(judged.csv)
+    print(f"{judged.csv}\nreport: {rewrite_page(judged.folder, judged.rows)}")
     return 0

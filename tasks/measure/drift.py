@@ -20,11 +20,15 @@ from tasks.runner.stage import stage
 class DriftConfig(BaseModel, frozen=True, extra="forbid"):
     """How long is looked."""
 
-    solver: SolverConfig = SolverConfig()
+    solver: SolverConfig = SolverConfig(longest_step=0.6, newton_tolerance=3e-3)
+    """Twice as long steps as a drop's, which look at a loss of balance closely enough to see it, and balance to what a
+    certificate allows: what is to be seen is millimetres."""
     seconds: PositiveFloat = 1.0
     """True time that is simulated [s]."""
     most_steps: PositiveInt = 60
-    """Steps at most: a rest state takes about forty for a second, what falls more; about five seconds of computing."""
+    """Steps at most: a rest state takes about 25 for a second, what falls more."""
+    most_work: PositiveFloat = 6e6
+    """Material points times Newton iterations at most: about five seconds of one core."""
     threads: NonNegativeInt = 0
     """Worker threads, 0: all cores; never changes a result."""
 
@@ -41,9 +45,10 @@ def drift(particles: Particles, settled: Settled, config: DriftConfig) -> Drift:
         {body.name: moved for body, moved in grids if moved is not None},
     )
     try:
-        found = onward(model, solver, placed, config.seconds, config.most_steps)
+        found = onward(model, solver, placed, config.seconds, config.most_steps, config.most_work)
     except (ModelError, UnstableStep) as error:
-        return Drift(0.0, 0, np.inf, np.inf, np.inf, " ".join(str(error).split()))
+        why = " ".join(str(error).split())
+        return Drift(0.0, 0, np.inf, np.inf, np.inf, why, broken=isinstance(error, UnstableStep))
     return Drift(found.seconds, found.steps, found.distance, found.angle, found.force_residual)
 
 

@@ -1,8 +1,9 @@
-"""The fixed pictures of a final state for judges: the same cameras, relative to the object and the world, for all.
+"""The fixed pictures of a final state for judges, from cameras that no method has a say in.
 
-In: scene and object as segmented, the pose before any drop, the final state and the textures of both sources. Out:
-`JudgedViews`. No camera is chosen by what it sees, and none by what a method says: the object is in the middle, from
-the four sides of the world, from above and from low down, and once with the room around it.
+In: scene and object as segmented, what was asked, the pose before any drop, the final state and the textures of both
+sources. Out: `JudgedViews`. The scene before, the room and the view from above are taken from one camera for all
+methods: it looks at the support that was asked for, as it stands in the intent that all share. The others look at the
+object, from the four sides of the world and from low down, at a distance that depends on its size alone.
 """
 
 import numpy as np
@@ -13,11 +14,13 @@ from dcap.geometry.camera import Camera, looking_at
 from dcap.geometry.rendering.painted import painted
 from dcap.geometry.rendering.picture import picture
 from dcap.scene.types.anchor import Anchor
+from dcap.scene.types.intent import Intent
 from dcap.scene.types.judged_views import JudgedViews
-from dcap.scene.types.paint import PaintedMesh, SourceSurface
+from dcap.scene.types.paint import SourceSurface
 from dcap.scene.types.segmentation import SegmentedObject, SegmentedScene
 from dcap.scene.types.settled import Settled
-from tasks.render.settled_meshes import painted_item, painted_scene, settled_scene, shown
+from tasks.render.scene_views import SceneViews
+from tasks.render.settled_meshes import painted_item, painted_scene, settled_scene
 from tasks.runner.stage import stage
 
 Array = NDArray[np.float64]
@@ -31,14 +34,16 @@ NEARBY, ABOVE, LEVEL, CORNER = 25.0, 70.0, 6.0, 30.0
 class ViewsConfig(BaseModel, frozen=True, extra="forbid"):
     """How large the pictures are and what they cover."""
 
-    size: PositiveInt = 512
+    size: PositiveInt = 384
     """Width and height [pixel]."""
     fov_deg: PositiveFloat = 40.0
     """Field of view [degrees]."""
     near: PositiveFloat = 3.2
     """Distance of the cameras near the object over its diagonal [-]."""
     far: PositiveFloat = 2.4
-    """Least distance of the camera of the room [m], and six times the object's diagonal if that is more."""
+    """Least distance of the cameras that look at the support [m], or six times the object's diagonal."""
+    margin: PositiveFloat = 1.25
+    """Angle that their pictures cover over that of the support [-]."""
     samples: PositiveInt = 2
     """Rays along each side of a pixel at edges [-]."""
 
@@ -46,6 +51,7 @@ class ViewsConfig(BaseModel, frozen=True, extra="forbid"):
 def judged_views(
     scene: SegmentedScene,
     item: SegmentedObject,
+    intent: Intent,
     anchor: Anchor,
     settled: Settled,
     scene_surface: SourceSurface,
@@ -55,25 +61,31 @@ def judged_views(
     """Take the pictures."""
     around = settled_scene(scene, settled, anchor.base_id)
     look, thing = painted_scene(around, scene_surface), painted_item(item, anchor, settled.bodies[0], object_surface)
-    low, high = thing.mesh.bounds
-    middle, size = 0.5 * (low + high), float(np.linalg.norm(high - low))
+    middle = thing.mesh.bounds.mean(axis=0)
+    size = intent.scale * float(np.linalg.norm(np.ptp(item.mesh.bounds, axis=0)))  # as given: the same for all methods
     away = config.near * size
+    after = SceneViews(around.scene, look, [thing])
+    before = SceneViews(scene, painted(scene.mesh, scene_surface))
 
     def taken(camera: Camera) -> NDArray[np.uint8]:
-        return picture([*shown(around.scene, camera, look), thing], camera, samples=config.samples).rgb
+        return picture(after.seen_by(camera), camera, samples=config.samples).rgb
 
     sides = {name: taken(seen_from(middle, azimuth, NEARBY, away, config)) for name, azimuth in SIDES.items()}
-    inwards = scene.mesh.bounds.mean(axis=0) - middle
+    support = scene.instances[scene.index_of(intent.base_id)].box
+    reach = 0.5 * support.diagonal / np.sin(0.5 * np.radians(config.fov_deg) / config.margin)
+    distance = max(config.far, 6.0 * size, float(reach))
+    inwards = scene.mesh.bounds.mean(axis=0) - support.center
     off_middle = np.linalg.norm(inwards[:2]) > 0.1
     corner = float(np.degrees(np.arctan2(inwards[1], inwards[0]))) if off_middle else SIDES["front"]
-    whole = seen_from(middle, corner, CORNER, max(config.far, 6.0 * size), config)
-    alone = seen_from(middle, SIDES["front"] + 30.0, NEARBY, 0.8 * away, config)
-    untouched = painted(scene.mesh, scene_surface)
+    whole = seen_from(support.center, corner, CORNER, distance, config)
+    over = seen_from(support.center, corner, ABOVE, distance, config)
+    asset, apart = painted(item.mesh, object_surface), 0.8 * away / intent.scale
+    alone = seen_from(item.mesh.bounds.mean(axis=0), SIDES["front"] + 30.0, NEARBY, apart, config)
     return JudgedViews(
-        clean=picture(shown(scene, whole, untouched), whole, samples=config.samples).rgb,
-        asset=picture([PaintedMesh(thing.mesh, thing.paint)], alone, samples=config.samples).rgb,
+        clean=picture(before.seen_by(whole), whole, samples=config.samples).rgb,
+        asset=picture([asset], alone, samples=config.samples).rgb,
         room=taken(whole),
-        top=taken(seen_from(middle, SIDES["front"], ABOVE, away, config)),
+        top=taken(over),
         low=taken(seen_from(middle, SIDES["front"], LEVEL, away, config)),
         **sides,
     )

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from dcap.geometry.camera import Camera
 from dcap.geometry.rendering.painted import painted
+from dcap.geometry.rendering.surface import PreparedMeshes
 from dcap.scene.types.anchor import Anchor
 from dcap.scene.types.paint import SourceSurface
 from dcap.scene.types.segmentation import Segmentation
@@ -41,4 +42,4 @@ def drop_pictures(
     for frame in motion.chosen(MOST_PICTURES).tolist():
         meshes = shown(around.scene, camera, look.moved(around.at(frame)))
         meshes.append(own.moved(replace(thing, vertices=points.at(frame))))
-        yield photograph(meshes, camera, config, low_light=True).rgb
+        yield photograph(PreparedMeshes(meshes), camera, config, low_light=True).rgb

@@ -97,7 +97,7 @@ def dents(shift: Array, exposure: Exposure) -> NDArray[np.float32]:
     surface = exposure.surface
     result = np.zeros(len(surface.face), dtype=np.float32)
     mine = np.flatnonzero(surface.mesh_index == 0)
-    corner = exposure.scene.mesh.faces[surface.face[mine]]  # the first mesh's vertices come first
+    corner = exposure.scene.prepared.mesh.faces[surface.face[mine]]  # the first mesh's vertices come first
     moved = np.einsum("kn,nki->in", surface.corner_weights[:, mine], shift[corner])
     result[mine] = np.einsum("in,in->n", moved, surface.flat[:, mine])
     return result.reshape(exposure.shape)

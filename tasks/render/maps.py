@@ -178,7 +178,7 @@ def identities(
     owner, piece = (np.zeros(len(surface.face), dtype=np.int64) for _ in range(2))
     for mesh, one, offset in ((0, scene, 0), (thing, what.item, len(scene.instances))):
         mine = np.flatnonzero(surface.mesh_index == mesh)
-        face = surface.face[mine].astype(np.int64) - int((exposure.scene.mesh_of_face < mesh).sum())
+        face = surface.face[mine].astype(np.int64) - int((exposure.scene.prepared.mesh_of_face < mesh).sum())
         face = faces[face] if mesh == 0 else face
         instance = one.face_instance[face].astype(np.int64)
         owner[mine] = np.where(instance >= 0, instance + 1 + offset, 0)

@@ -135,7 +135,12 @@ def painted_scene(around: SettledScene, surface: SourceSurface | None) -> Painte
 def shown(scene: Segmentation, camera: Camera, look: PaintedMesh | None = None) -> list[PaintedMesh]:
     """The scene as the camera may see it, with the look of its mesh if it has textures: without what is cut away, on a
     studio floor if it has none."""
-    meshes = [(look or PaintedMesh(scene.mesh)).submesh(shown_faces(scene, camera))]
+    return shown_meshes(scene, shown_faces(scene, camera), look)
+
+
+def shown_meshes(scene: Segmentation, faces: NDArray[np.integer], look: PaintedMesh | None = None) -> list[PaintedMesh]:
+    """Some faces (k,) of the scene, and the studio floor if it has none."""
+    meshes = [(look or PaintedMesh(scene.mesh)).submesh(faces)]
     if not any(one.structure for one in scene.instances):
         meshes.append(PaintedMesh(studio_floor(scene.mesh)))
     return [one for one in meshes if len(one.mesh.faces)]

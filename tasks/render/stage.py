@@ -13,10 +13,11 @@ from dcap.geometry.camera import Camera
 from dcap.geometry.raycast import Raycaster
 from dcap.geometry.rendering.painted import painted
 from dcap.geometry.rendering.picture import Picture, picture
+from dcap.geometry.rendering.surface import PreparedMeshes
 from dcap.scene.types.anchor import Anchor
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.outcome import HiddenObject, Infeasible, Reason
-from dcap.scene.types.paint import PaintedMesh, SourceSurface
+from dcap.scene.types.paint import SourceSurface
 from dcap.scene.types.renders import Renders
 from dcap.scene.types.segmentation import SegmentedObject, SegmentedScene
 from dcap.scene.types.settled import Settled
@@ -24,6 +25,7 @@ from tasks.render.canonical import canonical_views
 from tasks.render.config import RenderConfig
 from tasks.render.contact_picture import contact_picture
 from tasks.render.profile import profile_picture
+from tasks.render.scene_views import SceneViews
 from tasks.render.settled_meshes import painted_item, painted_scene, settled_scene, shown, shown_faces, structure_faces
 from tasks.render.views import best_view, contact_middle, front, view_distance, visible_fraction
 from tasks.runner.stage import stage
@@ -50,24 +52,31 @@ def render(
     target, toward = contact_middle(settled, anchor), front(scene, anchor)
     distance = view_distance(scene, anchor, thing.mesh, config)
     view = best_view(things, thing.mesh, target, distance, toward, config)
-    meshes = shown(around.scene, view.camera, after)
-    rest = photograph([*meshes, thing], view.camera, config)
-    fraction = visible_fraction(rest.mesh_index == len(meshes), thing, view.camera)
+    full, given = SceneViews(around.scene, after, [thing]), SceneViews(first, untouched)
+    meshes = full.seen_by(view.camera)
+    rest = photograph(meshes, view.camera, config)
+    fraction = visible_fraction(rest.mesh_index == len(meshes.things) - 1, thing, view.camera)
     if fraction < config.least_visible:
         return Infeasible(
             Reason.BURIED,
             f"only {fraction:.1%} of the object is visible (RenderConfig.least_visible {config.least_visible})",
             HiddenObject(visible_fraction=fraction, camera_position=view.camera.position),
         )
-    clean = photograph(shown(first, view.camera, untouched), view.camera, config)
+    clean = photograph(given.seen_by(view.camera), view.camera, config)
     near = nearby(things, thing.mesh, view.camera, config)
-    behind = shown(around.scene, near, after)
-    closeup = photograph([*behind, thing], near, config, low_light=True)
-    empty = photograph(shown(first, near, untouched), near, config, low_light=True)
+    closeup = photograph(full.seen_by(near), near, config, low_light=True)
+    empty = photograph(given.seen_by(near), near, config, low_light=True)
     shift = around.shift[np.unique(around.scene.mesh.faces[shown_faces(around.scene, near)])]
     labels = {one.id: one.label for one in scene.instances}
     contact = contact_picture(
-        behind, shift, thing, settled.contact_points, settled.contacts, settled.bodies[0].name, labels, near
+        shown(around.scene, near, after),
+        shift,
+        thing,
+        settled.contact_points,
+        settled.contacts,
+        settled.bodies[0].name,
+        labels,
+        near,
     )
     return Renders(
         clean=clean.rgb,
@@ -91,7 +100,7 @@ def touched(settled: Settled, middle: NDArray[np.float64]) -> NDArray[np.float64
     return points[int(np.argmin(np.linalg.norm(points - middle, axis=1)))] if len(points) else middle
 
 
-def photograph(meshes: list[PaintedMesh], camera: Camera, config: RenderConfig, *, low_light: bool = False) -> Picture:
+def photograph(meshes: PreparedMeshes, camera: Camera, config: RenderConfig, *, low_light: bool = False) -> Picture:
     """What the camera sees."""
     return picture(meshes, camera, samples=config.samples, low_light=low_light)
 

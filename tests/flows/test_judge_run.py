@@ -17,7 +17,7 @@ from dcap.evaluation.judging.rubric import RUBRIC
 from dcap.evaluation.method_report import method_table
 from dcap.evaluation.outcome_table import SampleOutcome
 from dcap.evaluation.statistics.comparisons import JudgedAxis, read_comparisons
-from flows.benchmark import finish
+from flows.benchmark import finish, rewrite_page
 from flows.cli.app import main
 from flows.judge_run import read_rows
 
@@ -137,6 +137,17 @@ def test_a_model_judges_by_pictures(small: Path, api: FakeApi) -> None:
     assert rows_of(small)["dcap"]["same_family"] == "True"
     assert f"same maker as {MODEL}" in (small / "tables" / "table1.tex").read_text()
     assert {one.judge for one in read_rows(small)} == {MODEL}
+
+
+def test_what_changes_after_it_was_judged_is_told(small: Path, api: FakeApi) -> None:
+    """The page is written with the judgement; a placement made anew keeps its score, and the table says so."""
+    api.answers = [judging]
+    assert main(["judge", str(small), "--language", "anthropic", "--model", MODEL]) == 0
+    assert MODEL in (small / "report.html").read_text()
+    assert "have changed" not in (small / "tables" / "table1.tex").read_text()
+    (method_folder(small, "dcap", "bed-1") / "measures.json").write_text("{}")
+    rewrite_page(small, read_rows(small))
+    assert "1 placements have changed since they were judged (bed-1)" in (small / "tables" / "table1.tex").read_text()
 
 
 def test_recorded_replies_give_the_same_tables(small: Path, api: FakeApi, tmp_path: Path) -> None:

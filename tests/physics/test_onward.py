@@ -2,12 +2,15 @@
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from solver.config import SolverConfig
 from solver.errors import ModelError
 from solver.model.bodies import Model
 from solver.onward import PlacedBodies, onward
 from solver.settle import settle
+from solver.tl.simulation import Simulation
+from tasks.measure.drift import DriftConfig
 
 G = 9.81
 CONFIG = SolverConfig(threads=2)
@@ -56,6 +59,29 @@ def test_what_floats_falls(lab):
     assert found.seconds == pytest.approx(0.3)
     assert found.distance == pytest.approx(0.5 * G * 0.3**2, rel=0.05)
     assert found.force_residual == pytest.approx(1.0, rel=1e-3)
+
+
+@pytest.mark.slow
+def test_what_leans_on_nothing_tips_with_the_steps_of_the_measure(lab):
+    """A pole on its edge, three degrees past its balance: over in a second, as seconds of a fall over are few."""
+    slab = lab.soft("slab", lab.Box(np.array([0.3, 0.3, 0.05])), [0, 0, 0.025], E=1e6, nu=0.3, cell=0.0125,
+                    held=np.s_[:, :, 0], fixed=True, loaded=True)  # fmt: skip
+    size = np.array([0.04, 0.04, 0.2])
+    pole = lab.rigid("pole", lab.Box(size), [0, 0, 0.15], mass=0.4)
+    lean = np.arctan(size[0] / size[2]) + np.radians(3.0)
+    turn = Rotation.from_rotvec([0.0, lean, 0.0]).as_matrix()
+    lowest = (turn @ (0.5 * size * [1, 1, -1]))[2]
+    start = PlacedBodies({"pole": turn}, {"pole": np.array([0.0, 0.0, 0.0501 - lowest]) - turn @ [0, 0, 0.15]})
+    found = onward(Model((pole, slab), np.array([0.0, 0.0, -G])), DriftConfig().solver, start, 1.0, 400)
+    assert np.degrees(found.angle) > 45.0
+
+
+def test_the_work_is_bounded(lab):
+    model = bodies(lab, height=0.6)
+    points = len(Simulation(model, CONFIG).soft.real)
+    found = onward(model, CONFIG, PlacedBodies(), 1.0, 400, most_work=3 * points)
+    assert 1 <= found.steps <= 3
+    assert onward(model, CONFIG, PlacedBodies(), 1.0, 4, most_work=1e9).steps == 4
 
 
 def test_the_steps_are_bounded(lab):

@@ -5,8 +5,8 @@ judged and how much that can be trusted. The same judgement is the same bytes, b
 """
 
 import json
-from collections.abc import Sequence
-from dataclasses import asdict, dataclass, fields
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 
 import pyarrow as pa
@@ -46,6 +46,8 @@ class JudgeRecord:
     """Scores of 1 for samples without a placement although one was intended."""
     left_out: int
     """Rows of the run that are neither."""
+    states: Mapping[str, str] = field(default_factory=dict)
+    """Fingerprint of what was judged, by method and sample: `dcap rerun` may change it afterwards."""
 
 
 def write_judging(

@@ -175,9 +175,9 @@ class BallOnBed:
             "penetration_m": max(0.0, RADIUS - distance),
             "gap_m": max(0.0, distance - RADIUS),
             "indentation_error_m": abs(DENT - depth) if on_bed else None,
-            "contact_area_m2": None,
             "force_residual": None,
             "drift_m": None,
+            "drift_deg": None,
             "visible_fraction": None,
             "com_supported": touching,
         }

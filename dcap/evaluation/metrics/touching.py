@@ -22,6 +22,8 @@ Array = NDArray[np.float64]
 TOUCHING = 1e-3
 """Surfaces closer than this touch [m]: what one sees of a gap in a picture of a room, and ten times what the solver
 leaves."""
+LANDED = 1e-4
+"""An object this close above what carries it has come down on it [m]."""
 FINE = 1.0 / 64.0
 """Largest edge of the faces that are sampled, over the object's size [-]."""
 LEAST_EDGE = 1e-3
@@ -39,30 +41,36 @@ class Touching:
     contact_area: float
     """Area of the object's surface within TOUCHING of the scene, or inside it [m^2]."""
     margin: float
-    """Distance of the centre of mass, seen in plan, to the rim of the convex hull of the contact: positive inside [m];
-    -inf where nothing touches."""
+    """Distance of the centre of mass, seen in plan, to the rim of the convex hull of the patch: positive inside [m];
+    -inf without one."""
     columns: Columns
     patch: Array
-    """Middles of the touching pieces of the object's surface [m], shape (k, 3)."""
+    """Middles of the pieces of the object's surface that carry it, or would once it has come down by the gap [m],
+    shape (k, 3): a millimetre of air changes the gap, and not what is beneath."""
 
 
 def touching(thing: Mesh, scene: Mesh) -> Touching:
     """Measure an object at its final pose against the scene without it, as it was left or as it was given."""
     size = float(np.ptp(thing.vertices, axis=0).max())
     edge = max(FINE * size, LEAST_EDGE)
-    lines, near = columns(thing, scene), around(thing, scene, TOUCHING + edge)
-    enclosed = enclosed_depth(thing, scene)
+    lines, enclosed = columns(thing, scene), enclosed_depth(thing, scene)
+    gap = np.inf
+    if enclosed or lines.nearest >= 0:
+        gap = 0.0 if enclosed else max(float(lines.gap[lines.nearest]), 0.0)
+    down = gap if LANDED < gap < np.inf else 0.0
+    near = around(thing, scene, TOUCHING + edge + down)
     depth = max(inside_depth(thing, near, edge), enclosed)
-    if enclosed:
-        gap = 0.0
-    else:
-        gap = max(float(lines.gap[lines.nearest]), 0.0) if lines.nearest >= 0 else np.inf
     fine = subdivide_near(thing, thing.bounds, edge)
     middle = fine.triangles.mean(axis=1)
-    away = Raycaster(near).distance_to(middle) if len(near.faces) else np.full(len(middle), np.inf)
-    deep = below_surface(middle, scene, lines) if depth > TOUCHING else np.zeros(len(middle), dtype=bool)
-    mine = (away <= TOUCHING) | deep | (enclosed > 0.0)
-    patch = middle[mine]
+    caster = Raycaster(near)
+
+    def touches(points: Array) -> NDArray[np.bool_]:
+        deep = below_surface(points, scene, lines) if depth > TOUCHING else np.zeros(len(points), dtype=bool)
+        return np.asarray((caster.distance_to(points) <= TOUCHING) | deep | (enclosed > 0.0))
+
+    mine = touches(middle)
+    landed = middle - [0.0, 0.0, down]
+    patch = landed[touches(landed)] if down else middle[mine]
     margin = support_margin(patch, center_of_mass(thing))
     return Touching(depth, gap, float(fine.face_areas[mine].sum()), margin, lines, patch)
 

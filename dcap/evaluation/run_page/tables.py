@@ -13,6 +13,7 @@ from statistics import mean, median
 
 from dcap.evaluation.outcome_table import AS_POSED, AT_REST, SampleOutcome
 from dcap.evaluation.page3d.viewer import write_if_other
+from dcap.evaluation.table_text import tex_escaped
 
 TABLES, METRICS = "tables", "metrics"
 DAGGER, SIGNIFICANT, LOW, HIGH, WINS = "†", "_significant", "_low", "_high", "_wins"
@@ -62,6 +63,8 @@ SHOWN_METRICS = (
     ShownMetric("indentation_error_m", "indentation error", "mm", 1e3),
     ShownMetric("force_residual", "force residual", "", 1.0),
     ShownMetric("drift_m", "drift", "mm", 1e3),
+    ShownMetric("drift_deg", "turn while drifting", "°", 1.0),
+    ShownMetric("drift_s", "simulated on", "s", 1.0),
     ShownMetric("visible_fraction", "visible", "%", 100.0),
     ShownMetric("right_place", "Right Place", "1–10", 1.0),
     ShownMetric("physics_naturalness", "P&N", "1–10", 1.0),
@@ -153,13 +156,6 @@ def metrics_tex(
         label = tex_escaped(f"{one.words} [{one.unit}]" if one.unit else one.words)
         lines.append(f"{' & '.join([label, *cells])} \\\\")
     return "\n".join([*lines, "\\hline", "\\end{tabular}"]) + "\n"
-
-
-def tex_escaped(text: str) -> str:
-    """Text without what TeX takes for commands."""
-    signs = {"°": "$^\\circ$", "²": "$^2$", "–": "--", **{sign: f"\\{sign}" for sign in "_&%#${}"},
-             "\\": "\\textbackslash{}", "~": "\\textasciitilde{}", "^": "\\textasciicircum{}"}  # fmt: skip
-    return "".join(signs.get(sign, sign) for sign in text)
 
 
 def table_from_csv(run: Path, name: str, title: str) -> ShownTable | None:

@@ -15,7 +15,7 @@ from dcap.geometry.camera import Camera
 from dcap.geometry.raycast import Raycaster, packed_rays
 from dcap.geometry.rendering.bands import in_bands
 from dcap.geometry.rendering.shading import compressed, shade
-from dcap.geometry.rendering.surface import RenderScene, SurfaceHits, dot
+from dcap.geometry.rendering.surface import PreparedMeshes, RenderScene, SurfaceHits, dot
 from dcap.geometry.rendering.visibility import gathered_light
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.paint import PaintedMesh
@@ -40,11 +40,13 @@ class Picture:
 
 
 def picture(
-    meshes: Sequence[Mesh | PaintedMesh], camera: Camera, *, samples: int = 2, shadows: bool = True,
+    meshes: Sequence[Mesh | PaintedMesh] | PreparedMeshes, camera: Camera, *, samples: int = 2, shadows: bool = True,
     low_light: bool = False,
 ) -> Picture:  # fmt: skip
-    """Render the meshes; `samples` x `samples` rays smooth each pixel at an edge, `shadows` adds shadows and
-    occlusion, `low_light` shows relief.
+    """Render the meshes, prepared where several pictures are taken of them.
+
+    `samples` x `samples` rays smooth each pixel at an edge, `shadows` adds shadows and occlusion, `low_light` shows
+    relief.
     """
     return exposed(meshes, camera, shadows=shadows, low_light=low_light).picture(samples)
 
@@ -82,14 +84,16 @@ class Exposure:
 
 
 def exposed(
-    meshes: Sequence[Mesh | PaintedMesh], camera: Camera, *, shadows: bool = True, low_light: bool = False
-) -> Exposure:
+    meshes: Sequence[Mesh | PaintedMesh] | PreparedMeshes, camera: Camera, *, shadows: bool = True,
+    low_light: bool = False,
+) -> Exposure:  # fmt: skip
     """What the camera sees of the meshes, and the light there."""
-    scene = RenderScene(meshes, camera, low_light=low_light)
+    prepared = meshes if isinstance(meshes, PreparedMeshes) else PreparedMeshes(meshes)
+    scene = RenderScene(prepared, camera, low_light=low_light)
     surface = scene.look(camera.pixel_centers)
     light = np.ones((2, camera.height * camera.width), dtype=np.float32)
     if shadows:
-        light = gathered_light(scene.caster, surface, scene.light, scene.reach, (camera.height, camera.width))
+        light = gathered_light(prepared.caster, surface, scene.light, scene.reach, (camera.height, camera.width))
     return Exposure(scene, surface, light, displayed(scene, surface, light))
 
 

@@ -65,21 +65,29 @@ class SurfaceHits:
         )  # fmt: skip
 
 
-class RenderScene:
-    """The meshes as the camera sees them: one acceleration structure, colours, normals and the light."""
+class PreparedMeshes:
+    """Meshes that any number of cameras look at: one acceleration structure, colours and normals."""
 
-    def __init__(self, things: Sequence[Mesh | PaintedMesh], camera: Camera, *, low_light: bool = False) -> None:
-        known = [PaintedMesh(one) if isinstance(one, Mesh) else one for one in things]
-        meshes = [one.mesh for one in known]
-        self.camera = camera
+    def __init__(self, things: Sequence[Mesh | PaintedMesh]) -> None:
+        self.things = [PaintedMesh(one) if isinstance(one, Mesh) else one for one in things]
+        meshes = [one.mesh for one in self.things]
         self.mesh = Mesh.concatenate(meshes)
-        self.textures = PaintedScene(known, camera.focal) if any(one.paint for one in known) else None
         self.mesh_of_face = np.repeat(np.arange(len(meshes)), [len(m.faces) for m in meshes]).astype(np.int32)
-        self.caster = caster_of(known)
+        self.caster = caster_of(self.things)
         self.colors = LINEAR[self.mesh.colors]
+        self.normals = ShadingNormals(self.mesh)
+
+
+class RenderScene:
+    """Prepared meshes as one camera sees them: their textures at its scale, and the light."""
+
+    def __init__(self, prepared: PreparedMeshes, camera: Camera, *, low_light: bool = False) -> None:
+        known = prepared.things
+        self.prepared = prepared
+        self.camera = camera
+        self.textures = PaintedScene(known, camera.focal) if any(one.paint for one in known) else None
         self.light = key_direction(camera, LOW if low_light else HIGH)
         self.reach = float(np.linalg.norm(np.asarray(camera.target) - camera.position))
-        self.normals = ShadingNormals(self.mesh)
 
     def look(self, points: NDArray[np.float64]) -> SurfaceHits:
         """What rays through image points (n, 2) [pixel] meet."""
@@ -91,8 +99,8 @@ class RenderScene:
             rays[band, 3:] = self.camera.directions(points[band])
 
         in_bands(aim, len(points))
-        hits = self.caster.first_hits(rays)
-        corner_normals = self.normals.of_corners(hits.face[hits.face >= 0])
+        hits = self.prepared.caster.first_hits(rays)
+        corner_normals = self.prepared.normals.of_corners(hits.face[hits.face >= 0])
 
         def describe(band: slice) -> None:
             self._describe(rays[band], hits.part(band), corner_normals, surface.part(band))
@@ -102,6 +110,7 @@ class RenderScene:
 
     def _describe(self, rays: Array, hits: PackedHits, corner_normals: Array, out: SurfaceHits) -> None:
         """Fill in what a band of rays meets."""
+        known = self.prepared
         out.direction[:] = rays[:, 3:].T
         out.distance[:] = hits.distance
         out.face[:] = hits.face
@@ -113,12 +122,12 @@ class RenderScene:
             return
         face = np.where(seen, hits.face, 0)
         out.position[:] = np.where(seen, rays[:, :3].T + np.where(seen, hits.distance, 0.0) * out.direction, 0.0)
-        out.mesh_index[:] = np.where(seen, self.mesh_of_face[face], -1)
+        out.mesh_index[:] = np.where(seen, known.mesh_of_face[face], -1)
         u, v = np.where(seen, hits.uv.T, 0.0)
         weights = out.corner_weights
         weights[0], weights[1], weights[2] = seen - u - v, u, v
         out.color[:] = sum(
-            w * components(self.colors[k]) for w, k in zip(weights, self.mesh.faces[face].T, strict=True)
+            w * components(known.colors[k]) for w, k in zip(weights, known.mesh.faces[face].T, strict=True)
         )
         if self.textures is not None:
             self.textures.paint(face, weights, np.where(seen, hits.distance, 1.0), out.color)

@@ -10,14 +10,15 @@ Picture = NDArray[np.uint8]
 
 @dataclass(frozen=True, eq=False, slots=True)
 class JudgedViews:
-    """Square RGB images, each (h, w, 3); cameras stand where the scene and the object's size and place say."""
+    """Square RGB images, each (h, w, 3). Those of a whole support are from one camera for all methods, the others from
+    cameras at the same directions and distance from the object."""
 
     clean: Picture
     """The scene before, as in `room`."""
     asset: Picture
-    """The object alone, at its final orientation."""
+    """The object alone, as it was given."""
     room: Picture
-    """From a corner of the room, with the object in the middle."""
+    """The support that was asked for, from the middle of the room."""
     front: Picture
     """The object from nearby: from -y, a little above it."""
     right: Picture
@@ -27,6 +28,6 @@ class JudgedViews:
     left: Picture
     """From -x."""
     top: Picture
-    """From steeply above."""
+    """The support from steeply above."""
     low: Picture
     """From -y and just above the level of what it stands on, where gaps and dents show."""

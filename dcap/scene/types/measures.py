@@ -28,7 +28,8 @@ class Measures:
     contact_area_m2: float
     """Of the object's surface within a millimetre of the scene."""
     com_margin_m: float
-    """How far inside the contact's convex hull the centre of mass is in plan, negative outside; -inf untouched."""
+    """How far inside the convex hull of what carries it, or would once it has come down by the gap, the centre of mass
+    is in plan, negative outside; -inf over nothing."""
 
     def __post_init__(self) -> None:
         check_array("middle", self.middle, 3)
@@ -58,6 +59,8 @@ class Drift:
     angle_rad: float
     """Largest turn of a free body; inf likewise."""
     force_residual: float
-    """Unbalanced force at the end over the weight [-]; inf likewise."""
+    """Mean over that time of the unbalanced force over the weight [-]; inf likewise."""
     reason: str = ""
     """Why it could not be simulated."""
+    broken: bool = False
+    """Whether that is because a step broke: nothing stays there. Else it begins too deep inside something."""

@@ -21,7 +21,8 @@ from dcap.evaluation.run_page.failures import baselines_ahead, failures_of
 from dcap.evaluation.run_page.placement_files import MOST_NOTES, certificate_text, notes_of
 from dcap.evaluation.run_page.provenance import provenance_of
 from dcap.evaluation.run_page.supports import supports_figure
-from dcap.evaluation.run_page.tables import SHOWN_METRICS, metrics_table, table_from_csv, tex_escaped
+from dcap.evaluation.run_page.tables import SHOWN_METRICS, metrics_table, table_from_csv
+from dcap.evaluation.table_text import tex_escaped
 from dcap.scene.readers.gltf.gltf import read_gltf
 from dcap.scene.types.sample import Sample
 

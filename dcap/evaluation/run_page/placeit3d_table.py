@@ -1,0 +1,216 @@
+"""PlaceIt3D's measures by method: shares of constraints and of samples that hold, by its rules on our boxes.
+
+In: rows of a run. Out: `tables/placeit3d.csv`, `tables/placeit3d.tex` and the same as a table of the page. A sample has
+one physical constraint, its spatial ones, and a rotational one if it asks for it; visibility is not measured. The
+measures are those of arXiv 2505.05288: of all constraints (global), samples with all (complete), with all but the
+physical one (language), and of each kind. What counts:
+
+- a placement that was measured, with what was measured of it; one that was not is left out;
+- a sample that was meant to be placed and was not, as a failure with the constraints that it has for other methods of
+  the run, or the physical one alone where no other knows them;
+- no sample that ought not to be possible, as for every judge (`judging/standing.py`).
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from dcap.evaluation.judging.standing import Standing, standing_of
+from dcap.evaluation.outcome_table import SampleOutcome
+from dcap.evaluation.page3d.viewer import write_if_other
+from dcap.evaluation.run_page.tables import NOTHING, TABLES, ShownTable
+from dcap.evaluation.table_text import csv_of, number, tex_escaped
+
+TABLE = "placeit3d"
+HEADINGS = ("Global", "Complete", "Language", "Physical", "Spatial", "Rotational", "n", "not placed")
+SHARES = (
+    "all_constraints", "all_constraints_given", "complete", "complete_given", "language", "physical",
+    "physical_given", "spatial", "rotational",
+)  # fmt: skip
+"""Columns of the CSV."""
+NOTE = (
+    "Percent of constraints (global, spatial, rotational, physical) or of samples (complete, language), by PlaceIt3D's "
+    "rules on this run's boxes; where there are two, against the scene as it was left / as it was given. What was "
+    "meant to be placed and was not meets nothing. These are no results of its benchmark."
+)
+
+
+@dataclass(frozen=True, slots=True)
+class SampleConstraints:
+    """What holds of one sample by one method."""
+
+    spatial: int
+    """Constraints asked for."""
+    spatial_met: int
+    rotational: bool
+    """Whether one is asked for."""
+    rotational_met: bool
+    physical: bool
+    """In the scene as it was left."""
+    physical_given: bool
+    placed: bool
+
+    @property
+    def worded(self) -> bool:
+        """Whether the sentence asks for anything, or nothing was placed at all."""
+        return self.spatial > 0 or self.rotational or not self.placed
+
+    @property
+    def language(self) -> bool:
+        """Whether all but the physical constraint hold."""
+        return self.placed and self.spatial_met == self.spatial and self.rotational_met >= self.rotational
+
+    @property
+    def asked(self) -> int:
+        """How many constraints there are."""
+        return 1 + self.spatial + self.rotational
+
+
+@dataclass(frozen=True, slots=True)
+class ConstraintShares:
+    """What a method reaches; shares [-] are None where there is nothing to count."""
+
+    samples: int
+    not_placed: int
+    """Of these, meant to be placed and not."""
+    constraints: int
+    """Asked for by these samples."""
+    all_constraints: float | None
+    all_constraints_given: float | None
+    complete: float | None
+    complete_given: float | None
+    language: float | None
+    physical: float | None
+    physical_given: float | None
+    spatial: float | None
+    rotational: float | None
+
+
+def placeit3d_table(
+    run: Path, rows: Mapping[str, Sequence[SampleOutcome]], names: Mapping[str, str]
+) -> ShownTable | None:
+    """Write the measures of each method into the run and return them as a table; None where nothing was measured.
+
+    Args:
+        run: its folder.
+        rows: of each method.
+        names: shown names of the methods.
+    """
+    found = shares_by_method(rows)
+    if not any(one.samples > one.not_placed for one in found.values()):
+        return None
+    folder = run / TABLES
+    folder.mkdir(exist_ok=True)
+    write_if_other(folder / f"{TABLE}.csv", csv_text(found, names).encode())
+    write_if_other(folder / f"{TABLE}.tex", tex_text(found, names).encode())
+    return ShownTable(
+        "PlaceIt3D's rules by method",
+        ("", *HEADINGS),
+        tuple((names[method], *cells(one)) for method, one in found.items()),
+        tuple(f"{TABLES}/{TABLE}.{end}" for end in ("csv", "tex")),
+        NOTE,
+    )
+
+
+def shares_by_method(rows: Mapping[str, Sequence[SampleOutcome]]) -> dict[str, ConstraintShares]:
+    """The measures of each method."""
+    asked = asked_of([row for own in rows.values() for row in own])
+    found = {}
+    for method, own in rows.items():
+        known = [constraints_of(row, asked.get(row.sample, (0, False))) for row in own]
+        found[method] = shares_of([one for one in known if one])
+    return found
+
+
+def asked_of(rows: Sequence[SampleOutcome]) -> dict[str, tuple[int, bool]]:
+    """Spatial constraints of each sample that some method was measured on, and whether there is a rotational one; the
+    most where methods read a sentence differently."""
+    found: dict[str, tuple[int, bool]] = {}
+    for row in rows:
+        if row.placeit3d_spatial_asked is not None:
+            spatial, rotational = found.get(row.sample, (0, False))
+            turned = rotational or row.placeit3d_rotational_met is not None
+            found[row.sample] = max(spatial, row.placeit3d_spatial_asked), turned
+    return found
+
+
+def constraints_of(row: SampleOutcome, asked: tuple[int, bool]) -> SampleConstraints | None:
+    """What holds of a row; None where it does not count. `asked` is that of the sample for other methods."""
+    standing = standing_of(row)
+    if standing is Standing.LOWEST:
+        return SampleConstraints(asked[0], 0, asked[1], False, False, False, placed=False)
+    spatial, held = row.placeit3d_spatial_asked, row.placeit3d_spatial_met
+    if standing is Standing.LEFT_OUT or spatial is None or held is None or row.placeit3d_physical is None:
+        return None
+    turned = row.placeit3d_rotational_met
+    left, given = row.placeit3d_physical, bool(row.placeit3d_physical_given)
+    return SampleConstraints(spatial, held, turned is not None, bool(turned), left, given, placed=True)
+
+
+def shares_of(samples: Sequence[SampleConstraints]) -> ConstraintShares:
+    """The measures over samples."""
+    asked = sum(one.asked for one in samples)
+    worded_met = sum(one.spatial_met + one.rotational_met for one in samples)
+    left, given = sum(one.physical for one in samples), sum(one.physical_given for one in samples)
+    worded = [one for one in samples if one.worded]
+    return ConstraintShares(
+        samples=len(samples),
+        not_placed=sum(not one.placed for one in samples),
+        constraints=asked,
+        all_constraints=share(worded_met + left, asked),
+        all_constraints_given=share(worded_met + given, asked),
+        complete=share(sum(one.language and one.physical for one in samples), len(samples)),
+        complete_given=share(sum(one.language and one.physical_given for one in samples), len(samples)),
+        language=share(sum(one.language for one in worded), len(worded)),
+        physical=share(left, len(samples)),
+        physical_given=share(given, len(samples)),
+        spatial=share(sum(one.spatial_met for one in samples), sum(one.spatial for one in samples)),
+        rotational=share(sum(one.rotational_met for one in samples), sum(one.rotational for one in samples)),
+    )
+
+
+def share(count: int, of: int) -> float | None:
+    """A share; None of nothing."""
+    return count / of if of else None
+
+
+def cells(one: ConstraintShares) -> tuple[str, ...]:
+    """A method's row after its name."""
+    return (
+        both(one.all_constraints, one.all_constraints_given),
+        both(one.complete, one.complete_given),
+        percent(one.language),
+        both(one.physical, one.physical_given),
+        percent(one.spatial),
+        percent(one.rotational),
+        str(one.samples),
+        str(one.not_placed),
+    )
+
+
+def both(left: float | None, given: float | None) -> str:
+    """Of the scene as left and as given."""
+    return NOTHING if left is None else f"{percent(left)} / {percent(given)}"
+
+
+def percent(value: float | None) -> str:
+    """A share in percent."""
+    return NOTHING if value is None else number(100.0 * value, 1)
+
+
+def csv_text(found: Mapping[str, ConstraintShares], names: Mapping[str, str]) -> str:
+    """A row per method; shares from 0 to 1, empty where there is nothing to count."""
+    return csv_of([
+        {"method": method, "name": names[method], "samples": one.samples, "not_placed": one.not_placed,
+         "constraints": one.constraints, **{name: number(getattr(one, name)) for name in SHARES}}
+        for method, one in found.items()
+    ])  # fmt: skip
+
+
+def tex_text(found: Mapping[str, ConstraintShares], names: Mapping[str, str]) -> str:
+    """The table of the page."""
+    head = " & ".join(("Method", *HEADINGS))
+    lines = [f"% {NOTE}", f"\\begin{{tabular}}{{l{'c' * len(HEADINGS)}}}", "\\hline", f"{head} \\\\", "\\hline"]
+    for method, one in found.items():
+        lines.append(f"{' & '.join(tex_escaped(text) for text in (names[method], *cells(one)))} \\\\")
+    return "\n".join([*lines, "\\hline", "\\end{tabular}"]) + "\n"
