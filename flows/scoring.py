@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation as Turn
 
-from dcap.evaluation.judging.rubric import SCALES, rubric_scores
+from dcap.evaluation.judging.rubric import RUBRIC, SCALES, rubric_scores
 from dcap.evaluation.metrics.placeit3d import (
     ConstraintKind,
     FinalBox,
@@ -35,8 +35,6 @@ from dcap.scene.types.segmentation import Segmentation
 from flows.measures_file import read_measures
 from tasks.requests.surroundings import part_frame
 
-RUBRIC = "metric rubric"
-"""The judge that needs no pictures."""
 REFERENCED = frozenset(BESIDE)
 """Region words that mean a place beside something: the truth does not say beside what."""
 
