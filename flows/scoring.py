@@ -10,7 +10,6 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation as Turn
 
 from dcap.evaluation.judging.rubric import RUBRIC, SCALES, rubric_scores
 from dcap.evaluation.metrics.placeit3d import (
@@ -113,7 +112,7 @@ def with_rules(
     assert isinstance(measures, Mapping)
     final = FinalBox(
         box=upright_box(np.asarray(tree["object_aabb"], dtype=float)),
-        front=Turn.from_quat(np.asarray(pose["quaternion"], dtype=float), scalar_first=True).as_matrix()[:2, 1],
+        front=np.asarray(measures["front"], dtype=float)[:2],
         support_id=str(measures.get("support_id") or ""),
         dz=np.inf if row.gap_m is None else max(row.gap_m, row.penetration_m or 0.0),
     )
