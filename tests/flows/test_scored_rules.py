@@ -20,7 +20,8 @@ BALL = [[-0.1, -0.1, 0.47], [0.1, 0.1, 0.67]]
 """The ball in its dent: 3 cm below the bed's top."""
 MEASURES: JsonObject = {
     "support_id": "bed", "support_label": "bed", "support_part": "body", "middle": [0.0, 0.0, 0.47],
-    "front": [0.0, 1.0, 0.0], "penetration_m": 5e-5, "penetration_given_m": 0.03, "gap_m": 0.0, "contact_area_m2": 0.01, "com_margin_m": 0.05,
+    "front": [0.0, 1.0, 0.0], "penetration_m": 5e-5, "penetration_given_m": 0.03, "gap_m": 0.0,
+    "contact_area_m2": 0.01, "com_margin_m": 0.05,
 }  # fmt: skip
 
 
