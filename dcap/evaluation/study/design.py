@@ -21,16 +21,8 @@ BETWEEN_CHECKS = 10
 """Comparisons for each attention check [-]."""
 
 
-class StudyAxis(StrEnum):
-    """What a rater is asked of each comparison, in the order of the questions."""
-
-    RIGHT_PLACE = "right_place"
-    PHYSICS = "physics_naturalness"
-    OVERALL = "overall"
-
-
 class Side(StrEnum):
-    """One of two placements side by side."""
+    """One of two placements side by side: what a rater chooses. There is no tie."""
 
     LEFT = "left"
     RIGHT = "right"

@@ -61,9 +61,7 @@ def study_table(votes: Sequence[StudyVote], seed: int, *, offline: bool = False)
 
 def comparison_of(vote: StudyVote) -> Comparison:
     """A vote as a comparison; who judges is the rater."""
-    return Comparison(
-        vote.sample, JudgedAxis(vote.axis.value), vote.left, vote.right, Winner(vote.winner.value), vote.rater
-    )
+    return Comparison(vote.sample, vote.axis, vote.left, vote.right, Winner(vote.winner.value), vote.rater)
 
 
 def overall_rate(row: PreferenceRow) -> float:

@@ -10,7 +10,8 @@ from many_methods_run import COLORS, METHODS, SAMPLES, method_folder
 from study_server import CHECK, ServedStudy
 
 from dcap.evaluation.page3d.three import three_script
-from dcap.evaluation.study.design import Side, StudyAxis, StudyItem
+from dcap.evaluation.statistics.comparisons import JudgedAxis
+from dcap.evaluation.study.design import Side, StudyItem
 from dcap.evaluation.study.journal import read_votes
 from dcap.evaluation.study.study_folder import TOKENS, read_design
 from dcap.scene.readers.gltf.gltf import read_gltf
@@ -19,7 +20,7 @@ from flows.study.body_limit import MOST_BYTES
 
 def answer(item: StudyItem, side: Side = Side.LEFT) -> dict[str, object]:
     """The same side for every question."""
-    return {"item": item.item, "seconds": 2.0, **{axis.value: side.value for axis in StudyAxis}}
+    return {"item": item.item, "seconds": 2.0, **{axis.value: side.value for axis in JudgedAxis}}
 
 
 def current(study: ServedStudy, rater: str = "r01") -> StudyItem:
@@ -49,7 +50,7 @@ def test_the_scene_comes_first_then_the_placements(study: ServedStudy) -> None:
     second = study.browser.get(f"{base}/compare").text
     for side in Side:
         assert all(f"{base}/pictures/{item.item}/{side}/{view}" in second for view in range(3))
-    assert all(f'name="{axis}"' in second for axis in StudyAxis)
+    assert all(f'name="{axis}"' in second for axis in JudgedAxis)
     assert "<kbd>1</kbd> or <kbd>←</kbd>" in second
 
 
@@ -134,7 +135,7 @@ def test_answers_lead_on_until_all_are_given(study: ServedStudy) -> None:
         text = study.browser.get(base + page).text
         assert "Thank you" in text
         assert "<form" not in text
-    assert len(read_votes(study.folder)) == 14 * len(StudyAxis)
+    assert len(read_votes(study.folder)) == 14 * len(JudgedAxis)
 
 
 def test_an_answer_counts_once(study: ServedStudy) -> None:
@@ -143,7 +144,7 @@ def test_an_answer_counts_once(study: ServedStudy) -> None:
     assert study.browser.post(address, json=answer(item, Side.RIGHT)).json()["saved"]
     assert not study.browser.post(address, json=answer(item, Side.LEFT)).json()["saved"]
     assert {vote.winner for vote in read_votes(study.folder)} == {Side.RIGHT}
-    assert len(read_votes(study.folder)) == len(StudyAxis)
+    assert len(read_votes(study.folder)) == len(JudgedAxis)
 
 
 def test_raters_do_not_mix(study: ServedStudy) -> None:
@@ -155,7 +156,7 @@ def test_raters_do_not_mix(study: ServedStudy) -> None:
     for rater, side in (("r01", Side.LEFT), ("r02", Side.RIGHT)):
         mine = [vote for vote in votes if vote.rater == rater]
         assert {vote.winner for vote in mine} == {side}
-        assert [vote.item for vote in mine][:: len(StudyAxis)] == ["001", "002", "003"]
+        assert [vote.item for vote in mine][:: len(JudgedAxis)] == ["001", "002", "003"]
         assert study.session.progress(rater) == (3, 14)
 
 

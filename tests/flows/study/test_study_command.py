@@ -11,7 +11,7 @@ import pytest
 from many_methods_run import many_methods_run
 from study_server import ServedStudy
 
-from dcap.evaluation.study.design import StudyAxis
+from dcap.evaluation.statistics.comparisons import JudgedAxis
 from dcap.evaluation.study.placements import read_study_run
 from dcap.evaluation.study.study_folder import STUDY_FOLDER, read_design, tokens_for, write_design
 from flows.cli.app import main
@@ -125,7 +125,7 @@ def test_a_report_holds_the_votes(study: ServedStudy, capsys: pytest.CaptureFixt
             side = item.expected or better if rater == "r01" else "left"
             if rater == "r02" and item.lifted is None:
                 left_of[item.left] += 1
-            sent = {"item": item.item, "seconds": 1, **{axis.value: side for axis in StudyAxis}}
+            sent = {"item": item.item, "seconds": 1, **{axis.value: side for axis in JudgedAxis}}
             assert study.browser.post(f"{study.page(rater)}/votes", json=sent).status_code == 200
     assert main(["study", "report", str(study.run)]) == 0
     said = capsys.readouterr()

@@ -10,7 +10,7 @@ import pytest
 from dcap.evaluation.statistics.comparisons import JudgedAxis
 from dcap.evaluation.statistics.method_tables import PreferenceRow
 from dcap.evaluation.statistics.score_summary import DAGGER
-from dcap.evaluation.study.design import Side, StudyAxis, rater_items
+from dcap.evaluation.study.design import Side, rater_items
 from dcap.evaluation.study.journal import StudyVote
 from dcap.evaluation.study.raters import RaterRow
 from dcap.evaluation.study.tables import csv_text, study_table, tex_text
@@ -27,7 +27,7 @@ def votes_of(raters: int, lifted: Side | None = None) -> list[StudyVote]:
     found = []
     for rater in range(raters):
         for one in rater_items(pairs, (), SAMPLES, rater, 0):
-            for axis in StudyAxis:
+            for axis in JudgedAxis:
                 share = STRENGTH[one.left] / (STRENGTH[one.left] + STRENGTH[one.right])
                 side = Side.LEFT if chance.random() < share else Side.RIGHT
                 found.append(StudyVote(f"r{rater}", one.item, one.sample, axis, one.left, one.right, side, lifted, 1.0))
@@ -40,7 +40,7 @@ def given(*counts: tuple[str, str, str, int]) -> list[StudyVote]:
         StudyVote("r0", f"{sample} {winner} {k}", sample, axis, winner, loser, Side.LEFT, None, 1.0)
         for sample, winner, loser, count in counts
         for k in range(count)
-        for axis in StudyAxis
+        for axis in JudgedAxis
     ]
 
 
@@ -122,7 +122,7 @@ def test_raters_agree_by_krippendorff_s_alpha() -> None:
 
     def said(*answers: str) -> float | None:
         votes = [
-            StudyVote(f"r{rater}", f"{k}", f"s{k}", StudyAxis.OVERALL, "dcap", "fireplace", side, None, 1.0)
+            StudyVote(f"r{rater}", f"{k}", f"s{k}", JudgedAxis.OVERALL, "dcap", "fireplace", side, None, 1.0)
             for k, unit in enumerate(answers)
             for rater, one in enumerate(unit)
             for side in (Side.LEFT if one == "1" else Side.RIGHT,)
@@ -139,7 +139,7 @@ def test_raters_who_toss_coins_do_not_agree() -> None:
     """Alpha is 0, also over three methods, of which each comparison shows two: 120 units of four raters."""
     chance, names = np.random.default_rng(3), ("dcap", "fireplace", "layoutgpt")
     votes = [
-        StudyVote(f"r{rater}", f"{k}", f"s{k}", StudyAxis.OVERALL, names[k % 3], names[(k + 1) % 3], side, None, 1.0)
+        StudyVote(f"r{rater}", f"{k}", f"s{k}", JudgedAxis.OVERALL, names[k % 3], names[(k + 1) % 3], side, None, 1.0)
         for k in range(120)
         for rater in range(4)
         for side in (Side.LEFT if chance.random() < 0.5 else Side.RIGHT,)
