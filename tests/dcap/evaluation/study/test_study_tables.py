@@ -10,7 +10,7 @@ import pytest
 from dcap.evaluation.statistics.comparisons import JudgedAxis
 from dcap.evaluation.statistics.method_tables import PreferenceRow
 from dcap.evaluation.statistics.score_summary import DAGGER
-from dcap.evaluation.study.design import Side, rater_items
+from dcap.evaluation.study.design import Showings, Side, rater_items
 from dcap.evaluation.study.journal import StudyVote
 from dcap.evaluation.study.raters import RaterRow
 from dcap.evaluation.study.tables import csv_text, study_table, tex_text
@@ -24,9 +24,9 @@ def votes_of(raters: int, lifted: Side | None = None) -> list[StudyVote]:
     chance = np.random.default_rng(7)
     names = tuple(f"s{n}" for n in range(SAMPLES))
     pairs = {("dcap", "fireplace"): names, ("dcap", "layoutgpt"): names, ("fireplace", "layoutgpt"): names}
-    found = []
+    found, before = [], Showings()
     for rater in range(raters):
-        for one in rater_items(pairs, (), SAMPLES, rater, 0):
+        for one in rater_items(pairs, (), SAMPLES, rater, 0, before):
             for axis in JudgedAxis:
                 share = STRENGTH[one.left] / (STRENGTH[one.left] + STRENGTH[one.right])
                 side = Side.LEFT if chance.random() < share else Side.RIGHT
