@@ -26,6 +26,7 @@ from dcap.evaluation.study.study_folder import (
     write_design,
 )
 from dcap.scene.errors import InputError
+from flows.judge_run import read_rows
 from flows.run_files import find_run
 from flows.study.app import study_app
 
@@ -53,7 +54,8 @@ def serve_study(
     run: str, options: StudyOptions, say: Callable[[str], None], announce: Callable[[Mapping[str, str]], None]
 ) -> None:
     """Serve the study of a run; `say` is told what a person should know, `announce` the link of each rater."""
-    found = read_study_run(find_run(run))
+    place = find_run(run)
+    found = read_study_run(place, read_rows(place))
     folder = found.folder / STUDY_FOLDER
     known = read_design(folder)
     check_kept(found, known, options)

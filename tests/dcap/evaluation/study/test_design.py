@@ -70,7 +70,7 @@ def comparison(one: StudyItem) -> tuple[str, ...]:
 def usual_study(raters: int = 12) -> list[tuple[StudyItem, ...]]:
     """Five methods on 57 samples, 40 comparisons each: four of each pair of methods."""
     names = tuple(f"s{n}" for n in range(57))
-    return items_of({pair: names for pair in combinations("abcde", 2)}, 4, raters)
+    return items_of(dict.fromkeys(combinations("abcde", 2), names), 4, raters)
 
 
 def test_raters_of_a_usual_study_share_comparisons() -> None:
@@ -106,7 +106,7 @@ def test_sharing_does_not_cost_balance() -> None:
 def test_few_comparisons_of_many_methods_share_too() -> None:
     """One of each pair of methods: still a fifth of all, of other pairs of methods in each group."""
     names = tuple(f"s{n}" for n in range(9))
-    pairs = {pair: names for pair in combinations("abcdef", 2)}
+    pairs = dict.fromkeys(combinations("abcdef", 2), names)
     groups = [items_of(pairs, 1, 3 * GROUP)[first : first + GROUP] for first in range(0, 3 * GROUP, GROUP)]
     found = [set.intersection(*({comparison(one) for one in items} for items in group)) for group in groups]
     assert [len(one) for one in found] == [3, 3, 3]

@@ -2,6 +2,7 @@
 
 import csv
 import io
+from itertools import combinations
 from math import log
 
 import numpy as np
@@ -13,6 +14,7 @@ from dcap.evaluation.statistics.score_summary import DAGGER
 from dcap.evaluation.study.design import Showings, Side, rater_items
 from dcap.evaluation.study.journal import StudyVote
 from dcap.evaluation.study.raters import RaterRow
+from dcap.evaluation.study.study_folder import StudyDesign
 from dcap.evaluation.study.tables import csv_text, study_table, tex_text
 
 STRENGTH = {"dcap": 2.0, "fireplace": 1.0, "layoutgpt": 0.5}
@@ -127,7 +129,7 @@ def test_raters_agree_by_krippendorff_s_alpha() -> None:
             for rater, one in enumerate(unit)
             for side in (Side.LEFT if one == "1" else Side.RIGHT,)
         ]
-        return study_table(votes, 0).agreement[JudgedAxis.OVERALL]
+        return study_table(votes, 0).agreement[JudgedAxis.OVERALL].alpha
 
     assert said("11", "11", "00", "01") == pytest.approx(1 - 14 / 30)
     assert said("11", "00") == 1.0
@@ -145,7 +147,27 @@ def test_raters_who_toss_coins_do_not_agree() -> None:
         for side in (Side.LEFT if chance.random() < 0.5 else Side.RIGHT,)
     ]
     # six pairs of raters per unit: sigma of the observed share is 0.5 / sqrt(6 * 120), twice that of alpha; four of it
-    assert study_table(votes, 0).agreement[JudgedAxis.OVERALL] == pytest.approx(0.0, abs=0.15)
+    assert study_table(votes, 0).agreement[JudgedAxis.OVERALL].alpha == pytest.approx(0.0, abs=0.15)
+
+
+def test_a_usual_study_tells_how_far_raters_agree() -> None:
+    """57 samples, five methods, 40 comparisons each: raters who all judge by the sample agree wholly, and it is known
+    for two raters as for twelve."""
+    names = tuple(f"s{n}" for n in range(57))
+    design = StudyDesign(0, 4, dict.fromkeys(combinations("abcde", 2), names), (), {}, {}).with_raters(12)
+    votes = [
+        StudyVote(rater, one.item, one.sample, axis, one.left, one.right, side, None, 1.0)
+        for rater, items in design.raters.items()
+        for one in items
+        for side in (Side.LEFT if (one.left < one.right) == (int(one.sample[1:]) % 2 == 0) else Side.RIGHT,)
+        for axis in JudgedAxis
+    ]
+    for raters, shared in ((2, 8), (12, 24)):
+        table = study_table([vote for vote in votes if vote.rater <= f"r{raters:02d}"], 0)
+        assert (table.raters, table.comparisons) == (raters, 40 * raters)
+        for agreed in table.agreement.values():
+            assert (agreed.alpha, agreed.share) == (1.0, 1.0)
+            assert agreed.comparisons >= shared
 
 
 def test_attention_checks_count_nowhere() -> None:
