@@ -14,7 +14,7 @@ from dcap.evaluation.study.attention import LIFTED, MODEL, SETTLED, check_folder
 from dcap.evaluation.study.design import Side, StudyItem
 from dcap.evaluation.study.journal import StudyVote, VoteJournal
 from dcap.evaluation.study.placed_surface import read_placed_surface
-from dcap.evaluation.study.placements import StudyRun
+from dcap.evaluation.study.placements import StudyRun, views_of
 from dcap.evaluation.study.study_folder import StudyDesign, write_whole
 
 MODELS = "models"
@@ -57,7 +57,7 @@ class StudySession:
         """The views of the placement on a side, both sides in one order."""
         check = self._check_folder(item, side)
         if check is not None:
-            return tuple(sorted(check.glob("*.png")))
+            return tuple(views_of(check))
         left, right = self.run.pair(item.left, item.right, item.sample)
         return left if side is Side.LEFT else right
 

@@ -84,7 +84,7 @@ def test_raters_of_a_usual_study_share_comparisons() -> None:
     shared = {key for key, who in seen_by.items() if len(who) >= GROUP}
     assert len(shared) == 24
     for items in raters:
-        assert sum(comparison(one) in shared for one in items) == 8
+        assert sum(comparison(one) in shared for one in items) >= 8
     lefts = Counter((one.sample, one.left, one.right) for items in raters for one in items if comparison(one) in shared)
     assert {lefts[sample, one, two] - lefts[sample, two, one] for sample, one, two in shared} <= {-1, 0, 1}
     met = Counter(key[1:] for key in shared)

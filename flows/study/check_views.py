@@ -1,0 +1,87 @@
+"""Pictures of attention checks: by the cameras and the renderer that took the run's own, so that none is told apart.
+
+In: the placement that a check is made of, and its surface at rest and as it is shown. Out: a picture for each of the
+placement's own, of the same name and size. What shows the object is centred on it where it is shown; what shows the
+place is the same camera for both sides, as it is for two methods. Walls before a camera are cut away where the
+placement says which things are walls (scene.json).
+"""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+from dcap.evaluation.study.placed_surface import PlacedSurface
+from dcap.evaluation.study.placements import ShownPlacement
+from dcap.geometry.camera import Camera, looking_at
+from dcap.geometry.rendering.picture import picture
+from dcap.geometry.rendering.surface import PreparedMeshes
+from dcap.scene.readers.scenes.placed_scene import FACTS, instance_of, read_facts
+from dcap.scene.types.paint import PaintedMesh
+from dcap.scene.types.segmentation import Instance, Segmentation
+from tasks.measure.views import ABOVE, CORNER, LEVEL, NEARBY, SIDES, ViewsConfig, seen_from
+from tasks.render.scene_views import SceneViews
+
+Array = NDArray[np.float64]
+
+
+def check_pictures(
+    placement: ShownPlacement, settled: PlacedSurface, shown: PlacedSurface
+) -> Mapping[str, NDArray[np.uint8]]:
+    """The pictures of one side of a check by name, sRGB; FormatError where scene.json is none."""
+    config, views = ViewsConfig(), surface_views(shown, things_of(placement.folder))
+    found = {}
+    for path in placement.pictures:
+        camera = camera_of(path.stem, settled, shown, size_of(path), config)
+        meshes = views.seen_by(camera) if isinstance(views, SceneViews) else views
+        found[path.stem] = picture(meshes, camera, samples=config.samples).rgb
+    return found
+
+
+def size_of(path: Path) -> tuple[int, int]:
+    """Width and height of a picture [pixel]."""
+    with Image.open(path) as one:
+        return one.size
+
+
+def things_of(folder: Path) -> tuple[Instance, ...]:
+    """What the things of a placement's scene are; empty where it does not say."""
+    return tuple(map(instance_of, read_facts(folder).instances)) if (folder / FACTS).is_file() else ()
+
+
+def surface_views(surface: PlacedSurface, things: tuple[Instance, ...]) -> SceneViews | PreparedMeshes:
+    """What cameras see of a placement: what is cut away depends on the camera where it is known what walls are."""
+    scene, thing = (surface.of(np.flatnonzero(own)) for own in (~surface.is_thing, surface.is_thing))
+    parts = [PaintedMesh(one.mesh, one.paint) for one in (scene, thing)]
+    if not things:
+        return PreparedMeshes(parts)
+    index = {one.id: number for number, one in enumerate(things)}
+    number_of = np.array([*(index.get(name, -1) for name in scene.ids), -1], dtype=np.int32)
+    owner = number_of[scene.face_id]
+    return SceneViews(Segmentation(scene.mesh, things, owner, np.full_like(owner, -1)), parts[0], [parts[1]])
+
+
+def camera_of(
+    name: str, settled: PlacedSurface, shown: PlacedSurface, size: tuple[int, int], config: ViewsConfig
+) -> Camera:
+    """The camera of a picture of so many columns and rows; one of another name looks as `front` does."""
+    of_place = name in ("room", "top")
+    low, high = (settled if of_place else shown).thing_bounds
+    middle, across = 0.5 * (low + high), float(np.linalg.norm(high - low))
+    away = config.near * across
+    if name == "room":
+        one = seen_from(middle, corner_of(settled, middle), CORNER, max(config.far, 6.0 * across), config)
+    else:
+        elevation = {"top": ABOVE, "low": LEVEL}.get(name, NEARBY)
+        one = seen_from(middle, SIDES.get(name, SIDES["front"]), elevation, away, config)
+    return looking_at(one.position, one.target, *size, fov_deg=config.fov_deg)
+
+
+def corner_of(settled: PlacedSurface, middle: Array) -> float:
+    """The direction of the camera of the room, as that of the run's own pictures [degrees]."""
+    scene = settled.of(np.flatnonzero(~settled.is_thing)).mesh
+    inwards = scene.bounds.mean(axis=0) - middle
+    off_middle = np.linalg.norm(inwards[:2]) > 0.1
+    return float(np.degrees(np.arctan2(inwards[1], inwards[0]))) if off_middle else SIDES["front"]
