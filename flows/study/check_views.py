@@ -6,6 +6,7 @@ place is the same camera for both sides, as it is for two methods. Walls before 
 placement says which things are walls (scene.json).
 """
 
+import json
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -21,6 +22,7 @@ from dcap.geometry.rendering.surface import PreparedMeshes
 from dcap.scene.readers.scenes.placed_scene import FACTS, instance_of, read_facts
 from dcap.scene.types.paint import PaintedMesh
 from dcap.scene.types.segmentation import Instance, Segmentation
+from flows.run_files import RUN
 from tasks.measure.views import ABOVE, CORNER, LEVEL, NEARBY, SIDES, ViewsConfig, seen_from
 from tasks.render.scene_views import SceneViews
 
@@ -28,16 +30,22 @@ Array = NDArray[np.float64]
 
 
 def check_pictures(
-    placement: ShownPlacement, settled: PlacedSurface, shown: PlacedSurface
+    placement: ShownPlacement, settled: PlacedSurface, shown: PlacedSurface, config: ViewsConfig
 ) -> Mapping[str, NDArray[np.uint8]]:
     """The pictures of one side of a check by name, sRGB; FormatError where scene.json is none."""
-    config, views = ViewsConfig(), surface_views(shown, things_of(placement.folder))
+    views = surface_views(shown, things_of(placement.folder))
     found = {}
     for path in placement.pictures:
         camera = camera_of(path.stem, settled, shown, size_of(path), config)
         meshes = views.seen_by(camera) if isinstance(views, SceneViews) else views
         found[path.stem] = picture(meshes, camera, samples=config.samples).rgb
     return found
+
+
+def views_config(run: Path) -> ViewsConfig:
+    """How the pictures of the run in a folder were taken."""
+    known = json.loads((run / RUN).read_text(encoding="utf-8")).get("config", {}).get("views", {})
+    return ViewsConfig.model_validate({name: one for name, one in known.items() if name in ViewsConfig.model_fields})
 
 
 def size_of(path: Path) -> tuple[int, int]:

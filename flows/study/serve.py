@@ -8,6 +8,7 @@ import logging
 import socket
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import uvicorn
@@ -29,7 +30,7 @@ from dcap.scene.errors import InputError
 from flows.judge_run import read_rows
 from flows.run_files import find_run
 from flows.study.app import study_app
-from flows.study.check_views import check_pictures
+from flows.study.check_views import check_pictures, views_config
 
 STOP_SECONDS = 3
 """That answers under way have when the server is stopped [s]."""
@@ -84,7 +85,7 @@ def new_design(run: StudyRun, folder: Path, options: StudyOptions, say: Callable
     for (method, sample), why in run.left_out.items():
         say(f"{method} {sample} is left out: {why}")
     say("making attention checks")
-    checks = make_checks(run, folder, seed, check_pictures, say)
+    checks = make_checks(run, folder, seed, partial(check_pictures, config=views_config(run.folder)), say)
     if not checks:
         say(f"no attention checks: no placement of {run.folder.name} has a scene.glb that one can be made of")
     left_out = {f"{method}/{sample}": why for (method, sample), why in run.left_out.items()}

@@ -1,6 +1,7 @@
 """What of a run can be shown, and what is cut out of it for a page."""
 
 import shutil
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -34,7 +35,7 @@ from dcap.evaluation.study.placements import read_study_run, views_of
 from dcap.scene.errors import FormatError, InputError
 from dcap.scene.types.judged_views import PLACED
 from flows.judge_run import read_rows
-from flows.study.check_views import check_pictures
+from flows.study.check_views import check_pictures, views_config
 
 
 @pytest.fixture
@@ -148,7 +149,7 @@ def test_a_check_looks_like_the_run_and_differs_in_the_height_alone(run: Path, t
     shows the place differs around the ball alone, and models agree but for the ball."""
     placement = read_study_run(run, read_rows(run)).shown["dcap", "bed-1"]
     folder = tmp_path / "check"
-    write_check(placement, folder, check_pictures)
+    write_check(placement, folder, partial(check_pictures, config=views_config(run)))
     for name in (SETTLED, LIFTED):
         pictures = views_of(folder / name)
         assert [path.name for path in pictures] == [path.name for path in placement.pictures]

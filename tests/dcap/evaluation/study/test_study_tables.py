@@ -188,6 +188,9 @@ def test_the_tables_hold_what_was_computed() -> None:
     assert {row["raters_flagged"] for row in rows} == {"1"}
     assert {row["raters"] for row in rows} == {"3"}
     assert float(rows[0]["agreement_overall"]) < 1.0
+    assert 0.0 < float(rows[0]["percent_agreement_overall"]) < 100.0
+    assert rows[0]["shared_comparisons"] == "36"
+    assert f"({rows[0]['percent_agreement_overall']} % of pairs of raters)" in tex_text(table, raters)
     tex = tex_text(table, raters)
     assert tex.count("\\\\") == 1 + len(table.rows)
     assert "FirePlace*" in tex
