@@ -45,16 +45,12 @@ from dcap.language.model.ledger import Spending, spending_of
 from dcap.language.protocol.client import ClientName, LanguageConfig
 from dcap.language.protocol.session import Session
 from dcap.scene.errors import FormatError, InputError
-from dcap.scene.types.judged_views import JudgedViews
+from dcap.scene.types.judged_views import BEFORE, PLACED
 from flows.language_options import LanguageOptions
 from flows.measures_file import MEASURES, VIEWS
 from flows.run_files import chooser_of, find_run
 
 RESULTS = "results.parquet"
-BEFORE = ("clean", "asset")
-"""Pictures of the scene before and of the object alone."""
-PLACED = tuple(one.name for one in fields(JudgedViews) if one.name not in BEFORE)
-"""Pictures of a placement, in their order."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)

@@ -33,7 +33,7 @@ from tasks.freed.stage import freed_anchor_task, freed_scene_task, freed_task
 from tasks.intent.stage import IntentConfig, intent_task
 from tasks.materials.stage import MaterialsConfig, materials_task
 from tasks.measure.drift import DriftConfig
-from tasks.measure.views import ViewsConfig
+from tasks.measure.judge_cameras import ViewsConfig
 from tasks.mesh.stage import MeshConfig, mesh_object_task, mesh_scene_task
 from tasks.mesh.surfaces import surface_object_task, surface_scene_task, surface_start_task
 from tasks.overview import OverviewConfig, overview_task

@@ -26,7 +26,6 @@ from dcap.evaluation.run_page.failures import (
 )
 from dcap.evaluation.run_page.placeit3d_table import placeit3d_table
 from dcap.evaluation.run_page.placement_files import (
-    BEFORE,
     certificate_text,
     facts_of,
     kind_of,
@@ -41,6 +40,7 @@ from dcap.evaluation.run_page.supports import supports_figure
 from dcap.evaluation.run_page.tables import metrics_table, table_from_csv
 from dcap.evaluation.run_summary import RunSummary
 from dcap.language.model.ledger import in_words
+from dcap.scene.types.judged_views import BEFORE
 
 TEMPLATES = Path(__file__).parent / "templates"
 PICTURES = (

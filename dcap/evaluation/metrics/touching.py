@@ -79,8 +79,8 @@ def touching(thing: Mesh, scene: Mesh) -> Touching:
 
 
 def faced(points: Array, normal: Array, scene: Raycaster) -> NDArray[np.bool_]:
-    """Which points (n, 3) of a surface with area normals (n, 3) have the scene within TOUCHING before them, shape (n,): the
-    rim of a side is near what its bottom stands on, and does not touch it."""
+    """Which points (n, 3) of a surface with area normals (n, 3) have the scene within TOUCHING before them, shape (n,):
+    the rim of a side is near what its bottom stands on, and does not touch it."""
     way = scene.nearest(points) - points
     away = np.linalg.norm(way, axis=1)
     before = np.einsum("ij,ij->i", way, normal) >= FACING * away * np.linalg.norm(normal, axis=1)
@@ -127,8 +127,8 @@ def enclosed_depth(thing: Mesh, scene: Raycaster, faces: Mesh) -> float:
 
 
 def left_below(plan: Array, height: float, scene: Raycaster, faces: Mesh) -> NDArray[np.bool_]:
-    """Where the next face below points (n, 2) at a height [m] is met from behind, shape (n,). A thing may stand flush on
-    another: of faces that coincide any one will do."""
+    """Where the next face below points (n, 2) at a height [m] is met from behind, shape (n,). A thing may stand flush
+    on another: of faces that coincide any one will do."""
     ray, face, away = scene.crossings(
         np.column_stack([plan, np.full(len(plan), height)]), np.tile(DOWN, (len(plan), 1))
     )

@@ -1,6 +1,6 @@
 """The fixed pictures of a final state that judges see."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,3 +31,9 @@ class JudgedViews:
     """The support from steeply above."""
     low: Picture
     """From the front and just above the level of what it stands on, where gaps and dents show."""
+
+
+BEFORE = ("clean", "asset")
+"""Names of the pictures of the scene before and of the object alone."""
+PLACED = tuple(one.name for one in fields(JudgedViews) if one.name not in BEFORE)
+"""Names of the pictures of a placement, in the order in which judges and people see them."""

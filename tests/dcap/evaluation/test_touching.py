@@ -63,6 +63,19 @@ def test_a_box_that_is_wholly_inside():
     assert found.gap == 0.0
 
 
+def test_a_box_that_is_wholly_inside_a_bed_that_stands_on_a_slab():
+    """Their faces coincide below it: the bed's counts, whichever is met first."""
+    bed = box([2.0, 1.6, 0.5], [0.0, 0.0, 0.25])
+    for scene in (Mesh.concatenate([bed, SLAB]), Mesh.concatenate([SLAB, bed])):
+        assert touching(box([0.2, 0.2, 0.2], [0.0, 0.0, 0.2]), scene).penetration == pytest.approx(0.4, abs=1e-6)
+
+
+def test_the_rim_of_a_side_does_not_touch():
+    """A cube of 20 cm stands on its bottom alone."""
+    found = touching(box([0.2, 0.2, 0.2], [0.0, 0.0, 0.1]), SLAB)
+    assert found.contact_area == pytest.approx(0.04, rel=1e-3)
+
+
 def test_a_box_under_a_table_is_in_nothing():
     table = Mesh.concatenate([box([1.0, 1.0, 0.03], [0.0, 0.0, 0.7]), SLAB])
     found = touching(box([0.2, 0.2, 0.2], [0.0, 0.0, 0.1]), table)

@@ -18,7 +18,7 @@ from many_methods_run import many_methods_run
 from PIL import Image
 from playwright.sync_api import Browser, Page, expect, sync_playwright
 
-from dcap.evaluation.study.design import StudyAxis
+from dcap.evaluation.statistics.comparisons import JudgedAxis
 from dcap.evaluation.study.journal import read_votes
 from dcap.evaluation.study.study_folder import STUDY_FOLDER, StudyDesign, read_design
 from dcap.packages import ROOT
@@ -114,7 +114,7 @@ def answer_by_keys(page: Page, keys: str) -> None:
     expect(page.locator("progress")).to_have_attribute("value", str(before + 1))
 
 
-def answer_by_mouse(page: Page, sides: dict[StudyAxis, str]) -> None:
+def answer_by_mouse(page: Page, sides: dict[JudgedAxis, str]) -> None:
     """Continue, choose and go on with the mouse."""
     before = done(page)
     page.click("#continue")
@@ -145,7 +145,11 @@ def test_a_whole_session_survives_a_killed_server(run: Path, capsys: pytest.Capt
     try:
         with browser() as chrome:
             one, two = (open_page(chrome, links[rater], troubles) for rater in ("r01", "r02"))
-            mouse = {StudyAxis.RIGHT_PLACE: "right", StudyAxis.PHYSICS: "left", StudyAxis.OVERALL: "right"}
+            mouse = {
+                JudgedAxis.RIGHT_PLACE: "right",
+                JudgedAxis.PHYSICS_NATURALNESS: "left",
+                JudgedAxis.OVERALL: "right",
+            }
             for _ in range(3):
                 answer_by_keys(one, "12<")
                 answer_by_mouse(two, mouse)
