@@ -134,6 +134,9 @@ def test_metrics_are_told_in_raw_units(run: Path) -> None:
     assert found["support hit [%]"] == ("100", "100", "0")
     assert found["penetration [mm]"] == ("0 (0)", "1 (1)", "2 (2), n 3")
     assert found["drift [mm]"] == ("0.1 (0.1)", "–", "–")
+    lines = (run / "tables" / "metrics.tex").read_text().splitlines()
+    assert "penetration [mm] & 0 (0) & 1 (1) & 2 (2), n 3 \\\\" in lines
+    assert sum(", n " in one for one in lines) == 1
     written(run, own)
 
 
