@@ -34,7 +34,7 @@ from dcap.evaluation.judging.judging_folder import (
     write_judging,
 )
 from dcap.evaluation.judging.rubric import SCALES, Metrics, rubric_scores
-from dcap.evaluation.judging.standing import Standing, lowest_scores, standing_of, with_scores
+from dcap.evaluation.judging.standing import Standing, lowest_scores, standing_of, with_judged_scores
 from dcap.evaluation.method_report import MethodTable, method_table, write_method_table
 from dcap.evaluation.methods import OFFLINE, joined_id
 from dcap.evaluation.outcome_table import SampleOutcome
@@ -52,9 +52,9 @@ from flows.measures_file import MEASURES, VIEWS
 from flows.run_files import chooser_of, find_run
 
 RESULTS = "results.parquet"
-BEFORE = ("clean", "asset")
+BEFORE_VIEWS = ("clean", "asset")
 """Pictures of the scene before and of the object alone."""
-PLACED = tuple(one.name for one in fields(JudgedViews) if one.name not in BEFORE)
+PLACED = tuple(one.name for one in fields(JudgedViews) if one.name not in BEFORE_VIEWS)
 """Pictures of a placement, in their order."""
 
 
@@ -87,7 +87,7 @@ def judge_run(run: str, options: LanguageOptions, say: Callable[[str], None] = l
     rows = read_rows(folder)
     judged = judgement_of(folder, rows, config, options, say)
     write_judging(folder, judged.record, judged.scores, judged.comparisons, judged.spending)
-    rows = with_scores(rows, judged.scores)
+    rows = with_judged_scores(rows, judged.scores)
     write_rows(folder, rows)
     table, csv = write_tables(folder, rows, judged.comparisons, judged.record)
     return JudgedRun(folder, rows, table, csv)
@@ -107,7 +107,7 @@ def judged_rows(folder: Path, rows: Sequence[SampleOutcome]) -> tuple[tuple[Samp
         found, compared, record = list(judged.scores), list(judged.comparisons), judged.record
     else:
         found, compared = read_scores(folder), read_comparisons(folder / JUDGING / COMPARISONS)
-    scored = with_scores(rows, found)
+    scored = with_judged_scores(rows, found)
     write_rows(folder, scored)
     changed = tuple(name for name, state in record.states.items() if fingerprint(sample_folder(folder, name)) != state)
     return scored, write_tables(folder, scored, compared, record, changed)[0]
@@ -132,7 +132,7 @@ def judgement_of(
     if not pairs(placements):
         raise InputError(
             f"{folder.name}: no sample has a final state of two methods that "
-            + (f"the {RUBRIC} can score (without truth.yaml it knows no right place); " if rubric else "can be shown; ")
+            + (f"the {RUBRIC} can score (no metric of it is known); " if rubric else "can be shown; ")
             + "see the verdicts in results.parquet"
         )
     name = judge_name(config)
@@ -185,11 +185,11 @@ def asking(session: Session, say: Callable[[str], None]) -> AbstractContextManag
 
 
 def with_metrics(rows: Sequence[SampleOutcome]) -> list[JudgedPlacement]:
-    """What the metric rubric judges: final states of which metrics of both axes are known."""
+    """What the metric rubric judges: final states of which metrics of an axis, or of both, are known."""
     found = []
     for row in rows:
         metrics = metrics_of(row)
-        if standing_of(row) is Standing.JUDGED and None not in rubric_scores(metrics):
+        if standing_of(row) is Standing.JUDGED and rubric_scores(metrics) != (None, None):
             found.append(judged_placement(row, metrics, (), ()))
     return found
 
@@ -200,7 +200,7 @@ def with_pictures(folder: Path, rows: Sequence[SampleOutcome], methods: Sequence
     first: dict[str, tuple[NamedPicture, ...]] = {}
     for row in sorted(judged, key=lambda one: methods.index(one.method)):
         if row.sample not in first:
-            first[row.sample] = pictures_in(views_of(folder, row), BEFORE)
+            first[row.sample] = pictures_in(views_of(folder, row), BEFORE_VIEWS)
     return [
         judged_placement(row, metrics_of(row), first[row.sample], pictures_in(views_of(folder, row), PLACED))
         for row in judged

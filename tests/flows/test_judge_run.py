@@ -2,6 +2,7 @@
 
 import csv
 import json
+import re
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -14,6 +15,7 @@ from many_methods_run import JUDGED, METHODS, SAMPLES, many_methods_run, method_
 
 from dcap.evaluation.judging.judge import RUBRIC
 from dcap.evaluation.judging.known_answers import KnownAnswer
+from dcap.evaluation.judging.rubric import SCALES
 from dcap.evaluation.method_report import method_table
 from dcap.evaluation.outcome_table import SampleOutcome
 from dcap.evaluation.statistics.comparisons import JudgedAxis, read_comparisons
@@ -216,6 +218,47 @@ def test_refusing_costs_and_is_not_compared(run: Path) -> None:
     ]  # fmt: skip
 
 
+def test_physics_is_judged_where_nobody_stated_a_place(run: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Table 1 has a dash for the place and the composite; scores have nulls; all in all physics decides."""
+    place = dict.fromkeys(SCALES[JudgedAxis.RIGHT_PLACE])
+    rows = [replace(one, feasible_intended=None, **place) for one in read_rows(run)]  # type: ignore[arg-type]
+    ended = finish(run, rows, 1.0)
+    assert ended.table is not None
+    first = contents(run)
+    assert main(["judge", str(run)]) == 0
+    assert contents(run) == first
+    assert f"{'DCAP':32s}{'-':>16s}" in capsys.readouterr().out
+    found = rows_of(run)
+    assert {(one["right_place"], one["composite"], one["samples"], one["left_out"]) for one in found.values()} == {
+        ("", "", "4", "0")
+    }
+    assert (found["dcap"]["right_place_n"], found["dcap"]["physics_naturalness_n"]) == ("0", "4")
+    physics = [float(found[name]["physics_naturalness"]) for name in METHODS]
+    assert physics == sorted(physics, reverse=True)
+    assert float(found["dcap"]["elo"]) > float(found["layoutgpt"]["elo"]) == 1000.0
+    assert re.search(r"^DCAP & -- & \$.* & -- & \$.* & 0/4 ", (run / "tables" / "table1.tex").read_text(), re.MULTILINE)
+    assert {one.right_place for one in read_rows(run)} == {None}
+    assert {one.physics_naturalness for one in read_rows(run) if one.method == "dcap"} == {physics[0]}
+    axes = {one.axis for one in read_comparisons(run / "judging" / "comparisons.parquet")}
+    assert axes == {JudgedAxis.PHYSICS_NATURALNESS, JudgedAxis.OVERALL}
+
+
+def test_a_place_that_one_sample_states_counts_there(run: Path) -> None:
+    """The means are of the samples that each axis is known of, and the table says so."""
+    place = dict.fromkeys(SCALES[JudgedAxis.RIGHT_PLACE])
+    for method in METHODS:
+        for sample in ("bed-1", "bed-2", "sofa/3"):
+            changed(run, method, sample, **place)
+    assert main(["judge", str(run)]) == 0
+    found = rows_of(run)["dcap"]
+    assert (found["right_place_n"], found["physics_naturalness_n"], found["samples"]) == ("1", "4", "4")
+    means = float(found["right_place"]), float(found["physics_naturalness"])
+    assert float(found["composite"]) == pytest.approx((means[0] * means[1]) ** 0.5, abs=1e-3)
+    text = (run / "tables" / "table1.tex").read_text()
+    assert "& 1/4 " in text
+    assert "have a score on one axis only" in text
+
+
 def test_a_method_without_any_score_has_dashes(run: Path) -> None:
     """It stays in the table."""
     for sample in SAMPLES:
@@ -236,9 +279,9 @@ def test_what_cannot_be_judged_is_one_line(
     bare = many_methods_run(tmp_path / "bare")
     said = complaint(capsys, bare, "--language", "anthropic")
     assert "room.png: no such picture; a judge needs the run's views" in said
-    unknown = [replace(row, support_hit=None, region_distance_m=None) for row in read_rows(run)]
-    write_rows(bare, unknown)
-    assert "without truth.yaml it knows no right place" in complaint(capsys, bare)
+    metrics = {name: None for axis in SCALES.values() for name in axis}
+    write_rows(bare, [replace(row, **metrics) for row in read_rows(run)])  # type: ignore[arg-type]
+    assert "can score (no metric of it is known); see the verdicts" in complaint(capsys, bare)
     assert "--batch is for --language anthropic, not offline" in complaint(capsys, run, "--batch")
     (bare / "results.parquet").write_bytes(b"none")
     assert "results.parquet: no results that can be judged" in complaint(capsys, bare)

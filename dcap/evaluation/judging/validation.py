@@ -11,7 +11,7 @@ from dcap.evaluation.judging.judge import pair_request
 from dcap.evaluation.judging.known_answers import KnownAnswer
 from dcap.evaluation.judging.questions import JUDGE_PAIR
 from dcap.evaluation.statistics.bootstrap import ConfidenceInterval
-from dcap.evaluation.statistics.comparisons import Comparison
+from dcap.evaluation.statistics.comparisons import Comparison, Winner
 from dcap.evaluation.statistics.sides import SideReport, side_report
 from dcap.evaluation.statistics.win_rates import wilson_interval
 from dcap.language.connect import Client
@@ -54,7 +54,7 @@ def judge_accuracy(client: Client, answers: Sequence[KnownAnswer], judge: str) -
     asked = [(one, order) for one in answers for order in ((one.better, one.worse), (one.worse, one.better))]
     replies = client.ask_all(JUDGE_PAIR, [pair_request(left, right) for _, (left, right) in asked])
     rows = [
-        Comparison(left.sample, one.axis, left.method, right.method, reply.winner(one.axis), judge)
+        Comparison(left.sample, one.axis, left.method, right.method, reply.winner(one.axis) or Winner.TIE, judge)
         for (one, (left, right)), reply in zip(asked, replies, strict=True)
     ]
     by_flaw: dict[str, tuple[int, int]] = {}
