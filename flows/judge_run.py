@@ -1,8 +1,9 @@
 """Judge a run: scores of its placements, comparisons of its methods, and Table 1.
 
 In: a run of several methods with its rows, and who judges. Out: `judging/` (scores, comparisons, judge.json), the three
-columns of results.parquet that a judge makes, and `tables/table1.csv|tex`. Which samples are judged, and what the
-others get, stands in dcap/evaluation/judging/standing.py. Nothing is written before every question is answered.
+columns of results.parquet that a judge makes, `tables/table1.csv|tex` and `tables/comparisons_by_method.csv|tex`.
+Which samples are judged, and what the others get, stands in dcap/evaluation/judging/standing.py. Nothing is written
+before every question is answered.
 """
 
 import hashlib
@@ -14,6 +15,7 @@ from pathlib import Path
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from dcap.evaluation.comparison_report import comparison_table, write_comparison_table
 from dcap.evaluation.judging.judge import (
     RUBRIC,
     JudgedPlacement,
@@ -229,9 +231,10 @@ def write_tables(
     folder: Path, rows: Sequence[SampleOutcome], compared: Sequence[Comparison], record: JudgeRecord,
     changed: tuple[str, ...] = (),
 ) -> tuple[MethodTable, Path]:  # fmt: skip
-    """Table 1, written."""
+    """Table 1, and what the comparisons come to, written."""
     offline = chooser_of(folder).client is ClientName.OFFLINE
     table = method_table(rows, compared, record, offline=offline, changed=changed)
+    write_comparison_table(folder, comparison_table(compared, record, offline=offline))
     return table, write_method_table(folder, table)[0]
 
 

@@ -13,6 +13,7 @@ from fake_api import FakeApi, data_of, message, question_of, says
 from judged import REPLY, SCORES, placement
 from many_methods_run import JUDGED, METHODS, SAMPLES, many_methods_run, method_folder, row, write_rows
 
+from dcap.evaluation.comparison_report import comparison_table
 from dcap.evaluation.judging.judge import RUBRIC
 from dcap.evaluation.judging.known_answers import KnownAnswer
 from dcap.evaluation.judging.rubric import SCALES
@@ -24,7 +25,10 @@ from flows.cli.app import main
 from flows.judge_run import read_rows
 
 MODEL = "claude-sonnet-5-5"
-TABLES = ("tables/table1.csv", "tables/table1.tex", "judging/scores.parquet", "judging/comparisons.parquet")
+TABLES = (
+    "tables/table1.csv", "tables/table1.tex", "tables/comparisons_by_method.csv", "tables/comparisons_by_method.tex",
+    "judging/scores.parquet", "judging/comparisons.parquet",
+)  # fmt: skip
 EXACT = (*TABLES, "results.parquet")
 
 
@@ -32,6 +36,7 @@ EXACT = (*TABLES, "results.parquet")
 def few_resamples(monkeypatch: pytest.MonkeyPatch) -> None:
     """Intervals are not what is tested here."""
     monkeypatch.setattr("flows.judge_run.method_table", partial(method_table, resamples=50))
+    monkeypatch.setattr("flows.judge_run.comparison_table", partial(comparison_table, resamples=50))
 
 
 @pytest.fixture
@@ -216,6 +221,28 @@ def test_refusing_costs_and_is_not_compared(run: Path) -> None:
     assert [one["analysis"] for one in scores if one["right_place"] == 1.0] == [
         "no placement: no_room", "no placement: it broke",
     ]  # fmt: skip
+
+
+def test_comparisons_come_to_win_rates_and_ratings(run: Path) -> None:
+    """By method and axis; by hand: dcap wins all of its overall comparisons, layoutgpt none; the page has the table."""
+    for sample in SAMPLES:
+        changed(run, "layoutgpt", sample, drift_m=0.3, gap_m=0.05)
+    assert main(["judge", str(run)]) == 0
+    rows = list(csv.DictReader((run / "tables" / "comparisons_by_method.csv").open()))
+    assert [one["method"] for one in rows] == list(METHODS)
+    assert [float(one["overall_wins"]) for one in rows] == [1.0, 0.5, 0.0]
+    place = {one["method"]: float(one["right_place_wins"]) for one in rows}
+    assert place == {"dcap": 1.0, "fireplace": 0.25, "layoutgpt": 0.25}  # these two tie
+    assert {one["physics_naturalness_low"] for one in rows} == {"1.0000", "0.5000", "0.0000"}
+    ratings = [float(one["bradley_terry"]) for one in rows]
+    assert ratings == sorted(ratings, reverse=True)
+    assert sum(ratings) == pytest.approx(3 * 1500.0, abs=0.2)
+    assert {one["comparisons"] for one in rows} == {"16"}
+    assert {one["judge"] for one in rows} == {RUBRIC}
+    text = (run / "tables" / "comparisons_by_method.tex").read_text()
+    assert f"Comparisons by {RUBRIC}: 24 overall" in text
+    assert "DCAP & $100.0$ {\\small $[100.0, 100.0]$} & " in text
+    assert "Comparisons by the judge" in (run / "report.html").read_text()
 
 
 def test_physics_is_judged_where_nobody_stated_a_place(run: Path, capsys: pytest.CaptureFixture[str]) -> None:
