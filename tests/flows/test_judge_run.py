@@ -347,9 +347,9 @@ def test_a_judge_is_validated(
 ) -> None:
     """Printed and written, for a run or without one: the rubric is right twice, who says left once."""
     pair = KnownAnswer(
-        placement("s", "settled", 1), placement("s", "floating", 2, gap_m=0.05), JudgedAxis.PHYSICS_NATURALNESS
+        placement("s", "a", 1), placement("s", "b", 2, gap_m=0.05), JudgedAxis.PHYSICS_NATURALNESS, "floating"
     )
-    monkeypatch.setattr("flows.judge_known.known_answers", lambda name: [pair])
+    monkeypatch.setattr("flows.judge_known.known_answers", lambda name, reference: [pair])
     assert main(["judge", str(run), "--validate"]) == 0
     assert f"{RUBRIC}: 10 of 10 known answers right (100%" in capsys.readouterr().out
     tree = json.loads((run / "judging" / "validation.json").read_text())

@@ -1,7 +1,7 @@
 """How often a judge is right about pairs whose answer is known.
 
 In: a client and pairs (known_answers.py). Out: how many answers are right, of both orders of every pair, by what is
-wrong with the worse one. A tie is not right: every difference here is plain.
+wrong with the worse one. A tie is not right, however small the difference is.
 """
 
 from collections.abc import Sequence
@@ -59,7 +59,7 @@ def judge_accuracy(client: Client, answers: Sequence[KnownAnswer], judge: str) -
     ]
     by_flaw: dict[str, tuple[int, int]] = {}
     for (one, _), row in zip(asked, rows, strict=True):
-        right, count = by_flaw.get(one.worse.method, (0, 0))
-        by_flaw[one.worse.method] = (right + (row.winning_method == one.better.method), count + 1)
+        right, count = by_flaw.get(one.flaw, (0, 0))
+        by_flaw[one.flaw] = (right + (row.winning_method == one.better.method), count + 1)
     total = sum(right for right, _ in by_flaw.values())
     return JudgeAccuracy(judge, total, len(rows), wilson_interval(total, len(rows)), by_flaw, side_report(rows))
