@@ -96,6 +96,9 @@ def test_a_model_sees_neither_methods_nor_metrics():
         assert payload.pictures == pictures
         assert "put it on s0" in text
         assert "view above" in text
+        assert '"room\\" and \\"top\\" are from cameras that are the same for every placement' in text
+        assert "centred on the object, from the same directions" in text
+        assert "from the same camera." not in text
         assert not any(word in text for word in ("dcap", "holodeck", "metrics", "penetration_m", "0.01"))
 
 
