@@ -70,6 +70,8 @@ def tex_text(table: ComparisonTable) -> str:
         f"% Comparisons by {table.record.judge}: {asked}.",
         "% Win rates with 95 % intervals of a bootstrap over samples; Bradley-Terry of the overall comparisons.",
     ]
+    if any(row.rating and row.rating.separable for row in table.rows):
+        lines.append("% Some method won or lost every comparison: a ridge keeps ratings finite, read them as an order.")
     if table.record.same_family:
         lines.append(f"% The judge is of the same maker as {table.record.chooser}, which chose.")
     return "\n".join([*lines, *tabular(table.rows, table.name), MARKED]) + "\n"

@@ -139,9 +139,8 @@ def row_cells(table: MethodTable, method: str) -> dict[str, object]:
     for axis in AXES:
         one = summary(row, axis) if row else None
         values = (one.mean, one.spread, one.interval.low, one.interval.high) if one else (None,) * 4
-        cells |= {f"{axis}_n": one.samples if one else 0}
         cells |= {f"{axis}{k}": number(v) for k, v in zip(("", "_sd", "_low", "_high"), values, strict=True)}
-        cells |= tested(row, axis)
+        cells |= {f"{axis}_n": one.samples if one else 0, **tested(row, axis)}
     cells |= {COMPOSITE: number(row.composite if row else None), **tested(row, COMPOSITE)}
     elo = row.elo if row else None
     ratings = (elo.rating, elo.interval.low, elo.interval.high) if elo else (None,) * 3

@@ -241,6 +241,7 @@ def test_comparisons_come_to_win_rates_and_ratings(run: Path) -> None:
     assert {one["judge"] for one in rows} == {RUBRIC}
     text = (run / "tables" / "comparisons_by_method.tex").read_text()
     assert f"Comparisons by {RUBRIC}: 24 overall" in text
+    assert "a ridge keeps ratings finite" in text
     assert "DCAP & $100.0$ {\\small $[100.0, 100.0]$} & " in text
     assert "Comparisons by the judge" in (run / "report.html").read_text()
 

@@ -185,6 +185,9 @@ def test_where_a_baseline_is_ahead() -> None:
         ("holodeck", "b", ("Right Place", "P&N"), pytest.approx(4.0)),
         ("fireplace", "a", ("Right Place",), pytest.approx(24**0.5 - 45**0.5)),
     ]
+    alone = [replace(row, right_place=None) for row in rows]  # nobody stated a place: the other axis tells
+    found = [(one.row.method, one.row.sample, one.axes, one.margin) for one in baselines_ahead(alone)]
+    assert found == [("holodeck", "b", ("P&N",), pytest.approx(8.0))]
 
 
 def test_tables_of_the_run_are_shown(tmp_path: Path) -> None:
