@@ -4,24 +4,46 @@ from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
+import numpy as np
+
 from dcap.evaluation.judging.judge import judge_name
 from dcap.evaluation.judging.judging_folder import JUDGING, side_tree
 from dcap.evaluation.judging.known_answers import known_answers
+from dcap.evaluation.judging.known_room import COMPLIANCE, MASS, RADIUS
 from dcap.evaluation.judging.validation import JudgeAccuracy, judge_accuracy
+from dcap.evaluation.metrics.columns import columns
+from dcap.geometry.raycast import Raycaster
 from dcap.language.connect import connect
 from dcap.language.protocol.client import ClientName
 from dcap.language.protocol.session import Session
 from dcap.scene.settings import runs_root
+from dcap.scene.types.gravity import GRAVITY
+from dcap.scene.types.mesh import Mesh
 from flows.judge_run import asking
 from flows.language_options import LanguageOptions
 from flows.output import readable_json
 from flows.run_files import find_run
+from tasks.bodies.footprint import heights_over
+from tasks.bodies.plan_contact import plan_contact
 
 ROOMS = ("bedroom_01", "bedroom_02", "bedroom_03", "kids_01", "kids_02")
 """Embedded rooms with a bed and free floor beside it."""
 VALIDATION = "validation.json"
+LIFTED = 0.01
+"""How far over the mattress the ball is before it is pressed onto it [m]; no result depends on it."""
 WITHOUT_RUN = "judge"
 """Folder among the runs for a judge that is validated without one."""
+
+
+def pressed_depth(ball: Mesh, bed: Mesh) -> float | None:
+    """How deep the ball's weight presses it into the mattress [m]: quasi-static, by the contact solver that is the
+    reference of every placement, on foam without end."""
+    lift = np.eye(4)
+    lift[2, 3] = LIFTED - float(columns(ball, Raycaster(bed)).gap.min())
+    over = ball.transformed(lift)
+    stacks = ([(2.0 * RADIUS, 0.0)], [(np.inf, COMPLIANCE)])
+    found = plan_contact(heights_over(over, Raycaster(bed)), over.bounds[:, :2], MASS * GRAVITY, stacks)
+    return found.patch.approach if found else None
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,7 +65,7 @@ def validate_judge(
     folder = find_run(run) / JUDGING if run else runs_root() / WITHOUT_RUN
     config = options.config()
     session = Session() if config.client is ClientName.OFFLINE else options.session(folder)
-    answers = [one for name in rooms for one in known_answers(name)]
+    answers = [one for name in rooms for one in known_answers(name, reference=pressed_depth)]
     with asking(session, say):
         found = judge_accuracy(connect(config, session), answers, judge_name(config))
     folder.mkdir(parents=True, exist_ok=True)

@@ -1,8 +1,9 @@
 """Judge a run: scores of its placements, comparisons of its methods, and Table 1.
 
 In: a run of several methods with its rows, and who judges. Out: `judging/` (scores, comparisons, judge.json), the three
-columns of results.parquet that a judge makes, and `tables/table1.csv|tex`. Which samples are judged, and what the
-others get, stands in dcap/evaluation/judging/standing.py. Nothing is written before every question is answered.
+columns of results.parquet that a judge makes, `tables/table1.csv|tex` and `tables/comparisons_by_method.csv|tex`.
+Which samples are judged, and what the others get, stands in dcap/evaluation/judging/standing.py. Nothing is written
+before every question is answered.
 """
 
 import hashlib
@@ -14,6 +15,7 @@ from pathlib import Path
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from dcap.evaluation.comparison_report import comparison_table, write_comparison_table
 from dcap.evaluation.judging.judge import (
     JudgedPlacement,
     JudgedScore,
@@ -33,7 +35,7 @@ from dcap.evaluation.judging.judging_folder import (
     write_judging,
 )
 from dcap.evaluation.judging.rubric import RUBRIC, SCALES, Metrics, rubric_scores
-from dcap.evaluation.judging.standing import Standing, lowest_scores, standing_of, with_scores
+from dcap.evaluation.judging.standing import Standing, lowest_scores, standing_of, with_judged_scores
 from dcap.evaluation.method_report import MethodTable, method_table, write_method_table
 from dcap.evaluation.methods import OFFLINE, joined_id
 from dcap.evaluation.outcome_table import SampleOutcome
@@ -45,7 +47,7 @@ from dcap.language.model.ledger import Spending, spending_of
 from dcap.language.protocol.client import ClientName, LanguageConfig
 from dcap.language.protocol.session import Session
 from dcap.scene.errors import FormatError, InputError
-from dcap.scene.types.judged_views import BEFORE, PLACED
+from dcap.scene.types.judged_views import PLACED
 from flows.language_options import LanguageOptions
 from flows.measures_file import MEASURES, VIEWS
 from flows.run_files import chooser_of, find_run
@@ -82,7 +84,7 @@ def judge_run(run: str, options: LanguageOptions, say: Callable[[str], None] = l
     rows = read_rows(folder)
     judged = judgement_of(folder, rows, config, options, say)
     write_judging(folder, judged.record, judged.scores, judged.comparisons, judged.spending)
-    rows = with_scores(rows, judged.scores)
+    rows = with_judged_scores(rows, judged.scores)
     write_rows(folder, rows)
     table, csv = write_tables(folder, rows, judged.comparisons, judged.record)
     return JudgedRun(folder, rows, table, csv)
@@ -102,7 +104,7 @@ def judged_rows(folder: Path, rows: Sequence[SampleOutcome]) -> tuple[tuple[Samp
         found, compared, record = list(judged.scores), list(judged.comparisons), judged.record
     else:
         found, compared = read_scores(folder), read_comparisons(folder / JUDGING / COMPARISONS)
-    scored = with_scores(rows, found)
+    scored = with_judged_scores(rows, found)
     write_rows(folder, scored)
     changed = tuple(name for name, state in record.states.items() if fingerprint(sample_folder(folder, name)) != state)
     return scored, write_tables(folder, scored, compared, record, changed)[0]
@@ -127,7 +129,7 @@ def judgement_of(
     if not pairs(placements):
         raise InputError(
             f"{folder.name}: no sample has a final state of two methods that "
-            + (f"the {RUBRIC} can score (without truth.yaml it knows no right place); " if rubric else "can be shown; ")
+            + (f"the {RUBRIC} can score (no metric of it is known); " if rubric else "can be shown; ")
             + "see the verdicts in results.parquet"
         )
     name = judge_name(config)
@@ -180,11 +182,11 @@ def asking(session: Session, say: Callable[[str], None]) -> AbstractContextManag
 
 
 def with_metrics(rows: Sequence[SampleOutcome]) -> list[JudgedPlacement]:
-    """What the metric rubric judges: final states of which metrics of both axes are known."""
+    """What the metric rubric judges: final states of which metrics of an axis, or of both, are known."""
     found = []
     for row in rows:
         metrics = metrics_of(row)
-        if standing_of(row) is Standing.JUDGED and None not in rubric_scores(metrics):
+        if standing_of(row) is Standing.JUDGED and rubric_scores(metrics) != (None, None):
             found.append(judged_placement(row, metrics, (), ()))
     return found
 
@@ -224,9 +226,10 @@ def write_tables(
     folder: Path, rows: Sequence[SampleOutcome], compared: Sequence[Comparison], record: JudgeRecord,
     changed: tuple[str, ...] = (),
 ) -> tuple[MethodTable, Path]:  # fmt: skip
-    """Table 1, written."""
+    """Table 1, and what the comparisons come to, written."""
     offline = chooser_of(folder).client is ClientName.OFFLINE
     table = method_table(rows, compared, record, offline=offline, changed=changed)
+    write_comparison_table(folder, comparison_table(compared, record, offline=offline))
     return table, write_method_table(folder, table)[0]
 
 

@@ -48,7 +48,7 @@ class MethodTable:
     lowest: dict[str, int]
     """Samples of each method that were scored 1 because it made no placement."""
     left_out: dict[str, int]
-    """Samples of each method without a score."""
+    """Samples of each method without a score on any axis."""
     anchor: str
     """Method whose Elo is fixed; empty where nothing was compared."""
     record: JudgeRecord
@@ -79,7 +79,7 @@ def method_table(
     order = list(METHODS)
     methods = tuple(sorted({row.method for row in rows}, key=order.index))
     given = score_arrays(rows, methods)
-    scores = {name: value for name, value in given.items() if not np.isnan(value).all(axis=0).any()}
+    scores = {name: value for name, value in given.items() if not np.isnan(value).all()}
     compared = [name for name in methods if any(name in one.pair for one in on_axis(comparisons, JudgedAxis.OVERALL))]
     there = [one for one in compared if one in scores]
     baselines = baselines_among(list(scores))
@@ -90,7 +90,7 @@ def method_table(
         methods=methods,
         rows={row.method: row for row in found},
         lowest={name: count(rows, name, Standing.LOWEST) for name in methods},
-        left_out={name: int(np.isnan(given[name]).any(axis=1).sum()) for name in methods},
+        left_out={name: int(np.isnan(given[name]).all(axis=1).sum()) for name in methods},
         anchor=anchor,
         record=record,
         tie_rate=habits.tie_rate,
@@ -140,20 +140,26 @@ def row_cells(table: MethodTable, method: str) -> dict[str, object]:
         one = summary(row, axis) if row else None
         values = (one.mean, one.spread, one.interval.low, one.interval.high) if one else (None,) * 4
         cells |= {f"{axis}{k}": number(v) for k, v in zip(("", "_sd", "_low", "_high"), values, strict=True)}
-        cells |= tested(row, axis)
+        cells |= {f"{axis}_n": one.samples if one else 0, **tested(row, axis)}
     cells |= {COMPOSITE: number(row.composite if row else None), **tested(row, COMPOSITE)}
     elo = row.elo if row else None
     ratings = (elo.rating, elo.interval.low, elo.interval.high) if elo else (None,) * 3
     cells |= {f"{ELO}{k}": number(v, 1) for k, v in zip(("", "_low", "_high"), ratings, strict=True)}
     cells |= {**tested(row, ELO), "elo_separable": bool(elo and elo.separable), "elo_anchor": table.anchor}
-    cells |= {"samples": row.right_place.samples if row else 0, "without_placement": table.lowest[method]}
+    cells |= {"samples": row.samples if row else 0, "without_placement": table.lowest[method]}
     cells |= {"left_out": table.left_out[method], "judge": record.judge, "same_family": record.same_family}
     return cells | {"tie_rate": number(table.tie_rate), "left_share": number(table.left_share)}
 
 
-def summary(row: ScoreRow, axis: JudgedAxis) -> ScoreSummary:
-    """A row's scores on an axis."""
+def summary(row: ScoreRow, axis: JudgedAxis) -> ScoreSummary | None:
+    """A row's scores on an axis; None where it has none."""
     return row.right_place if axis is JudgedAxis.RIGHT_PLACE else row.physics_naturalness
+
+
+def samples_of(row: ScoreRow | None) -> str:
+    """How many samples have a score, by axis where that is not the same."""
+    counts = [one.samples if one else 0 for one in (summary(row, axis) for axis in AXES)] if row else [0]
+    return "/".join(map(str, dict.fromkeys(counts)))
 
 
 def tested(row: ScoreRow | None, name: str) -> dict[str, object]:
@@ -170,18 +176,18 @@ def tex_text(table: MethodTable) -> str:
 
 
 def tex_cells(table: MethodTable, method: str) -> list[str]:
-    """A method's row; dashes where it has no score."""
+    """A method's row; a dash where it has no score."""
     row, name = table.rows.get(method), tex_escaped(table.name(method))
     if row is None:
-        return [name, *["--"] * 4, "0"]
+        return [name, *["--"] * 4, samples_of(row)]
     marks = {key: "^{\\dagger}" if mark else "" for key, mark in row.marks.items()}
     scored = [(summary(row, axis), marks[axis]) for axis in AXES]
-    cells = [f"${one.mean:.2f} \\pm {one.spread:.2f}{mark}$" for one, mark in scored]
-    cells.append(f"${row.composite:.2f}{marks[COMPOSITE]}$")
+    cells = [f"${one.mean:.2f} \\pm {one.spread:.2f}{mark}$" if one else "--" for one, mark in scored]
+    cells.append("--" if row.composite is None else f"${row.composite:.2f}{marks[COMPOSITE]}$")
     elo = row.elo
     ends = f"{{\\small $[{elo.interval.low:.0f}, {elo.interval.high:.0f}]$}}" if elo else ""
     rated = f"${elo.rating:.0f}{marks[ELO]}$ {ends}" if elo else "--"
-    return [name, *cells, rated, str(row.right_place.samples)]
+    return [name, *cells, rated, samples_of(row)]
 
 
 def notes(table: MethodTable) -> list[str]:
@@ -196,6 +202,11 @@ def notes(table: MethodTable) -> list[str]:
     left = "" if table.left_share is None else f", {100 * table.left_share:.0f} % of the others for the left side"
     said.append(f"Comparisons in both orders: {100 * table.tie_rate:.0f} % ties{left}.")
     said.append("Mean and standard deviation over samples; composite: geometric mean of the two means.")
+    if any(samples_of(row) != str(row.samples) for row in table.rows.values()):
+        said.append(
+            "Some placements have a score on one axis only: n is by axis, and overall comparisons are those of "
+            "placements that have the same axes."
+        )
     if table.anchor:
         rated = f"Elo by maximum likelihood, {table.name(table.anchor)} fixed at {ANCHOR_RATING:.0f}"
         said.append(f"{rated}; {100 * LEVEL:.0f} % intervals of a bootstrap over samples.")
@@ -216,10 +227,10 @@ def shown_lines(table: MethodTable) -> list[str]:
         cells = ["-"] * 4
         if row:
             scored = [(summary(row, axis), row.marks[axis] or " ") for axis in AXES]
-            cells = [f"{one.mean:.2f} ± {one.spread:.2f}{mark}" for one, mark in scored]
-            cells.append(f"{row.composite:.2f}{row.marks[COMPOSITE] or ' '}")
+            cells = [f"{one.mean:.2f} ± {one.spread:.2f}{mark}" if one else "-" for one, mark in scored]
+            cells.append("-" if row.composite is None else f"{row.composite:.2f}{row.marks[COMPOSITE] or ' '}")
             cells.append(f"{row.elo.rating:.0f}{row.marks[ELO] or ' '}" if row.elo else "-")
-        lines.append(line_of(table.name(method), cells, str(row.right_place.samples if row else 0)))
+        lines.append(line_of(table.name(method), cells, samples_of(row)))
     return [*lines, *notes(table)]
 
 

@@ -115,6 +115,7 @@ def write_report(folder: Path, rows: Sequence[SampleOutcome], summary: RunSummar
     rows_by_method = {name: [card.row for card in own] for name, own in by_method.items()}
     tables = [
         table_from_csv(folder, "table1", "Table 1: scores") if several else None,
+        table_from_csv(folder, "comparisons_by_method", "Comparisons by the judge") if several else None,
         table_from_csv(folder, "table2", "Table 2: human study"),
         metrics_table(folder, rows_by_method, names),
         placeit3d_table(folder, rows_by_method, names),

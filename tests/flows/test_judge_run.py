@@ -2,6 +2,7 @@
 
 import csv
 import json
+import re
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -12,8 +13,9 @@ from fake_api import FakeApi, data_of, message, question_of, says
 from judged import REPLY, SCORES, placement
 from many_methods_run import METHODS, SAMPLES, many_methods_run, method_folder, row, write_rows
 
+from dcap.evaluation.comparison_report import comparison_table
 from dcap.evaluation.judging.known_answers import KnownAnswer
-from dcap.evaluation.judging.rubric import RUBRIC
+from dcap.evaluation.judging.rubric import RUBRIC, SCALES
 from dcap.evaluation.method_report import method_table
 from dcap.evaluation.outcome_table import SampleOutcome
 from dcap.evaluation.statistics.comparisons import JudgedAxis, read_comparisons
@@ -23,7 +25,10 @@ from flows.cli.app import main
 from flows.judge_run import read_rows
 
 MODEL = "claude-sonnet-5-5"
-TABLES = ("tables/table1.csv", "tables/table1.tex", "judging/scores.parquet", "judging/comparisons.parquet")
+TABLES = (
+    "tables/table1.csv", "tables/table1.tex", "tables/comparisons_by_method.csv", "tables/comparisons_by_method.tex",
+    "judging/scores.parquet", "judging/comparisons.parquet",
+)  # fmt: skip
 EXACT = (*TABLES, "results.parquet")
 
 
@@ -31,6 +36,7 @@ EXACT = (*TABLES, "results.parquet")
 def few_resamples(monkeypatch: pytest.MonkeyPatch) -> None:
     """Intervals are not what is tested here."""
     monkeypatch.setattr("flows.judge_run.method_table", partial(method_table, resamples=50))
+    monkeypatch.setattr("flows.judge_run.comparison_table", partial(comparison_table, resamples=50))
 
 
 @pytest.fixture
@@ -217,6 +223,70 @@ def test_refusing_costs_and_is_not_compared(run: Path) -> None:
     ]  # fmt: skip
 
 
+def test_comparisons_come_to_win_rates_and_ratings(run: Path) -> None:
+    """By method and axis; by hand: dcap wins all of its overall comparisons, layoutgpt none; the page has the table."""
+    for sample in SAMPLES:
+        changed(run, "layoutgpt", sample, drift_m=0.3, gap_m=0.05)
+    assert main(["judge", str(run)]) == 0
+    rows = list(csv.DictReader((run / "tables" / "comparisons_by_method.csv").open()))
+    assert [one["method"] for one in rows] == list(METHODS)
+    assert [float(one["overall_wins"]) for one in rows] == [1.0, 0.5, 0.0]
+    place = {one["method"]: float(one["right_place_wins"]) for one in rows}
+    assert place == {"dcap": 1.0, "fireplace": 0.25, "layoutgpt": 0.25}  # these two tie
+    assert {one["physics_naturalness_low"] for one in rows} == {"1.0000", "0.5000", "0.0000"}
+    ratings = [float(one["bradley_terry"]) for one in rows]
+    assert ratings == sorted(ratings, reverse=True)
+    assert sum(ratings) == pytest.approx(3 * 1500.0, abs=0.2)
+    assert {one["comparisons"] for one in rows} == {"16"}
+    assert {one["judge"] for one in rows} == {RUBRIC}
+    text = (run / "tables" / "comparisons_by_method.tex").read_text()
+    assert f"Comparisons by {RUBRIC}: 24 overall" in text
+    assert "a ridge keeps ratings finite" in text
+    assert "DCAP & $100.0$ {\\small $[100.0, 100.0]$} & " in text
+    assert "Comparisons by the judge" in (run / "report.html").read_text()
+
+
+def test_physics_is_judged_where_nobody_stated_a_place(run: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Table 1 has a dash for the place and the composite; scores have nulls; all in all physics decides."""
+    place = dict.fromkeys(SCALES[JudgedAxis.RIGHT_PLACE])
+    rows = [replace(one, feasible_intended=None, **place) for one in read_rows(run)]  # type: ignore[arg-type]
+    ended = finish(run, rows, 1.0)
+    assert ended.table is not None
+    first = contents(run)
+    assert main(["judge", str(run)]) == 0
+    assert contents(run) == first
+    assert f"{'DCAP':32s}{'-':>16s}" in capsys.readouterr().out
+    found = rows_of(run)
+    assert {(one["right_place"], one["composite"], one["samples"], one["left_out"]) for one in found.values()} == {
+        ("", "", "4", "0")
+    }
+    assert (found["dcap"]["right_place_n"], found["dcap"]["physics_naturalness_n"]) == ("0", "4")
+    physics = [float(found[name]["physics_naturalness"]) for name in METHODS]
+    assert physics == sorted(physics, reverse=True)
+    assert float(found["dcap"]["elo"]) > float(found["layoutgpt"]["elo"]) == 1000.0
+    assert re.search(r"^DCAP & -- & \$.* & -- & \$.* & 0/4 ", (run / "tables" / "table1.tex").read_text(), re.MULTILINE)
+    assert {one.right_place for one in read_rows(run)} == {None}
+    assert {one.physics_naturalness for one in read_rows(run) if one.method == "dcap"} == {physics[0]}
+    axes = {one.axis for one in read_comparisons(run / "judging" / "comparisons.parquet")}
+    assert axes == {JudgedAxis.PHYSICS_NATURALNESS, JudgedAxis.OVERALL}
+
+
+def test_a_place_that_one_sample_states_counts_there(run: Path) -> None:
+    """The means are of the samples that each axis is known of, and the table says so."""
+    place = dict.fromkeys(SCALES[JudgedAxis.RIGHT_PLACE])
+    for method in METHODS:
+        for sample in ("bed-1", "bed-2", "sofa/3"):
+            changed(run, method, sample, **place)
+    assert main(["judge", str(run)]) == 0
+    found = rows_of(run)["dcap"]
+    assert (found["right_place_n"], found["physics_naturalness_n"], found["samples"]) == ("1", "4", "4")
+    means = float(found["right_place"]), float(found["physics_naturalness"])
+    assert float(found["composite"]) == pytest.approx((means[0] * means[1]) ** 0.5, abs=1e-3)
+    text = (run / "tables" / "table1.tex").read_text()
+    assert "& 1/4 " in text
+    assert "have a score on one axis only" in text
+
+
 def test_a_method_without_any_score_has_dashes(run: Path) -> None:
     """It stays in the table."""
     for sample in SAMPLES:
@@ -238,9 +308,9 @@ def test_what_cannot_be_judged_is_one_line(
     (method_folder(bare, "fireplace", "bed-1") / "views" / "room.png").unlink()
     said = complaint(capsys, bare, "--language", "anthropic")
     assert "room.png: no such picture; a judge needs the run's views" in said
-    unknown = [replace(row, support_hit=None, region_distance_m=None) for row in read_rows(run)]
-    write_rows(bare, unknown)
-    assert "without truth.yaml it knows no right place" in complaint(capsys, bare)
+    metrics = {name: None for axis in SCALES.values() for name in axis}
+    write_rows(bare, [replace(row, **metrics) for row in read_rows(run)])  # type: ignore[arg-type]
+    assert "can score (no metric of it is known); see the verdicts" in complaint(capsys, bare)
     assert "--batch is for --language anthropic, not offline" in complaint(capsys, run, "--batch")
     (bare / "results.parquet").write_bytes(b"none")
     assert "results.parquet: no results that can be judged" in complaint(capsys, bare)
@@ -279,9 +349,9 @@ def test_a_judge_is_validated(
 ) -> None:
     """Printed and written, for a run or without one: the rubric is right twice, who says left once."""
     pair = KnownAnswer(
-        placement("s", "settled", 1), placement("s", "floating", 2, gap_m=0.05), JudgedAxis.PHYSICS_NATURALNESS
+        placement("s", "a", 1), placement("s", "b", 2, gap_m=0.05), JudgedAxis.PHYSICS_NATURALNESS, "floating"
     )
-    monkeypatch.setattr("flows.judge_known.known_answers", lambda name: [pair])
+    monkeypatch.setattr("flows.judge_known.known_answers", lambda name, reference: [pair])
     assert main(["judge", str(run), "--validate"]) == 0
     assert f"{RUBRIC}: 10 of 10 known answers right (100%" in capsys.readouterr().out
     tree = json.loads((run / "judging" / "validation.json").read_text())

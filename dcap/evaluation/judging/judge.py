@@ -10,7 +10,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import combinations, pairwise
 
-from dcap.evaluation.judging.judged_pictures import BEFORE, NamedPicture, side_by_side
+from dcap.evaluation.judging.judged_pictures import BEFORE_TITLES, NamedPicture, side_by_side
 from dcap.evaluation.judging.questions import JUDGE_PAIR, JUDGE_SCORE, PairRequest, ScoreRequest
 from dcap.evaluation.judging.rubric import RUBRIC, Metrics
 from dcap.evaluation.statistics.comparisons import Comparison, JudgedAxis
@@ -23,7 +23,7 @@ FAMILIES = {
     "gemini": "google", "gemma": "google", "paligemma": "google", "llama": "meta", "qwen": "alibaba", "qwq": "alibaba",
     "qvq": "alibaba", "mistral": "mistral", "mixtral": "mistral", "pixtral": "mistral", "ministral": "mistral",
 }  # fmt: skip
-"""Makers by a word of a model's name; a name without any is its own family."""
+"""Makers by a word of a model's name."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,7 +38,8 @@ class JudgedPlacement:
     before: tuple[NamedPicture, ...]
     """The clean scene and the asset alone: the same for all methods of a sample."""
     views: tuple[NamedPicture, ...]
-    """The canonical views, the same cameras for all methods of a sample."""
+    """The canonical views: `room` and `top` from one camera for all methods of a sample, the others centred on the
+    object from the same directions and distance."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,10 +48,10 @@ class JudgedScore:
 
     sample: str
     method: str
-    right_place: float
-    """1..10."""
-    physics_naturalness: float
-    """1..10."""
+    right_place: float | None
+    """1..10; None where the rubric knows no metric of it."""
+    physics_naturalness: float | None
+    """1..10; None likewise."""
     judge: str
     analysis: str
 
@@ -63,12 +64,12 @@ def judge_name(config: LanguageConfig) -> str:
 
 
 def model_family(model: str) -> str:
-    """Who made a model: by the first word of its name that is known, whatever gateway stands before it."""
-    words = re.findall(r"[a-z]+\d?", model.lower())
-    for word in words:
+    """Who made a model: by the first word of its name that is known, whatever gateway stands before it; a name without
+    such a word is a family of its own, as two names with the same gateway or first word may have different makers."""
+    for word in re.findall(r"[a-z]+\d?", model.lower()):
         if family := FAMILIES.get(word) or FAMILIES.get(word.rstrip("0123456789")):
             return family
-    return words[0] if words else model
+    return model.lower()
 
 
 def same_family(judge: LanguageConfig, chooser: LanguageConfig) -> bool:
@@ -89,13 +90,14 @@ def scores(client: Client, placements: Sequence[JudgedPlacement], judge: str) ->
 
 
 def comparisons(client: Client, placements: Sequence[JudgedPlacement], judge: str) -> list[Comparison]:
-    """All pairs of methods of each sample, once with either on the left, each on all axes."""
+    """All pairs of methods of each sample, once with either on the left, each on the axes that are known of both."""
     asked = [pair for one in pairs(placements) for pair in (one, one[::-1])]
     replies = client.ask_all(JUDGE_PAIR, [pair_request(left, right) for left, right in asked])
     return [
-        Comparison(left.sample, axis, left.method, right.method, reply.winner(axis), judge)
+        Comparison(left.sample, axis, left.method, right.method, winner, judge)
         for (left, right), reply in zip(asked, replies, strict=True)
         for axis in JudgedAxis
+        if (winner := reply.winner(axis)) is not None
     ]
 
 
@@ -145,4 +147,4 @@ def pair_request(left: JudgedPlacement, right: JudgedPlacement) -> PairRequest:
 
 def titled(before: tuple[NamedPicture, ...]) -> tuple[NamedPicture, ...]:
     """The clean scene and the asset, by what they are."""
-    return tuple(NamedPicture(name, one.make) for name, one in zip(BEFORE, before, strict=False))
+    return tuple(NamedPicture(name, one.make) for name, one in zip(BEFORE_TITLES, before, strict=False))

@@ -17,7 +17,8 @@ from dcap.scene.readers.files.image import read_image
 
 GAP = 12
 """Width of the white strip between two placements [pixels]."""
-BEFORE = ("the scene before the object is placed", "the object alone")
+BEFORE_TITLES = ("the scene before the object is placed", "the object alone")
+"""How a judge is told what the pictures are that all methods of a sample share."""
 
 
 @dataclass(frozen=True, slots=True)

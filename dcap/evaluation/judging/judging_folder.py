@@ -1,7 +1,7 @@
 """The folder `judging/` of a run: scores, comparisons, and who made them.
 
-`scores.parquet` has a row for each score, `comparisons.parquet` one for each axis of each comparison, `judge.json` who
-judged and how much that can be trusted. The same judgement is the same bytes, but for what it cost.
+`scores.parquet` has a row for each placement, `comparisons.parquet` one for each axis of each comparison, `judge.json`
+who judged and how much that can be trusted. The same judgement is the same bytes, but for what it cost.
 """
 
 import json

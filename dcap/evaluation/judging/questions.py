@@ -6,8 +6,9 @@ sees which method made one, nor a metric; those are for the metric rubric, which
 
 import math
 from dataclasses import dataclass, field
+from typing import Annotated, TypeVar
 
-from pydantic import BaseModel, Field
+from pydantic import AfterValidator, BaseModel, Field, WithJsonSchema
 
 from dcap.evaluation.judging.rubric import RUBRIC, Metrics, rubric_scores, worst_metric
 from dcap.evaluation.statistics.comparisons import JudgedAxis, Winner
@@ -15,6 +16,7 @@ from dcap.language.protocol.questions import Question
 from dcap.language.protocol.requests import PictureMaker
 from dcap.scene.errors import LanguageError
 
+AnswerT = TypeVar("AnswerT")
 TIE_POINTS = 0.25
 """The rubric calls a tie where scores differ by less: a quarter of a point is less than people tell apart."""
 
@@ -46,25 +48,45 @@ class PairRequest:
     pictures: tuple[PictureMaker, ...] = field(default=(), compare=False)
 
 
+# The rubric may know nothing of an axis; a model has seen the pictures and must judge it. So null is in no schema that
+# a model gets, is refused where an answer is read, and comes only of the rubric, which does not read its own replies.
+def given(value: AnswerT | None) -> AnswerT:
+    """An answer that is not null; ValueError otherwise."""
+    if value is None:
+        raise ValueError("null is no answer; each axis must be judged")
+    return value
+
+
+POINTS_SCHEMA = {
+    "type": "number", "minimum": 1.0, "maximum": 10.0, "description": "1 to 10; halves are allowed",
+}  # fmt: skip
+JudgedScorePoints = Annotated[
+    Annotated[float, Field(ge=1.0, le=10.0, strict=True)] | None, AfterValidator(given), WithJsonSchema(POINTS_SCHEMA)
+]
+WINNER_SCHEMA = {"type": "string", "enum": [one.value for one in Winner]}
+JudgedWinner = Annotated[Winner | None, AfterValidator(given), WithJsonSchema(WINNER_SCHEMA)]
+
+
 class ScoreReply(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False):
     """Two scores."""
 
     analysis: str = Field(description="two or three short sentences: what is seen that decides the scores")
-    right_place: float = Field(ge=1.0, le=10.0, strict=True, description="1 to 10; halves are allowed")
-    physics_naturalness: float = Field(ge=1.0, le=10.0, strict=True, description="1 to 10; halves are allowed")
+    right_place: JudgedScorePoints
+    physics_naturalness: JudgedScorePoints
 
 
 class PairReply(BaseModel, frozen=True, extra="forbid"):
     """A winner on each axis."""
 
     analysis: str = Field(description="a short sentence for each axis")
-    right_place: Winner
-    physics_naturalness: Winner
-    overall: Winner
+    right_place: JudgedWinner
+    physics_naturalness: JudgedWinner
+    overall: JudgedWinner
 
-    def winner(self, axis: JudgedAxis) -> Winner:
-        """Who wins on an axis."""
-        return Winner(getattr(self, axis))
+    def winner(self, axis: JudgedAxis) -> Winner | None:
+        """Who wins on an axis; None where that is not known."""
+        value = getattr(self, axis)
+        return None if value is None else Winner(value)
 
 
 def no_check(reply: BaseModel, request: object) -> None:
@@ -72,32 +94,50 @@ def no_check(reply: BaseModel, request: object) -> None:
 
 
 def rubric_score(request: ScoreRequest) -> ScoreReply:
-    """The rubric's two scores; LanguageError where no metric of an axis is known."""
+    """The rubric's two scores, null on an axis of which no metric is known; LanguageError where both are."""
     place, physics = known_scores(request.metrics)
     flaws = (worst_metric(request.metrics, axis) for axis in (JudgedAxis.RIGHT_PLACE, JudgedAxis.PHYSICS_NATURALNESS))
-    return ScoreReply(analysis=f"{RUBRIC}; lowest: {', '.join(flaws)}", right_place=place, physics_naturalness=physics)
+    return ScoreReply.model_construct(
+        analysis=f"{RUBRIC}; lowest: {', '.join(flaw or 'not known' for flaw in flaws)}",
+        right_place=place,
+        physics_naturalness=physics,
+    )
 
 
 def rubric_pair(request: PairRequest) -> PairReply:
-    """The higher score wins an axis, the higher geometric mean overall."""
+    """The higher score wins an axis that both have; the higher geometric mean of the known axes wins overall, null
+    where the two have not the same axes."""
     left, right = known_scores(request.left_metrics), known_scores(request.right_metrics)
     place, physics = (preferred(a, b) for a, b in zip(left, right, strict=True))
-    overall = preferred(math.sqrt(left[0] * left[1]), math.sqrt(right[0] * right[1]))
-    said = f"{RUBRIC}; left {left[0]:g} and {left[1]:g}, right {right[0]:g} and {right[1]:g}"
-    return PairReply(analysis=said, right_place=place, physics_naturalness=physics, overall=overall)
+    same = [one is None for one in left] == [one is None for one in right]
+    sides = ("left", left), ("right", right)
+    said = ", ".join(f"{side} {' and '.join('-' if x is None else f'{x:g}' for x in own)}" for side, own in sides)
+    return PairReply.model_construct(
+        analysis=f"{RUBRIC}; {said}",
+        right_place=place,
+        physics_naturalness=physics,
+        overall=preferred(all_in_all(left), all_in_all(right)) if same else None,
+    )
 
 
-def known_scores(metrics: Metrics) -> tuple[float, float]:
-    """Both scores of the rubric; LanguageError where one is not known."""
-    place, physics = rubric_scores(metrics)
-    if place is None or physics is None:
-        axis = JudgedAxis.RIGHT_PLACE if place is None else JudgedAxis.PHYSICS_NATURALNESS
-        raise LanguageError(f"the metric rubric cannot judge {axis}: none of its metrics is known; ask a model instead")
-    return place, physics
+def known_scores(metrics: Metrics) -> tuple[float | None, float | None]:
+    """Both scores of the rubric; LanguageError where none is known."""
+    scores = rubric_scores(metrics)
+    if scores == (None, None):
+        raise LanguageError("the metric rubric cannot judge a placement of which no metric is known; ask a model")
+    return scores
 
 
-def preferred(left: float, right: float) -> Winner:
-    """The higher of two scores; a tie where they are nearly equal."""
+def all_in_all(scores: tuple[float | None, float | None]) -> float:
+    """Geometric mean of the scores that are known."""
+    known = [one for one in scores if one is not None]
+    return math.prod(known) ** (1.0 / len(known))
+
+
+def preferred(left: float | None, right: float | None) -> Winner | None:
+    """The higher of two scores, a tie where they are nearly equal; None where one is not known."""
+    if left is None or right is None:
+        return None
     if abs(left - right) < TIE_POINTS:
         return Winner.TIE
     return Winner.LEFT if left > right else Winner.RIGHT

@@ -52,7 +52,7 @@ def without_placement(rows: Sequence[SampleOutcome]) -> dict[str, int]:
     return found
 
 
-def with_scores(rows: Sequence[SampleOutcome], scores: Sequence[JudgedScore]) -> tuple[SampleOutcome, ...]:
+def with_judged_scores(rows: Sequence[SampleOutcome], scores: Sequence[JudgedScore]) -> tuple[SampleOutcome, ...]:
     """The rows with a judge's scores; those without a score have none, whoever scored them before."""
     known: Mapping[tuple[str, str], JudgedScore] = {(one.method, one.sample): one for one in scores}
     found = []

@@ -1,7 +1,7 @@
 """How often a judge is right about pairs whose answer is known.
 
 In: a client and pairs (known_answers.py). Out: how many answers are right, of both orders of every pair, by what is
-wrong with the worse one. A tie is not right: every difference here is plain.
+wrong with the worse one. A tie is not right, however small the difference is.
 """
 
 from collections.abc import Sequence
@@ -11,7 +11,7 @@ from dcap.evaluation.judging.judge import pair_request
 from dcap.evaluation.judging.known_answers import KnownAnswer
 from dcap.evaluation.judging.questions import JUDGE_PAIR
 from dcap.evaluation.statistics.bootstrap import ConfidenceInterval
-from dcap.evaluation.statistics.comparisons import Comparison
+from dcap.evaluation.statistics.comparisons import Comparison, Winner
 from dcap.evaluation.statistics.sides import SideReport, side_report
 from dcap.evaluation.statistics.win_rates import wilson_interval
 from dcap.language.connect import Client
@@ -54,12 +54,12 @@ def judge_accuracy(client: Client, answers: Sequence[KnownAnswer], judge: str) -
     asked = [(one, order) for one in answers for order in ((one.better, one.worse), (one.worse, one.better))]
     replies = client.ask_all(JUDGE_PAIR, [pair_request(left, right) for _, (left, right) in asked])
     rows = [
-        Comparison(left.sample, one.axis, left.method, right.method, reply.winner(one.axis), judge)
+        Comparison(left.sample, one.axis, left.method, right.method, reply.winner(one.axis) or Winner.TIE, judge)
         for (one, (left, right)), reply in zip(asked, replies, strict=True)
     ]
     by_flaw: dict[str, tuple[int, int]] = {}
     for (one, _), row in zip(asked, rows, strict=True):
-        right, count = by_flaw.get(one.worse.method, (0, 0))
-        by_flaw[one.worse.method] = (right + (row.winning_method == one.better.method), count + 1)
+        right, count = by_flaw.get(one.flaw, (0, 0))
+        by_flaw[one.flaw] = (right + (row.winning_method == one.better.method), count + 1)
     total = sum(right for right, _ in by_flaw.values())
     return JudgeAccuracy(judge, total, len(rows), wilson_interval(total, len(rows)), by_flaw, side_report(rows))

@@ -5,7 +5,7 @@ In: rows. Out: failures with their causes, worst kind first; per axis the sample
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from math import sqrt
+from math import prod
 
 from dcap.evaluation.judging.rubric import SCALES, worst_metric
 from dcap.evaluation.methods import BASELINES, DCAP
@@ -90,10 +90,9 @@ def lowest(row: SampleOutcome) -> float:
 
 
 def composite(row: SampleOutcome) -> float:
-    """Geometric mean of the two scores; 0 where one is missing."""
-    if row.right_place is None or row.physics_naturalness is None:
-        return 0.0
-    return sqrt(row.right_place * row.physics_naturalness)
+    """Geometric mean of the scores that there are; 0 without any."""
+    known = [one for one in (row.right_place, row.physics_naturalness) if one is not None]
+    return prod(known) ** (1.0 / len(known)) if known else 0.0
 
 
 def baselines_ahead(rows: Sequence[SampleOutcome]) -> list[BaselineAhead]:

@@ -91,14 +91,15 @@ def metrics_table(
     there = [one for one in SHOWN_METRICS if any(values[one.column] for values in found.values())]
     if all(one.column == "visible_fraction" for one in there):
         return None
+    counts = {method: len(resting(own)) for method, own in rows.items()}
     folder = run / TABLES
     folder.mkdir(exist_ok=True)
     write_if_other(folder / f"{METRICS}.csv", metrics_csv(there, found, names).encode())
-    write_if_other(folder / f"{METRICS}.tex", metrics_tex(there, found, names).encode())
+    write_if_other(folder / f"{METRICS}.tex", metrics_tex(there, found, names, counts).encode())
     placed_rows = ("placed", *(placed(own) for own in rows.values()))
     cells = [
         (f"{one.words} [{one.unit}]" if one.unit else one.words,
-         *(cell(one, found[method][one.column], len(resting(rows[method]))) for method in rows))
+         *(cell(one, found[method][one.column], counts[method]) for method in rows))
         for one in there
     ]  # fmt: skip
     return ShownTable(
@@ -145,14 +146,18 @@ def metrics_csv(
 
 
 def metrics_tex(
-    metrics: Sequence[ShownMetric], found: Mapping[str, Mapping[str, list[float]]], names: Mapping[str, str]
+    metrics: Sequence[ShownMetric],
+    found: Mapping[str, Mapping[str, list[float]]],
+    names: Mapping[str, str],
+    counts: Mapping[str, int],
 ) -> str:
-    """A row per metric, a column per method: median (mean), or a share."""
-    lines = ["% Median (mean) over placements; of yes and no the share of yes.",
+    """A row per metric, a column per method: median (mean), or a share; n where a metric is known of fewer than the
+    placements of the method."""
+    lines = ["% Median (mean) over placements; of yes and no the share of yes; n where it is known of fewer.",
              f"\\begin{{tabular}}{{l{'c' * len(found)}}}", "\\hline",
              f"{' & '.join(['Metric', *(tex_escaped(names[one]) for one in found)])} \\\\", "\\hline"]  # fmt: skip
     for one in metrics:
-        cells = [tex_escaped(cell(one, own[one.column], 0)) for own in found.values()]
+        cells = [tex_escaped(cell(one, own[one.column], counts[method])) for method, own in found.items()]
         label = tex_escaped(f"{one.words} [{one.unit}]" if one.unit else one.words)
         lines.append(f"{' & '.join([label, *cells])} \\\\")
     return "\n".join([*lines, "\\hline", "\\end{tabular}"]) + "\n"

@@ -31,10 +31,14 @@ class ScoreRow:
     """One method before a judge: a row of table 1."""
 
     method: str
-    right_place: ScoreSummary
-    physics_naturalness: ScoreSummary
-    composite: float
-    """Geometric mean of the two means."""
+    right_place: ScoreSummary | None
+    """None where no sample has a score."""
+    physics_naturalness: ScoreSummary | None
+    """Likewise."""
+    composite: float | None
+    """Geometric mean of the two means; None where one is not known."""
+    samples: int
+    """With a score on an axis at least."""
     elo: MethodRating | None
     """None where there are no comparisons of it."""
     marks: Mapping[str, str]
@@ -89,7 +93,10 @@ def score_rows(
     }
     rows = []
     for method in scores:
-        place, physics = (summary_of(scores[method][:, k], resamples, seed) for k in (0, 1))
+        known = ~np.isnan(scores[method])
+        place, physics = (
+            summary_of(scores[method][:, k], resamples, seed) if known[:, k].any() else None for k in (0, 1)
+        )
         marks: dict[str, str] = {"elo": ""}
         p: dict[str, float] = {}
         for name, column in columns.items():
@@ -99,8 +106,9 @@ def score_rows(
         if method in elo_p:
             p["elo"], above = elo_p[method]
             marks["elo"] = DAGGER if above and p["elo"] < SIGNIFICANT else ""
-        both = composite([place.mean, physics.mean])
-        rows.append(ScoreRow(method, place, physics, both, elo.get(method), marks, p))
+        both = composite([place.mean, physics.mean]) if place and physics else None
+        there = int(known.any(axis=1).sum())
+        rows.append(ScoreRow(method, place, physics, both, there, elo.get(method), marks, p))
     return rows
 
 

@@ -76,15 +76,19 @@ def against_best_baseline(
     resamples: int = RESAMPLES,
     seed: int = SEED,
 ) -> Significance | None:
-    """The paired test of a method against the baseline with the highest mean (or composite); None without a baseline.
+    """The paired test of a method against the baseline with the highest mean (or composite); None without a baseline,
+    and where no sample has all scores of both.
 
     `scores` by method: shape (n,) for one axis, (n, 2) for the composite; all in the same order of samples. Which
     baseline is best is judged on all samples that it has; of equals the first.
     """
-    there = [name for name in baselines if name in scores and name != method and not np.isnan(scores[name]).all()]
+    known = {name: ~np.isnan(own.reshape(len(own), -1)) for name, own in scores.items()}
+    there = [name for name in baselines if name in scores and name != method and known[name].any(axis=0).all()]
     if not there:
         return None
     best = max(there, key=lambda name: level_of(scores[name]))
+    if not (known[method].all(axis=1) & known[best].all(axis=1)).any():
+        return None
     return Significance(best, paired_difference(scores[method], scores[best], resamples, seed))
 
 

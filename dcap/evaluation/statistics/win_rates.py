@@ -61,14 +61,15 @@ def win_rate_significance(
     counts: PairCounts, method: str, baselines: Sequence[str], resamples: int = RESAMPLES, seed: int = SEED
 ) -> Significance | None:
     """The test of a method's win rate against the highest of a baseline, by resampling samples; None without one."""
-    rates = {one.method: one.rate for one in win_rates(counts, resamples=1, seed=seed)}
+    won, met = won_and_met(counts)
+    trials = met.sum(axis=0)
+    rates = {name: float(won[:, k].sum() / trials[k]) for k, name in enumerate(counts.methods) if trials[k]}
     there = [name for name in baselines if name in rates and name != method]
     if not there:
         return None
     if method not in rates:
         raise InputError(f"{method} has no comparison: its win rate is unknown")
     best = max(there, key=lambda name: rates[name])
-    won, met = won_and_met(counts)
     ours, theirs = counts.methods.index(method), counts.methods.index(best)
     resampled = resampled_rates(won, met, resamples, seed)
     gaps = resampled[:, ours] - resampled[:, theirs]

@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from dcap.evaluation.methods import DCAP, baselines_among, shown_name
+from dcap.evaluation.preference_table import MARKED, best_first, row_cells, tabular
 from dcap.evaluation.statistics.agreement import krippendorff_alpha, percent_agreement, ratings_of
 from dcap.evaluation.statistics.comparisons import Comparison, JudgedAxis, Winner, methods_of, on_axis
 from dcap.evaluation.statistics.method_tables import PreferenceRow, preference_rows
@@ -19,11 +20,6 @@ from dcap.evaluation.study.study_folder import write_whole
 from dcap.evaluation.table_text import csv_of, number, tex_escaped
 
 TABLE = "table2"
-HEADINGS = {
-    JudgedAxis.OVERALL: "Overall (\\%)", JudgedAxis.RIGHT_PLACE: "Right Place (\\%)",
-    JudgedAxis.PHYSICS_NATURALNESS: "Phys. \\& Nat. (\\%)",
-}  # fmt: skip
-"""Columns in the order of the paper's table."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,9 +66,8 @@ def study_table(
     methods = methods_of(rows)
     table = preference_rows(methods, rows, baselines_among(methods), ours=DCAP, seed=seed)
     table += [PreferenceRow(name, {}, None, {}, {}) for name, n in refused.items() if n and name not in methods]
-    table.sort(key=lambda row: (not row.rates, -overall_rate(row), row.method))
     return StudyTable(
-        rows=tuple(table),
+        rows=best_first(table),
         agreement={axis: agreement_of(on_axis(rows, axis)) for axis in JudgedAxis},
         comparisons=len(on_axis(rows, JudgedAxis.OVERALL)),
         raters=len({row.judge for row in rows}),
@@ -90,12 +85,6 @@ def agreement_of(rows: Sequence[Comparison]) -> StudyAgreement:
 def comparison_of(vote: StudyVote) -> Comparison:
     """A vote as a comparison; who judges is the rater."""
     return Comparison(vote.sample, vote.axis, vote.left, vote.right, Winner(vote.winner.value), vote.rater)
-
-
-def overall_rate(row: PreferenceRow) -> float:
-    """Share of the overall comparisons that a method won, 0 without any."""
-    won = row.rates.get(JudgedAxis.OVERALL)
-    return won.rate if won else 0.0
 
 
 def write_study_table(folder: Path, table: StudyTable, raters: Sequence[RaterRow]) -> tuple[Path, Path]:
@@ -116,7 +105,14 @@ def csv_text(table: StudyTable, raters: Sequence[RaterRow]) -> str:
     study |= {"attention_checks": sum(one.checks for one in raters)}
     study |= {"attention_failures": sum(one.checks_failed for one in raters)}
     study |= {"raters_flagged": sum(one.flagged for one in raters)}
-    return csv_of([row_cells(row, table) | study for row in table.rows])
+    return csv_of(
+        [
+            row_cells(row, table.name(row.method))
+            | {"without_placement": table.without_placement.get(row.method, 0)}
+            | study
+            for row in table.rows
+        ]
+    )
 
 
 def percent(share: float | None) -> str:
@@ -124,41 +120,19 @@ def percent(share: float | None) -> str:
     return number(None if share is None else 100 * share, 1)
 
 
-def row_cells(row: PreferenceRow, table: StudyTable) -> dict[str, object]:
-    """What stands in a method's row of the CSV; empty where it was not compared."""
-    cells: dict[str, object] = {"method": row.method, "name": table.name(row.method)}
-    for axis in HEADINGS:
-        won = row.rates.get(axis)
-        rates = (won.rate, won.interval.low, won.interval.high) if won else (None, None, None)
-        cells |= {f"{axis}_{name}": number(one) for name, one in zip(("wins", "low", "high"), rates, strict=True)}
-        cells |= {f"{axis}_p": number(row.p.get(axis)), f"{axis}_significant": bool(row.marks.get(axis))}
-    rated, ends = row.rating, ("", "_low", "_high")
-    ratings = (f"{one:.1f}" for one in (rated.rating, rated.interval.low, rated.interval.high)) if rated else [""] * 3
-    cells |= {f"bradley_terry{end}": one for end, one in zip(ends, ratings, strict=True)}
-    cells |= {"bradley_terry_separable": bool(rated and rated.separable)}
-    overall = row.rates.get(JudgedAxis.OVERALL)
-    cells |= {"comparisons": overall.comparisons if overall else 0}
-    return cells | {"without_placement": table.without_placement.get(row.method, 0)}
-
-
 def tex_text(table: StudyTable, raters: Sequence[RaterRow]) -> str:
     """The table as the paper lays it out."""
-    head = " & ".join(["Method", *HEADINGS.values(), "Bradley--Terry"])
     lines = [
         "% Human forced choice, side by side. Win rates with 95 % intervals of a bootstrap over scene-prompt pairs."
     ]
-    lines += ["\\begin{tabular}{lcccc}", "\\hline", f"{head} \\\\", "\\hline"]
-    for row in table.rows:
-        cells = [tex_rate(row, axis) for axis in HEADINGS]
-        lines.append(f"{tex_escaped(table.name(row.method))} & {' & '.join(cells)} & {tex_rating(row)} \\\\")
-    lines += ["\\hline", "\\end{tabular}"]
+    lines += tabular(table.rows, lambda row: table.name(row.method))
     checks, failed = sum(one.checks for one in raters), sum(one.checks_failed for one in raters)
     flagged = sum(one.flagged for one in raters)
     lines += [
         f"% {table.raters} raters, {table.comparisons} comparisons. {agreement_line(table)}",
         f"% Attention checks failed: {failed} of {checks}, by {flagged} raters, whose votes are included.",
         *([f"% No placement where one was intended: {tex_escaped(table.refusals)}."] if table.refusals else []),
-        "% $\\dagger$: better than the best baseline, a baseline also than DCAP (paired bootstrap, p < 0.01).",
+        MARKED,
     ]
     return "\n".join(lines) + "\n"
 
@@ -173,21 +147,3 @@ def agreement_line(table: StudyTable) -> str:
         for axis, one in table.agreement.items()
     )
     return f"Agreement on {shared} comparisons of several raters, Krippendorff's alpha: {', '.join(said)}."
-
-
-def tex_rate(row: PreferenceRow, axis: JudgedAxis) -> str:
-    """A win rate in percent with its interval; a dash where there is none."""
-    won = row.rates.get(axis)
-    if won is None:
-        return "--"
-    mark = "^{\\dagger}" if row.marks.get(axis) else ""
-    value, low, high = (f"{100 * one:.1f}" for one in (won.rate, won.interval.low, won.interval.high))
-    return f"${value}{mark}$ {{\\small $[{low}, {high}]$}}"
-
-
-def tex_rating(row: PreferenceRow) -> str:
-    """A rating with its interval; a dash where there is none."""
-    rated = row.rating
-    if rated is None:
-        return "--"
-    return f"${rated.rating:.0f}$ {{\\small $[{rated.interval.low:.0f}, {rated.interval.high:.0f}]$}}"

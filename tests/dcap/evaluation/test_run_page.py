@@ -135,6 +135,9 @@ def test_metrics_are_told_in_raw_units(run: Path) -> None:
     assert found["support hit [%]"] == ("100", "100", "0")
     assert found["penetration [mm]"] == ("0 (0)", "1 (1)", "2 (2), n 3")
     assert found["drift [mm]"] == ("0.1 (0.1)", "–", "–")
+    lines = (run / "tables" / "metrics.tex").read_text().splitlines()
+    assert "penetration [mm] & 0 (0) & 1 (1) & 2 (2), n 3 \\\\" in lines
+    assert sum(", n " in one for one in lines) == 1
     written(run, own)
 
 
@@ -183,6 +186,9 @@ def test_where_a_baseline_is_ahead() -> None:
         ("holodeck", "b", ("Right Place", "P&N"), pytest.approx(4.0)),
         ("fireplace", "a", ("Right Place",), pytest.approx(24**0.5 - 45**0.5)),
     ]
+    alone = [replace(row, right_place=None) for row in rows]  # nobody stated a place: the other axis tells
+    found = [(one.row.method, one.row.sample, one.axes, one.margin) for one in baselines_ahead(alone)]
+    assert found == [("holodeck", "b", ("P&N",), pytest.approx(8.0))]
 
 
 def test_tables_of_the_run_are_shown(tmp_path: Path) -> None:

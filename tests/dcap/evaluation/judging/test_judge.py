@@ -1,12 +1,13 @@
 """Judges: what they see, what they must not see, how strictly their answers are read, and that recordings replay."""
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
 import pytest
 from fake_api import FakeApi, data_of, message, question_of, reason_of, says
-from judged import REPLY, SCORES, flat, placement, three_methods
+from judged import GOOD, REPLY, SCORES, flat, placement, three_methods
 from PIL import Image
 
 from dcap.evaluation.judging.judge import (
@@ -66,11 +67,22 @@ def test_the_rubric_judges_without_a_model():
     assert found["s1", "layoutgpt"].judge == RUBRIC
 
 
-def test_the_rubric_says_what_it_cannot_judge():
-    """One line where an axis has no metric."""
-    unknown = placement("s", "a", 1, support_hit=None, part_hit=None, region_distance_m=None)
-    with pytest.raises(LanguageError, match="cannot judge right_place: none of its metrics is known"):
-        scores(OfflineClient(), [unknown], RUBRIC)
+def test_the_rubric_judges_each_axis_by_itself():
+    """Without a stated place there is no Right Place, and all in all physics decides; what has other axes than its
+    rival is compared on those that both have, and not all in all. Nothing known at all is one line."""
+    nowhere = dict.fromkeys(("support_hit", "part_hit", "region_distance_m", "orientation_error_deg"))
+    one, other = placement("s", "a", 1, **nowhere), placement("s", "b", 2, gap_m=0.02, **nowhere)
+    found = scores(OfflineClient(), [one, other], RUBRIC)
+    assert [(row.right_place, row.physics_naturalness == 10.0) for row in found] == [(None, True), (None, False)]
+    assert found[0].analysis == "metric rubric; lowest: not known, penetration_m 2e-05 (10.0)"
+    rows = comparisons(OfflineClient(), [one, other], RUBRIC)
+    assert {(row.axis, row.winning_method) for row in rows} == {
+        (JudgedAxis.PHYSICS_NATURALNESS, "a"), (JudgedAxis.OVERALL, "a"),
+    }  # fmt: skip
+    rows = comparisons(OfflineClient(), [one, placement("s", "b", 2)], RUBRIC)
+    assert [(row.axis, row.winner) for row in rows] == [(JudgedAxis.PHYSICS_NATURALNESS, Winner.TIE)] * 2
+    with pytest.raises(LanguageError, match="cannot judge a placement of which no metric is known"):
+        scores(OfflineClient(), [placement("s", "a", 1, **dict.fromkeys(GOOD))], RUBRIC)
 
 
 def test_a_model_sees_neither_methods_nor_metrics():
@@ -84,6 +96,9 @@ def test_a_model_sees_neither_methods_nor_metrics():
         assert payload.pictures == pictures
         assert "put it on s0" in text
         assert "view above" in text
+        assert '"room\\" and \\"top\\" are from cameras that are the same for every placement' in text
+        assert "centred on the object, from the same directions" in text
+        assert "from the same camera." not in text
         assert not any(word in text for word in ("dcap", "holodeck", "metrics", "penetration_m", "0.01"))
 
 
@@ -108,6 +123,7 @@ def test_pairs_are_shown_side_by_side_and_in_both_orders(api: FakeApi):
     [
         (SCORES | {"right_place": 11}, "right_place: Input should be less than or equal to 10"),
         (SCORES | {"physics_naturalness": 0.5}, "physics_naturalness: Input should be greater than or equal to 1"),
+        (SCORES | {"right_place": None}, "right_place: .*null is no answer"),
         (SCORES | {"right_place": "8"}, "right_place: Input should be a valid number"),
         ({"analysis": "", "right_place": 8}, "physics_naturalness: Field required"),
         (SCORES | {"beauty": 3}, "beauty: Extra inputs are not permitted"),
@@ -121,12 +137,13 @@ def test_a_wrong_score_is_asked_again_and_then_refused(api: FakeApi, answer, sai
         scores(connect(MODEL, Session()), three_methods(1)[:1], NAME)
     assert "\n" not in str(error.value)
     assert len(api.asked) == 3
-    assert said in reason_of(api.asked[-1])
+    assert re.search(said, reason_of(api.asked[-1]))
 
 
 @pytest.mark.parametrize(
     ("answer", "said"),
     [
+        (REPLY | {"overall": None}, "overall: .*null is no answer"),
         (REPLY | {"overall": "both"}, "overall: Input should be 'left', 'right' or 'tie'"),
         ({name: value for name, value in REPLY.items() if name != "right_place"}, "right_place: Field required"),
     ],
@@ -178,12 +195,14 @@ def test_judges_of_the_chooser_s_family_are_told():
     names = {
         "claude-opus-5-5": "anthropic", "maker/claude-sonnet-5-5": "anthropic", "us.maker.claude-3": "anthropic",
         "gpt-4o": "openai", "o3-mini": "openai", "qwen2.5-vl:7b": "alibaba", "Llama3.2-vision": "meta",
-        "gemini-2.0-flash": "google", "unheard-1": "unheard",
+        "gemini-2.0-flash": "google", "unheard-1": "unheard-1",
+        "local/foo": "local/foo", "local/bar": "local/bar",
     }  # fmt: skip
     assert {name: model_family(name) for name in names} == names
     other = LanguageConfig(client=ClientName.ANTHROPIC, model="gpt-4o")
     assert same_family(MODEL, REPLAY)
     assert not same_family(other, MODEL)
+    assert not same_family(*(other.model_copy(update={"model": f"local/{name}"}) for name in ("foo", "bar")))
     assert not same_family(LanguageConfig(), MODEL)
     assert (judge_name(LanguageConfig()), judge_name(REPLAY)) == (RUBRIC, NAME)
     assert judge_name(MODEL.model_copy(update={"endpoint": "gate"})) == f"{NAME}@gate"

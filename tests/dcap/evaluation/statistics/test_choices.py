@@ -108,6 +108,16 @@ def test_a_win_rate_is_marked_where_it_is_significantly_higher():
     assert win_rate_significance(pair_counts(table([[0, 4], [1, 0]], "ab")), "a", []) is None
 
 
+def test_a_win_rate_is_tested_whichever_samples_are_drawn():
+    """A method that was compared on one sample of thirty is missing from many a resample and is tested too."""
+    rows = [Comparison(f"s{k:02}", JudgedAxis.OVERALL, "a", "b", Winner.LEFT, "j") for k in range(30)]
+    rows.append(Comparison("s07", JudgedAxis.OVERALL, "c", "a", Winner.LEFT, "j"))
+    for seed in range(8):
+        found = win_rate_significance(pair_counts(rows), "a", ["c"], resamples=50, seed=seed)
+        assert found is not None
+        assert found.test.difference == pytest.approx(30 / 31 - 1.0)
+
+
 def test_agreement_of_a_textbook_example():
     """Krippendorff's four observers: 0.743."""
     units = [{f"o{k}": seen[u] for k, seen in enumerate(OBSERVERS) if seen[u] != "."} for u in range(12)]

@@ -64,6 +64,21 @@ def test_scores_without_comparisons_have_no_elo():
     assert preference_rows(METHODS, [], BASELINES) == []
 
 
+def test_an_axis_without_scores_is_none():
+    """The other keeps its mean and its mark, and there is no composite; nothing is tested where no sample is shared."""
+    given = {name: value.copy() for name, value in scores().items()}
+    for value in given.values():
+        value[:, 0] = np.nan
+    dcap = score_rows(given, preferences(), BASELINES, resamples=FEW)[0]
+    assert (dcap.right_place, dcap.composite, dcap.samples) == (None, None, 40)
+    assert dict(dcap.marks) == {"right_place": "", "physics_naturalness": DAGGER, "composite": "", "elo": DAGGER}
+    assert set(dcap.p) == {"physics_naturalness", "elo"}
+    given["dcap"][20:] = np.nan
+    for name in BASELINES:
+        given[name][:20] = np.nan
+    assert set(score_rows(given, [], BASELINES, resamples=FEW)[0].p) == set()
+
+
 def test_scores_of_other_samples_are_refused():
     """Rows must be the same samples."""
     given = scores()

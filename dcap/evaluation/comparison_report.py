@@ -1,0 +1,77 @@
+"""What the comparisons of a run's judge come to: win rates by axis and Bradley-Terry ratings, as CSV and LaTeX.
+
+In: comparisons of a run, who judged, and the names of its methods. Out: `tables/comparisons_by_method.csv` and `.tex`,
+in the layout of the table of what people preferred. The same judgement gives the same bytes.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from dcap.evaluation.judging.judging_folder import JudgeRecord
+from dcap.evaluation.methods import DCAP, METHODS, baselines_among, shown_name
+from dcap.evaluation.preference_table import MARKED, best_first, row_cells, tabular
+from dcap.evaluation.statistics.bootstrap import RESAMPLES
+from dcap.evaluation.statistics.comparisons import Comparison, JudgedAxis, methods_of, on_axis
+from dcap.evaluation.statistics.method_tables import PreferenceRow, preference_rows
+from dcap.evaluation.table_text import csv_of
+
+TABLES, TABLE = "tables", "comparisons_by_method"
+
+
+@dataclass(frozen=True, slots=True)
+class ComparisonTable:
+    """The table and who judged."""
+
+    rows: tuple[PreferenceRow, ...]
+    """The best overall first."""
+    record: JudgeRecord
+    comparisons: int
+    """Overall ones, each pair in both orders."""
+    offline: bool
+    """Whether no model answered for the baselines: their names say so."""
+
+    def name(self, row: PreferenceRow) -> str:
+        """A row's method as the table shows it."""
+        return shown_name(row.method, offline=self.offline)
+
+
+def comparison_table(
+    comparisons: Sequence[Comparison], record: JudgeRecord, *, offline: bool, resamples: int = RESAMPLES
+) -> ComparisonTable:
+    """The table of a judge's comparisons."""
+    methods = sorted(methods_of(comparisons), key=list(METHODS).index)
+    rows = preference_rows(methods, comparisons, baselines_among(methods), ours=DCAP, resamples=resamples)
+    return ComparisonTable(best_first(rows), record, len(on_axis(comparisons, JudgedAxis.OVERALL)), offline)
+
+
+def write_comparison_table(run: Path, table: ComparisonTable) -> tuple[Path, ...]:
+    """Write the table into a run; one of an earlier judgement goes where nothing is compared any more."""
+    folder = run / TABLES
+    folder.mkdir(exist_ok=True)
+    paths = folder / f"{TABLE}.csv", folder / f"{TABLE}.tex"
+    if not table.rows:
+        for path in paths:
+            path.unlink(missing_ok=True)
+        return ()
+    judged = {"judge": table.record.judge, "same_family": table.record.same_family}
+    cells = csv_of([row_cells(row, table.name(row)) | judged for row in table.rows])
+    for path, text in zip(paths, (cells, tex_text(table)), strict=True):
+        draft = path.with_name(f".{path.name}")
+        draft.write_text(text, encoding="utf-8")
+        draft.replace(path)
+    return paths
+
+
+def tex_text(table: ComparisonTable) -> str:
+    """The table as the paper lays out that of people, with notes as comments."""
+    asked = f"{table.comparisons} overall, each pair in both orders; a tie is half a win of each"
+    lines = [
+        f"% Comparisons by {table.record.judge}: {asked}.",
+        "% Win rates with 95 % intervals of a bootstrap over samples; Bradley-Terry of the overall comparisons.",
+    ]
+    if any(row.rating and row.rating.separable for row in table.rows):
+        lines.append("% Some method won or lost every comparison: a ridge keeps ratings finite, read them as an order.")
+    if table.record.same_family:
+        lines.append(f"% The judge is of the same maker as {table.record.chooser}, which chose.")
+    return "\n".join([*lines, *tabular(table.rows, table.name), MARKED]) + "\n"

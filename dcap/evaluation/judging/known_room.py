@@ -1,0 +1,262 @@
+"""An embedded room with a heavy ball in it at stated places: what the pairs with known answers are made of.
+
+In: a room with a bed, and where the ball is over the bed or the floor. Out: meshes, metrics that are measured on them
+by the code that measures every placement, and pictures from the cameras that a judge is told of. The dent of the
+settled ball has the shape that [J85] gives; whether its depth is right is measured against a reference that is handed
+in. What only a simulation would tell is null.
+
+[J85] Johnson, Contact Mechanics, 1985, ch. 3.4 and 4.2.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import trimesh
+from numpy.typing import NDArray
+
+from dcap.evaluation.judging.judged_pictures import NamedPicture
+from dcap.evaluation.judging.rubric import Metrics
+from dcap.evaluation.metrics.columns import columns
+from dcap.evaluation.metrics.touching import touching
+from dcap.geometry.camera import looking_at
+from dcap.geometry.raycast import Raycaster
+from dcap.geometry.rendering.cutaway import cut_faces
+from dcap.geometry.rendering.picture import picture
+from dcap.geometry.solid.repair import subdivide_near
+from dcap.scene.errors import InputError
+from dcap.scene.types.gravity import GRAVITY
+from dcap.scene.types.mesh import Mesh
+from dcap.synthetic.rooms import BuiltRoom
+
+RADIUS, MASS = 0.108, 5.0
+"""Of a light bowling ball [m], [kg]."""
+COMPLIANCE = (1.0 - 0.3**2) / 4e4
+"""Of the mattress's foam, (1 - nu^2) / E [1/Pa]."""
+DENT = float((9.0 * (MASS * GRAVITY * COMPLIANCE) ** 2 / (16.0 * RADIUS)) ** (1.0 / 3.0))
+"""How deep the settled ball lies [m]: that of a rigid sphere on an elastic half-space [J85, eq. 4.23]."""
+BESIDE = 0.25
+"""Distance of the ball on the floor from the bed [m]."""
+FINE = 0.006
+"""Edges of the bed's faces around the dent [m]: chords of the ball sag by FINE^2 / (8 RADIUS), 0.04 mm."""
+NEAR = 0.05
+"""How far from the ball, in plan, the room is still looked at [m]."""
+SIZE = 512
+"""Width and height of pictures [pixels]."""
+ROOM = "room"
+ASKED_VIEWS = {ROOM: (20.0, 40.0, 3.8), "top": (-40.0, 60.0, 1.1)}
+"""Azimuth from the middle of the room and elevation [degrees], and distance [m] of cameras from the asked place."""
+OBJECT_VIEWS = {"front": (0.0, 25.0, 1.1), "right": (70.0, 15.0, 1.1), "low": (0.0, 5.0, 1.1)}
+"""The same of cameras from the ball."""
+VIEWS = (*ASKED_VIEWS, *OBJECT_VIEWS)
+BED, FLOOR = "bed", "floor"
+LYING_ON = {BED: ("bed",), FLOOR: ("floor", "rug")}
+"""Labels of what carries the ball on either."""
+STRUCTURE = ("floor", "ceiling", "wall", "window", "door")
+COLOR = (40, 50, 110)
+
+Array = NDArray[np.float64]
+DentReference = Callable[[Mesh, Mesh], float | None]
+"""Of the ball over a bed that it has not pressed in, as meshes: how deep its weight ought to press it [m]."""
+
+
+@dataclass(frozen=True, slots=True)
+class BallPlace:
+    """Where the ball is."""
+
+    on: str
+    """BED or FLOOR."""
+    height: float = 0.0
+    """Of the ball over where it touches what is as it was given [m], negative inside."""
+    dented: bool = False
+    """Whether the bed gives way to it."""
+    aside: float = 0.0
+    """How far it is from the middle of the bed, along the bed's longer side [m]."""
+
+
+SETTLED = BallPlace(BED, -DENT, dented=True)
+ON_THE_FLOOR = BallPlace(FLOOR)
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class OwnedMesh:
+    """A room and whose each face is."""
+
+    mesh: Mesh
+    owner: NDArray[np.int32]
+    """Index of the instance of each face, shape (m,)."""
+
+    def over(self, thing: Mesh) -> "OwnedMesh":
+        """What has a face over or under a thing, or near it: all that tells how they touch."""
+        low, high = thing.bounds[0, :2] - NEAR, thing.bounds[1, :2] + NEAR
+        corner = self.mesh.triangles[:, :, :2]
+        there = np.flatnonzero(((corner.max(axis=1) >= low) & (corner.min(axis=1) <= high)).all(axis=1))
+        return OwnedMesh(self.mesh.submesh(there), self.owner[there])
+
+
+@dataclass(frozen=True, eq=False)
+class RoomWithBall:
+    """A room with a bed and places of a ball in it."""
+
+    name: str
+    room: BuiltRoom
+    reference: DentReference | None = None
+
+    @cached_property
+    def bed(self) -> int:
+        """Index of the bed."""
+        found = [k for k, label in enumerate(self.room.instance_labels) if label == "bed"]
+        if not found:
+            raise InputError(f"room {self.name} has no bed; known answers need one")
+        return found[0]
+
+    @cached_property
+    def bed_mesh(self) -> Mesh:
+        """The bed as it was given."""
+        return self.room.record.mesh.submesh(np.flatnonzero(self.room.face_instance == self.bed))
+
+    @cached_property
+    def owner(self) -> NDArray[np.int32]:
+        """Index of the instance of each face, shape (m,)."""
+        return np.asarray(self.room.face_instance, dtype=np.int32)
+
+    @cached_property
+    def caster(self) -> Raycaster:
+        """The room as it is."""
+        return Raycaster(self.room.record.mesh)
+
+    def below(self, xy: Array, height: float = 1.6) -> tuple[Array, str]:
+        """What a plumb line hits from `height` over the floor: point [m], shape (3,), and label."""
+        start = np.array([[xy[0], xy[1], self.bed_mesh.bounds[0, 2] + height]])
+        hit = self.caster.cast(start, np.array([[0.0, 0.0, -1.0]]))
+        face = int(hit.face[0])
+        label = self.room.instance_labels[int(self.room.face_instance[face])] if face >= 0 else ""
+        return np.array([*xy, hit.position[0, 2]]), label
+
+    @cached_property
+    def asked(self) -> dict[str, Array]:
+        """The middle of the bed's top, and a point of the floor beside it that the ball fits on [m], each (3,)."""
+        low, high = self.bed_mesh.bounds[:, :2]
+        middle, reach = 0.5 * (low + high), 0.5 * (high - low) + BESIDE + RADIUS
+        for step in ((0, 1), (1, 0), (-1, 0), (0, -1)):
+            point, label = self.below(middle + reach * np.array(step))
+            room_for_it = float(self.caster.distance_to(raised(point, 2 * RADIUS)[None])[0]) >= RADIUS
+            if label in LYING_ON[FLOOR] and room_for_it:
+                return {BED: self.below(middle)[0], FLOOR: point}
+        raise InputError(f"room {self.name} has no free floor beside its bed; known answers need some")
+
+    def center(self, place: BallPlace) -> Array:
+        """Middle of the ball [m], shape (3,): let down onto the room as it was given, then moved by its height."""
+        xy = self.asked[place.on][:2].copy()
+        xy[int(np.argmax(np.ptp(self.bed_mesh.bounds[:, :2], axis=0)))] += place.aside
+        over = raised(self.below(xy)[0], 2.0 * RADIUS)
+        thing = ball(over)
+        beneath = OwnedMesh(self.room.record.mesh, self.owner).over(thing).mesh
+        return raised(over, place.height - float(columns(thing, Raycaster(beneath)).gap.min()))
+
+    def scene(self, place: BallPlace) -> OwnedMesh:
+        """The room of a placement: only where it is said to does the bed give way."""
+        owner = self.owner
+        if not place.dented:
+            return OwnedMesh(self.room.record.mesh, owner)
+        center = self.center(place)
+        fine = subdivide_near(self.bed_mesh, np.stack([center - 2.5 * RADIUS, center + 2.5 * RADIUS]), FINE)
+        vertices = fine.vertices.copy()
+        away = np.linalg.norm(vertices[:, :2] - center[:2], axis=1)
+        top = np.abs(vertices[:, 2] - (center[2] - RADIUS + DENT)) < RADIUS
+        vertices[top, 2] -= skirt(away[top])
+        under = center[2] - np.sqrt(np.clip(RADIUS**2 - away**2, 0.0, None))
+        pressed = top & (away < RADIUS) & (vertices[:, 2] > under)
+        vertices[pressed, 2] = under[pressed]
+        rest = owner != self.bed
+        mesh = Mesh.concatenate([
+            self.room.record.mesh.submesh(np.flatnonzero(rest)), Mesh(vertices, fine.faces, fine.colors),
+        ])  # fmt: skip
+        return OwnedMesh(mesh, np.concatenate([owner[rest], np.full(len(fine.faces), self.bed, dtype=np.int32)]))
+
+    @cached_property
+    def expected_dent(self) -> float | None:
+        """How deep the ball's weight ought to press it into the middle of the bed [m]; None without a reference."""
+        touching_it = self.center(BallPlace(BED))
+        return self.reference(ball(touching_it), self.bed_mesh) if self.reference else None
+
+    def metrics(self, place: BallPlace, asked: str) -> Metrics:
+        """What is measured of a placement where BED or FLOOR was asked for."""
+        thing = ball(self.center(place))
+        around = self.scene(place).over(thing)
+        found = touching(thing, around.mesh)
+        face = int(found.columns.face[found.columns.nearest])
+        label = self.room.instance_labels[int(around.owner[face])] if face >= 0 else ""
+        middle = found.patch.mean(axis=0) if len(found.patch) else thing.bounds.mean(axis=0)
+        error = None
+        if label in LYING_ON[BED] and self.expected_dent is not None:
+            depth = max(-float(columns(thing, Raycaster(self.bed_mesh)).gap.min()), 0.0)
+            error = abs(depth - self.expected_dent)
+        return {
+            "support_hit": label in LYING_ON[asked],
+            "part_hit": None,
+            "region_distance_m": float(np.linalg.norm(middle[:2] - self.asked[asked][:2])),
+            "orientation_error_deg": None,
+            "penetration_m": found.penetration,
+            "gap_m": found.gap,
+            "indentation_error_m": error,
+            "force_residual": None,
+            "drift_m": None,
+            "drift_deg": None,
+            "visible_fraction": None,
+            "com_supported": found.margin >= 0.0,
+        }
+
+    def before(self, asked: str) -> tuple[NamedPicture, ...]:
+        """The clean room and the ball alone."""
+        return NamedPicture("clean", lambda: self.seen(None, asked, ROOM)), NamedPicture("asset", asset)
+
+    def views(self, place: BallPlace, asked: str) -> tuple[NamedPicture, ...]:
+        """The fixed pictures of a placement."""
+        return tuple(NamedPicture(view, lambda view=view: self.seen(place, asked, view)) for view in VIEWS)  # type: ignore[misc]
+
+    def seen(self, place: BallPlace | None, asked: str, view: str) -> NDArray[np.uint8]:
+        """A view of the room with the ball, without one for None; the clean room is seen as in a view of what was
+        asked for."""
+        middle = self.asked[asked] if place is None or view in ASKED_VIEWS else self.center(place)
+        azimuth, elevation, distance = (ASKED_VIEWS | OBJECT_VIEWS)[view]
+        low, high = self.bed_mesh.bounds[:, :2]
+        toward = np.arctan2(*(np.mean(self.room.record.mesh.bounds[:, :2], axis=0) - 0.5 * (low + high))[::-1])
+        turn, up = toward + np.radians(azimuth), np.radians(elevation)
+        away = np.array([np.cos(up) * np.cos(turn), np.cos(up) * np.sin(turn), np.sin(up)])
+        around = self.scene(place or BallPlace(BED))
+        structure = np.isin(np.array(self.room.instance_labels)[around.owner], STRUCTURE)
+        camera = looking_at(middle + distance * away, middle, SIZE, SIZE)
+        shown = around.mesh.submesh(np.flatnonzero(~cut_faces(around.mesh, structure, camera.position, middle)))
+        things = [shown] if place is None else [shown, ball(self.center(place))]
+        return picture(things, camera, samples=1).rgb
+
+
+def raised(point: Array, height: float) -> Array:
+    """A point so much higher [m], shape (3,)."""
+    return np.asarray(point + np.array([0.0, 0.0, height]))
+
+
+def skirt(away: Array) -> Array:
+    """How far a soft surface sinks around a ball that has sunk in by DENT [m], at distances from its axis, shape (n,).
+
+    Outside of the contact, radius a = sqrt(RADIUS DENT): ((2 a^2 - r^2) asin(a / r) + a sqrt(r^2 - a^2)) / (pi RADIUS)
+    [J85, eq. 3.42a]; within it the depth at its rim, from where the ball itself presses.
+    """
+    a = np.sqrt(RADIUS * DENT)
+    r = np.maximum(away, a)
+    depth = (2.0 * a**2 - r**2) * np.arcsin(a / r) + a * np.sqrt(r**2 - a**2)
+    return np.asarray(depth / (np.pi * RADIUS))
+
+
+def ball(center: Array) -> Mesh:
+    """The ball with its middle there."""
+    solid = trimesh.creation.icosphere(4, RADIUS)
+    return Mesh.of(np.asarray(solid.vertices) + center, solid.faces, COLOR)
+
+
+def asset() -> NDArray[np.uint8]:
+    """The ball alone."""
+    camera = looking_at(np.array([0.0, -5.0 * RADIUS, 2.0 * RADIUS]), np.zeros(3), SIZE, SIZE)
+    return picture([ball(np.zeros(3))], camera, samples=1).rgb
