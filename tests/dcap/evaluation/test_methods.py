@@ -15,9 +15,10 @@ from dcap.evaluation.methods import (
     methods_of,
     shown_name,
     split_id,
+    with_examples,
 )
 from dcap.scene.errors import InputError
-from dcap.scene.types.sample import Sample
+from dcap.scene.types.sample import KnownHeight, Sample, SourceOptions
 
 SAMPLE = Sample("bedroom_01-ball", "bedroom_01", "ball.glb", "put the ball on the bed")
 
@@ -56,3 +57,23 @@ def test_an_id_says_method_and_sample(own: str):
     sample = Sample(own, "room", "ball.glb", "")
     assert by_method(sample, DCAP) == sample
     assert split_id(by_method(sample, "paper").id) == (by_method(sample, "paper").method, own)
+
+
+def test_layoutgpt_learns_from_the_whole_data_set_whichever_samples_are_run():
+    """Every other scene once, in the file's order; not those that are read otherwise or need more than their file."""
+    every = [
+        Sample("a", "a.glb", "ball.glb", ""),
+        Sample("b", "b.glb", "ball.glb", ""),
+        Sample("b2", "b.glb", "mug.glb", ""),
+        Sample("c", "c.glb", "ball.glb", ""),
+        Sample("inches", "inches.glb", "ball.glb", "", scene_options=SourceOptions(unit="in")),
+        Sample("labelled", "labelled.glb", "ball.glb", "", labels="labels.json"),
+        Sample("scaled", "scaled.glb", "ball.glb", "", known_height=KnownHeight("table", 0.75)),
+    ]
+    chosen = [by_method(every[0], DCAP), by_method(every[0], "layoutgpt")]
+    ours, theirs = with_examples(chosen, every)
+    assert ours == every[0]
+    assert theirs.examples == ("b.glb", "c.glb")
+    whole = with_examples([by_method(one, "layoutgpt") for one in every], every)
+    assert whole[0] == theirs
+    assert [one.examples for one in whole[1:3]] == [("a.glb", "c.glb")] * 2
