@@ -15,7 +15,6 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from dcap.evaluation.judging.judge import (
-    RUBRIC,
     JudgedPlacement,
     JudgedScore,
     comparisons,
@@ -33,7 +32,7 @@ from dcap.evaluation.judging.judging_folder import (
     read_scores,
     write_judging,
 )
-from dcap.evaluation.judging.rubric import SCALES, Metrics, rubric_scores
+from dcap.evaluation.judging.rubric import RUBRIC, SCALES, Metrics, rubric_scores
 from dcap.evaluation.judging.standing import Standing, lowest_scores, standing_of, with_scores
 from dcap.evaluation.method_report import MethodTable, method_table, write_method_table
 from dcap.evaluation.methods import OFFLINE, joined_id

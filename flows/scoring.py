@@ -10,9 +10,8 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation as Turn
 
-from dcap.evaluation.judging.rubric import SCALES, rubric_scores
+from dcap.evaluation.judging.rubric import RUBRIC, SCALES, rubric_scores
 from dcap.evaluation.metrics.placeit3d import (
     ConstraintKind,
     FinalBox,
@@ -35,8 +34,6 @@ from dcap.scene.types.segmentation import Segmentation
 from flows.measures_file import read_measures
 from tasks.requests.surroundings import part_frame
 
-RUBRIC = "metric rubric"
-"""The judge that needs no pictures."""
 REFERENCED = frozenset(BESIDE)
 """Region words that mean a place beside something: the truth does not say beside what."""
 
@@ -115,7 +112,7 @@ def with_rules(
     assert isinstance(measures, Mapping)
     final = FinalBox(
         box=upright_box(np.asarray(tree["object_aabb"], dtype=float)),
-        front=Turn.from_quat(np.asarray(pose["quaternion"], dtype=float), scalar_first=True).as_matrix()[:2, 1],
+        front=np.asarray(measures["front"], dtype=float)[:2],
         support_id=str(measures.get("support_id") or ""),
         dz=np.inf if row.gap_m is None else max(row.gap_m, row.penetration_m or 0.0),
     )

@@ -1,12 +1,12 @@
 """`dcap study serve|report`."""
 
-import sys
 from collections.abc import Mapping
 from typing import Annotated
 
 import typer
 
 from dcap.scene.errors import InputError
+from flows.cli.checks import note
 
 study_app = typer.Typer(no_args_is_help=True, help="A study in which people compare the methods of a run.")
 Run = Annotated[str, typer.Argument(help="Name or folder of a run, or 'last'.")]
@@ -32,11 +32,6 @@ def study_serve(
         raise InputError("--host: name an address to listen on, such as 127.0.0.1")
     serve_study(run, StudyOptions(host, port, raters, pairs, seed), note, announce)
     return 0
-
-
-def note(text: str) -> None:
-    """What a person should know, on standard error."""
-    print(f"dcap: {text}", file=sys.stderr)
 
 
 def announce(links: Mapping[str, str]) -> None:

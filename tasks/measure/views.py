@@ -3,7 +3,7 @@
 In: scene and object as segmented, what was asked, the pose before any drop, the final state and the textures of both
 sources. Out: `JudgedViews`. The scene before, the room and the view from above are taken from one camera for all
 methods: it looks at the support that was asked for, as it stands in the intent that all share. The others look at the
-object, from the four sides of the world and from low down, at a distance that depends on its size alone.
+object, from four sides and from low down, at a distance that depends on its size alone.
 """
 
 import numpy as np
@@ -25,8 +25,10 @@ from tasks.runner.stage import stage
 
 Array = NDArray[np.float64]
 
-SIDES = {"front": -90.0, "right": 0.0, "back": 90.0, "left": 180.0}
-"""Azimuths in the world, from +x towards +y [degrees]."""
+SIDES = {"front": 0.0, "right": 90.0, "back": 180.0, "left": -90.0}
+"""Azimuths off the way from the support to the middle of the scene, counterclockwise from above [degrees]."""
+TOWARDS = -90.0
+"""That way in the world, off +x, where the support is in the middle [degrees]."""
 NEARBY, ABOVE, LEVEL, CORNER = 25.0, 70.0, 6.0, 30.0
 """Elevations of the side views, of the view from above, of the low one and of that of the room [degrees]."""
 
@@ -70,23 +72,23 @@ def judged_views(
     def taken(camera: Camera) -> NDArray[np.uint8]:
         return picture(after.seen_by(camera), camera, samples=config.samples).rgb
 
-    sides = {name: taken(seen_from(middle, azimuth, NEARBY, away, config)) for name, azimuth in SIDES.items()}
     support = scene.instances[scene.index_of(intent.base_id)].box
     reach = 0.5 * support.diagonal / np.sin(0.5 * np.radians(config.fov_deg) / config.margin)
     distance = max(config.far, 6.0 * size, float(reach))
     inwards = scene.mesh.bounds.mean(axis=0) - support.center
     off_middle = np.linalg.norm(inwards[:2]) > 0.1
-    corner = float(np.degrees(np.arctan2(inwards[1], inwards[0]))) if off_middle else SIDES["front"]
-    whole = seen_from(support.center, corner, CORNER, distance, config)
-    over = seen_from(support.center, corner, ABOVE, distance, config)
+    ahead = float(np.degrees(np.arctan2(inwards[1], inwards[0]))) if off_middle else TOWARDS
+    whole = seen_from(support.center, ahead, CORNER, distance, config)
+    over = seen_from(support.center, ahead, ABOVE, distance, config)
     asset, apart = painted(item.mesh, object_surface), 0.8 * away / intent.scale
-    alone = seen_from(item.mesh.bounds.mean(axis=0), SIDES["front"] + 30.0, NEARBY, apart, config)
+    alone = seen_from(item.mesh.bounds.mean(axis=0), TOWARDS + 30.0, NEARBY, apart, config)
+    sides = {name: taken(seen_from(middle, ahead + side, NEARBY, away, config)) for name, side in SIDES.items()}
     return JudgedViews(
         clean=picture(before.seen_by(whole), whole, samples=config.samples).rgb,
         asset=picture([asset], alone, samples=config.samples).rgb,
         room=taken(whole),
         top=taken(over),
-        low=taken(seen_from(middle, SIDES["front"], LEVEL, away, config)),
+        low=taken(seen_from(middle, ahead, LEVEL, away, config)),
         **sides,
     )
 

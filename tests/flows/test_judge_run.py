@@ -12,8 +12,8 @@ from fake_api import FakeApi, data_of, message, question_of, says
 from judged import REPLY, SCORES, placement
 from many_methods_run import JUDGED, METHODS, SAMPLES, many_methods_run, method_folder, row, write_rows
 
-from dcap.evaluation.judging.judge import RUBRIC
 from dcap.evaluation.judging.known_answers import KnownAnswer
+from dcap.evaluation.judging.rubric import RUBRIC
 from dcap.evaluation.method_report import method_table
 from dcap.evaluation.outcome_table import SampleOutcome
 from dcap.evaluation.statistics.comparisons import JudgedAxis, read_comparisons

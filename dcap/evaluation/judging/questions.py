@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 
 from pydantic import BaseModel, Field
 
-from dcap.evaluation.judging.rubric import Metrics, rubric_scores, worst_metric
+from dcap.evaluation.judging.rubric import RUBRIC, Metrics, rubric_scores, worst_metric
 from dcap.evaluation.statistics.comparisons import JudgedAxis, Winner
 from dcap.language.protocol.questions import Question
 from dcap.language.protocol.requests import PictureMaker
@@ -75,9 +75,7 @@ def rubric_score(request: ScoreRequest) -> ScoreReply:
     """The rubric's two scores; LanguageError where no metric of an axis is known."""
     place, physics = known_scores(request.metrics)
     flaws = (worst_metric(request.metrics, axis) for axis in (JudgedAxis.RIGHT_PLACE, JudgedAxis.PHYSICS_NATURALNESS))
-    return ScoreReply(
-        analysis=f"metric rubric; lowest: {', '.join(flaws)}", right_place=place, physics_naturalness=physics
-    )
+    return ScoreReply(analysis=f"{RUBRIC}; lowest: {', '.join(flaws)}", right_place=place, physics_naturalness=physics)
 
 
 def rubric_pair(request: PairRequest) -> PairReply:
@@ -85,7 +83,7 @@ def rubric_pair(request: PairRequest) -> PairReply:
     left, right = known_scores(request.left_metrics), known_scores(request.right_metrics)
     place, physics = (preferred(a, b) for a, b in zip(left, right, strict=True))
     overall = preferred(math.sqrt(left[0] * left[1]), math.sqrt(right[0] * right[1]))
-    said = f"metric rubric; left {left[0]:g} and {left[1]:g}, right {right[0]:g} and {right[1]:g}"
+    said = f"{RUBRIC}; left {left[0]:g} and {left[1]:g}, right {right[0]:g} and {right[1]:g}"
     return PairReply(analysis=said, right_place=place, physics_naturalness=physics, overall=overall)
 
 

@@ -16,6 +16,8 @@ from dataclasses import dataclass
 from dcap.evaluation.statistics.comparisons import JudgedAxis
 from dcap.scene.errors import InputError
 
+RUBRIC = "metric rubric"
+"""Name of this judge, where no model is asked."""
 Metrics = Mapping[str, float | bool | None]
 """Metrics by the names of SCALES; further names are not looked at."""
 BEST, WORST = 10.0, 1.0

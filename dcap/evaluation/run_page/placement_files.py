@@ -8,9 +8,7 @@ import json
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
-from dcap.evaluation.methods import DCAP
 from dcap.evaluation.outcome_table import AS_POSED, AT_REST, SampleOutcome
-from dcap.evaluation.run_folder import sample_folder
 from dcap.scene.json_tree import JsonObject
 
 PLACEMENT = "placement.json"
@@ -20,11 +18,6 @@ BEFORE = ("clean", "asset")
 """Of these views, what was there before a placement."""
 MOST_NOTES, MOST_LETTERS = 20, 300
 """Notes of a placement on the page, and letters of one [-]: the page of a thousand placements must open."""
-
-
-def placement_folder(run: Path, row: SampleOutcome) -> Path:
-    """Where the files of a row lie."""
-    return sample_folder(run, row.sample if row.method == DCAP else f"{row.method}/{row.sample}")
 
 
 def kind_of(row: SampleOutcome) -> str:

@@ -9,11 +9,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from dcap.evaluation.run_folder import sample_folder
+from dcap.evaluation.methods import DCAP
+from dcap.evaluation.run_folder import placement_folder
 from dcap.scene.errors import InputError
 
-OURS = "dcap"
-METHODS_FOLDER, VIEWS = "methods", "views"
+VIEWS = "views"
 CLEAN, ASSET = "clean", "asset"
 """Pictures of the scene before and of the asset alone: of the first method's folder."""
 FALLBACK = ("settled", "closeup")
@@ -78,11 +78,6 @@ class StudyRun:
         return next(found, None)
 
 
-def placement_folder(run: Path, method: str, sample: str) -> Path:
-    """Where a method's files of a sample lie."""
-    return sample_folder(run if method == OURS else run / METHODS_FOLDER / method, sample)
-
-
 def read_study_run(folder: Path) -> StudyRun:
     """What of a run can be compared; InputError for fewer than two methods, or where nothing was rendered."""
     methods, prompts = asked_of_folder(folder)
@@ -112,7 +107,7 @@ def asked_of_folder(folder: Path) -> tuple[tuple[str, ...], dict[str, str]]:
     try:
         tree = json.loads(path.read_text(encoding="utf-8"))
         samples = {str(one["id"]): str(one["prompt"]) for one in tree["samples"]}
-        methods = tuple(dict.fromkeys(str(one) for one in tree.get("methods", [OURS])))
+        methods = tuple(dict.fromkeys(str(one) for one in tree.get("methods", [DCAP])))
     except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
         raise InputError(f"{path}: not what a benchmark writes ({type(error).__name__}: {error})") from None
     for method in methods:

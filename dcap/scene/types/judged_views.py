@@ -20,14 +20,14 @@ class JudgedViews:
     room: Picture
     """The support that was asked for, from the middle of the room."""
     front: Picture
-    """The object from nearby: from -y, a little above it."""
+    """The object from nearby: from the middle of the room, a little above it."""
     right: Picture
-    """From +x."""
+    """From a quarter turn farther, counterclockwise seen from above."""
     back: Picture
-    """From +y."""
+    """From the other side."""
     left: Picture
-    """From -x."""
+    """From a quarter turn back."""
     top: Picture
     """The support from steeply above."""
     low: Picture
-    """From -y and just above the level of what it stands on, where gaps and dents show."""
+    """From the front and just above the level of what it stands on, where gaps and dents show."""

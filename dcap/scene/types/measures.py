@@ -19,6 +19,8 @@ class Measures:
     """Part of it under most of what touches, or under the nearest line."""
     middle: NDArray[np.float64]
     """Middle of the touching surface, or of the object where nothing touches [m], shape (3,)."""
+    front: NDArray[np.float64]
+    """Where the object's front points, as its shape tells, a unit vector in the world, shape (3,)."""
     penetration_m: float
     """Largest depth inside the scene as it was left."""
     penetration_given_m: float
@@ -33,6 +35,7 @@ class Measures:
 
     def __post_init__(self) -> None:
         check_array("middle", self.middle, 3)
+        check_array("front", self.front, 3)
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,7 +3,6 @@
 import os
 import re
 import signal
-import socket
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -14,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
-from headless_page import chromium
+from headless_page import WITHOUT_GPU, chromium
 from many_methods_run import many_methods_run
 from PIL import Image
 from playwright.sync_api import Browser, Page, expect, sync_playwright
@@ -24,6 +23,7 @@ from dcap.evaluation.study.journal import read_votes
 from dcap.evaluation.study.study_folder import STUDY_FOLDER, StudyDesign, read_design
 from dcap.packages import ROOT
 from flows.cli.app import main
+from flows.server import free_port
 
 pytestmark = [
     pytest.mark.browser,
@@ -32,7 +32,6 @@ pytestmark = [
     pytest.mark.skipif(chromium() is None, reason="no Chromium on this machine"),
 ]
 
-OPTIONS = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
 WAIT_MS = 60_000
 LINK = re.compile(r"^(r\d\d)  (http\S+)$")
 
@@ -72,7 +71,7 @@ def start(run: Path, port: int) -> StudyProcess:
 def browser() -> Iterator[Browser]:
     """Chromium as the system has it."""
     with sync_playwright() as play:
-        one = play.chromium.launch(executable_path=chromium(), args=OPTIONS)
+        one = play.chromium.launch(executable_path=chromium(), args=[*WITHOUT_GPU])
         yield one
         one.close()
 
@@ -135,12 +134,6 @@ def colors(page: Page, selector: str, path: Path) -> int:
 def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A run of three methods."""
     return many_methods_run(tmp_path_factory.mktemp("study") / "run")
-
-
-def free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
 
 
 def test_a_whole_session_survives_a_killed_server(run: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -15,6 +15,7 @@ from dcap.evaluation.study.design import StudyAxis
 from dcap.evaluation.study.placements import read_study_run
 from dcap.evaluation.study.study_folder import STUDY_FOLDER, read_design, tokens_for, write_design
 from flows.cli.app import main
+from flows.server import free_port
 from flows.study import serve
 from flows.study.serve import StudyOptions, shown_host
 
@@ -72,12 +73,6 @@ def test_too_few_comparisons(run: Path, capsys: pytest.CaptureFixture[str]) -> N
 
 def test_a_study_is_served_by_one(study: ServedStudy, capsys: pytest.CaptureFixture[str]) -> None:
     assert "its study is served already" in complaint(capsys, "serve", study.run, "--port", free_port())
-
-
-def free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
 
 
 @pytest.mark.parametrize(("option", "value", "words"), [

@@ -3,7 +3,6 @@
 import pytest
 from judged import placement
 
-from dcap.evaluation.judging.judge import RUBRIC
 from dcap.evaluation.judging.known_answers import (
     DENT,
     FLOATING,
@@ -17,6 +16,7 @@ from dcap.evaluation.judging.known_answers import (
     known_answers,
 )
 from dcap.evaluation.judging.questions import PairReply
+from dcap.evaluation.judging.rubric import RUBRIC
 from dcap.evaluation.judging.validation import judge_accuracy
 from dcap.evaluation.statistics.comparisons import JudgedAxis, Winner
 from dcap.language.offline.client import OfflineClient
