@@ -118,8 +118,7 @@ def run_benchmark(
     """Place the samples of a dataset by each method and write the run's folder."""
     begin = time.monotonic()
     config = config.model_copy(update={"measured": True})
-    path, samples = dataset_samples(dataset, limit, scenes)
-    samples = with_examples([by_method(sample, method) for sample in samples for method in methods])
+    path, samples = dataset_samples(dataset, methods, limit, scenes)
     if only_failed:
         samples = failed_before(samples)
     language = language or LanguageOptions()
@@ -149,16 +148,20 @@ def scored_rows(
     return tuple(sorted(rows, key=lambda row: order.index(row.method)))
 
 
-def dataset_samples(dataset: Path | None, limit: int | None, scenes: str = "") -> tuple[Path, list[Sample]]:
-    """The dataset's file and its samples, of all scenes or of those that a list names; the embedded rooms are generated
-    if they are missing."""
+def dataset_samples(
+    dataset: Path | None, methods: Sequence[str], limit: int | None, scenes: str = ""
+) -> tuple[Path, list[Sample]]:
+    """The dataset's file and its samples as each method places them, of all scenes or of those that a list names; the
+    embedded rooms are generated if they are missing."""
     path = dataset or EMBEDDED
     if path.resolve() == EMBEDDED:
         ensure_dataset(data_root(), DATASET_SEED)
     elif path.resolve() == SPLAT_ROOMS:
         rooms = [Path(sample.scene).name for sample in load_samples(path)]
         ensure_dataset(data_root(), DATASET_SEED, rooms=list(dict.fromkeys(rooms)), splats=SPLATS)
-    return path, of_scenes(load_samples(path), scenes, path.parent)[:limit]
+    every = load_samples(path)
+    chosen = of_scenes(every, scenes, path.parent)[:limit]
+    return path, with_examples([by_method(sample, method) for sample in chosen for method in methods], every)
 
 
 def ensure_dataset(folder: Path, seed: int, *, rooms: Sequence[str] = (), splats: int = 0) -> Path:
@@ -313,10 +316,9 @@ def plan_benchmark(
     scenes: str = "",
 ) -> list[PlanRow]:
     """Print what would run and why."""
-    _, samples = dataset_samples(dataset, limit, scenes)
+    _, samples = dataset_samples(dataset, methods, limit, scenes)
     config = config.model_copy(update={"measured": True})
-    asked = with_examples([by_method(sample, method) for sample in samples for method in methods])
-    plans = [plan_sample(sample, config) for sample in asked]
+    plans = [plan_sample(sample, config) for sample in samples]
     print_plan(plans)
     return [plan_row(plan) for plan in plans]
 

@@ -6,8 +6,10 @@ meshes. The final pose of a baseline is taken as it stands.
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from pathlib import Path
 
 from dcap.evaluation.methods import BASELINES, DCAP
+from dcap.scene.errors import GeometryError, InputError
 from dcap.scene.store.artifacts import Store
 from dcap.scene.store.ref import Ref
 from dcap.scene.types.anchor import Anchor
@@ -128,14 +130,26 @@ def proposal(
         return fireplace_task(scene, item, intent, sample.prompt, config=FirePlaceConfig.model_validate(language))
     if sample.method == "holodeck":
         return holodeck_task(scene, item, intent, sample.prompt, config=HolodeckConfig.model_validate(language))
-    plans: Ref[FloorPlans] | None = None
-    for other in sample.examples:
-        source = Store.default().add_source(other)
-        scan = mesh_scene_task(source, sample.scene_options, config=config.scene_mesh, labels=None, scale=None)
-        plan = floor_plan_task(segment_task(scan, config=config.segment, labels=None))
-        plans = gathered_task(plan, plans)
+    plans, left_out = examples_of(sample, config)
     asked = LayoutGptConfig.model_validate(language)
-    return layoutgpt_task(scene, item, intent, sample.prompt, config=asked, exemplars=plans)
+    return layoutgpt_task(scene, item, intent, sample.prompt, config=asked, exemplars=plans, left_out=left_out)
+
+
+def examples_of(sample: Sample, config: PlaceConfig) -> tuple[Ref[FloorPlans] | None, tuple[str, ...]]:
+    """Plans of the scenes that a method may learn from, and the names of those that cannot be read: what is wrong with
+    another scene is told by the samples in it, and is no failure of this one."""
+    plans: Ref[FloorPlans] | None = None
+    left_out = []
+    for other in sample.examples:
+        try:
+            source = Store.default().add_source(other)
+            scan = mesh_scene_task(source, sample.scene_options, config=config.scene_mesh, labels=None, scale=None)
+            plan = floor_plan_task(segment_task(scan, config=config.segment, labels=None))
+        except (InputError, GeometryError):
+            left_out.append(Path(other).name)
+        else:
+            plans = gathered_task(plan, plans)
+    return plans, tuple(left_out)
 
 
 def measured(sample: Sample, found: PlacementRefs, config: PlaceConfig) -> PlacementRefs:

@@ -17,6 +17,7 @@ from ruamel.yaml.constructor import ConstructorError, SafeConstructor
 from ruamel.yaml.error import YAMLError
 from ruamel.yaml.nodes import MappingNode
 
+from dcap.evaluation.methods import DCAP, split_id
 from dcap.evaluation.run_folder import folder_name
 from dcap.scene.errors import InputError
 from dcap.scene.problems import Report, error, refusing, short
@@ -67,6 +68,8 @@ def check_ids(samples: list[tuple[int, Sample]], report: Report) -> None:
         one, name, place = sample.id, folder_name(sample.id), (index, "id")
         if not name.strip("."):
             report(error(f"id {one!r} cannot name a folder; use letters and digits", place))
+        elif split_id(one) != (DCAP, one):
+            report(error(f"id {one!r} begins with the name of a method; rename it", place))
         elif name in seen and seen[name] == one:
             report(error(f"two samples have the id {one!r}", place))
         elif name in seen:

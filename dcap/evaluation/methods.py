@@ -58,13 +58,15 @@ def by_method(sample: Sample, method: str) -> Sample:
     return sample if method == DCAP else replace(sample, id=joined_id(method, sample.id), method=method)
 
 
-def with_examples(samples: Sequence[Sample]) -> list[Sample]:
-    """The samples, those of LayoutGPT with the other scenes that samples read as theirs are placed in."""
+def with_examples(samples: Sequence[Sample], every: Sequence[Sample]) -> list[Sample]:
+    """The samples, those of LayoutGPT with the other scenes that samples of the whole data set, `every`, are placed in
+    and that are read as theirs: whichever samples are run, each is shown the same."""
     found = []
     for sample in samples:
         others = dict.fromkeys(
-            one.scene for one in samples
-            if one.scene != sample.scene and one.scene_options == sample.scene_options and not one.labels
+            one.scene for one in every
+            if one.scene != sample.scene and one.scene_options == sample.scene_options
+            and not one.labels and one.known_height is None
         )  # fmt: skip
         found.append(replace(sample, examples=tuple(others)) if sample.method == LAYOUTGPT else sample)
     return found

@@ -81,6 +81,15 @@ def nothing_left(base: Instance, index: int, intent: Intent) -> Infeasible:
     return Infeasible(Reason.NO_SUPPORT_HIT, text, evidence)
 
 
+def not_level(base: Instance, index: int, intent: Intent) -> Infeasible:
+    """The refusal where only level faces may carry and there is none."""
+    part = base.parts[index]
+    evidence = BesideThePart(
+        base=base.id, part=part.name, region=" ".join(intent.region.names), references=(), beside_m=0.0
+    )  # fmt: skip
+    return Infeasible(Reason.NO_SUPPORT_HIT, f"the {part.name} of {base.label} has no level face", evidence)
+
+
 def not_leaning(base: Instance, index: int, intent: Intent, why: str) -> Infeasible:
     """The refusal of leaning where there is no such pose."""
     part, on = base.parts[index], intent.orientation.lean

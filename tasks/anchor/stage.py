@@ -36,7 +36,7 @@ from tasks.anchor.choice import Choice, carrier_masks, choice_of
 from tasks.anchor.given_point import area_at, beside_the_point, carrying_at, reply_at
 from tasks.anchor.leaning import leaning_start
 from tasks.anchor.middles import at_own_middles
-from tasks.anchor.no_room import no_room, not_on_it, nothing_left
+from tasks.anchor.no_room import no_room, not_level, not_on_it, nothing_left
 from tasks.anchor.request import anchor_request
 from tasks.requests.surroundings import part_frame
 from tasks.requests.views import instance_of
@@ -105,14 +105,18 @@ def anchor(
     search = None
     for areas, note in choice.tries():
         for mask in masks if areas else ():
-            search = PlacementSearch(scene.mesh, caster, level_alone(scene, mask) if config.face_up else mask, mesh)
+            carrying = level_alone(scene, mask) if config.face_up else mask
+            if not carrying.any():
+                continue
+            search = PlacementSearch(scene.mesh, caster, carrying, mesh)
             aims = at_own_middles(scene.mesh, mask, areas) if anywhere else areas
             start = set_down(search, exact, aims, config.clearance, anywhere=anywhere)
             if start is not None:
                 found = anchored(scene, base, replace(choice, note=note), start, pose, search, reply)
                 spot = np.array([start.spot.x, start.spot.y])
                 return replace(found, reason=found.reason + beside_the_point(intent.at, spot), pose=rotation.pose)
-    assert search is not None  # there is always a mask to try
+    if search is None:  # there is always a mask to try, but one without a level face
+        return not_level(base, choice.index, intent)
     return no_room(scene, base, choice.index, choice.frame, search, choice.areas, intent, mesh)
 
 

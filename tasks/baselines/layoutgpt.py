@@ -5,6 +5,8 @@ an `Anchor` whose pose is final, or `no_support_hit` where the answer is not one
 `dcap/evaluation/baselines/layoutgpt`.
 """
 
+from dataclasses import replace
+
 from pydantic import BaseModel, NonNegativeInt, PositiveInt
 
 from dcap.evaluation.baselines.asset import canonical_asset
@@ -42,8 +44,9 @@ def layoutgpt(
     config: LayoutGptConfig,
     client: Client,
     exemplars: FloorPlans | None = None,
+    left_out: tuple[str, ...] = (),
 ) -> Anchor | Infeasible:
-    """Ask for one line and take it as it is."""
+    """Ask for one line and take it as it is; `left_out` names rooms that would be examples and cannot be read."""
     plan = floor_plan_of(scene)
     asset = canonical_asset(item.mesh, intent.scale, intent.object_name)
     asked = IntentRequest(prompt, object_view(item), instance_views(scene), vector(room_center(scene)))
@@ -54,7 +57,8 @@ def layoutgpt(
     if isinstance(box, Infeasible):
         return box
     reason = f"LayoutGPT with {len(request.exemplars)} exemplars wrote: {box.text}"
-    return proposed_anchor(scene, item.mesh, proposed_pose(box, plan, asset), "as the layout says", reason)
+    found = proposed_anchor(scene, item.mesh, proposed_pose(box, plan, asset), "as the layout says", reason)
+    return replace(found, notes=tuple(f"{name} is no example: it cannot be read" for name in left_out))
 
 
 layoutgpt_task = stage(layoutgpt)

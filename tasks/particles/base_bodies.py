@@ -137,9 +137,11 @@ def soft_base(
     column = column_under(setup, rows, layers, float(box[0, 2]))
     foot = footprint_on(setup, layers_of(column, rows))
     for_contact = base_cells(setup, foot, inside, box)
-    cells, thin = through_thin_parts(
-        for_contact, grid, loaded_region(setup), config.base_cells, config.finest_cell
-    )  # fmt: skip
+    cells, thin = for_contact, list[UnderResolved]()
+    if not config.uniform:
+        cells, thin = through_thin_parts(
+            for_contact, grid, loaded_region(setup), config.base_cells, config.finest_cell
+        )  # fmt: skip
     note_cells(setup, for_contact, cells)
     note_thin(setup, layers, thin)
     points = material_points(
@@ -274,12 +276,13 @@ def base_cells(setup: DropSetup, foot: Footprint, distance: Distance, box: Array
 
 def even_cells(config: ParticlesConfig, distance: Distance, box: Array) -> Cells:
     """A grid of one cell size over the soft box, as fine as the budget allows."""
-    size = float(np.cbrt(np.prod(np.ptp(box, axis=0)) / config.base_cells))
+    budget = int(config.base_cells / config.coarser**2)
+    size = float(np.cbrt(np.prod(np.ptp(box, axis=0)) / budget))
 
     def wanted(scale: float) -> list[WantedCells]:
         return [WantedCells(box[:1, a], box[1:, a], np.array([scale * size])) for a in range(3)]
 
-    return cells_within(box, wanted, lambda planes: occupied(planes, distance), config.base_cells)[0]
+    return cells_within(box, wanted, lambda planes: occupied(planes, distance), budget)[0]
 
 
 def wanted_along(foot: Footprint, axis: int, config: ParticlesConfig) -> WantedCells:

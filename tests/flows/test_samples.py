@@ -50,6 +50,8 @@ def test_names_and_paths_are_found(tmp_path: Path, monkeypatch: pytest.MonkeyPat
             "share the folder a_b",
         ),
         ("- {id: .., room: r, object: o, prompt: x}", "id '..' cannot name a folder"),
+        ("- {id: paper/a, room: r, object: o, prompt: x}", "id 'paper/a' begins with the name of a method"),
+        ("- {id: dcap/a, room: r, object: o, prompt: x}", "id 'dcap/a' begins with the name of a method"),
         ("- {id: '', room: r, object: o, prompt: x}", "id is '', expected text"),
         ("- {id: a, room: r, object: o, prompt: x, mass: -1}", "mass is -1"),
         ("- {id: a, room: r, object: o, prompt: x, mass: .nan}", "mass is nan"),

@@ -48,4 +48,4 @@ def test_the_reference_is_near_finite_elements(
     stacks = ([(1.0, 0.0)], [*layers, RIGID])
     found = plan_contact(heights_over(thing, Raycaster(slab)), thing.bounds[:, :2], mass * GRAVITY, stacks)
     assert found is not None
-    assert found.patch.approach == pytest.approx(depth, rel=0.05)
+    assert found.patch.approach == pytest.approx(depth, rel=0.04)  # the worst, on a cover, is 3.97 % off

@@ -5,13 +5,15 @@ surface that carries. Out: shape (n,), not negative. All formulas are ours; c is
 P its outline seen along the contact's normal:
 
     parallel     1 - |n_a . n_b|
-    contact      (1 + n_a . n_b) + |(c_a - c_b) . n_b| / h
+    contact      |(c_a - c_b) . n_b| / h
     no_overhang  1 - area(P_a and P_b) / area(P_a)
     close_to     max(dist(P_a, P_b) - d, 0) / d
     far_from     max(d - dist(P_a, P_b), 0) / d
     in_front_of  max(-(c_a - c_b) . n_b, 0) / w + |lateral part of c_a - c_b| / w
     facing       1 - cos of the angle between n_a and the way from c_a to b, both level
 
+A contact's angle, 1 + n_a . n_b, is no term: every pose that is looked at has the contact surface turned down onto the
+surface that carries, so that it is 0 by construction, and no pose could change what unevenness leaves of it.
 A pose's loss is the sum of their squares times weights. Hard, and no part of it: the object and the scene cut through
 each other by no more than 2 mm, and the object is inside the room.
 """
@@ -37,9 +39,9 @@ def parallel(a_normal: Array, b_normal: Array) -> Array:
     return 1.0 - np.abs(a_normal @ b_normal)
 
 
-def contact(facing_cosine: Array, distance: Array, height: float) -> Array:
-    """Surfaces look at each other and touch: n_a . n_b (n,), distance along n_b (n,) [m], the object's height [m]."""
-    return np.asarray((1.0 + facing_cosine) + np.abs(distance) / max(height, LEAST_HEIGHT))
+def contact(distance: Array, height: float) -> Array:
+    """Surfaces that look at each other touch: distance along n_b (n,) [m], the object's height [m]."""
+    return np.abs(distance) / max(height, LEAST_HEIGHT)
 
 
 def no_overhang(inside_share: Array) -> Array:

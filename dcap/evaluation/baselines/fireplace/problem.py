@@ -143,7 +143,7 @@ class PlacementProblem:
         touching = self.touching_heights(xy, turn)
         overhang = formulas.no_overhang(self.area.share_inside(xy[:, None] + self.contact_points @ turn))
         terms = [
-            ("contact", formulas.contact(np.full(len(poses), -1.0), self.beyond_flat(touching), self.item_height)),
+            ("contact", formulas.contact(self.beyond_flat(touching), self.item_height)),
             ("no_overhang", overhang),
         ]
         ring = xy[:, None] + self.footprint @ turn

@@ -16,11 +16,10 @@ def test_parallel_is_one_less_the_cosine_either_way_round(angle_deg: float, valu
     assert formulas.parallel(own, np.array([1.0, 0.0, 0.0]))[0] == pytest.approx(value, abs=1e-12)
 
 
-def test_contact_adds_the_angle_to_the_distance_over_the_height() -> None:
-    """(1 + n_a . n_b) + |z| / h; a sheet's height counts as LEAST_HEIGHT."""
-    found = formulas.contact(np.array([-1.0, -1.0, 0.0]), np.array([0.0, 0.1, 0.0]), 0.2)
-    assert found.tolist() == pytest.approx([0.0, 0.5, 1.0])
-    sheet = formulas.contact(np.array([-1.0]), np.array([0.01]), 0.001)
+def test_contact_is_the_distance_over_the_height() -> None:
+    """|z| / h, above and below alike; a sheet's height counts as LEAST_HEIGHT."""
+    assert formulas.contact(np.array([0.0, 0.1, -0.05]), 0.2).tolist() == pytest.approx([0.0, 0.5, 0.25])
+    sheet = formulas.contact(np.array([0.01]), 0.001)
     assert sheet[0] == pytest.approx(0.01 / formulas.LEAST_HEIGHT)
 
 

@@ -6,6 +6,7 @@ from box_rooms import ROOM, ball, block, box_of, toy
 
 from dcap.evaluation.baselines.fireplace.anchors import box_side, surfaces_of_part
 from dcap.evaluation.baselines.fireplace.item_surfaces import item_surfaces, surface_towards
+from dcap.evaluation.baselines.fireplace.placement import SurfaceFrame, posed, resting
 from dcap.evaluation.baselines.fireplace.planar import planar_surfaces
 from dcap.evaluation.baselines.fireplace.problem import SupportArea
 from dcap.geometry.placement.named_regions import viewer_frame
@@ -91,3 +92,20 @@ def test_depth_is_the_distance_from_the_rim() -> None:
     points = np.array([[1.0, 0.5], [0.25, 0.5], [1.0, -0.3]])
     assert area.depth_at(points) == pytest.approx([0.5, 0.25, -0.3], abs=2 * 0.0125)
     assert area.share_inside(np.array([points[[0, 2]]]))[0] == pytest.approx(0.5)
+
+
+@pytest.mark.parametrize("slope_deg", [0.0, 30.0])
+def test_the_contact_surface_looks_into_what_carries_it_at_every_pose(slope_deg: float) -> None:
+    """Whichever surface it rests on, wherever it is and however it is turned: n_a . n_b is -1, so that the contact's
+    loss has no angle."""
+    slope = np.radians(slope_deg)
+    turn = np.eye(4)
+    turn[:3, :3] = [[np.cos(slope), 0, np.sin(slope)], [0, 1, 0], [-np.sin(slope), 0, np.cos(slope)]]
+    board = max(planar_surfaces(block((-1, -1, 0), (1, 1, 0.02)).transformed(turn)), key=lambda one: one.normal[2])
+    to_world = np.linalg.inv(SurfaceFrame.of(board).from_world)
+    surfaces = item_surfaces(toy(), "toy")
+    for view in surfaces.poses:
+        item = resting(toy(), 1.0, np.array(view.rotation), surfaces.sides, surfaces.up)
+        for pose in ((0.0, 0.0, 0.0), (0.3, -0.2, 1.0), (-0.1, 0.4, 4.0)):
+            facing = (to_world @ posed(np.array(pose), 0.0))[:3, :3] @ item.contact.normal
+            assert facing @ board.normal == pytest.approx(-1.0, abs=1e-9)
