@@ -47,7 +47,7 @@ from dcap.language.model.ledger import Spending, spending_of
 from dcap.language.protocol.client import ClientName, LanguageConfig
 from dcap.language.protocol.session import Session
 from dcap.scene.errors import FormatError, InputError
-from dcap.scene.types.judged_views import PLACED
+from dcap.scene.types.judged_views import BEFORE, PLACED
 from flows.language_options import LanguageOptions
 from flows.measures_file import MEASURES, VIEWS
 from flows.run_files import chooser_of, find_run
