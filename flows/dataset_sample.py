@@ -24,7 +24,7 @@ from dcap.language.connect import Client, connect
 from dcap.language.offline.deformable import deformable_supports
 from dcap.language.offline.lexicon import label_words, thing_of
 from dcap.language.offline.priors import prior_of
-from dcap.language.protocol.requests import IntentRequest, ObjectView
+from dcap.language.protocol.requests import IntentRequest, ObjectView, vector
 from dcap.scene.checks.findings import Findings
 from dcap.scene.checks.layout import layout_of
 from dcap.scene.errors import BudgetError, InputError, LanguageError
@@ -40,7 +40,7 @@ from flows.sample_files import TRUTH_FILE, SampledRow, check_free, dataset_text,
 from flows.scene_contents import read_all
 from flows.scene_lists import check_named, is_named, named_scenes
 from tasks.intent.rescale import rescale
-from tasks.requests.views import instance_views, object_view, room_center, vector
+from tasks.requests.views import instance_views, object_view, room_center
 
 SAMPLES_FILE = "samples.yaml"
 SUPPORTS_TABLE, SUPPORTS_PLOT = "supports.csv", "supports.png"

@@ -39,7 +39,7 @@ def pressed_depth(ball: Mesh, bed: Mesh) -> float | None:
     """How deep the ball's weight presses it into the mattress [m]: quasi-static, by the contact solver that is the
     reference of every placement, on foam without end."""
     lift = np.eye(4)
-    lift[2, 3] = LIFTED - float(columns(ball, bed).gap.min())
+    lift[2, 3] = LIFTED - float(columns(ball, Raycaster(bed)).gap.min())
     over = ball.transformed(lift)
     stacks = ([(2.0 * RADIUS, 0.0)], [(np.inf, COMPLIANCE)])
     found = plan_contact(heights_over(over, Raycaster(bed)), over.bounds[:, :2], MASS * GRAVITY, stacks)

@@ -17,7 +17,6 @@ import pyarrow.parquet as pq
 
 from dcap.evaluation.comparison_report import comparison_table, write_comparison_table
 from dcap.evaluation.judging.judge import (
-    RUBRIC,
     JudgedPlacement,
     JudgedScore,
     comparisons,
@@ -35,7 +34,7 @@ from dcap.evaluation.judging.judging_folder import (
     read_scores,
     write_judging,
 )
-from dcap.evaluation.judging.rubric import SCALES, Metrics, rubric_scores
+from dcap.evaluation.judging.rubric import RUBRIC, SCALES, Metrics, rubric_scores
 from dcap.evaluation.judging.standing import Standing, lowest_scores, standing_of, with_judged_scores
 from dcap.evaluation.method_report import MethodTable, method_table, write_method_table
 from dcap.evaluation.methods import OFFLINE, joined_id
@@ -48,16 +47,12 @@ from dcap.language.model.ledger import Spending, spending_of
 from dcap.language.protocol.client import ClientName, LanguageConfig
 from dcap.language.protocol.session import Session
 from dcap.scene.errors import FormatError, InputError
-from dcap.scene.types.judged_views import JudgedViews
+from dcap.scene.types.judged_views import BEFORE, PLACED
 from flows.language_options import LanguageOptions
 from flows.measures_file import MEASURES, VIEWS
 from flows.run_files import chooser_of, find_run
 
 RESULTS = "results.parquet"
-BEFORE_VIEWS = ("clean", "asset")
-"""Pictures of the scene before and of the object alone."""
-PLACED = tuple(one.name for one in fields(JudgedViews) if one.name not in BEFORE_VIEWS)
-"""Pictures of a placement, in their order."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -202,7 +197,7 @@ def with_pictures(folder: Path, rows: Sequence[SampleOutcome], methods: Sequence
     first: dict[str, tuple[NamedPicture, ...]] = {}
     for row in sorted(judged, key=lambda one: methods.index(one.method)):
         if row.sample not in first:
-            first[row.sample] = pictures_in(views_of(folder, row), BEFORE_VIEWS)
+            first[row.sample] = pictures_in(views_of(folder, row), BEFORE)
     return [
         judged_placement(row, metrics_of(row), first[row.sample], pictures_in(views_of(folder, row), PLACED))
         for row in judged

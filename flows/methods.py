@@ -15,8 +15,7 @@ from dcap.scene.types.floor_plan import FloorPlans
 from dcap.scene.types.intent import Intent
 from dcap.scene.types.sample import Sample
 from dcap.scene.types.segmentation import SegmentedObject, SegmentedScene
-from flows.given import given_labels
-from flows.place import PlaceConfig, PlacementRefs, place, scale_of
+from flows.place import FileRefs, PlaceConfig, PlacementRefs, feasible, place
 from tasks.anchor.stage import anchor_task
 from tasks.baselines.fireplace import FirePlaceConfig, fireplace_task
 from tasks.baselines.floor_plan import floor_plan_task, gathered_task
@@ -28,27 +27,26 @@ from tasks.measure.drift import drift_task
 from tasks.measure.sinking import indentation_task
 from tasks.measure.touch import measure_task
 from tasks.measure.views import judged_views_task
-from tasks.mesh.stage import mesh_object_task, mesh_scene_task
-from tasks.mesh.surfaces import surface_object_task, surface_scene_task
+from tasks.mesh.stage import mesh_scene_task
 from tasks.overview import overview_task
 from tasks.particles.stage import particles_task
 from tasks.posed.stage import posed_task
 from tasks.render.stage import render_task
 from tasks.rotation.stage import rotation_task
-from tasks.segment.stage import segment_object_task, segment_task
+from tasks.segment.stage import segment_task
 
 NO_DROP, RIGID_DROP = "no_drop", "rigid_drop"
 OTHER_MATERIALS = frozenset({RIGID_DROP, "blended_materials", "paper"})
 """Ablations whose drop has other materials, or none that gives way."""
 PICTURE = 512
-"""Side of the pictures of a proposal [pixels]: it has no dent to look at closely, and judges compare the views."""
+"""Side of the pictures of other methods than DCAP [pixels]; judges compare the views, which are alike for all."""
 
 
 def place_by(sample: Sample, config: PlaceConfig) -> PlacementRefs:
     """Place the sample as its method does, and measure what came of it if the configuration says so."""
     own = config_of(sample.method, config)
     proposes = sample.method in BASELINES or sample.method == NO_DROP
-    found = proposed(sample, own) if proposes else place(sample, own)
+    found = place(sample, own, proposed if proposes else None)
     return measured(sample, found, config) if config.measured else found
 
 
@@ -92,22 +90,13 @@ CHANGES: Mapping[str, Callable[[PlaceConfig], PlaceConfig]] = {
 def config_of(method: str, config: PlaceConfig) -> PlaceConfig:
     """The configuration as a method has it."""
     change = CHANGES.get(method)
-    return config if change is None else change(config)
+    own = config if change is None else change(config)
+    return own if method == DCAP else changed(render={"size": min(config.render.size, PICTURE)})(own)
 
 
-def proposed(sample: Sample, config: PlaceConfig) -> PlacementRefs:
+def proposed(sample: Sample, config: PlaceConfig, read: FileRefs) -> PlacementRefs:
     """What a method proposes, as it stands: nothing is simulated."""
-    labels, store = given_labels(sample.labels), Store.default()
-    scene_source, object_source = store.add_source(sample.scene), store.add_source(sample.object)
-    scale = scale_of(sample, scene_source, labels, config)
-    scene_scan = mesh_scene_task(
-        scene_source, sample.scene_options, config=config.scene_mesh, labels=labels.vertices, scale=scale
-    )
-    object_scan = mesh_object_task(object_source, sample.object_options, config=config.object_mesh)
-    scene_surface = surface_scene_task(scene_source, scene_scan)
-    object_surface = surface_object_task(object_source, object_scan)
-    scene = segment_task(scene_scan, config=config.segment, labels=labels.things)
-    item = segment_object_task(object_scan, config=config.segment)
+    scene, item = read.scene, read.item
     intent = intent_task(scene, item, sample.prompt, sample.mass, config=config.intent)
     anchor: Ref[Anchor]
     rotation = None
@@ -119,17 +108,14 @@ def proposed(sample: Sample, config: PlaceConfig) -> PlacementRefs:
     materials = materials_task(scene, item, intent, anchor, sample.prompt, config=config.materials)
     particles = particles_task(scene, item, intent, anchor, materials, config=config.particles)
     settled = posed_task(item, anchor)
-    small = config.render.model_copy(update={"size": min(config.render.size, PICTURE)})
-    renders = render_task(scene, item, anchor, settled, scene_surface, object_surface, config=small)
+    renders = render_task(scene, item, anchor, settled, read.scene_surface, read.object_surface, config=config.render)
     overview = None
     if renders.infeasible:
-        said = None if intent.infeasible else intent
-        put = None if anchor.infeasible else anchor
-        overview = overview_task(scene, item, said, put, config=config.overview, filled=False)
+        overview = overview_task(scene, item, feasible(intent), feasible(anchor), config=config.overview, filled=False)
     return PlacementRefs(
-        scene_scan=scene_scan, object_scan=object_scan, scene_surface=scene_surface, object_surface=object_surface,
-        scene=scene, item=item, intent=intent, rotation=rotation, anchor=anchor, materials=materials,
-        particles=particles, settled=settled, renders=renders, overview=overview,
+        scene_scan=read.scene_scan, object_scan=read.object_scan, scene_surface=read.scene_surface,
+        object_surface=read.object_surface, scene=scene, item=item, intent=intent, rotation=rotation, anchor=anchor,
+        materials=materials, particles=particles, settled=settled, renders=renders, overview=overview,
     )  # fmt: skip
 
 
@@ -163,7 +149,7 @@ def measured(sample: Sample, found: PlacementRefs, config: PlaceConfig) -> Place
     scene, item, anchor, settled = found.scene, found.item, found.anchor, found.settled
     measures = measure_task(scene, item, anchor, settled)
     views = judged_views_task(
-        scene, item, anchor, settled, found.scene_surface, found.object_surface, config=config.views
+        scene, item, found.intent, anchor, settled, found.scene_surface, found.object_surface, config=config.views
     )
     found = replace(found, measures=measures, views=views)
     materials, particles = found.materials, found.particles

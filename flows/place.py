@@ -1,5 +1,6 @@
 """One placement, from files and a sentence to pictures of the object at rest: the table of contents of DCAP."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TypeVar
@@ -32,7 +33,7 @@ from tasks.freed.stage import freed_anchor_task, freed_scene_task, freed_task
 from tasks.intent.stage import IntentConfig, intent_task
 from tasks.materials.stage import MaterialsConfig, materials_task
 from tasks.measure.drift import DriftConfig
-from tasks.measure.views import ViewsConfig
+from tasks.measure.judge_cameras import ViewsConfig
 from tasks.mesh.stage import MeshConfig, mesh_object_task, mesh_scene_task
 from tasks.mesh.surfaces import surface_object_task, surface_scene_task, surface_start_task
 from tasks.overview import OverviewConfig, overview_task
@@ -90,16 +91,22 @@ STAGES: tuple[Stage[..., object], ...] = (
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class PlacementRefs:
-    """What each stage returned, as references into the store."""
+class FileRefs:
+    """What the stages returned that read the two files, as references into the store."""
 
     scene_scan: Ref[Scan]
     object_scan: Ref[Scan]
     scene_surface: Ref[SourceSurface]
     object_surface: Ref[SourceSurface]
     scene: Ref[SegmentedScene]
-    """As the drop began: without the dents of what was placed before and takes part again."""
+    """Of a placement as the drop began: without the dents of what was placed before and takes part again."""
     item: Ref[SegmentedObject]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlacementRefs(FileRefs):
+    """What each stage returned."""
+
     intent: Ref[Intent]
     rotation: Ref[Rotation] | None = None
     """None where a method chooses it with the place."""
@@ -115,6 +122,10 @@ class PlacementRefs:
     indentation: Ref[Indentation] | None = None
     drift: Ref[Drift] | None = None
     views: Ref[JudgedViews] | None = None
+
+
+Proposal = Callable[[Sample, PlaceConfig, FileRefs], PlacementRefs]
+"""How a method that drops nothing places what was read."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -136,8 +147,8 @@ def scene_of(sample: Sample, config: PlaceConfig) -> SceneRefs:
     return SceneRefs(scan=scan, scene=scene, surface=surface_scene_task(source, scan))
 
 
-def place(sample: Sample, config: PlaceConfig) -> PlacementRefs:
-    """Place the sample's object in its scene as its prompt says."""
+def place(sample: Sample, config: PlaceConfig, proposal: Proposal | None = None) -> PlacementRefs:
+    """Place the sample's object in its scene as its prompt says; or as a proposal does, once both files are read."""
     labels = given_labels(sample.labels)
     scene_source, object_source = Store.default().add_source(sample.scene), Store.default().add_source(sample.object)
 
@@ -150,6 +161,13 @@ def place(sample: Sample, config: PlaceConfig) -> PlacementRefs:
     object_surface = surface_object_task(object_source, object_scan)
     scene = segment_task(scene_scan, config=config.segment, labels=labels.things)
     item = segment_object_task(object_scan, config=config.segment)
+    if proposal is not None:
+        read = FileRefs(
+            scene_scan=scene_scan, object_scan=object_scan, scene_surface=scene_surface,
+            object_surface=object_surface, scene=scene, item=item,
+        )  # fmt: skip
+        return proposal(sample, config, read)
+
     pointed = None
     if sample.place is not None:
         pointed = point_task(scene_scan, scene, sample.place, sample.prompt)
@@ -184,7 +202,7 @@ def place(sample: Sample, config: PlaceConfig) -> PlacementRefs:
     overview = None
     if renders.infeasible:
         filled = not particles.infeasible
-        overview = overview_task(given, item, found(intent), found(anchor), config=config.overview, filled=filled)
+        overview = overview_task(given, item, feasible(intent), feasible(anchor), config=config.overview, filled=filled)
 
     return PlacementRefs(
         scene_scan=scene_scan,
@@ -229,6 +247,6 @@ def coarsened(cells: ParticlesConfig) -> ParticlesConfig:
     return cells.model_copy(update={"coarser": COARSER * cells.coarser})
 
 
-def found(ref: Ref[ValueT]) -> Ref[ValueT] | None:
+def feasible(ref: Ref[ValueT]) -> Ref[ValueT] | None:
     """The reference, None if it names the reason why there is no value."""
     return None if ref.infeasible else ref

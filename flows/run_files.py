@@ -8,7 +8,6 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
-from dcap.evaluation.methods import DCAP
 from dcap.evaluation.run_folder import sample_folder
 from dcap.language.protocol.client import LanguageConfig
 from dcap.scene.errors import InputError
@@ -76,11 +75,6 @@ def asked_of_run(folder: Path) -> Asked:
     samples = {one["id"]: sample_from_json(one) for one in tree["samples"]}
     config = PlaceConfig.model_validate(tree["config"])
     return Asked(folder, samples, config, LanguageOptions(**tree["language"]))
-
-
-def methods_of_run(folder: Path) -> tuple[str, ...]:
-    """The methods of the run in a folder, in their order."""
-    return tuple(json.loads((folder / RUN).read_text()).get("methods", [DCAP]))
 
 
 def chooser_of(folder: Path) -> LanguageConfig:

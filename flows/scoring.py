@@ -10,9 +10,8 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation as Turn
 
-from dcap.evaluation.judging.rubric import SCALES, rubric_scores
+from dcap.evaluation.judging.rubric import RUBRIC, SCALES, rubric_scores
 from dcap.evaluation.metrics.placeit3d import (
     ConstraintKind,
     FinalBox,
@@ -35,8 +34,6 @@ from dcap.scene.types.segmentation import Segmentation
 from flows.measures_file import read_measures
 from tasks.requests.surroundings import part_frame
 
-RUBRIC = "metric rubric"
-"""The judge that needs no pictures."""
 REFERENCED = frozenset(BESIDE)
 """Region words that mean a place beside something: the truth does not say beside what."""
 
@@ -53,18 +50,20 @@ def scored_row(
     sinking, drift = (one if isinstance(one, Mapping) else {} for one in (kept.get("indentation"), kept.get("drift")))
     found, reference = number(sinking.get("found_m")), number(sinking.get("reference_m"))
     margin = number(measures.get("com_margin_m"))
+    broken = np.inf if drift.get("broken") else None
     row = replace(
         row,
         penetration_m=number(measures.get("penetration_m")),
         penetration_given_m=number(measures.get("penetration_given_m")),
-        gap_m=number(measures.get("gap_m")),
+        gap_m=known_or(np.inf, measures.get("gap_m")),
         contact_area_m2=number(measures.get("contact_area_m2")),
         com_margin_m=margin,
         com_supported=margin is not None and margin >= 0.0,
         indentation_m=found,
         indentation_error_m=None if found is None or reference is None else abs(found - reference),
-        force_residual=number(drift.get("force_residual")),
-        drift_m=number(drift.get("distance_m")),
+        force_residual=known_or(broken, drift.get("force_residual")),
+        drift_m=known_or(broken, drift.get("distance_m")),
+        drift_deg=known_or(broken, drift.get("angle_rad"), 180.0 / np.pi),
         drift_s=number(drift.get("seconds")),
     )
     row = with_rules(row, kept, tree, truth)
@@ -113,7 +112,7 @@ def with_rules(
     assert isinstance(measures, Mapping)
     final = FinalBox(
         box=upright_box(np.asarray(tree["object_aabb"], dtype=float)),
-        front=Turn.from_quat(np.asarray(pose["quaternion"], dtype=float), scalar_first=True).as_matrix()[:2, 1],
+        front=np.asarray(measures["front"], dtype=float)[:2],
         support_id=str(measures.get("support_id") or ""),
         dz=np.inf if row.gap_m is None else max(row.gap_m, row.penetration_m or 0.0),
     )
@@ -145,6 +144,12 @@ def with_scores(row: SampleOutcome) -> SampleOutcome:
 def number(value: object) -> float | None:
     """A number, None where there is none."""
     return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else None
+
+
+def known_or(unknown: float | None, value: object, factor: float = 1.0) -> float | None:
+    """A number of a JSON file, which has none that are not finite: what stands for those instead."""
+    found = number(value)
+    return unknown if found is None else factor * found
 
 
 def meant_regions(

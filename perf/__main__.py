@@ -2,8 +2,6 @@
 
 import hashlib
 import tempfile
-import time
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -22,21 +20,11 @@ from dcap.scene.store.artifacts import Store
 from dcap.scene.types.mesh import Mesh
 from perf import aims, pictures, repair, segments, splats, starts
 from perf.drops import drop_rows, mls_speed
+from perf.stopwatch import best
 from tasks.runner.digests import libraries, parsed, source_digests
 
-REPEATS = 5
 GRID = 700
 """Side of the test mesh: about a million triangles, the size of a scanned room."""
-
-
-def best(action: Callable[[], object]) -> float:
-    """Shortest of a few runs [s]."""
-    times = []
-    for _ in range(REPEATS):
-        begin = time.perf_counter()
-        action()
-        times.append(time.perf_counter() - begin)
-    return min(times)
 
 
 def sheet() -> Mesh:

@@ -4,7 +4,6 @@ python -m perf.pictures      seconds of each, and the ratio to one picture of th
 """
 
 import tempfile
-import time
 from collections.abc import Callable
 from pathlib import Path
 
@@ -24,6 +23,7 @@ from flows.output import write_geometry
 from flows.place_one import place_files
 from flows.placement_json import Values
 from flows.run_files import FinishedPlacement, finished_placement
+from perf.stopwatch import best
 from tasks.render.settled_meshes import painted_item, painted_scene, settled_scene, shown
 from tasks.render.stage import photograph, render
 
@@ -66,29 +66,19 @@ def all_pictures(found: FinishedPlacement) -> Callable[[], object]:
     return lambda: render(*given, config=found.config.render)
 
 
-def seconds(action: Callable[[], object]) -> float:
-    """Shortest of a few runs [s]."""
-    times = []
-    for _ in range(REPEATS):
-        begin = time.perf_counter()
-        action()
-        times.append(time.perf_counter() - begin)
-    return min(times)
-
-
 def table() -> Table:
     """Seconds of each."""
     shown_table = Table("of one placement", "s", "of one picture", box=None)
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         found = placement(folder)
-        alone = seconds(one_picture(found))
+        alone = best(one_picture(found), REPEATS)
         rows = {
             "settled.png": alone,
-            "all pictures (the stage render)": seconds(all_pictures(found)),
-            "all maps of one view": seconds(lambda: write_maps_of(found, folder / "maps")),
-            "object.glb, scene.glb, particles.parquet": seconds(lambda: write_geometry(found.values, folder)),
-            "drop.mp4": seconds(lambda: write_film(found, folder)),
+            "all pictures (the stage render)": best(all_pictures(found), REPEATS),
+            "all maps of one view": best(lambda: write_maps_of(found, folder / "maps"), REPEATS),
+            "object.glb, scene.glb, particles.parquet": best(lambda: write_geometry(found.values, folder), REPEATS),
+            "drop.mp4": best(lambda: write_film(found, folder), REPEATS),
         }
     for what, each in rows.items():
         shown_table.add_row(what, f"{each:.2f}", f"{each / alone:.1f}")

@@ -87,6 +87,7 @@ class SampleOutcome:
     indentation_error_m: float | None = None
     force_residual: float | None = None
     drift_m: float | None = None
+    drift_deg: float | None = None
     drift_s: float | None = None
     placeit3d_spatial_asked: int | None = None
     """Constraints counted by PlaceIt3D's rules, here and below (`metrics/placeit3d.py`)."""

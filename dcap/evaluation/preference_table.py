@@ -18,8 +18,8 @@ MARKED = "% $\\dagger$: better than the best baseline, a baseline also than DCAP
 
 
 def best_first(rows: Sequence[PreferenceRow]) -> tuple[PreferenceRow, ...]:
-    """By the share of the overall comparisons that a method won, 0 without any; of equals by name."""
-    return tuple(sorted(rows, key=lambda row: (-overall_rate(row), row.method)))
+    """By the share of the overall comparisons that a method won, of equals by name; last what was not compared."""
+    return tuple(sorted(rows, key=lambda row: (not row.rates, -overall_rate(row), row.method)))
 
 
 def overall_rate(row: PreferenceRow) -> float:
@@ -44,13 +44,13 @@ def row_cells(row: PreferenceRow, name: str) -> dict[str, object]:
     return cells | {"comparisons": overall.comparisons if overall else 0}
 
 
-def tabular(rows: Sequence[PreferenceRow], name_of: Callable[[PreferenceRow], str]) -> list[str]:
+def tabular(rows: Sequence[PreferenceRow], name_of: Callable[[str], str]) -> list[str]:
     """The table as the paper lays it out, line by line."""
     head = " & ".join(["Method", *HEADINGS.values(), "Bradley--Terry"])
     lines = ["\\begin{tabular}{lcccc}", "\\hline", f"{head} \\\\", "\\hline"]
     for row in rows:
         cells = [tex_rate(row, axis) for axis in HEADINGS]
-        lines.append(f"{tex_escaped(name_of(row))} & {' & '.join(cells)} & {tex_rating(row)} \\\\")
+        lines.append(f"{tex_escaped(name_of(row.method))} & {' & '.join(cells)} & {tex_rating(row)} \\\\")
     return [*lines, "\\hline", "\\end{tabular}"]
 
 

@@ -15,6 +15,7 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from dcap.evaluation.methods import DCAP, METHODS, shown_name
 from dcap.evaluation.outcome_table import AS_POSED, SampleOutcome
 from dcap.evaluation.page3d.viewer import PAGE, ShownModel, write_view3d
+from dcap.evaluation.run_folder import placement_folder
 from dcap.evaluation.run_page.costs import Timings, costs_table, timings_of
 from dcap.evaluation.run_page.failures import (
     KINDS,
@@ -25,13 +26,11 @@ from dcap.evaluation.run_page.failures import (
 )
 from dcap.evaluation.run_page.placeit3d_table import placeit3d_table
 from dcap.evaluation.run_page.placement_files import (
-    BEFORE,
     certificate_text,
     facts_of,
     kind_of,
     materials_of,
     notes_of,
-    placement_folder,
     read_placement,
     stage_bars,
     views_of,
@@ -41,6 +40,7 @@ from dcap.evaluation.run_page.supports import supports_figure
 from dcap.evaluation.run_page.tables import metrics_table, table_from_csv
 from dcap.evaluation.run_summary import RunSummary
 from dcap.language.model.ledger import in_words
+from dcap.scene.types.judged_views import BEFORE
 
 TEMPLATES = Path(__file__).parent / "templates"
 PICTURES = (
@@ -132,7 +132,7 @@ def write_report(folder: Path, rows: Sequence[SampleOutcome], summary: RunSummar
         "ahead": ahead[:MOST_AHEAD], "all_ahead": len(ahead), "samples_ahead": len({one.row.sample for one in ahead}),
         "score_cells": score_cells, "page3d": PAGE, "models": models, "hashes": HASHES,
         "costs": costs_table({name: [one.timings for one in own] for name, own in by_method.items()}, names),
-        "provenance": provenance_of(folder, [placement_folder(folder, row) for row in rows]),
+        "provenance": provenance_of(folder, [placement_folder(folder, row.method, row.sample) for row in rows]),
     }  # fmt: skip
     environment = Environment(
         loader=FileSystemLoader(TEMPLATES),
@@ -161,7 +161,7 @@ def names_of(folder: Path, rows: Sequence[SampleOutcome]) -> dict[str, str]:
 
 def card_of(folder: Path, row: SampleOutcome, name: str) -> Card:
     """The card of one placement."""
-    kept = placement_folder(folder, row)
+    kept = placement_folder(folder, row.method, row.sample)
     link = kept.relative_to(folder).as_posix()
     tree = read_placement(kept) if not row.error else {}
     failure = failure_of(row)

@@ -14,6 +14,10 @@ def folder_name(sample_id: str) -> str:
 
 def sample_folder(run: Path, sample_id: str) -> Path:
     """Folder of one sample in a run; of `METHOD/ID` that of another method than DCAP."""
-    method, name = split_id(sample_id)
+    return placement_folder(run, *split_id(sample_id))
+
+
+def placement_folder(run: Path, method: str, sample: str) -> Path:
+    """Folder of what a method made of a sample."""
     own = run if method == DCAP else run / METHODS_FOLDER / method
-    return own / SAMPLES_FOLDER / folder_name(name)
+    return own / SAMPLES_FOLDER / folder_name(sample)

@@ -86,6 +86,25 @@ class Raycaster:
             return np.asarray(blocked.numpy(), dtype=bool)
         return self.blocked(packed_rays(origins, directions * limit[:, None]))
 
+    def crossings(
+        self, origins: FloatArray, directions: FloatArray
+    ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
+        """All faces that rays cross: the ray and the face of each crossing, and how far along it is [m], shape (k,)
+        each; those of coinciding faces are all among them."""
+        if self._empty or len(origins) == 0:
+            nothing = np.zeros(0, dtype=np.int64)
+            return nothing, nothing, np.zeros(0)
+        found = self._scene.list_intersections(rays(origins, directions))
+        ray, face = (found[name].numpy().astype(np.int64) for name in ("ray_ids", "primitive_ids"))
+        return ray, face, found["t_hit"].numpy().astype(np.float64)
+
+    def nearest(self, points: FloatArray) -> NDArray[np.float64]:
+        """The point of the surface nearest to each of some points (n, 3) [m], nan of an empty mesh, shape (n, 3)."""
+        if self._empty or len(points) == 0:
+            return np.full((len(points), 3), np.nan)
+        found = self._scene.compute_closest_points(tensor(points))
+        return np.asarray(found["points"].numpy(), dtype=np.float64)
+
     def distance_to(self, points: FloatArray) -> NDArray[np.float64]:
         """Distance of points (n, 3) from the surface [m], inf of an empty mesh, shape (n,)."""
         if self._empty or len(points) == 0:

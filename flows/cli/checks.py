@@ -7,11 +7,20 @@ import typer
 from dcap.scene.errors import InputError
 
 Json = Annotated[bool, typer.Option("--json", help="Print the result as JSON on standard output.")]
+Model = Annotated[str, typer.Option(help="Model to ask.")]
+Record = Annotated[str, typer.Option(metavar="DIR", help="Keep a copy of each reply in this folder.")]
+Replay = Annotated[str, typer.Option(metavar="DIR", help="Answer from replies recorded in this folder.")]
+MaxCost = Annotated[float | None, typer.Option(help="Spend at most this on a model [USD].")]
 
 
 def given(context: typer.Context, *besides: str) -> dict[str, object]:
     """Every parameter of a command but those named: what is not an option of the physics is refused there, not lost."""
     return {name: value for name, value in context.params.items() if name not in besides}
+
+
+def note(text: str) -> None:
+    """What a person should know, on standard error."""
+    typer.echo(f"dcap: {text}", err=True)
 
 
 def choice(option: str, value: str, allowed: tuple[str, ...]) -> str:

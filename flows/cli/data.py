@@ -1,14 +1,13 @@
 """The commands about data: `dcap dataset make|label|check|sample|pack|prepare-sugar` and `dcap cache ls|verify`."""
 
 import json
-import sys
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from dcap.scene.types.sample import SourceOptions
-from flows.cli.checks import Json, choice, given
+from flows.cli.checks import Json, MaxCost, Model, Record, Replay, choice, given, note
 from flows.cli.sample_command import dataset_sample
 from flows.options import UNITS, UPS, PlaceOptions, check_out, checked
 
@@ -70,10 +69,10 @@ def dataset_label(
     scene: Annotated[str, typer.Argument(help="Folder (InteriorGS, ScanNet, SuGaR), mesh or Gaussian splats.")],
     out: Annotated[Path | None, typer.Option(help="Folder for the results; default: data/runs/labels/NAME.")] = None,
     language: Annotated[str, typer.Option(help="Who names things: offline, anthropic, openai or replay.")] = "",
-    model: Annotated[str, typer.Option(help="Model to ask.")] = "",
-    record: Annotated[str, typer.Option(metavar="DIR", help="Keep a copy of each reply in this folder.")] = "",
-    replay: Annotated[str, typer.Option(metavar="DIR", help="Answer from replies recorded in this folder.")] = "",
-    max_cost: Annotated[float | None, typer.Option(help="Spend at most this on a model [USD].")] = None,
+    model: Model = "",
+    record: Record = "",
+    replay: Replay = "",
+    max_cost: MaxCost = None,
     label: Annotated[str, typer.Option(help="What the scene mesh, or each of its unnamed nodes, is: table.")] = "",
     up: Annotated[str, typer.Option(help="Up axis of the scene file: z, y, -y, -z or auto.")] = "auto",
     unit: Annotated[str, typer.Option(help="Length unit of the scene file: m, cm, mm, in or auto.")] = "auto",
@@ -142,7 +141,7 @@ def dataset_pack(
 
     pack = pack_run(run, out)
     for warning in pack.warnings:
-        print(f"dcap: {warning}", file=sys.stderr)
+        note(warning)
     counts = pack.manifest["counts"]
     assert isinstance(counts, dict)
     told = ", ".join(f"{number} {name.replace('_', ' ')}" for name, number in counts.items())

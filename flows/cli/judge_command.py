@@ -1,11 +1,11 @@
 """`dcap judge`."""
 
-import sys
 from typing import Annotated
 
 import typer
 
 from dcap.scene.errors import InputError
+from flows.cli.checks import note
 
 
 def judge(
@@ -50,8 +50,3 @@ def judge(
     print("\n".join(shown_lines(judged.table)))
     print(f"{judged.csv}\nreport: {rewrite_page(judged.folder, judged.rows)}")
     return 0
-
-
-def note(text: str) -> None:
-    """What a person should know, on standard error."""
-    print(f"dcap: {text}", file=sys.stderr)

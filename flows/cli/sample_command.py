@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from flows.cli.checks import Json, given
+from flows.cli.checks import Json, MaxCost, Model, Record, Replay, given
 from flows.options import PlaceOptions, checked
 
 OWN = ("scenes", "objects", "out", "per_scene", "seed", "infeasible", "splits", "listed", "skip", "as_json")
@@ -30,10 +30,10 @@ def dataset_sample(
     infeasible: Annotated[float, typer.Option(help="Share of requests that ought to be refused.")] = 0.1,
     skip: Annotated[bool, typer.Option("--skip", help="Leave out what cannot be used, and say so.")] = False,
     language: Annotated[str, typer.Option(help="Who writes them: offline, anthropic, openai or replay.")] = "",
-    model: Annotated[str, typer.Option(help="Model to ask.")] = "",
-    record: Annotated[str, typer.Option(metavar="DIR", help="Keep a copy of each reply in this folder.")] = "",
-    replay: Annotated[str, typer.Option(metavar="DIR", help="Answer from replies recorded in this folder.")] = "",
-    max_cost: Annotated[float | None, typer.Option(help="Spend at most this on a model [USD].")] = None,
+    model: Model = "",
+    record: Record = "",
+    replay: Replay = "",
+    max_cost: MaxCost = None,
     up: Annotated[str, typer.Option(help="Up axis of the scene files: z, y, -y, -z or auto.")] = "auto",
     unit: Annotated[str, typer.Option(help="Length unit of the scene files: m, cm, mm, in or auto.")] = "auto",
     object_up: Annotated[str, typer.Option(help="Up axis of the object files: z, y, -y, -z or auto.")] = "auto",

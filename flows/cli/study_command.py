@@ -1,12 +1,12 @@
 """`dcap study serve|report`."""
 
-import sys
 from collections.abc import Mapping
 from typing import Annotated
 
 import typer
 
 from dcap.scene.errors import InputError
+from flows.cli.checks import note
 
 study_app = typer.Typer(no_args_is_help=True, help="A study in which people compare the methods of a run.")
 Run = Annotated[str, typer.Argument(help="Name or folder of a run, or 'last'.")]
@@ -34,11 +34,6 @@ def study_serve(
     return 0
 
 
-def note(text: str) -> None:
-    """What a person should know, on standard error."""
-    print(f"dcap: {text}", file=sys.stderr)
-
-
 def announce(links: Mapping[str, str]) -> None:
     """The raters' links on standard output."""
     for rater, link in links.items():
@@ -50,6 +45,7 @@ def announce(links: Mapping[str, str]) -> None:
 def study_report(run: Run) -> int:
     """Write Table 2 of the votes so far, the raters, and the votes as a table."""
     from dcap.evaluation.statistics.comparisons import JudgedAxis
+    from dcap.evaluation.study.tables import agreement_line
     from flows.study.report import report_study
 
     found = report_study(run)
@@ -58,7 +54,10 @@ def study_report(run: Run) -> int:
         if won is None or row.rating is None:
             continue
         share = f"{100 * won.rate:5.1f} % [{100 * won.interval.low:.1f}, {100 * won.interval.high:.1f}] {mark}".rstrip()
-        print(f"{found.table.name(row):32s} {share}  {row.rating.rating:.0f}  {won.comparisons} comparisons")
+        print(f"{found.table.name(row.method):32s} {share}  {row.rating.rating:.0f}  {won.comparisons} comparisons")
+    print(agreement_line(found.table))
+    if found.table.refusals:
+        print(f"No placement where one was intended: {found.table.refusals}.")
     for one in found.raters:
         if one.flagged:
             note(f"{one.rater} failed {one.checks_failed} of {one.checks} attention checks; the votes are included")

@@ -15,7 +15,8 @@ from pydantic import BaseModel, Field
 from starlette.exceptions import HTTPException as WebError
 
 from dcap.evaluation.page3d.three import ORBIT, three_script
-from dcap.evaluation.study.design import Side, StudyAxis, StudyItem
+from dcap.evaluation.statistics.comparisons import JudgedAxis
+from dcap.evaluation.study.design import Side, StudyItem
 from dcap.evaluation.study.session import StudySession
 from dcap.scene.errors import DcapError
 from flows.study.body_limit import BodyLimit
@@ -44,9 +45,9 @@ class StudyAnswer(BaseModel, extra="forbid"):
     """Since the placements were shown; kept as a day at most."""
 
     @property
-    def by_axis(self) -> dict[StudyAxis, Side]:
+    def by_axis(self) -> dict[JudgedAxis, Side]:
         """The answers by question."""
-        return {axis: Side(getattr(self, axis.value)) for axis in StudyAxis}
+        return {axis: Side(getattr(self, axis.value)) for axis in JudgedAxis}
 
 
 def study_app(session: StudySession) -> FastAPI:

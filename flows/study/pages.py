@@ -5,15 +5,16 @@ from pathlib import Path
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from dcap.evaluation.page3d.three import three_script
-from dcap.evaluation.study.design import Side, StudyAxis
+from dcap.evaluation.statistics.comparisons import JudgedAxis
+from dcap.evaluation.study.design import Side
 from dcap.evaluation.study.session import StudySession
 
 HERE = Path(__file__).parent
 STATIC, TEMPLATES = HERE / "static", HERE / "templates"
 QUESTIONS = {
-    StudyAxis.RIGHT_PLACE: ("Right place", "Where is the object more in the place that the sentence asks for?"),
-    StudyAxis.PHYSICS: ("Physics and naturalness", "Where does it lie more as a real object would?"),
-    StudyAxis.OVERALL: ("Overall", "Which of the two is the better result?"),
+    JudgedAxis.RIGHT_PLACE: ("Right place", "Where is the object more in the place that the sentence asks for?"),
+    JudgedAxis.PHYSICS_NATURALNESS: ("Physics and naturalness", "Where does it lie more as a real object would?"),
+    JudgedAxis.OVERALL: ("Overall", "Which of the two is the better result?"),
 }
 """Heading and question of each axis."""
 

@@ -3,12 +3,14 @@
 from dataclasses import dataclass
 from pathlib import Path
 
+from dcap.evaluation.judging.standing import without_placement
 from dcap.evaluation.study.journal import StudyVote, read_votes
 from dcap.evaluation.study.raters import RaterRow, rater_rows, write_raters
 from dcap.evaluation.study.study_folder import STUDY_FOLDER, StudyDesign, export_votes, read_design
 from dcap.evaluation.study.tables import StudyTable, study_table, write_study_table
 from dcap.language.protocol.client import ClientName
 from dcap.scene.errors import InputError
+from flows.judge_run import read_rows
 from flows.run_files import chooser_of, find_run
 
 TABLES = "tables"
@@ -36,7 +38,8 @@ def report_study(run: str) -> StudyReport:
     export_votes(folder, votes)
     rows = rater_rows(design, votes)
     write_raters(folder, rows)
-    table = study_table(votes, design.seed, offline=chooser_of(found).client is ClientName.OFFLINE)
+    offline = chooser_of(found).client is ClientName.OFFLINE
+    table = study_table(votes, design.seed, offline=offline, without_placement=without_placement(read_rows(found)))
     csv, tex = write_study_table(found / TABLES, table, rows)
     return StudyReport(table, rows, csv, tex)
 

@@ -8,6 +8,7 @@ import logging
 import socket
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import uvicorn
@@ -26,8 +27,10 @@ from dcap.evaluation.study.study_folder import (
     write_design,
 )
 from dcap.scene.errors import InputError
+from flows.judge_run import read_rows
 from flows.run_files import find_run
 from flows.study.app import study_app
+from flows.study.check_views import check_pictures, views_config
 
 STOP_SECONDS = 3
 """That answers under way have when the server is stopped [s]."""
@@ -53,7 +56,8 @@ def serve_study(
     run: str, options: StudyOptions, say: Callable[[str], None], announce: Callable[[Mapping[str, str]], None]
 ) -> None:
     """Serve the study of a run; `say` is told what a person should know, `announce` the link of each rater."""
-    found = read_study_run(find_run(run))
+    place = find_run(run)
+    found = read_study_run(place, read_rows(place))
     folder = found.folder / STUDY_FOLDER
     known = read_design(folder)
     check_kept(found, known, options)
@@ -81,7 +85,7 @@ def new_design(run: StudyRun, folder: Path, options: StudyOptions, say: Callable
     for (method, sample), why in run.left_out.items():
         say(f"{method} {sample} is left out: {why}")
     say("making attention checks")
-    checks = make_checks(run, folder, seed, say)
+    checks = make_checks(run, folder, seed, partial(check_pictures, config=views_config(run.folder)), say)
     if not checks:
         say(f"no attention checks: no placement of {run.folder.name} has a scene.glb that one can be made of")
     left_out = {f"{method}/{sample}": why for (method, sample), why in run.left_out.items()}

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from dcap.geometry.placement.named_regions import OFF, SIDES, Region, ViewerFrame, both, distance_beside, regions
 from dcap.geometry.placement.polygons import convex_hull
 from dcap.geometry.raycast import Raycaster
-from dcap.language.protocol.replies import AnchorReply
+from dcap.language.protocol.replies import AnchorReply, region_constraints
 from dcap.scene.types.box import OrientedBox
 from dcap.scene.types.intent import Intent, RegionConstraint
 from dcap.scene.types.mesh import Mesh
@@ -85,7 +85,7 @@ def choice_of(scene: Segmentation, base: Instance, intent: Intent, reply: Anchor
     outline = convex_hull(mesh.vertices[np.unique(mesh.faces)][:, :2])
     outside = any(apart(base.box, box) > 0.0 for group in groups for box in group) and not is_floor(base)
     sided = any(name in SIDES for name in names)  # in front of a chair that stands beside the table
-    limits = (*intent.region.constraints, *constraints_of(reply))
+    limits = (*intent.region.constraints, *region_constraints(reply.constraints))
     farther = max([HAND if outside and sided else 0.0, *distances(limits, reply.references)])
     areas = asked_areas(frame, names, groups, reach, view, outline, farther)
     if len(reply.references) > 1 and "between" not in names:
@@ -140,13 +140,6 @@ def distances(limits: Sequence[RegionConstraint], references: Sequence[str]) -> 
         if one.metres is not None and one.reference in references and one.kind in ("exactly", "at_least")
         and EDGE not in one.regions
     ]  # fmt: skip
-
-
-def constraints_of(reply: AnchorReply) -> tuple[RegionConstraint, ...]:
-    """What the reply adds to the asked constraints."""
-    return tuple(
-        RegionConstraint(one.kind, one.regions, one.reference, one.metres, one.words) for one in reply.constraints
-    )
 
 
 def groups_of(scene: Segmentation, base: Instance, reply: AnchorReply, index: int) -> list[list[OrientedBox]]:

@@ -10,14 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dcap.geometry.placement.named_regions import ViewerFrame
-from dcap.language.protocol.requests import AnchorRequest, BoxView, PartView
+from dcap.language.protocol.requests import AnchorRequest, BoxView, PartView, vector
 from dcap.scene.types.box import OrientedBox
 from dcap.scene.types.intent import Intent
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.segmentation import Instance, Segmentation
 from tasks.anchor.base_picture import base_from_above
 from tasks.requests.surroundings import PART, apart, boxes_of, part_frame, parts_meant
-from tasks.requests.views import part_views, vector
+from tasks.requests.views import part_views
 
 BESIDE = 0.6
 """Things within this distance of a base are shown with it [m]."""

@@ -39,7 +39,7 @@ from dcap.language.protocol.fireplace import (
     OutlinesRequest,
     PruningRequest,
 )
-from dcap.language.protocol.requests import ObjectView, PictureMaker
+from dcap.language.protocol.requests import ObjectView, PictureMaker, vector
 from dcap.scene.types.anchor import Anchor
 from dcap.scene.types.intent import Intent
 from dcap.scene.types.mesh import Mesh
@@ -49,7 +49,7 @@ from tasks.baselines.fireplace_anchors import AnchorResolver, Carrier, Chooser, 
 from tasks.baselines.fireplace_pictures import placement_picture, resting_picture
 from tasks.requests.marks import marked, numbers_of, plan_picture, room_pictures
 from tasks.requests.surroundings import part_frame
-from tasks.requests.views import instance_views, object_view, room_center, vector
+from tasks.requests.views import instance_views, object_view, room_center
 from tasks.runner.stage import stage
 
 Array = NDArray[np.float64]

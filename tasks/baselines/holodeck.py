@@ -18,12 +18,13 @@ from dcap.language.connect import Client
 from dcap.language.protocol.baseline_questions import RelationsRequest, names_of
 from dcap.language.protocol.client import LanguageConfig
 from dcap.language.protocol.questions import HOLODECK
+from dcap.language.protocol.requests import vector
 from dcap.scene.types.anchor import Anchor
 from dcap.scene.types.floor_plan import FloorPlan
 from dcap.scene.types.intent import Intent
 from dcap.scene.types.outcome import Infeasible, Reason
 from dcap.scene.types.segmentation import SegmentedObject, SegmentedScene
-from tasks.requests.views import instance_views, object_view, room_center, vector
+from tasks.requests.views import instance_views, object_view, room_center
 from tasks.runner.stage import stage
 
 

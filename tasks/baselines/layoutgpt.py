@@ -14,13 +14,13 @@ from dcap.evaluation.baselines.proposal import proposed_anchor
 from dcap.language.connect import Client
 from dcap.language.protocol.client import LanguageConfig
 from dcap.language.protocol.questions import LAYOUTGPT
-from dcap.language.protocol.requests import IntentRequest
+from dcap.language.protocol.requests import IntentRequest, vector
 from dcap.scene.types.anchor import Anchor
 from dcap.scene.types.floor_plan import FloorPlans
 from dcap.scene.types.intent import Intent
 from dcap.scene.types.outcome import Infeasible
 from dcap.scene.types.segmentation import SegmentedObject, SegmentedScene
-from tasks.requests.views import instance_views, object_view, room_center, vector
+from tasks.requests.views import instance_views, object_view, room_center
 from tasks.runner.stage import stage
 
 

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from dcap.language.protocol.replies import IntentReply
-from dcap.scene.types.intent import RegionConstraint, RegionRequest
+from dcap.language.protocol.replies import IntentReply, region_constraints
+from dcap.scene.types.intent import RegionRequest
 from dcap.scene.types.pointed import Pointed
 
 
@@ -22,19 +22,11 @@ class WantedPlace:
 
 def place_of(reply: IntentReply, pointed: Pointed | None) -> WantedPlace:
     """The sentence's region; a given point comes before it, which is told where the sentence has one."""
-    said = RegionRequest(
-        reply.part, reply.regions, reply.references, reply.region_words, reply.which, constraints_of(reply)
-    )
+    limits = region_constraints(reply.constraints)
+    said = RegionRequest(reply.part, reply.regions, reply.references, reply.region_words, reply.which, limits)
     if pointed is None or not len(pointed.point):
         return WantedPlace(said, None, () if pointed is None else pointed.notes)
     words = reply.region_words or reply.part
     told = reply.regions or reply.part or reply.constraints or reply.lean_on
     lost = (f"--at decides where: {words!r} is not followed",) if told else ()
     return WantedPlace(RegionRequest("", (), (), ""), pointed.point, (*pointed.notes, *lost))
-
-
-def constraints_of(reply: IntentReply) -> tuple[RegionConstraint, ...]:
-    """What the place must keep to."""
-    return tuple(
-        RegionConstraint(one.kind, one.regions, one.reference, one.metres, one.words) for one in reply.constraints
-    )

@@ -7,10 +7,10 @@ from functools import cache, partial
 import numpy as np
 from numpy.typing import NDArray
 
-from dcap.language.protocol.requests import IntentRequest, PictureMaker
+from dcap.language.protocol.requests import IntentRequest, PictureMaker, vector
 from dcap.scene.types.segmentation import Segmentation
 from tasks.requests.marks import marked, numbers_of, plan_picture, room_pictures
-from tasks.requests.views import instance_views, object_view, room_center, vector
+from tasks.requests.views import instance_views, object_view, room_center
 
 UNSURE = 0.9
 """A scene with labels below this is shown as well as told [-]."""

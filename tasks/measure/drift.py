@@ -27,8 +27,8 @@ class DriftConfig(BaseModel, frozen=True, extra="forbid"):
     """True time that is simulated [s]."""
     most_steps: PositiveInt = 60
     """Steps at most: a rest state takes about 25 for a second, what falls more."""
-    most_work: PositiveFloat = 6e6
-    """Material points times Newton iterations at most: about five seconds of one core."""
+    most_work: PositiveFloat = 4e6
+    """Material points times Newton iterations at most: four seconds of one core."""
     threads: NonNegativeInt = 0
     """Worker threads, 0: all cores; never changes a result."""
 
@@ -47,7 +47,8 @@ def drift(particles: Particles, settled: Settled, config: DriftConfig) -> Drift:
     try:
         found = onward(model, solver, placed, config.seconds, config.most_steps, config.most_work)
     except (ModelError, UnstableStep) as error:
-        return Drift(0.0, 0, np.inf, np.inf, np.inf, " ".join(str(error).split()))
+        why = " ".join(str(error).split())
+        return Drift(0.0, 0, np.inf, np.inf, np.inf, why, broken=isinstance(error, UnstableStep))
     return Drift(found.seconds, found.steps, found.distance, found.angle, found.force_residual)
 
 

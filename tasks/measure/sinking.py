@@ -52,7 +52,7 @@ def indentation(
         return Indentation(reason="the object gives way as well")
     thing = item.mesh.transformed(settled.bodies[0].world_from_start @ anchor.world_from_object)
     base = scene.mesh.submesh(np.flatnonzero(scene.face_instance == index))
-    lines = columns(thing, base)
+    lines = columns(thing, Raycaster(base))
     if lines.nearest < 0:
         return Indentation(reason="the object is not over its base")
     depth = max(-float(lines.gap.min()), 0.0)

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dcap.evaluation.metrics.touching import Touching, touching
+from dcap.geometry.placement.poses import front_of
 from dcap.scene.types.anchor import Anchor
 from dcap.scene.types.measures import Measures
 from dcap.scene.types.mesh import Mesh
@@ -31,12 +32,19 @@ def measure(scene: SegmentedScene, item: SegmentedObject, anchor: Anchor, settle
         support_label=label,
         support_part=part,
         middle=found.patch.mean(axis=0) if len(found.patch) else lowest(thing),
+        front=settled.bodies[0].world_from_start[:3, :3] @ turned_by(anchor) @ front_of(item.mesh)[0],
         penetration_m=found.penetration,
         penetration_given_m=given.penetration,
         gap_m=found.gap,
         contact_area_m2=found.contact_area,
         com_margin_m=found.margin,
     )
+
+
+def turned_by(anchor: Anchor) -> NDArray[np.float64]:
+    """Rotation from the object's own frame to where the drop began, without its scale, shape (3, 3)."""
+    turned = anchor.world_from_object[:3, :3]
+    return np.asarray(turned / np.cbrt(np.linalg.det(turned)))
 
 
 def carrier(scene: Segmentation, found: Touching) -> tuple[str, str, str]:

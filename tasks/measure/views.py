@@ -1,52 +1,30 @@
-"""The fixed pictures of a final state for judges: the same cameras, relative to the object and the world, for all.
+"""The fixed pictures of a final state for judges.
 
-In: scene and object as segmented, the pose before any drop, the final state and the textures of both sources. Out:
-`JudgedViews`. No camera is chosen by what it sees, and none by what a method says: the object is in the middle, from
-the four sides of the world, from above and from low down, and once with the room around it.
+In: scene and object as segmented, what was asked, the pose before any drop, the final state and the textures of both
+sources. Out: `JudgedViews`. Where the cameras stand says `judge_cameras`.
 """
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, PositiveFloat, PositiveInt
 
-from dcap.geometry.camera import Camera, looking_at
 from dcap.geometry.rendering.painted import painted
 from dcap.geometry.rendering.picture import picture
 from dcap.scene.types.anchor import Anchor
-from dcap.scene.types.judged_views import JudgedViews
+from dcap.scene.types.intent import Intent
+from dcap.scene.types.judged_views import PLACED, JudgedViews
 from dcap.scene.types.paint import SourceSurface
 from dcap.scene.types.segmentation import SegmentedObject, SegmentedScene
 from dcap.scene.types.settled import Settled
+from tasks.measure.judge_cameras import NEARBY, TOWARDS, JudgeCameras, ViewsConfig, seen_from
 from tasks.render.scene_views import SceneViews
 from tasks.render.settled_meshes import painted_item, painted_scene, settled_scene
 from tasks.runner.stage import stage
-
-Array = NDArray[np.float64]
-
-SIDES = {"front": -90.0, "right": 0.0, "back": 90.0, "left": 180.0}
-"""Azimuths in the world, from +x towards +y [degrees]."""
-NEARBY, ABOVE, LEVEL, CORNER = 25.0, 70.0, 6.0, 30.0
-"""Elevations of the side views, of the view from above, of the low one and of that of the room [degrees]."""
-
-
-class ViewsConfig(BaseModel, frozen=True, extra="forbid"):
-    """How large the pictures are and what they cover."""
-
-    size: PositiveInt = 384
-    """Width and height [pixel]."""
-    fov_deg: PositiveFloat = 40.0
-    """Field of view [degrees]."""
-    near: PositiveFloat = 3.2
-    """Distance of the cameras near the object over its diagonal [-]."""
-    far: PositiveFloat = 2.4
-    """Least distance of the camera of the room [m], and six times the object's diagonal if that is more."""
-    samples: PositiveInt = 2
-    """Rays along each side of a pixel at edges [-]."""
 
 
 def judged_views(
     scene: SegmentedScene,
     item: SegmentedObject,
+    intent: Intent,
     anchor: Anchor,
     settled: Settled,
     scene_surface: SourceSurface,
@@ -55,37 +33,23 @@ def judged_views(
 ) -> JudgedViews:
     """Take the pictures."""
     around = settled_scene(scene, settled, anchor.base_id)
-    look, thing = painted_scene(around, scene_surface), painted_item(item, anchor, settled.bodies[0], object_surface)
-    low, high = thing.mesh.bounds
-    middle, size = 0.5 * (low + high), float(np.linalg.norm(high - low))
-    away = config.near * size
-    after = SceneViews(around.scene, look, [thing])
+    thing = painted_item(item, anchor, settled.bodies[0], object_surface)
+    after = SceneViews(around.scene, painted_scene(around, scene_surface), [thing])
     before = SceneViews(scene, painted(scene.mesh, scene_surface))
+    own = float(np.linalg.norm(np.ptp(item.mesh.bounds, axis=0)))
+    support = scene.instances[scene.index_of(intent.base_id)].box
+    cameras = JudgeCameras(support.center, support.diagonal, scene.mesh.bounds.mean(axis=0), intent.scale * own, config)
 
-    def taken(camera: Camera) -> NDArray[np.uint8]:
-        return picture(after.seen_by(camera), camera, samples=config.samples).rgb
+    def taken(name: str, views: SceneViews) -> NDArray[np.uint8]:
+        camera = cameras.of(name, thing.mesh.bounds.mean(axis=0))
+        return picture(views.seen_by(camera), camera, samples=config.samples).rgb
 
-    sides = {name: taken(seen_from(middle, azimuth, NEARBY, away, config)) for name, azimuth in SIDES.items()}
-    inwards = scene.mesh.bounds.mean(axis=0) - middle
-    off_middle = np.linalg.norm(inwards[:2]) > 0.1
-    corner = float(np.degrees(np.arctan2(inwards[1], inwards[0]))) if off_middle else SIDES["front"]
-    whole = seen_from(middle, corner, CORNER, max(config.far, 6.0 * size), config)
-    alone = seen_from(middle, SIDES["front"] + 30.0, NEARBY, 0.8 * away, config)
+    alone = seen_from(item.mesh.bounds.mean(axis=0), TOWARDS + 30.0, NEARBY, 0.8 * config.near * own, config)
     return JudgedViews(
-        clean=picture(before.seen_by(whole), whole, samples=config.samples).rgb,
-        asset=picture([thing], alone, samples=config.samples).rgb,
-        room=taken(whole),
-        top=taken(seen_from(middle, SIDES["front"], ABOVE, away, config)),
-        low=taken(seen_from(middle, SIDES["front"], LEVEL, away, config)),
-        **sides,
+        clean=taken("clean", before),
+        asset=picture([painted(item.mesh, object_surface)], alone, samples=config.samples).rgb,
+        **{name: taken(name, after) for name in PLACED},
     )
-
-
-def seen_from(middle: Array, azimuth_deg: float, elevation_deg: float, distance: float, config: ViewsConfig) -> Camera:
-    """A camera that looks at a point."""
-    a, e = np.radians(azimuth_deg), np.radians(elevation_deg)
-    way = np.array([np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)])
-    return looking_at(middle + distance * way, middle, config.size, config.size, fov_deg=config.fov_deg)
 
 
 judged_views_task = stage(judged_views)

@@ -8,17 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from dcap.language.protocol.requests import InstanceView, ObjectView, PartView, Vector
+from dcap.language.protocol.requests import InstanceView, ObjectView, PartView, Vector, vector
 from dcap.scene.types.segmentation import Instance, Segmentation
 
 LEVEL = 0.5
 """A face looks up if its unit normal's vertical component exceeds this: within 60 degrees, as sloped shades count."""
-
-
-def vector(values: NDArray[np.floating]) -> Vector:
-    """Three floats."""
-    x, y, z = (float(v) for v in values)
-    return x, y, z
 
 
 @dataclass(frozen=True, eq=False, slots=True)

@@ -19,9 +19,10 @@ from scipy.spatial.transform import Rotation as Turn
 
 from dcap.geometry.camera import Camera, looking_at
 from dcap.geometry.placement.polygons import smallest_rectangle
-from dcap.geometry.placement.poses import StablePose, about_z, front_of, stable_poses, symmetry_about_z
+from dcap.geometry.placement.poses import about_z, front_of, rotated, symmetry_about_z
+from dcap.geometry.placement.resting_poses import FLIPS, resting_poses
 from dcap.geometry.placement.seat import on_legs
-from dcap.geometry.placement.upright import outermost, stands_as_read, upright_pose
+from dcap.geometry.placement.upright import outermost, standing_pose, stands_as_read
 from dcap.geometry.rendering.picture import picture
 from dcap.language.connect import Client
 from dcap.language.offline.fronts import front_side
@@ -30,7 +31,7 @@ from dcap.language.offline.pose_choice import to_right
 from dcap.language.protocol.client import LanguageConfig
 from dcap.language.protocol.questions import ROTATION
 from dcap.language.protocol.replies import ROUNDED, RotationReply
-from dcap.language.protocol.requests import FacingView, PoseView, RotationRequest, Vector
+from dcap.language.protocol.requests import FacingView, PoseView, RotationRequest, Vector, vector
 from dcap.scene.errors import GeometryError, LanguageError
 from dcap.scene.types.intent import Intent
 from dcap.scene.types.mesh import Mesh
@@ -38,18 +39,14 @@ from dcap.scene.types.outcome import Infeasible
 from dcap.scene.types.rotation import Rotation
 from dcap.scene.types.segmentation import Instance, Segmentation, SegmentedObject, SegmentedScene
 from tasks.requests.surroundings import direction_to, part_frame, wished_place
-from tasks.requests.views import instance_of, vector
+from tasks.requests.views import instance_of
 from tasks.rotation.asked_pose import asked_pose
 from tasks.rotation.looking import looking, nearest_side
 from tasks.runner.stage import stage
 
 Array = NDArray[np.float64]
-SAME_POSE = np.radians(12.0)
-"""A pose has the probability of the stable pose within this angle [rad]."""
 ELONGATED = 1.15
 """A thing longer than this times its width is laid along its support [-]."""
-FLIPS = {"x": (1.0, -1.0, -1.0), "y": (-1.0, 1.0, -1.0), "z": (-1.0, -1.0, 1.0)}
-"""Diagonals of the 180-degree rotations."""
 AXIS_COLORS = {"x": (214, 40, 40), "y": (30, 140, 50), "z": (40, 70, 210)}
 
 
@@ -83,16 +80,19 @@ def rotation(
     if config.views > len(FLIPS):
         sides = (three_flips(scene, base, mesh, place, config.picture_size, np.pi / 2 * k) for k in (1, 2, 3))
         shown = (*pictures, *(one for side in sides for one in side))
-    has_front = front_of(turned(mesh, believed), side)[1]
+    has_front = front_of(rotated(mesh, believed), side)[1]
     facing = wished_facing(intent, has_front=has_front)
     request = RotationRequest(
         prompt=refined(prompt, intent),
         object_name=intent.object_name,
         pose=intent.orientation.pose,
         facing=facing,
-        poses=pose_views(mesh, own, believed, side),
+        poses=tuple(
+            PoseView.of(one.id, one.rotation, one.probability, one.up, one.front, one.size)
+            for one in resting_poses(mesh, own, believed, side)
+        ),
         facings=facings(scene, base, place, facing),
-        symmetry=symmetry_about_z(turned(mesh, believed)),
+        symmetry=symmetry_about_z(rotated(mesh, believed)),
         has_front=has_front,
         stands=stands,
         righting=righting,
@@ -128,73 +128,6 @@ def refined(prompt: str, intent: Intent) -> str:
 
 
 # choices ------------------------------------------------------------------------------------------------------------
-
-
-def standing_pose(mesh: Mesh) -> tuple[Array, float, float]:
-    """Rotation to the pose in which the shape stands, and how much better; none and 0 where that is as in the file. And
-    by how much the shape prefers it to any other side [-]."""
-    own, gain, lead = upright_pose(mesh)
-    return (np.eye(3), 0.0, lead) if gain <= 0.0 or own[2, 2] > np.cos(SAME_POSE) else (own, gain, lead)
-
-
-def pose_views(mesh: Mesh, own: Array, believed: Array, side: str) -> tuple[PoseView, ...]:
-    """All poses that can be chosen, that of the file first; `own` is how it stands by its shape, shape (3, 3).
-
-    Each kind has the up and the front of the frame that its poses are turned from; stable poses, which any frame leads
-    to, those of the `believed` one, shape (3, 3).
-    """
-    stable = stable_poses(mesh)
-    frames = {"upright": np.eye(3)} | ({} if np.allclose(own, np.eye(3)) else {"righted": own})
-    views = []
-    for frame, matrix in frames.items():
-        own_axes = axes_of(mesh, matrix, side)
-        views += [
-            pose_view(name, turn @ matrix, probability_of(turn @ matrix, stable), mesh, own_axes)
-            for name, turn in turns_of(frame, matrix @ own_axes[1]).items()
-        ]
-    own_axes = axes_of(mesh, believed, side)
-    for number, pose in enumerate(stable):
-        views.append(pose_view(f"stable_{number}", pose.rotation, pose.probability, mesh, own_axes))
-    return tuple(views)
-
-
-def axes_of(mesh: Mesh, frame: Array, side: str) -> tuple[Array, Array]:
-    """Up and front of a mesh that stands in a frame, shape (3, 3), as unit vectors of the mesh."""
-    return frame[2], frame.T @ front_of(turned(mesh, frame), side)[0]
-
-
-def turns_of(frame: str, front: Array) -> dict[str, Array]:
-    """Standing, the half turns about x, y, z and the quarter turns on to sides, back and front, by id."""
-    side = np.cross(front, (0.0, 0.0, 1.0))
-    prefix = "" if frame == "upright" else f"{frame}_"
-    quarters = {"on_left_side": -front, "on_right_side": front, "on_back": side, "on_front": -side}
-    return (
-        {frame: np.eye(3)}
-        | {f"{prefix}flip_{axis}": np.diag(diagonal) for axis, diagonal in FLIPS.items()}
-        | {prefix + name: np.asarray(Turn.from_rotvec(np.pi / 2 * axis).as_matrix()) for name, axis in quarters.items()}
-    )
-
-
-def turned(mesh: Mesh, matrix: Array) -> Mesh:
-    """The mesh under a rotation."""
-    pose = np.eye(4)
-    pose[:3, :3] = matrix
-    return mesh.transformed(pose)
-
-
-def probability_of(matrix: Array, stable: list[StablePose]) -> float:
-    """Probability of the stable pose whose resting face points down under this rotation; 0 if none does."""
-    down = matrix.T @ (0.0, 0.0, -1.0)
-    close = [pose.probability for pose in stable if float(pose.down @ down) > np.cos(SAME_POSE)]
-    return max(close, default=0.0)
-
-
-def pose_view(name: str, matrix: Array, probability: float, mesh: Mesh, own_axes: tuple[Array, Array]) -> PoseView:
-    """One choice with what it does to the object's own up and front and to its extents."""
-    rows: tuple[Vector, Vector, Vector] = (vector(matrix[0]), vector(matrix[1]), vector(matrix[2]))
-    size = np.ptp(mesh.vertices @ matrix.T, axis=0)
-    up, front = (vector(matrix @ axis) for axis in own_axes)
-    return PoseView(name, rows, round(probability, 6), up, front, vector(size))
 
 
 def facings(scene: Segmentation, base: Instance, place: Array, asked: str) -> tuple[FacingView, ...]:

@@ -11,15 +11,15 @@ import pyarrow.parquet as pq
 import pytest
 from fake_api import FakeApi, data_of, message, question_of, says
 from judged import REPLY, SCORES, placement
-from many_methods_run import JUDGED, METHODS, SAMPLES, many_methods_run, method_folder, row, write_rows
+from many_methods_run import METHODS, SAMPLES, many_methods_run, method_folder, row, write_rows
 
 from dcap.evaluation.comparison_report import comparison_table
-from dcap.evaluation.judging.judge import RUBRIC
 from dcap.evaluation.judging.known_answers import KnownAnswer
-from dcap.evaluation.judging.rubric import SCALES
+from dcap.evaluation.judging.rubric import RUBRIC, SCALES
 from dcap.evaluation.method_report import method_table
 from dcap.evaluation.outcome_table import SampleOutcome
 from dcap.evaluation.statistics.comparisons import JudgedAxis, read_comparisons
+from dcap.scene.types.judged_views import PLACED
 from flows.benchmark import finish, rewrite_page
 from flows.cli.app import main
 from flows.judge_run import read_rows
@@ -43,13 +43,13 @@ def few_resamples(monkeypatch: pytest.MonkeyPatch) -> None:
 def small(tmp_path: Path) -> Path:
     """Two methods on one sample: four questions."""
     prompts = {"bed-1": SAMPLES["bed-1"]}
-    return many_methods_run(tmp_path / "small", METHODS[:2], JUDGED, MODEL, prompts)
+    return many_methods_run(tmp_path / "small", METHODS[:2], chooser=MODEL, prompts=prompts)
 
 
 @pytest.fixture
 def run(tmp_path: Path) -> Path:
     """Three methods on four samples, with the pictures that a judge wants."""
-    return many_methods_run(tmp_path / "run", views=JUDGED, chooser=MODEL)
+    return many_methods_run(tmp_path / "run", chooser=MODEL)
 
 
 def rows_of(run: Path) -> dict[str, dict[str, str]]:
@@ -131,7 +131,7 @@ def test_a_model_judges_by_pictures(small: Path, api: FakeApi) -> None:
     assert main(["judge", str(small), "--language", "anthropic", "--model", MODEL]) == 0
     assert len(api.asked) == 2 + 2
     pictures = {sum(block["type"] == "image" for block in one["messages"][0]["content"]) for one in api.asked}
-    assert pictures == {2 + len(JUDGED)}
+    assert pictures == {2 + len(PLACED)}
     words = json.dumps([data_of(one) for one in api.asked])
     assert not any(name in words for name in (*METHODS, "penetration", "gap_m"))
     record = record_of(small)
@@ -305,6 +305,7 @@ def test_what_cannot_be_judged_is_one_line(
     one = many_methods_run(tmp_path / "one", ("dcap",))
     assert "the run has only dcap, and a judge compares methods" in complaint(capsys, one)
     bare = many_methods_run(tmp_path / "bare")
+    (method_folder(bare, "fireplace", "bed-1") / "views" / "room.png").unlink()
     said = complaint(capsys, bare, "--language", "anthropic")
     assert "room.png: no such picture; a judge needs the run's views" in said
     metrics = {name: None for axis in SCALES.values() for name in axis}

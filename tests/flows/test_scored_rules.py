@@ -20,7 +20,8 @@ BALL = [[-0.1, -0.1, 0.47], [0.1, 0.1, 0.67]]
 """The ball in its dent: 3 cm below the bed's top."""
 MEASURES: JsonObject = {
     "support_id": "bed", "support_label": "bed", "support_part": "body", "middle": [0.0, 0.0, 0.47],
-    "penetration_m": 5e-5, "penetration_given_m": 0.03, "gap_m": 0.0, "contact_area_m2": 0.01, "com_margin_m": 0.05,
+    "front": [0.0, 1.0, 0.0], "penetration_m": 5e-5, "penetration_given_m": 0.03, "gap_m": 0.0,
+    "contact_area_m2": 0.01, "com_margin_m": 0.05,
 }  # fmt: skip
 
 
@@ -33,18 +34,14 @@ def reading() -> Intent:
     )  # fmt: skip
 
 
-def tree_of(quarter_turns: int = 0) -> JsonObject:
-    """placement.json with the ball turned about the vertical."""
-    half = 0.25 * np.pi * quarter_turns
-    pose: JsonObject = {
-        "position": [0.0, 0.0, 0.57],
-        "quaternion": [float(np.cos(half)), 0.0, 0.0, float(np.sin(half))],
-    }
+def tree_of() -> JsonObject:
+    """placement.json of the ball."""
+    pose: JsonObject = {"position": [0.0, 0.0, 0.57], "quaternion": [1.0, 0.0, 0.0, 0.0]}
     return {"verdict": "at_rest", "base": {"id": "bed", "label": "bed"}, "object_aabb": BALL, "pose": pose}
 
 
 def row(
-    folder: Path, reading: Intent | None, measures: JsonObject = MEASURES, *, lamp: float = 0.06, turns: int = 0,
+    folder: Path, reading: Intent | None, measures: JsonObject = MEASURES, *, lamp: float = 0.06,
     truth: ExpectedOutcome | None = None,
 ) -> SampleOutcome:  # fmt: skip
     """The row of the ball with a lamp that far beside it; without a reading in an older file."""
@@ -55,7 +52,7 @@ def row(
         kept["intent"] = store.save(reading).to_json()
     folder.mkdir(exist_ok=True)
     (folder / "measures.json").write_text(json.dumps(kept))
-    return scored_row(SAMPLE, tree_of(turns), "", truth, folder)
+    return scored_row(SAMPLE, tree_of(), "", truth, folder)
 
 
 def columns(row: SampleOutcome) -> tuple[int | bool | None, ...]:
@@ -82,7 +79,13 @@ def test_rules_on_a_ball_in_its_dent(tmp_path: Path, reading: Intent):
     bed of the truth counts, not the floor of the reading, and without a truth it is the floor."""
     assert columns(row(tmp_path, reading, truth=TRUTH)) == (2, 2, True, True, False)
     assert columns(row(tmp_path, reading, lamp=0.09, truth=TRUTH)) == (2, 1, True, True, False)
-    assert columns(row(tmp_path, reading, turns=2, truth=TRUTH)) == (2, 2, False, True, False)
+    assert columns(row(tmp_path, reading, MEASURES | {"front": [0.0, -1.0, 0.0]}, truth=TRUTH)) == (
+        2,
+        2,
+        False,
+        True,
+        False,
+    )
     assert columns(row(tmp_path, reading)) == (2, 1, True, True, False)
     nowhere = replace(reading, orientation=OrientationRequest("any", "", ""))
     assert columns(row(tmp_path, nowhere, truth=TRUTH)) == (2, 2, None, True, False)

@@ -1,6 +1,7 @@
 """The wiring of flows/place.py: what mypy refuses, and that its list of stages is the path that it takes."""
 
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -9,6 +10,7 @@ from mypy import api
 from dcap.scene.settings import PROJECT_ROOT
 from dcap.scene.store.ref import Ref
 from dcap.scene.types.sample import Sample
+from flows.methods import place_by
 from flows.place import STAGES, PlaceConfig, place
 from tasks.runner.stage import Stage
 
@@ -51,12 +53,9 @@ def test_wrong_wiring_is_a_type_error(tmp_path: Path, monkeypatch: pytest.Monkey
     assert wrong_files == MISTAKES.keys()
 
 
-@pytest.mark.parametrize(("elsewhere", "broke"), [(False, False), (True, False), (False, True)])
-def test_the_list_of_stages_is_the_path_of_a_placement(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, *, elsewhere: bool, broke: bool
-) -> None:
-    """`place` calls exactly the stages of STAGES, in that order; where the object came to rest elsewhere than was
-    foreseen, or the drop broke down, it is dropped once more."""
+@pytest.fixture
+def called(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> list[str]:
+    """Names of the stages that are called, none of which computes anything."""
     monkeypatch.setenv("DCAP_DATA", str(tmp_path))
     called: list[str] = []
 
@@ -65,10 +64,36 @@ def test_the_list_of_stages_is_the_path_of_a_placement(
         return Ref("Nothing", "0" * 64)
 
     monkeypatch.setattr(Stage, "__call__", note)
-    monkeypatch.setattr("flows.place.ended_elsewhere", lambda _: elsewhere)
-    monkeypatch.setattr("flows.place.broke", lambda _: broke)
+    return called
+
+
+@pytest.fixture
+def sample(tmp_path: Path) -> Sample:
+    """A triangle that is put on a triangle."""
     mesh = tmp_path / "triangle.obj"
     mesh.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
-    place(Sample("one", str(mesh), str(mesh), "put it there"), PlaceConfig())
+    return Sample("one", str(mesh), str(mesh), "put it there")
+
+
+@pytest.mark.parametrize(("elsewhere", "broke"), [(False, False), (True, False), (False, True)])
+def test_the_list_of_stages_is_the_path_of_a_placement(
+    monkeypatch: pytest.MonkeyPatch, called: list[str], sample: Sample, *, elsewhere: bool, broke: bool
+) -> None:
+    """`place` calls exactly the stages of STAGES, in that order; where the object came to rest elsewhere than was
+    foreseen, or the drop broke down, it is dropped once more."""
+    monkeypatch.setattr("flows.place.ended_elsewhere", lambda _: elsewhere)
+    monkeypatch.setattr("flows.place.broke", lambda _: broke)
+    place(sample, PlaceConfig())
     again = ["particles", "drop"] * (elsewhere + broke)
     assert called == [*(stage.name for stage in STAGES[:-1]), *again, STAGES[-1].name]
+
+
+@pytest.mark.parametrize(("method", "ways"), [("no_drop", ["rotation", "anchor"]), ("holodeck", ["holodeck"])])
+def test_a_method_that_drops_nothing_poses_what_it_proposes(
+    called: list[str], sample: Sample, method: str, ways: list[str]
+) -> None:
+    """It reads both files by the stages of `place`, and the proposal takes the place of the drop."""
+    place_by(replace(sample, method=method), PlaceConfig())
+    names = [stage.name for stage in STAGES]
+    read = names[: names.index("intent") + 1]
+    assert called == [*read, *ways, "materials", "particles", "posed", "render"]

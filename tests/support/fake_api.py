@@ -16,27 +16,14 @@ from pydantic import TypeAdapter
 
 from dcap.evaluation.sampling.questions import SAMPLES
 from dcap.language.offline.client import OfflineClient
-from dcap.language.protocol.fireplace import CHOICE, OUTLINES, PRUNING
-from dcap.language.protocol.questions import (
-    ANCHOR,
-    HOLODECK,
-    INTENT,
-    LABEL,
-    LAYOUTGPT,
-    MATERIALS,
-    PARTS,
-    ROTATION,
-    Question,
-)
+from dcap.language.protocol import fireplace, questions
+from dcap.language.protocol.questions import Question
 
 KEY = "sk-never-to-be-shown"
 Body = dict[str, Any]
 Answer = tuple[int, Body]
-ASKED: tuple[Question[Any, Any], ...] = (
-    INTENT, ROTATION, ANCHOR, MATERIALS, LABEL, PARTS, LAYOUTGPT, HOLODECK, OUTLINES, CHOICE, PRUNING,
-    SAMPLES,
-)  # fmt: skip
-QUESTIONS = {one.name: one for one in ASKED}
+ASKED = (*vars(questions).values(), *vars(fireplace).values(), SAMPLES)
+QUESTIONS: dict[str, Question[Any, Any]] = {one.name: one for one in ASKED if isinstance(one, Question)}
 UNKNOWN_KEYWORDS = (
     "prefixItems", "minimum", "maximum", "exclusiveMinimum", "exclusiveMaximum", "minLength", "maxLength", "maxItems",
     "pattern", "default",

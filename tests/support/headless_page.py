@@ -21,9 +21,11 @@ from websockets.sync.connection import Connection
 
 START_SECONDS = 120.0
 LARGEST = 64 * 1024 * 1024
+WITHOUT_GPU = ("--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")
+"""Options of a browser on a machine without a display and a graphics card."""
 OPTIONS = (
-    "--headless", "--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader",
-    "--remote-debugging-port=0", "--no-first-run", "--disable-dev-shm-usage", "--hide-scrollbars",
+    "--headless", *WITHOUT_GPU, "--remote-debugging-port=0", "--no-first-run", "--disable-dev-shm-usage",
+    "--hide-scrollbars",
 )  # fmt: skip
 
 

@@ -8,8 +8,8 @@ from dcap.evaluation.judging.rubric import Metrics
 
 GOOD: Metrics = {
     "support_hit": True, "part_hit": True, "region_distance_m": 0.01, "orientation_error_deg": None,
-    "penetration_m": 2e-5, "gap_m": 1e-4, "indentation_error_m": 3e-4, "contact_area_m2": 2e-3, "force_residual": 1e-3,
-    "drift_m": 1e-4, "visible_fraction": 0.8, "com_supported": True,
+    "penetration_m": 2e-5, "gap_m": 1e-4, "indentation_error_m": 3e-4, "force_residual": 1e-3,
+    "drift_m": 1e-4, "drift_deg": 0.02, "visible_fraction": 0.8, "com_supported": True,
 }  # fmt: skip
 REPLY = {"analysis": "seen", "right_place": "left", "physics_naturalness": "left", "overall": "left"}
 SCORES = {"analysis": "seen", "right_place": 8, "physics_naturalness": 6.5}

@@ -18,6 +18,7 @@ from PIL import Image, ImageDraw
 
 from dcap.evaluation.outcome_table import SampleOutcome
 from dcap.evaluation.run_folder import sample_folder
+from dcap.scene.types.judged_views import PLACED
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.writers.glb import Node, glb_bytes
 
@@ -32,9 +33,6 @@ HEIGHTS = {"dcap": -0.02, "fireplace": 0.05, "layoutgpt": -0.09}
 """Of the ball's lowest point over the bed's top [m]."""
 COLORS = {"dcap": (40, 130, 70), "fireplace": (60, 90, 190), "layoutgpt": (190, 90, 40)}
 RADIUS, TOP = 0.1, 0.5
-VIEWS = ("front", "side", "top")
-JUDGED = ("room", "front", "right", "back", "left", "top", "low")
-"""The fixed pictures that a model judges by."""
 SIZE = (320, 240)
 
 
@@ -81,7 +79,6 @@ def draw(path: Path, words: str, color: tuple[int, int, int]) -> None:
 def many_methods_run(
     folder: Path,
     methods: tuple[str, ...] = METHODS,
-    views: tuple[str, ...] = VIEWS,
     chooser: str = "",
     prompts: Mapping[str, str] = SAMPLES,
 ) -> Path:
@@ -96,7 +93,7 @@ def many_methods_run(
             (out / "placement.json").write_text(json.dumps(tree))
             (out / "scene.glb").write_bytes(scene_glb(height, 0.1 * number))
             (out / "object.glb").write_bytes(glb_bytes([Node("object", ball_at(0.0, height))]))
-            for name in views:
+            for name in PLACED:
                 draw(out / "views" / f"{name}.png", f"{number + 1} {name}", COLORS[method])
             for name in ("settled", "closeup"):
                 draw(out / f"{name}.png", name, COLORS[method])
@@ -116,6 +113,13 @@ def many_methods_run(
 def write_rows(folder: Path, rows: Sequence[SampleOutcome]) -> None:
     """Write results.parquet."""
     pq.write_table(pa.Table.from_pylist([asdict(one) for one in rows]), folder / "results.parquet")
+
+
+def change_row(run: Path, method: str, sample: str, **values: object) -> None:
+    """Write results.parquet with other values in one row."""
+    rows = pq.read_table(run / "results.parquet").to_pylist()
+    next(one for one in rows if (one["method"], one["sample"]) == (method, sample)).update(values)
+    pq.write_table(pa.Table.from_pylist(rows), run / "results.parquet")
 
 
 def row(method: str, sample: str, prompt: str) -> SampleOutcome:

@@ -56,7 +56,7 @@ def placed_folder(folder: Path, **more: Mesh) -> Path:
     (folder / "object.ply").write_bytes(mesh_to_ply(thing))
     for name, data in next_scene_files(told, PROMPT).items():
         (folder / name).write_bytes(data)
-    (folder / "placement.json").write_text("{}")
+    (folder / "placement.json").write_text('{"base": {"id": "bed", "label": "bed"}}')
     (folder / "settled.png").write_bytes(b"")
     return folder
 

@@ -89,7 +89,9 @@ def motion_records() -> tuple[object, ...]:
 def measured_records() -> tuple[object, ...]:
     """One of each type that says what was measured of a final state."""
     return (
-        Measures("3", "bed", "mattress", np.zeros(3), 0.0, 0.01, float("inf"), 0.0, float("-inf")),
+        Measures(
+            "3", "bed", "mattress", np.zeros(3), np.array([0.0, 1.0, 0.0]), 0.0, 0.01, float("inf"), 0.0, float("-inf")
+        ),
         Indentation(0.012, 0.0123),
         JudgedViews(*[np.zeros((2, 2, 3), np.uint8)] * 9),
         Drift(0.0, 0, float("inf"), float("inf"), float("inf"), "it starts 2 mm inside"),

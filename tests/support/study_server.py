@@ -14,6 +14,8 @@ from dcap.evaluation.study.journal import VoteJournal
 from dcap.evaluation.study.placements import read_study_run
 from dcap.evaluation.study.session import StudySession
 from dcap.evaluation.study.study_folder import STUDY_FOLDER, StudyDesign, tokens_for, write_design
+from dcap.scene.types.judged_views import PLACED
+from flows.judge_run import read_rows
 from flows.study.app import study_app
 
 CHECK = b"\x89PNG of a check"
@@ -42,11 +44,11 @@ class ServedStudy:
 def served_study(folder: Path) -> Iterator[ServedStudy]:
     """Of a run of three methods; the pictures of its attention checks are stand-ins."""
     run = many_methods_run(folder / "run")
-    found, kept = read_study_run(run), run / STUDY_FOLDER
+    found, kept = read_study_run(run, read_rows(run)), run / STUDY_FOLDER
     for name in (SETTLED, LIFTED):
         check_folder(kept, 1, name).mkdir(parents=True)
-        for number in (1, 2):
-            (check_folder(kept, 1, name) / f"{number}.png").write_bytes(CHECK + name.encode())
+        for view in PLACED:
+            (check_folder(kept, 1, name) / f"{view}.png").write_bytes(CHECK + f"{name} {view}".encode())
         (check_folder(kept, 1, name) / MODEL).write_bytes(b"glTF " + name.encode())
     pairs = method_pairs(found)
     design = StudyDesign(0, per_pair(pairs, None), pairs, (("dcap", "bed-1"),), {}, {}).with_raters(2)

@@ -11,15 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dcap.geometry.placement.poses import about_z, front_of
-from dcap.geometry.placement.upright import stands_as_read, upright_pose
+from dcap.geometry.placement.upright import standing_pose, stands_as_read
 from dcap.language.offline.fronts import front_side
 from dcap.language.offline.lexicon import thing_of
 from dcap.language.offline.pose_choice import to_right
 from dcap.scene.types.mesh import Mesh
 
 Array = NDArray[np.float64]
-SAME_POSE = np.radians(12.0)
-"""A righted pose nearer to the file's is the file's [rad]."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -51,10 +49,9 @@ def canonical_asset(mesh: Mesh, scale: float, name: str) -> CanonicalAsset:
     """The asset of that name at an isotropic scale."""
     pose = np.diag([scale] * 3 + [1.0])
     scaled = mesh.transformed(pose)
-    own, gain, _ = upright_pose(scaled)
-    clear = gain > 0.0 and own[2, 2] <= np.cos(SAME_POSE)
+    own, righting, _ = standing_pose(scaled)
     stands = stands_as_read(scaled)
-    if clear and to_right(thing_of(name), righting=gain, stands=stands, file_up=float(own[2, 2])):
+    if to_right(thing_of(name), righting=righting, stands=stands, file_up=float(own[2, 2])):
         pose = with_rotation(own) @ pose
     front, told = front_of(mesh.transformed(pose), front_side(name))
     # the angle from the front to -y

@@ -12,14 +12,12 @@ from itertools import combinations, pairwise
 
 from dcap.evaluation.judging.judged_pictures import BEFORE_TITLES, NamedPicture, side_by_side
 from dcap.evaluation.judging.questions import JUDGE_PAIR, JUDGE_SCORE, PairRequest, ScoreRequest
-from dcap.evaluation.judging.rubric import Metrics
+from dcap.evaluation.judging.rubric import RUBRIC, Metrics
 from dcap.evaluation.statistics.comparisons import Comparison, JudgedAxis
 from dcap.language.connect import Client
 from dcap.language.protocol.client import ClientName, LanguageConfig
 from dcap.scene.errors import InputError
 
-RUBRIC = "metric rubric"
-"""Name of the judge where no model is asked."""
 FAMILIES = {
     "claude": "anthropic", "gpt": "openai", "chatgpt": "openai", "o1": "openai", "o3": "openai", "o4": "openai",
     "gemini": "google", "gemma": "google", "paligemma": "google", "llama": "meta", "qwen": "alibaba", "qwq": "alibaba",

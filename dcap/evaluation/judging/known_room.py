@@ -153,7 +153,7 @@ class RoomWithBall:
         over = raised(self.below(xy)[0], 2.0 * RADIUS)
         thing = ball(over)
         beneath = OwnedMesh(self.room.record.mesh, self.owner).over(thing).mesh
-        return raised(over, place.height - float(columns(thing, beneath).gap.min()))
+        return raised(over, place.height - float(columns(thing, Raycaster(beneath)).gap.min()))
 
     def scene(self, place: BallPlace) -> OwnedMesh:
         """The room of a placement: only where it is said to does the bed give way."""
@@ -191,7 +191,7 @@ class RoomWithBall:
         middle = found.patch.mean(axis=0) if len(found.patch) else thing.bounds.mean(axis=0)
         error = None
         if label in LYING_ON[BED] and self.expected_dent is not None:
-            depth = max(-float(columns(thing, self.bed_mesh).gap.min()), 0.0)
+            depth = max(-float(columns(thing, Raycaster(self.bed_mesh)).gap.min()), 0.0)
             error = abs(depth - self.expected_dent)
         return {
             "support_hit": label in LYING_ON[asked],
@@ -201,9 +201,9 @@ class RoomWithBall:
             "penetration_m": found.penetration,
             "gap_m": found.gap,
             "indentation_error_m": error,
-            "contact_area_m2": found.contact_area,
             "force_residual": None,
             "drift_m": None,
+            "drift_deg": None,
             "visible_fraction": None,
             "com_supported": found.margin >= 0.0,
         }

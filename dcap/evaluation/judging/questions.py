@@ -10,7 +10,7 @@ from typing import Annotated, TypeVar
 
 from pydantic import AfterValidator, BaseModel, Field, WithJsonSchema
 
-from dcap.evaluation.judging.rubric import Metrics, rubric_scores, worst_metric
+from dcap.evaluation.judging.rubric import RUBRIC, Metrics, rubric_scores, worst_metric
 from dcap.evaluation.statistics.comparisons import JudgedAxis, Winner
 from dcap.language.protocol.questions import Question
 from dcap.language.protocol.requests import PictureMaker
@@ -98,7 +98,7 @@ def rubric_score(request: ScoreRequest) -> ScoreReply:
     place, physics = known_scores(request.metrics)
     flaws = (worst_metric(request.metrics, axis) for axis in (JudgedAxis.RIGHT_PLACE, JudgedAxis.PHYSICS_NATURALNESS))
     return ScoreReply.model_construct(
-        analysis=f"metric rubric; lowest: {', '.join(flaw or 'not known' for flaw in flaws)}",
+        analysis=f"{RUBRIC}; lowest: {', '.join(flaw or 'not known' for flaw in flaws)}",
         right_place=place,
         physics_naturalness=physics,
     )
@@ -113,7 +113,7 @@ def rubric_pair(request: PairRequest) -> PairReply:
     sides = ("left", left), ("right", right)
     said = ", ".join(f"{side} {' and '.join('-' if x is None else f'{x:g}' for x in own)}" for side, own in sides)
     return PairReply.model_construct(
-        analysis=f"metric rubric; {said}",
+        analysis=f"{RUBRIC}; {said}",
         right_place=place,
         physics_naturalness=physics,
         overall=preferred(all_in_all(left), all_in_all(right)) if same else None,
@@ -124,7 +124,7 @@ def known_scores(metrics: Metrics) -> tuple[float | None, float | None]:
     """Both scores of the rubric; LanguageError where none is known."""
     scores = rubric_scores(metrics)
     if scores == (None, None):
-        raise LanguageError("the metric rubric cannot judge a placement of which no metric is known; ask a model")
+        raise LanguageError(f"the {RUBRIC} cannot judge a placement of which no metric is known; ask a model")
     return scores
 
 

@@ -16,6 +16,8 @@ from dataclasses import dataclass
 from dcap.evaluation.statistics.comparisons import JudgedAxis
 from dcap.scene.errors import InputError
 
+RUBRIC = "metric rubric"
+"""Name of this judge, where no model is asked."""
 Metrics = Mapping[str, float | bool | None]
 """Metrics by the names of SCALES; further names are not looked at."""
 BEST, WORST = 10.0, 1.0
@@ -67,9 +69,9 @@ PHYSICS_NATURALNESS: Mapping[str, MetricScale | TruthScale] = {
     "penetration_m": MetricScale(((5e-5, BEST), (1e-3, 8.0), (1e-2, 4.0), (5e-2, WORST))),
     "gap_m": MetricScale(((2e-4, BEST), (2e-3, 8.0), (1e-2, 4.0), (5e-2, WORST))),
     "indentation_error_m": MetricScale(((5e-4, BEST), (2e-3, 8.0), (1e-2, 4.0), (3e-2, WORST))),
-    "contact_area_m2": MetricScale(((1e-9, WORST), (1e-7, BEST))),
     "force_residual": MetricScale(((5e-3, BEST), (5e-2, 7.0), (0.3, 4.0), (1.0, WORST))),
     "drift_m": MetricScale(((5e-4, BEST), (5e-3, 7.0), (5e-2, 3.0), (0.3, WORST))),
+    "drift_deg": MetricScale(((0.5, BEST), (5.0, 7.0), (30.0, 3.0), (90.0, WORST))),
     "visible_fraction": MetricScale(((5e-3, WORST), (0.02, 2.0), (0.1, 5.0), (0.5, BEST))),
     "com_supported": TruthScale(3.0),
 }

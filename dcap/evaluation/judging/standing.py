@@ -44,6 +44,14 @@ def lowest_scores(rows: Sequence[SampleOutcome], judge: str) -> list[JudgedScore
     ]
 
 
+def without_placement(rows: Sequence[SampleOutcome]) -> dict[str, int]:
+    """Samples of each method, in the order of the rows, on which it made no placement though one was intended."""
+    found = dict.fromkeys((row.method for row in rows), 0)
+    for row in rows:
+        found[row.method] += standing_of(row) is Standing.LOWEST
+    return found
+
+
 def with_judged_scores(rows: Sequence[SampleOutcome], scores: Sequence[JudgedScore]) -> tuple[SampleOutcome, ...]:
     """The rows with a judge's scores; those without a score have none, whoever scored them before."""
     known: Mapping[tuple[str, str], JudgedScore] = {(one.method, one.sample): one for one in scores}

@@ -47,9 +47,9 @@ class Columns:
         return int(np.argmin(self.gap)) if len(self.gap) and np.isfinite(self.gap.min()) else -1
 
 
-def columns(thing: Mesh, scene: Mesh) -> Columns:
+def columns(thing: Mesh, beneath: Raycaster) -> Columns:
     """Lines through the object (world frame) over the scene without it."""
-    own, beneath = Raycaster(thing), Raycaster(scene)
+    own = Raycaster(thing)
     low, high = thing.bounds
     step = np.maximum((high - low)[:2], 1e-9) / LINES
     axes = [low[a] + step[a] * (np.arange(LINES) + 0.5) for a in range(2)]

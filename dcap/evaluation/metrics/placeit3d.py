@@ -85,7 +85,7 @@ class FinalBox:
     box: OrientedBox
     """Along the world's axes."""
     front: Array
-    """World xy of its front (+y of its pose), of any length, shape (2,)."""
+    """World xy of its front, of any length, shape (2,)."""
     support_id: str
     """Instance that carries it or is nearest beneath; empty over nothing."""
     dz: float

@@ -22,6 +22,10 @@ Array = NDArray[np.float64]
 TOUCHING = 1e-3
 """Surfaces closer than this touch [m]: what one sees of a gap in a picture of a room, and ten times what the solver
 leaves."""
+LANDED = 1e-4
+"""An object this close above what carries it has come down on it [m]."""
+FACING, AT = 0.5, 2e-5
+"""Cosine from which on what is near is before a face [-]; and what is as near as this is at it [m]."""
 FINE = 1.0 / 64.0
 """Largest edge of the faces that are sampled, over the object's size [-]."""
 LEAST_EDGE = 1e-3
@@ -39,31 +43,48 @@ class Touching:
     contact_area: float
     """Area of the object's surface within TOUCHING of the scene, or inside it [m^2]."""
     margin: float
-    """Distance of the centre of mass, seen in plan, to the rim of the convex hull of the contact: positive inside [m];
-    -inf where nothing touches."""
+    """Distance of the centre of mass, seen in plan, to the rim of the convex hull of the patch: positive inside [m];
+    -inf without one."""
     columns: Columns
     patch: Array
-    """Middles of the touching pieces of the object's surface [m], shape (k, 3)."""
+    """Middles of the pieces of the object's surface that carry it, or would once it has come down by the gap [m],
+    shape (k, 3): a millimetre of air changes the gap, and not what is beneath."""
 
 
 def touching(thing: Mesh, scene: Mesh) -> Touching:
     """Measure an object at its final pose against the scene without it, as it was left or as it was given."""
     size = float(np.ptp(thing.vertices, axis=0).max())
     edge = max(FINE * size, LEAST_EDGE)
-    lines, near = columns(thing, scene), around(thing, scene, TOUCHING + edge)
-    enclosed = enclosed_depth(thing, scene)
-    depth = max(inside_depth(thing, near, edge), enclosed)
+    whole = Raycaster(scene)
+    lines, enclosed = columns(thing, whole), enclosed_depth(thing, whole, scene)
     gap = np.inf
     if enclosed or lines.nearest >= 0:
         gap = 0.0 if enclosed else max(float(lines.gap[lines.nearest]), 0.0)
+    down = gap if LANDED < gap < np.inf else 0.0
+    near = around(thing, scene, TOUCHING + edge + down)
+    depth = max(inside_depth(thing, near, edge), enclosed)
     fine = subdivide_near(thing, thing.bounds, edge)
-    middle = fine.triangles.mean(axis=1)
-    away = Raycaster(near).distance_to(middle) if len(near.faces) else np.full(len(middle), np.inf)
-    deep = below_surface(middle, scene, lines) if depth > TOUCHING else np.zeros(len(middle), dtype=bool)
-    mine = (away <= TOUCHING) | deep | (enclosed > 0.0)
-    patch = middle[mine]
+    middle, normal = fine.triangles.mean(axis=1), fine.face_normals
+    caster = Raycaster(near)
+
+    def touches(points: Array) -> NDArray[np.bool_]:
+        deep = below_surface(points, whole, lines) if depth > TOUCHING else np.zeros(len(points), dtype=bool)
+        return faced(points, normal, caster) | deep | (enclosed > 0.0)
+
+    mine = touches(middle)
+    landed = middle - [0.0, 0.0, down]
+    patch = landed[touches(landed)] if down else middle[mine]
     margin = support_margin(patch, center_of_mass(thing))
     return Touching(depth, gap, float(fine.face_areas[mine].sum()), margin, lines, patch)
+
+
+def faced(points: Array, normal: Array, scene: Raycaster) -> NDArray[np.bool_]:
+    """Which points (n, 3) of a surface with area normals (n, 3) have the scene within TOUCHING before them, shape (n,):
+    the rim of a side is near what its bottom stands on, and does not touch it."""
+    way = scene.nearest(points) - points
+    away = np.linalg.norm(way, axis=1)
+    before = np.einsum("ij,ij->i", way, normal) >= FACING * away * np.linalg.norm(normal, axis=1)
+    return np.asarray((away <= TOUCHING) & (before | (away <= AT)))
 
 
 def around(thing: Mesh, scene: Mesh, reach: float) -> Mesh:
@@ -91,29 +112,40 @@ def surface_points(mesh: Mesh, box: Array, edge: float) -> Array:
     return np.concatenate([fine.vertices, fine.triangles.mean(axis=1)])
 
 
-def enclosed_depth(thing: Mesh, scene: Mesh) -> float:
+def enclosed_depth(thing: Mesh, scene: Raycaster, faces: Mesh) -> float:
     """How far the object's lowest point is below the surface over it where it is inside a solid as a whole [m], else 0:
     none of the surface is inside the object then. Inside: along most vertical lines both the next face above and the
     next one below are met from behind."""
-    caster, (low, high) = Raycaster(scene), thing.bounds
+    low, high = thing.bounds
     inner = np.linspace(0.2, 0.8, 5)
     plan = np.stack(np.meshgrid(*(low[a] + inner * (high - low)[a] for a in range(2))), axis=-1).reshape(-1, 2)
-    above = caster.cast(np.column_stack([plan, np.full(len(plan), high[2])]), np.tile(UP, (len(plan), 1)))
-    below = caster.cast(np.column_stack([plan, np.full(len(plan), low[2])]), np.tile(DOWN, (len(plan), 1)))
-    behind = np.isfinite(above.distance) & np.isfinite(below.distance)
-    behind &= (above.normal[:, 2] > 0.0) & (below.normal[:, 2] < 0.0)
+    above = scene.cast(np.column_stack([plan, np.full(len(plan), high[2])]), np.tile(UP, (len(plan), 1)))
+    behind = np.isfinite(above.distance) & (above.normal[:, 2] > 0.0) & left_below(plan, float(low[2]), scene, faces)
     if behind.sum() <= 0.5 * len(plan):
         return 0.0
     return float(high[2] - low[2] + above.distance[behind].min())
 
 
-def below_surface(points: Array, scene: Mesh, lines: Columns) -> NDArray[np.bool_]:
+def left_below(plan: Array, height: float, scene: Raycaster, faces: Mesh) -> NDArray[np.bool_]:
+    """Where the next face below points (n, 2) at a height [m] is met from behind, shape (n,). A thing may stand flush
+    on another: of faces that coincide any one will do."""
+    ray, face, away = scene.crossings(
+        np.column_stack([plan, np.full(len(plan), height)]), np.tile(DOWN, (len(plan), 1))
+    )
+    first = np.full(len(plan), np.inf)
+    np.minimum.at(first, ray, away)
+    a, b, c = faces.corners(face).transpose(1, 0, 2)
+    down = np.cross(b - a, c - a)[:, 2] < 0.0
+    return np.asarray(np.bincount(ray, down & (away <= first[ray] + LANDED), minlength=len(plan)) > 0)
+
+
+def below_surface(points: Array, scene: Raycaster, lines: Columns) -> NDArray[np.bool_]:
     """Which points (n, 3) of the object lie below the surface that its lines meet, shape (n,)."""
     met = np.isfinite(lines.top)
     if not met.any():
         return np.zeros(len(points), dtype=bool)
     start = np.column_stack([points[:, :2], np.full(len(points), lines.start)])
-    hits = Raycaster(scene).cast(start, np.tile(DOWN, (len(points), 1)))
+    hits = scene.cast(start, np.tile(DOWN, (len(points), 1)))
     return np.asarray(lines.start - hits.distance > points[:, 2])
 
 

@@ -8,23 +8,13 @@ import json
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
-from dcap.evaluation.methods import DCAP
 from dcap.evaluation.outcome_table import AS_POSED, AT_REST, SampleOutcome
-from dcap.evaluation.run_folder import sample_folder
 from dcap.scene.json_tree import JsonObject
+from dcap.scene.types.judged_views import BEFORE, PLACED
 
 PLACEMENT = "placement.json"
-VIEWS = ("room", "front", "right", "back", "left", "side", "top", "low")
-"""Canonical views that the same cameras take of every method, in the order of the page; others follow by name."""
-BEFORE = ("clean", "asset")
-"""Of these views, what was there before a placement."""
 MOST_NOTES, MOST_LETTERS = 20, 300
 """Notes of a placement on the page, and letters of one [-]: the page of a thousand placements must open."""
-
-
-def placement_folder(run: Path, row: SampleOutcome) -> Path:
-    """Where the files of a row lie."""
-    return sample_folder(run, row.sample if row.method == DCAP else f"{row.method}/{row.sample}")
 
 
 def kind_of(row: SampleOutcome) -> str:
@@ -49,7 +39,7 @@ def views_of(folder: Path) -> tuple[str, ...]:
     found = {path.stem for path in (folder / "views").glob("*.png")} - set(BEFORE)
     if not found:
         return tuple(f"{name}.png" for name in ("settled", "closeup") if (folder / f"{name}.png").is_file())
-    order = [name for name in VIEWS if name in found]
+    order = [name for name in PLACED if name in found]
     return tuple(f"views/{name}.png" for name in (*order, *sorted(found - set(order))))
 
 

@@ -11,6 +11,7 @@ from pathlib import Path
 
 from dcap.evaluation.page3d.viewer import write_if_other
 from dcap.scene.json_tree import JsonObject
+from dcap.scene.store.artifacts import digest_of_file
 from dcap.scene.store.codec import canonical_json
 
 RUN, HASHES = "run.json", "artifacts.sha256"
@@ -34,7 +35,7 @@ def provenance_of(run: Path, folders: Sequence[Path]) -> Provenance:
     """Read a run's origin and write the digests of the files in the folders of its placements."""
     asked = read_run(run)
     lines = [
-        f"{digest_of(path)}  {path.relative_to(run).as_posix()}\n"
+        f"{digest_of_file(path)}  {path.relative_to(run).as_posix()}\n"
         for folder in folders
         for path in sorted(folder.rglob("*"))
         if path.is_file() and not path.name.startswith(".")
@@ -65,12 +66,6 @@ def read_run(run: Path) -> JsonObject:
     except (OSError, ValueError):
         return {}
     return tree if isinstance(tree, dict) else {}
-
-
-def digest_of(path: Path) -> str:
-    """SHA-256 of a file."""
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def listed(value: object) -> Sequence[object]:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from dcap.evaluation.outcome_table import SampleOutcome
-from dcap.evaluation.run_page.placement_files import placement_folder
+from dcap.evaluation.run_folder import placement_folder
 from dcap.evaluation.supports_plot import save_supports_plot, summary
 from dcap.language.offline.deformable import deformable_supports
 
@@ -32,7 +32,7 @@ def supports_figure(run: Path, rows: Sequence[SampleOutcome]) -> SupportsFigure 
     found: dict[str, Counter[str] | None] = {}
     for row in rows:
         if found.get(row.scene) is None:
-            labels = labels_of(placement_folder(run, row) / FACTS)
+            labels = labels_of(placement_folder(run, row.method, row.sample) / FACTS)
             found[row.scene] = None if labels is None else deformable_supports(labels)
     known = [one for one in found.values() if one is not None]
     if not known:

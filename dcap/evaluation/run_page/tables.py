@@ -63,6 +63,8 @@ SHOWN_METRICS = (
     ShownMetric("indentation_error_m", "indentation error", "mm", 1e3),
     ShownMetric("force_residual", "force residual", "", 1.0),
     ShownMetric("drift_m", "drift", "mm", 1e3),
+    ShownMetric("drift_deg", "turn while drifting", "°", 1.0),
+    ShownMetric("drift_s", "simulated on", "s", 1.0),
     ShownMetric("visible_fraction", "visible", "%", 100.0),
     ShownMetric("right_place", "Right Place", "1–10", 1.0),
     ShownMetric("physics_naturalness", "P&N", "1–10", 1.0),

@@ -1,11 +1,11 @@
-"""How far raters agree on nominal choices: percent, Cohen's and Fleiss' kappa, Krippendorff's alpha.
+"""How far raters agree on nominal choices: the share of pairs of raters, and Krippendorff's alpha.
 
-In: what each rater chose for each item. All are None where they are not defined: nobody rated the same thing, or a
-single category was ever used (then chance alone explains everything, 0 / 0).
+In: what each rater chose for each item. None where nobody rated the same thing; alpha also where a single category was
+ever used (then chance alone explains everything, 0 / 0). Kappas ask for the same raters, or as many, for every item:
+raters of a study see some items together and others alone, and alpha takes them as they come.
 
-Sources: [C60] Cohen, Educational and Psychological Measurement 20, 1960, 37-46; [F71] Fleiss, Psychological Bulletin
-76, 1971, 378-382; [K11] Krippendorff, Computing Krippendorff's Alpha-Reliability, 2011, section C (nominal data, any
-number of raters, missing data).
+Source: [K11] Krippendorff, Computing Krippendorff's Alpha-Reliability, 2011, section C (nominal data, any number of
+raters, missing data).
 """
 
 from collections import defaultdict
@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dcap.evaluation.statistics.comparisons import Comparison
-from dcap.scene.errors import InputError
 
 Ratings = Sequence[Mapping[str, str]]
 """One mapping per item: rater to category."""
@@ -57,34 +56,6 @@ def percent_agreement(ratings: Ratings) -> float | None:
     if len(counts) == 0:
         return None
     return float(((counts * (counts - 1)).sum(axis=1) / (raters * (raters - 1))).mean())
-
-
-def cohens_kappa(first: Sequence[str], second: Sequence[str]) -> float | None:
-    """(p_o - p_e) / (1 - p_e) of two raters over the same items, p_e from each one's own shares [C60, eq. 1]."""
-    if len(first) != len(second):
-        raise InputError(f"Cohen's kappa: the raters have {len(first)} and {len(second)} choices, not the same items")
-    if not first:
-        return None
-    observed = float(np.mean([a == b for a, b in zip(first, second, strict=True)]))
-    count = len(first)
-    expected = sum(first.count(name) * second.count(name) for name in set(first) | set(second)) / count**2
-    return None if expected == 1.0 else (observed - expected) / (1.0 - expected)
-
-
-def fleiss_kappa(ratings: Ratings) -> float | None:
-    """(P - P_e) / (1 - P_e) over items that all have the same number of raters [F71]; InputError if not."""
-    counts = category_counts(ratings)
-    raters = counts.sum(axis=1)
-    if len(counts) == 0 or raters.max() < 2:
-        return None
-    if (raters != raters[0]).any():
-        raise InputError(
-            f"Fleiss' kappa: items have {raters.min():.0f} to {raters.max():.0f} raters, all must have the same "
-            "number; Krippendorff's alpha needs no such thing"
-        )
-    observed = float(((counts**2).sum(axis=1) - raters[0]).mean() / (raters[0] * (raters[0] - 1)))
-    expected = float((counts.sum(axis=0) ** 2).sum() / counts.sum() ** 2)
-    return None if expected == 1.0 else (observed - expected) / (1.0 - expected)
 
 
 def krippendorff_alpha(ratings: Ratings) -> float | None:

@@ -1,10 +1,11 @@
 """Attention checks: a placement beside a copy of it in which the object floats, so that one answer is wrong.
 
 A folder per check, `attention/01/settled` and `attention/01/lifted`, holds pictures and a model of either; both are
-made here, from the same scene.glb, so that they differ in nothing but the object's height.
+made of the same scene.glb, so that they differ in nothing but the object's height. The pictures have the names and
+sizes of the placement's own: nobody can tell a check from another comparison by them.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from random import Random
 
@@ -12,8 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from dcap.evaluation.study.placed_surface import PlacedSurface, camera_toward, read_placed_surface
-from dcap.evaluation.study.placements import StudyRun
+from dcap.evaluation.outcome_table import AT_REST
+from dcap.evaluation.study.placed_surface import PlacedSurface, read_placed_surface
+from dcap.evaluation.study.placements import ShownPlacement, StudyRun
 from dcap.scene.errors import DcapError
 
 ATTENTION, SETTLED, LIFTED, MODEL = "attention", "settled", "lifted", "model.glb"
@@ -21,26 +23,22 @@ MOST_CHECKS = 3
 """Different checks of a study [-]; raters may meet one more than once."""
 LIFT, LEAST_LIFT = 0.7, 0.12
 """How high the copy floats: over its height [-], and at least [m]."""
-WIDTH = 720
-"""Of a picture [pixel]."""
-ASIDE_DEG = (0.0, 70.0, -70.0)
-"""Directions of the views, from the one that shows most of the object [degrees]."""
-AT_REST = "at_rest"
+
+CheckPictures = Callable[[ShownPlacement, PlacedSurface, PlacedSurface], Mapping[str, NDArray[np.uint8]]]
+"""Takes the pictures of one side of a check, by name: of a placement, its surface at rest and as this side shows it."""
 
 
-def make_checks(run: StudyRun, folder: Path, seed: int, say: Callable[[str], None]) -> tuple[tuple[str, str], ...]:
+def make_checks(
+    run: StudyRun, folder: Path, seed: int, take: CheckPictures, say: Callable[[str], None]
+) -> tuple[tuple[str, str], ...]:
     """Make the checks of a study; (method, sample) of each. `say` is told of placements that none could be made of."""
     found: list[tuple[str, str]] = []
     for method, sample in candidates(run, seed):
         if len(found) == MOST_CHECKS:
             break
-        path = run.shown[method, sample].scene_model
         try:
-            if path is not None:
-                pictures = run.shown[method, sample].pictures
-                out = check_folder(folder, len(found) + 1)
-                write_check(read_placed_surface(path), out, like_picture(pictures[0]), len(pictures))
-                found.append((method, sample))
+            write_check(run.shown[method, sample], check_folder(folder, len(found) + 1), take)
+            found.append((method, sample))
         except DcapError as error:
             say(f"no attention check of {method} {sample}: {error}")
     return tuple(found)
@@ -61,31 +59,16 @@ def check_folder(study: Path, number: int, name: str = "") -> Path:
     return study / ATTENTION / f"{number:02d}" / name
 
 
-def like_picture(path: Path) -> tuple[int, int]:
-    """Rows and columns of a check's pictures: as high for their width as the run's own, so that a check looks like any
-    other comparison."""
-    with Image.open(path) as picture:
-        return max(1, round(WIDTH * picture.height / picture.width)), WIDTH
-
-
-def write_check(surface: PlacedSurface, folder: Path, shape: tuple[int, int], views: int) -> None:
-    """Pictures of so many rows and columns, from at most so many sides, and models of a placement and its floating
-    copy."""
-    near = surface.around_thing()
-    low, high = near.thing_bounds
+def write_check(placement: ShownPlacement, folder: Path, take: CheckPictures) -> None:
+    """Pictures and models of a placement that has a scene.glb, and of its floating copy."""
+    assert placement.scene_model is not None
+    surface = read_placed_surface(placement.scene_model)
+    low, high = surface.thing_bounds
     rise = max(LIFT * float(high[2] - low[2]), LEAST_LIFT)
+    near = surface.around_thing()
     toward = near.best_direction()
-    middle = (low + high) / 2 + np.array([0.0, 0.0, rise / 2])
-    size = float(np.linalg.norm(high - low + np.array([0.0, 0.0, rise])))
-    cameras = [camera_toward(middle, turned(toward, angle), size, shape) for angle in ASIDE_DEG[:views]]
-    for name, one in ((SETTLED, near), (LIFTED, near.lifted(rise))):
+    for name, height in ((SETTLED, 0.0), (LIFTED, rise)):
         (folder / name).mkdir(parents=True, exist_ok=True)
-        for number, camera in enumerate(cameras, 1):
-            Image.fromarray(one.picture(camera)).save(folder / name / f"{number}.png")
-        (folder / name / MODEL).write_bytes(one.glb(toward))
-
-
-def turned(direction: NDArray[np.float64], angle_deg: float) -> NDArray[np.float64]:
-    """A direction (3,) turned about the vertical axis."""
-    cos, sin = np.cos(np.radians(angle_deg)), np.sin(np.radians(angle_deg))
-    return np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]]) @ direction
+        for view, rgb in take(placement, surface, surface.lifted(height)).items():
+            Image.fromarray(rgb).save(folder / name / f"{view}.png")
+        (folder / name / MODEL).write_bytes(near.lifted(height).glb(toward))

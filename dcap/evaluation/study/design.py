@@ -1,12 +1,15 @@
 """Which comparisons each rater gets, in which order, and which placement stands on which side.
 
-Guaranteed, for any number of raters: a rater compares every pair of methods equally often; where the samples of a pair
-of methods are gone through once more, its sides are swapped; within a rater the sides of a pair of methods alternate.
-All follows from the seed and the rater's number. Attention checks, of which the answer is known, lie between them.
+Guaranteed, for any number of raters: a rater compares every pair of methods equally often, each method of it on either
+side as often (to one). About a fifth of what a rater gets is shared with the others of a group, so that one can tell
+how far raters agree; the rest is what was shown least so far. A comparison that comes again swaps its sides.
+All follows from the seed, the rater's number and what earlier raters got. Attention checks, of which the answer is
+known, lie between them.
 """
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 from enum import StrEnum
 from itertools import combinations
 from math import ceil
@@ -19,18 +22,15 @@ PER_RATER = 40
 """Comparisons that a rater gets unless another number is asked for [-]."""
 BETWEEN_CHECKS = 10
 """Comparisons for each attention check [-]."""
-
-
-class StudyAxis(StrEnum):
-    """What a rater is asked of each comparison, in the order of the questions."""
-
-    RIGHT_PLACE = "right_place"
-    PHYSICS = "physics_naturalness"
-    OVERALL = "overall"
+SHARED = 0.2
+"""Share of a rater's comparisons that all of a group get [-]."""
+GROUP = 4
+"""Raters of a group [-]: one block for all would count twelve times in a study of twelve, one for two is lost with one
+rater who does not come."""
 
 
 class Side(StrEnum):
-    """One of two placements side by side."""
+    """One of two placements side by side: what a rater chooses. There is no tie."""
 
     LEFT = "left"
     RIGHT = "right"
@@ -91,26 +91,76 @@ def per_pair(pairs: MethodPairs, wanted: int | None) -> int:
     return min(most, asked // len(pairs))
 
 
-def comparisons(pairs: MethodPairs, count: int, rater: int, seed: int) -> list[tuple[str, str, str]]:
+@dataclass(slots=True)
+class Showings:
+    """What raters were given so far."""
+
+    seen: Counter[tuple[str, str, str]] = field(default_factory=Counter)
+    """How often a pair of methods was shown on a sample: (sample, one, two)."""
+    lean: Counter[tuple[str, str, str]] = field(default_factory=Counter)
+    """How much more often with `one` on the left than on the right."""
+    of_sample: Counter[str] = field(default_factory=Counter)
+    """How often a sample was shown."""
+
+    def add(self, pairs: MethodPairs, items: Iterable[tuple[str, str, str]]) -> None:
+        """Count comparisons (sample, left, right)."""
+        for sample, left, right in items:
+            known = (left, right) in pairs
+            key = (sample, left, right) if known else (sample, right, left)
+            self.seen[key] += 1
+            self.lean[key] += 1 if known else -1
+            self.of_sample[sample] += 1
+
+
+def showings_of(pairs: MethodPairs, items: Iterable[StudyItem]) -> Showings:
+    """What some raters were given, attention checks aside."""
+    found = Showings()
+    found.add(pairs, ((one.sample, one.left, one.right) for one in items if one.lifted is None))
+    return found
+
+
+def shared_counts(pairs: int, count: int, group: int) -> list[int]:
+    """How many of the `count` comparisons of each pair of methods a group shares: SHARED of all, as even as may be;
+    which pairs have one more changes from group to group."""
+    least, more = divmod(max(1, round(SHARED * pairs * count)), pairs)
+    extra = {(group * more + k) % pairs for k in range(more)}
+    return [least + (number in extra) for number in range(pairs)]
+
+
+def comparisons(pairs: MethodPairs, count: int, rater: int, seed: int, before: Showings) -> list[tuple[str, str, str]]:
     """(sample, left, right) of the rater's comparisons, `count` of each pair of methods, one pair after the other."""
-    found = []
-    for number, ((one, two), samples) in enumerate(pairs.items()):
+    group, found = rater // GROUP, list[tuple[str, str, str]]()
+    earlier = [shared_counts(len(pairs), count, one) for one in range(group)]
+    for number, (((one, two), samples), shares) in enumerate(
+        zip(pairs.items(), shared_counts(len(pairs), count, group), strict=True)
+    ):
         order = list(samples)
         Random(f"{seed} samples {one} {two}").shuffle(order)
-        offset = number * len(order) // len(pairs)  # pairs of methods begin with different samples
-        for turn in range(rater * count, (rater + 1) * count):
-            lap, place = divmod(offset + turn, len(order))
-            swapped = (place + lap + number) % 2 == 1
-            found.append((order[place], two, one) if swapped else (order[place], one, two))
+        begin = sum(row[number] for row in earlier)  # blocks come from the front of the order, the rest from its back
+        mine = [order[(begin + k) % len(order)] for k in range(shares)]
+        place = {sample: k for k, sample in enumerate(reversed(order))}
+        rest = sorted(
+            (sample for sample in order if sample not in mine),
+            key=lambda name: (before.seen[name, one, two], before.of_sample[name], place[name]),
+        )
+        mine += rest[: count - shares]
+        first = count // 2 + (count % 2 and (rater + number) % 2)
+        mine.sort(key=lambda name: before.lean[name, one, two])
+        rows = [(name, one, two) if k < first else (name, two, one) for k, name in enumerate(mine)]
+        before.add(pairs, rows)
+        found += rows
     return found
 
 
 def rater_items(
-    pairs: MethodPairs, checks: Sequence[tuple[str, str]], count: int, rater: int, seed: int
+    pairs: MethodPairs, checks: Sequence[tuple[str, str]], count: int, rater: int, seed: int, before: Showings
 ) -> tuple[StudyItem, ...]:
-    """What a rater is asked, in order; `checks` are (method, sample) of the placements that have a floating copy."""
+    """What a rater is asked, in order; `checks` are (method, sample) of the placements that have a floating copy.
+    `before` is what earlier raters were given, and counts these from now on."""
     chance = Random(f"{seed} rater {rater}")
-    rows: list[tuple[str, str, str, Side | None]] = [(*one, None) for one in comparisons(pairs, count, rater, seed)]
+    rows: list[tuple[str, str, str, Side | None]] = [
+        (*one, None) for one in comparisons(pairs, count, rater, seed, before)
+    ]
     chance.shuffle(rows)
     wanted = ceil(len(rows) / BETWEEN_CHECKS) if checks else 0
     places = [len(rows) * (2 * n + 1) // (2 * wanted) for n in range(wanted)]

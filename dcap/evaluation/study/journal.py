@@ -14,7 +14,8 @@ from pathlib import Path
 from threading import Lock
 from typing import Self
 
-from dcap.evaluation.study.design import Side, StudyAxis
+from dcap.evaluation.statistics.comparisons import JudgedAxis
+from dcap.evaluation.study.design import Side
 from dcap.scene.errors import InputError
 
 JOURNAL = "votes.jsonl"
@@ -27,7 +28,7 @@ class StudyVote:
     rater: str
     item: str
     sample: str
-    axis: StudyAxis
+    axis: JudgedAxis
     left: str
     """Method of the placement on the left."""
     right: str
@@ -38,7 +39,7 @@ class StudyVote:
     """From when the two placements were shown to the answer of the whole page [s]."""
 
     @property
-    def key(self) -> tuple[str, str, StudyAxis]:
+    def key(self) -> tuple[str, str, JudgedAxis]:
         """What no two votes that count have in common."""
         return self.rater, self.item, self.axis
 
@@ -59,7 +60,7 @@ def vote_of_line(line: bytes, where: str) -> StudyVote:
         tree = json.loads(line)
         lifted = tree["lifted"]
         return StudyVote(
-            rater=str(tree["rater"]), item=str(tree["item"]), sample=str(tree["sample"]), axis=StudyAxis(tree["axis"]),
+            rater=str(tree["rater"]), item=str(tree["item"]), sample=str(tree["sample"]), axis=JudgedAxis(tree["axis"]),
             left=str(tree["left"]), right=str(tree["right"]), winner=Side(tree["winner"]),
             lifted=None if lifted is None else Side(lifted), seconds=float(tree["seconds"]),
         )  # fmt: skip
@@ -127,7 +128,7 @@ class VoteJournal:
         """The items of which a rater has answered every question."""
         with self._lock:
             mine = [item for one, item, _ in self._votes if one == rater]
-        return frozenset(item for item in mine if mine.count(item) == len(StudyAxis))
+        return frozenset(item for item in mine if mine.count(item) == len(JudgedAxis))
 
     def add(self, votes: Sequence[StudyVote]) -> bool:
         """Keep the votes of one comparison on the disk; False if that rater has answered it before.

@@ -1,6 +1,6 @@
-"""The surface of a placement as its scene.glb has it: cut out around the object, with the object lifted, seen.
+"""The surface of a placement as its scene.glb has it: cut out around the object, with the object lifted.
 
-In: scene.glb. Out: smaller GLB files for a page, and pictures. World frame: metres, z up.
+In: scene.glb. Out: smaller GLB files for a page. World frame: metres, z up.
 """
 
 from dataclasses import dataclass, replace
@@ -10,15 +10,13 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from dcap.geometry.camera import Camera, looking_at
 from dcap.geometry.raycast import Raycaster
 from dcap.geometry.rendering.normals import ShadingNormals
 from dcap.geometry.rendering.painted import own_paint
-from dcap.geometry.rendering.picture import picture
 from dcap.scene.errors import FormatError
 from dcap.scene.readers.gltf.gltf import read_gltf
 from dcap.scene.types.mesh import Mesh
-from dcap.scene.types.paint import CornerPaint, PaintedMesh, SourceSurface
+from dcap.scene.types.paint import CornerPaint, SourceSurface
 from dcap.scene.writers.glb import GLTF_FROM_WORLD, Node, glb_bytes
 
 THING = "object"
@@ -30,11 +28,11 @@ MOST_FACES = 300_000
 SHRINK = 0.8
 """By how much a cut-out of more faces is made smaller at a time [-]."""
 AZIMUTHS, ELEVATION_DEG = 12, 28.0
-"""Directions that are tried for a view: around the object, at one height [degrees]."""
+"""Directions that are tried: around the object, at one height [degrees]."""
 RAYS = 300
 """To points of the object from each of them [-]."""
 BACK = 2.6
-"""Distance of a view over the diagonal of what it shows [-]."""
+"""Distance from which it is looked at over its diagonal [-]."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -45,6 +43,10 @@ class PlacedSurface:
     paint: CornerPaint | None
     is_thing: NDArray[np.bool_]
     """Which faces are the object's, shape (m,)."""
+    ids: tuple[str, ...]
+    """Of the things of the scene."""
+    face_id: NDArray[np.int32]
+    """Index into `ids` per face, -1 for the object's, shape (m,)."""
 
     @property
     def thing_bounds(self) -> NDArray[np.float64]:
@@ -54,7 +56,9 @@ class PlacedSurface:
     def of(self, faces: NDArray[np.integer]) -> Self:
         """That of some faces."""
         paint = None if self.paint is None else self.paint.of(faces)
-        return replace(self, mesh=self.mesh.submesh(faces), paint=paint, is_thing=self.is_thing[faces])
+        return replace(
+            self, mesh=self.mesh.submesh(faces), paint=paint, is_thing=self.is_thing[faces], face_id=self.face_id[faces]
+        )
 
     def around_thing(self, most_faces: int = MOST_FACES) -> Self:
         """The object and what is near it; the nearer, the more faces there are."""
@@ -101,18 +105,6 @@ class PlacedSurface:
             shares.append(1.0 - caster.occluded(start, unit, length).mean())
         return np.asarray(directions()[int(np.argmax(shares))])
 
-    def picture(self, camera: Camera) -> NDArray[np.uint8]:
-        """What a camera sees, sRGB, shape (h, w, 3)."""
-        return picture([PaintedMesh(self.mesh, self.paint)], camera).rgb
-
-
-def camera_toward(
-    target: NDArray[np.float64], direction: NDArray[np.float64], size: float, shape: tuple[int, int]
-) -> Camera:
-    """A camera from a direction (3,) that shows a ball of diameter `size` [m] around a point (3,); `shape` is rows and
-    columns."""
-    return looking_at(target + BACK * size * direction, target, shape[1], shape[0])
-
 
 def directions() -> NDArray[np.float64]:
     """Unit directions around the vertical axis, from a little above, shape (n, 3)."""
@@ -133,4 +125,7 @@ def read_placed_surface(path: Path) -> PlacedSurface:
     world = mesh.transformed(np.linalg.inv(GLTF_FROM_WORLD))
     textured = raw.paint is not None and len(raw.paint.textures) > 0
     paint = own_paint(SourceSurface(mesh, raw.paint)) if textured and raw.paint is not None else None
-    return PlacedSurface(world, paint, is_thing)
+    owners = [None if name == THING else name.split("/")[0] for name in raw.node_names]
+    ids = tuple(dict.fromkeys(one for one in owners if one is not None))
+    number_of = np.array([*(-1 if one is None else ids.index(one) for one in owners), -1], dtype=np.int32)
+    return PlacedSurface(world, paint, is_thing, ids, np.where(is_thing, -1, number_of[raw.face_node]))

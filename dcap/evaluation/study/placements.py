@@ -1,24 +1,27 @@
 """What of a run people can compare: its methods, its samples, and the pictures of each placement.
 
-In: the folder of a run. Out: for each (method, sample) the folder of the placement and its pictures, or why there are
-none. Nothing outside of the run's folder is ever named.
+In: the folder of a run and its rows. Out: for each (method, sample) the folder of the placement and its pictures, or
+why it is not shown. What is shown is what judges compare (dcap/evaluation/judging/standing.py). Nothing outside of the
+run's folder is ever named.
 """
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from dcap.evaluation.run_folder import sample_folder
+from dcap.evaluation.judging.standing import Standing, standing_of
+from dcap.evaluation.methods import DCAP
+from dcap.evaluation.outcome_table import SampleOutcome
+from dcap.evaluation.run_folder import placement_folder
 from dcap.scene.errors import InputError
+from dcap.scene.types.judged_views import BEFORE, PLACED
 
-OURS = "dcap"
-METHODS_FOLDER, VIEWS = "methods", "views"
-CLEAN, ASSET = "clean", "asset"
+VIEWS = "views"
+CLEAN, ASSET = BEFORE
 """Pictures of the scene before and of the asset alone: of the first method's folder."""
 FALLBACK = ("settled", "closeup")
 """Pictures of a placement that has no canonical views."""
-INFEASIBLE = "infeasible"
 SCENE_GLB, OBJECT_GLB = "scene.glb", "object.glb"
 
 
@@ -30,7 +33,7 @@ class ShownPlacement:
     sample: str
     folder: Path
     pictures: tuple[Path, ...]
-    """The canonical views in the order of their names."""
+    """Its views in the order in which judges see them; any others follow by name."""
     verdict: str
 
     @property
@@ -78,22 +81,19 @@ class StudyRun:
         return next(found, None)
 
 
-def placement_folder(run: Path, method: str, sample: str) -> Path:
-    """Where a method's files of a sample lie."""
-    return sample_folder(run if method == OURS else run / METHODS_FOLDER / method, sample)
-
-
-def read_study_run(folder: Path) -> StudyRun:
-    """What of a run can be compared; InputError for fewer than two methods, or where nothing was rendered."""
+def read_study_run(folder: Path, rows: Sequence[SampleOutcome]) -> StudyRun:
+    """What of a run can be compared; `rows` are those of its results. InputError for fewer than two methods, or where
+    nothing was rendered."""
     methods, prompts = asked_of_folder(folder)
     if len(methods) < 2:
         named = f"only {methods[0]}" if methods else "none"
         raise InputError(f"{folder.name}: a study compares methods, and the run has {named}; benchmark --methods all")
+    known = {(row.method, row.sample): row for row in rows}
     shown: dict[tuple[str, str], ShownPlacement] = {}
     left_out: dict[tuple[str, str], str] = {}
     for method in methods:
         for sample in prompts:
-            found = show(folder, method, sample)
+            found = show(folder, method, sample, known.get((method, sample)))
             if isinstance(found, str):
                 left_out[method, sample] = found
             else:
@@ -112,7 +112,7 @@ def asked_of_folder(folder: Path) -> tuple[tuple[str, ...], dict[str, str]]:
     try:
         tree = json.loads(path.read_text(encoding="utf-8"))
         samples = {str(one["id"]): str(one["prompt"]) for one in tree["samples"]}
-        methods = tuple(dict.fromkeys(str(one) for one in tree.get("methods", [OURS])))
+        methods = tuple(dict.fromkeys(str(one) for one in tree.get("methods", [DCAP])))
     except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
         raise InputError(f"{path}: not what a benchmark writes ({type(error).__name__}: {error})") from None
     for method in methods:
@@ -121,16 +121,21 @@ def asked_of_folder(folder: Path) -> tuple[tuple[str, ...], dict[str, str]]:
     return methods, samples
 
 
-def show(run: Path, method: str, sample: str) -> ShownPlacement | str:
-    """A placement with its pictures; or why it cannot be shown."""
+def show(run: Path, method: str, sample: str, row: SampleOutcome | None) -> ShownPlacement | str:
+    """A placement with its pictures; or why it is not shown."""
+    if row is None:
+        return "not in the results"
+    if row.feasible_intended is False:
+        return "meant to be impossible"
+    if standing_of(row) is not Standing.JUDGED:
+        return f"no placement: {row.reason or row.error or row.verdict}"
     folder = placement_folder(run, method, sample)
-    try:
-        tree = json.loads((folder / "placement.json").read_text(encoding="utf-8"))
-        verdict = str(tree["verdict"])
-    except (OSError, ValueError, KeyError, TypeError):
-        return "no placement.json"
-    if verdict == INFEASIBLE:
-        return "infeasible by the method itself"
-    views = sorted(p for p in (folder / VIEWS).glob("*.png") if p.stem not in (CLEAN, ASSET))
-    pictures = views or [folder / f"{name}.png" for name in FALLBACK if (folder / f"{name}.png").is_file()]
-    return ShownPlacement(method, sample, folder, tuple(pictures), verdict) if pictures else "not rendered"
+    pictures = views_of(folder / VIEWS) or [path for path in (folder / f"{n}.png" for n in FALLBACK) if path.is_file()]
+    return ShownPlacement(method, sample, folder, tuple(pictures), row.verdict) if pictures else "not rendered"
+
+
+def views_of(folder: Path) -> list[Path]:
+    """The pictures of a placement in the order in which judges see them; any others follow by name."""
+    order = {name: place for place, name in enumerate(PLACED)}
+    found = (path for path in folder.glob("*.png") if path.stem not in BEFORE)
+    return sorted(found, key=lambda path: (order.get(path.stem, len(order)), path.stem))

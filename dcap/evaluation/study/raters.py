@@ -7,7 +7,8 @@ from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from statistics import median
 
-from dcap.evaluation.study.design import Side, StudyAxis
+from dcap.evaluation.statistics.comparisons import JudgedAxis
+from dcap.evaluation.study.design import Side
 from dcap.evaluation.study.journal import StudyVote
 from dcap.evaluation.study.study_folder import StudyDesign, write_whole
 
@@ -41,8 +42,10 @@ def rater_rows(design: StudyDesign, votes: Sequence[StudyVote]) -> tuple[RaterRo
 
 def rater_row(rater: str, items: int, votes: Sequence[StudyVote]) -> RaterRow:
     """The row of one rater."""
-    mine = [vote for vote in votes if vote.rater == rater and vote.axis is StudyAxis.OVERALL]
-    checks = [v for v in votes if v.rater == rater and v.axis is StudyAxis.PHYSICS and v.lifted is not None]
+    mine = [vote for vote in votes if vote.rater == rater and vote.axis is JudgedAxis.OVERALL]
+    checks = [
+        v for v in votes if v.rater == rater and v.axis is JudgedAxis.PHYSICS_NATURALNESS and v.lifted is not None
+    ]
     failed = sum(vote.winner is vote.lifted for vote in checks)
     true = [vote for vote in mine if vote.lifted is None]
     return RaterRow(

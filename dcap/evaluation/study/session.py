@@ -9,11 +9,12 @@ from pathlib import Path
 from threading import Lock
 
 from dcap.evaluation.run_folder import folder_name
+from dcap.evaluation.statistics.comparisons import JudgedAxis
 from dcap.evaluation.study.attention import LIFTED, MODEL, SETTLED, check_folder
-from dcap.evaluation.study.design import Side, StudyAxis, StudyItem
+from dcap.evaluation.study.design import Side, StudyItem
 from dcap.evaluation.study.journal import StudyVote, VoteJournal
 from dcap.evaluation.study.placed_surface import read_placed_surface
-from dcap.evaluation.study.placements import StudyRun
+from dcap.evaluation.study.placements import StudyRun, views_of
 from dcap.evaluation.study.study_folder import StudyDesign, write_whole
 
 MODELS = "models"
@@ -56,7 +57,7 @@ class StudySession:
         """The views of the placement on a side, both sides in one order."""
         check = self._check_folder(item, side)
         if check is not None:
-            return tuple(sorted(check.glob("*.png")))
+            return tuple(views_of(check))
         left, right = self.run.pair(item.left, item.right, item.sample)
         return left if side is Side.LEFT else right
 
@@ -85,7 +86,7 @@ class StudySession:
         methods = (item.left, item.right)
         return item.lifted is not None or all(self.run.shown[m, item.sample].scene_model for m in methods)
 
-    def answer(self, rater: str, item: StudyItem, answers: Mapping[StudyAxis, Side], seconds: float) -> bool:
+    def answer(self, rater: str, item: StudyItem, answers: Mapping[JudgedAxis, Side], seconds: float) -> bool:
         """Keep a rater's answers to all questions of a comparison; False if they were given before. OSError where they
         cannot be kept."""
         return self._journal.add([
@@ -93,7 +94,7 @@ class StudySession:
                 rater, item.item, item.sample, axis, item.left, item.right, answers[axis], item.lifted,
                 round(seconds, 1),
             )
-            for axis in StudyAxis
+            for axis in JudgedAxis
         ])  # fmt: skip
 
     def _check_folder(self, item: StudyItem, side: Side) -> Path | None:

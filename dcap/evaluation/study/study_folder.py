@@ -14,7 +14,7 @@ from pathlib import Path
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from dcap.evaluation.study.design import MethodPairs, Side, StudyItem, rater_items
+from dcap.evaluation.study.design import MethodPairs, Side, StudyItem, rater_items, showings_of
 from dcap.evaluation.study.journal import StudyVote, sync_folder
 from dcap.scene.errors import InputError
 
@@ -46,8 +46,9 @@ class StudyDesign:
 
     def with_raters(self, count: int) -> "StudyDesign":
         """The same with at least so many raters."""
+        before = showings_of(self.pairs, (item for given in self.raters.values() for item in given))
         items = {
-            rater_name(n): rater_items(self.pairs, self.checks, self.per_pair, n, self.seed)
+            rater_name(n): rater_items(self.pairs, self.checks, self.per_pair, n, self.seed, before)
             for n in range(len(self.raters), count)
         }
         return replace(self, raters={**self.raters, **items})

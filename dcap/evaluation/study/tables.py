@@ -2,24 +2,36 @@
 
 The adapter between the study and the statistics: votes go in as comparisons, whose judge is the rater, and what comes
 back is laid out as the table. Attention checks are no comparisons of methods and count nowhere here. Raters who failed
-one are told and stay in.
+one are told and stay in. Where a method made no placement nothing is compared: those samples are counted beside it.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from dcap.evaluation.methods import DCAP, baselines_among, shown_name
 from dcap.evaluation.preference_table import MARKED, best_first, row_cells, tabular
-from dcap.evaluation.statistics.agreement import krippendorff_alpha, ratings_of
+from dcap.evaluation.statistics.agreement import krippendorff_alpha, percent_agreement, ratings_of
 from dcap.evaluation.statistics.comparisons import Comparison, JudgedAxis, Winner, methods_of, on_axis
 from dcap.evaluation.statistics.method_tables import PreferenceRow, preference_rows
 from dcap.evaluation.study.journal import StudyVote
 from dcap.evaluation.study.raters import RaterRow
 from dcap.evaluation.study.study_folder import write_whole
-from dcap.evaluation.table_text import csv_of, number
+from dcap.evaluation.table_text import csv_of, number, tex_escaped
 
 TABLE = "table2"
+
+
+@dataclass(frozen=True, slots=True)
+class StudyAgreement:
+    """How far raters agree on an axis."""
+
+    alpha: float | None
+    """Krippendorff's alpha [-]; None where no two raters answered the same comparison, or all gave one answer."""
+    share: float | None
+    """Of pairs of raters who answered the same comparison, those who chose the same method [-]; None without any."""
+    comparisons: int
+    """That two raters and more answered [-]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,38 +39,52 @@ class StudyTable:
     """Table 2 and what belongs to it."""
 
     rows: tuple[PreferenceRow, ...]
-    """The best overall first."""
-    agreement: Mapping[JudgedAxis, float | None]
-    """Krippendorff's alpha between raters [-]; None where no two raters answered the same comparison."""
+    """The best overall first; last those of which nothing was compared because they made no placement."""
+    agreement: Mapping[JudgedAxis, StudyAgreement]
     comparisons: int
     raters: int
     offline: bool
     """Whether no model answered for the baselines: their names say so."""
+    without_placement: Mapping[str, int] = field(default_factory=dict)
+    """Samples of each method on which it made no placement though one was intended [-]."""
 
-    def name(self, row: PreferenceRow) -> str:
-        """A row's method as the table shows it."""
-        return shown_name(row.method, offline=self.offline)
+    def name(self, method: str) -> str:
+        """A method as the table shows it."""
+        return shown_name(method, offline=self.offline)
+
+    @property
+    def refusals(self) -> str:
+        """Methods that made no placement where one was intended, and how often, for people; empty without any."""
+        return ", ".join(f"{self.name(method)} {count}" for method, count in self.without_placement.items() if count)
 
 
-def study_table(votes: Sequence[StudyVote], seed: int, *, offline: bool = False) -> StudyTable:
+def study_table(
+    votes: Sequence[StudyVote], seed: int, *, offline: bool = False, without_placement: Mapping[str, int] | None = None
+) -> StudyTable:
     """Table 2 of the votes on true comparisons."""
-    rows = [comparison_of(vote) for vote in votes if vote.lifted is None]
+    rows, refused = [comparison_of(vote) for vote in votes if vote.lifted is None], without_placement or {}
     methods = methods_of(rows)
     table = preference_rows(methods, rows, baselines_among(methods), ours=DCAP, seed=seed)
+    table += [PreferenceRow(name, {}, None, {}, {}) for name, n in refused.items() if n and name not in methods]
     return StudyTable(
         rows=best_first(table),
-        agreement={axis: krippendorff_alpha(ratings_of(on_axis(rows, axis))) for axis in JudgedAxis},
+        agreement={axis: agreement_of(on_axis(rows, axis)) for axis in JudgedAxis},
         comparisons=len(on_axis(rows, JudgedAxis.OVERALL)),
         raters=len({row.judge for row in rows}),
         offline=offline,
+        without_placement=refused,
     )
+
+
+def agreement_of(rows: Sequence[Comparison]) -> StudyAgreement:
+    """How far the raters of comparisons of one axis agree."""
+    ratings = ratings_of(rows)
+    return StudyAgreement(krippendorff_alpha(ratings), percent_agreement(ratings), sum(len(one) > 1 for one in ratings))
 
 
 def comparison_of(vote: StudyVote) -> Comparison:
     """A vote as a comparison; who judges is the rater."""
-    return Comparison(
-        vote.sample, JudgedAxis(vote.axis.value), vote.left, vote.right, Winner(vote.winner.value), vote.rater
-    )
+    return Comparison(vote.sample, vote.axis, vote.left, vote.right, Winner(vote.winner.value), vote.rater)
 
 
 def write_study_table(folder: Path, table: StudyTable, raters: Sequence[RaterRow]) -> tuple[Path, Path]:
@@ -73,11 +99,23 @@ def write_study_table(folder: Path, table: StudyTable, raters: Sequence[RaterRow
 def csv_text(table: StudyTable, raters: Sequence[RaterRow]) -> str:
     """A row per method; what is of the whole study stands in each row."""
     study: dict[str, object] = {"raters": table.raters, "study_comparisons": table.comparisons}
-    study |= {f"agreement_{axis}": number(value) for axis, value in table.agreement.items()}
+    for axis, agreed in table.agreement.items():
+        study |= {f"agreement_{axis}": number(agreed.alpha), f"percent_agreement_{axis}": percent(agreed.share)}
+    study |= {"shared_comparisons": table.agreement[JudgedAxis.OVERALL].comparisons}
     study |= {"attention_checks": sum(one.checks for one in raters)}
     study |= {"attention_failures": sum(one.checks_failed for one in raters)}
     study |= {"raters_flagged": sum(one.flagged for one in raters)}
-    return csv_of([row_cells(row, table.name(row)) | study for row in table.rows])
+    return csv_of([row_cells(row, table.name(row.method)) | refused(row, table) | study for row in table.rows])
+
+
+def refused(row: PreferenceRow, table: StudyTable) -> dict[str, object]:
+    """On how many samples a method made no placement."""
+    return {"without_placement": table.without_placement.get(row.method, 0)}
+
+
+def percent(share: float | None) -> str:
+    """A share in percent; empty where there is none."""
+    return number(None if share is None else 100 * share, 1)
 
 
 def tex_text(table: StudyTable, raters: Sequence[RaterRow]) -> str:
@@ -86,12 +124,24 @@ def tex_text(table: StudyTable, raters: Sequence[RaterRow]) -> str:
         "% Human forced choice, side by side. Win rates with 95 % intervals of a bootstrap over scene-prompt pairs."
     ]
     lines += tabular(table.rows, table.name)
-    agreed = ", ".join(f"{axis.replace('_', ' ')} {number(value) or 'n/a'}" for axis, value in table.agreement.items())
     checks, failed = sum(one.checks for one in raters), sum(one.checks_failed for one in raters)
     flagged = sum(one.flagged for one in raters)
     lines += [
-        f"% {table.raters} raters, {table.comparisons} comparisons. Krippendorff's alpha: {agreed}.",
+        f"% {table.raters} raters, {table.comparisons} comparisons. {agreement_line(table)}",
         f"% Attention checks failed: {failed} of {checks}, by {flagged} raters, whose votes are included.",
+        *([f"% No placement where one was intended: {tex_escaped(table.refusals)}."] if table.refusals else []),
         MARKED,
     ]
     return "\n".join(lines) + "\n"
+
+
+def agreement_line(table: StudyTable) -> str:
+    """How far raters agree, a sentence for people."""
+    shared = table.agreement[JudgedAxis.OVERALL].comparisons
+    if not shared:
+        return "No comparison was answered by two raters: nothing tells how far they agree."
+    said = (
+        f"{axis.replace('_', ' ')} {number(one.alpha, 2) or 'n/a'} ({percent(one.share)} % of pairs of raters)"
+        for axis, one in table.agreement.items()
+    )
+    return f"Agreement on {shared} comparisons of several raters, Krippendorff's alpha: {', '.join(said)}."

@@ -178,6 +178,13 @@ def about_z(angle: float) -> Array:
     return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
 
 
+def rotated(mesh: Mesh, rotation: Array) -> Mesh:
+    """The mesh under a rotation about its origin, shape (3, 3)."""
+    pose = np.eye(4)
+    pose[:3, :3] = rotation
+    return mesh.transformed(pose)
+
+
 def symmetry_about_z(mesh: Mesh) -> int:
     """Order of the rotational symmetry about the vertical through its centroid: 0 any angle, n n-fold, 1 none."""
     points = surface_points(mesh, SYMMETRY_SAMPLES)

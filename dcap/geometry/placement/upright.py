@@ -41,7 +41,7 @@ ALIGNED = np.cos(np.radians(3.0))
 """Files are mostly lying or overturned along their own axes."""
 FILE_DOWN = np.array([0.0, 0.0, -1.0])
 SAME_SIDE = np.cos(np.radians(12.0))
-"""A stable pose rests on a side within this angle of it."""
+"""A stable pose rests on a side within this angle of it; a standing pose within it is the file's."""
 OTHER_SIDE = np.cos(np.pi / 4.0)
 """A stable pose on a side beyond this angle is another one: nobody would call both upright."""
 MOST_POSES = 60
@@ -159,6 +159,13 @@ def upright_pose(mesh: Mesh) -> tuple[Array, float, float]:
     angle = float(np.arctan2(side[1], side[0]))
     aligned = about_z(np.pi / 2 * np.round(angle / (np.pi / 2)) - angle) @ chosen.rotation
     return np.asarray(aligned), max(full[1:]) - full[0], max(full[1:]) - max(others, default=-np.inf)
+
+
+def standing_pose(mesh: Mesh) -> tuple[Array, float, float]:
+    """Rotation to the pose in which the shape stands, and how much better; none and 0 where that is as in the file. And
+    by how much the shape prefers it to any other side [-]."""
+    own, gain, lead = upright_pose(mesh)
+    return (np.eye(3), 0.0, lead) if gain <= 0.0 or own[2, 2] > SAME_SIDE else (own, gain, lead)
 
 
 def probability_of(down: Array, poses: list[StablePose]) -> float:

@@ -9,12 +9,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
-from scipy.spatial.transform import Rotation
 
 from dcap.geometry.camera import Camera
 from dcap.geometry.camera_file import write_camera
 from dcap.geometry.rendering.coverage import share_bytes
-from dcap.scene.types.colmap import ColmapModel, Pinhole, PosedImage
+from dcap.scene.types.colmap import ColmapModel, Pinhole, posed
 from dcap.scene.types.maps import ConditioningMaps
 from dcap.scene.writers.colmap import write_colmap_text
 
@@ -67,10 +66,8 @@ def write_maps(folder: Path, maps: ConditioningMaps, camera: Camera) -> None:
 
 def colmap_model(maps: ConditioningMaps, camera: Camera) -> ColmapModel:
     """One camera, one picture, and points of the surface that it sees."""
-    turn = camera.world_from_camera.T
     pinhole = Pinhole(1, camera.width, camera.height, (*camera.focals.tolist(),), (*camera.principal.tolist(),))
-    quaternion = Rotation.from_matrix(turn).as_quat(canonical=True, scalar_first=True)
-    image = PosedImage(1, PICTURE, 1, quaternion, -turn @ camera.position)
+    image = posed(1, PICTURE, pinhole.id, camera.world_from_camera, camera.position)
     seen = np.flatnonzero(np.isfinite(maps.depth.ravel()))
     some = seen[:: max(1, -(-len(seen) // POINTS))]
     ways = camera.directions(camera.pixel_centers[some])

@@ -86,7 +86,7 @@ def without_doubles(mesh: Mesh, log: RepairLog) -> Mesh:
     keep = np.ones(len(size), dtype=bool)
     facing = np.flatnonzero((size > 1) & (net == 0))
     keep[facing] = ~inner_walls(mesh.faces, key, first, facing)
-    turned = net * ways(mesh.faces)[first] < 0  # the first of the stack is outvoted by the others
+    turned = net * cyclic_sense(mesh.faces)[first] < 0  # the first of the stack is outvoted by the others
     faces = mesh.faces[first]
     faces[turned] = faces[turned][:, ::-1]
     kept = np.sort(first[keep])
@@ -95,7 +95,7 @@ def without_doubles(mesh: Mesh, log: RepairLog) -> Mesh:
     return Mesh(mesh.vertices, faces[keep][order], mesh.colors).submesh(np.arange(len(kept)))
 
 
-def ways(faces: NDArray[np.int32]) -> IntArray:
+def cyclic_sense(faces: NDArray[np.integer]) -> IntArray:
     """1 where the vertices of a face run upwards in cyclic order, else -1, shape (m,)."""
     a, b, c = np.sign(np.roll(faces, -1, axis=1).astype(np.int64) - faces).T
     return np.where(a + b + c > 0, 1, -1)
@@ -105,7 +105,7 @@ def face_stacks(faces: NDArray[np.int32]) -> tuple[IntArray, IntArray, IntArray]
     """Number of the vertex triple of each face (m,); per triple the faces one way less the other, and the first."""
     _, first, key = np.unique(np.sort(faces, axis=1), axis=0, return_index=True, return_inverse=True)
     key = key.reshape(-1).astype(np.int64)
-    net = np.round(np.bincount(key, weights=ways(faces))).astype(np.int64)
+    net = np.round(np.bincount(key, weights=cyclic_sense(faces))).astype(np.int64)
     return key, net, first.astype(np.int64)
 
 
@@ -186,7 +186,7 @@ def one_way_round(mesh: Mesh, log: RepairLog) -> Mesh:
     faces = np.asarray(faces, dtype=np.int32)
     same = (faces == mesh.faces).all(axis=1)
     # the library may begin a face at another corner: what counts is the cyclic order
-    same |= ways(faces) == ways(mesh.faces)
+    same |= cyclic_sense(faces) == cyclic_sense(mesh.faces)
     area = mesh.face_areas
     patch = np.asarray(patch, dtype=np.int64)
     outvoted = np.bincount(patch, weights=area * np.where(same, 1.0, -1.0)) < 0.0

@@ -16,6 +16,7 @@ from scipy.spatial import cKDTree
 
 from dcap.geometry.boundary import welded
 from dcap.geometry.raycast import Raycaster
+from dcap.geometry.solid.cleaning import cyclic_sense
 from dcap.geometry.solid.height_map import MARGIN, HeightMap, TornHole, holes_closed, seen_from_above, spacing_within
 from dcap.geometry.solid.pieces import components
 from dcap.scene.types.mesh import Mesh
@@ -239,12 +240,6 @@ def wound_outwards(mesh: Mesh, caster: Raycaster, seen: HeightMap | None) -> tup
     faces = mesh.faces.copy()
     faces[turn] = faces[turn][:, ::-1]
     return faces, int(turn.sum())
-
-
-def cyclic_sense(faces: NDArray[np.integer]) -> NDArray[np.int64]:
-    """1 where the vertices of a face run upwards in cyclic order, else -1, shape (m,)."""
-    a, b, c = np.sign(np.roll(faces, -1, axis=1).astype(np.int64) - faces).T
-    return np.where(a + b + c > 0, 1, -1)
 
 
 # holes --------------------------------------------------------------------------------------------------------------

@@ -10,16 +10,13 @@ import os
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from functools import cache
-from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
 
 import anthropic
 
-from dcap.language.model.ledger import Ledger
 from dcap.language.model.payload import CACHED, Payload
 from dcap.language.model.reply_folder import Message
-from dcap.language.protocol.session import Session
 from dcap.scene.errors import LanguageError, RefusedError
 
 USUAL = "api.anthropic.com"
@@ -38,19 +35,11 @@ SHOWN = 300
 """Characters of a server's message that an error quotes."""
 
 
-def ask_at_once(model: str, payload: Payload, session: Session) -> Message:
+def reply_of(model: str, payload: Payload) -> Message:
     """The API's reply to one call."""
-    ledger = Ledger(Path(session.ledger) if session.ledger else None, session.max_cost, session.sample)
-    booked = ledger.reserve(model, payload.question, size_of(payload), MAX_TOKENS)
-    try:
-        with told_in_a_line(model):
-            raw = connection().messages.with_raw_response.create(**call_of(model, payload))
-    except RefusedError:
-        ledger.release(booked)
-        raise
-    message = as_message(model, raw.http_response.text)
-    ledger.settle(booked, model, payload.question, message, how="asked")
-    return message
+    with told_in_a_line(model):
+        raw = connection().messages.with_raw_response.create(**call_of(model, payload))
+    return as_message(model, raw.http_response.text)
 
 
 def size_of(payload: Payload) -> int:
@@ -120,13 +109,11 @@ def told_in_a_line(model: str) -> Iterator[None]:
     try:
         yield
     except anthropic.APIStatusError as error:
-        refused = 400 <= error.status_code < 500 and error.status_code not in PASSING
-        kind = RefusedError if refused else LanguageError
-        raise kind(f"{model} answered HTTP {error.status_code}: {message_of(error)}") from None
+        raise failed(model, error.status_code, message_of(error.body, error.message)) from None
     except anthropic.APITimeoutError:
-        raise LanguageError(f"{model} gave no answer within {TIMEOUT:.0f} s, {RETRIES + 1} times") from None
+        raise unanswered(model) from None
     except anthropic.APIError as error:
-        raise LanguageError(f"{model} cannot be reached: {type(error).__name__}: {one_line(str(error))}") from None
+        raise unreachable(model, error) from None
     except anthropic.AnthropicError as error:
         raise no_access(error) from None
     except TypeError as error:
@@ -141,11 +128,27 @@ def no_access(error: Exception) -> RefusedError:
     return RefusedError(f"no access to Anthropic: {why}; set ANTHROPIC_API_KEY")
 
 
-def message_of(error: anthropic.APIStatusError) -> str:
-    """The server's own words, without headers."""
-    body = error.body
-    inner = body.get("error") if isinstance(body, Mapping) else None
-    return one_line(str(inner.get("message") if isinstance(inner, Mapping) else error.message))
+def failed(model: str, status: int, said: str) -> LanguageError:
+    """What an HTTP status says of a call; RefusedError: nothing was done."""
+    refused = 400 <= status < 500 and status not in PASSING
+    return (RefusedError if refused else LanguageError)(f"{model} answered HTTP {status}: {said}")
+
+
+def unanswered(model: str) -> LanguageError:
+    """What is said where every try took too long."""
+    return LanguageError(f"{model} gave no answer within {TIMEOUT:.0f} s, {RETRIES + 1} times")
+
+
+def unreachable(model: str, error: Exception) -> LanguageError:
+    """What is said where no try reached the server."""
+    return LanguageError(f"{model} cannot be reached: {type(error).__name__}: {one_line(str(error))}")
+
+
+def message_of(body: object, otherwise: str) -> str:
+    """The server's own words, without headers; an SDK may have taken them out of their `error` already."""
+    inner = body.get("error", body) if isinstance(body, Mapping) else None
+    said = inner.get("message") if isinstance(inner, Mapping) else inner
+    return one_line(str(said or otherwise))
 
 
 def one_line(text: str) -> str:

@@ -2,19 +2,24 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 
 from dcap.language.model import anthropic_api, openai_api
+from dcap.language.model.anthropic_api import MAX_TOKENS, size_of
+from dcap.language.model.ledger import Ledger
 from dcap.language.model.payload import Payload
 from dcap.language.model.reply_folder import Message
 from dcap.language.protocol.client import ClientName
 from dcap.language.protocol.session import Session
+from dcap.scene.errors import RefusedError
 
 
 @dataclass(frozen=True, slots=True)
 class ModelApi:
     """How one is asked."""
 
-    ask_at_once: Callable[[str, Payload, Session], Message]
+    reply_of: Callable[[str, Payload], Message]
+    """The reply to one call."""
     endpoint: Callable[[], str]
     """Address that is asked where it is not the usual one."""
     address_variable: str
@@ -22,10 +27,22 @@ class ModelApi:
     check: Callable[[], None] = lambda: None
     """InputError if what it needs is not installed."""
 
+    def ask_at_once(self, model: str, payload: Payload, session: Session) -> Message:
+        """The reply to one call, which the ledger has; RefusedError: nothing was done, and nothing is charged."""
+        ledger = Ledger(Path(session.ledger) if session.ledger else None, session.max_cost, session.sample)
+        booked = ledger.reserve(model, payload.question, size_of(payload), MAX_TOKENS)
+        try:
+            message = self.reply_of(model, payload)
+        except RefusedError:
+            ledger.release(booked)
+            raise
+        ledger.settle(booked, model, payload.question, message, how="asked")
+        return message
+
 
 APIS: Mapping[ClientName, ModelApi] = {
-    ClientName.ANTHROPIC: ModelApi(anthropic_api.ask_at_once, anthropic_api.endpoint, "ANTHROPIC_BASE_URL"),
+    ClientName.ANTHROPIC: ModelApi(anthropic_api.reply_of, anthropic_api.endpoint, "ANTHROPIC_BASE_URL"),
     ClientName.OPENAI: ModelApi(
-        openai_api.ask_at_once, openai_api.endpoint, "OPENAI_BASE_URL", openai_api.check_installed
+        openai_api.reply_of, openai_api.endpoint, "OPENAI_BASE_URL", openai_api.check_installed
     ),
 }

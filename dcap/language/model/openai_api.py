@@ -12,24 +12,23 @@ import os
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import cache
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import anthropic
 
 from dcap.language.model.anthropic_api import (
     MAX_TOKENS,
-    PASSING,
     RETRIES,
     TIMEOUT,
     address_name,
+    failed,
+    message_of,
     one_line,
-    size_of,
+    unanswered,
+    unreachable,
 )
-from dcap.language.model.ledger import Ledger
 from dcap.language.model.payload import Payload
 from dcap.language.model.reply_folder import Message
-from dcap.language.protocol.session import Session
 from dcap.scene.errors import InputError, LanguageError, RefusedError
 
 if TYPE_CHECKING:
@@ -43,19 +42,11 @@ CUT_OFF, FILTERED = "length", "content_filter"
 """Reasons for which a completion has ended that make it unusable."""
 
 
-def ask_at_once(model: str, payload: Payload, session: Session) -> Message:
+def reply_of(model: str, payload: Payload) -> Message:
     """The server's reply to one call."""
-    ledger = Ledger(Path(session.ledger) if session.ledger else None, session.max_cost, session.sample)
-    booked = ledger.reserve(model, payload.question, size_of(payload), MAX_TOKENS)
-    try:
-        with told_in_a_line(model):
-            raw = connection().chat.completions.with_raw_response.create(**call_of(model, payload))
-    except RefusedError:
-        ledger.release(booked)
-        raise
-    message = as_message(model, raw.text)
-    ledger.settle(booked, model, payload.question, message, how="asked")
-    return message
+    with told_in_a_line(model):
+        raw = connection().chat.completions.with_raw_response.create(**call_of(model, payload))
+    return as_message(model, raw.text)
 
 
 def endpoint() -> str:
@@ -169,22 +160,13 @@ def told_in_a_line(model: str) -> Iterator[None]:
     try:
         yield
     except openai.APIStatusError as error:
-        refused = 400 <= error.status_code < 500 and error.status_code not in PASSING
-        kind = RefusedError if refused else LanguageError
-        raise kind(f"{model} answered HTTP {error.status_code}: {message_of(error.body, error.message)}") from None
+        raise failed(model, error.status_code, message_of(error.body, error.message)) from None
     except openai.APITimeoutError:
-        raise LanguageError(f"{model} gave no answer within {TIMEOUT:.0f} s, {RETRIES + 1} times") from None
+        raise unanswered(model) from None
     except openai.APIError as error:
-        raise LanguageError(f"{model} cannot be reached: {type(error).__name__}: {one_line(str(error))}") from None
+        raise unreachable(model, error) from None
     except openai.OpenAIError as error:
         raise RefusedError(f"no access to OpenAI: {one_line(str(error))}") from None
-
-
-def message_of(body: object, otherwise: str) -> str:
-    """The server's own words; the SDK has taken them out of their `error` already, where they were in one."""
-    inner = body.get("error", body) if isinstance(body, Mapping) else None
-    said = inner.get("message") if isinstance(inner, Mapping) else inner
-    return one_line(str(said or otherwise))
 
 
 @cache

@@ -5,7 +5,7 @@ that can be shown to a model as it is. A reply that fails is no reply.
 """
 
 import math
-from collections.abc import Collection
+from collections.abc import Collection, Iterable
 from typing import Literal
 
 from pydantic import BaseModel, Field, PositiveFloat
@@ -19,6 +19,7 @@ from dcap.language.protocol.requests import (
     PartsRequest,
     RotationRequest,
 )
+from dcap.scene.types.intent import RegionConstraint
 
 Pose = Literal[
     "upright", "seated", "upside_down", "on_side", "on_left_side", "on_right_side", "lying", "standing", "on_back",
@@ -74,6 +75,11 @@ class Constraint(BaseModel, frozen=True, extra="forbid", allow_inf_nan=False):
             raise ValueError(
                 f"constraint {self.kind} has metres {self.metres}; only exactly, at_least, at_most have some"
             )
+
+
+def region_constraints(said: Iterable[Constraint]) -> tuple[RegionConstraint, ...]:
+    """Constraints of a reply as the stages take them."""
+    return tuple(RegionConstraint(one.kind, one.regions, one.reference, one.metres, one.words) for one in said)
 
 
 def listed(reference: str, targets: Collection[str]) -> bool:

@@ -14,11 +14,18 @@ from numpy.typing import NDArray
 from dcap.scene.types.intent import RegionConstraint
 from dcap.scene.types.materials import Material
 
+Floats = NDArray[np.floating]
 Vector = tuple[float, float, float]
 PART_SIDES = ("left", "right", "front", "back", "top", "bottom")
 """Which of several parts of one name a reference `part:NAME/SIDE` means."""
 PictureMaker = Callable[[], NDArray[np.uint8]]
 """Makes an RGB picture, shape (h, w, 3); called only by clients that look."""
+
+
+def vector(values: Floats) -> Vector:
+    """Three floats of an array, shape (3,)."""
+    x, y, z = (float(v) for v in values)
+    return x, y, z
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,6 +112,12 @@ class PoseView:
     """Where its front points in the world, as found in the frame in which that is up."""
     size: Vector
     """Extents along world x, y, z in that pose [m]."""
+
+    @classmethod
+    def of(cls, name: str, rotation: Floats, probability: float, up: Floats, front: Floats, size: Floats) -> "PoseView":
+        """From arrays of shape (3, 3) and (3,)."""
+        rows = (vector(rotation[0]), vector(rotation[1]), vector(rotation[2]))
+        return cls(name, rows, round(probability, 6), vector(up), vector(front), vector(size))
 
 
 @dataclass(frozen=True, slots=True)

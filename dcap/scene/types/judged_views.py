@@ -1,6 +1,6 @@
 """The fixed pictures of a final state that judges see."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,23 +10,30 @@ Picture = NDArray[np.uint8]
 
 @dataclass(frozen=True, eq=False, slots=True)
 class JudgedViews:
-    """Square RGB images, each (h, w, 3); cameras stand where the scene and the object's size and place say."""
+    """Square RGB images, each (h, w, 3). Those of a whole support are from one camera for all methods, the others from
+    cameras at the same directions and distance from the object."""
 
     clean: Picture
     """The scene before, as in `room`."""
     asset: Picture
-    """The object alone, at its final orientation."""
+    """The object alone, as it was given."""
     room: Picture
-    """From a corner of the room, with the object in the middle."""
+    """The support that was asked for, from the middle of the room."""
     front: Picture
-    """The object from nearby: from -y, a little above it."""
+    """The object from nearby: from the middle of the room, a little above it."""
     right: Picture
-    """From +x."""
+    """From a quarter turn farther, counterclockwise seen from above."""
     back: Picture
-    """From +y."""
+    """From the other side."""
     left: Picture
-    """From -x."""
+    """From a quarter turn back."""
     top: Picture
-    """From steeply above."""
+    """The support from steeply above."""
     low: Picture
-    """From -y and just above the level of what it stands on, where gaps and dents show."""
+    """From the front and just above the level of what it stands on, where gaps and dents show."""
+
+
+BEFORE = ("clean", "asset")
+"""Names of the pictures of the scene before and of the object alone."""
+PLACED = tuple(one.name for one in fields(JudgedViews) if one.name not in BEFORE)
+"""Names of the pictures of a placement, in the order in which judges and people see them."""

@@ -19,6 +19,8 @@ class Measures:
     """Part of it under most of what touches, or under the nearest line."""
     middle: NDArray[np.float64]
     """Middle of the touching surface, or of the object where nothing touches [m], shape (3,)."""
+    front: NDArray[np.float64]
+    """Where the object's front points, as its shape tells, a unit vector in the world, shape (3,)."""
     penetration_m: float
     """Largest depth inside the scene as it was left."""
     penetration_given_m: float
@@ -28,10 +30,12 @@ class Measures:
     contact_area_m2: float
     """Of the object's surface within a millimetre of the scene."""
     com_margin_m: float
-    """How far inside the contact's convex hull the centre of mass is in plan, negative outside; -inf untouched."""
+    """How far inside the convex hull of what carries it, or would once it has come down by the gap, the centre of mass
+    is in plan, negative outside; -inf over nothing."""
 
     def __post_init__(self) -> None:
         check_array("middle", self.middle, 3)
+        check_array("front", self.front, 3)
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,6 +62,8 @@ class Drift:
     angle_rad: float
     """Largest turn of a free body; inf likewise."""
     force_residual: float
-    """Unbalanced force at the end over the weight [-]; inf likewise."""
+    """Mean over that time of the unbalanced force over the weight [-]; inf likewise."""
     reason: str = ""
     """Why it could not be simulated."""
+    broken: bool = False
+    """Whether that is because a step broke: nothing stays there. Else it begins too deep inside something."""

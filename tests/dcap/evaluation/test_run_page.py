@@ -24,6 +24,7 @@ from dcap.evaluation.run_page.supports import supports_figure
 from dcap.evaluation.run_page.tables import SHOWN_METRICS, metrics_table, table_from_csv
 from dcap.evaluation.table_text import tex_escaped
 from dcap.scene.readers.gltf.gltf import read_gltf
+from dcap.scene.types.judged_views import PLACED
 from dcap.scene.types.sample import Sample
 
 VOID = {"meta", "img", "input", "br", "link"}
@@ -71,7 +72,7 @@ def test_each_sample_is_a_strip_of_all_methods(run: Path) -> None:
     cells = [one for one in page.all("section") if one.get("class") == "cell"]
     assert [one["data-method"] for one in cells] == [*METHODS] * len(SAMPLES)
     pictures = [one for one in page.all("img") if "data-views" in one]
-    assert {one["data-views"] for one in pictures} == {"views/front.png|views/side.png|views/top.png"}
+    assert {one["data-views"] for one in pictures} == {"|".join(f"views/{name}.png" for name in PLACED)}
     assert len(pictures) == len(cells)
     for one in page.all("img"):
         assert (run / str(one["src"])).is_file()

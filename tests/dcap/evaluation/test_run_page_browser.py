@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from headless_page import chromium
+from headless_page import WITHOUT_GPU, chromium
 from many_methods_run import METHODS, SAMPLES, many_methods_run
 from numpy.typing import NDArray
 from PIL import Image
@@ -20,7 +20,6 @@ pytestmark = [
     pytest.mark.timeout(600),
     pytest.mark.skipif(chromium() is None, reason="no Chromium on this machine"),
 ]
-OPTIONS = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
 WAIT_MS = 60_000
 SCORES = {"dcap": 9.0}
 """Physics and naturalness by method; low of all others."""
@@ -40,7 +39,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def page() -> Iterator[Page]:
     """A page of the browser; what a script complains of, or what is asked of another machine, is an error."""
     with sync_playwright() as play:
-        browser = play.chromium.launch(executable_path=chromium(), args=OPTIONS)
+        browser = play.chromium.launch(executable_path=chromium(), args=[*WITHOUT_GPU])
         one = browser.new_page(viewport={"width": 1400, "height": 1000})
         one.set_default_timeout(WAIT_MS)
         wrong: list[str] = []

@@ -29,14 +29,16 @@ SLAB = box([1.0, 1.0, 0.2], [0.0, 0.0, -0.1])
 """Its top is z = 0."""
 
 
-@pytest.mark.parametrize("height", [0.0, 1e-4, 0.05])
+@pytest.mark.parametrize("height", [0.0, 1e-4, 0.0009, 0.0011, 0.05])
 def test_a_box_over_a_slab(height):
+    """What carries it once it has come down does not depend on how far it has to."""
     found = touching(box([0.2, 0.1, 0.1], [0.0, 0.0, 0.05 + height]), SLAB)
     assert found.gap == pytest.approx(height, abs=1e-6)
     assert found.penetration == pytest.approx(0.0, abs=1e-6)
     touches = height <= TOUCHING
     assert found.contact_area == pytest.approx(0.02 if touches else 0.0, rel=0.05)
-    assert found.margin == pytest.approx(0.05, abs=0.003) if touches else found.margin == -np.inf
+    assert found.margin == pytest.approx(0.05, abs=0.003)
+    assert found.patch.mean(axis=0)[:2] == pytest.approx([0.0, 0.0], abs=1e-3)
 
 
 def test_a_box_in_a_slab():
@@ -59,6 +61,19 @@ def test_a_box_that_is_wholly_inside():
     found = touching(box([0.1, 0.1, 0.06], [0.0, 0.0, -0.06]), SLAB)
     assert found.penetration == pytest.approx(0.09, abs=1e-6)
     assert found.gap == 0.0
+
+
+def test_a_box_that_is_wholly_inside_a_bed_that_stands_on_a_slab():
+    """Their faces coincide below it: the bed's counts, whichever is met first."""
+    bed = box([2.0, 1.6, 0.5], [0.0, 0.0, 0.25])
+    for scene in (Mesh.concatenate([bed, SLAB]), Mesh.concatenate([SLAB, bed])):
+        assert touching(box([0.2, 0.2, 0.2], [0.0, 0.0, 0.2]), scene).penetration == pytest.approx(0.4, abs=1e-6)
+
+
+def test_the_rim_of_a_side_does_not_touch():
+    """A cube of 20 cm stands on its bottom alone."""
+    found = touching(box([0.2, 0.2, 0.2], [0.0, 0.0, 0.1]), SLAB)
+    assert found.contact_area == pytest.approx(0.04, rel=1e-3)
 
 
 def test_a_box_under_a_table_is_in_nothing():

@@ -2,6 +2,7 @@
 
 import html
 import os
+import re
 import stat
 from pathlib import Path
 
@@ -10,16 +11,19 @@ from many_methods_run import COLORS, METHODS, SAMPLES, method_folder
 from study_server import CHECK, ServedStudy
 
 from dcap.evaluation.page3d.three import three_script
-from dcap.evaluation.study.design import Side, StudyAxis, StudyItem
+from dcap.evaluation.statistics.comparisons import JudgedAxis
+from dcap.evaluation.study.attention import LIFTED, SETTLED
+from dcap.evaluation.study.design import Side, StudyItem
 from dcap.evaluation.study.journal import read_votes
 from dcap.evaluation.study.study_folder import TOKENS, read_design
 from dcap.scene.readers.gltf.gltf import read_gltf
+from dcap.scene.types.judged_views import PLACED
 from flows.study.body_limit import MOST_BYTES
 
 
 def answer(item: StudyItem, side: Side = Side.LEFT) -> dict[str, object]:
     """The same side for every question."""
-    return {"item": item.item, "seconds": 2.0, **{axis.value: side.value for axis in StudyAxis}}
+    return {"item": item.item, "seconds": 2.0, **{axis.value: side.value for axis in JudgedAxis}}
 
 
 def current(study: ServedStudy, rater: str = "r01") -> StudyItem:
@@ -48,8 +52,8 @@ def test_the_scene_comes_first_then_the_placements(study: ServedStudy) -> None:
     assert "<strong>1</strong> of 14" in first
     second = study.browser.get(f"{base}/compare").text
     for side in Side:
-        assert all(f"{base}/pictures/{item.item}/{side}/{view}" in second for view in range(3))
-    assert all(f'name="{axis}"' in second for axis in StudyAxis)
+        assert all(f"{base}/pictures/{item.item}/{side}/{view}" in second for view in range(len(PLACED)))
+    assert all(f'name="{axis}"' in second for axis in JudgedAxis)
     assert "<kbd>1</kbd> or <kbd>←</kbd>" in second
 
 
@@ -80,7 +84,7 @@ def test_nothing_tells_a_rater_which_method_it_is(study: ServedStudy) -> None:
 def test_each_side_shows_its_own_method(study: ServedStudy) -> None:
     item, base = true_comparison(study), study.page("r01")
     for side, method in ((Side.LEFT, item.left), (Side.RIGHT, item.right)):
-        for number, name in enumerate(("front", "side", "top")):
+        for number, name in enumerate(PLACED):
             reply = study.browser.get(f"{base}/pictures/{item.item}/{side}/{number}")
             views = method_folder(study.run, method, item.sample) / "views"
             assert reply.content == (views / f"{name}.png").read_bytes()
@@ -91,9 +95,22 @@ def test_each_side_shows_its_own_method(study: ServedStudy) -> None:
 def test_a_check_shows_its_copy_on_one_side(study: ServedStudy) -> None:
     item, base = check_of(study), study.page("r01")
     assert item.lifted is not None
-    got = {side: study.browser.get(f"{base}/pictures/{item.item}/{side}/0").content for side in Side}
-    assert got == {item.lifted: CHECK + b"lifted", item.lifted.other: CHECK + b"settled"}
+    for number, view in enumerate(PLACED):
+        got = {side: study.browser.get(f"{base}/pictures/{item.item}/{side}/{number}").content for side in Side}
+        names = {item.lifted: LIFTED, item.lifted.other: SETTLED}
+        assert got == {side: CHECK + f"{name} {view}".encode() for side, name in names.items()}
     assert study.browser.get(f"{base}/models/{item.item}/{item.lifted}").content == b"glTF lifted"
+
+
+def test_a_check_looks_like_a_comparison(study: ServedStudy) -> None:
+    """The pages differ in the sentence and the name of the comparison alone."""
+    pages = []
+    for _ in range(14):
+        item, base = current(study), study.page("r01")
+        text = study.browser.get(f"{base}/compare").text
+        pages.append(re.sub(rf"<header.*?</header>|<q>.*?</q>|\b{item.item}\b", "", text, flags=re.DOTALL))
+        study.browser.post(f"{base}/votes", json=answer(item))
+    assert len(set(pages)) == 1
 
 
 def test_models_are_cut_out_once(study: ServedStudy, tmp_path: Path) -> None:
@@ -134,7 +151,7 @@ def test_answers_lead_on_until_all_are_given(study: ServedStudy) -> None:
         text = study.browser.get(base + page).text
         assert "Thank you" in text
         assert "<form" not in text
-    assert len(read_votes(study.folder)) == 14 * len(StudyAxis)
+    assert len(read_votes(study.folder)) == 14 * len(JudgedAxis)
 
 
 def test_an_answer_counts_once(study: ServedStudy) -> None:
@@ -143,7 +160,7 @@ def test_an_answer_counts_once(study: ServedStudy) -> None:
     assert study.browser.post(address, json=answer(item, Side.RIGHT)).json()["saved"]
     assert not study.browser.post(address, json=answer(item, Side.LEFT)).json()["saved"]
     assert {vote.winner for vote in read_votes(study.folder)} == {Side.RIGHT}
-    assert len(read_votes(study.folder)) == len(StudyAxis)
+    assert len(read_votes(study.folder)) == len(JudgedAxis)
 
 
 def test_raters_do_not_mix(study: ServedStudy) -> None:
@@ -155,7 +172,7 @@ def test_raters_do_not_mix(study: ServedStudy) -> None:
     for rater, side in (("r01", Side.LEFT), ("r02", Side.RIGHT)):
         mine = [vote for vote in votes if vote.rater == rater]
         assert {vote.winner for vote in mine} == {side}
-        assert [vote.item for vote in mine][:: len(StudyAxis)] == ["001", "002", "003"]
+        assert [vote.item for vote in mine][:: len(JudgedAxis)] == ["001", "002", "003"]
         assert study.session.progress(rater) == (3, 14)
 
 

@@ -3,7 +3,6 @@
 import os
 import re
 import signal
-import socket
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -14,16 +13,17 @@ from pathlib import Path
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
-from headless_page import chromium
+from headless_page import WITHOUT_GPU, chromium
 from many_methods_run import many_methods_run
 from PIL import Image
 from playwright.sync_api import Browser, Page, expect, sync_playwright
 
-from dcap.evaluation.study.design import StudyAxis
+from dcap.evaluation.statistics.comparisons import JudgedAxis
 from dcap.evaluation.study.journal import read_votes
 from dcap.evaluation.study.study_folder import STUDY_FOLDER, StudyDesign, read_design
 from dcap.packages import ROOT
 from flows.cli.app import main
+from flows.server import free_port
 
 pytestmark = [
     pytest.mark.browser,
@@ -32,7 +32,6 @@ pytestmark = [
     pytest.mark.skipif(chromium() is None, reason="no Chromium on this machine"),
 ]
 
-OPTIONS = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
 WAIT_MS = 60_000
 LINK = re.compile(r"^(r\d\d)  (http\S+)$")
 
@@ -72,7 +71,7 @@ def start(run: Path, port: int) -> StudyProcess:
 def browser() -> Iterator[Browser]:
     """Chromium as the system has it."""
     with sync_playwright() as play:
-        one = play.chromium.launch(executable_path=chromium(), args=OPTIONS)
+        one = play.chromium.launch(executable_path=chromium(), args=[*WITHOUT_GPU])
         yield one
         one.close()
 
@@ -115,7 +114,7 @@ def answer_by_keys(page: Page, keys: str) -> None:
     expect(page.locator("progress")).to_have_attribute("value", str(before + 1))
 
 
-def answer_by_mouse(page: Page, sides: dict[StudyAxis, str]) -> None:
+def answer_by_mouse(page: Page, sides: dict[JudgedAxis, str]) -> None:
     """Continue, choose and go on with the mouse."""
     before = done(page)
     page.click("#continue")
@@ -137,12 +136,6 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return many_methods_run(tmp_path_factory.mktemp("study") / "run")
 
 
-def free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
-
-
 def test_a_whole_session_survives_a_killed_server(run: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Two raters at once, one by keyboard and one by mouse. Between two answers, and while an answer is being given,
     the server is killed; after a restart both go on where they were, and every vote is there once."""
@@ -152,7 +145,11 @@ def test_a_whole_session_survives_a_killed_server(run: Path, capsys: pytest.Capt
     try:
         with browser() as chrome:
             one, two = (open_page(chrome, links[rater], troubles) for rater in ("r01", "r02"))
-            mouse = {StudyAxis.RIGHT_PLACE: "right", StudyAxis.PHYSICS: "left", StudyAxis.OVERALL: "right"}
+            mouse = {
+                JudgedAxis.RIGHT_PLACE: "right",
+                JudgedAxis.PHYSICS_NATURALNESS: "left",
+                JudgedAxis.OVERALL: "right",
+            }
             for _ in range(3):
                 answer_by_keys(one, "12<")
                 answer_by_mouse(two, mouse)

@@ -1,20 +1,22 @@
 """`dcap study serve|report` as a person types it: what is refused, and what a report writes."""
 
 import csv
-import json
 import shutil
 import socket
 from pathlib import Path
 
 import pyarrow.parquet as pq
 import pytest
-from many_methods_run import many_methods_run
+from many_methods_run import SAMPLES, change_row, many_methods_run
 from study_server import ServedStudy
 
-from dcap.evaluation.study.design import StudyAxis
+from dcap.evaluation.statistics.comparisons import JudgedAxis
+from dcap.evaluation.study.design import Side
 from dcap.evaluation.study.placements import read_study_run
 from dcap.evaluation.study.study_folder import STUDY_FOLDER, read_design, tokens_for, write_design
 from flows.cli.app import main
+from flows.judge_run import read_rows
+from flows.server import free_port
 from flows.study import serve
 from flows.study.serve import StudyOptions, shown_host
 
@@ -74,12 +76,6 @@ def test_a_study_is_served_by_one(study: ServedStudy, capsys: pytest.CaptureFixt
     assert "its study is served already" in complaint(capsys, "serve", study.run, "--port", free_port())
 
 
-def free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
-
-
 @pytest.mark.parametrize(("option", "value", "words"), [
     ("--seed", 5, "--seed 5: the study in"), ("--pairs", 3, "--pairs 3: the study in"),
 ])  # fmt: skip
@@ -125,7 +121,7 @@ def test_a_report_holds_the_votes(study: ServedStudy, capsys: pytest.CaptureFixt
             side = item.expected or better if rater == "r01" else "left"
             if rater == "r02" and item.lifted is None:
                 left_of[item.left] += 1
-            sent = {"item": item.item, "seconds": 1, **{axis.value: side for axis in StudyAxis}}
+            sent = {"item": item.item, "seconds": 1, **{axis.value: side for axis in JudgedAxis}}
             assert study.browser.post(f"{study.page(rater)}/votes", json=sent).status_code == 200
     assert main(["study", "report", str(study.run)]) == 0
     said = capsys.readouterr()
@@ -150,6 +146,29 @@ def test_a_report_holds_the_votes(study: ServedStudy, capsys: pytest.CaptureFixt
     assert (study.run / "tables" / "table2.csv").read_bytes() == first
 
 
+def test_a_report_counts_what_was_refused(study: ServedStudy, capsys: pytest.CaptureFixture[str]) -> None:
+    """Beside the votes, as Table 1 has it: also a method that placed nothing; not what is meant to be impossible."""
+    for sample in SAMPLES:
+        change_row(study.run, "layoutgpt", sample, verdict="infeasible", reason="no_region")
+    change_row(study.run, "layoutgpt", "bed-1", feasible_intended=False)
+    change_row(study.run, "fireplace", "bed-2", verdict="failed", error="it broke")
+    while (item := study.session.current("r01")) is not None:
+        body = {"item": item.item, "seconds": 1, **{axis.value: "left" for axis in JudgedAxis}}
+        if "layoutgpt" in (item.left, item.right):
+            study.session.answer("r01", item, dict.fromkeys(JudgedAxis, Side.LEFT), 1.0)
+        else:
+            study.browser.post(f"{study.page('r01')}/votes", json=body)
+    assert main(["study", "report", str(study.run)]) == 0
+    said = capsys.readouterr().out
+    assert "No placement where one was intended: FirePlace* (offline rules) 1, LayoutGPT (offline rules) 3." in said
+    assert "No comparison was answered by two raters" in said
+    rows = {row["method"]: row for row in csv.DictReader((study.run / "tables" / "table2.csv").open())}
+    assert {name: row["without_placement"] for name, row in rows.items()} == {
+        "dcap": "0", "fireplace": "1", "layoutgpt": "3",
+    }  # fmt: skip
+    assert "LayoutGPT (offline rules) 3." in (study.run / "tables" / "table2.tex").read_text()
+
+
 def test_a_study_grows_by_raters(study: ServedStudy) -> None:
     """More links later: those who were there keep theirs, and what they are asked."""
     design = read_design(study.folder)
@@ -164,14 +183,13 @@ def test_a_study_grows_by_raters(study: ServedStudy) -> None:
 
 def test_the_design_says_what_is_left_out(run: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A person is told before anybody votes."""
-    folder = run / "methods" / "fireplace" / "samples" / "bed-1"
-    (folder / "placement.json").write_text(json.dumps({"verdict": "infeasible"}))
+    change_row(run, "fireplace", "bed-1", verdict="infeasible", reason="no_region")
     monkeypatch.setattr(serve, "make_checks", lambda *_: ())
     said: list[str] = []
-    design = serve.new_design(read_study_run(run), run / STUDY_FOLDER, StudyOptions(), said.append)
-    assert said[0] == "fireplace bed-1 is left out: infeasible by the method itself"
+    design = serve.new_design(read_study_run(run, read_rows(run)), run / STUDY_FOLDER, StudyOptions(), said.append)
+    assert said[0] == "fireplace bed-1 is left out: no placement: no_region"
     assert said[-1].startswith("no attention checks")
-    assert design.left_out == {"fireplace/bed-1": "infeasible by the method itself"}
+    assert design.left_out == {"fireplace/bed-1": "no placement: no_region"}
     assert design.per_pair == 3
 
 

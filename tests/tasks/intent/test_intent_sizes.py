@@ -8,12 +8,12 @@ from box_rooms import segmentation
 from dcap.language.offline.client import OfflineClient
 from dcap.language.protocol.questions import INTENT
 from dcap.language.protocol.replies import MOST_STATES, IntentReply
-from dcap.language.protocol.requests import IntentRequest
+from dcap.language.protocol.requests import IntentRequest, vector
 from dcap.scene.types.intent import Intent
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.segmentation import Segmentation, SegmentedObject, SegmentedScene
 from tasks.intent.stage import IntentConfig, intent, mass_of, scale_of
-from tasks.requests.views import instance_views, object_view, room_center, vector
+from tasks.requests.views import instance_views, object_view, room_center
 
 
 def block(label: str, *size: float) -> Segmentation:

@@ -13,10 +13,10 @@ from dcap.geometry.placement.poses import about_z
 from dcap.language.offline.client import OfflineClient
 from dcap.language.protocol.questions import Question
 from dcap.language.protocol.replies import RotationReply
-from dcap.language.protocol.requests import FacingView, RotationRequest
+from dcap.language.protocol.requests import FacingView, PoseView, RotationRequest
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.rotation import Rotation
-from tasks.rotation.stage import matrix_of, pose_views
+from tasks.rotation.stage import matrix_of
 
 OFFLINE = Stages()
 LYING = [Turn.from_euler("xy", angles, degrees=True).as_matrix() for angles in ((90, 0), (-90, 0), (0, 90))]
@@ -144,7 +144,9 @@ def test_any_rotation_may_be_chosen():
     """A quaternion in the reply is the rotation, also where it is no listed pose; unit length is checked."""
     half = np.sqrt(0.5)
     reply = RotationReply(pose_id="upright", quaternion=(half, half, 0.0, 0.0))
-    request = RotationRequest("", "mug", "any", "", pose_views(mug(), np.eye(3), np.eye(3), ""), (), 1, False)
+    up, front, size = np.array([0.0, 0.0, 1.0]), np.array([0.0, -1.0, 0.0]), np.array([0.08, 0.1, 0.1])
+    upright = PoseView.of("upright", np.eye(3), 0.5, up, front, size)
+    request = RotationRequest("", "mug", "any", "", (upright,), (), 1, has_front=False)
     matrix = matrix_of(reply, request, ROOM, ROOM.instances[0], mug())
     assert np.allclose(matrix @ (0.0, 1.0, 0.0), (0.0, 0.0, 1.0), atol=1e-12)
     facings = (FacingView("aligned", (0.0, -1.0, 0.0)),)

@@ -12,35 +12,24 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation as Turn
 
 from dcap.evaluation.baselines.fireplace.planar import FINE, LEAST_SHARE, InteractionSurface, hull_on_plane, surface_of
-from dcap.geometry.placement.poses import (
-    StablePose,
-    front_of,
-    stable_poses,
-    surface_points,
-    symmetry_about_z,
-    turn_between,
-)
+from dcap.geometry.placement.poses import front_of, rotated, surface_points, symmetry_about_z
+from dcap.geometry.placement.resting_poses import resting_poses
 from dcap.geometry.placement.seat import on_legs
-from dcap.geometry.placement.upright import stands_as_read, upright_pose, used_vertices
+from dcap.geometry.placement.upright import standing_pose, stands_as_read, used_vertices
 from dcap.language.offline.fronts import front_side
 from dcap.language.offline.lexicon import thing_of
 from dcap.language.offline.pose_choice import to_right
-from dcap.language.protocol.requests import PoseView, Vector
+from dcap.language.protocol.requests import PoseView
 from dcap.scene.types.mesh import Mesh
 
 Array = NDArray[np.float64]
-SAME_POSE = float(np.radians(12.0))
-"""Directions nearer than this are one [rad]."""
 LOWEST = 0.08
 """What lies within this share of the extent of the outermost point belongs to a side without planar faces [-]."""
 POINTS = 4000
 """Points that stand for a shape without planar faces [-]."""
 DOWN = np.array([0.0, 0.0, -1.0])
-FLIPS = {"x": (1.0, -1.0, -1.0), "y": (-1.0, 1.0, -1.0), "z": (-1.0, -1.0, 1.0)}
-"""Diagonals of the half turns."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -64,8 +53,7 @@ class ItemSurfaces:
 
 def item_surfaces(mesh: Mesh, name: str) -> ItemSurfaces:
     """All surfaces of an object that is called so."""
-    turn, gain, _ = upright_pose(mesh)
-    own, righting = (np.eye(3), 0.0) if gain <= 0.0 or turn[2, 2] > np.cos(SAME_POSE) else (turn, gain)
+    own, righting, _ = standing_pose(mesh)
     stands, side = stands_as_read(mesh), front_side(name)
     trusted = to_right(thing_of(name), righting=righting, stands=stands, file_up=float(own[2, 2]))
     believed = own if trusted else np.eye(3)
@@ -74,7 +62,10 @@ def item_surfaces(mesh: Mesh, name: str) -> ItemSurfaces:
     left = np.cross((0.0, 0.0, 1.0), front)
     ways = {"front": front, "back": -front, "left": left, "right": -left, "top": -DOWN, "bottom": DOWN}
     return ItemSurfaces(
-        poses=rest_poses(mesh, own, (believed, side)),
+        poses=tuple(
+            PoseView.of(one.id, one.rotation, one.probability, one.up, one.front, one.size)
+            for one in resting_poses(mesh, own, believed, side)
+        ),
         sides={key: surface_towards(mesh, believed.T @ way, key) for key, way in ways.items()},
         up=believed[2].copy(),
         symmetry=symmetry_about_z(standing),
@@ -102,68 +93,3 @@ def surface_towards(mesh: Mesh, way: Array, name: str) -> InteractionSurface:
     center = outline.mean(axis=0) if len(outline) else points.mean(axis=0)
     size = float(np.prod(np.ptp(outline @ np.linalg.svd(way[None])[2][1:].T, axis=0))) if len(outline) else 0.0
     return InteractionSurface(name, center, way, points, outline, size, np.zeros(0, dtype=np.int64))
-
-
-def rest_poses(mesh: Mesh, own: Array, believed: tuple[Array, str]) -> tuple[PoseView, ...]:
-    """Ways to rest; `own` (3, 3) is how it stands by its shape, `believed` the frame of its up and its front's side."""
-    stable = stable_poses(mesh)
-    frame, side = believed
-    frames = {"upright": np.eye(3)} | ({} if np.allclose(own, np.eye(3)) else {"righted": own})
-    views = []
-    for prefix, matrix in frames.items():
-        axes = axes_of(mesh, matrix, side)
-        views += [
-            pose_view(name, turn @ matrix, probability_of(turn @ matrix, stable), mesh, axes)
-            for name, turn in turns_of(prefix, matrix @ axes[1]).items()
-        ]
-    axes = axes_of(mesh, frame, side)
-    views += [pose_view(f"stable_{k}", one.rotation, one.probability, mesh, axes) for k, one in enumerate(stable)]
-    return tuple(views)
-
-
-def turns_of(frame: str, front: Array) -> dict[str, Array]:
-    """Standing, the half turns about x, y, z and the quarter turns on to sides, back and front, by id."""
-    side = np.cross(front, (0.0, 0.0, 1.0))
-    prefix = "" if frame == "upright" else f"{frame}_"
-    quarters = {"on_left_side": -front, "on_right_side": front, "on_back": side, "on_front": -side}
-    halves = {f"{prefix}flip_{axis}": np.diag(diagonal) for axis, diagonal in FLIPS.items()}
-    turned = {
-        prefix + name: np.asarray(Turn.from_rotvec(np.pi / 2 * way).as_matrix()) for name, way in quarters.items()
-    }
-    return {frame: np.eye(3)} | halves | turned
-
-
-def axes_of(mesh: Mesh, frame: Array, side: str) -> tuple[Array, Array]:
-    """Up and front of a mesh that stands in a frame, shape (3, 3), as unit vectors of the mesh."""
-    return frame[2], frame.T @ front_of(rotated(mesh, frame), side)[0]
-
-
-def probability_of(matrix: Array, stable: list[StablePose]) -> float:
-    """Probability of the stable pose whose resting face points down under this rotation; 0 if none does."""
-    return max((one.probability for one in stable if one.down @ (matrix.T @ DOWN) > np.cos(SAME_POSE)), default=0.0)
-
-
-def pose_view(name: str, matrix: Array, probability: float, mesh: Mesh, axes: tuple[Array, Array]) -> PoseView:
-    """One way to rest, with what it does to up, front and extents."""
-    rows = (as_vector(matrix[0]), as_vector(matrix[1]), as_vector(matrix[2]))
-    up, front = (as_vector(matrix @ axis) for axis in axes)
-    size = as_vector(np.ptp(used_vertices(mesh) @ matrix.T, axis=0))
-    return PoseView(name, rows, round(probability, 6), up, front, size)
-
-
-def rotated(mesh: Mesh, matrix: Array) -> Mesh:
-    """The mesh under a rotation."""
-    pose = np.eye(4)
-    pose[:3, :3] = matrix
-    return mesh.transformed(pose)
-
-
-def as_vector(values: Array) -> Vector:
-    """Three floats."""
-    x, y, z = (float(v) for v in values)
-    return x, y, z
-
-
-def turned_down(way: Array) -> Array:
-    """The smallest rotation that makes a direction (3,) look down, shape (3, 3)."""
-    return turn_between(way / np.linalg.norm(way), DOWN)

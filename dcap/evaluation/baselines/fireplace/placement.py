@@ -27,7 +27,7 @@ from dcap.evaluation.baselines.fireplace.problem import (
 from dcap.evaluation.baselines.fireplace.solve import SolvedPoses, solved
 from dcap.geometry.placement.clearance import Clearance, edges_of
 from dcap.geometry.placement.polygons import convex_hull
-from dcap.geometry.placement.poses import about_z, turn_between
+from dcap.geometry.placement.poses import about_z, rotated, turn_between
 from dcap.geometry.placement.search import PlacementSearch
 from dcap.geometry.raycast import Raycaster
 from dcap.geometry.segmentation.faces import surface_points
@@ -228,7 +228,7 @@ def placements(
             continue
         turn = start[:3, :3]
         clearance = Clearance(
-            turned(item.mesh, turn), near, caster, (edges[0] @ turn.T, edges[1] @ turn.T)
+            rotated(item.mesh, turn), near, caster, (edges[0] @ turn.T, edges[1] @ turn.T)
         )  # fmt: skip
         one = measured_placement(k, problem, poses, frame, item, clearance)
         if one is not None:
@@ -284,13 +284,6 @@ def posed(pose: Array, height: float) -> Array:
     matrix = np.eye(4)
     matrix[:3, :3], matrix[:3, 3] = about_z(pose[2]), (pose[0], pose[1], height)
     return matrix
-
-
-def turned(mesh: Mesh, rotation: Array) -> Mesh:
-    """A mesh under a rotation (3, 3)."""
-    matrix = np.eye(4)
-    matrix[:3, :3] = rotation
-    return mesh.transformed(matrix)
 
 
 def inside_room(item: RestingItem, world_from_resting: Array, room: SupportArea | None) -> bool:

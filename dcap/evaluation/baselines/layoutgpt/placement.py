@@ -21,7 +21,7 @@ from dcap.evaluation.baselines.layoutgpt.exemplars import (
 from dcap.evaluation.baselines.layoutgpt.pixels import category_of, grid_of
 from dcap.language.protocol.baseline_questions import LayoutLine, LayoutRequest
 from dcap.language.protocol.layout_text import CssBox, parsed_layout
-from dcap.language.protocol.requests import IntentRequest, Vector
+from dcap.language.protocol.requests import IntentRequest, vector
 from dcap.scene.types.floor_plan import FloorPlan, FloorPlans
 from dcap.scene.types.outcome import Infeasible, Reason
 
@@ -59,17 +59,11 @@ def layout_request(
         lines=lines,
         category=category_of(name),
         asset=(length, width, height),
-        asset_size=triple(asset.size),
+        asset_size=vector(asset.size),
         has_front=asset.has_front,
-        origin=triple(grid.origin),
+        origin=vector(grid.origin),
         pixels_per_metre=grid.per_metre,
     )
-
-
-def triple(values: Array) -> Vector:
-    """Three floats."""
-    x, y, z = (float(value) for value in values)
-    return x, y, z
 
 
 def others_of(plan: FloorPlan, exemplars: FloorPlans | None) -> list[FloorPlan]:

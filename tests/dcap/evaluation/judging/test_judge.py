@@ -11,7 +11,6 @@ from judged import GOOD, REPLY, SCORES, flat, placement, three_methods
 from PIL import Image
 
 from dcap.evaluation.judging.judge import (
-    RUBRIC,
     comparisons,
     judge_name,
     model_family,
@@ -22,6 +21,7 @@ from dcap.evaluation.judging.judge import (
 )
 from dcap.evaluation.judging.judged_pictures import GAP, pictures_in, side_by_side
 from dcap.evaluation.judging.questions import JUDGE_PAIR, JUDGE_SCORE
+from dcap.evaluation.judging.rubric import RUBRIC
 from dcap.evaluation.statistics.comparisons import JudgedAxis, Winner, pair_counts, write_comparisons
 from dcap.evaluation.statistics.sides import side_report
 from dcap.evaluation.statistics.win_rates import win_rates

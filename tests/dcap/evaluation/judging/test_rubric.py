@@ -4,6 +4,7 @@ import math
 import re
 from itertools import pairwise
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -26,7 +27,7 @@ from dcap.scene.settings import PROJECT_ROOT
 
 PLACE, PHYSICS = JudgedAxis.RIGHT_PLACE, JudgedAxis.PHYSICS_NATURALNESS
 BY_NAME = {name: scale for scales in SCALES.values() for name, scale in scales.items()}
-GROWING = {"contact_area_m2", "visible_fraction", "support_hit", "part_hit", "com_supported"}
+GROWING = {"visible_fraction", "support_hit", "part_hit", "com_supported"}
 """Metrics of which more is better."""
 NUMBERS = sorted(name for name, scale in BY_NAME.items() if isinstance(scale, MetricScale))
 TRUTHS = sorted(name for name, scale in BY_NAME.items() if isinstance(scale, TruthScale))
@@ -90,6 +91,28 @@ def test_what_the_anchors_stand_for():
     scale = BY_NAME["penetration_m"]
     assert [scale.score(d) for d in (5e-5, 1e-2, 5e-2)] == [10.0, 4.0, 1.0]
     assert rubric_scores(GOOD) == (10.0, 10.0)
+
+
+def floating(height: float) -> float:
+    """Physics of a rigid thing that floats: it falls and lies; all of its weight is unbalanced while it falls."""
+    falls = math.sqrt(2.0 * height / 9.81)
+    metrics = {**GOOD, "gap_m": height, "drift_m": height, "drift_deg": 0.0, "force_residual": falls}
+    return axis_score({**metrics, "indentation_error_m": None}, PHYSICS) or 0.0
+
+
+def sunk(depth: float) -> float:
+    """Physics of one that is as deep inside: from 5 mm on it cannot be simulated."""
+    metrics = {**GOOD, "penetration_m": depth, "gap_m": 0.0, "drift_m": depth, "force_residual": 0.01}
+    if depth > 5e-3:
+        metrics |= {"drift_m": None, "drift_deg": None, "force_residual": None}
+    return axis_score({**metrics, "indentation_error_m": None}, PHYSICS) or 0.0
+
+
+def test_no_cliff_between_above_and_inside():
+    """As far above as inside is about as wrong, and a tenth more of it never changes the score by much."""
+    for distance in np.geomspace(3e-4, 0.05, 40):
+        assert abs(floating(distance) - sunk(distance)) < 1.6
+        assert 0.0 <= floating(distance) - floating(1.1 * distance) < 0.5
 
 
 def test_an_axis_is_half_its_worst_and_half_its_mean():

@@ -7,7 +7,8 @@ from pathlib import Path
 import pyarrow.parquet as pq
 import pytest
 
-from dcap.evaluation.study.design import Side, StudyAxis
+from dcap.evaluation.statistics.comparisons import JudgedAxis
+from dcap.evaluation.study.design import Side
 from dcap.evaluation.study.journal import JOURNAL, StudyVote, VoteJournal, read_votes
 from dcap.evaluation.study.study_folder import export_votes
 from dcap.scene.errors import InputError
@@ -15,7 +16,7 @@ from dcap.scene.errors import InputError
 
 def ballot(rater: str = "r01", item: str = "001", winner: Side = Side.LEFT) -> list[StudyVote]:
     """A rater's answers to one comparison."""
-    return [StudyVote(rater, item, "bed", axis, "dcap", "layoutgpt", winner, None, 3.5) for axis in StudyAxis]
+    return [StudyVote(rater, item, "bed", axis, "dcap", "layoutgpt", winner, None, 3.5) for axis in JudgedAxis]
 
 
 def test_what_was_added_is_read_again(tmp_path: Path) -> None:

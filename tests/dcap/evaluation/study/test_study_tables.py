@@ -2,6 +2,7 @@
 
 import csv
 import io
+from itertools import combinations
 from math import log
 
 import numpy as np
@@ -10,9 +11,10 @@ import pytest
 from dcap.evaluation.statistics.comparisons import JudgedAxis
 from dcap.evaluation.statistics.method_tables import PreferenceRow
 from dcap.evaluation.statistics.score_summary import DAGGER
-from dcap.evaluation.study.design import Side, StudyAxis, rater_items
+from dcap.evaluation.study.design import Showings, Side, rater_items
 from dcap.evaluation.study.journal import StudyVote
 from dcap.evaluation.study.raters import RaterRow
+from dcap.evaluation.study.study_folder import StudyDesign
 from dcap.evaluation.study.tables import csv_text, study_table, tex_text
 
 STRENGTH = {"dcap": 2.0, "fireplace": 1.0, "layoutgpt": 0.5}
@@ -24,10 +26,10 @@ def votes_of(raters: int, lifted: Side | None = None) -> list[StudyVote]:
     chance = np.random.default_rng(7)
     names = tuple(f"s{n}" for n in range(SAMPLES))
     pairs = {("dcap", "fireplace"): names, ("dcap", "layoutgpt"): names, ("fireplace", "layoutgpt"): names}
-    found = []
+    found, before = [], Showings()
     for rater in range(raters):
-        for one in rater_items(pairs, (), SAMPLES, rater, 0):
-            for axis in StudyAxis:
+        for one in rater_items(pairs, (), SAMPLES, rater, 0, before):
+            for axis in JudgedAxis:
                 share = STRENGTH[one.left] / (STRENGTH[one.left] + STRENGTH[one.right])
                 side = Side.LEFT if chance.random() < share else Side.RIGHT
                 found.append(StudyVote(f"r{rater}", one.item, one.sample, axis, one.left, one.right, side, lifted, 1.0))
@@ -40,7 +42,7 @@ def given(*counts: tuple[str, str, str, int]) -> list[StudyVote]:
         StudyVote("r0", f"{sample} {winner} {k}", sample, axis, winner, loser, Side.LEFT, None, 1.0)
         for sample, winner, loser, count in counts
         for k in range(count)
-        for axis in StudyAxis
+        for axis in JudgedAxis
     ]
 
 
@@ -122,12 +124,12 @@ def test_raters_agree_by_krippendorff_s_alpha() -> None:
 
     def said(*answers: str) -> float | None:
         votes = [
-            StudyVote(f"r{rater}", f"{k}", f"s{k}", StudyAxis.OVERALL, "dcap", "fireplace", side, None, 1.0)
+            StudyVote(f"r{rater}", f"{k}", f"s{k}", JudgedAxis.OVERALL, "dcap", "fireplace", side, None, 1.0)
             for k, unit in enumerate(answers)
             for rater, one in enumerate(unit)
             for side in (Side.LEFT if one == "1" else Side.RIGHT,)
         ]
-        return study_table(votes, 0).agreement[JudgedAxis.OVERALL]
+        return study_table(votes, 0).agreement[JudgedAxis.OVERALL].alpha
 
     assert said("11", "11", "00", "01") == pytest.approx(1 - 14 / 30)
     assert said("11", "00") == 1.0
@@ -139,13 +141,33 @@ def test_raters_who_toss_coins_do_not_agree() -> None:
     """Alpha is 0, also over three methods, of which each comparison shows two: 120 units of four raters."""
     chance, names = np.random.default_rng(3), ("dcap", "fireplace", "layoutgpt")
     votes = [
-        StudyVote(f"r{rater}", f"{k}", f"s{k}", StudyAxis.OVERALL, names[k % 3], names[(k + 1) % 3], side, None, 1.0)
+        StudyVote(f"r{rater}", f"{k}", f"s{k}", JudgedAxis.OVERALL, names[k % 3], names[(k + 1) % 3], side, None, 1.0)
         for k in range(120)
         for rater in range(4)
         for side in (Side.LEFT if chance.random() < 0.5 else Side.RIGHT,)
     ]
     # six pairs of raters per unit: sigma of the observed share is 0.5 / sqrt(6 * 120), twice that of alpha; four of it
-    assert study_table(votes, 0).agreement[JudgedAxis.OVERALL] == pytest.approx(0.0, abs=0.15)
+    assert study_table(votes, 0).agreement[JudgedAxis.OVERALL].alpha == pytest.approx(0.0, abs=0.15)
+
+
+def test_a_usual_study_tells_how_far_raters_agree() -> None:
+    """57 samples, five methods, 40 comparisons each: raters who all judge by the sample agree wholly, and it is known
+    for two raters as for twelve."""
+    names = tuple(f"s{n}" for n in range(57))
+    design = StudyDesign(0, 4, dict.fromkeys(combinations("abcde", 2), names), (), {}, {}).with_raters(12)
+    votes = [
+        StudyVote(rater, one.item, one.sample, axis, one.left, one.right, side, None, 1.0)
+        for rater, items in design.raters.items()
+        for one in items
+        for side in (Side.LEFT if (one.left < one.right) == (int(one.sample[1:]) % 2 == 0) else Side.RIGHT,)
+        for axis in JudgedAxis
+    ]
+    for raters, shared in ((2, 8), (12, 24)):
+        table = study_table([vote for vote in votes if vote.rater <= f"r{raters:02d}"], 0)
+        assert (table.raters, table.comparisons) == (raters, 40 * raters)
+        for agreed in table.agreement.values():
+            assert (agreed.alpha, agreed.share) == (1.0, 1.0)
+            assert agreed.comparisons >= shared
 
 
 def test_attention_checks_count_nowhere() -> None:
@@ -166,6 +188,9 @@ def test_the_tables_hold_what_was_computed() -> None:
     assert {row["raters_flagged"] for row in rows} == {"1"}
     assert {row["raters"] for row in rows} == {"3"}
     assert float(rows[0]["agreement_overall"]) < 1.0
+    assert 0.0 < float(rows[0]["percent_agreement_overall"]) < 100.0
+    assert rows[0]["shared_comparisons"] == "36"
+    assert f"({rows[0]['percent_agreement_overall']} % of pairs of raters)" in tex_text(table, raters)
     tex = tex_text(table, raters)
     assert tex.count("\\\\") == 1 + len(table.rows)
     assert "FirePlace*" in tex

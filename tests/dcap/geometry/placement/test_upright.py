@@ -5,7 +5,7 @@ import pytest
 import trimesh
 from scipy.spatial.transform import Rotation as Turn
 
-from dcap.geometry.placement.poses import center_of_mass, front_of
+from dcap.geometry.placement.poses import center_of_mass, front_of, rotated
 from dcap.geometry.placement.upright import opening, round_axis, standing_features, stands_as_read, upright_pose
 from dcap.geometry.raycast import Raycaster
 from dcap.scene.types.mesh import Mesh
@@ -16,12 +16,6 @@ DOWN = np.array([0.0, 0.0, -1.0])
 
 def mesh_of(name: str) -> Mesh:
     return Mesh.concatenate([solid for part in build_object(name).parts for solid in part.solids])
-
-
-def turned(mesh: Mesh, matrix: np.ndarray) -> Mesh:
-    pose = np.eye(4)
-    pose[:3, :3] = matrix
-    return mesh.transformed(pose)
 
 
 def box(x: float, y: float, z: float) -> Mesh:
@@ -39,7 +33,7 @@ def test_stand_of_a_box():
 
 def test_a_thing_on_its_edge_does_not_stand():
     """A box turned by 20 degrees touches the ground with an edge."""
-    assert not stands_as_read(turned(box(0.2, 0.1, 0.4), Turn.from_euler("x", 20, degrees=True).as_matrix()))
+    assert not stands_as_read(rotated(box(0.2, 0.1, 0.4), Turn.from_euler("x", 20, degrees=True).as_matrix()))
 
 
 def test_opening_has_a_sign():
@@ -64,7 +58,7 @@ def test_axis_of_round_things(name, axis):
 def test_household_things_are_put_upright(name, vector):
     """However its file lies, the shape tells which way is up (5 degrees)."""
     file_from_own = Turn.from_rotvec(vector, degrees=True).as_matrix()
-    matrix, gain, lead = upright_pose(turned(mesh_of(name), file_from_own))
+    matrix, gain, lead = upright_pose(rotated(mesh_of(name), file_from_own))
     assert float((matrix @ file_from_own)[2, 2]) > np.cos(np.radians(5))
     assert gain > 0.3
     assert lead > 0.1

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from mesh_files import volume
 from PIL import Image
 from textured import quarters
 
@@ -15,7 +16,6 @@ from dcap.scene.readers.frame.frame import Role
 from dcap.scene.readers.scenes.sugar import find_mesh
 from dcap.scene.readers.source import read_scan, read_surface
 from dcap.scene.types.gaussians import Gaussians
-from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.sample import SourceOptions
 from dcap.scene.types.scan import Scan
 from dcap.scene.writers.gaussians import write_splats
@@ -64,12 +64,6 @@ class Xform "Prototype" {{
     }}
 }}
 """
-
-
-def volume(mesh: Mesh) -> float:
-    """Signed volume by the divergence theorem [m^3]."""
-    a, b, c = mesh.triangles.transpose(1, 0, 2)
-    return float(np.einsum("ij,ij->i", a, np.cross(b, c)).sum() / 6.0)
 
 
 def scan_of(folder: Path, text: str, name: str = "room.usda") -> Scan:
