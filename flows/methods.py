@@ -4,7 +4,7 @@ Every method gets the same scene, object, scale and mass, and what it made is me
 meshes. The final pose of a baseline is taken as it stands.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Hashable, Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -37,6 +37,10 @@ from tasks.render.stage import render_task
 from tasks.rotation.stage import rotation_task
 from tasks.segment.stage import segment_task
 
+Examples = tuple[Ref[FloorPlans] | None, tuple[str, ...]]
+"""Gathered plans, and names of the scenes that have none."""
+EXAMPLES: dict[Hashable, Examples] = {}
+"""What was gathered in this process: a chain of stages as long as there are scenes, for each scene."""
 NO_DROP, RIGID_DROP = "no_drop", "rigid_drop"
 OTHER_MATERIALS = frozenset({RIGID_DROP, "blended_materials", "paper"})
 """Ablations whose drop has other materials, or none that gives way."""
@@ -135,11 +139,14 @@ def proposal(
     return layoutgpt_task(scene, item, intent, sample.prompt, config=asked, exemplars=plans, left_out=left_out)
 
 
-def examples_of(sample: Sample, config: PlaceConfig) -> tuple[Ref[FloorPlans] | None, tuple[str, ...]]:
+def examples_of(sample: Sample, config: PlaceConfig) -> Examples:
     """Plans of the scenes that a method may learn from, and the names of those that cannot be read: what is wrong with
-    another scene is told by the samples in it, and is no failure of this one."""
+    another scene is told by the samples in it, and is no failure of this one. Samples of one scene share them."""
+    asked = (Store.default().root, sample.examples, sample.scene_options, config.scene_mesh, config.segment)
+    if asked in EXAMPLES:
+        return EXAMPLES[asked]
     plans: Ref[FloorPlans] | None = None
-    left_out = []
+    left_out: list[str] = []
     for other in sample.examples:
         try:
             source = Store.default().add_source(other)
@@ -149,7 +156,7 @@ def examples_of(sample: Sample, config: PlaceConfig) -> tuple[Ref[FloorPlans] | 
             left_out.append(Path(other).name)
         else:
             plans = gathered_task(plan, plans)
-    return plans, tuple(left_out)
+    return EXAMPLES.setdefault(asked, (plans, tuple(left_out)))
 
 
 def measured(sample: Sample, found: PlacementRefs, config: PlaceConfig) -> PlacementRefs:

@@ -106,10 +106,10 @@ def with_rules(
     known = loaded_scene(str(scene["kind"]), str(scene["sha256"]))
     said = loaded_intent(str(intent["kind"]), str(intent["sha256"]))
     pose, measures = tree["pose"], kept["measures"]
-    if known is None or said is None:
-        return row
     assert isinstance(pose, Mapping)
     assert isinstance(measures, Mapping)
+    if known is None or said is None or "front" not in measures:  # not there in older files
+        return row
     final = FinalBox(
         box=upright_box(np.asarray(tree["object_aabb"], dtype=float)),
         front=np.asarray(measures["front"], dtype=float)[:2],

@@ -31,9 +31,9 @@ class ComparisonTable:
     offline: bool
     """Whether no model answered for the baselines: their names say so."""
 
-    def name(self, row: PreferenceRow) -> str:
-        """A row's method as the table shows it."""
-        return shown_name(row.method, offline=self.offline)
+    def name(self, method: str) -> str:
+        """A method as the table shows it."""
+        return shown_name(method, offline=self.offline)
 
 
 def comparison_table(
@@ -55,7 +55,7 @@ def write_comparison_table(run: Path, table: ComparisonTable) -> tuple[Path, ...
             path.unlink(missing_ok=True)
         return ()
     judged = {"judge": table.record.judge, "same_family": table.record.same_family}
-    cells = csv_of([row_cells(row, table.name(row)) | judged for row in table.rows])
+    cells = csv_of([row_cells(row, table.name(row.method)) | judged for row in table.rows])
     for path, text in zip(paths, (cells, tex_text(table)), strict=True):
         draft = path.with_name(f".{path.name}")
         draft.write_text(text, encoding="utf-8")

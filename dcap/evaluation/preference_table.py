@@ -44,13 +44,13 @@ def row_cells(row: PreferenceRow, name: str) -> dict[str, object]:
     return cells | {"comparisons": overall.comparisons if overall else 0}
 
 
-def tabular(rows: Sequence[PreferenceRow], name_of: Callable[[PreferenceRow], str]) -> list[str]:
+def tabular(rows: Sequence[PreferenceRow], name_of: Callable[[str], str]) -> list[str]:
     """The table as the paper lays it out, line by line."""
     head = " & ".join(["Method", *HEADINGS.values(), "Bradley--Terry"])
     lines = ["\\begin{tabular}{lcccc}", "\\hline", f"{head} \\\\", "\\hline"]
     for row in rows:
         cells = [tex_rate(row, axis) for axis in HEADINGS]
-        lines.append(f"{tex_escaped(name_of(row))} & {' & '.join(cells)} & {tex_rating(row)} \\\\")
+        lines.append(f"{tex_escaped(name_of(row.method))} & {' & '.join(cells)} & {tex_rating(row)} \\\\")
     return [*lines, "\\hline", "\\end{tabular}"]
 
 

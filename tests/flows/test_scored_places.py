@@ -72,7 +72,7 @@ def test_what_is_right_is_told_so(tmp_path: Path):
     ],
     ids=["another thing", "another part", "another bed", "nothing"],
 )
-def test_another_support_or_part_is_no_hit(tmp_path: Path, measures: dict[str, Any], support: bool, part: bool):  # noqa: FBT001
+def test_another_support_or_part_is_no_hit(tmp_path: Path, measures: dict[str, Any], support: bool, part: bool):
     """A part of another thing is never the one that was meant; either way it is not as expected and scores less."""
     found = row(tmp_path, **measures)
     assert (found.support_hit, found.part_hit, found.as_expected) == (support, part, False)
@@ -109,7 +109,7 @@ def test_a_farther_miss_never_scores_better(tmp_path: Path):
 
 
 @pytest.mark.parametrize(("turn_deg", "right"), [(0.0, True), (30.0, True), (60.0, False), (180.0, False)])
-def test_a_direction_is_off_by_its_angle(tmp_path: Path, turn_deg: float, right: bool):  # noqa: FBT001
+def test_a_direction_is_off_by_its_angle(tmp_path: Path, turn_deg: float, right: bool):
     """A word for a direction holds half a right angle to either side."""
     truth = replace(TRUTH, front=(0.0, 1.0), top="up")
     found = row(tmp_path, truth, turn_deg=turn_deg)
@@ -132,7 +132,13 @@ def test_what_floats_has_its_gap_and_scores_less_of_physics_alone(tmp_path: Path
 def test_over_nothing_is_the_worst_gap_and_not_unknown(tmp_path: Path):
     """JSON has no infinity: what is over nothing has null for its gap and its margin. It scores no better than what
     floats a metre up and is over nothing that carries it, and is supported by nothing."""
-    nothing = {"support_id": "", "support_label": "", "support_part": "", "com_margin_m": None, "contact_area_m2": 0.0}
+    nothing: dict[str, Any] = {
+        "support_id": "",
+        "support_label": "",
+        "support_part": "",
+        "com_margin_m": None,
+        "contact_area_m2": 0.0,
+    }
     falls = STAYS | {"distance_m": 4.9, "force_residual": 1.0}
     found = row(tmp_path, **nothing, gap_m=None, drift=falls)
     high = row(tmp_path, **nothing, gap_m=1.0, drift=falls)

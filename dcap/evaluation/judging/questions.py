@@ -124,7 +124,7 @@ def known_scores(metrics: Metrics) -> tuple[float | None, float | None]:
     """Both scores of the rubric; LanguageError where none is known."""
     scores = rubric_scores(metrics)
     if scores == (None, None):
-        raise LanguageError("the metric rubric cannot judge a placement of which no metric is known; ask a model")
+        raise LanguageError(f"the {RUBRIC} cannot judge a placement of which no metric is known; ask a model")
     return scores
 
 

@@ -105,14 +105,12 @@ def csv_text(table: StudyTable, raters: Sequence[RaterRow]) -> str:
     study |= {"attention_checks": sum(one.checks for one in raters)}
     study |= {"attention_failures": sum(one.checks_failed for one in raters)}
     study |= {"raters_flagged": sum(one.flagged for one in raters)}
-    return csv_of(
-        [
-            row_cells(row, table.name(row.method))
-            | {"without_placement": table.without_placement.get(row.method, 0)}
-            | study
-            for row in table.rows
-        ]
-    )
+    return csv_of([row_cells(row, table.name(row.method)) | refused(row, table) | study for row in table.rows])
+
+
+def refused(row: PreferenceRow, table: StudyTable) -> dict[str, object]:
+    """On how many samples a method made no placement."""
+    return {"without_placement": table.without_placement.get(row.method, 0)}
 
 
 def percent(share: float | None) -> str:
@@ -125,7 +123,7 @@ def tex_text(table: StudyTable, raters: Sequence[RaterRow]) -> str:
     lines = [
         "% Human forced choice, side by side. Win rates with 95 % intervals of a bootstrap over scene-prompt pairs."
     ]
-    lines += tabular(table.rows, lambda row: table.name(row.method))
+    lines += tabular(table.rows, table.name)
     checks, failed = sum(one.checks for one in raters), sum(one.checks_failed for one in raters)
     flagged = sum(one.flagged for one in raters)
     lines += [

@@ -11,7 +11,6 @@ from dcap.evaluation.judging.known_room import (
     BED,
     DENT,
     FLOOR,
-    RADIUS,
     SETTLED,
     SIZE,
     VIEWS,
@@ -22,7 +21,6 @@ from dcap.evaluation.judging.known_room import (
 from dcap.evaluation.judging.questions import PairReply
 from dcap.evaluation.judging.rubric import RUBRIC, SCALES
 from dcap.evaluation.judging.validation import judge_accuracy
-from dcap.evaluation.metrics.touching import TOUCHING
 from dcap.evaluation.statistics.comparisons import JudgedAxis, Winner
 from dcap.language.offline.client import OfflineClient
 from dcap.scene.errors import InputError
@@ -77,8 +75,6 @@ def test_metrics_are_measured_on_the_meshes(room: RoomWithBall, on: str, offset:
     assert over["penetration_m"] == 0.0
     assert inside["penetration_m"] == pytest.approx(offset, rel=0.05)
     assert inside["gap_m"] == 0.0
-    caps = 2.0 * np.pi * RADIUS * (offset + TOUCHING)  # of a ball so deep in a plane, and what is nearly in
-    assert inside["contact_area_m2"] == pytest.approx(caps, rel=0.25)
     unknown = ("part_hit", "orientation_error_deg", "indentation_error_m", "force_residual", "drift_m")
     assert {over[name] for name in unknown} == {None}
 
