@@ -117,7 +117,7 @@ def run_benchmark(
 ) -> Run:
     """Place the samples of a dataset by each method and write the run's folder."""
     begin = time.monotonic()
-    config = config.model_copy(update={"measured": True})
+    config = measured_config(config, methods)
     path, samples = dataset_samples(dataset, methods, limit, scenes)
     if only_failed:
         samples = failed_before(samples)
@@ -307,6 +307,11 @@ def truths_of(dataset: Path, samples: Sequence[Sample]) -> list[ExpectedOutcome 
     return [known.get(split_id(sample.id)[1]) for sample in samples]
 
 
+def measured_config(config: PlaceConfig, methods: Sequence[str]) -> PlaceConfig:
+    """With what is measured of one method, or of several that are compared."""
+    return config.model_copy(update={"measured": True, "compared": len(set(methods)) > 1})
+
+
 def plan_benchmark(
     dataset: Path | None,
     config: PlaceConfig,
@@ -317,7 +322,7 @@ def plan_benchmark(
 ) -> list[PlanRow]:
     """Print what would run and why."""
     _, samples = dataset_samples(dataset, methods, limit, scenes)
-    config = config.model_copy(update={"measured": True})
+    config = measured_config(config, methods)
     plans = [plan_sample(sample, config) for sample in samples]
     print_plan(plans)
     return [plan_row(plan) for plan in plans]

@@ -168,11 +168,12 @@ def measured(sample: Sample, found: PlacementRefs, config: PlaceConfig) -> Place
     if found.settled.infeasible:
         return found
     scene, item, anchor, settled = found.scene, found.item, found.anchor, found.settled
-    measures = measure_task(scene, item, anchor, settled)
-    views = judged_views_task(
-        scene, item, found.intent, anchor, settled, found.scene_surface, found.object_surface, config=config.views
-    )
-    found = replace(found, measures=measures, views=views)
+    found = replace(found, measures=measure_task(scene, item, anchor, settled))
+    if config.compared:
+        views = judged_views_task(
+            scene, item, found.intent, anchor, settled, found.scene_surface, found.object_surface, config=config.views
+        )
+        found = replace(found, views=views)
     materials, particles = found.materials, found.particles
     if sample.method in OTHER_MATERIALS:
         materials = materials_task(scene, item, found.intent, anchor, sample.prompt, config=config.materials)
@@ -180,6 +181,8 @@ def measured(sample: Sample, found: PlacementRefs, config: PlaceConfig) -> Place
     if particles.infeasible:
         return found
     sinking = indentation_task(scene, item, found.intent, anchor, materials, particles, settled)
+    found = replace(found, indentation=sinking)
+    if not config.compared:
+        return found
     simulated = particles if sample.method == RIGID_DROP else found.particles
-    drift = drift_task(simulated, settled, config=config.drift)
-    return replace(found, indentation=sinking, drift=drift)
+    return replace(found, drift=drift_task(simulated, settled, config=config.drift))

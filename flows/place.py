@@ -69,7 +69,9 @@ class PlaceConfig(BaseModel, frozen=True, extra="forbid"):
     drift: DriftConfig = DriftConfig()
     views: ViewsConfig = ViewsConfig()
     measured: bool = False
-    """Whether the final state is measured as those of other methods are."""
+    """Whether the final state is measured on its meshes, as those of other methods are."""
+    compared: bool = False
+    """Whether other methods place the sample, too: then it is also simulated on, and photographed for judges."""
 
 
 STAGES: tuple[Stage[..., object], ...] = (

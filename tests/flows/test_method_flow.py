@@ -30,7 +30,7 @@ from flows.scoring import scored_row
 PROMPT = "put the mug at the center of the table"
 TOP = 0.75
 TRUTH = ExpectedOutcome(base="dining table", part="top", region="center", feasible=True, reason="", base_id="table_0")
-CONFIG = PlaceConfig(measured=True)
+CONFIG = PlaceConfig(measured=True, compared=True)
 
 
 @pytest.fixture(autouse=True)

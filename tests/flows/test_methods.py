@@ -41,7 +41,7 @@ def changes(method: str, config: PlaceConfig) -> dict[str, object]:
 
 def given() -> PlaceConfig:
     """A configuration of which each stage that an ablation touches has another setting that is not the usual one."""
-    config = PlaceConfig(measured=True)
+    config = PlaceConfig(measured=True, compared=True)
     return config.model_copy(update={
         "intent": config.intent.model_copy(update={"mass_factor": 2.0}),
         "rotation": config.rotation.model_copy(update={"picture_size": 64}),
