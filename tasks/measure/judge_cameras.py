@@ -29,7 +29,7 @@ OFF_MIDDLE = 0.1
 class ViewsConfig(BaseModel, frozen=True, extra="forbid"):
     """How large the pictures are and what they cover."""
 
-    size: PositiveInt = 384
+    size: PositiveInt = 320
     """Width and height [pixel]."""
     fov_deg: PositiveFloat = 40.0
     """Field of view [degrees]."""
