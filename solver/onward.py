@@ -47,8 +47,9 @@ class Onward:
     angle: float
     """Largest turn of any free body [rad]."""
     force_residual: float
-    """Mean over that time of the unbalanced force on the worst free body over its weight [-]: 1 in free fall, the share
-    of the time that it takes to come down for what floats a little, about 0 at rest."""
+    """Mean over the time that was asked of the unbalanced force on the worst free body over its weight [-]: 1 in free
+    fall, the share of the time that it takes to come down for what floats a little, about 0 at rest. What was not
+    simulated counts as balanced."""
 
 
 def onward(
@@ -74,7 +75,7 @@ def onward(
             work += (1 + step.report.newton) * len(simulation.soft.real)
             simulation.stiffen(state, step.report.contacts, step.signals)
         distance, angle = simulation.distance(first, state)
-        return Onward(float(state.time), steps, distance, angle, impulse / max(float(state.time), 1e-12))
+        return Onward(float(state.time), steps, distance, angle, impulse / seconds)
 
 
 def begun(simulation: Simulation, placed: PlacedBodies) -> State:

@@ -62,7 +62,8 @@ class Drift:
     angle_rad: float
     """Largest turn of a free body; inf likewise."""
     force_residual: float
-    """Mean over that time of the unbalanced force over the weight [-]; inf likewise."""
+    """Mean over the second that was asked of the unbalanced force over the weight [-], 0 in what was not simulated; inf
+    likewise."""
     reason: str = ""
     """Why it could not be simulated."""
     broken: bool = False
