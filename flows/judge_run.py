@@ -34,7 +34,8 @@ from dcap.evaluation.judging.judging_folder import (
     read_scores,
     write_judging,
 )
-from dcap.evaluation.judging.rubric import RUBRIC, SCALES, Metrics, rubric_scores
+from dcap.evaluation.judging.row_metrics import row_metrics
+from dcap.evaluation.judging.rubric import RUBRIC, Metrics, rubric_scores
 from dcap.evaluation.judging.standing import Standing, lowest_scores, standing_of, with_judged_scores
 from dcap.evaluation.method_report import MethodTable, method_table, write_method_table
 from dcap.evaluation.methods import OFFLINE, joined_id
@@ -185,7 +186,7 @@ def with_metrics(rows: Sequence[SampleOutcome]) -> list[JudgedPlacement]:
     """What the metric rubric judges: final states of which metrics of an axis, or of both, are known."""
     found = []
     for row in rows:
-        metrics = metrics_of(row)
+        metrics = row_metrics(row)
         if standing_of(row) is Standing.JUDGED and rubric_scores(metrics) != (None, None):
             found.append(judged_placement(row, metrics, (), ()))
     return found
@@ -199,7 +200,7 @@ def with_pictures(folder: Path, rows: Sequence[SampleOutcome], methods: Sequence
         if row.sample not in first:
             first[row.sample] = pictures_in(views_of(folder, row), BEFORE)
     return [
-        judged_placement(row, metrics_of(row), first[row.sample], pictures_in(views_of(folder, row), PLACED))
+        judged_placement(row, row_metrics(row), first[row.sample], pictures_in(views_of(folder, row), PLACED))
         for row in judged
     ]
 
@@ -207,11 +208,6 @@ def with_pictures(folder: Path, rows: Sequence[SampleOutcome], methods: Sequence
 def views_of(folder: Path, row: SampleOutcome) -> Path:
     """Where the fixed pictures of a row lie."""
     return sample_folder(folder, joined_id(row.method, row.sample)) / VIEWS
-
-
-def metrics_of(row: SampleOutcome) -> Metrics:
-    """The metrics of a row by the rubric's names."""
-    return {name: getattr(row, name) for axis in SCALES.values() for name in axis}
 
 
 def judged_placement(

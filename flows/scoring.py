@@ -11,7 +11,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from dcap.evaluation.judging.rubric import RUBRIC, SCALES, rubric_scores
+from dcap.evaluation.judging.row_metrics import row_metrics
+from dcap.evaluation.judging.rubric import RUBRIC, rubric_scores
 from dcap.evaluation.metrics.placeit3d import (
     ConstraintKind,
     FinalBox,
@@ -136,8 +137,7 @@ def there(row: SampleOutcome) -> bool:
 
 def with_scores(row: SampleOutcome) -> SampleOutcome:
     """With the two scores of the metric rubric."""
-    metrics = {name: getattr(row, name) for axis in SCALES.values() for name in axis}
-    place, physics = rubric_scores(metrics)
+    place, physics = rubric_scores(row_metrics(row))
     return replace(row, right_place=place, physics_naturalness=physics, judge=RUBRIC)
 
 

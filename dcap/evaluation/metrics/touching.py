@@ -103,7 +103,7 @@ def inside_depth(thing: Mesh, near: Mesh, edge: float) -> float:
     points = points[((points > thing.bounds[0]) & (points < thing.bounds[1])).all(axis=1)]
     if not len(points):
         return 0.0
-    return float(max(-MeshDistance(thing)(points).min(), 0.0))
+    return float(max(0.0, -MeshDistance(thing)(points).min()))
 
 
 def surface_points(mesh: Mesh, box: Array, edge: float) -> Array:

@@ -7,7 +7,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import prod
 
-from dcap.evaluation.judging.rubric import SCALES, worst_metric
+from dcap.evaluation.judging.row_metrics import row_metrics
+from dcap.evaluation.judging.rubric import worst_metric
 from dcap.evaluation.methods import BASELINES, DCAP
 from dcap.evaluation.outcome_table import SampleOutcome
 from dcap.evaluation.run_page.placement_files import shortened
@@ -80,7 +81,7 @@ def came_out(row: SampleOutcome) -> str:
 
 def because(row: SampleOutcome, axis: JudgedAxis) -> str:
     """The metric that is worst on an axis, where one is known."""
-    worst = worst_metric({name: getattr(row, name) for name in SCALES[axis]}, axis)
+    worst = worst_metric(row_metrics(row), axis)
     return f", worst metric {worst}" if worst else ""
 
 

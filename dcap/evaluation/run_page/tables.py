@@ -125,8 +125,13 @@ def cell(metric: ShownMetric, values: Sequence[float], of: int) -> str:
     if not values:
         return NOTHING
     middle = mean(values) if metric.share else median(values)
-    rest = "" if metric.share else f" ({metric.factor * mean(values):.3g})"
-    return f"{metric.factor * middle:.3g}{rest}" + (f", n {len(values)}" if len(values) < of else "")
+    rest = "" if metric.share else f" ({shown(metric.factor * mean(values))})"
+    return f"{shown(metric.factor * middle)}{rest}" + (f", n {len(values)}" if len(values) < of else "")
+
+
+def shown(value: float) -> str:
+    """A number for people: what is less than a millionth of its unit is rounding, and 0."""
+    return f"{round(value, 6) + 0.0:.3g}"
 
 
 def metrics_csv(
