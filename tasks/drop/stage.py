@@ -22,6 +22,7 @@ from dcap.scene.types.settled import LastState, LeanCheck, PlacementChecks, Sett
 from solver.certificate import CertificateRow, Verdict
 from solver.config import SolverConfig
 from solver.errors import ArchError, UnstableStep
+from solver.model.bodies import Model
 from solver.rest import Signals
 from solver.settle import settle
 from tasks.bodies.plan_contact import share_within
@@ -62,20 +63,30 @@ class DropConfig(BaseModel, frozen=True, extra="forbid"):
 def drop(particles: Particles, anchor: Anchor, intent: Intent, seed: int, config: DropConfig) -> Settled | Infeasible:
     """Settle the object and judge the outcome against what was asked."""
     model = solver_model(particles, (0.0, 0.0, -GRAVITY))
-    solver = config.solver.model_copy(update={"threads": config.threads, "seed": seed})
+    solver, told = able(model, config.solver.model_copy(update={"threads": config.threads, "seed": seed}))
     try:
         result = settle(model, solver, _progress)
     except ArchError as error:  # a run from a machine with a graphics card, repeated on one without
         raise InputError(f"arch {error}") from error
     except UnstableStep as error:
         return Infeasible(Reason.UNSTABLE_STEP, str(error), None)
-    settled = with_checks(settled_of(particles, result), particles, anchor, intent, config)
+    settled = settled_of(particles, result)
+    settled = with_checks(replace(settled, warnings=settled.warnings + told), particles, anchor, intent, config)
     moving = settled.verdict is Verdict.NO_EQUILIBRIUM
     if not moving and (toppled := toppling(settled, intent)) is not None:
         return toppled  # also where it went on to leave the simulated region: falling over came first
     if settled.verdict is not Verdict.AT_REST:
         return Infeasible(Reason(settled.verdict), _story(settled, particles), last_state(settled))
     return judge(settled, anchor)
+
+
+def able(model: Model, config: SolverConfig) -> tuple[SolverConfig, tuple[str, ...]]:
+    """The configuration, with tl where mls has no means, and what to tell of that: it simulates material, and knows no
+    bonds between parts."""
+    if config.method != "mls" or (model.soft_bodies and not model.bonds):
+        return config, ()
+    why = "parts are bonded" if model.soft_bodies else "everything is rigid"
+    return config.model_copy(update={"method": "tl"}), (f"solver mls: {why}, so that tl settled it",)
 
 
 def _progress(step: int, seconds: float, signals: Signals) -> None:

@@ -1,6 +1,8 @@
 """Each verdict of the drop from a scene that produces it, and how outcomes are judged against what was asked."""
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -20,6 +22,7 @@ from solver.config import SolverConfig
 from tasks.bodies.plan_contact import share_within
 from tasks.drop.stage import (
     DropConfig,
+    able,
     carried_share,
     drop,
     tilt_of,
@@ -265,3 +268,17 @@ def test_the_share_of_the_contact_that_was_foreseen() -> None:
     ]  # fmt: skip
     assert [unforeseen(replace(rest, checks=one)) for one in checks] == [True, False]
     assert not unforeseen(Infeasible(Reason.TOPPLED, "", None))
+
+
+@pytest.mark.parametrize(
+    ("soft", "bonds", "method", "told"),
+    [((), (), "tl", "everything is rigid"), (("bed",), ("j",), "tl", "parts are bonded"), (("bed",), (), "mls", "")],
+)
+def test_mls_leaves_to_tl_what_it_cannot_do(soft, bonds, method, told):
+    """And says so; tl needs no other."""
+    model: Any = SimpleNamespace(soft_bodies=soft, bonds=bonds)
+    config, notes = able(model, SolverConfig(method="mls"))
+    assert config.method == method
+    assert told in " ".join(notes)
+    assert bool(notes) == bool(told)
+    assert able(model, SolverConfig()) == (SolverConfig(), ())
