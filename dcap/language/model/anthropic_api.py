@@ -85,7 +85,7 @@ def as_message(model: str, text: str) -> Message:
     """A reply as it came; LanguageError if it is no message."""
     try:
         message = json.loads(text)
-    except ValueError:
+    except (ValueError, RecursionError):
         message = None
     if not well_formed(message):
         raise LanguageError(f"{model} sent something that is not a message: {one_line(text)}")

@@ -171,7 +171,7 @@ def json_of(text: str, message: Message) -> Any:
         raise ValueError("the answer was cut off: give a shorter one")
     try:
         return json.loads(text)
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:  # the latter where brackets are nested by the thousand
         raise ValueError(f"the answer is not one JSON object ({error})") from None
 
 

@@ -133,7 +133,7 @@ def as_message(model: str, text: str) -> Message:
         if not isinstance(said, str | None):
             raise TypeError("content")
         usage = usage_of(completion.get("usage") or {})
-    except (ValueError, LookupError, TypeError, AttributeError):
+    except (RecursionError, ValueError, LookupError, TypeError, AttributeError):
         raise LanguageError(f"{model} sent something that is not a completion: {one_line(text)}") from None
     ended = choice.get("finish_reason")
     stop = "refusal" if refusal or ended == FILTERED else "max_tokens" if ended == CUT_OFF else "end_turn"

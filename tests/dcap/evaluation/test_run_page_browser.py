@@ -14,6 +14,8 @@ from PIL import Image
 from playwright.sync_api import Page, expect, sync_playwright
 from run_rows import outcomes, written
 
+from dcap.scene.types.judged_views import PLACED
+
 pytestmark = [
     pytest.mark.browser,
     pytest.mark.slow,
@@ -74,7 +76,7 @@ def test_filters_and_views(run: Path, page: Page) -> None:
     folded = page.locator("article.card:visible details.spread")
     for _ in range(3):
         folded.locator("summary").click()
-    expect(folded.locator(".all-views img")).to_have_count(3 * len(METHODS))
+    expect(folded.locator(".all-views img")).to_have_count(len(PLACED) * len(METHODS))
 
 
 def test_placements_turn_together(run: Path, page: Page) -> None:

@@ -162,8 +162,8 @@ def test_a_check_looks_like_the_run_and_differs_in_the_height_alone(run: Path, t
     for view in PLACED:
         one, two = (np.asarray(Image.open(folder / name / f"{view}.png"), int) for name in (SETTLED, LIFTED))
         change = (np.abs(one - two).max(axis=2) > 20).mean()
-        assert change > 0.005
-        assert change < 0.5 or view not in ("room", "top")
+        of_place = view in ("room", "top")  # the ball is small there
+        assert (1e-4 if of_place else 5e-3) < change < (0.5 if of_place else 1.0)
 
 
 def test_checks_are_made_of_placements_at_rest(run: Path) -> None:

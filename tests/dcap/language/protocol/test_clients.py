@@ -97,11 +97,12 @@ def test_invalid_answers_are_asked_again_with_the_reason(api, ask):
     ("bad", "word"),
     [
         (says("I would rather chat"), "not one JSON object"),
+        (says("[" * 100_000), "not one JSON object"),
         (says('{"base_id": "de', "max_tokens"), "cut off"),
         (says([1, 2]), "answer"),
         (lambda _: (200, message("")[1] | {"content": []}), "not one JSON object"),
     ],
-    ids=["prose", "cut off", "a list", "empty"],
+    ids=["prose", "nested", "cut off", "a list", "empty"],
 )
 def test_malformed_answers_are_asked_again(api, bad, word, ask):
     """What is no answer at all goes back with the reason too."""
