@@ -200,6 +200,19 @@ def test_the_tables_hold_what_was_computed() -> None:
     assert "(offline rules)" not in tex
 
 
+def test_a_method_that_placed_nothing_has_a_row() -> None:
+    """The last, with how often it refused and nothing else; the note names those who refused."""
+    refused = {"dcap": 0, "fireplace": 2, "holodeck": 3}
+    table = study_table(given(("s", "dcap", "fireplace", 5)), 0, without_placement=refused)
+    rows = list(csv.DictReader(io.StringIO(csv_text(table, []))))
+    assert [(row["method"], row["without_placement"]) for row in rows] == [
+        ("dcap", "0"), ("fireplace", "2"), ("holodeck", "3"),
+    ]  # fmt: skip
+    assert (rows[2]["comparisons"], rows[2]["overall_wins"], rows[2]["bradley_terry"]) == ("0", "", "")
+    assert "Holodeck & -- & -- & -- & -- \\\\" in tex_text(table, [])
+    assert "% No placement where one was intended: FirePlace* 2, Holodeck 3." in tex_text(table, [])
+
+
 def test_ratings_of_resamples_without_a_method_do_not_break() -> None:
     """A draw may hold no comparison of some method: its rating is then that of nothing known."""
     table = study_table(
