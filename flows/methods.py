@@ -31,7 +31,7 @@ from tasks.measure.touch import measure_task
 from tasks.measure.views import judged_views_task
 from tasks.mesh.stage import mesh_scene_task
 from tasks.overview import overview_task
-from tasks.particles.stage import particles_task
+from tasks.particles.stage import particles_task, proposal_particles_task
 from tasks.posed.stage import posed_task
 from tasks.render.stage import render_task
 from tasks.rotation.stage import rotation_task
@@ -112,7 +112,8 @@ def proposed(sample: Sample, config: PlaceConfig, read: FileRefs) -> PlacementRe
     else:
         anchor = proposal(sample, scene, item, intent, config)
     materials = materials_task(scene, item, intent, anchor, sample.prompt, config=config.materials)
-    particles = particles_task(scene, item, intent, anchor, materials, config=config.particles)
+    filled = particles_task if sample.method == NO_DROP else proposal_particles_task
+    particles = filled(scene, item, intent, anchor, materials, config=config.particles)
     settled = posed_task(item, anchor)
     renders = render_task(scene, item, anchor, settled, read.scene_surface, read.object_surface, config=config.render)
     overview = None

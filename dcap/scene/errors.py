@@ -22,6 +22,10 @@ class GeometryError(DcapError):
     """A mesh or point set cannot be used for what was asked."""
 
 
+class NothingBeneathError(GeometryError):
+    """A base has no surface where an object is to be dropped onto it."""
+
+
 class LanguageError(DcapError):
     """A prompt was not understood, or a model's reply was invalid to the end."""
 

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from dcap.geometry.distance import Distance, MeshDistance, sampler
 from dcap.geometry.solid.support import shell_bottoms
-from dcap.scene.errors import GeometryError
+from dcap.scene.errors import NothingBeneathError
 from dcap.scene.types.materials import BodyModel, PartMaterial
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.particles import (
@@ -73,7 +73,7 @@ def base_bodies(setup: DropSetup) -> BaseBodies:
     rows = setup.materials.of_parts(base_id, len(parts))
     faces = setup.faces_near_crop(setup.base_index, NEARBY)
     if len(faces) == 0:
-        raise GeometryError(
+        raise NothingBeneathError(
             f"{base_id} has no surface within {setup.config.crop_margin} object sizes of the object; "
             "raise ParticlesConfig.crop_margin"
         )
@@ -88,7 +88,7 @@ def base_bodies(setup: DropSetup) -> BaseBodies:
     if solid is not None:
         base = replace(base, rigid=rigid_base(setup, base.footprint, rows, solid))
     if not base.bodies:
-        raise GeometryError(f"{base_id} has no surface beneath the object; raise ParticlesConfig.crop_margin")
+        raise NothingBeneathError(f"{base_id} has no surface beneath the object; raise ParticlesConfig.crop_margin")
     return base
 
 

@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dcap.geometry.distance import sampler
-from dcap.scene.errors import GeometryError
+from dcap.scene.errors import GeometryError, NothingBeneathError
 from dcap.scene.types.anchor import Anchor
 from dcap.scene.types.earlier import FreedThings
 from dcap.scene.types.intent import Intent
 from dcap.scene.types.materials import PartMaterials
-from dcap.scene.types.outcome import Infeasible
+from dcap.scene.types.outcome import Infeasible, Reason
 from dcap.scene.types.particles import Particles, SimulationBody, SoftSimulationBody
 from dcap.scene.types.segmentation import SegmentedObject, SegmentedScene
 from dcap.scene.types.settled import Settled
@@ -98,4 +98,21 @@ def note_overlaps(setup: DropSetup, bodies: list[SimulationBody]) -> None:
             setup.notes.append(f"the object starts {1e3 * depth:.1f} mm inside {body.name}")
 
 
+def proposal_particles(
+    scene: SegmentedScene,
+    item: SegmentedObject,
+    intent: Intent,
+    anchor: Anchor,
+    materials: PartMaterials,
+    config: ParticlesConfig,
+) -> Particles | Infeasible:
+    """The same for a pose that nobody has set down on anything: over nothing there is nothing to drop onto, which is no
+    failure; the pose is measured without a simulation."""
+    try:
+        return particles(scene, item, intent, anchor, materials, config)
+    except NothingBeneathError as error:
+        return Infeasible(Reason.NO_SUPPORT_HIT, str(error), None)
+
+
 particles_task = stage(particles)
+proposal_particles_task = stage(proposal_particles, name=particles_task.name)

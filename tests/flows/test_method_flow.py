@@ -8,12 +8,14 @@ import pytest
 from direct_stages import run_directly
 from tiny_rooms import solid, table, write_tiny_objects, write_tiny_rooms
 
+from dcap.evaluation.baselines.proposal import proposed_anchor
 from dcap.evaluation.methods import by_method
 from dcap.evaluation.outcome_table import AS_POSED, ExpectedOutcome, SampleOutcome
 from dcap.evaluation.run_folder import sample_folder
 from dcap.scene.errors import LanguageError
 from dcap.scene.json_tree import JsonObject
 from dcap.scene.store.artifacts import Store
+from dcap.scene.store.ref import Ref
 from dcap.scene.types.anchor import Anchor
 from dcap.scene.types.floor_plan import FloorPlans
 from dcap.scene.types.sample import Sample
@@ -124,6 +126,39 @@ def test_a_baseline_is_measured_as_it_proposes(tmp_path: Path, monkeypatch: pyte
     warnings = tree["warnings"]
     assert isinstance(warnings, list)
     assert {"broken.glb is no example: it cannot be read", "gone.glb is no example: it cannot be read"} <= set(warnings)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("place", "verdict", "reason"),
+    [((20.0, 1.5, 0.8), AS_POSED, ""), ((2.0, 1.5, -1.0), "infeasible", "buried")],
+    ids=["beside everything", "unseen below the floor"],
+)
+def test_a_proposal_over_nothing_is_measured_and_no_failure(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, place: tuple[float, float, float], verdict: str, reason: str
+):  # fmt: skip
+    """There is nothing to drop it onto: it hits nothing, its gap is without end, and it scores little of physics; what
+    nobody can see is told to be buried."""
+    run_directly(monkeypatch)
+    pose = np.eye(4)
+    pose[:3, 3] = place
+
+    def astray(_: Sample, scene: Ref[Segmentation], item: Ref[Segmentation], *__: object) -> Ref[object]:
+        store = Store.default()
+        room, thing = store.load(scene), store.load(item)
+        assert isinstance(room, Segmentation)
+        assert isinstance(thing, Segmentation)
+        return store.save(proposed_anchor(room, thing.mesh, pose, "as said", ""))
+
+    monkeypatch.setattr("flows.methods.proposal", astray)
+    row, tree, finished = placed(by_method(sample_in(tmp_path), "holodeck"), tmp_path / "run")
+    assert finished.placement.particles.infeasible
+    assert (row.verdict, tree["verdict"], row.reason, row.error) == (verdict, verdict, reason, "")
+    if verdict == AS_POSED:
+        assert (row.support_hit, row.as_expected, row.com_supported, row.drift_m) == (False, False, False, None)
+        assert row.gap_m == np.inf
+        assert row.physics_naturalness is not None
+        assert row.physics_naturalness < 6.0
 
 
 def test_what_is_wrong_with_an_example_is_no_failure_of_the_sample(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
