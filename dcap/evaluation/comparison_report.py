@@ -14,9 +14,10 @@ from dcap.evaluation.preference_table import MARKED, best_first, row_cells, tabu
 from dcap.evaluation.statistics.bootstrap import RESAMPLES
 from dcap.evaluation.statistics.comparisons import Comparison, JudgedAxis, methods_of, on_axis
 from dcap.evaluation.statistics.method_tables import PreferenceRow, preference_rows
+from dcap.evaluation.table_files import TABLES, table_files, write_table
 from dcap.evaluation.table_text import csv_of
 
-TABLES, TABLE = "tables", "comparisons_by_method"
+TABLE = "comparisons_by_method"
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,20 +48,13 @@ def comparison_table(
 
 def write_comparison_table(run: Path, table: ComparisonTable) -> tuple[Path, ...]:
     """Write the table into a run; one of an earlier judgement goes where nothing is compared any more."""
-    folder = run / TABLES
-    folder.mkdir(exist_ok=True)
-    paths = folder / f"{TABLE}.csv", folder / f"{TABLE}.tex"
     if not table.rows:
-        for path in paths:
+        for path in table_files(run / TABLES, TABLE):
             path.unlink(missing_ok=True)
         return ()
     judged = {"judge": table.record.judge, "same_family": table.record.same_family}
     cells = csv_of([row_cells(row, table.name(row.method)) | judged for row in table.rows])
-    for path, text in zip(paths, (cells, tex_text(table)), strict=True):
-        draft = path.with_name(f".{path.name}")
-        draft.write_text(text, encoding="utf-8")
-        draft.replace(path)
-    return paths
+    return write_table(run / TABLES, TABLE, cells, tex_text(table))
 
 
 def tex_text(table: ComparisonTable) -> str:

@@ -22,9 +22,10 @@ from dcap.evaluation.statistics.method_tables import ScoreRow, score_rows
 from dcap.evaluation.statistics.ratings import ANCHOR_RATING
 from dcap.evaluation.statistics.score_summary import ScoreSummary
 from dcap.evaluation.statistics.sides import side_report
+from dcap.evaluation.table_files import TABLES, write_table
 from dcap.evaluation.table_text import csv_of, number, tex_escaped
 
-TABLES, TABLE = "tables", "table1"
+TABLE = "table1"
 COMPOSITE, ELO = "composite", "elo"
 AXES = (JudgedAxis.RIGHT_PLACE, JudgedAxis.PHYSICS_NATURALNESS)
 HEAD = (
@@ -117,14 +118,7 @@ def count(rows: Sequence[SampleOutcome], method: str, standing: Standing) -> int
 
 def write_method_table(run: Path, table: MethodTable) -> tuple[Path, Path]:
     """Write tables/table1.csv and table1.tex into a run."""
-    folder = run / TABLES
-    folder.mkdir(exist_ok=True)
-    paths = folder / f"{TABLE}.csv", folder / f"{TABLE}.tex"
-    for path, text in zip(paths, (csv_text(table), tex_text(table)), strict=True):
-        draft = path.with_name(f".{path.name}")
-        draft.write_text(text, encoding="utf-8")
-        draft.replace(path)
-    return paths
+    return write_table(run / TABLES, TABLE, csv_text(table), tex_text(table))
 
 
 def csv_text(table: MethodTable) -> str:

@@ -8,12 +8,11 @@ from dcap.evaluation.study.journal import StudyVote, read_votes
 from dcap.evaluation.study.raters import RaterRow, rater_rows, write_raters
 from dcap.evaluation.study.study_folder import STUDY_FOLDER, StudyDesign, export_votes, read_design
 from dcap.evaluation.study.tables import StudyTable, study_table, write_study_table
+from dcap.evaluation.table_files import TABLES
 from dcap.language.protocol.client import ClientName
 from dcap.scene.errors import InputError
 from flows.judge_run import read_rows
 from flows.run_files import chooser_of, find_run
-
-TABLES = "tables"
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,6 +16,7 @@ from pathlib import Path
 
 from dcap.evaluation.page3d.three import ORBIT, three_script
 from dcap.evaluation.study.placed_surface import read_placed_surface
+from dcap.evaluation.table_files import write_if_other
 from dcap.scene.errors import DcapError
 
 PAGE, FOLDER = "view3d.html", "view3d"
@@ -95,12 +96,3 @@ def write_model(folder: Path, model: ShownModel) -> bool:
     text = base64.b64encode(data).decode()
     write_if_other(path, f'{mark}window.dcapModel({json.dumps(model.link)}, "{text}");\n'.encode())
     return True
-
-
-def write_if_other(path: Path, data: bytes) -> None:
-    """Write a file whole, unless it is there with these bytes."""
-    if path.is_file() and path.read_bytes() == data:
-        return
-    draft = path.with_name(f".{path.name}")
-    draft.write_bytes(data)
-    draft.replace(path)

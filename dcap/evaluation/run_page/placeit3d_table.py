@@ -17,8 +17,8 @@ from pathlib import Path
 
 from dcap.evaluation.judging.standing import Standing, standing_of
 from dcap.evaluation.outcome_table import SampleOutcome
-from dcap.evaluation.page3d.viewer import write_if_other
-from dcap.evaluation.run_page.tables import NOTHING, TABLES, ShownTable
+from dcap.evaluation.run_page.tables import NOTHING, ShownTable
+from dcap.evaluation.table_files import TABLES, table_links, write_table
 from dcap.evaluation.table_text import csv_of, number, tex_escaped
 
 TABLE = "placeit3d"
@@ -99,15 +99,12 @@ def placeit3d_table(
     found = shares_by_method(rows)
     if not any(one.samples > one.not_placed for one in found.values()):
         return None
-    folder = run / TABLES
-    folder.mkdir(exist_ok=True)
-    write_if_other(folder / f"{TABLE}.csv", csv_text(found, names).encode())
-    write_if_other(folder / f"{TABLE}.tex", tex_text(found, names).encode())
+    write_table(run / TABLES, TABLE, csv_text(found, names), tex_text(found, names))
     return ShownTable(
         "PlaceIt3D's rules by method",
         ("", *HEADINGS),
         tuple((names[method], *cells(one)) for method, one in found.items()),
-        tuple(f"{TABLES}/{TABLE}.{end}" for end in ("csv", "tex")),
+        table_links(TABLE),
         NOTE,
     )
 

@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from dcap.evaluation.page3d.viewer import write_if_other
+from dcap.evaluation.table_files import write_if_other
 from dcap.scene.json_tree import JsonObject
 from dcap.scene.store.artifacts import digest_of_file
 from dcap.scene.store.codec import canonical_json

@@ -12,10 +12,10 @@ from pathlib import Path
 from statistics import mean, median
 
 from dcap.evaluation.outcome_table import AS_POSED, AT_REST, SampleOutcome
-from dcap.evaluation.page3d.viewer import write_if_other
+from dcap.evaluation.table_files import TABLES, table_links, write_table
 from dcap.evaluation.table_text import tex_escaped
 
-TABLES, METRICS = "tables", "metrics"
+METRICS = "metrics"
 DAGGER, SIGNIFICANT, LOW, HIGH, WINS = "†", "_significant", "_low", "_high", "_wins"
 MOST_ROWS, MOST_COLUMNS = 60, 24
 """Of a table from a file that is shown [-]; the whole is in the file."""
@@ -92,10 +92,7 @@ def metrics_table(
     if all(one.column == "visible_fraction" for one in there):
         return None
     counts = {method: len(resting(own)) for method, own in rows.items()}
-    folder = run / TABLES
-    folder.mkdir(exist_ok=True)
-    write_if_other(folder / f"{METRICS}.csv", metrics_csv(there, found, names).encode())
-    write_if_other(folder / f"{METRICS}.tex", metrics_tex(there, found, names, counts).encode())
+    write_table(run / TABLES, METRICS, metrics_csv(there, found, names), metrics_tex(there, found, names, counts))
     placed_rows = ("placed", *(placed(own) for own in rows.values()))
     cells = [
         (f"{one.words} [{one.unit}]" if one.unit else one.words,
@@ -104,7 +101,7 @@ def metrics_table(
     ]  # fmt: skip
     return ShownTable(
         "Metrics by method", ("", *(names[method] for method in rows)), (placed_rows, *cells),
-        tuple(f"{TABLES}/{METRICS}.{end}" for end in ("csv", "tex")),
+        table_links(METRICS),
         "Median (mean) over the placements; for yes or no the share of yes; n where a metric is known of fewer. "
         "Definitions: docs/metrics.md.",
     )  # fmt: skip

@@ -16,7 +16,7 @@ from dcap.evaluation.statistics.comparisons import Comparison, JudgedAxis, Winne
 from dcap.evaluation.statistics.method_tables import PreferenceRow, preference_rows
 from dcap.evaluation.study.journal import StudyVote
 from dcap.evaluation.study.raters import RaterRow
-from dcap.evaluation.study.study_folder import write_whole
+from dcap.evaluation.table_files import write_table
 from dcap.evaluation.table_text import csv_of, number, tex_escaped
 
 TABLE = "table2"
@@ -89,11 +89,7 @@ def comparison_of(vote: StudyVote) -> Comparison:
 
 def write_study_table(folder: Path, table: StudyTable, raters: Sequence[RaterRow]) -> tuple[Path, Path]:
     """Write table2.csv and table2.tex into a folder."""
-    folder.mkdir(exist_ok=True)
-    paths = folder / f"{TABLE}.csv", folder / f"{TABLE}.tex"
-    write_whole(paths[0], csv_text(table, raters).encode())
-    write_whole(paths[1], tex_text(table, raters).encode())
-    return paths
+    return write_table(folder, TABLE, csv_text(table, raters), tex_text(table, raters))
 
 
 def csv_text(table: StudyTable, raters: Sequence[RaterRow]) -> str:

@@ -1,0 +1,39 @@
+"""Files of a run that are written whole, and a table as the two files in which every table is given.
+
+In: text. Out: `NAME.csv` and `NAME.tex`. A file that is there with the same bytes is left alone, so that a page which
+is written again touches nothing that did not change.
+"""
+
+from pathlib import Path
+
+TABLES = "tables"
+"""Folder of a run's tables."""
+ENDS = (".csv", ".tex")
+
+
+def table_files(folder: Path, name: str) -> tuple[Path, Path]:
+    """Where the table of a name lies."""
+    return folder / f"{name}{ENDS[0]}", folder / f"{name}{ENDS[1]}"
+
+
+def table_links(name: str) -> tuple[str, ...]:
+    """The same as links of a run's page."""
+    return tuple(f"{TABLES}/{name}{end}" for end in ENDS)
+
+
+def write_table(folder: Path, name: str, csv_text: str, tex_text: str) -> tuple[Path, Path]:
+    """Write a table into a folder, which is made if it is not there."""
+    folder.mkdir(parents=True, exist_ok=True)
+    paths = table_files(folder, name)
+    for path, text in zip(paths, (csv_text, tex_text), strict=True):
+        write_if_other(path, text.encode())
+    return paths
+
+
+def write_if_other(path: Path, data: bytes) -> None:
+    """Write a file whole, unless it is there with these bytes."""
+    if path.is_file() and path.read_bytes() == data:
+        return
+    draft = path.with_name(f".{path.name}")
+    draft.write_bytes(data)
+    draft.replace(path)
