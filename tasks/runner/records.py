@@ -1,13 +1,18 @@
 """What a stage has computed before: keys, records, and the reason why a record does not fit.
 
 A record lies at `records/KEY` as Prefect's result file. KEY is the digest of everything that decides the result: stage,
-code reachable by import, configuration, inputs and libraries. A record counts only while its artifact is sound; if it
-is not, the next name is used (KEY, KEY-r1, KEY-r2, ...), so nothing is ever deleted on the way.
+code reachable by import, configuration, inputs and libraries. A record counts only if it is a plain file, its own key
+and the digest of its deciders are the wanted ones, and its artifact is sound; if not, the next name is used (KEY,
+KEY-r1, KEY-r2, ...), so nothing is ever deleted on the way.
 """
 
 import hashlib
 import json
-from collections.abc import Iterator
+import math
+import os
+import re
+import stat
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -18,6 +23,9 @@ from dcap.scene.store.codec import canonical_json
 from dcap.scene.store.ref import Ref
 
 MOST_REPEATS = 1000
+SHA256 = re.compile("[0-9a-f]{64}")
+NAME = re.compile("[A-Za-z]+")
+"""Of a kind of artifact; it names a folder of the store."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,7 +55,7 @@ class Deciders:
     @property
     def key(self) -> str:
         """Name of the record, readable at the front."""
-        return f"{self.stage}-{hashlib.sha256(canonical_json(self.to_json())).hexdigest()[:40]}"
+        return key_of(self.to_json())
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,10 +82,27 @@ class Record:
 
     @classmethod
     def from_json(cls, tree: object) -> "Record":
-        """The record that `to_json` wrote; KeyError or TypeError if it is something else."""
-        if not isinstance(tree, dict):
-            raise TypeError(f"a record is an object, not {type(tree).__name__}")
-        return cls(tree["key"], Ref.from_json(tree["ref"]), tree["seconds"], tree["size"], tree["deciders"])
+        """The record that `to_json` wrote; KeyError, TypeError or ValueError if it is something else."""
+        if not isinstance(tree, dict) or not isinstance(tree["ref"], dict) or not isinstance(tree["deciders"], dict):
+            raise TypeError("a record is an object with a reference and what decided it")
+        ref: Ref[Any] = Ref.from_json(tree["ref"])
+        if not NAME.fullmatch(ref.kind) or not SHA256.fullmatch(ref.sha256):
+            raise ValueError(f"{ref.kind} {ref.sha256} is no reference to an artifact")
+        key, seconds, size = tree["key"], tree["seconds"], tree["size"]
+        if not isinstance(key, str) or type(size) is not int or type(seconds) not in (int, float):
+            raise TypeError("a record's key, size or seconds are of another type")
+        if size < 0 or not 0.0 <= seconds < math.inf:
+            raise ValueError(f"a record of {size} bytes and {seconds} s")
+        return cls(key, ref, seconds, size, tree["deciders"])
+
+    def decides(self, key: str) -> bool:
+        """Whether it is the record of this key, and not another's under its name."""
+        return self.key == key and key_of(self.deciders) == key
+
+
+def key_of(deciders: Mapping[str, object]) -> str:
+    """Name of the record of what decides a result in its plain form."""
+    return f"{deciders.get('stage')}-{hashlib.sha256(canonical_json(dict(deciders))).hexdigest()[:40]}"
 
 
 def records_root() -> Path:
@@ -90,26 +115,29 @@ def usable_key(key: str, store: Store) -> tuple[str, Record | None]:
     for repeat in range(MOST_REPEATS):
         name = key if repeat == 0 else f"{key}-r{repeat}"
         path = records_root() / name
-        if not path.exists():
+        if not os.path.lexists(path):
             return name, None
         record = read_record(path)
-        if record is not None and store.has(record.ref):
+        if record is not None and record.decides(key) and store.has(record.ref):
             return name, record
     raise RuntimeError(f"{key}: {MOST_REPEATS} records whose artifacts are damaged; remove {records_root()}")
 
 
 def read_record(path: Path) -> Record | None:
-    """The record in a file; None if the file is not a whole record."""
+    """The record in a file; None if it is not a whole record, or no plain file: a link may lead to another's record, a
+    pipe has no end."""
     try:
+        if not stat.S_ISREG(path.lstat().st_mode):
+            return None
         result = json.loads(path.read_bytes())["result"]
         return Record.from_json(json.loads(result) if isinstance(result, str) else result)
-    except (OSError, ValueError, KeyError, TypeError):
+    except (OSError, ValueError, KeyError, TypeError, RecursionError):
         return None
 
 
 def records_of(stage: str) -> Iterator[Record]:
     """All readable records of a stage, newest first."""
-    paths = sorted(records_root().glob(f"{stage}-*"), key=lambda path: path.stat().st_mtime_ns, reverse=True)
+    paths = sorted(records_root().glob(f"{stage}-*"), key=lambda path: path.lstat().st_mtime_ns, reverse=True)
     for path in paths:
         record = read_record(path)
         if record is not None and record.deciders.get("stage") == stage:

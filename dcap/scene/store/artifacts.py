@@ -24,6 +24,8 @@ from dcap.scene.store.source_files import source_files, telling_folder
 from dcap.scene.types.outcome import Infeasible
 
 FILES_FOLDER = "files"
+HOLDERS = 3
+"""Folders of the store around an artifact: objects/KIND/aa."""
 
 ValueT = TypeVar("ValueT")
 
@@ -78,6 +80,8 @@ class Store:
             return self._load_source(ref)
         folder = self.folder(ref)
         try:
+            if not all(path.is_file() for path in folder.iterdir()):
+                raise MissingArtifactError(f"{ref.kind} {ref.sha256[:12]} in {folder} holds what is no file")
             files = {path.name: path.read_bytes() for path in sorted(folder.iterdir())}
         except OSError as error:
             raise MissingArtifactError(f"{ref.kind} {ref.sha256[:12]} cannot be read: {error}") from error
@@ -173,26 +177,34 @@ class Building:
 
     def _take_place(self) -> None:
         """Rename into place; a damaged artifact there is moved away first, a sound one by another writer stays."""
-        self.target.parent.mkdir(parents=True, exist_ok=True)
         for _ in range(100):
             try:
+                self._make_way()
                 os.rename(self.draft, self.target)
                 return
             except OSError as error:
-                if not self.target.exists():
+                if not os.path.lexists(self.target):
                     raise StoreError(f"{self.target} cannot be written: {error}") from error
                 if digest_of_folder(self.target) == self.target.name:
                     return
-                self._discard_target()
+                self._discard(self.target)
         raise StoreError(f"other processes keep replacing {self.target}; try again")
 
-    def _discard_target(self) -> None:
+    def _make_way(self) -> None:
+        """Make the folders that hold the target; what stands in their place and is no folder goes."""
+        for folder in reversed(self.target.parents[:HOLDERS]):
+            if os.path.lexists(folder) and not folder.is_dir():
+                self._discard(folder)
+            folder.mkdir(parents=True, exist_ok=True)
+
+    def _discard(self, path: Path) -> None:
+        """Take away what lies at a path, of a link the link alone."""
         damaged = self.draft.with_name(f"{self.draft.name}-damaged")
         try:
-            os.rename(self.target, damaged)
+            os.rename(path, damaged)
         except FileNotFoundError:
             return
-        if damaged.is_dir():
+        if damaged.is_dir() and not damaged.is_symlink():
             shutil.rmtree(damaged)
         else:
             damaged.unlink()
@@ -220,9 +232,12 @@ def digest_of_file(path: Path) -> str:
 
 
 def digest_of_folder(folder: Path) -> str:
-    """Digest of an artifact's folder; empty if it cannot be read."""
+    """Digest of an artifact's folder; empty if it cannot be read, is a link, or holds what is no file."""
     try:
-        return digest_of({str(path.relative_to(folder)): digest_of_file(path) for path in walk(folder)})
+        files = walk(folder)
+        if folder.is_symlink() or not all(path.is_file() for path in files):  # to open a pipe would wait for ever
+            return ""
+        return digest_of({str(path.relative_to(folder)): digest_of_file(path) for path in files})
     except OSError:
         return ""
 

@@ -1,10 +1,11 @@
 """Stages run once per set of deciders, notice damage, and hand an Infeasible through."""
 
+import json
 import os
 import subprocess
 import sys
 import textwrap
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -20,6 +21,7 @@ from dcap.scene.store.ref import Ref
 from dcap.scene.types.materials import Material
 from dcap.scene.types.mesh import Mesh
 from dcap.scene.types.outcome import Infeasible, Reason
+from dcap.scene.types.sample import SourceOptions
 from tasks.runner.context import Event, NotCachedError, RunContext, StageEvent, use_context
 from tasks.runner.locks import FileLocks
 from tasks.runner.process import StageProcessError, run_in_process
@@ -208,6 +210,58 @@ def test_a_damaged_record_is_passed_over(server: str, fake: ModuleType) -> None:
 
 
 @pytest.mark.slow
+def copied(one: Path, other: Path) -> None:
+    one.write_bytes(other.read_bytes())
+
+
+def linked(one: Path, other: Path) -> None:
+    one.unlink()
+    one.symlink_to(other.name)
+
+
+def looped(one: Path, other: Path) -> None:
+    one.unlink()
+    one.symlink_to(one.name)
+
+
+def piped(one: Path, other: Path) -> None:
+    one.unlink()
+    os.mkfifo(one)
+
+
+def a_folder(one: Path, other: Path) -> None:
+    one.unlink()
+    one.mkdir()
+
+
+def nested(one: Path, other: Path) -> None:
+    one.write_text('{"result": ' + "[" * 200_000)
+
+
+def of_text(one: Path, other: Path) -> None:
+    tree = json.loads(one.read_text())
+    tree["result"] = json.dumps(json.loads(tree["result"]) | {"ref": "none", "size": "large"})
+    one.write_text(json.dumps(tree))
+
+
+@pytest.mark.parametrize(
+    ("seed", "damage"), list(enumerate([copied, linked, looped, piped, a_folder, nested, of_text]))
+)
+def test_another_records_place_gives_no_others_result(
+    server: str, fake: ModuleType, seed: int, damage: Callable[[Path, Path], None]
+) -> None:
+    seed += 100
+    own, other = (fake.make_task(one, SourceOptions()) for one in (seed, seed + 100))
+    keys = [fake.make_task.deciders({"seed": one, "options": SourceOptions()}, fake.MakeConfig()).key
+            for one in (seed, seed + 100)]  # fmt: skip
+    damage(records_root() / keys[0], records_root() / keys[1])
+    assert usable_key(keys[0], Store.default()) == (f"{keys[0]}-r1", None)
+    assert fake.make_task(seed, SourceOptions()) == own != other
+    name, record = usable_key(keys[0], Store.default())
+    assert record is not None
+    assert (name, record.ref) == (f"{keys[0]}-r1", own)
+
+
 def test_refresh_computes_one_stage_again(server: str, fake: ModuleType) -> None:
     """A refreshed stage runs; what follows stays cached because the new bytes are equal."""
     first, _ = run(fake, 40)
