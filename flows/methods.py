@@ -15,9 +15,11 @@ from dcap.scene.store.ref import Ref
 from dcap.scene.types.anchor import Anchor
 from dcap.scene.types.floor_plan import FloorPlans
 from dcap.scene.types.intent import Intent
+from dcap.scene.types.measures import Drift
 from dcap.scene.types.sample import Sample
 from dcap.scene.types.segmentation import SegmentedObject, SegmentedScene
-from flows.place import FileRefs, PlaceConfig, PlacementRefs, feasible, place
+from dcap.scene.types.settled import Settled
+from flows.place import FileRefs, PlaceConfig, PlacementRefs, coarsened, feasible, place
 from tasks.anchor.stage import anchor_task
 from tasks.baselines.fireplace import FirePlaceConfig, fireplace_task
 from tasks.baselines.floor_plan import floor_plan_task, gathered_task
@@ -32,6 +34,7 @@ from tasks.measure.views import judged_views_task
 from tasks.mesh.stage import mesh_scene_task
 from tasks.overview import overview_task
 from tasks.particles.stage import particles_task, proposal_particles_task
+from tasks.pointed.stage import point_out_task, point_task
 from tasks.posed.stage import posed_task
 from tasks.render.stage import render_task
 from tasks.rotation.stage import rotation_task
@@ -102,8 +105,11 @@ def config_of(method: str, config: PlaceConfig) -> PlaceConfig:
 
 def proposed(sample: Sample, config: PlaceConfig, read: FileRefs) -> PlacementRefs:
     """What a method proposes, as it stands: nothing is simulated."""
-    scene, item = read.scene, read.item
-    intent = intent_task(scene, item, sample.prompt, sample.mass, config=config.intent)
+    scene, item, pointed = read.scene, read.item, None
+    if sample.method == NO_DROP and sample.place is not None:
+        pointed = point_task(read.scene_scan, scene, sample.place, sample.prompt)
+        scene = point_out_task(scene, pointed)
+    intent = intent_task(scene, item, sample.prompt, sample.mass, config=config.intent, pointed=pointed)
     anchor: Ref[Anchor]
     rotation = None
     if sample.method == NO_DROP:
@@ -186,4 +192,16 @@ def measured(sample: Sample, found: PlacementRefs, config: PlaceConfig) -> Place
     if not config.compared:
         return found
     simulated = particles if sample.method == RIGID_DROP else found.particles
-    return replace(found, drift=drift_task(simulated, settled, config=config.drift))
+    drift = drift_task(simulated, settled, config=config.drift)
+    if broken(drift, settled):
+        cells = coarsened(config.particles)
+        larger = proposal_particles_task(scene, item, found.intent, anchor, materials, config=cells)
+        drift = drift if larger.infeasible else drift_task(larger, settled, config=config.drift)
+    return replace(found, drift=drift)
+
+
+def broken(drift: Ref[Drift], settled: Ref[Settled]) -> bool:
+    """Whether a step broke where a pose was simulated on. It is tried on other cells then, as a drop that breaks is:
+    where a grid cuts is chance. A dent has no other cells than its drop's, which have lasted a whole drop."""
+    found, state = Store.default().load(drift), Store.default().load(settled)
+    return isinstance(found, Drift) and found.broken and isinstance(state, Settled) and not state.nodes

@@ -1,13 +1,16 @@
 """Which scenes of a data set: names between commas, a file of names, or a split beside the data set.
 
-A scene is named by the end of its path, with or without its suffix: `bedroom_01`, `house_2/kitchen`. In a file each
-name has a line; what follows a `#` is a remark. `val` means `val.txt` beside the data set, if there is one.
+A scene is named by its path below the folder that all scenes share, or else by the end of its path, with or without its
+suffix: `bedroom_01`, `house_2/kitchen`. Where both fit, the first counts: `kitchen` is not `house_2/kitchen` then. In a
+file each name has a line; what follows a `#` is a remark. `val` means `val.txt` beside the data set, if there is one.
 """
 
+import os
 from collections.abc import Sequence
 from pathlib import Path, PurePosixPath
 
 from dcap.scene.errors import InputError
+from dcap.scene.readers.scenes.sugar import MESH_SUFFIXES
 from dcap.scene.spelling import did_you_mean
 from dcap.scene.types.sample import Sample
 
@@ -41,14 +44,28 @@ def names_in(file: Path) -> list[str]:
 
 def is_named(path: str, name: str) -> bool:
     """Whether a name is the end of a scene's path, with or without its suffix."""
-    whole, wanted = PurePosixPath(Path(path).as_posix()), PurePosixPath(name).parts
-    return any(one.parts[-len(wanted) :] == wanted for one in (whole, whole.with_suffix("")) if wanted)
+    wanted = PurePosixPath(name).parts
+    return any(one.parts[-len(wanted) :] == wanted for one in spellings(path) if wanted)
+
+
+def spellings(path: str) -> tuple[PurePosixPath, ...]:
+    """A scene's path, and the same without its suffix where it has the suffix of a file that scenes are."""
+    whole = PurePosixPath(Path(path).as_posix())
+    return (whole, whole.with_suffix("")) if whole.suffix.lower() in MESH_SUFFIXES else (whole,)
+
+
+def with_name(paths: Sequence[str], name: str) -> set[str]:
+    """Those of the paths that a name means."""
+    shared = os.path.commonpath([os.path.dirname(os.path.abspath(path)) for path in paths])
+    exact = PurePosixPath(Path(shared, name).as_posix())
+    below = {path for path in paths if exact in spellings(os.path.abspath(path))}
+    return below or {path for path in paths if is_named(path, name)}
 
 
 def check_named(paths: Sequence[str], names: Sequence[str]) -> None:
     """InputError for a name that no scene has."""
     for name in names:
-        if not any(is_named(path, name) for path in paths):
+        if not with_name(paths, name):
             known = sorted({Path(path).stem for path in paths})
             raise InputError(f"--scenes: no scene is named {name!r}{did_you_mean(name, known)}")
 
@@ -56,5 +73,7 @@ def check_named(paths: Sequence[str], names: Sequence[str]) -> None:
 def of_scenes(samples: Sequence[Sample], text: str, folder: Path) -> list[Sample]:
     """The samples in the named scenes, in their order; all where none is named."""
     names = named_scenes(text, folder)
-    check_named([sample.scene for sample in samples], names)
-    return [one for one in samples if not names or any(is_named(one.scene, name) for name in names)]
+    paths = list(dict.fromkeys(sample.scene for sample in samples))
+    check_named(paths, names)
+    chosen = {path for name in names for path in with_name(paths, name)}
+    return [one for one in samples if not names or one.scene in chosen]

@@ -51,7 +51,6 @@ def scored_row(
     sinking, drift = (one if isinstance(one, Mapping) else {} for one in (kept.get("indentation"), kept.get("drift")))
     found, reference = number(sinking.get("found_m")), number(sinking.get("reference_m"))
     margin = number(measures.get("com_margin_m"))
-    broken = np.inf if drift.get("broken") else None
     row = replace(
         row,
         penetration_m=number(measures.get("penetration_m")),
@@ -62,9 +61,9 @@ def scored_row(
         com_supported=margin is not None and margin >= 0.0,
         indentation_m=found,
         indentation_error_m=None if found is None or reference is None else abs(found - reference),
-        force_residual=known_or(broken, drift.get("force_residual")),
-        drift_m=known_or(broken, drift.get("distance_m")),
-        drift_deg=known_or(broken, drift.get("angle_rad"), 180.0 / np.pi),
+        force_residual=number(drift.get("force_residual")),
+        drift_m=number(drift.get("distance_m")),
+        drift_deg=scaled(drift.get("angle_rad"), 180.0 / np.pi),
         drift_s=number(drift.get("seconds")),
     )
     row = with_rules(row, kept, tree, truth)
@@ -86,6 +85,8 @@ def scored_row(
     )
     if row.verdict == AS_POSED:  # its words for regions are its own: what counts is where the object is
         row = replace(row, as_expected=there(row))
+    elif row.support_hit is False:  # whatever it says of itself
+        row = replace(row, as_expected=False)
     return with_scores(row)
 
 
@@ -146,10 +147,16 @@ def number(value: object) -> float | None:
     return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else None
 
 
-def known_or(unknown: float | None, value: object, factor: float = 1.0) -> float | None:
+def scaled(value: object, factor: float) -> float | None:
+    """A number in another unit, None where there is none."""
+    found = number(value)
+    return None if found is None else factor * found
+
+
+def known_or(unknown: float, value: object) -> float:
     """A number of a JSON file, which has none that are not finite: what stands for those instead."""
     found = number(value)
-    return unknown if found is None else factor * found
+    return unknown if found is None else found
 
 
 def meant_regions(

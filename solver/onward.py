@@ -28,9 +28,9 @@ class PlacedBodies:
     """Where bodies are at the beginning, by name; what is not named is in its start pose."""
 
     rotation: Mapping[str, Array] = field(default_factory=dict)
-    """World-from-start rotation of rigid bodies, shape (3, 3)."""
+    """World-from-start rotation of rigid bodies, and of free soft ones of which no nodes are given, shape (3, 3)."""
     translation: Mapping[str, Array] = field(default_factory=dict)
-    """World-from-start translation of rigid bodies [m], shape (3,)."""
+    """World-from-start translation of the same [m], shape (3,)."""
     nodes: Mapping[str, NDArray[np.floating]] = field(default_factory=dict)
     """Displacement of the grid nodes of soft bodies, as in `SettledModel.nodes` [m], shape (n, 3)."""
 
@@ -85,7 +85,11 @@ def begun(simulation: Simulation, placed: PlacedBodies) -> State:
     for index, body in enumerate(simulation.model.bodies):
         one = simulation.soft_of.get(index)
         if one is not None:
-            if (moved := placed.nodes.get(body.name)) is not None:
+            moved = placed.nodes.get(body.name)
+            if moved is None and not body.fixed and body.name in placed.rotation:  # whole, as who moved it saw it
+                rest = soft.rest[one.nodes]
+                moved = rest @ placed.rotation[body.name].T + placed.translation[body.name] - rest
+            if moved is not None:
                 state.x[one.nodes] = soft.rest[one.nodes] + moved
                 core = np.flatnonzero(soft.core[one.nodes] == index)
                 if len(core):

@@ -58,6 +58,8 @@ def study_report(run: Run) -> int:
     print(agreement_line(found.table))
     if found.table.refusals:
         print(f"No placement where one was intended: {found.table.refusals}.")
+    if found.changed:
+        note(f"{len(found.changed)} placements have changed since they were voted on: {', '.join(found.changed[:3])}")
     for one in found.raters:
         if one.flagged:
             note(f"{one.rater} failed {one.checks_failed} of {one.checks} attention checks; the votes are included")

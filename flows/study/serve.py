@@ -89,7 +89,7 @@ def new_design(run: StudyRun, folder: Path, options: StudyOptions, say: Callable
     if not checks:
         say(f"no attention checks: no placement of {run.folder.name} has a scene.glb that one can be made of")
     left_out = {f"{method}/{sample}": why for (method, sample), why in run.left_out.items()}
-    return StudyDesign(seed, count, pairs, checks, left_out, {})
+    return StudyDesign(seed, count, pairs, checks, left_out, {}, run.states())
 
 
 def check_kept(run: StudyRun, known: StudyDesign | None, options: StudyOptions) -> None:
@@ -108,12 +108,17 @@ def check_kept(run: StudyRun, known: StudyDesign | None, options: StudyOptions) 
 
 
 def check_shown(run: StudyRun, design: StudyDesign) -> None:
-    """InputError where the run no longer has what its study shows."""
+    """InputError where the run no longer has what its study shows: votes on two placements must not count as one's."""
     for item in {one for items in design.raters.values() for one in items}:
         gone = [m for m in (item.left, item.right) if (m, item.sample) not in run.shown]
         if gone or not run.pair(item.left, item.right, item.sample)[0]:
             which = " and ".join(gone or (item.left, item.right))
             raise InputError(f"{run.folder.name}: its study shows {which} {item.sample}, which the run no longer has")
+    if changed := design.changed(run.states()):
+        raise InputError(
+            f"{run.folder.name}: {len(changed)} placements have changed since its study began ({changed[0]}); move "
+            f"{run.folder / STUDY_FOLDER} away and begin a new one"
+        )
     for number in range(1, len(design.checks) + 1):
         for name in (SETTLED, LIFTED):
             folder = check_folder(run.folder / STUDY_FOLDER, number, name)

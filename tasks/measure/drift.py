@@ -9,12 +9,15 @@ from pydantic import BaseModel, NonNegativeInt, PositiveFloat, PositiveInt
 from dcap.scene.types.gravity import GRAVITY
 from dcap.scene.types.measures import Drift
 from dcap.scene.types.particles import Particles
-from dcap.scene.types.settled import Settled
+from dcap.scene.types.settled import Settled, SettledBody
 from solver.config import SolverConfig
 from solver.errors import ModelError, UnstableStep
 from solver.onward import PlacedBodies, onward
 from tasks.bodies.solver_model import solver_model
 from tasks.runner.stage import stage
+
+DEFORMED = 1e-4
+"""A surface that is farther from where a rigid motion puts it has given way [m]."""
 
 
 class DriftConfig(BaseModel, frozen=True, extra="forbid"):
@@ -35,6 +38,8 @@ class DriftConfig(BaseModel, frozen=True, extra="forbid"):
 
 def drift(particles: Particles, settled: Settled, config: DriftConfig) -> Drift:
     """Simulate a final state on, with the material, friction and neighbours of the drop."""
+    if not settled.nodes and (shapes := [one.name for one in settled.bodies if gave_way(one)]):
+        return unknown(f"the method keeps no displacements inside of {', '.join(shapes)}, so no dent to go on from")
     model = solver_model(particles, (0.0, 0.0, -GRAVITY))
     solver = config.solver.model_copy(update={"threads": config.threads})
     rest = {one.name: one.world_from_start for one in settled.bodies}
@@ -47,9 +52,20 @@ def drift(particles: Particles, settled: Settled, config: DriftConfig) -> Drift:
     try:
         found = onward(model, solver, placed, config.seconds, config.most_steps, config.most_work)
     except (ModelError, UnstableStep) as error:
-        why = " ".join(str(error).split())
-        return Drift(0.0, 0, np.inf, np.inf, np.inf, why, broken=isinstance(error, UnstableStep))
+        return unknown(" ".join(str(error).split()), broken=isinstance(error, UnstableStep))
     return Drift(found.seconds, found.steps, found.distance, found.angle, found.force_residual)
+
+
+def unknown(why: str, *, broken: bool = False) -> Drift:
+    """Of a state that cannot be simulated on."""
+    return Drift(0.0, 0, np.inf, np.inf, np.inf, why, broken=broken)
+
+
+def gave_way(body: SettledBody) -> bool:
+    """Whether a body has another shape than it began with."""
+    pose, start = body.world_from_start, body.surface.vertices - body.displacement
+    moved = start @ pose[:3, :3].T + pose[:3, 3]
+    return bool(np.abs(moved - body.surface.vertices).max(initial=0.0) > DEFORMED)
 
 
 drift_task = stage(drift, process=True)

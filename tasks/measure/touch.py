@@ -31,7 +31,7 @@ def measure(scene: SegmentedScene, item: SegmentedObject, anchor: Anchor, settle
         support_id=support,
         support_label=label,
         support_part=part,
-        middle=found.patch.mean(axis=0) if len(found.patch) else lowest(thing),
+        middle=lowest(thing) if found.middle is None else found.middle,
         front=settled.bodies[0].world_from_start[:3, :3] @ turned_by(anchor) @ front_of(item.mesh)[0],
         penetration_m=found.penetration,
         penetration_given_m=given.penetration,
@@ -71,4 +71,4 @@ def lowest(thing: Mesh) -> NDArray[np.float64]:
     return np.array([0.5 * (low[0] + high[0]), 0.5 * (low[1] + high[1]), low[2]])
 
 
-measure_task = stage(measure)
+measure_task = stage(measure, process=True)

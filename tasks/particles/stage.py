@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dcap.geometry.distance import sampler
-from dcap.scene.errors import GeometryError, NothingBeneathError
+from dcap.scene.errors import GeometryError
 from dcap.scene.types.anchor import Anchor
 from dcap.scene.types.earlier import FreedThings
 from dcap.scene.types.intent import Intent
@@ -106,13 +106,13 @@ def proposal_particles(
     materials: PartMaterials,
     config: ParticlesConfig,
 ) -> Particles | Infeasible:
-    """The same for a pose that nobody has set down on anything: over nothing there is nothing to drop onto, which is no
-    failure; the pose is measured without a simulation."""
+    """The same for a pose that nobody has set down on anything: where no bodies can be made there, over nothing or over
+    an edge without a solid, the pose stands all the same, and is measured without a simulation."""
     try:
         return particles(scene, item, intent, anchor, materials, config)
-    except NothingBeneathError as error:
+    except GeometryError as error:
         return Infeasible(Reason.NO_SUPPORT_HIT, str(error), None)
 
 
-particles_task = stage(particles)
-proposal_particles_task = stage(proposal_particles, name=particles_task.name)
+particles_task = stage(particles, process=True)
+proposal_particles_task = stage(proposal_particles, process=True, name=particles_task.name)

@@ -10,6 +10,7 @@ from tiny_rooms import write_tiny_objects, write_tiny_rooms
 
 from dcap.evaluation.outcome_table import read_truth
 from dcap.scene.errors import InputError
+from dcap.scene.types.sample import Sample
 from flows.cli.app import main
 from flows.samples import load_samples, load_yaml
 from flows.scene_lists import of_scenes
@@ -131,6 +132,18 @@ def test_the_truth_of_another_data_set_is_kept(tmp_path: Path, capsys: pytest.Ca
     ends = ("--objects", objects, "--per-scene", "2", "--out", str(tmp_path / "samples.yaml"))
     assert "truth of another data set (mine)" in refused(capsys, str(tmp_path / "rooms"), *ends)
     assert "a YAML file" in refused(capsys, str(tmp_path / "rooms"), *ends[:-1], str(tmp_path / "x.json"))
+
+
+def test_a_split_is_not_what_has_its_names_elsewhere(tmp_path: Path) -> None:
+    """`kitchen` of a split is the scene at the top, not that of another house, which another split has; where no scene
+    is there, the end of a path will do, and a folder's name has no suffix."""
+    scenes = ["kitchen.glb", "house_2/kitchen.glb", "room.1"]
+    samples = [Sample(one, one, str(tmp_path / one), "mug.glb", "Put it there.") for one in scenes]
+    assert [one.id for one in of_scenes(samples, "kitchen", tmp_path)] == ["kitchen.glb"]
+    assert [one.id for one in of_scenes(samples, "house_2/kitchen", tmp_path)] == ["house_2/kitchen.glb"]
+    assert [one.id for one in of_scenes(samples[1:], "kitchen", tmp_path)] == ["house_2/kitchen.glb"]
+    with pytest.raises(InputError, match="no scene is named 'room'"):
+        of_scenes(samples, "room", tmp_path)
 
 
 def test_scenes_by_name(tmp_path: Path) -> None:

@@ -7,7 +7,8 @@ from scipy.spatial.transform import Rotation
 from solver.config import SolverConfig
 from solver.errors import ModelError
 from solver.model.bodies import Model
-from solver.onward import PlacedBodies, onward
+from solver.onward import PlacedBodies, begun, onward
+from solver.runtime import start
 from solver.settle import settle
 from solver.tl.simulation import Simulation
 from tasks.measure.drift import DriftConfig
@@ -51,6 +52,21 @@ def test_the_same_pose_over_a_slab_without_its_dent_is_refused(lab):
     rest = placed(settle(model, CONFIG))
     with pytest.raises(ModelError, match="inside each other"):
         onward(model, CONFIG, PlacedBodies(rest.rotation, rest.translation), 1.0, 400)
+
+
+def test_a_soft_body_of_which_only_a_pose_is_known_begins_there(lab):
+    """Turned, and half a metre to the side: whole. What is fixed stays."""
+    cube = lab.soft("cube", lab.Box(np.array([0.1, 0.1, 0.1])), [0, 0, 0.3], E=1e5, nu=0.3, cell=0.025)
+    model = Model((cube, *bodies(lab).bodies[1:]), np.array([0.0, 0.0, -G]))
+    turn = Rotation.from_rotvec([0.0, 0.0, 0.5]).as_matrix()
+    start(CONFIG.threads, CONFIG.arch)
+    simulation = Simulation(model, CONFIG)
+    state = begun(simulation, PlacedBodies({"cube": turn}, {"cube": np.array([0.5, 0.0, 0.1])}))
+    nodes = simulation.soft_of[0].nodes
+    rest = simulation.soft.rest[nodes]
+    np.testing.assert_allclose(state.x[nodes], rest @ turn.T + [0.5, 0.0, 0.1], atol=1e-6)
+    slab = simulation.soft_of[1].nodes
+    np.testing.assert_allclose(state.x[slab], simulation.soft.rest[slab], atol=1e-6)
 
 
 def test_what_floats_falls(lab):

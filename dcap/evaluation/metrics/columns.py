@@ -1,7 +1,8 @@
 """The object over its support, seen along vertical lines: what lies beneath it, how far away, and how deep it is in.
 
-A line starts at the object's top, so that what lies under an object that is partly, or wholly, inside its support is
-found as well. Nothing here knows what a method meant: only where the meshes are.
+A line starts where the object ends on it: the desk over a chair's seat carries nothing of the chair. Only where that is
+inside a solid it starts at the top of the whole object, so that the surface is found in which an object is partly.
+Nothing here knows what a method meant: only where the meshes are.
 """
 
 from dataclasses import dataclass
@@ -17,7 +18,7 @@ Array = NDArray[np.float64]
 LINES = 96
 """Vertical lines along each side of the object's box in plan [-]: features under a hundredth of its size are missed."""
 ABOVE = 1e-3
-"""Lines start this far above the object's highest point [m]: a thing under a surface, not touching it, is below it."""
+"""Lines start this far above the object's highest point on them [m]."""
 DOWN, UP = np.array([0.0, 0.0, -1.0]), np.array([0.0, 0.0, 1.0])
 
 
@@ -30,11 +31,11 @@ class Columns:
     under: Array
     """Height of the object's lowest point on each [m], shape (k,)."""
     top: Array
-    """Height of the first surface of the scene below the object's top on each [m], -inf where there is none, (k,)."""
+    """Height of the first surface of the scene below where the line starts [m], -inf where there is none, (k,)."""
     face: NDArray[np.int64]
     """That face of the scene, -1 where there is none, shape (k,)."""
-    start: float
-    """Height at which the lines begin [m]."""
+    end: float
+    """Height of the object's top [m]: a surface over it is none that it is in."""
 
     @property
     def gap(self) -> Array:
@@ -47,21 +48,34 @@ class Columns:
         return int(np.argmin(self.gap)) if len(self.gap) and np.isfinite(self.gap.min()) else -1
 
 
-def columns(thing: Mesh, beneath: Raycaster) -> Columns:
-    """Lines through the object (world frame) over the scene without it."""
+def columns(thing: Mesh, beneath: Raycaster, *, sunk: bool = True) -> Columns:
+    """Lines through the object (world frame) over the scene without it; `sunk` says that something of the scene is
+    inside it, so that a surface over a low part of it may be the one in which it is."""
     own = Raycaster(thing)
     low, high = thing.bounds
     step = np.maximum((high - low)[:2], 1e-9) / LINES
     axes = [low[a] + step[a] * (np.arange(LINES) + 0.5) for a in range(2)]
     plan = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2)
-    from_below = np.column_stack([plan, np.full(len(plan), low[2] - ABOVE)])
-    under = from_below[:, 2] + own.cast(from_below, np.tile(UP, (len(plan), 1))).distance
-    there = np.isfinite(under)
-    plan, under = plan[there], under[there]
-    start = np.column_stack([plan, np.full(len(plan), high[2] + ABOVE)])
+    end = float(high[2]) + ABOVE
+    under = heights(plan, float(low[2]) - ABOVE, own, UP)
+    plan, under = plan[np.isfinite(under)], under[np.isfinite(under)]
+    start = np.column_stack([plan, np.maximum(heights(plan, end, own, DOWN), under) + ABOVE])
+    if sunk:
+        start[below(start, beneath, end), 2] = end
     hits = beneath.cast(start, np.tile(DOWN, (len(plan), 1)))
     met = np.isfinite(hits.distance)
     top = np.where(met, start[:, 2] - np.where(met, hits.distance, 0.0), -np.inf)
-    return Columns(
-        plan, under, top, np.where(met, hits.face, -1).astype(np.int64), start[0, 2] if len(start) else high[2]
-    )
+    return Columns(plan, under, top, np.where(met, hits.face, -1).astype(np.int64), end)
+
+
+def heights(plan: Array, start: float, mesh: Raycaster, way: Array) -> Array:
+    """Heights at which vertical rays from points (n, 2) at a height [m] meet a mesh, infinite on a miss, shape (n,)."""
+    origin = np.column_stack([plan, np.full(len(plan), start)])
+    return np.asarray(start + way[2] * mesh.cast(origin, np.tile(way, (len(plan), 1))).distance)
+
+
+def below(points: Array, scene: Raycaster, end: float) -> NDArray[np.bool_]:
+    """Which points (n, 3) are inside a solid of the scene, as their way up tells: the next surface, no higher than
+    `end` [m], is met from behind, shape (n,)."""
+    above = scene.cast(points, np.tile(UP, (len(points), 1)))
+    return np.asarray((points[:, 2] + above.distance <= end) & (above.normal[:, 2] > 0.0))

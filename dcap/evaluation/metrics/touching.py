@@ -10,7 +10,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from dcap.evaluation.metrics.columns import DOWN, UP, Columns, columns
+from dcap.evaluation.metrics.columns import DOWN, UP, Columns, below, columns
 from dcap.geometry.distance import MeshDistance
 from dcap.geometry.placement.poses import center_of_mass
 from dcap.geometry.raycast import Raycaster
@@ -49,6 +49,13 @@ class Touching:
     patch: Array
     """Middles of the pieces of the object's surface that carry it, or would once it has come down by the gap [m],
     shape (k, 3): a millimetre of air changes the gap, and not what is beneath."""
+    patch_area: Array
+    """Of each of these pieces [m^2], shape (k,)."""
+
+    @property
+    def middle(self) -> Array | None:
+        """Centroid of the patch [m], shape (3,); None without one."""
+        return np.average(self.patch, axis=0, weights=self.patch_area) if len(self.patch) else None
 
 
 def touching(thing: Mesh, scene: Mesh) -> Touching:
@@ -56,26 +63,28 @@ def touching(thing: Mesh, scene: Mesh) -> Touching:
     size = float(np.ptp(thing.vertices, axis=0).max())
     edge = max(FINE * size, LEAST_EDGE)
     whole = Raycaster(scene)
-    lines, enclosed = columns(thing, whole), enclosed_depth(thing, whole, scene)
+    enclosed = enclosed_depth(thing, whole, scene)
+    depth = max(inside_depth(thing, around(thing, scene, TOUCHING + edge), edge), enclosed)
+    lines = columns(thing, whole, sunk=depth > TOUCHING)
     gap = np.inf
     if enclosed or lines.nearest >= 0:
         gap = 0.0 if enclosed else max(float(lines.gap[lines.nearest]), 0.0)
     down = gap if LANDED < gap < np.inf else 0.0
     near = around(thing, scene, TOUCHING + edge + down)
-    depth = max(inside_depth(thing, near, edge), enclosed)
     fine = subdivide_near(thing, thing.bounds, edge)
     middle, normal = fine.triangles.mean(axis=1), fine.face_normals
     caster = Raycaster(near)
 
     def touches(points: Array) -> NDArray[np.bool_]:
-        deep = below_surface(points, whole, lines) if depth > TOUCHING else np.zeros(len(points), dtype=bool)
+        deep = below(points, whole, lines.end) if depth > TOUCHING else np.zeros(len(points), dtype=bool)
         return faced(points, normal, caster) | deep | (enclosed > 0.0)
 
     mine = touches(middle)
     landed = middle - [0.0, 0.0, down]
-    patch = landed[touches(landed)] if down else middle[mine]
-    margin = support_margin(patch, center_of_mass(thing))
-    return Touching(depth, gap, float(fine.face_areas[mine].sum()), margin, lines, patch)
+    carried = touches(landed) if down else mine
+    margin = support_margin(landed[carried], center_of_mass(thing))
+    area = fine.face_areas
+    return Touching(depth, gap, float(area[mine].sum()), margin, lines, landed[carried], area[carried])
 
 
 def faced(points: Array, normal: Array, scene: Raycaster) -> NDArray[np.bool_]:
@@ -137,16 +146,6 @@ def left_below(plan: Array, height: float, scene: Raycaster, faces: Mesh) -> NDA
     a, b, c = faces.corners(face).transpose(1, 0, 2)
     down = np.cross(b - a, c - a)[:, 2] < 0.0
     return np.asarray(np.bincount(ray, down & (away <= first[ray] + LANDED), minlength=len(plan)) > 0)
-
-
-def below_surface(points: Array, scene: Raycaster, lines: Columns) -> NDArray[np.bool_]:
-    """Which points (n, 3) of the object lie below the surface that its lines meet, shape (n,)."""
-    met = np.isfinite(lines.top)
-    if not met.any():
-        return np.zeros(len(points), dtype=bool)
-    start = np.column_stack([points[:, :2], np.full(len(points), lines.start)])
-    hits = scene.cast(start, np.tile(DOWN, (len(points), 1)))
-    return np.asarray(lines.start - hits.distance > points[:, 2])
 
 
 def support_margin(patch: Array, center: Array) -> float:

@@ -1,7 +1,8 @@
 """Win rates of methods over all their comparisons, with intervals, and whether one is significantly higher.
 
-A tie counts half. The main interval resamples whole samples (cluster bootstrap); Wilson's score interval [W27], beside,
-takes each comparison as an independent trial, and stays sensible at 0 and 1 where a bootstrap has no width.
+A tie counts half. The main interval resamples whole samples (cluster bootstrap), which has no width where all samples
+say the same, such as where a method won everything: there it is Wilson's score interval [W27] with samples as trials.
+Wilson's interval with each comparison as an independent trial stands beside.
 
 Source: [W27] Wilson, Journal of the American Statistical Association 22, 1927, 209-212.
 """
@@ -27,6 +28,9 @@ from dcap.evaluation.statistics.comparisons import PairCounts
 from dcap.evaluation.statistics.score_summary import Significance
 from dcap.scene.errors import InputError
 
+SAME = 1e-9
+"""Rates of resamples that differ by less are equal but for rounding [-]."""
+
 
 @dataclass(frozen=True, slots=True)
 class WinRate:
@@ -36,7 +40,7 @@ class WinRate:
     rate: float
     """0..1, ties count half."""
     interval: ConfidenceInterval
-    """95 %, cluster bootstrap over samples."""
+    """95 %, cluster bootstrap over samples; Wilson's with samples as trials where all of them say the same."""
     wilson: ConfidenceInterval
     """95 %, every comparison an independent trial."""
     comparisons: int
@@ -52,7 +56,10 @@ def win_rates(counts: PairCounts, resamples: int = RESAMPLES, seed: int = SEED) 
         if trials == 0:
             continue
         wins = float(won[:, k].sum())
+        clusters = int((met[:, k] > 0).sum())
         spread = interval_of(resampled[:, k][~np.isnan(resampled[:, k])])
+        if spread.high - spread.low < SAME:  # every sample says the same: no resample tells how many there were
+            spread = wilson_interval(clusters * wins / trials, clusters)
         found.append(WinRate(method, wins / trials, spread, wilson_interval(wins, trials), round(trials)))
     return found
 

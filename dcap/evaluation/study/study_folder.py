@@ -8,7 +8,7 @@ import json
 import os
 import secrets
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 
 import pyarrow as pa
@@ -43,6 +43,13 @@ class StudyDesign:
     left_out: Mapping[str, str]
     """Placements that are not shown, METHOD/SAMPLE, and why."""
     raters: Mapping[str, tuple[StudyItem, ...]]
+    states: Mapping[str, str] = field(default_factory=dict)
+    """Digest of the pictures of each placement that may be shown, METHOD/SAMPLE, as it was when the study began."""
+
+    def changed(self, now: Mapping[str, str]) -> tuple[str, ...]:
+        """Placements that look otherwise now, or are gone, of those that raters are asked about."""
+        asked = {f"{m}/{one.sample}" for items in self.raters.values() for one in items for m in (one.left, one.right)}
+        return tuple(sorted(one for one in asked & self.states.keys() if now.get(one) != self.states[one]))
 
     def with_raters(self, count: int) -> "StudyDesign":
         """The same with at least so many raters."""
@@ -75,6 +82,7 @@ def read_design(folder: Path) -> StudyDesign | None:
             checks=tuple((str(method), str(sample)) for method, sample in tree["checks"]),
             left_out=dict(tree["left_out"]),
             raters={str(name): tuple(map(item_of_tree, items)) for name, items in tree["raters"].items()},
+            states={str(name): str(state) for name, state in tree.get("states", {}).items()},
         )
     except (OSError, ValueError, KeyError, TypeError, IndexError) as error:
         raise InputError(f"{path}: not a study's design ({type(error).__name__}: {error})") from None
@@ -97,6 +105,7 @@ def write_design(folder: Path, design: StudyDesign) -> None:
         "checks": [list(one) for one in design.checks],
         "left_out": dict(design.left_out),
         "raters": {name: [asdict(item) for item in items] for name, items in design.raters.items()},
+        "states": dict(design.states),
     }
     write_whole(folder / DESIGN, json.dumps(tree, indent=1, ensure_ascii=False).encode() + b"\n")
 

@@ -94,3 +94,44 @@ def test_over_nothing():
     found = touching(box([0.1, 0.1, 0.1], [3.0, 0.0, 1.0]), SLAB)
     assert (found.gap, found.contact_area, found.penetration) == (np.inf, 0.0, 0.0)
     assert found.columns.nearest == -1
+
+
+def together(*meshes: Mesh) -> Mesh:
+    """Several meshes as one."""
+    counts = np.cumsum([0, *(len(one.vertices) for one in meshes)])
+    faces = [one.faces + count for one, count in zip(meshes, counts, strict=False)]
+    return Mesh.of(np.concatenate([one.vertices for one in meshes]), np.concatenate(faces))
+
+
+@pytest.mark.parametrize("height", [0.05, 0.0, -0.003])
+def test_a_chair_whose_seat_is_under_a_desk(height):
+    """The floor carries it, 5 cm below or 3 mm into it, and not the desk between its seat and its back's upper end."""
+    seat, back = box([0.4, 0.4, 0.45], [0.0, 0.0, 0.225 + height]), box([0.4, 0.05, 0.9], [0.0, -0.3, 0.45 + height])
+    desk = box([1.0, 0.45, 0.03], [0.0, 0.0, 0.735])
+    found = touching(together(seat, back), together(SLAB, desk))
+    assert found.gap == pytest.approx(max(height, 0.0), abs=1e-5)
+    assert found.penetration == pytest.approx(max(-height, 0.0), abs=1e-5)
+    assert found.columns.top[found.columns.nearest] == pytest.approx(0.0, abs=1e-5)
+    assert found.margin > 0.0
+
+
+def test_a_low_part_is_in_what_a_high_part_is_in():
+    """A plate of 1 cm with a pole, 3 cm in a slab: 3 cm below its surface everywhere."""
+    plate, pole = box([0.3, 0.3, 0.01], [0.0, 0.0, -0.025]), box([0.1, 0.1, 0.3], [0.0, 0.0, 0.13])
+    found = touching(together(plate, pole), SLAB)
+    assert found.columns.gap == pytest.approx(np.where(found.columns.gap < -0.025, -0.03, -0.02), abs=1e-5)
+    assert (found.columns.gap < -0.025).mean() > 0.85
+
+
+def test_the_middle_of_a_contact_does_not_depend_on_how_its_faces_are_cut():
+    """A disc whose bottom is a fan about a point of its rim."""
+    angle = 2 * np.pi * np.arange(96) / 96
+    rim = 0.1 * np.column_stack([np.cos(angle), np.sin(angle)])
+    below, above = (np.column_stack([rim, np.full(96, z)]) for z in (0.0, 0.02))
+    fan = np.column_stack([np.zeros(94, dtype=int), np.arange(2, 96), np.arange(1, 95)])
+    i, j = np.arange(96), np.roll(np.arange(96), -1)
+    sides = np.concatenate([np.column_stack([i, j, j + 96]), np.column_stack([i, j + 96, i + 96])])
+    disc = Mesh.of(np.concatenate([below, above]), np.concatenate([fan, fan[:, ::-1] + 96, sides]))
+    found = touching(disc, SLAB)
+    assert found.middle is not None
+    assert found.middle == pytest.approx([0.0, 0.0, 0.0], abs=1e-4)

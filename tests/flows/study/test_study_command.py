@@ -3,6 +3,7 @@
 import csv
 import shutil
 import socket
+from dataclasses import replace
 from pathlib import Path
 
 import pyarrow.parquet as pq
@@ -95,6 +96,23 @@ def test_a_study_of_which_a_placement_is_gone(study: ServedStudy, capsys: pytest
 def test_a_study_of_which_a_check_is_gone(study: ServedStudy, capsys: pytest.CaptureFixture[str]) -> None:
     shutil.rmtree(study.folder / "attention" / "01" / "lifted")
     assert "attention/01/lifted: an attention check of the study is gone" in complaint(capsys, "serve", study.run)
+
+
+def test_a_study_of_which_a_placement_has_changed(study: ServedStudy, capsys: pytest.CaptureFixture[str]) -> None:
+    """Votes on what was shown first and on what is there now are votes on two placements: refused, until the first is
+    there again."""
+    design, item = read_design(study.folder), study.session.current("r01")
+    assert design is not None
+    assert item is not None
+    design = replace(design, states=study.session.run.states())
+    write_design(study.folder, design)
+    picture = study.session.run.shown[item.left, item.sample].pictures[0]
+    before = picture.read_bytes()
+    picture.write_bytes(before + b"\0")
+    said = complaint(capsys, "serve", study.run, "--port", free_port())
+    assert f"1 placements have changed since its study began ({item.left}/{item.sample})" in said
+    picture.write_bytes(before)
+    assert design.changed(study.session.run.states()) == ()
 
 
 def test_a_broken_design_is_named(study: ServedStudy, capsys: pytest.CaptureFixture[str]) -> None:

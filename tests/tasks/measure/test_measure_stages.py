@@ -1,5 +1,6 @@
 """The stages that measure a final state, on poses whose answers are known without a drop."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import cast
 
@@ -130,6 +131,19 @@ def test_over_nothing_there_is_no_support_and_no_end_of_the_gap():
     assert (found.support_id, found.support_label, found.support_part) == ("", "", "")
     assert (found.gap_m, found.com_margin_m, found.contact_area_m2) == (np.inf, -np.inf, 0.0)
     np.testing.assert_allclose(found.middle, [3.0, 0.0, TOP], atol=1e-3)
+
+
+def test_a_dent_of_which_nothing_is_kept_is_not_simulated_on():
+    """Surfaces of another shape than at the start, and no displacements inside: unknown, and no fault of the state."""
+    where = anchor(0.0, TOP)
+    found = posed(SegmentedObject(ball()), where)
+    body = found.bodies[0]
+    pressed = Mesh(body.surface.vertices * [1.0, 1.0, 0.99], body.surface.faces, body.surface.colors)
+    dented = replace(body, surface=pressed, displacement=pressed.vertices - body.surface.vertices)
+    nothing = cast(Particles, None)
+    told = drift(nothing, replace(found, bodies=(dented,)), DriftConfig())
+    assert "keeps no displacements inside of object" in told.reason
+    assert (told.seconds, told.broken) == (0.0, False)
 
 
 @pytest.mark.slow

@@ -82,10 +82,11 @@ def test_ratings_are_those_of_the_raters() -> None:
 
 
 def test_win_rates_draw_whole_samples() -> None:
-    """Votes on one sample are one draw: with one sample there is no spread, however many votes; with two that
-    contradict each other everything is possible."""
+    """Votes on one sample are one draw, however many: the interval is Wilson's of one trial, z^2 = 3.8415; with two
+    samples that contradict each other everything is possible."""
     one = study_table(given(("s", "dcap", "fireplace", 60), ("s", "fireplace", "dcap", 40)), 0)
-    assert rate_and_ends(one.rows[0]) == pytest.approx((0.6, 0.6, 0.6))
+    center, half = (0.6 + 1.92073) / 4.84146, np.sqrt(3.84146 * (0.24 + 0.960365)) / 4.84146
+    assert rate_and_ends(one.rows[0]) == pytest.approx((0.6, center - half, center + half), abs=1e-5)
     two = study_table(given(("s", "dcap", "fireplace", 9), ("t", "fireplace", "dcap", 9)), 0)
     assert rate_and_ends(two.rows[0]) == pytest.approx((0.5, 0.0, 1.0))
 
