@@ -67,5 +67,5 @@ class Drift:
     reason: str = ""
     """Why it could not be simulated."""
     broken: bool = False
-    """Whether that is because a step broke, which says something of the cells. Else it begins too deep inside something, or
-    the method kept no displacements."""
+    """Whether that is because a step broke, which says something of the cells. Else it begins too deep inside
+    something, or the method kept no displacements."""
