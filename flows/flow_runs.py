@@ -2,7 +2,7 @@
 
 A benchmark is one flow run, `benchmark`; each of its samples that has work is a child of it, `place`. Prefect would
 number the children of threads by a counter that the threads race for, and two samples would share a run; so children
-are created here, each by its sample's name. A child has no heartbeat thread, which costs its flow up to a second.
+are created here, each with a key of its own.
 """
 
 from collections.abc import Callable, Iterable, Mapping
@@ -43,12 +43,11 @@ class ShownFlowRun(FlowRunEngine[..., Any]):
 
     shown: Callable[[Any], ShownState] = field(default=lambda result: (COMPLETED, ""))
     """The final state by what the flow returned."""
-    beats: bool = True
 
     @property
     def heartbeat_seconds(self) -> int | None:
-        """None if there is no heartbeat."""
-        return super().heartbeat_seconds if self.beats else None
+        """There is no heartbeat: the thread of one is waited for at the end, up to a second."""
+        return None
 
     def handle_success(self, result: Any) -> Any:
         """The flow has returned: nothing is persisted."""
@@ -81,7 +80,7 @@ def run_shown(
     flow = Flow(flow_body, name=names.flow, validate_parameters=False, persist_result=False)
     with SyncClientContext.get_or_create() as context:
         run = created(context.client, flow, names, parent)
-        engine = ShownFlowRun(flow=flow, flow_run=run, shown=shown, beats=parent is None)
+        engine = ShownFlowRun(flow=flow, flow_run=run, shown=shown)
         with engine.start():
             while engine.is_running():
                 with engine.run_context():

@@ -32,8 +32,8 @@ from flows.server_program import USERS
 
 PROGRAM = "flows.server_program"
 LOOPBACK = "127.0.0.1"
-START_SECONDS = 90.0
-"""A first start creates the database, which takes 8 s on two idle cores."""
+START_SECONDS = 300.0
+"""A first start creates the database, which takes 8 s on two idle cores; more than a minute on busy ones."""
 STOP_SECONDS = 10.0
 INTERRUPTED_STOP_SECONDS = 0.5
 """Who interrupts a run does not wait for requests that are under way; states of flow runs are in the database by
@@ -60,7 +60,11 @@ def prefect_server(port: int | None = None) -> Iterator[str]:
     folder.mkdir(parents=True, exist_ok=True)
     with one_at_a_time(folder):
         users = lock_users(folder)  # before the server starts: without users, it ends
-        url = running_url(folder) or start_anew(folder, port or free_port())
+        try:
+            url = running_url(folder) or start_anew(folder, port or free_port())
+        except BaseException:
+            os.close(users)
+            raise
     os.environ["PREFECT_API_URL"] = url
     notice_settings()
     patience = INTERRUPTED_STOP_SECONDS
@@ -175,6 +179,7 @@ def apply_settings() -> None:
     os.environ.setdefault("PREFECT_HOME", str(server_folder()))
     # runs report to the server; the terminal belongs to our own lines
     os.environ.setdefault("PREFECT_LOGGING_HANDLERS_CONSOLE_LEVEL", "CRITICAL")
+    os.environ.setdefault("PREFECT_INTERNAL_LOGGING_LEVEL", "CRITICAL")
 
 
 def flattened(tree: dict[str, object], prefix: str) -> Iterator[tuple[str, str]]:

@@ -14,8 +14,8 @@ from typing import Any
 from uuid import UUID
 
 from prefect import Task
+from prefect._internal.result_records import ResultRecord
 from prefect.client.schemas.objects import RunInput, State, TaskRunResult
-from prefect.results import ResultRecord
 from prefect.states import Failed
 from prefect.task_engine import SyncTaskRunEngine
 
@@ -54,8 +54,8 @@ class StageRunEngine(SyncTaskRunEngine[..., dict[str, object]]):
 
 def tell_reason(state: State[Any]) -> None:
     """Say in the final state of a stage why there is no value, if there is none."""
-    tree = state.data.result if isinstance(state.data, ResultRecord) else state.data
-    ref: Ref[Any] = Ref.from_json(tree["ref"])
+    assert isinstance(state.data, ResultRecord)
+    ref: Ref[Any] = Ref.from_json(state.data.result["ref"])
     if ref.infeasible:
         found = Store.default().load(ref)
         assert isinstance(found, Infeasible)
