@@ -9,13 +9,10 @@ import json
 import os
 import platform
 import time
-from collections.abc import Mapping, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor, as_completed
-from contextlib import AbstractContextManager, nullcontext
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
-from threading import Semaphore
 
 from dcap.evaluation.method_report import MethodTable, shown_lines
 from dcap.evaluation.methods import DCAP, METHODS, by_method, split_id, with_examples
@@ -23,26 +20,24 @@ from dcap.evaluation.outcome_table import ExpectedOutcome, SampleOutcome, read_t
 from dcap.evaluation.report import write_report
 from dcap.evaluation.run_folder import sample_folder
 from dcap.evaluation.run_summary import RunSummary, summary_of
-from dcap.language.model.batch import batch_queue
 from dcap.language.model.ledger import check_budget, spending_of
 from dcap.language.protocol.client import ClientName
-from dcap.language.protocol.session import Session
 from dcap.scene.errors import InputError
 from dcap.scene.json_tree import JsonObject, object_to_json
 from dcap.scene.settings import data_root, runs_root, version
 from dcap.scene.types.sample import Sample
-from flows.display import Display, print_lines, print_plan, print_table
+from flows.display import Display, print_lines, print_plan, print_table, summary_line
 from flows.judge_run import judged_rows, write_rows
 from flows.language_options import LEDGER, LanguageOptions
-from flows.measures_file import write_measures
-from flows.output import readable_json, write_placement
+from flows.output import readable_json
 from flows.place import PlaceConfig
 from flows.run_files import RUN, asked_of_run, find_run, located, sample_from_json
+from flows.run_names import WatchedRun
+from flows.run_samples import run_all, settle_result
 from flows.sample_run import (
     OVERVIEW,
     STAGE_NAMES,
     FailedSample,
-    FinishedSample,
     Plan,
     heavy_modules,
     plan_sample,
@@ -51,18 +46,16 @@ from flows.sample_run import (
 from flows.samples import EMBEDDED, SPLAT_ROOMS, TRUTH, load_samples, load_yaml
 from flows.scene_lists import of_scenes
 from flows.scoring import scored_row
-from flows.server import prefect_server
+from flows.server import prefect_server, server_answers
+from flows.watching import Watch
 from tasks.mesh.stage import mesh_object_task, mesh_scene_task
 from tasks.runner.context import RunContext
 from tasks.runner.digests import installed_version
-from tasks.runner.process import kill_all
 from tasks.runner.process_server import process_server
 
 DATASET_SEED = 0
 MESH, BOTH_MESHES = "mesh", {mesh_scene_task.name, mesh_object_task.name}
 """What a person calls the two stages together."""
-IN_A_BATCH = 32
-"""Samples whose questions gather for one batch; each waits in a thread and a flow run of its own."""
 SPLATS = 500_000
 """Gaussians per room of the embedded dataset of splats; a scene of InteriorGS has as many."""
 
@@ -125,9 +118,13 @@ def run_benchmark(
     folder = new_run_folder(path, samples, config, language)
     with Display(samples) as display:
         plans = plan_all(samples, config, display)
-        results = run_all(plans, config, folder, language.session(folder), workers, display)
-    rows = scored_rows(folder, results, truths_of(path, list(results)))
-    run = finish(folder, rows, time.monotonic() - begin)
+
+        def whole(watch: Watch) -> Run:
+            results = run_all(plans, config, folder, language.session(folder), workers, display, watch)
+            rows = scored_rows(folder, results, truths_of(path, list(results)))
+            return finish(folder, rows, time.monotonic() - begin)
+
+        run = watched(folder, plans, display, {"dataset": str(path), "workers": workers}, whole)
     print_table(run.rows, run.summary, folder)
     if run.table:
         print_lines(shown_lines(run.table))
@@ -181,80 +178,26 @@ def plan_all(samples: Sequence[Sample], config: PlaceConfig, display: Display) -
     return plans
 
 
-def run_all(
-    plans: Sequence[Plan], config: PlaceConfig, folder: Path, session: Session, workers: int, display: Display
-) -> dict[Sample, tuple[JsonObject | None, str]]:
-    """placement.json and error message of every sample; Prefect starts only if some sample has work to do."""
-    results: dict[Sample, tuple[JsonObject | None, str]] = {plan.sample: (None, "") for plan in plans}
-    waiting = []
-    for plan in plans:
-        known = plan.finished or plan.failed
-        if known is None:
-            waiting.append(plan.sample)
-        else:
-            results[plan.sample] = settle_result(folder, known, display)
-    if not waiting:
-        return results
-    slots = Semaphore(workers) if session.batch else None
-    at_a_time = min(len(waiting), max(workers, IN_A_BATCH)) if session.batch else workers
-    # the queue closes before the pool waits for the threads that wait for it
-    with (
-        prefect_server() as url,
-        process_server(heavy_modules(name for plan in plans for name in plan.coming)) as server,
-        ThreadPoolExecutor(at_a_time) as pool,
-        asking_queue(session, display),
-    ):
-        display.serving(url)
-        context = RunContext(session=session, slots=slots, server=server)
-        futures: dict[Future[FinishedSample | FailedSample], Sample] = {
-            pool.submit(try_sample, sample, config, context=context, listener=display.listener(sample)): sample
-            for sample in waiting
-        }
-        try:
-            for future in as_completed(futures):
-                results[futures[future]] = settle_result(folder, future.result(), display)
-        except BaseException:
-            pool.shutdown(wait=False, cancel_futures=True)
-            kill_all()  # the threads wait for these processes
-            raise
-    return results
+def watched(
+    folder: Path, plans: Sequence[Plan], display: Display, asked: dict[str, object], whole: Callable[[Watch], Run]
+) -> Run:
+    """Run the whole benchmark as one flow run. Where all is cached, no server is started for it: then it is shown only
+    if one runs already."""
+    work = any(plan.settled is None for plan in plans)
+    if not work and not server_answers():
+        return whole(Watch())
+    with prefect_server() as url:
+        if work:
+            display.serving(url)
+
+        from flows.benchmark_flow import in_benchmark_run  # imports Prefect, after the server's address is known
+
+        return in_benchmark_run(folder, [plan.sample for plan in plans], asked, whole, ending)
 
 
-def asking_queue(session: Session, display: Display) -> AbstractContextManager[None]:
-    """A queue for questions in batches, if the run asks in batches."""
-    return batch_queue(Path(session.batch), session, display.say) if session.batch else nullcontext()
-
-
-def settle_result(
-    folder: Path, result: FinishedSample | FailedSample, display: Display
-) -> tuple[JsonObject | None, str]:
-    """Keep what a sample returned, good or bad."""
-    if isinstance(result, FailedSample):
-        write_failure(folder, result)
-        display.failed(result.sample, result.message)
-        return None, result.message
-    try:
-        tree = keep(folder, result)
-    except Exception as error:  # the border between samples: a result that cannot be written is this one's failure
-        return settle_result(folder, FailedSample(result.sample, error), display)
-    display.finished(result.sample)
-    return tree, ""
-
-
-def keep(folder: Path, finished: FinishedSample) -> JsonObject:
-    """Write a sample's results into the run."""
-    out = sample_folder(folder, finished.sample.id)
-    (out / "error.txt").unlink(missing_ok=True)
-    tree = write_placement(finished, out)
-    write_measures(finished, out)
-    return tree
-
-
-def write_failure(folder: Path, failed: FailedSample) -> None:
-    """Write why a sample failed into the run."""
-    out = sample_folder(folder, failed.sample.id)
-    out.mkdir(parents=True, exist_ok=True)
-    (out / "error.txt").write_text(f"{failed.message}\n\n{failed.details}".rstrip() + "\n")
+def ending(run: Run) -> tuple[bool, str]:
+    """Whether all samples got through, and the counts in a line."""
+    return run.failed == 0, summary_line(run.summary)
 
 
 def new_run_folder(dataset: Path, samples: Sequence[Sample], config: PlaceConfig, language: LanguageOptions) -> Path:
@@ -358,6 +301,7 @@ def rerun_sample(run: str, sample_id: str, stage: str, max_cost: float | None = 
             config,
             context=RunContext(refresh=refreshed, session=replace(language.session(folder), fresh=True), server=server),
             listener=display.listener(sample),
+            run=WatchedRun(folder.name),
         )
         tree, _ = settle_result(folder, result, display)
     page = rewrite_report(run)

@@ -101,6 +101,11 @@ class Display:
 
         return on_event
 
+    def share(self) -> float:
+        """How much of the work that planning has left is done, 0..1, by its stages."""
+        with self.lock:
+            return sum(self.stages_done[name] for name in self.stages) / (sum(self.stages.values()) or 1)
+
     def say(self, text: str) -> None:
         """A line that is not about one sample."""
         self.console.print(text)

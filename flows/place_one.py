@@ -21,7 +21,7 @@ from flows.output import ISO, iso_glb, load_values, write_placement
 from flows.place import PlaceConfig
 from flows.placement_json import AT_REST
 from flows.run_files import FinishedPlacement, write_asked
-from flows.sample_run import FinishedSample, heavy_modules, place_flow, plan_sample, recorded
+from flows.sample_run import FinishedSample, heavy_modules, place_in_run, plan_sample, recorded
 from flows.server import prefect_server
 from tasks.arch import chosen_arch
 from tasks.runner.context import RunContext
@@ -53,7 +53,7 @@ def place_files(scene: str, thing: str, prompt: str, options: PlaceOptions, out:
         process_server(heavy_modules(plan.coming)) as server,
         recorded(sample, RunContext(session=session, server=server), partial(show, console, status)) as recorder,
     ):
-        placement = place_flow(sample, config)(sample, config)
+        placement = place_in_run(sample, config, recorder)
     if session.ledger and Path(session.ledger).is_file():
         console.print(in_words(spending_of(Path(session.ledger))))
     finished = FinishedSample(sample, placement, tuple(recorder.records))

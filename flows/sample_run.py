@@ -4,19 +4,17 @@ import traceback
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 from dcap.scene.errors import DcapError
 from dcap.scene.store.artifacts import Store
 from dcap.scene.types.sample import Sample
 from flows.methods import place_by, plain
 from flows.place import STAGES, PlaceConfig, PlacementRefs, place
+from flows.run_names import WatchedRun, sample_tags
 from tasks.overview import overview_task
-from tasks.runner.context import Event, NotCachedError, OnEvent, RunContext, StageEvent, use_context
+from tasks.runner.context import Event, NotCachedError, OnEvent, Producers, RunContext, StageEvent, use_context
+from tasks.runner.outcomes import error_line
 from tasks.runner.records import Record, why_not_cached
-
-if TYPE_CHECKING:
-    from prefect import Flow
 
 STAGE_NAMES = tuple(stage.name for stage in STAGES)
 OVERVIEW = overview_task.name
@@ -38,6 +36,11 @@ class Plan:
     """The result, if nothing would run."""
     failed: "FailedSample | None" = None
     """What is wrong with the sample, if it cannot run."""
+
+    @property
+    def settled(self) -> "FinishedSample | FailedSample | None":
+        """How the sample ends without any work; None if there is some."""
+        return self.finished or self.failed
 
     @property
     def later(self) -> tuple[str, ...]:
@@ -78,8 +81,7 @@ class FailedSample:
     @property
     def message(self) -> str:
         """What went wrong in one line."""
-        name = "" if isinstance(self.error, DcapError) else f"{type(self.error).__name__}: "
-        return " ".join(f"{name}{self.error}".split())
+        return error_line(self.error)
 
     @property
     def details(self) -> str:
@@ -130,38 +132,62 @@ def stages_of(recorder: EventRecorder) -> tuple[str, ...]:
     return tuple(stage for stage, _, _ in recorder.records)
 
 
-def place_flow(sample: Sample, config: PlaceConfig) -> "Flow[[Sample, PlaceConfig], PlacementRefs]":
-    """The stages of a sample as one Prefect flow; needs a server.
+def place_in_run(
+    sample: Sample, config: PlaceConfig, recorder: EventRecorder, run: WatchedRun | None = None
+) -> PlacementRefs:
+    """The stages of a sample as one flow run, a child of the benchmark's if there is one; needs a server.
 
     Prefect is imported here, after the server's address is known.
     """
-    from prefect import Flow
+    from flows.sample_flow import place_in_flow_run
 
-    name = sample.id.replace("{", "(").replace("}", ")")
-    stages = place if plain(sample, config) else place_by
-    return Flow(stages, name="place", flow_run_name=name, validate_parameters=False, persist_result=False)
+    def stages() -> PlacementRefs:
+        recorder.records.clear()  # of a flow run that was lost with its server
+        with users_words(sample):
+            return (place if plain(sample, config) else place_by)(sample, config)
+
+    return place_in_flow_run(stages, sample, run)
 
 
 @contextmanager
-def recorded(sample: Sample, context: RunContext, listener: OnEvent | None = None) -> Iterator[EventRecorder]:
-    """Records the stages that are called inside as those of `sample`; errors name the user's files. `context` says how
-    they run, but for its events."""
+def recorded(
+    sample: Sample, context: RunContext, listener: OnEvent | None = None, run: str = ""
+) -> Iterator[EventRecorder]:
+    """Records the stages that are called inside as those of `sample` in a run; errors name the user's files. `context`
+    says how they run, but for its events."""
     recorder = EventRecorder(listener)
-    session = replace(context.session, sample=sample.id)
+    own = replace(
+        context,
+        on_event=recorder,
+        session=replace(context.session, sample=sample.id),
+        producers=Producers(),
+        tags=sample_tags(sample, run),
+    )
+    with users_words(sample), use_context(own):
+        yield recorder
+
+
+@contextmanager
+def users_words(sample: Sample) -> Iterator[None]:
+    """Errors name the user's files."""
     try:
-        with use_context(replace(context, on_event=recorder, session=session)):
-            yield recorder
+        yield
     except DcapError as error:
         raise type(error)(in_users_words(str(error), sample)) from error
 
 
 def try_sample(
-    sample: Sample, config: PlaceConfig, *, context: RunContext, listener: OnEvent | None = None
+    sample: Sample,
+    config: PlaceConfig,
+    *,
+    context: RunContext,
+    listener: OnEvent | None = None,
+    run: WatchedRun | None = None,
 ) -> FinishedSample | FailedSample:
     """Run the stages of a sample; a failure is a value: the others go on."""
     try:
-        with recorded(sample, context, listener) as recorder:
-            placement = place_flow(sample, config)(sample, config)
+        with recorded(sample, context, listener, run.name if run else "") as recorder:
+            placement = place_in_run(sample, config, recorder, run)
     except Exception as error:  # the border between samples: reported in full, never hidden
         return FailedSample(sample, error)
     return FinishedSample(sample, placement, tuple(recorder.records))

@@ -310,11 +310,9 @@ def report(run: Annotated[str, typer.Argument(help="Name or folder of a run, or 
 @app.command()
 def ui(port: Annotated[int, typer.Option(min=1, max=65535, help="Port on this machine.")] = 4200) -> int:
     """Serve Prefect's pages over all runs until interrupted."""
-    from flows.server import prefect_server
+    from flows.ui import serve_pages
 
-    with prefect_server(port) as url:
-        print(f"{url.removesuffix('/api')}  (stop with Ctrl-C)", flush=True)
-        signal.pause()
+    serve_pages(port, lambda address: print(f"{address}  (stop with Ctrl-C)", flush=True))
     return 0
 
 

@@ -4,6 +4,7 @@ from typing import TYPE_CHECKING, Any
 
 from dcap.scene.settings import cache_root
 from dcap.scene.store.artifacts import Store
+from tasks.runner.context import current_call
 from tasks.runner.locks import FileLocks
 from tasks.runner.records import usable_key
 
@@ -27,7 +28,7 @@ def verified_records() -> "CachePolicy":
             flow_parameters: dict[str, Any],
             **kwargs: Any,
         ) -> str | None:
-            return usable_key(str(inputs["key"]), Store.default())[0]
+            return usable_key(current_call().key, Store.default())[0]
 
     # serialisable: two samples that need the same room read it once, the second waits for the first
     return VerifiedRecords().configure(isolation_level="SERIALIZABLE", lock_manager=FileLocks(cache_root() / "locks"))
