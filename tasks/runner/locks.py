@@ -63,6 +63,8 @@ class FileLocks:
 
     def is_locked(self, key: str) -> bool:
         """Whether anybody holds the lock."""
+        if not self._path(key).is_file():
+            return False
         descriptor = self._opened(key)
         try:
             return not try_lock(descriptor)
@@ -87,10 +89,13 @@ class FileLocks:
         """As `wait_for_lock`."""
         return self.wait_for_lock(key, timeout)
 
+    def _path(self, key: str) -> Path:
+        return self.folder / f"{Path(key).name}{LOCK_SUFFIX}"
+
     def _opened(self, key: str) -> int:
         """The open file of a lock; what stands in its place and is no file goes."""
         make_folder(self.folder, self.folder.with_name(f"{self.folder.name}-{uuid.uuid4().hex}"))
-        path = self.folder / f"{Path(key).name}{LOCK_SUFFIX}"
+        path = self._path(key)
         flags = os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW
         try:
             return os.open(path, flags, 0o644)

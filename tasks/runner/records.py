@@ -14,6 +14,7 @@ import os
 import re
 import stat
 import uuid
+from collections import defaultdict
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -226,6 +227,20 @@ def record_in(path: Path) -> Record:
 def key_in(name: str) -> str:
     """The key that a record's file name stands for."""
     return REPEAT.sub("", name)
+
+
+def close_ranks() -> None:
+    """Give the records of a key the first names again where damaged ones before them were taken away: nobody looks
+    behind a free name."""
+    root = records_root()
+    names: dict[str, list[str]] = defaultdict(list)
+    for path in root.iterdir() if root.is_dir() else ():
+        names[key_in(path.name)].append(path.name)
+    for key, same in names.items():
+        for number, name in enumerate(sorted(same, key=lambda one: (len(one), one))):
+            wanted = key if number == 0 else f"{key}-r{number}"
+            if name != wanted:
+                os.rename(root / name, root / wanted)
 
 
 def records_of(stage: str) -> Iterator[Record]:

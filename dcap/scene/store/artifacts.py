@@ -156,9 +156,10 @@ class Store:
         return sum(path.lstat().st_size for path in walk(self.folder(ref)))
 
     def refs(self) -> Iterator[Ref[object]]:
-        """All artifacts, sound or not."""
+        """All artifacts in their places, sound or not."""
         for folder in sorted((self.root / OBJECTS).glob("*/??/*")):
-            yield Ref(folder.parent.parent.name, folder.name)
+            if folder.name[:2] == folder.parent.name:
+                yield Ref(folder.parent.parent.name, folder.name)
 
     def add_source(self, given: str | Path) -> Ref[Source]:
         """Take a foreign file or folder in, with the files that it names (MTL, textures, buffers)."""
