@@ -121,6 +121,19 @@ def plan_sample(sample: Sample, config: PlaceConfig) -> Plan:
     return Plan(sample, stages_of(recorder), "", "", FinishedSample(sample, placement, tuple(recorder.records)))
 
 
+def looked_up(sample: Sample, config: PlaceConfig) -> tuple[list[Record], str]:
+    """The records of a sample that are there, up to the first missing one; and what is wrong with the sample."""
+    recorder, wrong = EventRecorder(), ""
+    try:
+        with use_context(RunContext(lookup_only=True, on_event=recorder)):
+            place_by(sample, config)
+    except NotCachedError:
+        pass  # the rest was not computed
+    except Exception as error:  # the border between samples: what is wrong with one is told
+        wrong = FailedSample(sample, error).message
+    return [record for _, record, _ in recorder.records], wrong
+
+
 def heavy_modules(names: Iterable[str]) -> list[str]:
     """Modules of those of the named stages that run in processes of their own."""
     wanted = set(names)

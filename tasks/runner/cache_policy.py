@@ -11,6 +11,9 @@ from tasks.runner.records import usable_key
 if TYPE_CHECKING:
     from prefect.cache_policies import CachePolicy
 
+LOCKS_FOLDER = "locks"
+"""Where samples that need the same thing wait for each other, below the folder of the cache."""
+
 
 def verified_records() -> "CachePolicy":
     """The cache policy: the key of the deciders, or the next free name where that record's artifact is damaged.
@@ -31,4 +34,6 @@ def verified_records() -> "CachePolicy":
             return usable_key(current_call().key, Store.default())[0]
 
     # serialisable: two samples that need the same room read it once, the second waits for the first
-    return VerifiedRecords().configure(isolation_level="SERIALIZABLE", lock_manager=FileLocks(cache_root() / "locks"))
+    return VerifiedRecords().configure(
+        isolation_level="SERIALIZABLE", lock_manager=FileLocks(cache_root() / LOCKS_FOLDER)
+    )

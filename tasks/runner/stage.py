@@ -47,7 +47,7 @@ from tasks.runner.context import (
 )
 from tasks.runner.digests import libraries, source_digests
 from tasks.runner.process import run_in_process
-from tasks.runner.records import Deciders, Record, records_root, usable_key
+from tasks.runner.records import Deciders, Record, records_root, share_record, usable_key
 
 if TYPE_CHECKING:
     from prefect import Task
@@ -207,6 +207,7 @@ class Stage(Generic[P, ValueT_co]):
             done["size"] / 1024,
         )
         record = Record(call.key, Ref.from_json(done["ref"]), done["seconds"], done["size"], call.deciders)
+        share_record(record, Store.default())
         return record.to_json()
 
     def job(self, inputs: dict[str, Any], config: object, session: Session) -> dict[str, object]:

@@ -2,6 +2,7 @@
 
 import importlib
 import json
+import shutil
 from collections.abc import Iterator
 from contextlib import nullcontext
 from pathlib import Path
@@ -98,12 +99,13 @@ def test_a_benchmark_from_cold_to_warm(
         jsonschema.validate({**placement, "verdict": 3}, schema)
     assert {path.name for path in (run / "samples" / "good").iterdir()} == {
         "placement.json", "placement.schema.json", "object.ply", "object.glb", "contacts.glb", "scene.glb",
-        "scene.json", "clean.png",
+        "scene.json", "records.json", "clean.png",
         "settled.png", "closeup.png", "before_after.png", "contact.png", "profile.png",
     }  # fmt: skip
 
     assert {path.name for path in (run / "samples" / "none").iterdir()} == {
-        "placement.json", "placement.schema.json", "scene.glb", "scene.json", "clean.png", "candidates.png",
+        "placement.json", "placement.schema.json", "scene.glb", "scene.json", "records.json", "clean.png",
+        "candidates.png",
     }  # fmt: skip
 
     def refuse() -> None:
@@ -186,3 +188,26 @@ def test_a_rerun_that_breaks_is_not_bad_input(
         rerun_sample("last", "odd", "drop")
     assert str(error) in (run / "samples" / "odd" / "error.txt").read_text()
     assert (run / "report.html").is_file()
+
+
+@pytest.mark.slow
+def test_what_a_run_needs_is_kept(dataset: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """After everything that no run needs is deleted, the runs are still cached to the last stage; without their folders
+    nothing is kept."""
+    assert main(["benchmark", "--dataset", str(dataset), "--limit", "2"]) == 0
+    run = (dataset.parent / "data" / "runs" / "last").resolve()
+    (run / "samples" / "none" / "records.json").unlink()  # as of an earlier version: it is looked up
+    Store.default().save(Sample("nobody", "needs", "this", "at all", mass=None))
+    capsys.readouterr()
+    assert main(["cache", "gc", "--yes", "--older-than", "0", "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert str(run) in told["runs"]
+    assert told["artifacts"] > 0
+    assert main(["plan", "--dataset", str(dataset), "--limit", "2", "--json"]) == 0
+    assert [row["runs"] for row in json.loads(capsys.readouterr().out)] == [None, None]
+    assert main(["cache", "verify"]) == 0
+    shutil.rmtree(dataset.parent / "data" / "runs")
+    assert main(["cache", "gc", "--yes", "--older-than", "0"]) == 0
+    capsys.readouterr()
+    assert main(["cache", "ls", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["kinds"] == {}
