@@ -7,6 +7,9 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from dcap.scene.errors import DcapError
+from dcap.scene.given_text import shortened
+from dcap.scene.machine_errors import machine_error
+from dcap.scene.secrets import redacted
 from dcap.scene.store.artifacts import Store
 from dcap.scene.types.sample import Sample
 from flows.methods import place_by, plain
@@ -19,6 +22,8 @@ if TYPE_CHECKING:
     from prefect import Flow
 
 STAGE_NAMES = tuple(stage.name for stage in STAGES)
+LONGEST_NAME = 200
+"""Characters of a flow run's name: the server's pages show it whole."""
 OVERVIEW = overview_task.name
 """What an infeasible placement ends with, after the stage that found no way."""
 
@@ -78,13 +83,19 @@ class FailedSample:
     @property
     def message(self) -> str:
         """What went wrong in one line."""
-        name = "" if isinstance(self.error, DcapError) else f"{type(self.error).__name__}: "
-        return " ".join(f"{name}{self.error}".split())
+        known = self._known
+        words = str(known) if known else f"{type(self.error).__name__}: {self.error}"
+        return redacted(" ".join(words.split()))
 
     @property
     def details(self) -> str:
         """Traceback of an unexpected failure, else empty."""
-        return "" if isinstance(self.error, DcapError) else "".join(traceback.format_exception(self.error))
+        return "" if self._known else redacted("".join(traceback.format_exception(self.error)))
+
+    @property
+    def _known(self) -> DcapError | None:
+        """The error as one that a person can mend; None for a mistake of ours."""
+        return self.error if isinstance(self.error, DcapError) else machine_error(self.error)
 
 
 class EventRecorder:
@@ -137,7 +148,7 @@ def place_flow(sample: Sample, config: PlaceConfig) -> "Flow[[Sample, PlaceConfi
     """
     from prefect import Flow
 
-    name = sample.id.replace("{", "(").replace("}", ")")
+    name = shortened(sample.id.replace("{", "(").replace("}", ")"), LONGEST_NAME)
     stages = place if plain(sample, config) else place_by
     return Flow(stages, name="place", flow_run_name=name, validate_parameters=False, persist_result=False)
 
