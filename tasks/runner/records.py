@@ -26,6 +26,13 @@ MOST_REPEATS = 1000
 SHA256 = re.compile("[0-9a-f]{64}")
 NAME = re.compile("[A-Za-z]+")
 """Of a kind of artifact; it names a folder of the store."""
+SERIALIZER = {
+    "type": "json", "jsonlib": "json", "object_encoder": "prefect.serializers.prefect_json_object_encoder",
+    "object_decoder": "prefect.serializers.prefect_json_object_decoder", "dumps_kwargs": {}, "loads_kwargs": {},
+}  # fmt: skip
+"""What Prefect writes into a record whose result is JSON."""
+CLASS_KEYS = frozenset({"__class__", "__exc_type__"})
+"""Keys by which its decoder makes objects of any class."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,10 +136,26 @@ def read_record(path: Path) -> Record | None:
     try:
         if not stat.S_ISREG(path.lstat().st_mode):
             return None
-        result = json.loads(path.read_bytes())["result"]
-        return Record.from_json(json.loads(result) if isinstance(result, str) else result)
+        tree = json.loads(path.read_bytes())
+        result = json.loads(tree["result"]) if isinstance(tree["result"], str) else tree["result"]
+        return Record.from_json(result) if is_plain(tree, result) else None
     except (OSError, ValueError, KeyError, TypeError, RecursionError):
         return None
+
+
+def is_plain(tree: Mapping[str, object], result: object) -> bool:
+    """Whether Prefect reads a record as nothing but JSON: its file says itself how it is read, and may name a pickle,
+    any function, or a class for a part of it."""
+    metadata = tree["metadata"]
+    plain = isinstance(metadata, dict) and metadata.get("serializer") == SERIALIZER
+    return plain and set(tree) == {"metadata", "result"} and not names_class(result)
+
+
+def names_class(tree: object) -> bool:
+    """Whether Prefect's decoder would make an object of a class of some part of a tree."""
+    if isinstance(tree, dict):
+        return not CLASS_KEYS.isdisjoint(tree) or any(names_class(one) for one in tree.values())
+    return isinstance(tree, list) and any(names_class(one) for one in tree)
 
 
 def records_of(stage: str) -> Iterator[Record]:
