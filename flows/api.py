@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Unpack
 
 from dcap.quiet_imports import quiet_imports
+from dcap.scene.machine_errors import as_machine_errors
 from dcap.scene.settings import runs_root
 from flows.options import (
     DropKeywords,
@@ -42,8 +43,8 @@ def place(scene: AnyPath, object: AnyPath, prompt: str, **options: Unpack[PlaceK
     conditioning maps to it, `animate` a film of the drop,
     `surface` "iso" the surfaces around the material points.
 
-    Raises InputError for input or options that cannot be used, LanguageError for a prompt that was not understood, and
-    other kinds of DcapError.
+    Raises InputError for input or options that cannot be used, LanguageError for a prompt that was not understood,
+    MachineError for a full disk and the like, and other kinds of DcapError.
     """
     chosen = checked(PlaceOptions, options)
     check_prompt(prompt)
@@ -52,7 +53,8 @@ def place(scene: AnyPath, object: AnyPath, prompt: str, **options: Unpack[PlaceK
     with quiet_imports():  # after the checks: the stages bring heavy libraries
         from flows.place_one import place_files
 
-    return Placement.of(place_files(os.fspath(scene), os.fspath(object), prompt, chosen, out, quiet=True), out)
+    with as_machine_errors():
+        return Placement.of(place_files(os.fspath(scene), os.fspath(object), prompt, chosen, out, quiet=True), out)
 
 
 def drop(case: AnyPath | Mapping[str, object], **options: Unpack[DropKeywords]) -> Result:
@@ -61,7 +63,7 @@ def drop(case: AnyPath | Mapping[str, object], **options: Unpack[DropKeywords]) 
     Meshes that a dict names are relative to the working directory. The files go into `out`, by default a new folder
     below `data/runs/python`. Options: `solver`, `resolution` [m], `threads`, `arch`, `stability`, `load_aware`.
 
-    Raises InputError for a case or options that cannot be used.
+    Raises InputError for a case or options that cannot be used, MachineError for a full disk and the like.
     """
     chosen = checked(DropOptions, options)
     if not isinstance(case, Mapping):
@@ -72,7 +74,8 @@ def drop(case: AnyPath | Mapping[str, object], **options: Unpack[DropKeywords]) 
     with quiet_imports():
         from flows.drop_one import drop_case
 
-    return Result.of(drop_case(case, chosen, out, quiet=True), out)
+    with as_machine_errors():
+        return Result.of(drop_case(case, chosen, out, quiet=True), out)
 
 
 def new_folder(kind: str) -> Path:

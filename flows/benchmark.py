@@ -5,7 +5,6 @@ A run is a folder `data/runs/NAME` with one folder per sample (placement.json, o
 after the last sample has finished, and only for the report.
 """
 
-import json
 import os
 import platform
 import time
@@ -31,7 +30,7 @@ from flows.judge_run import judged_rows, write_rows
 from flows.language_options import LEDGER, LanguageOptions
 from flows.output import readable_json
 from flows.place import PlaceConfig
-from flows.run_files import RUN, asked_of_run, find_run, located, sample_from_json
+from flows.run_files import RUN, asked_of_run, find_run, kept, located, sample_from_json, undamaged
 from flows.run_names import WatchedRun
 from flows.run_samples import run_all, settle_result
 from flows.sample_run import (
@@ -314,15 +313,16 @@ def rerun_sample(run: str, sample_id: str, stage: str, max_cost: float | None = 
 def rewrite_report(run: str) -> Path:
     """Read a run's folder again and write its table and report."""
     folder = find_run(run)
-    asked = json.loads((folder / RUN).read_text())
-    samples = [sample_from_json(one) for one in asked["samples"]]
+    asked = kept(folder / RUN)
+    with undamaged(folder / RUN):
+        dataset, samples = Path(asked["dataset"]), [sample_from_json(one) for one in asked["samples"]]
     results = {sample: read_result(sample_folder(folder, sample.id)) for sample in samples}
-    return rewrite_page(folder, scored_rows(folder, results, truths_of(Path(asked["dataset"]), samples)))
+    return rewrite_page(folder, scored_rows(folder, results, truths_of(dataset, samples)))
 
 
 def rewrite_page(folder: Path, rows: Sequence[SampleOutcome]) -> Path:
     """Write tables, summary and report of known rows again."""
-    before = json.loads((folder / "summary.json").read_text()) if (folder / "summary.json").is_file() else {}
+    before = kept(folder / "summary.json") if (folder / "summary.json").is_file() else {}
     finish(folder, rows, float(before.get("wall_s", 0.0)))
     return folder / "report.html"
 
@@ -330,16 +330,21 @@ def rewrite_page(folder: Path, rows: Sequence[SampleOutcome]) -> Path:
 def read_result(folder: Path) -> tuple[JsonObject | None, str]:
     """placement.json or the error of a sample's folder."""
     if (folder / "error.txt").is_file():
-        return None, (folder / "error.txt").read_text().splitlines()[0]
-    if (folder / "placement.json").is_file():
-        return json.loads((folder / "placement.json").read_text()), ""
-    return None, "did not finish"
+        return None, next(iter((folder / "error.txt").read_text().splitlines()), "failed without a word")
+    if not (folder / "placement.json").is_file():
+        return None, "did not finish"
+    try:
+        return kept(folder / "placement.json"), ""
+    except InputError as damaged:
+        return None, str(damaged)
 
 
 def failed_before(samples: Sequence[Sample]) -> list[Sample]:
     """The samples of the last run that failed or did not finish in it."""
     folder = find_run("last")
-    asked = {one["id"] for one in json.loads((folder / RUN).read_text())["samples"]}
+    tree = kept(folder / RUN)
+    with undamaged(folder / RUN):
+        asked = {one["id"] for one in tree["samples"]}
     known = [sample for sample in samples if sample.id in asked]
     left = [sample for sample in known if read_result(sample_folder(folder, sample.id))[0] is None]
     if not left:

@@ -23,6 +23,7 @@ from flows.placement_json import AT_REST
 from flows.run_files import FinishedPlacement, write_asked
 from flows.sample_run import FinishedSample, heavy_modules, place_in_run, plan_sample, recorded
 from flows.server import prefect_server
+from flows.whole_files import write_whole
 from tasks.arch import chosen_arch
 from tasks.runner.context import RunContext
 from tasks.runner.process_server import process_server
@@ -82,7 +83,7 @@ def write_results(
             write_maps_of(found, out / FOLDER)
         settled, particles = found.values.settled, found.values.particles
         if options.surface == "iso" and settled and particles:
-            (out / ISO).write_bytes(iso_glb(settled, particles))
+            write_whole(out / ISO, iso_glb(settled, particles))
         if options.animate:
             write_film(found, out)
     return tree

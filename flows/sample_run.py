@@ -6,6 +6,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
 from dcap.scene.errors import DcapError
+from dcap.scene.secrets import redacted
 from dcap.scene.store.artifacts import Store
 from dcap.scene.types.sample import Sample
 from flows.methods import place_by, plain
@@ -13,7 +14,7 @@ from flows.place import STAGES, PlaceConfig, PlacementRefs, place
 from flows.run_names import WatchedRun, sample_tags
 from tasks.overview import overview_task
 from tasks.runner.context import Event, NotCachedError, OnEvent, Producers, RunContext, StageEvent, use_context
-from tasks.runner.outcomes import error_line
+from tasks.runner.outcomes import error_line, known_error
 from tasks.runner.records import Record, why_not_cached
 
 STAGE_NAMES = tuple(stage.name for stage in STAGES)
@@ -86,7 +87,7 @@ class FailedSample:
     @property
     def details(self) -> str:
         """Traceback of an unexpected failure, else empty."""
-        return "" if isinstance(self.error, DcapError) else "".join(traceback.format_exception(self.error))
+        return "" if known_error(self.error) else redacted("".join(traceback.format_exception(self.error)))
 
 
 class EventRecorder:

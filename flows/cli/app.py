@@ -8,15 +8,14 @@ import json
 import os
 import signal
 import sys
-import traceback
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from dcap.language.protocol.client import DEFAULT_MODEL
-from dcap.scene.errors import DcapError
 from dcap.scene.settings import runs_root, version
+from flows.cli.border import INTERRUPTED, check_words, complain, end_output, let_go, told
 from flows.cli.checks import Json, given
 from flows.cli.data import cache_app, dataset_app
 from flows.cli.export_command import export
@@ -28,7 +27,6 @@ from flows.options import DropOptions, PlaceOptions, check_case, check_out, chec
 
 INFEASIBLE = 3
 SOME_FAILED = 4
-INTERRUPTED = 130
 
 app = typer.Typer(
     name="dcap",
@@ -316,32 +314,19 @@ def ui(port: Annotated[int, typer.Option(min=1, max=65535, help="Port on this ma
     return 0
 
 
-def complain(message: str) -> None:
-    """One line on standard error; help stays as it is."""
-    if message.startswith("Usage:"):
-        print(message, file=sys.stderr)
-        return
-    print(f"dcap: {' '.join(message.split())}", file=sys.stderr)
-
-
 def main(arguments: list[str] | None = None) -> int:
     """Run a command line, default that of the process, and return the contract's exit code."""
     from tasks.runner.process import kill_all
 
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(INTERRUPTED))
+    given_words = sys.argv[1:] if arguments is None else list(arguments)
     try:
-        result = typer.main.get_command(app).main(arguments, prog_name="dcap", standalone_mode=False)
-        return int(result or 0)
-    except typer.Exit as finished:
-        return finished.exit_code
-    except typer.TyperException as error:
-        complain(error.format_message())
-        return 2
-    except DcapError as error:
-        complain(str(error))
-        let_go(error)
-        return error.exit_code
-    except (KeyboardInterrupt, typer.Abort) as error:
+        code = run_command(given_words)
+        end_output()
+        return code
+    except Exception as error:
+        return told(error)
+    except KeyboardInterrupt as error:
         complain("interrupted")
         let_go(error)
         return INTERRUPTED
@@ -349,13 +334,14 @@ def main(arguments: list[str] | None = None) -> int:
         kill_all()
 
 
-def let_go(error: BaseException) -> None:
-    """Clear what the calls held through which an error came: Prefect keeps it, and Open3D ends a process in which one
-    of its tensors is left with a status of its own."""
-    waiting, seen = [error], set[int]()
-    while waiting:
-        one = waiting.pop()
-        if id(one) not in seen:
-            seen.add(id(one))
-            traceback.clear_frames(one.__traceback__)
-            waiting += [other for other in (one.__cause__, one.__context__) if other is not None]
+def run_command(words: list[str]) -> int:
+    """Run a command; what goes wrong is raised as it is."""
+    check_words(words)
+    command = typer.main.get_command(app)
+    try:
+        with command.make_context("dcap", words) as context:
+            return int(command.invoke(context) or 0)
+    except typer.Exit as finished:
+        return finished.exit_code
+    except typer.Abort:
+        raise KeyboardInterrupt from None

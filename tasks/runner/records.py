@@ -47,6 +47,8 @@ SERIALIZER = {
 }
 """How Prefect writes our records. It reads a file as the file itself says: by pickle, or by any function of any module,
 so a file that says anything else is not ours, and is never handed to Prefect."""
+CLASS_KEYS = frozenset({"__class__", "__exc_type__"})
+"""Keys by which its decoder makes objects of any class."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -220,8 +222,10 @@ def record_in(path: Path) -> Record:
         raise TypeError("no result file of Prefect's")
     if tree["metadata"].get("serializer") != SERIALIZER or tree["metadata"].get("expiration") is not None:
         raise ValueError("not written by us")
-    result = tree["result"]
-    return Record.from_json(json.loads(result) if isinstance(result, str) else result)
+    result = json.loads(tree["result"]) if isinstance(tree["result"], str) else tree["result"]
+    if names_class(result):
+        raise ValueError("asks Prefect for an object of a class")
+    return Record.from_json(result)
 
 
 def key_in(name: str) -> str:
@@ -241,6 +245,13 @@ def close_ranks() -> None:
             wanted = key if number == 0 else f"{key}-r{number}"
             if name != wanted:
                 os.rename(root / name, root / wanted)
+
+
+def names_class(tree: object) -> bool:
+    """Whether Prefect's decoder would make an object of a class of some part of a tree."""
+    if isinstance(tree, dict):
+        return not CLASS_KEYS.isdisjoint(tree) or any(names_class(one) for one in tree.values())
+    return isinstance(tree, list) and any(names_class(one) for one in tree)
 
 
 def records_of(stage: str) -> Iterator[Record]:

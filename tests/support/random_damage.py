@@ -52,7 +52,14 @@ class Vandal:
         name = act.__name__
         try:
             act()
-        except (IndexError, KeyError, OSError, RecursionError, TypeError, ValueError):  # nothing left to damage in this way
+        except (
+            IndexError,
+            KeyError,
+            OSError,
+            RecursionError,
+            TypeError,
+            ValueError,
+        ):  # nothing left to damage in this way
             name = self.remove.__name__
             self.remove()
         self.done[name] = self.done.get(name, 0) + 1

@@ -244,9 +244,24 @@ def of_text(one: Path, other: Path) -> None:
     one.write_text(json.dumps(tree))
 
 
-@pytest.mark.parametrize(
-    ("seed", "damage"), list(enumerate([copied, linked, looped, piped, a_folder, nested, of_text]))
-)
+def decoded(one: Path, other: Path) -> None:
+    """Read through a function of the file's choice."""
+    tree = json.loads(one.read_text())
+    tree["metadata"]["serializer"]["object_decoder"] = "builtins.print"
+    one.write_text(json.dumps(tree))
+
+
+def of_a_class(one: Path, other: Path) -> None:
+    """With a part that the decoder makes an object of."""
+    tree = json.loads(one.read_text())
+    tree["result"] = json.dumps(json.loads(tree["result"]) | {"more": [{"__class__": "pathlib.Path", "data": "/"}]})
+    one.write_text(json.dumps(tree))
+
+
+DAMAGES = (copied, linked, looped, piped, a_folder, nested, of_text, decoded, of_a_class)
+
+
+@pytest.mark.parametrize(("seed", "damage"), list(enumerate(DAMAGES)))
 def test_another_records_place_gives_no_others_result(
     server: str, fake: ModuleType, seed: int, damage: Callable[[Path, Path], None]
 ) -> None:
