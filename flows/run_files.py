@@ -11,6 +11,7 @@ from pathlib import Path
 from dcap.evaluation.run_folder import sample_folder
 from dcap.language.protocol.client import LanguageConfig
 from dcap.scene.errors import InputError
+from dcap.scene.json_tree import JsonObject
 from dcap.scene.settings import runs_root
 from dcap.scene.store.artifacts import Store
 from dcap.scene.types.sample import GivenPlace, KnownHeight, Sample, SourceOptions
@@ -75,6 +76,15 @@ def asked_of_run(folder: Path) -> Asked:
     samples = {one["id"]: sample_from_json(one) for one in tree["samples"]}
     config = PlaceConfig.model_validate(tree["config"])
     return Asked(folder, samples, config, LanguageOptions(**tree["language"]))
+
+
+def read_result(folder: Path) -> tuple[JsonObject | None, str]:
+    """placement.json or the error of a sample's folder."""
+    if (folder / "error.txt").is_file():
+        return None, (folder / "error.txt").read_text().splitlines()[0]
+    if (folder / "placement.json").is_file():
+        return json.loads((folder / "placement.json").read_text()), ""
+    return None, "did not finish"
 
 
 def chooser_of(folder: Path) -> LanguageConfig:

@@ -263,19 +263,21 @@ def plan(
     replay: Replay = "",
     paper_limits: PaperLimits = False,
     ambiguous: Ambiguous = "best",
+    stages: Annotated[bool, typer.Option("--stages", help="A line for each stage of each sample, too.")] = False,
     as_json: Json = False,
 ) -> int:
     """Show what a benchmark would run and why, without running anything."""
     from dcap.evaluation.methods import methods_of
     from dcap.scene.json_tree import to_json
-    from flows.benchmark import plan_benchmark
     from flows.configure import configured
     from flows.language_options import LanguageOptions
+    from flows.plan import plan_benchmark
 
     asking = LanguageOptions(language, model, record, replay)
     chosen = checked(PlaceOptions, {"paper_limits": paper_limits, "ambiguous": ambiguous})
     config = configured(chosen, language=asking.config(plan=True))
-    rows = plan_benchmark(dataset, config, limit=limit, methods=methods_of(methods), scenes=scenes)
+    chosen_methods = methods_of(methods)
+    rows = plan_benchmark(dataset, config, limit=limit, methods=chosen_methods, scenes=scenes, stages=stages)
     if as_json:
         print(json.dumps(to_json(rows), indent=2, ensure_ascii=False))
     return 0

@@ -10,8 +10,10 @@ from contextvars import ContextVar
 from dataclasses import dataclass, field
 from enum import StrEnum
 from threading import Semaphore
+from typing import Any
 
 from dcap.language.protocol.session import Session
+from dcap.scene.store.ref import Ref
 from tasks.runner.process_server import ProcessServer
 from tasks.runner.records import Deciders, Record
 
@@ -43,12 +45,30 @@ class StageEvent:
 OnEvent = Callable[[StageEvent], None]
 
 
+class NotCachedError(LookupError):
+    """A stage has no usable record; carries what it would be computed from."""
+
+    def __init__(self, deciders: Deciders) -> None:
+        super().__init__(deciders.stage)
+        self.deciders = deciders
+
+
+OnMissing = Callable[[Deciders], Ref[Any]]
+
+
+def stop_looking(deciders: Deciders) -> Ref[Any]:
+    """A stage without a record ends the search."""
+    raise NotCachedError(deciders)
+
+
 @dataclass(frozen=True, slots=True)
 class RunContext:
     """How the stages that are called inside `use_context` behave."""
 
     lookup_only: bool = False
-    """Only look records up; a stage without one raises NotCachedError."""
+    """Only look records up; what happens where there is none says `on_missing`."""
+    on_missing: OnMissing = stop_looking
+    """Raises NotCachedError, or gives what stands for the result that is not there yet."""
     refresh: frozenset[str] = frozenset()
     """Stages to compute again although they have a record."""
     on_event: OnEvent = lambda event: None
@@ -58,14 +78,6 @@ class RunContext:
     """How many stages may compute at a time; a stage that waits for a reply lends its slot to another."""
     server: ProcessServer | None = None
     """Starts the processes of heavy stages; without it each is spawned."""
-
-
-class NotCachedError(LookupError):
-    """A stage has no usable record; carries what it would be computed from."""
-
-    def __init__(self, deciders: Deciders) -> None:
-        super().__init__(deciders.stage)
-        self.deciders = deciders
 
 
 _current: ContextVar[RunContext] = ContextVar("run context")
