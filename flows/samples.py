@@ -12,11 +12,6 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TypeVar
 
-from ruamel.yaml import YAML
-from ruamel.yaml.constructor import ConstructorError, SafeConstructor
-from ruamel.yaml.error import YAMLError
-from ruamel.yaml.nodes import MappingNode
-
 from dcap.evaluation.methods import DCAP, split_id
 from dcap.evaluation.run_folder import folder_name
 from dcap.scene.errors import InputError
@@ -25,6 +20,7 @@ from dcap.scene.readers.scenes.sugar import MESH_SUFFIXES
 from dcap.scene.settings import data_root, resource
 from dcap.scene.spelling import did_you_mean
 from dcap.scene.types.sample import GivenPlace, KnownHeight, Sample, SourceOptions
+from dcap.scene.yaml_tree import yaml_file
 from flows.given import height_of, place_of
 from flows.options import UNITS, UPS
 
@@ -39,8 +35,6 @@ OPTIONAL = ("room", "scene", "seed", "mass", "label", "up", "unit", "object_labe
             "labels", "at", "support", "height_of", "licence")  # fmt: skip
 HEAVIEST = 1e12
 """A mass that no object has [kg]."""
-MOST_KEYS = 10_000
-"""More keys than anyone writes in one mapping; merges that repeat each other make any number of a short file."""
 Found = TypeVar("Found")
 CHOICES = {"up": UPS, "unit": UNITS}
 
@@ -84,28 +78,11 @@ def licences_in(path: Path) -> dict[str, str]:
     return {str(row.get("id", "")): str(row.get("licence", "")) for row in rows}
 
 
-class BoundedMerges(SafeConstructor):
-    """Refuses mappings that grow without end by merging (`<<`) each other."""
-
-    def flatten_mapping(self, node: MappingNode) -> None:
-        """Put the keys of merged mappings into a mapping."""
-        super().flatten_mapping(node)
-        if len(node.value) > MOST_KEYS:
-            what = f"merging makes {len(node.value)} keys of one mapping, expected at most {MOST_KEYS}"
-            raise ConstructorError(None, None, what, node.start_mark)
-
-
 def load_yaml(path: Path) -> object:
     """The tree of a YAML 1.2 file."""
-    try:
-        yaml = YAML(typ="safe", pure=True)
-        yaml.Constructor = BoundedMerges
-        tree: object = yaml.load(path.read_text(encoding="utf-8"))
-        return tree
-    except FileNotFoundError:
-        raise InputError(f"{path}: no such file; --dataset takes a YAML file") from None
-    except (OSError, ValueError, RecursionError, YAMLError) as broken:
-        raise InputError(f"{path}: cannot be read as YAML: {broken}") from broken
+    if not os.path.exists(path):
+        raise InputError(f"{path}: no such file; --dataset takes a YAML file")
+    return yaml_file(path)
 
 
 def sample_of(row: object, index: int, folder: Path, report: Report) -> Sample | None:
