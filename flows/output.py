@@ -44,6 +44,8 @@ from tasks.render.source_surfaces import object_at_rest, scene_at_rest
 
 SCHEMA = "placement.schema.json"
 """The JSON Schema of placement.json, beside it."""
+RECORDS = "records.json"
+"""Which records of the cache a placement was made of."""
 PARTICLES, ISO = "particles.parquet", "iso.glb"
 PICTURES = ("clean", "asked", "settled", "closeup", "before_after", "contact", "profile", "candidates", "hole")
 GEOMETRY = ("object.ply", "object.glb", "contacts.glb", "scene.glb", PARTICLES, SETTLED_SPLATS)
@@ -93,7 +95,7 @@ def write_placement(finished: FinishedSample, out: Path) -> JsonObject:
         draft = Path(draft_name)
         artifacts = write_geometry(values, draft) | copy_pictures(finished, store, draft)
         artifacts |= splat_artifact(finished, values, draft)
-        beside = next_scene_files(values, finished.sample.prompt)
+        beside = {**next_scene_files(values, finished.sample.prompt), RECORDS: readable_json(records_json(finished))}
         for name, data in beside.items():
             (draft / name).write_bytes(data)
         tree = placement_json(finished, values, artifacts)
@@ -113,6 +115,15 @@ def write_placement(finished: FinishedSample, out: Path) -> JsonObject:
 def readable_json(tree: object) -> bytes:
     """JSON in the given order of keys, for people."""
     return (json.dumps(tree, indent=2, allow_nan=False, ensure_ascii=False) + "\n").encode()
+
+
+def records_json(finished: FinishedSample) -> JsonObject:
+    """The records of a placement's stages in order, and the artifacts that they name: by them `dcap provenance` walks
+    back, whatever has become of the code since."""
+    rows: list[JsonValue] = [
+        {"stage": stage, "record": record.key, **record.ref.to_json()} for stage, record, _ in finished.records
+    ]
+    return {"stages": rows}
 
 
 def write_geometry(values: Values, folder: Path) -> dict[str, str]:

@@ -22,9 +22,11 @@ from dcap.scene.settings import runs_root, version
 from flows.cli.checks import Json, given
 from flows.cli.config_command import config_app
 from flows.cli.data import cache_app, dataset_app
+from flows.cli.diff_command import diff
 from flows.cli.export_command import export
 from flows.cli.judge_command import judge
 from flows.cli.maps_command import maps
+from flows.cli.provenance_command import provenance
 from flows.cli.study_command import study_app
 from flows.cli.view_command import view
 from flows.options import DropOptions, PlaceOptions, check_case, check_out, check_prompt
@@ -49,6 +51,8 @@ app.command()(maps)
 app.command()(judge)
 app.command()(view)
 app.command()(export)
+app.command()(diff)
+app.command()(provenance)
 
 Workers = Annotated[int, typer.Option(min=1, max=64, help="Samples to place in parallel.")]
 Dataset = Annotated[Path | None, typer.Option(help="YAML list of samples; default: the embedded rooms.")]
