@@ -20,8 +20,8 @@ from flows.sample_run import (
     Plan,
     StagePlan,
     StageState,
-    looked_up,
     stages_of,
+    through_stages,
     told_to_user,
     told_why,
 )
@@ -77,7 +77,7 @@ def plan_ahead(sample: Sample, config: PlaceConfig) -> Plan:
     ahead, failed = Lookahead(), None
     try:
         context = RunContext(lookup_only=True, on_event=ahead, on_missing=ahead.missing)
-        placement = looked_up(sample, config, context)
+        placement = through_stages(sample, config, context)
     except Exception as error:  # the border between samples: reported in full, never hidden
         if not (ahead.waiting and isinstance(error, StoreError)):  # what is pending cannot be read
             failed = FailedSample(sample, told_to_user(error, sample))

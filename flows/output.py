@@ -35,6 +35,7 @@ from dcap.scene.writers.glb import Node, glb_bytes, labelled_nodes
 from flows.next_scene import next_scene_files
 from flows.placement_json import AT_REST, Values, placement_json
 from flows.placement_schema import placement_schema
+from flows.sample_records import RECORDS, records_json
 from flows.sample_run import FinishedSample
 from flows.scene_splats import SETTLED_SPLATS, splat_artifact
 from tasks.render.contact_surfaces import contact_nodes
@@ -44,8 +45,6 @@ from tasks.render.source_surfaces import object_at_rest, scene_at_rest
 
 SCHEMA = "placement.schema.json"
 """The JSON Schema of placement.json, beside it."""
-RECORDS = "records.json"
-"""Which records of the cache a placement was made of."""
 PARTICLES, ISO = "particles.parquet", "iso.glb"
 PICTURES = ("clean", "asked", "settled", "closeup", "before_after", "contact", "profile", "candidates", "hole")
 GEOMETRY = ("object.ply", "object.glb", "contacts.glb", "scene.glb", PARTICLES, SETTLED_SPLATS)
@@ -95,7 +94,7 @@ def write_placement(finished: FinishedSample, out: Path) -> JsonObject:
         draft = Path(draft_name)
         artifacts = write_geometry(values, draft) | copy_pictures(finished, store, draft)
         artifacts |= splat_artifact(finished, values, draft)
-        beside = {**next_scene_files(values, finished.sample.prompt), RECORDS: readable_json(records_json(finished))}
+        beside = next_scene_files(values, finished.sample.prompt)
         for name, data in beside.items():
             (draft / name).write_bytes(data)
         tree = placement_json(finished, values, artifacts)
@@ -105,7 +104,8 @@ def write_placement(finished: FinishedSample, out: Path) -> JsonObject:
         old = {FACTS, *OWNED, *(path.name for path in out.glob(DEFORMED))}
         for name in old.difference(artifacts.values()):  # of an earlier result in the same folder
             (out / name).unlink(missing_ok=True)
-        for name in (*artifacts.values(), *beside):
+        (draft / RECORDS).write_bytes(readable_json(records_json(finished)))
+        for name in (*artifacts.values(), *beside, RECORDS):
             os.replace(draft / name, out / name)
         (draft / "placement.json").write_bytes(readable_json(tree))
         os.replace(draft / "placement.json", out / "placement.json")
@@ -115,15 +115,6 @@ def write_placement(finished: FinishedSample, out: Path) -> JsonObject:
 def readable_json(tree: object) -> bytes:
     """JSON in the given order of keys, for people."""
     return (json.dumps(tree, indent=2, allow_nan=False, ensure_ascii=False) + "\n").encode()
-
-
-def records_json(finished: FinishedSample) -> JsonObject:
-    """The records of a placement's stages in order, and the artifacts that they name: by them `dcap provenance` walks
-    back, whatever has become of the code since."""
-    rows: list[JsonValue] = [
-        {"stage": stage, "record": record.key, **record.ref.to_json()} for stage, record, _ in finished.records
-    ]
-    return {"stages": rows}
 
 
 def write_geometry(values: Values, folder: Path) -> dict[str, str]:

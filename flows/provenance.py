@@ -21,10 +21,10 @@ from dcap.scene.store.artifacts import FILES_FOLDER, Source, Store, digest_of_fi
 from dcap.scene.store.codec import canonical_json
 from dcap.scene.store.ref import Ref
 from flows.language_options import LEDGER
-from flows.output import RECORDS
 from flows.place import SECTIONS, PlaceConfig
 from flows.results import read_json
 from flows.run_files import PLACEMENT, RUN
+from flows.sample_records import RECORDS
 from tasks.runner.digests import CARRIED, digest_of_source
 from tasks.runner.record_index import record_index
 from tasks.runner.records import Record
@@ -162,9 +162,9 @@ def ref_of_digest(digest: str) -> Ref[Any]:
 
 def of_sample(artifact: str, folder: Path) -> Provenance:
     """What lies behind the files of a sample's folder."""
-    rows = read_json(folder / RECORDS).get("stages")
+    rows = read_json(folder / RECORDS).get("records")
     try:
-        refs = [(Ref.from_json(row), str(row["record"])) for row in rows or ()]
+        refs = [(Ref.from_json(row), str(row["key"])) for row in rows or ()]
     except (KeyError, TypeError) as error:
         raise InputError(f"{folder / RECORDS}: is damaged ({type(error).__name__}); run the sample again") from None
     named = dict(refs)

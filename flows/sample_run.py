@@ -132,7 +132,7 @@ def told_why(deciders: Deciders) -> str:
     return in_words(why_not_cached(deciders, Store.default()), lambda stage, key: f"{SECTIONS.get(stage, stage)}.{key}")
 
 
-def looked_up(sample: Sample, config: PlaceConfig, context: RunContext) -> PlacementRefs:
+def through_stages(sample: Sample, config: PlaceConfig, context: RunContext) -> PlacementRefs:
     """A sample's stages as a context says that looks only."""
     with use_context(context):
         return place_by(sample, config)
@@ -142,7 +142,7 @@ def plan_sample(sample: Sample, config: PlaceConfig) -> Plan:
     """Look every stage up without running any; a failure of this sample is a value: the others go on."""
     recorder = EventRecorder()
     try:
-        placement = looked_up(sample, config, RunContext(lookup_only=True, on_event=recorder))
+        placement = through_stages(sample, config, RunContext(lookup_only=True, on_event=recorder))
     except NotCachedError as missing:
         return Plan(sample, stages_of(recorder), missing.deciders.stage, told_why(missing.deciders))
     except Exception as error:  # the border between samples: reported in full, never hidden
@@ -184,7 +184,7 @@ def recorded(sample: Sample, context: RunContext, listener: OnEvent | None = Non
         with use_context(replace(context, on_event=recorder, session=session)):
             yield recorder
     except DcapError as error:
-        raise told_to_user(error, sample) from error
+        raise type(error)(in_users_words(str(error), sample)) from error
 
 
 def try_sample(

@@ -16,11 +16,11 @@ from dcap.evaluation.methods import DCAP, split_id
 from dcap.evaluation.run_folder import folder_name
 from dcap.scene.errors import InputError
 from dcap.scene.problems import Report, error, refusing, short
+from dcap.scene.readers.files.yaml_text import BROKEN_YAML, parse_yaml
 from dcap.scene.readers.scenes.sugar import MESH_SUFFIXES
 from dcap.scene.settings import data_root, resource
 from dcap.scene.spelling import did_you_mean
 from dcap.scene.types.sample import GivenPlace, KnownHeight, Sample, SourceOptions
-from dcap.scene.yaml_tree import yaml_file
 from flows.given import height_of, place_of
 from flows.options import UNITS, UPS
 
@@ -80,9 +80,12 @@ def licences_in(path: Path) -> dict[str, str]:
 
 def load_yaml(path: Path) -> object:
     """The tree of a YAML 1.2 file."""
-    if not os.path.exists(path):
-        raise InputError(f"{path}: no such file; --dataset takes a YAML file")
-    return yaml_file(path)
+    try:
+        return parse_yaml(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise InputError(f"{path}: no such file; --dataset takes a YAML file") from None
+    except (OSError, *BROKEN_YAML) as broken:
+        raise InputError(f"{path}: cannot be read as YAML: {broken}") from broken
 
 
 def sample_of(row: object, index: int, folder: Path, report: Report) -> Sample | None:

@@ -13,14 +13,13 @@ from enum import StrEnum
 from pathlib import Path
 
 from platformdirs import user_data_path
-from ruamel.yaml.error import YAMLError
 
 from dcap.scene.checks.places import yaml_lines
 from dcap.scene.errors import InputError
 from dcap.scene.problems import short
+from dcap.scene.readers.files.yaml_text import BROKEN_YAML, parse_yaml
 from dcap.scene.settings import PROJECT_ROOT, in_clone
 from dcap.scene.spelling import did_you_mean
-from dcap.scene.yaml_tree import yaml_file, yaml_text
 
 FILE = "dcap.yaml"
 FILE_VARIABLE = "DCAP_CONFIG"
@@ -82,12 +81,16 @@ def in_file(path: Path) -> Iterator[GivenSetting]:
     """Values of a file."""
     if path.stat().st_size > MOST_BYTES:
         raise InputError(f"{path}: {path.stat().st_size} bytes > {MOST_BYTES}; this is not a file of settings")
-    tree = yaml_file(path)
+    try:
+        text = path.read_text(encoding="utf-8")
+        tree = parse_yaml(text)
+    except (OSError, *BROKEN_YAML) as broken:
+        raise InputError(f"{path}: cannot be read as YAML: {broken}") from broken
     if tree is None:
         return
     if not isinstance(tree, Mapping):
         raise InputError(f"{path}: expected sections of keys and values, found {short(tree)}")
-    line_of = yaml_lines(path.read_text(encoding="utf-8"))
+    line_of = yaml_lines(text)
     for count, (place, value) in enumerate(leaves(tree)):
         if count == MOST_VALUES:
             raise InputError(f"{path}: more than {MOST_VALUES} values; there are not that many settings")
@@ -138,8 +141,8 @@ def variable_of(key: str) -> str:
 def parsed(name: str, text: str) -> object:
     """The value of a variable, written as in the file."""
     try:
-        return yaml_text(text)
-    except (ValueError, RecursionError, YAMLError) as broken:
+        return parse_yaml(text)
+    except BROKEN_YAML as broken:
         raise InputError(f"{name}={text}: cannot be read as a value of YAML: {broken}") from broken
 
 

@@ -45,14 +45,6 @@ class StageEvent:
 OnEvent = Callable[[StageEvent], None]
 
 
-class NotCachedError(LookupError):
-    """A stage has no usable record; carries what it would be computed from."""
-
-    def __init__(self, deciders: Deciders) -> None:
-        super().__init__(deciders.stage)
-        self.deciders = deciders
-
-
 OnMissing = Callable[[Deciders], Ref[Any]]
 
 
@@ -78,6 +70,14 @@ class RunContext:
     """How many stages may compute at a time; a stage that waits for a reply lends its slot to another."""
     server: ProcessServer | None = None
     """Starts the processes of heavy stages; without it each is spawned."""
+
+
+class NotCachedError(LookupError):
+    """A stage has no usable record; carries what it would be computed from."""
+
+    def __init__(self, deciders: Deciders) -> None:
+        super().__init__(deciders.stage)
+        self.deciders = deciders
 
 
 _current: ContextVar[RunContext] = ContextVar("run context")

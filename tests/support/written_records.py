@@ -7,6 +7,11 @@ from typing import Any
 from dcap.scene.store.ref import Ref
 from tasks.runner.records import Deciders, Record, records_root
 
+SERIALIZER = {
+    "type": "json", "jsonlib": "json", "object_encoder": "prefect.serializers.prefect_json_object_encoder",
+    "object_decoder": "prefect.serializers.prefect_json_object_decoder", "dumps_kwargs": {}, "loads_kwargs": {},
+}  # fmt: skip
+"""How Prefect says of a file that it holds JSON."""
 CODE = {"tasks/one.py": "a" * 64, "function": "one"}
 
 
@@ -26,7 +31,8 @@ def write_record(made_from: Deciders, ref: Ref[Any], seconds: float = 1.5) -> Re
     """Leave a record in the cache."""
     record = Record(made_from.key, ref, seconds, 100, made_from.to_json())
     records_root().mkdir(parents=True, exist_ok=True)
-    (records_root() / made_from.key).write_text(json.dumps({"result": json.dumps(record.to_json())}))
+    file = {"metadata": {"serializer": SERIALIZER, "expiration": None}, "result": json.dumps(record.to_json())}
+    (records_root() / made_from.key).write_text(json.dumps(file))
     return record
 
 

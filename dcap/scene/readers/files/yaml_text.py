@@ -1,16 +1,14 @@
-"""Reads YAML 1.2 safely: plain values only, and never more of them than somebody has written."""
-
-from pathlib import Path
+"""YAML 1.2 of people's files: safe values only, and mappings that do not grow without end."""
 
 from ruamel.yaml import YAML
 from ruamel.yaml.constructor import ConstructorError, SafeConstructor
 from ruamel.yaml.error import YAMLError
 from ruamel.yaml.nodes import MappingNode
 
-from dcap.scene.errors import InputError
-
 MOST_KEYS = 10_000
 """More keys than anyone writes in one mapping; merges that repeat each other make any number of a short file."""
+BROKEN_YAML = (YAMLError, ValueError, RecursionError)
+"""What `parse_yaml` raises for text that is none."""
 
 
 class BoundedMerges(SafeConstructor):
@@ -24,16 +22,8 @@ class BoundedMerges(SafeConstructor):
             raise ConstructorError(None, None, what, node.start_mark)
 
 
-def yaml_file(path: Path) -> object:
-    """The tree of a YAML file that is there."""
-    try:
-        return yaml_text(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError, RecursionError, YAMLError) as broken:
-        raise InputError(f"{path}: cannot be read as YAML: {broken}") from broken
-
-
-def yaml_text(text: str) -> object:
-    """The tree of YAML text; ValueError, RecursionError or YAMLError where it is none."""
+def parse_yaml(text: str) -> object:
+    """The tree of a YAML 1.2 text; its parts may be shared, so that written out it may be without end."""
     yaml = YAML(typ="safe", pure=True)
     yaml.Constructor = BoundedMerges
     tree: object = yaml.load(text)
