@@ -1,6 +1,7 @@
 """What `import dcap` offers to notebooks and other programs; nothing is printed, every error is raised.
 
-Options are those of the command line, with underscores in their names (`DropOptions`, `PlaceOptions`).
+Options are those of the command line, with underscores in their names (`DropOptions`, `PlaceOptions`); what is not
+given may stand in `dcap.yaml` or the environment, as there.
 """
 
 import os
@@ -21,13 +22,14 @@ from flows.options import (
     check_case,
     check_out,
     check_prompt,
-    checked,
 )
 from flows.results import Placement, Result
+from flows.settings.own import effective_options, exported_paths
 
 AnyPath = str | os.PathLike[str]
 
 
+@exported_paths()
 def place(scene: AnyPath, object: AnyPath, prompt: str, **options: Unpack[PlaceKeywords]) -> Placement:  # noqa: A002
     """Place one object in one scene, as `dcap place` does.
 
@@ -46,7 +48,7 @@ def place(scene: AnyPath, object: AnyPath, prompt: str, **options: Unpack[PlaceK
     Raises InputError for input or options that cannot be used, LanguageError for a prompt that was not understood,
     MachineError for a full disk and the like, and other kinds of DcapError.
     """
-    chosen = checked(PlaceOptions, options)
+    chosen = effective_options(PlaceOptions, options)
     check_prompt(prompt)
     out = chosen.out or new_folder("place")
     check_out(out)
@@ -57,6 +59,7 @@ def place(scene: AnyPath, object: AnyPath, prompt: str, **options: Unpack[PlaceK
         return Placement.of(place_files(os.fspath(scene), os.fspath(object), prompt, chosen, out, quiet=True), out)
 
 
+@exported_paths()
 def drop(case: AnyPath | Mapping[str, object], **options: Unpack[DropKeywords]) -> Result:
     """Settle the bodies of a case file, or of a dict of the same structure, as `dcap drop` does; physics only.
 
@@ -65,7 +68,7 @@ def drop(case: AnyPath | Mapping[str, object], **options: Unpack[DropKeywords]) 
 
     Raises InputError for a case or options that cannot be used, MachineError for a full disk and the like.
     """
-    chosen = checked(DropOptions, options)
+    chosen = effective_options(DropOptions, options)
     if not isinstance(case, Mapping):
         case = Path(case)
         check_case(case)

@@ -25,12 +25,14 @@ from dcap.scene.errors import InputError
 from dcap.scene.json_tree import JsonObject, object_to_json
 from dcap.scene.settings import data_root, runs_root, version
 from dcap.scene.types.sample import Sample
-from flows.display import Display, print_lines, print_plan, print_table, summary_line
+from flows.display import Display, print_lines, print_table, summary_line
+from flows.failed_before import failed_before
 from flows.judge_run import judged_rows, write_rows
 from flows.language_options import LEDGER, LanguageOptions
+from flows.look_ahead import plan_ahead
 from flows.output import readable_json
 from flows.place import PlaceConfig
-from flows.run_files import RUN, asked_of_run, find_run, kept, located, sample_from_json, undamaged
+from flows.run_files import RUN, asked_of_run, find_run, kept, located, read_result, sample_from_json, undamaged
 from flows.run_names import WatchedRun
 from flows.run_samples import run_all, settle_result
 from flows.sample_run import (
@@ -81,21 +83,6 @@ class Run:
         return sum(row.error != "" for row in self.rows)
 
 
-@dataclass(frozen=True, slots=True)
-class PlanRow:
-    """What a benchmark would do for one sample."""
-
-    sample: str
-    cached: tuple[str, ...]
-    """Stages whose results are there."""
-    runs: str | None
-    """First stage that would run; None if none would."""
-    why: str | None
-    """Why it would run, or what is wrong with the sample; None if all is there."""
-    may_run: tuple[str, ...]
-    """Stages that run after it if their inputs change."""
-
-
 def run_benchmark(
     dataset: Path | None,
     config: PlaceConfig,
@@ -112,7 +99,7 @@ def run_benchmark(
     config = measured_config(config, methods)
     path, samples = dataset_samples(dataset, methods, limit, scenes)
     if only_failed:
-        samples = failed_before(samples)
+        samples = failed_before(path, samples, config)
     language = language or LanguageOptions()
     folder = new_run_folder(path, samples, config, language)
     with Display(samples) as display:
@@ -254,37 +241,12 @@ def measured_config(config: PlaceConfig, methods: Sequence[str]) -> PlaceConfig:
     return config.model_copy(update={"measured": True, "compared": len(set(methods)) > 1})
 
 
-def plan_benchmark(
-    dataset: Path | None,
-    config: PlaceConfig,
-    *,
-    limit: int | None = None,
-    methods: Sequence[str] = (DCAP,),
-    scenes: str = "",
-) -> list[PlanRow]:
-    """Print what would run and why."""
-    _, samples = dataset_samples(dataset, methods, limit, scenes)
-    config = measured_config(config, methods)
-    plans = [plan_sample(sample, config) for sample in samples]
-    print_plan(plans)
-    return [plan_row(plan) for plan in plans]
-
-
-def plan_row(plan: Plan) -> PlanRow:
-    """The row of a sample."""
-    why = plan.failed.message if plan.failed else plan.why or None
-    return PlanRow(plan.sample.id, plan.cached, plan.missing or None, why, plan.later)
-
-
 def rerun_sample(run: str, sample_id: str, stage: str, max_cost: float | None = None) -> tuple[JsonObject, Path]:
     """Compute one stage of one sample again; its placement.json and the run's report, both written anew."""
-    known = (*STAGE_NAMES, OVERVIEW)
-    refreshed = frozenset(BOTH_MESHES if stage == MESH else {stage})
-    if not refreshed.issubset(known):
-        raise InputError(f"--stage {stage!r} is not one of {', '.join((MESH, *known))}")
     folder = find_run(run)
     asked = asked_of_run(folder)
     sample, config = asked.sample(sample_id), asked.config
+    refreshed = stages_to_refresh(stage, sample, config)
     language = replace(asked.language, max_cost=max_cost, batch=False)
     if language.client is ClientName.REPLAY and language.config() != config.intent.language:
         raise InputError(f"--replay {language.replay}: the recording has changed since {folder.name}; run it again")
@@ -310,6 +272,17 @@ def rerun_sample(run: str, sample_id: str, stage: str, max_cost: float | None = 
     return tree, page
 
 
+def stages_to_refresh(stage: str, sample: Sample, config: PlaceConfig) -> frozenset[str]:
+    """The stages that a person means by a name; those that measure or propose are known from the sample itself."""
+    refreshed = frozenset(BOTH_MESHES if stage == MESH else {stage})
+    known = dict.fromkeys((*STAGE_NAMES, OVERVIEW))
+    if not refreshed.issubset(known):
+        known |= dict.fromkeys(one.stage for one in plan_ahead(sample, config).stages)
+    if not refreshed.issubset(known):
+        raise InputError(f"--stage {stage!r} is not one of {', '.join((MESH, *known))}")
+    return refreshed
+
+
 def rewrite_report(run: str) -> Path:
     """Read a run's folder again and write its table and report."""
     folder = find_run(run)
@@ -325,28 +298,3 @@ def rewrite_page(folder: Path, rows: Sequence[SampleOutcome]) -> Path:
     before = kept(folder / "summary.json") if (folder / "summary.json").is_file() else {}
     finish(folder, rows, float(before.get("wall_s", 0.0)))
     return folder / "report.html"
-
-
-def read_result(folder: Path) -> tuple[JsonObject | None, str]:
-    """placement.json or the error of a sample's folder."""
-    if (folder / "error.txt").is_file():
-        return None, next(iter((folder / "error.txt").read_text().splitlines()), "failed without a word")
-    if not (folder / "placement.json").is_file():
-        return None, "did not finish"
-    try:
-        return kept(folder / "placement.json"), ""
-    except InputError as damaged:
-        return None, str(damaged)
-
-
-def failed_before(samples: Sequence[Sample]) -> list[Sample]:
-    """The samples of the last run that failed or did not finish in it."""
-    folder = find_run("last")
-    tree = kept(folder / RUN)
-    with undamaged(folder / RUN):
-        asked = {one["id"] for one in tree["samples"]}
-    known = [sample for sample in samples if sample.id in asked]
-    left = [sample for sample in known if read_result(sample_folder(folder, sample.id))[0] is None]
-    if not left:
-        raise InputError(f"nothing failed in {folder.name}; run without --only-failed")
-    return left

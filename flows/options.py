@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Annotated, Literal, TypedDict, TypeVar, get_args
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, Field, ValidationError, model_validator
+from pydantic_core import ErrorDetails
 
 from dcap.scene.errors import InputError
 from dcap.scene.given_text import LONGEST_PROMPT, LONGEST_WORDS, shortened, unfit
@@ -220,14 +221,22 @@ def checked(kind: type[Options], given: Mapping[str, object]) -> Options:
 def complaint(error: ValidationError) -> str:
     """The first thing that is wrong, in a line."""
     first = error.errors(include_url=False)[0]
-    own = "error" in (context := first.get("ctx", {}))
-    said = str(context["error"]) if own else first["msg"]
     if not first["loc"]:
-        return said
+        return said_of(first)
     option = "--" + str(first["loc"][0]).replace("_", "-")
     value = first["input"]
     shown = shortened(repr(value) if isinstance(value, str) else str(value), SHOWN)
-    return f"{option} {shown} {said}" if own else f"{option} {shown}: {said}"
+    return f"{option} {shown}{' ' if is_own(first) else ': '}{said_of(first)}"
+
+
+def said_of(first: ErrorDetails) -> str:
+    """What is wrong with a value: in our words where a check of ours said so, else in pydantic's."""
+    return str(first["ctx"]["error"]) if is_own(first) else first["msg"]
+
+
+def is_own(first: ErrorDetails) -> bool:
+    """Whether a check of ours refused a value."""
+    return "error" in first.get("ctx", {})
 
 
 def check_out(folder: Path) -> None:

@@ -13,6 +13,7 @@ from dcap.evaluation.run_folder import sample_folder
 from dcap.language.protocol.client import LanguageConfig
 from dcap.scene.errors import InputError
 from dcap.scene.given_text import shortened
+from dcap.scene.json_tree import JsonObject
 from dcap.scene.readers.files.json_text import read_json
 from dcap.scene.settings import runs_root
 from dcap.scene.store.artifacts import Store
@@ -83,6 +84,18 @@ def asked_of_run(folder: Path) -> Asked:
         samples = {str(one["id"]): sample_from_json(one) for one in tree["samples"]}
         config = PlaceConfig.model_validate(tree["config"])
         return Asked(folder, samples, config, LanguageOptions(**tree["language"]))
+
+
+def read_result(folder: Path) -> tuple[JsonObject | None, str]:
+    """placement.json or the error of a sample's folder."""
+    if (folder / "error.txt").is_file():
+        return None, next(iter((folder / "error.txt").read_text().splitlines()), "failed without a word")
+    if not (folder / "placement.json").is_file():
+        return None, "did not finish"
+    try:
+        return kept(folder / "placement.json"), ""
+    except InputError as damaged:
+        return None, str(damaged)
 
 
 def chooser_of(folder: Path) -> LanguageConfig:

@@ -4,22 +4,42 @@ import traceback
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from enum import StrEnum
 
 from dcap.scene.errors import DcapError
 from dcap.scene.secrets import redacted
 from dcap.scene.store.artifacts import Store
 from dcap.scene.types.sample import Sample
 from flows.methods import place_by, plain
-from flows.place import STAGES, PlaceConfig, PlacementRefs, place
+from flows.place import SECTIONS, STAGES, PlaceConfig, PlacementRefs, place
 from flows.run_names import WatchedRun, sample_tags
 from tasks.overview import overview_task
 from tasks.runner.context import Event, NotCachedError, OnEvent, Producers, RunContext, StageEvent, use_context
 from tasks.runner.outcomes import error_line, known_error
-from tasks.runner.records import Record, why_not_cached
+from tasks.runner.records import Deciders, Record
+from tasks.runner.why import in_words, why_not_cached
 
 STAGE_NAMES = tuple(stage.name for stage in STAGES)
 OVERVIEW = overview_task.name
 """What an infeasible placement ends with, after the stage that found no way."""
+
+
+class StageState(StrEnum):
+    """What would become of a stage."""
+
+    CACHED = "cached"
+    RUNS = "runs"
+    MAY_RUN = "may_run"
+
+
+@dataclass(frozen=True, slots=True)
+class StagePlan:
+    """What placing a sample would take of one stage."""
+
+    stage: str
+    state: StageState
+    why: str | None
+    """Why it would run, or on which stages it depends; None if its result is there."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,6 +57,8 @@ class Plan:
     """The result, if nothing would run."""
     failed: "FailedSample | None" = None
     """What is wrong with the sample, if it cannot run."""
+    stages: tuple[StagePlan, ...] = ()
+    """Every stage that is foreseen, in order; empty where nobody has looked ahead."""
 
     @property
     def settled(self) -> "FinishedSample | FailedSample | None":
@@ -46,6 +68,9 @@ class Plan:
     @property
     def later(self) -> tuple[str, ...]:
         """Stages after the first missing one; they run if their inputs change and a placement stays feasible."""
+        if self.stages:
+            ahead = [one.stage for one in self.stages if one.state is not StageState.CACHED]
+            return tuple(ahead[1:])
         if self.missing in ("", OVERVIEW):
             return ()
         known = [STAGE_NAMES.index(name) for name in (*self.cached, self.missing) if name in STAGE_NAMES]
@@ -105,20 +130,27 @@ class EventRecorder:
             self.listener(event)
 
 
+def told_why(deciders: Deciders) -> str:
+    """Why a stage has no result, settings by their names in `dcap.yaml`."""
+    return in_words(why_not_cached(deciders, Store.default()), lambda stage, key: f"{SECTIONS.get(stage, stage)}.{key}")
+
+
+def through_stages(sample: Sample, config: PlaceConfig, context: RunContext) -> PlacementRefs:
+    """A sample's stages as a context says that looks only."""
+    with use_context(context):
+        return place_by(sample, config)
+
+
 def plan_sample(sample: Sample, config: PlaceConfig) -> Plan:
     """Look every stage up without running any; a failure of this sample is a value: the others go on."""
     recorder = EventRecorder()
     try:
-        with use_context(RunContext(lookup_only=True, on_event=recorder)):
-            placement = place_by(sample, config)
+        placement = through_stages(sample, config, RunContext(lookup_only=True, on_event=recorder))
     except NotCachedError as missing:
-        why = why_not_cached(missing.deciders, Store.default())
-        return Plan(sample, stages_of(recorder), missing.deciders.stage, why)
-    except DcapError as error:
-        told = type(error)(in_users_words(str(error), sample))
-        return Plan(sample, stages_of(recorder), "", "", failed=FailedSample(sample, told))
+        return Plan(sample, stages_of(recorder), missing.deciders.stage, told_why(missing.deciders))
     except Exception as error:  # the border between samples: reported in full, never hidden
-        return Plan(sample, stages_of(recorder), "", "", failed=FailedSample(sample, error))
+        failed = FailedSample(sample, told_to_user(error, sample))
+        return Plan(sample, stages_of(recorder), "", "", failed=failed)
     return Plan(sample, stages_of(recorder), "", "", FinishedSample(sample, placement, tuple(recorder.records)))
 
 
@@ -205,6 +237,11 @@ def try_sample(
     except Exception as error:  # the border between samples: reported in full, never hidden
         return FailedSample(sample, error)
     return FinishedSample(sample, placement, tuple(recorder.records))
+
+
+def told_to_user(error: Exception, sample: Sample) -> Exception:
+    """An error on purpose with the user's paths; any other as it is."""
+    return type(error)(in_users_words(str(error), sample)) if isinstance(error, DcapError) else error
 
 
 def in_users_words(message: str, sample: Sample) -> str:

@@ -9,7 +9,8 @@ import typer
 from dcap.scene.types.sample import SourceOptions
 from flows.cli.checks import Json, MaxCost, Model, Record, Replay, choice, given, note
 from flows.cli.sample_command import dataset_sample
-from flows.options import UNITS, UPS, PlaceOptions, check_out, checked
+from flows.options import UNITS, UPS, PlaceOptions, check_out
+from flows.settings.own import effective_options
 
 dataset_app = typer.Typer(help="Make the embedded dataset, or check any.", no_args_is_help=True, rich_markup_mode=None)
 cache_app = typer.Typer(help="What has been computed.", no_args_is_help=True, rich_markup_mode=None)
@@ -84,7 +85,7 @@ def dataset_label(
     as_json: Json = False,
 ) -> int:
     """Find the things of a scene and write labels.json with a page of numbered pictures, to correct by hand."""
-    options = checked(PlaceOptions, given(context, "scene", "as_json"))
+    options = effective_options(PlaceOptions, given(context, "scene", "as_json"))
     if out is not None:
         check_out(out)
 

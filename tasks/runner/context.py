@@ -14,6 +14,7 @@ from typing import Any
 from uuid import UUID
 
 from dcap.language.protocol.session import Session
+from dcap.scene.store.ref import Ref
 from tasks.runner.process_server import ProcessServer
 from tasks.runner.records import Deciders, Record
 
@@ -74,12 +75,22 @@ class StageCall:
     """Its configuration as JSON; None if it has none."""
 
 
+OnMissing = Callable[[Deciders], Ref[Any]]
+
+
+def stop_looking(deciders: Deciders) -> Ref[Any]:
+    """A stage without a record ends the search."""
+    raise NotCachedError(deciders)
+
+
 @dataclass(frozen=True, slots=True)
 class RunContext:
     """How the stages that are called inside `use_context` behave."""
 
     lookup_only: bool = False
-    """Only look records up; a stage without one raises NotCachedError."""
+    """Only look records up; what happens where there is none says `on_missing`."""
+    on_missing: OnMissing = stop_looking
+    """Raises NotCachedError, or gives what stands for the result that is not there yet."""
     refresh: frozenset[str] = frozenset()
     """Stages to compute again although they have a record."""
     on_event: OnEvent = lambda event: None

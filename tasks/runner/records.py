@@ -1,4 +1,4 @@
-"""What a stage has computed before: keys, records, and the reason why a record does not fit.
+"""What a stage has computed before: keys and records.
 
 A record lies at `records/KEY` as Prefect's result file. KEY is the digest of everything that decides the result: stage,
 code reachable by import, configuration, inputs and libraries. A record counts only if it is a plain file of just the
@@ -15,7 +15,7 @@ import re
 import stat
 import uuid
 from collections import defaultdict
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -252,48 +252,3 @@ def names_class(tree: object) -> bool:
     if isinstance(tree, dict):
         return not CLASS_KEYS.isdisjoint(tree) or any(names_class(one) for one in tree.values())
     return isinstance(tree, list) and any(names_class(one) for one in tree)
-
-
-def records_of(stage: str) -> Iterator[Record]:
-    """All readable records of a stage, newest first."""
-    for path in sorted(records_root().glob(f"{stage}-*"), key=modified, reverse=True):
-        record = read_record(path)
-        if record is not None and record.deciders.get("stage") == stage:
-            yield record
-
-
-def modified(path: Path) -> int:
-    """When a file was written [ns]; 0 if it is gone."""
-    try:
-        return path.lstat().st_mtime_ns
-    except OSError:
-        return 0
-
-
-def why_not_cached(wanted: Deciders, store: Store) -> str:
-    """What keeps the closest earlier record from being used, in a few words."""
-    closest: list[str] | None = None
-    for record in records_of(wanted.stage):
-        found = differences(record.deciders, wanted.to_json())
-        if not found:
-            return "artifact missing or damaged" if not store.has(record.ref) else "asked for"
-        if closest is None or len(found) < len(closest):
-            closest = found
-    if closest is None:
-        return "never computed"
-    if any(one.startswith("input ") for one in closest):
-        return "new inputs"
-    return ", ".join(closest[:3]) + (f" and {len(closest) - 3} more" if len(closest) > 3 else "")
-
-
-def differences(old: dict[str, object], new: dict[str, object]) -> list[str]:
-    """Names of the deciders that differ: changed files, settings, inputs and libraries."""
-    found = []
-    for group, words in (("inputs", "input {}"), ("code", "{} changed"), ("libraries", "{} changed version")):
-        before, after = old.get(group), new.get(group)
-        if isinstance(before, dict) and isinstance(after, dict):
-            names = sorted(before.keys() | after.keys())
-            found += [words.format(name) for name in names if before.get(name) != after.get(name)]
-    if old.get("config") != new.get("config"):
-        found.append("settings changed")
-    return found

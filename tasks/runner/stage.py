@@ -34,7 +34,6 @@ from dcap.scene.types.outcome import Infeasible
 from tasks.runner.cache_policy import verified_records
 from tasks.runner.context import (
     Event,
-    NotCachedError,
     OnEvent,
     OnProgress,
     RunContext,
@@ -112,7 +111,7 @@ class Stage(Generic[P, ValueT_co]):
         if context.lookup_only:
             _, record = usable_key(deciders.key, Store.default())
             if record is None:
-                raise NotCachedError(deciders)
+                return context.on_missing(deciders)
             context.on_event(StageEvent(self.name, Event.CACHED, 1.0, record=record))
             return record.ref
         from tasks.runner.task_runs import run_task  # Prefect is imported on the first run: planning needs none

@@ -1,5 +1,6 @@
 """A dataset run plans first, computes only what is missing, keeps going, and tells the truth."""
 
+import hashlib
 import importlib
 import json
 import shutil
@@ -12,15 +13,15 @@ import pyarrow.parquet as pq
 import pytest
 from fake_pipeline_code import DATASET, PIPELINE, TRUTH
 
-from dcap.scene.errors import InputError, LanguageError
+from dcap.scene.errors import LanguageError
 from dcap.scene.store.artifacts import Store
 from dcap.scene.types.sample import Sample
-from flows.benchmark import failed_before, new_run_folder, rerun_sample
+from flows.benchmark import new_run_folder, rerun_sample
 from flows.cli.app import main
 from flows.language_options import LanguageOptions
 from flows.place import PlaceConfig
-from flows.run_samples import write_failure
 from flows.sample_run import FailedSample
+from tasks.runner.records import records_root
 
 
 @pytest.fixture(scope="module")
@@ -65,6 +66,35 @@ def check_maps(run: Path, folder: Path, capsys: pytest.CaptureFixture[str]) -> N
         assert not (folder / "none").exists()
 
 
+def stamps_of_records() -> dict[str, int]:
+    """When each record was written."""
+    return {path.name: path.stat().st_mtime_ns for path in records_root().iterdir()}
+
+
+def check_comparison(run: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The last run against the first: what was mended, and nothing else."""
+    assert main(["diff", str(run), "last", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert {one["sample"] for one in found["outcomes"]} == {"bad", "gone: {x}"}
+    assert [found[name] for name in ("only_a", "only_b", "poses", "asked", "config", "versions")] == [[]] * 6
+    assert main(["diff", "last", "last"]) == 0
+    assert "no difference" in capsys.readouterr().out
+
+
+def check_origin(run: Path, dataset: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A picture of the first run goes back to the file that was given, whose hash stands there."""
+    picture = run / "samples" / "good" / "settled.png"
+    assert main(["provenance", str(picture), "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["sample"]["prompt"] == "put the ball on the table"
+    stages = {one["stage"] for one in found["steps"].values()}
+    assert stages == {None, "mesh", "segment", "intent", "anchor", "drop", "render"}
+    (source,) = [one for one in found["steps"].values() if one["kind"] == "Source"]
+    content = (dataset.parent / "fine.ply").read_bytes()
+    assert source["files"] == [{"name": "fine.ply", "sha256": hashlib.sha256(content).hexdigest(), "size": 4}]
+    assert [found["steps"][root]["stage"] for root in found["roots"]] == ["render"]
+
+
 @pytest.mark.slow
 def test_a_benchmark_from_cold_to_warm(
     dataset: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
@@ -76,7 +106,7 @@ def test_a_benchmark_from_cold_to_warm(
     plan = json.loads(capsys.readouterr().out)
     assert [row["runs"] for row in plan] == ["mesh", "mesh", "mesh", None]
     assert "gone.ply: no such file" in plan[3]["why"]
-    assert all(list(row) == ["sample", "cached", "runs", "why", "may_run"] for row in plan)
+    assert all(list(row) == ["sample", "cached", "runs", "why", "may_run", "stages"] for row in plan)
 
     assert main(["benchmark", "--dataset", str(dataset), "--json"]) == 4
     counts = json.loads(capsys.readouterr().out)
@@ -116,15 +146,26 @@ def test_a_benchmark_from_cold_to_warm(
         assert main(["benchmark", "--dataset", str(dataset), "--limit", "2"]) == 0
 
     (folder / "gone.ply").write_text("fine")
+    assert main(["benchmark", "--dataset", str(dataset)]) == 4
     (folder / "broken.ply").write_text("mended")
-    assert main(["benchmark", "--dataset", str(dataset)]) == 0
     capsys.readouterr()
+    assert main(["benchmark", "--dataset", str(dataset), "--only-failed", "--json"]) == 0
+    said = capsys.readouterr()
+    assert "1 failed (bad) and run again, 3 finished and come from the cache" in said.err
+    assert json.loads(said.out)["samples"] == 4
     assert main(["benchmark", "--dataset", str(dataset), "--only-failed"]) == 2
     assert "nothing failed" in capsys.readouterr().err
 
+    check_comparison(run, capsys)
+    check_origin(run, dataset, capsys)
     monkeypatch.chdir("/")  # a run knows where its files are
+    other = folder / "data" / "runs" / "last" / "samples" / "none" / "placement.json"
+    before, untouched = stamps_of_records(), other.stat().st_mtime_ns
     assert main(["rerun", "last", "good", "--stage", "drop", "--json"]) == 0
     again = json.loads(capsys.readouterr().out)
+    written = {name for name, stamp in stamps_of_records().items() if before.get(name) != stamp}
+    assert {name.rpartition("-")[0] for name in written} == {"drop"}  # what follows is cached: the bytes are equal
+    assert other.stat().st_mtime_ns == untouched
     assert {**again, "timings": 0} == {**placement, "timings": 0}
     assert main(["rerun", "last", "none", "--stage", "drop"]) == 3
     assert capsys.readouterr().out.splitlines() == [
@@ -142,17 +183,6 @@ def test_a_benchmark_from_cold_to_warm(
     next(Store.default().folder(ref).glob("*.ply")).unlink()
     assert main(["cache", "verify"]) == 4
     assert main(["report", "last"]) == 0
-
-
-def test_what_the_last_run_did_not_ask_for_did_not_fail(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """After a run of two samples of three, one good and one failed, only the failed one is run again."""
-    monkeypatch.setenv("DCAP_DATA", str(tmp_path))
-    good, bad, later = (Sample(name, "room", "ball", "put it") for name in ("good", "bad", "later"))
-    run = new_run_folder(tmp_path / "set.yaml", [good, bad], PlaceConfig(), LanguageOptions())
-    write_failure(run, FailedSample(bad, InputError("no such file")))
-    (run / "samples" / "good").mkdir()
-    (run / "samples" / "good" / "placement.json").write_text("{}")
-    assert failed_before([good, bad, later]) == [bad]
 
 
 def test_a_plan_survives_what_nobody_expected(

@@ -70,13 +70,13 @@ def test_a_block_rests_on_the_table(files: Path, capsys: pytest.CaptureFixture[s
     assert {path.name for path in out.iterdir()} == PICTURES | {
         "placement.json",
         "placement.schema.json",
+        "records.json",
         "sample.json",
         "object.ply",
         "object.glb",
         "contacts.glb",
         "scene.glb",
         "scene.json",
-        "records.json",
     }
     np.testing.assert_allclose(mesh_from_ply((out / "object.ply").read_bytes()).bounds, tree["object_aabb"], atol=1e-9)
     assert json.loads((out / "placement.json").read_text()) == tree
