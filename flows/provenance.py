@@ -17,8 +17,9 @@ from dcap.language.model.ledger import ReplyLine, read_lines
 from dcap.language.model.reply_folder import ReplyFolder
 from dcap.scene.errors import InputError
 from dcap.scene.settings import PROJECT_ROOT, data_root, replies_root, runs_root
-from dcap.scene.store.artifacts import FILES_FOLDER, Source, Store, digest_of_file, walk
+from dcap.scene.store.artifacts import FILES_FOLDER, Source, Store
 from dcap.scene.store.codec import canonical_json
+from dcap.scene.store.digest import digest_of_file, walk
 from dcap.scene.store.ref import Ref
 from flows.language_options import LEDGER
 from flows.place import SECTIONS, PlaceConfig

@@ -4,6 +4,7 @@ import os
 import sys
 
 from flows.cli import app
+from flows.cli.border import INTERRUPTED
 
 __all__ = ["main"]
 
@@ -18,10 +19,10 @@ def main(arguments: list[str] | None = None) -> int:
     try:
         code = app.main()
     except SystemExit as ended:
-        if ended.code != app.INTERRUPTED:
+        if ended.code != INTERRUPTED:
             raise
-        code = app.INTERRUPTED
-    if code == app.INTERRUPTED:
+        code = INTERRUPTED
+    if code == INTERRUPTED:
         sys.stdout.flush()
         sys.stderr.flush()
         os._exit(code)

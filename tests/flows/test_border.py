@@ -78,7 +78,7 @@ def test_a_mistake_of_ours_keeps_its_traceback(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """What is no fault of the machine or the input is raised as it is."""
-    monkeypatch.setattr("flows.cli.cache_report.cache_listing", lambda **_: {}["no such key"])
+    monkeypatch.setattr("flows.cli.cache_report.cache_listing", lambda **_: dict[str, int]()["no such key"])
     with pytest.raises(KeyError, match="no such key"):
         main(["cache", "ls"])
     assert capsys.readouterr().err == ""

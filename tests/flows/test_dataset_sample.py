@@ -138,7 +138,7 @@ def test_a_split_is_not_what_has_its_names_elsewhere(tmp_path: Path) -> None:
     """`kitchen` of a split is the scene at the top, not that of another house, which another split has; where no scene
     is there, the end of a path will do, and a folder's name has no suffix."""
     scenes = ["kitchen.glb", "house_2/kitchen.glb", "room.1"]
-    samples = [Sample(one, one, str(tmp_path / one), "mug.glb", "Put it there.") for one in scenes]
+    samples = [Sample(one, str(tmp_path / one), "mug.glb", "Put it there.") for one in scenes]
     assert [one.id for one in of_scenes(samples, "kitchen", tmp_path)] == ["kitchen.glb"]
     assert [one.id for one in of_scenes(samples, "house_2/kitchen", tmp_path)] == ["house_2/kitchen.glb"]
     assert [one.id for one in of_scenes(samples[1:], "kitchen", tmp_path)] == ["house_2/kitchen.glb"]

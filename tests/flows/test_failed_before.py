@@ -6,10 +6,11 @@ import pytest
 
 from dcap.scene.errors import InputError
 from dcap.scene.types.sample import Sample
-from flows.benchmark import new_run_folder, write_failure
+from flows.benchmark import new_run_folder
 from flows.failed_before import failed_before
 from flows.language_options import LanguageOptions
 from flows.place import PlaceConfig
+from flows.run_samples import write_failure
 from flows.sample_run import FailedSample, Plan
 
 GOOD, BAD, LATER = (Sample(name, "room", "ball", "put it") for name in ("good", "bad", "later"))

@@ -14,7 +14,7 @@ JSON_TEXTS = (
     '{"metadata": {"serializer": {"type": "pickle"}}, "result": "gASVCAAAAAAAAACMBG1haW6ULg=="}',
 )  # fmt: skip
 """Files that are no record and no value."""
-ODD_VALUES = (
+ODD_VALUES: tuple[object, ...] = (
     None,
     True,
     -1,
@@ -196,7 +196,12 @@ class Vandal:
         paths = sorted(locks.iterdir())
         path = self.random.choice([locks, *paths])
         place = self.stand_in(path)
-        self.random.choice([lambda: place.write_text("x"), lambda: place.symlink_to(place.name), place.mkdir])()
+        damages: list[Callable[[], object]] = [
+            lambda: place.write_text("x"),
+            lambda: place.symlink_to(place.name),
+            place.mkdir,
+        ]
+        self.random.choice(damages)()
 
     def stand_in(self, path: Path) -> Path:
         """A path at which nothing lies any more."""

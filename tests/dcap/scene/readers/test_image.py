@@ -61,7 +61,7 @@ def png_bomb(depth: int, color: int, channels: int) -> bytes:
 @pytest.mark.slow
 @pytest.mark.parametrize("read", [read_image, read_transparent, lambda d, w: read_rgba(d, w, 1 << 26)])
 @pytest.mark.parametrize("data", [png_bomb(8, 2, 3), png_bomb(16, 2, 3), png_bomb(1, 0, 1)], ids=["8", "16", "1"])
-def test_a_bomb_costs_no_memory(read, data: bytes) -> None:  # type: ignore[no-untyped-def]
+def test_a_bomb_costs_no_memory(read, data: bytes) -> None:
     """243 MB of pixels in a few hundred kilobytes: refused with name, size and limit before one is decoded."""
     tracemalloc.start()
     with pytest.raises(FormatError, match=f"a.png: an image of {SIDE} x {SIDE} pixels, more than 67108864; reduce"):
