@@ -1,6 +1,6 @@
 """Where a result comes from: every stage behind it, back to the files and the sentence that a person gave.
 
-In: the digest of an artifact, a path in the store, or a file of a sample. Out: a `Provenance`, a graph whose nodes are
+In: the digest of an artifact, a path in the store, or a file of a sample. Out: a `Lineage`, a graph whose nodes are
 artifacts. What is missing or damaged on the way is told of its node; the rest is told all the same.
 """
 
@@ -95,7 +95,7 @@ class AskedModel:
 
 
 @dataclass(frozen=True, slots=True)
-class Provenance:
+class Lineage:
     """What lies behind a result."""
 
     artifact: str
@@ -109,7 +109,7 @@ class Provenance:
     asked: tuple[AskedModel, ...]
 
 
-def provenance_of(artifact: str) -> Provenance:
+def provenance_of(artifact: str) -> Lineage:
     """What lies behind a digest, a path in the store, or a file of a sample."""
     path = found_path(artifact)
     if path is None:
@@ -161,7 +161,7 @@ def ref_of_digest(digest: str) -> Ref[Any]:
     return fitting[0]
 
 
-def of_sample(artifact: str, folder: Path) -> Provenance:
+def of_sample(artifact: str, folder: Path) -> Lineage:
     """What lies behind the files of a sample's folder."""
     rows = read_json(folder / RECORDS).get("records")
     try:
@@ -175,7 +175,7 @@ def of_sample(artifact: str, folder: Path) -> Provenance:
     found = walked_back(artifact, list(named), named)
     taken = {digest for one in found.steps.values() for digest in one.inputs.values()}
     roots = tuple(digest for digest in found.roots if digest not in taken)
-    return Provenance(artifact, sample, roots, found.steps, asked)
+    return Lineage(artifact, sample, roots, found.steps, asked)
 
 
 def asked_of_sample(folder: Path, run: Path | None) -> Mapping[str, Any] | None:
@@ -199,7 +199,7 @@ def asked_models(ledger: Path, sample: str) -> tuple[AskedModel, ...]:
     return tuple(found.values())
 
 
-def walked_back(artifact: str, refs: Sequence[Ref[Any]], named: Mapping[Ref[Any], str]) -> Provenance:
+def walked_back(artifact: str, refs: Sequence[Ref[Any]], named: Mapping[Ref[Any], str]) -> Lineage:
     """All artifacts behind some; `named` are records that are known to have made some of them."""
     steps: dict[str, ProvenanceStep] = {}
     waiting = list(refs)
@@ -209,7 +209,7 @@ def walked_back(artifact: str, refs: Sequence[Ref[Any]], named: Mapping[Ref[Any]
             step, before = step_of(ref, named.get(ref))
             steps[ref.sha256] = step
             waiting += before
-    return Provenance(artifact, None, tuple(dict.fromkeys(ref.sha256 for ref in refs)), steps, ())
+    return Lineage(artifact, None, tuple(dict.fromkeys(ref.sha256 for ref in refs)), steps, ())
 
 
 def step_of(ref: Ref[Any], key: str | None) -> tuple[ProvenanceStep, list[Ref[Any]]]:
@@ -280,7 +280,7 @@ def given_files(ref: Ref[Any]) -> Iterator[SourceFile]:
         yield SourceFile(path.relative_to(folder).as_posix(), digest_of_file(path), path.stat().st_size)
 
 
-def provenance_lines(found: Provenance) -> list[str]:
+def provenance_lines(found: Lineage) -> list[str]:
     """The graph as a tree; what has been told is not told again."""
     lines = [found.artifact]
     if found.sample:

@@ -17,7 +17,7 @@ from dcap.scene.types.materials import Material
 from dcap.scene.types.sample import Sample
 from flows.cli.app import main
 from flows.place import PlaceConfig
-from flows.provenance import Provenance, provenance_lines, provenance_of
+from flows.provenance import Lineage, provenance_lines, provenance_of
 from tasks.runner.digests import digest_of_source
 from tasks.runner.stage import deciding
 
@@ -59,7 +59,7 @@ def sample_folder_of(run: Path, refs: dict[str, Ref[Any]]) -> Path:
     return folder
 
 
-def stages_of_steps(found: Provenance) -> list[str | None]:
+def stages_of_steps(found: Lineage) -> list[str | None]:
     """Stages in the order in which they are told."""
     return [one.stage for one in found.steps.values()]
 
