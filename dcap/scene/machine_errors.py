@@ -21,6 +21,7 @@ from dcap.scene.settings import data_root
 
 FULL = (errno.ENOSPC, errno.EDQUOT)
 REFUSED = (errno.EACCES, errno.EPERM, errno.EROFS)
+NO_FOLDER = (errno.ENOTDIR, errno.ENOENT)
 EXHAUSTED = (errno.EMFILE, errno.ENFILE)
 SERVER = ("httpx", "httpcore")
 """Packages whose errors tell that the server of the runs does not do its part: Prefect's own are among them."""
@@ -77,6 +78,9 @@ def _of_system(error: OSError) -> str:
         return f"{where}{why}; change its permissions, or name another place with {_knob(Path(path))}"
     if error.errno == errno.ENAMETOOLONG:
         return f"{where}{why}; give a shorter name"
+    knob = _knob(Path(path)) if path else ""
+    if error.errno in NO_FOLDER and knob.startswith("DCAP_DATA"):
+        return f"{where}{why}; {knob} must be a folder that can be written"
     return f"{where}{why}"
 
 

@@ -74,6 +74,13 @@ def test_the_knob_is_that_of_the_place(monkeypatch: pytest.MonkeyPatch, tmp_path
         assert f"with {knob}" in str(machine_error(OSError(errno.EROFS, "Read-only file system", str(path))))
 
 
+def test_a_data_folder_that_is_none_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    """DCAP_DATA may be a file, or lie where no folder can be made."""
+    monkeypatch.setenv("DCAP_DATA", "/etc/passwd")
+    line = str(machine_error(NotADirectoryError(errno.ENOTDIR, "Not a directory", "/etc/passwd/cache")))
+    assert line.startswith("/etc/passwd/cache: Not a directory; DCAP_DATA (now /etc/passwd) must be")
+
+
 def test_a_mistake_of_ours_keeps_its_traceback(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
