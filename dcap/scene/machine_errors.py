@@ -21,9 +21,12 @@ from dcap.scene.settings import data_root
 
 FULL = (errno.ENOSPC, errno.EDQUOT)
 REFUSED = (errno.EACCES, errno.EPERM, errno.EROFS)
+NO_FOLDER = (errno.ENOTDIR, errno.ENOENT)
 EXHAUSTED = (errno.EMFILE, errno.ENFILE)
 SERVER = ("httpx", "httpcore")
 """Packages whose errors tell that the server of the runs does not do its part: Prefect's own are among them."""
+UNLOADED = ("failed to map segment", "annot allocate memory")
+"""What the loader says of a library for which there is no memory."""
 NO_SERVER = "Failed to reach API"
 """How Prefect's plain RuntimeError begins where its server is gone."""
 LONGEST_PATH, LONGEST_WORDS = 200, 300
@@ -41,6 +44,8 @@ def machine_error(error: BaseException) -> MachineError | None:
     if isinstance(error, MemoryError):
         words = f" ({error})" if str(error) else ""
         return MachineError(f"out of memory{words}; {_knob_of_memory()}")
+    if isinstance(error, ImportError) and any(words in str(error) for words in UNLOADED):
+        return MachineError(f"out of memory, or of the address space of a limit (ulimit -v): {_words(error)}")
     if isinstance(error, SubprocessError):
         return MachineError(redacted(_words(error)))
     if _of_server(error):
@@ -77,6 +82,9 @@ def _of_system(error: OSError) -> str:
         return f"{where}{why}; change its permissions, or name another place with {_knob(Path(path))}"
     if error.errno == errno.ENAMETOOLONG:
         return f"{where}{why}; give a shorter name"
+    knob = _knob(Path(path)) if path else ""
+    if error.errno in NO_FOLDER and knob.startswith("DCAP_DATA"):
+        return f"{where}{why}; {knob} must be a folder that can be written"
     return f"{where}{why}"
 
 

@@ -4,7 +4,10 @@ What a person can mend is one line on standard error; a mistake of ours keeps it
 stop reading: the program ends then without a word, as others do.
 """
 
+import errno
+import io
 import os
+import select
 import sys
 import traceback
 from contextlib import suppress
@@ -42,9 +45,12 @@ def end_output() -> None:
 
 def told(error: Exception) -> int:
     """Say what went wrong and return the exit code; an error that is a mistake of ours is raised again."""
-    if isinstance(error, BrokenPipeError) and nobody_reads():
+    if isinstance(error, OSError) and not error.filename and (failed := output_failure()):
+        drop_output()
+        if not isinstance(failed, BrokenPipeError):
+            complain(f"standard output: {failed.strerror}; send it elsewhere")
         let_go(error)
-        return UNREAD
+        return UNREAD if isinstance(failed, BrokenPipeError) else USAGE
     if isinstance(error, typer.TyperException):
         complain(error.format_message())
         return USAGE
@@ -64,16 +70,21 @@ def complain(message: str) -> None:
         typer.echo(line, err=True)
 
 
-def nobody_reads() -> bool:
-    """Whether standard output is a pipe whose reader has gone; what is left to be written is dropped then."""
+def output_failure() -> OSError | None:
+    """Why what was printed cannot be written; None where it can, or where that cannot be told any more.
+
+    What failed is still waiting to be written, unless Python was told not to buffer; a pipe tells that nobody reads.
+    """
     try:
         end_output()
-    except BrokenPipeError:
-        drop_output()
-        return True
-    except OSError:
-        return False
-    return False
+        waiting = select.poll()
+        waiting.register(sys.stdout.fileno(), 0)
+        gone = any(event & select.POLLERR for _, event in waiting.poll(0))
+    except OSError as error:
+        return None if isinstance(error, io.UnsupportedOperation) else error
+    except AttributeError:
+        return None  # no standard output, or a system that cannot ask
+    return BrokenPipeError(errno.EPIPE, os.strerror(errno.EPIPE)) if gone else None
 
 
 def drop_output() -> None:

@@ -38,6 +38,7 @@ def said(capsys: pytest.CaptureFixture[str], *arguments: object) -> str:
         (BrokenPipeError(errno.EPIPE, os.strerror(errno.EPIPE)), ("Broken pipe",)),
         (MemoryError("Unable to allocate 9.9 GiB"), ("out of memory (Unable", "--workers")),
         (MemoryError(), ("out of memory; close",)),
+        (ImportError("libX.so: failed to map segment from shared object"), ("out of memory", "ulimit -v", "libX.so")),
         (subprocess.CalledProcessError(3, "ffmpeg"), ("ffmpeg", "exit status 3")),
         (RuntimeError("Failed to reach API at http://u:p@127.0.0.1/api"), ("Prefect server", "http://***@127")),
     ],
@@ -72,6 +73,13 @@ def test_the_knob_is_that_of_the_place(monkeypatch: pytest.MonkeyPatch, tmp_path
     monkeypatch.setattr("tempfile.gettempdir", lambda: "/nowhere")
     for path, knob in ((tmp_path / "data" / "cache" / "x", "DCAP_DATA"), (tmp_path / "out", "--out")):
         assert f"with {knob}" in str(machine_error(OSError(errno.EROFS, "Read-only file system", str(path))))
+
+
+def test_a_data_folder_that_is_none_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    """DCAP_DATA may be a file, or lie where no folder can be made."""
+    monkeypatch.setenv("DCAP_DATA", "/etc/passwd")
+    line = str(machine_error(NotADirectoryError(errno.ENOTDIR, "Not a directory", "/etc/passwd/cache")))
+    assert line.startswith("/etc/passwd/cache: Not a directory; DCAP_DATA (now /etc/passwd) must be")
 
 
 def test_a_mistake_of_ours_keeps_its_traceback(
@@ -157,28 +165,33 @@ def test_python_refuses_the_same_text(tmp_path: Path) -> None:
         dcap.place("a", "b", "put it", label="a\0", out=tmp_path)
 
 
-def shell(tmp_path: Path, words: str) -> subprocess.CompletedProcess[str]:
+def shell(tmp_path: Path, words: str, *, buffered: bool) -> subprocess.CompletedProcess[str]:
     """`dcap WORDS` of the shell, status and messages."""
-    command = f"{sys.executable} -m flows.cli {words}"
+    command = f"{sys.executable} {'' if buffered else '-u'} -m flows.cli {words}"
+    environment = {name: value for name, value in os.environ.items() if name != "PYTHONUNBUFFERED"}
     return subprocess.run(
-        ["bash", "-c", command], cwd=ROOT, env=os.environ | {"DCAP_DATA": str(tmp_path)}, capture_output=True,
+        ["bash", "-c", command], cwd=ROOT, env=environment | {"DCAP_DATA": str(tmp_path)}, capture_output=True,
         text=True, check=False,
     )  # fmt: skip
 
 
 @pytest.mark.slow
-def test_a_reader_that_leaves_ends_the_program_without_a_word(tmp_path: Path) -> None:
-    """`dcap ... | head -0`: no traceback, and the status of a broken pipe."""
-    done = shell(tmp_path, 'place --help | (exec 0<&-; sleep 3); echo "${PIPESTATUS[0]}"')
+@pytest.mark.parametrize("buffered", [True, False])
+def test_a_reader_that_leaves_ends_the_program_without_a_word(tmp_path: Path, buffered: bool) -> None:
+    """`dcap ... | true`: no traceback, and the status of a broken pipe."""
+    done = shell(tmp_path, 'place --help | (exec 0<&-; sleep 3); echo "${PIPESTATUS[0]}"', buffered=buffered)
     assert done.stderr == ""
     assert done.stdout == "141\n"
 
 
 @pytest.mark.slow
 @pytest.mark.skipif(not os.path.exists("/dev/full"), reason="only Linux has a device that is full")
-def test_output_that_cannot_be_written_is_told(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("buffered", "words"), [(True, "standard output: No space left on device"), (False, "No space left")]
+)
+def test_output_that_cannot_be_written_is_told(tmp_path: Path, buffered: bool, words: str) -> None:
     """Standard output on a full disk: one line and exit code 2."""
-    done = shell(tmp_path, "cache ls > /dev/full")
+    done = shell(tmp_path, "cache ls > /dev/full", buffered=buffered)
     assert done.returncode == 2
     assert done.stderr.count("\n") == 1
-    assert "No space left on device" in done.stderr
+    assert words in done.stderr
