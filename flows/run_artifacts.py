@@ -15,8 +15,8 @@ from prefect.client.schemas.actions import ArtifactCreate, ArtifactUpdate
 from prefect.exceptions import PrefectException
 from prefect.logging import get_run_logger
 
-MARKDOWN = re.compile(r"([\\`*_{}\[\]()#+\-.!|~>])")
-"""What steers a page of Markdown."""
+STEERING = re.compile(r"[\\`*\[\]()#+!|~]|(?<!\w)[_.\-]|[_.\-](?!\w)")
+"""What steers a page of Markdown; within a word the last three do not."""
 
 
 class RunArtifacts:
@@ -43,10 +43,11 @@ class RunArtifacts:
 
 
 def table_data(rows: Sequence[Mapping[str, object]]) -> str:
-    """Rows as Prefect's pages read them."""
-    return json.dumps(rows, allow_nan=False)
+    """Rows as Prefect's pages read them, which take each cell for a page of Markdown."""
+    cells = [{key: plain_text(one) if isinstance(one, str) else one for key, one in row.items()} for row in rows]
+    return json.dumps(cells, allow_nan=False)
 
 
 def plain_text(text: str) -> str:
-    """Text of others in a page of Markdown, shown as it is."""
-    return MARKDOWN.sub(r"\\\1", html.escape(text))
+    """Text of others in a page of Markdown, shown as it is, addresses too."""
+    return STEERING.sub(r"\\\g<0>", html.escape(text, quote=False)).replace("://", "&#58;//")

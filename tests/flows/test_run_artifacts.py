@@ -1,7 +1,9 @@
 """What is shown of a run is text as it is, whatever names others gave."""
 
+import json
+
 from dcap.scene.types.sample import Sample
-from flows.run_artifacts import plain_text
+from flows.run_artifacts import plain_text, table_data
 from flows.watching import SettledSample
 
 HOSTILE = "<script>alert(1)</script> [x](javascript:alert(1)) **b** `c` | d"
@@ -14,6 +16,14 @@ def test_text_of_others_steers_no_page() -> None:
     assert "](" not in text
     assert "**" not in text
     assert text.count("\\|") == 1
+    assert "://" not in plain_text("see http://x")
+
+
+def test_usual_names_are_readable_as_they_are() -> None:
+    """Who reads a table through the API finds names and paths unchanged; foreign ones steer nothing there either."""
+    usual = {"sample": "bedroom_01-ball-center", "why": "/data/room_2/fine.ply: no such file", "seconds": 1.5}
+    assert json.loads(table_data([usual])) == [usual]
+    assert "<" not in table_data([{"sample": HOSTILE}])
 
 
 def test_a_row_says_how_a_sample_ended() -> None:
