@@ -16,7 +16,7 @@ import typer
 
 from dcap.language.protocol.client import DEFAULT_MODEL
 from dcap.scene.errors import DcapError
-from dcap.scene.settings import runs_root, version
+from dcap.scene.settings import runs_root, shared_store_url, version
 from flows.cli.checks import Json, given
 from flows.cli.data import cache_app, dataset_app
 from flows.cli.export_command import export
@@ -29,6 +29,8 @@ from flows.options import DropOptions, PlaceOptions, check_case, check_out, chec
 INFEASIBLE = 3
 SOME_FAILED = 4
 INTERRUPTED = 130
+COMPUTING = frozenset({"place", "benchmark", "plan", "rerun", "drop"})
+"""Commands that look results up or make them."""
 
 app = typer.Typer(
     name="dcap",
@@ -97,11 +99,16 @@ def print_version(asked: bool) -> None:
 
 @app.callback()
 def everything(
+    context: typer.Context,
     version_asked: Annotated[
         bool, typer.Option("--version", callback=print_version, is_eager=True, help="Print the version and end.")
     ] = False,
 ) -> None:
     """Deformable, contact-aware placement: an object at rest in a scene, from a sentence."""
+    if shared_store_url() and context.invoked_subcommand in COMPUTING:
+        from dcap.scene.store.artifacts import Store
+
+        Store.default()  # once, rather than as an error of every sample
 
 
 @app.command()
