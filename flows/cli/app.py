@@ -16,7 +16,7 @@ from typing import Annotated
 import typer
 
 from dcap.language.protocol.client import DEFAULT_MODEL
-from dcap.scene.settings import runs_root, version
+from dcap.scene.settings import runs_root, shared_store_url, version
 from flows.cli.border import INTERRUPTED, check_words, complain, end_output, let_go, told
 from flows.cli.checks import Json, given
 from flows.cli.config_command import config_app
@@ -33,6 +33,8 @@ from flows.settings.own import effective_options, exported_paths, run_settings, 
 
 INFEASIBLE = 3
 SOME_FAILED = 4
+COMPUTING = frozenset({"place", "benchmark", "plan", "rerun", "drop"})
+"""Commands that look results up or make them."""
 
 app = typer.Typer(
     name="dcap",
@@ -111,6 +113,10 @@ def everything(
 ) -> None:
     """Deformable, contact-aware placement: an object at rest in a scene, from a sentence."""
     context.with_resource(exported_paths())
+    if shared_store_url() and context.invoked_subcommand in COMPUTING:
+        from dcap.scene.store.artifacts import Store
+
+        Store.default()  # once, rather than as an error of every sample
 
 
 @app.command()

@@ -7,10 +7,13 @@ from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
 
+from dcap.scene.errors import StoreError
 from dcap.scene.settings import cache_root
-from dcap.scene.store.artifacts import DRAFTS, OBJECTS, Store
+from dcap.scene.store.artifacts import DRAFTS, OBJECTS, Store, json_file
 from dcap.scene.store.building import remove
+from dcap.scene.store.codec import VALUE_FILE
 from dcap.scene.store.ref import Ref
+from dcap.scene.types.mesh import Mesh
 from tasks.runner.cache_policy import LOCKS_FOLDER
 from tasks.runner.cache_usage import DAMAGED_FOLDER, LITTER_HOURS, age, record_files
 from tasks.runner.locks import FileLocks
@@ -36,15 +39,28 @@ class Damage:
 
 def damages(store: Store) -> list[Damage]:
     """Everything that is damaged, and litter; reads every byte."""
-    artifacts = (damage_of(store, ref) for ref in store.refs() if not store.is_here(ref))
+    why = ((store.folder(ref), what_is_wrong(store, ref)) for ref in store.refs())
+    artifacts = [Damage(DamagedThing.ARTIFACT, path, told) for path, told in why if told]
     return [*misplaced(store), *artifacts, *damaged_records(store), *litter(store)]
 
 
-def damage_of(store: Store, ref: Ref[object]) -> Damage:
-    """What is wrong with an artifact."""
-    named = NAME.fullmatch(ref.kind) and SHA256.fullmatch(ref.sha256)
-    why = "it does not match its digest" if named else "no artifact has such a name"
-    return Damage(DamagedThing.ARTIFACT, store.folder(ref), why)
+def what_is_wrong(store: Store, ref: Ref[object]) -> str:
+    """What is wrong with an artifact; empty if nothing is."""
+    if not NAME.fullmatch(ref.kind) or not SHA256.fullmatch(ref.sha256):
+        return "no artifact has such a name"
+    if not store.is_here(ref):
+        return "it does not match its digest"
+    kind = kind_in(store.folder(ref))
+    return "" if kind == ref.kind else f"it is a {kind or 'folder of another kind'}"
+
+
+def kind_in(folder: Path) -> str:
+    """The kind of a sound artifact, which its digest does not tell; empty if it is none of ours."""
+    try:
+        tree = json_file(folder / VALUE_FILE)
+    except (OSError, ValueError, StoreError):
+        return ""
+    return Mesh.__name__ if "$mesh" in tree else str(tree.get("$type", ""))
 
 
 def misplaced(store: Store) -> Iterator[Damage]:

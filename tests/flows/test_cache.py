@@ -2,6 +2,7 @@
 
 import json
 import os
+import shutil
 import subprocess
 import sys
 import time
@@ -212,6 +213,8 @@ def test_damage_is_told_and_moved_away(data: Path, capsys: pytest.CaptureFixture
     (root / "mesh-loop").symlink_to("mesh-loop")
     (root / "mesh-folder").mkdir()
     (store.root / "objects" / "stray.txt").write_text("x")
+    alike = store.root / "objects" / "Scan" / sound.ref.sha256[:2] / sound.ref.sha256  # its digest is the same
+    shutil.copytree(store.folder(sound.ref), alike)
     told = told_by(capsys, "verify", code=4)
     assert {"kind": "FileScale", "sha256": flipped.ref.sha256} in told["damaged"]
     whys = {Path(row["path"]).name: row["why"] for row in told["damaged_records"]}
@@ -219,7 +222,9 @@ def test_damage_is_told_and_moved_away(data: Path, capsys: pytest.CaptureFixture
     assert whys[swapped.key] == f"the record of {sound.key}"
     assert "plain file" in whys["mesh-loop"]
     assert main(["cache", "verify"]) == 4
-    assert "stray.txt" in capsys.readouterr().out
+    said = capsys.readouterr().out
+    assert "stray.txt" in said
+    assert f"{sound.ref.sha256}: it is a FileScale" in said
     repaired = Path(told_by(capsys, "verify", "--repair")["repaired"])
     assert (repaired / "records" / swapped.key).is_file()
     assert {path.name for path in root.iterdir()} == {sound.key}

@@ -14,7 +14,7 @@ JSON_TEXTS = (
     '{"metadata": {"serializer": {"type": "pickle"}}, "result": "gASVCAAAAAAAAACMBG1haW6ULg=="}',
 )  # fmt: skip
 """Files that are no record and no value."""
-ODD_VALUES: tuple[object, ...] = (
+ODD_VALUES: tuple[Any, ...] = (
     None,
     True,
     -1,
@@ -52,14 +52,7 @@ class Vandal:
         name = act.__name__
         try:
             act()
-        except (
-            IndexError,
-            KeyError,
-            OSError,
-            RecursionError,
-            TypeError,
-            ValueError,
-        ):  # nothing left to damage in this way
+        except (IndexError, KeyError, OSError, RecursionError, TypeError, ValueError):  # nothing left for it
             name = self.remove.__name__
             self.remove()
         self.done[name] = self.done.get(name, 0) + 1
@@ -196,12 +189,13 @@ class Vandal:
         paths = sorted(locks.iterdir())
         path = self.random.choice([locks, *paths])
         place = self.stand_in(path)
-        damages: list[Callable[[], object]] = [
-            lambda: place.write_text("x"),
-            lambda: place.symlink_to(place.name),
-            place.mkdir,
-        ]
-        self.random.choice(damages)()
+        kind = self.random.choice(("file", "loop", "folder"))
+        if kind == "file":
+            place.write_text("x")
+        elif kind == "loop":
+            place.symlink_to(place.name)
+        else:
+            place.mkdir()
 
     def stand_in(self, path: Path) -> Path:
         """A path at which nothing lies any more."""

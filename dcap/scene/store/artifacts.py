@@ -20,7 +20,7 @@ from typing import TypeVar, cast
 
 from dcap.scene.errors import InputError, MissingArtifactError, StoreError
 from dcap.scene.settings import cache_root, shared_store_url
-from dcap.scene.store.building import Building
+from dcap.scene.store.building import Building, in_own_folders
 from dcap.scene.store.codec import VALUE_FILE, canonical_json, decode, encode
 from dcap.scene.store.digest import (
     digest_of,
@@ -129,7 +129,7 @@ class Store:
         """
         folder = self.folder(ref)
         stamp = stamps(folder)
-        if not stamp:
+        if not stamp or not in_own_folders(folder):
             return False
         with self._lock:
             if self._verified.get(ref) == stamp:

@@ -43,7 +43,7 @@ class Building:
             except OSError as error:
                 if not os.path.lexists(self.target):
                     raise StoreError(f"{self.target} cannot be written: {error}") from error
-                if digest_of_folder(self.target) == self.target.name:
+                if in_own_folders(self.target) and digest_of_folder(self.target) == self.target.name:
                     return
                 discard(self.target, self._damaged)
         raise StoreError(f"other processes keep replacing {self.target}; try again")
@@ -51,11 +51,18 @@ class Building:
     def _make_way(self) -> None:
         """Make the folders that hold the target; what stands in their place and is no folder goes."""
         for folder in reversed(self.target.parents[:HOLDERS]):
+            if folder in self.target.parents[: HOLDERS - 1] and folder.is_symlink():  # perhaps into another artifact
+                discard(folder, self._damaged)
             make_folder(folder, self._damaged)
 
     @property
     def _damaged(self) -> Path:
         return self.draft.with_name(f"{self.draft.name}-damaged")
+
+
+def in_own_folders(artifact: Path) -> bool:
+    """Whether an artifact and the folders around it, KIND/aa, are no links: it would lie inside another, or be one."""
+    return not any(folder.is_symlink() for folder in (artifact, *artifact.parents[: HOLDERS - 1]))
 
 
 def check_folder(folder: Path) -> None:

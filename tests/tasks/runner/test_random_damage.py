@@ -103,6 +103,8 @@ def check(meshes: list[Path], call: Call, count: int, seed: int) -> None:
         names = [vandal.strike() for _ in range(min(AT_ONCE, count - begin))]
         found = [chain(path, call) for path in meshes]
         assert found == truth, names
+        unsound = [ref for refs in found for ref in refs if not Store.default().is_here(ref)]
+        assert unsound == [], names
         for ref in (one for refs in found for one in refs):
             Store.default().load(ref)
         if begin % (count // 5) == 0:
