@@ -22,7 +22,6 @@ if TYPE_CHECKING:
         GeometryError,
         InputError,
         LanguageError,
-        MachineError,
         StoreError,
     )
     from flows.api import drop, place
@@ -43,7 +42,6 @@ __all__ = [
     "InputError",
     "Interior",
     "LanguageError",
-    "MachineError",
     "Model",
     "Placement",
     "Result",
@@ -62,8 +60,7 @@ __all__ = [
 
 HOMES = {
     "dcap.scene.errors": (
-        "BudgetError", "DcapError", "FormatError", "GeometryError", "InputError", "LanguageError", "MachineError",
-        "StoreError",
+        "BudgetError", "DcapError", "FormatError", "GeometryError", "InputError", "LanguageError", "StoreError",
     ),
     "flows.api": ("drop", "place"),
     "flows.results": ("Placement", "Result"),

@@ -26,7 +26,6 @@ MACHINERY = frozenset(
         "dcap.language.model.reply_folder",
         "dcap.language.protocol.session",
         "dcap.packages",
-        "dcap.scene.redaction",
         "dcap.scene.settings",
         "dcap.scene.store",
         "tasks.runner",

@@ -1,1 +1,0 @@
-"""Settings from `dcap.yaml` and the environment: what was given where, and what it comes to."""
