@@ -38,7 +38,7 @@ from flows.language_options import language_options
 from flows.options import PlaceOptions
 from flows.sample_files import TRUTH_FILE, SampledRow, check_free, dataset_text, lists_of, slug, truth_text
 from flows.scene_contents import read_all
-from flows.scene_lists import check_named, named_scenes, with_name
+from flows.scene_lists import named_paths, named_scenes
 from tasks.intent.rescale import rescale
 from tasks.requests.views import instance_views, object_view, room_center
 
@@ -179,9 +179,7 @@ def chosen_scenes(folder: Path, listed: str) -> dict[str, Path]:
         raise InputError(f"{folder}: no scene in this folder: neither labels.json nor {', '.join(MESH_SUFFIXES)}")
     names = {scene_name(one, folder, paths): one for one in paths}
     wanted = named_scenes(listed, folder)
-    known = [str(one) for one in paths]
-    check_named(known, wanted)
-    chosen = {one for w in wanted for one in with_name(known, w)}
+    chosen = named_paths([str(one) for one in paths], wanted)
     return {name: one for name, one in names.items() if not wanted or str(one) in chosen}
 
 

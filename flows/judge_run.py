@@ -7,7 +7,7 @@ before every question is answered.
 """
 
 import hashlib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
@@ -107,8 +107,7 @@ def judged_rows(folder: Path, rows: Sequence[SampleOutcome]) -> tuple[tuple[Samp
         found, compared = read_scores(folder), read_comparisons(folder / JUDGING / COMPARISONS)
     scored = with_judged_scores(rows, found)
     write_rows(folder, scored)
-    changed = tuple(name for name, state in record.states.items() if fingerprint(sample_folder(folder, name)) != state)
-    return scored, write_tables(folder, scored, compared, record, changed)[0]
+    return scored, write_tables(folder, scored, compared, record, changed_since(folder, record.states))[0]
 
 
 def judgement_of(
@@ -167,7 +166,7 @@ def record_of(
         judged=len(placements),
         lowest=lowest,
         left_out=len(rows) - len(placements) - lowest,
-        states={name: fingerprint(sample_folder(folder, name)) for name in judged},
+        states=states_of(folder, judged),
     )
 
 
@@ -175,6 +174,17 @@ def fingerprint(folder: Path) -> str:
     """What tells two final states of a sample apart: a digest of what was measured of it; empty where nothing was."""
     path = folder / MEASURES
     return hashlib.sha256(path.read_bytes()).hexdigest() if path.is_file() else ""
+
+
+def states_of(folder: Path, names: Iterable[str]) -> dict[str, str]:
+    """Fingerprints of samples of a run by their names, METHOD/SAMPLE."""
+    return {name: fingerprint(sample_folder(folder, name)) for name in names}
+
+
+def changed_since(folder: Path, states: Mapping[str, str]) -> tuple[str, ...]:
+    """Samples of a run whose final states are not those of which `states` has the fingerprints."""
+    now = states_of(folder, states)
+    return tuple(name for name, state in states.items() if now[name] != state)
 
 
 def asking(session: Session, say: Callable[[str], None]) -> AbstractContextManager[None]:

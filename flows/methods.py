@@ -203,5 +203,8 @@ def measured(sample: Sample, found: PlacementRefs, config: PlaceConfig) -> Place
 def broken(drift: Ref[Drift], settled: Ref[Settled]) -> bool:
     """Whether a step broke where a pose was simulated on. It is tried on other cells then, as a drop that breaks is:
     where a grid cuts is chance. A dent has no other cells than its drop's, which have lasted a whole drop."""
-    found, state = Store.default().load(drift), Store.default().load(settled)
-    return isinstance(found, Drift) and found.broken and isinstance(state, Settled) and not state.nodes
+    found = Store.default().load(drift)
+    if not isinstance(found, Drift) or not found.broken:
+        return False
+    state = Store.default().load(settled)
+    return isinstance(state, Settled) and not state.nodes

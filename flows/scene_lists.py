@@ -62,18 +62,20 @@ def with_name(paths: Sequence[str], name: str) -> set[str]:
     return below or {path for path in paths if is_named(path, name)}
 
 
-def check_named(paths: Sequence[str], names: Sequence[str]) -> None:
-    """InputError for a name that no scene has."""
+def named_paths(paths: Sequence[str], names: Sequence[str]) -> set[str]:
+    """Those of the paths that some name means; InputError for a name that means none."""
+    chosen: set[str] = set()
     for name in names:
-        if not with_name(paths, name):
+        meant = with_name(paths, name)
+        if not meant:
             known = sorted({Path(path).stem for path in paths})
             raise InputError(f"--scenes: no scene is named {name!r}{did_you_mean(name, known)}")
+        chosen |= meant
+    return chosen
 
 
 def of_scenes(samples: Sequence[Sample], text: str, folder: Path) -> list[Sample]:
     """The samples in the named scenes, in their order; all where none is named."""
     names = named_scenes(text, folder)
-    paths = list(dict.fromkeys(sample.scene for sample in samples))
-    check_named(paths, names)
-    chosen = {path for name in names for path in with_name(paths, name)}
+    chosen = named_paths(list(dict.fromkeys(sample.scene for sample in samples)), names)
     return [one for one in samples if not names or one.scene in chosen]

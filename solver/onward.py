@@ -47,9 +47,8 @@ class Onward:
     angle: float
     """Largest turn of any free body [rad]."""
     force_residual: float
-    """Mean over the time that was asked of the unbalanced force on the worst free body over its weight [-]: 1 in free
-    fall, the share of the time that it takes to come down for what floats a little, about 0 at rest. What was not
-    simulated counts as balanced."""
+    """Mean over the time that was asked of the unbalanced force on the worst free body over its weight [-]: 1 while
+    it falls, any amount while it lands, about 0 at rest. What was not simulated counts as balanced."""
 
 
 def onward(
@@ -86,7 +85,7 @@ def begun(simulation: Simulation, placed: PlacedBodies) -> State:
         one = simulation.soft_of.get(index)
         if one is not None:
             moved = placed.nodes.get(body.name)
-            if moved is None and not body.fixed and body.name in placed.rotation:  # whole, as who moved it saw it
+            if moved is None and not body.fixed and body.name in placed.rotation:  # nobody kept more
                 rest = soft.rest[one.nodes]
                 moved = rest @ placed.rotation[body.name].T + placed.translation[body.name] - rest
             if moved is not None:

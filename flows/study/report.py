@@ -1,20 +1,17 @@
 """What the votes of a study say: Table 2, the raters, and the votes as a table."""
 
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from dcap.evaluation.judging.standing import without_placement
-from dcap.evaluation.outcome_table import SampleOutcome
 from dcap.evaluation.study.journal import StudyVote, read_votes
-from dcap.evaluation.study.placements import read_study_run
 from dcap.evaluation.study.raters import RaterRow, rater_rows, write_raters
 from dcap.evaluation.study.study_folder import STUDY_FOLDER, StudyDesign, export_votes, read_design
 from dcap.evaluation.study.tables import StudyTable, study_table, write_study_table
 from dcap.evaluation.table_files import TABLES
 from dcap.language.protocol.client import ClientName
 from dcap.scene.errors import InputError
-from flows.judge_run import read_rows
+from flows.judge_run import changed_since, read_rows
 from flows.run_files import chooser_of, find_run
 
 
@@ -27,7 +24,7 @@ class StudyReport:
     csv: Path
     tex: Path
     changed: tuple[str, ...] = ()
-    """Placements, METHOD/SAMPLE, that look otherwise now than when they were voted on."""
+    """Samples whose final states are others now than when the study began."""
 
 
 def report_study(run: str) -> StudyReport:
@@ -40,20 +37,12 @@ def report_study(run: str) -> StudyReport:
         raise InputError(f"{found.name}: its study has no votes yet; dcap study serve {run}")
     check_votes(found, design, votes)
     export_votes(folder, votes)
-    rows, results = rater_rows(design, votes), read_rows(found)
+    rows = rater_rows(design, votes)
     write_raters(folder, rows)
     offline = chooser_of(found).client is ClientName.OFFLINE
-    table = study_table(votes, design.seed, offline=offline, without_placement=without_placement(results))
+    table = study_table(votes, design.seed, offline=offline, without_placement=without_placement(read_rows(found)))
     csv, tex = write_study_table(found / TABLES, table, rows)
-    return StudyReport(table, rows, csv, tex, design.changed(states_now(found, results)))
-
-
-def states_now(run: Path, results: Sequence[SampleOutcome]) -> Mapping[str, str]:
-    """What placements look like now; votes stay where the run has nothing to show any more."""
-    try:
-        return read_study_run(run, results).states()
-    except InputError:
-        return {}
+    return StudyReport(table, rows, csv, tex, changed_since(found, design.states))
 
 
 def check_votes(run: Path, design: StudyDesign, votes: tuple[StudyVote, ...]) -> None:

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import uvicorn
 
+from dcap.evaluation.methods import joined_id
 from dcap.evaluation.study.attention import LIFTED, MODEL, SETTLED, check_folder, make_checks
 from dcap.evaluation.study.design import method_pairs, per_pair
 from dcap.evaluation.study.journal import VoteJournal
@@ -27,7 +28,7 @@ from dcap.evaluation.study.study_folder import (
     write_design,
 )
 from dcap.scene.errors import InputError
-from flows.judge_run import read_rows
+from flows.judge_run import changed_since, read_rows, states_of
 from flows.run_files import find_run
 from flows.study.app import study_app
 from flows.study.check_views import check_pictures, views_config
@@ -89,7 +90,8 @@ def new_design(run: StudyRun, folder: Path, options: StudyOptions, say: Callable
     if not checks:
         say(f"no attention checks: no placement of {run.folder.name} has a scene.glb that one can be made of")
     left_out = {f"{method}/{sample}": why for (method, sample), why in run.left_out.items()}
-    return StudyDesign(seed, count, pairs, checks, left_out, {}, run.states())
+    shown = [joined_id(method, sample) for method, sample in run.shown]
+    return StudyDesign(seed, count, pairs, checks, left_out, {}, states_of(run.folder, shown))
 
 
 def check_kept(run: StudyRun, known: StudyDesign | None, options: StudyOptions) -> None:
@@ -114,7 +116,7 @@ def check_shown(run: StudyRun, design: StudyDesign) -> None:
         if gone or not run.pair(item.left, item.right, item.sample)[0]:
             which = " and ".join(gone or (item.left, item.right))
             raise InputError(f"{run.folder.name}: its study shows {which} {item.sample}, which the run no longer has")
-    if changed := design.changed(run.states()):
+    if changed := changed_since(run.folder, design.states):
         raise InputError(
             f"{run.folder.name}: {len(changed)} placements have changed since its study began ({changed[0]}); move "
             f"{run.folder / STUDY_FOLDER} away and begin a new one"

@@ -80,6 +80,21 @@ def test_another_support_or_part_is_no_hit(tmp_path: Path, measures: dict[str, A
     assert found.right_place < 10.0
 
 
+def test_what_is_at_rest_elsewhere_is_not_as_expected_whatever_it_says_of_itself(tmp_path: Path):
+    """Its placement.json names the bed; under it is the floor."""
+    assert row(tmp_path, verdict=AT_REST).as_expected is True
+    found = row(tmp_path, verdict=AT_REST, support_id="floor", support_label="floor")
+    assert (found.base, found.support_hit, found.as_expected) == ("bed", False, False)
+
+
+def test_a_step_that_broke_leaves_drift_and_force_unknown(tmp_path: Path):
+    """It says something of the cells: the score is that of what is known."""
+    broke = STAYS | {"seconds": 0.0, "distance_m": None, "angle_rad": None, "force_residual": None, "broken": True}
+    found = row(tmp_path, drift=broke)
+    assert (found.drift_m, found.drift_deg, found.force_residual, found.drift_s) == (None, None, None, 0.0)
+    assert found.physics_naturalness == 10.0
+
+
 def outline() -> np.ndarray:
     """The region that was meant, shape (k, 2) [m]."""
     scene = Store.default().save(dented_bed.scene_of()).to_json()

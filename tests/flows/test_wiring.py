@@ -4,14 +4,22 @@ import shutil
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
+from box_rooms import block, thing
 from mypy import api
 
 from dcap.scene.settings import PROJECT_ROOT
+from dcap.scene.store.artifacts import Store
 from dcap.scene.store.ref import Ref
-from dcap.scene.types.sample import Sample
+from dcap.scene.types.anchor import Anchor
+from dcap.scene.types.measures import Drift
+from dcap.scene.types.sample import GivenPlace, Sample
+from dcap.scene.types.segmentation import SegmentedObject
 from flows.methods import place_by
-from flows.place import STAGES, PlaceConfig, place
+from flows.place import COARSER, STAGES, PlaceConfig, place
+from tasks.particles.config import ParticlesConfig
+from tasks.posed.stage import posed
 from tasks.runner.stage import Stage
 
 PLACE = PROJECT_ROOT / "flows" / "place.py"
@@ -97,3 +105,45 @@ def test_a_method_that_drops_nothing_poses_what_it_proposes(
     names = [stage.name for stage in STAGES]
     read = names[: names.index("intent") + 1]
     assert called == [*read, *ways, "materials", "particles", "posed", "render"]
+
+
+@pytest.mark.parametrize(("method", "pointed"), [("no_drop", True), ("rigid_drop", True), ("holodeck", False)])
+def test_a_given_place_is_taken_by_ours_and_what_is_left_of_it(
+    monkeypatch: pytest.MonkeyPatch, called: list[str], sample: Sample, method: str, *, pointed: bool
+) -> None:
+    """Ablations leave one idea out, and not the place with it; baselines find their own."""
+    monkeypatch.setattr("flows.place.ended_elsewhere", lambda _: False)
+    place_by(replace(sample, method=method, place=GivenPlace(at=(0.2, 0.2, 0.0))), PlaceConfig())
+    assert ("point" in called) is ("point_out" in called) is pointed
+
+
+@pytest.mark.parametrize(
+    ("broke", "nodes", "again"), [(False, False, False), (True, False, True), (True, True, False)],
+    ids=["holds", "a pose", "a dent"],
+)  # fmt: skip
+def test_a_pose_that_breaks_is_simulated_on_once_more_on_larger_cells(
+    monkeypatch: pytest.MonkeyPatch, called: list[str], sample: Sample, *, broke: bool, nodes: bool, again: bool
+) -> None:
+    """As a drop that breaks is; a dent is known on its own cells alone."""
+    drift = Store.default().save(Drift(0.0, 0, np.inf, np.inf, np.inf, "a step broke" if broke else "", broken=broke))
+    kept = (np.zeros((1, 3), dtype=np.float32),) if nodes else ()
+    state = replace(posed(SegmentedObject(thing("ball", block((0, 0, 0), (1, 1, 1)))), upright()), nodes=kept)
+    values = {"drift": drift, "posed": Store.default().save(state)}
+    note = Stage.__call__
+
+    def noted(stage: Stage[..., object], *given: object, **named: object) -> Ref[object]:
+        if stage.name == "particles":
+            assert isinstance(named["config"], ParticlesConfig)
+            cells.append(named["config"].coarser)
+        return values.get(stage.name) or note(stage, *given, **named)
+
+    cells: list[float] = []
+    monkeypatch.setattr(Stage, "__call__", noted)
+    place_by(replace(sample, method="no_drop"), PlaceConfig(measured=True, compared=True))
+    assert cells == [1.0, *([COARSER] * again)]
+
+
+def upright() -> Anchor:
+    """An anchor that leaves the object where it is."""
+    square = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0]])
+    return Anchor("bed", "mattress", 1, "center", np.zeros(2), np.zeros(3), np.eye(4), 0.0, square, "test")

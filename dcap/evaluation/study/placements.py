@@ -5,7 +5,6 @@ why it is not shown. What is shown is what judges compare (dcap/evaluation/judgi
 run's folder is ever named.
 """
 
-import hashlib
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -43,14 +42,6 @@ class ShownPlacement:
         path = self.folder / SCENE_GLB
         return path if path.is_file() else None
 
-    @property
-    def state(self) -> str:
-        """Digest of its pictures: what tells it from another placement in the same place."""
-        whole = hashlib.sha256()
-        for path in self.pictures:
-            whole.update(hashlib.sha256(path.read_bytes()).digest())
-        return whole.hexdigest()
-
 
 @dataclass(frozen=True, slots=True)
 class StudyRun:
@@ -70,10 +61,6 @@ class StudyRun:
         one, two = self.shown[left, sample].pictures, self.shown[right, sample].pictures
         common = {path.name for path in one} & {path.name for path in two}
         return tuple(p for p in one if p.name in common), tuple(p for p in two if p.name in common)
-
-    def states(self) -> dict[str, str]:
-        """What each placement that is shown looks like, by METHOD/SAMPLE."""
-        return {f"{method}/{sample}": one.state for (method, sample), one in self.shown.items()}
 
     def clean_picture(self, sample: str) -> Path | None:
         """The scene before anything was placed."""

@@ -44,12 +44,8 @@ class StudyDesign:
     """Placements that are not shown, METHOD/SAMPLE, and why."""
     raters: Mapping[str, tuple[StudyItem, ...]]
     states: Mapping[str, str] = field(default_factory=dict)
-    """Digest of the pictures of each placement that may be shown, METHOD/SAMPLE, as it was when the study began."""
-
-    def changed(self, now: Mapping[str, str]) -> tuple[str, ...]:
-        """Placements that look otherwise now, or are gone, of those that raters are asked about."""
-        asked = {f"{m}/{one.sample}" for items in self.raters.values() for one in items for m in (one.left, one.right)}
-        return tuple(sorted(one for one in asked & self.states.keys() if now.get(one) != self.states[one]))
+    """Fingerprint of the final state of each placement that may be shown, by the name of its sample, when the study
+    began."""
 
     def with_raters(self, count: int) -> "StudyDesign":
         """The same with at least so many raters."""

@@ -11,14 +11,17 @@ import pytest
 from many_methods_run import SAMPLES, change_row, many_methods_run
 from study_server import ServedStudy
 
+from dcap.evaluation.run_folder import sample_folder
 from dcap.evaluation.statistics.comparisons import JudgedAxis
 from dcap.evaluation.study.design import Side
 from dcap.evaluation.study.placements import read_study_run
 from dcap.evaluation.study.study_folder import STUDY_FOLDER, read_design, tokens_for, write_design
 from flows.cli.app import main
-from flows.judge_run import read_rows
+from flows.judge_run import changed_since, read_rows, states_of
+from flows.measures_file import MEASURES
 from flows.server import free_port
 from flows.study import serve
+from flows.study.report import report_study
 from flows.study.serve import StudyOptions, shown_host
 
 
@@ -100,19 +103,24 @@ def test_a_study_of_which_a_check_is_gone(study: ServedStudy, capsys: pytest.Cap
 
 def test_a_study_of_which_a_placement_has_changed(study: ServedStudy, capsys: pytest.CaptureFixture[str]) -> None:
     """Votes on what was shown first and on what is there now are votes on two placements: refused, until the first is
-    there again."""
-    design, item = read_design(study.folder), study.session.current("r01")
+    there again; so says a report, which counts the votes all the same."""
+    design, name = read_design(study.folder), "bed-1"
     assert design is not None
-    assert item is not None
-    design = replace(design, states=study.session.run.states())
+    measured = sample_folder(study.run, name) / MEASURES
+    measured.write_text('{"measures": 1}')
+    design = replace(design, states=states_of(study.run, [name]))
     write_design(study.folder, design)
-    picture = study.session.run.shown[item.left, item.sample].pictures[0]
-    before = picture.read_bytes()
-    picture.write_bytes(before + b"\0")
+    assert changed_since(study.run, design.states) == ()
+    measured.write_text('{"measures": 2}')
     said = complaint(capsys, "serve", study.run, "--port", free_port())
-    assert f"1 placements have changed since its study began ({item.left}/{item.sample})" in said
-    picture.write_bytes(before)
-    assert design.changed(study.session.run.states()) == ()
+    assert f"1 placements have changed since its study began ({name})" in said
+    item = study.session.current("r01")
+    assert item is not None
+    sent = {"item": item.item, "seconds": 1, **{axis.value: "left" for axis in JudgedAxis}}
+    assert study.browser.post(f"{study.page('r01')}/votes", json=sent).status_code == 200
+    assert report_study(str(study.run)).changed == (name,)
+    measured.write_text('{"measures": 1}')
+    assert report_study(str(study.run)).changed == ()
 
 
 def test_a_broken_design_is_named(study: ServedStudy, capsys: pytest.CaptureFixture[str]) -> None:

@@ -9,11 +9,13 @@ import pytest
 import trimesh
 from box_rooms import block, segmentation, thing
 
+from dcap.scene.errors import GeometryError
 from dcap.scene.types.anchor import Anchor
 from dcap.scene.types.intent import Intent, OrientationRequest, RegionRequest
 from dcap.scene.types.materials import BodyModel, Material, PartMaterial, PartMaterials
 from dcap.scene.types.measures import Indentation
 from dcap.scene.types.mesh import Mesh
+from dcap.scene.types.outcome import Infeasible
 from dcap.scene.types.particles import ColumnLayer, Particles
 from dcap.scene.types.segmentation import Segmentation, SegmentedObject, SegmentedScene
 from solver.certificate import Verdict
@@ -21,7 +23,7 @@ from tasks.measure.drift import DriftConfig, drift
 from tasks.measure.sinking import indentation
 from tasks.measure.touch import measure
 from tasks.particles.config import ParticlesConfig
-from tasks.particles.stage import particles
+from tasks.particles.stage import particles, proposal_particles
 from tasks.posed.stage import posed
 
 RADIUS, TOP, DEPTH = 0.05, 0.5, 12.166e-3
@@ -144,6 +146,17 @@ def test_a_dent_of_which_nothing_is_kept_is_not_simulated_on():
     told = drift(nothing, replace(found, bodies=(dented,)), DriftConfig())
     assert "keeps no displacements inside of object" in told.reason
     assert (told.seconds, told.broken) == (0.0, False)
+
+
+def test_a_pose_of_which_no_bodies_can_be_made_is_no_failure():
+    """More material points than are allowed: refused for a drop, told for a pose, which is measured without them."""
+    given = SegmentedScene(room()), SegmentedObject(ball()), intent(), anchor(0.0, TOP), made_of(WOOD, FOAM)
+    few = ParticlesConfig(particle_limit=1)
+    with pytest.raises(GeometryError, match="particles > 1"):
+        particles(*given, few)
+    found = proposal_particles(*given, few)
+    assert isinstance(found, Infeasible)
+    assert "particles > 1" in found.message
 
 
 @pytest.mark.slow
