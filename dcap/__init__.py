@@ -22,6 +22,7 @@ if TYPE_CHECKING:
         GeometryError,
         InputError,
         LanguageError,
+        MachineError,
         StoreError,
     )
     from flows.api import drop, place
@@ -42,6 +43,7 @@ __all__ = [
     "InputError",
     "Interior",
     "LanguageError",
+    "MachineError",
     "Model",
     "Placement",
     "Result",
@@ -60,7 +62,8 @@ __all__ = [
 
 HOMES = {
     "dcap.scene.errors": (
-        "BudgetError", "DcapError", "FormatError", "GeometryError", "InputError", "LanguageError", "StoreError",
+        "BudgetError", "DcapError", "FormatError", "GeometryError", "InputError", "LanguageError", "MachineError",
+        "StoreError",
     ),
     "flows.api": ("drop", "place"),
     "flows.results": ("Placement", "Result"),

@@ -1,6 +1,7 @@
 """What `import dcap` offers to notebooks and other programs; nothing is printed, every error is raised.
 
-Options are those of the command line, with underscores in their names (`DropOptions`, `PlaceOptions`).
+Options are those of the command line, with underscores in their names (`DropOptions`, `PlaceOptions`); what is not
+given may stand in `dcap.yaml` or the environment, as there.
 """
 
 import os
@@ -11,6 +12,7 @@ from pathlib import Path
 from typing import Unpack
 
 from dcap.quiet_imports import quiet_imports
+from dcap.scene.machine_errors import as_machine_errors
 from dcap.scene.settings import runs_root
 from flows.options import (
     DropKeywords,
@@ -20,13 +22,14 @@ from flows.options import (
     check_case,
     check_out,
     check_prompt,
-    checked,
 )
 from flows.results import Placement, Result
+from flows.settings.own import effective_options, exported_paths
 
 AnyPath = str | os.PathLike[str]
 
 
+@exported_paths()
 def place(scene: AnyPath, object: AnyPath, prompt: str, **options: Unpack[PlaceKeywords]) -> Placement:  # noqa: A002
     """Place one object in one scene, as `dcap place` does.
 
@@ -42,28 +45,30 @@ def place(scene: AnyPath, object: AnyPath, prompt: str, **options: Unpack[PlaceK
     conditioning maps to it, `animate` a film of the drop,
     `surface` "iso" the surfaces around the material points.
 
-    Raises InputError for input or options that cannot be used, LanguageError for a prompt that was not understood, and
-    other kinds of DcapError.
+    Raises InputError for input or options that cannot be used, LanguageError for a prompt that was not understood,
+    MachineError for a full disk and the like, and other kinds of DcapError.
     """
-    chosen = checked(PlaceOptions, options)
+    chosen = effective_options(PlaceOptions, options)
     check_prompt(prompt)
     out = chosen.out or new_folder("place")
     check_out(out)
     with quiet_imports():  # after the checks: the stages bring heavy libraries
         from flows.place_one import place_files
 
-    return Placement.of(place_files(os.fspath(scene), os.fspath(object), prompt, chosen, out, quiet=True), out)
+    with as_machine_errors():
+        return Placement.of(place_files(os.fspath(scene), os.fspath(object), prompt, chosen, out, quiet=True), out)
 
 
+@exported_paths()
 def drop(case: AnyPath | Mapping[str, object], **options: Unpack[DropKeywords]) -> Result:
     """Settle the bodies of a case file, or of a dict of the same structure, as `dcap drop` does; physics only.
 
     Meshes that a dict names are relative to the working directory. The files go into `out`, by default a new folder
     below `data/runs/python`. Options: `solver`, `resolution` [m], `threads`, `arch`, `stability`, `load_aware`.
 
-    Raises InputError for a case or options that cannot be used.
+    Raises InputError for a case or options that cannot be used, MachineError for a full disk and the like.
     """
-    chosen = checked(DropOptions, options)
+    chosen = effective_options(DropOptions, options)
     if not isinstance(case, Mapping):
         case = Path(case)
         check_case(case)
@@ -72,7 +77,8 @@ def drop(case: AnyPath | Mapping[str, object], **options: Unpack[DropKeywords]) 
     with quiet_imports():
         from flows.drop_one import drop_case
 
-    return Result.of(drop_case(case, chosen, out, quiet=True), out)
+    with as_machine_errors():
+        return Result.of(drop_case(case, chosen, out, quiet=True), out)
 
 
 def new_folder(kind: str) -> Path:

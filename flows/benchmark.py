@@ -5,17 +5,13 @@ A run is a folder `data/runs/NAME` with one folder per sample (placement.json, o
 after the last sample has finished, and only for the report.
 """
 
-import json
 import os
 import platform
 import time
-from collections.abc import Mapping, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor, as_completed
-from contextlib import AbstractContextManager, nullcontext
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
-from threading import Semaphore
 
 from dcap.evaluation.method_report import MethodTable, shown_lines
 from dcap.evaluation.methods import DCAP, METHODS, by_method, split_id, with_examples
@@ -23,26 +19,26 @@ from dcap.evaluation.outcome_table import ExpectedOutcome, SampleOutcome, read_t
 from dcap.evaluation.report import write_report
 from dcap.evaluation.run_folder import sample_folder
 from dcap.evaluation.run_summary import RunSummary, summary_of
-from dcap.language.model.batch import batch_queue
 from dcap.language.model.ledger import check_budget, spending_of
 from dcap.language.protocol.client import ClientName
-from dcap.language.protocol.session import Session
 from dcap.scene.errors import InputError
 from dcap.scene.json_tree import JsonObject, object_to_json
 from dcap.scene.settings import data_root, runs_root, version
 from dcap.scene.types.sample import Sample
-from flows.display import Display, print_lines, print_plan, print_table
+from flows.display import Display, print_lines, print_table, summary_line
+from flows.failed_before import failed_before
 from flows.judge_run import judged_rows, write_rows
 from flows.language_options import LEDGER, LanguageOptions
-from flows.measures_file import write_measures
-from flows.output import readable_json, write_placement
+from flows.look_ahead import plan_ahead
+from flows.output import readable_json
 from flows.place import PlaceConfig
-from flows.run_files import RUN, asked_of_run, find_run, located, sample_from_json
+from flows.run_files import RUN, asked_of_run, find_run, kept, located, read_result, sample_from_json, undamaged
+from flows.run_names import WatchedRun
+from flows.run_samples import run_all, settle_result
 from flows.sample_run import (
     OVERVIEW,
     STAGE_NAMES,
     FailedSample,
-    FinishedSample,
     Plan,
     heavy_modules,
     plan_sample,
@@ -51,18 +47,16 @@ from flows.sample_run import (
 from flows.samples import EMBEDDED, SPLAT_ROOMS, TRUTH, load_samples, load_yaml
 from flows.scene_lists import of_scenes
 from flows.scoring import scored_row
-from flows.server import prefect_server
+from flows.server import prefect_server, server_answers
+from flows.watching import Watch
 from tasks.mesh.stage import mesh_object_task, mesh_scene_task
 from tasks.runner.context import RunContext
 from tasks.runner.digests import installed_version
-from tasks.runner.process import kill_all
 from tasks.runner.process_server import process_server
 
 DATASET_SEED = 0
 MESH, BOTH_MESHES = "mesh", {mesh_scene_task.name, mesh_object_task.name}
 """What a person calls the two stages together."""
-IN_A_BATCH = 32
-"""Samples whose questions gather for one batch; each waits in a thread and a flow run of its own."""
 SPLATS = 500_000
 """Gaussians per room of the embedded dataset of splats; a scene of InteriorGS has as many."""
 
@@ -89,21 +83,6 @@ class Run:
         return sum(row.error != "" for row in self.rows)
 
 
-@dataclass(frozen=True, slots=True)
-class PlanRow:
-    """What a benchmark would do for one sample."""
-
-    sample: str
-    cached: tuple[str, ...]
-    """Stages whose results are there."""
-    runs: str | None
-    """First stage that would run; None if none would."""
-    why: str | None
-    """Why it would run, or what is wrong with the sample; None if all is there."""
-    may_run: tuple[str, ...]
-    """Stages that run after it if their inputs change."""
-
-
 def run_benchmark(
     dataset: Path | None,
     config: PlaceConfig,
@@ -120,14 +99,18 @@ def run_benchmark(
     config = measured_config(config, methods)
     path, samples = dataset_samples(dataset, methods, limit, scenes)
     if only_failed:
-        samples = failed_before(samples)
+        samples = failed_before(path, samples, config)
     language = language or LanguageOptions()
     folder = new_run_folder(path, samples, config, language)
     with Display(samples) as display:
         plans = plan_all(samples, config, display)
-        results = run_all(plans, config, folder, language.session(folder), workers, display)
-    rows = scored_rows(folder, results, truths_of(path, list(results)))
-    run = finish(folder, rows, time.monotonic() - begin)
+
+        def whole(watch: Watch) -> Run:
+            results = run_all(plans, config, folder, language.session(folder), workers, display, watch)
+            rows = scored_rows(folder, results, truths_of(path, list(results)))
+            return finish(folder, rows, time.monotonic() - begin)
+
+        run = watched(folder, plans, display, {"dataset": str(path), "workers": workers}, whole)
     print_table(run.rows, run.summary, folder)
     if run.table:
         print_lines(shown_lines(run.table))
@@ -181,80 +164,26 @@ def plan_all(samples: Sequence[Sample], config: PlaceConfig, display: Display) -
     return plans
 
 
-def run_all(
-    plans: Sequence[Plan], config: PlaceConfig, folder: Path, session: Session, workers: int, display: Display
-) -> dict[Sample, tuple[JsonObject | None, str]]:
-    """placement.json and error message of every sample; Prefect starts only if some sample has work to do."""
-    results: dict[Sample, tuple[JsonObject | None, str]] = {plan.sample: (None, "") for plan in plans}
-    waiting = []
-    for plan in plans:
-        known = plan.finished or plan.failed
-        if known is None:
-            waiting.append(plan.sample)
-        else:
-            results[plan.sample] = settle_result(folder, known, display)
-    if not waiting:
-        return results
-    slots = Semaphore(workers) if session.batch else None
-    at_a_time = min(len(waiting), max(workers, IN_A_BATCH)) if session.batch else workers
-    # the queue closes before the pool waits for the threads that wait for it
-    with (
-        prefect_server() as url,
-        process_server(heavy_modules(name for plan in plans for name in plan.coming)) as server,
-        ThreadPoolExecutor(at_a_time) as pool,
-        asking_queue(session, display),
-    ):
-        display.serving(url)
-        context = RunContext(session=session, slots=slots, server=server)
-        futures: dict[Future[FinishedSample | FailedSample], Sample] = {
-            pool.submit(try_sample, sample, config, context=context, listener=display.listener(sample)): sample
-            for sample in waiting
-        }
-        try:
-            for future in as_completed(futures):
-                results[futures[future]] = settle_result(folder, future.result(), display)
-        except BaseException:
-            pool.shutdown(wait=False, cancel_futures=True)
-            kill_all()  # the threads wait for these processes
-            raise
-    return results
+def watched(
+    folder: Path, plans: Sequence[Plan], display: Display, asked: dict[str, object], whole: Callable[[Watch], Run]
+) -> Run:
+    """Run the whole benchmark as one flow run. Where all is cached, no server is started for it: then it is shown only
+    if one runs already."""
+    work = any(plan.settled is None for plan in plans)
+    if not work and not server_answers():
+        return whole(Watch())
+    with prefect_server() as url:
+        if work:
+            display.serving(url)
+
+        from flows.benchmark_flow import in_benchmark_run  # imports Prefect, after the server's address is known
+
+        return in_benchmark_run(folder, [plan.sample for plan in plans], asked, whole, ending)
 
 
-def asking_queue(session: Session, display: Display) -> AbstractContextManager[None]:
-    """A queue for questions in batches, if the run asks in batches."""
-    return batch_queue(Path(session.batch), session, display.say) if session.batch else nullcontext()
-
-
-def settle_result(
-    folder: Path, result: FinishedSample | FailedSample, display: Display
-) -> tuple[JsonObject | None, str]:
-    """Keep what a sample returned, good or bad."""
-    if isinstance(result, FailedSample):
-        write_failure(folder, result)
-        display.failed(result.sample, result.message)
-        return None, result.message
-    try:
-        tree = keep(folder, result)
-    except Exception as error:  # the border between samples: a result that cannot be written is this one's failure
-        return settle_result(folder, FailedSample(result.sample, error), display)
-    display.finished(result.sample)
-    return tree, ""
-
-
-def keep(folder: Path, finished: FinishedSample) -> JsonObject:
-    """Write a sample's results into the run."""
-    out = sample_folder(folder, finished.sample.id)
-    (out / "error.txt").unlink(missing_ok=True)
-    tree = write_placement(finished, out)
-    write_measures(finished, out)
-    return tree
-
-
-def write_failure(folder: Path, failed: FailedSample) -> None:
-    """Write why a sample failed into the run."""
-    out = sample_folder(folder, failed.sample.id)
-    out.mkdir(parents=True, exist_ok=True)
-    (out / "error.txt").write_text(f"{failed.message}\n\n{failed.details}".rstrip() + "\n")
+def ending(run: Run) -> tuple[bool, str]:
+    """Whether all samples got through, and the counts in a line."""
+    return run.failed == 0, summary_line(run.summary)
 
 
 def new_run_folder(dataset: Path, samples: Sequence[Sample], config: PlaceConfig, language: LanguageOptions) -> Path:
@@ -312,37 +241,12 @@ def measured_config(config: PlaceConfig, methods: Sequence[str]) -> PlaceConfig:
     return config.model_copy(update={"measured": True, "compared": len(set(methods)) > 1})
 
 
-def plan_benchmark(
-    dataset: Path | None,
-    config: PlaceConfig,
-    *,
-    limit: int | None = None,
-    methods: Sequence[str] = (DCAP,),
-    scenes: str = "",
-) -> list[PlanRow]:
-    """Print what would run and why."""
-    _, samples = dataset_samples(dataset, methods, limit, scenes)
-    config = measured_config(config, methods)
-    plans = [plan_sample(sample, config) for sample in samples]
-    print_plan(plans)
-    return [plan_row(plan) for plan in plans]
-
-
-def plan_row(plan: Plan) -> PlanRow:
-    """The row of a sample."""
-    why = plan.failed.message if plan.failed else plan.why or None
-    return PlanRow(plan.sample.id, plan.cached, plan.missing or None, why, plan.later)
-
-
 def rerun_sample(run: str, sample_id: str, stage: str, max_cost: float | None = None) -> tuple[JsonObject, Path]:
     """Compute one stage of one sample again; its placement.json and the run's report, both written anew."""
-    known = (*STAGE_NAMES, OVERVIEW)
-    refreshed = frozenset(BOTH_MESHES if stage == MESH else {stage})
-    if not refreshed.issubset(known):
-        raise InputError(f"--stage {stage!r} is not one of {', '.join((MESH, *known))}")
     folder = find_run(run)
     asked = asked_of_run(folder)
     sample, config = asked.sample(sample_id), asked.config
+    refreshed = stages_to_refresh(stage, sample, config)
     language = replace(asked.language, max_cost=max_cost, batch=False)
     if language.client is ClientName.REPLAY and language.config() != config.intent.language:
         raise InputError(f"--replay {language.replay}: the recording has changed since {folder.name}; run it again")
@@ -358,6 +262,7 @@ def rerun_sample(run: str, sample_id: str, stage: str, max_cost: float | None = 
             config,
             context=RunContext(refresh=refreshed, session=replace(language.session(folder), fresh=True), server=server),
             listener=display.listener(sample),
+            run=WatchedRun(folder.name),
         )
         tree, _ = settle_result(folder, result, display)
     page = rewrite_report(run)
@@ -367,37 +272,29 @@ def rerun_sample(run: str, sample_id: str, stage: str, max_cost: float | None = 
     return tree, page
 
 
+def stages_to_refresh(stage: str, sample: Sample, config: PlaceConfig) -> frozenset[str]:
+    """The stages that a person means by a name; those that measure or propose are known from the sample itself."""
+    refreshed = frozenset(BOTH_MESHES if stage == MESH else {stage})
+    known = dict.fromkeys((*STAGE_NAMES, OVERVIEW))
+    if not refreshed.issubset(known):
+        known |= dict.fromkeys(one.stage for one in plan_ahead(sample, config).stages)
+    if not refreshed.issubset(known):
+        raise InputError(f"--stage {stage!r} is not one of {', '.join((MESH, *known))}")
+    return refreshed
+
+
 def rewrite_report(run: str) -> Path:
     """Read a run's folder again and write its table and report."""
     folder = find_run(run)
-    asked = json.loads((folder / RUN).read_text())
-    samples = [sample_from_json(one) for one in asked["samples"]]
+    asked = kept(folder / RUN)
+    with undamaged(folder / RUN):
+        dataset, samples = Path(asked["dataset"]), [sample_from_json(one) for one in asked["samples"]]
     results = {sample: read_result(sample_folder(folder, sample.id)) for sample in samples}
-    return rewrite_page(folder, scored_rows(folder, results, truths_of(Path(asked["dataset"]), samples)))
+    return rewrite_page(folder, scored_rows(folder, results, truths_of(dataset, samples)))
 
 
 def rewrite_page(folder: Path, rows: Sequence[SampleOutcome]) -> Path:
     """Write tables, summary and report of known rows again."""
-    before = json.loads((folder / "summary.json").read_text()) if (folder / "summary.json").is_file() else {}
+    before = kept(folder / "summary.json") if (folder / "summary.json").is_file() else {}
     finish(folder, rows, float(before.get("wall_s", 0.0)))
     return folder / "report.html"
-
-
-def read_result(folder: Path) -> tuple[JsonObject | None, str]:
-    """placement.json or the error of a sample's folder."""
-    if (folder / "error.txt").is_file():
-        return None, (folder / "error.txt").read_text().splitlines()[0]
-    if (folder / "placement.json").is_file():
-        return json.loads((folder / "placement.json").read_text()), ""
-    return None, "did not finish"
-
-
-def failed_before(samples: Sequence[Sample]) -> list[Sample]:
-    """The samples of the last run that failed or did not finish in it."""
-    folder = find_run("last")
-    asked = {one["id"] for one in json.loads((folder / RUN).read_text())["samples"]}
-    known = [sample for sample in samples if sample.id in asked]
-    left = [sample for sample in known if read_result(sample_folder(folder, sample.id))[0] is None]
-    if not left:
-        raise InputError(f"nothing failed in {folder.name}; run without --only-failed")
-    return left

@@ -8,17 +8,19 @@ from pydantic import BaseModel
 from dcap.language.protocol.client import LanguageConfig
 from flows.options import PlaceOptions
 from flows.place import PlaceConfig
+from flows.settings.own import effective_options
+from flows.settings.stages import stage_settings
 
 Config = TypeVar("Config", bound=BaseModel)
 
 
 def configured(options: PlaceOptions, *, language: LanguageConfig | None = None, arch: str = "cpu") -> PlaceConfig:
-    """The default configuration with a person's choices in it.
+    """The stages' settings (flows/settings) with a person's choices in them.
 
     `arch` is cpu or cuda, what `options.arch` stands for on this machine: a key of the cache must not depend on what
     this machine has. Who is asked (`language`) follows from several options (flows/language_options.py).
     """
-    default = PlaceConfig()
+    default = stage_settings()
     asking = {"language": language or LanguageConfig()}
     threads = {"threads": options.threads}
     physics = changed(
@@ -30,20 +32,28 @@ def configured(options: PlaceOptions, *, language: LanguageConfig | None = None,
             "mls_cell": options.resolution if options.solver == "mls" else None,
         },
     )
-    return PlaceConfig(
-        scene_mesh=changed(default.scene_mesh, threads),
-        object_mesh=changed(default.object_mesh, threads),
-        segment=changed(default.segment, asking),
-        intent=changed(default.intent, {**asking, "ambiguous": options.ambiguous}),
-        rotation=changed(default.rotation, asking),
-        anchor=changed(default.anchor, asking),
-        materials=changed(
+    stages = {
+        "scene_mesh": changed(default.scene_mesh, threads),
+        "object_mesh": changed(default.object_mesh, threads),
+        "segment": changed(default.segment, asking),
+        "intent": changed(default.intent, {**asking, "ambiguous": options.ambiguous}),
+        "rotation": changed(default.rotation, asking),
+        "anchor": changed(default.anchor, asking),
+        "materials": changed(
             default.materials, {**asking, "load_aware": options.load_aware, "paper_limits": options.paper_limits}
         ),
-        particles=changed(default.particles, {"cell": options.resolution}),
-        drop=changed(default.drop, {"solver": physics, **threads}),
-        drift=changed(default.drift, threads),
-    )
+        "particles": changed(default.particles, {"cell": options.resolution}),
+        "drop": changed(default.drop, {"solver": physics, **threads}),
+        "drift": changed(default.drift, threads),
+    }
+    return changed(default, stages)
+
+
+def many_options(flags: Mapping[str, object], threads: int = 0) -> PlaceOptions:
+    """The options of a benchmark, whose samples have no person who could be asked what was meant."""
+    mine = {name: value for name, value in flags.items() if name in PlaceOptions.model_fields}
+    options = effective_options(PlaceOptions, mine, {"ambiguous": "best"})
+    return options.model_copy(update={"threads": threads})
 
 
 def changed(config: Config, settings: Mapping[str, object]) -> Config:

@@ -18,7 +18,7 @@ from pathlib import Path
 from dcap.scene.errors import InputError
 from dcap.scene.json_tree import JsonObject, JsonValue
 from dcap.scene.settings import version
-from dcap.scene.store.artifacts import digest_of_file
+from dcap.scene.store.digest import digest_of_file
 from dcap.scene.types.sample import Sample
 from flows.output import PICTURES, SCHEMA, readable_json
 from flows.pack_readme import readme

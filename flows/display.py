@@ -101,6 +101,11 @@ class Display:
 
         return on_event
 
+    def share(self) -> float:
+        """How much of the work that planning has left is done, 0..1, by its stages."""
+        with self.lock:
+            return sum(self.stages_done[name] for name in self.stages) / (sum(self.stages.values()) or 1)
+
     def say(self, text: str) -> None:
         """A line that is not about one sample."""
         self.console.print(text)
@@ -132,13 +137,15 @@ def work_line(sample: str, stage: str, text: str, since: float) -> str:
     return f"  {sample[:SHOWN_WIDTH]:<{SHOWN_WIDTH}} {stage:<14} {seconds:5.0f} s  {text[:40]}"
 
 
-def print_plan(plans: Sequence[Plan]) -> None:
-    """What would run, per sample, and a line of totals."""
+def print_plan(plans: Sequence[Plan], *, stages: bool = False) -> None:
+    """What would run, per sample and perhaps per stage, and a line of totals."""
     console = console_on_stderr()
     table = Table("sample", "cached", "would run", "why", box=None)
     for plan in plans:
         count = "all" if plan.finished else ("-" if plan.failed else f"{len(plan.cached)} of {plan.stage_count}")
         table.add_row(plan.sample.id, count, plan.missing or "-", plan.failed.message if plan.failed else plan.why)
+        for one in plan.stages if stages else ():
+            table.add_row("", "", f"{one.state.replace('_', ' ')} {one.stage}", one.why or "")
     console.print(table)
     console.print(f"{sum(plan.finished is not None for plan in plans)} of {len(plans)} samples are cached")
 

@@ -5,8 +5,13 @@ from pathlib import Path
 
 from dcap.scene.json_tree import JsonObject
 from flows.options import DropOptions
+from flows.settings.given import given_settings
+from flows.settings.own import OWN
 from tasks.arch import chosen_arch
 from tasks.case.run import run_case
+
+SOLVER = "drop.solver."
+"""Section whose settings are those of a case's solver, too."""
 
 
 def drop_case(case: Path | Mapping[str, object], options: DropOptions, out: Path, *, quiet: bool) -> JsonObject:
@@ -20,5 +25,17 @@ def drop_case(case: Path | Mapping[str, object], options: DropOptions, out: Path
         threads=options.threads,
         stability=options.stability,
         load_aware=options.load_aware,
+        settings=solver_settings(),
         quiet=quiet,
     )
+
+
+def solver_settings() -> Mapping[str, object]:
+    """What was given of the solver's settings, checked with the other stages' that stand beside them."""
+    given = [key for key in given_settings() if key.partition(".")[0] not in OWN]
+    if not given:
+        return {}
+    from flows.settings.stages import stage_settings  # only then: the stages bring heavy libraries
+
+    solver = stage_settings().drop.solver.model_dump()
+    return {key.removeprefix(SOLVER): solver[key.removeprefix(SOLVER)] for key in given if key.startswith(SOLVER)}

@@ -14,6 +14,7 @@ from dcap.language.protocol.client import DEFAULT_MODEL, ClientName, LanguageCon
 from dcap.language.protocol.session import Session
 from dcap.scene.errors import InputError
 from flows.options import PlaceOptions
+from flows.settings.own import RunSettings
 
 LEDGER = "usage.jsonl"
 """Name of the ledger in a run's folder."""
@@ -99,6 +100,11 @@ class LanguageOptions:
 def language_options(options: PlaceOptions) -> LanguageOptions:
     """Those of a single placement."""
     return LanguageOptions(options.language, options.model, options.record, options.replay, options.max_cost)
+
+
+def language_of(run: RunSettings) -> LanguageOptions:
+    """Those of a benchmark."""
+    return LanguageOptions(run.language, run.model, run.record, run.replay, run.max_cost, run.batch)
 
 
 def recorded_model(folder: ReplyFolder, wanted: str) -> str:

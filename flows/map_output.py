@@ -18,7 +18,8 @@ from dcap.geometry.camera_file import read_camera
 from dcap.geometry.rendering.composite import composite
 from dcap.geometry.rendering.map_files import COLMAP, COMPOSITE, FILES, write_maps
 from dcap.scene.errors import InputError
-from dcap.scene.readers.files.image import read_image
+from dcap.scene.readers.files.content import read_bytes
+from dcap.scene.readers.files.image import FORMATS, read_image
 from flows.options import check_out
 from flows.placement_json import Values
 from flows.run_files import FinishedPlacement
@@ -78,11 +79,11 @@ def automatic_camera(values: Values, config: RenderConfig) -> Camera:
 def read_photo(path: Path) -> NDArray[np.uint8]:
     """A photograph as sRGB bytes, turned as its EXIF data say, shape (h, w, 3)."""
     try:
-        data = path.read_bytes()
+        data = read_bytes(path)
     except OSError as error:
         raise InputError(f"--over {path}: {error.strerror or error}") from None
     plain = read_image(data, str(path))  # says what is wrong with what is no picture
-    with Image.open(io.BytesIO(data)) as photo:
+    with Image.open(io.BytesIO(data), formats=FORMATS) as photo:
         if photo.mode.startswith(("I", "F")):
             raise InputError(f"--over {path}: {photo.mode} has more than 8 bits a channel; give an 8-bit sRGB picture")
         turned = photo.getexif().get(ExifTags.Base.Orientation, 1) != 1

@@ -44,6 +44,8 @@ Examples = tuple[Ref[FloorPlans] | None, tuple[str, ...]]
 """Gathered plans, and names of the scenes that have none."""
 EXAMPLES: dict[Hashable, Examples] = {}
 """What was gathered in this process: a chain of stages as long as there are scenes, for each scene."""
+PENDING = "Pending"
+"""Kind of what stands for a result that is not there yet, while a plan looks ahead."""
 NO_DROP, RIGID_DROP = "no_drop", "rigid_drop"
 OTHER_MATERIALS = frozenset({RIGID_DROP, "blended_materials", "paper"})
 """Ablations whose drop has other materials, or none that gives way."""
@@ -163,6 +165,8 @@ def examples_of(sample: Sample, config: PlaceConfig) -> Examples:
             left_out.append(Path(other).name)
         else:
             plans = gathered_task(plan, plans)
+    if plans is not None and plans.kind == PENDING:
+        return plans, tuple(left_out)
     return EXAMPLES.setdefault(asked, (plans, tuple(left_out)))
 
 

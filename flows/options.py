@@ -10,8 +10,10 @@ from pathlib import Path
 from typing import Annotated, Literal, TypedDict, TypeVar, get_args
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, Field, ValidationError, model_validator
+from pydantic_core import ErrorDetails
 
 from dcap.scene.errors import InputError
+from dcap.scene.given_text import LONGEST_PROMPT, LONGEST_WORDS, shortened, unfit
 from dcap.scene.spelling import did_you_mean
 
 LARGEST_RESOLUTION_M = 1.0
@@ -24,6 +26,14 @@ UpName = Literal["auto", "y", "z", "-y", "-z"]
 UnitName = Literal["auto", "m", "cm", "mm", "in"]  # the keys of METRES: a Literal cannot be computed
 UPS: tuple[str, ...] = get_args(UpName)
 UNITS: tuple[str, ...] = get_args(UnitName)
+LONGEST_NAME = 255
+"""Bytes of the name of a file or folder on all common file systems."""
+LONGEST_FOLDER = 3500
+"""Bytes of a result folder's path: Linux takes 4096, and files are named below it."""
+LARGEST_SEED = 2**63 - 1
+"""What tables can hold."""
+SHOWN = 100
+"""Characters of a value that a message shows."""
 CROSSED = "--stability needs --solver tl: mls does not verify rest states"
 
 
@@ -50,7 +60,16 @@ def within(low: float, high: float, meaning: str) -> AfterValidator:
     return AfterValidator(check)
 
 
-Words = Annotated[str, BeforeValidator(lambda value: os.fspath(value) if isinstance(value, os.PathLike) else value)]
+def fitting(value: str) -> str:
+    """Short text without control characters."""
+    if why := unfit(value, LONGEST_WORDS):
+        raise ValueError(why)
+    return value
+
+
+Phrase = Annotated[str, AfterValidator(fitting)]
+"""A label, a name or other short text."""
+Words = Annotated[Phrase, BeforeValidator(lambda value: os.fspath(value) if isinstance(value, os.PathLike) else value)]
 """Text, or a path."""
 
 
@@ -61,13 +80,13 @@ def between_commas(value: object) -> object:
     return ",".join(str(one) for one in value)
 
 
-Numbers = Annotated[str, BeforeValidator(between_commas)]
+Numbers = Annotated[Phrase, BeforeValidator(between_commas)]
 """Numbers between commas, or any sequence of them."""
 Up = Annotated[UpName, one_of(UpName)]
 Unit = Annotated[UnitName, one_of(UnitName)]
 CellSize = Annotated[float, within(0.0, LARGEST_RESOLUTION_M, f"a cell size between 0 and {LARGEST_RESOLUTION_M} m")]
 Mass = Annotated[float, within(0.0, float("inf"), "a positive number of kilograms")]
-Whole = Annotated[int, Field(ge=0)]
+Whole = Annotated[int, Field(ge=0, le=LARGEST_SEED)]
 
 
 class DropOptions(BaseModel, frozen=True, extra="forbid"):
@@ -99,9 +118,9 @@ class PlaceOptions(DropOptions, frozen=True, extra="forbid"):
     """What `place` takes. A subclass, because options are given flat, by their names, on the command line and in
     Python."""
 
-    language: str = ""
+    language: Phrase = ""
     """Who reads the sentence: offline (default), anthropic, openai or replay."""
-    model: str = ""
+    model: Phrase = ""
     """Model to ask."""
     record: Words = ""
     """Folder that gets a copy of every reply."""
@@ -109,13 +128,13 @@ class PlaceOptions(DropOptions, frozen=True, extra="forbid"):
     """Folder of recorded replies to answer from."""
     max_cost: float | None = None
     """Most to be spent on a model [USD]."""
-    label: str = ""
+    label: Phrase = ""
     """What the scene mesh, or its unnamed nodes, shows."""
     up: Up = "auto"
     """Up axis of the scene file."""
     unit: Unit = "auto"
     """Length unit of the scene file."""
-    height_of: str = ""
+    height_of: Phrase = ""
     """THING=METRES: the height of a thing of the scene, by which a file of unknown scale is scaled."""
     labels: Words = ""
     """File that names the scene's things."""
@@ -123,7 +142,7 @@ class PlaceOptions(DropOptions, frozen=True, extra="forbid"):
     """X,Y,Z or X,Y: a point of the scene file's own frame that the object goes to."""
     support: Numbers = ""
     """x0,y0,z0,x1,y1,z1: a box of the scene file's own frame whose faces carry."""
-    object_label: str = ""
+    object_label: Phrase = ""
     """What the object is."""
     object_up: Up = "auto"
     """Up axis of the object file."""
@@ -202,18 +221,31 @@ def checked(kind: type[Options], given: Mapping[str, object]) -> Options:
 def complaint(error: ValidationError) -> str:
     """The first thing that is wrong, in a line."""
     first = error.errors(include_url=False)[0]
-    own = "error" in (context := first.get("ctx", {}))
-    said = str(context["error"]) if own else first["msg"]
     if not first["loc"]:
-        return said
+        return said_of(first)
     option = "--" + str(first["loc"][0]).replace("_", "-")
     value = first["input"]
-    shown = repr(value) if isinstance(value, str) else str(value)
-    return f"{option} {shown} {said}" if own else f"{option} {shown}: {said}"
+    shown = shortened(repr(value) if isinstance(value, str) else str(value), SHOWN)
+    return f"{option} {shown}{' ' if is_own(first) else ': '}{said_of(first)}"
+
+
+def said_of(first: ErrorDetails) -> str:
+    """What is wrong with a value: in our words where a check of ours said so, else in pydantic's."""
+    return str(first["ctx"]["error"]) if is_own(first) else first["msg"]
+
+
+def is_own(first: ErrorDetails) -> bool:
+    """Whether a check of ours refused a value."""
+    return "error" in first.get("ctx", {})
 
 
 def check_out(folder: Path) -> None:
     """Refuse a result folder that cannot be one before anything is computed."""
+    shown = repr(shortened(str(folder), SHOWN))
+    if "\0" in str(folder) or any(len(os.fsencode(part)) > LONGEST_NAME for part in folder.parts):
+        raise InputError(f"--out {shown}: a name in it has a zero byte or more than {LONGEST_NAME} bytes")
+    if len(os.fsencode(folder.absolute())) > LONGEST_FOLDER:
+        raise InputError(f"--out {shown}: its path has more than {LONGEST_FOLDER} bytes; give a shorter one")
     nearest = next(one for one in (folder, *folder.absolute().parents) if os.path.exists(one))  # False if unreadable
     if not nearest.is_dir():
         raise InputError(f"--out {folder}: {nearest} is a file; give a folder")
@@ -222,13 +254,11 @@ def check_out(folder: Path) -> None:
 
 
 def check_prompt(prompt: str) -> None:
-    """Refuse a sentence that says nothing or is no text."""
+    """Refuse a sentence that says nothing, is no text or is longer than any sentence."""
     if not prompt.strip():
         raise InputError('PROMPT is empty; say what to do, for example "put the ball at the centre of the bed"')
-    try:
-        prompt.encode()
-    except UnicodeEncodeError:
-        raise InputError("PROMPT is not valid UTF-8; check the terminal's encoding") from None
+    if why := unfit(prompt, LONGEST_PROMPT):
+        raise InputError(f"PROMPT {why}")
 
 
 def check_case(case: Path) -> None:

@@ -35,6 +35,7 @@ from dcap.scene.writers.glb import Node, glb_bytes, labelled_nodes
 from flows.next_scene import next_scene_files
 from flows.placement_json import AT_REST, Values, placement_json
 from flows.placement_schema import placement_schema
+from flows.sample_records import RECORDS, records_json
 from flows.sample_run import FinishedSample
 from flows.scene_splats import SETTLED_SPLATS, splat_artifact
 from tasks.render.contact_surfaces import contact_nodes
@@ -103,7 +104,8 @@ def write_placement(finished: FinishedSample, out: Path) -> JsonObject:
         old = {FACTS, *OWNED, *(path.name for path in out.glob(DEFORMED))}
         for name in old.difference(artifacts.values()):  # of an earlier result in the same folder
             (out / name).unlink(missing_ok=True)
-        for name in (*artifacts.values(), *beside):
+        (draft / RECORDS).write_bytes(readable_json(records_json(finished)))
+        for name in (*artifacts.values(), *beside, RECORDS):
             os.replace(draft / name, out / name)
         (draft / "placement.json").write_bytes(readable_json(tree))
         os.replace(draft / "placement.json", out / "placement.json")

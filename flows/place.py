@@ -92,6 +92,16 @@ STAGES: tuple[Stage[..., object], ...] = (
 """The stages of a feasible placement, in the order in which `place` calls them."""
 
 
+SECTIONS = {
+    mesh_scene_task.name: "scene_mesh",
+    mesh_object_task.name: "object_mesh",
+    segment_object_task.name: "segment",
+    found_scale_task.name: "segment",
+    "judged_views": "views",
+}
+"""Fields of `PlaceConfig` that are not called like the stage whose settings they hold."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FileRefs:
     """What the stages returned that read the two files, as references into the store."""

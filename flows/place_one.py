@@ -21,8 +21,9 @@ from flows.output import ISO, iso_glb, load_values, write_placement
 from flows.place import PlaceConfig
 from flows.placement_json import AT_REST
 from flows.run_files import FinishedPlacement, write_asked
-from flows.sample_run import FinishedSample, heavy_modules, place_flow, plan_sample, recorded
+from flows.sample_run import FinishedSample, heavy_modules, place_in_run, plan_sample, recorded
 from flows.server import prefect_server
+from flows.whole_files import write_whole
 from tasks.arch import chosen_arch
 from tasks.runner.context import RunContext
 from tasks.runner.process_server import process_server
@@ -53,7 +54,7 @@ def place_files(scene: str, thing: str, prompt: str, options: PlaceOptions, out:
         process_server(heavy_modules(plan.coming)) as server,
         recorded(sample, RunContext(session=session, server=server), partial(show, console, status)) as recorder,
     ):
-        placement = place_flow(sample, config)(sample, config)
+        placement = place_in_run(sample, config, recorder)
     if session.ledger and Path(session.ledger).is_file():
         console.print(in_words(spending_of(Path(session.ledger))))
     finished = FinishedSample(sample, placement, tuple(recorder.records))
@@ -82,7 +83,7 @@ def write_results(
             write_maps_of(found, out / FOLDER)
         settled, particles = found.values.settled, found.values.particles
         if options.surface == "iso" and settled and particles:
-            (out / ISO).write_bytes(iso_glb(settled, particles))
+            write_whole(out / ISO, iso_glb(settled, particles))
         if options.animate:
             write_film(found, out)
     return tree

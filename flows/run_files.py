@@ -3,14 +3,18 @@
 A run has `run.json`; a folder that `place --out` wrote has `sample.json`, and is named like a run with one sample.
 """
 
-import json
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
+from typing import Any
 
 from dcap.evaluation.run_folder import sample_folder
 from dcap.language.protocol.client import LanguageConfig
 from dcap.scene.errors import InputError
+from dcap.scene.given_text import shortened
+from dcap.scene.json_tree import JsonObject
+from dcap.scene.readers.files.json_text import read_json
 from dcap.scene.settings import runs_root
 from dcap.scene.store.artifacts import Store
 from dcap.scene.types.sample import GivenPlace, KnownHeight, Sample, SourceOptions
@@ -19,8 +23,12 @@ from flows.output import load_values, readable_json
 from flows.place import PlaceConfig
 from flows.placement_json import Values
 from flows.sample_run import FinishedSample, plan_sample
+from flows.whole_files import write_whole
 
 RUN, PLACEMENT = "run.json", "sample.json"
+DAMAGED = "the file is damaged, or of another version of dcap; run it again"
+SHOWN = 200
+"""Characters of what is wrong with a file that are shown."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,31 +77,64 @@ def find_run(run: str) -> Path:
 
 def asked_of_run(folder: Path) -> Asked:
     """What was asked of the run in a folder."""
-    tree = json.loads((folder / RUN).read_text())
+    tree = kept(folder / RUN)
     if "language" not in tree:
         raise InputError(f"{folder.name} was made by an older version of dcap; run the benchmark again")
-    samples = {one["id"]: sample_from_json(one) for one in tree["samples"]}
-    config = PlaceConfig.model_validate(tree["config"])
-    return Asked(folder, samples, config, LanguageOptions(**tree["language"]))
+    with undamaged(folder / RUN):
+        samples = {str(one["id"]): sample_from_json(one) for one in tree["samples"]}
+        config = PlaceConfig.model_validate(tree["config"])
+        return Asked(folder, samples, config, LanguageOptions(**tree["language"]))
+
+
+def read_result(folder: Path) -> tuple[JsonObject | None, str]:
+    """placement.json or the error of a sample's folder."""
+    if (folder / "error.txt").is_file():
+        return None, next(iter((folder / "error.txt").read_text().splitlines()), "failed without a word")
+    if not (folder / "placement.json").is_file():
+        return None, "did not finish"
+    try:
+        return kept(folder / "placement.json"), ""
+    except InputError as damaged:
+        return None, str(damaged)
 
 
 def chooser_of(folder: Path) -> LanguageConfig:
     """Who answered the questions of the placements of the run in a folder."""
-    tree = json.loads((folder / RUN).read_text())
-    known = tree.get("config", {}).get("intent", {}).get("language", {})
-    return LanguageConfig.model_validate(known)
+    tree = kept(folder / RUN)
+    with undamaged(folder / RUN):
+        known = tree.get("config", {}).get("intent", {}).get("language", {})
+        return LanguageConfig.model_validate(known)
+
+
+def kept(path: Path) -> dict[str, Any]:
+    """What a run or a placement keeps of what was asked; InputError where the file is damaged."""
+    tree = read_json(path)
+    if not isinstance(tree, dict):
+        raise InputError(f"{path}: {DAMAGED}")
+    return tree
+
+
+@contextmanager
+def undamaged(path: Path) -> Iterator[None]:
+    """InputError where a file does not hold what we write into such."""
+    try:
+        yield
+    except (LookupError, TypeError, ValueError, AttributeError, AssertionError) as error:
+        raise InputError(f"{path}: {DAMAGED} ({type(error).__name__}: {shortened(str(error), SHOWN)})") from None
 
 
 def asked_of(run: str, sample: str | None) -> tuple[Asked, str]:
     """What was asked, and the sample's id, of a sample of a run; or of the folder of a placement, without a sample."""
     for folder in (Path(run), runs_root() / run):
         if (folder / PLACEMENT).is_file() and not (folder / RUN).is_file():
-            tree = json.loads((folder / PLACEMENT).read_text())
-            one = sample_from_json(tree["sample"])
+            tree = kept(folder / PLACEMENT)
+            with undamaged(folder / PLACEMENT):
+                one = sample_from_json(tree["sample"])
+                config = PlaceConfig.model_validate(tree["config"])
+                language = LanguageOptions(**tree["language"])
             if sample not in (None, one.id):
                 raise InputError(f"{run} is one placement: leave {sample!r} out")
-            config = PlaceConfig.model_validate(tree["config"])
-            return Asked(folder.resolve(), {one.id: one}, config, LanguageOptions(**tree["language"]), one=True), one.id
+            return Asked(folder.resolve(), {one.id: one}, config, language, one=True), one.id
     asked = asked_of_run(find_run(run))
     if not asked.samples:
         raise InputError(f"{asked.folder.name} has no samples")
@@ -125,7 +166,7 @@ def write_asked(folder: Path, sample: Sample, config: PlaceConfig, language: Lan
         "config": config.model_dump(mode="json"),
         "language": asdict(language.located()),
     }
-    (folder / PLACEMENT).write_bytes(readable_json(tree))
+    write_whole(folder / PLACEMENT, readable_json(tree))
 
 
 def located(sample: Sample) -> Sample:

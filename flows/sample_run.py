@@ -4,23 +4,42 @@ import traceback
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from enum import StrEnum
 
 from dcap.scene.errors import DcapError
+from dcap.scene.secrets import redacted
 from dcap.scene.store.artifacts import Store
 from dcap.scene.types.sample import Sample
 from flows.methods import place_by, plain
-from flows.place import STAGES, PlaceConfig, PlacementRefs, place
+from flows.place import SECTIONS, STAGES, PlaceConfig, PlacementRefs, place
+from flows.run_names import WatchedRun, sample_tags
 from tasks.overview import overview_task
-from tasks.runner.context import Event, NotCachedError, OnEvent, RunContext, StageEvent, use_context
-from tasks.runner.records import Record, why_not_cached
-
-if TYPE_CHECKING:
-    from prefect import Flow
+from tasks.runner.context import Event, NotCachedError, OnEvent, Producers, RunContext, StageEvent, use_context
+from tasks.runner.outcomes import error_line, known_error
+from tasks.runner.records import Deciders, Record
+from tasks.runner.why import in_words, why_not_cached
 
 STAGE_NAMES = tuple(stage.name for stage in STAGES)
 OVERVIEW = overview_task.name
 """What an infeasible placement ends with, after the stage that found no way."""
+
+
+class StageState(StrEnum):
+    """What would become of a stage."""
+
+    CACHED = "cached"
+    RUNS = "runs"
+    MAY_RUN = "may_run"
+
+
+@dataclass(frozen=True, slots=True)
+class StagePlan:
+    """What placing a sample would take of one stage."""
+
+    stage: str
+    state: StageState
+    why: str | None
+    """Why it would run, or on which stages it depends; None if its result is there."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,10 +57,20 @@ class Plan:
     """The result, if nothing would run."""
     failed: "FailedSample | None" = None
     """What is wrong with the sample, if it cannot run."""
+    stages: tuple[StagePlan, ...] = ()
+    """Every stage that is foreseen, in order; empty where nobody has looked ahead."""
+
+    @property
+    def settled(self) -> "FinishedSample | FailedSample | None":
+        """How the sample ends without any work; None if there is some."""
+        return self.finished or self.failed
 
     @property
     def later(self) -> tuple[str, ...]:
         """Stages after the first missing one; they run if their inputs change and a placement stays feasible."""
+        if self.stages:
+            ahead = [one.stage for one in self.stages if one.state is not StageState.CACHED]
+            return tuple(ahead[1:])
         if self.missing in ("", OVERVIEW):
             return ()
         known = [STAGE_NAMES.index(name) for name in (*self.cached, self.missing) if name in STAGE_NAMES]
@@ -78,13 +107,12 @@ class FailedSample:
     @property
     def message(self) -> str:
         """What went wrong in one line."""
-        name = "" if isinstance(self.error, DcapError) else f"{type(self.error).__name__}: "
-        return " ".join(f"{name}{self.error}".split())
+        return error_line(self.error)
 
     @property
     def details(self) -> str:
         """Traceback of an unexpected failure, else empty."""
-        return "" if isinstance(self.error, DcapError) else "".join(traceback.format_exception(self.error))
+        return "" if known_error(self.error) else redacted("".join(traceback.format_exception(self.error)))
 
 
 class EventRecorder:
@@ -102,21 +130,41 @@ class EventRecorder:
             self.listener(event)
 
 
+def told_why(deciders: Deciders) -> str:
+    """Why a stage has no result, settings by their names in `dcap.yaml`."""
+    return in_words(why_not_cached(deciders, Store.default()), lambda stage, key: f"{SECTIONS.get(stage, stage)}.{key}")
+
+
+def through_stages(sample: Sample, config: PlaceConfig, context: RunContext) -> PlacementRefs:
+    """A sample's stages as a context says that looks only."""
+    with use_context(context):
+        return place_by(sample, config)
+
+
 def plan_sample(sample: Sample, config: PlaceConfig) -> Plan:
     """Look every stage up without running any; a failure of this sample is a value: the others go on."""
     recorder = EventRecorder()
     try:
-        with use_context(RunContext(lookup_only=True, on_event=recorder)):
-            placement = place_by(sample, config)
+        placement = through_stages(sample, config, RunContext(lookup_only=True, on_event=recorder))
     except NotCachedError as missing:
-        why = why_not_cached(missing.deciders, Store.default())
-        return Plan(sample, stages_of(recorder), missing.deciders.stage, why)
-    except DcapError as error:
-        told = type(error)(in_users_words(str(error), sample))
-        return Plan(sample, stages_of(recorder), "", "", failed=FailedSample(sample, told))
+        return Plan(sample, stages_of(recorder), missing.deciders.stage, told_why(missing.deciders))
     except Exception as error:  # the border between samples: reported in full, never hidden
-        return Plan(sample, stages_of(recorder), "", "", failed=FailedSample(sample, error))
+        failed = FailedSample(sample, told_to_user(error, sample))
+        return Plan(sample, stages_of(recorder), "", "", failed=failed)
     return Plan(sample, stages_of(recorder), "", "", FinishedSample(sample, placement, tuple(recorder.records)))
+
+
+def looked_up(sample: Sample, config: PlaceConfig) -> tuple[list[Record], str]:
+    """The records of a sample that are there, up to the first missing one; and what is wrong with the sample."""
+    recorder, wrong = EventRecorder(), ""
+    try:
+        with use_context(RunContext(lookup_only=True, on_event=recorder)):
+            place_by(sample, config)
+    except NotCachedError:
+        pass  # the rest was not computed
+    except Exception as error:  # the border between samples: what is wrong with one is told
+        wrong = FailedSample(sample, error).message
+    return [record for _, record, _ in recorder.records], wrong
 
 
 def heavy_modules(names: Iterable[str]) -> list[str]:
@@ -130,41 +178,70 @@ def stages_of(recorder: EventRecorder) -> tuple[str, ...]:
     return tuple(stage for stage, _, _ in recorder.records)
 
 
-def place_flow(sample: Sample, config: PlaceConfig) -> "Flow[[Sample, PlaceConfig], PlacementRefs]":
-    """The stages of a sample as one Prefect flow; needs a server.
+def place_in_run(
+    sample: Sample, config: PlaceConfig, recorder: EventRecorder, run: WatchedRun | None = None
+) -> PlacementRefs:
+    """The stages of a sample as one flow run, a child of the benchmark's if there is one; needs a server.
 
     Prefect is imported here, after the server's address is known.
     """
-    from prefect import Flow
+    from flows.sample_flow import place_in_flow_run
 
-    name = sample.id.replace("{", "(").replace("}", ")")
-    stages = place if plain(sample, config) else place_by
-    return Flow(stages, name="place", flow_run_name=name, validate_parameters=False, persist_result=False)
+    def stages() -> PlacementRefs:
+        recorder.records.clear()  # of a flow run that was lost with its server
+        with users_words(sample):
+            return (place if plain(sample, config) else place_by)(sample, config)
+
+    return place_in_flow_run(stages, sample, run)
 
 
 @contextmanager
-def recorded(sample: Sample, context: RunContext, listener: OnEvent | None = None) -> Iterator[EventRecorder]:
-    """Records the stages that are called inside as those of `sample`; errors name the user's files. `context` says how
-    they run, but for its events."""
+def recorded(
+    sample: Sample, context: RunContext, listener: OnEvent | None = None, run: str = ""
+) -> Iterator[EventRecorder]:
+    """Records the stages that are called inside as those of `sample` in a run; errors name the user's files. `context`
+    says how they run, but for its events."""
     recorder = EventRecorder(listener)
-    session = replace(context.session, sample=sample.id)
+    own = replace(
+        context,
+        on_event=recorder,
+        session=replace(context.session, sample=sample.id),
+        producers=Producers(),
+        tags=sample_tags(sample, run),
+    )
+    with users_words(sample), use_context(own):
+        yield recorder
+
+
+@contextmanager
+def users_words(sample: Sample) -> Iterator[None]:
+    """Errors name the user's files."""
     try:
-        with use_context(replace(context, on_event=recorder, session=session)):
-            yield recorder
+        yield
     except DcapError as error:
         raise type(error)(in_users_words(str(error), sample)) from error
 
 
 def try_sample(
-    sample: Sample, config: PlaceConfig, *, context: RunContext, listener: OnEvent | None = None
+    sample: Sample,
+    config: PlaceConfig,
+    *,
+    context: RunContext,
+    listener: OnEvent | None = None,
+    run: WatchedRun | None = None,
 ) -> FinishedSample | FailedSample:
     """Run the stages of a sample; a failure is a value: the others go on."""
     try:
-        with recorded(sample, context, listener) as recorder:
-            placement = place_flow(sample, config)(sample, config)
+        with recorded(sample, context, listener, run.name if run else "") as recorder:
+            placement = place_in_run(sample, config, recorder, run)
     except Exception as error:  # the border between samples: reported in full, never hidden
         return FailedSample(sample, error)
     return FinishedSample(sample, placement, tuple(recorder.records))
+
+
+def told_to_user(error: Exception, sample: Sample) -> Exception:
+    """An error on purpose with the user's paths; any other as it is."""
+    return type(error)(in_users_words(str(error), sample)) if isinstance(error, DcapError) else error
 
 
 def in_users_words(message: str, sample: Sample) -> str:

@@ -12,21 +12,18 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TypeVar
 
-from ruamel.yaml import YAML
-from ruamel.yaml.constructor import ConstructorError, SafeConstructor
-from ruamel.yaml.error import YAMLError
-from ruamel.yaml.nodes import MappingNode
-
 from dcap.evaluation.methods import DCAP, split_id
-from dcap.evaluation.run_folder import folder_name
+from dcap.evaluation.run_folder import folder_name, same_folder
 from dcap.scene.errors import InputError
+from dcap.scene.given_text import LONGEST_ID, LONGEST_PROMPT, LONGEST_WORDS, unfit
 from dcap.scene.problems import Report, error, refusing, short
+from dcap.scene.readers.files.yaml_text import BROKEN_YAML, parse_yaml
 from dcap.scene.readers.scenes.sugar import MESH_SUFFIXES
 from dcap.scene.settings import data_root, resource
 from dcap.scene.spelling import did_you_mean
 from dcap.scene.types.sample import GivenPlace, KnownHeight, Sample, SourceOptions
 from flows.given import height_of, place_of
-from flows.options import UNITS, UPS
+from flows.options import LARGEST_SEED, UNITS, UPS
 
 EMBEDDED = resource("data/rooms.yaml")
 """The dataset that the project makes itself."""
@@ -39,9 +36,9 @@ OPTIONAL = ("room", "scene", "seed", "mass", "label", "up", "unit", "object_labe
             "labels", "at", "support", "height_of", "licence")  # fmt: skip
 HEAVIEST = 1e12
 """A mass that no object has [kg]."""
-MOST_KEYS = 10_000
-"""More keys than anyone writes in one mapping; merges that repeat each other make any number of a short file."""
 Found = TypeVar("Found")
+LONGEST = {"prompt": LONGEST_PROMPT, "id": LONGEST_ID}
+"""Characters of a text; others are labels and names."""
 CHOICES = {"up": UPS, "unit": UNITS}
 
 
@@ -66,15 +63,18 @@ def check_ids(samples: list[tuple[int, Sample]], report: Report) -> None:
     seen: dict[str, str] = {}
     for index, sample in samples:
         one, name, place = sample.id, folder_name(sample.id), (index, "id")
-        if not name.strip("."):
+        key = same_folder(name)
+        if not one.strip("."):
             report(error(f"id {one!r} cannot name a folder; use letters and digits", place))
         elif split_id(one) != (DCAP, one):
-            report(error(f"id {one!r} begins with the name of a method; rename it", place))
-        elif name in seen and seen[name] == one:
-            report(error(f"two samples have the id {one!r}", place))
-        elif name in seen:
-            report(error(f"ids {seen[name]!r} and {one!r} would share the folder {name}; rename one", place))
-        seen.setdefault(name, one)
+            report(error(f"id {short(one)} begins with the name of a method; rename it", place))
+        elif key in seen and seen[key] == one:
+            report(error(f"two samples have the id {short(one)}", place))
+        elif key in seen:
+            alike = "" if folder_name(seen[key]) == name else " where case does not count"
+            told = f"ids {short(seen[key])} and {short(one)} would share the folder {short(name)[1:-1]}"
+            report(error(f"{told}{alike}; rename one", place))
+        seen.setdefault(key, one)
 
 
 def licences_in(path: Path) -> dict[str, str]:
@@ -84,27 +84,13 @@ def licences_in(path: Path) -> dict[str, str]:
     return {str(row.get("id", "")): str(row.get("licence", "")) for row in rows}
 
 
-class BoundedMerges(SafeConstructor):
-    """Refuses mappings that grow without end by merging (`<<`) each other."""
-
-    def flatten_mapping(self, node: MappingNode) -> None:
-        """Put the keys of merged mappings into a mapping."""
-        super().flatten_mapping(node)
-        if len(node.value) > MOST_KEYS:
-            what = f"merging makes {len(node.value)} keys of one mapping, expected at most {MOST_KEYS}"
-            raise ConstructorError(None, None, what, node.start_mark)
-
-
 def load_yaml(path: Path) -> object:
     """The tree of a YAML 1.2 file."""
     try:
-        yaml = YAML(typ="safe", pure=True)
-        yaml.Constructor = BoundedMerges
-        tree: object = yaml.load(path.read_text(encoding="utf-8"))
-        return tree
+        return parse_yaml(path.read_text(encoding="utf-8"))
     except FileNotFoundError:
         raise InputError(f"{path}: no such file; --dataset takes a YAML file") from None
-    except (OSError, ValueError, RecursionError, YAMLError) as broken:
+    except (OSError, *BROKEN_YAML) as broken:
         raise InputError(f"{path}: cannot be read as YAML: {broken}") from broken
 
 
@@ -170,6 +156,8 @@ class SampleReader:
             text = ""
         if not text.strip():
             self.wrong(f"{key} is {short(value)}, expected text", key)
+        elif why := unfit(text, LONGEST.get(key, LONGEST_WORDS)):
+            self.wrong(f"{key} {why}", key)
         return text
 
     def mass(self) -> float | None:
@@ -185,8 +173,8 @@ class SampleReader:
     def seed(self) -> int:
         """A seed of everything random."""
         value = self.values.get("seed", 0)
-        if isinstance(value, bool) or not isinstance(value, int) or value < 0:
-            self.wrong(f"seed is {short(value)}, expected a whole number, 0 or larger", "seed")
+        if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value <= LARGEST_SEED:
+            self.wrong(f"seed is {short(value)}, expected a whole number from 0 to {LARGEST_SEED}", "seed")
             return 0
         return value
 

@@ -1,17 +1,20 @@
 """A real local Prefect server for as long as work runs: Prefect's built-in temporary one loses history.
 
 The server keeps its database in the cache and listens on a free port of this machine only. Programs that run at the
-same time share it; the last one to leave stops it by its process id. A server that $PREFECT_API_URL names is used and
-left alone.
+same time share it; the last one to leave stops it, and it ends itself where the last one was killed. One that dies
+under a run is started again, on the same database and port. A server that $PREFECT_API_URL names is used and left
+alone.
 """
 
 import fcntl
 import json
 import os
+import shutil
 import signal
 import socket
 import subprocess
 import sys
+import threading
 import time
 import tomllib
 import urllib.error
@@ -20,15 +23,27 @@ from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from urllib.parse import urlsplit
 
 from dcap.packages import module_command
-from dcap.scene.errors import DcapError
+from dcap.scene.errors import DcapError, InputError
 from dcap.scene.settings import cache_root, resource
+from flows.server_program import USERS
 
+PROGRAM = "flows.server_program"
+LOOPBACK = "127.0.0.1"
 START_SECONDS = 300.0
-"""A start that takes longer hangs. A first one creates the database: 8 s on two idle cores, over 90 s on busy ones."""
+"""A first start creates the database, which takes 8 s on two idle cores; more than a minute on busy ones."""
 STOP_SECONDS = 10.0
+INTERRUPTED_STOP_SECONDS = 0.5
+"""Who interrupts a run does not wait for requests that are under way; states of flow runs are in the database by
+then."""
 DELIVER_SECONDS = 15.0
+WATCH_SECONDS = 0.5
+"""How often a run looks whether its server lives."""
+LEAST_ROOM = 8 << 20
+"""A new database with its journal takes 5 MB."""
+ROOM = "make room, or name a folder on another disk with DCAP_DATA"
 
 
 @contextmanager
@@ -41,42 +56,98 @@ def prefect_server(port: int | None = None) -> Iterator[str]:
             raise DcapError(f"PREFECT_API_URL={given}: no server answers there; start it or unset the variable")
         yield given
         return
-    folder = cache_root() / "prefect"
+    folder = server_folder()
     folder.mkdir(parents=True, exist_ok=True)
     with one_at_a_time(folder):
-        url = running_url(folder) or start(folder, port or free_port())
-        users = lock_users(folder, fcntl.LOCK_SH)
+        users = lock_users(folder)  # before the server starts: without users, it ends
+        try:
+            url = running_url(folder) or start_anew(folder, port or free_port())
+        except BaseException:
+            os.close(users)
+            raise
     os.environ["PREFECT_API_URL"] = url
     notice_settings()
+    patience = INTERRUPTED_STOP_SECONDS
     try:
-        yield url
-    finally:
+        with kept_alive(folder, url):
+            yield url
         deliver_reports()
+        patience = STOP_SECONDS
+    except Exception:
+        deliver_reports()
+        patience = STOP_SECONDS
+        raise
+    finally:
         os.environ.pop("PREFECT_API_URL", None)
         with one_at_a_time(folder):
             os.close(users)
             if nobody_uses(folder):
-                stop(folder)
+                stop(folder, patience)
 
 
-def lock_users(folder: Path, kind: int) -> int:
-    """Lock the file that every user of the server holds shared, even if killed only as long as it lives."""
-    descriptor = os.open(folder / "users.lock", os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
-    try:
-        fcntl.flock(descriptor, kind | fcntl.LOCK_NB)
-    except BlockingIOError:
-        os.close(descriptor)
-        raise
+def server_folder() -> Path:
+    """Where the server of this data folder keeps its database, log and locks."""
+    return cache_root() / "prefect"
+
+
+def server_answers() -> bool:
+    """Whether a run would find a server without starting one."""
+    given = os.environ.get("PREFECT_API_URL")
+    return is_healthy(given) if given else running_url(server_folder()) != ""
+
+
+def lock_users(folder: Path) -> int:
+    """Lock the file that every user of the server holds shared, even if killed only as long as it lives; waits for a
+    server that is ending."""
+    descriptor = os.open(folder / USERS, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
+    fcntl.flock(descriptor, fcntl.LOCK_SH)
     return descriptor
 
 
 def nobody_uses(folder: Path) -> bool:
     """Whether no program uses the server any more."""
-    try:
-        os.close(lock_users(folder, fcntl.LOCK_EX))
-    except BlockingIOError:
-        return False
+    with (folder / USERS).open("a") as file:
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            return False
     return True
+
+
+@contextmanager
+def kept_alive(folder: Path, url: str) -> Iterator[None]:
+    """Start the server again whenever it has died, as long as the block runs."""
+    done = threading.Event()
+
+    def watch() -> None:
+        while not done.wait(WATCH_SECONDS):
+            if not is_server(known_pid(folder)):
+                with suppress(DcapError, OSError):  # tried again; who needs the server says what is wrong with it
+                    start_again(folder, url)
+
+    thread = threading.Thread(target=watch, name="server watch", daemon=True)
+    thread.start()
+    try:
+        yield
+    finally:
+        done.set()
+
+
+def start_again(folder: Path, url: str) -> None:
+    """Start a server that has died, unless another of its users has done so."""
+    with one_at_a_time(folder):
+        if running_url(folder) != url:
+            start(folder, port_of(url))
+
+
+def wait_for_server() -> None:
+    """Wait until the server of this run answers again."""
+    url = os.environ.get("PREFECT_API_URL", "")
+    deadline = time.monotonic() + START_SECONDS
+    while not is_healthy(url):
+        if time.monotonic() > deadline:
+            raise DcapError(f"the Prefect server {url} is gone; {why_gone(server_folder())}")
+        time.sleep(0.2)
 
 
 def notice_settings() -> None:
@@ -105,9 +176,10 @@ def apply_settings() -> None:
     for name, value in flattened(tree, "PREFECT"):
         os.environ.setdefault(name, value)
     os.environ.setdefault("DO_NOT_TRACK", "1")
-    os.environ.setdefault("PREFECT_HOME", str(cache_root() / "prefect"))
+    os.environ.setdefault("PREFECT_HOME", str(server_folder()))
     # runs report to the server; the terminal belongs to our own lines
     os.environ.setdefault("PREFECT_LOGGING_HANDLERS_CONSOLE_LEVEL", "CRITICAL")
+    os.environ.setdefault("PREFECT_INTERNAL_LOGGING_LEVEL", "CRITICAL")
 
 
 def flattened(tree: dict[str, object], prefix: str) -> Iterator[tuple[str, str]]:
@@ -130,11 +202,23 @@ def one_at_a_time(folder: Path) -> Iterator[None]:
 
 def running_url(folder: Path) -> str:
     """URL of the healthy server on this database; empty if there is none."""
+    url = str(known(folder).get("url", ""))
+    return url if url and is_healthy(url) else ""
+
+
+def known(folder: Path) -> dict[str, object]:
+    """What is written of the server that was started last: its URL and process id."""
     try:
-        url = str(json.loads((folder / "server.json").read_text())["url"])
-    except (OSError, ValueError, KeyError):
-        return ""
-    return url if is_healthy(url) else ""
+        tree = json.loads((folder / "server.json").read_text())
+    except (OSError, ValueError):
+        return {}
+    return tree if isinstance(tree, dict) else {}
+
+
+def known_pid(folder: Path) -> int:
+    """Process id of the server that was started last; 0 if nothing is known of one."""
+    pid = known(folder).get("pid", 0)
+    return pid if isinstance(pid, int) else 0
 
 
 def is_healthy(url: str) -> bool:
@@ -149,49 +233,90 @@ def is_healthy(url: str) -> bool:
 def free_port() -> int:
     """A port of this machine that nobody listens on now."""
     with socket.socket() as one:
-        one.bind(("127.0.0.1", 0))
+        one.bind((LOOPBACK, 0))
         return int(one.getsockname()[1])
+
+
+def port_of(url: str) -> int:
+    """The port in an address."""
+    return urlsplit(url).port or 80
+
+
+def check_port(port: int) -> None:
+    """InputError if pages cannot be served on a port: something else listens there, or the system refuses it."""
+    with socket.socket() as one:
+        one.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            one.bind((LOOPBACK, port))
+        except OSError as error:
+            raise InputError(
+                f"port {port} of {LOOPBACK} cannot be used ({error.strerror}); end what listens there, "
+                "or give another with --port"
+            ) from None
+
+
+def start_anew(folder: Path, port: int) -> str:
+    """Start a server, with a new log."""
+    (folder / "server.log").unlink(missing_ok=True)
+    return start(folder, port)
 
 
 def start(folder: Path, port: int) -> str:
     """Start a server, wait until it is healthy, and return its URL."""
-    url = f"http://127.0.0.1:{port}/api"
+    free = shutil.disk_usage(folder).free
+    if free < LEAST_ROOM and not (folder / "prefect.db").exists():
+        raise DcapError(f"{folder}: {free >> 20} MiB are free, too few for Prefect's database; {ROOM}")
+    url = f"http://{LOOPBACK}:{port}/api"
+    process = launch(folder, port)
+    (folder / "server.json").write_text(json.dumps({"url": url, "pid": process.pid}))
+    deadline = time.monotonic() + START_SECONDS
+    while not is_healthy(url):
+        if process.poll() is not None or time.monotonic() > deadline:
+            stop(folder, 0.0)
+            raise DcapError(f"the Prefect server on port {port} did not start; {why_gone(folder)}")
+        time.sleep(0.2)
+    return url
+
+
+def why_gone(folder: Path) -> str:
+    """What may have ended a server."""
+    free = shutil.disk_usage(folder).free
+    full = f"the disk of {folder} has {free >> 20} MiB left ({ROOM}); " if free < LEAST_ROOM else ""
+    return f"{full}its log is {folder / 'server.log'}"
+
+
+def launch(folder: Path, port: int) -> "subprocess.Popen[bytes]":
+    """The server's process, in a session and folder of its own: a working directory's settings are not the server's."""
     environment = os.environ | {
         "PREFECT_API_DATABASE_CONNECTION_URL": f"sqlite+aiosqlite:///{folder / 'prefect.db'}",
         "PREFECT_SERVER_API_PORT": str(port),
-        "PREFECT_UI_API_URL": url,
+        "PREFECT_UI_API_URL": "/api",  # of whichever address the pages came from
         "PYTHONSAFEPATH": "1",  # what the server starts takes nothing from the working directory either
     }
-    log_path = folder / "server.log"
-    with log_path.open("wb") as log:
-        process = subprocess.Popen(
-            module_command("prefect", "server", "start", "--host", "127.0.0.1", "--port", str(port)),
+    environment.pop("PREFECT_API_URL", None)
+    with (folder / "server.log").open("ab") as log:
+        return subprocess.Popen(
+            module_command(PROGRAM, str(folder), str(port)),
             env=environment,
+            cwd=folder,
             stdin=subprocess.DEVNULL,
             stdout=log,
             stderr=log,
             start_new_session=True,
         )
-    (folder / "server.json").write_text(json.dumps({"url": url, "pid": process.pid}))
-    deadline = time.monotonic() + START_SECONDS
-    while not is_healthy(url):
-        if process.poll() is not None or time.monotonic() > deadline:
-            stop(folder)
-            raise DcapError(f"the Prefect server on port {port} did not start; its log is {log_path}")
-        time.sleep(0.2)
-    return url
 
 
-def stop(folder: Path) -> None:
-    """Stop the server that this project started on this database, with its helpers."""
-    pid = int(json.loads((folder / "server.json").read_text())["pid"])
-    (folder / "server.json").unlink()
+def stop(folder: Path, patience: float) -> None:
+    """Stop the server that this project started on this database, with its helpers; it is killed after `patience`
+    [s]."""
+    pid = known_pid(folder)
+    (folder / "server.json").unlink(missing_ok=True)
     if not is_server(pid):
         return
-    for kind in (signal.SIGINT, signal.SIGKILL):
+    for kind, seconds in ((signal.SIGINT, patience), (signal.SIGKILL, STOP_SECONDS)):
         with suppress(ProcessLookupError):
             os.killpg(pid, kind)
-        deadline = time.monotonic() + STOP_SECONDS
+        deadline = time.monotonic() + seconds
         while is_server(pid) and time.monotonic() < deadline:
             with suppress(ChildProcessError):  # another program started it and waits for it
                 os.waitpid(pid, os.WNOHANG)
@@ -199,9 +324,9 @@ def stop(folder: Path) -> None:
 
 
 def is_server(pid: int) -> bool:
-    """Whether a process is a Prefect server that still runs: numbers are given again after a restart of the machine."""
+    """Whether a process is a server of ours that still runs: numbers are given again after a restart of the machine."""
     try:
         words = Path(f"/proc/{pid}/cmdline").read_bytes().split(b"\0")
     except OSError:
         return False
-    return b"prefect" in words and b"server" in words
+    return PROGRAM.encode() in words

@@ -18,7 +18,7 @@ from dcap.geometry.solid.support import support_solid
 from dcap.scene.settings import PROJECT_ROOT
 from dcap.scene.store.artifacts import Store
 from dcap.scene.types.mesh import Mesh
-from perf import aims, pictures, repair, segments, splats, starts
+from perf import aims, pictures, repair, segments, splats, starts, workflow
 from perf.drops import drop_rows, mls_speed
 from perf.stopwatch import best
 from tasks.runner.digests import libraries, parsed, source_digests
@@ -127,6 +127,7 @@ def main() -> None:
     console = Console(highlight=False, width=120)
     console.print(table)
     console.print(starts.table())
+    console.print(workflow.table())
     console.print(pictures.table())
     titles = ["drop", "particles", "steps", "Newton", "linear", "wall", "per particle and step", "memory", "depth"]
     drops = Table(*titles, "ratio", box=None)

@@ -10,7 +10,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from jinja2 import Environment, FileSystemLoader, StrictUndefined
+from jinja2 import FileSystemLoader, StrictUndefined
+from jinja2.sandbox import SandboxedEnvironment
 from numpy.typing import NDArray
 from PIL import Image
 
@@ -45,7 +46,7 @@ def labels_page(
     scene: str, plan: NDArray[np.uint8], views: Sequence[NDArray[np.uint8]], rows: Sequence[Row], command: str
 ) -> str:
     """The page; `command` is how the corrected file is used."""
-    environment = Environment(
+    environment = SandboxedEnvironment(
         loader=FileSystemLoader(TEMPLATES),
         autoescape=True,
         undefined=StrictUndefined,

@@ -10,7 +10,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from jinja2 import Environment, FileSystemLoader, StrictUndefined
+from jinja2 import FileSystemLoader, StrictUndefined
+from jinja2.sandbox import SandboxedEnvironment
 
 from dcap.evaluation.methods import DCAP, METHODS, shown_name
 from dcap.evaluation.outcome_table import AS_POSED, SampleOutcome
@@ -134,7 +135,7 @@ def write_report(folder: Path, rows: Sequence[SampleOutcome], summary: RunSummar
         "costs": costs_table({name: [one.timings for one in own] for name, own in by_method.items()}, names),
         "provenance": provenance_of(folder, [placement_folder(folder, row.method, row.sample) for row in rows]),
     }  # fmt: skip
-    environment = Environment(
+    environment = SandboxedEnvironment(
         loader=FileSystemLoader(TEMPLATES),
         autoescape=True,
         undefined=StrictUndefined,

@@ -1,15 +1,40 @@
 """Where a run keeps what came of a sample."""
 
+import hashlib
+import re
+import unicodedata
 from pathlib import Path
 
 from dcap.evaluation.methods import DCAP, split_id
 
 SAMPLES_FOLDER, METHODS_FOLDER = "samples", "methods"
+LONGEST = 120
+"""Bytes of a folder's name: file systems take 255, and drafts and archives put something around it."""
+MARK = 16
+"""Hexadecimal digits of the digest that ends a shortened name: a clash of two ids takes billions of them."""
+DEVICES = re.compile(r"(?i)(con|prn|aux|nul|com[0-9\u00b9\u00b2\u00b3]|lpt[0-9\u00b9\u00b2\u00b3])(\.|$)")
+"""Names that mean devices on Windows, whatever follows their first dot."""
 
 
 def folder_name(sample_id: str) -> str:
-    """A sample's id as the name of a folder; ids that differ in signs only may share it."""
-    return "".join(c if c.isalnum() or c in "-_." else "_" for c in sample_id)
+    """A sample's id as the name of a folder on any file system; ids that differ in signs only may share it.
+
+    An id that is too long for a name keeps its beginning and gets its digest.
+    """
+    name = "".join(c if c.isalnum() or c in "-_." else "_" for c in sample_id)
+    if name.startswith(("-", ".")) or DEVICES.match(name):  # an option, a hidden folder, a device
+        name = f"_{name[1:]}" if name.startswith(("-", ".")) else f"_{name}"
+    if name.endswith("."):  # Windows drops it
+        name = f"{name[:-1]}_"
+    if len(name.encode()) <= LONGEST:
+        return name
+    digest = hashlib.sha256(sample_id.encode(errors="surrogatepass")).hexdigest()[:MARK]
+    return f"{name.encode()[: LONGEST - MARK - 1].decode(errors='ignore')}-{digest}"
+
+
+def same_folder(name: str) -> str:
+    """What two names have in common that mean one folder where case or the composition of letters does not count."""
+    return unicodedata.normalize("NFKC", unicodedata.normalize("NFKC", name).casefold())
 
 
 def sample_folder(run: Path, sample_id: str) -> Path:

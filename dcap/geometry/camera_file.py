@@ -18,7 +18,7 @@ from dcap.scene.errors import InputError
 PIXEL_MIDDLE = 0.5
 """Our place of the middle of OpenCV's pixel (0, 0) [pixel]."""
 LARGEST = 16_384
-"""Most pixels along a side [pixel]: the largest textures that are read."""
+"""Most pixels along a side [pixel]."""
 MOST = 4096 * 4096
 """Most pixels: a ray takes about a hundred bytes, so this many take 2 GiB [pixel]."""
 FARTHEST = 100.0

@@ -44,3 +44,7 @@ class StoreError(DcapError):
 
 class MissingArtifactError(StoreError):
     """An artifact that a cache record names is gone or damaged: recompute it."""
+
+
+class MachineError(DcapError):
+    """What the program needs of its machine is not to be had: room on a disk, rights, memory, open files, a server."""

@@ -10,6 +10,7 @@ from platformdirs import user_data_path
 
 from dcap.packages import ROOT
 from dcap.scene.errors import InputError
+from dcap.scene.redaction import redacted
 
 PROJECT_ROOT = ROOT
 """The folder that our packages lie in: the clone with its pyproject.toml, or site-packages."""
@@ -41,10 +42,20 @@ def data_root() -> Path:
     """
     given = os.environ.get("DCAP_DATA", "")
     if "://" in given:
-        raise InputError(f"DCAP_DATA={given} is a URL; name a folder (mount the bucket)")
+        raise InputError(f"DCAP_DATA={redacted(given)} is a URL; name a folder, and set DCAP_STORE to the URL to share")
     if given:
         return Path(given).resolve()
-    return PROJECT_ROOT / "data" if in_clone() else user_data_path("dcap", appauthor=False).resolve()
+    return home() / "data" if in_clone() else home()
+
+
+def home() -> Path:
+    """Folder of what a person gave or keeps for all runs: the clone, or the user's data folder."""
+    return PROJECT_ROOT if in_clone() else user_data_path("dcap", appauthor=False).resolve()
+
+
+def shared_store_url() -> str:
+    """Where machines share what they have computed: $DCAP_STORE, any URL that fsspec opens; empty if they do not."""
+    return os.environ.get("DCAP_STORE", "").strip()
 
 
 def cache_root() -> Path:

@@ -1,4 +1,5 @@
-"""The command line: `dcap place|benchmark|plan|rerun|drop|report|judge|maps|view|export|study|dataset|cache|ui`.
+"""The command line: `dcap place|benchmark|plan|rerun|drop|report|diff|provenance|judge|maps|view|export|study|dataset|
+cache|config|ui`.
 
 Results go to standard output, everything else to standard error. Exit codes: 0 at rest or done, 2 bad input, 3
 understood but infeasible, 4 some samples of a benchmark failed. An error that a user can mend is one line.
@@ -8,27 +9,32 @@ import json
 import os
 import signal
 import sys
-import traceback
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from dcap.language.protocol.client import DEFAULT_MODEL
-from dcap.scene.errors import DcapError
-from dcap.scene.settings import runs_root, version
+from dcap.scene.settings import runs_root, shared_store_url, version
+from flows.cli.border import INTERRUPTED, check_words, complain, end_output, let_go, told
 from flows.cli.checks import Json, given
+from flows.cli.config_command import config_app
 from flows.cli.data import cache_app, dataset_app
+from flows.cli.diff_command import diff
 from flows.cli.export_command import export
 from flows.cli.judge_command import judge
 from flows.cli.maps_command import maps
+from flows.cli.provenance_command import provenance
 from flows.cli.study_command import study_app
 from flows.cli.view_command import view
-from flows.options import DropOptions, PlaceOptions, check_case, check_out, check_prompt, checked
+from flows.options import DropOptions, PlaceOptions, check_case, check_out, check_prompt
+from flows.settings.own import effective_options, exported_paths, run_settings, server_settings
 
 INFEASIBLE = 3
 SOME_FAILED = 4
-INTERRUPTED = 130
+COMPUTING = frozenset({"place", "benchmark", "plan", "rerun", "drop"})
+"""Commands that look results up or make them."""
 
 app = typer.Typer(
     name="dcap",
@@ -40,10 +46,13 @@ app = typer.Typer(
 app.add_typer(dataset_app, name="dataset")
 app.add_typer(cache_app, name="cache")
 app.add_typer(study_app, name="study")
+app.add_typer(config_app, name="config")
 app.command()(maps)
 app.command()(judge)
 app.command()(view)
 app.command()(export)
+app.command()(diff)
+app.command()(provenance)
 
 Workers = Annotated[int, typer.Option(min=1, max=64, help="Samples to place in parallel.")]
 Dataset = Annotated[Path | None, typer.Option(help="YAML list of samples; default: the embedded rooms.")]
@@ -97,11 +106,17 @@ def print_version(asked: bool) -> None:
 
 @app.callback()
 def everything(
+    context: typer.Context,
     version_asked: Annotated[
         bool, typer.Option("--version", callback=print_version, is_eager=True, help="Print the version and end.")
     ] = False,
 ) -> None:
     """Deformable, contact-aware placement: an object at rest in a scene, from a sentence."""
+    context.with_resource(exported_paths())
+    if shared_store_url() and context.invoked_subcommand in COMPUTING:
+        from dcap.scene.store.artifacts import Store
+
+        Store.default()  # once, rather than as an error of every sample
 
 
 @app.command()
@@ -159,7 +174,7 @@ def place(
     as_json: Json = False,
 ) -> int:
     """Place one object in one scene."""
-    options = checked(PlaceOptions, given(context, "scene", "object", "prompt", "as_json"))
+    options = effective_options(PlaceOptions, given(context, "scene", "object", "prompt", "as_json"))
     check_prompt(prompt)
     folder = options.out or runs_root() / "place"
     check_out(folder)
@@ -190,7 +205,7 @@ def drop(
     as_json: Json = False,
 ) -> int:
     """Physics only: settle the bodies of a case file."""
-    options = checked(DropOptions, given(context, "case", "as_json"))
+    options = effective_options(DropOptions, given(context, "case", "as_json"))
     check_case(case)
     check_out(out)
 
@@ -203,6 +218,7 @@ def drop(
 
 @app.command()
 def benchmark(
+    context: typer.Context,
     dataset: Dataset = None,
     methods: Methods = "dcap",
     scenes: Scenes = "",
@@ -227,21 +243,22 @@ def benchmark(
     from dcap.evaluation.methods import methods_of
     from dcap.scene.json_tree import object_to_json
     from flows.benchmark import run_benchmark
-    from flows.configure import configured
-    from flows.language_options import LanguageOptions
+    from flows.configure import configured, many_options
+    from flows.language_options import language_of
+    from tasks.arch import chosen_arch
 
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    threads = max(1, cores // workers)  # drops side by side must not fight for the cores
-    asking = LanguageOptions(language, model, record, replay, max_cost, batch)
-    chosen = checked(PlaceOptions, {"threads": threads, "paper_limits": paper_limits, "ambiguous": ambiguous})
-    config = configured(chosen, language=asking.config())
-    chosen_methods = methods_of(methods)
+    asked = run_settings(flags := given(context))
+    threads = asked.threads or max(1, cores // asked.workers)  # drops side by side must not fight for the cores
+    asking = language_of(asked)
+    config = configured(many_options(flags, threads), language=asking.config(), arch=chosen_arch(asked.arch))
+    chosen_methods = methods_of(asked.methods)
     run = run_benchmark(
         dataset,
         config,
         asking,
         limit=limit,
-        workers=workers,
+        workers=asked.workers,
         only_failed=only_failed,
         methods=chosen_methods,
         scenes=scenes,
@@ -253,6 +270,7 @@ def benchmark(
 
 @app.command()
 def plan(
+    context: typer.Context,
     dataset: Dataset = None,
     methods: Methods = "dcap",
     scenes: Scenes = "",
@@ -263,19 +281,22 @@ def plan(
     replay: Replay = "",
     paper_limits: PaperLimits = False,
     ambiguous: Ambiguous = "best",
+    stages: Annotated[bool, typer.Option("--stages", help="A line for each stage of each sample, too.")] = False,
     as_json: Json = False,
 ) -> int:
     """Show what a benchmark would run and why, without running anything."""
     from dcap.evaluation.methods import methods_of
     from dcap.scene.json_tree import to_json
-    from flows.benchmark import plan_benchmark
-    from flows.configure import configured
-    from flows.language_options import LanguageOptions
+    from flows.configure import configured, many_options
+    from flows.language_options import language_of
+    from flows.plan import plan_benchmark
+    from tasks.arch import chosen_arch
 
-    asking = LanguageOptions(language, model, record, replay)
-    chosen = checked(PlaceOptions, {"paper_limits": paper_limits, "ambiguous": ambiguous})
-    config = configured(chosen, language=asking.config(plan=True))
-    rows = plan_benchmark(dataset, config, limit=limit, methods=methods_of(methods), scenes=scenes)
+    asked = run_settings(flags := given(context))
+    asking = replace(language_of(asked), max_cost=None, batch=False)  # a plan asks nobody
+    config = configured(many_options(flags), language=asking.config(plan=True), arch=chosen_arch(asked.arch))
+    chosen_methods = methods_of(asked.methods)
+    rows = plan_benchmark(dataset, config, limit=limit, methods=chosen_methods, scenes=scenes, stages=stages)
     if as_json:
         print(json.dumps(to_json(rows), indent=2, ensure_ascii=False))
     return 0
@@ -308,22 +329,16 @@ def report(run: Annotated[str, typer.Argument(help="Name or folder of a run, or 
 
 
 @app.command()
-def ui(port: Annotated[int, typer.Option(min=1, max=65535, help="Port on this machine.")] = 4200) -> int:
+def ui(
+    context: typer.Context,
+    port: Annotated[int, typer.Option(min=1, max=65535, help="Port on this machine.")] = 4200,
+) -> int:
     """Serve Prefect's pages over all runs until interrupted."""
-    from flows.server import prefect_server
+    from flows.ui import serve_pages
 
-    with prefect_server(port) as url:
-        print(f"{url.removesuffix('/api')}  (stop with Ctrl-C)", flush=True)
-        signal.pause()
+    chosen = port if given(context) else server_settings().port
+    serve_pages(chosen, lambda address: print(f"{address}  (stop with Ctrl-C)", flush=True))
     return 0
-
-
-def complain(message: str) -> None:
-    """One line on standard error; help stays as it is."""
-    if message.startswith("Usage:"):
-        print(message, file=sys.stderr)
-        return
-    print(f"dcap: {' '.join(message.split())}", file=sys.stderr)
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -331,19 +346,14 @@ def main(arguments: list[str] | None = None) -> int:
     from tasks.runner.process import kill_all
 
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(INTERRUPTED))
+    given_words = sys.argv[1:] if arguments is None else list(arguments)
     try:
-        result = typer.main.get_command(app).main(arguments, prog_name="dcap", standalone_mode=False)
-        return int(result or 0)
-    except typer.Exit as finished:
-        return finished.exit_code
-    except typer.TyperException as error:
-        complain(error.format_message())
-        return 2
-    except DcapError as error:
-        complain(str(error))
-        let_go(error)
-        return error.exit_code
-    except (KeyboardInterrupt, typer.Abort) as error:
+        code = run_command(given_words)
+        end_output()
+        return code
+    except Exception as error:
+        return told(error)
+    except KeyboardInterrupt as error:
         complain("interrupted")
         let_go(error)
         return INTERRUPTED
@@ -351,13 +361,14 @@ def main(arguments: list[str] | None = None) -> int:
         kill_all()
 
 
-def let_go(error: BaseException) -> None:
-    """Clear what the calls held through which an error came: Prefect keeps it, and Open3D ends a process in which one
-    of its tensors is left with a status of its own."""
-    waiting, seen = [error], set[int]()
-    while waiting:
-        one = waiting.pop()
-        if id(one) not in seen:
-            seen.add(id(one))
-            traceback.clear_frames(one.__traceback__)
-            waiting += [other for other in (one.__cause__, one.__context__) if other is not None]
+def run_command(words: list[str]) -> int:
+    """Run a command; what goes wrong is raised as it is."""
+    check_words(words)
+    command = typer.main.get_command(app)
+    try:
+        with command.make_context("dcap", words) as context:
+            return int(command.invoke(context) or 0)
+    except typer.Exit as finished:
+        return finished.exit_code
+    except typer.Abort:
+        raise KeyboardInterrupt from None

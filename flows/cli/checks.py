@@ -6,6 +6,8 @@ import typer
 
 from dcap.scene.errors import InputError
 
+COMMANDLINE = "COMMANDLINE"
+"""Name of the source of what a person has typed."""
 Json = Annotated[bool, typer.Option("--json", help="Print the result as JSON on standard output.")]
 Model = Annotated[str, typer.Option(help="Model to ask.")]
 Record = Annotated[str, typer.Option(metavar="DIR", help="Keep a copy of each reply in this folder.")]
@@ -14,8 +16,13 @@ MaxCost = Annotated[float | None, typer.Option(help="Spend at most this on a mod
 
 
 def given(context: typer.Context, *besides: str) -> dict[str, object]:
-    """Every parameter of a command but those named: what is not an option of the physics is refused there, not lost."""
-    return {name: value for name, value in context.params.items() if name not in besides}
+    """Every parameter of a command that a person gave but those named: what is not an option of the physics is refused
+    there, not lost; what nobody gave may stand in `dcap.yaml`."""
+    return {
+        name: value
+        for name, value in context.params.items()
+        if name not in besides and getattr(context.get_parameter_source(name), "name", "") == COMMANDLINE
+    }
 
 
 def note(text: str) -> None:

@@ -1,4 +1,4 @@
-"""The commands about data: `dcap dataset make|label|check|sample|pack|prepare-sugar` and `dcap cache ls|verify`."""
+"""Commands about data: `dcap dataset make|label|check|sample|pack|prepare-sugar` and `dcap cache ls|du|gc|verify`."""
 
 import json
 from pathlib import Path
@@ -9,7 +9,8 @@ import typer
 from dcap.scene.types.sample import SourceOptions
 from flows.cli.checks import Json, MaxCost, Model, Record, Replay, choice, given, note
 from flows.cli.sample_command import dataset_sample
-from flows.options import UNITS, UPS, PlaceOptions, check_out, checked
+from flows.options import UNITS, UPS, PlaceOptions, check_out
+from flows.settings.own import effective_options
 
 dataset_app = typer.Typer(help="Make the embedded dataset, or check any.", no_args_is_help=True, rich_markup_mode=None)
 cache_app = typer.Typer(help="What has been computed.", no_args_is_help=True, rich_markup_mode=None)
@@ -84,7 +85,7 @@ def dataset_label(
     as_json: Json = False,
 ) -> int:
     """Find the things of a scene and write labels.json with a page of numbered pictures, to correct by hand."""
-    options = checked(PlaceOptions, given(context, "scene", "as_json"))
+    options = effective_options(PlaceOptions, given(context, "scene", "as_json"))
     if out is not None:
         check_out(out)
 
@@ -158,9 +159,40 @@ def cache_ls(as_json: Json = False) -> int:
     return cache_listing(as_json=as_json)
 
 
+@cache_app.command("du")
+def cache_du(as_json: Json = False) -> int:
+    """Tell what each stage has in the cache; what several share counts once."""
+    from flows.cli.cache_report import cache_sizes
+
+    return cache_sizes(as_json=as_json)
+
+
+@cache_app.command("gc")
+def cache_gc(
+    yes: Annotated[bool, typer.Option("--yes", help="Delete it; without, only say what would go.")] = False,
+    older_than: Annotated[
+        float, typer.Option(min=0.0, metavar="DAYS", help="Leave what is younger, with all that it was made from.")
+    ] = 1.0,
+    keep: Annotated[
+        list[Path] | None,
+        typer.Option(metavar="DIR", help="A run or placement elsewhere that is kept, too."),
+    ] = None,
+    as_json: Json = False,
+) -> int:
+    """Find what no run below data/runs needs any more, and delete it with --yes."""
+    from flows.cli.cache_report import cache_collection
+
+    return cache_collection(older_than, keep or [], delete=yes, as_json=as_json)
+
+
 @cache_app.command("verify")
-def cache_verify(as_json: Json = False) -> int:
-    """Read every artifact and compare it with its digest; damaged ones are computed again when needed."""
+def cache_verify(
+    repair: Annotated[
+        bool, typer.Option("--repair", help="Move what is damaged into data/cache/damaged, and remove litter.")
+    ] = False,
+    as_json: Json = False,
+) -> int:
+    """Read every record and artifact; exit code 4 if some are damaged and stay. They are computed again when needed."""
     from flows.cli.cache_report import cache_verification
 
-    return cache_verification(as_json=as_json)
+    return cache_verification(repair=repair, as_json=as_json)

@@ -8,7 +8,8 @@ from typing import Annotated
 import typer
 
 from flows.cli.checks import Json, MaxCost, Model, Record, Replay, given
-from flows.options import PlaceOptions, checked
+from flows.options import PlaceOptions
+from flows.settings.own import effective_options
 
 OWN = ("scenes", "objects", "out", "per_scene", "seed", "infeasible", "splits", "listed", "skip", "as_json")
 """Parameters that are not options of the stages."""
@@ -41,7 +42,7 @@ def dataset_sample(
     as_json: Json = False,
 ) -> int:
     """Make a data set of placements (sentence, object, intended outcome) for a folder of scenes."""
-    options = checked(PlaceOptions, given(context, *OWN))
+    options = effective_options(PlaceOptions, given(context, *OWN))
 
     from dcap.scene.json_tree import object_to_json
     from flows.dataset_sample import SamplingOptions, sample_dataset

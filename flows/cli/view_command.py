@@ -7,7 +7,8 @@ from typing import Annotated
 import typer
 
 from dcap.scene.errors import InputError
-from flows.options import PlaceOptions, check_prompt, checked
+from flows.options import PlaceOptions, check_prompt
+from flows.settings.own import effective_options
 
 THERE = "put it there"
 
@@ -40,7 +41,7 @@ def view(
     mass: Annotated[float | None, typer.Option(help="Mass of the object [kg].")] = None,
 ) -> int:
     """Show a placement, or a scene to place something in, in the browser until interrupted."""
-    options = checked(PlaceOptions, {
+    options = effective_options(PlaceOptions, {
         "out": out, "label": label, "up": up, "unit": unit, "labels": labels, "object_label": object_label,
         "object_up": object_up, "object_unit": object_unit, "mass": mass,
     })  # fmt: skip

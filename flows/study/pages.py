@@ -2,7 +2,8 @@
 
 from pathlib import Path
 
-from jinja2 import Environment, FileSystemLoader, StrictUndefined
+from jinja2 import FileSystemLoader, StrictUndefined
+from jinja2.sandbox import SandboxedEnvironment
 
 from dcap.evaluation.page3d.three import three_script
 from dcap.evaluation.statistics.comparisons import JudgedAxis
@@ -24,7 +25,7 @@ class StudyPages:
 
     def __init__(self, session: StudySession) -> None:
         self._session = session
-        self._templates = Environment(
+        self._templates = SandboxedEnvironment(
             loader=FileSystemLoader(TEMPLATES), autoescape=True, undefined=StrictUndefined, trim_blocks=True,
             lstrip_blocks=True,
         )  # fmt: skip

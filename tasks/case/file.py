@@ -10,18 +10,20 @@ from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import BaseModel, Field, NonNegativeFloat, NonNegativeInt, PositiveFloat, ValidationError, model_validator
-from ruamel.yaml import YAML
-from ruamel.yaml.error import YAMLError
 
 from dcap.geometry.primitives import Box, Capsule, Cylinder, Primitive
 from dcap.language.material_table import load_materials
 from dcap.scene.errors import InputError
+from dcap.scene.problems import short
+from dcap.scene.readers.files.yaml_text import BROKEN_YAML, parse_yaml
 from dcap.scene.spelling import did_you_mean
 from dcap.scene.types.gravity import GRAVITY
 from dcap.scene.types.materials import ContactFriction, LayerConstants
 
 RIGID_ABOVE = 1e9  # Young's modulus [Pa] above which `model: auto` is rigid (the paper's section 3)
 UNIT_TOLERANCE = 0.01  # of a quaternion's length: two decimals, as people write them
+
+LONGEST_NAME = 200  # characters of a body's name: NAME.ply is a file
 
 Vector3 = Annotated[list[float], Field(min_length=3, max_length=3)]
 Strict = {"extra": "forbid", "frozen": True, "allow_inf_nan": False}
@@ -118,7 +120,7 @@ class CaseMaterial(BaseModel, **Strict):
 class CaseBody(BaseModel, **Strict):
     """One body."""
 
-    name: Annotated[str, Field(min_length=1, pattern=r"^[A-Za-z0-9_.-]+$")]
+    name: Annotated[str, Field(min_length=1, max_length=LONGEST_NAME, pattern=r"^[A-Za-z0-9_.-]+$")]
     shape: CaseShape
     position: Vector3
     quaternion: Annotated[list[float], Field(min_length=4, max_length=4)] = [1.0, 0.0, 0.0, 0.0]
@@ -172,10 +174,10 @@ OWNERS: dict[object, type[BaseModel]] = {
 def read_case(path: Path) -> Case:
     """The checked case of a YAML 1.2 file; raises InputError with file, key and value."""
     try:
-        document = YAML(typ="safe", pure=True).load(path.read_text())
+        document = parse_yaml(path.read_text())
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror}") from error
-    except (YAMLError, UnicodeDecodeError) as error:
+    except BROKEN_YAML as error:
         raise InputError(f"{path}: is not YAML: {' '.join(str(error).split())}") from error
     if not isinstance(document, dict):
         raise InputError(f"{path}: holds no keys; a case needs at least `bodies`")
@@ -230,7 +232,7 @@ def _first_complaint(error: ValidationError) -> str:
         owner = next((OWNERS[part] for part in reversed(first["loc"][:-1]) if part in OWNERS), Case)
         known = sorted(owner.model_fields)
         return f"{where}: unknown key" + (did_you_mean(first["loc"][-1], known) or f"; known are {known}")
-    return f"{where}: {first['msg']} (got {first.get('input')!r})"
+    return f"{where}: {first['msg']} (got {short(first.get('input'))})"
 
 
 def material_of(body: CaseBody) -> CaseMaterial:

@@ -43,9 +43,13 @@ def run_case(
     threads: int = 0,
     stability: bool = False,
     load_aware: bool = False,
+    settings: Mapping[str, object] | None = None,
     quiet: bool = False,
 ) -> JsonObject:
-    """Read, simulate and write a case, from a file or given as the tree of one; returns the content of result.json."""
+    """Read, simulate and write a case, from a file or given as the tree of one; returns the content of result.json.
+
+    `settings` are others of the solver's, which the options and the case's own go before.
+    """
     path = given if isinstance(given, Path) else Path("case")  # a tree's meshes are relative to the working directory
     case = read_case(given) if isinstance(given, Path) else checked_case(given, str(path))
     begin = time.perf_counter()
@@ -63,6 +67,7 @@ def run_case(
     try:
         config = SolverConfig.model_validate(
             {
+                **(settings or {}),
                 "threads": threads, "seed": case.seed, "arch": arch, "method": solver, "inertia": case.inertia,
                 "stability": stability, "mls_cell": chosen if solver == "mls" else None,
             }

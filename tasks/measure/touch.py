@@ -71,4 +71,4 @@ def lowest(thing: Mesh) -> NDArray[np.float64]:
     return np.array([0.5 * (low[0] + high[0]), 0.5 * (low[1] + high[1]), low[2]])
 
 
-measure_task = stage(measure)
+measure_task = stage(measure, process=True)

@@ -52,4 +52,4 @@ def judged_views(
     )
 
 
-judged_views_task = stage(judged_views)
+judged_views_task = stage(judged_views, process=True)

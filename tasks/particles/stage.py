@@ -114,5 +114,5 @@ def proposal_particles(
         return Infeasible(Reason.NO_SUPPORT_HIT, str(error), None)
 
 
-particles_task = stage(particles)
-proposal_particles_task = stage(proposal_particles, name=particles_task.name)
+particles_task = stage(particles, process=True)
+proposal_particles_task = stage(proposal_particles, process=True, name=particles_task.name)

@@ -122,4 +122,4 @@ def beside(left: NDArray[np.uint8], right: NDArray[np.uint8]) -> NDArray[np.uint
     return np.concatenate([left, gap, right], axis=1)
 
 
-render_task = stage(render)
+render_task = stage(render, process=True)

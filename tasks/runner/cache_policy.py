@@ -4,11 +4,15 @@ from typing import TYPE_CHECKING, Any
 
 from dcap.scene.settings import cache_root
 from dcap.scene.store.artifacts import Store
+from tasks.runner.context import current_call
 from tasks.runner.locks import FileLocks
 from tasks.runner.records import usable_key
 
 if TYPE_CHECKING:
     from prefect.cache_policies import CachePolicy
+
+LOCKS_FOLDER = "locks"
+"""Where samples that need the same thing wait for each other, below the folder of the cache."""
 
 
 def verified_records() -> "CachePolicy":
@@ -27,7 +31,9 @@ def verified_records() -> "CachePolicy":
             flow_parameters: dict[str, Any],
             **kwargs: Any,
         ) -> str | None:
-            return usable_key(str(inputs["key"]), Store.default())[0]
+            return usable_key(current_call().key, Store.default())[0]
 
     # serialisable: two samples that need the same room read it once, the second waits for the first
-    return VerifiedRecords().configure(isolation_level="SERIALIZABLE", lock_manager=FileLocks(cache_root() / "locks"))
+    return VerifiedRecords().configure(
+        isolation_level="SERIALIZABLE", lock_manager=FileLocks(cache_root() / LOCKS_FOLDER)
+    )

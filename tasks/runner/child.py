@@ -16,6 +16,7 @@ from typing import IO
 
 from dcap.language.protocol.session import Session
 from dcap.scene import errors
+from dcap.scene.machine_errors import machine_error
 from tasks.runner.digests import PACKAGES
 from tasks.runner.stage import stage
 
@@ -35,8 +36,11 @@ def main() -> None:
         begin = time.perf_counter()
         value = function(**values)
         done = own.save(value, time.perf_counter() - begin)
-    except errors.DcapError as error:
-        say(report, error={"type": type(error).__name__, "message": str(error)})
+    except Exception as error:
+        known = error if isinstance(error, errors.DcapError) else machine_error(error)
+        if known is None:
+            raise
+        say(report, error={"type": type(known).__name__, "message": str(known)})
         return
     say(report, done=done)
 

@@ -10,8 +10,11 @@ from contextvars import ContextVar
 from dataclasses import dataclass, field
 from enum import StrEnum
 from threading import Semaphore
+from typing import Any
+from uuid import UUID
 
 from dcap.language.protocol.session import Session
+from dcap.scene.store.ref import Ref
 from tasks.runner.process_server import ProcessServer
 from tasks.runner.records import Deciders, Record
 
@@ -43,12 +46,51 @@ class StageEvent:
 OnEvent = Callable[[StageEvent], None]
 
 
+class Producers:
+    """The task runs of one flow run that returned its references, told by the objects themselves: two stages may return
+    references that are equal."""
+
+    def __init__(self) -> None:
+        self._runs: dict[int, tuple[object, UUID]] = {}
+        """With the object, so that its address is not given again."""
+
+    def note(self, ref: object, task_run_id: UUID) -> None:
+        """A task run has returned this reference."""
+        self._runs[id(ref)] = (ref, task_run_id)
+
+    def of(self, value: object) -> UUID | None:
+        """The task run that returned this very object; None if none of them did."""
+        return self._runs.get(id(value), (None, None))[1]
+
+
+@dataclass(frozen=True, slots=True)
+class StageCall:
+    """What a stage is computed from, one time."""
+
+    key: str
+    """Of its record."""
+    deciders: dict[str, Any]
+    """In plain form."""
+    settings: object
+    """Its configuration as JSON; None if it has none."""
+
+
+OnMissing = Callable[[Deciders], Ref[Any]]
+
+
+def stop_looking(deciders: Deciders) -> Ref[Any]:
+    """A stage without a record ends the search."""
+    raise NotCachedError(deciders)
+
+
 @dataclass(frozen=True, slots=True)
 class RunContext:
     """How the stages that are called inside `use_context` behave."""
 
     lookup_only: bool = False
-    """Only look records up; a stage without one raises NotCachedError."""
+    """Only look records up; what happens where there is none says `on_missing`."""
+    on_missing: OnMissing = stop_looking
+    """Raises NotCachedError, or gives what stands for the result that is not there yet."""
     refresh: frozenset[str] = frozenset()
     """Stages to compute again although they have a record."""
     on_event: OnEvent = lambda event: None
@@ -58,6 +100,12 @@ class RunContext:
     """How many stages may compute at a time; a stage that waits for a reply lends its slot to another."""
     server: ProcessServer | None = None
     """Starts the processes of heavy stages; without it each is spawned."""
+    producers: Producers = field(default_factory=Producers)
+    """Which task run returned which reference, in the flow run of one sample."""
+    tags: tuple[str, ...] = ()
+    """Of the task runs."""
+    call: StageCall | None = None
+    """Of the stage that runs now: Prefect is told the names of its inputs only."""
 
 
 class NotCachedError(LookupError):
@@ -74,6 +122,13 @@ _current: ContextVar[RunContext] = ContextVar("run context")
 def current_context() -> RunContext:
     """The context of this thread's run; a plain one outside of any."""
     return _current.get(None) or RunContext()
+
+
+def current_call() -> StageCall:
+    """What the stage that runs now is computed from."""
+    call = current_context().call
+    assert call is not None
+    return call
 
 
 @contextmanager

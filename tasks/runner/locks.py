@@ -1,13 +1,20 @@
 """Locks by `flock(2)`: whoever dies lets go, so a killed run never blocks the next one."""
 
+import errno
 import fcntl
 import os
 import threading
 import time
+import uuid
 from pathlib import Path
 from typing import Self
 
+from dcap.scene.store.building import make_folder, remove
+
 POLL_S = 0.05
+LOCK_SUFFIX = ".lock"
+NO_FILE = frozenset({errno.EISDIR, errno.ELOOP, errno.ENXIO})
+"""How opening a folder, a link or a socket fails."""
 
 
 class FileLocks:
@@ -28,7 +35,7 @@ class FileLocks:
         """Wait until the lock is ours, at most `acquire_timeout` [s]; false if it is not."""
         if self.is_lock_holder(key, holder):
             return True
-        descriptor = os.open(self._path(key), os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
+        descriptor = self._opened(key)
         deadline = None if acquire_timeout is None else time.monotonic() + acquire_timeout
         while not try_lock(descriptor):
             if deadline is not None and time.monotonic() >= deadline:
@@ -56,7 +63,9 @@ class FileLocks:
 
     def is_locked(self, key: str) -> bool:
         """Whether anybody holds the lock."""
-        descriptor = os.open(self._path(key), os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
+        if not self._path(key).is_file():
+            return False
+        descriptor = self._opened(key)
         try:
             return not try_lock(descriptor)
         finally:
@@ -81,8 +90,20 @@ class FileLocks:
         return self.wait_for_lock(key, timeout)
 
     def _path(self, key: str) -> Path:
-        self.folder.mkdir(parents=True, exist_ok=True)
-        return self.folder / f"{Path(key).name}.lock"
+        return self.folder / f"{Path(key).name}{LOCK_SUFFIX}"
+
+    def _opened(self, key: str) -> int:
+        """The open file of a lock; what stands in its place and is no file goes."""
+        make_folder(self.folder, self.folder.with_name(f"{self.folder.name}-{uuid.uuid4().hex}"))
+        path = self._path(key)
+        flags = os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW
+        try:
+            return os.open(path, flags, 0o644)
+        except OSError as error:
+            if error.errno not in NO_FILE:
+                raise
+        remove(path)
+        return os.open(path, flags, 0o644)
 
 
 def try_lock(descriptor: int) -> bool:

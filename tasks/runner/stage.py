@@ -34,18 +34,19 @@ from dcap.scene.types.outcome import Infeasible
 from tasks.runner.cache_policy import verified_records
 from tasks.runner.context import (
     Event,
-    NotCachedError,
     OnEvent,
     OnProgress,
     RunContext,
+    StageCall,
     StageEvent,
+    current_call,
     current_context,
     lent,
     use_context,
 )
 from tasks.runner.digests import libraries, source_digests
 from tasks.runner.process import run_in_process
-from tasks.runner.records import Deciders, Record, records_root, usable_key
+from tasks.runner.records import Deciders, Record, records_root, share_record, usable_key
 
 if TYPE_CHECKING:
     from prefect import Task
@@ -84,7 +85,7 @@ class Stage(Generic[P, ValueT_co]):
         self.name = name
         self.signature = inspect.signature(function)
         self.module_path = Path(inspect.getfile(function)).resolve()
-        self._tasks: dict[Path, Task[[str, dict[str, object], object], dict[str, object]]] = {}
+        self._tasks: dict[Path, Task[..., dict[str, object]]] = {}
         """By the folder of the records: $DCAP_DATA may change while a program runs."""
 
     @cached_property
@@ -110,14 +111,19 @@ class Stage(Generic[P, ValueT_co]):
         if context.lookup_only:
             _, record = usable_key(deciders.key, Store.default())
             if record is None:
-                raise NotCachedError(deciders)
+                return context.on_missing(deciders)
             context.on_event(StageEvent(self.name, Event.CACHED, 1.0, record=record))
             return record.ref
+        from tasks.runner.task_runs import run_task  # Prefect is imported on the first run: planning needs none
+
         watch = StartWatch(context.on_event)
         settings = None if config is None else config.model_dump(mode="json")
+        call = StageCall(deciders.key, deciders.to_json(), settings)
         task = self.task.with_options(refresh_cache=True) if self.name in context.refresh else self.task
-        with use_context(replace(context, on_event=watch)):
-            record = Record.from_json(task(deciders.key, deciders.to_json(), settings))
+        with use_context(replace(context, on_event=watch, call=call)):
+            tree, task_run_id = run_task(task, inputs, context.producers)
+        record = Record.from_json(tree)
+        context.producers.note(record.ref, task_run_id)
         end = Event.FINISHED if watch.started else Event.CACHED
         context.on_event(StageEvent(self.name, end, 1.0, record=record))
         return record.ref
@@ -133,17 +139,17 @@ class Stage(Generic[P, ValueT_co]):
         )
 
     @property
-    def task(self) -> "Task[[str, dict[str, object], object], dict[str, object]]":
-        """The Prefect task behind this stage; Prefect is imported on the first run, because planning needs none."""
+    def task(self) -> "Task[..., dict[str, object]]":
+        """The Prefect task behind this stage, whose parameters are the stage's inputs."""
         from prefect import Task
 
         root = records_root()
         if root in self._tasks:
             return self._tasks[root]
         self._tasks[root] = Task(
-            self._body,
+            self._body_of_inputs(),
             name=self.name,
-            task_run_name=self.name,
+            task_run_name=self._run_name,
             cache_policy=verified_records(),
             persist_result=True,
             result_storage=root,
@@ -152,15 +158,31 @@ class Stage(Generic[P, ValueT_co]):
         )
         return self._tasks[root]
 
-    def _body(self, key: str, deciders: dict[str, Any], config: object) -> dict[str, object]:
+    def _run_name(self) -> str:
+        """Name of a task run: the stage and the sample."""
+        return f"{self.name} {current_context().session.sample}".rstrip()
+
+    def _body_of_inputs(self) -> Callable[..., dict[str, object]]:
+        """The body as a function of the stage's inputs by name, which it finds in the context."""
+
+        def body(**inputs: object) -> dict[str, object]:
+            return self._body(current_call())
+
+        names = (name for name in self.signature.parameters if name not in ("config", CLIENT))
+        parameters = [inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=None) for name in names]
+        body.__name__ = body.__qualname__ = self.name
+        body.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
+        return body
+
+    def _body(self, call: StageCall) -> dict[str, object]:
         """What Prefect runs when no record fits."""
         from prefect.logging import get_run_logger
 
-        log, context = get_run_logger(), current_context()
+        log, context, config = get_run_logger(), current_context(), call.settings
         context.on_event(StageEvent(self.name, Event.STARTED))
         begin = time.perf_counter()
         with context.slots or nullcontext():
-            inputs, on_progress = deciders["inputs"], progress_to(log, context, self.name)
+            inputs, on_progress = call.deciders["inputs"], progress_to(log, context, self.name)
             if self._needs_process(inputs):
                 done = run_in_process(self.job(inputs, config, context.session), on_progress, context.server)
                 log.info(
@@ -183,7 +205,8 @@ class Stage(Generic[P, ValueT_co]):
             time.perf_counter() - begin,
             done["size"] / 1024,
         )
-        record = Record(key, Ref.from_json(done["ref"]), done["seconds"], done["size"], deciders)
+        record = Record(call.key, Ref.from_json(done["ref"]), done["seconds"], done["size"], call.deciders)
+        share_record(record, Store.default())
         return record.to_json()
 
     def job(self, inputs: dict[str, Any], config: object, session: Session) -> dict[str, object]:

@@ -1,7 +1,9 @@
 """A dataset run plans first, computes only what is missing, keeps going, and tells the truth."""
 
+import hashlib
 import importlib
 import json
+import shutil
 from collections.abc import Iterator
 from contextlib import nullcontext
 from pathlib import Path
@@ -9,101 +11,17 @@ from pathlib import Path
 import jsonschema
 import pyarrow.parquet as pq
 import pytest
+from fake_pipeline_code import DATASET, PIPELINE, TRUTH
 
-from dcap.scene.errors import InputError, LanguageError
+from dcap.scene.errors import LanguageError
 from dcap.scene.store.artifacts import Store
 from dcap.scene.types.sample import Sample
-from flows.benchmark import failed_before, new_run_folder, rerun_sample, write_failure
+from flows.benchmark import new_run_folder, rerun_sample
 from flows.cli.app import main
 from flows.language_options import LanguageOptions
 from flows.place import PlaceConfig
 from flows.sample_run import FailedSample
-
-PIPELINE = """
-import numpy as np
-from pydantic import BaseModel
-from flows.place import PlacementRefs
-from dcap.scene.types.anchor import Anchor
-from dcap.scene.types.box import OrientedBox
-from dcap.scene.errors import GeometryError
-from dcap.scene.types.intent import Intent, OrientationRequest, RegionRequest
-from dcap.scene.types.materials import Material, BodyModel, PartMaterial, PartMaterials
-from dcap.scene.types.mesh import Mesh
-from dcap.scene.types.outcome import Infeasible, NotInScene, Reason
-from dcap.scene.types.particles import Particles
-from dcap.scene.types.renders import Renders, Visibility
-from dcap.scene.types.rotation import Rotation
-from dcap.scene.types.scan import Scan
-from dcap.scene.types.segmentation import Instance, Part, Segmentation
-from dcap.scene.types.settled import Settled, SettledBody
-from solver.certificate import Verdict
-from dcap.scene.store.artifacts import Source, Store
-from rest_records import history, implicit_certificate
-from tasks.overview import overview_task
-from tasks.runner.stage import stage
-
-MESH = Mesh.of(np.random.default_rng(0).random((30, 3)), np.arange(30).reshape(10, 3))
-BOX = OrientedBox(np.zeros(3), np.eye(3), np.ones(3))
-DOWN = np.array([[1.0, 0, 0, 0], [0, 1.0, 0, 0], [0, 0, 1.0, 2.0], [0, 0, 0, 1.0]])
-
-def mesh(source: Source) -> Scan:
-    if source.path.read_text() == "broken":
-        raise GeometryError(f"{source.path}: broken on purpose")
-    return Scan(MESH, np.full(10, -1, np.int32), (), (), (), "", np.eye(4), "z", 1.0, "format", ("welded",))
-
-def segment(scan: Scan) -> Segmentation:
-    one = Instance("7", "table", BOX, (Part("top", BOX, 1.0),), None)
-    return Segmentation(scan.mesh, (one,), np.zeros(10, np.int32), np.zeros(10, np.int32))
-
-def intent(scene: Segmentation, prompt: str) -> Intent | Infeasible:
-    if "piano" in prompt:
-        return Infeasible(Reason.TARGET_NOT_FOUND, "no piano; there is table", NotInScene("piano", ("table",), "ball"))
-    region = RegionRequest("", ("center",), (), "")
-    return Intent("7", "table", "ball", np.ones(3), 0.5, False, 1.0, OrientationRequest("any", "", ""), region, (), ())
-
-def anchor(intent: Intent) -> Anchor:
-    square = np.array([[-5.0, -5], [5, -5], [5, 5], [-5, 5]])
-    return Anchor("7", "top", 0, "center", np.zeros(2), np.zeros(3), DOWN, 0.01, square, "")
-
-def drop(anchor: Anchor, seed: int) -> Settled:
-    body = SettledBody("object", MESH, np.array([0, 0, -1.0]), np.array([1.0, 0, 0, 0]), np.zeros((30, 3)))
-    return Settled(
-        Verdict.AT_REST, (body,), (), np.zeros((0, 3)), implicit_certificate(), history(2), seed, 0.5, ()
-    )
-
-def render(settled: Settled) -> Renders:
-    picture = np.full((8, 8, 3), 100, np.uint8)
-    seen = Visibility(np.array([[0.0, 15.0, 0.5, 0.5]]), 0.4)
-    return Renders(picture, picture, picture, 0.5, np.array([3.0, -2.0, 1.5]), np.zeros(3), *[picture] * 3, seen)
-
-stages = [stage(one) for one in (mesh, segment, intent, anchor, drop, render)]
-
-def place(sample, config):
-    read, divide, understand, aim, settle, paint = stages
-    scan = read(Store.default().add_source(sample.scene))
-    scene = divide(scan)
-    wish = understand(scene, sample.prompt)
-    target = aim(wish)
-    settled = settle(target, sample.seed)
-    pictures = paint(settled)
-    return PlacementRefs(
-        scene_scan=scan, object_scan=scan, scene_surface=scan, object_surface=scan, scene=scene,
-        item=scene, intent=wish, rotation=wish, anchor=target,
-        materials=wish, particles=settled, settled=settled, renders=pictures,
-        overview=overview_task(scene, scene, None, None) if pictures.infeasible else None,
-    )
-"""
-DATASET = """
-- {id: good, scene: fine.ply, object: fine.ply, prompt: put the ball on the table, seed: 1}
-- {id: none, scene: fine.ply, object: fine.ply, prompt: put the ball on the piano}
-- {id: bad, scene: broken.ply, object: fine.ply, prompt: put the ball on the table}
-- {id: "gone: {x}", scene: gone.ply, object: fine.ply, prompt: put the ball on the table}
-"""
-TRUTH = """
-good: {base: table, part: top, feasible: true}
-none: {feasible: false, reason: target_not_found}
-bad: {base: table, part: top, feasible: true}
-"""
+from tasks.runner.records import records_root
 
 
 @pytest.fixture(scope="module")
@@ -148,6 +66,35 @@ def check_maps(run: Path, folder: Path, capsys: pytest.CaptureFixture[str]) -> N
         assert not (folder / "none").exists()
 
 
+def stamps_of_records() -> dict[str, int]:
+    """When each record was written."""
+    return {path.name: path.stat().st_mtime_ns for path in records_root().iterdir()}
+
+
+def check_comparison(run: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The last run against the first: what was mended, and nothing else."""
+    assert main(["diff", str(run), "last", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert {one["sample"] for one in found["outcomes"]} == {"bad", "gone: {x}"}
+    assert [found[name] for name in ("only_a", "only_b", "poses", "asked", "config", "versions")] == [[]] * 6
+    assert main(["diff", "last", "last"]) == 0
+    assert "no difference" in capsys.readouterr().out
+
+
+def check_origin(run: Path, dataset: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A picture of the first run goes back to the file that was given, whose hash stands there."""
+    picture = run / "samples" / "good" / "settled.png"
+    assert main(["provenance", str(picture), "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["sample"]["prompt"] == "put the ball on the table"
+    stages = {one["stage"] for one in found["steps"].values()}
+    assert stages == {None, "mesh", "segment", "intent", "anchor", "drop", "render"}
+    (source,) = [one for one in found["steps"].values() if one["kind"] == "Source"]
+    content = (dataset.parent / "fine.ply").read_bytes()
+    assert source["files"] == [{"name": "fine.ply", "sha256": hashlib.sha256(content).hexdigest(), "size": 4}]
+    assert [found["steps"][root]["stage"] for root in found["roots"]] == ["render"]
+
+
 @pytest.mark.slow
 def test_a_benchmark_from_cold_to_warm(
     dataset: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
@@ -159,7 +106,7 @@ def test_a_benchmark_from_cold_to_warm(
     plan = json.loads(capsys.readouterr().out)
     assert [row["runs"] for row in plan] == ["mesh", "mesh", "mesh", None]
     assert "gone.ply: no such file" in plan[3]["why"]
-    assert all(list(row) == ["sample", "cached", "runs", "why", "may_run"] for row in plan)
+    assert all(list(row) == ["sample", "cached", "runs", "why", "may_run", "stages"] for row in plan)
 
     assert main(["benchmark", "--dataset", str(dataset), "--json"]) == 4
     counts = json.loads(capsys.readouterr().out)
@@ -182,12 +129,13 @@ def test_a_benchmark_from_cold_to_warm(
         jsonschema.validate({**placement, "verdict": 3}, schema)
     assert {path.name for path in (run / "samples" / "good").iterdir()} == {
         "placement.json", "placement.schema.json", "object.ply", "object.glb", "contacts.glb", "scene.glb",
-        "scene.json", "clean.png",
+        "scene.json", "records.json", "clean.png",
         "settled.png", "closeup.png", "before_after.png", "contact.png", "profile.png",
     }  # fmt: skip
 
     assert {path.name for path in (run / "samples" / "none").iterdir()} == {
-        "placement.json", "placement.schema.json", "scene.glb", "scene.json", "clean.png", "candidates.png",
+        "placement.json", "placement.schema.json", "scene.glb", "scene.json", "records.json", "clean.png",
+        "candidates.png",
     }  # fmt: skip
 
     def refuse() -> None:
@@ -198,15 +146,26 @@ def test_a_benchmark_from_cold_to_warm(
         assert main(["benchmark", "--dataset", str(dataset), "--limit", "2"]) == 0
 
     (folder / "gone.ply").write_text("fine")
+    assert main(["benchmark", "--dataset", str(dataset)]) == 4
     (folder / "broken.ply").write_text("mended")
-    assert main(["benchmark", "--dataset", str(dataset)]) == 0
     capsys.readouterr()
+    assert main(["benchmark", "--dataset", str(dataset), "--only-failed", "--json"]) == 0
+    said = capsys.readouterr()
+    assert "1 failed (bad) and run again, 3 finished and come from the cache" in said.err
+    assert json.loads(said.out)["samples"] == 4
     assert main(["benchmark", "--dataset", str(dataset), "--only-failed"]) == 2
     assert "nothing failed" in capsys.readouterr().err
 
+    check_comparison(run, capsys)
+    check_origin(run, dataset, capsys)
     monkeypatch.chdir("/")  # a run knows where its files are
+    other = folder / "data" / "runs" / "last" / "samples" / "none" / "placement.json"
+    before, untouched = stamps_of_records(), other.stat().st_mtime_ns
     assert main(["rerun", "last", "good", "--stage", "drop", "--json"]) == 0
     again = json.loads(capsys.readouterr().out)
+    written = {name for name, stamp in stamps_of_records().items() if before.get(name) != stamp}
+    assert {name.rpartition("-")[0] for name in written} == {"drop"}  # what follows is cached: the bytes are equal
+    assert other.stat().st_mtime_ns == untouched
     assert {**again, "timings": 0} == {**placement, "timings": 0}
     assert main(["rerun", "last", "none", "--stage", "drop"]) == 3
     assert capsys.readouterr().out.splitlines() == [
@@ -224,17 +183,6 @@ def test_a_benchmark_from_cold_to_warm(
     next(Store.default().folder(ref).glob("*.ply")).unlink()
     assert main(["cache", "verify"]) == 4
     assert main(["report", "last"]) == 0
-
-
-def test_what_the_last_run_did_not_ask_for_did_not_fail(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """After a run of two samples of three, one good and one failed, only the failed one is run again."""
-    monkeypatch.setenv("DCAP_DATA", str(tmp_path))
-    good, bad, later = (Sample(name, "room", "ball", "put it") for name in ("good", "bad", "later"))
-    run = new_run_folder(tmp_path / "set.yaml", [good, bad], PlaceConfig(), LanguageOptions())
-    write_failure(run, FailedSample(bad, InputError("no such file")))
-    (run / "samples" / "good").mkdir()
-    (run / "samples" / "good" / "placement.json").write_text("{}")
-    assert failed_before([good, bad, later]) == [bad]
 
 
 def test_a_plan_survives_what_nobody_expected(
@@ -270,3 +218,26 @@ def test_a_rerun_that_breaks_is_not_bad_input(
         rerun_sample("last", "odd", "drop")
     assert str(error) in (run / "samples" / "odd" / "error.txt").read_text()
     assert (run / "report.html").is_file()
+
+
+@pytest.mark.slow
+def test_what_a_run_needs_is_kept(dataset: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """After everything that no run needs is deleted, the runs are still cached to the last stage; without their folders
+    nothing is kept."""
+    assert main(["benchmark", "--dataset", str(dataset), "--limit", "2"]) == 0
+    run = (dataset.parent / "data" / "runs" / "last").resolve()
+    (run / "samples" / "none" / "records.json").unlink()  # as of an earlier version: it is looked up
+    Store.default().save(Sample("nobody", "needs", "this", "at all", mass=None))
+    capsys.readouterr()
+    assert main(["cache", "gc", "--yes", "--older-than", "0", "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert str(run) in told["runs"]
+    assert told["artifacts"] > 0
+    assert main(["plan", "--dataset", str(dataset), "--limit", "2", "--json"]) == 0
+    assert [row["runs"] for row in json.loads(capsys.readouterr().out)] == [None, None]
+    assert main(["cache", "verify"]) == 0
+    shutil.rmtree(dataset.parent / "data" / "runs")
+    assert main(["cache", "gc", "--yes", "--older-than", "0"]) == 0
+    capsys.readouterr()
+    assert main(["cache", "ls", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["kinds"] == {}

@@ -167,7 +167,7 @@ def test_an_empty_cache(capsys: pytest.CaptureFixture[str], tmp_path: Path, monk
     monkeypatch.setenv("DCAP_DATA", str(tmp_path))
     assert main(["cache", "ls"]) == 0
     assert main(["cache", "verify"]) == 0
-    assert "0 artifacts, 0 damaged" in capsys.readouterr().out
+    assert "0 artifacts, 0 records, 0 damaged" in capsys.readouterr().out
 
 
 def test_a_prompt_that_is_no_text(capsys: pytest.CaptureFixture[str]) -> None:

@@ -22,10 +22,11 @@ from dcap.scene.types.sample import Sample
 from dcap.scene.types.segmentation import Segmentation
 from dcap.scene.types.settled import Settled
 from dcap.scene.writers.glb import Node, glb_bytes
-from flows.benchmark import dataset_samples, keep
+from flows.benchmark import dataset_samples
 from flows.measures_file import VIEWS, read_measures
 from flows.methods import examples_of, place_by
 from flows.place import PlaceConfig
+from flows.run_samples import keep
 from flows.sample_run import FinishedSample, plan_sample
 from flows.scoring import scored_row
 

@@ -70,7 +70,7 @@ def test_every_option_reaches_the_drop(monkeypatch: pytest.MonkeyPatch, tmp_path
     monkeypatch.setattr("flows.drop_one.chosen_arch", lambda wanted: wanted)
     wanted = {name: OTHER[name] for name in DropOptions.model_fields if name != "out"} | {"solver": "tl"}
     drop_case(tmp_path, checked(DropOptions, wanted), tmp_path, quiet=True)
-    assert heard == wanted | {"quiet": True}
+    assert heard == wanted | {"quiet": True, "settings": {}}
 
 
 @pytest.mark.parametrize("name", sorted(PlaceOptions.model_fields))
@@ -110,6 +110,8 @@ def test_an_unknown_setting_of_a_stage() -> None:
 
 def test_a_parameter_that_is_no_option() -> None:
     """A parameter of a command that is neither an argument nor an option is refused, not lost."""
-    context = cast(typer.Context, SimpleNamespace(params={"case": "a", "bogus": 1}))
+    source = SimpleNamespace(name="COMMANDLINE")
+    told = SimpleNamespace(params={"case": "a", "bogus": 1}, get_parameter_source=lambda _: source)
+    context = cast(typer.Context, told)
     with pytest.raises(InputError, match="unknown option 'bogus'"):
         checked(DropOptions, given(context, "case"))

@@ -70,6 +70,7 @@ def test_a_block_rests_on_the_table(files: Path, capsys: pytest.CaptureFixture[s
     assert {path.name for path in out.iterdir()} == PICTURES | {
         "placement.json",
         "placement.schema.json",
+        "records.json",
         "sample.json",
         "object.ply",
         "object.glb",

@@ -36,7 +36,7 @@ class ModelApi:
         except RefusedError:
             ledger.release(booked)
             raise
-        ledger.settle(booked, model, payload.question, message, how="asked")
+        ledger.settle(booked, model, payload.question, message, how="asked", digest=payload.digest)
         return message
 
 

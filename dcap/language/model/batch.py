@@ -206,13 +206,13 @@ class BatchQueue:
                 self.give_up({digest: question}, LanguageError(f"{question['model']}: {why(result)}"), own=own)
             else:
                 self.kept.write(question["name"], digest, question["asked"], message)
-                self.book(question, message, own=own)
+                self.book(digest, question, message, own=own)
             if own or message is not None:
                 (self.folder / f"{digest}.json").unlink(missing_ok=True)
         path.unlink(missing_ok=True)
         self.tell(f"batch {path.stem}: {len(results)} replies")
 
-    def book(self, question: Mapping[str, Any], message: Message, *, own: bool) -> None:
+    def book(self, digest: str, question: Mapping[str, Any], message: Message, *, own: bool) -> None:
         """Write what a reply took; one of a run that is gone is booked anew."""
         self.ledger.settle(
             question["booked"] if own else f"collected {question['booked']}",
@@ -222,6 +222,7 @@ class BatchQueue:
             how="batch",
             factor=BATCH_FACTOR,
             sample=question["sample"],
+            digest=digest,
         )
 
     def give_up(self, questions: Mapping[str, Any], error: DcapError, *, own: bool) -> None:

@@ -157,7 +157,7 @@ def kept_or_asked(config: LanguageConfig, session: Session, kept: ReplyFolder) -
 def note_kept(model: str, payload: Payload, message: Message, session: Session) -> None:
     """A line for a reply that cost nothing this time."""
     ledger = Ledger(Path(session.ledger) if session.ledger else None, sample=session.sample)
-    ledger.settle("", model, payload.question, message, how="kept")
+    ledger.settle("", model, payload.question, message, how="kept", digest=payload.digest)
 
 
 def text_of(message: Message) -> str:

@@ -131,6 +131,8 @@ class ReplyLine:
     cache_read_tokens: int
     usd: float | None
     """What it cost [USD]; None where the model's price is not known."""
+    digest: str = ""
+    """Of what was asked, under which the reply is kept; empty in ledgers of earlier versions."""
 
 
 LedgerLine: TypeAlias = ReservationLine | ReleaseLine | ReplyLine
@@ -193,7 +195,16 @@ class Ledger:
                 append(file, ReleaseLine(name, 0.0))
 
     def settle(
-        self, name: str, model: str, question: str, message: Message, *, how: str, factor: float = 1.0, sample: str = ""
+        self,
+        name: str,
+        model: str,
+        question: str,
+        message: Message,
+        *,
+        how: str,
+        factor: float = 1.0,
+        sample: str = "",
+        digest: str = "",
     ) -> None:
         """Write what a reply took; `how` is asked, batch or kept."""
         if self.path is None:
@@ -201,7 +212,8 @@ class Ledger:
         usage, price = Usage.of(message), price_of(model)
         cost = 0.0 if how == "kept" else factor * usage.cost(price) if price else None
         with locked(self.path) as file:
-            append(file, ReplyLine(name, sample or self.sample, question, model, how, **asdict(usage), usd=cost))
+            whose = sample or self.sample
+            append(file, ReplyLine(name, whose, question, model, how, **asdict(usage), usd=cost, digest=digest))
 
 
 def spending_of(path: Path) -> Spending:
@@ -247,7 +259,7 @@ def read_line(text: str) -> LedgerLine:
     """One line, of the kind that its keys tell."""
     tree = json.loads(text)
     kind: type[LedgerLine] = ReservationLine if "reserved" in tree else ReplyLine if "how" in tree else ReleaseLine
-    return kind(**{one.name: tree[one.name] for one in fields(kind)})
+    return kind(**{one.name: tree[one.name] for one in fields(kind) if one.name in tree})
 
 
 @contextmanager

@@ -16,6 +16,7 @@ from typing import Any
 
 import jinja2
 import numpy as np
+from jinja2.sandbox import SandboxedEnvironment
 from numpy.typing import NDArray
 from PIL import Image
 from pydantic import BaseModel
@@ -157,8 +158,9 @@ def png(rgb: NDArray[np.uint8]) -> bytes:
 
 @cache
 def environment() -> jinja2.Environment:
-    """Where the templates are; a name that is not given is an error."""
-    return jinja2.Environment(
+    """Where the templates are; a name that is not given is an error. What people say is a value in them and never a
+    part of one; sandboxed, no template reaches an attribute from which Python code could be run."""
+    return SandboxedEnvironment(
         loader=jinja2.FileSystemLoader(resource(PROMPTS)),
         undefined=jinja2.StrictUndefined,
         autoescape=False,

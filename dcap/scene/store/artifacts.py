@@ -3,30 +3,43 @@
 An artifact is a folder `objects/KIND/aa/SHA256` of plain files (see `codec.py`); its digest covers the names
 and bytes of all of them. Guaranteed: an artifact appears whole or not at all (written beside, then renamed), equal
 values get the same digest and the same bytes, and what `load` returns was read from bytes that match the digest.
+
+With `$DCAP_STORE` (see `remote.py`) the folder is a verified cache in front of a store that machines share: what is
+saved here is written there as well, what is not here or damaged is looked for there.
 """
 
 import hashlib
 import json
-import os
 import shutil
 import threading
 import uuid
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeVar, cast
 
 from dcap.scene.errors import InputError, MissingArtifactError, StoreError
-from dcap.scene.settings import cache_root
+from dcap.scene.settings import cache_root, shared_store_url
+from dcap.scene.store.building import Building, in_own_folders
 from dcap.scene.store.codec import VALUE_FILE, canonical_json, decode, encode
+from dcap.scene.store.digest import (
+    digest_of,
+    digest_of_bytes,
+    digest_of_file,
+    digest_of_folder,
+    is_plain_file,
+    stamps,
+    walk,
+)
+from dcap.scene.store.in_use import note_use
 from dcap.scene.store.ref import Ref
+from dcap.scene.store.remote import RemoteStore
 from dcap.scene.store.source_files import source_files, telling_folder
 from dcap.scene.types.outcome import Infeasible
 
 FILES_FOLDER = "files"
-HOLDERS = 3
-"""Folders of the store around an artifact: objects/KIND/aa."""
-
+OBJECTS, DRAFTS = "objects", "building"
+"""Folders of the store: where artifacts lie, and where they are made before they take their place."""
 ValueT = TypeVar("ValueT")
 
 
@@ -44,35 +57,51 @@ class Source:
 class Store:
     """Artifacts in one folder; safe for many threads and processes at once."""
 
-    def __init__(self, root: Path) -> None:
+    def __init__(self, root: Path, remote: RemoteStore | None = None) -> None:
         self.root = root
+        self.remote = remote
         self._verified: dict[Ref[object], tuple[tuple[str, int, int], ...]] = {}
+        self._pushed: set[Ref[object]] = set()
+        """What this process knows to be in the shared store."""
         self._sources: dict[str, Path] = {}
         self._lock = threading.Lock()
 
     @classmethod
     def default(cls) -> "Store":
-        """The store of this machine, one per process and folder."""
-        root = cache_root() / "store"
+        """The store of this machine, one per process, folder and shared store."""
+        cache, url = cache_root(), shared_store_url()
         with opening:
-            return opened.setdefault(root, cls(root))
+            if (cache, url) not in opened:
+                note_use(cache)
+                opened[cache, url] = cls(cache / "store", RemoteStore(url) if url else None)
+            return opened[cache, url]
 
     def folder(self, ref: Ref[object]) -> Path:
         """Where the files of an artifact lie."""
-        return self.root / "objects" / ref.kind / ref.sha256[:2] / ref.sha256
+        return self.root / OBJECTS / ref.kind / ref.sha256[:2] / ref.sha256
 
     def save(self, value: ValueT) -> Ref[ValueT]:
         """Write a value; an artifact that is there and sound is left alone."""
         files = encode(value)
         ref: Ref[ValueT] = Ref(type(value).__name__, digest_of_bytes(files))
-        if not self.has(ref):
+        if not self.is_here(ref):
             with self._building(ref) as folder:
                 for name, data in files.items():
                     (folder / name).write_bytes(data)
+        if self.remote is not None and ref not in self._pushed:
+            self.remote.push(ref, self.folder(ref), self._draft().with_suffix(".tar"))
+            self._pushed.add(ref)
         return ref
 
     def load(self, ref: Ref[ValueT]) -> ValueT | Infeasible:
         """The value of an artifact, from bytes that match its digest."""
+        try:
+            return cast("ValueT | Infeasible", self._load(ref))
+        except MissingArtifactError:
+            with self._lock:
+                self._verified.pop(ref, None)
+            if not self.has(ref):
+                raise
         return cast("ValueT | Infeasible", self._load(ref))
 
     def _load(self, ref: Ref[object]) -> object:
@@ -80,7 +109,7 @@ class Store:
             return self._load_source(ref)
         folder = self.folder(ref)
         try:
-            if not all(path.is_file() for path in folder.iterdir()):
+            if not all(is_plain_file(path) for path in folder.iterdir()):
                 raise MissingArtifactError(f"{ref.kind} {ref.sha256[:12]} in {folder} holds what is no file")
             files = {path.name: path.read_bytes() for path in sorted(folder.iterdir())}
         except OSError as error:
@@ -90,13 +119,17 @@ class Store:
         return decode(files)
 
     def has(self, ref: Ref[object]) -> bool:
-        """Whether the artifact is there and every byte matches its digest.
+        """Whether the artifact is there and every byte matches its digest; it is brought here from the shared store."""
+        return self.is_here(ref) or self._fetch(ref)
+
+    def is_here(self, ref: Ref[object]) -> bool:
+        """Whether the artifact is in this folder and every byte matches its digest.
 
         Bytes are read once per process; after that unchanged sizes and modification times are taken as proof.
         """
         folder = self.folder(ref)
         stamp = stamps(folder)
-        if not stamp:
+        if not stamp or not in_own_folders(folder):
             return False
         with self._lock:
             if self._verified.get(ref) == stamp:
@@ -107,14 +140,26 @@ class Store:
             self._verified[ref] = stamp
         return True
 
+    def _fetch(self, ref: Ref[object]) -> bool:
+        """Bring an artifact here; false if nobody shares a sound one (a damaged one is written over by `save`)."""
+        if self.remote is None or ref.kind == Source.__name__:
+            return False
+        building = self._building(ref)
+        with building as folder:
+            building.wanted = self.remote.fetch(ref, folder)
+        if building.wanted:
+            self._pushed.add(ref)
+        return building.wanted and self.is_here(ref)
+
     def size(self, ref: Ref[object]) -> int:
         """Bytes that the artifact takes on disk."""
-        return sum(path.stat().st_size for path in walk(self.folder(ref)))
+        return sum(path.lstat().st_size for path in walk(self.folder(ref)))
 
     def refs(self) -> Iterator[Ref[object]]:
-        """All artifacts, sound or not."""
-        for folder in sorted((self.root / "objects").glob("*/??/*")):
-            yield Ref(folder.parent.parent.name, folder.name)
+        """All artifacts in their places, sound or not."""
+        for folder in sorted((self.root / OBJECTS).glob("*/??/*")):
+            if folder.name[:2] == folder.parent.name:
+                yield Ref(folder.parent.parent.name, folder.name)
 
     def add_source(self, given: str | Path) -> Ref[Source]:
         """Take a foreign file or folder in, with the files that it names (MTL, textures, buffers)."""
@@ -128,14 +173,14 @@ class Store:
         except OSError as error:
             raise InputError(f"{path}: cannot be read: {error.strerror} ({error.filename})") from None
         ref: Ref[Source] = Ref(Source.__name__, digest_of(digests))
-        if not self.has(ref):
+        if not self.is_here(ref):
             with self._building(ref) as folder:
                 (folder / VALUE_FILE).write_bytes(about)
                 for name, file in files.items():
                     target = folder / FILES_FOLDER / name
                     target.parent.mkdir(parents=True, exist_ok=True)
                     shutil.copyfile(file, target)
-            if not self.has(ref):
+            if not self.is_here(ref):
                 raise InputError(f"{path}: changed while it was read; try again when nothing writes to it")
         with self._lock:
             self._sources[str(given)] = self.folder(ref) / FILES_FOLDER / main
@@ -151,109 +196,21 @@ class Store:
         if digest_of_folder(folder) != ref.sha256:
             raise MissingArtifactError(f"Source {ref.sha256[:12]} in {folder} is missing or does not match its digest")
         tree = json_file(folder / VALUE_FILE)
-        return Source(folder / FILES_FOLDER / str(tree["main"]), str(tree.get("folder", "")))
+        main = str(tree["main"])
+        if main != "." and ("/" in main or not (folder / FILES_FOLDER / main).is_file()):
+            raise MissingArtifactError(f"Source {ref.sha256[:12]} in {folder} has its main file elsewhere")
+        return Source(folder / FILES_FOLDER / main, str(tree.get("folder", "")))
 
-    def _building(self, ref: Ref[object]) -> "Building":
-        return Building(self.root / "building" / uuid.uuid4().hex, self.folder(ref))
+    def _building(self, ref: Ref[object]) -> Building:
+        return Building(self._draft(), self.folder(ref))
 
-
-class Building:
-    """A folder that takes its place whole, or vanishes if its making failed."""
-
-    def __init__(self, draft: Path, target: Path) -> None:
-        self.draft = draft
-        self.target = target
-
-    def __enter__(self) -> Path:
-        self.draft.mkdir(parents=True)
-        return self.draft
-
-    def __exit__(self, error: type[BaseException] | None, *_: object) -> None:
-        try:
-            if error is None:
-                self._take_place()
-        finally:
-            shutil.rmtree(self.draft, ignore_errors=True)
-
-    def _take_place(self) -> None:
-        """Rename into place; a damaged artifact there is moved away first, a sound one by another writer stays."""
-        for _ in range(100):
-            try:
-                self._make_way()
-                os.rename(self.draft, self.target)
-                return
-            except OSError as error:
-                if not os.path.lexists(self.target):
-                    raise StoreError(f"{self.target} cannot be written: {error}") from error
-                if digest_of_folder(self.target) == self.target.name:
-                    return
-                self._discard(self.target)
-        raise StoreError(f"other processes keep replacing {self.target}; try again")
-
-    def _make_way(self) -> None:
-        """Make the folders that hold the target; what stands in their place and is no folder goes."""
-        for folder in reversed(self.target.parents[:HOLDERS]):
-            if os.path.lexists(folder) and not folder.is_dir():
-                self._discard(folder)
-            folder.mkdir(parents=True, exist_ok=True)
-
-    def _discard(self, path: Path) -> None:
-        """Take away what lies at a path, of a link the link alone."""
-        damaged = self.draft.with_name(f"{self.draft.name}-damaged")
-        try:
-            os.rename(path, damaged)
-        except FileNotFoundError:
-            return
-        if damaged.is_dir() and not damaged.is_symlink():
-            shutil.rmtree(damaged)
-        else:
-            damaged.unlink()
+    def _draft(self) -> Path:
+        """A name for what is being made, beside all others."""
+        return self.root / DRAFTS / uuid.uuid4().hex
 
 
-opened: dict[Path, Store] = {}
+opened: dict[tuple[Path, str], Store] = {}
 opening = threading.Lock()
-
-
-def digest_of(digests: Mapping[str, str]) -> str:
-    """SHA-256 over sorted lines `DIGEST  NAME`, as `sha256sum` prints them."""
-    lines = "".join(f"{digests[name]}  {name}\n" for name in sorted(digests))
-    return hashlib.sha256(lines.encode()).hexdigest()
-
-
-def digest_of_bytes(files: Mapping[str, bytes]) -> str:
-    """Digest of an artifact whose files are in memory."""
-    return digest_of({name: hashlib.sha256(data).hexdigest() for name, data in files.items()})
-
-
-def digest_of_file(path: Path) -> str:
-    """SHA-256 of one file's bytes."""
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
-
-
-def digest_of_folder(folder: Path) -> str:
-    """Digest of an artifact's folder; empty if it cannot be read, is a link, or holds what is no file."""
-    try:
-        files = walk(folder)
-        if folder.is_symlink() or not all(path.is_file() for path in files):  # to open a pipe would wait for ever
-            return ""
-        return digest_of({str(path.relative_to(folder)): digest_of_file(path) for path in files})
-    except OSError:
-        return ""
-
-
-def stamps(folder: Path) -> tuple[tuple[str, int, int], ...]:
-    """Name, size and modification time of every file; empty if there is none."""
-    try:
-        status = [(str(path), path.stat()) for path in walk(folder)]
-    except OSError:
-        return ()
-    return tuple((name, one.st_size, one.st_mtime_ns) for name, one in status)
-
-
-def walk(folder: Path) -> list[Path]:
-    """All files below a folder, sorted; and empty folders, which no artifact has and which no digest survives."""
-    return sorted(path for path in folder.rglob("*") if not path.is_dir() or not any(path.iterdir()))
 
 
 def json_file(path: Path) -> dict[str, object]:

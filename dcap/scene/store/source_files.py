@@ -2,13 +2,14 @@
 
 A folder gives all its files, one of ScanNet those that are read (its recordings take gigabytes), one that a placement
 wrote those that make up its scene; an OBJ brings its MTL files and their textures, a glTF its buffers and pictures.
-Only what lies in the file's own folder counts, and ground truth never does. Absurd inputs are refused before anything
-is read.
+Only what lies in the file's own folder counts, and ground truth never does: a link that leads elsewhere is refused
+(decision 096). Absurd inputs and names that are no text are refused before anything is read.
 """
 
 import os
 from collections.abc import Iterable, Iterator
 from pathlib import Path
+from unicodedata import category
 
 from dcap.scene.errors import InputError
 from dcap.scene.readers.companions import companions
@@ -24,6 +25,8 @@ MOST_FILES = 2000
 """Most files of a scene folder; more means that the wrong folder was given."""
 GROUND_TRUTH = ("truth", "ground_truth", "groundtruth", "ground-truth")
 """Stems of files that no stage may see."""
+NO_TEXT = ("Cc", "Cs")
+"""Categories of control characters, a line break among them, and of bytes that are not UTF-8."""
 
 
 def source_files(path: Path) -> tuple[str, dict[str, Path]]:
@@ -63,6 +66,9 @@ def checked(path: Path, files: Iterable[tuple[str, Path]]) -> dict[str, Path]:
     found: dict[str, Path] = {}
     total = 0
     for name, file in files:
+        check_name(path, name)
+        if file.is_symlink() and file != path:  # what a person names may be a link
+            check_link(path if path.is_dir() else path.parent, file)
         found[name] = file
         total += file.stat().st_size
         check_size(path, total)
@@ -71,6 +77,24 @@ def checked(path: Path, files: Iterable[tuple[str, Path]]) -> dict[str, Path]:
     if not found:
         raise InputError(f"{path}: an empty folder")
     return found
+
+
+def check_name(path: Path, name: str) -> None:
+    """Refuse a name that is no text, could be read as two lines of a list, or as a path on another system."""
+    if "\\" in name or any(category(one) in NO_TEXT for one in name):
+        raise InputError(f"{path}: the file name {name!r} has characters that are no text, or a backslash; rename it")
+
+
+def check_link(folder: Path, link: Path) -> None:
+    """Refuse a link to what is not among the folder's own files: a data set would take foreign ones along, or truth."""
+    target, inside = link.resolve(), folder.resolve()
+    if not target.is_relative_to(inside) or not may_be_seen(target.relative_to(inside)):
+        raise InputError(f"{link}: a link to {target}, which is no file of the scene; put a copy in its place (cp -L)")
+
+
+def may_be_seen(name: Path) -> bool:
+    """Whether a file of a folder is neither hidden nor ground truth."""
+    return not any(part.startswith(".") for part in name.parts) and name.stem.lower() not in GROUND_TRUTH
 
 
 def check_size(path: Path, size: int) -> None:
@@ -86,6 +110,5 @@ def folder_files(folder: Path) -> Iterator[tuple[str, Path]]:
     """All plain files below a folder but hidden ones and ground truth."""
     for file in folder.rglob("*"):
         name = file.relative_to(folder)
-        hidden = any(part.startswith(".") for part in name.parts)
-        if file.is_file() and not hidden and file.stem.lower() not in GROUND_TRUTH:
+        if file.is_file() and may_be_seen(name):
             yield name.as_posix(), file

@@ -25,7 +25,8 @@ from dcap.scene.types.sample import SourceOptions
 from tasks.runner.context import Event, NotCachedError, RunContext, StageEvent, use_context
 from tasks.runner.locks import FileLocks
 from tasks.runner.process import StageProcessError, run_in_process
-from tasks.runner.records import read_record, records_root, usable_key, why_not_cached
+from tasks.runner.records import read_record, records_root, usable_key
+from tasks.runner.why import in_words, why_not_cached
 
 STAGES = """
 import logging, os, sys
@@ -129,7 +130,8 @@ def test_looking_up_runs_nothing(fake: ModuleType) -> None:
     with use_context(RunContext(lookup_only=True)), pytest.raises(NotCachedError) as caught:
         fake.make_task(77, SourceOptions())
     assert caught.value.deciders.stage == "make"
-    assert why_not_cached(caught.value.deciders, Store.default()) in ("never computed", "new inputs")
+    why = in_words(why_not_cached(caught.value.deciders, Store.default()))
+    assert why == "never computed" or why.startswith("seed changed (")
 
 
 def test_the_key_holds_what_decides(fake: ModuleType) -> None:
@@ -244,9 +246,24 @@ def of_text(one: Path, other: Path) -> None:
     one.write_text(json.dumps(tree))
 
 
-@pytest.mark.parametrize(
-    ("seed", "damage"), list(enumerate([copied, linked, looped, piped, a_folder, nested, of_text]))
-)
+def decoded(one: Path, other: Path) -> None:
+    """Read through a function of the file's choice."""
+    tree = json.loads(one.read_text())
+    tree["metadata"]["serializer"]["object_decoder"] = "builtins.print"
+    one.write_text(json.dumps(tree))
+
+
+def of_a_class(one: Path, other: Path) -> None:
+    """With a part that the decoder makes an object of."""
+    tree = json.loads(one.read_text())
+    tree["result"] = json.dumps(json.loads(tree["result"]) | {"more": [{"__class__": "pathlib.Path", "data": "/"}]})
+    one.write_text(json.dumps(tree))
+
+
+DAMAGES = (copied, linked, looped, piped, a_folder, nested, of_text, decoded, of_a_class)
+
+
+@pytest.mark.parametrize(("seed", "damage"), list(enumerate(DAMAGES)))
 def test_another_records_place_gives_no_others_result(
     server: str, fake: ModuleType, seed: int, damage: Callable[[Path, Path], None]
 ) -> None:

@@ -1,8 +1,13 @@
-"""Texture images: decoded to sRGB bytes, with a limit on their size."""
+"""Images of foreign files: decoded to sRGB bytes, with a limit on the size of each and of all of one file.
+
+The size is read from the header and compared before a pixel is decoded: a PNG of one colour packs a thousand pixels
+into a byte. Only formats that textures and photographs have are decoded, none by another program (PostScript).
+"""
 
 import io
 import struct
 import zlib
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,8 +15,13 @@ from PIL import Image, UnidentifiedImageError
 
 from dcap.scene.errors import FormatError
 
-MAX_PIXELS = 16384 * 16384
-"""Largest texture [pixels]: the largest that graphics hardware accepts."""
+LONGEST_SIDE = 8192
+MAX_PIXELS = LONGEST_SIDE * LONGEST_SIDE
+"""Largest image [pixels]: 200 MB decoded; a texture of SuGaR's has 7071 x 7071."""
+MAX_TOGETHER = 4 * MAX_PIXELS
+"""Pixels of all images of one file [-]."""
+FORMATS = ("PNG", "JPEG", "WEBP", "TIFF", "TGA", "BMP", "DDS", "GIF", "PPM")
+"""What is decoded, by Pillow's names; what some cameras make of several JPEGs is one too."""
 
 UNREADABLE = (OSError, SyntaxError, ValueError, LookupError, EOFError, struct.error, zlib.error)
 """What decoding can raise on bytes that are no image, or only the beginning of one."""
@@ -41,11 +51,33 @@ def read_rgba(data: bytes, where: str, most: int) -> NDArray[np.uint8]:
     return _decoded(data, where, "RGBA", most)
 
 
+class PixelBudget:
+    """What the images of one file may take together."""
+
+    def __init__(self, path: Path) -> None:
+        self._path, self._left = path, MAX_TOGETHER
+
+    def spend(self, image: NDArray[np.uint8]) -> NDArray[np.uint8]:
+        """The image; FormatError where it is one too many."""
+        self._left -= image.shape[0] * image.shape[1]
+        if self._left < 0:
+            raise FormatError(
+                f"{self._path}: its images have more than {MAX_TOGETHER} pixels together; reduce them first"
+            )
+        return image
+
+
+def check_size(size: tuple[int, int], where: str, most: int = MAX_PIXELS) -> None:
+    """FormatError for an image of more than `most` pixels, by its width and height [pixel]."""
+    width, height = size
+    if width * height > most:
+        raise FormatError(f"{where}: an image of {width} x {height} pixels, more than {most}; reduce it first")
+
+
 def _decoded(data: bytes, where: str, mode: str, most: int) -> NDArray[np.uint8]:
     try:
-        with Image.open(io.BytesIO(data)) as image:
-            if image.width * image.height > most:
-                raise FormatError(f"{where}: an image of {image.width} x {image.height} pixels; reduce it first")
+        with Image.open(io.BytesIO(data), formats=FORMATS) as image:
+            check_size(image.size, where, most)
             if mode == "L" and image.mode.startswith(("I", "F")):  # conversion would cut its values, not scale them
                 raise FormatError(f"{where}: an image with more than 8 bits per pixel; convert it to grey of 8 bits")
             return np.asarray(image.convert(mode), dtype=np.uint8)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from dcap.scene.errors import FormatError, InputError
+from dcap.scene.given_text import short_name
 from dcap.scene.problems import Report, error, refusing
 from dcap.scene.readers.files.content import read_bytes
 from dcap.scene.readers.gltf.accessor import INCONSISTENT, Accessors
@@ -39,9 +40,6 @@ UNDERSTOOD = {
 
 DEEPEST_NODE = 256
 """Levels of the node tree: far above any scene that people make, far below Python's limit of recursion."""
-
-LONGEST_NAME = 200
-"""Letters of a name that are kept: trails join up to `DEEPEST_NODE` of them."""
 
 
 def read_gltf(path: Path, report: Report | None = None, *, all_maps: bool = False) -> RawMesh:
@@ -255,7 +253,7 @@ class _GltfBuilder:
 
 def _name(node: Entry, mesh: Entry | None, index: int) -> str:
     """The node's name, else its mesh's; '/' is for trails."""
-    return str(node.get("name") or (mesh or {}).get("name") or f"node_{index}")[:LONGEST_NAME].replace("/", "_")
+    return short_name(str(node.get("name") or (mesh or {}).get("name") or f"node_{index}")).replace("/", "_")
 
 
 def _annotated_label(node: Entry) -> str | None:

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dcap.scene.errors import InputError
-from dcap.scene.readers.files.image import read_image, read_transparent
+from dcap.scene.readers.files.image import PixelBudget, read_image, read_transparent
 from dcap.scene.readers.gltf.accessor import INCONSISTENT, Accessors
 from dcap.scene.readers.gltf.document import Entry, Json, entries, require
 from dcap.scene.readers.gltf.uri import missing, uri_bytes
@@ -58,6 +58,7 @@ class GltfMaterials:
         self.materials: list[SurfaceMaterial] = [PLAIN]
         self._slots: dict[tuple[int, bool, Wrap], int] = {}
         self._images: dict[tuple[int, bool], NDArray[np.uint8] | None] = {}
+        self._budget = PixelBudget(path)
 
     def look(self, primitive: Entry, attributes: dict[str, int]) -> PrimitiveLook:
         """Base colour, texture coordinates and material of a primitive."""
@@ -154,12 +155,12 @@ class GltfMaterials:
         entry = entries(self.path, self.document, "images")[index]
         where, read = f"{self.path}: image {index}", read_transparent if transparent else read_image
         if "bufferView" in entry:
-            return read(self.accessors.view(int(entry["bufferView"])), where)
+            return self._budget.spend(read(self.accessors.view(int(entry["bufferView"])), where))
         uri = require(self.path, entry, "uri", str, "")
         if why := missing(self.path, uri):
             self.notes.append(f"texture {uri!r} {why}: {lost}")
             return None
-        return read(uri_bytes(self.path, uri), where)
+        return self._budget.spend(read(uri_bytes(self.path, uri), where))
 
 
 def _base_color(material: Entry) -> tuple[tuple[int, int, int], float, Entry]:

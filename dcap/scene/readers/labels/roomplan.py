@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dcap.scene.errors import FormatError
+from dcap.scene.given_text import short_name
 from dcap.scene.problems import short
 from dcap.scene.types.given_labels import CornerFrame, GivenLabels, GivenThing
 
@@ -74,9 +75,9 @@ def read_roomplan(path: Path, document: Mapping[str, object]) -> GivenLabels:
 def category(where: str, value: object) -> str:
     """The case of an enum."""
     if isinstance(value, str) and value:
-        return value
+        return short_name(value)
     if isinstance(value, dict) and len(value) == 1:
-        return str(next(iter(value)))
+        return short_name(str(next(iter(value))))
     raise FormatError(f'{where}: category is {short(value)}, expected a case such as {{"sofa": {{}}}}')
 
 

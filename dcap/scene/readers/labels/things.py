@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dcap.scene.errors import FormatError
+from dcap.scene.given_text import short_name
 from dcap.scene.problems import short
 from dcap.scene.spelling import did_you_mean
 from dcap.scene.types.given_labels import CornerFrame, GivenLabels, GivenPart, GivenThing
@@ -113,7 +114,7 @@ class EntryReader:
         value = self.entry.get(key, "")
         if isinstance(value, bool) or not isinstance(value, str | int):
             raise self.wrong(f"{key} is {short(value)}, expected text")
-        return " ".join(str(value).lower().split() if key != "id" else str(value).split())
+        return short_name(" ".join(str(value).lower().split() if key != "id" else str(value).split()))
 
     def confidence(self) -> float:
         """0..1."""

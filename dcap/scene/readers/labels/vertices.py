@@ -6,7 +6,6 @@ Numbers below 0 are nothing. Names are `{"3": "sofa"}`; those for `.npy` and `.t
 `*.segs.json` and `*.aggregation.json` of ScanNet go together; either may be named.
 """
 
-import io
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -14,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dcap.scene.errors import FormatError
+from dcap.scene.given_text import short_name
 from dcap.scene.problems import refusing, short
 from dcap.scene.readers.files.content import read_bytes
 from dcap.scene.readers.files.json_text import read_json
@@ -24,17 +24,33 @@ Index = NDArray[np.int64]
 
 LARGEST = 2**31
 """Numbers of things are smaller [-]."""
+LONGEST_NUMBER = 30
+"""Characters of a number's line [-]."""
+MAGIC = b"\x93NUMPY"
+"""How a file of one array begins; archives and pickles begin otherwise."""
+BROKEN_ARRAY = (ValueError, EOFError, SyntaxError, OverflowError, MemoryError, RecursionError)
+"""What numpy raises for bytes that are no array."""
+SHOWN = 200
+"""Characters of what numpy says that are shown."""
 
 
 def read_numpy(path: Path) -> VertexLabels:
     """A file of numpy."""
+    if read_bytes(path, len(MAGIC)) != MAGIC:
+        raise FormatError(f"{path}: not an array of numpy: it does not begin as one")
     try:
-        array = np.load(io.BytesIO(read_bytes(path)), allow_pickle=False)
-    except (ValueError, EOFError, OSError) as broken:
-        raise FormatError(f"{path}: cannot be read as an array of numpy: {broken}") from None
+        # mapped: what a header promises is compared with the file before memory is taken for it
+        array = np.load(path, mmap_mode="r", allow_pickle=False)
+    except (*BROKEN_ARRAY, OSError) as broken:
+        raise FormatError(f"{path}: cannot be read as an array of numpy: {one_line(broken)}") from None
     if not isinstance(array, np.ndarray) or array.ndim != 1:
         raise FormatError(f"{path}: an array of shape {getattr(array, 'shape', ())}, expected one number per vertex")
     return named(path, whole(path, array), names_beside(path))
+
+
+def one_line(error: Exception) -> str:
+    """What numpy says, in a line."""
+    return " ".join(str(error).split())[:SHOWN]
 
 
 def read_text(path: Path) -> VertexLabels:
@@ -43,7 +59,7 @@ def read_text(path: Path) -> VertexLabels:
     while rows and not rows[-1].strip():
         rows.pop()
     for number, row in enumerate(rows, start=1):
-        if not row.strip().removeprefix("-").isdecimal():
+        if not row.strip().removeprefix("-").isdecimal() or len(row) > LONGEST_NUMBER:
             raise FormatError(f"{path}: line {number} is {short(row)}, expected the whole number of a vertex's thing")
     return named(path, whole(path, np.array([int(row) for row in rows], dtype=np.float64)), names_beside(path))
 
@@ -53,7 +69,8 @@ def read_vertex_list(path: Path, document: Mapping[str, object]) -> VertexLabels
     values = document.get("vertex_instance")
     if not isinstance(values, list) or not all(type(one) is int for one in values):
         raise FormatError(f"{path}: vertex_instance is {short(values)}, expected a list of whole numbers")
-    return named(path, whole(path, np.array(values, dtype=np.float64)), names_of(path, document.get("labels", {})))
+    numbers = np.array([min(max(one, -LARGEST), LARGEST) for one in values], dtype=np.float64)
+    return named(path, whole(path, numbers), names_of(path, document.get("labels", {})))
 
 
 def read_segments(path: Path, document: Mapping[str, object]) -> VertexLabels:
@@ -108,9 +125,9 @@ def names_of(path: Path, document: object) -> dict[int, str]:
         )
     names = {}
     for key, name in document.items():
-        if not str(key).isdecimal() or not isinstance(name, str):
+        if not str(key).isdecimal() or len(key) > LONGEST_NUMBER or not isinstance(name, str):
             raise FormatError(f"{path}: label {short(key)}: {short(name)}; expected names by number")
-        names[int(key)] = " ".join(name.lower().replace("/", " ").split())
+        names[int(key)] = short_name(" ".join(name.lower().replace("/", " ").split()))
     return names
 
 

@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from dcap.scene.errors import FormatError
-from dcap.scene.readers.files.image import read_image, read_transparent
+from dcap.scene.readers.files.content import read_bytes
+from dcap.scene.readers.files.image import PixelBudget, read_image, read_transparent
 from dcap.scene.readers.files.references import MTL_TEXTURES, absence, beside, material_lines, texture_beside
 from dcap.scene.srgb import linear_from_srgb
 from dcap.scene.types.surface_material import AlphaMode
@@ -52,6 +53,28 @@ class MtlMaterial:
         return AlphaMode.OPAQUE if alpha is None else AlphaMode.MASK
 
 
+class MtlImages:
+    """The images of a library: each is decoded once, however many materials name it."""
+
+    def __init__(self, folder: Path, library: str) -> None:
+        self.folder, self.library, self.budget = folder, library, PixelBudget(folder / library)
+        self._known: dict[tuple[str, bool], Rgb] = {}
+
+    def absence(self, text: str) -> str:
+        """Why there is no image of that name."""
+        return absence(text, posixpath.dirname(self.library))
+
+    def read(self, text: str, *, transparent: bool = False) -> Rgb | None:
+        """The image that a line names; None where there is none."""
+        name = texture_beside(self.folder, self.library, text)
+        if name is None:
+            return None
+        if (name, transparent) not in self._known:
+            path, read = self.folder / name, read_transparent if transparent else read_image
+            self._known[name, transparent] = self.budget.spend(read(read_bytes(path), str(path)))
+        return self._known[name, transparent]
+
+
 def read_mtl(folder: Path, name: str, notes: list[str], *, all_maps: bool = False) -> dict[str, MtlMaterial]:
     """Materials by name of the library that an OBJ in `folder` names; `all_maps`: what is more than colour too."""
     library = beside(folder, name)
@@ -59,6 +82,7 @@ def read_mtl(folder: Path, name: str, notes: list[str], *, all_maps: bool = Fals
         notes.append(f"{name} {absence(name)}: materials are ignored")
         return {}
     materials: dict[str, MtlMaterial] = {}
+    images = MtlImages(folder, library)
     current = MtlMaterial()
     stated: set[int] = set()
     for number, key, rest in material_lines(folder / library):
@@ -68,7 +92,7 @@ def read_mtl(folder: Path, name: str, notes: list[str], *, all_maps: bool = Fals
         elif key == "Kd":
             current.color = _color(where, rest, notes)
         elif key == DIFFUSE:
-            _attach_texture(folder, library, rest, current, notes)
+            _attach_texture(images, rest, current, notes)
         elif not all_maps:
             continue
         elif key == "d":  # counts over Tr, which some programs write as if it meant the same
@@ -83,10 +107,10 @@ def read_mtl(folder: Path, name: str, notes: list[str], *, all_maps: bool = Fals
         elif key == "Ke":
             current.emission = _light(rest)
         elif key in MTL_TEXTURES:
-            _attach_map(folder, library, key, rest, current, notes)
+            _attach_map(images, key, rest, current, notes)
     for one in materials.values():
         if CUTOUT in one.images:
-            _cut_out(one, one.images.pop(CUTOUT))
+            _cut_out(images, one, one.images.pop(CUTOUT))
         if LIGHT in one.images and not any(one.emission):
             one.emission = (1.0, 1.0, 1.0)
     return materials
@@ -124,30 +148,27 @@ def _share(where: str, key: str, text: str, notes: list[str], otherwise: float) 
     return min(1.0, max(0.0, found))
 
 
-def _attach_texture(folder: Path, library: str, text: str, material: MtlMaterial, notes: list[str]) -> None:
+def _attach_texture(images: MtlImages, text: str, material: MtlMaterial, notes: list[str]) -> None:
     """Read the image that `map_Kd` names."""
-    image = texture_beside(folder, library, text)
+    image = images.read(text)
     if image is None:
-        reason = absence(text, posixpath.dirname(library))
-        notes.append(f"texture {text!r} of {library} {reason}: the material's colour is used")
+        notes.append(f"texture {text!r} of {images.library} {images.absence(text)}: the material's colour is used")
         return
-    material.texture = read_image((folder / image).read_bytes(), str(folder / image))
-    material.color = (255, 255, 255)
+    material.texture, material.color = image, (255, 255, 255)
 
 
-def _attach_map(folder: Path, library: str, key: str, text: str, material: MtlMaterial, notes: list[str]) -> None:
+def _attach_map(images: MtlImages, key: str, text: str, material: MtlMaterial, notes: list[str]) -> None:
     """Read a further image; one that is missing or broken is left out."""
-    image = texture_beside(folder, library, text)
     try:
+        image = images.read(text, transparent=key == CUTOUT)
         if image is None:
-            raise FormatError(absence(text, posixpath.dirname(library)))
-        read = read_transparent if key == CUTOUT else read_image
-        material.images[key] = read((folder / image).read_bytes(), str(folder / image))
+            raise FormatError(images.absence(text))
+        material.images[key] = image
     except FormatError as broken:
-        notes.append(f"{key} {text!r} of {library} is left out: {broken}")
+        notes.append(f"{key} {text!r} of {images.library} is left out: {broken}")
 
 
-def _cut_out(material: MtlMaterial, image: Rgb) -> None:
+def _cut_out(images: MtlImages, material: MtlMaterial, image: Rgb) -> None:
     """Give the diffuse texture the alpha that `map_d` says: the image's own where it has one, else its brightness.
 
     An image of another size is brought to that of the texture.
@@ -161,4 +182,4 @@ def _cut_out(material: MtlMaterial, image: Rgb) -> None:
     elif own.shape[:2] != alpha.shape:
         size = own.shape[1], own.shape[0]
         alpha = np.asarray(Image.fromarray(np.ascontiguousarray(alpha)).resize(size, Image.Resampling.BILINEAR))
-    material.texture = np.dstack([own, alpha])
+    material.texture = images.budget.spend(np.dstack([own, alpha]))

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dcap.scene.errors import InputError
+from dcap.scene.given_text import short_name
 from dcap.scene.problems import Report, error, refusing
 from dcap.scene.readers.files.content import read_bytes
 from dcap.scene.readers.files.references import library_names
@@ -97,7 +98,7 @@ def _sort_lines(data: bytes) -> Lines:
             lines.face_line.append(number)
             lines.seen.append((len(lines.vertex), len(lines.texture)))
         elif key in (b"o", b"g", b"usemtl"):
-            lines.switches[key.decode()].append((len(lines.face), rest.strip().decode("utf-8", "replace")))
+            lines.switches[key.decode()].append((len(lines.face), short_name(rest.strip().decode("utf-8", "replace"))))
     return lines
 
 
@@ -217,11 +218,12 @@ def _resolved(
 
 def _spread(switches: list[tuple[int, str]], count: int) -> tuple[NDArray[np.int32], tuple[str, ...]]:
     """Name index per face (-1 before the first switch) and the names in order of appearance."""
-    names = tuple(dict.fromkeys(name for start, name in switches if name))
-    index = np.full(count, -1, dtype=np.int32)
-    for start, name in switches:
-        index[start:] = names.index(name) if name else -1
-    return index, names
+    number = {"": -1}
+    for _, name in switches:
+        number.setdefault(name, len(number) - 1)
+    starts = np.array([0, *(start for start, _ in switches), count])
+    index = np.array([-1, *(number[name] for _, name in switches)], dtype=np.int32)
+    return np.repeat(index, np.diff(starts)), tuple(name for name in number if name)
 
 
 def _paint(

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from dcap.scene.given_text import short_name
 from dcap.scene.problems import Place, Report, error, lenient, note, refusing, short, warning
 from dcap.scene.readers.files.json_text import read_json
 from dcap.scene.spelling import did_you_mean
@@ -76,7 +77,7 @@ def _label_entry(place: Place, index: int, entry: object, used: set[str], report
     if not isinstance(entry, dict):
         report(error(f"entry {index} is a {type(entry).__name__}, expected an object", place))
         return LabelEntry(place, None)
-    label = " ".join(str(entry.get("label") or "").lower().split())
+    label = short_name(" ".join(str(entry.get("label") or "").lower().split()))
     if not label:
         hint = _mistyped("label", entry)
         report(warning(f"entry {index} has no label and is skipped; give it one{hint}", (*place, "label")))

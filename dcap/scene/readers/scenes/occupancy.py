@@ -16,13 +16,13 @@ from numpy.typing import NDArray
 from dcap.scene.errors import InputError
 from dcap.scene.problems import Report, error, note, refusing, short, warning
 from dcap.scene.readers.files.content import read_bytes
-from dcap.scene.readers.files.image import read_gray
+from dcap.scene.readers.files.image import MAX_PIXELS, read_gray
 from dcap.scene.readers.files.json_text import read_json
 from dcap.scene.spelling import did_you_mean
 from dcap.scene.types.occupancy import FREE, OCCUPIED, UNKNOWN, Occupancy
 from dcap.scene.types.scan import Room
 
-MAX_CELLS = 8192 * 8192
+MAX_CELLS = MAX_PIXELS
 """Largest map [pixels]; they are nominally 1024 x 1024."""
 LARGEST_SCALE = 10.0
 """A cell larger than this shows no place to stand [m]."""

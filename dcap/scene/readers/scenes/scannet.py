@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dcap.scene.errors import FormatError
+from dcap.scene.given_text import short_name
 from dcap.scene.problems import Place, Report, error, note, refusing, short, warning
 from dcap.scene.readers.files.content import read_bytes
 from dcap.scene.readers.files.json_text import read_json
@@ -128,7 +129,7 @@ def _instance(index: int, group: object, report: Report) -> AnnotatedInstance | 
     if not isinstance(group, dict):
         report(error(f"{where} is a {type(group).__name__}, expected an object", place))
         return None
-    label = " ".join(str(group.get("label") or "").lower().replace("/", " ").split())
+    label = short_name(" ".join(str(group.get("label") or "").lower().replace("/", " ").split()))
     if not label:
         report(warning(f"{where} has no label and is skipped; give it one", (*place, "label")))
     segments = _whole_numbers(f"segments of {where}", group.get("segments"), (*place, "segments"), report)

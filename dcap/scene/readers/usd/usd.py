@@ -19,7 +19,7 @@ from dcap.packages import module_command
 from dcap.scene.errors import FormatError, InputError
 from dcap.scene.problems import Report, error
 from dcap.scene.readers.files.content import read_bytes
-from dcap.scene.readers.files.image import read_image
+from dcap.scene.readers.files.image import PixelBudget, read_image
 from dcap.scene.readers.mesh.raw import RawMesh
 from dcap.scene.readers.usd import usd_stage
 from dcap.scene.types.paint import Paint
@@ -31,6 +31,9 @@ MAGIC = (b"#usda", b"PXR-USDC", b"PK\x03\x04")
 
 CPU_SECONDS = 60
 """Processor time that reading may take [s], and as much again per 50 MB: a sound file of 20 MB takes a few."""
+
+MOST_SECONDS = 3600
+"""Longest wait for it [s]: a stage may refer to what cannot be read to an end."""
 
 MEMORY = 4 << 30
 """Address space that it may take [bytes], half of it for the library itself, and a hundred times the file."""
@@ -50,11 +53,13 @@ def read_usd(path: Path, report: Report | None = None) -> RawMesh:
             "or export the scene as GLB"
         )
     limits = (CPU_SECONDS * (1 + len(data) // 50_000_000), MEMORY + 100 * len(data))
-    done = subprocess.run(
-        module_command(usd_stage.__name__, str(path), *map(str, limits)),
-        capture_output=True,
-        check=False,
-    )
+    try:
+        done = subprocess.run(
+            module_command(usd_stage.__name__, str(path), *map(str, limits)),
+            capture_output=True, check=False, timeout=MOST_SECONDS,
+        )  # fmt: skip
+    except subprocess.TimeoutExpired:
+        raise FormatError(f"{path}: the USD library waits for what does not come: {MOST_SECONDS} s") from None
     if done.returncode == usd_stage.REFUSED:
         found = json.loads(done.stdout.splitlines()[-1])
         if report is not None:
@@ -79,10 +84,11 @@ def _paint(path: Path, arrays: Mapping[str, NDArray[np.generic]], notes: list[st
     """Base-colour textures; None where there are none. An image that cannot be decoded is left out."""
     if "face_texture" not in arrays:
         return None
-    textures, wraps, slot = [], [], []
+    textures, wraps, slot, budget = [], [], [], PixelBudget(path)
     for number, (along_u, along_v) in enumerate(arrays["wraps"].tolist()):
         try:
-            textures.append(read_image(arrays[f"image_{number}"].tobytes(), f"{path}: image {number}"))
+            image = read_image(arrays[f"image_{number}"].tobytes(), f"{path}: image {number}")
+            textures.append(budget.spend(image))
             wraps.append((along_u, along_v))
             slot.append(len(textures) - 1)
         except FormatError as broken:

@@ -29,6 +29,8 @@ Prim = Any
 REFUSED = 3
 """Exit code where a line says what is wrong."""
 
+FLATTEN = "flatten it into one file: `usdcat --flatten in.usd -o out.usdc`"
+
 GREY = 200
 """Of meshes without a colour beside others that have one [sRGB]."""
 
@@ -76,9 +78,12 @@ def _stage(path: Path) -> Stage:
     stage = Usd.Stage.Open(str(path))
     errors = stage.GetCompositionErrors()
     if errors:
-        raise FormatError(
-            f"{path}: {_first_line(errors[0])}; flatten it into one file: `usdcat --flatten in.usd -o out.usdc`"
-        )
+        raise FormatError(f"{path}: {_first_line(errors[0])}; {FLATTEN}")
+    home = path.parent.resolve()
+    for layer in stage.GetUsedLayers():
+        place = Path(layer.realPath.partition("[")[0])  # of a layer in a package that of the package
+        if layer.realPath and not place.resolve().is_relative_to(home):
+            raise FormatError(f"{path}: it refers to {place}, which lies outside of the file's folder; {FLATTEN}")
     return stage
 
 

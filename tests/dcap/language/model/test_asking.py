@@ -217,7 +217,7 @@ def test_every_line_of_the_ledger_is_read_as_written(tmp_path):
         ["reserved", "process", "usd"],
         ["settles", "usd"],
         ["settles", "sample", "question", "model", "how", "input_tokens", "output_tokens", "cache_write_tokens",
-         "cache_read_tokens", "usd"],
+         "cache_read_tokens", "usd", "digest"],
     ]  # fmt: skip
 
 

@@ -1,13 +1,22 @@
-"""Textures: as large as graphics hardware allows, and refused in one line beyond."""
+"""Images: as large as promised, refused in one line beyond, by what their header says."""
 
+import io
 import struct
+import tracemalloc
 import warnings
 import zlib
+from pathlib import Path
 
+import numpy as np
 import pytest
+from PIL import Image
 
-from dcap.scene.errors import FormatError
-from dcap.scene.readers.files.image import read_image
+from dcap.scene.errors import FormatError, InputError
+from dcap.scene.readers.files.image import MAX_TOGETHER, PixelBudget, read_gray, read_image, read_rgba, read_transparent
+from dcap.scene.readers.frame.frame import Role
+from dcap.scene.readers.source import read_scan
+from dcap.scene.types.sample import SourceOptions
+from flows.map_output import read_photo
 
 
 def png_of_nothing(side: int) -> bytes:
@@ -16,9 +25,106 @@ def png_of_nothing(side: int) -> bytes:
     return b"\x89PNG\r\n\x1a\n" + struct.pack(">I", 13) + body + struct.pack(">I", zlib.crc32(body)) + b"\0\0\0\0IDAT"
 
 
-@pytest.mark.parametrize(("side", "words"), [(10000, "truncated"), (16384, "truncated"), (16385, "reduce it first")])
+@pytest.mark.parametrize(
+    ("side", "words"), [(7071, "truncated"), (8192, "truncated"), (8193, "8193 x 8193 pixels.*reduce it first")]
+)
 def test_a_texture_may_have_as_many_pixels_as_promised(side: int, words: str) -> None:
-    """Up to 16384 x 16384 pixels the size is no reason to refuse or warn; beyond, it is said before any is decoded."""
+    """Up to 8192 x 8192 pixels the size is no reason to refuse or warn; beyond, it is said before any is decoded."""
     with warnings.catch_warnings(record=True) as caught, pytest.raises(FormatError, match=words):
         read_image(png_of_nothing(side), "here")
     assert caught == []
+
+
+SIDE = 9001
+"""A square of more pixels than are read [pixel]."""
+
+
+def bomb(mode: str, kind: str) -> bytes:
+    """A sound image of one colour: many pixels in few bytes."""
+    file = io.BytesIO()
+    Image.new(mode, (SIDE, SIDE)).save(file, kind)
+    return file.getvalue()
+
+
+def png_bomb(depth: int, color: int, channels: int) -> bytes:
+    """A PNG of one colour, row by row: the whole is never in memory."""
+    body, row = zlib.compressobj(9), b"\0" * (1 + SIDE * channels * depth // 8)
+    data = b"".join(body.compress(row) for _ in range(SIDE)) + body.flush()
+
+    def chunk(kind: bytes, content: bytes) -> bytes:
+        return struct.pack(">I", len(content)) + kind + content + struct.pack(">I", zlib.crc32(kind + content))
+
+    head = struct.pack(">IIBBBBB", SIDE, SIDE, depth, color, 0, 0, 0)
+    return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", head) + chunk(b"IDAT", data) + chunk(b"IEND", b"")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("read", [read_image, read_transparent, lambda d, w: read_rgba(d, w, 1 << 26)])
+@pytest.mark.parametrize("data", [png_bomb(8, 2, 3), png_bomb(16, 2, 3), png_bomb(1, 0, 1)], ids=["8", "16", "1"])
+def test_a_bomb_costs_no_memory(read, data: bytes) -> None:
+    """243 MB of pixels in a few hundred kilobytes: refused with name, size and limit before one is decoded."""
+    tracemalloc.start()
+    with pytest.raises(FormatError, match=f"a.png: an image of {SIDE} x {SIDE} pixels, more than 67108864; reduce"):
+        read(data, "a.png")
+    assert tracemalloc.get_traced_memory()[1] < 3 * len(data) + 1e6
+    tracemalloc.stop()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["JPEG", "WEBP", "GIF", "TIFF", "BMP"])
+def test_other_formats_are_measured_too(kind: str) -> None:
+    """Whatever packs the pixels, and whatever is asked of them."""
+    data = bomb("L" if kind != "WEBP" else "RGB", kind)
+    with pytest.raises(FormatError, match=f"{SIDE} x {SIDE} pixels"):
+        read_image(data, "here")
+    with pytest.raises(FormatError, match=f"{SIDE} x {SIDE} pixels"):
+        read_gray(data, "here", 1000)
+
+
+def test_an_image_of_a_format_that_runs_a_program_is_none() -> None:
+    """PostScript is drawn by Ghostscript: not here."""
+    file = io.BytesIO()
+    Image.new("RGB", (4, 4)).save(file, "EPS")
+    with pytest.raises(FormatError, match="none of the known formats"):
+        read_image(file.getvalue(), "here")
+
+
+def test_an_animation_is_its_first_picture() -> None:
+    """Its other pictures are not decoded."""
+    frames = [Image.new("RGB", (4, 4), color) for color in ("red", "blue", "lime")]
+    for kind in ("GIF", "WEBP"):
+        file = io.BytesIO()
+        options = {"lossless": True} if kind == "WEBP" else {}
+        frames[0].save(file, kind, save_all=True, append_images=frames[1:], **options)
+        assert read_image(file.getvalue(), "here").reshape(-1, 3).tolist() == [[255, 0, 0]] * 16
+
+
+def test_images_of_one_file_are_counted_together() -> None:
+    """As many as four of the largest; views of the same memory stand for them."""
+    budget = PixelBudget(Path("a.glb"))
+    largest = np.broadcast_to(np.zeros(3, np.uint8), (8192, 8192, 3))
+    for _ in range(MAX_TOGETHER // (8192 * 8192)):
+        assert budget.spend(largest) is largest
+    with pytest.raises(FormatError, match=r"a\.glb: its images have more than"):
+        budget.spend(largest[:1, :1])
+
+
+def test_an_image_that_many_materials_name_is_read_once(tmp_path: Path) -> None:
+    """An atlas of 2048 x 2048 pixels in a hundred materials is four million pixels, not four hundred."""
+    Image.new("RGB", (2048, 2048), (10, 20, 30)).save(tmp_path / "atlas.png")
+    names = [f"m{number}" for number in range(100)]
+    (tmp_path / "a.mtl").write_text("".join(f"newmtl {one}\nmap_Kd atlas.png\n" for one in names))
+    faces = "".join(f"usemtl {one}\nf 1/1 2/2 3/3\n" for one in names)
+    corners = "v 0 0 0\nv 1 0 0\nv 0 1 0.2\nvt 0 0\nvt 1 0\nvt 0 1\n"
+    (tmp_path / "a.obj").write_text(f"mtllib a.mtl\n{corners}{faces}")
+    scan = read_scan(tmp_path / "a.obj", SourceOptions(up="z", unit="m"), Role.SCENE)
+    assert (scan.mesh.colors == [10, 20, 30]).all()
+
+
+def test_a_photograph_is_a_plain_file_of_measure(tmp_path: Path) -> None:
+    """What has no end, or too many pixels, is refused before it is read."""
+    (tmp_path / "p.png").write_bytes(png_of_nothing(8193))
+    with pytest.raises(FormatError, match="reduce it first"):
+        read_photo(tmp_path / "p.png")
+    with pytest.raises(InputError, match="no such file"):
+        read_photo(Path("/dev/zero"))

@@ -15,6 +15,7 @@ from dcap.scene.readers.companions import companions
 from dcap.scene.readers.frame.frame import Role
 from dcap.scene.readers.scenes.sugar import find_mesh
 from dcap.scene.readers.source import read_scan, read_surface
+from dcap.scene.readers.usd.usd import read_usd
 from dcap.scene.types.gaussians import Gaussians
 from dcap.scene.types.sample import SourceOptions
 from dcap.scene.types.scan import Scan
@@ -248,3 +249,35 @@ def test_a_texture_that_is_missing_or_lies_elsewhere_is_left_out(tmp_path: Path)
         assert not read_surface(folder / "board.usda", np.eye(4)).kept
         mesh = read_scan(folder / "board.usda", SourceOptions(), Role.OBJECT).mesh
         assert (mesh.colors == [255, 0, 0]).all()
+
+
+PLAIN = """#usda 1.0
+def Mesh "Board"
+{
+    point3f[] points = [(0,0,0), (1,0,0), (1,1,0), (0,1,0)]
+    int[] faceVertexCounts = [4]
+    int[] faceVertexIndices = [0,1,2,3]
+}
+"""
+REFERRING = """#usda 1.0
+def "Thing" (
+    references = @WHERE@</Board>
+)
+{
+}
+"""
+
+
+@pytest.mark.parametrize("where", ["../other.usda", "{0}/other.usda"])
+def test_a_stage_takes_no_layer_from_outside_of_its_folder(tmp_path: Path, where: str) -> None:
+    """A reference that leads out, up or by a whole path, is refused; one beside the stage is followed."""
+    pytest.importorskip("pxr")
+    (folder := tmp_path / "own").mkdir()
+    for place in (tmp_path, folder):
+        (place / "other.usda").write_text(PLAIN)
+    path = folder / "a.usda"
+    path.write_text(REFERRING.replace("WHERE", where.format(tmp_path)))
+    with pytest.raises(InputError, match="lies outside of the file's folder; flatten it"):
+        read_usd(path)
+    path.write_text(REFERRING.replace("WHERE", "other.usda"))
+    assert len(read_usd(path).faces) == 2

@@ -1,0 +1,158 @@
+"""What goes wrong outside of our code as one line: disks, rights, open files, memory, the server of the runs.
+
+In: an exception. Out: the line with the path and what to change, or None where it is a mistake of ours, whose traceback
+has to be seen. Errors of Prefect's client are known by where their classes come from: nothing is imported for
+them.
+"""
+
+import errno
+import os
+import shutil
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from subprocess import SubprocessError
+
+from dcap.scene.errors import DcapError, InputError, MachineError
+from dcap.scene.given_text import shortened
+from dcap.scene.secrets import redacted
+from dcap.scene.settings import data_root
+
+FULL = (errno.ENOSPC, errno.EDQUOT)
+REFUSED = (errno.EACCES, errno.EPERM, errno.EROFS)
+NO_FOLDER = (errno.ENOTDIR, errno.ENOENT)
+EXHAUSTED = (errno.EMFILE, errno.ENFILE)
+SERVER = ("httpx", "httpcore")
+"""Packages whose errors tell that the server of the runs does not do its part: Prefect's own are among them."""
+UNLOADED = ("failed to map segment", "annot allocate memory")
+"""What the loader says of a library for which there is no memory."""
+NO_SERVER = "Failed to reach API"
+"""How Prefect's plain RuntimeError begins where its server is gone."""
+LONGEST_PATH, LONGEST_WORDS = 200, 300
+"""Letters of a path and of foreign words that a line shows."""
+ROOMY = 64 << 20
+"""A disk with less than this [bytes] is named as what may be in the way of the server."""
+
+
+def machine_error(error: BaseException) -> MachineError | None:
+    """What went wrong outside of our code; None for anything else."""
+    if isinstance(error, MachineError):
+        return error
+    if isinstance(error, OSError):
+        return MachineError(redacted(_of_system(error)))
+    if isinstance(error, MemoryError):
+        words = f" ({error})" if str(error) else ""
+        return MachineError(f"out of memory{words}; {_knob_of_memory()}")
+    if isinstance(error, ImportError) and any(words in str(error) for words in UNLOADED):
+        return MachineError(f"out of memory, or of the address space of a limit (ulimit -v): {_words(error)}")
+    if isinstance(error, SubprocessError):
+        return MachineError(redacted(_words(error)))
+    if _of_server(error):
+        return MachineError(redacted(f"the Prefect server: {_words(error)}; {_full() or _log()}"))
+    return None
+
+
+@contextmanager
+def as_machine_errors() -> Iterator[None]:
+    """What goes wrong outside of our code is raised as a MachineError."""
+    try:
+        yield
+    except DcapError:
+        raise
+    except Exception as error:
+        known = machine_error(error)
+        if known is None:
+            raise
+        raise known from error
+
+
+def _of_system(error: OSError) -> str:
+    """What the system refused, where, and what to change."""
+    why = error.strerror or _words(error) or type(error).__name__
+    path = _path(error)
+    where = f"{shortened(path, LONGEST_PATH)}: " if path else ""
+    if error.errno in FULL:
+        return f"{where}{why}; {_room()}"
+    if error.errno in EXHAUSTED:
+        return f"{where}{why}; raise the limit (ulimit -n), or give fewer --workers"
+    if error.errno == errno.ENOMEM:
+        return f"{where}{why}; {_knob_of_memory()}"
+    if error.errno in REFUSED and path:
+        return f"{where}{why}; change its permissions, or name another place with {_knob(Path(path))}"
+    if error.errno == errno.ENAMETOOLONG:
+        return f"{where}{why}; give a shorter name"
+    knob = _knob(Path(path)) if path else ""
+    if error.errno in NO_FOLDER and knob.startswith("DCAP_DATA"):
+        return f"{where}{why}; {knob} must be a folder that can be written"
+    return f"{where}{why}"
+
+
+def _path(error: OSError) -> str:
+    """The file that an error is about; empty where it does not say."""
+    name = error.filename
+    return os.fsdecode(name) if isinstance(name, str | bytes | os.PathLike) else ""
+
+
+def _data_root() -> Path | None:
+    """$DCAP_DATA or its default; None where it is none."""
+    try:
+        return data_root()
+    except InputError:
+        return None
+
+
+def _knob(path: Path) -> str:
+    """What chooses the place of a file."""
+    data = _data_root()
+    if data is not None and path.absolute().is_relative_to(data):
+        return f"DCAP_DATA (now {data})"
+    return "TMPDIR" if path.absolute().is_relative_to(tempfile.gettempdir()) else "--out"
+
+
+def _room() -> str:
+    """How much room is left where files are written."""
+    data = _data_root()
+    places = [("DCAP_DATA", data)] if data else []
+    places += [("TMPDIR", Path(tempfile.gettempdir())), ("the working directory", Path(os.curdir))]
+    told = [f"{_free(path) / 2**20:.0f} MiB in {name} ({path})" for name, path in places]
+    return f"free are {', '.join(told)}; make room, or set DCAP_DATA, TMPDIR or --out to another disk"
+
+
+def _free(path: Path) -> int:
+    """Bytes that are free on the disk of a folder, which need not be there yet; 0 where it cannot be told."""
+    nearest = next((one for one in (path, *path.absolute().parents) if os.path.isdir(one)), Path(os.sep))
+    try:
+        return shutil.disk_usage(nearest).free
+    except OSError:
+        return 0
+
+
+def _full() -> str:
+    """That the server's disk is full, if it is."""
+    data = _data_root()
+    if data is None or _free(data) > ROOMY:
+        return ""
+    return f"its disk has {_free(data) / 2**20:.0f} MiB left: make room in {data}, or set DCAP_DATA to another disk"
+
+
+def _log() -> str:
+    """Where the server says more."""
+    data = _data_root()
+    return f"its log is {data / 'cache' / 'prefect' / 'server.log'}" if data else "see its log"
+
+
+def _knob_of_memory() -> str:
+    return "close other programs, give fewer --workers, a coarser --resolution or smaller files"
+
+
+def _of_server(error: BaseException) -> bool:
+    """Whether an error is one of Prefect's or of the connection to its server."""
+    if isinstance(error, RuntimeError) and str(error).startswith(NO_SERVER):
+        return True
+    return any(kind.__module__.partition(".")[0] in SERVER for kind in type(error).__mro__)
+
+
+def _words(error: BaseException) -> str:
+    """An error's own words in one line."""
+    return shortened(" ".join(str(error).split()) or type(error).__name__, LONGEST_WORDS)

@@ -1,0 +1,116 @@
+"""A benchmark as one flow run of Prefect: its samples are its children, its results its artifacts; imports Prefect."""
+
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TypeVar
+from uuid import UUID
+
+import httpx
+from prefect.client.orchestration import get_client
+from prefect.client.schemas.filters import FlowRunFilter
+from prefect.exceptions import PrefectException
+
+from dcap.scene.types.sample import Sample
+from flows.flow_runs import COMPLETED, FAILED, FlowRunNames, ShownState, end_as_crashed, run_shown
+from flows.run_artifacts import RunArtifacts, plain_text, table_data
+from flows.run_names import WatchedRun, benchmark_tags, repeated_titles
+from flows.watching import SettledSample, Watch
+
+ResultT = TypeVar("ResultT")
+PROGRESS_SECONDS, TABLE_SECONDS = 1.0, 30.0
+"""How often these are written anew while samples are placed."""
+
+
+class FlowRunWatch(Watch):
+    """Shows a benchmark as its flow run does: progress, a table of results, the way to the report."""
+
+    def __init__(self, run: WatchedRun, run_id: UUID, samples: Sequence[Sample]) -> None:
+        self._run, self._id = run, run_id
+        self.order = {sample.id: number for number, sample in enumerate(samples)}
+        self.rows: dict[str, dict[str, object]] = {}
+        self.artifacts = RunArtifacts(run_id)
+        self.written = {"progress": 0.0, "results": time.monotonic()}
+
+    @property
+    def run(self) -> WatchedRun:
+        """The run that the samples' flow runs belong to."""
+        return self._run
+
+    def settled(self, one: SettledSample) -> None:
+        """A sample is done."""
+        self.rows[one.sample.id] = one.to_row()
+        if self.due("results", TABLE_SECONDS):
+            self.write_table()
+
+    def progress(self, share: float) -> None:
+        """So much of the work is done, 0..1."""
+        if self.due("progress", PROGRESS_SECONDS):
+            self.write_progress(share)
+
+    def due(self, name: str, seconds: float) -> bool:
+        """Whether it is time to write an artifact anew."""
+        now = time.monotonic()
+        if now - self.written[name] < seconds:
+            return False
+        self.written[name] = now
+        return True
+
+    def write_progress(self, share: float) -> None:
+        """Write the progress."""
+        failed = sum(row["verdict"] == "failed" for row in self.rows.values())
+        text = f"{len(self.rows)} of {len(self.order)} samples" + (f", {failed} failed" if failed else "")
+        self.artifacts.put("progress", "progress", round(100.0 * share, 1), text)
+
+    def write_table(self) -> None:
+        """Write the table of results."""
+        rows = [self.rows[name] for name in sorted(self.rows, key=self.order.__getitem__)]
+        self.artifacts.put("results", "table", table_data(rows), "How each sample ended.")
+
+    def write_report(self, folder: Path, line: str) -> None:
+        """Write what came out and where the report lies: browsers open no file from a page of a server."""
+        text = f"{plain_text(line)}\n\nOpen in a browser:\n\n    {folder / 'report.html'}\n"
+        self.artifacts.put("report", "markdown", text, "Where the results are.")
+
+    def finished(self, folder: Path, line: str) -> None:
+        """The report is written."""
+        self.write_progress(1.0)
+        self.write_table()
+        self.write_report(folder, line)
+
+    def interrupted(self) -> None:
+        """The run ends now, and with it what is at work."""
+        own = FlowRunFilter.model_validate(
+            {"parent_flow_run_id": {"any_": [self._id]}, "state": {"type": {"any_": ["PENDING", "RUNNING"]}}}
+        )
+        try:
+            with get_client(sync_client=True) as client:
+                children = client.read_flow_runs(flow_run_filter=own)
+                end_as_crashed(client, [child.id for child in children], "the benchmark was interrupted")
+        except (httpx.HTTPError, PrefectException, RuntimeError):
+            return  # who interrupts a run does not wait for its server
+
+
+def in_benchmark_run(
+    folder: Path,
+    samples: Sequence[Sample],
+    parameters: dict[str, object],
+    body: Callable[[Watch], ResultT],
+    ending: Callable[[ResultT], tuple[bool, str]],
+) -> ResultT:
+    """Run a benchmark's `body` as a flow run; `ending` says whether all samples got through, and counts in a line."""
+    methods = list(dict.fromkeys(sample.method for sample in samples))
+    names = FlowRunNames("benchmark", folder.name, benchmark_tags(folder.name, methods), parameters)
+
+    def flow_body(run_id: UUID) -> ResultT:
+        watch = FlowRunWatch(WatchedRun(folder.name, run_id, repeated_titles(samples)), run_id, samples)
+        watch.write_progress(0.0)
+        result = body(watch)
+        watch.finished(folder, ending(result)[1])
+        return result
+
+    def shown(result: ResultT) -> ShownState:
+        fine, line = ending(result)
+        return (COMPLETED if fine else FAILED), line
+
+    return run_shown(flow_body, names, shown=shown)

@@ -1,0 +1,138 @@
+"""Reads what two runs, or two folders that `place` wrote, say, for a comparison."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from dcap.evaluation.methods import DCAP
+from dcap.evaluation.run_diff import Pose, RunDiff, RunFacts, SampleFacts, diff_runs
+from dcap.evaluation.run_folder import sample_folder
+from dcap.scene.errors import InputError
+from dcap.scene.settings import runs_root
+from flows.results import read_json
+from flows.run_files import PLACEMENT, RUN, find_run, sample_from_json
+from flows.scoring import scored_row
+from tasks.runner.stage import deciding
+from tasks.runner.why import flattened
+
+RESULT, TABLE = "placement.json", "results.parquet"
+NO_WORDS = frozenset({"sample", "method", "scene", "object", "prompt", "message", "seconds"})
+"""Columns that tell what was asked, how long it took, or numbers in a sentence."""
+FILES = ("scene", "object", "labels")
+"""What was asked as a path: the same file may lie elsewhere, so that its name counts."""
+UNASKED = frozenset({"id", "method", "examples"})
+
+
+def diff_folders(one: str, other: str) -> RunDiff:
+    """Compare two runs by name, path or `last`, or two folders of placements."""
+    a, b = placed_folder(one), placed_folder(other)
+    facts_a, facts_b = run_facts(a), run_facts(b)
+    if not (a / RUN).is_file() and not (b / RUN).is_file():  # one placement each, whatever the files are called
+        (name,) = facts_a.samples
+        facts_b = RunFacts(facts_b.folder, {name: next(iter(facts_b.samples.values()))}, facts_b.config, {})
+    return diff_runs(facts_a, facts_b)
+
+
+def placed_folder(run: str) -> Path:
+    """Folder of a run, or of one placement."""
+    for folder in (runs_root() / run, Path(run)):
+        if (folder / RESULT).is_file() and not (folder / RUN).is_file():
+            return folder.resolve()
+    return find_run(run)
+
+
+def run_facts(folder: Path) -> RunFacts:
+    """What a folder says."""
+    if not (folder / RUN).is_file():
+        return placement_facts(folder)
+    tree = read_json(folder / RUN)
+    rows = rows_of(folder)
+    samples = {}
+    for asked in listed(tree, "samples", folder / RUN):
+        name = str(asked.get("id"))
+        samples[name] = sample_facts(asked, rows.get(name), sample_folder(folder, name))
+    return RunFacts(str(folder), samples, settings_of(tree), tree.get("versions") or {})
+
+
+def placement_facts(folder: Path) -> RunFacts:
+    """What the folder of one placement says."""
+    tree = read_json(folder / PLACEMENT) if (folder / PLACEMENT).is_file() else {}
+    asked = tree.get("sample") or {}
+    return RunFacts(str(folder), {str(asked.get("id", "placement")): sample_facts(asked, None, folder)},
+                    settings_of(tree) if tree else {}, {})  # fmt: skip
+
+
+def listed(tree: Mapping[str, Any], key: str, path: Path) -> list[dict[str, Any]]:
+    """A list of objects in a file."""
+    found = tree.get(key)
+    if not isinstance(found, list) or not all(isinstance(one, dict) for one in found):
+        raise InputError(f"{path}: {key} is no list of objects; was it written by `dcap benchmark`?")
+    return found
+
+
+def rows_of(folder: Path) -> dict[str, dict[str, Any]]:
+    """Rows of the run's table by the samples' ids; empty where a run has not ended."""
+    path = folder / TABLE
+    if not path.is_file():
+        return {}
+    try:
+        rows = pq.read_table(path).to_pylist()
+    except (OSError, pa.ArrowException) as error:
+        raise InputError(f"{path}: cannot be read: {error}") from None
+    return {sample_id(row): row for row in rows}
+
+
+def sample_id(row: Mapping[str, Any]) -> str:
+    """The id of a row's sample in its run."""
+    method = row.get("method", DCAP)
+    return str(row["sample"]) if method == DCAP else f"{method}/{row['sample']}"
+
+
+def sample_facts(asked: Mapping[str, Any], row: Mapping[str, Any] | None, folder: Path) -> SampleFacts:
+    """What is said of a sample, whose files lie in a folder."""
+    tree = read_json(folder / RESULT) if (folder / RESULT).is_file() else None
+    if row is None:
+        row = row_without_table(asked, tree, folder)
+    told = {name: value for name, value in row.items() if name not in NO_WORDS}
+    return SampleFacts(
+        asked=dict(asked_words(asked)),
+        outcome={name: value for name, value in told.items() if isinstance(value, str | bool)},
+        pose=pose_of(tree),
+        numbers={name: value for name, value in told.items() if not isinstance(value, str | bool)},
+        times={**((tree or {}).get("timings") or {}), "total": row.get("seconds") or 0.0},
+    )
+
+
+def row_without_table(asked: Mapping[str, Any], tree: dict[str, Any] | None, folder: Path) -> Mapping[str, Any]:
+    """The row of a sample by its own files."""
+    if not asked:
+        return {"verdict": (tree or {}).get("verdict", "failed"), "reason": (tree or {}).get("reason") or ""}
+    return asdict(scored_row(sample_from_json(asked), tree, "did not finish", None, folder))
+
+
+def asked_words(asked: Mapping[str, Any]) -> Iterator[tuple[str, object]]:
+    """What was asked of a sample, by dotted keys."""
+    for key, value in flattened({name: one for name, one in asked.items() if name not in UNASKED}):
+        yield key, Path(str(value)).name if key in FILES else value
+
+
+def settings_of(tree: Mapping[str, Any]) -> dict[str, object]:
+    """The settings of a run by dotted keys, without those that never change a result."""
+    found = dict(flattened(deciding(tree.get("config") or {})))
+    methods = tree.get("methods")
+    told = {"methods": ", ".join(methods)} if isinstance(methods, list) else {}
+    dataset = {"dataset": Path(str(tree["dataset"])).name} if "dataset" in tree else {}
+    return {**told, **dataset, **found}
+
+
+def pose_of(tree: Mapping[str, Any] | None) -> Pose | None:
+    """The pose at rest."""
+    pose = (tree or {}).get("pose")
+    if not isinstance(pose, Mapping):
+        return None
+    return np.asarray(pose["position"], dtype=float), np.asarray(pose["quaternion"], dtype=float)

@@ -1,0 +1,73 @@
+"""Which samples `benchmark --only-failed` takes: of the newest run of the same dataset by the same methods."""
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from dcap.evaluation.run_folder import sample_folder
+from dcap.scene.errors import InputError
+from dcap.scene.settings import runs_root
+from dcap.scene.types.sample import Sample
+from flows.display import print_lines
+from flows.place import PlaceConfig
+from flows.run_files import RUN, read_result
+from flows.sample_run import plan_sample
+
+SHOWN = 5
+"""Ids that a line names."""
+
+
+def failed_before(dataset: Path, samples: Sequence[Sample], config: PlaceConfig) -> list[Sample]:
+    """The samples that failed or did not finish in the last run; and those that finished, for the table of the new run,
+    as far as nothing of them would have to run."""
+    folder, asked = last_run(dataset, methods_of_samples(samples))
+    known = [sample for sample in samples if sample.id in asked]
+    left = {one.id for one in known if read_result(sample_folder(folder, one.id))[0] is None}
+    if not left:
+        raise InputError(f"nothing failed in {folder.name}; run without --only-failed")
+    done = [one for one in known if one.id not in left]
+    cached = {one.id for one in done if plan_sample(one, config).finished is not None}
+    print_lines(taken_lines(folder.name, list(left), len(cached), len(done) - len(cached)))
+    return [one for one in known if one.id in left | cached]
+
+
+def methods_of_samples(samples: Sequence[Sample]) -> set[str]:
+    """The methods that place them."""
+    return {sample.method for sample in samples}
+
+
+def last_run(dataset: Path, methods: set[str]) -> tuple[Path, set[str]]:
+    """The newest run of a dataset by these methods, and the ids of its samples."""
+    found = []
+    for path in runs_root().glob(f"*/{RUN}"):
+        tree = run_tree(path)
+        same = tree.get("dataset") == str(dataset.resolve()) and set(tree.get("methods", ())) == methods
+        if same and not path.parent.is_symlink():
+            found.append((str(tree.get("started")), path.stat().st_mtime_ns, path.parent, tree))
+    if not found:
+        raise InputError(
+            f"--only-failed: no run of {dataset} by {', '.join(sorted(methods))} in {runs_root()}; run without it"
+        )
+    _, _, folder, tree = max(found, key=lambda one: one[:2])
+    return folder, {str(one["id"]) for one in tree["samples"]}
+
+
+def run_tree(path: Path) -> dict[str, Any]:
+    """What a run says of itself; nothing where it cannot be read."""
+    try:
+        tree = json.loads(path.read_text())
+    except (OSError, ValueError):
+        return {}
+    return tree if isinstance(tree, dict) else {}
+
+
+def taken_lines(run: str, left: Sequence[str], cached: int, changed: int) -> list[str]:
+    """What is taken, and what is not and why."""
+    more = f" and {len(left) - SHOWN} more" if len(left) > SHOWN else ""
+    failed = f"{len(left)} failed ({', '.join(left[:SHOWN])}{more})"
+    lines = [f"of {run}: {failed} and run again, {cached} finished and come from the cache"]
+    if changed:
+        told = "finished with other code or settings; without --only-failed they run, too"
+        lines.append(f"left out: {changed} that {told}")
+    return lines

@@ -1,0 +1,114 @@
+"""Flow runs of Prefect with names, tags and final states in our words; imports Prefect: only once a server answers.
+
+A benchmark is one flow run, `benchmark`; each of its samples that has work is a child of it, `place`. Prefect would
+number the children of threads by a counter that the threads race for, and two samples would share a run; so children
+are created here, each with a key of its own.
+"""
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import Any, TypeVar
+from uuid import UUID, uuid4
+
+from prefect import Flow, Task
+from prefect.client.orchestration import SyncPrefectClient
+from prefect.client.schemas.objects import FlowRun, State
+from prefect.context import SyncClientContext
+from prefect.flow_engine import FlowRunEngine
+from prefect.states import Completed, Crashed, Failed, Pending
+
+from dcap.scene.errors import DcapError
+from tasks.runner.outcomes import error_line
+
+ResultT = TypeVar("ResultT")
+ShownState = tuple[str, str]
+"""Name of a final state, Completed, Infeasible or Failed, and the line that says why."""
+COMPLETED, FAILED = "Completed", "Failed"
+
+
+@dataclass(frozen=True, slots=True)
+class FlowRunNames:
+    """How a flow run is shown."""
+
+    flow: str
+    name: str
+    tags: tuple[str, ...]
+    parameters: Mapping[str, object]
+    """What it was asked, as JSON."""
+
+
+@dataclass
+class ShownFlowRun(FlowRunEngine[..., Any]):
+    """Prefect's engine of flow runs, with final states in our words."""
+
+    shown: Callable[[Any], ShownState] = field(default=lambda result: (COMPLETED, ""))
+    """The final state by what the flow returned."""
+
+    @property
+    def heartbeat_seconds(self) -> int | None:
+        """There is no heartbeat: the thread of one is waited for at the end, up to a second."""
+        return None
+
+    def handle_success(self, result: Any) -> Any:
+        """The flow has returned: nothing is persisted."""
+        name, why = self.shown(result)
+        self.set_state(Failed(message=why) if name == FAILED else Completed(name=name, message=why or None))
+        self._return_value = result
+        return result
+
+    def handle_exception(self, exc: Exception, msg: str | None = None, result_store: object = None) -> State[Any]:
+        """The flow has broken."""
+        self.logger.error("%s", error_line(exc), exc_info=None if isinstance(exc, DcapError) else exc)
+        self._raised = exc
+        return self.set_state(Failed(message=error_line(exc)))
+
+
+def run_shown(
+    body: Callable[[UUID], ResultT],
+    names: FlowRunNames,
+    *,
+    shown: Callable[[ResultT], ShownState],
+    parent: UUID | None = None,
+) -> ResultT:
+    """Run `body`, which is given the id of its flow run, as a flow run; the child of `parent` if that is named."""
+    found: list[ResultT] = []
+
+    def flow_body() -> ResultT:
+        found.append(body(run.id))
+        return found[0]
+
+    flow = Flow(flow_body, name=names.flow, validate_parameters=False, persist_result=False)
+    with SyncClientContext.get_or_create() as context:
+        run = created(context.client, flow, names, parent)
+        engine = ShownFlowRun(flow=flow, flow_run=run, shown=shown)
+        with engine.start():
+            while engine.is_running():
+                with engine.run_context():
+                    engine.call_flow_fn()
+        if not found:
+            engine.result()
+    return found[0]
+
+
+def created(client: SyncPrefectClient, flow: Flow[Any, Any], names: FlowRunNames, parent: UUID | None) -> FlowRun:
+    """A new flow run; in its parent a task run stands for it."""
+    stands_for = None
+    if parent is not None:
+        task = Task(flow.fn, name=names.flow)
+        stands_for = client.create_task_run(
+            task, parent, dynamic_key=str(uuid4()), name=names.name, extra_tags=names.tags, state=Pending()
+        ).id
+    return client.create_flow_run(
+        flow,
+        name=names.name,
+        parameters=dict(names.parameters),
+        tags=names.tags,
+        parent_task_run_id=stands_for,
+        state=Pending(),
+    )
+
+
+def end_as_crashed(client: SyncPrefectClient, runs: Iterable[UUID], why: str) -> None:
+    """Say of flow runs that they will not go on."""
+    for one in runs:
+        client.set_flow_run_state(one, Crashed(message=why), force=True)

@@ -1,0 +1,52 @@
+"""What a benchmark would do, sample by sample and stage by stage, and why; nothing is run."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from dcap.evaluation.methods import DCAP
+from flows.benchmark import dataset_samples, measured_config
+from flows.display import print_plan
+from flows.look_ahead import plan_ahead
+from flows.place import PlaceConfig
+from flows.sample_run import Plan, StagePlan
+
+
+@dataclass(frozen=True, slots=True)
+class PlanRow:
+    """What a benchmark would do for one sample."""
+
+    sample: str
+    cached: tuple[str, ...]
+    """Stages whose results are there."""
+    runs: str | None
+    """First stage that would run; None if none would."""
+    why: str | None
+    """Why it would run, or what is wrong with the sample; None if all is there."""
+    may_run: tuple[str, ...]
+    """Stages that run too, or run if what they depend on changes."""
+    stages: tuple[StagePlan, ...]
+    """Every stage that can be foreseen."""
+
+
+def plan_benchmark(
+    dataset: Path | None,
+    config: PlaceConfig,
+    *,
+    limit: int | None = None,
+    methods: Sequence[str] = (DCAP,),
+    scenes: str = "",
+    stages: bool = False,
+) -> list[PlanRow]:
+    """Print what would run and why, with a line for each of the `stages` if they are wanted."""
+    _, samples = dataset_samples(dataset, methods, limit, scenes)
+    config = measured_config(config, methods)
+    plans = [plan_ahead(sample, config) for sample in samples]
+    print_plan(plans, stages=stages)
+    return [plan_row(plan) for plan in plans]
+
+
+def plan_row(plan: Plan) -> PlanRow:
+    """The row of a sample."""
+    why = plan.failed.message if plan.failed else plan.why or None
+    return PlanRow(plan.sample.id, plan.cached, plan.missing or None, why, plan.later, plan.stages)

@@ -1,0 +1,324 @@
+"""Where a result comes from: every stage behind it, back to the files and the sentence that a person gave.
+
+In: the digest of an artifact, a path in the store, or a file of a sample. Out: a `Lineage`, a graph whose nodes are
+artifacts. What is missing or damaged on the way is told of its node; the rest is told all the same.
+"""
+
+import hashlib
+import json
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from dcap.evaluation.run_folder import sample_folder
+from dcap.language.model.ledger import ReplyLine, read_lines
+from dcap.language.model.reply_folder import ReplyFolder
+from dcap.scene.errors import InputError
+from dcap.scene.settings import data_root, replies_root, runs_root
+from dcap.scene.store.artifacts import FILES_FOLDER, Source, Store
+from dcap.scene.store.codec import canonical_json
+from dcap.scene.store.digest import digest_of_file, walk
+from dcap.scene.store.ref import Ref
+from flows.language_options import LEDGER
+from flows.place import SECTIONS, PlaceConfig
+from flows.results import read_json
+from flows.run_files import PLACEMENT, RUN
+from flows.sample_records import RECORDS
+from tasks.runner.digests import changed_sources
+from tasks.runner.record_index import record_index
+from tasks.runner.records import Record
+from tasks.runner.stage import deciding
+from tasks.runner.why import ABSENT, flattened, reference
+
+DIGEST = re.compile("[0-9a-f]{6,64}")
+"""An artifact's, or its beginning."""
+SHOWN = 5
+"""Artifacts that a message names."""
+
+
+@dataclass(frozen=True, slots=True)
+class SourceFile:
+    """A file that a person gave."""
+
+    name: str
+    sha256: str
+    size: int
+    """[bytes]."""
+
+
+@dataclass(frozen=True, slots=True)
+class ProvenanceStep:
+    """One artifact and what made it."""
+
+    sha256: str
+    kind: str
+    state: str
+    """sound, missing or damaged."""
+    size: int
+    """[bytes]; 0 if it is missing."""
+    stage: str | None
+    """None for a file that was given, or where no record tells."""
+    record: str | None
+    seconds: float | None
+    """Wall time of the stage when it was computed [s]."""
+    inputs: Mapping[str, str]
+    """Artifacts by the names of the stage's inputs."""
+    values: Mapping[str, object]
+    """Inputs that are no artifacts: the sentence, seed, mass, options."""
+    config: object
+    changed_settings: Mapping[str, object]
+    """Settings, by dotted keys, that are not today's defaults."""
+    code_files: int
+    code_digest: str | None
+    """SHA-256 over the digests of all source files that decided it."""
+    code_changed: tuple[str, ...]
+    """Source files that are different now, or gone."""
+    libraries: Mapping[str, str]
+    files: tuple[SourceFile, ...]
+    """What was given."""
+
+
+@dataclass(frozen=True, slots=True)
+class AskedModel:
+    """A question that a model answered."""
+
+    question: str
+    model: str
+    how: str
+    """asked, batch or kept."""
+    digest: str
+    """SHA-256 of the rendered prompt with its pictures; empty where the ledger does not say."""
+    reply: str | None
+    """SHA-256 of the file that keeps the reply; None where it is not kept."""
+
+
+@dataclass(frozen=True, slots=True)
+class Lineage:
+    """What lies behind a result."""
+
+    artifact: str
+    """What was asked for."""
+    sample: Mapping[str, object] | None
+    """What was asked of the sample, if it is a file of one."""
+    roots: tuple[str, ...]
+    """Artifacts that nothing else of it is made of."""
+    steps: Mapping[str, ProvenanceStep]
+    """By digest, each after those that take it."""
+    asked: tuple[AskedModel, ...]
+
+
+def provenance_of(artifact: str) -> Lineage:
+    """What lies behind a digest, a path in the store, or a file of a sample."""
+    path = found_path(artifact)
+    if path is None:
+        return walked_back(artifact, [ref_of_digest(artifact)], {})
+    ref = ref_of_path(path)
+    if ref is not None:
+        return walked_back(artifact, [ref], {})
+    folder = next((one for one in (path, *path.parents) if (one / RECORDS).is_file()), None)
+    if folder is None:
+        raise InputError(
+            f"{artifact}: neither in the store nor beside a {RECORDS}; give a file of a sample of a run (a run of an "
+            f"earlier version has none: run it again, cached stages are only looked up), or a digest"
+        )
+    return of_sample(artifact, folder)
+
+
+def found_path(artifact: str) -> Path | None:
+    """The path that was given, from the working directory, the runs or the data folder."""
+    places = (Path(artifact), runs_root() / artifact, data_root() / artifact)
+    return next((path.resolve() for path in places if exists(path)), None)
+
+
+def exists(path: Path) -> bool:
+    """Whether something lies there; nothing does under a name that no file can have."""
+    try:
+        return path.exists()
+    except (OSError, ValueError):
+        return False
+
+
+def ref_of_path(path: Path) -> Ref[Any] | None:
+    """The artifact that a path of the store belongs to."""
+    root = (Store.default().root / "objects").resolve()
+    parts = path.relative_to(root).parts if path.is_relative_to(root) else ()
+    return Ref(parts[0], parts[2]) if len(parts) > 2 else None
+
+
+def ref_of_digest(digest: str) -> Ref[Any]:
+    """The artifact whose digest begins so."""
+    if not DIGEST.fullmatch(digest):
+        raise InputError(f"{digest!r} is no file, and no digest of an artifact (6 to 64 of 0-9 and a-f)")
+    known = {*Store.default().refs(), *record_index().refs()}
+    fitting = sorted(ref for ref in known if ref.sha256.startswith(digest))
+    if not fitting:
+        raise InputError(f"no artifact's digest begins with {digest}; `dcap cache ls` tells where the cache is")
+    if len({ref.sha256 for ref in fitting}) > 1:
+        told = ", ".join(f"{ref.kind} {ref.sha256[:16]}" for ref in fitting[:SHOWN])
+        raise InputError(f"{len(fitting)} artifacts' digests begin with {digest}: {told}; give more of it")
+    return fitting[0]
+
+
+def of_sample(artifact: str, folder: Path) -> Lineage:
+    """What lies behind the files of a sample's folder."""
+    rows = read_json(folder / RECORDS).get("records")
+    try:
+        refs = [(Ref.from_json(row), str(row["key"])) for row in rows or ()]
+    except (KeyError, TypeError) as error:
+        raise InputError(f"{folder / RECORDS}: is damaged ({type(error).__name__}); run the sample again") from None
+    named = dict(refs)
+    run = next((one for one in folder.parents if (one / RUN).is_file()), None)
+    sample = asked_of_sample(folder, run)
+    asked = asked_models((run or folder) / LEDGER, str(sample.get("id", "")) if sample and run else "")
+    found = walked_back(artifact, list(named), named)
+    taken = {digest for one in found.steps.values() for digest in one.inputs.values()}
+    roots = tuple(digest for digest in found.roots if digest not in taken)
+    return Lineage(artifact, sample, roots, found.steps, asked)
+
+
+def asked_of_sample(folder: Path, run: Path | None) -> Mapping[str, Any] | None:
+    """What was asked of the sample in a folder."""
+    if (folder / PLACEMENT).is_file():
+        return dict(read_json(folder / PLACEMENT).get("sample") or {})
+    rows = read_json(run / RUN).get("samples") if run else None
+    mine = (dict(row) for row in rows or () if run and sample_folder(run, str(row.get("id"))) == folder)
+    return next(mine, None)
+
+
+def asked_models(ledger: Path, sample: str) -> tuple[AskedModel, ...]:
+    """The questions of a sample that a model answered, as the run's ledger has them; of all samples without a name."""
+    replies = ReplyFolder(replies_root())
+    found = {}
+    for line in read_lines(ledger):
+        if isinstance(line, ReplyLine) and sample in ("", line.sample):
+            kept = next(iter(sorted(replies.root.glob(f"*/{line.digest[:2]}/{line.digest}.json"))), None)
+            reply = digest_of_file(kept) if line.digest and kept else None
+            found[line.question, line.digest] = AskedModel(line.question, line.model, line.how, line.digest, reply)
+    return tuple(found.values())
+
+
+def walked_back(artifact: str, refs: Sequence[Ref[Any]], named: Mapping[Ref[Any], str]) -> Lineage:
+    """All artifacts behind some; `named` are records that are known to have made some of them."""
+    steps: dict[str, ProvenanceStep] = {}
+    waiting = list(refs)
+    while waiting:
+        ref = waiting.pop()
+        if ref.sha256 not in steps:
+            step, before = step_of(ref, named.get(ref))
+            steps[ref.sha256] = step
+            waiting += before
+    return Lineage(artifact, None, tuple(dict.fromkeys(ref.sha256 for ref in refs)), steps, ())
+
+
+def step_of(ref: Ref[Any], key: str | None) -> tuple[ProvenanceStep, list[Ref[Any]]]:
+    """An artifact with what made it, and the artifacts before it."""
+    record = maker_of(ref, key)
+    made = record.deciders if record else {}
+    inputs = made.get("inputs") if isinstance(made.get("inputs"), Mapping) else {}
+    assert isinstance(inputs, Mapping)
+    before = {str(name): one for name, value in inputs.items() if (one := reference(value)) is not None}
+    code = {str(name): str(one) for name, one in dict(made.get("code") or {}).items() if name != "function"}  # type: ignore[call-overload]
+    state, size = condition(ref)
+    step = ProvenanceStep(
+        sha256=ref.sha256,
+        kind=ref.kind,
+        state=state,
+        size=size,
+        stage=str(made["stage"]) if record else None,
+        record=record.key if record else None,
+        seconds=record.seconds if record else None,
+        inputs={name: one.sha256 for name, one in before.items()},
+        values={str(name): value.get("value") for name, value in inputs.items() if name not in before},
+        config=made.get("config"),
+        changed_settings=changed_settings(str(made.get("stage")), made.get("config")),
+        code_files=len(code),
+        code_digest=hashlib.sha256(canonical_json(code)).hexdigest() if code else None,
+        code_changed=tuple(changed_sources(code)),
+        libraries=dict(made.get("libraries") or {}),  # type: ignore[call-overload]
+        files=tuple(given_files(ref)) if ref.kind == Source.__name__ and state == "sound" else (),
+    )
+    return step, list(before.values())
+
+
+def maker_of(ref: Ref[Any], key: str | None) -> Record | None:
+    """The record that made an artifact: the named one, else the newest."""
+    known = record_index().making(ref)
+    return next((one for one in known if one.key == key), None) or next(iter(known), None)
+
+
+def condition(ref: Ref[Any]) -> tuple[str, int]:
+    """Whether an artifact is sound, and its size [bytes]."""
+    store = Store.default()
+    if store.has(ref):
+        return "sound", store.size(ref)
+    return ("damaged", store.size(ref)) if store.folder(ref).is_dir() else ("missing", 0)
+
+
+def changed_settings(stage: str, config: object) -> dict[str, object]:
+    """Settings of a stage that are not today's defaults."""
+    section = getattr(PlaceConfig(), SECTIONS.get(stage, stage), None)
+    if section is None or not isinstance(config, Mapping):
+        return {}
+    usual = dict(flattened(deciding(section.model_dump(mode="json"))))
+    return {key: value for key, value in flattened(config) if usual.get(key, ABSENT) != value}
+
+
+def given_files(ref: Ref[Any]) -> Iterator[SourceFile]:
+    """The files of a source."""
+    folder = Store.default().folder(ref) / FILES_FOLDER
+    for path in walk(folder):
+        yield SourceFile(path.relative_to(folder).as_posix(), digest_of_file(path), path.stat().st_size)
+
+
+def provenance_lines(found: Lineage) -> list[str]:
+    """The graph as a tree; what has been told is not told again."""
+    lines = [found.artifact]
+    if found.sample:
+        lines += [f"sample {found.sample.get('id')}: {json.dumps(found.sample.get('prompt'), ensure_ascii=False)}"]
+    lines += [f"asked {one.model}: {one.question} ({one.how}), prompt {one.digest[:12] or 'unknown'}, reply "
+              f"{(one.reply or 'not kept')[:12]}" for one in found.asked]  # fmt: skip
+    told: set[str] = set()
+    for root in found.roots:
+        lines += tree_lines(found.steps, root, "", "", told)
+    return lines
+
+
+def tree_lines(
+    steps: Mapping[str, ProvenanceStep], digest: str, name: str, indent: str, told: set[str]
+) -> Iterator[str]:
+    """An artifact and what is behind it."""
+    one = steps[digest]
+    label = f"{indent}{name + ': ' if name else ''}{one.kind} {digest[:12]}"
+    if digest in told:
+        yield f"{label} (see above)"
+        return
+    told.add(digest)
+    yield f"{label}{'' if one.state == 'sound' else f' {one.state.upper()}'}{made_by(one)}"
+    inner = f"{indent}  "
+    yield from (f"{inner}| {line}" for line in details(one))
+    for word, before in one.inputs.items():
+        yield from tree_lines(steps, before, word, inner, told)
+
+
+def made_by(one: ProvenanceStep) -> str:
+    """Who made it, in a few words."""
+    if one.stage is None:
+        return "" if one.kind == Source.__name__ else ", no record tells what made it"
+    return f" by {one.stage}, {one.seconds:.2f} s"
+
+
+def details(one: ProvenanceStep) -> Iterator[str]:
+    """Values, settings, code and files in lines."""
+    values = {name: value for name, value in one.values.items() if value is not None}
+    if values:
+        yield ", ".join(f"{name} {json.dumps(value, ensure_ascii=False)}" for name, value in values.items())
+    if one.changed_settings:
+        yield "settings " + ", ".join(f"{key} {json.dumps(value)}" for key, value in one.changed_settings.items())
+    if one.code_files:
+        now = f"{len(one.code_changed)} different now" if one.code_changed else "none different now"
+        yield f"code {str(one.code_digest)[:12]}, {one.code_files} files, {now}"
+    if one.libraries:
+        yield ", ".join(f"{name} {version}" for name, version in one.libraries.items())
+    yield from (f"{file.name} {file.sha256} ({file.size} bytes)" for file in one.files)

@@ -1,0 +1,129 @@
+"""Places the samples of a benchmark side by side, each in a thread and a flow run of its own, and keeps what comes out.
+
+A sample that fails is kept as such, and the others go on.
+"""
+
+from collections.abc import Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from contextlib import AbstractContextManager, contextmanager, nullcontext
+from pathlib import Path
+from threading import Semaphore
+
+from dcap.evaluation.run_folder import sample_folder
+from dcap.language.model.batch import batch_queue
+from dcap.language.protocol.session import Session
+from dcap.scene.json_tree import JsonObject
+from dcap.scene.types.sample import Sample
+from flows.display import Display
+from flows.measures_file import write_measures
+from flows.output import write_placement
+from flows.place import PlaceConfig
+from flows.sample_run import FailedSample, FinishedSample, Plan, heavy_modules, try_sample
+from flows.watching import SettledSample, Watch
+from tasks.runner.context import RunContext
+from tasks.runner.process import kill_all
+from tasks.runner.process_server import process_server
+
+IN_A_BATCH = 32
+"""Samples whose questions gather for one batch; each waits in a thread and a flow run of its own."""
+LOOK_SECONDS = 1.0
+"""How often progress is shown while no sample ends."""
+
+
+def run_all(
+    plans: Sequence[Plan],
+    config: PlaceConfig,
+    folder: Path,
+    session: Session,
+    workers: int,
+    display: Display,
+    watch: Watch,
+) -> dict[Sample, tuple[JsonObject | None, str]]:
+    """placement.json and error message of every sample."""
+    results: dict[Sample, tuple[JsonObject | None, str]] = {plan.sample: (None, "") for plan in plans}
+    waiting = [plan.sample for plan in plans if plan.settled is None]
+
+    def settle(result: FinishedSample | FailedSample, cached: bool) -> None:
+        tree, error = results[result.sample] = settle_result(folder, result, display)
+        watch.settled(SettledSample(result.sample, tree, error, cached))
+        watch.progress(display.share())
+
+    for plan in plans:
+        if plan.settled is not None:
+            settle(plan.settled, plan.finished is not None)
+    if not waiting:
+        return results
+    slots = Semaphore(workers) if session.batch else None
+    at_a_time = min(len(waiting), max(workers, IN_A_BATCH)) if session.batch else workers
+    # the queue closes before the pool waits for the threads that wait for it
+    with (
+        process_server(heavy_modules(name for plan in plans for name in plan.coming)) as server,
+        threads(at_a_time) as pool,
+        asking_queue(session, display),
+    ):
+        context = RunContext(session=session, slots=slots, server=server)
+        left: set[Future[FinishedSample | FailedSample]] = {
+            pool.submit(try_sample, sample, config, context=context, listener=display.listener(sample), run=watch.run)
+            for sample in waiting
+        }
+        try:
+            while left:
+                done, left = wait(left, LOOK_SECONDS, FIRST_COMPLETED)
+                for future in done:
+                    settle(future.result(), False)
+                watch.progress(display.share())
+        except BaseException:
+            watch.interrupted()
+            kill_all()  # the threads wait for these processes
+            raise
+    return results
+
+
+@contextmanager
+def threads(count: int) -> Iterator[ThreadPoolExecutor]:
+    """Threads for samples. One that computes cannot be interrupted: an interrupted program does not wait for them, they
+    end with it."""
+    pool = ThreadPoolExecutor(count)
+    try:
+        yield pool
+    except BaseException as error:
+        pool.shutdown(wait=isinstance(error, Exception), cancel_futures=True)
+        raise
+    pool.shutdown()
+
+
+def asking_queue(session: Session, display: Display) -> AbstractContextManager[None]:
+    """A queue for questions in batches, if the run asks in batches."""
+    return batch_queue(Path(session.batch), session, display.say) if session.batch else nullcontext()
+
+
+def settle_result(
+    folder: Path, result: FinishedSample | FailedSample, display: Display
+) -> tuple[JsonObject | None, str]:
+    """Keep what a sample returned, good or bad."""
+    if isinstance(result, FailedSample):
+        write_failure(folder, result)
+        display.failed(result.sample, result.message)
+        return None, result.message
+    try:
+        tree = keep(folder, result)
+    except Exception as error:  # the border between samples: a result that cannot be written is this one's failure
+        return settle_result(folder, FailedSample(result.sample, error), display)
+    display.finished(result.sample)
+    return tree, ""
+
+
+def keep(folder: Path, finished: FinishedSample) -> JsonObject:
+    """Write a sample's results into the run."""
+    out = sample_folder(folder, finished.sample.id)
+    (out / "error.txt").unlink(missing_ok=True)
+    tree = write_placement(finished, out)
+    write_measures(finished, out)
+    return tree
+
+
+def write_failure(folder: Path, failed: FailedSample) -> None:
+    """Write why a sample failed into the run."""
+    out = sample_folder(folder, failed.sample.id)
+    out.mkdir(parents=True, exist_ok=True)
+    (out / "error.txt").write_text(f"{failed.message}\n\n{failed.details}".rstrip() + "\n")

@@ -1,0 +1,53 @@
+"""The process of the local server: Prefect's own, which ends itself once no program uses it.
+
+In: the folder of the server and the port. Each program that uses the server holds a lock on a file in that folder, also
+while it starts one, and the kernel lets go of it however the program ends. So a server never stays alone, not even one
+whose program was killed before it had answered.
+"""
+
+import fcntl
+import os
+import runpy
+import signal
+import sys
+import threading
+import time
+from pathlib import Path
+
+USERS = "users.lock"
+"""File that each user of the server has locked shared."""
+POLL_SECONDS = 0.5
+END_SECONDS = 3.0
+"""For how long requests that are under way may end."""
+
+
+def main() -> None:
+    """Serve until interrupted, or until nobody uses the server."""
+    folder, port = Path(sys.argv[1]), sys.argv[2]
+    threading.Thread(target=end_when_unused, args=(folder / USERS,), daemon=True).start()
+    sys.argv = ["prefect", "server", "start", "--host", "127.0.0.1", "--port", port]
+    runpy.run_module("prefect", run_name="__main__", alter_sys=True)
+
+
+def end_when_unused(users: Path) -> None:
+    """Wait until nobody holds the lock, and end this process and what it started; who comes now waits for the lock
+    until that is done."""
+    with users.open("a") as file:
+        while not taken(file.fileno()):
+            time.sleep(POLL_SECONDS)
+        os.kill(os.getpid(), signal.SIGINT)
+        time.sleep(END_SECONDS)
+        os.killpg(0, signal.SIGKILL)
+
+
+def taken(descriptor: int) -> bool:
+    """Take the lock if nobody has it."""
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    return True
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,1 @@
+"""Settings from `dcap.yaml` and the environment: what was given where, and what it comes to."""

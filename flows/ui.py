@@ -1,0 +1,27 @@
+"""Serves Prefect's pages over all runs on a promised port, whichever port the server listens on."""
+
+import os
+import signal
+from collections.abc import Callable
+
+from flows.relay import LOOPBACK, relay
+from flows.server import apply_settings, check_port, port_of, prefect_server, running_url, server_folder
+
+
+def serve_pages(port: int, announce: Callable[[str], None]) -> None:
+    """Serve until interrupted; `announce` is given the address.
+
+    The server of a benchmark that runs is joined, else one is started on the port itself. A server that
+    $PREFECT_API_URL names has an address of its own.
+    """
+    apply_settings()
+    own = "PREFECT_API_URL" not in os.environ
+    there = running_url(server_folder())
+    if own and not (there and port_of(there) == port):
+        check_port(port)
+    with prefect_server(port) as url:
+        if own and port_of(url) != port:
+            relay(port, port_of(url), lambda: announce(f"http://{LOOPBACK}:{port}"))
+        else:
+            announce(url.removesuffix("/api"))
+            signal.pause()

@@ -1,0 +1,227 @@
+"""A shared store gives every machine what another has computed, and nothing but that."""
+
+import io
+import os
+import socket
+import tarfile
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from dcap.scene.errors import MissingArtifactError, StoreError
+from dcap.scene.redaction import redacted, without_secrets
+from dcap.scene.store.artifacts import Store
+from dcap.scene.store.ref import Ref
+from dcap.scene.store.remote import RemoteStore
+from dcap.scene.types.mesh import Mesh
+from dcap.scene.types.sample import SourceOptions
+
+VALUE = Mesh.of(np.random.default_rng(0).random((50, 3)), [[0, 1, 2]])
+OTHER = SourceOptions("y")
+
+
+@pytest.fixture(params=["folder", "file", "memory", "s3"])
+def url(request: pytest.FixtureRequest, tmp_path: Path) -> str:
+    """An empty shared store of each kind."""
+    if request.param == "s3":
+        return str(request.getfixturevalue("bucket"))
+    shared = tmp_path / "shared"
+    return {"folder": str(shared), "file": shared.as_uri(), "memory": f"memory://{tmp_path.name}"}[request.param]
+
+
+@pytest.fixture(scope="module")
+def s3_server() -> Iterator[str]:
+    """A server of the S3 protocol on this machine, with credentials that it takes."""
+    pytest.importorskip("s3fs")
+    server_of = pytest.importorskip("moto.server").ThreadedMotoServer
+    server = server_of(ip_address="127.0.0.1", port=0, verbose=False)
+    server.start()
+    host, port = server.get_host_and_port()
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("AWS_ENDPOINT_URL", f"http://{host}:{port}")
+        patch.setenv("AWS_ACCESS_KEY_ID", "someone")
+        patch.setenv("AWS_SECRET_ACCESS_KEY", "in-the-environment")
+        patch.setenv("AWS_DEFAULT_REGION", "us-east-1")
+        patch.setenv("NO_PROXY", "127.0.0.1")
+        yield f"http://{host}:{port}"
+    server.stop()
+
+
+@pytest.fixture
+def bucket(s3_server: str, tmp_path: Path) -> str:
+    """URL of an empty bucket with a prefix."""
+    import boto3
+
+    name = f"bucket-{abs(hash(tmp_path)) % 10**9}"
+    boto3.client("s3", endpoint_url=s3_server).create_bucket(Bucket=name)
+    return f"s3://{name}/team/dcap"
+
+
+def machine(folder: Path, url: str) -> Store:
+    """The store of one machine."""
+    return Store(folder / "store", RemoteStore(url))
+
+
+def objects(url: str) -> dict[str, bytes]:
+    """Everything in a shared store."""
+    remote = RemoteStore(url)
+    found: list[str] = remote._filesystem.find(remote._root)
+    return {one: bytes(remote._filesystem.cat_file(one)) for one in found}
+
+
+def put(url: str, name: str, data: bytes) -> None:
+    """Write over one object of a shared store."""
+    RemoteStore(url)._filesystem.pipe_file(name, data)
+
+
+def test_what_one_saves_another_loads(url: str, tmp_path: Path) -> None:
+    """The second machine gets the same bytes, keeps them, and needs the shared store no more."""
+    first, second = machine(tmp_path / "one", url), machine(tmp_path / "two", url)
+    ref = first.save(VALUE)
+    assert not second.is_here(ref)
+    assert second.has(ref)
+    loaded = Store(second.root).load(ref)
+    assert isinstance(loaded, Mesh)
+    assert loaded.vertices.tobytes() == VALUE.vertices.tobytes()
+    assert list((second.root / "building").iterdir()) == []
+
+
+def test_loading_brings_what_is_not_here(url: str, tmp_path: Path) -> None:
+    """`load` alone is enough, also where what is here is damaged."""
+    ref = machine(tmp_path / "one", url).save(OTHER)
+    second = machine(tmp_path / "two", url)
+    assert second.load(ref) == OTHER
+    (second.folder(ref) / "value.json").write_text("{}")
+    assert second.load(ref) == OTHER
+
+
+def test_what_nobody_has_is_missing(url: str, tmp_path: Path) -> None:
+    """An artifact that is nowhere is an error of the store, and leaves nothing behind."""
+    store = machine(tmp_path, url)
+    with pytest.raises(MissingArtifactError):
+        store.load(Ref("Mesh", "ab" * 32))
+    assert not list(store.refs())
+    assert list((store.root / "building").iterdir()) == []
+
+
+@pytest.mark.parametrize("damage", ["cut", "flip", "empty", "another's", "no archive"])
+def test_a_damaged_object_is_never_taken_and_is_written_over(url: str, tmp_path: Path, damage: str) -> None:
+    """Whatever stands under an artifact's name is refused unless it is that artifact, and goes when it is saved."""
+    first = machine(tmp_path / "one", url)
+    ref, other = first.save(VALUE), first.save(OTHER)
+    held = objects(url)
+    name, data = next((name, data) for name, data in held.items() if ref.sha256 in name)
+    others = next(data for name, data in held.items() if other.sha256 in name)
+    flipped = bytes([*data[:700], data[700] ^ 1, *data[701:]])
+    wrong = {"cut": data[:800], "flip": flipped, "empty": b"", "another's": others, "no archive": b"x" * 99}
+    put(url, name, wrong[damage])
+    second = machine(tmp_path / "two", url)
+    assert not second.has(ref)
+    assert second.save(VALUE) == ref
+    assert machine(tmp_path / "three", url).has(ref)
+    assert objects(url) == held
+
+
+def test_many_machines_save_the_same(url: str, tmp_path: Path) -> None:
+    """Workers that compute the same artifact at once leave one sound object, and nobody reads half of it."""
+    stores = [machine(tmp_path / str(number), url) for number in range(6)]
+    refs: list[Ref[Any]] = []
+    threads = [threading.Thread(target=lambda one=one: refs.append(one.save(VALUE))) for one in stores]
+    for one in threads:
+        one.start()
+    for one in threads:
+        one.join()
+    assert len(refs) == 6
+    assert len(objects(url)) == 1
+    assert machine(tmp_path / "reader", url).has(refs[0])
+
+
+def archive(name: str, *, kind: bytes = tarfile.REGTYPE, link: str = "") -> bytes:
+    """A tar with one member."""
+    buffer = io.BytesIO()
+    with tarfile.open(fileobj=buffer, mode="w:") as tar:
+        about = tarfile.TarInfo(name)
+        about.type, about.linkname, about.size = kind, link, 1 if kind == tarfile.REGTYPE else 0
+        tar.addfile(about, io.BytesIO(b"x"))
+    return buffer.getvalue()
+
+
+@pytest.mark.parametrize(
+    "data",
+    [
+        archive("../../escaped"), archive("/tmp/escaped-dcap"), archive("a/b"), archive(".."), archive("nul\0name"),
+        archive("link", kind=tarfile.SYMTYPE, link="/etc/passwd"), archive("pipe", kind=tarfile.FIFOTYPE),
+        archive("hard", kind=tarfile.LNKTYPE, link="/etc/passwd"), archive("device", kind=tarfile.CHRTYPE),
+    ],
+    ids=["up", "absolute", "folder", "dots", "nul", "link", "pipe", "hard link", "device"],
+)  # fmt: skip
+def test_no_archive_writes_outside(tmp_path: Path, data: bytes) -> None:
+    """Of a foreign archive nothing but plain files with plain names is unpacked, and nothing of it stays."""
+    url = str(tmp_path / "shared")
+    ref: Ref[object] = Ref("Mesh", "ab" * 32)
+    put(url, f"{url}/objects/Mesh/ab/{ref.sha256}.tar", data)
+    store = machine(tmp_path / "one", url)
+    assert not store.has(ref)
+    left = [path for path in (tmp_path / "one").rglob("*") if not path.is_dir()]
+    assert left == []
+    assert not os.path.lexists("/tmp/escaped-dcap")
+    assert not os.path.lexists(tmp_path / "escaped")
+
+
+def test_sources_stay_on_their_machine(url: str, tmp_path: Path) -> None:
+    """A foreign file is not handed on: it may be large, and not ours to give."""
+    (tmp_path / "mug.obj").write_text("v 0 0 0\n")
+    store = machine(tmp_path / "one", url)
+    ref = store.add_source(tmp_path / "mug.obj")
+    assert objects(url) == {}
+    assert not machine(tmp_path / "two", url).has(ref)
+
+
+def test_a_bucket_that_is_not_there(bucket: str) -> None:
+    """One line names the variable and the bucket."""
+    with pytest.raises(StoreError, match=r"^DCAP_STORE=s3://no-such-bucket/x: there is no bucket no-such-bucket"):
+        RemoteStore("s3://no-such-bucket/x")
+
+
+def test_no_server(bucket: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """An endpoint that nobody answers at is one line."""
+    import s3fs
+
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    monkeypatch.setenv("AWS_ENDPOINT_URL", f"http://127.0.0.1:{port}")
+    monkeypatch.setattr(s3fs.S3FileSystem, "retries", 1)
+    s3fs.S3FileSystem.clear_instance_cache()
+    with pytest.raises(StoreError, match=r"^DCAP_STORE=s3://b/x: cannot be opened: .*127\.0\.0\.1") as caught:
+        RemoteStore("s3://b/x")
+    assert "\n" not in str(caught.value)
+    s3fs.S3FileSystem.clear_instance_cache()
+
+
+@pytest.mark.parametrize(
+    ("url", "words"),
+    [
+        ("nonsense://x/y", r"DCAP_STORE=nonsense://x/y: cannot be opened: .*nonsense"),
+        ("memory://", "names no bucket or folder"),
+        ("/proc/nothing/here", r"DCAP_STORE=/proc/nothing/here: .* cannot be written: "),
+    ],
+)
+def test_what_is_no_store(url: str, words: str, tmp_path: Path) -> None:
+    """An unknown protocol, no folder at all and one that cannot be written are one line."""
+    with pytest.raises(StoreError, match=words) as caught:
+        machine(tmp_path, url).save(OTHER)
+    assert "\n" not in str(caught.value)
+
+
+def test_secrets_are_not_shown() -> None:
+    """Neither a URL nor a library's message about it tells a password, a token or a query."""
+    url = "s3://user:p%40ssword@host.example/bucket?token=abcdef"
+    assert redacted(url) == "s3://***@host.example/bucket?***"
+    assert redacted("s3://bucket/prefix") == "s3://bucket/prefix"
+    told = without_secrets(f"cannot open {url}: p@ssword is wrong for host.example", url)
+    assert told == "cannot open s3://***@host.example/bucket?***: *** is wrong for host.example"

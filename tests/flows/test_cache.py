@@ -1,0 +1,256 @@
+"""The cache tells what it holds, keeps what a run needs, and gives up what nothing needs or what is damaged."""
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from dcap.scene.store.artifacts import Store
+from dcap.scene.store.ref import Ref
+from dcap.scene.types.file_scale import FileScale
+from dcap.scene.types.sample import Sample
+from flows.cli.app import main
+from flows.language_options import LanguageOptions
+from flows.place import PlaceConfig
+from flows.run_files import write_asked
+from flows.sample_records import RECORDS, records_json
+from flows.sample_run import FinishedSample
+from tasks.runner.records import Deciders, Record, records_root, usable_key, write_record
+
+OLD = time.time() - 5 * 86_400
+
+
+@pytest.fixture
+def data(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """An empty data folder."""
+    monkeypatch.setenv("DCAP_DATA", str(tmp_path / "data"))
+    return tmp_path / "data"
+
+
+def recorded(stage: str, number: float, *inputs: Ref[Any]) -> Record:
+    """A record of a stage that made an artifact out of others."""
+    store = Store.default()
+    ref = store.save(FileScale(number, "a test"))
+    given: dict[str, object] = {f"input{index}": {"ref": one.to_json()} for index, one in enumerate(inputs)}
+    deciders = Deciders(stage, {}, number, given, {})
+    record = Record(deciders.key, ref, 2.0, store.size(ref), deciders.to_json())
+    write_record(records_root() / record.key, record, store)
+    return record
+
+
+def a_source(data: Path, text: str) -> Ref[Any]:
+    """A foreign file in the store."""
+    data.mkdir(parents=True, exist_ok=True)
+    (data / "room.obj").write_text(text)
+    return Store.default().add_source(data / "room.obj")
+
+
+def a_run(data: Path, name: str, *records: Record) -> Path:
+    """The folder of a placement that is made of records."""
+    folder = data / "runs" / name
+    folder.mkdir(parents=True)
+    sample = Sample("one", "room.obj", "ball.obj", "put it down", mass=None)
+    write_asked(folder, sample, PlaceConfig(), LanguageOptions())
+    told = tuple((str(one.deciders["stage"]), one, False) for one in records)
+    finished = FinishedSample(sample, None, told)  # type: ignore[arg-type] # what was placed is not looked at
+    (folder / RECORDS).write_text(json.dumps(records_json(finished)))
+    return folder
+
+
+def age(folder: Path) -> None:
+    """Make everything in the cache old."""
+    for path in folder.rglob("*"):
+        os.utime(path, (OLD, OLD), follow_symlinks=False)
+
+
+def told_by(capsys: pytest.CaptureFixture[str], *words: str, code: int = 0) -> Any:
+    """What a command prints as JSON."""
+    capsys.readouterr()
+    assert main(["cache", *words, "--json"]) == code
+    return json.loads(capsys.readouterr().out)
+
+
+def held() -> set[Ref[Any]]:
+    """The artifacts in the store."""
+    return set(Store.default().refs())
+
+
+def test_sizes_by_stage_count_what_is_shared_once(data: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The rows add up to the bytes on disk: an artifact that two stages made counts for the first."""
+    source = a_source(data, "v 0 0 0\n")
+    recorded("mesh", 1.0, source)
+    shared = recorded("segment", 1.0, source)
+    loose = Store.default().save(FileScale(9.0, "nobody's"))
+    rows = {row["stage"]: row for row in told_by(capsys, "du")["stages"]}
+    assert (rows["mesh"]["artifacts"], rows["segment"]["artifacts"]) == (1, 0)
+    assert rows["mesh"]["bytes"] == Store.default().size(shared.ref)
+    assert rows["without a record"]["bytes"] == Store.default().size(loose)
+    assert (rows["source files"]["artifacts"], rows["records"]["records"]) == (1, 2)
+    assert rows["mesh"]["seconds"] == 2.0
+    objects = [path for path in (data / "cache" / "store").rglob("*") if path.is_file()]
+    files = [*objects, *records_root().iterdir()]
+    assert sum(row["bytes"] for row in rows.values()) == sum(path.stat().st_size for path in files)
+    assert main(["cache", "du"]) == 0
+    assert "segment" in capsys.readouterr().out
+
+
+def test_what_a_placement_was_made_from_is_kept(data: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Its records, their artifacts, inputs and sources stay, also those of a stage that it shares with another sample
+    and does not name; all else goes."""
+    source, other_source = a_source(data, "v 0 0 0\n"), a_source(data, "v 1 1 1\n")
+    label = Store.default().save(FileScale(5.0, "given"))
+    shared = recorded("plan", 0.5, a_source(data, "v 2 2 2\n"))
+    mesh = recorded("mesh", 1.0, source, label)
+    drop = recorded("drop", 2.0, mesh.ref, shared.ref)
+    other = recorded("mesh", 3.0, other_source)
+    a_run(data, "place", mesh, drop)
+    age(data / "cache")
+    before = held()
+    dry = told_by(capsys, "gc")
+    assert (dry["records"], dry["artifacts"], dry["deleted"]) == (1, 2, False)
+    assert held() == before
+    assert told_by(capsys, "gc", "--yes")["bytes"] == dry["bytes"]
+    assert before - held() == {other.ref, other_source}
+    assert {path.name for path in records_root().iterdir()} == {one.key for one in (shared, mesh, drop)}
+    assert told_by(capsys, "verify")["damaged"] == []
+    assert told_by(capsys, "gc")["artifacts"] == 0
+
+
+def test_what_is_young_is_left_with_what_it_was_made_from(data: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A day protects by default, whatever the age of its inputs; zero days protect nothing."""
+    mesh = recorded("mesh", 1.0)
+    old = recorded("mesh", 2.0)
+    age(data / "cache")
+    drop = recorded("drop", 3.0, mesh.ref)
+    told = told_by(capsys, "gc", "--yes")
+    assert (told["artifacts"], told["young"]) == (1, 4)
+    assert held() == {mesh.ref, drop.ref}
+    assert old.ref not in held()
+    assert told_by(capsys, "gc", "--yes", "--older-than", "0")["artifacts"] == 2
+    assert held() == set()
+    assert list(records_root().iterdir()) == []
+
+
+def test_a_placement_elsewhere_is_kept_if_it_is_named(
+    data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Only the folder of runs is looked through without being told."""
+    mesh = recorded("mesh", 1.0)
+    os.rename(a_run(data, "place", mesh), tmp_path / "elsewhere")
+    age(data / "cache")
+    assert told_by(capsys, "gc", "--keep", str(tmp_path / "elsewhere"))["artifacts"] == 0
+    assert told_by(capsys, "gc")["artifacts"] == 1
+    assert main(["cache", "gc", "--keep", str(tmp_path / "nothing")]) == 2
+
+
+def test_a_run_that_cannot_be_read_keeps_everything(data: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Nothing is deleted while nobody knows what a run needs; one line names its folder."""
+    mesh = recorded("mesh", 1.0)
+    (data / "runs" / "odd").mkdir(parents=True)
+    (data / "runs" / "odd" / "run.json").write_text("{")
+    age(data / "cache")
+    assert main(["cache", "gc", "--yes"]) == 2
+    said = capsys.readouterr().err
+    assert "runs/odd cannot be read" in said
+    assert len(said.splitlines()) == 1
+    assert held() == {mesh.ref}
+
+
+@pytest.mark.slow
+def test_nothing_is_deleted_under_a_running_program(data: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """While another program has the cache open, collecting is refused and names it; a dry run is not."""
+    recorded("mesh", 1.0)
+    age(data / "cache")
+    program = "from dcap.scene.store.artifacts import Store; Store.default(); print('open', flush=True); input()"
+    root = str(Path(__file__).parents[2])
+    other = subprocess.Popen(
+        [sys.executable, "-c", program], cwd=root, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    )
+    assert other.stdout is not None
+    assert other.stdout.readline() == "open\n"
+    assert main(["cache", "gc", "--yes"]) == 2
+    assert f"in use by process {other.pid}" in capsys.readouterr().err
+    assert told_by(capsys, "gc")["artifacts"] == 1
+    other.communicate("\n")
+    assert told_by(capsys, "gc", "--yes")["artifacts"] == 1
+
+
+def test_litter_of_killed_programs_is_told_and_collected(data: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Drafts, records cut short and idle locks go once they are old enough; fresh ones may be at work."""
+    mesh = recorded("mesh", 1.0)
+    a_run(data, "place", mesh)
+    (data / "cache" / "store" / "building" / "old").mkdir()
+    (data / "cache" / "store" / "building" / "old" / "mesh.ply").write_bytes(b"half")
+    (records_root() / "drop-half").write_text("{")
+    (data / "cache" / "locks").mkdir()
+    for key in ("drop-1", mesh.key):
+        (data / "cache" / "locks" / f"{key}.lock").touch()
+    age(data / "cache")
+    (data / "cache" / "store" / "building" / "fresh").mkdir()
+    assert told_by(capsys, "verify", code=4)["litter"] == [str(data / "cache" / "store" / "building" / "old")]
+    told = told_by(capsys, "gc", "--yes")
+    assert (told["litter"], told["records"]) == (3, 0)
+    assert [path.name for path in (data / "cache" / "store" / "building").iterdir()] == ["fresh"]
+    assert [path.name for path in (data / "cache" / "locks").iterdir()] == [f"{mesh.key}.lock"]
+    assert held() == {mesh.ref}
+
+
+def test_damage_is_told_and_moved_away(data: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Exit code 4 names what is damaged; a repair moves it away, leaves what is sound, and all is well afterwards."""
+    sound, flipped, gone, swapped = (recorded("mesh", number) for number in (1.0, 2.0, 3.0, 4.0))
+    store, root = Store.default(), records_root()
+    file = store.folder(flipped.ref) / "value.json"
+    file.write_bytes(b"x" + file.read_bytes()[1:])
+    for path in store.folder(gone.ref).iterdir():
+        path.unlink()
+    (root / swapped.key).write_bytes((root / sound.key).read_bytes())
+    (root / "mesh-loop").symlink_to("mesh-loop")
+    (root / "mesh-folder").mkdir()
+    (store.root / "objects" / "stray.txt").write_text("x")
+    alike = store.root / "objects" / "Scan" / sound.ref.sha256[:2] / sound.ref.sha256  # its digest is the same
+    shutil.copytree(store.folder(sound.ref), alike)
+    told = told_by(capsys, "verify", code=4)
+    assert {"kind": "FileScale", "sha256": flipped.ref.sha256} in told["damaged"]
+    whys = {Path(row["path"]).name: row["why"] for row in told["damaged_records"]}
+    assert whys.keys() == {flipped.key, gone.key, swapped.key, "mesh-loop", "mesh-folder"}
+    assert whys[swapped.key] == f"the record of {sound.key}"
+    assert "plain file" in whys["mesh-loop"]
+    assert main(["cache", "verify"]) == 4
+    said = capsys.readouterr().out
+    assert "stray.txt" in said
+    assert f"{sound.ref.sha256}: it is a FileScale" in said
+    repaired = Path(told_by(capsys, "verify", "--repair")["repaired"])
+    assert (repaired / "records" / swapped.key).is_file()
+    assert {path.name for path in root.iterdir()} == {sound.key}
+    assert store.has(sound.ref)
+    assert told_by(capsys, "verify")["damaged_records"] == []
+
+
+def test_a_repair_leaves_no_gap_before_a_sound_record(data: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A stage that was computed again beside a damaged record is still cached once that has gone."""
+    record = recorded("mesh", 1.0)
+    path = records_root() / record.key
+    os.rename(path, path.with_name(f"{path.name}-r10"))
+    for name in (path.name, f"{path.name}-r2"):
+        path.with_name(name).write_text("cut short")
+    told_by(capsys, "verify", "--repair")
+    assert usable_key(record.key, Store.default()) == (record.key, record)
+
+
+def test_a_record_that_is_being_written_is_no_damage(data: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A stage holds its lock until its record is whole."""
+    from tasks.runner.locks import FileLocks
+
+    record = recorded("mesh", 1.0)
+    (records_root() / record.key).write_text('{"metadata": ')
+    locks = FileLocks(data / "cache" / "locks")
+    assert locks.acquire_lock(record.key, "a test")
+    assert told_by(capsys, "verify")["damaged_records"] == []
+    locks.release_lock(record.key, "a test")
+    assert len(told_by(capsys, "verify", code=4)["damaged_records"]) == 1

@@ -1,0 +1,183 @@
+"""The local server comes back when it dies under a run, and goes when nobody needs it."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from urllib.request import urlopen
+
+import pytest
+from fake_benchmark import end, fake_benchmark
+from foreign_names import LIBRARIES, OURS, foreign_folder, marks
+from prefect_pages import PrefectPages
+
+from dcap.packages import module_command
+from dcap.scene.settings import PROJECT_ROOT
+from flows.server import free_port, is_healthy, is_server, known, known_pid, prefect_server, server_folder
+
+PATIENCE = 240.0
+"""For machines that are busy [s]."""
+PROMPT_SECONDS = 10.0
+"""An interrupted run ends in about two on an idle machine; it took 16 when it waited for its threads."""
+
+
+@pytest.fixture(autouse=True)
+def data(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A data folder of the test's own."""
+    monkeypatch.setenv("DCAP_DATA", str(tmp_path / "data"))
+    monkeypatch.setenv("PREFECT_HOME", str(tmp_path / "data"))
+    monkeypatch.delenv("PREFECT_API_URL", raising=False)
+    return tmp_path
+
+
+def wait_until(true: Callable[[], object], seconds: float = PATIENCE) -> None:
+    """Wait for something that comes true."""
+    deadline = time.monotonic() + seconds
+    while not true():
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(900)
+def test_a_server_that_dies_is_started_again_and_no_sample_is_lost(data: Path) -> None:
+    """Killed while a sample is placed, it is there again at the same address with all runs, and the benchmark ends as
+    if nothing had happened."""
+    (data / "busy").touch()
+    run = fake_benchmark(data, ["put the ball on the slow table", "put the ball on the table"])
+    try:
+        wait_until((data / "begun").exists)
+        folder = server_folder()
+        before = known(folder)
+        os.killpg(known_pid(folder), signal.SIGKILL)
+        wait_until(lambda: known(folder).get("pid") not in (None, before["pid"]) and is_healthy(str(before["url"])))
+        assert known(folder)["url"] == before["url"]
+        (data / "busy").unlink()
+        out, err = run.communicate(timeout=PATIENCE)
+    finally:
+        end(run)
+    assert run.returncode == 0, err
+    counts = json.loads(out)
+    assert (counts["samples"], counts["at_rest"], counts["failed"]) == (2, 2, 0)
+    with prefect_server() as url:
+        pages = PrefectPages(url)
+        parent = next(one for one in pages.flow_runs() if one["name"] == Path(counts["run"]).name)
+        assert parent["state_type"] == "COMPLETED"
+        ended: dict[str, set[object]] = {}
+        for child in pages.flow_runs(str(parent["id"])):
+            ended.setdefault(str(child["name"]), set()).add(child["state_name"])
+        assert len(ended) == 2
+        assert all("Completed" in states and states <= {"Completed", "Crashed"} for states in ended.values())
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(900)
+@pytest.mark.parametrize("kind", [signal.SIGINT, signal.SIGTERM])
+def test_an_interrupted_benchmark_ends_at_once(data: Path, kind: signal.Signals) -> None:
+    """Although a stage computes in a thread; no process stays, and its runs are shown as crashed."""
+    (data / "busy").touch()
+    run = fake_benchmark(data, ["put the ball on the slow table"])
+    try:
+        wait_until((data / "begun").exists)
+        server, children = known_pid(server_folder()), session_of(run.pid)
+        assert server
+        begin = time.monotonic()
+        os.kill(run.pid, kind)
+        run.wait(PATIENCE)
+        took = time.monotonic() - begin
+    finally:
+        end(run)
+    assert run.returncode == 130
+    assert took < PROMPT_SECONDS
+    wait_until(lambda: not is_server(server), PROMPT_SECONDS)
+    wait_until(lambda: not any(Path(f"/proc/{pid}").exists() for pid in children), PROMPT_SECONDS)
+    (data / "busy").unlink()
+    with prefect_server() as url:
+        pages = PrefectPages(url)
+        parent = pages.flow_runs()[0]
+        assert parent["state_type"] == "CRASHED"
+        assert [child["state_type"] for child in pages.flow_runs(str(parent["id"]))] == ["CRASHED"]
+
+
+def session_of(pid: int) -> list[int]:
+    """Processes that a process has started, with theirs."""
+    found = [pid]
+    for stat in Path("/proc").glob("[0-9]*/stat"):
+        try:
+            fields = stat.read_text().rpartition(")")[2].split()
+        except OSError:
+            continue
+        if int(fields[1]) in found:
+            found.append(int(stat.parent.name))
+    return found
+
+
+STARTING = """
+from flows.server import prefect_server
+with prefect_server():
+    pass
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(900)
+def test_a_server_does_not_outlive_who_was_killed_while_it_started(data: Path) -> None:
+    """The program is killed as soon as the process of its server is there; that one ends itself."""
+    program = subprocess.Popen([sys.executable, "-c", STARTING], cwd=PROJECT_ROOT)
+    wait_until(lambda: is_server(known_pid(server_folder())))
+    server = known_pid(server_folder())
+    program.kill()
+    program.wait()
+    wait_until(lambda: not is_server(server))
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(900)
+def test_the_pages_are_on_the_promised_port(data: Path) -> None:
+    """`dcap ui` joins the server of whoever runs, on the port that it was asked for; what the pages call is there too;
+    in a folder of foreign files that bear our names, none is run."""
+    port = free_port()
+    with prefect_server() as url:
+        folder = foreign_folder(data, OURS + LIBRARIES)
+        with pages_on(port, folder) as said:
+            assert said.startswith(f"http://127.0.0.1:{port} ")
+            assert is_healthy(f"http://127.0.0.1:{port}/api")
+            with urlopen(f"http://127.0.0.1:{port}/ui-settings", timeout=10) as answer:
+                assert json.load(answer)["api_url"] == "/api"
+            there, here = PrefectPages(url), PrefectPages(f"http://127.0.0.1:{port}/api")
+            assert here.flow_runs() == there.flow_runs()
+            second = subprocess.run(
+                ui_command(port), cwd=folder, env=without_url(), capture_output=True, text=True, check=False
+            )
+            assert second.returncode == 2
+            assert f"port {port} " in second.stderr
+            assert "--port" in second.stderr
+            assert len(second.stderr.splitlines()) == 1
+    assert marks(folder) == ""
+
+
+def ui_command(port: int) -> list[str]:
+    """`dcap ui` on a port."""
+    return module_command("flows.cli", "ui", "--port", str(port))
+
+
+def without_url() -> dict[str, str]:
+    """The environment of somebody who knows no server."""
+    return {name: value for name, value in os.environ.items() if name != "PREFECT_API_URL"}
+
+
+@contextmanager
+def pages_on(port: int, folder: Path) -> Iterator[str]:
+    """`dcap ui` in a process of its own, and the line that it said."""
+    process = subprocess.Popen(ui_command(port), cwd=folder, stdout=subprocess.PIPE, text=True, env=without_url())
+    try:
+        assert process.stdout is not None
+        yield process.stdout.readline()
+    finally:
+        process.send_signal(signal.SIGINT)
+        process.communicate(timeout=PATIENCE)
