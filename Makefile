@@ -13,7 +13,7 @@ FAST := not slow and not sweep and not third_party and not gpu
 REST := (slow or third_party or gpu) and not sweep
 
 .DEFAULT_GOAL := help
-.PHONY: setup node-tools test rest sweep check benchmark demo ui perf perf-peers docs docs-serve docs-pictures clean help lock system-libraries
+.PHONY: setup node-tools test rest sweep check benchmark demo ui worker perf perf-peers docs docs-serve docs-pictures clean help lock system-libraries
 
 help: ## this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "make %-18s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -65,6 +65,9 @@ demo: $(READY) ## one placement: a ball on a bed
 
 ui: $(READY) ## Prefect's pages over all runs, on http://127.0.0.1:4200
 	$(BIN)/dcap ui
+
+worker: $(READY) ## serve the pool of a Prefect server (PREFECT_API_URL, or our own); on any number of machines
+	$(BIN)/dcap worker
 
 perf: $(READY) ## measure the parts that take the time
 	$(BIN)/python -m perf

@@ -9,7 +9,7 @@ from pathlib import Path
 from setuptools import setup
 from setuptools.command.build_py import build_py
 
-RESOURCES = ("materials.csv", "prefect.toml", "prompts/*.j2", "data/*.yaml", "data/recipes/**/*.yaml")
+RESOURCES = ("materials.csv", "prefect.toml", "prefect.yaml", "prompts/*.j2", "data/*.yaml", "data/recipes/**/*.yaml")
 """What the program reads at run time, as patterns from the root."""
 HOME = Path("dcap", "_resources")
 

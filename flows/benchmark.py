@@ -35,6 +35,7 @@ from flows.place import PlaceConfig
 from flows.run_files import RUN, asked_of_run, find_run, kept, located, read_result, sample_from_json, undamaged
 from flows.run_names import WatchedRun
 from flows.run_samples import run_all, settle_result
+from flows.runners import Runner
 from flows.sample_run import (
     OVERVIEW,
     STAGE_NAMES,
@@ -55,6 +56,7 @@ from tasks.runner.digests import installed_version
 from tasks.runner.process_server import process_server
 
 DATASET_SEED = 0
+LOCAL = Runner()
 MESH, BOTH_MESHES = "mesh", {mesh_scene_task.name, mesh_object_task.name}
 """What a person calls the two stages together."""
 SPLATS = 500_000
@@ -93,6 +95,7 @@ def run_benchmark(
     only_failed: bool = False,
     methods: Sequence[str] = (DCAP,),
     scenes: str = "",
+    runner: Runner = LOCAL,
 ) -> Run:
     """Place the samples of a dataset by each method and write the run's folder."""
     begin = time.monotonic()
@@ -106,11 +109,11 @@ def run_benchmark(
         plans = plan_all(samples, config, display)
 
         def whole(watch: Watch) -> Run:
-            results = run_all(plans, config, folder, language.session(folder), workers, display, watch)
+            results = run_all(plans, config, folder, language.session(folder), workers, display, watch, runner)
             rows = scored_rows(folder, results, truths_of(path, list(results)))
             return finish(folder, rows, time.monotonic() - begin)
 
-        run = watched(folder, plans, display, {"dataset": str(path), "workers": workers}, whole)
+        run = watched(folder, plans, display, {"dataset": str(path), "workers": workers, "runner": runner.name}, whole)
     print_table(run.rows, run.summary, folder)
     if run.table:
         print_lines(shown_lines(run.table))

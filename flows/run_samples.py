@@ -1,11 +1,11 @@
-"""Places the samples of a benchmark side by side, each in a thread and a flow run of its own, and keeps what comes out.
+"""Places the samples of a benchmark side by side, each in a flow run of its own, and keeps what comes out.
 
 A sample that fails is kept as such, and the others go on.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Generator, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from contextlib import AbstractContextManager, closing, contextmanager, nullcontext
 from pathlib import Path
 from threading import Semaphore
 
@@ -15,19 +15,20 @@ from dcap.language.protocol.session import Session
 from dcap.scene.json_tree import JsonObject
 from dcap.scene.types.sample import Sample
 from flows.display import Display
+from flows.elsewhere import SampleJob, fetched
 from flows.measures_file import write_measures
 from flows.output import write_placement
 from flows.place import PlaceConfig
+from flows.runners import LOOK_SECONDS, Runner, RunnerName
 from flows.sample_run import FailedSample, FinishedSample, Plan, heavy_modules, try_sample
 from flows.watching import SettledSample, Watch
 from tasks.runner.context import RunContext
+from tasks.runner.limits import set_limits
 from tasks.runner.process import kill_all
 from tasks.runner.process_server import process_server
 
 IN_A_BATCH = 32
 """Samples whose questions gather for one batch; each waits in a thread and a flow run of its own."""
-LOOK_SECONDS = 1.0
-"""How often progress is shown while no sample ends."""
 
 
 def run_all(
@@ -38,10 +39,11 @@ def run_all(
     workers: int,
     display: Display,
     watch: Watch,
+    runner: Runner,
 ) -> dict[Sample, tuple[JsonObject | None, str]]:
     """placement.json and error message of every sample."""
     results: dict[Sample, tuple[JsonObject | None, str]] = {plan.sample: (None, "") for plan in plans}
-    waiting = [plan.sample for plan in plans if plan.settled is None]
+    waiting = [plan for plan in plans if plan.settled is None]
 
     def settle(result: FinishedSample | FailedSample, cached: bool) -> None:
         tree, error = results[result.sample] = settle_result(folder, result, display)
@@ -53,30 +55,73 @@ def run_all(
             settle(plan.settled, plan.finished is not None)
     if not waiting:
         return results
+    set_limits(runner.limits)
+    if runner.name is RunnerName.LOCAL:
+        placed = placed_here(waiting, config, session, workers, display, watch, frozenset(runner.limits))
+    else:
+        placed = placed_elsewhere(waiting, config, session, workers, display, watch, runner)
+    with closing(placed):
+        for some in placed:
+            for result in some:
+                settle(result, False)
+            watch.progress(display.share())
+    return results
+
+
+def placed_here(
+    plans: Sequence[Plan],
+    config: PlaceConfig,
+    session: Session,
+    workers: int,
+    display: Display,
+    watch: Watch,
+    limits: frozenset[str],
+) -> Generator[Sequence[FinishedSample | FailedSample]]:
+    """Samples as they end, placed by threads of this program."""
     slots = Semaphore(workers) if session.batch else None
-    at_a_time = min(len(waiting), max(workers, IN_A_BATCH)) if session.batch else workers
+    at_a_time = min(len(plans), max(workers, IN_A_BATCH)) if session.batch else workers
     # the queue closes before the pool waits for the threads that wait for it
     with (
         process_server(heavy_modules(name for plan in plans for name in plan.coming)) as server,
         threads(at_a_time) as pool,
         asking_queue(session, display),
     ):
-        context = RunContext(session=session, slots=slots, server=server)
+        context = RunContext(session=session, slots=slots, server=server, limits=limits)
         left: set[Future[FinishedSample | FailedSample]] = {
-            pool.submit(try_sample, sample, config, context=context, listener=display.listener(sample), run=watch.run)
-            for sample in waiting
+            pool.submit(
+                try_sample, one.sample, config, context=context, listener=display.listener(one.sample), run=watch.run
+            )
+            for one in plans
         }
         try:
             while left:
                 done, left = wait(left, LOOK_SECONDS, FIRST_COMPLETED)
-                for future in done:
-                    settle(future.result(), False)
-                watch.progress(display.share())
+                yield [future.result() for future in done]
         except BaseException:
             watch.interrupted()
             kill_all()  # the threads wait for these processes
             raise
-    return results
+
+
+def placed_elsewhere(
+    plans: Sequence[Plan],
+    config: PlaceConfig,
+    session: Session,
+    workers: int,
+    display: Display,
+    watch: Watch,
+    runner: Runner,
+) -> Generator[Sequence[FinishedSample | FailedSample]]:
+    """Samples as they end, placed by other processes that share the store."""
+    assert watch.run is not None
+    by_sample = {plan.sample: plan for plan in plans}
+    jobs = [SampleJob(one, config, session, watch.run, frozenset(runner.limits)) for one in by_sample]
+    try:
+        for told in runner.place(jobs, workers, display.say):
+            yield [fetched(by_sample[sample], config, tree) for sample, tree in told]
+    except BaseException:
+        watch.interrupted()
+        raise
 
 
 @contextmanager

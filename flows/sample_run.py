@@ -112,7 +112,18 @@ class FailedSample:
     @property
     def details(self) -> str:
         """Traceback of an unexpected failure, else empty."""
+        if isinstance(self.error, ElsewhereError):
+            return self.error.details
         return "" if known_error(self.error) else redacted("".join(traceback.format_exception(self.error)))
+
+
+class ElsewhereError(DcapError):
+    """What went wrong with a sample where another process placed it."""
+
+    def __init__(self, message: str, details: str = "") -> None:
+        super().__init__(message)
+        self.details = details
+        """Its traceback there, if nobody foresaw it."""
 
 
 class EventRecorder:
@@ -229,11 +240,13 @@ def try_sample(
     context: RunContext,
     listener: OnEvent | None = None,
     run: WatchedRun | None = None,
+    in_own_run: bool = True,
 ) -> FinishedSample | FailedSample:
-    """Run the stages of a sample; a failure is a value: the others go on."""
+    """Run the stages of a sample, in a flow run of its own or in the one that this is called in; a failure is a value:
+    the others go on."""
     try:
         with recorded(sample, context, listener, run.name if run else "") as recorder:
-            placement = place_in_run(sample, config, recorder, run)
+            placement = place_in_run(sample, config, recorder, run) if in_own_run else place_by(sample, config)
     except Exception as error:  # the border between samples: reported in full, never hidden
         return FailedSample(sample, error)
     return FinishedSample(sample, placement, tuple(recorder.records))

@@ -6,7 +6,6 @@ understood but infeasible, 4 some samples of a benchmark failed. An error that a
 """
 
 import json
-import os
 import signal
 import sys
 from dataclasses import replace
@@ -28,6 +27,7 @@ from flows.cli.maps_command import maps
 from flows.cli.provenance_command import provenance
 from flows.cli.study_command import study_app
 from flows.cli.view_command import view
+from flows.cli.worker_command import worker
 from flows.options import DropOptions, PlaceOptions, check_case, check_out, check_prompt
 from flows.settings.own import effective_options, exported_paths, run_settings, server_settings
 
@@ -53,6 +53,7 @@ app.command()(view)
 app.command()(export)
 app.command()(diff)
 app.command()(provenance)
+app.command()(worker)
 
 Workers = Annotated[int, typer.Option(min=1, max=64, help="Samples to place in parallel.")]
 Dataset = Annotated[Path | None, typer.Option(help="YAML list of samples; default: the embedded rooms.")]
@@ -237,22 +238,23 @@ def benchmark(
     ] = False,
     paper_limits: PaperLimits = False,
     ambiguous: Ambiguous = "best",
+    runner: Annotated[
+        str, typer.Option(help="Who places: local (threads of this program), dask, ray, or pool (workers).")
+    ] = "local",
+    cluster: Annotated[
+        str, typer.Option(metavar="ADDRESS", help="A cluster of Dask or Ray that is there.", show_default=False)
+    ] = "",
     as_json: Json = False,
 ) -> int:
     """Place every sample of a dataset by each method and report."""
     from dcap.evaluation.methods import methods_of
     from dcap.scene.json_tree import object_to_json
     from flows.benchmark import run_benchmark
-    from flows.configure import configured, many_options
-    from flows.language_options import language_of
-    from tasks.arch import chosen_arch
+    from flows.benchmark_config import benchmark_config, runner_of
 
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     asked = run_settings(flags := given(context))
-    threads = asked.threads or max(1, cores // asked.workers)  # drops side by side must not fight for the cores
-    asking = language_of(asked)
-    config = configured(many_options(flags, threads), language=asking.config(), arch=chosen_arch(asked.arch))
-    chosen_methods = methods_of(asked.methods)
+    config, asking = benchmark_config(flags, asked)
+    chosen_methods, who = methods_of(asked.methods), runner_of(asked)
     run = run_benchmark(
         dataset,
         config,
@@ -262,6 +264,7 @@ def benchmark(
         only_failed=only_failed,
         methods=chosen_methods,
         scenes=scenes,
+        runner=who,
     )
     if as_json:
         print(json.dumps(object_to_json(run.summary), indent=2, ensure_ascii=False))

@@ -10,7 +10,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from typing import Annotated, Literal, TypeVar
 
-from pydantic import BaseModel, Field, NonNegativeInt, PositiveFloat, ValidationError
+from pydantic import BaseModel, Field, NonNegativeInt, PositiveFloat, PositiveInt, ValidationError
 
 from flows.options import ArchName, Options, checked, said_of
 from flows.settings.given import EXPORTED, VARIABLES, Given, GivenSetting, given_settings, refused, unknown
@@ -42,6 +42,15 @@ class RunSettings(BaseModel, frozen=True, extra="forbid"):
     """Most that is spent on a model in a run [USD]."""
     batch: bool = False
     """Whether a benchmark asks in batches: half the price, answers within minutes to a day."""
+    runner: Literal["local", "dask", "ray", "pool"] = "local"
+    """Who places the samples of a benchmark: threads of the program, a cluster, or workers of the pool."""
+    cluster: str = ""
+    """Address of a cluster of Dask or Ray that is there; without a word one of this machine for the time of the run."""
+    simulations: PositiveInt | None = None
+    """Most drops and drifts at a time on all machines of a server; without a word as many as there are samples at
+    work."""
+    model_calls: PositiveInt | None = None
+    """Most stages at a time that ask a model, on all machines of a server; without a word as many as there are."""
 
 
 class PathSettings(BaseModel, frozen=True, extra="forbid"):

@@ -277,4 +277,4 @@ def _story(settled: Settled, particles: Particles) -> str:
     return f"no equilibrium after {settled.steps} steps ({settled.simulated_seconds:.2f} s): {why}"
 
 
-drop_task = stage(drop, process=True)
+drop_task = stage(drop, process=True, simulates=True)

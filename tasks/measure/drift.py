@@ -68,4 +68,4 @@ def gave_way(body: SettledBody) -> bool:
     return bool(np.abs(moved - body.surface.vertices).max(initial=0.0) > DEFORMED)
 
 
-drift_task = stage(drift, process=True)
+drift_task = stage(drift, process=True, simulates=True)

@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING, Any, Generic, ParamSpec, TypeVar, get_args, ge
 from pydantic import BaseModel
 
 from dcap.language.connect import connect
-from dcap.language.protocol.client import Idle
+from dcap.language.protocol.client import ClientName, Idle
 from dcap.language.protocol.session import Session
 from dcap.scene.errors import StoreError
 from dcap.scene.settings import PROJECT_ROOT
@@ -45,6 +45,7 @@ from tasks.runner.context import (
     use_context,
 )
 from tasks.runner.digests import libraries, source_digests
+from tasks.runner.limits import MODEL_CALLS, SIMULATIONS, slot_of
 from tasks.runner.process import run_in_process
 from tasks.runner.records import Deciders, Record, records_root, share_record, usable_key
 
@@ -78,10 +79,16 @@ class Stage(Generic[P, ValueT_co]):
     """A stage as the flows call it: references in, a reference out."""
 
     def __init__(
-        self, function: Callable[..., ValueT_co | Infeasible], *, process: bool | Callable[..., bool], name: str
+        self,
+        function: Callable[..., ValueT_co | Infeasible],
+        *,
+        process: bool | Callable[..., bool],
+        name: str,
+        simulates: bool,
     ) -> None:
         self.function = function
         self.process = process
+        self.simulates = simulates
         self.name = name
         self.signature = inspect.signature(function)
         self.module_path = Path(inspect.getfile(function)).resolve()
@@ -181,7 +188,7 @@ class Stage(Generic[P, ValueT_co]):
         log, context, config = get_run_logger(), current_context(), call.settings
         context.on_event(StageEvent(self.name, Event.STARTED))
         begin = time.perf_counter()
-        with context.slots or nullcontext():
+        with slot_of(self._limit(config)), context.slots or nullcontext():
             inputs, on_progress = call.deciders["inputs"], progress_to(log, context, self.name)
             if self._needs_process(inputs):
                 done = run_in_process(self.job(inputs, config, context.session), on_progress, context.server)
@@ -208,6 +215,15 @@ class Stage(Generic[P, ValueT_co]):
         record = Record(call.key, Ref.from_json(done["ref"]), done["seconds"], done["size"], call.deciders)
         share_record(record, Store.default())
         return record.to_json()
+
+    def _limit(self, settings: object) -> str:
+        """Name of the limit that it falls under, if any."""
+        if self.simulates:
+            return SIMULATIONS
+        if not self.asks:
+            return ""
+        language = self.hints["config"].model_validate(settings).language
+        return MODEL_CALLS if language.client in (ClientName.ANTHROPIC, ClientName.OPENAI) else ""
 
     def job(self, inputs: dict[str, Any], config: object, session: Session) -> dict[str, object]:
         """What a process of its own needs to know, as JSON."""
@@ -260,10 +276,11 @@ def stage(
     *,
     process: bool | Callable[..., bool] = False,
     name: str | None = None,
+    simulates: bool = False,
 ) -> Stage[..., ValueT]:
     """The task of a pure function; `process` gives each run a fresh process of its own, or those that it says of by
-    their inputs."""
-    return Stage(function, process=process, name=name or function.__name__)
+    their inputs; what `simulates` falls under the limit of simulations."""
+    return Stage(function, process=process, name=name or function.__name__, simulates=simulates)
 
 
 def kinds_of(declared: Any) -> tuple[type, ...]:

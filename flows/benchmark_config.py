@@ -1,0 +1,32 @@
+"""What a benchmark is asked to do, from flags, environment and `dcap.yaml`: its stages' settings, and who places."""
+
+import os
+from collections.abc import Mapping
+
+from dcap.scene.errors import InputError
+from flows.configure import configured, many_options
+from flows.language_options import LanguageOptions, language_of
+from flows.place import PlaceConfig
+from flows.runners import Runner, RunnerName, check_runner
+from flows.settings.own import RunSettings
+from tasks.arch import chosen_arch
+from tasks.runner.limits import MODEL_CALLS, SIMULATIONS
+
+
+def benchmark_config(flags: Mapping[str, object], asked: RunSettings) -> tuple[PlaceConfig, LanguageOptions]:
+    """The settings of the stages, and who is asked; workers beside each other share the cores of a machine."""
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    threads = asked.threads or max(1, cores // asked.workers)  # drops side by side must not fight for the cores
+    asking = language_of(asked)
+    arch = chosen_arch(asked.arch)
+    return configured(many_options(flags, threads), language=asking.config(), arch=arch), asking
+
+
+def runner_of(asked: RunSettings) -> Runner:
+    """Who places the samples; InputError for one that cannot work here."""
+    if asked.runner not in set(RunnerName):
+        raise InputError(f"--runner {asked.runner!r} is not one of {', '.join(RunnerName)}")
+    name = RunnerName(asked.runner)
+    check_runner(name, asked.cluster, batch=asked.batch)
+    limits = {SIMULATIONS: asked.simulations, MODEL_CALLS: asked.model_calls}
+    return Runner(name, asked.cluster, {key: most for key, most in limits.items() if most})

@@ -1,0 +1,81 @@
+"""What workers run: the entry points of the deployments in prefect.yaml. Imports Prefect.
+
+Parameters are plain values with defaults, because Prefect's pages make a form of them. A worker has its place of data,
+store and server from its own environment and `dcap.yaml`.
+"""
+
+import os
+from pathlib import Path
+from typing import Any
+
+from prefect import flow
+from prefect.client.orchestration import get_client
+from prefect.client.schemas.objects import State
+from prefect.runtime import flow_run
+from prefect.states import Completed, Failed
+
+from dcap.evaluation.methods import methods_of
+from dcap.scene.errors import DcapError
+from flows.benchmark import rerun_sample, run_benchmark
+from flows.benchmark_config import benchmark_config
+from flows.display import summary_line
+from flows.elsewhere import place_job
+from flows.output import result_line
+from flows.settings.own import run_settings
+from flows.work_pool import WORKER, worker_tag
+
+
+@flow(name="place", persist_result=False, validate_parameters=False)
+def place_sample(job: dict[str, Any]) -> State[Any]:
+    """Place the sample of a job (flows/elsewhere.py) and leave its results in the store."""
+    told_where()
+    told = place_job(job, in_own_run=False)
+    return Failed(message=str(told["error"])) if told["error"] else Completed()
+
+
+def told_where() -> None:
+    """Say in this flow run which worker has it, so that one that is lost with its worker is found."""
+    name = os.environ.get(WORKER)
+    if name and flow_run.id:
+        with get_client(sync_client=True) as client:
+            client.update_flow_run(flow_run.id, tags=[*(flow_run.tags or []), worker_tag(name)])
+
+
+@flow(name="benchmark on a worker", persist_result=False)
+def benchmark(
+    dataset: str = "",
+    methods: str = "dcap",
+    scenes: str = "",
+    limit: int | None = None,
+    workers: int = 2,
+    only_failed: bool = False,
+) -> State[Any]:
+    """Place the samples of a data set (a path of the worker's machine; empty: the embedded rooms) and write the run's
+    folder there."""
+    asked = run_settings({"workers": workers, "methods": methods})
+    try:
+        config, language = benchmark_config({}, asked)
+        run = run_benchmark(
+            Path(dataset) if dataset else None,
+            config,
+            language,
+            limit=limit,
+            workers=workers,
+            only_failed=only_failed,
+            methods=methods_of(methods),
+            scenes=scenes,
+        )
+    except DcapError as error:
+        return Failed(message=str(error))
+    line = f"{run.folder.name}: {summary_line(run.summary)}"
+    return Failed(message=line) if run.failed else Completed(message=line)
+
+
+@flow(name="rerun", persist_result=False)
+def rerun(run: str = "last", sample: str = "", stage: str = "drop") -> State[Any]:
+    """Compute a stage of a sample of a run again; later stages follow where their inputs changed."""
+    try:
+        tree, page = rerun_sample(run, sample, stage)
+    except DcapError as error:
+        return Failed(message=str(error))
+    return Completed(message=f"{result_line(tree)}; report: {page}")

@@ -1,0 +1,115 @@
+"""A sample that another process places, perhaps on another machine: what it is asked, and what it tells.
+
+In: a `SampleJob` as JSON. Out: what went wrong, if anything. Results come back through the store that both share:
+whoever asked looks the sample up there, as it would look up one that was placed yesterday.
+"""
+
+import atexit
+from contextlib import ExitStack
+from dataclasses import asdict, dataclass, replace
+from functools import cache
+from uuid import UUID
+
+from dcap.language.protocol.session import Session
+from dcap.scene.errors import StoreError
+from dcap.scene.json_tree import JsonObject, object_to_json
+from dcap.scene.types.sample import Sample
+from flows.place import PlaceConfig
+from flows.run_files import sample_from_json
+from flows.run_names import WatchedRun
+from flows.sample_run import (
+    STAGE_NAMES,
+    ElsewhereError,
+    FailedSample,
+    FinishedSample,
+    Plan,
+    heavy_modules,
+    plan_sample,
+    try_sample,
+)
+from tasks.runner.context import RunContext
+from tasks.runner.process_server import ProcessServer, process_server
+
+
+@dataclass(frozen=True, slots=True)
+class SampleJob:
+    """A sample to place."""
+
+    sample: Sample
+    config: PlaceConfig
+    session: Session
+    run: WatchedRun
+    """The run that it belongs to."""
+    limits: frozenset[str] = frozenset()
+    """Limits that the run keeps."""
+
+    def to_json(self) -> JsonObject:
+        """Plain form."""
+        return object_to_json(
+            {
+                "sample": asdict(self.sample),
+                "config": self.config.model_dump(mode="json"),
+                "session": self.session.to_json(),
+                "run": self.run.name,
+                "run_id": str(self.run.id) if self.run.id else None,
+                "repeated": sorted(self.run.repeated),
+                "limits": sorted(self.limits),
+            }
+        )
+
+    @classmethod
+    def from_json(cls, tree: JsonObject) -> "SampleJob":
+        """The job that `to_json` wrote."""
+        sample, session, repeated, limits = (tree[name] for name in ("sample", "session", "repeated", "limits"))
+        assert isinstance(sample, dict)
+        assert isinstance(session, dict)
+        assert isinstance(repeated, list)
+        assert isinstance(limits, list)
+        run_id = tree["run_id"]
+        return cls(
+            sample=sample_from_json(sample),
+            config=PlaceConfig.model_validate(tree["config"]),
+            session=Session(**session),
+            run=WatchedRun(str(tree["run"]), UUID(str(run_id)) if run_id else None, frozenset(map(str, repeated))),
+            limits=frozenset(map(str, limits)),
+        )
+
+
+def place_job(tree: JsonObject, *, in_own_run: bool = True) -> JsonObject:
+    """Place a sample here, in a flow run of its own or in the one that this is called in; what went wrong, empty if
+    nothing."""
+    job = SampleJob.from_json(tree)
+    context = RunContext(session=job.session, server=server_of_process(), limits=job.limits)
+    result = try_sample(job.sample, job.config, context=context, run=job.run, in_own_run=in_own_run)
+    if isinstance(result, FailedSample):
+        return {"error": result.message, "details": result.details}
+    return {"error": "", "details": ""}
+
+
+@cache
+def server_of_process() -> ProcessServer | None:
+    """What starts the processes of heavy stages for all samples that come to this process."""
+    stack = ExitStack()
+    atexit.register(stack.close)
+    return stack.enter_context(process_server(heavy_modules(STAGE_NAMES)))
+
+
+def fetched(plan: Plan, config: PlaceConfig, told: JsonObject) -> FinishedSample | FailedSample:
+    """How a sample has ended that was placed elsewhere, by what was told of it and what lies in the store now. `plan`
+    says which of its stages were there before."""
+    if told["error"]:
+        return FailedSample(plan.sample, ElsewhereError(str(told["error"]), str(told["details"])))
+    now = plan_sample(plan.sample, config)
+    if now.finished is None:
+        return now.failed or FailedSample(plan.sample, not_shared(now))
+    before = len(plan.cached)
+    records = tuple((stage, one, k >= before) for k, (stage, one, _) in enumerate(now.finished.records))
+    return replace(now.finished, records=records)
+
+
+def not_shared(plan: Plan) -> StoreError:
+    """Why results that were computed are not here."""
+    return StoreError(
+        f"{plan.sample.id} was placed, but its stage {plan.missing} is not in the store here ({plan.why}); workers and "
+        "this program need the same version of dcap and the same DCAP_DATA or DCAP_STORE"
+    )

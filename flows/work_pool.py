@@ -1,0 +1,142 @@
+"""The work pool of a Prefect server: samples that wait in it, and the workers that take them. Imports Prefect.
+
+A worker that is lost with its machine tells nobody. Each sample says which worker has it; one whose worker sends no
+heartbeat any more ends as Crashed, and waits in the pool again.
+"""
+
+import time
+from collections.abc import Iterator, Sequence
+from uuid import UUID
+
+from prefect.client.orchestration import SyncPrefectClient, get_client
+from prefect.client.schemas.actions import WorkPoolCreate
+from prefect.client.schemas.filters import FlowRunFilter
+from prefect.client.schemas.objects import FlowRun, WorkerStatus
+from prefect.deployments import run_deployment
+from prefect.deployments.runner import RunnerDeployment
+from prefect.exceptions import ObjectNotFound
+
+from dcap.scene.json_tree import JsonObject
+from dcap.scene.readers.files.yaml_text import parse_yaml
+from dcap.scene.settings import resource
+from dcap.scene.types.sample import Sample
+from flows.elsewhere import SampleJob
+from flows.flow_runs import end_as_crashed
+from flows.run_names import sample_tags
+
+POOL = "dcap"
+SAMPLE = "place/sample"
+"""The deployment that places one sample."""
+WORKER = "DCAP_WORKER"
+"""Environment variable with the name of the worker whose process this is."""
+TIMES = 4
+"""How often a sample may begin again because its worker was lost."""
+IN_A_REQUEST = 100
+"""Flow runs that are asked about at once."""
+Told = tuple[Sample, JsonObject]
+
+
+def register() -> None:
+    """Create the pool and its deployments on the server of this program, or bring them up to date."""
+    with get_client(sync_client=True) as client:
+        client.create_work_pool(WorkPoolCreate(name=POOL, type="process"), overwrite=True)
+    tree = parse_yaml(resource("prefect.yaml").read_text())
+    assert isinstance(tree, dict)
+    for one in tree["deployments"]:
+        RunnerDeployment.from_entrypoint(
+            one["entrypoint"],
+            name=one["name"],
+            description=one["description"],
+            work_pool_name=POOL,
+            enforce_parameter_schema=False,
+        ).apply()
+
+
+def worker_tag(name: str) -> str:
+    """Tag of a flow run that a worker has."""
+    return f"worker:{name}"
+
+
+class WorkPool:
+    """The pool as a benchmark uses it."""
+
+    def __init__(self) -> None:
+        self.begun: dict[str, int] = {}
+        """How often each sample has begun."""
+
+    def served(self) -> bool:
+        """Whether any worker is there; the pool's deployments are registered if they were not."""
+        with get_client(sync_client=True) as client:
+            try:
+                client.read_deployment_by_name(SAMPLE)
+            except ObjectNotFound:
+                register()
+            return bool(online(client))
+
+    def placed(self, jobs: Sequence[SampleJob], look_seconds: float) -> Iterator[Sequence[Told]]:
+        """Put all samples into the pool, and yield them as they end."""
+        waiting = {self.asked(job): job for job in jobs}
+        with get_client(sync_client=True) as client:
+            try:
+                while waiting:
+                    time.sleep(look_seconds)
+                    told: list[Told] = []
+                    for run in self.known(client, list(waiting)):
+                        job = waiting[run.id]
+                        if run.state is not None and run.state.is_final():
+                            del waiting[run.id]
+                            told.append((job.sample, told_by(run)))
+                        elif lost(client, run):
+                            del waiting[run.id]
+                            end_as_crashed(client, [run.id], "its worker was lost; the sample begins again")
+                            if self.begun[job.sample.id] < TIMES:
+                                waiting[self.asked(job)] = job
+                            else:
+                                told.append((job.sample, error(f"its worker was lost {TIMES} times")))
+                    yield told
+            finally:
+                end_as_crashed(client, waiting, "the benchmark was interrupted")
+
+    def asked(self, job: SampleJob) -> UUID:
+        """Put a sample into the pool; the id of its flow run."""
+        self.begun[job.sample.id] = self.begun.get(job.sample.id, 0) + 1
+        run: FlowRun = run_deployment(  # type: ignore[assignment]  # a coroutine only in a loop
+            SAMPLE,
+            parameters={"job": job.to_json()},
+            flow_run_name=job.run.title(job.sample),
+            tags=sample_tags(job.sample, job.run.name),
+            timeout=0,
+        )
+        return run.id
+
+    @staticmethod
+    def known(client: SyncPrefectClient, ids: Sequence[UUID]) -> Iterator[FlowRun]:
+        """What the server knows of these flow runs."""
+        for begin in range(0, len(ids), IN_A_REQUEST):
+            some = FlowRunFilter.model_validate({"id": {"any_": list(ids[begin : begin + IN_A_REQUEST])}})
+            yield from client.read_flow_runs(flow_run_filter=some)
+
+
+def online(client: SyncPrefectClient) -> set[str]:
+    """Names of the workers that send heartbeats."""
+    workers = client.read_workers_for_work_pool(POOL)
+    return {one.name for one in workers if one.status is WorkerStatus.ONLINE}
+
+
+def lost(client: SyncPrefectClient, run: FlowRun) -> bool:
+    """Whether a flow run goes on only on paper: its worker is gone."""
+    names = [tag.partition(":")[2] for tag in run.tags if tag.startswith(worker_tag(""))]
+    return bool(names) and names[-1] not in online(client)
+
+
+def told_by(run: FlowRun) -> JsonObject:
+    """What a flow run that has ended tells of its sample."""
+    assert run.state is not None
+    if run.state.is_completed():
+        return {"error": "", "details": ""}
+    return error(run.state.message or f"its flow run ended as {run.state.name}")
+
+
+def error(message: str) -> JsonObject:
+    """What is told of a sample that failed."""
+    return {"error": message, "details": ""}

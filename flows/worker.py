@@ -1,0 +1,55 @@
+"""A worker of the pool: takes samples, benchmarks and reruns from a Prefect server, and runs each in its own process.
+
+Prefect's own worker does the work; here it is given a server, the deployments and a place where nothing foreign is
+imported from.
+"""
+
+import os
+import platform
+import signal
+import subprocess
+import tempfile
+from collections.abc import Callable
+from contextlib import suppress
+
+from dcap.packages import module_command
+from dcap.scene.errors import DcapError
+from flows.server import prefect_server
+
+HEARTBEAT_SECONDS = 10
+"""Three that are missed make a worker lost."""
+STOP_SECONDS = 15.0
+
+
+def serve_pool(at_a_time: int, announce: Callable[[str], None]) -> None:
+    """Serve the pool until interrupted; `announce` is given a line when the worker starts."""
+    with prefect_server() as url, tempfile.TemporaryDirectory(prefix="dcap-worker-") as folder:
+        from flows.work_pool import POOL, WORKER, register
+
+        register()
+        name = f"{platform.node()}-{os.getpid()}"
+        environment = os.environ | {
+            WORKER: name,
+            "PYTHONSAFEPATH": "1",  # its processes take nothing from the working directory
+            "PREFECT_WORKER_HEARTBEAT_SECONDS": str(HEARTBEAT_SECONDS),
+        }
+        words = ("worker", "start", "--pool", POOL, "--type", "process", "--name", name, "--limit", str(at_a_time))
+        process = subprocess.Popen(
+            module_command("prefect", *words), env=environment, cwd=folder, start_new_session=True
+        )
+        announce(f"worker {name} of the pool {POOL!r}, server {url.removesuffix('/api')}, {at_a_time} at a time")
+        try:
+            ended = process.wait()
+        finally:
+            stop(process)
+    if ended:
+        raise DcapError(f"the worker ended with status {ended}; what it said stands above")
+
+
+def stop(process: "subprocess.Popen[bytes]") -> None:
+    """End a worker with the processes of its flow runs, which Prefect would leave."""
+    for kind in (signal.SIGTERM, signal.SIGKILL):
+        with suppress(ProcessLookupError):
+            os.killpg(process.pid, kind)
+        with suppress(subprocess.TimeoutExpired):
+            process.wait(STOP_SECONDS)

@@ -1,0 +1,155 @@
+"""Samples that others place, a cluster or the workers of the pool, end as they do at home."""
+
+import json
+import os
+import signal
+import subprocess
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from importlib.util import find_spec
+from pathlib import Path
+
+import numpy as np
+import pytest
+from prefect_pages import PrefectPages
+from tiny_rooms import solid, table
+
+from dcap.packages import module_command
+from dcap.scene.errors import InputError
+from dcap.scene.writers.glb import Node, glb_bytes
+from flows.cli.app import main
+from flows.runners import RunnerName, check_runner
+from flows.sample_records import RECORDS
+from flows.server import prefect_server
+
+PATIENCE = 240.0
+"""For machines that are busy [s]."""
+SAMPLES = {"mug": "put the mug on the desk", "book": "put the book on the desk", "lost": "put the mug on the piano"}
+
+
+def wait_until(true: Callable[[], object], seconds: float = PATIENCE) -> None:
+    """Wait for something that comes true."""
+    deadline = time.monotonic() + seconds
+    while not true():
+        assert time.monotonic() < deadline
+        time.sleep(0.1)
+
+
+@pytest.fixture(scope="module")
+def dataset(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A desk in a room, and what is put on it: rigid on rigid, the cheapest drops."""
+    folder = tmp_path_factory.mktemp("runners")
+    parts = [Node(name, solid(tuple(np.add((1.0, 1.0, 0.0), low)), size)) for name, low, size in table(1.4, 0.7, 0.74)]
+    floor = Node("floor_0", label="floor", children=(Node("floor", solid((0, 0, -0.05), (4, 4, 0.05))),))
+    (folder / "room.glb").write_bytes(glb_bytes([floor, Node("desk_1", label="desk", children=tuple(parts))]))
+    (folder / "mug.glb").write_bytes(glb_bytes([Node("mug", solid((-0.04, -0.04, 0), (0.08, 0.08, 0.1)))]))
+    (folder / "book.glb").write_bytes(glb_bytes([Node("book", solid((-0.08, -0.11, 0), (0.16, 0.22, 0.03)))]))
+    rows = [
+        f"- {{id: {name}, scene: room.glb, object: {'book' if name == 'book' else 'mug'}.glb, prompt: {prompt}}}\n"
+        for name, prompt in SAMPLES.items()
+    ]
+    (folder / "set.yaml").write_text("".join(rows))
+    return folder / "set.yaml"
+
+
+@contextmanager
+def data_folder(folder: Path) -> Iterator[None]:
+    """An empty data folder."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("DCAP_DATA", str(folder))
+        patch.setenv("PREFECT_HOME", str(folder))
+        patch.delenv("PREFECT_API_URL", raising=False)
+        yield
+
+
+def results(dataset: Path, *options: str) -> dict[str, object]:
+    """What a benchmark gave for each sample: its verdict, and the digest of what each stage returned."""
+    code = main(["benchmark", "--dataset", str(dataset), "--workers", "2", *options])
+    assert code == 0
+    run = Path(os.environ["DCAP_DATA"]) / "runs" / "last"
+    found = {}
+    for name in SAMPLES:
+        placement = json.loads((run / "samples" / name / "placement.json").read_text())
+        kept = json.loads((run / "samples" / name / RECORDS).read_text())
+        found[name] = (placement["verdict"], kept["records"])
+    return found
+
+
+@pytest.fixture(scope="module")
+def at_home(dataset: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, object]:
+    """What threads of this program give."""
+    with data_folder(tmp_path_factory.mktemp("home")):
+        found = results(dataset)
+    assert [found[name][0] for name in SAMPLES] == ["at_rest", "at_rest", "infeasible"]  # type: ignore[index]
+    return found
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("runner", ["dask", "ray"])
+def test_a_cluster_gives_the_same(dataset: Path, at_home: object, tmp_path: Path, runner: str) -> None:
+    """Samples are children of the benchmark's flow run, wherever they are placed."""
+    if find_spec(f"prefect_{runner}") is None:
+        pytest.skip(f"the extra `{runner}` is not installed")
+    with data_folder(tmp_path), prefect_server() as url:
+        assert results(dataset, "--runner", runner) == at_home
+        pages = PrefectPages(url)
+        benchmark = next(run for run in pages.flow_runs() if "method:dcap" in run["tags"])  # type: ignore[operator]
+        assert len(pages.flow_runs(str(benchmark["id"]))) == len(SAMPLES)
+
+
+@contextmanager
+def a_worker() -> Iterator["subprocess.Popen[bytes]"]:
+    """`dcap worker`, in a session of its own."""
+    process = subprocess.Popen(
+        module_command("flows.cli", "worker", "--limit", "2"), stdout=subprocess.DEVNULL, start_new_session=True
+    )
+    try:
+        yield process
+    finally:
+        process.send_signal(signal.SIGINT)
+        try:
+            process.wait(30)
+        except subprocess.TimeoutExpired:
+            os.killpg(process.pid, signal.SIGKILL)
+            process.wait()
+
+
+@pytest.mark.slow
+def test_workers_of_the_pool_give_the_same(dataset: Path, at_home: object, tmp_path: Path) -> None:
+    """A worker takes the samples of a benchmark, and says in each of their flow runs who it is."""
+    with data_folder(tmp_path), prefect_server() as url:
+        with a_worker():
+            assert results(dataset, "--runner", "pool") == at_home
+        pages = PrefectPages(url)
+        placed = [run for run in pages.post("/flow_runs/filter") if run["deployment_id"]]
+        assert len(placed) == len(SAMPLES)
+        assert all(any(str(tag).startswith("worker:") for tag in run["tags"]) for run in placed)  # type: ignore[attr-defined]
+
+
+@pytest.mark.parametrize(
+    ("name", "cluster", "batch", "said"),
+    [
+        (RunnerName.LOCAL, "tcp://a:8786", False, "--cluster tcp://a:8786 is for --runner dask or ray, not local"),
+        (RunnerName.POOL, "", True, "--batch gathers the questions of one program; with --runner pool there are many"),
+    ],
+)
+def test_runners_that_cannot_work_are_refused(name: RunnerName, cluster: str, batch: bool, said: str) -> None:
+    """Before anything is computed."""
+    with pytest.raises(InputError) as caught:
+        check_runner(name, cluster, batch=batch)
+    assert str(caught.value) == said
+
+
+def test_a_runner_that_is_not_installed(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its extra is named."""
+    monkeypatch.setattr("flows.runners.find_spec", lambda _: None)
+    with pytest.raises(InputError, match=r"--runner dask needs prefect-dask; pip install 'dcap\[dask\]'"):
+        check_runner(RunnerName.DASK, "", batch=False)
+
+
+def test_an_unknown_runner(capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The command names those that there are."""
+    monkeypatch.setenv("DCAP_DATA", str(tmp_path))
+    assert main(["benchmark", "--runner", "slurm"]) == 2
+    assert "--runner 'slurm' is not one of local, dask, ray, pool" in capsys.readouterr().err
