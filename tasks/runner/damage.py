@@ -3,8 +3,10 @@
 import os
 import time
 from collections.abc import Iterable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from enum import StrEnum
+from itertools import count
 from pathlib import Path
 
 from dcap.scene.errors import StoreError
@@ -99,14 +101,29 @@ def litter(store: Store) -> Iterator[Damage]:
 def repair(found: Iterable[Damage]) -> Path:
     """Move damaged artifacts and records into a folder where they can be looked at, and remove litter; that folder.
     Sound data is not touched."""
-    folder = cache_root() / DAMAGED_FOLDER / time.strftime("%Y%m%d-%H%M%S")
+    folder = new_folder(cache_root() / DAMAGED_FOLDER)
     for one in found:
         if one.what is DamagedThing.LITTER:
             remove(one.path)
             continue
-        target = folder / one.path.relative_to(cache_root())
-        target.parent.mkdir(parents=True, exist_ok=True)
-        if os.path.lexists(one.path):  # else it was mended meanwhile
+        if os.path.lexists(one.path):  # else it was mended meanwhile, or has gone with the folder that it lay in
+            target = folder / one.path.relative_to(cache_root())
+            target.parent.mkdir(parents=True, exist_ok=True)
             os.rename(one.path, target)
+    with suppress(OSError):
+        folder.rmdir()  # where nothing was moved
     close_ranks()
     return folder
+
+
+def new_folder(parent: Path) -> Path:
+    """A folder that is called by the time and was not there: two repairs may come in a second."""
+    name = time.strftime("%Y%m%d-%H%M%S")
+    for number in count(1):
+        folder = parent / (name if number == 1 else f"{name}-{number}")
+        try:
+            folder.mkdir(parents=True)
+        except FileExistsError:
+            continue
+        return folder
+    raise AssertionError

@@ -19,6 +19,7 @@ from dcap.language.model.reply_folder import ReplyFolder
 from dcap.scene.errors import InputError
 from dcap.scene.settings import PROJECT_ROOT
 from flows.language_options import LanguageOptions
+from flows.sample_records import RECORDS
 
 DATASET = """
 - {id: lacks, scene: room.glb, object: cube.stl, prompt: put the steel cube on the piano}
@@ -59,11 +60,12 @@ def dcap(dataset: Path, *words: str, expected: int = 0) -> Path:
 
 
 def contents(folder: Path) -> dict[str, object]:
-    """The bytes of the samples' files, without how long it took, and the rows of the table."""
+    """The bytes of the samples' files, without how long it took and the keys of records, which differ by who was asked,
+    and the rows of the table."""
     found: dict[str, object] = {
         str(path.relative_to(folder)): TIMINGS.sub(b"", path.read_bytes())
         for path in sorted((folder / "samples").rglob("*"))
-        if path.is_file()
+        if path.is_file() and path.name != RECORDS
     }
     rows = pq.read_table(folder / "results.parquet").drop(["seconds"])
     return found | {"results.parquet": rows.to_pylist()}

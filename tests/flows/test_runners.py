@@ -68,7 +68,7 @@ def results(dataset: Path, *options: str) -> dict[str, object]:
     code = main(["benchmark", "--dataset", str(dataset), "--workers", "2", *options])
     assert code == 0
     run = Path(os.environ["DCAP_DATA"]) / "runs" / "last"
-    found = {}
+    found: dict[str, object] = {}
     for name in SAMPLES:
         placement = json.loads((run / "samples" / name / "placement.json").read_text())
         kept = json.loads((run / "samples" / name / RECORDS).read_text())
@@ -107,7 +107,7 @@ def a_worker() -> Iterator["subprocess.Popen[bytes]"]:
     try:
         yield process
     finally:
-        process.send_signal(signal.SIGINT)
+        process.send_signal(signal.SIGTERM)
         try:
             process.wait(30)
         except subprocess.TimeoutExpired:

@@ -179,5 +179,5 @@ def pages_on(port: int, folder: Path) -> Iterator[str]:
         assert process.stdout is not None
         yield process.stdout.readline()
     finally:
-        process.send_signal(signal.SIGINT)
+        process.send_signal(signal.SIGTERM)
         process.communicate(timeout=PATIENCE)

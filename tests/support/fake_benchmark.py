@@ -28,8 +28,9 @@ def intent_after(scene: Segmentation, prompt: str) -> Intent | Infeasible:
 stages[2] = stage(intent_after, name="intent")
 """
 PROGRAM = """
-import sys
+import signal, sys
 import flows.sample_run
+signal.signal(signal.SIGINT, signal.default_int_handler)  # which a shell in the background ignores, and its programs
 from fake_pipeline import place
 flows.sample_run.place_by = place
 from flows.cli import main

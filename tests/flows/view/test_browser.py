@@ -24,7 +24,7 @@ pytestmark = [
 ]
 
 WIDTH, HEIGHT, PANEL = 1000, 640, 460
-LEAST_COLORS = 500
+LEAST_COLORS = 200
 """Colours of a lit scene: an empty canvas has one, a page of text a few dozen shades of grey [-]."""
 RED = 60
 """By how much the ball's red is above its green [0..255]."""
