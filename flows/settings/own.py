@@ -5,6 +5,7 @@ checked before the stages are loaded; settings of stages are checked with these 
 """
 
 import json
+import math
 import os
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -114,6 +115,8 @@ def plain(one: GivenSetting) -> object:
     items = one.value if isinstance(one.value, list) else [one.value]
     if any(isinstance(item, list | dict | set) for item in items):
         raise refused(one, "expected a value or a list of values")
+    if any(isinstance(item, float) and not math.isfinite(item) for item in items):
+        raise refused(one, "expected a finite number")
     return one.value
 
 

@@ -43,7 +43,7 @@ def checked_stages(given: Given) -> PlaceConfig:
         elif key in known and (place := set_by(key)):
             raise refused(one, f"is set by {place}")
         elif key not in settable:
-            raise unknown(one, [*settable, *OWN, *(one.key for one in known.values() if one.is_section)])
+            raise unknown(one, [*settable, *own_keys(), *(one.key for one in known.values() if one.is_section)])
         else:
             put(tree, key, plain(one))
     return validated(tree, given)
@@ -59,6 +59,13 @@ def validated(tree: Mapping[str, object], given: Given) -> PlaceConfig:
         starts = (".".join(words[:count]) for count in range(len(words), 0, -1))  # an item of a list has no key
         key = next(start for start in starts if start in given)
         raise refused(given[key], said_of(first)) from None
+
+
+def own_keys() -> Iterator[str]:
+    """The sections that are no stage's, and what is in them."""
+    for name, kind in OWN.items():
+        yield name
+        yield from (f"{name}.{field}" for field in kind.model_fields)
 
 
 def put(tree: MutableMapping[str, Any], key: str, value: object) -> None:

@@ -141,6 +141,11 @@ def test_paths_are_seen_from_the_file(folder: Path, monkeypatch: pytest.MonkeyPa
         ("drpo: {solver: {step_limit: 3}}", "dcap.yaml:1: unknown key 'drpo.solver.step_limit'; did you mean"),
         ("step_limit: 3", "dcap.yaml:1: unknown key 'step_limit'; did you mean 'drop.solver.step_limit'"),
         ("measured: true", "dcap.yaml:1: unknown key 'measured'"),
+        ("runn: {workers: 3}", "dcap.yaml:1: unknown key 'runn.workers'; did you mean 'run.workers'?"),
+        (
+            "drop: {solver: {step_seconds: .inf}}",
+            "dcap.yaml:1: drop.solver.step_seconds is inf: expected a finite number",
+        ),
         ("run:\n  workers: many", "dcap.yaml:2: run.workers is 'many': Input should be a valid integer"),
         ("run: {workers: 0}", "dcap.yaml:1: run.workers is 0: Input should be greater than or equal to 1"),
         ('particles: {cell: "0.02"}', "particles.cell is '0.02': Input should be a valid number"),
