@@ -83,7 +83,7 @@ OPTIONS = {
     "paper_limits": "materials.paper_limits",
     "ambiguous": "intent.ambiguous",
     "port": "server.port",
-    **{name: f"run.{name}" for name in RunSettings.model_fields},
+    **{name: f"run.{name}" for name in RunSettings.model_fields if name not in ("simulations", "model_calls")},
 }
 """The key that each option of the command line sets."""
 
