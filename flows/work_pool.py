@@ -6,6 +6,7 @@ heartbeat any more ends as Crashed, and waits in the pool again.
 
 import time
 from collections.abc import Iterator, Sequence
+from datetime import timedelta
 from uuid import UUID
 
 from prefect.client.orchestration import SyncPrefectClient, get_client
@@ -31,6 +32,8 @@ WORKER = "DCAP_WORKER"
 """Environment variable with the name of the worker whose process this is."""
 TIMES = 4
 """How often a sample may begin again because its worker was lost."""
+LAST_BEAT_SECONDS = 15.0
+"""A worker that claims a run has sent a heartbeat at most so long before."""
 IN_A_REQUEST = 100
 """Flow runs that are asked about at once."""
 Told = tuple[Sample, JsonObject]
@@ -124,9 +127,17 @@ def online(client: SyncPrefectClient) -> set[str]:
 
 
 def lost(client: SyncPrefectClient, run: FlowRun) -> bool:
-    """Whether a flow run goes on only on paper: its worker is gone."""
+    """Whether a flow run goes on only on paper: its worker is gone, or one that may have claimed it and did not get so
+    far as to say so."""
+    if run.state is None or run.state.is_scheduled():
+        return False
+    workers = client.read_workers_for_work_pool(POOL)
+    gone = {one.name: one.last_heartbeat_time for one in workers if one.status is not WorkerStatus.ONLINE}
     names = [tag.partition(":")[2] for tag in run.tags if tag.startswith(worker_tag(""))]
-    return bool(names) and names[-1] not in online(client)
+    if names:
+        return names[-1] in gone
+    claimed = run.state.timestamp - timedelta(seconds=LAST_BEAT_SECONDS)
+    return any(last is not None and last >= claimed for last in gone.values())
 
 
 def told_by(run: FlowRun) -> JsonObject:

@@ -9,10 +9,12 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from importlib.util import find_spec
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from prefect_pages import PrefectPages
+from process_trees import descendants
 from tiny_rooms import solid, table
 
 from dcap.packages import module_command
@@ -67,6 +69,11 @@ def results(dataset: Path, *options: str) -> dict[str, object]:
     """What a benchmark gave for each sample: its verdict, and the digest of what each stage returned."""
     code = main(["benchmark", "--dataset", str(dataset), "--workers", "2", *options])
     assert code == 0
+    return kept_results()
+
+
+def kept_results() -> dict[str, object]:
+    """The same of the last run."""
     run = Path(os.environ["DCAP_DATA"]) / "runs" / "last"
     found: dict[str, object] = {}
     for name in SAMPLES:
@@ -125,6 +132,28 @@ def test_workers_of_the_pool_give_the_same(dataset: Path, at_home: object, tmp_p
         placed = [run for run in pages.post("/flow_runs/filter") if run["deployment_id"]]
         assert len(placed) == len(SAMPLES)
         assert all(any(str(tag).startswith("worker:") for tag in run["tags"]) for run in placed)  # type: ignore[attr-defined]
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(900)
+def test_samples_of_a_lost_worker_begin_again(dataset: Path, at_home: object, tmp_path: Path) -> None:
+    """A worker that is killed with all its processes says nothing; another takes over what it had."""
+    with data_folder(tmp_path), prefect_server() as url:
+        pages = PrefectPages(url)
+        command = module_command("flows.cli", "benchmark", "--dataset", str(dataset), "--runner", "pool")
+        with a_worker() as first, subprocess.Popen(command, stdout=subprocess.DEVNULL) as benchmark:
+            wait_until(lambda: any(run["state_type"] == "RUNNING" for run in taken(pages)))
+            for pid in reversed(descendants(first.pid)):
+                os.kill(pid, signal.SIGKILL)
+            with a_worker():
+                assert benchmark.wait(PATIENCE) == 0
+        assert "CRASHED" in {run["state_type"] for run in taken(pages)}
+        assert kept_results() == at_home
+
+
+def taken(pages: PrefectPages) -> list[dict[str, Any]]:
+    """Flow runs that a worker has taken."""
+    return [run for run in pages.post("/flow_runs/filter") if "worker:" in str(run["tags"])]
 
 
 @pytest.mark.parametrize(

@@ -15,6 +15,7 @@ import pytest
 from fake_benchmark import end, fake_benchmark
 from foreign_names import LIBRARIES, OURS, foreign_folder, marks
 from prefect_pages import PrefectPages
+from process_trees import descendants
 
 from dcap.packages import module_command
 from dcap.scene.settings import PROJECT_ROOT
@@ -84,7 +85,7 @@ def test_an_interrupted_benchmark_ends_at_once(data: Path, kind: signal.Signals)
     run = fake_benchmark(data, ["put the ball on the slow table"])
     try:
         wait_until((data / "begun").exists)
-        server, children = known_pid(server_folder()), session_of(run.pid)
+        server, children = known_pid(server_folder()), descendants(run.pid)
         assert server
         begin = time.monotonic()
         os.kill(run.pid, kind)
@@ -102,19 +103,6 @@ def test_an_interrupted_benchmark_ends_at_once(data: Path, kind: signal.Signals)
         parent = pages.flow_runs()[0]
         assert parent["state_type"] == "CRASHED"
         assert [child["state_type"] for child in pages.flow_runs(str(parent["id"]))] == ["CRASHED"]
-
-
-def session_of(pid: int) -> list[int]:
-    """Processes that a process has started, with theirs."""
-    found = [pid]
-    for stat in Path("/proc").glob("[0-9]*/stat"):
-        try:
-            fields = stat.read_text().rpartition(")")[2].split()
-        except OSError:
-            continue
-        if int(fields[1]) in found:
-            found.append(int(stat.parent.name))
-    return found
 
 
 STARTING = """
