@@ -48,9 +48,12 @@ def lattice_particles(body: SoftBody, cell: float, origin: NDArray[np.float64]) 
     """
     soft = body.interior
     spacing = cell / PER_AXIS
+    # of a base, the surface may be the top alone
+    low = np.minimum(body.vertices.min(axis=0), [planes[0] for planes in soft.planes])
+    high = np.maximum(body.vertices.max(axis=0), [planes[-1] for planes in soft.planes])
     axes = [
         o + spacing * (np.arange(np.floor((a - o) / spacing), np.ceil((b - o) / spacing)) + 0.5)
-        for a, b, o in zip(body.vertices.min(axis=0), body.vertices.max(axis=0), origin, strict=True)
+        for a, b, o in zip(low, high, origin, strict=True)
     ]
     point = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
     depth = -body.distance.at(point) / spacing

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, NonNegativeInt, PositiveFloat
 from scipy.spatial.transform import Rotation
 
-from dcap.scene.errors import InputError
+from dcap.scene.errors import GeometryError, InputError
 from dcap.scene.types.anchor import Anchor
 from dcap.scene.types.gravity import GRAVITY
 from dcap.scene.types.intent import Intent
@@ -21,7 +21,7 @@ from dcap.scene.types.particles import Particles
 from dcap.scene.types.settled import LastState, LeanCheck, PlacementChecks, Settled
 from solver.certificate import CertificateRow, Verdict
 from solver.config import SolverConfig
-from solver.errors import ArchError, UnstableStep
+from solver.errors import ArchError, ModelError, UnstableStep
 from solver.model.bodies import Model
 from solver.rest import Signals
 from solver.settle import settle
@@ -70,6 +70,8 @@ def drop(particles: Particles, anchor: Anchor, intent: Intent, seed: int, config
         raise InputError(f"arch {error}") from error
     except UnstableStep as error:
         return Infeasible(Reason.UNSTABLE_STEP, str(error), None)
+    except ModelError as error:  # bodies that the solver cannot take, such as parts thinner than its cells
+        raise GeometryError(str(error)) from error
     settled = settled_of(particles, result)
     settled = with_checks(replace(settled, warnings=settled.warnings + told), particles, anchor, intent, config)
     moving = settled.verdict is Verdict.NO_EQUILIBRIUM

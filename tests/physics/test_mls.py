@@ -13,6 +13,7 @@ from solver.config import SolverConfig
 from solver.errors import ModelError, UnstableStep
 from solver.kernels.mls_moments import ANGULAR_MOMENTUM, MOMENTUM
 from solver.mls.drop import ExplicitDrop
+from solver.mls.particles import lattice_particles
 from solver.mls.soft_pairs import soft_contact
 from solver.model.bodies import Model
 from solver.reference.mls import grid_to_particles, particles_to_grid
@@ -358,3 +359,16 @@ def test_the_stress_of_a_block_carries_its_weight(lab):
     expected = -(weight * place[:, 2]).sum()
     assert (material.stress[:, 2] * material.volume * material.volume_ratio).sum() == pytest.approx(expected, rel=0.05)
     assert material.volume.sum() == pytest.approx(1e-3, rel=1e-3)
+
+
+def test_a_base_of_which_only_the_top_is_known_is_filled_to_its_bottom(lab):
+    """The surface of a wide base is its top near the contact; its material goes on below."""
+    slab = lab.soft("slab", lab.Box(np.array([0.2, 0.2, 0.1])), [0, 0, 0], E=3e4, cell=0.02)
+    on_top = slab.vertices[:, 2] > slab.vertices[:, 2].max() - 1e-9
+    number = np.cumsum(on_top) - 1
+    faces = number[slab.faces[on_top[slab.faces].all(axis=1)]].astype(np.int32)
+    top = replace(slab, vertices=slab.vertices[on_top], faces=faces)
+    whole, found = (lattice_particles(one, 0.04, np.zeros(3)) for one in (slab, top))
+    assert np.ptp(top.vertices[:, 2]) < 1e-6
+    assert len(found.volume) == len(whole.volume) > 100
+    assert np.allclose(found.position, whole.position)

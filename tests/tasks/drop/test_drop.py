@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from dcap.geometry.distance import distance_grid
 from dcap.geometry.primitives import Box, Capsule, Primitive
+from dcap.scene.errors import GeometryError
 from dcap.scene.types.anchor import Anchor, Lean
 from dcap.scene.types.intent import Intent, OrientationRequest, RegionRequest
 from dcap.scene.types.materials import ContactFriction
@@ -19,6 +20,7 @@ from dcap.scene.types.particles import InertialProperties, Particles, RigidSimul
 from dcap.scene.types.settled import LastState, PlacementChecks, Settled
 from solver.certificate import CertificateRow, NotDone
 from solver.config import SolverConfig
+from solver.errors import ModelError
 from tasks.bodies.plan_contact import share_within
 from tasks.drop.stage import (
     DropConfig,
@@ -282,3 +284,17 @@ def test_mls_leaves_to_tl_what_it_cannot_do(soft, bonds, method, told):
     assert told in " ".join(notes)
     assert bool(notes) == bool(told)
     assert able(model, SolverConfig()) == (SolverConfig(), ())
+
+
+def test_bodies_that_the_solver_cannot_take_are_told_in_a_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Not as a mistake of ours: a part may be thinner than the cells that were asked for."""
+    monkeypatch.setattr("tasks.drop.stage.solver_model", lambda *_: None)
+    monkeypatch.setattr("tasks.drop.stage.able", lambda model, config: (config, ()))
+    monkeypatch.setattr("tasks.drop.stage.settle", broken_model)
+    nothing: Any = SimpleNamespace()
+    with pytest.raises(GeometryError, match="no particle fits"):
+        drop(nothing, nothing, nothing, 0, DropConfig())
+
+
+def broken_model(*_: object) -> None:
+    raise ModelError("body 'bed': no particle fits at a spacing of 16.4 mm; lower mls_cell")
