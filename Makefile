@@ -8,12 +8,13 @@ DATA := $(or $(DCAP_DATA),data)
 OUT ?= $(DATA)/runs/demo
 # Two tests at a time, those of one file one after the other; a third would only fight with the kernels' own threads.
 PARALLEL := -n 2 --dist loadfile
-# What `make check` runs and what it leaves out: no test is in both, and together they are what `make test` runs.
+# What `make check` runs, what it leaves out, and what takes minutes each: no test is in two of them, and together they
+# are what `make test` runs.
 FAST := not slow and not sweep and not third_party and not gpu
-REST := (slow or third_party or gpu) and not sweep
+REST := (slow or third_party or gpu) and not sweep and not long
 
 .DEFAULT_GOAL := help
-.PHONY: setup node-tools test rest sweep check benchmark demo ui worker perf perf-peers docs docs-serve docs-pictures clean help lock system-libraries
+.PHONY: setup node-tools test rest long sweep check benchmark demo ui worker perf perf-peers docs docs-serve docs-pictures clean help lock system-libraries
 
 help: ## this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "make %-18s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -46,10 +47,13 @@ rest: $(READY) ## the tests that `make check` leaves out, slow or on third-party
 	@if command -v npm >/dev/null; then $(MAKE) --no-print-directory node-tools || echo "no npm registry: tests marked node are skipped"; fi
 	$(BIN)/pytest $(PARALLEL) -m "$(REST)"
 
+long: $(READY) ## the tests that take minutes each: programs that are killed, damage without end, many machines; half an hour
+	$(BIN)/pytest $(PARALLEL) -m "long and not sweep"
+
 sweep: $(READY) ## the long physics tests: whole ranges of mass, stiffness and resolution; hours
 	$(BIN)/pytest -m sweep
 
-check: $(READY) ## format, lint, types, imports and fast tests; a minute and a half
+check: $(READY) ## format, lint, types, imports and fast tests; five minutes
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/mypy

@@ -93,6 +93,7 @@ def at_home(dataset: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str
 
 
 @pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("runner", ["dask", "ray"])
 def test_a_cluster_gives_the_same(dataset: Path, at_home: object, tmp_path: Path, runner: str) -> None:
     """Samples are children of the benchmark's flow run, wherever they are placed."""
@@ -123,6 +124,7 @@ def a_worker() -> Iterator["subprocess.Popen[bytes]"]:
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_workers_of_the_pool_give_the_same(dataset: Path, at_home: object, tmp_path: Path) -> None:
     """A worker takes the samples of a benchmark, and says in each of their flow runs who it is."""
     with data_folder(tmp_path), prefect_server() as url:
@@ -135,6 +137,7 @@ def test_workers_of_the_pool_give_the_same(dataset: Path, at_home: object, tmp_p
 
 
 @pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.timeout(900)
 def test_samples_of_a_lost_worker_begin_again(dataset: Path, at_home: object, tmp_path: Path) -> None:
     """A worker that is killed with all its processes says nothing; another takes over what it had."""

@@ -45,6 +45,7 @@ def wait_until(true: Callable[[], object], seconds: float = PATIENCE) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.timeout(900)
 def test_a_server_that_dies_is_started_again_and_no_sample_is_lost(data: Path) -> None:
     """Killed while a sample is placed, it is there again at the same address with all runs, and the benchmark ends as
@@ -77,6 +78,7 @@ def test_a_server_that_dies_is_started_again_and_no_sample_is_lost(data: Path) -
 
 
 @pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.timeout(900)
 @pytest.mark.parametrize("kind", [signal.SIGINT, signal.SIGTERM])
 def test_an_interrupted_benchmark_ends_at_once(data: Path, kind: signal.Signals) -> None:
@@ -113,6 +115,7 @@ with prefect_server():
 
 
 @pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.timeout(900)
 def test_a_server_does_not_outlive_who_was_killed_while_it_started(data: Path) -> None:
     """The program is killed as soon as the process of its server is there; that one ends itself."""
@@ -125,6 +128,7 @@ def test_a_server_does_not_outlive_who_was_killed_while_it_started(data: Path) -
 
 
 @pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.timeout(900)
 def test_the_pages_are_on_the_promised_port(data: Path) -> None:
     """`dcap ui` joins the server of whoever runs, on the port that it was asked for; what the pages call is there too;

@@ -84,6 +84,7 @@ def test_a_ball_a_book_beside_it_and_a_cup_on_the_book(data: Path) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.timeout(MOST_SECONDS)
 def test_a_mug_on_a_book_on_a_table(data: Path) -> None:
     """On something rigid too; what cannot be placed leaves the scene as it was, and the next goes on from there."""

@@ -64,6 +64,7 @@ def test_a_small_dent_obeys_hertz(lab):
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_a_flat_punch_obeys_boussinesq(lab):
     """d = F (1 - nu^2) / (2 a E)."""
     E, mass, a = 2e4, 0.02, 0.005

@@ -125,6 +125,7 @@ def test_forty_damages(meshes: list[Path]) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.timeout(1800)
 @pytest.mark.parametrize("seed", [1, 2])
 def test_a_thousand_damages_without_prefect(meshes: list[Path], seed: int) -> None:
@@ -133,6 +134,7 @@ def test_a_thousand_damages_without_prefect(meshes: list[Path], seed: int) -> No
 
 
 @pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.timeout(1800)
 def test_a_thousand_damages(server: str, meshes: list[Path]) -> None:
     """The same through Prefect, as a flow runs the stages."""
