@@ -35,7 +35,7 @@ from flows.place import PlaceConfig
 from flows.run_files import RUN, asked_of_run, find_run, kept, located, read_result, sample_from_json, undamaged
 from flows.run_names import WatchedRun
 from flows.run_samples import run_all, settle_result
-from flows.runners import Runner
+from flows.runners import SampleRunner
 from flows.sample_run import (
     OVERVIEW,
     STAGE_NAMES,
@@ -56,7 +56,7 @@ from tasks.runner.digests import installed_version
 from tasks.runner.process_server import process_server
 
 DATASET_SEED = 0
-LOCAL = Runner()
+LOCAL = SampleRunner()
 MESH, BOTH_MESHES = "mesh", {mesh_scene_task.name, mesh_object_task.name}
 """What a person calls the two stages together."""
 SPLATS = 500_000
@@ -95,7 +95,7 @@ def run_benchmark(
     only_failed: bool = False,
     methods: Sequence[str] = (DCAP,),
     scenes: str = "",
-    runner: Runner = LOCAL,
+    runner: SampleRunner = LOCAL,
 ) -> Run:
     """Place the samples of a dataset by each method and write the run's folder."""
     begin = time.monotonic()

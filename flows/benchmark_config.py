@@ -7,7 +7,7 @@ from dcap.scene.errors import InputError
 from flows.configure import configured, many_options
 from flows.language_options import LanguageOptions, language_of
 from flows.place import PlaceConfig
-from flows.runners import Runner, RunnerName, check_runner
+from flows.runners import RunnerName, SampleRunner, check_runner
 from flows.settings.own import RunSettings
 from tasks.arch import chosen_arch
 from tasks.runner.limits import MODEL_CALLS, SIMULATIONS
@@ -22,11 +22,11 @@ def benchmark_config(flags: Mapping[str, object], asked: RunSettings) -> tuple[P
     return configured(many_options(flags, threads), language=asking.config(), arch=arch), asking
 
 
-def runner_of(asked: RunSettings) -> Runner:
+def runner_of(asked: RunSettings) -> SampleRunner:
     """Who places the samples; InputError for one that cannot work here."""
     if asked.runner not in set(RunnerName):
         raise InputError(f"--runner {asked.runner!r} is not one of {', '.join(RunnerName)}")
     name = RunnerName(asked.runner)
     check_runner(name, asked.cluster, batch=asked.batch)
     limits = {SIMULATIONS: asked.simulations, MODEL_CALLS: asked.model_calls}
-    return Runner(name, asked.cluster, {key: most for key, most in limits.items() if most})
+    return SampleRunner(name, asked.cluster, {key: most for key, most in limits.items() if most})

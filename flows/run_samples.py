@@ -19,7 +19,7 @@ from flows.elsewhere import SampleJob, fetched
 from flows.measures_file import write_measures
 from flows.output import write_placement
 from flows.place import PlaceConfig
-from flows.runners import LOOK_SECONDS, Runner, RunnerName
+from flows.runners import LOOK_SECONDS, RunnerName, SampleRunner
 from flows.sample_run import FailedSample, FinishedSample, Plan, heavy_modules, try_sample
 from flows.watching import SettledSample, Watch
 from tasks.runner.context import RunContext
@@ -39,7 +39,7 @@ def run_all(
     workers: int,
     display: Display,
     watch: Watch,
-    runner: Runner,
+    runner: SampleRunner,
 ) -> dict[Sample, tuple[JsonObject | None, str]]:
     """placement.json and error message of every sample."""
     results: dict[Sample, tuple[JsonObject | None, str]] = {plan.sample: (None, "") for plan in plans}
@@ -110,7 +110,7 @@ def placed_elsewhere(
     workers: int,
     display: Display,
     watch: Watch,
-    runner: Runner,
+    runner: SampleRunner,
 ) -> Generator[Sequence[FinishedSample | FailedSample]]:
     """Samples as they end, placed by other processes that share the store."""
     assert watch.run is not None

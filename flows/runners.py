@@ -39,7 +39,7 @@ class RunnerName(StrEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class Runner:
+class SampleRunner:
     """Who places the samples of a run."""
 
     name: RunnerName = RunnerName.LOCAL
