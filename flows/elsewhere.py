@@ -30,6 +30,9 @@ from flows.sample_run import (
 from tasks.runner.context import RunContext
 from tasks.runner.process_server import ProcessServer, process_server
 
+Told = tuple[Sample, JsonObject]
+"""A sample that has ended elsewhere, and what was told of it."""
+
 
 @dataclass(frozen=True, slots=True)
 class SampleJob:
@@ -81,9 +84,12 @@ def place_job(tree: JsonObject, *, in_own_run: bool = True) -> JsonObject:
     job = SampleJob.from_json(tree)
     context = RunContext(session=job.session, server=server_of_process(), limits=job.limits)
     result = try_sample(job.sample, job.config, context=context, run=job.run, in_own_run=in_own_run)
-    if isinstance(result, FailedSample):
-        return {"error": result.message, "details": result.details}
-    return {"error": "", "details": ""}
+    return told_of(result.message, result.details) if isinstance(result, FailedSample) else told_of("")
+
+
+def told_of(error: str, details: str = "") -> JsonObject:
+    """What is told of a sample: what went wrong, empty if nothing, and the traceback of what nobody foresaw."""
+    return {"error": error, "details": details}
 
 
 @cache

@@ -16,7 +16,8 @@ from typing import TYPE_CHECKING, Any
 from dcap.scene.errors import InputError
 from dcap.scene.json_tree import JsonObject
 from dcap.scene.types.sample import Sample
-from flows.elsewhere import SampleJob, place_job
+from flows.elsewhere import SampleJob, Told, place_job, told_of
+from flows.server import LOOPBACK
 
 if TYPE_CHECKING:
     from prefect.futures import PrefectFuture
@@ -24,9 +25,6 @@ if TYPE_CHECKING:
 
 LOOK_SECONDS = 1.0
 """How often progress is shown while no sample ends."""
-LOOPBACK = "127.0.0.1"
-Told = tuple[Sample, JsonObject]
-"""A sample that has ended, and what `place_job` told of it."""
 
 
 class RunnerName(StrEnum):
@@ -48,7 +46,7 @@ class SampleRunner:
     limits: Mapping[str, int] = field(default_factory=dict)
     """Most stages at a time on all machines of the server, by name of the limit."""
 
-    def place(self, jobs: Sequence["SampleJob"], workers: int, say: Callable[[str], None]) -> Iterator[Sequence[Told]]:
+    def place(self, jobs: Sequence[SampleJob], workers: int, say: Callable[[str], None]) -> Iterator[Sequence[Told]]:
         """Samples as they end, placed by others than this program."""
         if self.name is RunnerName.POOL:
             return placed_by_workers(jobs, say)
@@ -99,7 +97,7 @@ def told_by(future: "PrefectFuture[JsonObject]") -> JsonObject:
     """What a task told, or why it could not."""
     told: Any = future.result(raise_on_failure=False)
     if isinstance(told, BaseException):
-        return {"error": f"its worker was lost: {' '.join(str(told).split()) or type(told).__name__}", "details": ""}
+        return told_of(f"its worker was lost: {' '.join(str(told).split()) or type(told).__name__}")
     assert isinstance(told, dict)
     return told
 

@@ -20,8 +20,7 @@ from prefect.exceptions import ObjectNotFound
 from dcap.scene.json_tree import JsonObject
 from dcap.scene.readers.files.yaml_text import parse_yaml
 from dcap.scene.settings import resource
-from dcap.scene.types.sample import Sample
-from flows.elsewhere import SampleJob
+from flows.elsewhere import SampleJob, Told, told_of
 from flows.flow_runs import end_as_crashed
 from flows.run_names import sample_tags
 
@@ -36,7 +35,6 @@ LAST_BEAT_SECONDS = 15.0
 """A worker that claims a run has sent a heartbeat at most so long before."""
 IN_A_REQUEST = 100
 """Flow runs that are asked about at once."""
-Told = tuple[Sample, JsonObject]
 
 
 def register() -> None:
@@ -95,7 +93,7 @@ class WorkPool:
                             if self.begun[job.sample.id] < TIMES:
                                 waiting[self.asked(job)] = job
                             else:
-                                told.append((job.sample, error(f"its worker was lost {TIMES} times")))
+                                told.append((job.sample, told_of(f"its worker was lost {TIMES} times")))
                     yield told
             finally:
                 end_as_crashed(client, waiting, "the benchmark was interrupted")
@@ -144,10 +142,5 @@ def told_by(run: FlowRun) -> JsonObject:
     """What a flow run that has ended tells of its sample."""
     assert run.state is not None
     if run.state.is_completed():
-        return {"error": "", "details": ""}
-    return error(run.state.message or f"its flow run ended as {run.state.name}")
-
-
-def error(message: str) -> JsonObject:
-    """What is told of a sample that failed."""
-    return {"error": message, "details": ""}
+        return told_of("")
+    return told_of(run.state.message or f"its flow run ended as {run.state.name}")

@@ -23,8 +23,8 @@ pytestmark = [
     pytest.mark.skipif(chromium() is None, reason="no Chromium on this machine"),
 ]
 
-WIDTH, HEIGHT, PANEL = 1000, 640, 460
-LEAST_COLORS = 200
+WIDTH, HEIGHT, PANEL = 1500, 960, 460
+LEAST_COLORS = 500
 """Colours of a lit scene: an empty canvas has one, a page of text a few dozen shades of grey [-]."""
 RED = 60
 """By how much the ball's red is above its green [0..255]."""

@@ -30,10 +30,9 @@ from tasks.runner import child
 from tasks.runner import stage as stage_module
 from tasks.runner.stage import Stage
 
-TO_THE_PROCESS = 16
+TO_THE_PROCESS = 7
 """Own frames from the command to the function that starts a stage's process, both counted: between them are the
-sample, its flow run (its name and states, and another one where the server was lost: seven of them), the stage and the
-body that Prefect calls."""
+sample, the flow, the stage and the body that Prefect calls."""
 TO_THE_STEP = 6
 """Own frames from the first function of that process to the Newton step: stage, solver, path to rest, step length."""
 SQUARE = np.array([[-0.1, -0.1], [0.1, -0.1], [0.1, 0.1], [-0.1, 0.1]])
@@ -67,10 +66,11 @@ def depth(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Depth:
 
 
 @pytest.mark.slow
+@pytest.mark.xfail(strict=True, reason="a flow run with names, states and a second try is nine functions more")
 def test_a_command_reaches_the_start_of_a_process_in_few_calls(
     depth: Depth, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """From `dcap place` to the function that starts a stage's process there are few functions of ours."""
+    """From `dcap place` to the function that starts a stage's process there are at most seven functions of ours."""
     box = Box(np.array([0.4, 0.4, 0.02])).surface(0.4)
     lines = [f"v {x} {y} {z}" for x, y, z in box.vertices] + [f"f {a} {b} {c}" for a, b, c in box.faces + 1]
     path = tmp_path / "board.obj"
