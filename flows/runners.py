@@ -104,6 +104,7 @@ def told_by(future: "PrefectFuture[JsonObject]") -> JsonObject:
 
 def cluster_of(name: RunnerName, address: str, workers: int) -> "TaskRunner[Any]":
     """Prefect's way to a cluster; a local one has no thread besides the worker's, and no page for others to see."""
+    cluster: TaskRunner[Any]  # also where the extra is not installed, and its classes have no type
     if name is RunnerName.RAY:
         from prefect_ray import RayTaskRunner
 
@@ -113,14 +114,13 @@ def cluster_of(name: RunnerName, address: str, workers: int) -> "TaskRunner[Any]
             "log_to_driver": False,
             "configure_logging": False,
         }
-        ray: TaskRunner[Any] = RayTaskRunner(address=address) if address else RayTaskRunner(init_kwargs=own)
-        return ray
+        cluster = RayTaskRunner(address=address) if address else RayTaskRunner(init_kwargs=own)
+        return cluster
     from prefect_dask.task_runners import DaskTaskRunner
 
-    if address:
-        return DaskTaskRunner(address=address)
     own = {"n_workers": workers, "threads_per_worker": 1, "host": LOOPBACK, "dashboard_address": None}
-    return DaskTaskRunner(cluster_kwargs=own)
+    cluster = DaskTaskRunner(address=address) if address else DaskTaskRunner(cluster_kwargs=own)
+    return cluster
 
 
 def placed_by_workers(jobs: Sequence[SampleJob], say: Callable[[str], None]) -> Iterator[Sequence[Told]]:
