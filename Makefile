@@ -10,7 +10,7 @@ OUT ?= $(DATA)/runs/demo
 PARALLEL := -n 2 --dist loadfile
 # What `make check` runs, what it leaves out, and what takes minutes each: no test is in two of them, and together they
 # are what `make test` runs.
-FAST := not slow and not sweep and not third_party and not gpu
+FAST := not slow and not long and not sweep and not third_party and not gpu
 REST := (slow or third_party or gpu) and not sweep and not long
 
 .DEFAULT_GOAL := help

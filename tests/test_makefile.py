@@ -10,7 +10,8 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
-MARKERS = ("slow", "third_party", "gpu", "sweep")
+MARKERS = ("slow", "long", "third_party", "gpu", "sweep")
+TARGETS = ("check", "rest", "long")
 
 
 def dry_run(target: str, **environment: str) -> str:
@@ -38,12 +39,11 @@ def selects(target: str, marks: tuple[str, ...]) -> bool:
     return bool(eval(found[1], {mark: mark in marks for mark in MARKERS}))
 
 
-@pytest.mark.parametrize("marks", [c for n in range(4) for c in itertools.combinations(MARKERS[:3], n)], ids="-".join)
-def test_check_and_rest_run_each_test_once(marks: tuple[str, ...]) -> None:
-    """Whatever a test's markers, exactly one of the two runs it; neither runs a sweep."""
-    assert selects("check", marks) != selects("rest", marks)
-    assert not selects("check", (*marks, "sweep"))
-    assert not selects("rest", (*marks, "sweep"))
+@pytest.mark.parametrize("marks", [c for n in range(5) for c in itertools.combinations(MARKERS[:4], n)], ids="-".join)
+def test_check_rest_and_long_run_each_test_once(marks: tuple[str, ...]) -> None:
+    """Whatever a test's markers, exactly one of the three runs it; none runs a sweep."""
+    assert [selects(target, marks) for target in TARGETS].count(True) == 1
+    assert not any(selects(target, (*marks, "sweep")) for target in TARGETS)
 
 
 @pytest.mark.parametrize("beside", [True, False])
